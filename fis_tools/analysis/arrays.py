@@ -11,8 +11,8 @@ import numpy as np
 
 from fis_tools.engines.compiler import compile
 from fis_tools.model import FuzzySystem, Variable
-from fis_tools.model.membership import sample_terms
 from fis_tools.model.validate import nearest
+from fis_tools.model.variables import sample_terms
 from fis_tools.typing import Floats
 
 #: The firing strength from which a rule counts as fired.

@@ -24,8 +24,8 @@ from fis_tools.model import (
     conjunctions,
     statements_of,
 )
-from fis_tools.model.membership import sample, sample_terms
 from fis_tools.model.validate import nearest
+from fis_tools.model.variables import sample, sample_terms
 from fis_tools.typing import Floats
 
 #: A grid of more points than this is replaced by samples.

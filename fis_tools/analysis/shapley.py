@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from fis_tools.analysis.arrays import FIRED
 from fis_tools.analysis.coalitions import Cuts, Leads, blocks, by_level, num_coalitions, weighted_coalitions
-from fis_tools.analysis.weighing import weighed_shares
+from fis_tools.analysis.contribution import weighed_shares
 from fis_tools.engines.compiler import CompiledSystem
 from fis_tools.engines.program import Weighing
 from fis_tools.engines.subsets import Subsets

@@ -3,7 +3,7 @@
 The results are those of scikit-fuzzy's ``ControlSystemSimulation.compute()`` sample by sample, with
 three exceptions. NaN is an error; in scikit-fuzzy it means "does not matter". If no rule fires an output has
 its default; scikit-fuzzy then gives no output, a stale one, or, for the defuzzifiers of the maximum, some
-point of the universe. Memberships below `fis_tools.model.membership.SMALLEST_MEMBERSHIP` are zero.
+point of the universe. Memberships below `fis_tools.model.variables.SMALLEST_MEMBERSHIP` are zero.
 """
 
 import os
@@ -21,8 +21,8 @@ from fis_tools.engines.packing import NotCompilable, Packed
 from fis_tools.engines.program import CENTROID, FORMULA, NUMBER, Conclusion, Program, Weighing, assemble
 from fis_tools.engines.rows import as_rows, columns_of, pick
 from fis_tools.model import FuzzySystem
-from fis_tools.model.membership import sample_terms
 from fis_tools.model.validate import validate
+from fis_tools.model.variables import sample_terms
 
 Floats = NDArray[np.float64]
 #: Inputs that are identified by column names; see `fis_tools.engines.rows.columns_of`.

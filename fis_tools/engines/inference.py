@@ -29,8 +29,8 @@ from fis_tools.model import (
     Rule,
     Variable,
 )
-from fis_tools.model.membership import sample_terms
 from fis_tools.model.operators import ACCUMULATIONS, AGGREGATIONS, AND_OPERATORS, HEDGES, OR_OPERATORS
+from fis_tools.model.variables import sample_terms
 
 Floats = NDArray[np.float64]
 

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from fis_tools.compiled.vectors import ROW
 from fis_tools.model import FuzzySystem, Variable, conjunctions
-from fis_tools.model.membership import is_unimodal, sample_terms
 from fis_tools.model.validate import validate
+from fis_tools.model.variables import is_unimodal, sample_terms
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]

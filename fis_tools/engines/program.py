@@ -33,7 +33,7 @@ from fis_tools.model import (
     Variable,
     ZShape,
 )
-from fis_tools.model.membership import sample_terms
+from fis_tools.model.variables import sample_terms
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]

@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fis_tools.engines.compiler import compile
-from fis_tools.learning.columns import Column, columns_over, distinct
 from fis_tools.learning.learner import Learned, learn_classes, learn_number
 from fis_tools.learning.partition import range_of
 from fis_tools.learning.recipe import Consequents, Recipe
+from fis_tools.learning.table import Column, columns_over, distinct
 from fis_tools.model import FuzzySystem
 from fis_tools.model.extras import MissingExtra
 from fis_tools.typing import Floats

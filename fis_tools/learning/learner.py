@@ -8,17 +8,52 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.engines.compiler import compile
-from fis_tools.learning import consequents
-from fis_tools.learning.choice import chosen_columns
-from fis_tools.learning.columns import Column, distinct
-from fis_tools.learning.consequents import Kind
-from fis_tools.learning.partition import Partition, even
+from fis_tools.learning.partition import Partition, Partitions, even, tuned
 from fis_tools.learning.recipe import Recipe, Unlearnable
-from fis_tools.learning.takagi_sugeno import bare_output, takagi_sugeno
-from fis_tools.learning.tuning import Partitions, tuned
+from fis_tools.learning.table import Column, distinct
+from fis_tools.learning.takagi_sugeno import Kind, bare_output, fit, takagi_sugeno
 from fis_tools.learning.wang_mendel import wang_mendel
 from fis_tools.model import FuzzySystem, Variable
 from fis_tools.typing import Floats
+
+
+def chosen_columns(
+    columns: Sequence[Column], rows: Floats, targets: Floats, *, terms: int, most: int, kind: Kind
+) -> list[int]:
+    """Choose columns one after the other, each time the one that lowers the expected error most.
+
+    Parameters
+    ----------
+    columns : sequence of Column
+    rows : (n, num_columns)
+    targets : (n, num_targets)
+    terms, most : int
+        Terms of each column, and how many are chosen at most.
+    kind : {"constants", "linear", "shares"}
+        What rules would conclude; see `fis_tools.learning.takagi_sugeno.fit`, whose error is taken.
+
+    Returns
+    -------
+    list of int
+        Their places, in the order of the table; one at least, even if none lowers the error.
+    """
+    partitions = [even(column.low, column.high, terms) for column in columns]
+    waiting = [place for place in range(len(columns)) if np.ptp(rows[:, place]) > 0.0] or [0]
+    chosen: list[int] = []
+    lowest = np.inf
+    while waiting and len(chosen) < most:
+        scores = []
+        for place in waiting:
+            tried = [*chosen, place]
+            found = fit([partitions[p] for p in tried], rows[:, tried], targets, kind)
+            scores.append(found.score)
+        best = int(np.argmin(scores))
+        if chosen and not scores[best] < lowest:
+            break
+        lowest = scores[best]
+        chosen.append(waiting.pop(best))
+    return sorted(chosen)
+
 
 #: Rows that columns are chosen and terms are tuned by, spread over the table; rules are learned from all.
 MOST_ROWS = 2_000
@@ -109,10 +144,8 @@ def _learn_numbers(
     fed = [columns[place] for place in chosen]
     partitions = _even(fed, recipe.terms)
     if recipe.tune:
-        partitions = tuned(
-            partitions, lambda tried: consequents.fit(tried, rows[some], targets[some], kind).score
-        )
-    found = consequents.fit(partitions, rows, targets, kind)
+        partitions = tuned(partitions, lambda tried: fit(tried, rows[some], targets[some], kind).score)
+    found = fit(partitions, rows, targets, kind)
     names = distinct([*(column.name for column in fed), *(output.name for output in outputs)])
     inputs = [p.as_input(n, c.unit) for p, n, c in zip(partitions, names, fed, strict=False)]
     outputs = [replace(output, name=n) for output, n in zip(outputs, names[len(fed) :], strict=True)]

@@ -3,9 +3,16 @@
 Such a partition is called strong, or Ruspini's (E. H. Ruspini, Information and Control 15, 1969). Whatever
 its peaks are, some term holds each point to one half or more, and two terms share a third of their area or
 less (Jaccard's measure), so readability need not be watched while the peaks move.
+
+Peaks of terms moved until an error no longer falls, by compass search.
+
+Peaks lie on hundredths of a range, in order and a few of them apart; so the search is over whole numbers, and
+tries each peak to either side by ever smaller steps (T. G. Kolda, R. M. Lewis and V. Torczon, SIAM Review 45,
+2003). Nothing is drawn: the same table gives the same system.
 """
 
 import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -113,3 +120,46 @@ def _terms(around: list[float]) -> tuple[Term, ...]:
     corners = zip(around[:-2], around[1:-1], around[2:], strict=True)
     words = WORDS[len(around) - 2]
     return tuple(Term(word, Triangular(*three)) for word, three in zip(words, corners, strict=True))
+
+
+#: By how many hundredths of a range peaks are moved, one size after the other.
+STRIDES = (16, 8, 4, 2, 1)
+
+Partitions = tuple[Partition, ...]
+
+
+def tuned(partitions: Sequence[Partition], error: Callable[[Partitions], float]) -> Partitions:
+    """Return partitions of which no single step of a peak has a lower error.
+
+    Parameters
+    ----------
+    partitions : sequence of Partition
+        Where to begin.
+    error : callable
+        What is to be low.
+    """
+    best = tuple(partitions)
+    lowest = error(best)
+    for stride in STRIDES:
+        is_better = True
+        while is_better:
+            is_better = False
+            for where, index in _inner_peaks(best):
+                for steps in (stride, -stride):
+                    moved = best[where].moved(index, steps)
+                    if moved is None:
+                        continue
+                    tried = (*best[:where], moved, *best[where + 1 :])
+                    found = error(tried)
+                    if found < lowest:
+                        best, lowest, is_better = tried, found, True
+                        break
+    return best
+
+
+def _inner_peaks(partitions: Partitions) -> list[tuple[int, int]]:
+    return [
+        (where, index)
+        for where, partition in enumerate(partitions)
+        for index in range(1, len(partition.places) - 1)
+    ]

@@ -1,12 +1,133 @@
-"""Takagi-Sugeno systems from fitted numbers, rounded so that they can be read."""
+"""Takagi-Sugeno systems from a table: what the rules conclude, and how far they will be from other rows.
+
+Numbers for numbers are fitted by linear least squares: each rule departs from one number, or one straight
+line, for the whole table, and a ridge holds departures down; so a rule that few rows speak for says nearly
+what all rows say. A class gets the share of it among rows, each weighed by how far the rule holds for it.
+
+Either is linear in the targets, so generalized cross-validation tells the error on other rows (G. H. Golub,
+M. Heath and G. Wahba, Technometrics 21, 1979). It also chooses the ridge. A peak that has been moved to fit
+a table costs three degrees of freedom, as a knot does in J. H. Friedman's splines (Annals of Statistics 19,
+1991).
+"""
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
 
-from fis_tools.learning.cells import antecedent
-from fis_tools.learning.consequents import Fit
+import numpy as np
+
+from fis_tools.learning.cells import Places, antecedent, firing, held
+from fis_tools.learning.partition import Partition
 from fis_tools.model import Consequent, Constant, FuzzySystem, Linear, Rule, Term, Variable
 from fis_tools.typing import Floats
+
+Kind = Literal["constants", "linear", "shares"]
+
+#: The strengths of the ridge that are tried, as shares of the number of rows.
+RIDGES = 10.0 ** np.arange(-10.0, 2.0, 0.5)
+#: Degrees of freedom that a moved peak costs.
+CHARGE = 3.0
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Rules of numbers that fit a table.
+
+    Parameters
+    ----------
+    cells : (rules, num_inputs) int
+        The term that each rule asks for of each input.
+    coefficients : (rules, num_targets, num_inputs + 1)
+        What each concludes for each target: the factor of each input, then the constant.
+    score : float
+        The mean squared error that is expected of other rows, summed over targets.
+    """
+
+    cells: Places
+    coefficients: Floats
+    score: float
+
+
+def fit(partitions: Sequence[Partition], rows: Floats, targets: Floats, kind: Kind) -> Fit:
+    """Fit the rules of all combinations of terms that rows belong to.
+
+    Parameters
+    ----------
+    partitions : sequence of Partition
+        Of each input.
+    rows : (n, num_inputs)
+    targets : (n, num_targets)
+    kind : {"constants", "linear", "shares"}
+        Whether rules conclude a number, one that is linear in the inputs, or the share of a class.
+    """
+    memberships = [partition.memberships(x) for partition, x in zip(partitions, rows.T, strict=True)]
+    cells = held(memberships)
+    weights = firing(memberships, cells)
+    weights /= weights.sum(axis=1, keepdims=True)
+    spent = CHARGE * sum(partition.num_moved for partition in partitions)
+    if kind == "shares":
+        found, score = _shares(weights, targets, spent)
+        return Fit(cells, _with_factors(found, len(partitions)), score)
+    middles = np.array([0.5 * (p.low + p.high) for p in partitions])
+    halves = np.array([0.5 * (p.high - p.low) for p in partitions])
+    scaled = np.clip((rows - middles) / halves, -1.0, 1.0)
+    terms = np.column_stack([scaled, np.ones(len(rows))]) if kind == "linear" else np.ones((len(rows), 1))
+    common = np.linalg.lstsq(terms, targets, rcond=None)[0]
+    design = (weights[:, :, np.newaxis] * terms[:, np.newaxis, :]).reshape(len(rows), -1)
+    departures, score = _ridge(design, targets - terms @ common, spent + terms.shape[1])
+    found = np.swapaxes(common + departures.reshape(len(cells), *common.shape), 1, 2)
+    if kind == "constants":
+        return Fit(cells, _with_factors(found[:, :, 0], len(partitions)), score)
+    factors = found[:, :, :-1] / halves
+    constants = found[:, :, -1:] - (factors * middles).sum(axis=2, keepdims=True)
+    return Fit(cells, np.concatenate([factors, constants], axis=2), score)
+
+
+def _shares(weights: Floats, targets: Floats, spent: float) -> tuple[Floats, float]:
+    """Return the mean of the targets by each rule's weights, (rules, num_targets), and its score."""
+    totals = weights.sum(axis=0)
+    shares = (weights.T @ targets) / totals[:, np.newaxis]
+    freedom = spent + float((np.square(weights) / totals).sum())
+    return shares, _score(targets - weights @ shares, freedom)
+
+
+def _ridge(design: Floats, targets: Floats, spent: float) -> tuple[Floats, float]:
+    """Return the coefficients that cross-validation prefers, and their score.
+
+    Parameters
+    ----------
+    design : (n, p)
+    targets : (n, q)
+    spent : float
+        Degrees of freedom that are gone already.
+    """
+    values, vectors = np.linalg.eigh(design.T @ design)
+    values = np.maximum(values, 0.0)
+    along = vectors.T @ (design.T @ targets)
+    best, best_score = np.zeros((design.shape[1], targets.shape[1])), _score(targets, spent)
+    for ridge in RIDGES * len(design):
+        coefficients = vectors @ (along / (values + ridge)[:, np.newaxis])
+        freedom = spent + float((values / (values + ridge)).sum())
+        score = _score(targets - design @ coefficients, freedom)
+        if score < best_score:
+            best, best_score = coefficients, score
+    return best, best_score
+
+
+def _score(residuals: Floats, freedom: float) -> float:
+    """Return the error expected of other rows, for a fit of so many degrees of freedom."""
+    count = len(residuals)
+    if count - freedom < 1.0:
+        return np.inf
+    return count * float(np.square(residuals).sum()) / (count - freedom) ** 2
+
+
+def _with_factors(constants: Floats, num_inputs: int) -> Floats:
+    """Return constants, (rules, num_targets), with a factor of zero for each input."""
+    none = np.zeros((*constants.shape, num_inputs))
+    return np.concatenate([none, constants[:, :, np.newaxis]], axis=2)
+
 
 #: Of an output's range, the share that rounding may change a conclusion by: half of it.
 DIGIT = 1e-3

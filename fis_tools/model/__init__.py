@@ -1,10 +1,8 @@
 """The model of a fuzzy system: variables, terms, rules, systems; their shapes, operators and checks."""
 
-from fis_tools.model.formulas import Formula
 from fis_tools.model.fuzzylite_shapes import Arc, Concave, Cosine, Ramp, SemiEllipse, Spike
-from fis_tools.model.numbers import Constant, Linear, Number
+from fis_tools.model.numbers import Constant, Formula, Linear, Number
 from fis_tools.model.operators import Accumulation, Aggregation, AndOperator, Defuzzifier, Hedge, OrOperator
-from fis_tools.model.rule_tables import conjunctions, rule_table, table_antecedents, table_cells, table_rules
 from fis_tools.model.rules import (
     And,
     Consequent,
@@ -33,7 +31,15 @@ from fis_tools.model.shapes import (
     TwoSidedGaussian,
     ZShape,
 )
-from fis_tools.model.systems import FuzzyController, FuzzySystem
+from fis_tools.model.systems import (
+    FuzzyController,
+    FuzzySystem,
+    conjunctions,
+    rule_table,
+    table_antecedents,
+    table_cells,
+    table_rules,
+)
 from fis_tools.model.variables import Term, Variable
 
 __all__ = [

@@ -1,12 +1,20 @@
-"""Conclusions of Takagi-Sugeno rules: a number instead of a fuzzy set, constant or linear in the inputs.
+"""Conclusions of rules that are numbers instead of fuzzy sets: constant, linear in the inputs, or a formula.
 
-Takagi and Sugeno, *Fuzzy identification of systems and its applications to modeling and control*, IEEE
-Transactions on Systems, Man, and Cybernetics 15 (1985). Outputs with such terms are weighted averages or
-sums.
+Outputs with such terms are weighted averages or sums. Takagi and Sugeno, *Fuzzy identification of systems and
+its applications to modeling and control*, IEEE Transactions on Systems, Man, and Cybernetics 15 (1985).
+Formulas are those of fuzzylite's `Function`: numbers, names of inputs and of outputs before its own,
+parentheses, the functions and the operators below, parsed and never executed. Powers bind tighter than
+products, these tighter than sums.
 """
 
+import re
 from abc import abstractmethod
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
+from typing import Annotated, Any
+
+import numpy as np
 
 from fis_tools.model.shape import MembershipFunction, Place, shape
 from fis_tools.typing import Floats
@@ -54,3 +62,260 @@ class Linear(Number):
     def row(self, num_inputs: int) -> tuple[float, ...]:
         """Return the factor of each input, then the constant."""
         return (*self.coefficients, self.constant)
+
+
+#: Tokens of a formula, and how deep its parts may be nested.
+MOST_WORDS = 300
+DEEPEST = 50
+
+FUNCTIONS: Mapping[str, tuple[int, Callable[..., Any]]] = {
+    **{
+        name: (1, getattr(np, name))
+        for name in (
+            *("abs", "acos", "acosh", "asin", "asinh", "atan", "atanh", "ceil", "cos", "cosh", "exp", "fabs"),
+            *("floor", "log", "log10", "log1p", "sin", "sinh", "sqrt", "tan", "tanh"),
+        )
+    },
+    "atan2": (2, np.arctan2),
+    "fmod": (2, np.fmod),
+    "max": (2, np.fmax),
+    "min": (2, np.fmin),
+    "pow": (2, np.float_power),
+}
+_OPERATORS: Mapping[str, Callable[..., Any]] = {
+    "+": np.add,
+    "-": np.subtract,
+    "*": np.multiply,
+    "/": np.divide,
+    "%": np.fmod,
+    "^": np.float_power,
+}
+_TOKEN = re.compile(
+    r"\s*(?:(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)|(?P<name>[^\W\d]\w*)|(?P<sign>\*\*|[-+*/%^~(),]))"
+)
+
+
+class NotAFormula(ValueError):  # noqa: N818 - the sentence is the message
+    """Raised for a text that is not a formula; it says why."""
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """A part of a formula: a number, a name, or an operation on other parts.
+
+    Parameters
+    ----------
+    word : str
+        The name, operator or function; empty for a number.
+    parts : tuple of Part
+        Arguments of an operator or function.
+    number : float
+        Value of a number.
+    """
+
+    word: str
+    parts: tuple["Part", ...] = ()
+    number: float = 0.0
+
+    @property
+    def is_name(self) -> bool:
+        """Whether it is the name of a variable."""
+        return bool(self.word) and not self.parts
+
+    def names(self) -> Iterator[str]:
+        """Yield the names of variables in it."""
+        if self.is_name:
+            yield self.word
+        for part in self.parts:
+            yield from part.names()
+
+    def value(self, values: Mapping[str, Floats]) -> Any:
+        """Return its value for given variables; NaN or infinite where undefined."""
+        if not self.word:
+            return np.float64(self.number)
+        if self.is_name:
+            return values[self.word]
+        function = _OPERATORS[self.word] if self.word in _OPERATORS else FUNCTIONS[self.word][1]
+        return function(*(part.value(values) for part in self.parts))
+
+    def text(self, names: Mapping[str, str]) -> str:
+        """Return it as text, with variables renamed."""
+        if not self.word:
+            return repr(self.number)
+        if self.is_name:
+            return names[self.word]
+        told = [part.text(names) for part in self.parts]
+        return (
+            f"({f' {self.word} '.join(told)})"
+            if self.word in _OPERATORS
+            else f"{self.word}({', '.join(told)})"
+        )
+
+
+@shape("formula", "{text}", fll=("Function",))
+@dataclass(frozen=True, slots=True)
+class Formula(Number):
+    """The value of a formula of the inputs, clipped to their universes, and of earlier outputs."""
+
+    text: Annotated[str, None]
+
+    @property
+    def parsed(self) -> Part:
+        """The formula.
+
+        Raises
+        ------
+        NotAFormula
+            If the text is not a formula.
+        """
+        return parse(self.text)
+
+    def value(self, values: Mapping[str, Floats]) -> Any:
+        """Return its value for given variables, by their names."""
+        with np.errstate(all="ignore"):
+            return self.parsed.value(values)
+
+    def row(self, num_inputs: int) -> tuple[float, ...]:
+        """Raise TypeError: a formula is not linear.
+
+        Raises
+        ------
+        TypeError
+            Always.
+        """
+        raise TypeError(f"the formula {self.text!r} has no factors of {num_inputs} inputs")
+
+
+@lru_cache(maxsize=1000)
+def parse(text: str) -> Part:
+    """Parse a formula.
+
+    Raises
+    ------
+    NotAFormula
+        If the text is not a formula.
+    """
+    tokens, place = [], 0
+    while text[place:].strip():
+        found = _TOKEN.match(text, place)
+        if found is None:
+            raise NotAFormula(f"the formula {text[:40]!r} has {text[place:].strip()[0]!r}, which is not read")
+        tokens.append((str(found.lastgroup), found[found.lastgroup or 0]))
+        if len(tokens) > MOST_WORDS:
+            raise NotAFormula(f"the formula has more than {MOST_WORDS} numbers, names and signs")
+        place = found.end()
+    parser = _Parser(text, tokens)
+    whole = parser.sum(0)
+    parser.expect("")
+    return whole
+
+
+def linear(part: Part, inputs: Sequence[str]) -> tuple[Floats, float] | None:
+    """Return the factor of each input, and the constant, of a linear formula; None for any other."""
+    if not part.word:
+        return np.zeros(len(inputs)), part.number
+    if part.is_name:
+        return (np.eye(len(inputs))[inputs.index(part.word)], 0.0) if part.word in inputs else None
+    if part.word not in {"+", "-", "*", "/"}:
+        return None
+    found = [linear(each, inputs) for each in part.parts]
+    return None if found[0] is None or found[1] is None else _combined(part.word, found[0], found[1])
+
+
+def _combined(
+    word: str, left: tuple[Floats, float], right: tuple[Floats, float]
+) -> tuple[Floats, float] | None:
+    (one, constant), (other, factor) = left, right
+    match word:
+        case "+":
+            return one + other, constant + factor
+        case "-":
+            return one - other, constant - factor
+        case "*" if not other.any():
+            return one * factor, constant * factor
+        case "*" if not one.any():
+            return other * constant, factor * constant
+        case "/" if not other.any() and factor:
+            return one / factor, constant / factor
+    return None
+
+
+class _Parser:
+    """Parser of a formula, from left to right; each method parses what binds tighter than the one before."""
+
+    def __init__(self, text: str, tokens: Sequence[tuple[str, str]]) -> None:
+        self.text = text
+        self.tokens = [*tokens, ("end", "")]
+        self.place = 0
+
+    @property
+    def next(self) -> str:
+        return self.tokens[self.place][1]
+
+    def take(self) -> str:
+        self.place += 1
+        return self.tokens[self.place - 1][1]
+
+    def expect(self, sign: str) -> None:
+        if self.next != sign or (not sign and self.tokens[self.place][0] != "end"):
+            raise NotAFormula(
+                f"the formula {self.text[:40]!r} has {self.next or 'its end'!r} where {sign or 'its end'!r} "
+                "must be"
+            )
+        self.place += 1
+
+    def sum(self, depth: int) -> Part:
+        if depth > DEEPEST:
+            raise NotAFormula(f"the formula {self.text[:40]!r} is nested more than {DEEPEST} deep")
+        found = self.product(depth)
+        while self.next in {"+", "-"}:
+            found = Part(self.take(), (found, self.product(depth)))
+        return found
+
+    def product(self, depth: int) -> Part:
+        found = self.signed(depth)
+        while self.next in {"*", "/", "%"}:
+            found = Part(self.take(), (found, self.signed(depth)))
+        return found
+
+    def signed(self, depth: int) -> Part:
+        if self.next in {"-", "+"}:
+            sign = self.take()
+            operand = self.signed(depth + 1) if depth < DEEPEST else self.sum(depth + 1)
+            return Part("*", (Part("", number=-1.0), operand)) if sign == "-" else operand
+        return self.power(depth)
+
+    def power(self, depth: int) -> Part:
+        found = self.atom(depth)
+        if self.next in {"^", "**"}:
+            self.take()
+            return Part("^", (found, self.signed(depth + 1) if depth < DEEPEST else self.sum(depth + 1)))
+        return found
+
+    def atom(self, depth: int) -> Part:
+        kind, word = self.tokens[self.place]
+        if kind == "number":
+            return Part("", number=float(self.take()))
+        if kind == "name":
+            self.take()
+            if self.next != "(" or word not in FUNCTIONS:
+                return Part(word)
+            return self.call(word, depth)
+        if word == "~":  # fuzzylite's sign, which binds tightest
+            self.take()
+            operand = self.atom(depth + 1) if depth < DEEPEST else self.sum(depth + 1)
+            return Part("*", (Part("", number=-1.0), operand))
+        self.expect("(")
+        inside = self.sum(depth + 1)
+        self.expect(")")
+        return inside
+
+    def call(self, word: str, depth: int) -> Part:
+        count = FUNCTIONS[word][0]
+        self.expect("(")
+        found = [self.sum(depth + 1)]
+        while len(found) < count:
+            self.expect(",")
+            found.append(self.sum(depth + 1))
+        self.expect(")")
+        return Part(word, tuple(found))

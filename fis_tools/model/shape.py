@@ -64,7 +64,7 @@ class MembershipFunction(ABC):
 
     @abstractmethod
     def at(self, x: Floats) -> Floats:
-        """Evaluate the formula at points of shape (n,); see `fis_tools.model.membership.sample`."""
+        """Evaluate the formula at points of shape (n,); see `fis_tools.model.variables.sample`."""
 
     @property
     def corners(self) -> tuple[float, ...]:

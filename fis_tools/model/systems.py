@@ -1,9 +1,15 @@
-"""Fuzzy systems, and controllers made of them."""
+"""Fuzzy systems, controllers made of them, and rule bases as numbers: rule tables and conjunctions."""
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import product
+from math import prod
+
+import numpy as np
+from numpy.typing import NDArray
 
 from fis_tools.model.operators import WEIGHING, AndOperator, Defuzzifier, OrOperator
-from fis_tools.model.rules import Rule
+from fis_tools.model.rules import And, Consequent, Expression, Is, Rule
 from fis_tools.model.variables import Variable
 
 
@@ -102,3 +108,107 @@ class FuzzyController:
     systems: tuple[FuzzySystem, ...]
     attributes: tuple[tuple[str, str], ...] = ()
     provenance: tuple[tuple[str, str], ...] = ()
+
+
+def table_antecedents(inputs: Sequence[Variable]) -> Iterator[Expression]:
+    """Yield the antecedent of every cell of a full rule table, the last input changing fastest."""
+    for terms in product(*(variable.terms for variable in inputs)):
+        statements = tuple(Is(v.name, t.name) for v, t in zip(inputs, terms, strict=True))
+        yield statements[0] if len(statements) == 1 else And(statements)
+
+
+def table_rules(inputs: Sequence[Variable], output: Variable, consequents: Sequence[str]) -> tuple[Rule, ...]:
+    """Build a full rule table.
+
+    Parameters
+    ----------
+    inputs : sequence of Variable
+        The table's axes.
+    output : Variable
+        Variable of the conclusions.
+    consequents : sequence of str
+        The output term of each cell, the last input changing fastest.
+
+    Raises
+    ------
+    ValueError
+        If the number of consequents is not the number of cells.
+    """
+    num_cells = prod(len(variable.terms) for variable in inputs)
+    if num_cells != len(consequents):
+        raise ValueError(
+            f"a full table over {len(inputs)} inputs has {num_cells} rules, but {len(consequents)} "
+            "consequents are given; give one output term for each combination of input terms"
+        )
+    return tuple(
+        Rule(antecedent, (Consequent(output.name, term),))
+        for antecedent, term in zip(table_antecedents(inputs), consequents, strict=True)
+    )
+
+
+def rule_table(system: FuzzySystem) -> NDArray[np.int64] | None:
+    """Return the consequents of a full rule table as output term indices, or None for any other rule base.
+
+    A full table has one output and one rule for each combination of input terms, in the order of
+    `table_antecedents`, each with weight one and without its own operators.
+
+    Returns
+    -------
+    array or None
+        Shape (number of cells,), the last input changing fastest.
+    """
+    if len(system.outputs) != 1:
+        return None
+    output = system.outputs[0]
+    if prod(len(variable.terms) for variable in system.inputs) != len(system.rules):
+        return None
+    table = np.empty(len(system.rules), dtype=np.int64)
+    cells = table_antecedents(system.inputs)
+    term_indices = {term.name: index for index, term in enumerate(output.terms)}
+    for index, (cell, rule) in enumerate(zip(cells, system.rules, strict=True)):
+        if rule.antecedent != cell or len(rule.consequents) != 1 or rule.has_own_operators:
+            return None
+        consequent = rule.consequents[0]
+        if consequent.variable != output.name or consequent.weight != 1.0:
+            return None
+        table[index] = term_indices[consequent.term]
+    return table
+
+
+def table_cells(inputs: Sequence[Variable]) -> NDArray[np.int64]:
+    """Return the cells of a full table as input term indices, (cells, inputs), the last input fastest."""
+    counts = [len(variable.terms) for variable in inputs]
+    return np.indices(counts, dtype=np.int64).reshape(len(counts), -1).T.copy()
+
+
+def conjunctions(system: FuzzySystem) -> tuple[NDArray[np.int64], NDArray[np.int64]] | None:
+    """Return the rules of a system as numbers if each is a plain conjunction, else None.
+
+    Such a rule base has one output, and each rule uses at most one term of each input, concludes one
+    term with weight one and has no operators of its own. Full rule tables are included, as are tables with
+    missing cells.
+
+    Returns
+    -------
+    cells : (rules, inputs) int
+        The term of each input that a rule uses; -1 for none.
+    consequents : (rules,) int
+        The output term that it concludes.
+    """
+    if len(system.outputs) != 1:
+        return None
+    places = {variable.name: place for place, variable in enumerate(system.inputs)}
+    cells = np.full((len(system.rules), len(system.inputs)), -1, dtype=np.int64)
+    consequents = np.empty(len(system.rules), dtype=np.int64)
+    for index, rule in enumerate(system.rules):
+        statements = rule.antecedent.operands if isinstance(rule.antecedent, And) else (rule.antecedent,)
+        for statement in statements:
+            if not isinstance(statement, Is) or cells[index, places[statement.variable]] != -1:
+                return None
+            place = places[statement.variable]
+            cells[index, place] = system.inputs[place].term_index(statement.term)
+        consequent = rule.consequents[0]
+        if len(rule.consequents) != 1 or consequent.weight != 1.0 or rule.has_own_operators:
+            return None
+        consequents[index] = system.outputs[0].term_index(consequent.term)
+    return cells, consequents

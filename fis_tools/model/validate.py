@@ -9,14 +9,13 @@ from typing import get_args
 
 import numpy as np
 
-from fis_tools.model.membership import shape_values
 from fis_tools.model.numbers import Linear, Number
 from fis_tools.model.operators import HEDGES, Accumulation, Aggregation, AndOperator, Defuzzifier, OrOperator
 from fis_tools.model.rules import And, Expression, Hedged, Is, Not, Or, Rule
 from fis_tools.model.shape import SHAPES, MembershipFunction
 from fis_tools.model.shapes import Sampled
 from fis_tools.model.systems import FuzzyController, FuzzySystem
-from fis_tools.model.variables import Term, Variable
+from fis_tools.model.variables import Term, Variable, shape_values
 from fis_tools.model.weighing import number_problems, output_problems
 
 #: Kinds of numbers that must be positive; see `fis_tools.model.shape`.

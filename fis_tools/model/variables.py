@@ -1,4 +1,8 @@
-"""Linguistic variables and their terms."""
+"""Variables and their terms, and the terms sampled on a universe, as every engine uses them.
+
+Values below `fis_tools.model.shapes.SMALLEST_MEMBERSHIP` are set to zero, because differences of denormal
+numbers lose all their digits.
+"""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -8,6 +12,8 @@ from numpy.typing import NDArray
 
 from fis_tools.model.operators import Accumulation, Aggregation, Defuzzifier
 from fis_tools.model.shape import MembershipFunction
+from fis_tools.model.shapes import SMALLEST_MEMBERSHIP
+from fis_tools.typing import Floats
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,3 +94,66 @@ class Variable:
                 return index
         known = ", ".join(term.name for term in self.terms)
         raise KeyError(f"variable {self.name!r} has no term {name!r}; its terms are {known}")
+
+
+def sample(variable: Variable, term: Term) -> Floats:
+    """Sample a term's membership function on the universe of its variable.
+
+    Parameters
+    ----------
+    variable : Variable
+        Its universe is sampled.
+    term : Term
+        The term to sample.
+
+    Returns
+    -------
+    array
+        Memberships in [0, 1], shape (num_points,).
+    """
+    values = shape_values(variable.universe, term.membership)
+    values[values < SMALLEST_MEMBERSHIP] = 0.0
+    return values
+
+
+def sample_terms(variable: Variable) -> Floats:
+    """Sample all terms of a variable.
+
+    Parameters
+    ----------
+    variable : Variable
+        A variable with at least one term.
+
+    Returns
+    -------
+    array
+        Memberships in [0, 1], shape (num_terms, num_points).
+    """
+    return np.stack([sample(variable, term) for term in variable.terms])
+
+
+def shape_values(universe: Floats, shape: MembershipFunction) -> Floats:
+    """Evaluate a membership function's formula, keeping tiny values; inference uses `sample`.
+
+    Parameters
+    ----------
+    universe : array
+        Shape (num_points,).
+    shape : MembershipFunction
+        With valid parameters (see `fis_tools.model.validate`).
+    """
+    with np.errstate(all="ignore"):
+        return shape.at(universe)
+
+
+def is_unimodal(values: Floats) -> bool:
+    """Return whether values first rise, then fall; flat stretches count as either.
+
+    Parameters
+    ----------
+    values : array
+        Shape (num_points,).
+    """
+    steps = np.sign(np.diff(values))
+    steps = steps[steps != 0]
+    return bool(np.all(np.diff(steps) <= 0))

@@ -2,8 +2,7 @@
 
 from collections.abc import Iterable, Iterator, Sequence
 
-from fis_tools.model.formulas import Formula, NotAFormula
-from fis_tools.model.numbers import Linear, Number
+from fis_tools.model.numbers import Formula, Linear, NotAFormula, Number
 from fis_tools.model.operators import WEIGHING
 from fis_tools.model.shape import MonotoneFunction
 from fis_tools.model.systems import FuzzySystem

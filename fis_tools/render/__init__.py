@@ -14,6 +14,7 @@ from fis_tools.model.extras import MissingExtra
 if find_spec("matplotlib") is None:
     raise MissingExtra("drawing", "matplotlib", '"fis-tools[plot]"')
 
+from fis_tools.render.curves import memberships, output_curve
 from fis_tools.render.figures import (
     Figure,
     firing_figure,
@@ -25,16 +26,18 @@ from fis_tools.render.figures import (
     system_figures,
 )
 from fis_tools.render.files import encode, save
-from fis_tools.render.inference_figure import inference_figure
-from fis_tools.render.inference_view import conclusion_panel, output_panel, statement_panel
-from fis_tools.render.membership_curves import memberships
-from fis_tools.render.output_curves import output_curve
+from fis_tools.render.inference import conclusion_panel, inference_figure, output_panel, statement_panel
 from fis_tools.render.rule_lists import rule_list
 from fis_tools.render.rule_tables import rule_matrix
 from fis_tools.render.rule_use import firing_map, firing_shares, rule_bars
-from fis_tools.render.surface_maps import draw_surface, surface_map
-from fis_tools.render.surface_spaces import surface_space
-from fis_tools.render.surfaces import evaluated, held_words, over_axes
+from fis_tools.render.surfaces import (
+    draw_surface,
+    evaluated,
+    held_words,
+    over_axes,
+    surface_map,
+    surface_space,
+)
 from fis_tools.render.theme import (
     BRIGHTNESS_MAP,
     DARK,

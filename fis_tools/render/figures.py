@@ -10,18 +10,22 @@ from matplotlib.figure import Figure
 
 from fis_tools.analysis.arrays import Surface, surface
 from fis_tools.model import FuzzySystem, Term, Variable
-from fis_tools.model.membership import sample
+from fis_tools.model.variables import sample
 from fis_tools.model.weighing import has_sets
 from fis_tools.render import lettering
-from fis_tools.render.membership_curves import memberships, peak
-from fis_tools.render.output_curves import output_curve
+from fis_tools.render.curves import memberships, output_curve, peak
 from fis_tools.render.roles import named
 from fis_tools.render.rule_lists import list_height, rule_list
 from fis_tools.render.rule_tables import rule_cells, rule_matrix
 from fis_tools.render.rule_use import firing_map, firing_shares, rule_bars
-from fis_tools.render.surface_maps import colour_bar, draw_surface
-from fis_tools.render.surface_spaces import surface_space
-from fis_tools.render.surfaces import held_words, over_axes, value_limits
+from fis_tools.render.surfaces import (
+    colour_bar,
+    draw_surface,
+    held_words,
+    over_axes,
+    surface_space,
+    value_limits,
+)
 from fis_tools.render.theme import LIGHT, MEDIUM, SMALL, Theme, head
 from fis_tools.typing import Floats
 

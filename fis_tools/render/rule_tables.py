@@ -13,7 +13,7 @@ from fis_tools.model import FuzzySystem, Variable
 from fis_tools.model.validate import nearest
 from fis_tools.render import lettering
 from fis_tools.render.roles import named
-from fis_tools.render.rule_names import plain_statements
+from fis_tools.render.rule_lists import plain_statements
 from fis_tools.render.theme import LIGHT, SMALL, Theme, dress, readable_on, term_colours
 from fis_tools.words.text import number
 

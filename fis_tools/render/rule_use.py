@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from fis_tools.analysis.arrays import FIRED, rule_usage
 from fis_tools.model import FuzzySystem
 from fis_tools.render import lettering
-from fis_tools.render.rule_names import legend, rule_names
+from fis_tools.render.rule_lists import legend, rule_names
 from fis_tools.render.theme import LIGHT, MEDIUM, SMALL, Theme, dress
 from fis_tools.typing import Floats
 

@@ -11,7 +11,7 @@ from fis_tools.analysis import arrays, coalitions
 from fis_tools.analysis.flights import FlownSystem
 from fis_tools.engines.inference import Floats
 from fis_tools.model import And, Expression, FuzzySystem, Hedged, Is, Not, Or, Rule, Variable
-from fis_tools.model.membership import sample
+from fis_tools.model.variables import sample
 from fis_tools.review.flown import Flight
 from fis_tools.words.text import sentence
 

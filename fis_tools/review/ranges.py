@@ -7,7 +7,7 @@ from typing import Any
 from fis_tools.analysis import bounds
 from fis_tools.engines.interval import NotBounded
 from fis_tools.model import FuzzySystem, Variable
-from fis_tools.words.amounts import amount
+from fis_tools.words.text import amount
 
 #: how near proved and attained ends are brought, as a fraction of the output's range
 TOLERANCE = 0.01

@@ -28,9 +28,9 @@ from fis_tools.model import (
     TwoSidedGaussian,
     ZShape,
 )
-from fis_tools.model.membership import is_unimodal, shape_values
 from fis_tools.model.shapes import SMALLEST_MEMBERSHIP
 from fis_tools.model.validate import shape_problems
+from fis_tools.model.variables import is_unimodal, shape_values
 from fis_tools.typing import Floats
 
 Estimate = tuple[type[MembershipFunction], tuple[float, ...]]

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from telemetry.file import topics
 from telemetry.file.errors import RecordingError
 from telemetry.file.reader import Recording, TopicColumns
-from telemetry.file.text import aligned
+from telemetry.file.summary import aligned
 from telemetry.typing import Floats
 
 Indices = NDArray[np.int64]

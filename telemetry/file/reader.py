@@ -24,7 +24,7 @@ from mcap.stream_reader import MAGIC_SIZE, StreamReader
 from mcap.writer import MCAP0_MAGIC
 from numpy.typing import NDArray
 
-from telemetry.file import arrow, claims, columns, topics
+from telemetry.file import claims, columns, topics
 from telemetry.file.errors import RecordingError
 from telemetry.file.messages import NANOSECONDS
 from telemetry.file.metadata import EpisodeDescription, FisDescription, unsealed
@@ -82,7 +82,7 @@ class TopicColumns:
 
         Each field's metadata holds its ``unit``; `telemetry.flat_table` returns one number per cell instead.
         """
-        return arrow.table(
+        return columns.arrow_table(
             {"time_s": self.time_s, **self.columns},
             {"time_s": "s", **self.units},
             {"topic": self.topic, "schema": self.schema},

@@ -1,13 +1,19 @@
 """Summarises a recording: the flight, its outcome, and the contents of the file."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from telemetry.file import topics
 from telemetry.file.reader import Recording
-from telemetry.file.text import aligned
+
+
+def aligned(rows: Iterable[Sequence[str]]) -> list[str]:
+    """Align the cells of rows of equal length in columns, indented by two spaces."""
+    table = [tuple(row) for row in rows]
+    widths = [max(map(len, column)) for column in zip(*table, strict=True)]
+    return ["  " + "  ".join(map(str.ljust, row, widths)).rstrip() for row in table]
 
 
 def summarize(recording: Recording) -> dict[str, Any]:

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from telemetry.file import arrow, topics
+from telemetry.file import topics
+from telemetry.file.columns import arrow_table
 from telemetry.file.errors import RecordingError
 from telemetry.file.partial_file import whole_file
 from telemetry.file.reader import Recording, TopicColumns
@@ -109,7 +110,7 @@ def flat_table(recording: Recording, name: str) -> "pa.Table":
         names = _component_names(recording, topic, "inputs") or ()
         words = recording.fis_description(name.removeprefix(topics.FIS_PREFIX))
         units |= dict(zip(names, words.input_units, strict=True))
-    return arrow.table(columns, units, {"topic": name, "schema": topic.schema})
+    return arrow_table(columns, units, {"topic": name, "schema": topic.schema})
 
 
 def _flat_columns(recording: Recording, topic: TopicColumns) -> Table:

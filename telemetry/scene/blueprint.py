@@ -7,9 +7,8 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from telemetry.scene.curves import Plot
+from telemetry.scene.curves import Plot, drawable
 from telemetry.scene.drawing import MAP_HEIGHT, MAP_NAME_WIDTH, MAP_WIDTH
-from telemetry.scene.lettering import drawable
 
 #: the timeline of a flight, s
 TIME: Final = "time"

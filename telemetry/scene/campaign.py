@@ -10,9 +10,8 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from telemetry.scene import blueprint, entities
-from telemetry.scene.curves import LIMIT_COLOUR, PLAIN_COLOUR, SIGNAL_COLOURS, Colour, Curves, Plot
+from telemetry.scene.curves import LIMIT_COLOUR, PLAIN_COLOUR, SIGNAL_COLOURS, Colour, Curves, Plot, drawable
 from telemetry.scene.entities import seconds, send
-from telemetry.scene.lettering import drawable
 from telemetry.scene.runs import Evaluation, Outcome, read_evaluation
 from telemetry.scene.viewer import Scene
 from telemetry.typing import Floats

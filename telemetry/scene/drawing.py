@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from telemetry.file import topics
 from telemetry.file.metadata import FisDescription
 from telemetry.file.reader import Recording, TopicColumns
-from telemetry.scene.lettering import drawable
+from telemetry.scene.curves import drawable
 from telemetry.typing import Floats
 
 #: size of the heat map in pixels; a 2D view keeps the aspect ratio

@@ -8,8 +8,7 @@ import rerun as rr
 from rerun.components import FillMode, InterpolationMode
 
 from telemetry.scene import blueprint
-from telemetry.scene.curves import Plot
-from telemetry.scene.lettering import drawable
+from telemetry.scene.curves import Plot, drawable
 from telemetry.typing import Floats
 
 #: makes a column of the scene's timeline from times

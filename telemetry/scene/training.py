@@ -11,9 +11,8 @@ import rerun as rr
 
 from telemetry.file.errors import RecordingError
 from telemetry.scene import blueprint, entities, viewer
-from telemetry.scene.curves import PLAIN_COLOUR, SIGNAL_COLOURS, Colour, Curves, Plot
+from telemetry.scene.curves import PLAIN_COLOUR, SIGNAL_COLOURS, Colour, Curves, Plot, drawable
 from telemetry.scene.entities import generations, send
-from telemetry.scene.lettering import drawable
 from telemetry.scene.runs import Training, file_of, has_training, is_finished, read_training
 from telemetry.scene.viewer import Scene
 

@@ -13,8 +13,7 @@ from fis_tools.analysis.measures import Measures, centre
 from fis_tools.findings.audit.finding import Finding, Severity, Thresholds
 from fis_tools.model import And, Constant, Expression, FuzzySystem, Hedged, Is, Not, Or, Rule, conjunctions
 from fis_tools.typing import Floats
-from fis_tools.words.amounts import amount, listed, percent, place, span
-from fis_tools.words.text import antecedent_words, consequent_words
+from fis_tools.words.text import amount, antecedent_words, consequent_words, listed, percent, place, span
 
 
 @dataclass(frozen=True)

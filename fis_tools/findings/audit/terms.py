@@ -10,10 +10,9 @@ from fis_tools.analysis.measures import Measures, centre
 from fis_tools.findings.audit import names
 from fis_tools.findings.audit.finding import Finding, Severity, Thresholds
 from fis_tools.model import FuzzySystem, Variable, statements_of
-from fis_tools.model.membership import sample_terms
+from fis_tools.model.variables import sample_terms
 from fis_tools.typing import Floats
-from fis_tools.words.amounts import amount, listed, percent, span
-from fis_tools.words.text import number
+from fis_tools.words.text import amount, listed, number, percent, span
 
 
 def find(system: FuzzySystem, measures: Measures, thresholds: Thresholds) -> Iterator[Finding]:

@@ -10,8 +10,7 @@ from fis_tools.engines.compiler import compile as compiled
 from fis_tools.findings.audit.finding import Finding, Severity, Thresholds
 from fis_tools.model import FuzzySystem
 from fis_tools.typing import Floats
-from fis_tools.words.amounts import amount, listed, percent
-from fis_tools.words.text import antecedent_words, consequent_words
+from fis_tools.words.text import amount, antecedent_words, consequent_words, listed, percent
 
 #: The most samples over which the importance of rules is averaged; they are picked evenly.
 MOST_SAMPLES = 2_000

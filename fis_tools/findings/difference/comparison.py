@@ -22,7 +22,7 @@ from fis_tools.model import (
     Variable,
     with_statements,
 )
-from fis_tools.model.membership import sample
+from fis_tools.model.variables import sample
 from fis_tools.model.weighing import has_sets
 from fis_tools.words.text import antecedent_words, number
 

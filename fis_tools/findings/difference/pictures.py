@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from fis_tools.findings.difference.change import VariableChange
 from fis_tools.model import Term, Variable
-from fis_tools.model.membership import sample
+from fis_tools.model.variables import sample
 from fis_tools.words.text import number, with_unit
 
 Floats = NDArray[np.float64]

@@ -14,8 +14,8 @@ from fis_tools.findings.difference.change import (
 )
 from fis_tools.findings.difference.comparison import new_names, renamed
 from fis_tools.model import Formula, Sampled, Term
-from fis_tools.words.amounts import NEGLIGIBLE
 from fis_tools.words.text import (
+    NEGLIGIBLE,
     aligned,
     antecedent_words,
     consequent_words,

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from fis_tools.engines.compiler import CompiledSystem, compile
 from fis_tools.engines.inference import infer
 from fis_tools.model import Variable
-from fis_tools.words.amounts import span
+from fis_tools.words.text import span
 
 Floats = NDArray[np.float64]
 

@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from fis_tools.findings.explanation.flips import Flip
 from fis_tools.model import FuzzySystem, Variable
-from fis_tools.words.amounts import NEGLIGIBLE, amount, listed, percent, span
-from fis_tools.words.text import aligned, sentence
+from fis_tools.words.text import NEGLIGIBLE, aligned, amount, listed, percent, sentence, span
 
 Floats = NDArray[np.float64]
 

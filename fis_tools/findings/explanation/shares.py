@@ -11,8 +11,7 @@ from fis_tools.analysis.arrays import FIRED, rule_usage
 from fis_tools.analysis.contribution import importance
 from fis_tools.findings.explanation.flips import compiled_once
 from fis_tools.model import FuzzySystem
-from fis_tools.words.amounts import amount, percent
-from fis_tools.words.text import aligned, sentence, with_unit
+from fis_tools.words.text import aligned, amount, percent, sentence, with_unit
 
 Floats = NDArray[np.float64]
 

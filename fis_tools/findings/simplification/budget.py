@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from fis_tools.analysis.arrays import spread_inputs
 from fis_tools.engines.compiler import compile
 from fis_tools.model import FuzzySystem
-from fis_tools.words.amounts import span
+from fis_tools.words.text import span
 
 Floats = NDArray[np.float64]
 

@@ -13,8 +13,7 @@ from fis_tools.findings.simplification.report import Kind
 from fis_tools.findings.simplification.rewriting import Floats, merged, mergers, pruned, without_rule
 from fis_tools.findings.simplification.rounding import Unit, rounded, units
 from fis_tools.model import FuzzySystem
-from fis_tools.words.amounts import listed, percent
-from fis_tools.words.text import sentence
+from fis_tools.words.text import listed, percent, sentence
 
 
 @dataclass(frozen=True)

@@ -6,8 +6,7 @@ from typing import Any, Literal
 
 from fis_tools.findings.simplification.budget import FLOWN, SPREAD, Budget, Change
 from fis_tools.model import FuzzyController, FuzzySystem
-from fis_tools.words.amounts import amount, span
-from fis_tools.words.text import aligned
+from fis_tools.words.text import aligned, amount, span
 
 Kind = Literal["input", "drop", "merge", "terms", "round"]
 

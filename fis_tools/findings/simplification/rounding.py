@@ -13,8 +13,8 @@ from fis_tools.model import (
     Term,
     Variable,
 )
-from fis_tools.model.membership import shape_values
 from fis_tools.model.validate import parameter_problems
+from fis_tools.model.variables import shape_values
 
 #: What is rounded together: the numbers of a term, by variable and term, or the ends of a range ("").
 Unit = tuple[str, str]

@@ -15,7 +15,7 @@ from fis_tools.findings.simplification.draft import (
 from fis_tools.findings.simplification.report import Kind, Step, num_terms
 from fis_tools.findings.simplification.rewriting import without_input
 from fis_tools.findings.simplification.rounding import MOST_DIGITS, units
-from fis_tools.words.amounts import listed
+from fis_tools.words.text import listed
 
 #: All numbers are rounded to this many digits together, then to one less, and so on: down to so many while
 #: rules and terms can still go, which matter more to a reader than digits do.

@@ -38,8 +38,8 @@ from fis_tools.model import (
     Term,
     Variable,
 )
-from fis_tools.model.membership import sample
 from fis_tools.model.thrust import ThrustLogic, thrust_logic
+from fis_tools.model.variables import sample
 from fis_tools.words.text import number, sentence, shape_words, summary, with_unit
 
 WIDTH = 110

@@ -28,8 +28,8 @@ from fis_tools.formats.own import json as strict_json
 from fis_tools.formats.own.mapping import MOST_PROBLEMS, from_mapping, to_mapping
 from fis_tools.formats.own.plain import Unreadable
 from fis_tools.model import FuzzyController, FuzzySystem, Rule, Sampled, Term, Variable
-from fis_tools.model.membership import sample
 from fis_tools.model.validate import controller_problems
+from fis_tools.model.variables import sample
 from fis_tools.model.weighing import reach
 from fis_tools.words.text import number
 

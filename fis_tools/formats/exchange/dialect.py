@@ -49,8 +49,8 @@ from fis_tools.model import (
     ZShape,
     parts_of,
 )
-from fis_tools.model.membership import sample
 from fis_tools.model.shape import Format
+from fis_tools.model.variables import sample
 from fis_tools.model.weighing import has_sets, reach
 from fis_tools.typing import Floats
 from fis_tools.words.text import before

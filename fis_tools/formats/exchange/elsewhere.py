@@ -13,8 +13,8 @@ import numpy as np
 from fis_tools.engines import inference
 from fis_tools.formats.exchange.dialect import Said
 from fis_tools.model import FuzzySystem, Sampled, Variable
-from fis_tools.model.membership import shape_values
 from fis_tools.model.operators import AGGREGATIONS, AND_OPERATORS
+from fis_tools.model.variables import shape_values
 from fis_tools.typing import Floats
 from fis_tools.words.text import number
 

@@ -25,7 +25,7 @@ from fis_tools.model import (
     Variable,
     parts_of,
 )
-from fis_tools.model.membership import sample
+from fis_tools.model.variables import sample
 
 DIALECT = Dialect(
     title="an FCL file", is_nested=True, hedges="fcl", most_words=99, concludes_hedged=True, is_read=False

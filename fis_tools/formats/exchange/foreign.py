@@ -32,7 +32,7 @@ from fis_tools.model import (
     Trapezoidal,
     Variable,
 )
-from fis_tools.model.formulas import FUNCTIONS, NotAFormula, linear
+from fis_tools.model.numbers import FUNCTIONS, NotAFormula, linear
 from fis_tools.model.shape import Format, words_of
 from fis_tools.model.validate import nearest
 from fis_tools.words.text import antecedent_words, before

@@ -24,7 +24,7 @@ from fis_tools.model import (
     Variable,
 )
 from fis_tools.model import operators as model_operators
-from fis_tools.model.membership import sample
+from fis_tools.model.variables import sample
 from fis_tools.words.text import before
 
 #: Behind the number of a term in a `.fis` file, as MATLAB's and Octave's powers have them.

@@ -12,7 +12,7 @@ from fis_tools.formats import serialize
 from fis_tools.formats.c import source
 from fis_tools.formats.exchange import fcl, fll
 from fis_tools.model import Constant, Formula, FuzzyController, FuzzySystem, Linear
-from fis_tools.model.formulas import NotAFormula, parse
+from fis_tools.model.numbers import NotAFormula, parse
 from fis_tools.model.validate import problems
 
 #: fuzzylite's example of an approximation, in few words.

@@ -8,7 +8,7 @@ from fis_tools.engines import inference, interval
 from fis_tools.engines.compiler import compile
 from fis_tools.engines.program import INVERTED
 from fis_tools.engines.weigher import invert
-from fis_tools.model.membership import shape_values
+from fis_tools.model.variables import shape_values
 from tests.fis_tools.engines.weighed_systems import ENDLESS, MONOTONE, mixed, samples, systems
 
 

@@ -32,7 +32,7 @@ from fis_tools.model import (
     Variable,
     ZShape,
 )
-from fis_tools.model.membership import is_unimodal, sample, sample_terms, shape_values
+from fis_tools.model.variables import is_unimodal, sample, sample_terms, shape_values
 
 UNIVERSE = st.tuples(st.floats(-1e3, 1e3), st.floats(1e-3, 1e3), st.integers(2, 60))
 

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from fis_tools import render
 from fis_tools.engines.inference import infer
 from fis_tools.model import FuzzySystem, Gaussian, Term, Variable
-from fis_tools.model.membership import sample_terms
+from fis_tools.model.variables import sample_terms
 from fis_tools.render import DARK, LIGHT, Theme, memberships, system_figures
 from tests.fis_tools.render.picture_systems import (
     autopilot_system,

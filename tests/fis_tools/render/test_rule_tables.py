@@ -18,7 +18,7 @@ from fis_tools.formats.printed import csv as csv_format
 from fis_tools.formats.printed import html, latex, markdown, text
 from fis_tools.formats.serialize import dump_yaml
 from fis_tools.model import FuzzyController
-from fis_tools.words.ranking import ranked
+from fis_tools.words.outline import ranked
 from tests.fis_tools.analysis.test_flights import log_flight
 from tests.fis_tools.sample_controllers import force_x_system, general_controller, paper_like_controller
 from tests.policies import check_policy

@@ -25,7 +25,7 @@ from fis_tools.model import (
     Variable,
     ZShape,
 )
-from fis_tools.model.membership import sample, shape_values
+from fis_tools.model.variables import sample, shape_values
 from fis_tools.scikit_fuzzy.recognition import recognise
 from tests.fis_tools.engines.random_systems import any_shape
 

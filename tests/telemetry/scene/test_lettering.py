@@ -2,7 +2,7 @@
 
 import pytest
 
-from telemetry.scene.lettering import drawable
+from telemetry.scene.curves import drawable
 
 
 @pytest.mark.parametrize(

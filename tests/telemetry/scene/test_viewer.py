@@ -21,7 +21,7 @@ from rerun.experimental import ViewerClient
 from telemetry import EpisodeWriter, RecordingError
 from telemetry.commands import main
 from telemetry.scene import campaign, replay, screenshot, training, viewer
-from telemetry.scene.lettering import drawable
+from telemetry.scene.curves import drawable
 from telemetry.scene.viewer import Scene
 from tests.places import PROJECT
 from tests.programs import library
