@@ -1,13 +1,16 @@
 """Trials of settings, proposed by Optuna and raced on common flights.
 
-Optuna only proposes values and receives results, one trial after the other. Its journal,
-lines of JSON, is all that a search needs to resume. A trial flies block after block of the same flights as
+Optuna only proposes values and receives results, one trial after the other. Its journal, lines of JSON, is
+written whole when a trial has ended, and is all that a search needs to resume: a trial that did not end
+leaves nothing there, and is proposed and flown again. A trial flies block after block of the same flights as
 the others; it ends when Wilcoxon's signed-rank test shows that it is worse than the best one on the blocks
 that both have flown.
 """
 
+import json
+import sys
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -23,9 +26,10 @@ from optuna.distributions import (
 from optuna.pruners import WilcoxonPruner
 from optuna.samplers import TPESampler
 from optuna.storages import JournalStorage
-from optuna.storages.journal import JournalFileBackend
+from optuna.storages.journal import BaseJournalBackend
 from optuna.trial import FrozenTrial, Trial, TrialState
 
+from pipeline.run import artifacts
 from pipeline.settings.checks import SettingError
 from pipeline.settings.experiment import Search
 from pipeline.settings.space import Dimension, dimensions
@@ -68,42 +72,82 @@ class Tried:
 def trials(journal: Path, search: Search, seed: int, judge: Judge) -> Iterator[Tried]:
     """Try settings, those of a journal first, and yield each trial when it ends.
 
+    A trial is in the journal once the next one is asked for: until then whoever takes it may still be killed.
+
     Parameters
     ----------
     journal : Path
-        Made if missing; an interrupted trial in it is resumed.
+        Made if missing; the search begins anew, and says so, if it is damaged.
     search : Search
     seed : int
     judge : callable
         Takes a trial's values; what it yields must depend on these alone.
     """
     optuna.logging.set_verbosity(optuna.logging.ERROR)
-    journal.parent.mkdir(parents=True, exist_ok=True)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", optuna.exceptions.ExperimentalWarning)
-        # of a resumed trial: its first blocks are flown again, with the same results
-        warnings.filterwarnings("ignore", "The reported value is ignored")
-        study = optuna.create_study(
-            storage=JournalStorage(JournalFileBackend(str(journal))),
-            study_name=NAME,
-            pruner=WilcoxonPruner(p_threshold=search.prune_below),
-            load_if_exists=True,
-        )
+        study, kept = _resumed(journal, search)
         space = {one.key: _distribution(one) for one in dimensions(search.space)}
         for number in range(search.trials):
-            known = study.get_trials(deepcopy=False)
-            if number >= len(known) or not known[number].state.is_finished():
+            if number >= len(study.get_trials(deepcopy=False)):
                 # each trial draws from its own seed, so that a resumed search proposes the same
                 words = np.random.SeedSequence(seed, spawn_key=(SPAWN_KEY, number)).generate_state(1)
                 study.sampler = TPESampler(seed=int(words[0]), constant_liar=False)
-                _race(study, _begun(study, known[number:], space), judge)
+                _race(study, study.ask(space), judge)
             yield _told(study.get_trials(deepcopy=False)[number])
+            kept.write()
 
 
-def _begun(
-    study: optuna.Study, interrupted: Sequence[FrozenTrial], space: dict[str, BaseDistribution]
-) -> Trial:
-    return Trial(study, interrupted[0]._trial_id) if interrupted else study.ask(space)
+class _Journal(BaseJournalBackend):
+    """Optuna's journal in a file of one process, which its run's folder keeps others out of.
+
+    Optuna's own appends a line for each step, so that a killed process leaves half a trial or half a line,
+    and locks by a link that such a process leaves as well.
+    """
+
+    def __init__(self, path: Path, text: str) -> None:
+        self._path = path
+        self._logs: list[dict[str, Any]] = [json.loads(line) for line in text.splitlines()]
+
+    def read_logs(self, log_number_from: int) -> list[dict[str, Any]]:
+        """Return the steps from a number on."""
+        return self._logs[log_number_from:]
+
+    def append_logs(self, logs: list[dict[str, Any]]) -> None:
+        """Add steps, in memory."""
+        self._logs += json.loads(json.dumps(logs))
+
+    def write(self) -> None:
+        """Write all steps."""
+        text = "".join(json.dumps(log, separators=(",", ":")) + "\n" for log in self._logs)
+        artifacts.write_atomically(self._path, text)
+
+
+def _resumed(path: Path, search: Search) -> tuple[optuna.Study, _Journal]:
+    """Return a study with the trials of a journal; a new one if that is missing or damaged."""
+    try:
+        return _opened(path, path.read_text(encoding="utf-8"), search)
+    except FileNotFoundError:
+        pass
+    except Exception as error:  # noqa: BLE001 - whatever Optuna raises of what it did not write
+        sys.stderr.write(
+            f"note: {path} is damaged ({type(error).__name__}); the search begins anew, with the same "
+            "trials\n"
+        )
+    return _opened(path, "", search)
+
+
+def _opened(path: Path, text: str, search: Search) -> tuple[optuna.Study, _Journal]:
+    journal = _Journal(path, text)
+    study = optuna.create_study(
+        storage=JournalStorage(journal),
+        study_name=NAME,
+        pruner=WilcoxonPruner(p_threshold=search.prune_below),
+        load_if_exists=True,
+    )
+    if not all(trial.state.is_finished() for trial in study.get_trials(deepcopy=False)):
+        raise ValueError("it has a trial that did not end")
+    return study, journal
 
 
 def _race(study: optuna.Study, trial: Trial, judge: Judge) -> None:

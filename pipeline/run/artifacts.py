@@ -10,9 +10,10 @@ import hashlib
 import json
 import math
 import os
-import tempfile
+import secrets
+import stat
 from collections.abc import Iterator, Mapping, Sequence
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import Any, Final
 
 import yaml
@@ -154,17 +155,39 @@ def write_atomically(path: Path, content: bytes | str) -> None:
 def _write_beside(path: Path, content: bytes | str) -> None:
     """Write a file under another name and, once it is safely on disk, rename it."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    descriptor, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=UNFINISHED, dir=path.parent)
+    name = path.with_name(f".{path.name}.{secrets.token_hex(4)}{UNFINISHED}")
     try:
-        with os.fdopen(descriptor, "wb") as stream:
+        with name.open("xb") as stream:
             stream.write(content.encode() if isinstance(content, str) else content)
             stream.flush()
             os.fsync(stream.fileno())
-        os.chmod(name, 0o644)
-        os.replace(name, path)
+        name.replace(path)
     except BaseException:
-        Path(name).unlink(missing_ok=True)
+        name.unlink(missing_ok=True)
         raise
+
+
+def strangers(folder: Path) -> Iterator[str]:
+    """Yield the paths of what no run makes in its folder, links, pipes and devices, with what they are."""
+    for place, folders, files in os.walk(folder):
+        for name in sorted([*folders, *files]):
+            path = Path(place, name)
+            try:
+                mode = path.lstat().st_mode
+            except FileNotFoundError:  # a run inside this folder is at work
+                continue
+            if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
+                what = f"a link to {os.readlink(path)}" if stat.S_ISLNK(mode) else "a pipe, socket or device"
+                yield f"{path.relative_to(folder).as_posix()} is {what}"
+
+
+def check_no_strangers(folder: Path) -> None:
+    """Raise ArtifactError unless a folder holds files and folders alone, so that nothing leads out of it."""
+    if found := next(strangers(folder), None):
+        raise ArtifactError(
+            f"{folder}: {found}; a run's folder holds files and folders alone, so that nothing outside it is "
+            "read or written: remove it, or put a copy in its place"
+        )
 
 
 def drop_unfinished(folder: Path) -> None:
@@ -216,9 +239,11 @@ def require(folder: Path, name: str) -> Path:
     Raises
     ------
     ArtifactError
-        If it does not exist.
+        If it does not exist, or a link leads to it.
     """
     path = folder / name
+    if any((folder / part).is_symlink() for part in (PurePath(name), *PurePath(name).parents)):
+        raise ArtifactError(f"{path} is reached by a link, which is not followed; put a copy in its place")
     if not path.exists():
         writer = WRITTEN_BY.get(name)
         cure = f"the stage {writer} writes it, run that first" if writer else "choose the folder of a run"
@@ -357,7 +382,12 @@ def list_artifacts(folder: Path) -> list[str]:
     for path in sorted(folder.rglob("*")):
         name = path.relative_to(folder).as_posix()
         is_hidden = any(part.startswith(".") for part in path.relative_to(folder).parts)
-        if path.is_file() and not is_hidden and path.suffix not in (".log", ".partial"):
+        if (
+            path.is_file()
+            and not path.is_symlink()
+            and not is_hidden
+            and path.suffix not in (".log", ".partial")
+        ):
             names.append(name)
     return [name for name in names if name not in (MANIFEST, CHECKPOINT)]
 

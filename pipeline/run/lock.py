@@ -5,11 +5,12 @@ over.
 """
 
 import json
+import logging
 import os
 import platform
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import IO, Final
@@ -17,6 +18,8 @@ from typing import IO, Final
 from pipeline.run import artifacts
 
 LOCK: Final = ".lock"
+
+_LOG: Final = logging.getLogger(__name__)
 
 
 class HeldError(artifacts.ArtifactError):
@@ -36,23 +39,27 @@ def held(folder: Path) -> Iterator[None]:
     ------
     HeldError
         If another process holds it.
+    pipeline.run.artifacts.ArtifactError
+        If it contains links, pipes or devices.
     pipeline.run.artifacts.WriteError
         If the folder cannot be made or written to.
     """
     path = folder / LOCK
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        stream = _locked(path)
-        left = _holder(stream)
-        _sign(stream)
-    except OSError as error:
-        raise artifacts.WriteError(
-            f"{folder} cannot be a run's folder ({error.strerror}); choose one that can be written to, "
-            "hydra.run.dir=..., or make room"
-        ) from error
-    if left:
-        sys.stderr.write(f"{folder} was held by {left}, which is gone; its lock is taken over\n")
-    with stream:
+    with ExitStack() as stack:
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            artifacts.check_no_strangers(folder)
+            stack.enter_context(_folder_locked(path))
+            stream = stack.enter_context(_locked(path))
+            left = _holder(stream)
+            _sign(stream)
+        except OSError as error:
+            raise artifacts.WriteError(
+                f"{folder} cannot be a run's folder ({error.strerror}); choose one that can be written to, "
+                "hydra.run.dir=..., or make room"
+            ) from error
+        if left:
+            sys.stderr.write(f"{folder} was held by {left}, which is gone; its lock is taken over\n")
         artifacts.drop_unfinished(folder)
         try:
             yield
@@ -61,23 +68,51 @@ def held(folder: Path) -> Iterator[None]:
             path.unlink(missing_ok=True)
 
 
+@contextmanager
+def _folder_locked(path: Path) -> Iterator[None]:
+    """Lock the folder of a lock file: that file may be deleted under its holder."""
+    descriptor = os.open(path.parent, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        _lock(descriptor, path)
+        yield
+    finally:
+        os.close(descriptor)
+
+
 def _locked(path: Path) -> IO[str]:
     """Open and lock a file, and check that it still has this name."""
-    import fcntl  # noqa: PLC0415 - not on every system
-
     while True:
-        stream = path.open("a+", encoding="utf-8")
+        stream = open(path, "a+", encoding="utf-8", opener=_open_itself)  # noqa: SIM115 - held on to
         try:
-            fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError as error:
-            holder = _holder(stream) or "another process"
+            _lock(stream.fileno(), path)
+        except HeldError:
             stream.close()
-            raise HeldError(
-                f"{path.parent} is held by {holder}; wait for it, stop it, or choose another folder"
-            ) from error
+            raise
         if _is_at(stream, path):
             return stream
         stream.close()
+
+
+def _lock(descriptor: int, path: Path) -> None:
+    """Lock an open file or folder, where its file system can; raise HeldError if another process has."""
+    import fcntl  # noqa: PLC0415 - not on every system
+
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError as error:
+        holder = "another process"
+        with suppress(OSError), open(path, encoding="utf-8", opener=_open_itself) as stream:
+            holder = _holder(stream) or holder
+        raise HeldError(
+            f"{path.parent} is held by {holder}; wait for it, stop it, or choose another folder"
+        ) from error
+    except OSError:
+        _LOG.info("%s cannot be locked by its file system", path.parent)
+
+
+def _open_itself(path: str, flags: int) -> int:
+    """Open a file, but none that a link leads to."""
+    return os.open(path, flags | os.O_NOFOLLOW, 0o666)
 
 
 def _is_at(stream: IO[str], path: Path) -> bool:

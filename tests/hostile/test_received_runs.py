@@ -134,3 +134,36 @@ def test_a_run_of_a_version_that_hashed_every_key_is_resumed(tmp_path, monkeypat
     manifest["config_hash"] = hashlib.sha256(whole.encode()).hexdigest()
     artifacts.write_json(folder / artifacts.MANIFEST, manifest)
     assert main([f"resume={folder}"]) == 0
+
+
+LINKED = (".lock", "pipeline.log", "config.yaml", "evaluate", "search/journal.log.lock", "outputs/made")
+
+
+@pytest.mark.parametrize("name", LINKED)
+@pytest.mark.parametrize("is_finished", [False, True])
+def test_a_link_in_a_runs_folder_is_not_followed(name, is_finished, tmp_path, monkeypatch, capsys):
+    called = use_stages(monkeypatch)
+    folder, outside = received(tmp_path / "run"), tmp_path / "outside"
+    if is_finished:
+        assert main([f"resume={folder}"]) == 0
+    outside.write_text((folder / "config.yaml").read_text())
+    before = outside.read_bytes()
+    called.clear()
+    (folder / name).parent.mkdir(exist_ok=True)
+    (folder / name).unlink(missing_ok=True)
+    (folder / name).symlink_to(outside)
+    repeat = [[f"hydra.run.dir={folder}", "stages=[report]"]] if is_finished else []
+    for command in [[f"resume={folder}"], [*EVALUATE, f"hydra.run.dir={folder}"], *repeat]:
+        assert main(command) == 2
+        told = capsys.readouterr().err
+        assert "a link" in told
+        assert "Traceback" not in told
+    assert outside.read_bytes() == before
+    assert called == []
+
+
+def test_pipes_and_devices_are_refused_before_they_are_opened(tmp_path, capsys):
+    folder = received(tmp_path / "run")
+    os.mkfifo(folder / "pipeline.log")
+    assert main([f"resume={folder}"]) == 2
+    assert "pipeline.log is a pipe, socket or device" in capsys.readouterr().err

@@ -102,3 +102,30 @@ def test_values_are_set_where_they_stand():
         "optimizer.rounds",
         "sun.mode",
     ]
+
+
+@pytest.mark.parametrize(
+    "damage", [lambda text: text[:-7], lambda text: text.rpartition("{")[0], lambda _: "5"]
+)
+def test_a_damaged_journal_is_begun_anew_with_the_same_trials(damage, tmp_path, capsys):
+    journal = tmp_path / "journal.log"
+    whole = list(trials(journal, search(trials=6), 3, judge))
+    journal.write_text(damage(journal.read_text()))
+    assert list(trials(journal, search(trials=6), 3, judge)) == whole
+    assert "the search begins anew" in capsys.readouterr().err
+
+
+def test_a_trial_is_kept_once_it_has_been_taken(tmp_path):
+    journal, flown = tmp_path / "journal.log", []
+
+    def counted(values):
+        flown.append(values)
+        yield from judge(values)
+
+    taking = trials(journal, search(trials=3), 3, counted)
+    first = next(taking)
+    taking.close()  # killed before the first was taken in
+    assert not journal.exists()
+    assert next(trials(journal, search(trials=3), 3, counted)) == first
+    assert flown[0] == flown[1]
+    assert {path.name for path in tmp_path.iterdir()} <= {"journal.log"}

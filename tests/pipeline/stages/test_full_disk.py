@@ -2,7 +2,6 @@
 
 import errno
 import os
-import tempfile
 from dataclasses import replace
 from pathlib import Path
 
@@ -25,15 +24,15 @@ class Disk:
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, num_files: int, spared: tuple[str, ...] = ()):
         self.room, self.spared = num_files, spared
-        self.begin = tempfile.mkstemp
-        monkeypatch.setattr(tempfile, "mkstemp", self.mkstemp)
+        self.write = artifacts._write_beside
+        monkeypatch.setattr(artifacts, "_write_beside", self.write_beside)
         monkeypatch.setattr(train, "WRITE_EVERY_S", 0.0)
 
-    def mkstemp(self, prefix: str, suffix: str, dir: Path) -> tuple[int, str]:
+    def write_beside(self, path: Path, content: bytes | str) -> None:
         self.room -= 1
-        if self.room < 0 and not prefix.startswith(self.spared):
+        if self.room < 0 and not f".{path.name}".startswith(self.spared):
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-        return self.begin(prefix=prefix, suffix=suffix, dir=dir)
+        self.write(path, content)
 
 
 @pytest.fixture(scope="module")
