@@ -23,7 +23,7 @@ from pipeline.command_line.overrides import check_overrides, parse, rewrite_path
 from telemetry import commands as telemetry_commands
 from tests.fis_tools.review.cases import log_flight
 from tests.smoke.command_line import PROJECT
-from tests.smoke.pages import DOCS, PAGES, calls_of, commands, name_of
+from tests.smoke.pages import DOCS, FOLLOWED, PAGES, calls_of, commands, name_of
 
 #: what the site makes when it is built: no page of the repository
 GENERATED = ("live", "classics.md", "reference/commands.md", "reference/api")
@@ -68,8 +68,8 @@ REVIEWED = [
     page
     for page in PAGES
     if any(words[2] == "fis_tools" for words in commands(page))
-    # these are run whole, with what they print, by test_shown.py
-    and page not in [DOCS / name for name in SHOWN_PAGES]
+    # these are run whole, with what they print, by test_shown.py and test_tutorial.py
+    and page not in [*(DOCS / name for name in SHOWN_PAGES), FOLLOWED]
 ]
 
 
