@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from fis_tools.engines.program import Weighing, assemble
-from fis_tools.formats.c.parts import HEDGES, OPERATORS
+from fis_tools.formats.c.parts import formula
 from fis_tools.model import And, Expression, FuzzyController, FuzzySystem, Hedged, Is, Not, Or, Rule
 
 #: of the thrust logic itself, with a turn from body axes
@@ -74,10 +74,10 @@ def _inference(system: FuzzySystem) -> Operations:
                 found = found.plus(_CONCLUDED).plus(Operations(1, 1, 0, 2), len(system.inputs))
                 continue
             if not system.cuts(output):
-                each = _counted(OPERATORS[system.implication]).plus(_counted(OPERATORS[output.aggregation]))
+                each = _counted(system.implication).plus(_counted(output.aggregation))
                 found = found.plus(Operations(multiplications=1)).plus(each, output.num_points)
                 continue
-            joined = _counted(OPERATORS[system.variable(consequent.variable).accumulation])
+            joined = _counted(system.variable(consequent.variable).accumulation)
             found = found.plus(joined).plus(Operations(multiplications=1))
     for output, conclusion in zip(system.outputs, assemble(system).conclusions, strict=True):
         if isinstance(conclusion, Weighing):
@@ -104,24 +104,25 @@ def _antecedent(system: FuzzySystem, rule: Rule, expression: Expression) -> Oper
         case Not(operand):
             return Operations(additions=1).plus(_antecedent(system, rule, operand))
         case Hedged(hedge, operand):
-            return _counted(HEDGES[hedge]).plus(_antecedent(system, rule, operand))
+            return _counted(hedge).plus(_antecedent(system, rule, operand))
         case And(operands):
             word: str = system.and_operator_of(rule)
         case Or(operands):
             word = system.or_operator_of(rule)
-    found = Operations().plus(_counted(OPERATORS[word]), len(operands) - 1)
+    found = Operations().plus(_counted(word), len(operands) - 1)
     for operand in operands:
         found = found.plus(_antecedent(system, rule, operand))
     return found
 
 
-def _counted(formula: str) -> Operations:
-    """Count the operators in a formula, of all its branches; a root counts as a division."""
+def _counted(method: str) -> Operations:
+    """Count the operators in a method's formula, of all its branches; a root counts as a division."""
+    text = formula(method)
     return Operations(
-        additions=len(re.findall(r"[+-]", formula)),
-        multiplications=formula.count("*"),
-        divisions=formula.count("/") + formula.count("sqrt"),
-        comparisons=len(re.findall(r"[<>]=?|==|fmin", formula)),
+        additions=len(re.findall(r"[+-]", text)),
+        multiplications=text.count("*"),
+        divisions=text.count("/") + text.count("sqrt"),
+        comparisons=len(re.findall(r"[<>]=?|==|fmin", text)),
     )
 
 

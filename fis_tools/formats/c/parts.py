@@ -1,353 +1,58 @@
-"""The C functions that written systems share: each is written where some system calls it."""
+"""The C functions that written systems share, from ``parts.c``; a file has those that it calls."""
 
-_BINARY = "static double {name}(double a, double b)\n{{\n    return {value};\n}}\n"
+import re
+from functools import cache
+from pathlib import Path
 
-#: What two degrees of truth become, as in `fis_tools.model.operators`.
-OPERATORS = {
-    "min": "a < b ? a : b",
-    "product": "a * b",
-    "bounded_difference": "a + b - 1.0 > 0.0 ? a + b - 1.0 : 0.0",
-    "einstein_product": "a * b / (2.0 - (a + b - a * b))",
-    "hamacher_product": "a + b - a * b == 0.0 ? 0.0 : a * b / (a + b - a * b)",
-    "drastic_product": "b == 1.0 ? a : (a == 1.0 ? b : 0.0)",
-    "nilpotent_minimum": "a + b > 1.0 ? (a < b ? a : b) : 0.0",
-    "max": "a > b ? a : b",
-    "probabilistic_sum": "a + b - a * b",
-    "bounded_sum": "a + b < 1.0 ? a + b : 1.0",
-    "einstein_sum": "(a + b) / (1.0 + a * b)",
-    "hamacher_sum": "a * b < 0.5 ? fmin((a + b - 2.0 * (a * b)) / (1.0 - a * b), 1.0)"
-    " : (a * b == 1.0 ? 1.0 : 1.0 - (1.0 - a) * (1.0 - b) / (1.0 - a * b))",
-    "drastic_sum": "b == 0.0 ? a : (a == 0.0 ? b : 1.0)",
-    "nilpotent_maximum": "a + b < 1.0 ? (a > b ? a : b) : 1.0",
-    "unbounded_sum": "a + b",
-}
-
-#: What a hedge makes of one.
-HEDGES = {
-    "very": "a * a",
-    "somewhat": "sqrt(fmax(a, 0.0))",
-    "extremely": "a * a * a",
-    "intensely": "a <= 0.5 ? 2.0 * a * a : 1.0 - 2.0 * (1.0 - a) * (1.0 - a)",
-    "seldom": "a <= 0.5 ? sqrt(0.5 * fmax(a, 0.0)) : 1.0 - sqrt(0.5 * fmax(1.0 - a, 0.0))",
-}
-
-#: What the C function of an operator is called; `min`, `max` and `not` are macros in some headers.
-OPERATOR_NAMES = {word: f"fuzzy_{word}" for word in (*OPERATORS, *HEDGES, "not")}
-
-BELOW = """\
-/* The last point of a universe that is not above x, for an x inside. */
-static int point_below(const double universe[], int num_points, double x)
-{
-    int low = 0;
-    int high = num_points - 1;
-
-    while (low < high) {
-        const int middle = high - (high - low) / 2;
-
-        if (universe[middle] <= x) {
-            low = middle;
-        } else {
-            high = middle - 1;
-        }
-    }
-    return low;
-}
-"""
-
-MEMBERSHIP = """\
-/* A sampled membership function at x, which lies on the point `left` of the universe or beyond it. */
-static double membership_at(const double universe[], int num_points, const double sampled[], int left,
-                            double x)
-{
-    double slope;
-
-    if (!(x > universe[left])) {
-        return sampled[left];
-    }
-    if (left == num_points - 1) {
-        return 0.0;
-    }
-    slope = (sampled[left + 1] - sampled[left]) / (universe[left + 1] - universe[left]);
-    return slope * (x - universe[left]) + sampled[left];
-}
-"""
-
-FUZZIFY = """\
-/* How far x, clipped to the universe, belongs to each term. */
-static void fuzzify(double x, const double universe[], int num_points, const double sampled[], int num_terms,
-                    double degrees[])
-{
-    const double low = universe[0];
-    const double high = universe[num_points - 1];
-    const double inside = x < low ? low : (x > high ? high : x);
-    const int left = point_below(universe, num_points, inside);
-    int term;
-
-    for (term = 0; term < num_terms; ++term) {
-        degrees[term] = membership_at(universe, num_points, &sampled[term * num_points], left, inside);
-    }
-}
-"""
-
-CROSS = """\
-/* Where terms cross their cuts between two points of the universe, ascending. Returns how many. */
-static int cross(const double universe[], int num_points, const double sampled[], const double cuts[],
-                 int num_terms, double crossings[])
-{
-    int count = 0;
-    int term;
-
-    for (term = 0; term < num_terms; ++term) {
-        const double *const mf = &sampled[term * num_points];
-        const double cut = cuts[term];
-        int point;
-
-        for (point = 0; point < num_points - 1; ++point) {
-            const bool is_left = cut > 0.0 ? mf[point] >= cut : mf[point] > 0.0;
-            const bool is_right = cut > 0.0 ? mf[point + 1] >= cut : mf[point + 1] > 0.0;
-
-            if (is_left != is_right) {
-                const double width = universe[point + 1] - universe[point];
-                const double x = universe[point] + (cut - mf[point]) * width / (mf[point + 1] - mf[point]);
-                int place = count;
-
-                while (place > 0 && crossings[place - 1] > x) {
-                    crossings[place] = crossings[place - 1];
-                    --place;
-                }
-                crossings[place] = x;
-                ++count;
-            }
-        }
-    }
-    return count;
-}
-"""
-
-AGGREGATE = """\
-/* The highest of the cut terms at the points of the universe and at the crossings, ascending, each once.
- * Returns how many points there are. */
-static int aggregate(const double universe[], int num_points, const double sampled[], const double cuts[],
-                     int num_terms, double crossings[], double x[], double y[])
-{
-    const int num_crossings = cross(universe, num_points, sampled, cuts, num_terms, crossings);
-    int point = 0;
-    int crossing = 0;
-    int count = 0;
-
-    while (point < num_points || crossing < num_crossings) {
-        double here;
-
-        if (crossing == num_crossings || (point < num_points && universe[point] <= crossings[crossing])) {
-            here = universe[point];
-            ++point;
-        } else {
-            here = crossings[crossing];
-            ++crossing;
-        }
-        if (count == 0 || here > x[count - 1]) {
-            double highest = 0.0;
-            int term;
-
-            for (term = 0; term < num_terms; ++term) {
-                const double *const mf = &sampled[term * num_points];
-                const double degree = membership_at(universe, num_points, mf, point - 1, here);
-                const double height = degree < cuts[term] ? degree : cuts[term];
-
-                highest = height > highest ? height : highest;
-            }
-            x[count] = here;
-            y[count] = highest;
-            ++count;
-        }
-    }
-    return count;
-}
-"""
-
-#: Where terms are not cut by min, or not aggregated by max, each rule adds what it implies.
-CONCLUDE = """\
-/* What a rule implies, aggregated with what those before it imply. */
-static void {name}(const double sampled[], int num_points, double strength, double heights[])
-{{
-    int point;
-
-    for (point = 0; point < num_points; ++point) {{
-        heights[point] = {aggregation}(heights[point], {implication}(strength, sampled[point]));
-    }}
-}}
-"""
-
-GREATEST = """\
-static double greatest(const double y[], int count)
-{
-    double highest = 0.0;
-    int point;
-
-    for (point = 0; point < count; ++point) {
-        highest = y[point] > highest ? y[point] : highest;
-    }
-    return highest;
-}
-"""
-
-_CENTROID = """\
-/* The centre of area of a polygon, summed segment by segment. */
-static double centroid(const double x[], const double y[], int count)
-{
-    double moment = 0.0;
-    double area = 0.0;
-    int point;
-
-    for (point = 1; point < count; ++point) {
-        const double x1 = x[point - 1];
-        const double h1 = y[point - 1];
-        const double h2 = y[point];
-        const double width = x[point] - x1;
-        double centre;
-        double segment;
-
-        if (h1 == h2) {
-            centre = 0.5 * (x1 + x[point]);
-            segment = width * h1;
-        } else if (h1 == 0.0) {
-            centre = 2.0 / 3.0 * width + x1;
-            segment = 0.5 * width * h2;
-        } else if (h2 == 0.0) {
-            centre = 1.0 / 3.0 * width + x1;
-            segment = 0.5 * width * h1;
-        } else {
-            centre = (2.0 / 3.0 * width * (h2 + 0.5 * h1)) / (h1 + h2) + x1;
-            segment = 0.5 * width * (h1 + h2);
-        }
-        moment += centre * segment;
-        area += segment;
-    }
-    return moment / (area > 2.220446049250313e-16 ? area : 2.220446049250313e-16);
-}
-"""
-
-_BISECTOR = """\
-static double segment_area(const double x[], const double y[], int point)
-{
-    const double width = x[point] - x[point - 1];
-
-    return y[point - 1] == y[point] ? width * y[point] : 0.5 * width * (y[point - 1] + y[point]);
-}
-
-/* Where half of the area of a polygon lies on either side. As in scikit-fuzzy an empty segment starts the
- * area left of it anew, so that with a gap in the polygon this is another point, or NaN. */
-static double bisector(const double x[], const double y[], int count)
-{
-    double total = 0.0;
-    double sum = 0.0;
-    double left = 0.0;
-    double here = 0.0;
-    double rest;
-    double width;
-    double slope;
-    double h1;
-    double h2;
-    int point;
-
-    for (point = 1; point < count; ++point) {
-        total += segment_area(x, y, point);
-    }
-    for (point = 1; point < count; ++point) {
-        left = here;
-        sum += segment_area(x, y, point);
-        here = y[point - 1] == 0.0 && y[point] == 0.0 ? 0.0 : sum;
-        if (here >= total / 2.0) {
-            break;
-        }
-    }
-    rest = total / 2.0 - left;
-    width = x[point] - x[point - 1];
-    h1 = y[point - 1];
-    h2 = y[point];
-    if (h1 == h2) {
-        return rest / h1 + x[point - 1];
-    }
-    if (h1 == 0.0) {
-        return x[point - 1] + sqrt(2.0 * rest * width / h2);
-    }
-    if (h2 == 0.0) {
-        return x[point] - sqrt(width * width - 2.0 * rest * width / h1);
-    }
-    slope = (h2 - h1) / width;
-    return x[point - 1] - (h1 - sqrt(h1 * h1 + 2.0 * slope * rest)) / slope;
-}
-"""
-
-_MEAN_OF_MAXIMUM = """\
-/* The mean of the highest points. */
-static double mean_of_maximum(const double x[], const double y[], int count)
-{
-    const double highest = greatest(y, count);
-    double sum = 0.0;
-    int found = 0;
-    int point;
-
-    for (point = 0; point < count; ++point) {
-        if (y[point] == highest) {
-            sum += x[point];
-            ++found;
-        }
-    }
-    return sum / found;
-}
-"""
-
-_SMALLEST_OF_MAXIMUM = """\
-/* The least of the highest points. */
-static double smallest_of_maximum(const double x[], const double y[], int count)
-{
-    const double highest = greatest(y, count);
-    int point = 0;
-
-    while (y[point] < highest) {
-        ++point;
-    }
-    return x[point];
-}
-"""
-
-_LARGEST_OF_MAXIMUM = """\
-/* The greatest of the highest points. */
-static double largest_of_maximum(const double x[], const double y[], int count)
-{
-    const double highest = greatest(y, count);
-    int point = count - 1;
-
-    while (y[point] < highest) {
-        --point;
-    }
-    return x[point];
-}
-"""
-
-DEFUZZIFIER_NAMES = {
+#: What the C function of a defuzzifier is called; that of any other method is called ``fuzzy_`` and its name.
+DEFUZZIFIERS = {
     "centroid": "centroid",
     "bisector": "bisector",
     "mom": "mean_of_maximum",
     "som": "smallest_of_maximum",
     "lom": "largest_of_maximum",
 }
+_CONCLUDE = "conclude_by_IMPLICATION_and_AGGREGATION"
+_COMMENT = re.compile(r"/\*.*?\*/", re.DOTALL)
+_CALL = re.compile(r"\b(\w+)\(")
 
-ALWAYS = (BELOW, MEMBERSHIP, FUZZIFY)
-#: Where the terms of some output are cut.
-WHERE_CUT = (CROSS, AGGREGATE)
 
-#: The functions of operators and defuzzifiers by the model's words.
-BY_WORD = {
-    **{
-        word: f"static double {OPERATOR_NAMES[word]}(double a)\n{{\n    return {value};\n}}\n"
-        for word, value in {"not": "1.0 - a", **HEDGES}.items()
-    },
-    **{word: _BINARY.format(name=OPERATOR_NAMES[word], value=value) for word, value in OPERATORS.items()},
-    "centroid": _CENTROID,
-    "bisector": _BISECTOR,
-    "mom": _MEAN_OF_MAXIMUM,
-    "som": _SMALLEST_OF_MAXIMUM,
-    "lom": _LARGEST_OF_MAXIMUM,
-}
+@cache
+def _functions() -> dict[str, str]:
+    """Return the texts of the functions by their names."""
+    text = Path(__file__).with_name("parts.c").read_text(encoding="utf-8")
+    _opening, *functions = re.split(r"\n\n(?=/\*|static)", text.rstrip("\n"))
+    return {_CALL.findall(_COMMENT.sub("", function))[0]: f"{function}\n" for function in functions}
+
+
+def called(text: str) -> list[str]:
+    """Return the functions that a text calls, and those that these call, callees first.
+
+    Parameters
+    ----------
+    text : str
+        C source; what its comments say calls nothing.
+    """
+    functions = _functions()
+    found: set[str] = set()
+    waiting = [text]
+    while waiting:
+        names = set(_CALL.findall(_COMMENT.sub("", waiting.pop())))
+        new = (names & functions.keys()) - found
+        found |= new
+        waiting += (functions[name] for name in new)
+    return [function for name, function in functions.items() if name in found]
+
+
+def formula(method: str) -> str:
+    """Return what an operator or a hedge returns, an expression of one degree of truth or two."""
+    return _functions()[f"fuzzy_{method}"].partition("return ")[2].partition(";")[0]
+
+
+def conclude(implication: str, aggregation: str) -> tuple[str, str]:
+    """Return the function by which a rule adds what it implies where terms are not cut: its name and text."""
+
+    def said(text: str) -> str:
+        return text.replace("IMPLICATION", implication).replace("AGGREGATION", aggregation)
+
+    return said(_CONCLUDE), said(_functions()[_CONCLUDE])

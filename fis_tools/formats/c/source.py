@@ -10,31 +10,23 @@ from collections.abc import Iterable, Iterator, Sequence
 from functools import reduce
 from textwrap import wrap
 
-import numpy as np
-
-from fis_tools.engines.program import Conclusion, Weighing, assemble
-from fis_tools.formats.c import cost, thrust, weighing
-from fis_tools.formats.c.parts import (
-    ALWAYS,
-    BY_WORD,
-    CONCLUDE,
-    DEFUZZIFIER_NAMES,
-    GREATEST,
-    OPERATOR_NAMES,
-    WHERE_CUT,
-)
+from fis_tools.engines.program import Conclusion, assemble
+from fis_tools.formats.c import cost, parts, thrust
 from fis_tools.model import (
     And,
     Consequent,
     Expression,
+    Formula,
     FuzzyController,
     FuzzySystem,
     Hedged,
     Is,
     MembershipFunction,
+    MonotoneFunction,
     Not,
-    Or,
+    Number,
     Rule,
+    Sigmoid,
     Term,
     Variable,
 )
@@ -88,27 +80,19 @@ def write(controller: FuzzyController, bare: bool = False) -> str:
     prefix = "infer" if logic is None else "bare_infer" if bare else "static infer"
     identifiers = _identifiers(system.name for system in controller.systems)
     named = zip(identifiers, controller.systems, strict=True)
-    parts = [_Part(name, system, prefix) for name, system in named]
-    called = {word for part in parts for word in part.words_called()}
-    has_step = logic is not None and not bare
-    infer = {part.system.name: part.function_name for part in parts}
-    return "\n".join(
-        [
-            _header(controller, logic, has_step),
-            _OPENING,
-            *(thrust.structures(controller, logic) if logic is not None and has_step else ()),
-            *(f"{part.signature};" for part in parts),
-            "",
-            *ALWAYS,
-            *(WHERE_CUT if any(part.has_cuts for part in parts) else ()),
-            *((GREATEST,) if any(part.has_sets for part in parts) else ()),
-            *(text for word, text in BY_WORD.items() if word in called),
-            *dict.fromkeys(text for part in parts for text in part.conclusion_functions()),
-            *weighing.functions([shape for part in parts for shape in part.weighed_shapes()]),
-            *(block for part in parts for block in (*part.tables(), part.function())),
-            *(thrust.functions(controller, logic, infer) if logic is not None and has_step else ()),
-        ]
-    )
+    written = [_Part(name, system, prefix) for name, system in named]
+    own = [
+        *dict.fromkeys(text for part in written for text in part.conclusion_functions()),
+        *(block for part in written for block in (*part.tables(), part.function())),
+    ]
+    declared = [f"{part.signature};" for part in written]
+    if logic is not None and not bare:
+        infer = {part.system.name: part.function_name for part in written}
+        own.append(thrust.functions(controller, logic, infer))
+        declared.insert(0, thrust.structures(controller, logic).rstrip())
+    shared = parts.called("".join(own))
+    header = _header(controller, logic, has_step=logic is not None and not bare)
+    return "\n".join([header, _OPENING, *declared, "", *shared, *own])
 
 
 def function_name(system: FuzzySystem) -> str:
@@ -116,7 +100,7 @@ def function_name(system: FuzzySystem) -> str:
     return f"infer_{_identifiers([system.name])[0]}"
 
 
-def _header(controller: FuzzyController, logic: ThrustLogic | None, has_step: bool) -> str:
+def _header(controller: FuzzyController, logic: ThrustLogic | None, *, has_step: bool) -> str:
     facts = [f"{key}: {value}" for key, value in (*controller.attributes, *controller.provenance)]
     about: tuple[str, ...] = ()
     if has_step:
@@ -222,35 +206,6 @@ class _Part:
     def _linkage(self) -> str:
         return "static " if self.prefix.startswith("static ") else ""
 
-    def words_called(self) -> set[str]:
-        """Return the operators and defuzzifiers that the function calls: a compiler warns of idle ones."""
-        system = self.system
-        called = {word for rule in system.rules for word in self._operators(rule, rule.antecedent)}
-        for output in system.outputs:
-            conclusion = self.conclusions[output.name]
-            if isinstance(conclusion, Weighing):
-                continue
-            called |= {system.defuzzifier_of(output)} if len(conclusion.rules) else set()
-            if not system.cuts(output):
-                called |= {system.implication, output.aggregation} if len(conclusion.rules) else set()
-            elif np.any(np.diff(conclusion.bounds) > 1):
-                called.add(output.accumulation)
-        return called
-
-    @property
-    def has_sets(self) -> bool:
-        """Whether some output is defuzzified from a fuzzy set."""
-        return any(self.concluded[o.name] and not self.system.weighs(o) for o in self.system.outputs)
-
-    def weighed_shapes(self) -> list[MembershipFunction]:
-        """Return what rules conclude on outputs that are weighed."""
-        return [term.membership for o in self.system.weighed for term in self.concluded[o.name]]
-
-    @property
-    def has_cuts(self) -> bool:
-        """Whether the terms of some output are cut."""
-        return bool(self._cutting())
-
     def _cutting(self) -> list[Conclusion]:
         """Return what becomes of the outputs whose terms are cut."""
         outputs = (o for o in self.system.outputs if self.concluded[o.name] and self.system.cuts(o))
@@ -260,35 +215,15 @@ class _Part:
     def conclusion_functions(self) -> Iterator[str]:
         """Write the functions by which rules add what they imply, where terms are not cut."""
         for output in self.system.outputs:
-            adds = not self.system.cuts(output) and not self.system.weighs(output)
-            if self.concluded[output.name] and adds:
-                yield CONCLUDE.format(
-                    name=self._concluding(output),
-                    aggregation=OPERATOR_NAMES[output.aggregation],
-                    implication=OPERATOR_NAMES[self.system.implication],
-                )
+            if (
+                self.concluded[output.name]
+                and not self.system.cuts(output)
+                and not self.system.weighs(output)
+            ):
+                yield self._conclude(output)[1]
 
-    def _concluding(self, output: Variable) -> str:
-        return f"conclude_by_{self.system.implication}_and_{output.aggregation}"
-
-    def _operators(self, rule: Rule, expression: Expression) -> Iterator[str]:
-        match expression:
-            case Not(operand):
-                yield "not"
-                yield from self._operators(rule, operand)
-            case Hedged(hedge, operand):
-                yield hedge
-                yield from self._operators(rule, operand)
-            case And(operands) | Or(operands):
-                if len(operands) > 1:
-                    yield self._operator(rule, expression)
-                for operand in operands:
-                    yield from self._operators(rule, operand)
-
-    def _operator(self, rule: Rule, expression: And | Or) -> str:
-        if isinstance(expression, And):
-            return self.system.and_operator_of(rule)
-        return self.system.or_operator_of(rule)
+    def _conclude(self, output: Variable) -> tuple[str, str]:
+        return parts.conclude(self.system.implication, output.aggregation)
 
     def tables(self) -> Iterator[str]:
         """Write universes and sampled membership functions."""
@@ -390,7 +325,7 @@ class _Part:
                 target = f"{self._cuts(consequent.variable)}[{terms.index(consequent.term)}]"
                 value = "strength" if consequent.weight == 1.0 else f"strength * {float(consequent.weight)!r}"
                 if target in cut:
-                    value = f"{OPERATOR_NAMES[accumulations[consequent.variable]]}({value}, {target})"
+                    value = f"fuzzy_{accumulations[consequent.variable]}({value}, {target})"
                 cut.add(target)
                 yield f"{target} = {value};"
 
@@ -399,7 +334,7 @@ class _Part:
         weight = float(consequent.weight)
         strength = "strength" if weight == 1.0 else f"(strength * {weight!r})"
         shape = output.terms[output.term_index(consequent.term)].membership
-        number = weighing.concluded(shape, strength, self.system.inputs, output)
+        number = _number_concluded(shape, strength, self.system.inputs, output)
         total, moment = self._total(output.name), self._moment(output.name)
         return f"weigh({strength}, {number}, &{total}, &{moment});"
 
@@ -408,7 +343,7 @@ class _Part:
         row = [term.name for term in self.concluded[output.name]].index(consequent.term)
         strength = f"strength * {float(consequent.weight)!r}"
         return (
-            f"{self._concluding(output)}(memberships_{self._place(output)}[{row}], {output.num_points}, "
+            f"{self._conclude(output)[0]}(memberships_{self._place(output)}[{row}], {output.num_points}, "
             f"{strength}, {self._heights(output.name)});"
         )
 
@@ -418,12 +353,13 @@ class _Part:
                 index = self.system.variable(variable).term_index(term)
                 return f"{self._degrees(variable)}[{index}]"
             case Not(operand):
-                return f"{OPERATOR_NAMES['not']}({self._degree(rule, operand)})"
+                return f"fuzzy_not({self._degree(rule, operand)})"
             case Hedged(hedge, operand):
-                return f"{OPERATOR_NAMES[hedge]}({self._degree(rule, operand)})"
-        operator = OPERATOR_NAMES[self._operator(rule, expression)]
+                return f"fuzzy_{hedge}({self._degree(rule, operand)})"
+        is_and = isinstance(expression, And)
+        word = self.system.and_operator_of(rule) if is_and else self.system.or_operator_of(rule)
         operands = [self._degree(rule, operand) for operand in expression.operands]
-        return reduce(lambda left, right: f"{operator}({left}, {right})", operands)
+        return reduce(lambda left, right: f"fuzzy_{word}({left}, {right})", operands)
 
     def _results(self) -> Iterator[str]:
         is_one = len(self.system.outputs) == 1
@@ -441,7 +377,7 @@ class _Part:
                 yield f"{target} {total} > 0.0 ? {value} : {default};"
                 continue
             table, size = self._place(output), len(self.concluded[output.name])
-            defuzzifier = DEFUZZIFIER_NAMES[self.system.defuzzifier_of(output)]
+            defuzzifier = parts.DEFUZZIFIERS[self.system.defuzzifier_of(output)]
             if not self.system.cuts(output):
                 heights, count = self._heights(output.name), output.num_points
                 yield from _wrapped(
@@ -469,6 +405,33 @@ class _Part:
 
     def _cuts(self, variable: str) -> str:
         return f"cuts_{self.words[variable]}"
+
+
+def _number_concluded(
+    shape: MembershipFunction, strength: str, inputs: Sequence[Variable], output: Variable
+) -> str:
+    """Write the number that a rule of some strength concludes, an expression of doubles."""
+    if isinstance(shape, Formula):
+        raise ValueError(
+            f"output {output.name!r} concludes the formula {shape.text[:40]!r}, and C is written for numbers "
+            "linear in the inputs; export as fll or json"
+        )
+    if isinstance(shape, Number):
+        *coefficients, constant = shape.row(len(inputs))
+        terms = [repr(float(constant))]
+        terms += [
+            f"{float(coefficient)!r} * inside(inputs[{place}], {float(v.minimum)!r}, {float(v.maximum)!r})"
+            for place, (coefficient, v) in enumerate(zip(coefficients, inputs, strict=True))
+            if coefficient
+        ]
+        return " + ".join(terms)
+    assert isinstance(shape, MonotoneFunction)  # noqa: S101 - any other has been refused by validation
+    first, second = (repr(float(getattr(shape, name))) for name in shape.entry.kinds)
+    place = f"where_{shape.entry.name}({strength} < 1.0 ? {strength} : 1.0, {first}, {second})"
+    if isinstance(shape, Sigmoid):  # reaches one nowhere
+        end = output.maximum if shape.slope > 0.0 else output.minimum
+        return f"{strength} < 1.0 ? {place} : {float(end)!r}"
+    return place
 
 
 def _extent(variable: Variable) -> str:

@@ -1,14 +1,17 @@
-"""Fuzzy Control Language (IEC 61131-7) written, for programmable controllers and fuzzylite.
+"""Fuzzy Control Language (IEC 61131-7): written for programmable controllers and fuzzylite, and read.
 
 The language knows straight lines between points and nothing else. Triangles and trapezoids are written by
 their corners; any other shape by its points on the universe, between which this program takes straight lines
 too, so nothing is lost by it.
+
+Read are files of fuzzylite, jFuzzyLogic and programmable controllers. A statement ends with a semicolon, or
+with its line, as fuzzylite writes it. Words of the language are read in capitals or not. Besides points,
+shapes are read by the names that fuzzylite and jFuzzyLogic give them.
 """
 
 from collections.abc import Iterator
 from itertools import groupby, pairwise
-
-from fis_tools.formats.exchange.dialect import Dialect, only_system, say
+from fis_tools.formats.exchange.dialect import Dialect, only_system, express
 from fis_tools.formats.exchange.files import Written
 from fis_tools.formats.exchange.foreign import concluded_words, rule_words
 from fis_tools.formats.exchange.losses import losses
@@ -26,6 +29,24 @@ from fis_tools.model import (
     parts_of,
 )
 from fis_tools.model.variables import sample
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from fis_tools.formats.error import ControllerFileError
+from fis_tools.formats.exchange import foreign
+from fis_tools.formats.exchange.carried import understand
+from fis_tools.formats.exchange.dialect import settle
+from fis_tools.formats.exchange.files import Reading
+from fis_tools.formats.exchange.fll_rules import Operators, chained, read_rules
+from fis_tools.formats.exchange.foreign import FLANKS, Extent, Table
+from fis_tools.formats.exchange.hedges import with_any
+from fis_tools.formats.exchange.methods import AGGREGATIONS, AND, DEFUZZIFIERS, NORMALIZED_SUMS, OR, meanings
+from fis_tools.model import FuzzySystem, MembershipFunction, Rule, Variable
+from fis_tools.model.operators import WEIGHING
+from fis_tools.model.shape import words_of
+
+
+
 
 DIALECT = Dialect(
     title="an FCL file", is_nested=True, hedges="fcl", most_words=99, concludes_hedged=True, is_read=False
@@ -46,8 +67,8 @@ def write(controller: FuzzyController) -> Written:
         If something is wrong with the controller.
     """
     to_mapping(controller)
-    said = say(only_system(controller, DIALECT), DIALECT)
-    system, original = said.system, said.source
+    expressed = express(only_system(controller, DIALECT), DIALECT)
+    system, original = expressed.system, expressed.source
     lines = [f"FUNCTION_BLOCK {system.name}", ""]
     for kind, variables in (("VAR_INPUT", system.inputs), ("VAR_OUTPUT", system.outputs)):
         lines += [kind, *(f"  {variable.name} : REAL;" for variable in variables), "END_VAR", ""]
@@ -77,7 +98,7 @@ def write(controller: FuzzyController) -> Written:
             lines.append(f"  RULE {place} : {rule_words(rule)};")
         lines += ["END_RULEBLOCK", ""]
     lines.append("END_FUNCTION_BLOCK")
-    return Written("\n".join(lines) + "\n", (*losses(controller, said, DIALECT), *_strangers(system)))
+    return Written("\n".join(lines) + "\n", (*losses(controller, expressed, DIALECT), *_limited_support(system)))
 
 
 def _range(variable: Variable) -> str:
@@ -94,9 +115,9 @@ def _concluded_lines(output: Variable) -> Iterator[str]:
     """Say what is concluded on an output that is weighed: a number as it is, else in fuzzylite's words."""
     for term in output.terms:
         word, values = concluded_words(term.membership, "fll")
-        said = [] if isinstance(term.membership, Constant) else [word]
-        said += [value if isinstance(value, str) else repr(value) for value in values]
-        yield f"  TERM {term.name} := {' '.join(said)};"
+        expressed = [] if isinstance(term.membership, Constant) else [word]
+        expressed += [value if isinstance(value, str) else repr(value) for value in values]
+        yield f"  TERM {term.name} := {' '.join(expressed)};"
 
 
 def _points(variable: Variable, term: Term) -> list[tuple[float, float]]:
@@ -127,7 +148,7 @@ def _without_walls_at_the_ends(
     return kept
 
 
-def _strangers(system: FuzzySystem) -> Iterator[str]:
+def _limited_support(system: FuzzySystem) -> Iterator[str]:
     """Tell what the standard does not know."""
     words = {DEFUZZIFIERS[system.defuzzifier_of(output)].fcl for output in system.outputs}
     defuzzified = [output for output in system.outputs if not system.weighs(output)]
@@ -145,3 +166,258 @@ def _strangers(system: FuzzySystem) -> Iterator[str]:
     words |= {HEDGES[part.hedge].fcl for part in parts if isinstance(part, Hedged)}
     for word in sorted(words - _STANDARD):
         yield f"{word} is not in IEC 61131-7; fuzzylite knows it"
+
+
+_BLOCKS = ("VAR_INPUT", "VAR_OUTPUT", "FUZZIFY", "DEFUZZIFY", "RULEBLOCK")
+#: What each block may say besides terms, rules and variables.
+_SETTINGS = ("RANGE", "METHOD", "ACCU", "DEFAULT", "AND", "OR", "ACT", "ENABLED", "LOCK")
+#: jFuzzyLogic's names of shapes, and the order of their numbers where it is another.
+_JFUZZYLOGIC = {
+    "TRIAN": ("Triangle", (0, 1, 2)),
+    "TRAPE": ("Trapezoid", (0, 1, 2, 3)),
+    "GAUSS": ("Gaussian", (0, 1)),
+    "GBELL": ("Bell", (2, 0, 1)),
+    "SIGM": ("Sigmoid", (1, 0)),
+}
+_RULE_WORDS = ("if", "is", "and", "or", "not", "then", "with")
+
+
+@dataclass
+class _Block:
+    """A block of a file: what opens it, its name, settings, and what it lists, each with its line."""
+
+    kind: str
+    name: str
+    line: int
+    settings: dict[str, tuple[int, str]] = field(default_factory=dict)
+    listed: list[tuple[int, str]] = field(default_factory=list)
+
+
+def read(text: str) -> Reading:
+    """Read an `.fcl` file.
+
+    Raises
+    ------
+    ControllerFileError
+        If it is damaged or says what a fuzzy system of ours cannot; with the line.
+    """
+    name, blocks = _blocks(text)
+    reading = understand(_system(name, blocks), [], DIALECT)
+    kept = (foreign.kept_words(block.name) for block in blocks if _keeps_last(block))
+    return Reading(reading.controller, (*reading.assumptions, *kept))
+
+
+def _statements(text: str) -> Iterator[tuple[int, str]]:
+    """Yield statements without remarks, each with the line where it begins."""
+    plain = re.sub(r"\(\*.*?\*\)|/\*.*?\*/", lambda found: "\n" * found[0].count("\n"), text, flags=re.DOTALL)
+    waiting: tuple[int, str] | None = None
+    for line, raw in enumerate(plain.splitlines(), start=1):
+        content = re.split(r"//|#", raw)[0].strip()
+        if content.startswith("%"):
+            content = ""
+        if waiting is not None and re.match(r"(AND|OR|THEN|WITH)\b(?!\s*:)", content, re.IGNORECASE):
+            content, line = f"{waiting[1]} {content}", waiting[0]  # noqa: PLW2901 - it began there
+        elif waiting is not None:
+            yield waiting
+        *whole, rest = content.split(";")
+        yield from ((line, part.strip()) for part in whole if part.strip())
+        waiting = (line, rest.strip()) if rest.strip() else None
+    if waiting is not None:
+        yield waiting
+
+
+def _blocks(text: str) -> tuple[str, list[_Block]]:
+    names: list[str] = []
+    blocks: list[_Block] = []
+    is_open = False
+    for line, content in _statements(text):
+        word, rest = [*content.split(maxsplit=1), ""][:2]
+        key = word.upper().rstrip(":")
+        if key == "FUNCTION_BLOCK":
+            names.append(rest)
+        elif key in _BLOCKS and not is_open:
+            is_list = key.startswith("VAR_")  # its first variable may stand in the same line
+            blocks.append(_Block(key, "" if is_list else rest, line))
+            blocks[-1].listed += [(line, rest)] if is_list and rest else []
+            is_open = True
+        elif key.startswith("END_"):
+            is_open = False
+        elif not is_open:
+            raise ControllerFileError(
+                f"line {line}: {content[:40]!r} stands in no block; is this an .fcl file?"
+            )
+        elif key in _SETTINGS:
+            blocks[-1].settings[key] = (line, content[len(word) :].lstrip(" :=").strip())
+        else:
+            blocks[-1].listed.append((line, content))
+    if len(names) != 1:
+        raise ControllerFileError(
+            f"the file has {len(names)} function blocks; expected one, FUNCTION_BLOCK name"
+        )
+    return names[0], blocks
+
+
+def _system(name: str, blocks: Sequence[_Block]) -> FuzzySystem:
+    declared = {
+        kind: [
+            re.split(r"[:\s]", content)[0]
+            for block in blocks
+            if block.kind == kind
+            for _, content in block.listed
+        ]
+        for kind in ("VAR_INPUT", "VAR_OUTPUT")
+    }
+    described = {block.name: block for block in blocks if block.kind in {"FUZZIFY", "DEFUZZIFY"}}
+    variables = {}
+    for kind, names in declared.items():
+        for variable in names:
+            if variable not in described:
+                raise ControllerFileError(f"{kind} {variable[:40]!r} has no terms; add FUZZIFY or DEFUZZIFY")
+            variables[variable] = _variable(
+                described[variable], declared["VAR_INPUT"], is_output=kind == "VAR_OUTPUT"
+            )
+    inputs, outputs = (tuple(variables[name] for name in declared[k]) for k in ("VAR_INPUT", "VAR_OUTPUT"))
+    rule_blocks = [block for block in blocks if block.kind == "RULEBLOCK"]
+    weighed = {output.name for output in outputs if output.defuzzifier in WEIGHING}
+    groups = [list(_rules(block)) for block in rule_blocks]
+    activations = {
+        _word(block, "ACT", "MIN")
+        for block, group in zip(rule_blocks, groups, strict=True)
+        if any(consequent.variable not in weighed for rule in group for consequent in rule.consequents)
+    }
+    if len(activations) > 1:
+        raise ControllerFileError(
+            f"the rule blocks activate by {' and '.join(sorted(activations))}, and a system of ours has one "
+            "implication; give each block a file of its own"
+        )
+    rules = [rule for group in groups for rule in group]
+    word = next(iter(activations), "MIN")
+    return settle(
+        FuzzySystem(
+            name=name or "unnamed",
+            inputs=with_any(inputs, rules),
+            outputs=outputs,
+            rules=tuple(chained(rules, outputs)),
+            implication=foreign.choice(meanings(AND, "fcl"), word, "the activation ACT", ""),
+        )
+    )
+
+
+def _keeps_last(block: _Block) -> bool:
+    """Return whether an output keeps its last value where no rule fires."""
+    ways = block.settings.get("DEFAULT", (0, ""))[1].partition("|")
+    is_kept = "NC" in {way.strip().upper() for way in ways}
+    return is_kept or "PREVIOUS" in block.settings.get("LOCK", (0, ""))[1].upper()
+
+
+def _word(block: _Block, key: str, usual: str) -> str:
+    found = block.settings.get(key, (0, usual))[1].upper()
+    return usual if found == "NONE" else found
+
+
+def _rules(block: _Block) -> Iterator[Rule]:
+    """Read the rules of a block."""
+    where = f"line {block.line}: the operator"
+    conjunction = foreign.choice(meanings(AND, "fcl"), _word(block, "AND", "MIN"), where, "")
+    known = {**meanings(OR, "fcl"), **NORMALIZED_SUMS}
+    disjunction = foreign.choice(known, _word(block, "OR", "MAX"), where, "")
+    operators: Operators = (conjunction, disjunction)
+    for line, content in block.listed:
+        rule = re.fullmatch(r"RULE\b[^:]*:?\s*(.*)", content, re.IGNORECASE | re.DOTALL)
+        if rule is None:
+            raise ControllerFileError(
+                f"line {line}: {content[:40]!r} is not RULE number : IF … THEN …; correct it"
+            )
+        words = (w.lower() if w.lower() in _RULE_WORDS else w for w in re.findall(r"[()]|[^\s()]+", rule[1]))
+        for read in read_rules(line, " ".join(words), operators):
+            yield replace(read, and_operator=conjunction, or_operator=disjunction)
+
+
+def _variable(block: _Block, inputs: Sequence[str], *, is_output: bool) -> Variable:
+    terms = [_named_term(line, content) for line, content in block.listed]
+    extent = _extent(block, terms)
+    if not is_output:
+        found = [(name, _shape(line, words, extent)) for line, name, words in terms]
+        return foreign.variable(block.name, extent, found, is_output=False)
+    where = f"line {block.line}: of {block.name}"
+    known = meanings(DEFUZZIFIERS, "fcl")
+    defuzzifier = foreign.choice(known, _word(block, "METHOD", "COG"), f"{where} METHOD", "")
+    aggregations = {**meanings(AGGREGATIONS, "fcl"), **NORMALIZED_SUMS}
+    aggregation = foreign.choice(aggregations, _word(block, "ACCU", "MAX"), f"{where} ACCU", "")
+    line, default = block.settings.get("DEFAULT", (block.line, "nan"))
+    default = default.partition("|")[0].strip()
+    is_weighed = defuzzifier in WEIGHING
+    return foreign.variable(
+        block.name,
+        extent,
+        [
+            (name, _concluded(line, words, inputs) if is_weighed else _shape(line, words, extent))
+            for line, name, words in terms
+        ],
+        is_output=True,
+        default=None
+        if default.lower() in {"nan", "nc"}
+        else foreign.number(default, f"line {line}: DEFAULT"),
+        defuzzifier=defuzzifier,
+        aggregation="unbounded_sum" if is_weighed else aggregation,
+    )
+
+
+def _concluded(line: int, words: str, inputs: Sequence[str]) -> MembershipFunction:
+    """Read a term of an output that is weighed: a number as it stands, or in fuzzylite's words."""
+    if re.fullmatch(r"[-+.\d]\S*", words):
+        words = f"Constant {words}"
+    word, *rest = words.split()
+    where = f"line {line}"
+    if word == "Function":
+        return foreign.concluded_formula(" ".join(rest), inputs, where)
+    return foreign.concluded(word, foreign.places(rest, where), len(inputs), "fll", where)
+
+
+def _named_term(line: int, content: str) -> tuple[int, str, str]:
+    term = re.fullmatch(r"TERM\s+(\S+)\s*:=\s*(\S.*)", content, re.IGNORECASE | re.DOTALL)
+    if term is None:
+        raise ControllerFileError(
+            f"line {line}: {content[:40]!r} is not TERM name := (0, 0) (1, 1); correct it"
+        )
+    return line, term[1], term[2].strip()
+
+
+def _extent(block: _Block, terms: Sequence[tuple[int, str, str]]) -> Extent:
+    """Return the range that a block states; else from the first to the last point of its terms."""
+    if "RANGE" in block.settings:
+        line, value = block.settings["RANGE"]
+        ends = foreign.numbers(re.sub(r"[()]|\.\.", " ", value).split(), f"line {line}: RANGE")
+        if len(ends) != 2:
+            raise ControllerFileError(f"line {line}: RANGE has {len(ends)} numbers; expected two, (0 .. 10)")
+        return Extent(*ends)
+    points = [x for line, _, words in terms if words.startswith("(") for x in _table(line, words).x]
+    if not points or not all(words.startswith("(") for _, _, words in terms):
+        raise ControllerFileError(
+            f"line {block.line}: {block.name[:40]} has no RANGE; add RANGE := (0 .. 10)"
+        )
+    return Extent(min(points), max(points))
+
+
+def _table(line: int, words: str) -> Table:
+    return foreign.table(
+        foreign.numbers(re.sub(r"[(),]", " ", words).split(), f"line {line}"), f"line {line}"
+    )
+
+
+def _shape(line: int, words: str, extent: Extent) -> MembershipFunction | Table:
+    where = f"line {line}"
+    if words.startswith("("):
+        return _table(line, words)
+    word, *rest = words.split()
+    if re.fullmatch(r"[-+.\d].*", word) or word in {"Constant", "Linear", "Function"}:
+        raise ControllerFileError(
+            f"{where}: the term is a number and no fuzzy set; only outputs by the METHOD COGS have such terms"
+        )
+    values = foreign.places(rest, where)
+    if word.upper() in _JFUZZYLOGIC:
+        word, order = _JFUZZYLOGIC[word.upper()]
+        values = [values[place] for place in order] if len(values) == len(order) else values
+    if word == "Discrete":
+        return foreign.table(values, where)
+    return foreign.shape(word, values, extent, words_of("fll"), FLANKS, where)

@@ -1,27 +1,136 @@
-"""What a file of another program cannot hold of a controller, in sentences."""
+"""What a file of another program cannot hold of a controller, and how far other programs' answers are from ours.
 
-from collections.abc import Iterator, Sequence
+Other programs evaluate the formulas of inputs themselves, cut the terms of an output at points of their own,
+and sum over these: MATLAB and Octave at the 101 points of `linspace`, fuzzylite in the middles of the
+intervals that a file states. Both take a point for as wide as a step; scikit-fuzzy integrates straight lines
+between the points of its universe. The difference grows as a universe gets coarser.
+"""
 
-from fis_tools.formats.exchange.dialect import Dialect, Said
-from fis_tools.formats.exchange.elsewhere import changes
-from fis_tools.model import And, Expression, FuzzyController, FuzzySystem, Hedged, Is, Not, Or, Rule, Variable
+from collections.abc import Iterator
+import numpy as np
+from fis_tools.engines import inference
+from fis_tools.formats.exchange.dialect import Expressed
+from fis_tools.model import FuzzySystem, Sampled, Variable
+from fis_tools.model.operators import AGGREGATIONS, AND_OPERATORS
+from fis_tools.model.variables import shape_values
+from fis_tools.typing import Floats
 from fis_tools.words.text import number
+from collections.abc import Iterator, Sequence
+from fis_tools.formats.exchange.dialect import Dialect, Expressed
+from fis_tools.model import And, Expression, FuzzyController, FuzzySystem, Hedged, Is, Not, Or, Rule, Variable
 
 
-def losses(controller: FuzzyController, said: Said, dialect: Dialect) -> tuple[str, ...]:
+
+
+#: Inputs at which answers are compared, the most and the fewest; fewer of many points, which take longer.
+SAMPLES = 256, 16
+POINTS = 20_000
+#: The share of an output's range from which on a change is told.
+NOTABLE = 1e-3
+
+
+def changes(original: FuzzySystem, expressed: Expressed, *, takes_middles: bool) -> Iterator[str]:
+    """Tell for each output how far the answers of other programs are from those of the original.
+
+    Parameters
+    ----------
+    original : FuzzySystem
+        What was written.
+    expressed : Expressed
+        What a reader of the file sees.
+    takes_middles : bool
+        Whether the readers sample the middles of intervals, as fuzzylite does.
+    """
+    low, high = (np.array([getattr(v, end) for v in original.inputs]) for end in ("minimum", "maximum"))
+    most, fewest = SAMPLES
+    count = min(most, max(fewest, POINTS // max(v.num_points for v in original.outputs)))
+    samples = np.random.default_rng(0).random((count, len(low))) * (high - low) + low
+    ours = inference.evaluate(original, samples)
+    theirs = answers(expressed.system, samples, takes_middles=takes_middles)
+    for output, change in zip(original.outputs, np.abs(ours - theirs).max(axis=0), strict=True):
+        share = change / (output.maximum - output.minimum)
+        if share >= NOTABLE:
+            amount = number(float(f"{change:.2g}"))
+            yield f"{output.name} by up to {amount}, {100 * share:.2g} % of its range"
+
+
+def answers(system: FuzzySystem, samples: Floats, *, takes_middles: bool) -> Floats:
+    """Return the outputs, (n, num_outputs), as sums over points, for samples (n, num_inputs)."""
+    firing = inference.firing_strengths(system, samples)
+    columns = []
+    for place, output in enumerate(system.outputs):
+        if system.weighs(output):
+            columns.append(inference.evaluate(system, samples)[:, place])
+            continue
+        points = _points(output, takes_middles=takes_middles)
+        heights = _heights(system, output, firing, points)
+        columns.append(_defuzzified(system.defuzzifier_of(output), points, heights, output))
+    return np.stack(columns, axis=1)
+
+
+def _points(output: Variable, *, takes_middles: bool) -> Floats:
+    if not takes_middles:
+        return output.universe
+    edges = np.linspace(output.minimum, output.maximum, output.num_points)
+    middles: Floats = 0.5 * (edges[1:] + edges[:-1])
+    return middles
+
+
+def _heights(system: FuzzySystem, output: Variable, firing: Floats, points: Floats) -> Floats:
+    """Return what the rules conclude together, (n, points)."""
+    strengths: dict[str, list[Floats]] = {}
+    for strength, rule in zip(firing.T, system.rules, strict=True):
+        for consequent in rule.consequents:
+            if consequent.variable == output.name:
+                strengths.setdefault(consequent.term, []).append(consequent.weight * strength)
+    imply, aggregate = AND_OPERATORS[system.implication], AGGREGATIONS[output.aggregation]
+    heights = np.zeros((len(firing), len(points)))
+    for term, activations in strengths.items():
+        shape = output.terms[output.term_index(term)].membership
+        if isinstance(shape, Sampled):
+            degrees = np.interp(points, output.universe, shape.values)
+        else:
+            degrees = shape_values(points, shape)
+        each = [np.max(activations, axis=0)] if output.counts_strongest else activations
+        for activation in each:
+            heights = aggregate(heights, imply(activation[:, np.newaxis], degrees[np.newaxis]))
+    return heights
+
+
+def _defuzzified(defuzzifier: str, points: Floats, heights: Floats, output: Variable) -> Floats:
+    total = heights.sum(axis=1)
+    fires = total > 0.0
+    found = np.full(len(heights), output.default, dtype=np.float64)
+    top = heights == heights.max(axis=1, keepdims=True)
+    match defuzzifier:
+        case "centroid":
+            values = heights @ points / np.where(fires, total, 1.0)
+        case "bisector":
+            values = points[np.argmax(np.cumsum(heights, axis=1) >= 0.5 * total[:, np.newaxis], axis=1)]
+        case "som":
+            values = points[np.argmax(top, axis=1)]
+        case "lom":
+            values = points[top.shape[1] - 1 - np.argmax(top[:, ::-1], axis=1)]
+        case _:
+            values = (top @ points) / top.sum(axis=1)
+    found[fires] = values[fires]
+    return found
+
+
+def losses(controller: FuzzyController, expressed: Expressed, dialect: Dialect) -> tuple[str, ...]:
     """List what a file does not say of a controller with one system, one sentence each.
 
     Parameters
     ----------
     controller : FuzzyController
         What was to be written.
-    said : Said
-        What `say` made of its system.
+    expressed : Expressed
+        What `express` made of its system.
     dialect : Dialect
         The format.
     """
-    found = [f"{what}: {_listed(items)}" for what, items in _differences(controller, said, dialect) if items]
-    moved = list(changes(controller.systems[0], said, takes_middles=dialect.holds_resolution))
+    found = [f"{what}: {_listed(items)}" for what, items in _differences(controller, expressed, dialect) if items]
+    moved = list(changes(controller.systems[0], expressed, takes_middles=dialect.holds_resolution))
     if moved:
         found.append(f"other programs sample in ways of their own, so that answers differ: {_listed(moved)}")
     if found and dialect.is_read:
@@ -32,29 +141,29 @@ def losses(controller: FuzzyController, said: Said, dialect: Dialect) -> tuple[s
 
 
 def _differences(
-    controller: FuzzyController, said: Said, dialect: Dialect
+    controller: FuzzyController, expressed: Expressed, dialect: Dialect
 ) -> Iterator[tuple[str, list[str]]]:
     (system,) = controller.systems
     originals = (*system.inputs, *system.outputs)
-    pairs = list(zip(originals, (*said.system.inputs, *said.system.outputs), strict=True))
-    names = [(system.name, said.system.name)]
+    pairs = list(zip(originals, (*expressed.system.inputs, *expressed.system.outputs), strict=True))
+    names = [(system.name, expressed.system.name)]
     for variable, other in pairs:
         names.append((variable.name, other.name))
         names += ((t.name, o.name) for t, o in zip(variable.terms, other.terms, strict=False))
     yield "names become identifiers", [f"{old!r} is {new}" for old, new in dict.fromkeys(names) if old != new]
     yield from _variable_differences(pairs, dialect)
-    made = [f"{v.name} is {t.name}" for v in said.source.inputs for t in v.terms[_count(system, v) :]]
+    made = [f"{v.name} is {t.name}" for v in expressed.source.inputs for t in v.terms[_count(system, v) :]]
     yield "hedged statements become terms of their own, sampled", made
     changed = [
         f"{place} as {len(group)}" if len(group) > 1 else f"{place} in another form"
-        for place, (rule, group) in enumerate(zip(system.rules, said.rules, strict=True), start=1)
+        for place, (rule, group) in enumerate(zip(system.rules, expressed.rules, strict=True), start=1)
         if not _is_word_for_word(rule, group)
     ]
     yield "rules are written otherwise, with the same meaning", changed
     yield "labels of rules are left out", [rule.label for rule in system.rules if rule.label]
     yield "attributes are left out", [key for key, _ in controller.attributes]
     yield "provenance is left out", [key for key, _ in controller.provenance]
-    if controller.name != said.system.name:
+    if controller.name != expressed.system.name:
         yield "the controller's name is left out", [controller.name]
 
 
