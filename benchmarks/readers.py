@@ -74,10 +74,10 @@ def _controller(kind: serialize.Kind) -> Callable[[bytes, Path], object]:
 
 def _settings(content: bytes, _folder: Path) -> object:
     try:
-        told = json.loads(content)
+        notes = json.loads(content)
     except RecursionError as error:  # from this harness: settings come from Hydra
         raise ValueError("too deep") from error
-    return replace(experiment_from(told))
+    return replace(experiment_from(notes))
 
 
 def _run_folder(content: bytes, folder: Path) -> object:

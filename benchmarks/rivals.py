@@ -99,7 +99,7 @@ def other_python(engine: str, system: FuzzySystem, inputs: Floats) -> Timed:
     variables = (*system.inputs, *system.outputs)
     if not all(isinstance(term.membership, Gaussian) for v in variables for term in v.terms):
         raise Missing("terms that are Gaussians")
-    told = {
+    notes = {
         "points": system.outputs[0].num_points,
         "variables": [
             {
@@ -117,7 +117,7 @@ def other_python(engine: str, system: FuzzySystem, inputs: Floats) -> Timed:
     }
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        (folder / "system.json").write_text(json.dumps(told), encoding="utf-8")
+        (folder / "system.json").write_text(json.dumps(notes), encoding="utf-8")
         np.save(folder / "inputs.npy", inputs)
         files = [str(folder / file) for file in ("system.json", "inputs.npy", "outputs.npy")]
         seconds = _seconds([str(python), str(FOLDER / "other_python.py"), engine, *files])

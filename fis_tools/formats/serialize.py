@@ -166,7 +166,7 @@ def reads(text: str, kind: Kind) -> Reading:
 
 
 def _read_foreign(text: str, kind: Kind) -> Reading:
-    from fis_tools.formats.exchange import fcl_reading, fis, fll, fml  # noqa: PLC0415 - few files need them
+    from fis_tools.formats.exchange import fcl, fis, fll, fml  # noqa: PLC0415 - few files need them
 
-    readers = {"fis": fis.read, "fll": fll.read, "fml": fml.read, "fcl": fcl_reading.read}
+    readers = {"fis": fis.read, "fll": fll.read, "fml": fml.read, "fcl": fcl.read}
     return readers[kind](text)

@@ -190,11 +190,11 @@ def renamed(rule: Rule, names: Mapping[Statement, Statement]) -> Rule:
         Each variable and term that it mentions, with what stands in their place.
     """
 
-    def said(statement: Is) -> Is:
+    def expressed(statement: Is) -> Is:
         return Is(*names[statement.variable, statement.term])
 
     consequents = tuple(Consequent(*names[c.variable, c.term], c.weight) for c in rule.consequents)
-    return replace(rule, antecedent=with_statements(rule.antecedent, said), consequents=consequents)
+    return replace(rule, antecedent=with_statements(rule.antecedent, expressed), consequents=consequents)
 
 
 def mentions(rule: Rule) -> Iterator[Statement]:

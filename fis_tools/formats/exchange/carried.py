@@ -16,11 +16,11 @@ from fis_tools.formats.exchange.dialect import (
     INPUT_POINTS,
     OUTPUT_POINTS,
     Dialect,
-    Said,
+    Expressed,
     corners_of,
+    express,
     middle,
     refuse_joined,
-    say,
 )
 from fis_tools.formats.exchange.files import Reading
 from fis_tools.formats.exchange.hedges import ANY, any_term
@@ -80,16 +80,16 @@ def understand(visible: FuzzySystem, comments: Iterable[tuple[int, str]], dialec
     if carried is None:
         return Reading(FuzzyController(visible.name, (complete,)), (*_assumptions(visible, dialect), *found))
     try:
-        said = say(carried.systems[0], dialect)
+        expressed = express(carried.systems[0], dialect)
     except NotExpressible as error:
         raise ControllerFileError(
             f"the comment '{_ANY_MARK}…' is not of this file ({error}); delete it to read what the file shows"
         ) from error
-    if said.system == complete:
+    if expressed.system == complete:
         return Reading(carried, ())
     adopted = FuzzyController(
         carried.name,
-        (_adopt(complete, carried.systems[0], said),),
+        (_adopt(complete, carried.systems[0], expressed),),
         carried.attributes,
         tuple(sorted({**dict(carried.provenance), **dict([EDITED])}.items())),
     )
@@ -127,22 +127,22 @@ def _with_what_is_missing(visible: FuzzySystem) -> tuple[FuzzySystem, list[str]]
 
     Numbers linear in an input need no terms of it, and outputs that are weighed no range.
     """
-    inputs, outputs, told = list(visible.inputs), list(visible.outputs), []
+    inputs, outputs, notes = list(visible.inputs), list(visible.outputs), []
     for place, variable in enumerate(inputs if visible.weighed else ()):
         if not variable.terms:
             inputs[place] = replace(variable, terms=(any_term(variable),))
-            told.append(
+            notes.append(
                 f"{visible.name}: {variable.name} has no terms, and gets {ANY!r}, which all belong to"
             )
     for place, output in enumerate(outputs):
         if visible.weighs(output) and output.minimum == output.maximum:
             low, high = reach(output, inputs)
             outputs[place] = replace(output, minimum=low, maximum=high)
-            told.append(
+            notes.append(
                 f"{visible.name}: the range of {output.name} is empty, and becomes what its terms reach, "
                 f"{number(low)} to {number(high)}"
             )
-    return replace(visible, inputs=tuple(inputs), outputs=tuple(outputs)), told
+    return replace(visible, inputs=tuple(inputs), outputs=tuple(outputs)), notes
 
 
 def _with_default(output: Variable) -> Variable:
@@ -158,7 +158,7 @@ def _assumptions(visible: FuzzySystem, dialect: Dialect) -> tuple[str, ...]:
     elif dialect.default_resolution:
         points += f" and {dialect.default_resolution + 1} for an output that states none, as fuzzylite takes"
     found = [f"{visible.name}: universes of {points}, more where corners or a table of points need them"]
-    found += (f"{visible.name}: {sentence}" for sentence in _slanted(visible))
+    found += (f"{visible.name}: {sentence}" for sentence in _jumps_between_points(visible))
     found += (
         f"{visible.name}: {output.name} is {number(middle(output.minimum, output.maximum))} when no rule "
         "fires, the middle of its range"
@@ -168,7 +168,7 @@ def _assumptions(visible: FuzzySystem, dialect: Dialect) -> tuple[str, ...]:
     return tuple(found)
 
 
-def _slanted(visible: FuzzySystem) -> Iterator[str]:
+def _jumps_between_points(visible: FuzzySystem) -> Iterator[str]:
     """Tell of jumps between two points of an output's universe, on which other programs sample, too."""
     for output in visible.outputs:
         for term in output.terms:
@@ -195,12 +195,14 @@ def _refuse_problems(controller: FuzzyController) -> None:
 # Adopting: what of the original still looks as it did when it was written.
 
 
-def _adopt(visible: FuzzySystem, original: FuzzySystem, said: Said) -> FuzzySystem:
+def _adopt(visible: FuzzySystem, original: FuzzySystem, expressed: Expressed) -> FuzzySystem:
     """Take from the original every piece that the file still shows as it was written."""
     pairs = {
         shown.name: (source, shown)
         for source, shown in zip(
-            (*original.inputs, *original.outputs), (*said.system.inputs, *said.system.outputs), strict=True
+            (*original.inputs, *original.outputs),
+            (*expressed.system.inputs, *expressed.system.outputs),
+            strict=True,
         )
     }
 
@@ -216,18 +218,20 @@ def _adopt(visible: FuzzySystem, original: FuzzySystem, said: Said) -> FuzzySyst
     }
     return replace(
         visible,
-        name=original.name if visible.name == said.system.name else visible.name,
+        name=original.name if visible.name == expressed.system.name else visible.name,
         inputs=inputs,
         outputs=outputs,
-        rules=_adopt_rules(visible, original, said, names),
+        rules=_adopt_rules(visible, original, expressed, names),
     )
 
 
-def _adopt_variable(visible: Variable, original: Variable, said: Variable) -> Variable:
-    terms = {shown.name: (source, shown) for source, shown in zip(original.terms, said.terms, strict=False)}
+def _adopt_variable(visible: Variable, original: Variable, expressed: Variable) -> Variable:
+    terms = {
+        shown.name: (source, shown) for source, shown in zip(original.terms, expressed.terms, strict=False)
+    }
     is_same = {term.name: term.name in terms and term == terms[term.name][1] for term in visible.terms}
     extent = ("minimum", "maximum", "num_points", "points")
-    keeps_universe = all(getattr(visible, key) == getattr(said, key) for key in extent) and all(
+    keeps_universe = all(getattr(visible, key) == getattr(expressed, key) for key in extent) and all(
         is_same[term.name] for term in visible.terms if isinstance(term.membership, Sampled)
     )
 
@@ -239,20 +243,20 @@ def _adopt_variable(visible: Variable, original: Variable, said: Variable) -> Va
         return source if takes_all else Term(source.name, term.membership)
 
     keys = ("name", "unit", "default", "description", *(extent if keeps_universe else ()))
-    kept = {key: getattr(original, key) for key in keys if getattr(visible, key) == getattr(said, key)}
+    kept = {key: getattr(original, key) for key in keys if getattr(visible, key) == getattr(expressed, key)}
     return replace(visible, terms=tuple(adopted(term) for term in visible.terms), **kept)
 
 
 def _adopt_rules(
     visible: FuzzySystem,
     original: FuzzySystem,
-    said: Said,
+    expressed: Expressed,
     names: Mapping[Statement, Statement],
 ) -> tuple[Rule, ...]:
     """Take each rule of the original whose wording still stands in one piece; name the others as it does."""
-    waiting = dict(zip(said.rules, original.rules, strict=True))
+    waiting = dict(zip(expressed.rules, original.rules, strict=True))
     longest = max(map(len, waiting), default=1)
-    is_same_system = _operators(visible) == _operators(said.system)
+    is_same_system = _operators(visible) == _operators(expressed.system)
     rules: list[Rule] = []
     place = 0
     while place < len(visible.rules):

@@ -1,8 +1,8 @@
-"""What a format of another program can say of a fuzzy system, and what of a system is lost in it.
+"""What a format of another program can express of a fuzzy system.
 
-`say` turns a system into the one that a reader of the format sees who knows nothing else: names are
+`express` turns a system into the one that a reader of the format sees who knows nothing else: names are
 identifiers, rules have the form that the format knows, and what it has no place for is what `fis_tools`
-assumes of such a file. The law of every format is that reading what was written gives `say` back.
+assumes of such a file. The law of every format: reading what was written gives what `express` returned.
 """
 
 from collections.abc import Iterator, Sequence
@@ -135,7 +135,7 @@ class Dialect:
 
 
 @dataclass(frozen=True)
-class Said:
+class Expressed:
     """A system as a format says it.
 
     Parameters
@@ -169,7 +169,7 @@ def only_system(controller: FuzzyController, dialect: Dialect) -> FuzzySystem:
     return controller.systems[0]
 
 
-def say(system: FuzzySystem, dialect: Dialect) -> Said:
+def express(system: FuzzySystem, dialect: Dialect) -> Expressed:
     """Turn a valid system into what a format says of it.
 
     Raises
@@ -186,10 +186,10 @@ def say(system: FuzzySystem, dialect: Dialect) -> Said:
                 f"output {output.name!r} combines rules that conclude one term by {output.accumulation}, "
                 f"which {dialect.title} cannot say; export as json"
             )
-    system = _with_sayable_hedges(system, dialect)
+    system = _with_known_hedges(system, dialect)
     names = Names(system, are_unique=dialect.has_unique_names)
     groups = [
-        [renamed(said, names.statements) for said in _said_rules(place, rule, system, dialect)]
+        [renamed(expressed, names.statements) for expressed in _expressed_rules(place, rule, system, dialect)]
         for place, rule in enumerate(system.rules, start=1)
     ]
     own_ways = tuple(system.defuzzifier_of(output) for output in system.outputs)
@@ -205,15 +205,15 @@ def say(system: FuzzySystem, dialect: Dialect) -> Said:
             "all; export as fll or json"
         )
     outputs = (
-        _said_weighed(system, variable, names, dialect)
+        _expressed_weighed(system, variable, names, dialect)
         if system.weighs(variable)
-        else _said_variable(variable, names, dialect, is_output=True)
+        else _expressed_variable(variable, names, dialect, is_output=True)
         for variable in system.outputs
     )
-    said = settle(
+    expressed = settle(
         FuzzySystem(
             name=names.system,
-            inputs=tuple(_said_variable(v, names, dialect, is_output=False) for v in system.inputs),
+            inputs=tuple(_expressed_variable(v, names, dialect, is_output=False) for v in system.inputs),
             outputs=tuple(replace(o, defuzzifier=way) for o, way in zip(outputs, own_ways, strict=True)),
             rules=tuple(rule for group in groups for rule in group),
             and_operator=system.and_operator,
@@ -221,13 +221,13 @@ def say(system: FuzzySystem, dialect: Dialect) -> Said:
             implication="min" if len(system.weighed) == len(system.outputs) else system.implication,
         )
     )
-    if not dialect.has_rule_operators and any(rule.has_own_operators for rule in said.rules):
+    if not dialect.has_rule_operators and any(rule.has_own_operators for rule in expressed.rules):
         raise NotExpressible(
             f"rules combine their statements in different ways, and {dialect.title} knows one way for all; "
             "export as fll, fml or json"
         )
     ends = np.cumsum([0, *map(len, groups)])
-    return Said(said, tuple(said.rules[start:end] for start, end in pairwise(ends)), system)
+    return Expressed(expressed, tuple(expressed.rules[start:end] for start, end in pairwise(ends)), system)
 
 
 def _require_one_kind(system: FuzzySystem, dialect: Dialect) -> None:
@@ -315,12 +315,12 @@ def _used_operators(system: FuzzySystem, rule: Rule) -> tuple[AndOperator | None
     )
 
 
-def _with_sayable_hedges(system: FuzzySystem, dialect: Dialect) -> FuzzySystem:
+def _with_known_hedges(system: FuzzySystem, dialect: Dialect) -> FuzzySystem:
     """Put every hedge before a statement, and turn those that a format has no word for into terms."""
     known = {hedge for hedge, words in HEDGES.items() if dialect.hedges and getattr(words, dialect.hedges)}
     terms = Terms(system, known, dialect.most_words)
 
-    def said(place: int, rule: Rule) -> Rule:
+    def expressed(place: int, rule: Rule) -> Rule:
         if not any(isinstance(part, Hedged) for part in parts_of(rule.antecedent)):
             return rule
         outside, asked = before(rule.antecedent)
@@ -331,21 +331,21 @@ def _with_sayable_hedges(system: FuzzySystem, dialect: Dialect) -> FuzzySystem:
             operators = system.and_operator_of(rule), system.or_operator_of(rule)
             moved = with_plain_not(on_statements(asked, *operators), *operators)
         except NotExpressible as reason:
-            raise _unsayable(place, dialect, reason) from reason
-        return replace(rule, antecedent=hedged(cast(list[Hedge], outside), terms.said(moved)))
+            raise _not_expressible(place, dialect, reason) from reason
+        return replace(rule, antecedent=hedged(cast(list[Hedge], outside), terms.expressed(moved)))
 
-    rules = tuple(said(place, rule) for place, rule in enumerate(system.rules, start=1))
+    rules = tuple(expressed(place, rule) for place, rule in enumerate(system.rules, start=1))
     return replace(system, inputs=tuple(terms.inputs.values()), rules=rules)
 
 
-def _unsayable(place: int, dialect: Dialect, reason: NotExpressible) -> NotExpressible:
+def _not_expressible(place: int, dialect: Dialect, reason: NotExpressible) -> NotExpressible:
     return NotExpressible(
         f"rule {place} cannot be said in {dialect.title}: {reason}; rewrite it, or export as "
         f"{'json' if dialect.is_nested else 'fll or json'}"
     )
 
 
-def _said_rules(place: int, rule: Rule, system: FuzzySystem, dialect: Dialect) -> list[Rule]:
+def _expressed_rules(place: int, rule: Rule, system: FuzzySystem, dialect: Dialect) -> list[Rule]:
     """Say a rule as one or several, with the names of the original."""
     operators = system.and_operator_of(rule), system.or_operator_of(rule)
     try:
@@ -354,7 +354,7 @@ def _said_rules(place: int, rule: Rule, system: FuzzySystem, dialect: Dialect) -
         else:
             antecedents = flat_antecedents(rule.antecedent, *operators, repeats_inputs=dialect.repeats_inputs)
     except NotExpressible as reason:
-        raise _unsayable(place, dialect, reason) from reason
+        raise _not_expressible(place, dialect, reason) from reason
     adds_up = [c.variable for c in rule.consequents if not system.variable(c.variable).counts_strongest]
     if len(antecedents) > 1 and adds_up:
         raise NotExpressible(
@@ -391,9 +391,9 @@ def _consequent_groups(
             yield tuple(sorted(group, key=lambda consequent: outputs.index(consequent.variable)))
 
 
-def _said_variable(variable: Variable, names: Names, dialect: Dialect, *, is_output: bool) -> Variable:
+def _expressed_variable(variable: Variable, names: Names, dialect: Dialect, *, is_output: bool) -> Variable:
     terms = tuple(
-        Term(names.terms[variable.name, term.name], _said_membership(variable, term, dialect))
+        Term(names.terms[variable.name, term.name], _expressed_membership(variable, term, dialect))
         for term in variable.terms
     )
     if any(isinstance(term.membership, Sampled) for term in terms):
@@ -418,7 +418,7 @@ def _said_variable(variable: Variable, names: Names, dialect: Dialect, *, is_out
     )
 
 
-def _said_weighed(system: FuzzySystem, output: Variable, names: Names, dialect: Dialect) -> Variable:
+def _expressed_weighed(system: FuzzySystem, output: Variable, names: Names, dialect: Dialect) -> Variable:
     """Say an output that is weighed: its universe is of no account, its terms have words of their own."""
     for term in output.terms:
         shape = term.membership
@@ -428,22 +428,22 @@ def _said_weighed(system: FuzzySystem, output: Variable, names: Names, dialect: 
                 f"{dialect.title} has no word; export as fll or json"
             )
     plain = replace(output, terms=(), num_points=OUTPUT_POINTS, points=None)
-    said = _said_variable(plain, names, dialect, is_output=True)
+    expressed = _expressed_variable(plain, names, dialect, is_output=True)
     terms = (
-        Term(names.terms[output.name, term.name], _said_number(term.membership, names))
+        Term(names.terms[output.name, term.name], _expressed_number(term.membership, names))
         for term in output.terms
     )
     low, high = (output.minimum, output.maximum)
     if dialect.weighs_one_kind and not has_sets(output):
         low, high = reach(output, system.inputs)
-    return replace(said, minimum=low, maximum=high, terms=tuple(terms), num_points=OUTPUT_POINTS)
+    return replace(expressed, minimum=low, maximum=high, terms=tuple(terms), num_points=OUTPUT_POINTS)
 
 
-def _said_number(shape: MembershipFunction, names: Names) -> MembershipFunction:
+def _expressed_number(shape: MembershipFunction, names: Names) -> MembershipFunction:
     return Formula(shape.parsed.text(names.variables)) if isinstance(shape, Formula) else shape
 
 
-def _said_membership(variable: Variable, term: Term, dialect: Dialect) -> MembershipFunction:
+def _expressed_membership(variable: Variable, term: Term, dialect: Dialect) -> MembershipFunction:
     shape = term.membership
     if dialect.words and dialect.words not in shape.entry.words and not isinstance(shape, Sampled):
         return Sampled(tuple(sample(variable, term).tolist()))

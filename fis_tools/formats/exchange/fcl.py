@@ -9,44 +9,46 @@ with its line, as fuzzylite writes it. Words of the language are read in capital
 shapes are read by the names that fuzzylite and jFuzzyLogic give them.
 """
 
-from collections.abc import Iterator
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from itertools import groupby, pairwise
-from fis_tools.formats.exchange.dialect import Dialect, only_system, express
-from fis_tools.formats.exchange.files import Written
-from fis_tools.formats.exchange.foreign import concluded_words, rule_words
+
+from fis_tools.formats.error import ControllerFileError
+from fis_tools.formats.exchange import foreign
+from fis_tools.formats.exchange.carried import understand
+from fis_tools.formats.exchange.dialect import Dialect, express, only_system, settle
+from fis_tools.formats.exchange.files import Reading, Written
+from fis_tools.formats.exchange.fll_rules import Operators, chained, read_rules
+from fis_tools.formats.exchange.foreign import FLANKS, Extent, Table, concluded_words, rule_words
+from fis_tools.formats.exchange.hedges import with_any
 from fis_tools.formats.exchange.losses import losses
-from fis_tools.formats.exchange.methods import AGGREGATIONS, AND, DEFUZZIFIERS, HEDGES, OR
+from fis_tools.formats.exchange.methods import (
+    AGGREGATIONS,
+    AND,
+    DEFUZZIFIERS,
+    HEDGES,
+    NORMALIZED_SUMS,
+    OR,
+    meanings,
+)
 from fis_tools.formats.own.mapping import to_mapping
 from fis_tools.model import (
     Constant,
     FuzzyController,
     FuzzySystem,
     Hedged,
+    MembershipFunction,
+    Rule,
     Term,
     Trapezoidal,
     Triangular,
     Variable,
     parts_of,
 )
-from fis_tools.model.variables import sample
-import re
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
-from fis_tools.formats.error import ControllerFileError
-from fis_tools.formats.exchange import foreign
-from fis_tools.formats.exchange.carried import understand
-from fis_tools.formats.exchange.dialect import settle
-from fis_tools.formats.exchange.files import Reading
-from fis_tools.formats.exchange.fll_rules import Operators, chained, read_rules
-from fis_tools.formats.exchange.foreign import FLANKS, Extent, Table
-from fis_tools.formats.exchange.hedges import with_any
-from fis_tools.formats.exchange.methods import AGGREGATIONS, AND, DEFUZZIFIERS, NORMALIZED_SUMS, OR, meanings
-from fis_tools.model import FuzzySystem, MembershipFunction, Rule, Variable
 from fis_tools.model.operators import WEIGHING
 from fis_tools.model.shape import words_of
-
-
-
+from fis_tools.model.variables import sample
 
 DIALECT = Dialect(
     title="an FCL file", is_nested=True, hedges="fcl", most_words=99, concludes_hedged=True, is_read=False
@@ -98,7 +100,9 @@ def write(controller: FuzzyController) -> Written:
             lines.append(f"  RULE {place} : {rule_words(rule)};")
         lines += ["END_RULEBLOCK", ""]
     lines.append("END_FUNCTION_BLOCK")
-    return Written("\n".join(lines) + "\n", (*losses(controller, expressed, DIALECT), *_limited_support(system)))
+    return Written(
+        "\n".join(lines) + "\n", (*losses(controller, expressed, DIALECT), *_limited_support(system))
+    )
 
 
 def _range(variable: Variable) -> str:

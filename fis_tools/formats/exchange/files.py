@@ -1,4 +1,4 @@
-"""What writing a file of another program comes to, and what reading one does."""
+"""A file as it was written, with its losses, and a controller as it was read, with its assumptions."""
 
 from dataclasses import dataclass
 
@@ -7,7 +7,7 @@ from fis_tools.model import FuzzyController
 
 @dataclass(frozen=True)
 class Written:
-    """A file, and what it does not say.
+    """A file, and what it cannot hold.
 
     Parameters
     ----------

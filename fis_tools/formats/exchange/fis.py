@@ -16,7 +16,7 @@ from fis_tools.formats.error import ControllerFileError
 from fis_tools.formats.exchange import foreign
 from fis_tools.formats.exchange.antecedents import operands_of, statement_of
 from fis_tools.formats.exchange.carried import comment, understand
-from fis_tools.formats.exchange.dialect import Dialect, only_system, say, settle
+from fis_tools.formats.exchange.dialect import Dialect, express, only_system, settle
 from fis_tools.formats.exchange.files import Reading, Written
 from fis_tools.formats.exchange.fis_sections import (
     Section,
@@ -100,14 +100,17 @@ def write(controller: FuzzyController) -> Written:
         If something is wrong with the controller.
     """
     carried = comment(controller)
-    said = say(only_system(controller, DIALECT), DIALECT)
-    lines = [f"% {carried}", *_system_lines(said.system)]
-    for kind, variables in (("Input", said.system.inputs), ("Output", said.system.outputs)):
+    expressed = express(only_system(controller, DIALECT), DIALECT)
+    lines = [f"% {carried}", *_system_lines(expressed.system)]
+    for kind, variables in (("Input", expressed.system.inputs), ("Output", expressed.system.outputs)):
         for place, variable in enumerate(variables, start=1):
-            is_weighed = variable in said.system.weighed
+            is_weighed = variable in expressed.system.weighed
             lines += ["", f"[{kind}{place}]", *_variable_lines(variable, is_weighed=is_weighed)]
-    lines += ["", "[Rules]", *(_rule_line(said.system, rule) for rule in said.system.rules)]
-    return Written("\n".join(lines) + "\n", (*losses(controller, said, DIALECT), *_strangers(said.system)))
+    lines += ["", "[Rules]", *(_rule_line(expressed.system, rule) for rule in expressed.system.rules)]
+    return Written(
+        "\n".join(lines) + "\n",
+        (*losses(controller, expressed, DIALECT), *_limited_support(expressed.system)),
+    )
 
 
 def _system_lines(system: FuzzySystem) -> list[str]:
@@ -142,8 +145,8 @@ def _variable_lines(variable: Variable, *, is_weighed: bool) -> list[str]:
             points = foreign.sampled_points(variable, term.membership)
             word, values = "discretemf", [number for point in points for number in point]
         else:
-            say_words = foreign.concluded_words if is_weighed else foreign.shape_words
-            word, values = say_words(term.membership, "fis")
+            words_for = foreign.concluded_words if is_weighed else foreign.shape_words
+            word, values = words_for(term.membership, "fis")
         lines.append(f"MF{place}='{term.name}':'{word}',[{' '.join(map(repr, values))}]")
     return lines
 
@@ -161,7 +164,7 @@ def _rule_line(system: FuzzySystem, rule: Rule) -> str:
     return f"{left}, {right} ({rule.consequents[0].weight!r}) : {2 if joined else 1}"
 
 
-def _strangers(system: FuzzySystem) -> Iterator[str]:
+def _limited_support(system: FuzzySystem) -> Iterator[str]:
     """Tell what only some readers of `.fis` files understand."""
     tables = [f"{v.name} {term.name}" for v, term in _terms(system) if isinstance(term.membership, Sampled)]
     if tables:
@@ -212,11 +215,11 @@ def read(text: str) -> Reading:
         If it is damaged or says what a fuzzy system of ours cannot; with the line.
     """
     sections, comments = sections_of(text)
-    told: list[str] = []
+    notes: list[str] = []
     is_fuzzylites = any("generated with fuzzylite" in words for _, words in comments)
     fractions = FUZZYLITES_FRACTIONS if is_fuzzylites else FRACTIONS
-    reading = understand(_system(sections, fractions, told), comments, DIALECT)
-    return Reading(reading.controller, (*reading.assumptions, *told))
+    reading = understand(_system(sections, fractions, notes), comments, DIALECT)
+    return Reading(reading.controller, (*reading.assumptions, *notes))
 
 
 #: Kinds of systems; hybrid is fuzzylite's word for outputs of several kinds.
@@ -230,7 +233,7 @@ Fractions = Mapping[float, tuple[Hedge, ...]]
 _ANY = 0.99
 
 
-def _system(sections: dict[str, Section], fractions: Fractions, told: list[str]) -> FuzzySystem:
+def _system(sections: dict[str, Section], fractions: Fractions, notes: list[str]) -> FuzzySystem:
     head = section_of(sections, "[System]")
     entries = head.entries((*_SYSTEM_KEYS, *_METHOD_KEYS, "DisableStructuralChecks"))
     for key in (*_SYSTEM_KEYS[1:2], *_SYSTEM_KEYS[3:], *_METHOD_KEYS):
@@ -258,15 +261,15 @@ def _system(sections: dict[str, Section], fractions: Fractions, told: list[str])
                 "correct NumInputs or NumOutputs, or drop it"
             )
     found = {title: section_of(sections, title) for title in expected}
-    inputs = [_variable(found[title], None, told) for title in expected if title.startswith("[Input")]
+    inputs = [_variable(found[title], None, notes) for title in expected if title.startswith("[Input")]
     names = [variable.name for variable in inputs]
     outputs = []
     for title in expected[len(inputs) :]:
         is_number = weighs or (kind == "hybrid" and _concludes_numbers(found[title]))
-        output = _variable(found[title], names if is_number else None, told)
+        output = _variable(found[title], names if is_number else None, notes)
         if is_number and not weighs:
             output = replace(output, defuzzifier="weighted_average")
-            told.append(f"{output.name} concludes numbers: their weighted average is taken")
+            notes.append(f"{output.name} concludes numbers: their weighted average is taken")
         outputs.append(replace(output, aggregation="unbounded_sum") if is_number else output)
     lines = section_of(sections, "[Rules]").lines
     if len(lines) < counts["NumRules"]:
@@ -275,7 +278,7 @@ def _system(sections: dict[str, Section], fractions: Fractions, told: list[str])
             "number, or get a whole copy of the file"
         )
     if len(lines) > counts["NumRules"]:
-        told.append(f"[System] says NumRules={counts['NumRules']} but has {len(lines)} rules: all are taken")
+        notes.append(f"[System] says NumRules={counts['NumRules']} but has {len(lines)} rules: all are taken")
     rules = tuple(
         rule for line, content in lines for rule in _rules(line, content, inputs, outputs, fractions)
     )
@@ -310,7 +313,7 @@ def _concludes_numbers(section: Section) -> bool:
     return all(re.search(r":\s*['\"](constant|linear|function)['\"]", value) for value in values)
 
 
-def _variable(section: Section, weighed_by: Sequence[str] | None, told: list[str]) -> Variable:
+def _variable(section: Section, weighed_by: Sequence[str] | None, notes: list[str]) -> Variable:
     """Read a variable; of an output that is weighed, `weighed_by` are the names of the inputs."""
     entries = section.entries(
         ("Name", "Range", "NumMFs", "MF", "Enabled", "Default", "LockRange", "LockPrevious")
@@ -328,7 +331,7 @@ def _variable(section: Section, weighed_by: Sequence[str] | None, told: list[str
     if "LockPrevious" in entries:
         where = f"line {entries['LockPrevious'][0]}: LockPrevious"
         if foreign.choice({"0": False, "1": True}, entries["LockPrevious"][1], where, ""):
-            told.append(foreign.kept_words(quoted_word(entries, "Name")[0]))
+            notes.append(foreign.kept_words(quoted_word(entries, "Name")[0]))
     num_terms = whole_number(entries, "NumMFs", 1 if is_output else 0)
     found = [key for key in entries if key.startswith("MF")]
     keys = [f"MF{place}" for place in range(1, max(num_terms, len(found)) + 1)]
@@ -337,9 +340,9 @@ def _variable(section: Section, weighed_by: Sequence[str] | None, told: list[str
             f"{section.title} says NumMFs={num_terms} but has {', '.join(found) or 'none'}; number them from "
             "MF1 on, or get a whole copy of the file"
         )
-    told += section.told
+    notes += section.notes
     if len(found) > num_terms:
-        told.append(f"{section.title} says NumMFs={num_terms} but has {len(found)} terms: all are taken")
+        notes.append(f"{section.title} says NumMFs={num_terms} but has {len(found)} terms: all are taken")
     line, value = entries["Range"]
     low, high = numbers_in(value, f"line {line}: Range", 2)
     extent = Extent(low, high)
@@ -350,7 +353,7 @@ def _variable(section: Section, weighed_by: Sequence[str] | None, told: list[str
     return foreign.variable(
         name,
         extent,
-        _told_apart(name, terms, told),
+        _numbered(name, terms, notes),
         is_output=is_output,
         default=foreign.number(default[1], f"line {default[0]}: Default")
         if default and states_default
@@ -361,10 +364,10 @@ def _variable(section: Section, weighed_by: Sequence[str] | None, told: list[str
 _Named = tuple[str, MembershipFunction | Table]
 
 
-def _told_apart(variable: str, terms: list[_Named], told: list[str]) -> list[_Named]:
+def _numbered(variable: str, terms: list[_Named], notes: list[str]) -> list[_Named]:
     """Add numbers to names that several terms have; rules go by places."""
     counts = Counter(name for name, _ in terms)
-    told += [
+    notes += [
         f"{variable} has {count} terms called {name!r}: they are numbered"
         for name, count in counts.items()
         if count > 1
@@ -467,8 +470,8 @@ class _Statement(NamedTuple):
     @property
     def expression(self) -> Expression:
         """As part of an antecedent."""
-        said = hedged(self.hedges, Is(self.variable, self.term))
-        return Not(said) if self.is_negated else said
+        expressed = hedged(self.hedges, Is(self.variable, self.term))
+        return Not(expressed) if self.is_negated else expressed
 
 
 def _term_numbers(

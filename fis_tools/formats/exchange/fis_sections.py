@@ -24,14 +24,14 @@ class Section:
         Where it begins.
     lines : list of (int, str)
         What it contains, each with its number.
-    told : list of str
+    notes : list of str
         What was put right.
     """
 
     title: str
     line: int
     lines: list[tuple[int, str]] = field(default_factory=list)
-    told: list[str] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
 
     def entries(self, known: Sequence[str]) -> Entries:
         """Return ``key=value`` lines by key."""
@@ -41,7 +41,9 @@ class Section:
             key = key.strip()
             if key in found and key.startswith("MF"):  # MathWorks' own slcp1.fis counts MF1, MF2, MF2
                 twice, key = key, f"MF{1 + sum(other.startswith('MF') for other in found)}"
-                self.told.append(f"line {line}: {self.title} has {twice} twice; the second is taken as {key}")
+                self.notes.append(
+                    f"line {line}: {self.title} has {twice} twice; the second is taken as {key}"
+                )
             if not equals:
                 raise ControllerFileError(f"line {line}: {content[:40]!r} is not key=value; correct it")
             if key in found:

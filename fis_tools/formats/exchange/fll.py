@@ -14,7 +14,7 @@ from typing import Any
 from fis_tools.formats.error import ControllerFileError
 from fis_tools.formats.exchange import foreign
 from fis_tools.formats.exchange.carried import MARK, comment, understand
-from fis_tools.formats.exchange.dialect import Dialect, only_system, say, settle
+from fis_tools.formats.exchange.dialect import Dialect, express, only_system, settle
 from fis_tools.formats.exchange.files import Reading, Written
 from fis_tools.formats.exchange.fll_rules import Operators, chained, read_rules
 from fis_tools.formats.exchange.foreign import Extent, Table
@@ -68,8 +68,8 @@ def write(controller: FuzzyController) -> Written:
         If something is wrong with the controller.
     """
     carried = comment(controller)
-    said = say(only_system(controller, DIALECT), DIALECT)
-    system = said.system
+    expressed = express(only_system(controller, DIALECT), DIALECT)
+    system = expressed.system
     lines = [f"# {carried}", f"Engine: {system.name}"]
     for variable in system.inputs:
         lines += ["InputVariable: " + variable.name, *_extent_lines(variable), "  lock-range: true"]
@@ -85,7 +85,7 @@ def write(controller: FuzzyController) -> Written:
             *_block_lines(*operators, implication),
             *(f"  rule: {foreign.rule_words(rule)}" for rule in rules),
         ]
-    return Written("\n".join([*lines, f"# {END}"]) + "\n", losses(controller, said, DIALECT))
+    return Written("\n".join([*lines, f"# {END}"]) + "\n", losses(controller, expressed, DIALECT))
 
 
 def _extent_lines(variable: Variable) -> list[str]:
@@ -106,8 +106,8 @@ def _term_lines(variable: Variable) -> Iterator[str]:
 def _concluded_lines(output: Variable) -> Iterator[str]:
     for term in output.terms:
         word, values = foreign.concluded_words(term.membership, "fll")
-        said = (value if isinstance(value, str) else repr(value) for value in values)
-        yield f"  term: {term.name} {word} {' '.join(said)}"
+        expressed = (value if isinstance(value, str) else repr(value) for value in values)
+        yield f"  term: {term.name} {word} {' '.join(expressed)}"
 
 
 def _output_lines(system: FuzzySystem, output: Variable) -> list[str]:

@@ -16,7 +16,7 @@ from fis_tools.formats.error import ControllerFileError
 from fis_tools.formats.exchange import foreign, xml
 from fis_tools.formats.exchange.antecedents import operands_of, statement_of
 from fis_tools.formats.exchange.carried import comment, understand
-from fis_tools.formats.exchange.dialect import Dialect, only_system, say, settle
+from fis_tools.formats.exchange.dialect import Dialect, express, only_system, settle
 from fis_tools.formats.exchange.files import Reading, Written
 from fis_tools.formats.exchange.foreign import Extent, Table
 from fis_tools.formats.exchange.losses import losses
@@ -104,8 +104,8 @@ def write(controller: FuzzyController) -> Written:
         If something is wrong with the controller.
     """
     carried = comment(controller)
-    said = say(only_system(controller, DIALECT), DIALECT)
-    system = said.system
+    expressed = express(only_system(controller, DIALECT), DIALECT)
+    system = expressed.system
     is_number = not all(map(has_sets, system.outputs))
     tags = _TSK if is_number else _TSUKAMOTO if system.weighed else _MAMDANI
     taken = {system.name, *(v.name for v in (*system.inputs, *system.outputs))}
@@ -130,7 +130,9 @@ def write(controller: FuzzyController) -> Written:
     for place, rule in enumerate(system.rules, start=1):
         lines += _rule_lines(system, rule, _unused(f"rule_{place}", taken), tags)
     lines += [f"  </{tags.base}>", "</fuzzySystem>"]
-    return Written("\n".join(lines) + "\n", (*losses(controller, said, DIALECT), *_strangers(system)))
+    return Written(
+        "\n".join(lines) + "\n", (*losses(controller, expressed, DIALECT), *_limited_support(system))
+    )
 
 
 def _unused(name: str, taken: set[str]) -> str:
@@ -255,7 +257,7 @@ def _clause(tag: str, variable: str, term: str, modifier: str = "") -> str:
     return f"<{tag}{modifier}><variable>{variable}</variable><term>{term}</term></{tag}>"
 
 
-def _strangers(system: FuzzySystem) -> Iterator[str]:
+def _limited_support(system: FuzzySystem) -> Iterator[str]:
     """Tell what only `fis_tools` reads."""
     custom = [
         f"{variable.name} {term.name}"

@@ -1,6 +1,6 @@
 """What files of other programs have in common: numbers, choices, shapes and tables of points.
 
-Everything that is wrong in a file is told with the place where it stands.
+Everything that is wrong in a file is reported with the place where it stands.
 """
 
 import math

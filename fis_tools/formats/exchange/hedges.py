@@ -121,11 +121,11 @@ class Terms:
         self.most_words = most_words
         self._made: dict[tuple[str, ...], str] = {}
 
-    def said(self, expression: Expression) -> Expression:
+    def expressed(self, expression: Expression) -> Expression:
         """Return an antecedent, whose hedges stand before statements, in the words of the format."""
         match expression:
             case And(operands) | Or(operands):
-                return type(expression)(tuple(map(self.said, operands)))
+                return type(expression)(tuple(map(self.expressed, operands)))
         words, statement = before(expression)
         if not isinstance(statement, Is) or not set(words) - {"not"}:
             return expression
@@ -137,9 +137,9 @@ class Terms:
 
     def _term(self, words: Sequence[str], statement: Is) -> str:
         """Return the name of a term that says what a hedged statement does, made if need be."""
-        variable, said = self.inputs[statement.variable], (*words, statement.term)
-        if (variable.name, *said) not in self._made:
-            name = " ".join(said)
+        variable, expressed = self.inputs[statement.variable], (*words, statement.term)
+        if (variable.name, *expressed) not in self._made:
+            name = " ".join(expressed)
             while any(term.name == name for term in variable.terms):
                 name += " hedged"
             degrees = sample(variable, variable.terms[variable.term_index(statement.term)])
@@ -147,8 +147,8 @@ class Terms:
                 degrees = 1.0 - degrees if word == "not" else _CHANGES[word](degrees)
             made = Term(name, Sampled(tuple(degrees.tolist())))
             self.inputs[variable.name] = replace(variable, terms=(*variable.terms, made))
-            self._made[variable.name, *said] = name
-        return self._made[variable.name, *said]
+            self._made[variable.name, *expressed] = name
+        return self._made[variable.name, *expressed]
 
 
 _CHANGES = {str(hedge): change for hedge, change in model_operators.HEDGES.items()}

@@ -1,4 +1,4 @@
-"""What a file of another program cannot hold of a controller, and how far other programs' answers are from ours.
+"""What a file of another program cannot hold of a controller, and how other programs' answers differ.
 
 Other programs evaluate the formulas of inputs themselves, cut the terms of an output at points of their own,
 and sum over these: MATLAB and Octave at the 101 points of `linspace`, fuzzylite in the middles of the
@@ -6,21 +6,29 @@ intervals that a file states. Both take a point for as wide as a step; scikit-fu
 between the points of its universe. The difference grows as a universe gets coarser.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+
 import numpy as np
+
 from fis_tools.engines import inference
-from fis_tools.formats.exchange.dialect import Expressed
-from fis_tools.model import FuzzySystem, Sampled, Variable
+from fis_tools.formats.exchange.dialect import Dialect, Expressed
+from fis_tools.model import (
+    And,
+    Expression,
+    FuzzyController,
+    FuzzySystem,
+    Hedged,
+    Is,
+    Not,
+    Or,
+    Rule,
+    Sampled,
+    Variable,
+)
 from fis_tools.model.operators import AGGREGATIONS, AND_OPERATORS
 from fis_tools.model.variables import shape_values
 from fis_tools.typing import Floats
 from fis_tools.words.text import number
-from collections.abc import Iterator, Sequence
-from fis_tools.formats.exchange.dialect import Dialect, Expressed
-from fis_tools.model import And, Expression, FuzzyController, FuzzySystem, Hedged, Is, Not, Or, Rule, Variable
-
-
-
 
 #: Inputs at which answers are compared, the most and the fewest; fewer of many points, which take longer.
 SAMPLES = 256, 16
@@ -129,7 +137,9 @@ def losses(controller: FuzzyController, expressed: Expressed, dialect: Dialect) 
     dialect : Dialect
         The format.
     """
-    found = [f"{what}: {_listed(items)}" for what, items in _differences(controller, expressed, dialect) if items]
+    found = [
+        f"{what}: {_listed(items)}" for what, items in _differences(controller, expressed, dialect) if items
+    ]
     moved = list(changes(controller.systems[0], expressed, takes_middles=dialect.holds_resolution))
     if moved:
         found.append(f"other programs sample in ways of their own, so that answers differ: {_listed(moved)}")

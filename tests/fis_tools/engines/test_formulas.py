@@ -118,8 +118,8 @@ def test_a_value_is_held_where_no_rule_fires() -> None:
     assert compile(near()).infer(ROWS[2:], on_no_fire="hold").outputs[0, 0] == 0.0
     text = fcl.write(FuzzyController("near", (near(),))).text.replace("DEFAULT := 0.0;", "DEFAULT := NC;", 1)
     for kept, kind in ((FLL, "fll"), (text, "fcl")):
-        told = serialize.reads(kept, kind).assumptions  # type: ignore[arg-type]
-        assert any("rough keeps its last value where no rule fires" in sentence for sentence in told)
+        notes = serialize.reads(kept, kind).assumptions  # type: ignore[arg-type]
+        assert any("rough keeps its last value where no rule fires" in sentence for sentence in notes)
 
 
 def test_files_hold_formulas_with_the_names_that_they_write() -> None:
@@ -141,6 +141,6 @@ def test_what_cannot_take_formulas_says_so() -> None:
     with pytest.raises(interval.NotBounded, match="bounds are for numbers linear in the inputs"):
         interval.pack(system)
     swapped = replace(system, outputs=(system.outputs[2], *system.outputs[:2]))
-    assert any("'rough', no input and no output before this one" in told for told in problems(swapped))
+    assert any("'rough', no input and no output before this one" in notes for notes in problems(swapped))
     with pytest.raises(serialize.ControllerFileError, match="line 20: the formula 'gamma"):
         serialize.loads(FLL.replace("sin (", "gamma (", 1), "fll")

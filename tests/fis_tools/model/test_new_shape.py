@@ -72,10 +72,10 @@ INPUTS = np.linspace(0.0, 10.0, 201)
 
 def test_it_is_checked() -> None:
     assert problems(SYSTEM) == []
-    (told,) = problems(_system(CosineBump(4.0, -3.0)))
-    assert told.endswith("term 'bump': width -3.0 is not positive; give a number above 0")
-    (told,) = problems(_system(CosineBump(np.nan, 3.0)))
-    assert told.endswith("centre, width = (nan, 3.0) must be finite numbers")
+    (notes,) = problems(_system(CosineBump(4.0, -3.0)))
+    assert notes.endswith("term 'bump': width -3.0 is not positive; give a number above 0")
+    (notes,) = problems(_system(CosineBump(np.nan, 3.0)))
+    assert notes.endswith("centre, width = (nan, 3.0) must be finite numbers")
 
 
 @pytest.mark.parametrize("printed", [html, latex, markdown])

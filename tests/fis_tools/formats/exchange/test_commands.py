@@ -38,11 +38,11 @@ def test_systems_go_into_a_file_each_and_come_back_as_one_controller(
 ) -> None:
     source = saved(tmp_path, paper_like_controller())
     folder = tmp_path / "new" / "exchange"
-    status, printed, told = run(capsys, "export", source, "--format", form, "-o", folder)
+    status, printed, notes = run(capsys, "export", source, "--format", form, "-o", folder)
     files = [folder / f"force_x.{form}", folder / f"force_z.{form}"]
     assert status == 0
     assert printed.split() == [str(path) for path in files]
-    assert f"force_x.{form}: attributes are left out: force_axes" in told
+    assert f"force_x.{form}: attributes are left out: force_axes" in notes
     assert run(capsys, "import", *files, "-o", tmp_path / "back.yaml") == (0, "", "")
     assert (tmp_path / "back.yaml").read_text(encoding="utf-8") == source.read_text(encoding="utf-8")
     for command in ("show", "audit"):
@@ -52,9 +52,9 @@ def test_systems_go_into_a_file_each_and_come_back_as_one_controller(
 def test_one_system_goes_to_a_file_or_is_printed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     source = saved(tmp_path, paper_like_controller())
     chosen = ("export", source, "--format", "fis", "--system", "force_x")
-    _, printed, told = run(capsys, *chosen)
+    _, printed, notes = run(capsys, *chosen)
     assert "[System]" in printed
-    assert "units are left out" in told
+    assert "units are left out" in notes
     assert run(capsys, *chosen, "-o", tmp_path / "one.fis")[0] == 0
     assert (tmp_path / "one.fis").read_text(encoding="utf-8") == printed
     for folder in (tmp_path, tmp_path / "new"):
@@ -64,9 +64,9 @@ def test_one_system_goes_to_a_file_or_is_printed(tmp_path: Path, capsys: pytest.
 
 def test_what_was_assumed_is_printed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     words = ("import", EXAMPLES / "tipper.fis", "--name", "tips", "--points", 201)
-    status, _, told = run(capsys, *words, "-o", tmp_path / "tips.json")
+    status, _, notes = run(capsys, *words, "-o", tmp_path / "tips.json")
     assert status == 0
-    assert "assumed: tipper: tip is 15 when no rule fires" in told
+    assert "assumed: tipper: tip is 15 when no rule fires" in notes
     controller = load(tmp_path / "tips.json")
     assert controller.name == "tips"
     (system,) = controller.systems
@@ -78,14 +78,14 @@ def test_facts_of_several_files_are_put_together(tmp_path: Path, capsys: pytest.
     one = alone(flat_system())
     other = replace(alone(replace(nested_system(), name="other")), provenance=(("made_by", "machine"),))
     paths = [saved(tmp_path, one, "one.yaml"), saved(tmp_path, other, "other.yaml")]
-    status, _, told = run(capsys, "import", *paths, "-o", tmp_path / "both.json")
+    status, _, notes = run(capsys, "import", *paths, "-o", tmp_path / "both.json")
     assert status == 0
-    assert "left out: the provenance made_by" in told
+    assert "left out: the provenance made_by" in notes
     both = load(tmp_path / "both.json")
     assert (both.name, both.attributes, both.provenance) == (one.name, one.attributes, ())
     saved(tmp_path, replace(other, attributes=(("axis", "y"),)), "other.yaml")
-    status, _, told = run(capsys, "import", *paths)
-    assert (status, "differ in the attribute 'axis'" in told) == (2, True)
+    status, _, notes = run(capsys, "import", *paths)
+    assert (status, "differ in the attribute 'axis'" in notes) == (2, True)
 
 
 def test_tables_can_be_sorted_by_importance(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -133,9 +133,9 @@ def test_a_mistake_ends_in_one_sentence(
         "FOLDER": tmp_path / "out",
         "x.fis": tmp_path / "x.fis",
     }
-    status, _, told = run(capsys, *(places.get(word, word) for word in words))
+    status, _, notes = run(capsys, *(places.get(word, word) for word in words))
     assert status == 2
-    assert sentence.casefold() in told.casefold()
+    assert sentence.casefold() in notes.casefold()
     assert not (tmp_path / "out").exists()
     assert not (tmp_path / "x.fis").exists()
 

@@ -14,7 +14,7 @@ from fis_tools.formats import serialize
 from fis_tools.formats.exchange import fcl, fis, fll, fml
 from fis_tools.formats.exchange.antecedents import NotExpressible
 from fis_tools.formats.exchange.carried import EDITED
-from fis_tools.formats.exchange.dialect import say
+from fis_tools.formats.exchange.dialect import express
 from fis_tools.formats.serialize import ControllerFileError
 from fis_tools.model import (
     And,
@@ -77,7 +77,7 @@ def test_files_hold_what_they_can_and_carry_the_rest(form: ModuleType, controlle
     assert reading.controller == controller
     assert reading.assumptions == ()
     shown = form.read(without_comment(written.text)).controller
-    assert shown.systems[0] == say(controller.systems[0], form.DIALECT).system
+    assert shown.systems[0] == express(controller.systems[0], form.DIALECT).system
     assert shown.attributes == ()
     assert form.write(reading.controller) == written
 
@@ -110,10 +110,12 @@ def test_hedges_are_said_in_the_words_of_a_format_or_become_terms(
     widths = [output.maximum - output.minimum for output in system.outputs]
     # a hedged term is sampled where a hedge is not
     np.testing.assert_allclose(compile(shown)(rows) / widths, compile(system)(rows) / widths, atol=2e-3)
-    said = say(system, form.DIALECT)
-    assert sum(len(v.terms) for v in said.source.inputs) == sum(len(v.terms) for v in system.inputs) + terms
+    expressed = express(system, form.DIALECT)
+    assert (
+        sum(len(v.terms) for v in expressed.source.inputs) == sum(len(v.terms) for v in system.inputs) + terms
+    )
     assert all(word in written.text for word in words)
-    assert any("become terms of their own" in told for told in written.losses)
+    assert any("become terms of their own" in notes for notes in written.losses)
 
 
 def test_a_hedged_statement_becomes_no_term_that_is_called_alike() -> None:
@@ -164,7 +166,7 @@ def test_random_systems_survive_or_are_refused(form: ModuleType) -> None:
             refused += 1
             continue
         assert form.read(text).controller == controller
-        assert form.read(without_comment(text)).controller.systems[0] == say(system, form.DIALECT).system
+        assert form.read(without_comment(text)).controller.systems[0] == express(system, form.DIALECT).system
     assert refused < 50
 
 
@@ -174,26 +176,28 @@ def test_rules_written_otherwise_mean_the_same(form: ModuleType, and_operator: s
     system = replace(nested_system(), and_operator=and_operator)
     if and_operator != "min":
         system = replace(system, rules=(system.rules[0], *system.rules[2:]))
-    said = say(system, form.DIALECT).system
-    assert len(said.rules) > len(system.rules) or form is fll
+    expressed = express(system, form.DIALECT).system
+    assert len(expressed.rules) > len(system.rules) or form is fll
     same = {v.name: (v.num_points, v.default) for v in (*system.inputs, *system.outputs)}
 
     def with_universes(variables: tuple[Variable, ...]) -> tuple[Variable, ...]:
         return tuple(replace(v, num_points=same[v.name][0], default=same[v.name][1]) for v in variables)
 
-    said = replace(said, inputs=with_universes(said.inputs), outputs=with_universes(said.outputs))
+    expressed = replace(
+        expressed, inputs=with_universes(expressed.inputs), outputs=with_universes(expressed.outputs)
+    )
     inputs = spread_inputs(system, 500)
-    np.testing.assert_allclose(compile(said)(inputs), compile(system)(inputs), rtol=0, atol=1e-12)
+    np.testing.assert_allclose(compile(expressed)(inputs), compile(system)(inputs), rtol=0, atol=1e-12)
 
 
 def test_not_before_a_conjunction_moves_inwards() -> None:
     system = flat_system()
     expression = Not(And((Is("temperature", "hot"), Or((Is("wind", "calm"), Not(Is("wind", "storm")))))))
     rule = Rule(expression, (Consequent("heat", "some"),))
-    said = say(replace(system, rules=(rule,)), fll.DIALECT).system.rules
+    expressed = express(replace(system, rules=(rule,)), fll.DIALECT).system.rules
     hot, calm, storm = Is("temperature", "hot"), Is("wind", "calm"), Is("wind", "storm")
-    assert [rule.antecedent for rule in said] == [Or((Not(hot), And((Not(calm), storm))))]
-    flat = say(replace(system, rules=(rule,)), fml.DIALECT).system.rules
+    assert [rule.antecedent for rule in expressed] == [Or((Not(hot), And((Not(calm), storm))))]
+    flat = express(replace(system, rules=(rule,)), fml.DIALECT).system.rules
     assert [rule.antecedent for rule in flat] == [Not(hot), And((Not(calm), storm))]
 
 
@@ -248,7 +252,7 @@ def test_outputs_and_rules_with_ways_of_their_own() -> None:
 
 
 def test_losses_are_sentences_about_what_is_missing() -> None:
-    told = "\n".join(fis.write(alone(own_words(nested_system()))).losses)
+    notes = "\n".join(fis.write(alone(own_words(nested_system()))).losses)
     for words in (
         "'été, très sûr' is ete_tres_sur",
         "temperature in degC, wind in m/s",
@@ -263,7 +267,7 @@ def test_losses_are_sentences_about_what_is_missing() -> None:
         "discretemf, which only fuzzylite knows",
         "fis_tools reads it back",
     ):
-        assert words in told
+        assert words in notes
     assert "units" not in "\n".join(fml.write(alone(flat_system())).losses)
 
 

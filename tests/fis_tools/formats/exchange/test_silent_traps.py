@@ -11,7 +11,7 @@ from fis_tools.analysis.arrays import spread_inputs
 from fis_tools.engines.compiler import compile
 from fis_tools.formats import serialize
 from fis_tools.formats.exchange import fis, fll
-from fis_tools.formats.exchange.elsewhere import answers
+from fis_tools.formats.exchange.losses import answers
 from tests.fis_tools.formats.exchange.outside import NUM_POINTS, fuzzylite_outputs
 from tests.fis_tools.formats.exchange.systems import alone, fine, flat_system
 
@@ -66,10 +66,10 @@ def test_corners_lie_on_evenly_spaced_points_where_some_number_of_them_does() ->
 
 
 def test_walls_of_outputs_between_points_are_told() -> None:
-    told = serialize.reads(HEAD + BODY, "fis").assumptions
-    assert any("y b jumps at 15.5, between two points of its universe" in sentence for sentence in told)
-    told = serialize.reads(HEAD + BODY.replace("[60 70 80]", "[70.5 70.5 70.5]"), "fis").assumptions
-    assert any("y a jumps at 70.5" in each and "its rules conclude nothing" in each for each in told)
+    notes = serialize.reads(HEAD + BODY, "fis").assumptions
+    assert any("y b jumps at 15.5, between two points of its universe" in sentence for sentence in notes)
+    notes = serialize.reads(HEAD + BODY.replace("[60 70 80]", "[70.5 70.5 70.5]"), "fis").assumptions
+    assert any("y a jumps at 70.5" in each and "its rules conclude nothing" in each for each in notes)
 
 
 def test_an_fll_file_without_a_resolution_has_fuzzylites_own() -> None:
@@ -99,13 +99,13 @@ def test_a_coarse_universe_states_how_far_answers_change(language: ModuleType) -
 @pytest.mark.slow
 @pytest.mark.parametrize("language", [fis, fll])
 def test_that_change_is_the_one_that_fuzzylite_makes(language: ModuleType, tmp_path: Path) -> None:
-    said = serialize.loads(
+    expressed = serialize.loads(
         language.write(alone(fine(flat_system(), NUM_POINTS))).text, language.DIALECT.words
     )
-    samples = spread_inputs(said.systems[0], 40)
+    samples = spread_inputs(expressed.systems[0], 40)
     path = tmp_path / f"engine.{language.DIALECT.words}"
-    path.write_text(language.write(said).text, encoding="utf-8")
+    path.write_text(language.write(expressed).text, encoding="utf-8")
     theirs = fuzzylite_outputs(path, samples, tmp_path)
-    system = fine(said.systems[0], NUM_POINTS)
+    system = fine(expressed.systems[0], NUM_POINTS)
     widths = [output.maximum - output.minimum for output in system.outputs]
     assert (np.abs(answers(system, samples, takes_middles=True) - theirs) / widths).max() < TOLERANCE

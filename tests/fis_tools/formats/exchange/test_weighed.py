@@ -9,9 +9,9 @@ import pytest
 
 from fis_tools.engines.compiler import compile
 from fis_tools.formats.error import ControllerFileError
-from fis_tools.formats.exchange import fcl, fcl_reading, fis, fll, fml
+from fis_tools.formats.exchange import fcl, fis, fll, fml
 from fis_tools.formats.exchange.antecedents import NotExpressible
-from fis_tools.formats.exchange.dialect import say
+from fis_tools.formats.exchange.dialect import express
 from fis_tools.model import FuzzySystem, Ramp, SShape, ZShape
 from tests.fis_tools.engines.weighed_systems import MONOTONE, RAMPS, SIGMOIDS, samples, systems
 from tests.fis_tools.engines.weighed_systems import system as weighed
@@ -29,8 +29,7 @@ def read_back(system: FuzzySystem, form: ModuleType) -> FuzzySystem:
     """Write a system, take away what the comment carries, and read what others see."""
     text = form.write(alone(system)).text
     plain = "\n".join(line for line in text.splitlines() if "fis_tools carries" not in line)
-    reader = fcl_reading if form is fcl else form
-    return reader.read(plain).controller.systems[0]
+    return form.read(plain).controller.systems[0]
 
 
 #: As the library JFML writes them: of a number that is linear the constant comes first.
@@ -78,7 +77,7 @@ def test_fml_of_tsk_says_what_it_is_meant_to() -> None:
     expected = (0.7 * cheap + 0.5 * 0.16 * average) / (0.7 + 0.5 * 0.16)
     np.testing.assert_allclose(compile(system)(np.array([[3.0, 4.0]])), [[expected]], rtol=1e-12)
     assert (system.outputs[0].minimum, system.outputs[0].maximum) == (1.6, pytest.approx(117.9))
-    assert any("the range of tip is empty" in told for told in reading.assumptions)
+    assert any("the range of tip is empty" in notes for notes in reading.assumptions)
     with pytest.raises(ControllerFileError, match="'tskTerm' has 3 values; expected a 'tskTerm' of 1"):
         fml.read(TSK.replace('name="cheap" order="1"', 'name="cheap" order="0"'))
     with pytest.raises(ControllerFileError, match="expected a 'tskRule'"):
@@ -92,7 +91,7 @@ def test_fml_of_tsukamoto_is_read_back() -> None:
     assert '<tsukamotoVariable name="y"' in text
     assert 'combination="custom_WS"' in text
     visible = read_back(system, fml)
-    assert visible == say(system, fml.DIALECT).system
+    assert visible == express(system, fml.DIALECT).system
     assert fml.read(text).controller.systems[0] == system
     assert [term.membership for term in visible.outputs[0].terms] == [
         term.membership for term in system.outputs[0].terms
@@ -112,10 +111,12 @@ def test_what_is_written_is_read(name: str, form: ModuleType) -> None:
         return
     assert fll.read(fll.write(alone(system)).text).controller.systems[0] == system
     visible = read_back(system, form)
-    said = say(system, form.DIALECT).system
-    assert visible.outputs[0].terms == said.outputs[0].terms
-    assert visible.rules == said.rules
-    np.testing.assert_allclose(compile(visible)(samples(system)), compile(said)(samples(system)), atol=1e-12)
+    expressed = express(system, form.DIALECT).system
+    assert visible.outputs[0].terms == expressed.outputs[0].terms
+    assert visible.rules == expressed.rules
+    np.testing.assert_allclose(
+        compile(visible)(samples(system)), compile(expressed)(samples(system)), atol=1e-12
+    )
 
 
 @pytest.mark.parametrize(
