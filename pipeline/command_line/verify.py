@@ -4,13 +4,16 @@ For two runs, whether they made the same files, and if not, whether they should 
 """
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from functools import partial
 from pathlib import Path
 
 from pipeline.command_line.job import ConfigError, differences
 from pipeline.run import artifacts, reproducible
 from pipeline.run.integrity import Integrity, check_files, put_beside
 from pipeline.run.maker import present_maker, unlike
+from telemetry import RecordingError
 
 OK, DIFFERENT = 0, 1
 
@@ -20,8 +23,8 @@ def verify(words: Sequence[str]) -> int:
 
     Raises
     ------
-    ConfigError, ValueError, OSError
-        If no run is given, or it cannot be read.
+    ConfigError, pipeline.run.artifacts.ArtifactError
+        If no run is given.
     pipeline.run.reproducible.NotInForce
         If the run is reproducible, and this process is not.
     """
@@ -32,18 +35,43 @@ def verify(words: Sequence[str]) -> int:
         )
     folder, *others = (Path(word).expanduser() for word in words)
     if others:
-        return _compare(folder, others[0])
+        return OK if _checked("comparison", lambda: _compare(folder, others[0])) else DIFFERENT
+    if not (folder / artifacts.MANIFEST).exists():
+        artifacts.read_config(folder)  # says why, of a folder that is none of a run
+    with suppress(artifacts.ArtifactError):  # told below, as a file that is missing or changed
+        if artifacts.read_config(folder).get("reproducible") is True:
+            reproducible.require()
+    checks = {"files": _check_files, "makers": _tell_makers, "flights": _fly_again}
+    are_right = [_checked(what, partial(check, folder)) for what, check in checks.items()]
+    return OK if all(are_right) else DIFFERENT
+
+
+def _checked(what: str, check: Callable[[], bool]) -> bool:
+    """Return the result of a check; False, with a sentence, for whatever it raises of a damaged file."""
+    try:
+        return check()
+    except Exception as error:  # noqa: BLE001 - reporting damage is what this command is for
+        told = str(error) if isinstance(error, ValueError | OSError | RecordingError) else ""
+        sys.stdout.write(f"{what}: CANNOT BE CHECKED: {told or type(error).__name__}\n")
+        return False
+
+
+def _check_files(folder: Path) -> bool:
+    """Print the files that are not as they were written; return whether all are."""
     found = check_files(folder)
-    if artifacts.read_config(folder).get("reproducible") is True:
-        reproducible.require()
     sys.stdout.write("\n".join(_told(found)) + "\n")
+    return found.is_whole
+
+
+def _tell_makers(folder: Path) -> bool:
+    """Print how the makers of a run differ from the present one; return True, for that is no damage."""
     for maker in artifacts.read_manifest(folder).get("makers", []):
         _tell_unlike("made by another maker", unlike(maker, present_maker()))
-    return OK if _fly_again(folder) and found.is_whole else DIFFERENT
+    return True
 
 
-def _compare(folder: Path, other: Path) -> int:
-    """Print how two runs differ, and whether that is to be expected."""
+def _compare(folder: Path, other: Path) -> bool:
+    """Print how two runs differ, and whether that is to be expected; return whether they are equal."""
     found = put_beside(folder, other)
     configs = artifacts.stored_config(folder), artifacts.stored_config(other)
     for told in differences(*configs, but=("hydra",), words=("here", "there")):
@@ -55,7 +83,7 @@ def _compare(folder: Path, other: Path) -> int:
     for one in makers[0]:
         for two in makers[1]:
             _tell_unlike("makers differ", unlike(one, two))
-    return DIFFERENT if found.different or found.single else OK
+    return not (found.different or found.single)
 
 
 def _tell_unlike(what: str, differing: Sequence[str]) -> None:
@@ -68,6 +96,7 @@ def _told(found: Integrity) -> list[str]:
     lines += [f"  {name} has CHANGED since it was written" for name in found.changed]
     lines += [f"  {name} is MISSING" for name in found.missing]
     lines += [f"  {name} is not in the manifest" for name in found.added]
+    lines += [f"  {told}, which is not followed" for told in found.strangers]
     return lines
 
 
@@ -78,21 +107,19 @@ def _fly_again(folder: Path) -> bool:
     if not paths:
         sys.stdout.write("flights: none is recorded\n")
         return True
+    sys.stdout.write(f"flights: {len(paths)} recorded\n")
+    agree = [_checked(f"  {path.name}", partial(_flies_again, path)) for path in paths]
+    return all(agree)
+
+
+def _flies_again(path: Path) -> bool:
+    """Print whether a recorded flight repeats, and return it."""
     from pipeline.recording.reflight import fly_again  # noqa: PLC0415 - compiled code, only if there are flights
 
-    sys.stdout.write(f"flights: {len(paths)} recorded\n")
-    all_agree = True
-    for path in paths:
-        try:
-            again = fly_again(path)
-        except ValueError as error:
-            told, agrees = f"CANNOT BE FLOWN AGAIN: {error}", False
-        else:
-            agrees = again.is_close
-            told = "flown again, equal to the last bit"
-            if not again.is_equal:
-                how = "equal but for the last digits" if again.is_close else "DIFFERENT"
-                told = f"flown again, {how}: by {again.greatest:.3g} in {again.where}"
-        all_agree &= agrees
-        sys.stdout.write(f"  {path.name}: {told}\n")
-    return all_agree
+    again = fly_again(path)
+    told = "equal to the last bit"
+    if not again.is_equal:
+        how = "equal but for the last digits" if again.is_close else "DIFFERENT"
+        told = f"{how}: by {again.greatest:.3g} in {again.where}"
+    sys.stdout.write(f"  {path.name}: flown again, {told}\n")
+    return again.is_close

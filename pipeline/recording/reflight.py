@@ -1,7 +1,6 @@
 """Flies a recorded flight again from nothing but its recording, and compares the two."""
 
 import base64
-import binascii
 import json
 import tempfile
 from collections.abc import Mapping, Sequence
@@ -16,7 +15,7 @@ from fis_tools.formats import serialize
 from pipeline.controllers import source
 from pipeline.controllers.played import from_mapping
 from pipeline.controllers.policies import policy_of
-from pipeline.flight.control.controller import Controller, ControllerError, from_fuzzy, open_loop
+from pipeline.flight.control.controller import Controller, from_fuzzy, open_loop
 from pipeline.flight.fly.simulation import fly_logged
 from pipeline.flight.state.log import Scenario
 from pipeline.recording.recorder import CONFIG_ATTACHMENT, CONTROLLER_ATTACHMENT, FlightRecorder
@@ -125,8 +124,8 @@ def _start_of(recording: Recording) -> Scenario:
 
 def _noise_of(told: Sequence[float] | None) -> tuple[int, int, int]:
     """Return what a flight's errors were drawn from; recordings of flights without any do not tell."""
-    seed, stage, case = (0, 0, 0) if told is None else map(int, told)
-    return seed, stage, case
+    seed, stage, case = told or (0, 0, 0)
+    return int(seed), int(stage), int(case)
 
 
 def _controller_of(recording: Recording, experiment: Experiment) -> Controller:
@@ -138,6 +137,8 @@ def _controller_of(recording: Recording, experiment: Experiment) -> Controller:
         raise RecordingError(
             f"{recording.path}: its {CONTROLLER_ATTACHMENT} cannot be read ({error})"
         ) from error
+    if not isinstance(told, dict):
+        raise RecordingError(f"{recording.path}: its {CONTROLLER_ATTACHMENT} holds no controller")
     if "systems" in told:
         return from_fuzzy(serialize.from_mapping(told))
     if told.get("kind") == "open_loop" and "forces_n" in told:
@@ -154,7 +155,7 @@ def _policy_of(recording: Recording, told: Mapping[str, Any]) -> Controller:
     try:
         content = base64.b64decode(str(told.get("onnx")), validate=True)
         return policy_of(str(told.get("name")), content, f"the policy of {recording.path}")
-    except (binascii.Error, ControllerError) as error:
+    except ValueError as error:  # also of a controller that is none
         raise RecordingError(f"{recording.path}: its policy cannot be read ({error})") from error
 
 

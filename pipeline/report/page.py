@@ -115,7 +115,6 @@ def write(contents: Contents, illustrations: Mapping[str, Illustration]) -> str:
         versions=(contents.manifest or {}).get("versions", {}),
         files=_files(contents.manifest),
         command=contents.command,
-        folder=contents.folder.as_posix(),
         config=contents.config_text,
         writer=artifacts.WRITTEN_BY,
         paper=published.SOURCE,

@@ -13,8 +13,9 @@ import os
 import secrets
 import stat
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path, PurePath
-from typing import Any, Final
+from typing import Any, BinaryIO, Final
 
 import yaml
 
@@ -116,8 +117,18 @@ ROLES: Final[Mapping[str, str]] = {
     "evaluation_trajectories": TRAJECTORIES,
     "recordings": RECORDINGS,
 }
-#: the keys of a manifest that are read back
-MANIFEST_KEYS: Final[Mapping[str, type]] = {"config_hash": str, "finished_stages": list}
+#: the shape of a manifest, see `fits`; those of earlier versions may lack all but `MANIFEST_NEEDS`
+MANIFEST_SHAPE: Final[Mapping[Any, Any]] = {
+    "config_hash": str,
+    "finished_stages": [str],
+    "sha256": {str: str},
+    "makers": [{"versions": {str: str}, "processor": dict}],
+    "made_by": {str: [int]},
+    "command": [str],
+    "files": {str: str},
+    "versions": {str: str},
+}
+MANIFEST_NEEDS: Final = ("config_hash", "finished_stages")
 
 
 class ArtifactError(ValueError):
@@ -143,28 +154,34 @@ def write_atomically(path: Path, content: bytes | str) -> None:
     WriteError
         If the disk is full, or the folder may not be written to.
     """
+    with beside(path) as stream:
+        stream.write(content.encode() if isinstance(content, str) else content)
+
+
+@contextmanager
+def beside(path: Path) -> Iterator[BinaryIO]:
+    """Yield a file beside a path that takes its place once it is whole and safely on disk.
+
+    Raises
+    ------
+    WriteError
+        As `write_atomically`.
+    """
+    name = path.with_name(f".{path.name}.{secrets.token_hex(4)}{UNFINISHED}")
     try:
-        _write_beside(path, content)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with name.open("xb") as stream:
+            yield stream
+            stream.flush()
+            os.fsync(stream.fileno())
+        name.replace(path)
     except OSError as error:
         raise WriteError(
             f"{path} cannot be written: {error.strerror or error}; make room, or choose a folder that may be "
             "written to"
         ) from error
-
-
-def _write_beside(path: Path, content: bytes | str) -> None:
-    """Write a file under another name and, once it is safely on disk, rename it."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    name = path.with_name(f".{path.name}.{secrets.token_hex(4)}{UNFINISHED}")
-    try:
-        with name.open("xb") as stream:
-            stream.write(content.encode() if isinstance(content, str) else content)
-            stream.flush()
-            os.fsync(stream.fileno())
-        name.replace(path)
-    except BaseException:
+    finally:
         name.unlink(missing_ok=True)
-        raise
 
 
 def strangers(folder: Path) -> Iterator[str]:
@@ -446,6 +463,17 @@ def write_manifest(
     write_json(folder / MANIFEST, manifest)
 
 
+def fits(value: Any, shape: Any) -> bool:
+    """Return whether plain data is of a shape: a type, ``[shape]``, ``{str: shape}``, or named keys."""
+    if isinstance(shape, list):
+        return isinstance(value, list) and all(fits(one, shape[0]) for one in value)
+    if isinstance(shape, Mapping):
+        return isinstance(value, Mapping) and all(
+            fits(one, shape.get(key, shape.get(str, object))) for key, one in value.items()
+        )
+    return isinstance(value, shape)
+
+
 def read_manifest(folder: Path) -> dict[str, Any]:
     """Read the manifest of a run.
 
@@ -461,8 +489,8 @@ def read_manifest(folder: Path) -> dict[str, Any]:
             f"{folder / MANIFEST} has manifest version {version}, this program reads "
             f"{' and '.join(map(str, VERSIONS_READ))}; use the program that made the run"
         )
-    for name, kind in MANIFEST_KEYS.items():
-        if not isinstance(manifest.get(name), kind):
+    for name, shape in MANIFEST_SHAPE.items():
+        if not (fits(manifest[name], shape) if name in manifest else name not in MANIFEST_NEEDS):
             raise ArtifactError(
                 f"{folder / MANIFEST} is damaged, it has no proper {name}; restore it, or start a new run"
             )

@@ -1,7 +1,9 @@
 """Compares the files of a run with the hashes in its manifest, and with those of another run."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from pipeline.run import artifacts
 
@@ -14,17 +16,20 @@ class Integrity:
     ----------
     intact, changed, missing, added : tuple of str
         Paths in the run's folder; added files are not in the manifest.
+    strangers : tuple of str
+        Links, pipes and devices, with what they are.
     """
 
     intact: tuple[str, ...]
     changed: tuple[str, ...]
     missing: tuple[str, ...]
     added: tuple[str, ...]
+    strangers: tuple[str, ...]
 
     @property
     def is_whole(self) -> bool:
-        """Whether every file in the manifest is as it was written."""
-        return not self.changed and not self.missing
+        """Whether every file in the manifest is as it was written, and nothing leads out of the folder."""
+        return not (self.changed or self.missing or self.strangers)
 
 
 @dataclass(frozen=True)
@@ -67,15 +72,23 @@ def check_files(folder: Path) -> Integrity:
     pipeline.run.artifacts.ArtifactError
         If the folder contains no run, or its manifest cannot be read.
     """
-    config, manifest = artifacts.stored_config(folder), artifacts.read_manifest(folder)
-    told = {str(name): str(digest) for name, digest in manifest.get("sha256", {}).items()}
+    manifest = artifacts.read_manifest(folder)
+    told: dict[str, str] = manifest.get("sha256", {})
     there = set(artifacts.list_artifacts(folder))
     changed = {name for name in there & set(told) if artifacts.file_hash(folder / name) != told[name]}
-    if not artifacts.is_config_of(config, manifest):
+    if artifacts.CONFIG in there and not _is_own_config(folder, manifest):
         changed.add(artifacts.CONFIG)
     return Integrity(
         intact=tuple(sorted((there & set(told)) - changed)),
         changed=tuple(sorted(changed)),
         missing=tuple(sorted(set(told) - there)),
         added=tuple(sorted(there - set(told))),
+        strangers=tuple(artifacts.strangers(folder)),
     )
+
+
+def _is_own_config(folder: Path, manifest: Mapping[str, Any]) -> bool:
+    try:
+        return artifacts.is_config_of(artifacts.stored_config(folder), manifest)
+    except artifacts.ArtifactError:
+        return False

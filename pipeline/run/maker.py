@@ -88,6 +88,7 @@ def sources_hash() -> str:
 @cache
 def processor() -> dict[str, Any]:
     """Describe the processor, its compilation target, and the variants that libraries chose."""
+    import numpy as np  # noqa: F401, PLC0415 - brings the linear algebra that is asked about
     from llvmlite import binding  # noqa: PLC0415 - only runs need them
     from threadpoolctl import threadpool_info  # noqa: PLC0415
 

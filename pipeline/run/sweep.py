@@ -9,6 +9,8 @@ from pipeline.run import artifacts
 
 SWEEP: Final = "sweep.json"
 SWEEP_VERSION: Final = 1
+#: see `pipeline.run.artifacts.fits`
+RUN_SHAPE: Final = {"folder": str, "differs": dict, "command": [str], "failure": str}
 #: folder of the failures of runs that were started separately, such as jobs of a cluster
 FAILURES: Final = "failures"
 
@@ -69,6 +71,8 @@ def read(folder: Path) -> list[SweptRun]:
 
 def _run_of(told: Mapping[str, object]) -> SweptRun:
     """Return a run, after checking that its folder is inside the sweep's."""
+    if not artifacts.fits(told, RUN_SHAPE):
+        raise ValueError(f"{str(told)[:80]} is no run")
     run = SweptRun(**{field.name: told[field.name] for field in fields(SweptRun)})  # type: ignore[arg-type]
     path = PurePosixPath(run.folder)
     if path.is_absolute() or ".." in path.parts:

@@ -1,8 +1,9 @@
 """Tables of a run's folder: Parquet and CSV, written atomically, and read back as columns."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import pyarrow as pa
@@ -12,6 +13,8 @@ from numpy.typing import NDArray
 from fis_tools.formats.printed.csv import rows_as_text
 from pipeline.run import artifacts
 
+#: rows that a table's groups have, however many were written at a time
+GROUP_ROWS: Final = 65536
 #: limits of a table's unpacked size: this much, or a multiple of the size of its file, up to the last
 SMALL_BYTES, MOST_TIMES, MOST_BYTES = 256 * 1024**2, 64, 4 * 1024**3
 
@@ -21,20 +24,37 @@ def write_parquet(path: Path, columns: Mapping[str, Any]) -> None:
     arrays = {
         name: pa.array(list(column) if np.ndim(column) == 2 else column) for name, column in columns.items()
     }
-    sink = pa.BufferOutputStream()
-    # measured numbers hardly repeat: dictionary encoding would take six times as long and more space
-    pq.write_table(pa.table(arrays), sink, compression="zstd", use_dictionary=False)
-    artifacts.write_atomically(path, sink.getvalue().to_pybytes())
+    table = pa.table(arrays)
+    with _writer(path, table.schema) as writer:
+        writer.write_table(table, GROUP_ROWS)
 
 
 def join_parquet(path: Path, parts: Sequence[Path]) -> None:
-    """Write one table from several, one part at a time, so that only one is in memory."""
-    first = pq.read_schema(parts[0])
-    unfinished = path.with_name(f".{path.name}{artifacts.UNFINISHED}")
-    with pq.ParquetWriter(unfinished, first, compression="zstd", use_dictionary=False) as writer:
+    """Write one table from several: the bytes of one that was never in parts, with few rows in memory."""
+    # without what reading adds to it
+    schema = pa.schema([(field.name, field.type) for field in pq.read_schema(parts[0])])
+    left = schema.empty_table()
+    with _writer(path, schema) as writer:
         for part in parts:
-            writer.write_table(pq.read_table(part, schema=first))
-    unfinished.replace(path)
+            left = pa.concat_tables([left, pq.read_table(part, schema=schema)]).combine_chunks()
+            whole = len(left) - len(left) % GROUP_ROWS
+            if whole:
+                writer.write_table(left.slice(0, whole).combine_chunks(), GROUP_ROWS)
+            left = left.slice(whole)
+        if len(left):
+            writer.write_table(left.combine_chunks(), GROUP_ROWS)
+
+
+@contextmanager
+def _writer(path: Path, schema: pa.Schema) -> Iterator[pq.ParquetWriter]:
+    # measured numbers hardly repeat: dictionary encoding would take six times as long and more space
+    with (
+        artifacts.beside(path) as stream,
+        pq.ParquetWriter(
+            stream, schema, compression="zstd", use_dictionary=False, store_schema=False
+        ) as writer,
+    ):
+        yield writer
 
 
 def read_parquet(folder: Path, name: str) -> dict[str, NDArray[Any]]:

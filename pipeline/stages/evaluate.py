@@ -1,10 +1,10 @@
 """Fly the controller from all evaluation starts: episodes, trajectories, summary, the optimum."""
 
 import shlex
+import shutil
 import sys
 import time
 from collections.abc import Mapping
-from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -48,6 +48,8 @@ def run(experiment: Experiment, folder: Path) -> None:
         "optimum": _beside_optimum(experiment, controller, folder),
     }
     artifacts.write_json(folder / artifacts.SUMMARY, summary)
+    # not before: what is killed until then goes on from its parts
+    shutil.rmtree(folder / artifacts.EPISODE_PARTS, ignore_errors=True)
     delta_v, rate = summary["delta_v_m_s"], summary["inspection_rate_percent"]
     sys.stderr.write(
         f"  {num_cases} cases in {seconds:.2f} s, Sun {experiment.sun_in_words}: "
@@ -78,7 +80,6 @@ def _flown(experiment: Experiment, controller: Controller, folder: Path) -> Mapp
         (folder / artifacts.TRAJECTORIES).unlink(missing_ok=True)
         paths = _fly_parts(experiment, folder, "cases")
         tables.join_parquet(folder / artifacts.EPISODES, paths)
-        _drop(paths)
         return tables.Columns([folder / artifacts.EPISODES])
     scenarios = evaluation_scenarios(cases, experiment.sun, experiment.seed)
     episodes, tracks = fly_cases(experiment.mission, controller, scenarios, cases.workers)
@@ -105,12 +106,13 @@ def _fly_parts(experiment: Experiment, folder: Path, kind: str) -> list[Path]:
     """Fly a campaign by its engine, each part into a file; a resumed one flies the missing parts."""
     engine, num_cases = experiment.engine, experiment.monte_carlo.num_cases
     place = folder / artifacts.EPISODE_PARTS / kind
-    if not experiment.resume and place.is_dir():
-        _drop(list(place.iterdir()))
+    if not experiment.resume:
+        shutil.rmtree(place, ignore_errors=True)
     bounds = [
         (first, min(first + engine.part_cases, num_cases)) for first in range(0, num_cases, engine.part_cases)
     ]
-    paths = [place / f"{first:09d}.parquet" for first, _ in bounds]
+    # a resumed run may be cut into other parts
+    paths = [place / f"{first:09d}-{last:09d}.parquet" for first, last in bounds]
     left = [row for row, path in enumerate(paths) if not path.exists()]
     parts = [(str(folder.resolve()), kind, *bounds[row]) for row in left]
     with Progress("part:", len(paths), len(paths) - len(left)) as progress:
@@ -132,16 +134,6 @@ def fly_part(folder: str, kind: str, first: int, last: int) -> dict[str, Column]
     workers = cases.workers if experiment.engine.kind == "local" else 1
     outcomes = fly_all(mission, controller, scenarios, workers)
     return {**episode_columns(mission, scenarios, outcomes), "case": np.arange(first, last)}
-
-
-def _drop(paths: list[Path]) -> None:
-    """Remove parts, and their folders if nothing else is left there."""
-    for path in paths:
-        path.unlink(missing_ok=True)
-    for place in {path.parent for path in paths}:
-        for empty in (place, place.parent):
-            with suppress(OSError):
-                empty.rmdir()
 
 
 def _beside_optimum(experiment: Experiment, controller: Controller, folder: Path) -> dict[str, Any]:
@@ -167,26 +159,21 @@ def _dispersed(
     if not mission.dispersions:
         return {}
     keys = [one.key for one in distributions(mission.dispersions)]
-    nominal, paths = _nominal(experiment, controller, folder)
-    found = {
+    nominal = _nominal(experiment, controller, folder)
+    return {
         "sensitivity": sensitivity(episodes, keys, confidence),
         "nominal": summarise(nominal, confidence),
     }
-    _drop(paths)
-    return found
 
 
-def _nominal(
-    experiment: Experiment, controller: Controller, folder: Path
-) -> tuple[Mapping[str, Column], list[Path]]:
-    """Fly the same cases without their dispersions; return the results, and the files they are read from."""
+def _nominal(experiment: Experiment, controller: Controller, folder: Path) -> Mapping[str, Column]:
+    """Fly the same cases without their dispersions."""
     cases = experiment.monte_carlo
     if _is_in_parts(experiment):
-        paths = _fly_parts(experiment, folder, "nominal")
-        return tables.Columns(paths), paths
+        return tables.Columns(_fly_parts(experiment, folder, "nominal"))
     scenarios = evaluation_scenarios(cases, experiment.sun, experiment.seed)
     mission = replace(experiment.mission, dispersions={})
-    return fly_cases(mission, controller, scenarios, cases.workers)[0], []
+    return fly_cases(mission, controller, scenarios, cases.workers)[0]
 
 
 def _dispersion_lines(summary: Mapping[str, Any]) -> str:

@@ -5,6 +5,7 @@ unknown values are left out.
 """
 
 import json
+import sys
 import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
@@ -13,6 +14,16 @@ from typing import Final
 from telemetry.file.errors import RecordingError
 
 JsonValue = float | str | list[float] | list[str]
+
+#: keys with a list of numbers, and how many; None for any number
+NUMBERS_OF: Final[Mapping[str, int | None]] = {
+    **dict.fromkeys(("position_m", "velocity_m_s", "boresight", "noise"), 3), "settings": None,
+}  # fmt: skip
+#: keys with whole numbers
+WHOLE: Final = ("seed", "noise")
+#: the greatest magnitudes of whole and of other numbers
+MOST_WHOLE: Final = 2**63 - 1
+MOST: Final = sys.float_info.max
 
 #: key of the checksum of a record's other entries; MCAP itself has none for metadata
 CHECKSUM_KEY: Final = "crc32"
@@ -108,8 +119,8 @@ class EpisodeDescription:
         """
         words = ("scenario_id", "product_version", "config_hash")
         known = {field.name for field in fields(cls)} & metadata.keys()
-        values = {key: metadata[key] if key in words else _from_json(key, metadata[key]) for key in known}
-        return cls(**{key: tuple(v) if isinstance(v, list) else v for key, v in values.items()})  # type: ignore[arg-type]
+        values = {key: metadata[key] if key in words else _numbers(key, metadata[key]) for key in known}
+        return cls(**values)  # type: ignore[arg-type]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -174,6 +185,23 @@ def _from_json(key: str, text: str) -> JsonValue:
             "write it with telemetry.file.metadata"
         ) from error
     return value
+
+
+def _numbers(key: str, text: str) -> float | tuple[float, ...]:
+    """Decode a finite number, or as many as a key has."""
+    value = _from_json(key, text)
+    given = value if isinstance(value, list) else [value]
+    kinds, most = ((int,), MOST_WHOLE) if key in WHOLE else ((int, float), MOST)
+    are_numbers = all(type(one) in kinds and abs(one) <= most for one in given)  # type: ignore[arg-type]
+    is_right = isinstance(value, list) == (key in NUMBERS_OF) and len(given) == (
+        NUMBERS_OF.get(key) or len(given)
+    )
+    if not are_numbers or not is_right:
+        raise RecordingError(
+            f"metadata {key!r} is {text[:80]!r}, but {NUMBERS_OF.get(key, 1) or 'any number of'} finite "
+            f"{'whole ' * (key in WHOLE)}numbers are expected; write it with telemetry.file.metadata"
+        )
+    return tuple(value) if isinstance(value, list) else value  # type: ignore[return-value,arg-type]
 
 
 def _words_from_json(key: str, text: str) -> tuple[str, ...]:

@@ -90,8 +90,6 @@ def test_a_campaign_in_parts_is_the_same_and_goes_on(tmp_path, monkeypatch):
     assert main([f"resume={parted}"]) == 0
     assert kept[:2] == before
     assert len(kept) == 4
-    one, other = (tables.read_parquet(folder, artifacts.EPISODES) for folder in (whole, parted))
-    assert list(one) == list(other)
-    assert all((one[name] == other[name]).all() for name in one)
+    assert (whole / artifacts.EPISODES).read_bytes() == (parted / artifacts.EPISODES).read_bytes()
     assert not (parted / artifacts.TRAJECTORIES).exists()
     assert not (parted / artifacts.EPISODE_PARTS).exists()

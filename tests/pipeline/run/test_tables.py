@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 
 from pipeline.run import tables
@@ -56,3 +57,17 @@ def test_numbers_in_csv_read_back_to_the_same_bits(tmp_path: Path) -> None:
     assert lines[0] == "name,value"
     assert lines[-1] == ""
     assert [float(line.split(",")[1]).hex() for line in lines[1:-1]] == [float(x).hex() for x in numbers]
+
+
+@pytest.mark.parametrize("cuts", [(4,), (1, 2, 3), (10, 20, 23), (7, 14)])
+def test_a_table_in_parts_becomes_the_bytes_of_one_written_whole(cuts, tmp_path, monkeypatch):
+    monkeypatch.setattr(tables, "GROUP_ROWS", 5)
+    columns = {"case": np.arange(23), "cost": np.linspace(0.0, 1.0, 23), "at": np.ones((23, 3))}
+    tables.write_parquet(tmp_path / "whole", columns)
+    bounds = [0, *cuts, 23]
+    parts = [tmp_path / f"part-{first}" for first in bounds[:-1]]
+    for part, first, last in zip(parts, bounds, bounds[1:], strict=False):
+        tables.write_parquet(part, {name: column[first:last] for name, column in columns.items()})
+    tables.join_parquet(tmp_path / "joined", parts)
+    assert (tmp_path / "joined").read_bytes() == (tmp_path / "whole").read_bytes()
+    assert pq.read_metadata(tmp_path / "joined").num_row_groups == 5

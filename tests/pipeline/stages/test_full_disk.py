@@ -2,8 +2,11 @@
 
 import errno
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -24,15 +27,17 @@ class Disk:
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, num_files: int, spared: tuple[str, ...] = ()):
         self.room, self.spared = num_files, spared
-        self.write = artifacts._write_beside
-        monkeypatch.setattr(artifacts, "_write_beside", self.write_beside)
+        self.write = artifacts.beside
+        monkeypatch.setattr(artifacts, "beside", self.beside)
         monkeypatch.setattr(train, "WRITE_EVERY_S", 0.0)
 
-    def write_beside(self, path: Path, content: bytes | str) -> None:
+    @contextmanager
+    def beside(self, path: Path) -> Iterator[BinaryIO]:
         self.room -= 1
         if self.room < 0 and not f".{path.name}".startswith(self.spared):
-            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-        self.write(path, content)
+            raise artifacts.WriteError(f"{path} cannot be written: {STOPPED}")
+        with self.write(path) as stream:
+            yield stream
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,171 @@
+"""`verify` of damaged and forged runs: a sentence for each file, exit code 1, and no traceback."""
+
+import base64
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+
+from pipeline.command_line.cli import main
+from pipeline.run import artifacts
+from tests.hostile.recordings import forged
+
+FLIGHT = "episodes/start.mcap"
+
+
+@pytest.fixture(scope="module")
+def flown(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("flown") / "run"
+    words = ["+experiment=fly", "controller=paper_champion", "duration_s=60", f"hydra.run.dir={folder}"]
+    assert main(words) == 0
+    return folder
+
+
+@pytest.fixture
+def run(flown, tmp_path):
+    return Path(shutil.copytree(flown, tmp_path / "run"))
+
+
+def config_with(run: Path, **changes: object) -> bytes:
+    return artifacts.config_text(artifacts.stored_config(run) | changes).encode()
+
+
+#: what is done to a recording, and what is told
+FORGERIES = {
+    "cut short": (lambda run, content: content[:5000], "start.mcap"),
+    "no recording": (lambda run, content: b"x" * 5000, "start.mcap"),
+    **{
+        f"controller {text}": (
+            lambda run, content, text=text: forged(content, attachments={"controller.json": text.encode()}),
+            "controller.json",
+        )
+        for text in ("5", "null", "[]", "{", '"x"')
+    },
+    "policy": (
+        lambda run, content: forged(
+            content, attachments={"controller.json": b'{"kind": "policy", "onnx": "\\ud800!"}'}
+        ),
+        "policy cannot be read",
+    ),
+    "policy of nothing": (
+        lambda run, content: forged(
+            content,
+            attachments={
+                "controller.json": json.dumps(
+                    {"kind": "policy", "onnx": base64.b64encode(b"x" * 99).decode()}
+                ).encode()
+            },
+        ),
+        "policy",
+    ),
+    "configuration a list": (
+        lambda run, content: forged(content, attachments={"config.yaml": b"[]"}),
+        "config.yaml holds no configuration",
+    ),
+    "configuration of numbers": (
+        lambda run, content: forged(content, attachments={"config.yaml": b"{deputy: 3}"}),
+        "start.mcap",
+    ),
+    **{
+        f"{key} {text}": (
+            lambda run, content, key=key, text=text: forged(content, episode={key: text}),
+            f"metadata '{key}'",
+        )
+        for key, text in (
+            ("noise", "[1e400, 1, 2]"),
+            ("noise", "[1, 2]"),
+            ("position_m", "[NaN, 1, 2]"),
+            ("position_m", '{"x": 1}'),
+            ("velocity_m_s", '["a", "b", "c"]'),
+            ("sun_angle_rad", "[]"),
+            ("seed", "1" * 4000),
+            ("settings", "3"),
+        )
+    },
+}
+
+
+@pytest.mark.parametrize("name", FORGERIES)
+def test_a_damaged_recording_is_told_in_a_sentence(name, run, capsys):
+    damage, told = FORGERIES[name]
+    path = run / FLIGHT
+    path.write_bytes(damage(run, path.read_bytes()))
+    assert main(["verify", str(run)]) == 1
+    said = capsys.readouterr()
+    assert f"{FLIGHT} has CHANGED since it was written" in said.out
+    (line,) = [line for line in said.out.splitlines() if line.startswith("  start.mcap: CANNOT BE CHECKED: ")]
+    assert told in line
+    assert len(line) > len("  start.mcap: CANNOT BE CHECKED: ValueError")
+    assert "Traceback" not in said.err
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "told"),
+    [
+        ("config.yaml", None, "config.yaml is MISSING"),
+        ("config.yaml", "[]", "config.yaml has CHANGED"),
+        ("config.yaml", "\x00", "config.yaml has CHANGED"),
+        ("manifest.json", "[]", "manifest.json has manifest version None"),
+        ("manifest.json", "[" * 100_000, "manifest.json cannot be read"),
+        (FLIGHT, None, f"{FLIGHT} is MISSING"),
+        (FLIGHT, "", f"{FLIGHT} has CHANGED"),
+    ],
+)
+def test_a_damaged_file_is_told_in_a_sentence(name, content, told, run, capsys):
+    (run / name).unlink()
+    if content is not None:
+        (run / name).write_text(content)
+    assert main(["verify", str(run)]) == 1
+    said = capsys.readouterr()
+    assert told in said.out
+    assert "Traceback" not in said.err
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [("sha256", []), ("sha256", {"x": 5}), ("makers", 5), ("makers", [5]), ("makers", [{"versions": []}]),
+     ("makers", [{"processor": 3}]), ("config_hash", 5), ("finished_stages", "x"), ("made_by", {"train": 5})],
+)  # fmt: skip
+def test_a_manifest_of_other_kinds_is_told_by_its_key(key, value, run, capsys):
+    manifest = json.loads((run / "manifest.json").read_text()) | {key: value}
+    (run / "manifest.json").write_text(json.dumps(manifest))
+    assert main(["verify", str(run)]) == 1
+    assert f"it has no proper {key}" in capsys.readouterr().out
+    assert main([f"resume={run}"]) == 2
+    assert f"it has no proper {key}" in capsys.readouterr().err
+
+
+def test_a_link_is_told_and_not_followed(run, tmp_path, capsys):
+    (tmp_path / "outside").write_bytes((run / FLIGHT).read_bytes())
+    (run / FLIGHT).unlink()
+    (run / FLIGHT).symlink_to(tmp_path / "outside")
+    assert main(["verify", str(run)]) == 1
+    told = capsys.readouterr().out
+    assert f"{FLIGHT} is a link to {tmp_path / 'outside'}, which is not followed" in told
+    assert f"{FLIGHT} is MISSING" in told
+
+
+def test_a_healthy_run_raises_no_alarm(run, capsys):
+    assert main(["verify", str(run)]) == 0
+    assert "another maker" not in capsys.readouterr().out
+
+
+def test_two_runs_of_one_command_are_equal(flown, tmp_path, capsys):
+    words = [
+        "+experiment=fly",
+        "controller=paper_champion",
+        "duration_s=60",
+        f"hydra.run.dir={tmp_path / 'b'}",
+    ]
+    assert main([*words, "monte_carlo.workers=1"]) == 0
+    assert main(["verify", str(flown), str(tmp_path / "b")]) == 0
+    assert "differs" not in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("differs", [[], None, 5, "x"])
+def test_a_sweep_of_other_kinds_is_refused(differs, tmp_path, capsys):
+    run = {"folder": "a", "differs": differs, "command": [], "failure": ""}
+    (tmp_path / "sweep.json").write_text(json.dumps({"sweep_version": 1, "runs": [run]}))
+    assert main(["summary", str(tmp_path)]) == 2
+    assert "is no file of a sweep" in capsys.readouterr().err
