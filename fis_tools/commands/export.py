@@ -73,7 +73,7 @@ forms:
   json, yaml                         a controller file, which holds everything
   fis, fll, fml                      MATLAB and Octave, fuzzylite, IEEE 1855: a file a system; what the form
                                      has no place for is listed, and carried in a comment that `import` reads
-  fcl                                IEC 61131-7, written only: a file a system
+  fcl                                IEC 61131-7: a file a system; what it has no place for is listed
   c                                  C99 source that stands alone: for a controller that commands a force
                                      step(), which has its thrust logic; else a function a system
   fmu                                FMI 2.0 for co-simulation (Simulink, Dymola, OpenModelica): a file a
