@@ -7,16 +7,12 @@ Importing this module registers them with numba, as well as all of `fis_tools.co
 from functools import cache
 from typing import Any
 
-from fis_tools.compiled import vectors
-from fis_tools.compiled.vector_code import I64, members, needed_of_numba, typed
+from numba import types
+from numba.extending import infer_getattr, lower_builtin, lower_getattr_generic, models, register_model
 
-with needed_of_numba():
-    from llvmlite import ir
-    from numba import types
-    from numba.core import cgutils
-    from numba.core.imputils import lower_getattr_generic
-    from numba.core.typing.templates import AttributeTemplate, infer_getattr
-    from numba.extending import lower_builtin, models, register_model
+from fis_tools.compiled import vectors
+from fis_tools.compiled.numba_parts import AttributeTemplate, cgutils, ir
+from fis_tools.compiled.vector_code import I64, members, typed
 
 I8 = ir.IntType(8)
 

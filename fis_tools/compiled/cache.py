@@ -1,8 +1,8 @@
 """The cache of compiled code: its location, why stale code cannot be loaded, and whose code is never loaded.
 
-numba's own cache checks the file of a compiled function, not the files of the functions it
-calls, so it would miss a change in a callee. Here every module with compiled functions has a cache folder
-named after a hash of its own source and of all that it imports, directly or not, from packages with compiled
+numba's own cache checks the file of a compiled function, not the files of the functions it calls, so it would
+miss a change in a callee. Here every module with compiled functions has a cache folder named after a hash of
+its own source and of all that it imports at its top level, directly or not, from packages with compiled
 functions. An edit creates new folders for the modules that depend on the edited file, and for no others.
 
 A cache is unpickled, so whoever can write to it can run code as its user. It is used only in a folder that
@@ -15,12 +15,12 @@ import platform
 import re
 import shutil
 import stat
+import sys
 import time
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
-from importlib import import_module
 from importlib.util import resolve_name
 from pathlib import Path
 from typing import Any
@@ -29,21 +29,17 @@ CACHE_NAME = "fis-tools"
 KEPT_DAYS = 30
 DAY_S = 86400.0
 
-#: The packages whose versions affect compiled code; they are imported by the time the versions are needed.
-COMPILERS = ("numba", "llvmlite", "numpy")
+#: What the decorator loads when it first compiles: how vectors are compiled.
+SHAPING_ALL = ("fis_tools.compiled.borrowed_code",)
 
-#: Modules that every module with compiled functions imports, and that do not affect its code.
-SHAPING_NOTHING = {"fis_tools.compiled.cache", "fis_tools.compiled.notice"}
-
-#: The imports of a file: `from X import Y, …` and `import X`; and those for type checkers only.
-IMPORTS = re.compile(r"\n[ \t]*(?:from\s+([\w.]+)\s+import\s+(\([^)]*\)|[^\n]*)|import\s+([^\n]*))")
-FOR_TYPES_ALONE = re.compile(r"^if TYPE_CHECKING:[^\n]*\n(?:[ \t]+[^\n]*\n|\n)+", re.MULTILINE)
+#: The imports at the top level of a file: `from X import Y, …` and `import X`.
+IMPORTS = re.compile(r"^(?:from\s+([\w.]+)\s+import\s+(\([^)]*\)|[^\n]*)|import\s+([^\n]*))", re.MULTILINE)
 
 #: When this module was loaded. A source that has changed since may differ from the code that runs.
 _loaded_ns = time.time_ns()
 
-#: Packages with compiled functions, and their folders; our own has the decorator.
-_roots: dict[str, Path] = {"fis_tools": Path(__file__).parents[2]}
+#: Packages with compiled functions, whose imports are followed.
+packages = {"fis_tools"}
 
 
 @dataclass(frozen=True)
@@ -73,14 +69,6 @@ class Sources:
 
     files: tuple[str, ...]
     digest: str
-
-
-def register(function: Callable[..., Any]) -> None:
-    """Register the package of a function, so that imports from it are followed."""
-    path = Path(function.__code__.co_filename)
-    depth = function.__module__.count(".") + (path.name == "__init__.py")
-    if depth < len(path.parents):  # else it was never a file, as in a notebook
-        _roots.setdefault(function.__module__.partition(".")[0], path.parents[depth])
 
 
 def place_for(function: Callable[..., Any]) -> Path | Refused:
@@ -218,7 +206,7 @@ def sources_of(module: str, file: str) -> Sources:
     Parameters
     ----------
     module : str
-        Its dotted name.
+        Its dotted name; it and what it imports are loaded.
     file : str
         Its path.
 
@@ -229,14 +217,15 @@ def sources_of(module: str, file: str) -> Sources:
     """
     digest = hashlib.sha256(_versions().encode())
     found: dict[str, str] = {}
-    waiting = [(module, file)]
+    waiting = [(name, place) for name in SHAPING_ALL if (place := _file_of(name))]
+    waiting.append((module, file))
     while waiting:
         name, path = waiting.pop()
-        if name not in found and name not in SHAPING_NOTHING:
+        if name not in found:
             found[name] = path
             package = name if path.endswith("__init__.py") else name.rpartition(".")[0]
             words = (resolve_name(word, package) for word in _read(path)[1])
-            waiting += [(word, place) for word in words if (place := _file_of(word)) is not None]
+            waiting += [(word, place) for word in words if (place := _file_of(word))]
     for name in sorted(found):
         digest.update(f"{name} {_read(found[name])[0]}\n".encode())
     return Sources(tuple(found.values()), digest.hexdigest()[:16])
@@ -245,17 +234,18 @@ def sources_of(module: str, file: str) -> Sources:
 @cache
 def _versions() -> str:
     """Return the versions that affect compiled code."""
-    compilers = (str(import_module(name).__version__) for name in COMPILERS)
-    return " ".join((platform.python_version(), *compilers))
+    import numpy as np  # noqa: PLC0415 - as below
+
+    from fis_tools.compiled.numba_parts import VERSIONS  # noqa: PLC0415 - numba, which is loaded by then
+
+    return " ".join((platform.python_version(), *VERSIONS, np.__version__))
 
 
 @cache
 def _read(file: str) -> tuple[str, tuple[str, ...]]:
     """Return a hash of a source, and every name in its imports that may be a module, relative or not."""
     source = Path(file).read_bytes()
-    text = "\n" + source.decode("utf-8", "replace").replace("\r\n", "\n")
-    if "\nif TYPE_CHECKING:" in text:
-        text = FOR_TYPES_ALONE.sub("", text)
+    text = source.decode("utf-8", "replace").replace("\r\n", "\n")
     words = []
     for parent, children, whole in IMPORTS.findall(text):
         names = [word.split()[0] for word in re.split(r"[,()\n]", children or whole) if word.strip()]
@@ -265,25 +255,6 @@ def _read(file: str) -> tuple[str, tuple[str, ...]]:
 
 
 def _file_of(module: str) -> str | None:
-    """Return the source of a module of the packages with compiled functions; None for any other name."""
-    root = _roots.get(module.partition(".")[0])
-    return None if root is None else _file_below(root, module)
-
-
-@cache
-def _file_below(root: Path, module: str) -> str | None:
-    *folders, name = module.split(".")
-    folder = os.path.join(root, *folders)
-    if f"{name}.py" in _names_in(folder):
-        return os.path.join(folder, f"{name}.py")
-    package = os.path.join(folder, name)
-    return os.path.join(package, "__init__.py") if "__init__.py" in _names_in(package) else None
-
-
-@cache
-def _names_in(folder: str) -> frozenset[str]:
-    """Return the names of a folder's files, none if there is no such folder."""
-    try:
-        return frozenset(os.listdir(folder))
-    except (FileNotFoundError, NotADirectoryError):
-        return frozenset()
+    """Return the source of a loaded module of the packages with compiled functions; None for other names."""
+    is_ours = module.partition(".")[0] in packages
+    return getattr(sys.modules.get(module), "__file__", None) if is_ours else None

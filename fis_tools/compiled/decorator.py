@@ -42,7 +42,7 @@ class Compiled:
         self.py_func = function
         self._options = options
         self._package = function.__module__.partition(".")[0]
-        cache.register(function)
+        cache.packages.add(self._package)
 
     def __call__(self, *args: Any, **kwargs: Any) -> Any:
         """Call the compiled function."""
@@ -58,10 +58,11 @@ class Compiled:
         Calling it skips type resolution, which takes numba longer than a short function does when many
         arrays are passed. It must be called with exactly these types.
         """
-        compile_for = getattr(self.dispatcher, "compile", None)
-        if compile_for is None:  # numba is disabled
-            return cast(Callable[..., Any], self.dispatcher)
-        return cast(Callable[..., Any], compile_for(tuple(map(self.dispatcher.typeof_pyval, args))))
+        from numba import typeof  # noqa: PLC0415 - takes a while, and most commands compile nothing
+
+        if _is_numba_off():
+            return self.py_func
+        return cast(Callable[..., Any], self.dispatcher.compile(tuple(map(typeof, args))))
 
     def __getattr__(self, name: str) -> Any:
         # Only names that are not yet set get here. One is `_numba_type_`, by which numba asks a global
@@ -115,13 +116,7 @@ def sparingly(function: F) -> F:
 
     def call(*args: Any) -> Any:
         nonlocal is_known
-        if is_known:
-            return known(*args)
-        typeof = getattr(known.dispatcher, "typeof_pyval", None)
-        if typeof is None:  # numba is disabled
-            return known(*args)
-        types = tuple(map(typeof, args))
-        is_known = types in known.dispatcher.overloads or cache.was_asked(known.py_func, str(types))
+        is_known = is_known or _is_wanted_again(known, args)
         if is_known:
             return known(*args)
         token = _plain.set(known._package)
@@ -134,49 +129,62 @@ def sparingly(function: F) -> F:
     return cast(F, call)
 
 
+def _is_wanted_again(function: Compiled, args: tuple[Any, ...]) -> bool:
+    """Return whether a function has been called with arguments of these types before, by any process."""
+    from numba import typeof  # noqa: PLC0415 - as above
+
+    if _is_numba_off():
+        return True
+    types = tuple(map(typeof, args))
+    return types in function.signatures or cache.was_asked(function.py_func, str(types))
+
+
 def _dispatcher(function: Callable[..., Any], options: dict[str, Any]) -> Any:
     """Create numba's dispatcher for calls from Python, with a cache folder if one can be trusted."""
-    from numba import njit  # noqa: PLC0415 - takes a while, and most commands compile nothing
+    from numba import njit  # noqa: PLC0415 - as above
 
-    from fis_tools.compiled import libraries, loading, notice  # noqa: PLC0415 - as above
+    from fis_tools.compiled import borrowed_code, notice  # noqa: F401, PLC0415 - as above
 
-    options = {**libraries.ENTRY, **options}
+    if _is_numba_off():
+        return function
+    notice.announce(function)
     place = cache.place_for(function)
     if isinstance(place, Path):
         with _numba_caching_in(place):
             dispatcher = njit(cache=True, **options)(function)
-        stats = getattr(dispatcher, "stats", None)  # a plain function if numba is disabled
-        if stats is not None and not Path(stats.cache_path).is_relative_to(place):
-            place = cache.Refused(f"numba cannot write to {place}")
-        elif stats is not None:
-            loading.load_first(dispatcher)
-    if isinstance(place, cache.Refused):
-        loading.get_ready()
-        dispatcher = njit(**options)(function)
-    notice.watch(dispatcher, place)
-    return dispatcher
+        if Path(dispatcher.stats.cache_path).is_relative_to(place):
+            return dispatcher
+        place = cache.Refused(f"numba cannot write to {place}")
+    notice.tell_refusal(place.reason)
+    return njit(**options)(function)
 
 
 def _inside(function: Callable[..., Any], options: dict[str, Any]) -> Any:
-    """Create numba's dispatcher for calls from compiled code.
+    """Create numba's dispatcher for calls from compiled code, without an entry for Python.
 
-    It is not cached: a caller compiled with a cached function may round differently from one compiled
-    with a fresh one, and results would depend on what was compiled before. A constant among its arguments
+    It is not cached, for its callers contain its code. A constant among its arguments
     uses the code for a variable; numba would otherwise compile one version for each.
     """
     from numba import njit, types  # noqa: PLC0415 - as above
 
-    from fis_tools.compiled import libraries, loading, notice  # noqa: PLC0415 - as above
+    from fis_tools.compiled import borrowed_code, notice  # noqa: F401, PLC0415 - as above
 
-    loading.get_ready()
-    dispatcher: Any = njit(**options, **libraries.CALLEE)(function)
+    notice.announce(function)
+    dispatcher: Any = njit(**{"no_cpython_wrapper": True, "no_cfunc_wrapper": True, **options})(function)
     template = dispatcher.get_call_template
     unliteral: Callable[[Any], Any] = types.unliteral  # as a value: a type checker sees numba's calls untyped
     dispatcher.get_call_template = lambda args, kws: template(
         tuple(map(unliteral, args)), {name: unliteral(kind) for name, kind in kws.items()}
     )
-    notice.watch(dispatcher)
     return dispatcher
+
+
+def _is_numba_off() -> bool:
+    """Return whether NUMBA_DISABLE_JIT=1 lets every function run as plain Python."""
+    from numba import config  # noqa: PLC0415 - as above
+
+    settings: Any = config  # numba sets its attributes at run time, unseen by type checkers
+    return bool(settings.DISABLE_JIT)
 
 
 @contextmanager
@@ -184,7 +192,7 @@ def _numba_caching_in(folder: Path) -> Iterator[None]:
     """Let dispatchers created inside cache in a folder; numba reads its setting once, at creation."""
     from numba import config  # noqa: PLC0415 - as above
 
-    settings: Any = config  # numba sets its attributes at run time, unseen by type checkers
+    settings: Any = config  # as above
     before = settings.CACHE_DIR
     settings.CACHE_DIR = os.fspath(folder)
     try:

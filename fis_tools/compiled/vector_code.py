@@ -1,42 +1,27 @@
 """The LLVM code of vectors, for numba: their types, and each operation of `fis_tools.compiled.vectors`.
 
-Importing this module registers all of it with numba. `fis_tools.compiled.borrowed_code` adds borrowed values,
-and `fis_tools.compiled.loading` imports both before anything is compiled. LLVM has vectors of any width as
-values and maps them to the processor's registers.
+Importing this module registers all of it with numba, and `fis_tools.compiled.borrowed_code` adds borrowed
+values. LLVM has vectors of any width as values and maps them to the processor's registers.
 """
 
 import operator
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from inspect import signature as signature_of
 from typing import Any
 
-import numba
 import numpy as np
+from numba import TypingError, types
+from numba.extending import infer, lower_builtin, models, register_model
 
 from fis_tools.compiled import vectors
-
-
-@contextmanager
-def needed_of_numba() -> Iterator[None]:
-    """Say which numba release has what is imported inside, if the installed one lacks it."""
-    try:
-        yield
-    except ImportError as error:
-        raise ImportError(
-            f"numba {numba.__version__} lacks what compiled vectors are made with ({error}); "
-            "they are tested with numba 0.68; install it: pip install 'numba>=0.62,<0.69'"
-        ) from error
-
-
-with needed_of_numba():
-    from llvmlite import ir
-    from numba import types
-    from numba.core import cgutils
-    from numba.core.errors import TypingError
-    from numba.core.typing.arraydecl import GetItemBuffer, SetItemBuffer
-    from numba.core.typing.templates import AbstractTemplate, infer, infer_global, signature
-    from numba.extending import lower_builtin, models, register_model
+from fis_tools.compiled.numba_parts import (
+    AbstractTemplate,
+    GetItemBuffer,
+    SetItemBuffer,
+    cgutils,
+    infer_global,
+    ir,
+)
 
 MOST_LANES = 64
 
@@ -112,7 +97,7 @@ def typed(operation: Any, typer: Callable[..., Any], takes_constants: bool = Fal
 
         def generic(self, args: tuple[Any, ...], kws: dict[str, Any]) -> Any:
             result = None if kws or len(args) != count else typer(*args)
-            return None if result is None else signature(result, *args)
+            return None if result is None else result(*args)
 
     infer(Typing)
     infer_global(operation, types.Function(Typing))
@@ -571,11 +556,6 @@ def _lower_total(builder: Any, vector: Any) -> Any:
     return _by_halves(builder, vector, lambda builder, lower, upper: builder.fadd(lower, upper))
 
 
-@_of_vector(vectors.highest, VectorType, types.float64)
-def _lower_highest(builder: Any, vector: Any) -> Any:
-    return _by_halves(builder, vector, _chosen_by(">"))
-
-
 def _as_integer(builder: Any, mask: Any) -> Any:
     return builder.bitcast(mask, ir.IntType(mask.type.count))
 
@@ -588,11 +568,6 @@ def _as_int64(builder: Any, number: Any) -> Any:
 def _lower_some(builder: Any, mask: Any) -> Any:
     number = _as_integer(builder, mask)
     return builder.icmp_unsigned("!=", number, number.type(0))
-
-
-@_of_vector(vectors.bits, MaskType, types.uint64)
-def _lower_bits(builder: Any, mask: Any) -> Any:
-    return _as_int64(builder, _as_integer(builder, mask))
 
 
 @_of_vector(vectors.count, MaskType, types.int64)

@@ -144,13 +144,6 @@ def total(vector: Vector) -> float:
     return float(vector[0])
 
 
-def highest(vector: Vector) -> float:
-    """Return the largest of the lanes, found by halves as in `total`; no lane may be NaN."""
-    while len(vector) > 1:
-        vector = most(vector[: len(vector) // 2], vector[len(vector) // 2 :])
-    return float(vector[0])
-
-
 def some(mask: Mask) -> bool:
     """Return whether a mask holds in any lane."""
     return bool(np.any(mask))
@@ -159,11 +152,6 @@ def some(mask: Mask) -> bool:
 def count(mask: Mask) -> int:
     """Return the number of lanes in which a mask holds."""
     return int(np.count_nonzero(mask))
-
-
-def bits(mask: Mask) -> int:
-    """Return a mask as the bits of an integer, the first lane lowest; of at most 64 lanes."""
-    return int(sum(1 << lane for lane in np.flatnonzero(mask).tolist()))
 
 
 def power_of_two(exponent: Vector) -> Vector:

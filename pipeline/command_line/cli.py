@@ -10,9 +10,7 @@ from collections.abc import Callable, Sequence
 from importlib import import_module
 
 from pipeline.command_line import runs
-from pipeline.command_line.ahead import Begin
 from pipeline.command_line.arguments import read_arguments
-from pipeline.command_line.job import ConfigError
 from pipeline.command_line.runs import MISTAKE, OK
 from pipeline.run import maker, reproducible
 from pipeline.run.runner import Interrupted
@@ -22,15 +20,13 @@ INTERRUPTED = 130
 COMMANDS = {name: f"pipeline.command_line.{name}" for name in ("cluster", "summary", "verify")}
 
 
-def main(arguments: Sequence[str] | None = None, begin: Begin = None) -> int:
+def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command line.
 
     Parameters
     ----------
     arguments : sequence of str, optional
         Without the program's name; by default those of the process.
-    begin : callable or str, optional
-        What begins the run that is asked for, where that is known already; see `ahead.Begin`.
 
     Returns
     -------
@@ -40,9 +36,7 @@ def main(arguments: Sequence[str] | None = None, begin: Begin = None) -> int:
     words = sys.orig_argv[1:] if arguments is None else ["-m", "pipeline", *arguments]
     arguments = list(sys.argv[1:] if arguments is None else arguments)
     try:
-        if isinstance(begin, str):
-            raise ConfigError(begin)
-        return begin() if begin else _dispatch(arguments)
+        return _dispatch(arguments)
     except reproducible.NotInForce:
         return reproducible.start_anew(words)
     except Interrupted as interrupt:
@@ -76,6 +70,6 @@ def _dispatch(arguments: Sequence[str]) -> int:
         from pipeline.command_line.summary import compare  # noqa: PLC0415 - as above
 
         return compare(*asked.compare)
-    from pipeline.command_line.experiments import plan  # noqa: PLC0415 - Hydra, which a new run does without
+    from pipeline.command_line.experiments import plan  # noqa: PLC0415 - Hydra, which the others do without
 
     return plan(asked)()

@@ -1,7 +1,7 @@
 """Which pictures a report has, what they are called, and what is written under each."""
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from functools import partial
 
 import numpy as np
@@ -26,7 +26,6 @@ from pipeline.report.figures.trajectories import MOST_TOLD_APART, Tracks, trajec
 from pipeline.report.figures.with_and_without import with_and_without
 from pipeline.report.illustration import Illustration, Sketch, illustrate
 from pipeline.report.without_safety import Without
-from pipeline.run.second import Share
 from pipeline.settings.experiment import Mission
 
 #: the files that this stage writes into the folder of figures, or once did, and no other
@@ -36,22 +35,10 @@ OWN_FILES = re.compile(
 )
 
 
-def draw(contents: Contents, share: Share) -> Callable[[], list[Illustration]]:
-    """Begin to draw every picture for which the run has what it takes.
-
-    Parameters
-    ----------
-    contents : Contents
-    share : callable
-        Of a process that draws some of them, see `pipeline.run.second`.
-
-    Returns
-    -------
-    callable
-        Draws the others; returns all, in the order of the page.
-    """
+def draw(contents: Contents) -> list[Illustration]:
+    """Draw every picture for which the run has what it takes, in the order of the page."""
     dots_per_inch = contents.experiment.report.dots_per_inch
-    return share(illustrate, [(sketch, dots_per_inch) for sketch in _sketches(contents)])
+    return [illustrate(sketch, dots_per_inch) for sketch in _sketches(contents)]
 
 
 def _sketches(contents: Contents) -> Iterator[Sketch]:

@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pipeline.run import artifacts
-from pipeline.run.second import Share, second_process
 from pipeline.settings.experiment import Experiment
 
 if TYPE_CHECKING:
@@ -20,20 +19,13 @@ def run(experiment: Experiment, folder: Path) -> None:
     pipeline.run.artifacts.ArtifactError
         If a file of the run exists and cannot be read.
     """
-    with second_process("pipeline.report.figures.side_by_side") as share:  # with all that figures load
-        _write(experiment, folder, share)
-
-
-def _write(experiment: Experiment, folder: Path, share: Share) -> None:
-    # imported in both processes at the same time
-    from pipeline.report.contents import gather  # noqa: PLC0415
+    from pipeline.report.contents import gather  # noqa: PLC0415 - takes a while, as do the others
     from pipeline.report.page import write  # noqa: PLC0415
     from pipeline.report.pictures import OWN_FILES, draw  # noqa: PLC0415
 
     contents = gather(experiment, folder)
-    drawn = draw(contents, share)
     _write_review(contents, folder)
-    illustrations = {illustration.name: illustration for illustration in drawn()}
+    illustrations = {illustration.name: illustration for illustration in draw(contents)}
     pictures = folder / artifacts.FIGURES
     for name, illustration in illustrations.items():
         artifacts.write_atomically(pictures / f"{name}.png", illustration.png)

@@ -7,11 +7,12 @@ import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 
 import fis_tools
-from fis_tools.compiled import cache
+from fis_tools.compiled import borrowed_code, cache  # noqa: F401 - as the decorator loads it
 from pipeline.flight.period import loop
 from pipeline.flight.period.act import attitude, safety
 from pipeline.physics import vectors
@@ -28,7 +29,7 @@ def sources(function: Callable[..., object]) -> set[str]:
 
 
 def test_a_kernel_depends_on_its_file_and_on_all_that_it_imports_and_on_nothing_else() -> None:
-    names = ("__init__", "borrowed_code", "decorator", "libraries", "loading", "vector_code", "vectors")
+    names = ("__init__", "borrowed_code", "cache", "decorator", "numba_parts", "vector_code", "vectors")
     decorator = {f"fis_tools/compiled/{name}.py" for name in names}
     assert sources(vectors.dot) == {"pipeline/physics/vectors.py", *decorator}
     flight = sources(loop.fly_many)
@@ -39,19 +40,27 @@ def test_a_kernel_depends_on_its_file_and_on_all_that_it_imports_and_on_nothing_
 
 @pytest.fixture
 def kernels(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., cache.Sources]:
-    """Writes a package `kernels` of files and looks up what `caller` depends on."""
-    monkeypatch.setitem(cache._roots, "kernels", tmp_path)
+    """Writes modules of a package `kernels`, loads them, and looks up what `caller` depends on."""
+    monkeypatch.setattr(cache, "packages", {"fis_tools", "kernels"})
 
-    def written(**texts: str) -> cache.Sources:
+    def written(folder: Path = tmp_path, **texts: str) -> cache.Sources:
         for name, text in texts.items():
-            path = tmp_path / "kernels" / f"{name}.py"
-            path.parent.mkdir(exist_ok=True)
+            path = folder / "kernels" / f"{name}.py"
+            path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(text)
-        for memo in (cache.sources_of, cache._read, cache._file_below):
-            memo.cache_clear()
-        return cache.sources_of("kernels.caller", str(tmp_path / "kernels" / "caller.py"))
+            module = ModuleType(f"kernels.{name}")
+            module.__file__ = str(path)
+            monkeypatch.setitem(sys.modules, module.__name__, module)
+        cache.sources_of.cache_clear()
+        cache._read.cache_clear()
+        return cache.sources_of("kernels.caller", str(folder / "kernels" / "caller.py"))
 
     return written
+
+
+def stems(sources: cache.Sources) -> list[str]:
+    """The modules of the package `kernels` among the sources."""
+    return sorted(Path(file).stem for file in sources.files if Path(file).parent.name == "kernels")
 
 
 @pytest.mark.parametrize(
@@ -64,38 +73,34 @@ def kernels(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., ca
         "from kernels import inner as other, caller",
         "from . import inner",
         "from .inner import width",
-        "def late():\n    from kernels.inner import width",
+        "import numpy as np\nimport os, kernels.inner",
     ],
 )
 def test_imports_count_at_any_remove_and_in_any_form(
     kernels: Callable[..., cache.Sources], line: str
 ) -> None:
     before = kernels(caller="from kernels import between\n", between=f"{line}\n", inner="width = 3\n")
-    assert [Path(file).stem for file in before.files] == ["caller", "between", "inner"]
+    assert stems(before) == ["between", "caller", "inner"]
     assert kernels(inner="width = 4\n").digest != before.digest
     assert kernels(inner="width = 3\n").digest == before.digest
 
 
-def test_imports_for_type_checkers_and_from_other_packages_do_not_count(
+def test_imports_for_type_checkers_in_functions_and_from_other_packages_do_not_count(
     kernels: Callable[..., cache.Sources],
 ) -> None:
     text = (
         "from typing import TYPE_CHECKING\nimport numpy as np\n\n"
-        "if TYPE_CHECKING:  # x\n    from kernels import inner\n\n    from kernels import between\n\nX = 1\n"
+        "if TYPE_CHECKING:  # x\n    from kernels import inner\n\n    from kernels import between\n\n"
+        "def late():\n    from kernels import inner\n"
     )
-    found = kernels(caller=text, between="", inner="")
-    assert [Path(file).stem for file in found.files] == ["caller"]
+    assert stems(kernels(caller=text, between="", inner="")) == ["caller"]
 
 
 def test_the_place_of_the_sources_does_not_count(
-    kernels: Callable[..., cache.Sources], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    kernels: Callable[..., cache.Sources], tmp_path: Path
 ) -> None:
-    here = kernels(caller="from kernels import inner\n", inner="")
-    (tmp_path / "kernels").rename(tmp_path / "moved")
-    (tmp_path / "elsewhere").mkdir()
-    (tmp_path / "moved").rename(tmp_path / "elsewhere" / "kernels")
-    monkeypatch.setitem(cache._roots, "kernels", tmp_path / "elsewhere")
-    there = cache.sources_of("kernels.caller", str(tmp_path / "elsewhere" / "kernels" / "caller.py"))
+    texts = {"caller": "from kernels import inner\n", "inner": ""}
+    here, there = kernels(**texts), kernels(folder=tmp_path / "elsewhere", **texts)
     assert there.digest == here.digest
 
 

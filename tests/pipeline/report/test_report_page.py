@@ -1,7 +1,6 @@
 """The report of runs: one file, complete, true to its sources, honest about what is missing."""
 
 import json
-import os
 import re
 from dataclasses import replace
 
@@ -21,7 +20,6 @@ from pipeline.report.page import write
 from pipeline.report.pictures import draw
 from pipeline.run import artifacts, tables
 from pipeline.run.artifacts import ArtifactError
-from pipeline.run.second import alone, second_process
 from tests.pipeline.report.runs import (
     HOSTILE,
     SECTIONS,
@@ -319,23 +317,13 @@ def test_names_are_text_and_no_markup(trained):
     hostile = replace(told.controller, name=HOSTILE, systems=(replace(system, name=HOSTILE),))
     hostile_run = replace(experiment, report=replace(experiment.report, title=HOSTILE))
     told = replace(told, controller=hostile, experiment=hostile_run, command=HOSTILE, config_text=HOSTILE)
-    illustrations = {drawn.name: drawn for drawn in draw(told, alone)()}
+    illustrations = {drawn.name: drawn for drawn in draw(told)}
     assert all(re.fullmatch(r"[a-z0-9-]+", name) for name in illustrations)
     page = Page(write(told, illustrations))
     assert page.all("script") == []
     assert page.text["controller"].count(HOSTILE) >= 2
     assert HOSTILE in page.text["provenance"]
     assert HOSTILE in page.text["summary"]
-
-
-def test_two_processes_draw_the_same_pictures(trained, monkeypatch):
-    folder, experiment, _, _ = trained
-    monkeypatch.setattr(os, "cpu_count", lambda: 2)
-    told = contents.gather(experiment, folder)
-    with second_process("pipeline.report.pictures") as share:
-        drawn = draw(told, share)()
-    assert len(drawn) > 2
-    assert drawn == draw(told, alone)()
 
 
 def test_a_damaged_file_is_refused_in_words(trained):
