@@ -1,7 +1,6 @@
 """`audit`: what a reviewer should look at before signing."""
 
 import argparse
-import json
 import shutil
 from dataclasses import fields, replace
 
@@ -13,7 +12,9 @@ from fis_tools.commands.arguments import (
     assignments,
     flown_inputs,
 )
-from fis_tools.findings.audit import Severity, Thresholds, audit, report
+from fis_tools.document import data, text
+from fis_tools.findings.audit import Severity, Thresholds, audit
+from fis_tools.findings.audit.report import SCHEMA, SCHEMA_VERSION
 from fis_tools.model.validate import nearest
 from fis_tools.source import read_controller
 
@@ -90,10 +91,10 @@ def run(arguments: argparse.Namespace) -> int:
     except ValueError as error:
         raise UserMistake(f"{error}; give a --reference of the same systems") from error
     if arguments.json:
-        print(json.dumps(report.plain(found), indent=2, allow_nan=False, ensure_ascii=False))
+        print(data.write(SCHEMA, SCHEMA_VERSION, found.plain()), end="")
     else:
         width = min(WIDEST, max(NARROWEST, shutil.get_terminal_size((110, 24)).columns))
-        print(report.text(found, width), end="")
+        print(text.write(found.document(), width), end="")
     if arguments.fail_on is None:
         return 0
     return int(bool(found.at_least(Severity[arguments.fail_on.upper()])))

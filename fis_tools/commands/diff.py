@@ -1,7 +1,6 @@
 """`diff`: what changed from one controller to another."""
 
 import argparse
-import json
 from importlib import import_module
 from pathlib import Path
 
@@ -13,7 +12,8 @@ from fis_tools.commands.arguments import (
     flown_inputs,
     write,
 )
-from fis_tools.findings.difference import difference, words
+from fis_tools.document import data, html
+from fis_tools.findings.difference import difference
 from fis_tools.model import FuzzyController
 from fis_tools.source import read_controller
 
@@ -59,18 +59,11 @@ def run(arguments: argparse.Namespace) -> int:
     files = (str(arguments.controller), str(arguments.after))
     found = difference(before, after, samples, files)
     if arguments.json:
-        content = (
-            json.dumps(
-                words.plain((found.before, found.after), found.facts, found.systems),
-                indent=2,
-                ensure_ascii=False,
-            )
-            + "\n"
-        )
+        content = data.write("fuzzy-difference", 1, found.plain())
     elif is_page:
-        content = found.html
+        content = html.page(found.document(pictures=True))
     else:
-        content = found.text
+        content = found.text()
     write(arguments.output, content)
     return int(arguments.exit_code and not found.is_empty)
 

@@ -1,7 +1,6 @@
 """`explain`: why this output? which rules moved it, what would flip it, and what each did over a flight."""
 
 import argparse
-import json
 import math
 from typing import Any
 
@@ -14,6 +13,7 @@ from fis_tools.commands.arguments import (
     flown_inputs,
 )
 from fis_tools.commands.instant import add_instant, instants
+from fis_tools.document import data
 from fis_tools.engines.inference import infer
 from fis_tools.findings.explanation import explain, shares
 from fis_tools.model import FuzzyController
@@ -116,8 +116,7 @@ def _explain_flights(arguments: argparse.Namespace, controller: FuzzyController)
 
 
 def _print_json(key: str, entries: list[dict[str, Any]], **more: list[dict[str, Any]]) -> None:
-    content = {"schema": SCHEMA, "schema_version": SCHEMA_VERSION, key: entries} | more
-    print(json.dumps(content, indent=2, allow_nan=False, ensure_ascii=False))
+    print(data.write(SCHEMA, SCHEMA_VERSION, {key: entries} | more), end="")
 
 
 def _finite(word: str) -> float:

@@ -17,16 +17,17 @@ from fis_tools.commands.arguments import (
     place_for,
     write,
 )
-from fis_tools.formats import serialize
+from fis_tools.document import html, latex, markdown, text
+from fis_tools.formats import csv, serialize
 from fis_tools.formats.c import cost, fmu, source
 from fis_tools.formats.exchange import fcl, fis, fll, fml
 from fis_tools.formats.exchange.antecedents import NotExpressible
 from fis_tools.formats.exchange.files import Written
-from fis_tools.formats.printed import csv, html, latex, markdown, text
 from fis_tools.model import FuzzyController
 from fis_tools.model.thrust import thrust_logic
 from fis_tools.model.validate import InvalidSystem
 from fis_tools.typing import Floats
+from fis_tools.words.outline import outline, rule_list
 
 
 @dataclass(frozen=True)
@@ -52,11 +53,11 @@ class Form:
 
 
 FORMS = {
-    "markdown": Form(".md", write_ranked=markdown.write),
+    "markdown": Form(".md", write_ranked=lambda *told: markdown.write(outline(*told))),
     "csv": Form(".csv", write_ranked=csv.write),
-    "text": Form(".txt", write_ranked=text.write),
-    "html": Form(".html", write_ranked=html.write),
-    "latex": Form(".tex", write_ranked=latex.write),
+    "text": Form(".txt", write_ranked=lambda *told: text.write(rule_list(*told))),
+    "html": Form(".html", write_ranked=lambda *told: html.page(outline(*told))),
+    "latex": Form(".tex", write_ranked=lambda *told: latex.write(outline(*told))),
     "json": Form(".json", write=serialize.dump_json),
     "yaml": Form(".yaml", write=serialize.dump_yaml),
     "fis": Form(".fis", write_one=fis.write),

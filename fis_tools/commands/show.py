@@ -3,7 +3,8 @@
 import argparse
 
 from fis_tools.commands.arguments import add_controller, add_order, asked, importance_asked
-from fis_tools.formats.printed import text
+from fis_tools.document import text
+from fis_tools.words.outline import outline
 
 EPILOG = """\
 examples:
@@ -23,4 +24,4 @@ def add(command: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> None:
     """Print terms and rule tables."""
     controller = asked(arguments)
-    print(text.describe(controller, importance_asked(arguments, controller)), end="")
+    print(text.write(outline(controller, importance_asked(arguments, controller))), end="")

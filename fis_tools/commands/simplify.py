@@ -1,7 +1,6 @@
 """`simplify`: fewer rules, terms and digits, while the outputs stay within a budget."""
 
 import argparse
-import json
 import sys
 
 from fis_tools.commands.arguments import (
@@ -13,7 +12,8 @@ from fis_tools.commands.arguments import (
     form_of,
     write,
 )
-from fis_tools.findings.simplification import Budget, Simplification, simplify
+from fis_tools.document import data
+from fis_tools.findings.simplification import Budget, simplify
 from fis_tools.findings.simplification.budget import NUM_SPREAD
 
 SCHEMA = "fuzzy-simplification"
@@ -82,12 +82,7 @@ def run(arguments: argparse.Namespace) -> None:
     found = simplify(controller, samples, budget, _tell if sys.stderr.isatty() else None)
     if form is not None:
         write(arguments.output, form(found.controller))
-    print(_plain(found) if arguments.json else found.text(), end="")
-
-
-def _plain(found: Simplification) -> str:
-    content = {"schema": SCHEMA, "schema_version": SCHEMA_VERSION, **found.plain()}
-    return json.dumps(content, indent=2, allow_nan=False, ensure_ascii=False) + "\n"
+    print(data.write(SCHEMA, SCHEMA_VERSION, found.plain()) if arguments.json else found.text(), end="")
 
 
 def _tell(words: str) -> None:

@@ -18,7 +18,7 @@ from fis_tools.commands.arguments import (
     the_system,
     write,
 )
-from fis_tools.formats.printed.csv import rows_as_text
+from fis_tools.formats.csv import rows_as_text
 from fis_tools.model import FuzzyController, FuzzySystem
 from fis_tools.source import read_controller
 

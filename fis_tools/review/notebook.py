@@ -3,20 +3,21 @@
 The nouns of `fis_tools.model` know nothing of pages and pictures; `fis_tools.show_in` tells the notebook.
 """
 
-from fis_tools.formats.printed import html
+from fis_tools.document import html
 from fis_tools.model import FuzzyController, FuzzySystem, Variable
 from fis_tools.model.extras import MissingExtra
 from fis_tools.model.weighing import has_sets
+from fis_tools.words.outline import outline
 
 
 def controller_tables(controller: FuzzyController) -> str:
     """Return a controller's facts, terms and rules as HTML."""
-    return html.fragment(controller)
+    return html.fragment(outline(controller))
 
 
 def system_tables(system: FuzzySystem) -> str:
     """Return a system's terms and rules as HTML."""
-    return html.fragment(FuzzyController(system.name, (system,)))
+    return controller_tables(FuzzyController(system.name, (system,)))
 
 
 def variable_picture(variable: Variable) -> str | None:

@@ -1,17 +1,14 @@
 """The page itself: words, systems and flights put into one file that needs no other."""
 
-import base64
-import hashlib
 from collections.abc import Sequence
-from importlib.resources import files
 from itertools import compress
 from pathlib import Path
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from fis_tools.analysis import flights
 from fis_tools.analysis.flights import read_outcome
+from fis_tools.document.page import environment, read, source_hash
 from fis_tools.findings.audit import audit, report
 from fis_tools.formats import serialize
 from fis_tools.model import FuzzyController
@@ -135,32 +132,23 @@ def write(
 
 def _assemble(data: object, **words: object) -> str:
     """Put words, data, style sheet and scripts into the template."""
-    environment = Environment(
-        loader=PackageLoader("fis_tools", "review"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    style = (files(__package__) / "style.css").read_text(encoding="utf-8") + level_styles()
+    style = read("style.css", __package__) + level_styles()
     script = _script()
-    return environment.get_template("page.html").render(
-        words,
-        style=Markup(style),  # noqa: S704 - a file of this package
-        script=Markup(script),  # noqa: S704 - files of this package
-        data=Markup(carried.as_json(data)),  # noqa: S704 - no character of it ends a script element
-        style_hash=_source_hash(style),
-        script_hash=_source_hash(script),
+    return (
+        environment("fis_tools", "review")
+        .get_template("page.html")
+        .render(
+            words,
+            style=Markup(style),  # noqa: S704 - a file of this package
+            script=Markup(script),  # noqa: S704 - files of this package
+            data=Markup(carried.as_json(data)),  # noqa: S704 - no character of it ends a script element
+            style_hash=source_hash(style),
+            script_hash=source_hash(script),
+        )
     )
 
 
 def _script() -> str:
     """Join the scripts into one that leaves nothing of its own behind."""
-    folder = files(__package__) / "scripts"
-    parts = [(folder / f"{name}.js").read_text(encoding="utf-8") for name in SCRIPTS]
+    parts = [read(f"scripts/{name}.js", __package__) for name in SCRIPTS]
     return '\n"use strict";\n(() => {\n' + "\n".join(parts) + "})();\n"
-
-
-def _source_hash(text: str) -> str:
-    """Return what a content security policy allows a script or style element of this text by."""
-    return "sha256-" + base64.b64encode(hashlib.sha256(text.encode()).digest()).decode("ascii")

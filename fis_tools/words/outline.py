@@ -1,10 +1,11 @@
-"""An outline of a controller: what every printed form shows, in words and in order, rules ranked."""
+"""Controllers as documents: terms and rules, for every form that is for reading; rules ranked."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
+from fis_tools.document import Block, Document, Heading, Paragraph, Table
 from fis_tools.model import FuzzyController, FuzzySystem, Rule, Variable
 from fis_tools.typing import Floats
 from fis_tools.words.text import extent_words, number, rule_tables, sentences, shape_words, summary, with_unit
@@ -65,119 +66,63 @@ def ranked(system: FuzzySystem, importance: Mapping[str, Floats] | None) -> list
     return [RankedRule(int(place) + 1, system.rules[place], float(shares[place])) for place in order]
 
 
-@dataclass(frozen=True)
-class VariableOutline:
-    """An input or output, by its kind: title, universe, default (empty for an input), description, terms."""
-
-    kind: str
-    title: str
-    extent: str
-    default: str
-    description: str
-    terms: list[list[str]]
-
-    @property
-    def reach(self) -> str:
-        """The universe and the default: ``0 to 200, 101 points; 0 when no rule fires``."""
-        return "; ".join(filter(None, (self.extent, self.default)))
-
-
-@dataclass(frozen=True)
-class SystemOutline:
-    """A system: its variables, and its rules as tables, as a list, or as both.
-
-    Parameters
-    ----------
-    name, summary : str
-    variables : list of VariableOutline
-        Inputs first.
-    down, across, output : str
-        What the rows, the columns and the cells of a rule table stand for.
-    tables : list of (title, rows)
-        As of `fis_tools.words.text.rule_tables`; empty where the rules are not a full table.
-    rules : list of (number, importance, sentence)
-        Those that matter most first, if the rules are ranked; else in their order, without importance.
-    is_ranked : bool
-    """
-
-    name: str
-    summary: str
-    variables: list[VariableOutline]
-    down: str
-    across: str
-    output: str
-    tables: list[tuple[str, list[list[str]]]]
-    rules: list[tuple[str, str, str]]
-    is_ranked: bool
-
-    @property
-    def lists_rules(self) -> bool:
-        """Whether the rules are listed: ranked ones are, and those that no table holds."""
-        return self.is_ranked or not self.tables
-
-    @property
-    def listed(self) -> list[list[str]]:
-        """The list of rules below its heads: importance, if they are ranked, number, sentence."""
-        rows = [["importance", "rule", ""], *([share, place, told] for place, share, told in self.rules)]
-        return rows if self.is_ranked else [row[1:] for row in rows]
-
-
-@dataclass(frozen=True)
-class Outline:
-    """A controller: its name, its facts as (key, value), its systems."""
-
-    name: str
-    facts: list[list[str]]
-    systems: list[SystemOutline]
-
-
-def outline(controller: FuzzyController, importance: Mapping[str, Floats] | None = None) -> Outline:
-    """Outline a controller.
+def outline(controller: FuzzyController, importance: Mapping[str, Floats] | None = None) -> Document:
+    """Describe a controller: its facts, and of each system variables, terms and rules.
 
     Parameters
     ----------
     controller : FuzzyController
         A controller without problems.
     importance : mapping, optional
-        How much each rule matters, as for `fis_tools.words.outline.ranked`: ranks the rules.
+        How much each rule matters, as for `ranked`: ranks the rules.
     """
-    facts = [*controller.attributes, *controller.provenance]
-    return Outline(
-        controller.name,
-        [[key, _on_one_line(value)] for key, value in facts],
-        [_system(system, importance) for system in controller.systems],
-    )
+    blocks: list[Block] = [Heading(controller.name, 1)]
+    facts = [[key, _on_one_line(value)] for key, value in (*controller.attributes, *controller.provenance)]
+    blocks += [Table([], facts)] if facts else []
+    for system in controller.systems:
+        blocks += [Heading(system.name), Paragraph(f"{summary(system)}.")]
+        for kind, variables in (("Input", system.inputs), ("Output", system.outputs)):
+            for variable in variables:
+                blocks += _variable(kind, variable)
+        blocks += [Heading("Rules", 3), *_rules(system, importance)]
+    return Document(blocks)
 
 
-def _system(system: FuzzySystem, importance: Mapping[str, Floats] | None) -> SystemOutline:
-    told = sentences(system)
-    rules = ranked(system, importance)
-    *outer, last = system.inputs
-    return SystemOutline(
-        name=system.name,
-        summary=summary(system),
-        variables=[
-            *(_variable("input", variable) for variable in system.inputs),
-            *(_variable("output", variable) for variable in system.outputs),
-        ],
-        down=outer[-1].name if outer else "",
-        across=last.name,
-        output=system.outputs[0].name,
-        tables=rule_tables(system) or [],
-        rules=[(str(rule.number), rule.importance_words, told[rule.number - 1]) for rule in rules],
-        is_ranked=rules[0].importance is not None,
-    )
+def rule_list(controller: FuzzyController, importance: Mapping[str, Floats] | None = None) -> Document:
+    """List the rules of a controller as sentences; parameters as of `outline`."""
+    blocks: list[Block] = []
+    for system in controller.systems:
+        blocks += [Heading(system.name), Paragraph(f"{summary(system)}."), _listed(system, importance)]
+    return Document(blocks)
 
 
-def _variable(kind: str, variable: Variable) -> VariableOutline:
-    return VariableOutline(
-        kind=kind,
-        title=with_unit(variable),
-        extent=extent_words(variable),
-        default="" if variable.default is None else f"{number(variable.default)} when no rule fires",
-        description=_on_one_line(variable.description),
-        terms=[[term.name, shape_words(term)] for term in variable.terms],
-    )
+def _variable(kind: str, variable: Variable) -> list[Block]:
+    default = "" if variable.default is None else f"; {number(variable.default)} when no rule fires"
+    about = f"From {extent_words(variable)}{default}. {_on_one_line(variable.description)}".rstrip()
+    rows = [[term.name, shape_words(term)] for term in variable.terms]
+    terms = [Table(["term", "membership function"], rows)] if rows else []
+    return [Heading(f"{kind} {with_unit(variable)}", 3), Paragraph(about), *terms]
+
+
+def _rules(system: FuzzySystem, importance: Mapping[str, Floats] | None) -> Iterator[Block]:
+    tables = rule_tables(system) or []
+    for title, (heads, *rows) in tables:
+        if title:
+            yield Paragraph(f"Where {title}:")
+        yield Table(heads, rows, across=system.inputs[-1].name)
+    is_ranked = importance is not None and system.name in importance
+    if is_ranked:
+        yield Paragraph("By importance: how far an output moves on average without the rule, of its range.")
+    if is_ranked or not tables:
+        yield _listed(system, importance)
+
+
+def _listed(system: FuzzySystem, importance: Mapping[str, Floats] | None) -> Table:
+    told, rules = sentences(system), ranked(system, importance)
+    rows = [[rule.importance_words, str(rule.number), f"{told[rule.number - 1]}."] for rule in rules]
+    if rules[0].importance is None:
+        return Table(["rule", "sentence"], [row[1:] for row in rows], numbers=(0,))
+    return Table(["importance", "rule", "sentence"], rows, numbers=(0, 1))
 
 
 def _on_one_line(text: str) -> str:

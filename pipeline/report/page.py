@@ -6,10 +6,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from jinja2 import Environment, PackageLoader, StrictUndefined
-from markupsafe import Markup
 
-from fis_tools.formats.printed.html import POLICY
+from fis_tools.document.page import template
 from fis_tools.words.text import summary
 from pipeline.evaluation import published
 from pipeline.evaluation.comparison import FLOWN
@@ -64,18 +62,10 @@ def write(contents: Contents, illustrations: Mapping[str, Illustration]) -> str:
     str
         HTML that needs no other file, and leads to the review page beside it.
     """
-    environment = Environment(
-        loader=PackageLoader("pipeline.report", "templates"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
     experiment = contents.experiment
     controller = contents.controller
     systems = controller.systems if controller else ()
-    return environment.get_template("report.html").render(
-        policy=Markup(POLICY),  # noqa: S704 - of this product
+    return template("pipeline.report", "templates", "report.html").render(
         title=experiment.report.title,
         name=experiment.name,
         controller=controller,

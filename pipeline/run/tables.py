@@ -10,7 +10,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
-from fis_tools.formats.printed.csv import rows_as_text
+from fis_tools.formats.csv import rows_as_text
 from pipeline.run import artifacts
 
 #: rows that a table's groups have, however many were written at a time

@@ -1,19 +1,18 @@
-"""An audit as text for a terminal, as plain data, and as HTML for a notebook."""
+"""An audit: what there is to say of it, and as plain data."""
 
-import textwrap
 from dataclasses import dataclass
-from html import escape
 from typing import Any
 
 from fis_tools.analysis.measures import Measures
+from fis_tools.document import Block, Document, Heading, Items, Paragraph, Result, Table
+from fis_tools.document.data import plain
 from fis_tools.findings.audit.finding import Finding, Severity
-from fis_tools.words.text import aligned
 
 SCHEMA = "fuzzy-audit"
 SCHEMA_VERSION = 2
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True)
 class AuditedSystem:
     """The measures of one system.
 
@@ -30,8 +29,8 @@ class AuditedSystem:
     num_samples: int | None
 
 
-@dataclass(frozen=True)
-class Audit:
+@dataclass(frozen=True, repr=False)
+class Audit(Result):
     """What an audit found.
 
     Parameters
@@ -64,11 +63,35 @@ class Audit:
     def _name(self) -> str:
         return self.controller or self.systems[0].name
 
-    def __repr__(self) -> str:
-        return text(self)
+    def document(self) -> Document:
+        """Give a summary, the findings by severity, then the measures."""
+        blocks: list[Block] = [Paragraph(self.summary())]
+        for severity in _WORST_FIRST:
+            found = [
+                f"{finding.system} · {finding.id}: {finding.sentence}\n→ {finding.cure}"
+                for finding in self.findings
+                if finding.severity == severity
+            ]
+            blocks += [Heading(severity.word.upper()), Items(found)] if found else []
+        heads, *rows = _measure_rows(self)
+        table = Table(heads, rows, numbers=range(1, len(heads)))
+        return Document([*blocks, Heading("MEASURES"), table, Items(measure_words(self))])
 
-    def _repr_html_(self) -> str:
-        return html(self)
+    def plain(self) -> dict[str, Any]:
+        """Return it as plain data, for the schema `SCHEMA`.
+
+        Keys are ``controller``, ``summary`` (how many findings of each severity), ``systems`` (each with
+        ``name``, ``samples`` and ``measures``) and ``findings``, the most serious first, as in `Finding`.
+        """
+        return {
+            "controller": self.controller,
+            "summary": {s.word: sum(f.severity == s for f in self.findings) for s in _WORST_FIRST},
+            "systems": [
+                {"name": one.name, "samples": one.num_samples, "measures": _plain_measures(one.measures)}
+                for one in self.systems
+            ],
+            "findings": plain(self.findings),
+        }
 
 
 _WORST_FIRST = tuple(sorted(Severity, reverse=True))
@@ -76,27 +99,6 @@ _WORST_FIRST = tuple(sorted(Severity, reverse=True))
 
 def _plural(severity: Severity, count: int) -> str:
     return severity.word + ("" if severity is Severity.SERIOUS or count == 1 else "s")
-
-
-def text(audit: Audit, width: int = 110) -> str:
-    """Write an audit for a terminal: a summary, the findings by severity, then the measures."""
-    lines = [audit.summary()]
-    for severity in _WORST_FIRST:
-        found = [finding for finding in audit.findings if finding.severity == severity]
-        lines += ["", severity.word.upper()] if found else []
-        for finding in found:
-            lines += _wrapped(f"{finding.system} · {finding.id}: {finding.sentence}", width, "  ", "    ")
-            lines += _wrapped(f"→ {finding.cure}", width, "    ", "      ")
-    lines += ["", "MEASURES", *aligned(_measure_rows(audit), 2)]
-    for words in measure_words(audit):
-        lines += _wrapped(words, width, "  ", "    ")
-    return "\n".join(lines) + "\n"
-
-
-def _wrapped(words: str, width: int, first: str, others: str) -> list[str]:
-    kept = words.replace(" %", "\N{NO-BREAK SPACE}%")
-    lines = textwrap.wrap(kept, width, initial_indent=first, subsequent_indent=others, break_on_hyphens=False)
-    return [line.replace("\N{NO-BREAK SPACE}", " ") for line in lines]
 
 
 def measure_words(audit: Audit) -> tuple[str, ...]:
@@ -134,90 +136,17 @@ def _completeness(measures: Measures) -> str:
     return f"{found.least:.2f}" if found.is_exact else f"{found.least:.2f} (of samples)"
 
 
-def plain(audit: Audit) -> dict[str, Any]:
-    """Return an audit as plain JSON data.
-
-    Keys are ``schema`` (fuzzy-audit), ``schema_version`` (2), ``controller``, ``summary`` (how many findings
-    of each severity), ``systems`` (each with ``name``, ``samples`` and ``measures``) and ``findings``, the
-    most serious first, each with ``id``, ``severity``, ``system``, ``variable``, ``terms``, ``rules``
-    (numbers from 1), ``sentence``, ``cure`` and ``evidence``. Keys may be added; the version changes when one
-    changes its meaning or is removed.
-    """
-    return {
-        "schema": SCHEMA,
-        "schema_version": SCHEMA_VERSION,
-        "controller": audit.controller,
-        "summary": {s.word: sum(f.severity == s for f in audit.findings) for s in _WORST_FIRST},
-        "systems": [
-            {"name": system.name, "samples": system.num_samples, "measures": _plain_measures(system.measures)}
-            for system in audit.systems
-        ],
-        "findings": [
-            {
-                "id": finding.id,
-                "severity": finding.severity.word,
-                "system": finding.system,
-                "variable": finding.variable,
-                "terms": list(finding.terms),
-                "rules": list(finding.rules),
-                "sentence": finding.sentence,
-                "cure": finding.cure,
-                "evidence": dict(finding.evidence),
-            }
-            for finding in audit.findings
-        ],
-    }
-
-
 def _plain_measures(measures: Measures) -> dict[str, Any]:
-    counted, nauck, complete = measures.complexity, measures.nauck, measures.completeness
+    complete, consistency = measures.completeness, measures.rule_consistency
     return {
-        "rules": counted.rules,
-        "premises": counted.premises,
-        "input_terms": counted.input_terms,
-        "output_terms": counted.output_terms,
-        "nauck": {
-            "complexity": nauck.complexity,
-            "coverage": nauck.coverage,
-            "partition": nauck.partition,
-            "index": nauck.index,
-        },
-        "coverage": {name: {"least": c.least, "at": c.at} for name, c in measures.coverage.items()},
-        "completeness": {"least": complete.least, "at": complete.at.tolist(), "exact": complete.is_exact},
+        **plain(measures.complexity),
+        "nauck": plain(measures.nauck) | {"index": measures.nauck.index},
+        "coverage": plain(measures.coverage),
+        "completeness": {"least": complete.least, "at": plain(complete.at), "exact": complete.is_exact},
         "gm3m": {
             "reference": measures.reference,
             "index": measures.gm3m,
             "variables": {name: found.gm3m for name, found in measures.integrity.items()},
         },
-        "rule_consistency": {
-            "index": measures.rule_consistency.index,
-            "rules": measures.rule_consistency.values.tolist(),
-        },
+        "rule_consistency": {"index": consistency.index, "rules": plain(consistency.values)},
     }
-
-
-def html(audit: Audit) -> str:
-    """Write an audit as a fragment of a page: a summary, a table of findings, a table of measures."""
-    findings = "".join(
-        f'<tr class="{finding.severity.word}"><td><strong>{finding.severity.word}</strong></td>'
-        f"<td>{escape(finding.system)}</td><td><code>{finding.id}</code></td>"
-        f'<td style="text-align: left">{escape(finding.sentence)}'
-        f"<br><em>{escape(finding.cure)}</em></td></tr>"
-        for finding in audit.findings
-    )
-    head, *rows = _measure_rows(audit)
-    columns = "".join(f'<th scope="col">{escape(cell)}</th>' for cell in head[1:])
-    measures = "".join(
-        f'<tr><th scope="row">{escape(name)}</th>' + "".join(f"<td>{escape(c)}</td>" for c in cells) + "</tr>"
-        for name, *cells in rows
-    )
-    explained = "".join(f"<li>{escape(words)}</li>" for words in measure_words(audit))
-    heads = "".join(
-        f'<th scope="col">{word}</th>' for word in ("severity", "system", "kind", "finding and cure")
-    )
-    return (
-        f'<section class="audit"><p>{escape(audit.summary())}</p>'
-        f"<table><caption>Findings</caption><thead><tr>{heads}</tr></thead><tbody>{findings}</tbody></table>"
-        f"<table><caption>Measures</caption><thead><tr><td></td>{columns}</tr></thead>"
-        f"<tbody>{measures}</tbody></table><ul>{explained}</ul></section>"
-    )

@@ -3,7 +3,8 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from fis_tools.findings.difference import page, words
+from fis_tools.document import Document, Result
+from fis_tools.findings.difference import words
 from fis_tools.findings.difference.change import (
     Fact,
     OutputChange,
@@ -33,7 +34,7 @@ __all__ = [
 
 
 @dataclass(frozen=True, repr=False)
-class Difference:
+class Difference(Result):
     """The differences between two controllers.
 
     Parameters
@@ -56,21 +57,18 @@ class Difference:
         """Whether the controllers are the same apart from their provenance."""
         return not self.facts and all(system.is_empty for system in self.systems)
 
-    @property
-    def text(self) -> str:
-        """The difference for a terminal."""
-        return words.write((self.before, self.after), self.facts, self.systems)
+    def document(self, *, pictures: bool = False) -> Document:
+        """Say what changed; on demand with pictures of terms and surfaces, for pages."""
+        return words.document((self.before, self.after), self.facts, self.systems, pictures=pictures)
 
-    @property
-    def html(self) -> str:
-        """The difference as a self-contained page."""
-        return page.write((self.before, self.after), self.facts, self.systems)
-
-    def __repr__(self) -> str:
-        return self.text
+    def plain(self) -> dict[str, object]:
+        """Return it as plain data, for the schema fuzzy-difference, version 1."""
+        return words.plain((self.before, self.after), self.facts, self.systems)
 
     def _repr_html_(self) -> str:
-        return page.fragment((self.before, self.after), self.facts, self.systems)
+        from fis_tools.document import html  # noqa: PLC0415 - as in `Result`
+
+        return html.fragment(self.document(pictures=True))
 
 
 def difference(

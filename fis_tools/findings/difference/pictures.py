@@ -1,10 +1,10 @@
 """The terms of a variable before and after, superimposed, as an SVG inside a page."""
 
-from html import escape
-
 import numpy as np
+from markupsafe import Markup
 from numpy.typing import NDArray
 
+from fis_tools.document.element import element
 from fis_tools.findings.difference.change import VariableChange
 from fis_tools.model import Term, Variable
 from fis_tools.model.variables import sample
@@ -17,7 +17,7 @@ CHARACTER = 7.2
 NUM_COLOURS = 7
 
 
-def draw(change: VariableChange) -> str:
+def draw(change: VariableChange) -> Markup:
     """Draw the terms of a variable before (dashed) and after (solid).
 
     Terms that did not change are thin.
@@ -27,25 +27,32 @@ def draw(change: VariableChange) -> str:
     curves, labels = _curves(change)
     levels = _levels([(name, _across(peak, low, high)) for name, peak, _ in labels])
     top = LINE * (max(levels, default=0) + 1) + 9.0
-    height = top + CURVES + BELOW
-    parts = [
-        f'<svg class="terms" viewBox="0 0 {WIDTH:g} {height:g}" role="img" '
-        f'aria-label="terms of {escape(change.variable.name, quote=True)}, before and after">'
-    ]
-    parts += _axes(change.variable, low, high, top)
+    parts = _axes(change.variable, low, high, top)
     for variable, term, style in curves:
         points = " ".join(
             f"{_across(x, low, high):.1f},{top + CURVES * (1.0 - y):.1f}"
             for x, y in zip(variable.universe, sample(variable, term), strict=True)
         )
-        parts.append(f'<polyline class="{style}" points="{points}"/>')
+        parts.append(element("polyline", class_=style, points=points))
     for (name, peak, style), level in zip(labels, levels, strict=True):
         anchor, x = _anchor(name, _across(peak, low, high))
-        y = top - 9.0 - LINE * level
-        parts.append(
-            f'<text class="{style}" text-anchor="{anchor}" x="{x:.1f}" y="{y:g}">{escape(name)}</text>'
-        )
-    return "\n".join([*parts, "</svg>"])
+        parts.append(_label(name, anchor, x, top - 9.0 - LINE * level, style))
+    return element(
+        "svg",
+        *parts,
+        class_="terms",
+        viewBox=f"0 0 {WIDTH:g} {top + CURVES + BELOW:g}",
+        role="img",
+        aria_label=f"terms of {change.variable.name}, before and after",
+    )
+
+
+def _label(words: object, anchor: str, x: float, y: float, style: str = "tick") -> Markup:
+    return element("text", words, class_=style, text_anchor=anchor, x=f"{x:.1f}", y=f"{y:g}")
+
+
+def _line(x: float, y: float, to_x: float, to_y: float) -> Markup:
+    return element("line", class_="axis", x1=f"{x:.1f}", x2=f"{to_x:.1f}", y1=f"{y:g}", y2=f"{to_y:g}")
 
 
 def _curves(
@@ -105,27 +112,16 @@ def _levels(labels: list[tuple[str, float]]) -> list[int]:
     return levels
 
 
-def _axes(variable: Variable, low: float, high: float, top: float) -> list[str]:
+def _axes(variable: Variable, low: float, high: float, top: float) -> list[Markup]:
     bottom = top + CURVES
-    parts = [
-        f'<line class="axis" x1="{SIDE:g}" x2="{WIDTH - SIDE:g}" y1="{y:g}" y2="{y:g}"/>'
-        for y in (top, bottom)
-    ]
-    parts += [
-        f'<text class="tick" text-anchor="end" x="{SIDE - 6.0:g}" y="{y + 4.0:g}">{value}</text>'
-        for value, y in ((1, top), (0, bottom))
-    ]
+    parts = [_line(SIDE, y, WIDTH - SIDE, y) for y in (top, bottom)]
+    parts += [_label(value, "end", SIDE - 6.0, y + 4.0) for value, y in ((1, top), (0, bottom))]
     for share in (0.0, 0.25, 0.5, 0.75, 1.0):
-        x, value = _across(low + share * (high - low), low, high), low + share * (high - low)
+        value = low + share * (high - low)
+        x = _across(value, low, high)
         anchor = "middle" if 0.0 < share < 1.0 else "start" if share == 0.0 else "end"
-        parts.append(f'<line class="axis" x1="{x:.1f}" x2="{x:.1f}" y1="{bottom:g}" y2="{bottom + 5.0:g}"/>')
-        text = number(round(value, 12))
-        parts.append(
-            f'<text class="tick" text-anchor="{anchor}" x="{x:.1f}" y="{bottom + 18.0:g}">{text}</text>'
-        )
-    middle = WIDTH / 2.0
-    name = escape(with_unit(variable))
-    parts.append(
-        f'<text class="tick" text-anchor="middle" x="{middle:g}" y="{bottom + 35.0:g}">{name}</text>'
-    )
-    return parts
+        parts += [
+            _line(x, bottom, x, bottom + 5.0),
+            _label(number(round(value, 12)), anchor, x, bottom + 18.0),
+        ]
+    return [*parts, _label(with_unit(variable), "middle", WIDTH / 2.0, bottom + 35.0)]

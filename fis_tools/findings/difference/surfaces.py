@@ -2,13 +2,13 @@
 
 import base64
 from dataclasses import replace
-from html import escape
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.analysis.arrays import Surface, surface
+from fis_tools.document.element import element, void
 from fis_tools.engines.compiler import compile as compiled
 from fis_tools.findings.difference.change import SystemDifference
 from fis_tools.findings.difference.outputs import over_both_ranges
@@ -21,6 +21,7 @@ Floats = NDArray[np.float64]
 
 #: Points along each axis.
 NUM_POINTS = 61
+_DARK = "(prefers-color-scheme: dark)"
 
 
 def draw(system: SystemDifference) -> list[str]:
@@ -91,9 +92,6 @@ def _picture(before: FuzzySystem, after: FuzzySystem, output: Variable) -> str:
     )
     held = render.held_words(after, surfaces[0].fixed)
     told = f"{output.name}, before, after and the difference" + (f", where {held}" if held else "")
-    return (
-        '<figure class="surfaces"><picture><source media="(prefers-color-scheme: dark)" '
-        f'srcset="data:image/png;base64,{dark}">'
-        f'<img alt="{escape(told)}" src="data:image/png;base64,{light}"></picture>'
-        f"<figcaption>{escape(told)}</figcaption></figure>"
-    )
+    source, image = f"data:image/png;base64,{dark}", f"data:image/png;base64,{light}"
+    picture = element("picture", void("source", media=_DARK, srcset=source), void("img", alt=told, src=image))
+    return element("figure", picture, element("figcaption", told))

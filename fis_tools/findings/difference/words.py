@@ -1,8 +1,10 @@
-"""A difference in words: for a terminal, and for programs."""
+"""A difference in words, and as plain data."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import fields
 
+from fis_tools.document import Block, Cell, Change, Document, Figure, Heading, Paragraph, Table, data
+from fis_tools.findings.difference import surfaces
 from fis_tools.findings.difference.change import (
     Fact,
     OutputChange,
@@ -13,10 +15,11 @@ from fis_tools.findings.difference.change import (
     VariableChange,
 )
 from fis_tools.findings.difference.comparison import new_names, renamed
-from fis_tools.model import Formula, Sampled, Term
+from fis_tools.findings.difference.pictures import draw as terms_picture
+from fis_tools.model import Formula, Rule, Sampled, Term
+from fis_tools.model.weighing import has_sets
 from fis_tools.words.text import (
     NEGLIGIBLE,
-    aligned,
     antecedent_words,
     consequent_words,
     number,
@@ -30,51 +33,47 @@ from fis_tools.words.text import (
 
 #: Between the old and the new value.
 TO = "→"
-#: Tables wider than this are listed cell by cell.
-WIDEST = 120
 #: Of a universe with more points than this only the first few and the last are shown.
 MOST_POINTS = 12
 
 
-@dataclass(frozen=True)
-class Cell:
-    """A cell of a rule table: its term before and after."""
-
-    before: str
-    after: str
+_LEGEND = "In the pictures terms are dashed as they were, solid as they are, thin where nothing changed."
 
 
-def title(sources: tuple[Source, Source]) -> str:
-    """Return the names of both controllers."""
-    return f" {TO} ".join(source.name for source in sources)
-
-
-def source_rows(sources: tuple[Source, Source]) -> list[list[str]]:
-    """Return for both controllers where they were read from, and their hashes."""
-    rows = zip(("before", "after"), sources, strict=True)
-    return [[word, source.file or source.name, f"SHA-256 {source.sha256}"] for word, source in rows]
-
-
-def write(sources: tuple[Source, Source], facts: Sequence[Fact], systems: Sequence[SystemDifference]) -> str:
-    """Describe the differences between two controllers, for a terminal."""
-    lines = [title(sources), *aligned(source_rows(sources), 2), *_fact_lines(facts, 2)]
+def document(
+    sources: tuple[Source, Source],
+    facts: Sequence[Fact],
+    systems: Sequence[SystemDifference],
+    *,
+    pictures: bool = False,
+) -> Document:
+    """Describe the differences between two controllers; on demand with pictures of terms and surfaces."""
+    rows = [
+        [word, source.file or source.name, f"SHA-256 {source.sha256}"]
+        for word, source in zip(("before", "after"), sources, strict=True)
+    ]
+    blocks: list[Block] = [
+        Heading(f" {TO} ".join(source.name for source in sources), 1),
+        Table([], rows),
+        *_fact_table(facts),
+    ]
     if not facts and all(system.is_empty for system in systems):
-        lines.append("  nothing changed")
+        blocks.append(Paragraph("Nothing changed."))
     for system in systems:
-        lines += ["", *_system_lines(system)]
-    return "\n".join(lines) + "\n"
+        blocks += [Heading(system.name), *_system(system, pictures)]
+    return Document(blocks)
 
 
-def _fact_lines(facts: Sequence[Fact], indent: int) -> list[str]:
-    rows = [[f"{fact.what}:", f" {TO} ".join(fact_words(fact))] for fact in facts]
-    return aligned(rows, indent)
+def _fact_table(facts: Sequence[Fact]) -> list[Table]:
+    rows: list[list[Cell]] = [[fact.what, _fact_change(fact)] for fact in facts]
+    return [Table([], rows)] if rows else []
 
 
-def fact_words(fact: Fact) -> tuple[str, str]:
-    """Return the old and the new value in words; of many points of a universe only a few."""
+def _fact_change(fact: Fact) -> Change:
+    """Return the old and the new value; of many points of a universe only a few."""
     if fact.what != "points":
-        return fact.before, fact.after
-    return _few_points(fact.before), _few_points(fact.after)
+        return Change(fact.before, fact.after)
+    return Change(_few_points(fact.before), _few_points(fact.after))
 
 
 def _few_points(words: str) -> str:
@@ -82,18 +81,24 @@ def _few_points(words: str) -> str:
     return words if len(points) <= MOST_POINTS else f"{', '.join(points[:3])}, … {points[-1]}"
 
 
-def _system_lines(system: SystemDifference) -> list[str]:
+def _system(system: SystemDifference, pictures: bool) -> Iterator[Block]:
     if system.before is None or system.after is None:
-        return [f"{system.name}: {presence(system)}"]
+        yield Paragraph(f"{presence(system).capitalize()}.")
+        return
     if system.is_empty:
-        return [f"{system.name}: nothing changed"]
-    lines = [f"{system.name}: {headline(system)}", *_fact_lines(system.facts, 2)]
-    lines += [f"  {output_words(change)}" for change in system.outputs]
+        yield Paragraph("Nothing changed.")
+        return
+    yield Paragraph(f"{headline(system)}.")
+    yield from _fact_table(system.facts)
+    yield from _outputs(system.outputs)
+    if pictures:
+        yield from map(Figure, surfaces.draw(system))
+        if any(change.terms for change in system.variables):
+            yield Paragraph(_LEGEND)
     for change in system.variables:
-        lines += ["", *_variable_lines(change)]
+        yield from _variable(change, pictures)
     if system.rules:
-        lines += ["", *_rule_lines(system)]
-    return lines
+        yield from _rules(system)
 
 
 def presence(system: SystemDifference) -> str:
@@ -132,20 +137,21 @@ def _counts(
     return ", ".join([head, *(f"{number} {state}" for state, number in others)])
 
 
-def output_words(change: OutputChange) -> str:
-    """Describe how far an output changed."""
-    output = change.output
-    samples = f"{change.num_samples} inputs " + (
-        "spread over the ranges" if change.where == "the ranges" else "along the logs"
-    )
-    if change.largest == 0.0:
-        return f"{output.name} is the same at {samples}"
-    return (
-        f"{output.name} moves by {quantity(output, change.mean)} on average "
-        f"({percent(change.mean_share)} of its range) over {samples},\n"
-        f"      by {quantity(output, change.largest)} at most ({percent(change.largest_share)}): "
-        f"{largest_words(change)}"
-    )
+def _outputs(changes: Sequence[OutputChange]) -> Iterator[Table]:
+    """Tell how far the outputs moved: in their unit, and as a share of their range."""
+    rows = [
+        [
+            with_unit(change.output),
+            f"{change.where}, {change.num_samples} inputs",
+            f"{number(change.mean)} ({percent(change.mean_share)})",
+            f"{number(change.largest)} ({percent(change.largest_share)})",
+            largest_words(change) if change.largest > 0.0 else "nowhere",
+        ]
+        for change in changes
+    ]
+    if rows:
+        heads = ["output", "over", "moves on average (of its range)", "at most", "where it moves most"]
+        yield Table(heads, rows, numbers=(2, 3))
 
 
 def largest_words(change: OutputChange) -> str:
@@ -162,14 +168,20 @@ def percent(share: float) -> str:
     return f"{100.0 * share:.3g} %"
 
 
-def _variable_lines(change: VariableChange) -> list[str]:
-    head = f"  {change.kind} {with_unit(change.variable)}"
+def _variable(change: VariableChange, pictures: bool) -> Iterator[Block]:
+    head = f"{change.kind.capitalize()} {with_unit(change.variable)}"
     if change.before is None or change.after is None:
-        terms = ", ".join(term.name for term in change.variable.terms)
-        return [f"{head}: {'added' if change.before is None else 'removed'}, with the terms {terms}"]
-    lines = [head, *_fact_lines(change.facts, 4)]
-    rows = [[term_name(term), *term_words(change, term)] for term in change.terms]
-    return [*lines, *aligned(rows, 4)]
+        yield Heading(f"{head}: {'added' if change.before is None else 'removed'}", 3)
+        rows = [[term.name, shape_words(term)] for term in change.variable.terms]
+        yield Table(["term", "membership function"], rows)
+        return
+    yield Heading(head, 3)
+    yield from _fact_table(change.facts)
+    if change.terms:
+        if pictures and has_sets(change.before) and has_sets(change.after):
+            yield Figure(terms_picture(change))
+        rows = [[term_name(term), *term_words(change, term)] for term in change.terms]
+        yield Table(["term", f"membership function, before {TO} after", "how far"], rows)
 
 
 def term_name(change: TermChange) -> str:
@@ -208,16 +220,14 @@ def shape_change(before: Term, after: Term) -> str:
     return ", ".join(told) or shape_words(after)
 
 
-def changed_tables(
-    system: SystemDifference,
-) -> list[tuple[str, list[str], list[tuple[str, list[Cell]]]]] | None:
+def changed_tables(system: SystemDifference) -> list[tuple[str, Table]] | None:
     """Superimpose the rules of two full tables of the same terms.
 
     Returns
     -------
-    list of (title, heads, rows) or None
-        One for each table in which something changed, as `fis_tools.words.text.rule_tables` has them; a row
-        is its head and its cells. None where the rules are not such tables, or weights or labels changed.
+    list of (title, table) or None
+        One for each table in which something changed, as `fis_tools.words.text.rule_tables` has them. None
+        where the rules are not such tables, or weights or labels changed.
     """
     if system.before is None or system.after is None:
         return None
@@ -238,88 +248,57 @@ def changed_tables(
         return None
     output = system.after.outputs[0].name
     before = iter(concluded[antecedent_words(rule.antecedent)] for rule in system.after.rules)
+    across = system.after.inputs[-1].name
     tables = []
     for title, (heads, *rows) in new:
-        cells = [
-            (head, [Cell(next(before).removeprefix(f"{output} is "), after) for after in row])
+        cells: list[list[Cell]] = [
+            [head, *(Change(next(before).removeprefix(f"{output} is "), after) for after in row)]
             for head, *row in rows
         ]
-        if any(cell.before != cell.after for _, row in cells for cell in row):
-            tables.append((title, heads, cells))
+        if any(cell.before != cell.after for row in cells for cell in row if isinstance(cell, Change)):
+            tables.append((title, Table(heads, cells, across=across)))
     return tables
 
 
-def _rule_lines(system: SystemDifference) -> list[str]:
+def _rules(system: SystemDifference) -> Iterator[Block]:
+    yield Heading("Rules", 3)
     tables = changed_tables(system)
     if tables is None:
-        return [
-            "  rules",
-            *(
-                f"    {sign} {change.number:3d}. {told}"
-                for change in system.rules
-                for sign, told in rule_words(change)
-            ),
+        rows = [
+            [str(change.number), *(_rule_words(rule) for rule in (change.before, change.after))]
+            for change in system.rules
         ]
-    lines: list[str] = []
-    has_points = False
-    for title, heads, rows in tables:
-        indent = 6 if title else 4
-        table = _table_lines(heads, rows, indent)
-        fits = max(map(len, table)) <= WIDEST
-        has_points |= fits
-        lines += [f"    where {title}"] if title else []
-        lines += table if fits else _cell_lines(heads, rows, indent)
-    return ["  rules that changed" + ("; a point stands for one that did not" if has_points else ""), *lines]
+        yield Table(["rule", "before", "after"], rows)
+        return
+    for title, table in tables:
+        if title:
+            yield Paragraph(f"Where {title}:")
+        yield table
 
 
-def _table_lines(heads: list[str], rows: list[tuple[str, list[Cell]]], indent: int) -> list[str]:
-    told = [
-        [head, *(f"{c.before} {TO} {c.after}" if c.before != c.after else "·" for c in cells)]
-        for head, cells in rows
-    ]
-    return aligned([heads, *told], indent)
-
-
-def _cell_lines(heads: list[str], rows: list[tuple[str, list[Cell]]], indent: int) -> list[str]:
-    told = [
-        [head, column, f"{cell.before} {TO} {cell.after}"]
-        for head, cells in rows
-        for column, cell in zip(heads[1:], cells, strict=True)
-        if cell.before != cell.after
-    ]
-    return [" " * indent + heads[0], *aligned(told, indent)]
-
-
-def rule_words(change: RuleChange) -> Iterator[tuple[str, str]]:
-    """Return the old rule with a minus, and the new one with a plus."""
-    for sign, rule in (("-", change.before), ("+", change.after)):
-        if rule is not None:
-            yield sign, (f"[{rule.label}] " if rule.label else "") + sentence(rule)
+def _rule_words(rule: Rule | None) -> str:
+    if rule is None:
+        return "none"
+    return (f"[{rule.label}] " if rule.label else "") + sentence(rule)
 
 
 def plain(
     sources: tuple[Source, Source], facts: Sequence[Fact], systems: Sequence[SystemDifference]
 ) -> dict[str, object]:
-    """Return a difference as plain data, for JSON (schema fuzzy-difference, version 1)."""
+    """Return a difference as plain data, for the schema fuzzy-difference."""
     return {
-        "schema": "fuzzy-difference",
-        "schema_version": 1,
         "before": sources[0]._asdict(),
         "after": sources[1]._asdict(),
-        "facts": [_plain_fact(fact) for fact in facts],
+        "facts": data.plain(facts),
         "systems": [_plain_system(system) for system in systems],
     }
-
-
-def _plain_fact(fact: Fact) -> dict[str, object]:
-    return {"what": fact.what, "before": fact.before, "after": fact.after}
 
 
 def _plain_system(system: SystemDifference) -> dict[str, object]:
     return {
         "name": system.name,
         "state": _state(system.before, system.after, is_empty=system.is_empty),
-        "facts": [_plain_fact(fact) for fact in system.facts],
+        "facts": data.plain(system.facts),
         "variables": [_plain_variable(change) for change in system.variables],
         "rules": [
             {
@@ -331,22 +310,14 @@ def _plain_system(system: SystemDifference) -> dict[str, object]:
             for change in system.rules
         ],
         "outputs": [
-            {
-                "name": change.output.name,
-                "unit": change.output.unit,
-                "where": change.where,
-                "num_samples": change.num_samples,
-                "mean": change.mean,
-                "largest": change.largest,
-                "mean_share": change.mean_share,
-                "largest_share": change.largest_share,
-                "largest_at": change.inputs,
-                "before": change.before,
-                "after": change.after,
-            }
+            {name: getattr(change, name) for name in _OUTPUT_KEYS}
+            | {"name": change.output.name, "unit": change.output.unit, "largest_at": change.inputs}
             for change in system.outputs
         ],
     }
+
+
+_OUTPUT_KEYS = ("where", "num_samples", "mean", "largest", "mean_share", "largest_share", "before", "after")
 
 
 def _plain_variable(change: VariableChange) -> dict[str, object]:
@@ -354,7 +325,7 @@ def _plain_variable(change: VariableChange) -> dict[str, object]:
         "name": change.variable.name,
         "kind": change.kind,
         "state": _state(change.before, change.after),
-        "facts": [_plain_fact(fact) for fact in change.facts],
+        "facts": data.plain(change.facts),
         "terms": [
             {
                 "before": None if term.before is None else term.before.name,

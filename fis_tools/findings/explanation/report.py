@@ -1,4 +1,4 @@
-"""An explanation of one inference as text for a terminal, as Markdown, and as plain data."""
+"""An explanation of one inference: what there is to say of it, and as plain data."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -7,9 +7,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fis_tools.document import Block, Document, Heading, Items, Paragraph, Result, Table
+from fis_tools.document.data import plain
 from fis_tools.findings.explanation.flips import Flip
 from fis_tools.model import FuzzySystem, Variable
-from fis_tools.words.text import NEGLIGIBLE, aligned, amount, listed, percent, sentence, span
+from fis_tools.words.text import NEGLIGIBLE, amount, listed, percent, sentence, span
 
 Floats = NDArray[np.float64]
 
@@ -76,7 +78,7 @@ class ExplainedOutput:
 
 
 @dataclass(frozen=True, repr=False)
-class Explanation:
+class Explanation(Result):
     """Why a system gives its outputs.
 
     Parameters
@@ -91,32 +93,18 @@ class Explanation:
     inputs: tuple[float, ...]
     outputs: tuple[ExplainedOutput, ...]
 
-    def text(self, *, everything: bool = False) -> str:
-        """Write it for a terminal, the most important first; `everything` adds rules that hardly moved it."""
-        lines = [f"{self.system.name} at {self._place()}"]
+    def document(self, *, everything: bool = False) -> Document:
+        """Say it, the most important first; `everything` adds the rules that hardly moved an output."""
+        blocks: list[Block] = [Heading(f"{self.system.name} at {self._place()}")]
         for output in self.outputs:
-            told, rest = self._moves(output, everything)
-            lines += ["", _value(output), *(f"  {words}" for words in self.conclusions(output))]
-            lines += ["", *aligned(told, 2)] if told else []
-            lines += [f"  {rest}"] if rest else []
-            lines += ["", f"{_question(output)}:", *(f"  {words}" for words in _flip_words(output))]
-        return "\n".join(lines) + "\n"
-
-    def __repr__(self) -> str:
-        return self.text()
-
-    def _repr_markdown_(self) -> str:
-        lines = [f"**{self.system.name}** at {self._place()}"]
-        for output in self.outputs:
-            told, rest = self._moves(output, everything=False)
-            lines += ["", _value(output), "", *(f"- {words}" for words in self.conclusions(output)), ""]
-            lines += ["| share | needed | strength | rule |", "|---|---|---|---|"] if told else []
-            lines += [
-                f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in cells)} |" for cells in told
-            ]
-            lines += ["", rest] if rest else []
-            lines += ["", f"{_question(output)}:", "", *(f"- {words}" for words in _flip_words(output))]
-        return "\n".join(lines)
+            rows, rest = self._moves(output, everything)
+            blocks += [Paragraph(_value(output)), Items(self.conclusions(output))]
+            blocks += (
+                [Table(["share", "needed", "strength", "rule"], rows, numbers=(0, 1, 2))] if rows else []
+            )
+            blocks += [Paragraph(rest)] if rest else []
+            blocks += [Paragraph(f"{_question(output)}:"), Items(list(_flip_words(output)))]
+        return Document([block for block in blocks if block != Items([])])
 
     def plain(self) -> dict[str, Any]:
         """Return the explanation as plain JSON data; numbers are in the units of their variables.
@@ -140,13 +128,7 @@ class Explanation:
                     "value": output.value,
                     "default": output.is_default,
                     "rules": [
-                        {
-                            "rule": move.rule,
-                            "sentence": sentence(self.system.rules[move.rule - 1]),
-                            "strength": move.strength,
-                            "share": move.share,
-                            "needed": move.needed,
-                        }
+                        plain(move) | {"sentence": sentence(self.system.rules[move.rule - 1])}
                         for move in output.moves
                     ],
                     "error": output.error,
@@ -193,20 +175,18 @@ class Explanation:
                 told.append(f"{term}{of_all} ({_signed(output.variable, shared[term])}): {words}")
         return told
 
-    def _moves(
-        self, output: ExplainedOutput, everything: bool
-    ) -> tuple[list[tuple[str, str, str, str]], str]:
+    def _moves(self, output: ExplainedOutput, everything: bool) -> tuple[list[list[str]], str]:
         """Return the listed rules as cells, and a sentence on the others."""
         variable, moves = output.variable, output.moves
         told = [move for move in moves if abs(move.share) >= WORTH_TELLING * span(variable)][:MOST_RULES]
         told = list(moves) if everything else told or list(moves[:1])
         rows = [
-            (
+            [
                 _signed(variable, move.share),
-                f"needed {_signed(variable, move.needed)}",
-                f"strength {move.strength:.2f}",
+                _signed(variable, move.needed),
+                f"{move.strength:.2f}",
                 f"{move.rule}. {sentence(self.system.rules[move.rule - 1])}",
-            )
+            ]
             for move in told
         ]
         rest = moves[len(told) :]
@@ -294,14 +274,10 @@ def _landing(flip: Flip) -> str:
 
 
 def _plain_flip(flip: Flip) -> dict[str, Any]:
+    told = ("last", "first", "output_at_last", "output_at_first", "takes_default", "change")
     return {
         "input": flip.input.name,
         "unit": flip.input.unit,
         "way": "up" if flip.way > 0 else "down",
-        "change": flip.change,
-        "last": flip.last,
-        "first": flip.first,
-        "output_at_last": flip.output_at_last,
-        "output_at_first": flip.output_at_first,
-        "takes_default": flip.takes_default,
+        **{name: getattr(flip, name) for name in told},
     }

@@ -9,9 +9,11 @@ from numpy.typing import NDArray
 from fis_tools.analysis import shapley
 from fis_tools.analysis.arrays import FIRED, rule_usage
 from fis_tools.analysis.contribution import importance
+from fis_tools.document import Block, Document, Heading, Paragraph, Result, Table
+from fis_tools.document.data import plain
 from fis_tools.findings.explanation.flips import compiled_once
 from fis_tools.model import FuzzySystem
-from fis_tools.words.text import aligned, amount, percent, sentence, with_unit
+from fis_tools.words.text import amount, percent, sentence, with_unit
 
 Floats = NDArray[np.float64]
 
@@ -26,8 +28,8 @@ class RuleShare:
 
     Parameters
     ----------
-    number : int
-        The rule's, from 1 as in every listing.
+    rule : int
+        Its number, from 1 as in every listing.
     share : float
         Of all that the rules moved: its part over the sum of all. Parts are measured against the output's
         range; of several outputs the one that the rule moves most counts.
@@ -41,7 +43,7 @@ class RuleShare:
         Its greatest firing strength.
     """
 
-    number: int
+    rule: int
     share: float
     moved: tuple[float, ...]
     needed: tuple[float, ...]
@@ -51,30 +53,20 @@ class RuleShare:
 
 
 @dataclass(frozen=True, repr=False)
-class Shares:
+class Shares(Result):
     """The effects of the rules of a system over samples, the largest share first."""
 
     system: FuzzySystem
     num_samples: int
     rules: tuple[RuleShare, ...]
 
-    def text(self, *, everything: bool = False) -> str:
-        """List for a terminal the rules that decide; with `everything`, the others too."""
+    def document(self, *, everything: bool = False) -> Document:
+        """List the rules that decide; with `everything`, the others too."""
         told = self._told(everything)
-        lines = [self._summary(), *aligned(self._rows(told), 2)]
-        if len(told) < len(self.rules):
-            lines.append(f"  {self._rest(told)}")
-        return "\n".join(lines) + "\n"
-
-    def __repr__(self) -> str:
-        return self.text()
-
-    def _repr_markdown_(self) -> str:
-        told = self._told(everything=False)
-        head, *rows = ([cell.replace("|", "\\|") for cell in cells] for cells in self._rows(told))
-        lines = [self._summary(), "", f"| {' | '.join(head)} |", f"|{'---|' * len(head)}"]
-        lines += [f"| {' | '.join(cells)} |" for cells in rows]
-        return "\n".join([*lines, "", self._rest(told) if len(told) < len(self.rules) else ""])
+        head, *rows = self._rows(told)
+        blocks: list[Block] = [Heading(self._summary()), Table(head, rows, numbers=range(len(head) - 1))]
+        rest = [Paragraph(self._rest(told))] if len(told) < len(self.rules) else []
+        return Document([*blocks, *rest])
 
     def plain(self) -> dict[str, Any]:
         """Return the shares as plain JSON data.
@@ -89,14 +81,10 @@ class Shares:
             "samples": self.num_samples,
             "rules": [
                 {
-                    "rule": rule.number,
-                    "sentence": sentence(self.system.rules[rule.number - 1]),
-                    "share": rule.share,
+                    **plain(rule),
+                    "sentence": sentence(self.system.rules[rule.rule - 1]),
                     "moved": dict(zip(outputs, rule.moved, strict=True)),
                     "needed": dict(zip(outputs, rule.needed, strict=True)),
-                    "fired": rule.fired,
-                    "leading": rule.leading,
-                    "strongest": rule.strongest,
                 }
                 for rule in self.rules
             ],
@@ -114,7 +102,7 @@ class Shares:
         first = self.rules[0]
         silent = sum(rule.fired == 0.0 for rule in self.rules)
         decides = (
-            f"rule {first.number} decides most, with {percent(first.share)} of all that rules moved"
+            f"rule {first.rule} decides most, with {percent(first.share)} of all that rules moved"
             if first.share > 0.0
             else "no rule moved anything"
         )
@@ -143,12 +131,12 @@ class Shares:
             amounts = [amount(variable, value) for variable, value in values]
             rows.append(
                 [
-                    f"{100 * rule.share:5.1f} %",
+                    f"{100 * rule.share:.1f} %",
                     *amounts,
-                    f"{100 * rule.fired:5.1f} %",
-                    f"{100 * rule.leading:5.1f} %",
+                    f"{100 * rule.fired:.1f} %",
+                    f"{100 * rule.leading:.1f} %",
                     f"{rule.strongest:.2f}",
-                    f"{rule.number}. {sentence(self.system.rules[rule.number - 1])}",
+                    f"{rule.rule}. {sentence(self.system.rules[rule.rule - 1])}",
                 ]
             )
         return rows

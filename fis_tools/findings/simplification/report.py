@@ -4,9 +4,11 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
+from fis_tools.document import Block, Document, Heading, Paragraph, Result, Table
+from fis_tools.document.data import plain
 from fis_tools.findings.simplification.budget import FLOWN, SPREAD, Budget, Change
 from fis_tools.model import FuzzyController, FuzzySystem
-from fis_tools.words.text import aligned, amount, span
+from fis_tools.words.text import amount, span
 
 Kind = Literal["input", "drop", "merge", "terms", "round"]
 
@@ -60,7 +62,7 @@ class SimplifiedSystem:
 
 
 @dataclass(frozen=True, repr=False)
-class Simplification:
+class Simplification(Result):
     """The result of simplifying a controller.
 
     Parameters
@@ -86,23 +88,12 @@ class Simplification:
             f"{budget_words(self.budget, flown=any(system.num_flown for system in self.systems))}"
         )
 
-    def text(self) -> str:
-        """List the steps for a terminal, one table per system."""
-        lines = [self.summary]
+    def document(self) -> Document:
+        """List the steps, in one table per system."""
+        blocks: list[Block] = [Heading(self.summary)]
         for system in self.systems:
-            lines += ["", *_heads(system), *aligned(list(_rows(system)), 2)]
-        return "\n".join(lines) + "\n"
-
-    def __repr__(self) -> str:
-        return self.text()
-
-    def _repr_markdown_(self) -> str:
-        lines = [self.summary]
-        for system in self.systems:
-            head, *rows = ([cell.replace("|", "\\|") for cell in cells] for cells in _rows(system))
-            lines += ["", *_heads(system), "", f"| {' | '.join(head)} |", f"|{'---|' * len(head)}"]
-            lines += [f"| {' | '.join(cells)} |" for cells in rows]
-        return "\n".join(lines)
+            blocks += [*map(Paragraph, _heads(system)), *_table(system)]
+        return Document(blocks)
 
     def plain(self) -> dict[str, Any]:
         """Return the steps as plain JSON data.
@@ -114,29 +105,14 @@ class Simplification:
         """
         return {
             "controller": self.original.name,
-            "budget": {
-                "max_change": self.budget.max_change,
-                "mean_change": self.budget.mean_change,
-                "flights_only": self.budget.flights_only,
-                "look_alike": self.budget.look_alike,
-            },
+            "budget": plain(self.budget),
             "systems": [
                 {
                     "name": system.original.name,
                     "rules": [len(system.original.rules), len(system.simplified.rules)],
                     "terms": [num_terms(system.original), num_terms(system.simplified)],
-                    "changes": _plain_changes(system.changes),
-                    "steps": [
-                        {
-                            "kind": step.kind,
-                            "sentence": step.sentence,
-                            "rules": list(step.rules),
-                            "num_rules": step.num_rules,
-                            "num_terms": step.num_terms,
-                            "changes": _plain_changes(step.changes),
-                        }
-                        for step in system.steps
-                    ],
+                    "changes": plain(system.changes),
+                    "steps": plain(system.steps),
                 }
                 for system in self.systems
             ],
@@ -178,25 +154,18 @@ def _heads(system: SimplifiedSystem) -> list[str]:
     return lines
 
 
-def _rows(system: SimplifiedSystem) -> Iterator[list[str]]:
+def _table(system: SimplifiedSystem) -> Iterator[Table]:
     if not system.steps:
         return
     sets = list(system.changes)
     heads = [f"{word} {_PLACES[name].split()[-1]}" for name in sets for word in ("max,", "mean,")]
-    yield ["rules", "terms", *heads, "step"]
-    yield [
-        str(len(system.original.rules)), str(num_terms(system.original)), *[""] * len(heads), "the original"
-    ]  # fmt: skip
+    original = [str(len(system.original.rules)), str(num_terms(system.original))]
+    rows = [[*original, *[""] * len(heads), "the original"]]
     for step in system.steps:
         changes = [
             f"{100.0 * value:.2f} %"
             for name in sets
             for value in (max(step.changes[name].largest), max(step.changes[name].mean))
         ]
-        yield [str(step.num_rules), str(step.num_terms), *changes, step.sentence]
-
-
-def _plain_changes(changes: Mapping[str, Change]) -> dict[str, dict[str, list[float]]]:
-    return {
-        name: {"largest": list(change.largest), "mean": list(change.mean)} for name, change in changes.items()
-    }
+        rows.append([str(step.num_rules), str(step.num_terms), *changes, step.sentence])
+    yield Table(["rules", "terms", *heads, "step"], rows, numbers=range(2 + len(heads)))

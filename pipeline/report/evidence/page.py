@@ -1,15 +1,12 @@
 """The page itself: evidence in words, tables and pictures, in one file that needs no other."""
 
-import base64
-import hashlib
 import math
 from collections.abc import Mapping
-from importlib.resources import files
 from typing import Any
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
+from fis_tools.document.page import environment, read, source_hash
 from pipeline.report.evidence import goal_structure, margins
 from pipeline.report.evidence.credibility import factors, uncertain
 from pipeline.run import artifacts
@@ -27,29 +24,25 @@ def write(evidence: Mapping[str, Any]) -> str:
     str
         HTML that needs no other file, asks for none, and runs no script.
     """
-    environment = Environment(
-        loader=PackageLoader("pipeline.report", "templates"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    folder = files("pipeline.report") / "templates"
-    style = "\n".join((folder / name).read_text(encoding="utf-8") for name in STYLES)
+    style = "\n".join(read(f"templates/{name}", "pipeline.report") for name in STYLES)
     told = {**evidence, "requirements": [_requirement(one) for one in evidence["requirements"]]}
-    return environment.get_template("evidence.html").render(
-        told,
-        artifacts=artifacts,
-        methods=METHODS,
-        css_of=goal_structure.css_of,
-        lead=lead(evidence),
-        uncertain=[word for word in uncertain(evidence["conditions"]) if word != "Sun"],
-        drawing=Markup(goal_structure.draw(evidence)),  # noqa: S704 - escaped where it is drawn
-        domain_words=domain_words(evidence["domain"]) if evidence["domain"] else "",
-        factors=factors(evidence),
-        provenance=_provenance(evidence),
-        style=Markup(style),  # noqa: S704 - files of this package
-        style_hash="sha256-" + base64.b64encode(hashlib.sha256(style.encode()).digest()).decode("ascii"),
+    return (
+        environment("pipeline.report", "templates")
+        .get_template("evidence.html")
+        .render(
+            told,
+            artifacts=artifacts,
+            methods=METHODS,
+            css_of=goal_structure.css_of,
+            lead=lead(evidence),
+            uncertain=[word for word in uncertain(evidence["conditions"]) if word != "Sun"],
+            drawing=Markup(goal_structure.draw(evidence)),  # noqa: S704 - escaped where it is drawn
+            domain_words=domain_words(evidence["domain"]) if evidence["domain"] else "",
+            factors=factors(evidence),
+            provenance=_provenance(evidence),
+            style=Markup(style),  # noqa: S704 - files of this package
+            style_hash=source_hash(style),
+        )
     )
 
 

@@ -1,12 +1,8 @@
 """The page of a sweep: tables, parallel coordinates, the front, and how to fly the best."""
 
-import base64
-import hashlib
-from importlib.resources import files
-
-from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
+from fis_tools.document.page import environment, read, source_hash
 from pipeline.evaluation.paired import METRICS
 from pipeline.report.figures.style import save, style
 from pipeline.report.figures.sweep import Line, Point, front_of_runs, parallel_coordinates
@@ -25,26 +21,23 @@ def write(swept: Swept) -> str:
     str
         HTML that needs no other file, asks for none, and runs no script.
     """
-    environment = Environment(
-        loader=PackageLoader("pipeline.report", "templates"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    css = (files("pipeline.report") / "templates" / "report.css").read_text(encoding="utf-8")
-    return environment.get_template("sweep.html").render(
-        folder=swept.folder.as_posix(),
-        num_runs=len(swept.runs),
-        num_evaluated=len(swept.evaluated),
-        factors=swept.factors,
-        runs=runs_table(swept),
-        effects=effects_table(swept),
-        pictures=_pictures(swept),
-        offered=swept.offered,
-        failures=failures_of(swept),
-        style=Markup(css),  # noqa: S704 - a file of this package
-        style_hash="sha256-" + base64.b64encode(hashlib.sha256(css.encode()).digest()).decode("ascii"),
+    css = read("templates/report.css", "pipeline.report")
+    return (
+        environment("pipeline.report", "templates")
+        .get_template("sweep.html")
+        .render(
+            folder=swept.folder.as_posix(),
+            num_runs=len(swept.runs),
+            num_evaluated=len(swept.evaluated),
+            factors=swept.factors,
+            runs=runs_table(swept),
+            effects=effects_table(swept),
+            pictures=_pictures(swept),
+            offered=swept.offered,
+            failures=failures_of(swept),
+            style=Markup(css),  # noqa: S704 - a file of this package
+            style_hash=source_hash(css),
+        )
     )
 
 

@@ -14,12 +14,13 @@ import pytest
 from fis_tools.__main__ import main
 from fis_tools.analysis.domain import as_mapping, box_of
 from fis_tools.analysis.flights import inputs_along
+from fis_tools.document import markdown, text
 from fis_tools.engines.inference import infer
 from fis_tools.findings.audit import Thresholds
 from fis_tools.findings.explanation import explain, shares
-from fis_tools.formats.printed import markdown, text
 from fis_tools.formats.serialize import dump_json, dump_yaml, load, loads
 from fis_tools.model import FuzzyController
+from fis_tools.words.outline import outline
 from tests.fis_tools.analysis.test_flights import log_flight
 from tests.fis_tools.sample_controllers import force_x_system, general_controller, paper_like_controller
 
@@ -46,7 +47,7 @@ def test_show_reads_a_file_a_run_and_a_flight(
     (tmp_path / "run").mkdir()
     (tmp_path / "run" / "champion.json").write_text(dump_json(paper_like_controller()), encoding="utf-8")
     flight = log_flight(tmp_path / "flight.mcap", paper_like_controller())
-    expected = text.describe(paper_like_controller())
+    expected = text.write(outline(paper_like_controller()))
     for source in (controller_path, tmp_path / "run", flight):
         assert run(capsys, "show", source) == (0, expected, "")
 
@@ -146,7 +147,7 @@ def test_export_writes_every_form(
     tmp_path: Path, controller_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run(capsys, "export", controller_path, "--format", "markdown")[1] == markdown.write(
-        paper_like_controller()
+        outline(paper_like_controller())
     )
     for form in ("json", "yaml"):
         path = tmp_path / f"copy.{form}"

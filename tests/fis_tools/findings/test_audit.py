@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 
 from fis_tools.__main__ import main
-from fis_tools.findings.audit import Finding, Severity, Thresholds, audit, names, report
+from fis_tools.document import data, text
+from fis_tools.findings.audit import Finding, Severity, Thresholds, audit, names
+from fis_tools.findings.audit.report import SCHEMA, SCHEMA_VERSION
 from fis_tools.formats.serialize import dump_yaml
 from fis_tools.model import (
     And,
@@ -416,17 +418,17 @@ def test_names_are_read(words: tuple[str, ...], ranks: list[float | None]) -> No
 def test_an_audit_is_told_as_text_and_as_data() -> None:
     system = with_terms(controller_of(), "error", NS=Triangular(-5.2, -5.0, -4.8))
     result = audit(system, {"pd": spread_samples()})
-    told = report.text(result, 90)
+    told = text.write(result.document(), 90)
     assert told.startswith("pd: ")
     assert told.index("SERIOUS") < told.index("NOTE") < told.index("MEASURES")
     assert all(len(line) <= 90 for line in told.splitlines())
     assert "error has a gap" in told
-    data = json.loads(json.dumps(report.plain(result), allow_nan=False))
-    assert (data["schema"], data["schema_version"]) == ("fuzzy-audit", 2)
-    assert sum(data["summary"].values()) == len(data["findings"])
-    severities = [Severity[finding["severity"].upper()] for finding in data["findings"]]
+    held = json.loads(data.write(SCHEMA, SCHEMA_VERSION, result.plain()))
+    assert (held["schema"], held["schema_version"]) == ("fuzzy-audit", 2)
+    assert sum(held["summary"].values()) == len(held["findings"])
+    severities = [Severity[finding["severity"].upper()] for finding in held["findings"]]
     assert severities == sorted(severities, reverse=True)
-    assert data["systems"][0]["measures"]["completeness"]["exact"] is True
+    assert held["systems"][0]["measures"]["completeness"]["exact"] is True
     page = result._repr_html_()
     assert page.count("<tr") == page.count("</tr>")
     assert "error has a gap" in page
@@ -447,7 +449,7 @@ def test_names_are_no_markup_in_a_notebook() -> None:
 
 def test_every_kind_of_system_is_audited() -> None:
     result = audit(general_controller(), {"room": np.array([[10.0, 3.0], [35.0, 20.0]])})
-    json.dumps(report.plain(result), allow_nan=False)
+    json.dumps(result.plain(), allow_nan=False)
     assert {finding.system for finding in result.findings} == {"room"}
 
 

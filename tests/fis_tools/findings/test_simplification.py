@@ -284,9 +284,11 @@ def test_the_steps_are_told() -> None:
     found = simplify(with_dead_rule(), budget=Budget(), progress=told.append)
     lines = found.text().splitlines()
     assert lines[0].startswith("force_x: 26 rules to ")
-    assert "on average over the ranges" in lines[2]
-    assert lines[3].split() == ["rules", "terms", "max,", "ranges", "mean,", "ranges", "step"]
-    assert len(lines) == 5 + len(found.systems[0].steps)
+    assert any("on average over the ranges" in line for line in lines)
+    heads = [line.split() for line in lines].index(
+        ["rules", "terms", "max,", "ranges", "mean,", "ranges", "step"]
+    )
+    assert len(lines) == heads + 2 + len(found.systems[0].steps)
     assert told[0] == f"force_x: 26 rules, {len(FORCE_TERMS) * 3 + 2} terms"
     plain = json.loads(json.dumps(found.plain(), allow_nan=False))
     assert plain["systems"][0]["rules"] == [26, len(found.systems[0].simplified.rules)]
@@ -352,7 +354,7 @@ def test_the_command_keeps_to_flights_alone_on_demand(
     words = ("simplify", flight, "--system", "force_x")
     everywhere, alone = (run(capsys, *words, *more)[1] for more in ((), ("--flights-only",)))
     assert "along the logs and over the ranges of the inputs" in everywhere
-    assert alone.splitlines()[0].endswith("on average, along the logs")
+    assert "on average, along the logs force_x: force_x departs" in " ".join(alone.split())
     rules = [int(text.split()[4].rstrip(",")) for text in (alone, everywhere)]
     assert rules[0] < rules[1] <= 25
 

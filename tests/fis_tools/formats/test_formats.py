@@ -2,15 +2,16 @@
 
 import csv
 import io
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from fis_tools.document import markdown
+from fis_tools.document import text as plain_text
 from fis_tools.engines.inference import infer
-from fis_tools.formats.printed import csv as csv_format
-from fis_tools.formats.printed import markdown
-from fis_tools.formats.printed import text as printed_text
+from fis_tools.formats import csv as csv_format
 from fis_tools.model import (
     And,
     Expression,
@@ -33,6 +34,7 @@ from fis_tools.model import (
     table_rules,
 )
 from fis_tools.words import text
+from fis_tools.words.outline import outline, rule_list
 from tests.fis_tools.sample_controllers import (
     force_x_system,
     force_z_system,
@@ -136,16 +138,16 @@ def test_rule_tables_of_one_two_and_three_inputs() -> None:
 
 
 def test_a_description_shows_terms_tables_and_defaults() -> None:
-    shown = printed_text.describe(paper_like_controller())
+    shown = plain_text.write(outline(paper_like_controller()))
     assert "    very near  Gaussian, mean 0, standard deviation 25\n" in shown
-    assert "  output force_x (N): -0.1 to 0.1, 101 points, 0 when no rule fires\n" in shown
+    assert "  Output force_x (N)\n    From -0.1 to 0.1, 101 points; 0 when no rule fires.\n" in shown
     assert "    far                         PL         PS    PS     ZE       NS\n" in shown
     assert "  force_axes  body\n" in shown
     assert not any(line.endswith(" ") for line in shown.splitlines())
-    general = printed_text.describe(general_controller())
+    general = plain_text.write(outline(general_controller()))
     assert "trapezoid from 0 over 0 to 10 to 20" in general
     assert "sampled at 5 points" in general
-    assert "    2. If temperature is hot then heat is low (weight 0.75) and vent is open\n" in general
+    assert "   2  If temperature is hot then heat is low (weight 0.75) and vent is open.\n" in general
 
 
 def test_an_inference_is_explained_step_by_step() -> None:
@@ -168,9 +170,9 @@ def test_an_inference_in_which_nothing_fires_is_explained() -> None:
 
 
 def test_markdown_tables_are_whole() -> None:
-    written = markdown.write(paper_like_controller())
+    written = markdown.write(outline(paper_like_controller()))
     assert "## force_x\n" in written
-    assert "| far                         | PL        | PS   | PS    | ZE      | NS           |" in written
+    assert re.search(r"\| far +\| PL +\| PS +\| PS +\| ZE +\| NS +\|", written)
     assert "Where eta_u is right:" in written
     for block in written.split("\n\n"):
         lines = block.splitlines()
@@ -181,9 +183,9 @@ def test_markdown_tables_are_whole() -> None:
 
 def test_markdown_takes_no_name_for_markup() -> None:
     controller = general_controller()
-    written = markdown.write(replace(controller, name="a|b *c* _d_ e_f <g>"))
+    written = markdown.write(outline(replace(controller, name="a|b *c* _d_ e_f <g>")))
     assert written.startswith("# a\\|b \\*c\\* \\_d\\_ e_f \\<g>\n")
-    assert "1. \\[warm up] If temperature is cold" in written
+    assert "| \\[warm up] If temperature is cold" in written
 
 
 def test_csv_has_a_row_for_each_rule_and_consequent() -> None:
@@ -219,6 +221,6 @@ def test_csv_has_no_cell_that_a_spreadsheet_runs() -> None:
 
 
 def test_text_numbers_every_sentence() -> None:
-    written = printed_text.write(paper_like_controller())
-    assert written.count(".\n") == 25 + 45
-    assert " 25. If distance is very far and velocity_body_x is towards fast then force_x is ZE.\n" in written
+    written = plain_text.write(rule_list(paper_like_controller()))
+    assert len(re.findall(r"\n +\d+  If .*\.\n", written.replace("\n", "\n\n"))) == 25 + 45
+    assert " 25  If distance is very far and velocity_body_x is towards fast then force_x is ZE.\n" in written

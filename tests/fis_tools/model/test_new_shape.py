@@ -7,12 +7,12 @@ from types import ModuleType
 import numpy as np
 import pytest
 
+from fis_tools.document import text
 from fis_tools.engines.compiler import compile
 from fis_tools.findings.simplification.rounding import rounded
 from fis_tools.formats import serialize
 from fis_tools.formats.c import source
 from fis_tools.formats.exchange import fcl, fis, fll, fml
-from fis_tools.formats.printed import html, latex, markdown
 from fis_tools.formats.serialize import Kind
 from fis_tools.model import (
     Consequent,
@@ -28,6 +28,7 @@ from fis_tools.model import (
 )
 from fis_tools.model.shape import SHAPES, Floats, Place, Width, shape
 from fis_tools.model.validate import problems
+from fis_tools.words.outline import outline
 from fis_tools.words.text import shape_words
 
 
@@ -78,10 +79,9 @@ def test_it_is_checked() -> None:
     assert notes.endswith("centre, width = (nan, 3.0) must be finite numbers")
 
 
-@pytest.mark.parametrize("printed", [html, latex, markdown])
-def test_it_is_worded(printed: ModuleType) -> None:
+def test_it_is_worded() -> None:
     assert shape_words(SYSTEM.inputs[0].terms[0]) == "cosine bump, centre 4.04, half width 3"
-    assert "cosine bump, centre 4.04, half width 3" in printed.write(CONTROLLER)
+    assert "cosine bump, centre 4.04, half width 3" in text.write(outline(CONTROLLER))
 
 
 def test_it_is_inferred_with() -> None:

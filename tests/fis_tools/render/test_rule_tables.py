@@ -13,12 +13,12 @@ import pytest
 from fis_tools.__main__ import main
 from fis_tools.analysis.contribution import importance
 from fis_tools.analysis.flights import inputs_along
+from fis_tools.document import html, latex, markdown, text
 from fis_tools.engines.compiler import compile as compiled
-from fis_tools.formats.printed import csv as csv_format
-from fis_tools.formats.printed import html, latex, markdown, text
+from fis_tools.formats import csv as csv_format
 from fis_tools.formats.serialize import dump_yaml
 from fis_tools.model import FuzzyController
-from fis_tools.words.outline import ranked
+from fis_tools.words.outline import outline, ranked, rule_list
 from tests.fis_tools.analysis.test_flights import log_flight
 from tests.fis_tools.sample_controllers import force_x_system, general_controller, paper_like_controller
 from tests.policies import check_policy
@@ -108,46 +108,41 @@ def test_csv_has_a_column_and_the_order() -> None:
 
 
 def test_text_and_markdown_list_rules_by_importance() -> None:
-    told = text.write(paper_like_controller(), shares()).splitlines()
-    assert told[2].startswith(
-        " 12.00 %   25. If distance is very far and velocity_body_x is towards fast then"
-    )
-    assert "  1. If eta_u is left" in "\n".join(told)
-    written = markdown.write(paper_like_controller(), shares())
-    rows = [line for line in written.splitlines() if re.match(r"\| +[\d.]+ %|\| [\d.]+ %", line)]
+    told = text.write(rule_list(paper_like_controller(), shares()))
+    assert re.search(r"sentence\n +12.00 %    25  If distance is very far and velocity_body_x is to", told)
+    assert "   1  If eta_u is left" in told
+    written = markdown.write(outline(paper_like_controller(), shares()))
+    rows = [line for line in written.splitlines() if re.match(r"\| +[\d.]+ %", line)]
     assert len(rows) == 25
-    assert "| 12.00 %    | 25   |" in rows[0]
-    assert written.count("Those that matter most first") == 1
-    described = text.describe(paper_like_controller(), shares())
-    assert described.count("rules by importance") == 1
-    assert text.describe(paper_like_controller()) in described.replace(
-        described[described.index("\n  rules by importance") : described.index("\n\nforce_z:") + 1], ""
-    )
+    assert re.match(r"\| +12.00 % \| +25 \|", rows[0])
+    described = text.write(outline(paper_like_controller(), shares()))
+    assert described.count("By importance: ") == 1
+    ranking = described[described.index("\n    By importance") : described.index("\nforce_z\n")]
+    assert described.replace(ranking, "") == text.write(outline(paper_like_controller()))
 
 
 def test_html_tables_are_whole_and_scoped() -> None:
-    written = html.write(paper_like_controller())
+    written = html.page(outline(paper_like_controller()))
     check_policy(written)
     page = Page(written)
     assert set(page.heads) == {"row", "col"}
     for rows in page.tables:
         assert len({len(row) for row in rows}) == 1
-    matrix = page.tables[page.captions.index("force_x")]
+    (matrix,) = (rows for rows in page.tables if rows[0][0] == "distance \\ velocity_body_x")
     assert matrix[0][1:] == ["away fast", "away", "still", "towards", "towards fast"]
     assert matrix[4] == ["far", "PL", "PS", "PS", "ZE", "NS"]
-    assert "force_z where eta_u is right" in page.captions
-    ordered = Page(html.write(paper_like_controller(), shares()))
-    ranks = ordered.tables[ordered.captions.index("Rules, those that matter most first")]
-    assert ranks[0] == ["rule", "importance", "sentence"]
-    assert [row[0] for row in ranks[1:]] == [str(number) for number in range(25, 0, -1)]
+    assert "<p>Where eta_u is right:</p>" in written
+    ordered = Page(html.page(outline(paper_like_controller(), shares())))
+    (ranks,) = (rows for rows in ordered.tables if rows[0] == ["importance", "rule", "sentence"])
+    assert [row[1] for row in ranks[1:]] == [str(number) for number in range(25, 0, -1)]
 
 
 def test_html_lists_other_rules_as_sentences_and_escapes_names() -> None:
-    page = Page(html.write(nasty_controller()))
+    page = Page(html.page(outline(nasty_controller())))
     assert "i" not in page.tags
     assert "script" not in page.tags
     assert page.tables[0] == [["key", NASTY]]
-    rules = page.tables[page.captions.index("Rules")]
+    (rules,) = (rows for rows in page.tables if rows[0] == ["rule", "sentence"])
     assert rules[1][1].startswith("[warm up] If temperature is cold and (wind is calm")
 
 
@@ -186,16 +181,16 @@ def assert_is_latex(source: str) -> None:
 
 
 def test_latex_is_whole() -> None:
-    written = latex.write(paper_like_controller())
+    written = latex.write(outline(paper_like_controller()))
     assert_is_latex(written)
     assert r" & \multicolumn{5}{c}{velocity\_body\_x} \\" in written
     assert "\nfar & PL & PS & PS & ZE & NS \\\\\n" in written
     assert "longtable}{" not in written
-    assert_is_latex(latex.write(nasty_controller(), {"room": np.array([0.1, 0.2])}))
+    assert_is_latex(latex.write(outline(nasty_controller(), {"room": np.array([0.1, 0.2])})))
 
 
 def test_long_latex_tables_break_across_pages() -> None:
-    written = latex.write(paper_like_controller(), {"force_z": np.linspace(0.0, 1.0, 45)})
+    written = latex.write(outline(paper_like_controller(), {"force_z": np.linspace(0.0, 1.0, 45)}))
     assert_is_latex(written)
     start = written.index(r"\begin{longtable}")
     assert written.index(r"\endhead", start) < written.index(r"100.00 \% & 45 &", start)
@@ -205,7 +200,9 @@ def test_long_latex_tables_break_across_pages() -> None:
 def test_latex_rows_that_begin_like_an_option_are_kept() -> None:
     system = general_controller().systems[0]
     starred = replace(system.inputs[0], terms=(replace(system.inputs[0].terms[0], name="*"),))
-    written = latex.write(FuzzyController("c", (replace(system, inputs=(starred, system.inputs[1])),)))
+    written = latex.write(
+        outline(FuzzyController("c", (replace(system, inputs=(starred, system.inputs[1])),)))
+    )
     assert "\n{*} & trapezoid" in written
     assert "{[warm up] If" in written
 
@@ -218,13 +215,13 @@ def test_show_lists_rules_by_importance(tmp_path: Path, capsys: pytest.CaptureFi
     sensed = inputs_along([flight])
     along = {s.name: importance(compiled(s), sensed[s.name]) for s in controller.systems}
     assert main(["show", str(path), "--by", "importance", "--flights", str(flight)]) == 0
-    assert capsys.readouterr().out == text.describe(controller, along)
+    assert capsys.readouterr().out == text.write(outline(controller, along))
     assert main(["show", str(flight), "--by", "importance"]) == 0
-    assert capsys.readouterr().out == text.describe(controller, along)
+    assert capsys.readouterr().out == text.write(outline(controller, along))
     assert main(["show", str(path), "--by", "importance", "--system", "force_x"]) == 0
     spread = capsys.readouterr().out
-    assert "rules by importance" in spread
-    assert spread != text.describe(controller, along)
+    assert "By importance: " in spread
+    assert spread != text.write(outline(controller, along))
     assert main(["show", str(path), "--flights", str(flight)]) == 2
     assert "--by importance; add it" in capsys.readouterr().err
 
@@ -236,10 +233,15 @@ def test_export_orders_by_importance(tmp_path: Path, capsys: pytest.CaptureFixtu
     flight = log_flight(tmp_path / "a.mcap", controller, num_samples=9)
     sensed = inputs_along([flight])
     along = {s.name: importance(compiled(s), sensed[s.name]) for s in controller.systems}
-    for form, written in (("csv", csv_format.write), ("latex", latex.write), ("html", html.write)):
+    told = outline(controller, along)
+    for form, expected in (
+        ("csv", csv_format.write(controller, along)),
+        ("latex", latex.write(told)),
+        ("html", html.page(told)),
+    ):
         words = ["export", str(path), "--format", form, "--by", "importance", "--flights", str(flight)]
         assert main(words) == 0
-        assert capsys.readouterr().out == written(controller, along)
+        assert capsys.readouterr().out == expected
 
 
 def test_an_uneven_universe_is_told_as_one() -> None:
@@ -247,6 +249,5 @@ def test_an_uneven_universe_is_told_as_one() -> None:
     points = (0.0, 10.0, 50.0, 200.0)
     uneven = replace(system.inputs[0], points=points, num_points=4)
     controller = FuzzyController("uneven", (replace(system, inputs=(uneven, *system.inputs[1:])),))
-    for told in (write(controller) for write in (text.describe, markdown.write, html.write, latex.write)):
-        assert "rom 0 to 200, 4 uneven points" in told or ": 0 to 200, 4 uneven points" in told
-        assert told.count("uneven points") == 1
+    for write in (text.write, markdown.write, html.page, latex.write):
+        assert write(outline(controller)).count("From 0 to 200, 4 uneven points.") == 1

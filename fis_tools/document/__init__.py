@@ -1,0 +1,113 @@
+"""A document: what a result has to say, in blocks, whatever it is written as.
+
+`text`, `markdown`, `html` and `latex` each write any document; `data` writes results as JSON.
+"""
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+
+@dataclass(frozen=True)
+class Change:
+    """Words that stood in a place before, and those that stand there now; both may be the same."""
+
+    before: str
+    after: str
+
+
+#: what stands in a cell of a table
+Cell: TypeAlias = str | Change
+
+
+@dataclass(frozen=True)
+class Heading:
+    """A heading, of level 1 (the whole document) to 3."""
+
+    words: str
+    level: int = 2
+
+
+@dataclass(frozen=True)
+class Paragraph:
+    """One or more sentences."""
+
+    words: str
+
+
+@dataclass(frozen=True)
+class Items:
+    """A list without numbers; what follows a line break in an item belongs to it on a line of its own."""
+
+    items: Sequence[str]
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table whose first column says what its rows are about.
+
+    Parameters
+    ----------
+    heads : sequence of str
+        One for each column; empty where the rows speak for themselves.
+    rows : sequence of sequences of Cell
+        As long as one another, and as the heads.
+    numbers : collection of int
+        The columns whose cells are numbers.
+    across : str
+        What the columns but the first stand for, where all are values of one variable.
+    """
+
+    heads: Sequence[str]
+    rows: Sequence[Sequence[Cell]]
+    numbers: Collection[int] = ()
+    across: str = ""
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A picture for pages, left out elsewhere: HTML or SVG that is safe as it stands."""
+
+    markup: str
+
+
+Block: TypeAlias = Heading | Paragraph | Items | Table | Figure
+
+
+@dataclass(frozen=True)
+class Document:
+    """Blocks in the order of reading."""
+
+    blocks: Sequence[Block]
+
+    @property
+    def title(self) -> str:
+        """The words of the first block that has some."""
+        return next((one.words for one in self.blocks if isinstance(one, Heading | Paragraph)), "")
+
+
+class Result:
+    """Something that was found out, and shows itself in a terminal and in notebooks."""
+
+    def document(self) -> Document:
+        """Return what there is to say."""
+        raise NotImplementedError
+
+    def text(self, **options: Any) -> str:
+        """Write it for a terminal; options are those of `document`."""
+        from fis_tools.document import text  # noqa: PLC0415 - a result is shown in one form or another
+
+        return text.write(self.document(**options))
+
+    def __repr__(self) -> str:
+        return self.text()
+
+    def _repr_markdown_(self) -> str:
+        from fis_tools.document import markdown  # noqa: PLC0415
+
+        return markdown.write(self.document())
+
+    def _repr_html_(self) -> str:
+        from fis_tools.document import html  # noqa: PLC0415
+
+        return html.fragment(self.document())

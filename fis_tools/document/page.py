@@ -1,0 +1,37 @@
+"""Pages that need no other file: their templates, what a browser may do with them, the hashes it asks for."""
+
+import base64
+import hashlib
+from importlib.resources import files
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+
+#: of pages without scripts: nothing runs, and nothing is fetched but what the page carries
+POLICY = Markup(
+    "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; style-src 'unsafe-inline'; "
+    "img-src data:; base-uri 'none'; form-action 'none'\">"
+)
+
+
+def environment(package: str, folder: str = "") -> Environment:
+    """Return what renders the templates in a folder of a package; they escape all that is put into them."""
+    made = Environment(
+        loader=PackageLoader(package, folder),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    made.globals["policy"] = POLICY
+    return made
+
+
+def read(name: str, package: str = "fis_tools.document") -> str:
+    """Return a text file of a package."""
+    return (files(package) / name).read_text(encoding="utf-8")
+
+
+def source_hash(source: str) -> str:
+    """Return what a content security policy allows a script or style element of this source by."""
+    return "sha256-" + base64.b64encode(hashlib.sha256(source.encode()).digest()).decode("ascii")

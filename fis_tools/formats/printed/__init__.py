@@ -1,1 +1,0 @@
-"""Tables for documents: Markdown, HTML, LaTeX and CSV."""
