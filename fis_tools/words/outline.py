@@ -84,7 +84,7 @@ def outline(controller: FuzzyController, importance: Mapping[str, Floats] | None
         for kind, variables in (("Input", system.inputs), ("Output", system.outputs)):
             for variable in variables:
                 blocks += _variable(kind, variable)
-        blocks += [Heading("Rules", 3), *_rules(system, importance)]
+        blocks += _rules(system, importance)
     return Document(blocks)
 
 
@@ -106,6 +106,7 @@ def _variable(kind: str, variable: Variable) -> list[Block]:
 
 def _rules(system: FuzzySystem, importance: Mapping[str, Floats] | None) -> Iterator[Block]:
     tables = rule_tables(system) or []
+    yield Heading(f"Rules for {system.outputs[0].name}" if tables else "Rules", 3)
     for title, (heads, *rows) in tables:
         if title:
             yield Paragraph(f"Where {title}:")

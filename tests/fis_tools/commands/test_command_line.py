@@ -54,8 +54,8 @@ def test_show_reads_a_file_a_run_and_a_flight(
 
 def test_show_can_be_limited_to_one_system(controller_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     _, shown, _ = run(capsys, "show", controller_path, "--system", "force_z")
-    assert "rules for force_z" in shown
-    assert "rules for force_x" not in shown
+    assert "Rules for force_z" in shown
+    assert "Rules for force_x" not in shown
 
 
 @pytest.mark.parametrize("form", ["png", pytest.param("svg", marks=pytest.mark.slow)])
