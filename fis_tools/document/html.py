@@ -6,7 +6,7 @@ from markupsafe import Markup, escape
 
 from fis_tools.document import Block, Change, Document, Figure, Heading, Items, Paragraph, Table
 from fis_tools.document.element import element
-from fis_tools.document.page import environment, read
+from fis_tools.document.page import read, template
 
 
 def fragment(document: Document) -> str:
@@ -16,8 +16,10 @@ def fragment(document: Document) -> str:
 
 def page(document: Document) -> str:
     """Write a document as a page of its own, which runs nothing and fetches nothing."""
-    template = environment("fis_tools.document").get_template("page.html")
-    return template.render(title=document.title, style=Markup(read("style.css")), body=_body(document))  # noqa: S704
+    style = Markup(read("style.css"))  # noqa: S704 - of this package
+    return template("fis_tools", "document", "page.html").render(
+        title=document.title, style=style, body=_body(document)
+    )
 
 
 def _body(document: Document) -> Markup:

@@ -4,7 +4,7 @@ import base64
 import hashlib
 from importlib.resources import files
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
+from jinja2 import Environment, PackageLoader, StrictUndefined, Template
 from markupsafe import Markup
 
 #: of pages without scripts: nothing runs, and nothing is fetched but what the page carries
@@ -14,17 +14,17 @@ POLICY = Markup(
 )
 
 
-def environment(package: str, folder: str = "") -> Environment:
-    """Return what renders the templates in a folder of a package; they escape all that is put into them."""
-    made = Environment(
+def template(package: str, folder: str, name: str) -> Template:
+    """Return a template in a folder of a package; it escapes all that is put into it."""
+    environment = Environment(
         loader=PackageLoader(package, folder),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    made.globals["policy"] = POLICY
-    return made
+    environment.globals["policy"] = POLICY
+    return environment.get_template(name)
 
 
 def read(name: str, package: str = "fis_tools.document") -> str:

@@ -8,7 +8,7 @@ from markupsafe import Markup
 
 from fis_tools.analysis import flights
 from fis_tools.analysis.flights import read_outcome
-from fis_tools.document.page import environment, read, source_hash
+from fis_tools.document.page import read, source_hash, template
 from fis_tools.findings.audit import audit, report
 from fis_tools.formats import serialize
 from fis_tools.model import FuzzyController
@@ -134,17 +134,13 @@ def _assemble(data: object, **words: object) -> str:
     """Put words, data, style sheet and scripts into the template."""
     style = read("style.css", __package__) + level_styles()
     script = _script()
-    return (
-        environment("fis_tools", "review")
-        .get_template("page.html")
-        .render(
-            words,
-            style=Markup(style),  # noqa: S704 - a file of this package
-            script=Markup(script),  # noqa: S704 - files of this package
-            data=Markup(carried.as_json(data)),  # noqa: S704 - no character of it ends a script element
-            style_hash=source_hash(style),
-            script_hash=source_hash(script),
-        )
+    return template("fis_tools", "review", "page.html").render(
+        words,
+        style=Markup(style),  # noqa: S704 - a file of this package
+        script=Markup(script),  # noqa: S704 - files of this package
+        data=Markup(carried.as_json(data)),  # noqa: S704 - no character of it ends a script element
+        style_hash=source_hash(style),
+        script_hash=source_hash(script),
     )
 
 

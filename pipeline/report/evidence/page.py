@@ -6,7 +6,7 @@ from typing import Any
 
 from markupsafe import Markup
 
-from fis_tools.document.page import environment, read, source_hash
+from fis_tools.document.page import read, source_hash, template
 from pipeline.report.evidence import goal_structure, margins
 from pipeline.report.evidence.credibility import factors, uncertain
 from pipeline.run import artifacts
@@ -26,23 +26,19 @@ def write(evidence: Mapping[str, Any]) -> str:
     """
     style = "\n".join(read(f"templates/{name}", "pipeline.report") for name in STYLES)
     told = {**evidence, "requirements": [_requirement(one) for one in evidence["requirements"]]}
-    return (
-        environment("pipeline.report", "templates")
-        .get_template("evidence.html")
-        .render(
-            told,
-            artifacts=artifacts,
-            methods=METHODS,
-            css_of=goal_structure.css_of,
-            lead=lead(evidence),
-            uncertain=[word for word in uncertain(evidence["conditions"]) if word != "Sun"],
-            drawing=Markup(goal_structure.draw(evidence)),  # noqa: S704 - escaped where it is drawn
-            domain_words=domain_words(evidence["domain"]) if evidence["domain"] else "",
-            factors=factors(evidence),
-            provenance=_provenance(evidence),
-            style=Markup(style),  # noqa: S704 - files of this package
-            style_hash=source_hash(style),
-        )
+    return template("pipeline.report", "templates", "evidence.html").render(
+        told,
+        artifacts=artifacts,
+        methods=METHODS,
+        css_of=goal_structure.css_of,
+        lead=lead(evidence),
+        uncertain=[word for word in uncertain(evidence["conditions"]) if word != "Sun"],
+        drawing=Markup(goal_structure.draw(evidence)),  # noqa: S704 - escaped where it is drawn
+        domain_words=domain_words(evidence["domain"]) if evidence["domain"] else "",
+        factors=factors(evidence),
+        provenance=_provenance(evidence),
+        style=Markup(style),  # noqa: S704 - files of this package
+        style_hash=source_hash(style),
     )
 
 

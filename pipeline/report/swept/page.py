@@ -2,7 +2,7 @@
 
 from markupsafe import Markup
 
-from fis_tools.document.page import environment, read, source_hash
+from fis_tools.document.page import read, source_hash, template
 from pipeline.evaluation.paired import METRICS
 from pipeline.report.figures.style import save, style
 from pipeline.report.figures.sweep import Line, Point, front_of_runs, parallel_coordinates
@@ -22,22 +22,18 @@ def write(swept: Swept) -> str:
         HTML that needs no other file, asks for none, and runs no script.
     """
     css = read("templates/report.css", "pipeline.report")
-    return (
-        environment("pipeline.report", "templates")
-        .get_template("sweep.html")
-        .render(
-            folder=swept.folder.as_posix(),
-            num_runs=len(swept.runs),
-            num_evaluated=len(swept.evaluated),
-            factors=swept.factors,
-            runs=runs_table(swept),
-            effects=effects_table(swept),
-            pictures=_pictures(swept),
-            offered=swept.offered,
-            failures=failures_of(swept),
-            style=Markup(css),  # noqa: S704 - a file of this package
-            style_hash=source_hash(css),
-        )
+    return template("pipeline.report", "templates", "sweep.html").render(
+        folder=swept.folder.as_posix(),
+        num_runs=len(swept.runs),
+        num_evaluated=len(swept.evaluated),
+        factors=swept.factors,
+        runs=runs_table(swept),
+        effects=effects_table(swept),
+        pictures=_pictures(swept),
+        offered=swept.offered,
+        failures=failures_of(swept),
+        style=Markup(css),  # noqa: S704 - a file of this package
+        style_hash=source_hash(css),
     )
 
 
