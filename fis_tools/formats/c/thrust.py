@@ -7,6 +7,7 @@ does, but for the safety layer, which is no part of the controller.
 from collections.abc import Mapping
 from textwrap import wrap
 
+from fis_tools.formats.templates import rendered
 from fis_tools.model import FuzzyController, Variable
 from fis_tools.model.thrust import COMPONENTS, FORESEEN, REASONS, SILENT_N, ThrustLogic
 
@@ -87,7 +88,7 @@ def structures(controller: FuzzyController, logic: ThrustLogic) -> str:
     )
     axes = "in the axes that attitude turns from" if logic.is_turned else f"{logic.force_axes} axes"
     reasons = {word: REASONS[word] for word in _REASONS}
-    return _rendered("step.h.jinja", logic, signals=told, reasons=reasons, fired_axes=_plain(axes))
+    return rendered("c/step.h.jinja", logic=logic, signals=told, reasons=reasons, fired_axes=_plain(axes))
 
 
 def functions(controller: FuzzyController, logic: ThrustLogic, infer: Mapping[str, str]) -> str:
@@ -107,21 +108,7 @@ def functions(controller: FuzzyController, logic: ThrustLogic, infer: Mapping[st
         for system in controller.systems
     ]
     foreseen = [words[name] for name in FORESEEN] if logic.may_coast else []
-    return _rendered("step.c.jinja", logic, systems=asked, foreseen=foreseen, silent_n=SILENT_N)
-
-
-def _rendered(template: str, logic: ThrustLogic, **facts: object) -> str:
-    from jinja2 import Environment, PackageLoader, StrictUndefined  # noqa: PLC0415 - few files need it
-
-    environment = Environment(  # noqa: S701 - C knows no markup
-        loader=PackageLoader("fis_tools.formats.c", ""),
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-    )
-    environment.filters["exact"] = repr
-    return environment.get_template(template).render(logic=logic, **facts)
+    return rendered("c/step.c.jinja", logic=logic, systems=asked, foreseen=foreseen, silent_n=SILENT_N)
 
 
 def _plain(text: str) -> str:

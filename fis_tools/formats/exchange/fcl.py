@@ -12,17 +12,17 @@ shapes are read by the names that fuzzylite and jFuzzyLogic give them.
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import groupby, pairwise
+from itertools import pairwise
+from typing import Any
 
 from fis_tools.formats.error import ControllerFileError
 from fis_tools.formats.exchange import foreign
 from fis_tools.formats.exchange.carried import understand
-from fis_tools.formats.exchange.dialect import Dialect, express, only_system, settle
+from fis_tools.formats.exchange.dialect import Dialect, Expressed, settle
 from fis_tools.formats.exchange.files import Reading, Written
 from fis_tools.formats.exchange.fll_rules import Operators, chained, read_rules
-from fis_tools.formats.exchange.foreign import FLANKS, Extent, Table, concluded_words, rule_words
+from fis_tools.formats.exchange.foreign import FLANKS, Extent, Table
 from fis_tools.formats.exchange.hedges import with_any
-from fis_tools.formats.exchange.losses import losses
 from fis_tools.formats.exchange.methods import (
     AGGREGATIONS,
     AND,
@@ -32,7 +32,7 @@ from fis_tools.formats.exchange.methods import (
     OR,
     meanings,
 )
-from fis_tools.formats.own.mapping import to_mapping
+from fis_tools.formats.exchange.writing import term_words, written
 from fis_tools.model import (
     Constant,
     FuzzyController,
@@ -59,69 +59,28 @@ _STANDARD = {"MIN", "PROD", "BDIF", "MAX", "ASUM", "BSUM", "COG", "COGS", "COA",
 
 
 def write(controller: FuzzyController) -> Written:
-    """Write a controller with one system; nothing is carried in comments, because nothing reads them back.
+    """Write a controller with one system; see `fis_tools.formats.exchange.writing.written`.
 
-    Raises
-    ------
-    fis_tools.formats.exchange.antecedents.NotExpressible
-        If the format cannot say what the system computes.
-    fis_tools.model.validate.InvalidSystem
-        If something is wrong with the controller.
+    Nothing is carried in comments, because nothing reads them back.
     """
-    to_mapping(controller)
-    expressed = express(only_system(controller, DIALECT), DIALECT)
-    system, original = expressed.system, expressed.source
-    lines = [f"FUNCTION_BLOCK {system.name}", ""]
-    for kind, variables in (("VAR_INPUT", system.inputs), ("VAR_OUTPUT", system.outputs)):
-        lines += [kind, *(f"  {variable.name} : REAL;" for variable in variables), "END_VAR", ""]
-    for shown, variable in zip(system.inputs, original.inputs, strict=True):
-        lines += [f"FUZZIFY {shown.name}", _range(shown), *_term_lines(shown, variable), "END_FUZZIFY", ""]
-    for shown, variable in zip(system.outputs, original.outputs, strict=True):
-        terms = _concluded_lines(shown) if system.weighs(shown) else _term_lines(shown, variable)
-        lines += [f"DEFUZZIFY {shown.name}", _range(shown), *terms]
-        method = DEFUZZIFIERS[system.defuzzifier_of(shown)].fcl
-        accumulation = AGGREGATIONS[shown.aggregation].fcl
-        joined = [] if system.weighs(shown) else [f"  ACCU : {accumulation};"]
-        lines += [f"  METHOD : {method};", *joined, f"  DEFAULT := {shown.default!r};"]
-        lines += ["END_DEFUZZIFY", ""]
-    place = 0
-    blocks = groupby(
-        system.rules, key=lambda rule: (system.and_operator_of(rule), system.or_operator_of(rule))
-    )
-    for number, (operators, rules) in enumerate(blocks, start=1):
-        lines += [
-            f"RULEBLOCK rules_{number}",
-            f"  AND : {AND[operators[0]].fcl};",
-            f"  OR : {OR[operators[1]].fcl};",
-        ]
-        lines += [f"  ACT : {AND[system.implication].fcl};"]
-        for rule in rules:
-            place += 1
-            lines.append(f"  RULE {place} : {rule_words(rule)};")
-        lines += ["END_RULEBLOCK", ""]
-    lines.append("END_FUNCTION_BLOCK")
-    return Written(
-        "\n".join(lines) + "\n", (*losses(controller, expressed, DIALECT), *_limited_support(system))
-    )
+    return written(controller, DIALECT, "fcl.jinja", _facts, _limited_support)
 
 
-def _range(variable: Variable) -> str:
-    return f"  RANGE := ({variable.minimum!r} .. {variable.maximum!r});"
+def _facts(expressed: Expressed) -> dict[str, Any]:
+    system, source = expressed.system, expressed.source
+    return {
+        "inputs": list(zip(system.inputs, source.inputs, strict=True)),
+        "outputs": list(zip(system.outputs, source.outputs, strict=True)),
+        "points": lambda variable, term: " ".join(f"({x!r}, {y!r})" for x, y in _points(variable, term)),
+        "number": _number_words,
+        "rule_words": foreign.rule_words,
+    }
 
 
-def _term_lines(shown: Variable, variable: Variable) -> Iterator[str]:
-    for name, term in zip(shown.terms, variable.terms, strict=True):
-        points = " ".join(f"({x!r}, {y!r})" for x, y in _points(variable, term))
-        yield f"  TERM {name.name} := {points};"
-
-
-def _concluded_lines(output: Variable) -> Iterator[str]:
+def _number_words(output: Variable, term: Term) -> str:
     """Say what is concluded on an output that is weighed: a number as it is, else in fuzzylite's words."""
-    for term in output.terms:
-        word, values = concluded_words(term.membership, "fll")
-        expressed = [] if isinstance(term.membership, Constant) else [word]
-        expressed += [value if isinstance(value, str) else repr(value) for value in values]
-        yield f"  TERM {term.name} := {' '.join(expressed)};"
+    word, values = term_words(output, term, "fll")
+    return " ".join(values if isinstance(term.membership, Constant) else [word, *values])
 
 
 def _points(variable: Variable, term: Term) -> list[tuple[float, float]]:
@@ -159,7 +118,7 @@ def _limited_support(system: FuzzySystem) -> Iterator[str]:
     words |= {AGGREGATIONS[output.aggregation].fcl for output in defuzzified}
     words |= {AND[system.implication].fcl} if defuzzified else set()
     words |= {
-        concluded_words(term.membership, "fll")[0]
+        term_words(output, term, "fll")[0]
         for output in system.weighed
         for term in output.terms
         if not isinstance(term.membership, Constant)

@@ -10,13 +10,13 @@ import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from fis_tools.formats.error import ControllerFileError
 from fis_tools.formats.exchange import foreign
 from fis_tools.formats.exchange.antecedents import operands_of, statement_of
-from fis_tools.formats.exchange.carried import comment, understand
-from fis_tools.formats.exchange.dialect import Dialect, express, only_system, settle
+from fis_tools.formats.exchange.carried import understand
+from fis_tools.formats.exchange.dialect import Dialect, Expressed, settle
 from fis_tools.formats.exchange.files import Reading, Written
 from fis_tools.formats.exchange.fis_sections import (
     Section,
@@ -29,8 +29,8 @@ from fis_tools.formats.exchange.fis_sections import (
 from fis_tools.formats.exchange.fll_rules import hedged_rules
 from fis_tools.formats.exchange.foreign import Extent, Table
 from fis_tools.formats.exchange.hedges import ANY, FRACTIONS, FUZZYLITES_FRACTIONS, hedged, with_any
-from fis_tools.formats.exchange.losses import losses
 from fis_tools.formats.exchange.methods import AGGREGATIONS, AND, DEFUZZIFIERS, NORMALIZED_SUMS, OR, meanings
+from fis_tools.formats.exchange.writing import term_words, written
 from fis_tools.model import (
     Aggregation,
     And,
@@ -44,7 +44,6 @@ from fis_tools.model import (
     MembershipFunction,
     MonotoneFunction,
     Not,
-    Number,
     Or,
     OrOperator,
     Rule,
@@ -56,6 +55,7 @@ from fis_tools.model import (
 )
 from fis_tools.model.operators import WEIGHING
 from fis_tools.model.shape import words_of
+from fis_tools.model.weighing import has_sets
 
 DIALECT = Dialect(
     title="a .fis file",
@@ -90,78 +90,34 @@ _MATLAB_OPERATORS = {"min", "product", "max", "probabilistic_sum", "unbounded_su
 
 
 def write(controller: FuzzyController) -> Written:
-    """Write a controller with one system.
-
-    Raises
-    ------
-    fis_tools.formats.exchange.antecedents.NotExpressible
-        If the format cannot say what the system computes.
-    fis_tools.model.validate.InvalidSystem
-        If something is wrong with the controller.
-    """
-    carried = comment(controller)
-    expressed = express(only_system(controller, DIALECT), DIALECT)
-    lines = [f"% {carried}", *_system_lines(expressed.system)]
-    for kind, variables in (("Input", expressed.system.inputs), ("Output", expressed.system.outputs)):
-        for place, variable in enumerate(variables, start=1):
-            is_weighed = variable in expressed.system.weighed
-            lines += ["", f"[{kind}{place}]", *_variable_lines(variable, is_weighed=is_weighed)]
-    lines += ["", "[Rules]", *(_rule_line(expressed.system, rule) for rule in expressed.system.rules)]
-    return Written(
-        "\n".join(lines) + "\n",
-        (*losses(controller, expressed, DIALECT), *_limited_support(expressed.system)),
-    )
+    """Write a controller with one system; see `fis_tools.formats.exchange.writing.written`."""
+    return written(controller, DIALECT, "fis.jinja", _facts, _limited_support)
 
 
-def _system_lines(system: FuzzySystem) -> list[str]:
-    kind, implication = "mamdani", AND[system.implication].fis
+def _facts(expressed: Expressed) -> dict[str, Any]:
+    system, kind = expressed.system, "mamdani"
     if system.weighed:
-        is_number = isinstance(system.outputs[0].terms[0].membership, Number)
-        kind, implication = "sugeno" if is_number else "tsukamoto", "prod"
-    return [
-        "[System]",
-        f"Name='{system.name}'",
-        f"Type='{kind}'",
-        "Version=2.0",
-        f"NumInputs={len(system.inputs)}",
-        f"NumOutputs={len(system.outputs)}",
-        f"NumRules={len(system.rules)}",
-        f"AndMethod='{AND[system.and_operator].fis}'",
-        f"OrMethod='{OR[system.or_operator].fis}'",
-        f"ImpMethod='{implication}'",
-        f"AggMethod='{AGGREGATIONS[system.outputs[0].aggregation].fis}'",
-        f"DefuzzMethod='{DEFUZZIFIERS[system.defuzzifier].fis}'",
-    ]
+        kind = "tsukamoto" if has_sets(system.outputs[0]) else "sugeno"
+    return {
+        "kind": kind,
+        "words": term_words,
+        "rules": [_rule_numbers(system, rule) for rule in system.rules],
+    }
 
 
-def _variable_lines(variable: Variable, *, is_weighed: bool) -> list[str]:
-    lines = [
-        f"Name='{variable.name}'",
-        f"Range=[{variable.minimum!r} {variable.maximum!r}]",
-        f"NumMFs={len(variable.terms)}",
-    ]
-    for place, term in enumerate(variable.terms, start=1):
-        if isinstance(term.membership, Sampled):
-            points = foreign.sampled_points(variable, term.membership)
-            word, values = "discretemf", [number for point in points for number in point]
-        else:
-            words_for = foreign.concluded_words if is_weighed else foreign.shape_words
-            word, values = words_for(term.membership, "fis")
-        lines.append(f"MF{place}='{term.name}':'{word}',[{' '.join(map(repr, values))}]")
-    return lines
-
-
-def _rule_line(system: FuzzySystem, rule: Rule) -> str:
-    joined = isinstance(rule.antecedent, Or)
+def _rule_numbers(system: FuzzySystem, rule: Rule) -> tuple[list[int], list[int], float, int]:
+    """Return a rule's term numbers of inputs and of outputs, its weight, and how its statements join."""
     asked: dict[str, int] = {}
     for leaf in operands_of(rule.antecedent):
         statement = statement_of(leaf)
         index = system.variable(statement.variable).term_index(statement.term) + 1
         asked[statement.variable] = -index if isinstance(leaf, Not) else index
     concluded = {c.variable: system.variable(c.variable).term_index(c.term) + 1 for c in rule.consequents}
-    left = " ".join(str(asked.get(variable.name, 0)) for variable in system.inputs)
-    right = " ".join(str(concluded.get(variable.name, 0)) for variable in system.outputs)
-    return f"{left}, {right} ({rule.consequents[0].weight!r}) : {2 if joined else 1}"
+    left, right = (
+        [found.get(variable.name, 0) for variable in variables]
+        for found, variables in ((asked, system.inputs), (concluded, system.outputs))
+    )
+    return left, right, rule.consequents[0].weight, 2 if isinstance(rule.antecedent, Or) else 1
 
 
 def _limited_support(system: FuzzySystem) -> Iterator[str]:

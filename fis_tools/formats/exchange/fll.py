@@ -6,21 +6,20 @@ universe. Rules are sentences, ``if a is low and (b is high or c is not low) the
 """
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from itertools import groupby
 from typing import Any
 
 from fis_tools.formats.error import ControllerFileError
 from fis_tools.formats.exchange import foreign
-from fis_tools.formats.exchange.carried import MARK, comment, understand
-from fis_tools.formats.exchange.dialect import Dialect, express, only_system, settle
+from fis_tools.formats.exchange.carried import MARK, understand
+from fis_tools.formats.exchange.dialect import Dialect, Expressed, settle
 from fis_tools.formats.exchange.files import Reading, Written
 from fis_tools.formats.exchange.fll_rules import Operators, chained, read_rules
 from fis_tools.formats.exchange.foreign import Extent, Table
 from fis_tools.formats.exchange.hedges import with_any
-from fis_tools.formats.exchange.losses import losses
 from fis_tools.formats.exchange.methods import AGGREGATIONS, AND, DEFUZZIFIERS, NORMALIZED_SUMS, OR, meanings
+from fis_tools.formats.exchange.writing import term_words, written
 from fis_tools.formats.own.mapping import MOST_POINTS
 from fis_tools.model import (
     Aggregation,
@@ -32,11 +31,11 @@ from fis_tools.model import (
     Number,
     OrOperator,
     Rule,
-    Sampled,
     Variable,
 )
 from fis_tools.model.operators import WEIGHING
 from fis_tools.model.shape import words_of
+from fis_tools.model.weighing import has_sets
 
 #: Intervals where a defuzzifier states none: fuzzylite leaves its own number out, this one since version 8.
 RESOLUTION = 1000
@@ -58,85 +57,12 @@ END = "end of file"
 
 
 def write(controller: FuzzyController) -> Written:
-    """Write a controller with one system.
-
-    Raises
-    ------
-    fis_tools.formats.exchange.antecedents.NotExpressible
-        If the format cannot say what the system computes.
-    fis_tools.model.validate.InvalidSystem
-        If something is wrong with the controller.
-    """
-    carried = comment(controller)
-    expressed = express(only_system(controller, DIALECT), DIALECT)
-    system = expressed.system
-    lines = [f"# {carried}", f"Engine: {system.name}"]
-    for variable in system.inputs:
-        lines += ["InputVariable: " + variable.name, *_extent_lines(variable), "  lock-range: true"]
-        lines += _term_lines(variable)
-    for variable in system.outputs:
-        lines += ["OutputVariable: " + variable.name, *_extent_lines(variable), "  lock-range: false"]
-        lines += _output_lines(system, variable)
-        lines += _concluded_lines(variable) if system.weighs(variable) else _term_lines(variable)
-    is_weighed = len(system.weighed) == len(system.outputs)
-    implication = "none" if is_weighed else AND[system.implication].fll
-    for operators, rules in groupby(system.rules, key=lambda rule: _operators(system, rule)):
-        lines += [
-            *_block_lines(*operators, implication),
-            *(f"  rule: {foreign.rule_words(rule)}" for rule in rules),
-        ]
-    return Written("\n".join([*lines, f"# {END}"]) + "\n", losses(controller, expressed, DIALECT))
+    """Write a controller with one system; see `fis_tools.formats.exchange.writing.written`."""
+    return written(controller, DIALECT, "fll.jinja", _facts)
 
 
-def _extent_lines(variable: Variable) -> list[str]:
-    about = [f"  description: {variable.description}"] if variable.description else []
-    return [*about, "  enabled: true", f"  range: {variable.minimum!r} {variable.maximum!r}"]
-
-
-def _term_lines(variable: Variable) -> Iterator[str]:
-    for term in variable.terms:
-        if isinstance(term.membership, Sampled):
-            points = foreign.sampled_points(variable, term.membership)
-            word, values = "Discrete", [number for point in points for number in point]
-        else:
-            word, values = foreign.shape_words(term.membership, "fll")
-        yield f"  term: {term.name} {word} {' '.join(map(repr, values))}"
-
-
-def _concluded_lines(output: Variable) -> Iterator[str]:
-    for term in output.terms:
-        word, values = foreign.concluded_words(term.membership, "fll")
-        expressed = (value if isinstance(value, str) else repr(value) for value in values)
-        yield f"  term: {term.name} {word} {' '.join(expressed)}"
-
-
-def _output_lines(system: FuzzySystem, output: Variable) -> list[str]:
-    defuzzifier = system.defuzzifier_of(output)
-    aggregation, parameter = AGGREGATIONS[output.aggregation].fll, str(output.num_points - 1)
-    if system.weighs(output):
-        is_number = isinstance(output.terms[0].membership, Number)
-        aggregation, parameter = "none", "TakagiSugeno" if is_number else "Tsukamoto"
-    return [
-        f"  aggregation: {aggregation}",
-        f"  defuzzifier: {DEFUZZIFIERS[defuzzifier].fll} {parameter}",
-        f"  default: {output.default!r}",
-        "  lock-previous: false",
-    ]
-
-
-def _operators(system: FuzzySystem, rule: Rule) -> tuple[AndOperator, OrOperator]:
-    return system.and_operator_of(rule), system.or_operator_of(rule)
-
-
-def _block_lines(and_operator: AndOperator, or_operator: OrOperator, implication: str) -> list[str]:
-    return [
-        "RuleBlock:",
-        "  enabled: true",
-        f"  conjunction: {AND[and_operator].fll}",
-        f"  disjunction: {OR[or_operator].fll}",
-        f"  implication: {implication}",
-        "  activation: General",
-    ]
+def _facts(_expressed: Expressed) -> dict[str, Any]:
+    return {"words": term_words, "rule_words": foreign.rule_words, "has_sets": has_sets, "end": END}
 
 
 # Reading.

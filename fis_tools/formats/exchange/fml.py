@@ -9,18 +9,17 @@ which only `fis_tools` reads.
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
-from html import escape
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from fis_tools.formats.error import ControllerFileError
 from fis_tools.formats.exchange import foreign, xml
 from fis_tools.formats.exchange.antecedents import operands_of, statement_of
-from fis_tools.formats.exchange.carried import comment, understand
-from fis_tools.formats.exchange.dialect import Dialect, express, only_system, settle
+from fis_tools.formats.exchange.carried import understand
+from fis_tools.formats.exchange.dialect import Dialect, Expressed, settle
 from fis_tools.formats.exchange.files import Reading, Written
 from fis_tools.formats.exchange.foreign import Extent, Table
-from fis_tools.formats.exchange.losses import losses
 from fis_tools.formats.exchange.methods import AGGREGATIONS, AND, DEFUZZIFIERS, HEDGES, OR, meanings
+from fis_tools.formats.exchange.writing import written
 from fis_tools.formats.exchange.xml import Element
 from fis_tools.model import (
     Aggregation,
@@ -94,126 +93,62 @@ _FLANKS: foreign.FlankWords = {
 
 
 def write(controller: FuzzyController) -> Written:
-    """Write a controller with one system.
+    """Write a controller with one system; see `fis_tools.formats.exchange.writing.written`."""
+    return written(controller, DIALECT, "fml.jinja", _facts, _limited_support)
 
-    Raises
-    ------
-    fis_tools.formats.exchange.antecedents.NotExpressible
-        If the format cannot say what the system computes.
-    fis_tools.model.validate.InvalidSystem
-        If something is wrong with the controller.
-    """
-    carried = comment(controller)
-    expressed = express(only_system(controller, DIALECT), DIALECT)
+
+def _facts(expressed: Expressed) -> dict[str, Any]:
     system = expressed.system
+    variables = (*system.inputs, *system.outputs)
+    taken = {system.name, *(v.name for v in variables), *(term.name for v in variables for term in v.terms)}
     is_number = not all(map(has_sets, system.outputs))
-    tags = _TSK if is_number else _TSUKAMOTO if system.weighed else _MAMDANI
-    taken = {system.name, *(v.name for v in (*system.inputs, *system.outputs))}
-    taken |= {term.name for variable in (*system.inputs, *system.outputs) for term in variable.terms}
-    lines = [
-        '<?xml version="1.0" encoding="UTF-8"?>',
-        f"<!-- {carried} -->",
-        f'<fuzzySystem xmlns="{NAMESPACE}"{_attributes(name=system.name)}>',
-        "  <knowledgeBase>",
-        *(line for variable in system.inputs for line in _variable_lines(system, variable, is_output=False)),
-        *(line for variable in system.outputs for line in _variable_lines(system, variable, is_output=True)),
-        "  </knowledgeBase>",
-        f"  <{tags.base}"
-        + _attributes(
-            name=_unused("rules", taken),
-            activationMethod=AND[system.implication].fml,
-            andMethod=AND[system.and_operator].fml,
-            orMethod=OR[system.or_operator].fml,
-        )
-        + ">",
-    ]
-    for place, rule in enumerate(system.rules, start=1):
-        lines += _rule_lines(system, rule, _unused(f"rule_{place}", taken), tags)
-    lines += [f"  </{tags.base}>", "</fuzzySystem>"]
-    return Written(
-        "\n".join(lines) + "\n", (*losses(controller, expressed, DIALECT), *_limited_support(system))
-    )
+    return {
+        "namespace": NAMESPACE,
+        "custom": CUSTOM,
+        "tags": _TSK if is_number else _TSUKAMOTO if system.weighed else _MAMDANI,
+        "has_sets": has_sets,
+        "coefficients": partial(_coefficients, num_inputs=len(system.inputs)),
+        "shape": _shape,
+        "unused": partial(_unused, taken=taken),
+        "connector": lambda rule: "or" if isinstance(rule.antecedent, Or) else "and",
+        "clauses": _clauses,
+    }
 
 
 def _unused(name: str, taken: set[str]) -> str:
     return name if name not in taken else _unused(f"{name}_", taken)
 
 
-def _attributes(**words: str) -> str:
-    return "".join(f' {key}="{escape(word)}"' for key, word in words.items())
+def _coefficients(term: Term, num_inputs: int) -> list[float]:
+    """Return a number's constant, then the factor of each input."""
+    shape = term.membership
+    assert isinstance(shape, Constant | Linear)  # noqa: S101 - any other has been refused
+    *factors, constant = shape.row(num_inputs if isinstance(shape, Linear) else 0)
+    return [float(constant), *map(float, factors)]
 
 
-def _number_lines(system: FuzzySystem, output: Variable) -> Iterator[str]:
-    """Write an output whose terms are numbers: the constant, then the factor of each input."""
-    words = {
-        "name": output.name,
-        "scale": output.unit,
-        "type": "output",
-        "combination": DEFUZZIFIERS[system.defuzzifier_of(output)].fml,
-        "defaultValue": repr(output.default),
-    }
-    yield f"    <tskVariable{_attributes(**words)}>"
-    for term in output.terms:
-        shape = term.membership
-        assert isinstance(shape, Constant | Linear)  # noqa: S101 - any other has been refused
-        *factors, constant = shape.row(0) if isinstance(shape, Constant) else shape.row(len(system.inputs))
-        yield f"      <tskTerm{_attributes(name=term.name, order=str(int(isinstance(shape, Linear))))}>"
-        yield from (f"        <tskValue>{float(value)!r}</tskValue>" for value in (constant, *factors))
-        yield "      </tskTerm>"
-    yield "    </tskVariable>"
+def _shape(variable: Variable, term: Term) -> tuple[str, list[Any]]:
+    """Return the element of a term, or the name of its custom shape, and its numbers or points."""
+    shape = term.membership
+    if isinstance(shape, Sampled):
+        points = zip(variable.universe.tolist(), shape.values, strict=True)
+        return "pointSetShape", [(float(x), float(y)) for x, y in points]
+    if isinstance(shape, Ramp):
+        side = "right" if shape.start < shape.end else "left"
+        return f"{side}LinearShape", sorted((float(shape.start), float(shape.end)))
+    if "fml" in shape.entry.words:
+        word, *order = shape.entry.words["fml"]
+    else:
+        word, order = f"{CUSTOM}{shape.entry.name}", []
+    return word, [float(getattr(shape, name)) for name in order or shape.entry.kinds]
 
 
-def _variable_lines(system: FuzzySystem, variable: Variable, *, is_output: bool) -> Iterator[str]:
-    is_weighed = is_output and system.weighs(variable)
-    if not has_sets(variable):
-        yield from _number_lines(system, variable)
-        return
-    words = {
-        "name": variable.name,
-        "scale": variable.unit,
-        "domainleft": repr(variable.minimum),
-        "domainright": repr(variable.maximum),
-        "type": "output" if is_output else "input",
-    }
-    if is_output:
-        defuzzifier = system.defuzzifier_of(variable)
-        if is_weighed:
-            words["combination"] = DEFUZZIFIERS[defuzzifier].fml
-        else:
-            words["accumulation"] = AGGREGATIONS[variable.aggregation].fml
-            words["defuzzifier"] = DEFUZZIFIERS[defuzzifier].fml
-        words["defaultValue"] = repr(variable.default)
-    tag = "tsukamoto" if is_weighed else "fuzzy"
-    yield f"    <{tag}Variable{_attributes(**words)}>"
-    for term in variable.terms:
-        yield f"      <{tag}Term{_attributes(name=term.name, complement='false')}>"
-        yield from (f"        {line}" for line in _shape_lines(variable, term))
-        yield f"      </{tag}Term>"
-    yield f"    </{tag}Variable>"
-
-
-def _shape_lines(variable: Variable, term: Term) -> Iterator[str]:
-    if isinstance(term.membership, Sampled):
-        yield '<pointSetShape interpolationMethod="linear">'
-        for x, y in foreign.sampled_points(variable, term.membership):
-            yield f"  <point{_attributes(x=repr(x), y=repr(y))}/>"
-        yield "</pointSetShape>"
-        return
-    if isinstance(term.membership, Ramp):
-        ends = sorted((float(term.membership.start), float(term.membership.end)))
-        side = "right" if term.membership.start < term.membership.end else "left"
-        yield f"<{side}LinearShape{_attributes(param1=repr(ends[0]), param2=repr(ends[1]))}/>"
-        return
-    if _is_standard(term):
-        word, values = foreign.shape_words(term.membership, "fml")
-        numbers = {f"param{place}": repr(value) for place, value in enumerate(values, start=1)}
-        yield f"<{word}{_attributes(**numbers)}/>"
-        return
-    entry = term.membership.entry
-    yield f'<customShape name="{CUSTOM}{entry.name}">'
-    for name in entry.kinds:
-        yield f"  <parameter{_attributes(value=repr(float(getattr(term.membership, name))))}/>"
-    yield "</customShape>"
+def _clauses(rule: Rule) -> Iterator[tuple[str, Is]]:
+    """Yield each statement of an antecedent with the modifier before it, or none."""
+    for leaf in operands_of(rule.antecedent):
+        statement = statement_of(leaf)
+        word = HEDGES[leaf.hedge].fml if isinstance(leaf, Hedged) else "not"
+        yield "" if leaf == statement else word, statement
 
 
 def _is_standard(term: Term) -> bool:
@@ -227,34 +162,6 @@ def _custom_shapes() -> foreign.ShapeWords:
         for name, kind in SHAPES.items()
         if kind.entry.kinds and "fml" not in kind.entry.words
     }
-
-
-def _rule_lines(system: FuzzySystem, rule: Rule, name: str, tags: "_Tags") -> Iterator[str]:
-    words = {
-        "name": name,
-        "andMethod": AND[system.and_operator_of(rule)].fml,
-        "orMethod": OR[system.or_operator_of(rule)].fml,
-        "connector": "or" if isinstance(rule.antecedent, Or) else "and",
-        "weight": repr(rule.consequents[0].weight),
-    }
-    yield f"    <{tags.rule}{_attributes(**words)}>"
-    yield "      <antecedent>"
-    for leaf in operands_of(rule.antecedent):
-        statement = statement_of(leaf)
-        word = HEDGES[leaf.hedge].fml if isinstance(leaf, Hedged) else "not"
-        modifier = _attributes(modifier=word) if leaf != statement else ""
-        yield f"        {_clause('clause', statement.variable, statement.term, modifier)}"
-    yield "      </antecedent>"
-    yield f"      <{tags.consequent}>"
-    yield f"        <{tags.then}>"
-    yield from (f"          {_clause(tags.clause, c.variable, c.term)}" for c in rule.consequents)
-    yield f"        </{tags.then}>"
-    yield f"      </{tags.consequent}>"
-    yield f"    </{tags.rule}>"
-
-
-def _clause(tag: str, variable: str, term: str, modifier: str = "") -> str:
-    return f"<{tag}{modifier}><variable>{variable}</variable><term>{term}</term></{tag}>"
 
 
 def _limited_support(system: FuzzySystem) -> Iterator[str]:

@@ -8,7 +8,7 @@ import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
@@ -276,29 +276,6 @@ def concluded_formula(text: str, inputs: Sequence[str], where: str) -> Membershi
             f"{where}: {error}; it may have numbers, names, + - * / % ^ and {', '.join(FUNCTIONS)}"
         ) from error
     return formula if factors is None else Linear(tuple(map(float, factors[0])), float(factors[1]))
-
-
-def concluded_words(membership: MembershipFunction, file_format: Format) -> tuple[str, list[Any]]:
-    """Return the word of a term of an output that is weighed, and its numbers, or its formula in a text."""
-    match membership:
-        case Formula(text):
-            return membership.entry.words[file_format][0], [text]
-        case Ramp(start, end):
-            return RAMPS[file_format], [float(start), float(end)]
-        case Linear(coefficients, constant):
-            return membership.entry.words[file_format][0], [*map(float, coefficients), float(constant)]
-    return shape_words(membership, file_format)
-
-
-def shape_words(membership: MembershipFunction, file_format: Format) -> tuple[str, list[float]]:
-    """Return the word and the numbers of a membership function that a format has a word for."""
-    word, *order = membership.entry.words[file_format]
-    return word, [float(getattr(membership, name)) for name in order or membership.entry.kinds]
-
-
-def sampled_points(variable: Variable, membership: Sampled) -> list[tuple[float, float]]:
-    """Return the points of a sampled membership function."""
-    return [(float(x), float(y)) for x, y in zip(variable.universe, membership.values, strict=True)]
 
 
 def variable(
