@@ -26,9 +26,9 @@ from pipeline.flight.cases.starts import evaluation_scenarios, validation_scenar
 from pipeline.flight.control.controller import Controller, from_fuzzy
 from pipeline.flight.fly.policy import Policy
 from pipeline.flight.fly.simulation import fly_all
+from pipeline.flight.fly.stepped import NUM_UNSEEN, POSITION, SUN, TARGET, VELOCITY
 from pipeline.flight.fly.stepping import NUM_SEEN, Flights
 from pipeline.flight.period.decide.network import answer
-from pipeline.flight.period.step import NUM_UNSEEN, POSITION, SUN, TARGET, VELOCITY
 from pipeline.flight.state.arrays import NUM_TRACKED, TRACK_FORCE
 from pipeline.flight.state.log import Scenario
 from pipeline.settings.experiment import Mission

@@ -29,7 +29,6 @@ INTERNAL = {
     "fis_tools.commands",
     "pipeline.command_line",
     "pipeline.flight.period",
-    "pipeline.flight.reference",
     "pipeline.report",
     "pipeline.report.figures",
     "pipeline.run",

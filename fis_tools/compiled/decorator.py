@@ -46,7 +46,9 @@ class Compiled:
 
     def __call__(self, *args: Any, **kwargs: Any) -> Any:
         """Call the compiled function."""
-        if _plain.get("") == self._package:
+        plain = _plain.get("")
+        # what takes vectors is called in compiled code, or in plain Python with those of NumPy
+        if plain and (plain == self._package or "forceinline" in self._options):
             return self.py_func(*args, **kwargs)
         if kwargs:  # numba takes a tenth of a microsecond longer if there may be some
             return self.dispatcher(*args, **kwargs)
@@ -104,6 +106,17 @@ def compiled(function: F | None = None, /, **options: Any) -> F | Callable[[F], 
     return decorate if function is None else decorate(function)
 
 
+@contextmanager
+def plainly(package: str) -> Iterator[None]:
+    """Run the compiled functions of a package as plain Python inside; the results are the same."""
+    token = _plain.set(package)
+    try:
+        with np.errstate(all="ignore"):  # compiled code does not warn
+            yield
+    finally:
+        _plain.reset(token)
+
+
 def sparingly(function: F) -> F:
     """Return a function that calls a compiled function for a single result, first in plain Python.
 
@@ -119,12 +132,8 @@ def sparingly(function: F) -> F:
         is_known = is_known or _is_wanted_again(known, args)
         if is_known:
             return known(*args)
-        token = _plain.set(known._package)
-        try:
-            with np.errstate(all="ignore"):  # compiled code does not warn
-                return known.py_func(*args)
-        finally:
-            _plain.reset(token)
+        with plainly(known._package):
+            return known.py_func(*args)
 
     return cast(F, call)
 

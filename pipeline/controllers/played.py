@@ -18,13 +18,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.flight.control.controller import Controller, ControllerError, open_loop
 from pipeline.flight.state.turns import Turns
 from pipeline.settings.experiment import Mission
-
-Floats = NDArray[np.float64]
+from pipeline.typing import Floats
 
 TIME = "time_s"
 HILL_FORCES = ("force_x_n", "force_y_n", "force_z_n")

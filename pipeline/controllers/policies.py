@@ -10,14 +10,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.flight.control.controller import Controller, ControllerError
 from pipeline.flight.fly.policy import Policy
 from pipeline.flight.fly.stepping import NUM_SEEN
 from pipeline.flight.period.decide.network import CLIPPED, LINEAR, TANH, Network
-
-Floats = NDArray[np.float64]
+from pipeline.typing import Floats
 
 MOST_BYTES = 16 << 20
 OPERATORS = ("Add", "Sub", "Mul", "Div", "Clip", "Flatten", "Gemm", "Identity", "MatMul", "Relu", "Tanh")

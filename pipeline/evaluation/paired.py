@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.typing import Floats
+
 Column = NDArray[Any]
-Floats = NDArray[np.float64]
 
 #: columns that identify a case's start: cases that share them are the same case
 START = ("position_x_m", "position_y_m", "position_z_m", "sun_angle_rad", "sun_elevation_rad")

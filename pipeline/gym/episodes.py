@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 from pipeline.flight.cases.starts import draw
 from pipeline.flight.control.controller import open_loop
 from pipeline.flight.fly.simulation import fly_logged
-from pipeline.flight.fly.stepping import Flights
-from pipeline.flight.period.step import (
+from pipeline.flight.fly.stepped import (
     CORRECTED,
     NUM_ACTED,
     NUM_INSPECTED,
@@ -18,11 +17,12 @@ from pipeline.flight.period.step import (
     OUTSIDE,
     SPENT,
 )
+from pipeline.flight.fly.stepping import Flights
 from pipeline.flight.state.log import FlightLog, Scenario, points_needed
 from pipeline.gym.task import Task
 from pipeline.recording.recorder import FlightRecorder
+from pipeline.typing import Floats
 
-Floats = NDArray[np.float64]
 Truths = NDArray[np.bool_]
 
 #: first part of the spawn key of starts, beside those of `pipeline.flight.cases.starts`
@@ -98,7 +98,7 @@ class Episodes:
 
     @property
     def facts(self) -> dict[str, NDArray[Any]]:
-        """What is told beside observations: see `pipeline.flight.period.step`."""
+        """What is told beside observations: see `pipeline.flight.fly.stepped`."""
         now = self._flights.observed
         return {
             "delta_v_m_s": now[:, SPENT].copy(),

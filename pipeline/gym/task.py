@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from pipeline.command_line.config import compose_experiment
 from pipeline.settings.experiment import Experiment, Mission
-
-Floats = NDArray[np.float64]
+from pipeline.typing import Floats
 
 #: what is composed where nothing else is asked for: nothing of it is flown but the world
 BASE: Final = ("+experiment=evaluate", "controller=coast")

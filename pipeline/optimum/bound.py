@@ -27,8 +27,8 @@ from numpy.typing import NDArray
 
 from fis_tools.compiled.decorator import compiled
 from pipeline.optimum.problem import Problem
+from pipeline.typing import Floats
 
-Floats = NDArray[np.float64]
 Edge = tuple[int, int]
 
 #: number of points whose pairs are evaluated: those of the highest single-point cost

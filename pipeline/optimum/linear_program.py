@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from pipeline.typing import Floats
 
 #: m/s for a metre of violation: many times the highest price of a metre
 PRICE_OF_SLACK = 0.05

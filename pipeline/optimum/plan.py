@@ -6,7 +6,6 @@ The reported results of a plan are those of its flight, never of the linear mode
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.flight.state.log import FlightLog, Scenario, points_needed
 from pipeline.optimum.bound import delta_v_bound
@@ -14,8 +13,7 @@ from pipeline.optimum.polish import Step, step
 from pipeline.optimum.problem import Problem, flown, problem_of, seen_as
 from pipeline.optimum.search import LATEST, search
 from pipeline.settings.experiment import Mission, Optimum
-
-Floats = NDArray[np.float64]
+from pipeline.typing import Floats
 
 #: spacing of the forces, in control periods, in the first, coarse polishing
 COARSE_STRIDE = 4

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 
 from pipeline.optimum.linear_program import least_forces
 from pipeline.optimum.problem import Problem, margins_along, path_of, sight_demands
+from pipeline.typing import Floats
 
-Floats = NDArray[np.float64]
 Constraint = tuple[Floats, int, float]
 
 #: m by which constraints are tightened: for rounding, and more for the outer limit, as planes are rough there

@@ -26,8 +26,7 @@ from pipeline.physics.occlusion import Occlusion, note_free_along
 from pipeline.physics.quaternion import dcm_b_from_h
 from pipeline.physics.sight import NORMAL
 from pipeline.settings.experiment import Mission, SettingError
-
-Floats = NDArray[np.float64]
+from pipeline.typing import Floats
 
 #: margin of the camera's pointing error for a slightly different flight
 ERROR_SHARE = 0.2

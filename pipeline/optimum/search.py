@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from fis_tools.compiled.decorator import compiled
 from fis_tools.compiled.vectors import least, load, most, store
 from pipeline.optimum.problem import Problem
-
-Floats = NDArray[np.float64]
+from pipeline.typing import Floats
 
 #: price of a metre by which a point falls short, and of a metre outside the limits, m/s
 PRICE_OF_HEIGHT, PRICE_OF_DISTANCE = 0.01, 0.05

@@ -13,9 +13,9 @@ from pipeline.flight.cases.starts import starts_in
 from pipeline.flight.state.log import Scenario
 from pipeline.run import artifacts, tables
 from pipeline.settings.experiment import SHIPPED, Experiment, Mission, Sun, linear
+from pipeline.typing import Floats
 
 Column = NDArray[Any]
-Floats = NDArray[np.float64]
 
 #: groups of the mission that a minimum-fuel plan depends on
 GROUPS = ("orbit", "deputy", "chief", "sensor", "light", "attitude")

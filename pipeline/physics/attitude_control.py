@@ -7,13 +7,11 @@ looks at the chief. Over the poles of the orbit plane, where k x r vanishes, the
 from math import atan2, cos, sin
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fis_tools.compiled.decorator import compiled
 from pipeline.physics.quaternion import error_vector
 from pipeline.physics.vectors import assign, cross, dot, norm, times
-
-Floats = NDArray[np.float64]
+from pipeline.typing import Floats
 
 #: y* before the first instant, Hill axes
 FIRST_Y = (0.0, 1.0, 0.0)

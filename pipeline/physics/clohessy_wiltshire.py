@@ -14,11 +14,9 @@ Systems, section 14.4).
 from math import cos, sin
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fis_tools.compiled.decorator import compiled
-
-Floats = NDArray[np.float64]
+from pipeline.typing import Floats
 
 
 @compiled

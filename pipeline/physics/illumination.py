@@ -3,12 +3,10 @@
 from math import acos, asin, cos, pi, sin, sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fis_tools.compiled.decorator import compiled
 from pipeline.physics.vectors import dot
-
-Floats = NDArray[np.float64]
+from pipeline.typing import Floats
 
 ASTRONOMICAL_UNIT_M = 149_597_870_700.0
 SUN_RADIUS_M, EARTH_RADIUS_M = 695_700_000.0, 6_378_137.0

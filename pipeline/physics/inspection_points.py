@@ -3,9 +3,8 @@
 from math import cos, floor, pi, sin, sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from pipeline.typing import Floats
 
 
 def regular_placement(num_points: int, radius_m: float) -> Floats:

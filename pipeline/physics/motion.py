@@ -6,9 +6,8 @@ effect on the deputy enters here and nowhere else: `motion_over` computes the ma
 functions of this file apply them. Everything that moves a deputy calls these functions; nothing else
 multiplies a state by Phi.
 
-Compiled code takes a state as six numbers, and reads the elements of Phi and Gamma that are not 0 or 1 from a
-`Step`. Functions marked ``inline`` become part of the function that calls them and round as it does: with
-fused multiply-adds if the caller allows them.
+Compiled code takes a state as a position and a velocity, and reads the elements of Phi and Gamma that are not
+0 or 1 from a `Step`.
 """
 
 from collections.abc import Sequence
@@ -16,12 +15,11 @@ from math import pi, sqrt
 from typing import NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fis_tools.compiled.decorator import compiled
+from fis_tools.compiled.three import Three, three_of
 from pipeline.physics.clohessy_wiltshire import input_matrix, state_transition
-
-Floats = NDArray[np.float64]
+from pipeline.typing import Floats
 
 #: parts into which `closest_approach` divides an orbit
 ORBIT_PARTS = 36
@@ -204,10 +202,12 @@ def place_over(mean_motion: float, duration: float) -> Place:
 
 
 @compiled(inline="always")
-def push_by(p: Place, x: float, y: float, z: float) -> tuple[float, float, float]:
-    """Return the push now that moves the position after free motion by (x, y, z), m/s."""
+def push_by(p: Place, shift: Three) -> Three:
+    """Return the push now, m/s, that moves the position after free motion by a shift, m."""
     per = 1.0 / (p.xu * p.yv - p.xv * p.yu)
-    return (p.yv * x - p.xv * y) * per, (p.xu * y - p.yu * x) * per, z / p.zw
+    return Three(
+        (p.yv * shift.x - p.xv * shift.y) * per, (p.xu * shift.y - p.yu * shift.x) * per, shift.z / p.zw
+    )
 
 
 @compiled(inline="always")
@@ -238,43 +238,37 @@ def step_of(motion: Motion, which: int) -> Step:
 
 
 @compiled(inline="always")
-def drifted_place(
-    p: Place, x: float, y: float, z: float, u: float, v: float, w: float
-) -> tuple[float, float, float]:
-    """Return the position after free motion."""
-    return (
-        p.xx * x + p.xu * u + p.xv * v,
-        p.yx * x + y + p.yu * u + p.yv * v,
-        p.zz * z + p.zw * w,
+def drifted_place(p: Place, r: Three, v: Three) -> Three:
+    """Return the position after free motion, m, from position (m) and velocity (m/s)."""
+    return Three(
+        p.xx * r.x + p.xu * v.x + p.xv * v.y,
+        p.yx * r.x + r.y + p.yu * v.x + p.yv * v.y,
+        p.zz * r.z + p.zw * v.z,
     )
 
 
 @compiled(inline="always")
-def drifted_velocity(s: Step, x: float, z: float, u: float, v: float, w: float) -> tuple[float, float, float]:
-    """Return the velocity after free motion."""
-    return (
-        s.ux * x + s.uu * u + s.uv * v,
-        s.vx * x + s.vu * u + s.vv * v,
-        s.wz * z + s.ww * w,
+def drifted_velocity(s: Step, r: Three, v: Three) -> Three:
+    """Return the velocity after free motion, m/s."""
+    return Three(
+        s.ux * r.x + s.uu * v.x + s.uv * v.y,
+        s.vx * r.x + s.vu * v.x + s.vv * v.y,
+        s.wz * r.z + s.ww * v.z,
     )
 
 
 @compiled(inline="always")
-def place_after(
-    s: Step, x: float, y: float, z: float, u: float, v: float, w: float, f: float, g: float, h: float
-) -> tuple[float, float, float]:
-    """Return the position after a step with a held force."""
-    px, py, pz = drifted_place(s.place, x, y, z, u, v, w)
-    return px + s.xf * f + s.xg * g, py + s.yf * f + s.yg * g, pz + s.zh * h
+def place_after(s: Step, r: Three, v: Three, f: Three) -> Three:
+    """Return the position after a step with a held force, N."""
+    p = drifted_place(s.place, r, v)
+    return Three(p.x + s.xf * f.x + s.xg * f.y, p.y + s.yf * f.x + s.yg * f.y, p.z + s.zh * f.z)
 
 
 @compiled(inline="always")
-def velocity_after(
-    s: Step, x: float, z: float, u: float, v: float, w: float, f: float, g: float, h: float
-) -> tuple[float, float, float]:
-    """Return the velocity after a step with a held force."""
-    vx, vy, vz = drifted_velocity(s, x, z, u, v, w)
-    return vx + s.uf * f + s.ug * g, vy + s.vf * f + s.vg * g, vz + s.wh * h
+def velocity_after(s: Step, r: Three, v: Three, f: Three) -> Three:
+    """Return the velocity after a step with a held force, N."""
+    u = drifted_velocity(s, r, v)
+    return Three(u.x + s.uf * f.x + s.ug * f.y, u.y + s.vf * f.x + s.vg * f.y, u.z + s.wh * f.z)
 
 
 @compiled
@@ -293,12 +287,11 @@ def propagate(motion: Motion, state: Floats, force_h: Floats) -> Floats:
     -------
     array, shape (6,)
     """
-    step = step_of(motion, 0)
-    x, y, z, u, v, w = state[0], state[1], state[2], state[3], state[4], state[5]
-    f, g, h = force_h[0], force_h[1], force_h[2]
+    step, force = step_of(motion, 0), three_of(force_h)
+    position, velocity = three_of(state[:3]), three_of(state[3:])
     after = np.empty(6)
-    after[0], after[1], after[2] = place_after(step, x, y, z, u, v, w, f, g, h)
-    after[3], after[4], after[5] = velocity_after(step, x, z, u, v, w, f, g, h)
+    after[0], after[1], after[2] = place_after(step, position, velocity, force)
+    after[3], after[4], after[5] = velocity_after(step, position, velocity, force)
     return after
 
 
@@ -321,28 +314,26 @@ def push(motion: Motion, free: Floats, force: Floats, after: Floats) -> None:
 
 
 @compiled(inline="always")
-def slopes(p: Place, a: float, b: float, c: float) -> tuple[float, float, float, float, float, float]:
-    """Return the gradient, with respect to the state, of the position along (a, b, c) after free motion."""
+def slopes(p: Place, along: Three) -> tuple[Three, Three]:
+    """Return the gradients of the position along a vector after free motion.
+
+    The first is with respect to the position now, the second (s) with respect to the velocity.
+    """
+    a, b, c = along
     return (
-        p.xx * a + p.yx * b,
-        b,
-        p.zz * c,
-        p.xu * a + p.yu * b,
-        p.xv * a + p.yv * b,
-        p.zw * c,
+        Three(p.xx * a + p.yx * b, b, p.zz * c),
+        Three(p.xu * a + p.yu * b, p.xv * a + p.yv * b, p.zw * c),
     )
 
 
 @compiled(inline="always")
-def stopping_forces(
-    stop: Stop, x: float, z: float, u: float, v: float, w: float
-) -> tuple[float, float, float]:
+def stopping_forces(stop: Stop, r: Three, v: Three) -> Three:
     """Return the force that stops a state, N."""
     k = stop.gain
-    return (
-        k[0, 0] * x + k[0, 3] * u + k[0, 4] * v,
-        k[1, 0] * x + k[1, 3] * u + k[1, 4] * v,
-        k[2, 2] * z + k[2, 5] * w,
+    return Three(
+        k[0, 0] * r.x + k[0, 3] * v.x + k[0, 4] * v.y,
+        k[1, 0] * r.x + k[1, 3] * v.x + k[1, 4] * v.y,
+        k[2, 2] * r.z + k[2, 5] * v.z,
     )
 
 
@@ -383,12 +374,11 @@ def closest_approach(parts: Motion, position_h: Floats, velocity_h: Floats) -> f
     float
         m.
     """
-    x, y, z = position_h[0], position_h[1], position_h[2]
-    u, v, w = velocity_h[0], velocity_h[1], velocity_h[2]
+    position, velocity = three_of(position_h), three_of(velocity_h)
     before = position_h
     nearest = np.sum(before * before)
     for part in range(len(parts.transition)):
-        after = np.array(drifted_place(place_of(parts, part), x, y, z, u, v, w))
+        after = np.array(drifted_place(place_of(parts, part), position, velocity))
         chord = after - before
         length = np.sum(chord * chord)
         share = -np.sum(before * chord) / length if length > 0.0 else 0.0

@@ -15,9 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.compiled.decorator import compiled
-
-Floats = NDArray[np.float64]
-Bytes = NDArray[np.uint8]
+from fis_tools.compiled.three import Three, times
+from pipeline.typing import Bytes, Floats
 
 #: cells along an edge of the cube
 EDGE_CELLS = 32
@@ -46,8 +45,9 @@ def nothing_hidden() -> Occlusion:
 
 
 @compiled(error_model="numpy")
-def cell_of(edge: int, x: float, y: float, z: float) -> int:
+def cell_of(edge: int, direction: Three) -> int:
     """Return the cell that a direction of any length falls into, for `edge` cells along an edge."""
+    x, y, z = direction
     ax, ay, az = abs(x), abs(y), abs(z)
     if ax >= ay and ax >= az:
         face, most, u, v = 0 if x > 0.0 else 1, ax, y, z
@@ -143,12 +143,7 @@ def note_free_along(
                     path[k, 1] - points[k, 1, j],
                     path[k, 2] - points[k, 2, j],
                 )
-                cell = cell_of(
-                    occlusion.edge,
-                    turn[0, 0] * x + turn[0, 1] * y + turn[0, 2] * z,
-                    turn[1, 0] * x + turn[1, 1] * y + turn[1, 2] * z,
-                    turn[2, 0] * x + turn[2, 1] * y + turn[2, 2] * z,
-                )
+                cell = cell_of(occlusion.edge, times(turn, Three(x, y, z)))
                 is_granted[k, j] = occlusion.is_free[cell, j] > 0
 
 

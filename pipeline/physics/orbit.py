@@ -13,13 +13,11 @@ from math import cos, radians, sin, sqrt
 from typing import NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fis_tools.compiled.decorator import compiled
 from pipeline.physics.illumination import EARTH_RADIUS_M
 from pipeline.physics.vectors import assign, cross, dot, norm
-
-Floats = NDArray[np.float64]
+from pipeline.typing import Floats
 
 #: largest angle per step of the integration, on the fastest orbit through the perigee, rad
 LONGEST_STEP_RAD = 0.02

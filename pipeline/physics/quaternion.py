@@ -7,11 +7,9 @@ active rotation, the same four numbers turn body vectors into Hill vectors. All 
 from math import sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fis_tools.compiled.decorator import compiled
-
-Floats = NDArray[np.float64]
+from pipeline.typing import Floats
 
 
 @compiled

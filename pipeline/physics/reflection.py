@@ -11,12 +11,11 @@ from math import sqrt
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fis_tools.compiled.decorator import compiled
-from pipeline.physics.vectors import dot, norm
-
-Floats = NDArray[np.float64]
+from fis_tools.compiled.three import Three, dot, plus, scaled
+from pipeline.physics import vectors
+from pipeline.typing import Floats
 
 
 class Reflection(NamedTuple):
@@ -52,8 +51,8 @@ def intensities(reflection: Reflection, normal: Floats, to_sun: Floats, to_camer
         Unit vectors out of the surface and from the point.
     """
     halfway = to_sun + to_camera
-    facing = max(0.0, dot(normal, to_sun))
-    glancing = max(0.0, dot(normal, halfway / norm(halfway)))
+    facing = max(0.0, vectors.dot(normal, to_sun))
+    glancing = max(0.0, vectors.dot(normal, halfway / vectors.norm(halfway)))
     lit = reflection.ambient + reflection.diffuse * facing
     return np.asarray(np.minimum(1.0, lit + reflection.specular * glancing**reflection.exponent))
 
@@ -71,23 +70,14 @@ def power(base: float, exponent: int) -> float:
 
 
 @compiled(error_model="numpy")
-def is_bright(
-    reflection: Reflection,
-    nx: float,
-    ny: float,
-    nz: float,
-    lx: float,
-    ly: float,
-    lz: float,
-    vx: float,
-    vy: float,
-    vz: float,
-) -> bool:
-    """Return whether a point is neither too dark nor too bright, by `intensities`; v may have any length."""
-    scale = 1.0 / sqrt(vx * vx + vy * vy + vz * vz)
-    hx, hy, hz = lx + vx * scale, ly + vy * scale, lz + vz * scale
-    facing = max(0.0, nx * lx + ny * ly + nz * lz)
-    glancing = max(0.0, (nx * hx + ny * hy + nz * hz) / sqrt(hx * hx + hy * hy + hz * hz))
+def is_bright(reflection: Reflection, normal: Three, to_sun: Three, to_camera: Three) -> bool:
+    """Return whether a point is neither too dark nor too bright, see `Reflection`.
+
+    `normal` and `to_sun` are unit vectors; `to_camera` may have any length.
+    """
+    half = plus(to_sun, scaled(1.0 / sqrt(dot(to_camera, to_camera)), to_camera))
+    facing = max(0.0, dot(normal, to_sun))
+    glancing = max(0.0, dot(normal, half) / sqrt(dot(half, half)))
     shine = power(glancing, reflection.exponent)
     for colour in range(3):
         lit = reflection.ambient[colour] + reflection.diffuse[colour] * facing

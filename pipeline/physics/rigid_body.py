@@ -11,13 +11,11 @@ own axes, w_c' the derivative of those components, and C the matrix from referen
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fis_tools.compiled.decorator import compiled
 from pipeline.physics.quaternion import dcm_b_from_h, derivative, normalised
 from pipeline.physics.vectors import cross, cross_matrix, times
-
-Floats = NDArray[np.float64]
+from pipeline.typing import Floats
 
 #: tolerance for the attitude of a tumbling chief at the end of a flight, applied to two errors, rad
 TUMBLING_TOLERANCE_RAD = 1e-4

@@ -7,13 +7,11 @@ The conditions are those of `pipeline.physics.illumination.is_illuminated` and
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fis_tools.compiled.decorator import compiled
+from fis_tools.compiled.three import Three
 from fis_tools.compiled.vectors import Mask, Vector, most
 from pipeline.physics.illumination import ASTRONOMICAL_UNIT_M
-
-Floats = NDArray[np.float64]
 
 #: rows of data on the surface at points: the unit normal out of it, ``n . p``, ``|p|^2``
 NORMAL, HEIGHT, SQUARE, NUM_SURFACE = 0, 3, 4, 5
@@ -97,13 +95,11 @@ class Optics(NamedTuple):
 
 
 @compiled(inline="always")
-def sunlight(
-    optics: Optics, sun_x: float, sun_y: float, cos_elevation: float, sin_elevation: float
-) -> tuple[float, float, float]:
+def sunlight(optics: Optics, sun_x: float, sun_y: float, cos_elevation: float, sin_elevation: float) -> Three:
     """Return the direction to the Sun, Hill axes, from that of its angle in the plane; zeros in shadow."""
     x = cos_elevation * sun_x
     shines = 1.0 if x >= optics.least_height else 0.0
-    return shines * x, shines * cos_elevation * sun_y, shines * sin_elevation
+    return Three(shines * x, shines * cos_elevation * sun_y, shines * sin_elevation)
 
 
 @compiled(inline="always")

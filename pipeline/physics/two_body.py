@@ -13,38 +13,24 @@ vectors.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fis_tools.compiled.decorator import compiled
+from fis_tools.compiled.three import Three, dot, plus, scaled, three_of, times
 from fis_tools.compiled.vectors import Vector
 from pipeline.physics.illumination import share_at
 from pipeline.physics.orbit import Course
 from pipeline.physics.vectors import norm
-
-Floats = NDArray[np.float64]
-#: three components
-Three = tuple[Vector, Vector, Vector]
+from pipeline.typing import Floats
 
 
 @compiled(error_model="numpy", forceinline=True)
 def to_inertial(course: Course, row: int, hill: Three) -> Three:
     """Return a vector in Hill axes in axes of the course."""
     c, (x, y, z) = course.axes, hill
-    return (
+    return Three(
         c[row, 0, 0] * x + c[row, 1, 0] * y + c[row, 2, 0] * z,
         c[row, 0, 1] * x + c[row, 1, 1] * y + c[row, 2, 1] * z,
         c[row, 0, 2] * x + c[row, 1, 2] * y + c[row, 2, 2] * z,
-    )
-
-
-@compiled(error_model="numpy", forceinline=True)
-def to_hill(course: Course, row: int, inertial: Three) -> Three:
-    """Return a vector in axes of the course in Hill axes."""
-    c, (x, y, z) = course.axes, inertial
-    return (
-        c[row, 0, 0] * x + c[row, 0, 1] * y + c[row, 0, 2] * z,
-        c[row, 1, 0] * x + c[row, 1, 1] * y + c[row, 1, 2] * z,
-        c[row, 2, 0] * x + c[row, 2, 1] * y + c[row, 2, 2] * z,
     )
 
 
@@ -53,56 +39,64 @@ def entered(course: Course, row: int, place: Three, velocity: Three) -> tuple[Th
     """Return a position and velocity in rotating Hill axes in axes of the course."""
     (x, y, z), (u, v, w) = place, velocity
     wx, wz = course.turning[row, 0], course.turning[row, 2]
-    moving = (u - wz * y, v + wz * x - wx * z, w + wx * y)
+    moving = Three(u - wz * y, v + wz * x - wx * z, w + wx * y)
     return to_inertial(course, row, place), to_inertial(course, row, moving)
 
 
 @compiled(error_model="numpy", forceinline=True)
 def left(course: Course, row: int, place: Three, velocity: Three) -> tuple[Three, Three]:
     """Return a position and velocity in axes of the course in rotating Hill axes."""
-    x, y, z = to_hill(course, row, place)
-    u, v, w = to_hill(course, row, velocity)
+    x, y, z = times(course.axes[row], place)
+    u, v, w = times(course.axes[row], velocity)
     wx, wz = course.turning[row, 0], course.turning[row, 2]
-    return (x, y, z), (u + wz * y, v - wz * x + wx * z, w - wx * y)
+    return Three(x, y, z), Three(u + wz * y, v - wz * x + wx * z, w - wx * y)
 
 
 @compiled(error_model="numpy", forceinline=True)
-def acceleration(course: Course, row: int, place: Three, force: Three, light: Three, shine: Vector) -> Three:
-    """Return the acceleration relative to the chief of a deputy near it, axes of the course.
+def acceleration(course: Course, row: int, d: Three, force: Three, light: Three, shine: Vector) -> Three:
+    """Return the acceleration relative to the chief of a deputy at d from it, axes of the course.
 
     See `stepped` for force, light and shine.
     """
-    x, y, z = place
-    rx, ry, rz = course.places[row, 0], course.places[row, 1], course.places[row, 2]
-    p1, p2, p3 = course.pole[0], course.pole[1], course.pole[2]
-    square = rx * rx + ry * ry + rz * rz
-    q = (x * (x + 2.0 * rx) + y * (y + 2.0 * ry) + z * (z + 2.0 * rz)) / square
+    chief, pole = three_of(course.places[row]), three_of(course.pole)
+    square = dot(chief, chief)
+    twice = scaled(2.0, chief)
+    q = dot(d, plus(d, twice)) / square
     far = (1.0 + q) * square
     root = np.sqrt(far)
     f = q * (3.0 + 3.0 * q + q * q) / (1.0 + (1.0 + q) * np.sqrt(1.0 + q))
     pull = -course.gravity / (far * root)
-    dx, dy, dz = rx + x, ry + y, rz + z
-    height = p1 * dx + p2 * dy + p3 * dz
+    place = plus(chief, d)
+    height = dot(pole, place)
     oblate = -course.oblateness / (far * far * root)
     outward, poleward = oblate * (1.0 - 5.0 * height * height / far), 2.0 * oblate * height
-    fx, fy, fz = to_inertial(course, row, force)
-    common = course.common
-    return (
-        pull * (x - f * rx) + outward * dx + poleward * p1 + common[row, 0] + fx + shine * light[0],
-        pull * (y - f * ry) + outward * dy + poleward * p2 + common[row, 1] + fy + shine * light[1],
-        pull * (z - f * rz) + outward * dz + poleward * p3 + common[row, 2] + fz + shine * light[2],
+    push, common = to_inertial(course, row, force), course.common
+    return Three(
+        pull * (d.x - f * chief.x)
+        + outward * place.x
+        + poleward * pole.x
+        + common[row, 0]
+        + push.x
+        + shine * light.x,
+        pull * (d.y - f * chief.y)
+        + outward * place.y
+        + poleward * pole.y
+        + common[row, 1]
+        + push.y
+        + shine * light.y,
+        pull * (d.z - f * chief.z)
+        + outward * place.z
+        + poleward * pole.z
+        + common[row, 2]
+        + push.z
+        + shine * light.z,
     )
 
 
 @compiled(error_model="numpy", forceinline=True)
 def ahead(place: Three, velocity: Three, pull: Three, time: float) -> Three:
     """Return the position after a time of constant acceleration."""
-    half = 0.5 * time * time
-    return (
-        place[0] + time * velocity[0] + half * pull[0],
-        place[1] + time * velocity[1] + half * pull[1],
-        place[2] + time * velocity[2] + half * pull[2],
-    )
+    return plus(plus(place, scaled(time, velocity)), scaled(0.5 * time * time, pull))
 
 
 @compiled(error_model="numpy", forceinline=True)
@@ -116,34 +110,26 @@ def stepped(
     course : Course
     row : int
         Even: the start of the step; it ends two rows further.
-    place, velocity : three numbers or vectors
+    place, velocity : Three
         Relative to the chief, m and m/s, axes of the course.
-    force : three numbers or vectors
+    force : Three
         Held in Hill axes, per mass, m/s^2.
-    light : three numbers or vectors
+    light : Three
         Acceleration by the full Sun, m/s^2, axes of the course.
-    shine : three numbers or vectors
+    shine : Three
         Visible share of its disc at the beginning, in the middle and at the end of the step.
 
     Returns
     -------
-    place, velocity : three numbers or vectors each
+    place, velocity : Three
     """
     time = course.step
-    first = acceleration(course, row, place, force, light, shine[0])
-    middle = acceleration(course, row + 1, ahead(place, velocity, first, 0.5 * time), force, light, shine[1])
-    last = acceleration(course, row + 2, ahead(place, velocity, middle, time), force, light, shine[2])
-    mean = (
-        (first[0] + 2.0 * middle[0]) / 3.0,
-        (first[1] + 2.0 * middle[1]) / 3.0,
-        (first[2] + 2.0 * middle[2]) / 3.0,
-    )
-    sixth = time / 6.0
-    after = (
-        velocity[0] + sixth * (first[0] + 4.0 * middle[0] + last[0]),
-        velocity[1] + sixth * (first[1] + 4.0 * middle[1] + last[1]),
-        velocity[2] + sixth * (first[2] + 4.0 * middle[2] + last[2]),
-    )
+    first = acceleration(course, row, place, force, light, shine.x)
+    middle = acceleration(course, row + 1, ahead(place, velocity, first, 0.5 * time), force, light, shine.y)
+    last = acceleration(course, row + 2, ahead(place, velocity, middle, time), force, light, shine.z)
+    weighed = plus(first, scaled(2.0, middle))
+    mean = Three(weighed.x / 3.0, weighed.y / 3.0, weighed.z / 3.0)
+    after = plus(velocity, scaled(time / 6.0, plus(plus(first, scaled(4.0, middle)), last)))
     return ahead(place, velocity, mean, time), after
 
 
@@ -182,12 +168,13 @@ def move_beside(course: Course, period: int, state: Floats, force: Floats, sun: 
     array, shape (6,)
     """
     row = 2 * course.num_steps * period
-    place, velocity = entered(course, row, (state[0], state[1], state[2]), (state[3], state[4], state[5]))
-    push = (force[0], force[1], force[2])
-    light = (-course.radiation * sun[0], -course.radiation * sun[1], -course.radiation * sun[2])
+    place, velocity = entered(course, row, three_of(state[:3]), three_of(state[3:]))
+    push, light = three_of(force), scaled(-course.radiation, three_of(sun))
     for _ in range(course.num_steps):
-        shine = sunshine(course, row, sun), sunshine(course, row + 1, sun), sunshine(course, row + 2, sun)
+        shine = Three(
+            sunshine(course, row, sun), sunshine(course, row + 1, sun), sunshine(course, row + 2, sun)
+        )
         place, velocity = stepped(course, row, place, velocity, push, light, shine)
         row += 2
     place, velocity = left(course, row, place, velocity)
-    return np.array([place[0], place[1], place[2], velocity[0], velocity[1], velocity[2]])
+    return np.array([place.x, place.y, place.z, velocity.x, velocity.y, velocity.z])

@@ -3,11 +3,9 @@
 from math import sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fis_tools.compiled.decorator import compiled
-
-Floats = NDArray[np.float64]
+from pipeline.typing import Floats
 
 
 @compiled

@@ -2,13 +2,9 @@
 
 from math import inf
 
-import numpy as np
-from numpy.typing import NDArray
-
 from fis_tools.compiled.decorator import compiled
 from pipeline.physics.vectors import dot, norm
-
-Floats = NDArray[np.float64]
+from pipeline.typing import Floats
 
 
 @compiled

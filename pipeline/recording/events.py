@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fis_tools.model.thrust import ThrustLogic
 from pipeline.flight.state.log import (
@@ -19,8 +18,8 @@ from pipeline.flight.state.log import (
     points_needed,
 )
 from pipeline.settings.experiment import Mission
+from pipeline.typing import Floats
 
-Floats = NDArray[np.float64]
 Level = Literal["info", "warning", "error"]
 
 #: what the safety layer acts for, in words

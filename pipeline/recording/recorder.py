@@ -24,17 +24,19 @@ from fis_tools.words.text import sentences
 from pipeline.controllers.played import to_mapping
 from pipeline.flight.cases.navigation import errors_of, filter_of, measured
 from pipeline.flight.control.controller import Controller, rehearsed_pushes
+from pipeline.flight.fly.inspectable import lit_and_seen
 from pipeline.flight.fly.rehearsals import tour_followed
-from pipeline.flight.reference.sight import lit_and_seen_points
-from pipeline.flight.reference.world import world_of
+from pipeline.flight.period.look.optics import note_lit_and_seen
 from pipeline.flight.state.log import FlightLog, Scenario
 from pipeline.flight.state.signals import CONSTANTS
+from pipeline.flight.world.pack import pack_world
 from pipeline.flight.world.surface import surface_of
 from pipeline.physics.quaternion import dcm_b_from_h
 from pipeline.recording.events import events
 from pipeline.run import artifacts, maker
 from pipeline.settings.experiment import Mission
 from pipeline.settings.scopes import only_results
+from pipeline.typing import Floats
 from telemetry import EpisodeWriter
 from telemetry.file.metadata import EpisodeDescription, FisDescription
 from telemetry.file.topics import (
@@ -46,7 +48,6 @@ from telemetry.file.topics import (
     Reason,
 )
 
-Floats = NDArray[np.float64]
 States = NDArray[np.uint8]
 
 CONFIG_ATTACHMENT = "config.yaml"
@@ -101,10 +102,10 @@ class FlightRecorder:
         meanings = {name: CONSTANTS[name].description for name, _ in attributes if name in CONSTANTS}
         if meanings:
             self._systems[CONSTANTS_METADATA] = meanings
-        self._world = world_of(mission)
+        self._world = pack_world(mission)
         # what hides what on a mesh takes plain Python minutes
-        is_mesh = self._world.is_mesh
-        self._lit_and_seen = lit_and_seen_points if is_mesh else sparingly(lit_and_seen_points)
+        is_mesh = self._world.num_edge_cells > 0
+        self._note_lit_and_seen = note_lit_and_seen if is_mesh else sparingly(note_lit_and_seen)
         surface = surface_of(mission)
         self._points = surface.points
         if len(surface.corners):
@@ -219,14 +220,7 @@ class FlightRecorder:
 
     def _point_states(self, log: FlightLog) -> States:
         """Return each point's `PointState` at each sample, (K+1, P): the highest that applies."""
-        is_lit, is_seen = self._lit_and_seen(
-            self._world,
-            log.quaternion_c_from_h,
-            log.quaternion_b_from_h,
-            log.position_m,
-            np.column_stack((log.sun_angle_rad, log.sun_elevation_rad)),
-            ~log.is_inspected,
-        )
+        is_lit, is_seen = lit_and_seen(self._world, log, self._note_lit_and_seen)
         # dark is zero, and of the others at most one applies
         states: States = LIT * is_lit + IN_VIEW_BUT_DARK * is_seen + INSPECTED * log.is_inspected
         return states

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.controllers.played import COLUMNS, read_played
 from pipeline.flight.cases.starts import EVALUATION, evaluation_scenarios, given_start
@@ -21,7 +20,6 @@ from pipeline.run import artifacts, tables
 from pipeline.run.progress import Progress
 from pipeline.settings.experiment import Experiment
 
-Floats = NDArray[np.float64]
 CaseRow = dict[str, Any]
 
 

@@ -9,13 +9,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fis_tools.formats import serialize
 from pipeline.controllers import source
 from pipeline.flight.cases.starts import validation_scenarios
 from pipeline.flight.control.controller import ControllerError
-from pipeline.flight.fly.simulation import is_by_the_reference
+from pipeline.flight.fly.simulation import is_interpreted
 from pipeline.flight.world.pack import inspection_points
 from pipeline.run import artifacts, maker, tables
 from pipeline.settings.experiment import Experiment
@@ -29,8 +28,6 @@ from pipeline.training.progress import TrainingProgress
 from pipeline.training.tracking.sinks import name_of, tracked
 from pipeline.training.tracking.told import Sink, Told
 
-Floats = NDArray[np.float64]
-
 #: the history is written at most once in this many seconds, because each writing waits for the disk; the
 #: checkpoint, from which a training resumes, is written after every generation
 WRITE_EVERY_S = 1.0
@@ -42,7 +39,7 @@ def run(experiment: Experiment, folder: Path) -> None:
     """Train from the configured controller's structure; its numbers are in the first population."""
     template = source.load(experiment.controller, experiment.mission)
     genome = genome_of(template, experiment.optimizer.encoding)
-    if is_by_the_reference(experiment.mission):
+    if is_interpreted(experiment.mission):
         raise ControllerError(
             "guidance.engine is sklearn, which flies one flight at a time; "
             "train with guidance.engine=compiled"

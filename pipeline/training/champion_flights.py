@@ -13,8 +13,7 @@ from pipeline.flight.world.pack import pack_world
 from pipeline.settings.experiment import Experiment
 from pipeline.training.evolution.state import Generation
 from pipeline.training.genome import Genome
-
-Floats = NDArray[np.float64]
+from pipeline.typing import Floats
 
 
 class ChampionFlights:

@@ -17,12 +17,10 @@ of success, are charged half to each, so that no controller improves one objecti
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.flight.state.log import Outcomes, points_needed
 from pipeline.settings.experiment import Penalty
-
-Floats = NDArray[np.float64]
+from pipeline.typing import Floats
 
 
 def fitness_parts(

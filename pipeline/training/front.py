@@ -21,8 +21,8 @@ from pipeline.run import artifacts, tables
 from pipeline.training.evolution import OBJECTIVE, Front
 from pipeline.training.evolution.nsga2 import objectives_of
 from pipeline.training.readability import INCONSISTENCY
+from pipeline.typing import Floats
 
-Floats = NDArray[np.float64]
 Columns = dict[str, NDArray[Any]]
 
 #: columns in the provenance of each controller

@@ -3,7 +3,6 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fis_tools.engines.packing import Packed
 from fis_tools.genes.parameters import Bounds, SystemEncoding
@@ -18,8 +17,7 @@ from pipeline.flight.control.controller import (
 )
 from pipeline.flight.state.signals import CONSTANTS, TOUR_PLACES
 from pipeline.settings.experiment import Encoding
-
-Floats = NDArray[np.float64]
+from pipeline.typing import Floats
 
 
 @dataclass(frozen=True)

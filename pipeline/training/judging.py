@@ -6,7 +6,6 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.flight.cases.cases import cases_of
 from pipeline.flight.cases.starts import hard_candidates, training_scenarios, validation_scenarios
@@ -22,8 +21,7 @@ from pipeline.training.evolution.state import Generation
 from pipeline.training.fitness import costs, fitness_parts, objectives
 from pipeline.training.genome import Genome
 from pipeline.training.readability import INCONSISTENCY, inconsistency
-
-Floats = NDArray[np.float64]
+from pipeline.typing import Floats
 
 
 def fitness_of_round(

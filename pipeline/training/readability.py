@@ -1,13 +1,11 @@
 """Rule inconsistency of individuals, the third objective of a front."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fis_tools.analysis.measures import rule_consistency
 from pipeline.training.evolution import OBJECTIVE
 from pipeline.training.genome import Genome
-
-Floats = NDArray[np.float64]
+from pipeline.typing import Floats
 
 #: the objective that needs no flight
 INCONSISTENCY = OBJECTIVE + "inconsistency"

@@ -7,7 +7,6 @@ Control, 1975). K follows from the discrete-time algebraic Riccati equation, sol
 """
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_are
 
 from pipeline.controllers.planned.free_motion import elements_matrix
@@ -18,9 +17,7 @@ from pipeline.physics.motion import motion_over
 from pipeline.settings.checks import SettingError
 from pipeline.settings.controllers import Lqr
 from pipeline.settings.experiment import Mission
-
-Floats = NDArray[np.float64]
-
+from pipeline.typing import Floats
 
 UNSOLVED = (
     "the Riccati equation of controller=lqr has no solution in floating point ({}); bring "

@@ -11,7 +11,6 @@ number of points; if there is none, the one that inspects most.
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.controllers.planned.coverage import count_seen
 from pipeline.controllers.planned.free_motion import (
@@ -26,8 +25,7 @@ from pipeline.flight.world.pack import pack_world
 from pipeline.physics.motion import free_path
 from pipeline.settings.controllers import NaturalMotion
 from pipeline.settings.experiment import Mission
-
-Floats = NDArray[np.float64]
+from pipeline.typing import Floats
 
 #: on the grid only every third sample is evaluated
 STRIDE = 3

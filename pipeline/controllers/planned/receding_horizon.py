@@ -27,8 +27,7 @@ from pipeline.optimum.linear_program import least_forces
 from pipeline.physics.motion import Reading, last_of, positions_of, read, repeated
 from pipeline.settings.controllers import RecedingHorizon
 from pipeline.settings.experiment import Mission
-
-Floats = NDArray[np.float64]
+from pipeline.typing import Floats
 
 #: tangent planes are set where a solution comes nearer than this to a limit, m
 NEAR_REACH, FAR_REACH = 30.0, 40.0

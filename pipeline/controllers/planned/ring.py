@@ -8,13 +8,11 @@ high above one pole the other is out of sight for long; a lead brings it to the 
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.flight.state.log import Scenario
 from pipeline.settings.controllers import Ring
 from pipeline.settings.experiment import Mission, SettingError
-
-Floats = NDArray[np.float64]
+from pipeline.typing import Floats
 
 
 def check_within_limits(ring: Ring, mission: Mission) -> None:

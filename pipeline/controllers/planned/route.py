@@ -9,7 +9,6 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.flight.cases.navigation import as_believed
 from pipeline.flight.state.log import Scenario, points_needed
@@ -19,8 +18,7 @@ from pipeline.optimum.problem import check_light, problem_of
 from pipeline.optimum.search import search
 from pipeline.physics.motion import free_path
 from pipeline.settings.experiment import Mission
-
-Floats = NDArray[np.float64]
+from pipeline.typing import Floats
 
 #: numbers of burns to search with; the cheapest plan is taken
 BURNS = (2, 3)

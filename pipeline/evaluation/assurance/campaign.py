@@ -16,8 +16,7 @@ from pipeline.flight.state.arrays import NUM_TRACKED
 from pipeline.flight.state.log import Scenario
 from pipeline.flight.world.pack import inspection_points
 from pipeline.settings.experiment import Mission
-
-Floats = NDArray[np.float64]
+from pipeline.typing import Floats
 
 #: flights whose tracks are in memory at once, 22 kB per hour of flight
 PART = 1000

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from os import cpu_count
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fis_tools.analysis.domain import Box, Departure, box_of, departures
 from pipeline.evaluation.assurance.claims import share_bounds
@@ -14,8 +13,7 @@ from pipeline.flight.control.controller import Controller
 from pipeline.flight.fly.simulation import fly_logged
 from pipeline.flight.state.log import FlightLog, Scenario
 from pipeline.settings.experiment import Mission
-
-Floats = NDArray[np.float64]
+from pipeline.typing import Floats
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,6 @@ from math import ceil, floor
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fis_tools.analysis.domain import Departure
 from fis_tools.analysis.domain import as_mapping as domain_mapping
@@ -16,8 +15,7 @@ from pipeline.evaluation.assurance.domain import Domain
 from pipeline.evaluation.assurance.requirements import Requirement
 from pipeline.evaluation.assurance.search import Search, speed
 from pipeline.evaluation.assurance.verdicts import WORDS, Found, outcomes, verdict
-
-Floats = NDArray[np.float64]
+from pipeline.typing import Floats
 
 SCHEMA, SCHEMA_VERSION = "evidence", 1
 #: number of bins for the margins of many cases, approximately

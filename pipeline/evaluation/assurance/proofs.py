@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fis_tools.analysis.bounds import ask
 from fis_tools.engines.interval import NotBounded
@@ -13,11 +12,11 @@ from fis_tools.model import FuzzySystem
 from pipeline.evaluation.assurance.formula import Always, And, Comparison, Formula
 from pipeline.evaluation.assurance.requirements import Question, Requirement, RequirementError
 from pipeline.flight.control.controller import Controller
-from pipeline.flight.reference.safety import NUM_STANDING, excesses, safety_world_of
+from pipeline.flight.period.act.safety import STANDING, most_exceeded
 from pipeline.flight.state.log import Scenario
+from pipeline.flight.world.pack import pack_world
 from pipeline.settings.experiment import Mission
-
-Floats = NDArray[np.float64]
+from pipeline.typing import Floats
 
 
 @dataclass(frozen=True)
@@ -135,7 +134,7 @@ def safety_proof(mission: Mission, scenarios: Sequence[Scenario]) -> SafetyProof
     is_exact = is_exact and mission.dynamics.model == "cw" and not mission.dispersions
     num_safe = 0
     if is_on:
-        world = safety_world_of(mission)
+        world = pack_world(mission)
         states = (np.concatenate([one.position_m, one.velocity_m_s]) for one in scenarios)
-        num_safe = sum(bool(excesses(world, state, NUM_STANDING).max() <= 0.0) for state in states)
+        num_safe = sum(most_exceeded(world, state, STANDING)[2] <= 0.0 for state in states)
     return SafetyProof(is_on, is_exact, mission.keep_out_m, mission.keep_in_m, len(scenarios), num_safe)

@@ -20,10 +20,10 @@ from pipeline.flight.state.arrays import (
     TRACK_TURN_RATE,
 )
 from pipeline.physics.quaternion import dcm_b_from_h
+from pipeline.typing import Floats
 from telemetry.file.reader import Recording
 from telemetry.file.topics import DEPUTY_CONTROL, DEPUTY_STATE, MISSION
 
-Floats = NDArray[np.float64]
 _BORESIGHT = slice(TRACK_BORESIGHT, TRACK_BORESIGHT + 3)
 #: from tracks, (n, K+1, 15), and the number of inspection points to (n, K+1)
 OfTracks = Callable[[Floats, int], Floats]

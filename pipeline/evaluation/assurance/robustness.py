@@ -26,8 +26,8 @@ from pipeline.evaluation.assurance.formula import (
     Until,
     Window,
 )
+from pipeline.typing import Floats
 
-Floats = NDArray[np.float64]
 Quantities = Mapping[str, Floats]
 Atom = Callable[[Comparison, Quantities], Floats]
 

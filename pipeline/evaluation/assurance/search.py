@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.evaluation.assurance.campaign import Flights, Outcome, joined
 from pipeline.evaluation.assurance.requirements import Requirement
@@ -17,8 +16,7 @@ from pipeline.flight.state.log import Scenario
 from pipeline.settings.dispersions import Distribution, distributions
 from pipeline.settings.experiment import Assurance, Mission, MonteCarlo, Optimizer, Sun
 from pipeline.training.evolution import evolve_rounds
-
-Floats = NDArray[np.float64]
+from pipeline.typing import Floats
 
 #: separates the random numbers of searches from all others with the same seed
 SPAWN_KEY = 0x5EA

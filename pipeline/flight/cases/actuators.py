@@ -20,14 +20,12 @@ from functools import cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.flight.cases.processes import in_time, varies
 from pipeline.flight.state.log import Scenario
 from pipeline.settings.experiment import Mission
 from pipeline.settings.mission import STANDARD_GRAVITY_M_S2
-
-Floats = NDArray[np.float64]
+from pipeline.typing import Floats
 
 #: place in the spawn key of the random numbers for the thrusters, after the case
 THRUSTERS = 2

@@ -6,8 +6,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fis_tools.compiled.vectors import make_rows
-from fis_tools.engines.kernel import LANES
 from pipeline.flight.cases.actuators import (
     NO_ERRORS,
     NO_THRUSTERS,
@@ -19,12 +17,12 @@ from pipeline.flight.cases.actuators import (
 from pipeline.flight.cases.drag import drag_in_time
 from pipeline.flight.cases.navigation import ALWAYS_RIGHT, NO_FILTER, Errors, Filter, errors_of, filter_of
 from pipeline.flight.state.arrays import CASE
-from pipeline.flight.state.errors import ESTIMATED, THRUSTING, Firing, Fixes, ModelErrors
+from pipeline.flight.state.errors import Firing, Fixes, ModelErrors
 from pipeline.flight.state.log import Scenario
 from pipeline.physics.orbit import Course
 from pipeline.settings.experiment import Mission
+from pipeline.typing import Floats
 
-Floats = NDArray[np.float64]
 #: an array of `CASE`
 Starts = np.recarray[Any, Any]
 
@@ -36,8 +34,6 @@ class Cases:
     Parameters
     ----------
     starts : (m,) array of `CASE`
-    num_controls : int
-        Control periods of a flight.
     navigation : (Filter, Errors), optional
         None where the deputy knows its state.
     thrusters : (Thrusters, ThrustErrors), optional
@@ -47,7 +43,6 @@ class Cases:
     """
 
     starts: Starts
-    num_controls: int
     navigation: tuple[Filter, Errors] | None
     thrusters: tuple[Thrusters, ThrustErrors] | None
     drag: Floats
@@ -71,33 +66,16 @@ class Cases:
             drag=each(self.drag),
         )
 
-    def model_errors(self, course: Course, lanes: int = LANES) -> ModelErrors | None:
-        """Return the model_errors that one thread flies, `lanes` flights side by side; None without any."""
+    def model_errors(self, course: Course) -> ModelErrors | None:
+        """Return how the flights differ from the deputies' model of them; None if they do not."""
         if self.navigation is None and self.thrusters is None and not course.is_on:
             return None
-        return ModelErrors(self._fixes(lanes), self._firing(lanes), course._replace(varying=self.drag))
-
-    def _fixes(self, lanes: int) -> Fixes:
         law, errors = self.navigation or (NO_FILTER, ALWAYS_RIGHT)
-        return Fixes(
-            self.navigation is not None,
-            *law,
-            *errors,
-            lanes=make_rows(ESTIMATED, lanes)[0],
-            fixes=np.zeros((errors.of_fixes.shape[1], 3, lanes)),
-            acting=np.zeros((self.num_controls, 3, lanes)),
-        )
-
-    def _firing(self, lanes: int) -> Firing:
-        law, errors = self.thrusters or (NO_THRUSTERS, NO_ERRORS)
-        commands = np.zeros((self.num_controls, 3, lanes))
-        return Firing(
-            self.thrusters is not None,
-            *law,
-            *errors,
-            commands,
-            make_rows(THRUSTING, lanes)[0],
-            thrust=np.zeros((len(law.table), lanes)),
+        thrusters, of_thrust = self.thrusters or (NO_THRUSTERS, NO_ERRORS)
+        return ModelErrors(
+            Fixes(self.navigation is not None, *law, *errors),
+            Firing(self.thrusters is not None, *thrusters, *of_thrust),
+            course._replace(varying=self.drag),
         )
 
 
@@ -121,4 +99,4 @@ def cases_of(mission: Mission, scenarios: list[Scenario]) -> Cases:
     if mission.actuators.kind == "real":
         thrusters = thrusters_of(mission), thrust_errors(mission, scenarios)
     drag = drag_in_time(mission, scenarios)
-    return Cases(starts_of(scenarios), mission.num_controls, navigation, thrusters, drag)
+    return Cases(starts_of(scenarios), navigation, thrusters, drag)

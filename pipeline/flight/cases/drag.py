@@ -3,14 +3,12 @@
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.flight.cases.processes import in_time, varies
 from pipeline.flight.state.log import Scenario
 from pipeline.flight.world.course import chief_course
 from pipeline.settings.experiment import Mission
-
-Floats = NDArray[np.float64]
+from pipeline.typing import Floats
 
 KEY = "dynamics.drag_m_s2"
 

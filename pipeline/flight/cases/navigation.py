@@ -14,23 +14,20 @@ line of sight, so that no direction is special.
 The sensed attitude is the true one rotated by a small angle about the body axes. The deputy uses it for
 everything: it takes bearings with it, turns until it equals the desired one, and
 fires its thrusters as if it were the true one.
-The filter runs in `pipeline.flight.period.look.navigation`, its plain version in
-`pipeline.flight.reference.navigation`.
+The filter runs in `pipeline.flight.period.look.navigation`.
 """
 
 from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.flight.cases.processes import in_time, varies
 from pipeline.flight.state.log import Scenario
 from pipeline.physics.motion import Motion, motion_over
 from pipeline.settings.experiment import Mission
 from pipeline.settings.mission_parts import ideal, linear, perfect
-
-Floats = NDArray[np.float64]
+from pipeline.typing import Floats
 
 #: place in the spawn key of the random numbers for navigation, after the case
 FIXES = 1

@@ -16,13 +16,11 @@ Each key draws from its own place in the case's seed, independently of which oth
 from math import exp, inf, sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.flight.state.log import Scenario
 from pipeline.settings.dispersions import IN_TIME, Distribution
 from pipeline.settings.experiment import Mission
-
-Floats = NDArray[np.float64]
+from pipeline.typing import Floats
 
 #: place in the spawn key of the first of `IN_TIME`, after the case; fixes, thrusters and the start's
 #: velocity have the places before

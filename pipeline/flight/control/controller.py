@@ -11,7 +11,6 @@ from math import pi
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fis_tools.engines.packing import NotCompilable, Packed, layout_of, pack
 from fis_tools.model import FuzzyController, FuzzySystem
@@ -31,8 +30,7 @@ from pipeline.flight.state.signals import (
 )
 from pipeline.flight.state.turns import AIMED, Turns
 from pipeline.settings.experiment import Mission
-
-Floats = NDArray[np.float64]
+from pipeline.typing import Floats
 
 #: fractions of the reach that the candidate first pushes of a rehearsal have along each Hill axis; radial
 #: pushes gain most, pushes across the orbit plane least
@@ -275,14 +273,14 @@ def law_of(controller: Controller, mission: Mission) -> Law:
         decision_stride=decision_stride(controller, mission),
         force_axes=FORCE_AXES[controller.force_axes],
         has_plan=controller.plan is not None or controller.is_of_a_kind or controller.pilot is not None,
-        plans=unanswered(forces),
+        plans=played(forces, controller.turns),
     )
 
 
-def unanswered(forces: Floats) -> Plans:
-    """Return plans of forces, shape (m or 1, K, 3), that are played open loop."""
+def played(forces: Floats, turns: Turns = AIMED) -> Plans:
+    """Return plans of forces, shape (m or 1, K, 3), and of turns, that are played open loop."""
     nowhere = np.zeros((0, forces.shape[1], 6))
-    return Plans(forces, nowhere, np.zeros((3, 6)), 0.0, nowhere)
+    return Plans(forces, nowhere, np.zeros((3, 6)), 0.0, nowhere, turns.attitudes, turns.torques)
 
 
 def has_constants(controller: Controller) -> bool:

@@ -10,13 +10,10 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
-from numpy.typing import NDArray
 
-from pipeline.flight.control.controller import Planner, Regulator, unanswered
+from pipeline.flight.control.controller import Planner, Regulator, played
 from pipeline.flight.state.arrays import Plans
 from pipeline.flight.state.log import Scenario
-
-Floats = NDArray[np.float64]
 
 #: flies plans for a number of control periods
 Fly = Callable[[int, Plans], object]
@@ -26,7 +23,7 @@ def regulated(regulator: Regulator, scenarios: list[Scenario]) -> Plans:
     """Return the plans of flights under a linear law: feedforward forces and the path to track."""
     paths = np.array([regulator.path(scenario) for scenario in scenarios], dtype=np.float64)
     forces = np.array([regulator.forces(scenario) for scenario in scenarios], dtype=np.float64)
-    return unanswered(forces)._replace(paths=paths, gain=regulator.gain, least_answer=regulator.dead_band_n)
+    return played(forces)._replace(paths=paths, gain=regulator.gain, least_answer=regulator.dead_band_n)
 
 
 def planned(
@@ -45,7 +42,7 @@ def planned(
     workers : int, optional
         Worker threads for planning; one per processor unless given.
     """
-    plans = unanswered(np.zeros((len(scenarios), num_controls, 3)))
+    plans = played(np.zeros((len(scenarios), num_controls, 3)))
     noted = plans._replace(known=np.zeros((len(scenarios), num_controls, 6)))
     decisions = list(planner.decisions)
     pool = ThreadPoolExecutor(workers or os.cpu_count() or 1)

@@ -6,9 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.flight.cases.cases import Starts
-from pipeline.flight.fly.workspace import make_workspace, optics_in_use
-from pipeline.flight.period.look.optics import note_inspectable, note_lit_at_samples
+from pipeline.flight.fly.workspace import beyond_of, make_workspace, optics_in_use
+from pipeline.flight.period.look.optics import note_inspectable, note_lit_and_seen, note_lit_at_samples
 from pipeline.flight.state.arrays import World
+from pipeline.flight.state.log import FlightLog
+from pipeline.physics.quaternion import dcm_b_from_h
+from pipeline.typing import Booleans
 
 
 def inspectable_points(
@@ -25,6 +28,34 @@ def lit_at_samples(world: World, starts: Starts) -> NDArray[np.bool_]:
     found = np.empty((world.num_controls + 1, world.points.shape[2]), dtype=np.uint8)
     note_lit_at_samples(world, optics_in_use(world, starts), make_workspace(world), starts, found)
     return np.ascontiguousarray(found[:, : world.num_points] > 0)
+
+
+def lit_and_seen(
+    world: World, log: FlightLog, note: Callable[..., None] = note_lit_and_seen
+) -> tuple[Booleans, Booleans]:
+    """Return which points not inspected are lit, and which dark ones are in view, at each sample of a flight.
+
+    Returns
+    -------
+    (K+1, P), (K+1, P)
+    """
+    suns, num_points = (log.sun_angle_rad, log.sun_elevation_rad), world.num_points
+    left = np.zeros((len(log.position_m), world.points.shape[2]), dtype=np.uint8)
+    left[:, :num_points] = ~log.is_inspected
+    boresights = np.array([dcm_b_from_h(turned).T @ world.boresight for turned in log.quaternion_b_from_h])
+    lit, seen = np.zeros_like(left), np.zeros_like(left)
+    note(
+        world,
+        beyond_of(world, is_tilted=bool(np.any(log.sun_elevation_rad != 0.0))),
+        make_workspace(world),
+        np.stack([turn(angle) for angle in suns for turn in (np.cos, np.sin)], axis=1),
+        log.position_m,
+        boresights,
+        left,
+        lit,
+        seen,
+    )
+    return lit[:, :num_points] > 0, seen[:, :num_points] > 0
 
 
 def counted_points(world: World, starts: Starts, inspectable: NDArray[np.uint8]) -> NDArray[np.uint8]:

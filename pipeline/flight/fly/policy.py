@@ -10,17 +10,15 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.flight.control.controller import ControllerError
-from pipeline.flight.fly.simulation import is_by_the_reference
+from pipeline.flight.fly.simulation import is_interpreted
+from pipeline.flight.fly.stepped import NUM_UNSEEN
 from pipeline.flight.fly.stepping import Flights
 from pipeline.flight.period.decide.network import Network, answer
-from pipeline.flight.period.step import NUM_UNSEEN
 from pipeline.flight.state.log import Scenario
 from pipeline.settings.experiment import Mission
-
-Floats = NDArray[np.float64]
+from pipeline.typing import Floats
 
 #: flights evaluated together
 BLOCK = 128
@@ -49,7 +47,7 @@ class Policy:
         ControllerError
             If the mission cannot be stepped one period at a time.
         """
-        if is_by_the_reference(mission):
+        if is_interpreted(mission):
             raise ControllerError(
                 "a policy decides in flights that guidance.engine=sklearn cannot fly; choose "
                 "guidance.engine=compiled"

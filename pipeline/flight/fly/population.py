@@ -10,13 +10,12 @@ from fis_tools.engines.kernel import FEW_LANES, LANES
 from fis_tools.engines.packing import Packed
 from pipeline.flight.cases.cases import Cases
 from pipeline.flight.fly.inspectable import counted_points, inspectable_points
-from pipeline.flight.fly.workspace import Parts, make_workspace, parts_in_use
-from pipeline.flight.period.loop import fly_many
+from pipeline.flight.fly.many import fly_many
+from pipeline.flight.fly.workspace import make_state, make_workspace, parts_in_use
 from pipeline.flight.state import arrays
-from pipeline.flight.state.arrays import NUM_OUTCOMES, Law, Workspace, World
+from pipeline.flight.state.arrays import NUM_OUTCOMES, Law, State, Workspace, World
 from pipeline.flight.state.log import Outcomes, no_log
-
-Floats = NDArray[np.float64]
+from pipeline.typing import Floats
 
 #: no openings: the rules decide on the first control period, too
 NO_OPENINGS = np.zeros((0, 3))
@@ -89,7 +88,9 @@ def fly_population(
     counted = counted_points(world, cases.starts, inspectable)
     tracks = np.empty((0, 0, 3), dtype=np.float32) if tracks is None else tracks
 
-    def fly_shares(work: Workspace, parts: Parts) -> None:
+    parts = parts_in_use(world, law, cases)
+
+    def fly_shares(state: State, work: Workspace) -> None:
         """Fly shares one after the other, each not taken by another thread."""
         for first, last in untaken:
             fly_many(
@@ -101,6 +102,7 @@ def fly_population(
                 cases.starts,
                 counted,
                 NO_OPENINGS if openings is None else openings,
+                state,
                 work,
                 silent,
                 tracks,
@@ -109,13 +111,13 @@ def fly_population(
                 outcomes,
             )
 
+    states = [make_state(world, parts[-1], lanes) for _ in range(workers)]
     works = [make_workspace(world, lanes) for _ in range(workers)]
-    parts = [parts_in_use(world, law, cases, lanes) for _ in range(workers)]
     if workers > 1:
         with ThreadPoolExecutor(workers) as pool:
-            list(pool.map(fly_shares, works, parts))
+            list(pool.map(fly_shares, states, works))
     else:
-        list(map(fly_shares, works, parts))
+        list(map(fly_shares, states, works))
     rows = outcomes.reshape(len(numbers.values), len(cases), NUM_OUTCOMES)
     return outcomes_of(rows, inspectable[:, : world.num_points].sum(axis=1, dtype=np.int64))
 

@@ -14,8 +14,7 @@ from pipeline.flight.state.log import Outcomes, Scenario
 from pipeline.flight.state.signals import constant
 from pipeline.flight.world.pack import pack_world
 from pipeline.settings.experiment import Mission
-
-Floats = NDArray[np.float64]
+from pipeline.typing import Floats
 
 #: rehearsal costs of a point missed, and of leaving the limits, more than any flight can spend
 REHEARSED_POINT_M_S, OUTSIDE_M_S = 0.15, 1e4

@@ -7,24 +7,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.compiled.decorator import sparingly
-from fis_tools.engines.kernel import FEW_LANES, LANES, evaluate
+from fis_tools.engines.kernel import FEW_LANES, LANES
 from pipeline.flight.cases.cases import cases_of
 from pipeline.flight.cases.dispersions import groups_of, mission_of_case
 from pipeline.flight.control.controller import (
     Controller,
     ControllerError,
     law_of,
+    played,
     rehearsed_pushes,
-    unanswered,
 )
 from pipeline.flight.control.plans import planned, regulated
 from pipeline.flight.control.tours import tour_images
 from pipeline.flight.fly.inspectable import counted_points, inspectable_points
+from pipeline.flight.fly.many import fly_many
+from pipeline.flight.fly.plain import fly_plainly
 from pipeline.flight.fly.population import NO_OPENINGS, check_finite, fly_population, lanes_for, outcomes_of
 from pipeline.flight.fly.rehearsals import rehearsed_openings, rehearsed_tours
-from pipeline.flight.fly.workspace import make_workspace, parts_in_use
+from pipeline.flight.fly.workspace import make_state, make_workspace, parts_in_use
 from pipeline.flight.period.look.optics import note_inspectable
-from pipeline.flight.period.loop import fly_many
 from pipeline.flight.state import arrays
 from pipeline.flight.state.arrays import NUM_OUTCOMES, Law, Plans
 from pipeline.flight.state.log import FlightLog, Outcomes, Scenario, empty_log
@@ -33,8 +34,7 @@ from pipeline.flight.world.pack import chief_attitudes, pack_world
 from pipeline.physics.quaternion import dcm_b_from_h
 from pipeline.settings.dispersions import distributions
 from pipeline.settings.experiment import Mission
-
-Floats = NDArray[np.float64]
+from pipeline.typing import Floats
 
 
 def fly_all(
@@ -53,7 +53,7 @@ def fly_all(
     if distributions(mission.dispersions):
         groups = [(own, controller, places) for own, places in groups_of(mission, scenarios)]
         return _fly_groups(groups, scenarios, workers, tracks)
-    if is_by_the_reference(mission, controller):
+    if is_interpreted(mission):
         return _outcomes_of_logs(mission, controller, scenarios, tracks)
     images = tour_images(controller)
     if images:
@@ -108,7 +108,7 @@ def law_for(
     if controller.regulator is not None:
         return law._replace(plans=regulated(controller.regulator, scenarios))
     if controller.pilot is not None:
-        return law._replace(plans=unanswered(controller.pilot(mission, scenarios, workers)))
+        return law._replace(plans=played(controller.pilot(mission, scenarios, workers)))
     if controller.planner is None:
         return law
     world, numbers, cases = pack_world(mission), controller.numbers, cases_of(mission, scenarios)
@@ -121,45 +121,57 @@ def law_for(
     return law._replace(plans=planned(controller.planner, num_controls, scenarios, fly, workers))
 
 
-def is_by_the_reference(mission: Mission, controller: Controller | None = None) -> bool:
-    """Return whether only the readable reference can fly this.
-
-    True for scikit-learn's clusters, and for attitudes and torques that are played.
-    """
-    plays_turns = controller is not None and controller.plays_turns
-    return plays_turns or (mission.guidance.kind == "clusters" and mission.guidance.engine == "sklearn")
+def is_interpreted(mission: Mission) -> bool:
+    """Return whether flights are plain Python: those whose clusters are scikit-learn's."""
+    return mission.guidance.kind == "clusters" and mission.guidance.engine == "sklearn"
 
 
 def fly_logged(mission: Mission, controller: Controller, scenario: Scenario) -> FlightLog:
-    """Fly one episode and log everything."""
+    """Fly one episode and log everything.
+
+    Raises
+    ------
+    ControllerError
+        If the controller flies ahead in a mission whose flights are plain Python.
+    FlightError
+        If the flight's numbers are not finite.
+    """
     mission = mission_of_case(mission, scenario)
-    if is_by_the_reference(mission, controller):
-        return _fly_reference(mission, controller, scenario)
     images = tour_images(controller)
+    if is_interpreted(mission) and (images or len(rehearsed_pushes(controller))):
+        raise ControllerError(
+            f"controller {controller.name!r} flies ahead, which guidance.engine=sklearn is too slow for; "
+            "choose guidance.engine=compiled, or leave rehearsal_reach_m_s and rehearsal_tours out"
+        )
     if images:
         controller = images[rehearsed_tours(mission, controller, [scenario], 1)[0]]
-    world = pack_world(mission)
+    world, cases = pack_world(mission), cases_of(mission, [scenario])
     law, numbers = law_for(controller, mission, [scenario], 1), controller.numbers
     log = empty_log(mission.num_controls, mission.num_attitude_steps, world.num_points, len(law.axes))
     log.mass_kg[:] = mission.deputy.mass_kg
-    openings, cases = rehearsed_openings(mission, controller, [scenario], 1), cases_of(mission, [scenario])
     inspectable = inspectable_points(world, cases.starts, sparingly(note_inspectable))
-    sparingly(fly_many)(
-        world,
-        *parts_in_use(world, law, cases),
-        law,
-        numbers.values,
-        numbers.rules,
-        cases.starts,
-        counted_points(world, cases.starts, inspectable),
-        NO_OPENINGS if openings is None else openings,
-        make_workspace(world),
-        log,
-        np.empty((0, 0, 3), dtype=np.float32),
-        0,
-        1,
-        np.empty((1, NUM_OUTCOMES)),
-    )
+    counted, parts = counted_points(world, cases.starts, inspectable), parts_in_use(world, law, cases)
+    if is_interpreted(mission):
+        fly_plainly(world, parts, law, numbers.values[0], numbers.rules[0], cases, counted, log)
+    else:
+        openings = rehearsed_openings(mission, controller, [scenario], 1)
+        sparingly(fly_many)(
+            world,
+            *parts,
+            law,
+            numbers.values,
+            numbers.rules,
+            cases.starts,
+            counted,
+            NO_OPENINGS if openings is None else openings,
+            make_state(world, parts[-1]),
+            make_workspace(world),
+            log,
+            np.empty((0, 0, 3), dtype=np.float32),
+            0,
+            1,
+            np.empty((1, NUM_OUTCOMES)),
+        )
     log.quaternion_c_from_h[:] = chief_attitudes(mission)
     log.sun_elevation_rad[:] = scenario.sun_elevation_rad
     log.visible_sun_share[:] = sun_shares(mission, log.sun_angle_rad, scenario.sun_elevation_rad)
@@ -168,25 +180,6 @@ def fly_logged(mission: Mission, controller: Controller, scenario: Scenario) -> 
         log.position_m, log.velocity_m_s, log.quaternion_b_from_h, log.quaternion_c_from_h, log.force_hill_n
     )
     return log
-
-
-def _fly_reference(mission: Mission, controller: Controller, scenario: Scenario) -> FlightLog:
-    from pipeline.flight.reference import loop  # noqa: PLC0415 - plain Python, and only here
-    from pipeline.flight.reference.channels import channels_of, plan_of  # noqa: PLC0415
-
-    numbers, plans = controller.numbers, law_for(controller, mission, [scenario], 1).plans
-
-    def infer(system: int, inputs: Floats) -> float:
-        row = inputs[np.newaxis, : len(controller.systems[system].inputs)]
-        return float(evaluate(numbers, row, system)[0])
-
-    if len(rehearsed_pushes(controller)) or tour_images(controller):
-        raise ControllerError(
-            f"controller {controller.name!r} flies ahead, which guidance.engine=sklearn is too slow for; "
-            "choose guidance.engine=compiled, or leave rehearsal_reach_m_s and rehearsal_tours out"
-        )
-    channels = channels_of(controller.systems, controller.force_axes, plan_of(plans), controller.constants)
-    return loop.fly(mission, scenario, channels, infer, turns=controller.turns)
 
 
 def _outcomes_of_logs(

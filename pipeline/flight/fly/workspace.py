@@ -1,4 +1,4 @@
-"""The workspace of one thread, and the parts of a flight that are compiled only when used."""
+"""The state and the workspace of one thread, and the parts of a flight that are compiled only when used."""
 
 import numpy as np
 
@@ -7,23 +7,59 @@ from fis_tools.engines.kernel import LANES, make_scratch
 from pipeline.flight.cases.cases import Cases, Starts
 from pipeline.flight.period.act.safety import MOST_CUTS
 from pipeline.flight.period.look.guidance import num_clusters
-from pipeline.flight.state.arrays import CARRIED, TURNED, Beyond, Guard, Law, Workspace, World
-from pipeline.flight.state.errors import ModelErrors
+from pipeline.flight.state.arrays import (
+    CARRIED,
+    MOVING,
+    TURNED,
+    Beyond,
+    Guard,
+    Law,
+    State,
+    Workspace,
+    World,
+)
+from pipeline.flight.state.errors import ESTIMATED, THRUSTING, ModelErrors
 from pipeline.flight.state.signals import SETTING, SIGNALS
 
-#: what `fly_many` is compiled for: light, safety layer, clusters, pushes, model_errors
+#: what `fly_many` is compiled for: light, safety layer, clusters, pushes, errors of the deputies' model
 Parts = tuple[Beyond | None, Guard | None, bool | None, bool | None, ModelErrors | None]
+
+
+def make_states(world: World, errors: ModelErrors | None, lanes: int, count: int) -> State:
+    """Allocate states of `lanes` flights side by side; every array has a further first axis of `count`."""
+    width, clusters = world.points.shape[2], num_clusters(world.num_points)
+    truth = make_rows(MOVING, lanes, count)
+    num_fixes = 0 if errors is None else errors.fixes.of_fixes.shape[1]
+    num_thrusters = 0 if errors is None else len(errors.firing.table)
+    num_controls = 0 if errors is None else world.num_controls
+    return State(
+        truth=truth,
+        belief=truth if errors is None else make_rows(MOVING, lanes, count),
+        lanes=make_rows(CARRIED, lanes, count),
+        unseen=aligned((count, lanes, width)),
+        centres=np.zeros((count, lanes, clusters, 3)),
+        num_centres=np.zeros((count, lanes), dtype=np.int64),
+        clustered=aligned((count, lanes, width)),
+        estimate=make_rows(ESTIMATED, lanes, count),
+        thrusters=make_rows(THRUSTING, lanes, count),
+        fixes=np.zeros((count, num_fixes, 3, lanes)),
+        commands=np.zeros((count, num_controls, 3, lanes)),
+        acting=np.zeros((count, num_controls, 3, lanes)),
+        thrust=np.zeros((count, num_thrusters, lanes)),
+    )
+
+
+def make_state(world: World, errors: ModelErrors | None, lanes: int = LANES) -> State:
+    """Allocate the state of one thread, for `lanes` flights side by side."""
+    return State(*(field[0] for field in make_states(world, errors, lanes, 1)))
 
 
 def make_workspace(world: World, lanes: int = LANES) -> Workspace:
     """Allocate the workspace of one thread, for `lanes` flights side by side."""
-    points, width, instants = world.num_points, world.points.shape[2], world.num_attitude_steps
-    clusters = num_clusters(points)
+    width, instants = world.points.shape[2], world.num_attitude_steps
     return Workspace(
-        lanes=make_rows(CARRIED, lanes)[0],
         aims=make_rows(TURNED, lanes, instants),
         passed=make_rows(TURNED, lanes, instants),
-        unseen=aligned((lanes, width)),
         candidate=aligned(width),
         lit=aligned(width),
         seen=aligned(width),
@@ -31,14 +67,12 @@ def make_workspace(world: World, lanes: int = LANES) -> Workspace:
         deadlines=aligned((lanes, width)),
         looks=aligned((5, width)),
         signals=aligned((len(SIGNALS), lanes)),
+        outputs=aligned((3, lanes)),
         scratch=make_scratch(lanes),
         candidates=aligned((3, width)),
-        centres=np.zeros((lanes, clusters, 3)),
-        num_centres=np.zeros(lanes, dtype=np.int64),
-        clustered=aligned((lanes, width)),
         labels=aligned((2, width)),
         distances=aligned(width),
-        sums=np.zeros((clusters, 4)),
+        sums=np.zeros((num_clusters(world.num_points), 4)),
         cuts=np.zeros((MOST_CUTS, 4)),
     )
 
@@ -49,25 +83,25 @@ def optics_in_use(world: World, starts: Starts) -> Beyond | None:
 
 
 def beyond_of(world: World, *, is_tilted: bool) -> Beyond | None:
-    """Return the same, given whether the Sun of some start is out of the orbit plane."""
+    """Return the light and camera, as `optics_in_use`; `is_tilted` where a Sun is out of the orbit plane."""
     if not (world.has_optics or is_tilted):
         return None
     return Beyond(closely=world.num_edge_cells > 0 or world.reflection.is_on or None)
 
 
-def parts_in_use(world: World, law: Law, cases: Cases, lanes: int = LANES) -> Parts:
+def parts_in_use(world: World, law: Law, cases: Cases) -> Parts:
     """Return the parts of a flight that are compiled only when used; None for unused ones.
 
     Light and camera beyond the paper's, the safety layer, clusters, pushes that show setting points, and
-    model_errors from the deputy's model. In worlds other than the paper's the safety layer and pushes are
+    errors of the deputies' model. In worlds other than the paper's the safety layer and pushes are
     always compiled, so that few variants serve many worlds.
     """
-    optics, model_errors = optics_in_use(world, cases.starts), cases.model_errors(world.course, lanes)
-    is_elsewhere = optics is not None or model_errors is not None
+    optics, errors = optics_in_use(world, cases.starts), cases.model_errors(world.course)
+    is_elsewhere = optics is not None or errors is not None
     return (
         optics,
         world.guard if world.guard.is_on or is_elsewhere else None,
         world.has_clusters or None,
         bool(law.needs & SETTING) or is_elsewhere or None,
-        model_errors,
+        errors,
     )

@@ -7,17 +7,13 @@ a lane for each of them (`fis_tools.compiled.vectors`).
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fis_tools.compiled.vectors import Rows
 from pipeline.physics.motion import Motion, Stop
 from pipeline.physics.orbit import Course
 from pipeline.physics.reflection import Reflection
 from pipeline.physics.sight import Optics, Sight
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
-Bytes = NDArray[np.uint8]
+from pipeline.typing import Bytes, Floats, Integers
 
 #: columns of a track: position, or these
 NUM_PLACED, NUM_TRACKED = 3, 15
@@ -108,13 +104,15 @@ class World(NamedTuple):
 
 
 class Plans(NamedTuple):
-    """Planned forces, and the feedback on deviations from the planned path."""
+    """Planned forces, the feedback on deviations from the planned path, and planned rotation."""
 
     forces: Floats  # (m or 1, K, 3) of each flight or of all, Hill axes, N; no rows without a plan
     paths: Floats  # (m, K, 6) states that the feedback tracks; no rows without feedback
     gain: Floats  # (3, 6) from a deviation to the corrective force, N/m and N s/m
     least_answer: float  # a component smaller than this is not fired, N
     known: Floats  # (m, K, 6) filled with the states as the deputies know them; no rows to skip this
+    attitudes: Floats  # (k, 4) played instead of aiming, see `pipeline.flight.state.turns`; no rows to aim
+    torques: Floats  # (k, 3) played instead of the attitude law's, N m, body axes; no rows for the law
 
 
 class Law(NamedTuple):
@@ -143,13 +141,19 @@ CASE = np.dtype(
     align=True,
 )
 
-#: What flights carry, one lane each. Positions, velocities, forces and directions in Hill axes, SI units.
-CARRIED: Rows = {
+#: Where a deputy is and how it moves: as it is so, or as the deputy knows it. Hill axes, SI units.
+MOVING: Rows = {
     "position": (3,),
     "velocity": (3,),
     "attitude": (4,),  # body from Hill, scalar last
     "rate": (3,),  # inertial, body axes
-    "asked": (3,),  # forces that the controller's systems ask for, in its axes
+    "boresight": (3,),
+}
+
+#: What else flights carry, one lane each. Forces and directions in Hill axes, SI units.
+CARRIED: Rows = {
+    "asked": (3,),  # force after dead bands, along the controller's axes
+    "commanded": (3,),  # within the thrust limit, and safe
     "force": (3,),  # as fired
     "arm": (3,),  # point where it acts, body axes, if that turns the deputy
     "twist": (3,),  # further torque of single thrusters, body axes
@@ -159,7 +163,6 @@ CARRIED: Rows = {
     "sun_height": (2,),  # cosine and sine of its elevation
     "shine": (3,),  # visible share of the Sun's disc at the instants of a step
     "drag": (3,),  # additional acceleration where it varies, m/s^2
-    "boresight": (3,),
     "target": (3,),  # zero without candidates
     "num_counted": (),  # points that the flight counts
     "num_unseen": (),
@@ -171,6 +174,8 @@ CARRIED: Rows = {
     "beyond": (),  # largest violation of the limits
     "num_acted": (),  # periods in which the safety layer acted
     "corrected": (),  # delta-v of its changes
+    "limit": (),  # for which it acted in this period
+    "change": (3,),  # of the force by it
     "is_unsafe": (),  # 1 where it must check more closely
     "y_before": (3,),  # the desired attitude's y axis at the last instant
     "is_near_pole": (),  # 1 where y* follows from the one before
@@ -181,25 +186,62 @@ CARRIED: Rows = {
 TURNED: Rows = {"attitude": (4,), "rate": (3,)}
 
 
-class Workspace(NamedTuple):
-    """Working arrays of flights; their initial content does not matter."""
+class State(NamedTuple):
+    """What flights carry from one control period to the next, a lane each.
 
-    lanes: Any  # a record of `CARRIED`, whose rows hold L lanes
+    Attributes
+    ----------
+    truth, belief : records of `MOVING`
+        What is so, and what the deputies know; the same record where they know it exactly.
+    lanes : record of `CARRIED`
+    unseen : (L, P padded)
+        1 where a point counts and is not inspected.
+    centres, num_centres : (L, C, 3), (L,) int
+        Of the clusters of the last sample, m, Hill axes.
+    clustered : (L, P padded)
+        The candidates that the centres belong to, 1 for each.
+    estimate : record of `pipeline.flight.state.errors.ESTIMATED`
+    thrusters : record of `pipeline.flight.state.errors.THRUSTING`
+    fixes : (F, 3, L)
+        Measured so far, m, Hill axes.
+    commands : (K, 3, L)
+        So far, N, Hill axes.
+    acting : (K, 3, L)
+        The same in the periods in which they act, as the filter knows them.
+    thrust : (N, L)
+        Of each thruster of a layout, N.
+    """
+
+    truth: Any
+    belief: Any
+    lanes: Any
+    unseen: Floats
+    centres: Floats
+    num_centres: Integers
+    clustered: Floats
+    estimate: Any
+    thrusters: Any
+    fixes: Floats
+    commands: Floats
+    acting: Floats
+    thrust: Floats
+
+
+class Workspace(NamedTuple):
+    """Working arrays of one thread; their content need not outlast a control period, but for `deadlines`."""
+
     aims: Any  # (S,) records of `TURNED`: desired attitudes at the instants of a control period
     passed: Any  # (S,) records of `TURNED`: attitudes and rates at them
-    unseen: Floats  # (L, P padded) 1 where a point counts and is not inspected
-    candidate: Floats  # (P padded,) 1 where it is lit and not inspected
-    lit: Floats  # (P padded,) 1 where a wanted point is lit, of `kernel.optics`
+    candidate: Floats  # (P padded,) 1 where a point is lit and not inspected
+    lit: Floats  # (P padded,) 1 where a wanted point is lit
     seen: Floats  # (P padded,) 1 where one of these is seen
     ahead: Floats  # (P padded,) 1 where a point is neither inspected nor foreseen to be
-    deadlines: Floats  # (L, P padded) when a point is lit for the last time, s
+    deadlines: Floats  # (L, P padded) when a point is lit for the last time, s; of the flights being flown
     looks: Floats  # (5, P padded) of the cheapest look at each point: cost, shortfall, slopes
     signals: Floats  # (signals, L) in the order of `pipeline.flight.state.signals.SIGNALS`
+    outputs: Floats  # (3, L) of the controller's systems, N
     scratch: Any  # of `fis_tools.engines.kernel.make_scratch`
     candidates: Floats  # (3, P padded) those of this sample, packed
-    centres: Floats  # (L, C, 3)
-    num_centres: Integers  # (L,)
-    clustered: Floats  # (L, P padded) the candidates that the centres belong to, as in `candidate`
     labels: Floats  # (2, P padded)
     distances: Floats  # (P padded,)
     sums: Floats  # (C, 4)

@@ -1,14 +1,10 @@
 """Where flights differ from the deputies' model of them: navigation, thrusters, motion about the Earth."""
 
-from typing import Any, NamedTuple
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import NamedTuple
 
 from fis_tools.compiled.vectors import Rows
 from pipeline.physics.orbit import Course
-
-Floats = NDArray[np.float64]
+from pipeline.typing import Floats
 
 #: What navigation works with, a lane for each flight.
 ESTIMATED: Rows = {
@@ -17,10 +13,8 @@ ESTIMATED: Rows = {
     "known": (6,),  # the same estimate, propagated to now
     "now": (6, 6),  # its covariance, where a flight is logged
     "half": (6, 6),  # scratch
-    "truth": (6,),  # while the estimate stands in its place
     "turn": (4,),  # from the true attitude to the sensed one
     "tilt": (3,),  # the same as an angle about each axis, Hill axes
-    "attitude": (4,),  # the true one while the sensed one stands in its place
 }
 
 #: Errors of the thrusters and remaining mass, a lane for each flight.
@@ -47,9 +41,6 @@ class Fixes(NamedTuple):
     of_fixes: Floats
     of_sight: Floats
     of_attitude: Floats
-    lanes: Any  # a record of `ESTIMATED`
-    fixes: Floats  # (F, 3, L) measured so far
-    acting: Floats  # (K, 3, L) commanded forces, in the periods in which they act
 
 
 class Firing(NamedTuple):
@@ -65,9 +56,6 @@ class Firing(NamedTuple):
     layout: Floats
     matrices: Floats
     arms: Floats
-    commands: Floats  # (K, 3, L) so far
-    lanes: Any  # a record of `THRUSTING`
-    thrust: Floats  # (N, L) of each thruster of a layout
 
 
 class ModelErrors(NamedTuple):

@@ -1,12 +1,12 @@
-"""Vectors with a lane for each flight: reading them from rows of numbers, and writing them there."""
-
-import numpy as np
-from numpy.typing import NDArray
+"""Rows of lanes as vectors, and rotations of three-vectors of lanes by attitudes."""
 
 from fis_tools.compiled.decorator import compiled
+from fis_tools.compiled.three import Three
 from fis_tools.compiled.vectors import Vector, least, load, most, store, width_of
+from pipeline.typing import Floats
 
-Floats = NDArray[np.float64]
+#: an attitude, Hill to body, scalar last
+Quaternion = tuple[Vector, Vector, Vector, Vector]
 
 
 @compiled(forceinline=True)
@@ -23,14 +23,7 @@ def two(rows: Floats) -> tuple[Vector, Vector]:
 
 
 @compiled(forceinline=True)
-def three(rows: Floats) -> tuple[Vector, Vector, Vector]:
-    """Return the first three rows of a field."""
-    width = width_of(rows)
-    return load(rows, 0, width), load(rows, 1, width), load(rows, 2, width)
-
-
-@compiled(forceinline=True)
-def four(rows: Floats) -> tuple[Vector, Vector, Vector, Vector]:
+def four(rows: Floats) -> Quaternion:
     """Return the first four rows of a field."""
     width = width_of(rows)
     return load(rows, 0, width), load(rows, 1, width), load(rows, 2, width), load(rows, 3, width)
@@ -44,23 +37,67 @@ def write_two(rows: Floats, first: int, x: Vector, y: Vector) -> None:
 
 
 @compiled(forceinline=True)
-def write_three(rows: Floats, first: int, x: Vector, y: Vector, z: Vector) -> None:
-    """Write three rows, from `first` on."""
-    store(rows, first, x)
-    store(rows, first + 1, y)
-    store(rows, first + 2, z)
-
-
-@compiled(forceinline=True)
-def write_four(rows: Floats, a: Vector, b: Vector, c: Vector, d: Vector) -> None:
+def write_four(rows: Floats, q: Quaternion) -> None:
     """Write the first four rows."""
-    store(rows, 0, a)
-    store(rows, 1, b)
-    store(rows, 2, c)
-    store(rows, 3, d)
+    store(rows, 0, q[0])
+    store(rows, 1, q[1])
+    store(rows, 2, q[2])
+    store(rows, 3, q[3])
 
 
 @compiled(error_model="numpy", forceinline=True)
 def clip(x: Vector, limit: float) -> Vector:
     """Return x, limited to ± the limit."""
     return most(least(x, limit), -limit)
+
+
+@compiled(error_model="numpy", forceinline=True)
+def clip_three(a: Three, limit: float) -> Three:
+    """Return a vector whose components are limited to ± the limit."""
+    return Three(clip(a.x, limit), clip(a.y, limit), clip(a.z, limit))
+
+
+@compiled(error_model="numpy", forceinline=True)
+def rows_of(q: Quaternion) -> tuple[Three, Three, Three]:
+    """Return the body axes of attitudes in Hill axes: the rows of the matrix from Hill to body."""
+    q1, q2, q3, q4 = q
+    return (
+        Three(q1 * q1 - q2 * q2 - q3 * q3 + q4 * q4, 2 * (q1 * q2 + q3 * q4), 2 * (q1 * q3 - q2 * q4)),
+        Three(2 * (q1 * q2 - q3 * q4), -q1 * q1 + q2 * q2 - q3 * q3 + q4 * q4, 2 * (q2 * q3 + q1 * q4)),
+        Three(2 * (q1 * q3 + q2 * q4), 2 * (q2 * q3 - q1 * q4), -q1 * q1 - q2 * q2 + q3 * q3 + q4 * q4),
+    )
+
+
+@compiled(error_model="numpy", forceinline=True)
+def to_hill(q: Quaternion, a: Three) -> Three:
+    """Return vectors in body axes in Hill axes."""
+    x, y, z = rows_of(q)
+    return Three(
+        x.x * a.x + y.x * a.y + z.x * a.z,
+        x.y * a.x + y.y * a.y + z.y * a.z,
+        x.z * a.x + y.z * a.y + z.z * a.z,
+    )
+
+
+@compiled(error_model="numpy", forceinline=True)
+def to_body(q: Quaternion, a: Three) -> Three:
+    """Return vectors in Hill axes in body axes."""
+    x, y, z = rows_of(q)
+    return Three(
+        x.x * a.x + x.y * a.y + x.z * a.z,
+        y.x * a.x + y.y * a.y + y.z * a.z,
+        z.x * a.x + z.y * a.y + z.z * a.z,
+    )
+
+
+@compiled(error_model="numpy", forceinline=True)
+def turned(q: Quaternion, turn: Quaternion, way: float) -> Quaternion:
+    """Return attitudes turned about their body axes, or turned back if way is -1."""
+    q1, q2, q3, q4 = q
+    a, b, c, d = way * turn[0], way * turn[1], way * turn[2], turn[3]
+    return (
+        q4 * a + q1 * d + q2 * c - q3 * b,
+        q4 * b + q2 * d + q3 * a - q1 * c,
+        q4 * c + q3 * d + q1 * b - q2 * a,
+        q4 * d - q1 * a - q2 * b - q3 * c,
+    )

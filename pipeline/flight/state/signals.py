@@ -2,9 +2,8 @@
 
 An input of a fuzzy system is named after the signal that it senses, its output after the force component
 that it commands; the controller's attribute ``force_axes`` says whether components are along the deputy's
-body axes or Hill's. The compiled flight (`pipeline.flight.period`) and the readable one
-(`pipeline.flight.reference`) keep signals and constants in arrays; `slot` and `constant` give the places
-there.
+body axes or Hill's. Flights (`pipeline.flight.period`) keep signals and constants in
+arrays; `slot` and `constant` give the places there.
 """
 
 from collections.abc import Iterable

@@ -3,9 +3,8 @@
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from pipeline.typing import Floats
 
 
 class Turns(NamedTuple):
@@ -22,20 +21,6 @@ class Turns(NamedTuple):
 
     attitudes: Floats
     torques: Floats
-
-    def attitude(self, period: int) -> Floats:
-        """Return the attitude of a control period, shape (4,), or (0,) if none is played."""
-        if not len(self.attitudes):
-            return np.zeros(0)
-        wanted: Floats = self.attitudes[min(period, len(self.attitudes) - 1)]
-        return wanted
-
-    def torque(self, period: int, most: float) -> Floats:
-        """Return the torque of a control period, each component at most `most`, or shape (0,) for none."""
-        if not len(self.torques):
-            return np.zeros(0)
-        beyond = period >= len(self.torques)
-        return np.zeros(3) if beyond else np.clip(self.torques[period], -most, most)
 
 
 #: turns of a deputy that aims its camera at the chief

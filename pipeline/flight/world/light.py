@@ -1,14 +1,12 @@
 """When the Sun shines on the chief, and whether light and camera are the paper's."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.flight.world.course import semi_major_axis
 from pipeline.physics.illumination import EARTH_RADIUS_M, sun_direction_h, visible_share
 from pipeline.physics.reflection import Reflection
 from pipeline.settings.experiment import Light, Mission, Orbit, SettingError
-
-Floats = NDArray[np.float64]
+from pipeline.typing import Floats
 
 RIGHT_ANGLE_DEG, STRAIGHT_ANGLE_DEG = 90.0, 180.0
 

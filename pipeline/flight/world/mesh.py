@@ -1,12 +1,10 @@
 """A triangle mesh from a file, and points spread over it; the only place that imports trimesh."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.settings.experiment import SettingError
 from pipeline.settings.places import conf_folder
-
-Floats = NDArray[np.float64]
+from pipeline.typing import Floats
 
 #: most triangles; beyond this, looking from every point in every direction takes minutes
 MOST_TRIANGLES = 20_000

@@ -24,8 +24,7 @@ from pipeline.physics.quaternion import dcm_b_from_h
 from pipeline.physics.rigid_body import tumble
 from pipeline.physics.sight import HEIGHT, NORMAL, NUM_SURFACE, SQUARE, Optics, sight_of
 from pipeline.settings.experiment import Mission
-
-Floats = NDArray[np.float64]
+from pipeline.typing import Floats
 
 
 def inspection_points(mission: Mission) -> Floats:

@@ -4,14 +4,12 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.flight.world.mesh import read_mesh, spread_points
 from pipeline.physics.inspection_points import fibonacci_placement, regular_placement
 from pipeline.physics.occlusion import Occlusion, nothing_hidden, occlusion_of
 from pipeline.settings.experiment import Chief, Mission, SettingError
-
-Floats = NDArray[np.float64]
+from pipeline.typing import Floats
 
 #: least visibility of an inspectable point: seen from a smaller share of all directions it lies in a crevice
 LEAST_FREE = 0.01

@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from pipeline.flight.state.log import FlightLog
 from pipeline.report.figures.style import BLUE, DOTS, GREEN, MUTED, VERMILION, grid
 from pipeline.settings.experiment import Mission
-
-Floats = NDArray[np.float64]
+from pipeline.typing import Floats
 
 AXIS_COLOURS = (BLUE, VERMILION, GREEN)
 AXIS_STYLES = ("-", (0, (5, 1.5)), (0, (1, 1)))

@@ -10,8 +10,7 @@ from matplotlib.ticker import FuncFormatter, MaxNLocator
 from numpy.typing import NDArray
 
 from pipeline.report.figures.style import BLUE, DOTS, MUTED, ORANGE, VERMILION
-
-Floats = NDArray[np.float64]
+from pipeline.typing import Floats
 
 #: columns of the logbook that are drawn
 HISTORY_COLUMNS = ("round", "best", "mean", "delta_v_m_s", "points", "outside", "short")

@@ -7,11 +7,9 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from pipeline.report.figures.style import BLUE, INK, MOST_POINTS, MUTED, VERMILION, grid
-
-Floats = NDArray[np.float64]
+from pipeline.typing import Floats
 
 METRICS = {
     "delta_v_m_s": "Δv (m/s)",

@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 
 from pipeline.report.figures.style import DOTS, MOST_POINTS, MUTED, PALETTE, PAPER
 from pipeline.settings.experiment import Mission
-
-Floats = NDArray[np.float64]
+from pipeline.typing import Floats
 
 HILL_AXES = ("radial i", "along-track j", "cross-track k")
 #: up to this many flights have colours of their own

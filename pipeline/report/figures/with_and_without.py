@@ -4,13 +4,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
-from numpy.typing import NDArray
 
 from pipeline.flight.state.log import FlightLog
 from pipeline.report.figures.style import BLUE, DOTS, GRID, MUTED, ORANGE, VERMILION
 from pipeline.settings.experiment import Mission
-
-Floats = NDArray[np.float64]
+from pipeline.typing import Floats
 
 #: the path is shown for so many control periods about its nearest (or farthest) sample
 MOST_SHOWN = 150

@@ -12,13 +12,11 @@ from typing import Any
 
 import numpy as np
 from deap import cma
-from numpy.typing import NDArray
 
 from pipeline.settings.experiment import Optimizer
 from pipeline.training.evolution.genetic import Individual
 from pipeline.training.evolution.state import State
-
-Floats = NDArray[np.float64]
+from pipeline.typing import Floats
 
 #: state that `deap.cma.Strategy` carries between generations; the rest follows from it
 CARRIED = ("centroid", "sigma", "C", "ps", "pc", "update_count")

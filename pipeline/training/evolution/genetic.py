@@ -16,13 +16,11 @@ from typing import cast
 import numpy as np
 from deap import base, tools
 from deap.tools import crossover, emo, mutation, selection
-from numpy.typing import NDArray
 
 from pipeline.settings.experiment import Optimizer
 from pipeline.training.evolution.mutation import adaptive_feasible_mutation
 from pipeline.training.evolution.state import State
-
-Floats = NDArray[np.float64]
+from pipeline.typing import Floats
 
 GENE_SWAP_PROBABILITY = 0.5
 

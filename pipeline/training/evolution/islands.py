@@ -10,15 +10,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.run.engine import Each
 from pipeline.settings.experiment import Optimizer
 from pipeline.training.evolution import generations
 from pipeline.training.evolution.generations import EvaluateForRound
 from pipeline.training.evolution.state import Generation, State
-
-Floats = NDArray[np.float64]
+from pipeline.typing import Floats
 
 #: key in a state's strategy
 STEPS = "island_step_sizes"

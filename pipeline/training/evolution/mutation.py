@@ -7,9 +7,8 @@ import math
 from typing import cast
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from pipeline.typing import Floats
 
 LARGEST_STEP = 1.0
 SMALLEST_STEP = math.sqrt(np.finfo(np.float64).eps)

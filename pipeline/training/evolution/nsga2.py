@@ -23,8 +23,7 @@ from pipeline.training.evolution.genetic import (
     scattered_crossover,
 )
 from pipeline.training.evolution.state import State
-
-Floats = NDArray[np.float64]
+from pipeline.typing import Floats
 
 #: prefix of the parts of the fitness that are objectives, to be minimised
 OBJECTIVE = "objective_"

@@ -14,7 +14,6 @@ from typing import Any, Protocol
 
 import numpy as np
 from deap import tools
-from numpy.typing import NDArray
 
 from pipeline.run.engine import crew
 from pipeline.settings.experiment import Engine, Optimizer
@@ -23,8 +22,7 @@ from pipeline.training.evolution.checkpoint import load, save
 from pipeline.training.evolution.generations import EvaluateForRound
 from pipeline.training.evolution.islands import Islands
 from pipeline.training.evolution.state import Generation, State
-
-Floats = NDArray[np.float64]
+from pipeline.typing import Floats
 
 #: called with the history so far, after each generation or, with islands, after each migration
 OnGeneration = Callable[[Sequence[Generation]], None]

@@ -22,7 +22,7 @@ HEAVY = [
     "rerun",
     "mcap",
     "skfuzzy",
-    "pipeline.flight.period.loop",
+    "pipeline.flight.fly.many",
 ]
 
 

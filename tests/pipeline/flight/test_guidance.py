@@ -2,6 +2,13 @@ from math import pi
 
 import numpy as np
 import pytest
+from pipeline.flight.reference.guidance import (
+    choose_centroid,
+    choose_cluster,
+    choose_cluster_sklearn,
+    cluster_memory,
+    relative_angle,
+)
 from scipy.spatial.transform import Rotation
 from sklearn.cluster import KMeans
 from threadpoolctl import ThreadpoolController
@@ -15,13 +22,6 @@ from pipeline.flight.period.look.guidance import (
     start_centres,
 )
 from pipeline.flight.period.look.guidance import POINTS as LOOKED_AT_TOGETHER
-from pipeline.flight.reference.guidance import (
-    choose_centroid,
-    choose_cluster,
-    choose_cluster_sklearn,
-    cluster_memory,
-    relative_angle,
-)
 from pipeline.physics.inspection_points import regular_placement
 from pipeline.physics.visibility import is_in_view
 

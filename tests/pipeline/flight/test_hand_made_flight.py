@@ -11,9 +11,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-
 from pipeline.flight.reference.channels import channels_of, forced
 from pipeline.flight.reference.loop import fly, inference_of
+
 from pipeline.flight.state.log import Scenario
 from pipeline.physics.inspection_points import regular_placement
 from tests.pipeline.flight.missions import IDEAL, MEAN_MOTION, PAPER

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.pipeline.flight.test_against_the_reference import fly_both
 
 from pipeline.flight.cases.cases import starts_of
 from pipeline.flight.control.controller import coast
@@ -14,7 +15,6 @@ from pipeline.flight.world.pack import inspection_points, pack_world
 from pipeline.settings.experiment import Light, Mission
 from tests.pipeline.flight.cases import SEEING, STARTS, assert_same, mission
 from tests.pipeline.flight.missions import IDEAL, MEAN_MOTION
-from tests.pipeline.flight.test_against_the_reference import fly_both
 
 POINTED = IDEAL.attitude
 SHADOW = Light(shadow="conical")

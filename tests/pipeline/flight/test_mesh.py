@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from tests.pipeline.flight.test_against_the_reference import fly_both
 
 from pipeline.flight.control.controller import coast
 from pipeline.flight.fly.simulation import fly_logged
@@ -15,7 +16,6 @@ from pipeline.physics.occlusion import EDGE_CELLS, cell_of, centre_of
 from pipeline.settings.experiment import Light, Mission, SettingError
 from tests.pipeline.flight.cases import SEEING, assert_same, mission
 from tests.pipeline.flight.missions import IDEAL
-from tests.pipeline.flight.test_against_the_reference import fly_both
 from tests.pipeline.flight.test_light_and_camera import SHADOW, TILTED
 
 pytestmark = pytest.mark.slow

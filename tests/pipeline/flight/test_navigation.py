@@ -4,22 +4,22 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from pipeline.flight.reference.navigation import Navigator
 from scipy.optimize import nnls
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
+from tests.pipeline.flight.test_against_the_reference import ASKEW, FIXES, REAL, VARYING
 
 from pipeline.command_line.config import compose_experiment
 from pipeline.flight.cases.actuators import layout_of, thrust_errors
 from pipeline.flight.cases.navigation import errors_of
 from pipeline.flight.control.controller import open_loop
 from pipeline.flight.fly.simulation import fly_all, fly_logged
-from pipeline.flight.reference.navigation import Navigator
 from pipeline.flight.state.log import FlightLog, Scenario
 from pipeline.physics.quaternion import dcm_b_from_h
 from pipeline.settings.experiment import Mission, SettingError
 from tests.pipeline.flight.cases import STARTS, STEERING, mission
 from tests.pipeline.flight.guarded import LAST_MOMENT
-from tests.pipeline.flight.test_against_the_reference import ASKEW, FIXES, REAL, VARYING
 
 #: thrusters that do as they are told, flown by the code of those that do not
 EXACT = REAL | {"scale_error": 0.0, "misalignment_deg": 0.0, "least_impulse_n_s": 0.0}

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy.stats import kstest, norm, truncnorm, uniform
+from tests.pipeline.flight.test_against_the_reference import FIXES, IDEAL, LOW_ORBIT, REAL, SIGHTED
 
 from pipeline.flight.cases.actuators import thrust_errors
 from pipeline.flight.cases.dispersions import groups_of, mission_of_case
@@ -17,7 +18,6 @@ from pipeline.flight.fly.simulation import fly_logged
 from pipeline.flight.state.log import Scenario
 from pipeline.settings.experiment import Mission
 from tests.pipeline.flight.cases import STARTS, mission
-from tests.pipeline.flight.test_against_the_reference import FIXES, IDEAL, LOW_ORBIT, REAL, SIGHTED
 
 NOISY = mission(navigation=FIXES, actuators=REAL, dynamics=LOW_ORBIT, duration_s=490.0)
 CASES = [Scenario(np.ones(3), np.zeros(3), 0.0, noise=(5, 0, case)) for case in range(2000)]

@@ -4,6 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from pipeline.flight.reference.channels import channels_of
+from pipeline.flight.reference.loop import fly, inference_of
+from pipeline.flight.reference.tour import tour_place
 
 from pipeline.command_line.config import compose_experiment
 from pipeline.flight.cases.cases import cases_of
@@ -19,9 +22,6 @@ from pipeline.flight.control.tours import IMAGES, tour_images
 from pipeline.flight.fly.population import fly_population
 from pipeline.flight.fly.rehearsals import rehearsed_openings
 from pipeline.flight.fly.simulation import fly_all, fly_logged
-from pipeline.flight.reference.channels import channels_of
-from pipeline.flight.reference.loop import fly, inference_of
-from pipeline.flight.reference.tour import tour_place
 from pipeline.flight.world.pack import pack_world
 from pipeline.training.genome import genome_of
 from pipeline.training.judging import fitness_from

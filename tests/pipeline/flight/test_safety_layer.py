@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from pipeline.flight.reference.safety import assured, excesses, safety_world_of
 from scipy.linalg import expm
 from scipy.optimize import minimize
 
 from pipeline.flight.control.controller import coast, open_loop
 from pipeline.flight.fly.simulation import fly_all, fly_logged
 from pipeline.flight.period.act.safety import guard_of, project
-from pipeline.flight.reference.safety import assured, excesses, safety_world_of
 from pipeline.flight.state.log import KEEP_IN, KEEP_OUT, PASSIVE_SAFETY, SPEED, Scenario
 from pipeline.physics.motion import propagate
 from pipeline.settings.experiment import Safety

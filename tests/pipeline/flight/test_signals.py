@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
+from pipeline.flight.reference.channels import channels_of
 
 from fis_tools.model import FuzzyController
 from pipeline.flight.control.controller import from_fuzzy, law_of
-from pipeline.flight.reference.channels import channels_of
 from pipeline.flight.state.signals import (
     ANGLES,
     APPROACH,

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from pipeline.flight.reference.world import turn_chief, world_of
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
@@ -11,7 +12,6 @@ from pipeline.flight.cases.cases import cases_of
 from pipeline.flight.control.controller import coast, law_of
 from pipeline.flight.fly.population import FlightError, fly_population
 from pipeline.flight.fly.simulation import fly_all, fly_logged
-from pipeline.flight.reference.world import turn_chief, world_of
 from pipeline.flight.state.log import Scenario
 from pipeline.flight.world.chief import num_chief_steps
 from pipeline.flight.world.pack import chief_attitudes, pack_world

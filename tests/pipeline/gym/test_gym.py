@@ -12,8 +12,8 @@ import telemetry
 from pipeline.controllers.source import load
 from pipeline.flight.cases.starts import evaluation_scenarios
 from pipeline.flight.fly.simulation import fly_logged
+from pipeline.flight.fly.stepped import CORRECTED, NUM_ACTED, NUM_CANDIDATES, NUM_INSPECTED, SPENT
 from pipeline.flight.fly.stepping import NUM_SEEN, OBSERVED, Flights
-from pipeline.flight.period.step import CORRECTED, NUM_ACTED, NUM_CANDIDATES, NUM_INSPECTED, SPENT
 from pipeline.flight.state.log import FlightLog
 from pipeline.gym import (
     InspectionEnv,

@@ -1,17 +1,25 @@
-"""Thrusters with errors, in lanes; the model is in `pipeline.flight.cases.actuators`."""
+"""From the deputies' commands to the forces that their thrusters fire; `pipeline.flight.cases.actuators`."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fis_tools.compiled.decorator import compiled
+from fis_tools.compiled.three import (
+    Three,
+    load_at,
+    load_three,
+    plus,
+    same,
+    scaled,
+    store_at,
+    store_three,
+    three_of,
+    write_lane,
+)
 from fis_tools.compiled.vectors import Vector, least, load, most, select, splat, store, width_of
-from pipeline.flight.period.look.sight import to_body, to_hill
-from pipeline.flight.state.arrays import Workspace, World
-from pipeline.flight.state.errors import Firing
-from pipeline.flight.state.lanes import clip, four, one, three, write_three
-from pipeline.flight.state.log import FlightLog
-
-Floats = NDArray[np.float64]
+from pipeline.flight.state.arrays import State, Workspace, World
+from pipeline.flight.state.errors import Firing, Fixes, ModelErrors
+from pipeline.flight.state.lanes import clip_three, four, one, to_body, to_hill, turned, write_four
+from pipeline.typing import Floats
 
 
 @compiled(error_model="numpy", forceinline=True)
@@ -21,98 +29,147 @@ def in_impulses(force: Vector, step: float, least: float) -> Vector:
     return select(abs(rounded) >= least, rounded, 0.0)
 
 
+@compiled(error_model="numpy", forceinline=True)
+def three_in_impulses(firing: Firing, force: Three) -> Three:
+    """Do so with each component."""
+    step, least = firing.step, firing.least
+    return Three(
+        in_impulses(force.x, step, least),
+        in_impulses(force.y, step, least),
+        in_impulses(force.z, step, least),
+    )
+
+
 @compiled(error_model="numpy")
-def note_errors(firing: Firing, work: Workspace, first: int, num_lanes: int, k: int) -> None:
+def note_command(firing: Firing, state: State, k: int, num_controls: int) -> None:
+    """Store the command of a sample for the period in which it acts, as the force of ideal thrusters."""
+    width, force = width_of(state.lanes), load_three(state.lanes.commanded, 0)
+    if firing.is_on and len(firing.table) == 0:
+        force = three_in_impulses(firing, force)
+    if k < firing.delay:
+        store_at(state.acting, k, same(0.0, width))
+    if k + firing.delay < num_controls:
+        store_at(state.acting, k + firing.delay, force)
+
+
+@compiled(error_model="numpy")
+def turn_with_body(world: World, fixes: Fixes, state: State, work: Workspace) -> None:
+    """Rotate thrust and aim by the error of the sensed attitude: thrusters turn with the true body."""
+    lanes, turn = state.lanes, four(state.estimate.turn)
+    meant = to_body(four(state.belief.attitude), load_three(lanes.force, 0))
+    force = to_hill(four(state.truth.attitude), meant)
+    store_three(lanes.force, 0, clip_three(force, world.max_force))
+    for j in range(world.num_attitude_steps):
+        attitude = work.aims[j].attitude
+        write_four(attitude, turned(four(attitude), turn, -1.0))
+
+
+@compiled(error_model="numpy")
+def note_errors(firing: Firing, state: State, first: int, num_lanes: int, k: int) -> None:
     """Store the thruster errors from now on of all lanes, which are flights from `first` on."""
-    width = width_of(work.lanes)
+    errors, lanes, width = state.thrusters.errors, state.lanes, width_of(state.lanes)
     for lane in range(width if k < firing.matrices.shape[1] else 0):
         case = first + min(lane, num_lanes - 1)
         for row in range(3):
             for column in range(3):
-                firing.lanes.errors[3 * row + column, lane] = firing.matrices[case, k, row, column]
-            if k == 0:
-                work.lanes.arm[row, lane], work.lanes.twist[row, lane] = firing.arms[case, row], 0.0
+                errors[3 * row + column, lane] = firing.matrices[case, k, row, column]
         if k == 0:
-            firing.lanes.mass[lane] = 1.0
+            write_lane(lanes.arm, 0, lane, three_of(firing.arms[case]))
+            write_lane(lanes.twist, 0, lane, Three(0.0, 0.0, 0.0))
+            state.thrusters.mass[lane] = 1.0
 
 
 @compiled(error_model="numpy")
-def fire(
-    world: World, firing: Firing, work: Workspace, first: int, num_lanes: int, k: int, log: FlightLog
-) -> None:
+def fire(world: World, firing: Firing, state: State, first: int, num_lanes: int, k: int) -> None:
     """Turn the commands of all lanes into the forces fired."""
-    width = width_of(work.lanes)
-    force = work.lanes.force
-    note_errors(firing, work, first, num_lanes, k)
-    for axis in range(3):
-        store(firing.commands, (k, axis, 0), load(force, axis, width))
-    fx, fy, fz = splat(0.0, width), splat(0.0, width), splat(0.0, width)
+    width, force = width_of(state.lanes), state.lanes.force
+    note_errors(firing, state, first, num_lanes, k)
+    store_at(state.commands, k, load_three(force, 0))
+    asked = same(0.0, width)
     if k >= firing.delay:
-        then = k - firing.delay
-        fx, fy = load(firing.commands, (then, 0, 0), width), load(firing.commands, (then, 1, 0), width)
-        fz = load(firing.commands, (then, 2, 0), width)
-    for axis in range(3):
-        turned = load(firing.lanes.errors, 3 * axis, width) * fx
-        turned += (
-            load(firing.lanes.errors, 3 * axis + 1, width) * fy
-            + load(firing.lanes.errors, 3 * axis + 2, width) * fz
-        )
-        if len(firing.table) == 0:
-            turned = clip(in_impulses(turned, firing.step, firing.least), world.max_force)
-        store(force, axis, select(one(firing.lanes.mass) > firing.dry, turned, 0.0))
+        asked = load_at(state.commands, k - firing.delay, width)
+    e = state.thrusters.errors
+    fired = Three(turned_row(e, 0, asked), turned_row(e, 3, asked), turned_row(e, 6, asked))
+    if len(firing.table) == 0:
+        fired = clip_three(three_in_impulses(firing, fired), world.max_force)
+    has_left = one(state.thrusters.mass) > firing.dry
+    store(force, 0, select(has_left, fired.x, 0.0))
+    store(force, 1, select(has_left, fired.y, 0.0))
+    store(force, 2, select(has_left, fired.z, 0.0))
     if len(firing.table) > 0:
-        divide(firing, work)
-    if len(log.position_m) > 0:
-        for axis in range(3):
-            log.force_hill_n[k, axis] = force[axis, 0]
+        divide(firing, state)
+
+
+@compiled(error_model="numpy", forceinline=True)
+def turned_row(errors: Floats, first: int, a: Three) -> Vector:
+    """Return a row of the matrix of errors, which begins at row `first` of its entries, times a vector."""
+    width = width_of(errors)
+    across = load(errors, first + 1, width) * a.y + load(errors, first + 2, width) * a.z
+    return load(errors, first, width) * a.x + across
 
 
 @compiled(error_model="numpy")
-def divide(firing: Firing, work: Workspace) -> None:
+def divide(firing: Firing, state: State) -> None:
     """Allocate forces to the thrusters of a layout, and let these fire."""
-    width = width_of(work.lanes)
-    lanes, layout, table, nothing = work.lanes, firing.layout, firing.table, splat(0.0, width)
-    q = four(lanes.attitude)
-    x, y, z = to_body(q, three(lanes.force))
+    width = width_of(state.lanes)
+    lanes, layout, table = state.lanes, firing.layout, firing.table
+    q = four(state.truth.attitude)
+    x, y, z = to_body(q, load_three(lanes.force, 0))
     share = splat(1.0, width)
     for i in range(len(table)):
         thrust = most(x, 0.0) * table[i, 0] + most(y, 0.0) * table[i, 1] + most(z, 0.0) * table[i, 2]
         thrust += most(-x, 0.0) * table[i, 3] + most(-y, 0.0) * table[i, 4] + most(-z, 0.0) * table[i, 5]
-        store(firing.thrust, (i, 0), thrust)
+        store(state.thrust, (i, 0), thrust)
         share = least(share, layout[i, 6] / most(thrust, layout[i, 6]))
-    fx, fy, fz, mx, my, mz = nothing, nothing, nothing, nothing, nothing, nothing
+    force, moment = same(0.0, width), same(0.0, width)
     for i in range(len(table)):
-        thrust = in_impulses(load(firing.thrust, (i, 0), width) * share, firing.step, firing.least)
-        store(firing.thrust, (i, 0), thrust)
-        fx, fy, fz = fx + layout[i, 0] * thrust, fy + layout[i, 1] * thrust, fz + layout[i, 2] * thrust
-        mx, my, mz = mx + layout[i, 3] * thrust, my + layout[i, 4] * thrust, mz + layout[i, 5] * thrust
-    write_three(lanes.force, 0, *to_hill(q, (fx, fy, fz)))
-    write_three(lanes.twist, 0, mx, my, mz)
+        thrust = in_impulses(load(state.thrust, (i, 0), width) * share, firing.step, firing.least)
+        store(state.thrust, (i, 0), thrust)
+        force = plus(force, scaled(thrust, three_of(layout[i])))
+        moment = plus(moment, scaled(thrust, three_of(layout[i, 3:])))
+    store_three(lanes.force, 0, to_hill(q, force))
+    store_three(lanes.twist, 0, moment)
 
 
 @compiled(error_model="numpy")
-def burn(world: World, firing: Firing, work: Workspace, k: int, log: FlightLog) -> None:
-    """Consume propellant, and scale forces to their equivalent with the mass at the start.
+def carry_out(
+    world: World, errors: ModelErrors, state: State, work: Workspace, first: int, num_lanes: int, k: int
+) -> None:
+    """Turn commands into forces fired, where the deputies' knowledge or their thrusters are not exact."""
+    fixes, firing = errors.fixes, errors.firing
+    if fixes.is_on:
+        note_command(firing, state, k, world.num_controls)
+        if fixes.of_attitude.shape[1] > 0:
+            turn_with_body(world, fixes, state, work)
+    if firing.is_on:
+        fire(world, firing, state, first, num_lanes, k)
 
-    Thrusters of a layout spend what they fire, which `spend` does not cover.
+
+@compiled(error_model="numpy")
+def burns(firing: Firing) -> bool:
+    """Return whether thrusters consume propellant, or spend otherwise than the force tells."""
+    return firing.is_on and (firing.exhaust_speed < np.inf or len(firing.table) > 0)
+
+
+@compiled(error_model="numpy")
+def burn(world: World, firing: Firing, state: State) -> Three:
+    """Consume propellant; return the forces that would accelerate the mass at the start as much, N.
+
+    Thrusters of a layout spend what they fire, which the force alone does not tell.
     """
-    width = width_of(work.lanes)
-    if firing.exhaust_speed == np.inf and len(firing.table) == 0:
-        return
-    lanes = work.lanes
-    fx, fy, fz = three(lanes.force)
-    along_axes = abs(fx) + abs(fy) + abs(fz)
+    lanes, force = state.lanes, load_three(state.lanes.force, 0)
+    if not burns(firing):
+        return force
+    along_axes = abs(force.x) + abs(force.y) + abs(force.z)
     fired = along_axes
     if len(firing.table) > 0:
-        fired = splat(0.0, width)
+        fired = splat(0.0, width_of(state.lanes))
         for i in range(len(firing.table)):
-            fired += load(firing.thrust, (i, 0), width)
+            fired += load(state.thrust, (i, 0), width_of(state.lanes))
     spent_per_force = world.control_period * world.acceleration_per_force
     used = fired * (spent_per_force / firing.exhaust_speed)
-    before = one(firing.lanes.mass)
+    before = one(state.thrusters.mass)
     per_mass = 1.0 / (before - 0.5 * used)
     store(lanes.spent, 0, one(lanes.spent) + (fired - along_axes) * (per_mass * spent_per_force))
-    write_three(lanes.force, 0, fx * per_mass, fy * per_mass, fz * per_mass)
-    store(firing.lanes.mass, 0, before - used)
-    if len(log.position_m) > 0:
-        log.mass_kg[k + 1] = firing.lanes.mass[0] / world.acceleration_per_force
+    store(state.thrusters.mass, 0, before - used)
+    return scaled(per_mass, force)

@@ -11,16 +11,27 @@ applications", Physics Reports 470, 2009), while the Hill frame turns by ``n h``
 from math import cos, sin, sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fis_tools.compiled.decorator import compiled
-from fis_tools.compiled.vectors import select, some, store
-from pipeline.flight.state.arrays import Workspace, World
-from pipeline.flight.state.lanes import clip, four, three, write_four, write_three
+from fis_tools.compiled.three import (
+    Three,
+    cross,
+    dot,
+    lane_of,
+    load_three,
+    minus,
+    plus,
+    scaled,
+    store_three,
+    three_of,
+    times,
+    write_lane,
+)
+from fis_tools.compiled.vectors import Vector, select, some, store
+from pipeline.flight.state.arrays import Plans, State, Workspace, World
+from pipeline.flight.state.lanes import Quaternion, clip_three, four, to_body, write_four
 from pipeline.flight.state.log import FlightLog
-from pipeline.physics.quaternion import dcm_b_from_h
-
-Floats = NDArray[np.float64]
+from pipeline.typing import Floats
 
 #: longest step of the attitude integrator, s
 LONGEST_STEP_S = 1.0
@@ -43,306 +54,221 @@ def half_angle_series(square: float) -> tuple[float, float]:
 
 
 @compiled(error_model="numpy", forceinline=True)
-def turn(
-    q1: float,
-    q2: float,
-    q3: float,
-    q4: float,
-    ax: float,
-    ay: float,
-    az: float,
-    s: float,
-    c: float,
-    hill_sin: float,
-    hill_cos: float,
-) -> tuple[float, float, float, float]:
+def turn(q: Quaternion, a: Three, s: Vector, c: Vector, hill_sin: float, hill_cos: float) -> Quaternion:
     """Turn an attitude by a rotation vector a in body axes while the Hill frame turns about k.
 
     s and c are ``sin(|a|/2)/|a|`` and ``cos(|a|/2)``. Written so that the products do not wait for them: this
     is the longest dependency chain of operations in a flight.
     """
+    q1, q2, q3, q4 = q
     p1 = hill_cos * q1 + hill_sin * q2
     p2 = hill_cos * q2 - hill_sin * q1
     p3 = hill_cos * q3 - hill_sin * q4
     p4 = hill_cos * q4 + hill_sin * q3
     return (
-        c * p1 + s * (p4 * ax + (p2 * az - p3 * ay)),
-        c * p2 + s * (p4 * ay + (p3 * ax - p1 * az)),
-        c * p3 + s * (p4 * az + (p1 * ay - p2 * ax)),
-        c * p4 - s * (p1 * ax + (p2 * ay + p3 * az)),
+        c * p1 + s * (p4 * a.x + (p2 * a.z - p3 * a.y)),
+        c * p2 + s * (p4 * a.y + (p3 * a.x - p1 * a.z)),
+        c * p3 + s * (p4 * a.z + (p1 * a.y - p2 * a.x)),
+        c * p4 - s * (p1 * a.x + (p2 * a.y + p3 * a.z)),
     )
 
 
 @compiled(error_model="numpy", forceinline=True)
-def times3(m: Floats, x: float, y: float, z: float) -> tuple[float, float, float]:
-    """Return a 3x3 matrix times a vector."""
-    return (
-        m[0, 0] * x + m[0, 1] * y + m[0, 2] * z,
-        m[1, 0] * x + m[1, 1] * y + m[1, 2] * z,
-        m[2, 0] * x + m[2, 1] * y + m[2, 2] * z,
-    )
-
-
-@compiled(error_model="numpy", forceinline=True)
-def euler(
-    inertia: Floats, inverse: Floats, wx: float, wy: float, wz: float, tx: float, ty: float, tz: float
-) -> tuple[float, float, float]:
+def euler(world: World, rate: Three, torque: Three) -> Three:
     """Return the rate of change of an inertial rate in body axes (Euler's equation)."""
-    hx, hy, hz = times3(inertia, wx, wy, wz)
-    return times3(inverse, tx - (wy * hz - wz * hy), ty - (wz * hx - wx * hz), tz - (wx * hy - wy * hx))
+    return times(world.inverse_inertia, minus(torque, cross(rate, times(world.inertia, rate))))
 
 
 @compiled(error_model="numpy")
-def spin(
-    inertia: Floats,
-    inverse: Floats,
-    wx: float,
-    wy: float,
-    wz: float,
-    tx: float,
-    ty: float,
-    tz: float,
-    h: float,
-) -> tuple[float, float, float, float, float, float]:
+def spin(world: World, w: Three, torque: Three, h: float) -> tuple[Three, Three]:
     """Integrate Euler's equation over one step by the classical Runge-Kutta method.
 
     Returns the new rate and the rotation vector of the step.
     """
-    ax, ay, az = euler(inertia, inverse, wx, wy, wz, tx, ty, tz)
-    k = 0.5 * h
-    bx, by, bz = euler(inertia, inverse, wx + k * ax, wy + k * ay, wz + k * az, tx, ty, tz)
-    cx, cy, cz = euler(inertia, inverse, wx + k * bx, wy + k * by, wz + k * bz, tx, ty, tz)
-    dx, dy, dz = euler(inertia, inverse, wx + h * cx, wy + h * cy, wz + h * cz, tx, ty, tz)
-    k = h / 6.0
-    ux = wx + k * (ax + 2.0 * (bx + cx) + dx)
-    uy = wy + k * (ay + 2.0 * (by + cy) + dy)
-    uz = wz + k * (az + 2.0 * (bz + cz) + dz)
-    ex, ey, ez = euler(inertia, inverse, ux, uy, uz, tx, ty, tz)
+    a = euler(world, w, torque)
+    b = euler(world, plus(w, scaled(0.5 * h, a)), torque)
+    c = euler(world, plus(w, scaled(0.5 * h, b)), torque)
+    d = euler(world, plus(w, scaled(h, c)), torque)
+    u = plus(w, scaled(h / 6.0, plus(plus(a, scaled(2.0, plus(b, c))), d)))
+    e = euler(world, u, torque)
     # Simpson's rule with the midpoint by Hermite's formula, then the commutator of the Magnus expansion
     half, twelfth = 0.5 * h, h * h / 12.0
-    theta_x = half * (wx + ux) + twelfth * (ax - ex + wy * uz - wz * uy)
-    theta_y = half * (wy + uy) + twelfth * (ay - ey + wz * ux - wx * uz)
-    theta_z = half * (wz + uz) + twelfth * (az - ez + wx * uy - wy * ux)
-    return ux, uy, uz, theta_x, theta_y, theta_z
+    theta = Three(
+        half * (w.x + u.x) + twelfth * (a.x - e.x + w.y * u.z - w.z * u.y),
+        half * (w.y + u.y) + twelfth * (a.y - e.y + w.z * u.x - w.x * u.z),
+        half * (w.z + u.z) + twelfth * (a.z - e.z + w.x * u.y - w.y * u.x),
+    )
+    return u, theta
 
 
 @compiled(error_model="numpy")
-def turn_body(
-    world: World,
-    q1: float,
-    q2: float,
-    q3: float,
-    q4: float,
-    wx: float,
-    wy: float,
-    wz: float,
-    mx: float,
-    my: float,
-    mz: float,
-) -> tuple[float, float, float, float, float, float, float]:
+def turn_body(world: World, q: Quaternion, rate: Three, torque: Three) -> tuple[Quaternion, Three]:
     """Turn a body of any inertia under a held torque for one attitude period."""
     steps = int(np.ceil(world.attitude_period / LONGEST_STEP_S - 1e-9))
-    if wx * wx + wy * wy + wz * wz > FAST_RATE * FAST_RATE:
+    if dot(rate, rate) > FAST_RATE * FAST_RATE:
         steps *= 2
     h = world.attitude_period / steps
     hill_sin, hill_cos = sin(0.5 * world.mean_motion * h), cos(0.5 * world.mean_motion * h)
     for _ in range(steps):
-        wx, wy, wz, ax, ay, az = spin(world.inertia, world.inverse_inertia, wx, wy, wz, mx, my, mz, h)
-        square = ax * ax + ay * ay + az * az
+        rate, a = spin(world, rate, torque, h)
+        square = dot(a, a)
         sine, cosine = half_angle_series(square)
         if square > LARGEST_SQUARE:
             angle = sqrt(square)
             sine, cosine = sin(0.5 * angle) / angle, cos(0.5 * angle)
-        q1, q2, q3, q4 = turn(q1, q2, q3, q4, ax, ay, az, sine, cosine, hill_sin, hill_cos)
-    return q1, q2, q3, q4, wx, wy, wz
+        q = turn(q, a, sine, cosine, hill_sin, hill_cos)
+    return q, rate
 
 
 @compiled(error_model="numpy", forceinline=True)
 def turn_ball(
-    q1: float,
-    q2: float,
-    q3: float,
-    q4: float,
-    wx: float,
-    wy: float,
-    wz: float,
-    mx: float,
-    my: float,
-    mz: float,
-    h: float,
-    inverse_inertia: float,
-    hill_sin: float,
-    hill_cos: float,
-) -> tuple[float, float, float, float, float, float, float]:
+    q: Quaternion, w: Three, m: Three, h: float, inverse_inertia: float, hill_sin: float, hill_cos: float
+) -> tuple[Quaternion, Three]:
     """Turn a body of spherical inertia under a held torque in one small step: its rate is linear in time."""
     step = h * inverse_inertia
     half, twelfth = 0.5 * h * step, h * h * step / 12.0
-    ax = h * wx + half * mx + twelfth * (wy * mz - wz * my)
-    ay = h * wy + half * my + twelfth * (wz * mx - wx * mz)
-    az = h * wz + half * mz + twelfth * (wx * my - wy * mx)
-    sine, cosine = half_angle_series(ax * ax + ay * ay + az * az)
-    q1, q2, q3, q4 = turn(q1, q2, q3, q4, ax, ay, az, sine, cosine, hill_sin, hill_cos)
-    return q1, q2, q3, q4, wx + step * mx, wy + step * my, wz + step * mz
+    a = plus(plus(scaled(h, w), scaled(half, m)), scaled(twelfth, cross(w, m)))
+    sine, cosine = half_angle_series(dot(a, a))
+    return turn(q, a, sine, cosine, hill_sin, hill_cos), plus(w, scaled(step, m))
 
 
 @compiled(error_model="numpy", forceinline=True)
-def error_and_rate(
-    q1: float,
-    q2: float,
-    q3: float,
-    q4: float,
-    a1: float,
-    a2: float,
-    a3: float,
-    a4: float,
-    wx: float,
-    wy: float,
-    wz: float,
-    n: float,
-) -> tuple[float, float, float, float, float, float]:
-    """Return the attitude's error from the desired one, and the rate relative to Hill, both in body axes."""
+def error_of(q: Quaternion, aim: Quaternion) -> Three:
+    """Return the error of an attitude from the desired one, body axes."""
+    q1, q2, q3, q4 = q
+    a1, a2, a3, a4 = aim
     sign = a4 * q4 + (a1 * q1 + a2 * q2 + a3 * q3)
     sign = select(sign >= 0.0, 1.0, -1.0)
-    e1 = sign * (a4 * q1 - q4 * a1 - (a2 * q3 - a3 * q2))
-    e2 = sign * (a4 * q2 - q4 * a2 - (a3 * q1 - a1 * q3))
-    e3 = sign * (a4 * q3 - q4 * a3 - (a1 * q2 - a2 * q1))
-    ux = wx - n * 2 * (q1 * q3 - q2 * q4)
-    uy = wy - n * 2 * (q2 * q3 + q1 * q4)
-    uz = wz - n * (-q1 * q1 - q2 * q2 + q3 * q3 + q4 * q4)
-    return e1, e2, e3, ux, uy, uz
+    return Three(
+        sign * (a4 * q1 - q4 * a1 - (a2 * q3 - a3 * q2)),
+        sign * (a4 * q2 - q4 * a2 - (a3 * q1 - a1 * q3)),
+        sign * (a4 * q3 - q4 * a3 - (a1 * q2 - a2 * q1)),
+    )
 
 
 @compiled(error_model="numpy", forceinline=True)
-def turn_balls(world: World, work: Workspace) -> None:
+def relative_rate(q: Quaternion, rate: Three, n: float) -> Three:
+    """Return the rate relative to Hill of a body with an inertial rate, rad/s, body axes."""
+    q1, q2, q3, q4 = q
+    return Three(
+        rate.x - n * 2 * (q1 * q3 - q2 * q4),
+        rate.y - n * 2 * (q2 * q3 + q1 * q4),
+        rate.z - n * (-q1 * q1 - q2 * q2 + q3 * q3 + q4 * q4),
+    )
+
+
+@compiled(error_model="numpy", forceinline=True)
+def turn_balls(world: World, state: State, work: Workspace) -> None:
     """Turn all lanes over a control period, for spherical inertias and slow rotation."""
-    lanes, n, h = work.lanes, world.mean_motion, world.attitude_period
+    n, h = world.mean_motion, world.attitude_period
     hill_sin, hill_cos = sin(0.5 * n * h), cos(0.5 * n * h)
-    kp, kd, inverse_inertia = (
-        world.proportional_gain[0, 0],
-        world.derivative_gain[0, 0],
-        world.inverse_inertia[0, 0],
-    )
-    q1, q2, q3, q4 = four(lanes.attitude)
-    wx, wy, wz = three(lanes.rate)
+    kp, kd = world.proportional_gain[0, 0], world.derivative_gain[0, 0]
+    q, rate = four(state.truth.attitude), load_three(state.truth.rate, 0)
     for j in range(world.num_attitude_steps):
-        write_four(work.passed[j].attitude, q1, q2, q3, q4)
-        write_three(work.passed[j].rate, 0, wx, wy, wz)
-        a1, a2, a3, a4 = four(work.aims[j].attitude)
-        e1, e2, e3, ux, uy, uz = error_and_rate(q1, q2, q3, q4, a1, a2, a3, a4, wx, wy, wz, n)
-        mx = clip(-kp * e1 - kd * ux, world.max_torque)
-        my = clip(-kp * e2 - kd * uy, world.max_torque)
-        mz = clip(-kp * e3 - kd * uz, world.max_torque)
-        q1, q2, q3, q4, wx, wy, wz = turn_ball(
-            q1, q2, q3, q4, wx, wy, wz, mx, my, mz, h, inverse_inertia, hill_sin, hill_cos
-        )
-    write_four(lanes.attitude, q1, q2, q3, q4)
-    write_three(lanes.rate, 0, wx, wy, wz)
+        write_four(work.passed[j].attitude, q)
+        store_three(work.passed[j].rate, 0, rate)
+        e, u = error_of(q, four(work.aims[j].attitude)), relative_rate(q, rate, n)
+        torque = Three(-kp * e.x - kd * u.x, -kp * e.y - kd * u.y, -kp * e.z - kd * u.z)
+        torque = clip_three(torque, world.max_torque)
+        q, rate = turn_ball(q, rate, torque, h, world.inverse_inertia[0, 0], hill_sin, hill_cos)
+    write_four(state.truth.attitude, q)
+    store_three(state.truth.rate, 0, rate)
+
+
+@compiled(error_model="numpy", forceinline=True)
+def attitude_of(rows: Floats, lane: int) -> Quaternion:
+    """Return the attitude of one lane."""
+    return rows[0, lane], rows[1, lane], rows[2, lane], rows[3, lane]
+
+
+@compiled(error_model="numpy", forceinline=True)
+def write_attitude(rows: Floats, lane: int, q: Quaternion) -> None:
+    """Write the attitude of one lane."""
+    rows[0, lane], rows[1, lane], rows[2, lane], rows[3, lane] = q
 
 
 @compiled(error_model="numpy")
-def turn_any(world: World, work: Workspace, lane: int) -> None:
+def turn_any(world: World, plans: Plans, state: State, work: Workspace, lane: int, k: int) -> None:
     """Turn one lane over a control period, for any inertia and rate, from its first row of `passed`."""
-    state, start = np.empty(7), work.passed[0]
-    for component in range(4):
-        state[component] = start.attitude[component, lane]
-    for component in range(3):
-        state[4 + component] = start.rate[component, lane]
+    q, rate = attitude_of(work.passed[0].attitude, lane), lane_of(work.passed[0].rate, 0, lane)
     for j in range(world.num_attitude_steps):
-        for component in range(4):
-            work.passed[j].attitude[component, lane] = state[component]
-        for component in range(3):
-            work.passed[j].rate[component, lane] = state[4 + component]
-        mx, my, mz, _, _, _ = torque_at(world, work, lane, j)
+        write_attitude(work.passed[j].attitude, lane, q)
+        write_lane(work.passed[j].rate, 0, lane, rate)
+        torque = torque_at(world, plans, work, lane, j, k)
         if world.turns_by_thrust:
-            ax, ay, az = thrust_torque(work, lane, state)
-            mx, my, mz = mx + ax, my + ay, mz + az
-        state[0], state[1], state[2], state[3], state[4], state[5], state[6] = turn_body(
-            world, state[0], state[1], state[2], state[3], state[4], state[5], state[6], mx, my, mz
-        )
-    for component in range(4):
-        work.lanes.attitude[component, lane] = state[component]
-    for component in range(3):
-        work.lanes.rate[component, lane] = state[4 + component]
+            torque = plus(torque, thrust_torque(state, lane, q))
+        q, rate = turn_body(world, q, rate, torque)
+    write_attitude(state.truth.attitude, lane, q)
+    write_lane(state.truth.rate, 0, lane, rate)
 
 
 @compiled(error_model="numpy")
-def thrust_torque(work: Workspace, lane: int, attitude: Floats) -> tuple[float, float, float]:
+def thrust_torque(state: State, lane: int, q: Quaternion) -> Three:
     """Return the torque of a lane's thrust at an attitude, N m, body axes: ``arm x C f`` and the twist."""
-    arm, twist, force = work.lanes.arm, work.lanes.twist, work.lanes.force
-    fx, fy, fz = times3(dcm_b_from_h(attitude[:4]), force[0, lane], force[1, lane], force[2, lane])
-    x, y, z = arm[0, lane], arm[1, lane], arm[2, lane]
-    return (
-        y * fz - z * fy + twist[0, lane],
-        z * fx - x * fz + twist[1, lane],
-        x * fy - y * fx + twist[2, lane],
-    )
+    lanes = state.lanes
+    force = to_body(q, lane_of(lanes.force, 0, lane))
+    return plus(cross(lane_of(lanes.arm, 0, lane), force), lane_of(lanes.twist, 0, lane))
 
 
 @compiled(error_model="numpy")
-def torque_at(
-    world: World, work: Workspace, lane: int, instant: int
-) -> tuple[float, float, float, float, float, float]:
-    """Return one lane's torque at an instant already passed, N m, and its rate relative to Hill, rad/s."""
-    q, aim, w = work.passed[instant].attitude, work.aims[instant].attitude, work.passed[instant].rate
-    e1, e2, e3, ux, uy, uz = error_and_rate(
-        q[0, lane],
-        q[1, lane],
-        q[2, lane],
-        q[3, lane],
-        aim[0, lane],
-        aim[1, lane],
-        aim[2, lane],
-        aim[3, lane],
-        w[0, lane],
-        w[1, lane],
-        w[2, lane],
-        world.mean_motion,
-    )
-    px, py, pz = times3(world.proportional_gain, e1, e2, e3)
-    dx, dy, dz = times3(world.derivative_gain, ux, uy, uz)
-    limit = world.max_torque
-    return clip(-px - dx, limit), clip(-py - dy, limit), clip(-pz - dz, limit), ux, uy, uz
+def torque_at(world: World, plans: Plans, work: Workspace, lane: int, instant: int, k: int) -> Three:
+    """Return one lane's torque at an instant already passed of the period after sample k, N m.
+
+    That of the attitude law, or the one that is played; none is after the last of those.
+    """
+    if len(plans.torques) > 0:
+        played = Three(0.0, 0.0, 0.0)
+        if k < len(plans.torques):
+            played = clip_three(three_of(plans.torques[k]), world.max_torque)
+        return played
+    passed = work.passed[instant]
+    q = attitude_of(passed.attitude, lane)
+    e = error_of(q, attitude_of(work.aims[instant].attitude, lane))
+    u = relative_rate(q, lane_of(passed.rate, 0, lane), world.mean_motion)
+    p, d = times(world.proportional_gain, e), times(world.derivative_gain, u)
+    return clip_three(Three(-p.x - d.x, -p.y - d.y, -p.z - d.z), world.max_torque)
 
 
 @compiled(error_model="numpy")
-def write_instants(world: World, work: Workspace, log: FlightLog, k: int) -> None:
+def write_instants(world: World, plans: Plans, work: Workspace, log: FlightLog, k: int) -> None:
     """Log attitudes, rates and torques of lane 0 at the instants of the attitude clock."""
     for j in range(world.num_attitude_steps):
+        attitude = work.aims[j].attitude if world.is_attitude_ideal else work.passed[j].attitude
         for component in range(4):
-            if world.is_attitude_ideal:
-                log.attitude_quaternion[k, j, component] = work.aims[j].attitude[component, 0]
-            else:
-                log.attitude_quaternion[k, j, component] = work.passed[j].attitude[component, 0]
+            log.attitude_quaternion[k, j, component] = attitude[component, 0]
         if not world.is_attitude_ideal:
-            torques = torque_at(world, work, 0, j)
+            torque = torque_at(world, plans, work, 0, j, k)
+            passed = work.passed[j]
+            rate = relative_rate(
+                attitude_of(passed.attitude, 0), lane_of(passed.rate, 0, 0), world.mean_motion
+            )
             for component in range(3):
-                log.torque_b_n_m[k, j, component] = torques[component]
-                log.attitude_rate_b_rad_s[k, j, component] = torques[3 + component]
+                log.torque_b_n_m[k, j, component] = torque[component]
+                log.attitude_rate_b_rad_s[k, j, component] = rate[component]
 
 
 @compiled(error_model="numpy", forceinline=True)
-def turn_deputies(world: World, work: Workspace, num_lanes: int) -> None:
+def turn_deputies(world: World, plans: Plans, state: State, work: Workspace, num_lanes: int, k: int) -> None:
     """Turn all lanes over the control period that they are aimed for."""
-    lanes, h = work.lanes, world.attitude_period
-    wx, wy, wz = three(lanes.rate)
+    lanes, truth, h = state.lanes, state.truth, world.attitude_period
+    rate = load_three(truth.rate, 0)
     # lanes that might turn too far for the series within this period take the general method
     gained = world.control_period * sqrt(3.0) * world.max_torque * world.inverse_inertia[0, 0]
     is_one_step_of_a_ball = world.is_spherical and h <= LONGEST_STEP_S * (1.0 + 1e-9)
-    is_one_step_of_a_ball = is_one_step_of_a_ball and not world.turns_by_thrust
+    is_one_step_of_a_ball = is_one_step_of_a_ball and not (world.turns_by_thrust or len(plans.torques) > 0)
     slow = max(0.0, sqrt(LARGEST_SQUARE) / h - gained) if is_one_step_of_a_ball else 0.0
-    is_fast = wx * wx + wy * wy + wz * wz >= slow * slow
+    is_fast = dot(rate, rate) >= slow * slow
     store(lanes.turns_fast, 0, select(is_fast, 1.0, 0.0))
     if slow > 0.0:
-        turn_balls(world, work)
+        turn_balls(world, state, work)
     else:
-        q1, q2, q3, q4 = four(lanes.attitude)
-        write_four(work.passed[0].attitude, q1, q2, q3, q4)
-        write_three(work.passed[0].rate, 0, wx, wy, wz)
+        write_four(work.passed[0].attitude, four(truth.attitude))
+        store_three(work.passed[0].rate, 0, rate)
     if some(is_fast):
         for lane in range(num_lanes):
             if lanes.turns_fast[lane] > 0.0:
-                turn_any(world, work, lane)
+                turn_any(world, plans, state, work, lane, k)
     # exponentials keep the norm except for rounding
-    q1, q2, q3, q4 = four(lanes.attitude)
+    q1, q2, q3, q4 = four(truth.attitude)
     scale = 1.5 - 0.5 * (q1 * q1 + q2 * q2 + q3 * q3 + q4 * q4)
-    write_four(lanes.attitude, q1 * scale, q2 * scale, q3 * scale, q4 * scale)
+    write_four(truth.attitude, (q1 * scale, q2 * scale, q3 * scale, q4 * scale))

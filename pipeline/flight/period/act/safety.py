@@ -23,21 +23,18 @@ Two more limits act early, while a small force is enough. They yield to those ab
 - *passive safety*: free drift from s stays outside the keep-out sphere at all samples of a horizon
   (Breger and How, "Safe trajectories for autonomous rendezvous of spacecraft", J. Guidance 31, 2008);
 - free drift from s stays inside the keep-in sphere at all samples of another.
-
-Plain version in `pipeline.flight.reference.safety`.
 """
 
-from math import ceil, sqrt
+from math import ceil
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fis_tools.compiled.decorator import compiled
+from fis_tools.compiled.three import Three, dot, length, load_three, scaled, store_three, three_of
 from fis_tools.compiled.vectors import least, most, select, some, splat, store, width_of
-from pipeline.flight.state.arrays import Guard, Workspace, World
-from pipeline.flight.state.lanes import three
-from pipeline.flight.state.log import KEEP_IN, KEEP_OUT, PASSIVE_SAFETY, SAFE, SPEED, FlightLog
+from pipeline.flight.state.arrays import Guard, State, Workspace, World
+from pipeline.flight.state.log import KEEP_IN, KEEP_OUT, PASSIVE_SAFETY, SAFE, SPEED
 from pipeline.physics.motion import (
     Motion,
     drift,
@@ -56,11 +53,11 @@ from pipeline.physics.motion import (
     velocity_after,
 )
 from pipeline.physics.vectors import assign
+from pipeline.typing import Floats
 
 if TYPE_CHECKING:  # as in `pipeline.flight.period.look.guidance`
     from pipeline.settings.experiment import Mission
 
-Floats = NDArray[np.float64]
 
 #: rows of `Guard.places` whose limits are never given up: at the next sample, and stopped from there
 STANDING = 2
@@ -77,27 +74,24 @@ HALVINGS = 30
 
 
 @compiled(error_model="numpy")
-def look_ahead(world: World, work: Workspace) -> bool:
+def look_ahead(world: World, state: State) -> bool:
     """Mark the lanes whose forces may lead to an unsafe state; return whether there are any."""
-    width = width_of(work.lanes)
-    guard, lanes, step = world.guard, work.lanes, step_of(world.motion, 0)
-    rx, ry, rz = three(lanes.position)
-    vx, vy, vz = three(lanes.velocity)
-    fx, fy, fz = three(lanes.force)
-    x, y, z = place_after(step, rx, ry, rz, vx, vy, vz, fx, fy, fz)
-    u, v, w = velocity_after(step, rx, rz, vx, vy, vz, fx, fy, fz)
-    speed, distance = np.sqrt(u * u + v * v + w * w), np.sqrt(x * x + y * y + z * z)
-    stop_x, stop_y, stop_z = stopping_forces(guard.stop, x, z, u, v, w)
-    braking = most(most(abs(stop_x), abs(stop_z)), abs(stop_y))
+    guard, lanes, belief, step = world.guard, state.lanes, state.belief, step_of(world.motion, 0)
+    width = width_of(lanes)
+    place, velocity = load_three(belief.position, 0), load_three(belief.velocity, 0)
+    force = load_three(lanes.commanded, 0)
+    then, moving = place_after(step, place, velocity, force), velocity_after(step, place, velocity, force)
+    stop = stopping_forces(guard.stop, then, moving)
+    braking = most(most(abs(stop.x), abs(stop.z)), abs(stop.y))
     closest, reach = splat(np.inf, width), splat(0.0, width)
     for row in range(len(guard.places.transition)):
-        px, py, pz = drifted_place(place_of(guard.places, row), x, y, z, u, v, w)
-        square = px * px + py * py + pz * pz
+        passed = drifted_place(place_of(guard.places, row), then, moving)
+        square = dot(passed, passed)
         if row < guard.num_kept_out:
             closest = least(square, closest)
         if row < guard.num_kept_in:
             reach = most(square, reach)
-    is_unsafe = speed - guard.speed_at_chief - guard.speed_slope * distance > 0.0
+    is_unsafe = length(moving) - guard.speed_at_chief - guard.speed_slope * length(then) > 0.0
     is_unsafe |= braking > guard.braking_force
     is_unsafe |= (closest < guard.keep_out**2) | (reach > guard.keep_in**2)
     store(lanes.is_unsafe, 0, select(is_unsafe, 1.0, 0.0))
@@ -105,22 +99,15 @@ def look_ahead(world: World, work: Workspace) -> bool:
 
 
 @compiled(error_model="numpy")
-def position(places: Motion, row: int, state: Floats) -> tuple[float, float, float]:
-    """Return the position that a state leads to by a row of places."""
-    place = place_of(places, row)
-    return drifted_place(place, state[0], state[1], state[2], state[3], state[4], state[5])
+def position(places: Motion, row: int, state: Floats) -> Three:
+    """Return the position that a state, shape (6,), leads to by a row of places."""
+    return drifted_place(place_of(places, row), three_of(state[:3]), three_of(state[3:]))
 
 
 @compiled(error_model="numpy")
 def lead(world: World, free: Floats, force: Floats, ahead: Floats) -> None:
     """Write the next state under a force, from the next state without it."""
     push(world.motion, free, force, ahead)
-
-
-@compiled(error_model="numpy")
-def length(a: float, b: float, c: float) -> float:
-    """Return the length of a vector."""
-    return sqrt(a * a + b * b + c * c)
 
 
 @compiled(error_model="numpy")
@@ -132,8 +119,7 @@ def most_exceeded(world: World, ahead: Floats, num_places: int) -> tuple[int, in
     guard = world.guard
     limit, place, excess = SAFE, 0, 0.0
     for row in range(num_places):
-        x, y, z = position(guard.places, row, ahead)
-        distance = length(x, y, z)
+        distance = length(position(guard.places, row, ahead))
         if row < guard.num_kept_out and guard.keep_out - distance > excess:
             limit, place, excess = (
                 (KEEP_OUT if row < STANDING else PASSIVE_SAFETY),
@@ -142,8 +128,8 @@ def most_exceeded(world: World, ahead: Floats, num_places: int) -> tuple[int, in
             )
         if row < guard.num_kept_in and distance - guard.keep_in > excess:
             limit, place, excess = KEEP_IN, row, distance - guard.keep_in
-    fastest = guard.speed_at_chief + guard.speed_slope * length(ahead[0], ahead[1], ahead[2])
-    over = world.control_period * (length(ahead[3], ahead[4], ahead[5]) - fastest)
+    fastest = guard.speed_at_chief + guard.speed_slope * length(three_of(ahead[:3]))
+    over = world.control_period * (length(three_of(ahead[3:])) - fastest)
     if over > excess:
         limit, place, excess = SPEED, 0, over
     for axis in range(3):
@@ -170,21 +156,22 @@ def cut(world: World, free: Floats, ahead: Floats, limit: int, place: int, half_
         level = SLACK / world.motion.control[0, 2, 2] - guard.braking_force
         level -= sign * stopping_force(guard.stop, place - 1, nothing)
     elif limit == SPEED:
-        speed = length(ahead[3], ahead[4], ahead[5])
-        distance = length(ahead[0], ahead[1], ahead[2])
+        speed = length(three_of(ahead[3:]))
+        distance = length(three_of(ahead[:3]))
         for i in range(3):
             l[i] = guard.speed_slope * ahead[i] / distance
             l[3 + i] = -ahead[3 + i] / speed
         level = SLACK / world.control_period - guard.speed_at_chief
     else:
-        x, y, z = position(guard.places, place, ahead)
-        scale = (-1.0 if limit == KEEP_IN else 1.0) / max(length(x, y, z), TOLERANCE)
-        x, y, z = scale * x, scale * y, scale * z
-        l[0], l[1], l[2], l[3], l[4], l[5] = slopes(place_of(guard.places, place), x, y, z)
+        outward = position(guard.places, place, ahead)
+        scale = (-1.0 if limit == KEEP_IN else 1.0) / max(length(outward), TOLERANCE)
+        outward = scaled(scale, outward)
+        of_position, of_velocity = slopes(place_of(guard.places, place), outward)
+        l[0], l[1], l[2] = of_position
+        l[3], l[4], l[5] = of_velocity
         level = SLACK if place < STANDING else EARLY_SLACK
         level += -guard.keep_in if limit == KEEP_IN else guard.keep_out
-        px, py, pz = position(guard.places, place, nothing)
-        level -= px * x + py * y + pz * z
+        level -= dot(position(guard.places, place, nothing), outward)
     half_space[3] = level
     for i in range(6):
         half_space[3] -= l[i] * free[i]
@@ -303,30 +290,31 @@ def correct(world: World, state: Floats, asked: Floats, cuts: Floats, force: Flo
 
 
 @compiled(error_model="numpy")
-def assure(world: World, work: Workspace, num_lanes: int, log: FlightLog, k: int) -> None:
-    """Correct the forces of all lanes that are not safe; the others stay bit-identical."""
-    lanes = work.lanes
-    if not look_ahead(world, work):
+def assure(world: World, state: State, work: Workspace, num_lanes: int) -> None:
+    """Correct the commands of all lanes that are not safe; the others stay bit-identical."""
+    lanes, belief = state.lanes, state.belief
+    nothing = splat(0.0, width_of(lanes))
+    store(lanes.limit, 0, nothing)
+    store_three(lanes.change, 0, Three(nothing, nothing, nothing))
+    if not look_ahead(world, state):
         return
-    state, asked, force = np.empty(6), np.empty(3), np.empty(3)
+    known, asked, force = np.empty(6), np.empty(3), np.empty(3)
     per_force = world.control_period * world.acceleration_per_force
     for lane in range(num_lanes):
         if lanes.is_unsafe[lane] == 0.0:
             continue
         for j in range(3):
-            state[j], state[3 + j] = lanes.position[j, lane], lanes.velocity[j, lane]
-            asked[j] = lanes.force[j, lane]
-        limit = correct(world, state, asked, work.cuts, force)
+            known[j], known[3 + j] = belief.position[j, lane], belief.velocity[j, lane]
+            asked[j] = lanes.commanded[j, lane]
+        limit = correct(world, known, asked, work.cuts, force)
         if limit == SAFE:
             continue  # by rounding
         lanes.num_acted[lane] += 1.0
+        lanes.limit[lane] = limit
         for j in range(3):
+            lanes.change[j, lane] = force[j] - asked[j]
             lanes.corrected[lane] += abs(force[j] - asked[j]) * per_force
-            lanes.force[j, lane] = force[j]
-        if len(log.position_m) > 0:
-            log.safety_limit[k] = limit
-            for j in range(3):
-                log.safety_force_hill_n[k, j] = force[j] - asked[j]
+            lanes.commanded[j, lane] = force[j]
 
 
 def guard_of(mission: "Mission") -> Guard:

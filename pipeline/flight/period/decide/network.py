@@ -6,13 +6,8 @@ Every flight's sums are taken in the same order whatever flies with it, so that 
 from math import tanh
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
 from fis_tools.compiled.decorator import compiled
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
+from pipeline.typing import Floats, Integers
 
 #: activation of a layer: none, hyperbolic tangent, or clipping to `low` and `high`
 LINEAR, TANH, CLIPPED = range(3)

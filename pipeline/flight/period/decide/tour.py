@@ -1,20 +1,15 @@
-"""For all lanes, the push that leads onto the tour: a closed path as a function of the Sun's angle.
-
-Plain version in `pipeline.flight.reference.tour`.
-"""
+"""For all lanes, the push that leads onto the tour: a closed path as a function of the Sun's angle."""
 
 from math import atan2, cos, pi, sin, sqrt
 
-import numpy as np
-from numpy.typing import NDArray
-
 from fis_tools.compiled.decorator import compiled
+from fis_tools.compiled.three import Three, lane_of, minus, plus, scaled, write_lane
 from fis_tools.compiled.vectors import width_of
-from pipeline.flight.state.arrays import Law, Workspace, World
+from pipeline.flight.period.decide.chief import turned_aside
+from pipeline.flight.state.arrays import Law, State, Workspace, World
 from pipeline.flight.state.signals import constant, slot
 from pipeline.physics.motion import drifted_place, place_over, push_by
-
-Floats = NDArray[np.float64]
+from pipeline.typing import Floats
 
 TOUR_PUSH = slot("tour_push_radial", "tour_push_along_track", "tour_push_cross_track")
 URGENT = slot("urgent_radial", "urgent_along_track", "urgent_cross_track")
@@ -31,6 +26,13 @@ def waves(values: Floats, first: int, c: float, s: float) -> float:
     # cosine and sine of twice the angle
     twice: float = values[first + 3] * (c * c - s * s) + values[first + 4] * (2.0 * c * s)
     return once + twice
+
+
+@compiled(error_model="numpy", forceinline=True)
+def tour_at(values: Floats, own: int, c: float, s: float, height: float) -> Three:
+    """Return the place on the tour, m, Hill axes, by cosine and sine of the Sun's angle and its height."""
+    lifted = waves(values, own + CROSS_TRACK, c, s) + height * waves(values, own + LIFT, c, s)
+    return Three(waves(values, own + RADIAL, c, s), waves(values, own + ALONG_TRACK, c, s), lifted)
 
 
 @compiled(error_model="numpy", inline="always")
@@ -62,47 +64,24 @@ def time_ahead(
 
 
 @compiled(error_model="numpy")
-def sense_tour(world: World, law: Law, values: Floats, work: Workspace) -> None:
+def sense_tour(world: World, law: Law, values: Floats, state: State, work: Workspace) -> None:
     """Write the push that leads every lane onto the tour."""
-    width = width_of(work.lanes)
-    lanes, signals, own = work.lanes, work.signals, law.constants
+    lanes, belief, signals, own = state.lanes, state.belief, work.signals, law.constants
     lean, skirt = values[own + TOUR_LEAN], values[own + SKIRT_DISTANCE]
-    for lane in range(width):
+    wait, n = values[own + TOUR_WAIT], world.mean_motion
+    for lane in range(width_of(lanes)):
         x, y = lanes.sun[0, lane], lanes.sun[1, lane]
         level, height = lanes.sun_height[0, lane], lanes.sun_height[1, lane]
-        time = time_ahead(
-            world.optics.least_height,
-            world.mean_motion,
-            values[own + TOUR_TIME],
-            values[own + TOUR_WAIT],
-            x,
-            y,
-            level,
-        )
+        time = time_ahead(world.optics.least_height, n, values[own + TOUR_TIME], wait, x, y, level)
         if time == 0.0:
-            for axis in range(3):
-                signals[TOUR_PUSH + axis, lane] = 0.0
+            write_lane(signals, TOUR_PUSH, lane, Three(0.0, 0.0, 0.0))
             continue
-        turned_cos, turned_sin = cos(world.mean_motion * time), sin(world.mean_motion * time)
-        c, s = x * turned_cos + y * turned_sin, y * turned_cos - x * turned_sin
-        rx, ry, rz = lanes.position[0, lane], lanes.position[1, lane], lanes.position[2, lane]
-        place = place_over(world.mean_motion, time)
-        px, py, pz = drifted_place(
-            place, rx, ry, rz, lanes.velocity[0, lane], lanes.velocity[1, lane], lanes.velocity[2, lane]
+        turned_cos, turned_sin = cos(n * time), sin(n * time)
+        wanted = tour_at(
+            values, own, x * turned_cos + y * turned_sin, y * turned_cos - x * turned_sin, height
         )
-        wanted_z = waves(values, own + CROSS_TRACK, c, s) + height * waves(values, own + LIFT, c, s)
-        dx, dy, dz = push_by(
-            place,
-            waves(values, own + RADIAL, c, s) + lean * signals[URGENT, lane] - px,
-            waves(values, own + ALONG_TRACK, c, s) + lean * signals[URGENT + 1, lane] - py,
-            wanted_z + lean * signals[URGENT + 2, lane] - pz,
-        )
-        distance = sqrt(rx * rx + ry * ry + rz * rz)
-        if distance < skirt:
-            inward = max(-(dx * rx + dy * ry + dz * rz) / distance, 0.0)
-            nearness = min((skirt - distance) / max(skirt - world.min_distance, 1.0), 1.0)
-            away = 2.0 * nearness * inward / distance
-            dx, dy, dz = dx + away * rx, dy + away * ry, dz + away * rz
-        signals[TOUR_PUSH, lane] = dx
-        signals[TOUR_PUSH + 1, lane] = dy
-        signals[TOUR_PUSH + 2, lane] = dz
+        wanted = plus(wanted, scaled(lean, lane_of(signals, URGENT, lane)))
+        place, velocity = lane_of(belief.position, 0, lane), lane_of(belief.velocity, 0, lane)
+        then = place_over(n, time)
+        push = push_by(then, minus(wanted, drifted_place(then, place, velocity)))
+        write_lane(signals, TOUR_PUSH, lane, turned_aside(push, 1.0, place, skirt, world.min_distance))

@@ -6,8 +6,8 @@ centre. Two kinds are offered: the centroid of all candidates, and the centre ne
 Information Theory 28(2), 1982).
 
 `cluster_centres` follows scikit-learn's ``KMeans(init=..., n_init=1, max_iter=50, tol=0, algorithm="lloyd")``
-move by move, relocation of empty clusters included; `pipeline.flight.reference.guidance` calls that one: the
-two agree to rounding unless two distances tie. Clustering is warm-started from the centres of the step
+move by move, relocation of empty clusters included; `pipeline.flight.fly.plain` calls that one: the two
+agree to rounding unless two distances tie. Clustering is warm-started from the centres of the step
 before.
 
 Compiled functions take candidates as an array of shape (3, P), one row per axis, of which the first
@@ -17,12 +17,10 @@ Compiled functions take candidates as an array of shape (3, P), one row per axis
 from math import sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fis_tools.compiled.decorator import compiled
 from fis_tools.compiled.vectors import load, select, store
-
-Floats = NDArray[np.float64]
+from pipeline.typing import Floats
 
 #: inspection points processed together
 POINTS = 8

@@ -1,25 +1,33 @@
-"""Navigation by fixes, in lanes: the estimates replace the true states while the deputies decide.
+"""Navigation by fixes, in lanes: what the deputies believe, from what is so.
 
-`pipeline.flight.cases.navigation` describes the filter. While a deputy senses, decides and aims,
-`lanes.position` and `lanes.velocity` are its estimate; during inspection, evaluation and motion they are the
-truth.
+`pipeline.flight.cases.navigation` describes the filter.
 """
 
 from math import sqrt
 
-import numpy as np
-from numpy.typing import NDArray
-
 from fis_tools.compiled.decorator import compiled
+from fis_tools.compiled.three import (
+    Three,
+    cross,
+    dot,
+    lane_of,
+    length,
+    load_at,
+    load_three,
+    minus,
+    plus,
+    scaled,
+    store_three,
+    three_of,
+    write_lane,
+)
 from fis_tools.compiled.vectors import Vector, load, select, splat, store, width_of
-from pipeline.flight.period.look.sight import to_hill
-from pipeline.flight.state.arrays import Workspace, World
+from pipeline.flight.state.arrays import State, World
 from pipeline.flight.state.errors import Fixes
-from pipeline.flight.state.lanes import four, three, write_four, write_three
+from pipeline.flight.state.lanes import four, to_hill, turned, write_four
 from pipeline.flight.state.log import FlightLog
 from pipeline.physics.motion import place_after, step_of, velocity_after
-
-Floats = NDArray[np.float64]
+from pipeline.typing import Floats
 
 #: factor by which a rejected fix widens the covariance: after a few in a row the filter, not the fix, is
 #: assumed to be wrong, and fixes are accepted again
@@ -33,14 +41,12 @@ def entry(matrix: Floats, row: int, column: int) -> Vector:
 
 
 @compiled(error_model="numpy")
-def spread_out(world: World, fixes: Fixes, covariance: Floats, period: int) -> None:
+def propagate_covariance(world: World, fixes: Fixes, state: State, covariance: Floats, period: int) -> None:
     """Propagate covariances through a control period: ``P <- Phi P Phi' + Q``."""
-    width = width_of(fixes.lanes)
-    phi, half = world.motion.transition, fixes.lanes.half
-    f = load(fixes.acting, (period, 0, 0), width)
-    g = load(fixes.acting, (period, 1, 0), width)
-    h = load(fixes.acting, (period, 2, 0), width)
-    square = f * f + g * g + h * h
+    width = width_of(state.estimate)
+    phi, half = world.motion.transition, state.estimate.half
+    force = load_at(state.acting, period, width)
+    square = dot(force, force)
     for row in range(6):
         for column in range(6):
             entries = splat(0.0, width)
@@ -57,30 +63,20 @@ def spread_out(world: World, fixes: Fixes, covariance: Floats, period: int) -> N
 
 
 @compiled(error_model="numpy")
-def advance(world: World, fixes: Fixes, state: Floats, period: int) -> None:
-    """Propagate an estimate through a control period under the commanded forces."""
-    width = width_of(fixes.lanes)
-    step = step_of(world.motion, 0)
-    x, y, z = three(state)
-    u, v, w = load(state, 3, width), load(state, 4, width), load(state, 5, width)
-    f = load(fixes.acting, (period, 0, 0), width)
-    g = load(fixes.acting, (period, 1, 0), width)
-    h = load(fixes.acting, (period, 2, 0), width)
-    px, py, pz = place_after(step, x, y, z, u, v, w, f, g, h)
-    vx, vy, vz = velocity_after(step, x, z, u, v, w, f, g, h)
-    write_three(state, 0, px, py, pz)
-    write_three(state, 3, vx, vy, vz)
+def advance(world: World, state: State, estimate: Floats, period: int) -> None:
+    """Propagate an estimate, shape (6, L), through a control period under the commanded forces."""
+    step, force = step_of(world.motion, 0), load_at(state.acting, period, width_of(estimate))
+    place, velocity = load_three(estimate, 0), load_three(estimate, 3)
+    store_three(estimate, 0, place_after(step, place, velocity, force))
+    store_three(estimate, 3, velocity_after(step, place, velocity, force))
 
 
 @compiled(error_model="numpy")
-def correct(fixes: Fixes, which: int) -> None:
+def correct(fixes: Fixes, state: State, which: int) -> None:
     """Correct the filtered state by a fix, unless the fix is beyond the gate: ``K = P H' S^-1``."""
-    width = width_of(fixes.lanes)
-    state, p, gain = fixes.lanes.filtered, fixes.lanes.covariance, fixes.lanes.half
-    x, y, z = three(state)
-    dx = load(fixes.fixes, (which, 0, 0), width) - x
-    dy = load(fixes.fixes, (which, 1, 0), width) - y
-    dz = load(fixes.fixes, (which, 2, 0), width) - z
+    filtered, p, gain = state.estimate.filtered, state.estimate.covariance, state.estimate.half
+    x, y, z = load_three(filtered, 0)
+    dx, dy, dz = minus(load_at(state.fixes, which, width_of(filtered)), Three(x, y, z))
     # the inverse of S, which is symmetric, by cofactors; a fix has one variance across the line of sight and
     # another along it
     square = x * x + y * y + z * z
@@ -103,8 +99,8 @@ def correct(fixes: Fixes, which: int) -> None:
     is_believed = wx * dx + wy * dy + wz * dz <= fixes.gate
     for row in range(6):
         px, py, pz = entry(p, row, 0), entry(p, row, 1), entry(p, row, 2)
-        before = load(state, row, width)
-        store(state, row, select(is_believed, before + (px * wx + py * wy + pz * wz), before))
+        before = load(filtered, row, width_of(filtered))
+        store(filtered, row, select(is_believed, before + (px * wx + py * wy + pz * wz), before))
         store(gain, (row, 0, 0), (px * aa + py * ab + pz * ac) * scale)
         store(gain, (row, 1, 0), (px * ab + py * bb + pz * bc) * scale)
         store(gain, (row, 2, 0), (px * ac + py * bc + pz * cc) * scale)
@@ -122,140 +118,120 @@ def correct(fixes: Fixes, which: int) -> None:
 
 
 @compiled(error_model="numpy")
-def measured(
-    fixes: Fixes, which: int, case: int, lane: int, x: float, y: float, z: float
-) -> tuple[float, float, float]:
+def measured(fixes: Fixes, state: State, which: int, case: int, lane: int, place: Three) -> Three:
     """Return the fix of a lane from range and bearing, as `pipeline.flight.cases.navigation.measured`."""
-    tilt, errors = fixes.lanes.tilt, fixes.of_sight[case, which]
-    wx, wy, wz = errors[1] + tilt[0, lane], errors[2] + tilt[1, lane], errors[3] + tilt[2, lane]
-    tx, ty, tz = x + (wy * z - wz * y), y + (wz * x - wx * z), z + (wx * y - wy * x)
-    scale = (sqrt(x * x + y * y + z * z) + errors[0]) / sqrt(tx * tx + ty * ty + tz * tz)
-    return tx * scale, ty * scale, tz * scale
+    errors = fixes.of_sight[case, which]
+    turned_by = plus(Three(errors[1], errors[2], errors[3]), lane_of(state.estimate.tilt, 0, lane))
+    towards = plus(place, cross(turned_by, place))
+    scale = (length(place) + errors[0]) / length(towards)
+    return scaled(scale, towards)
+
+
+@compiled(error_model="numpy")
+def note_turn(fixes: Fixes, state: State, first: int, num_lanes: int, k: int) -> None:
+    """Store the rotation from the true attitudes to the sensed ones from sample k on."""
+    turn = state.estimate.turn
+    for lane in range(width_of(state.estimate)):
+        error = three_of(fixes.of_attitude[first + min(lane, num_lanes - 1), k])
+        scale = 1.0 / sqrt(1.0 + 0.25 * dot(error, error))
+        write_lane(turn, 0, lane, Three(0.5 * error.x * scale, 0.5 * error.y * scale, 0.5 * error.z * scale))
+        turn[3, lane] = scale
+
+
+@compiled(error_model="numpy")
+def point_beside(fixes: Fixes, state: State, first: int, num_lanes: int, k: int) -> None:
+    """Set the attitudes of ideally pointing deputies, with the sensing error."""
+    if fixes.of_attitude.shape[1] > 0:
+        note_turn(fixes, state, first, num_lanes, k)
+        attitude = state.truth.attitude
+        write_four(attitude, turned(four(attitude), four(state.estimate.turn), -1.0))
+
+
+@compiled(error_model="numpy")
+def sense_attitude(world: World, fixes: Fixes, state: State, first: int, num_lanes: int, k: int) -> None:
+    """Write the sensed attitude and boresight."""
+    q, belief = four(state.truth.attitude), state.belief
+    if fixes.of_attitude.shape[1] == 0:
+        write_four(belief.attitude, q)
+        store_three(belief.boresight, 0, load_three(state.truth.boresight, 0))
+        return
+    note_turn(fixes, state, first, num_lanes, k)
+    a, b, c, d = four(state.estimate.turn)
+    sensed = turned(q, (a, b, c, d), 1.0)
+    write_four(belief.attitude, sensed)
+    store_three(belief.boresight, 0, to_hill(sensed, three_of(world.boresight)))
+    # angles are twice the ratio of the quaternion's components
+    store_three(state.estimate.tilt, 0, to_hill(q, Three(2.0 * a / d, 2.0 * b / d, 2.0 * c / d)))
+
+
+@compiled(error_model="numpy")
+def start_estimate(fixes: Fixes, state: State, first: int, num_lanes: int) -> None:
+    """Make the first estimates, and their covariances."""
+    filtered, width = state.estimate.filtered, width_of(state.estimate)
+    for lane in range(width):
+        error = fixes.at_start[first + min(lane, num_lanes - 1)]
+        for axis in range(3):
+            filtered[axis, lane] = state.truth.position[axis, lane] + error[axis]
+            filtered[3 + axis, lane] = state.truth.velocity[axis, lane] + error[3 + axis]
+    for row in range(6):
+        for column in range(6):
+            covariance = splat(fixes.start_covariance[row, column], width)
+            store(state.estimate.covariance, (row, column, 0), covariance)
+
+
+@compiled(error_model="numpy")
+def measure(fixes: Fixes, state: State, first: int, num_lanes: int, which: int) -> None:
+    """Take a fix of the true positions."""
+    for lane in range(width_of(state.estimate)):
+        case = first + min(lane, num_lanes - 1)
+        place = lane_of(state.truth.position, 0, lane)
+        if fixes.of_sight.shape[1] > 0:
+            place = measured(fixes, state, which, case, lane, place)
+        write_lane(state.fixes[which], 0, lane, plus(place, three_of(fixes.of_fixes[case, which])))
+
+
+@compiled(error_model="numpy")
+def write_estimate(world: World, fixes: Fixes, state: State, k: int, log: FlightLog) -> None:
+    """Log lane 0's estimate and its covariance."""
+    estimate = state.estimate
+    for row in range(6):
+        for column in range(6):
+            store(estimate.now, (row, column, 0), entry(estimate.covariance, row, column))
+    for period in range(max(k - fixes.delay, 0), k):
+        propagate_covariance(world, fixes, state, estimate.now, period)
+    for row in range(6):
+        log.estimate[k, row] = estimate.known[row, 0]
+        for column in range(6):
+            log.estimate_covariance[k, row, column] = estimate.now[row, column, 0]
+
+
+@compiled(error_model="numpy")
+def navigate(world: World, fixes: Fixes, state: State, first: int, num_lanes: int, k: int) -> None:
+    """Measure, filter, and write what the deputies believe at sample k."""
+    estimate, width = state.estimate, width_of(state.estimate)
+    sense_attitude(world, fixes, state, first, num_lanes, k)
+    if k == 0:
+        start_estimate(fixes, state, first, num_lanes)
+    if k % fixes.stride == 0:
+        measure(fixes, state, first, num_lanes, k // fixes.stride)
+    filtered_to = k - fixes.delay
+    if filtered_to > 0:
+        advance(world, state, estimate.filtered, filtered_to - 1)
+        propagate_covariance(world, fixes, state, estimate.covariance, filtered_to - 1)
+    if filtered_to >= 0 and filtered_to % fixes.stride == 0:
+        correct(fixes, state, filtered_to // fixes.stride)
+    for row in range(6):
+        store(estimate.known, row, load(estimate.filtered, row, width))
+    for period in range(max(filtered_to, 0), k):
+        advance(world, state, estimate.known, period)
+    store_three(state.belief.position, 0, load_three(estimate.known, 0))
+    store_three(state.belief.velocity, 0, load_three(estimate.known, 3))
 
 
 @compiled(error_model="numpy", forceinline=True)
-def times_turn(
-    q: tuple[Vector, Vector, Vector, Vector], turn: tuple[Vector, Vector, Vector, Vector], way: float
-) -> tuple[Vector, Vector, Vector, Vector]:
-    """Return attitudes turned about their body axes, or turned back if way is -1."""
-    q1, q2, q3, q4 = q
-    a, b, c, d = way * turn[0], way * turn[1], way * turn[2], turn[3]
-    return (
-        q4 * a + q1 * d + q2 * c - q3 * b,
-        q4 * b + q2 * d + q3 * a - q1 * c,
-        q4 * c + q3 * d + q1 * b - q2 * a,
-        q4 * d - q1 * a - q2 * b - q3 * c,
-    )
-
-
-@compiled(error_model="numpy")
-def note_turn(fixes: Fixes, first: int, num_lanes: int, k: int) -> None:
-    """Store the rotation from the true attitudes to the sensed ones from sample k on."""
-    width = width_of(fixes.lanes)
-    for lane in range(width):
-        error = fixes.of_attitude[first + min(lane, num_lanes - 1), k]
-        scale = 1.0 / sqrt(1.0 + 0.25 * (error[0] * error[0] + error[1] * error[1] + error[2] * error[2]))
-        for axis in range(3):
-            fixes.lanes.turn[axis, lane] = 0.5 * error[axis] * scale
-        fixes.lanes.turn[3, lane] = scale
-
-
-@compiled(error_model="numpy")
-def point_beside(fixes: Fixes, work: Workspace, first: int, num_lanes: int, k: int) -> None:
-    """Set the attitudes of ideally pointing deputies, with the sensing error."""
-    if fixes.of_attitude.shape[1] > 0:
-        note_turn(fixes, first, num_lanes, k)
-        turned = times_turn(four(work.lanes.attitude), four(fixes.lanes.turn), -1.0)
-        write_four(work.lanes.attitude, *turned)
-
-
-@compiled(error_model="numpy")
-def sense_attitude(world: World, fixes: Fixes, work: Workspace, first: int, num_lanes: int, k: int) -> None:
-    """Set the true attitude aside and put the sensed one in its place."""
-    width = width_of(work.lanes)
-    note_turn(fixes, first, num_lanes, k)
-    q = four(work.lanes.attitude)
-    write_four(fixes.lanes.attitude, *q)
-    sensed = times_turn(q, four(fixes.lanes.turn), 1.0)
-    write_four(work.lanes.attitude, *sensed)
-    b1, b2, b3 = world.boresight[0], world.boresight[1], world.boresight[2]
-    boresight = splat(b1, width), splat(b2, width), splat(b3, width)
-    write_three(work.lanes.boresight, 0, *to_hill(sensed, boresight))
-    a, b, c, d = four(fixes.lanes.turn)
-    # angles are twice the ratio of the quaternion's components
-    write_three(fixes.lanes.tilt, 0, *to_hill(q, (2.0 * a / d, 2.0 * b / d, 2.0 * c / d)))
-
-
-@compiled(error_model="numpy")
-def measure(fixes: Fixes, work: Workspace, first: int, num_lanes: int, k: int) -> None:
-    """Set the truth aside, and measure it where a fix is due; at the start, make the first estimates."""
-    width = width_of(work.lanes)
-    lanes = work.lanes
-    for lane in range(width):
-        case = first + min(lane, num_lanes - 1)
-        for axis in range(3):
-            place, speed = lanes.position[axis, lane], lanes.velocity[axis, lane]
-            fixes.lanes.truth[axis, lane], fixes.lanes.truth[3 + axis, lane] = place, speed
-            if k == 0:
-                fixes.lanes.filtered[axis, lane] = place + fixes.at_start[case, axis]
-                fixes.lanes.filtered[3 + axis, lane] = speed + fixes.at_start[case, 3 + axis]
-            if k % fixes.stride == 0:
-                which = k // fixes.stride
-                fixes.fixes[which, axis, lane] = place + fixes.of_fixes[case, which, axis]
-        if k % fixes.stride == 0 and fixes.of_sight.shape[1] > 0:
-            which = k // fixes.stride
-            x, y, z = lanes.position[0, lane], lanes.position[1, lane], lanes.position[2, lane]
-            x, y, z = measured(fixes, which, case, lane, x, y, z)
-            fixes.fixes[which, 0, lane] = x + fixes.of_fixes[case, which, 0]
-            fixes.fixes[which, 1, lane] = y + fixes.of_fixes[case, which, 1]
-            fixes.fixes[which, 2, lane] = z + fixes.of_fixes[case, which, 2]
-    if k == 0:
-        for row in range(6):
-            for column in range(6):
-                store(
-                    fixes.lanes.covariance,
-                    (row, column, 0),
-                    splat(fixes.start_covariance[row, column], width),
-                )
-
-
-@compiled(error_model="numpy")
-def write_estimate(world: World, fixes: Fixes, work: Workspace, k: int, log: FlightLog) -> None:
-    """Log lane 0's estimate and its covariance."""
-    for row in range(6):
-        for column in range(6):
-            store(fixes.lanes.now, (row, column, 0), entry(fixes.lanes.covariance, row, column))
-    for period in range(max(k - fixes.delay, 0), k):
-        spread_out(world, fixes, fixes.lanes.now, period)
-    for component in range(4):
-        log.sensed_quaternion_b_from_h[k, component] = work.lanes.attitude[component, 0]
-    for row in range(6):
-        log.estimate[k, row] = fixes.lanes.known[row, 0]
-        for column in range(6):
-            log.estimate_covariance[k, row, column] = fixes.lanes.now[row, column, 0]
-
-
-@compiled(error_model="numpy")
-def believe(
-    world: World, fixes: Fixes, work: Workspace, first: int, num_lanes: int, k: int, log: FlightLog
-) -> None:
-    """Measure, filter, and put the estimate in the place of the truth, until `recover_truth`."""
-    width = width_of(work.lanes)
-    if fixes.of_attitude.shape[1] > 0:
-        sense_attitude(world, fixes, work, first, num_lanes, k)
-    measure(fixes, work, first, num_lanes, k)
-    filtered_to = k - fixes.delay
-    if filtered_to > 0:
-        advance(world, fixes, fixes.lanes.filtered, filtered_to - 1)
-        spread_out(world, fixes, fixes.lanes.covariance, filtered_to - 1)
-    if filtered_to >= 0 and filtered_to % fixes.stride == 0:
-        correct(fixes, filtered_to // fixes.stride)
-    for row in range(6):
-        store(fixes.lanes.known, row, load(fixes.lanes.filtered, row, width))
-    for period in range(max(filtered_to, 0), k):
-        advance(world, fixes, fixes.lanes.known, period)
-    for row in range(3):
-        store(work.lanes.position, row, load(fixes.lanes.known, row, width))
-        store(work.lanes.velocity, row, load(fixes.lanes.known, 3 + row, width))
-    if len(log.position_m) > 0:
-        write_estimate(world, fixes, work, k, log)
+def know_all(state: State) -> None:
+    """Write what is so as what the deputies believe."""
+    store_three(state.belief.position, 0, load_three(state.truth.position, 0))
+    store_three(state.belief.velocity, 0, load_three(state.truth.velocity, 0))
+    store_three(state.belief.boresight, 0, load_three(state.truth.boresight, 0))
+    write_four(state.belief.attitude, four(state.truth.attitude))

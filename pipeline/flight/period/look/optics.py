@@ -1,9 +1,9 @@
-"""Lit and visible points where light or camera are not the paper's: shadow, incidence, range, a mesh.
+"""Which points of the chief are lit, and which a camera sees: in the paper's world, and in others.
 
-For the paper's, `pipeline.physics.sight` is one line, and nothing here is compiled.
-`closely` is None where no part of the chief hides another and brightness does not matter, as in
-most worlds: a run-time check would slow flights by a sixth. Plain version in
-`pipeline.flight.reference.sight`.
+`optics` is None where light and camera are the paper's: then each answer is one line of
+`pipeline.physics.sight`, and numba leaves out the rest. `optics.closely` is None where no part of the chief
+hides another and brightness does not matter, as in most worlds: a run-time check would slow flights by a
+sixth. Points are processed eight at a time.
 """
 
 from math import cos, sin, sqrt
@@ -13,197 +13,155 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.compiled.decorator import compiled
+from fis_tools.compiled.three import Three, dot, lane_of, minus, scaled, three_of, times
 from fis_tools.compiled.vectors import Mask, Vector, borrowed, count, load, select, some, store
 from pipeline.flight.period.look.guidance import POINTS
-from pipeline.flight.state.arrays import Beyond, Workspace, World
+from pipeline.flight.state.arrays import Beyond, State, Workspace, World
 from pipeline.physics.occlusion import cell_of
 from pipeline.physics.reflection import is_bright
-from pipeline.physics.sight import HEIGHT, NORMAL, SQUARE, is_lit, is_resolved, is_sunlit, sunlight
-
-Floats = NDArray[np.float64]
-Bytes = NDArray[np.uint8]
+from pipeline.physics.sight import (
+    HEIGHT,
+    NORMAL,
+    SQUARE,
+    fits_from,
+    is_facing,
+    is_in_cone,
+    is_lit,
+    is_resolved,
+    is_sunlit,
+    sunlight,
+)
+from pipeline.typing import Bytes, Floats
 
 #: strides of samples in the search for points not yet found lit: coarse first, as most are soon found
 SPACINGS = (32, 8, 1)
 
 
 class Beam(NamedTuple):
-    """Sunlight at a sample: its direction in Hill axes, and the matching cell of the chief's occlusion."""
+    """Sunlight at a sample.
 
-    x: float
-    y: float
-    z: float
+    Attributes
+    ----------
+    sun : Three
+        Unit vector towards the Sun, Hill axes; zeros in the Earth's shadow.
+    cell : int
+        Of the chief's occlusion, in the Sun's direction.
+    shines : bool
+    """
+
+    sun: Three
     cell: int
     shines: bool
 
 
 class Eye(NamedTuple):
-    """A camera: its place (m), unit vectors along its boresight and to the Sun, and whether it is blinded."""
+    """A camera at a place.
 
-    x: float
-    y: float
-    z: float
-    bx: float
-    by: float
-    bz: float
-    sun_x: float
-    sun_y: float
-    sun_z: float
+    Attributes
+    ----------
+    place, boresight, sun : Three
+        m, and directions along which it looks and towards the Sun, Hill axes.
+    square, along : float
+        ``|r|^2`` and ``r . b`` of place r and boresight b, m^2 and m.
+    length : float
+        ``|b|^2``.
+    sees_all : bool
+        Whether the whole chief is in its field of view.
+    is_blind : bool
+        Whether the Sun blinds it.
+    """
+
+    place: Three
+    boresight: Three
+    sun: Three
+    square: float
+    along: float
+    length: float
+    sees_all: bool
     is_blind: bool
 
 
+@compiled(error_model="numpy", forceinline=True)
+def sun_after(world: World, at_start: tuple[Vector, Vector], k: int) -> tuple[Vector, Vector]:
+    """Return cosine and sine of the Sun's angle at a sample from those at the start."""
+    angle = world.mean_motion * world.control_period * k
+    turned_cos, turned_sin = cos(angle), sin(angle)
+    # by the addition theorem, so that no lane calls library functions
+    x, y = at_start
+    return x * turned_cos + y * turned_sin, y * turned_cos - x * turned_sin
+
+
 @compiled(error_model="numpy")
-def cell_towards(world: World, sample: int, x: float, y: float, z: float) -> int:
+def cell_towards(world: World, sample: int, direction: Three) -> int:
     """Return the cell of the chief's occlusion that a direction in Hill axes falls into."""
-    axes = world.chief_axes
-    return cell_of(
-        world.num_edge_cells,
-        axes[sample, 0, 0] * x + axes[sample, 0, 1] * y + axes[sample, 0, 2] * z,
-        axes[sample, 1, 0] * x + axes[sample, 1, 1] * y + axes[sample, 1, 2] * z,
-        axes[sample, 2, 0] * x + axes[sample, 2, 1] * y + axes[sample, 2, 2] * z,
-    )
+    return cell_of(world.num_edge_cells, times(world.chief_axes[sample], direction))
 
 
 @compiled(error_model="numpy", forceinline=True)
 def beam_from(
     world: World,
-    closely: bool | None,
+    optics: Beyond | None,
     k: int,
-    sun_x: float,
-    sun_y: float,
-    cos_elevation: float,
-    sin_elevation: float,
+    sun: tuple[float, float],
+    height: tuple[float, float],
 ) -> Beam:
-    """Return the sunlight at sample k from the Sun's direction in the plane and its elevation."""
-    x, y, z = sunlight(world.optics, sun_x, sun_y, cos_elevation, sin_elevation)
+    """Return the sunlight at sample k from cosines and sines of the Sun's angle and elevation."""
+    if optics is None:
+        return Beam(Three(sun[0], sun[1], 0.0), 0, True)
+    towards = sunlight(world.optics, sun[0], sun[1], height[0], height[1])
     cell = 0
-    if closely is not None and world.num_edge_cells > 0:
-        cell = cell_towards(world, k if len(world.points) > 1 else 0, x, y, z)
-    return Beam(x, y, z, cell, x * x + y * y + z * z > 0.0)
+    if optics.closely is not None and world.num_edge_cells > 0:
+        cell = cell_towards(world, k if len(world.points) > 1 else 0, towards)
+    return Beam(towards, cell, dot(towards, towards) > 0.0)
 
 
 @compiled(error_model="numpy", forceinline=True)
 def beam_at(
-    world: World, closely: bool | None, work: Workspace, lane: int, k: int, sun_x: float, sun_y: float
+    world: World, optics: Beyond | None, state: State, lane: int, k: int, sun: tuple[float, float]
 ) -> Beam:
-    """Return the sunlight of a lane at sample k from the Sun's direction in the plane."""
-    lanes = work.lanes
-    return beam_from(world, closely, k, sun_x, sun_y, lanes.sun_height[0, lane], lanes.sun_height[1, lane])
+    """Return the sunlight of a lane at sample k from cosine and sine of the Sun's angle."""
+    height = state.lanes.sun_height
+    return beam_from(world, optics, k, sun, (height[0, lane], height[1, lane]))
 
 
 @compiled(error_model="numpy", forceinline=True)
-def eye_at(world: World, beam: Beam, x: float, y: float, z: float, bx: float, by: float, bz: float) -> Eye:
+def eye_at(world: World, optics: Beyond | None, beam: Beam, place: Three, boresight: Three) -> Eye:
     """Return the camera at a place, with a unit vector as boresight."""
-    is_blind = bx * beam.x + by * beam.y + bz * beam.z > world.optics.most_sunward
-    return Eye(x, y, z, bx, by, bz, beam.x, beam.y, beam.z, is_blind)
+    is_blind = optics is not None and dot(boresight, beam.sun) > world.optics.most_sunward
+    along = dot(place, boresight)
+    return Eye(place, boresight, beam.sun, dot(place, place), along, 1.0, False, is_blind)
 
 
 @compiled(error_model="numpy", forceinline=True)
-def eye_on_chief(world: World, beam: Beam, x: float, y: float, z: float) -> Eye:
+def eye_on_chief(world: World, optics: Beyond | None, beam: Beam, place: Three) -> Eye:
     """Return the camera at a place, aimed at the chief's centre."""
-    per_distance = -1.0 / sqrt(x * x + y * y + z * z)
-    return eye_at(world, beam, x, y, z, per_distance * x, per_distance * y, per_distance * z)
+    square = dot(place, place)
+    if optics is not None:
+        return eye_at(world, optics, beam, place, scaled(-1.0 / sqrt(square), place))
+    # any length of the boresight will do
+    inward = Three(-place.x, -place.y, -place.z)
+    return Eye(place, inward, beam.sun, square, -square, square, square >= fits_from(world.sight), False)
 
 
 @compiled(error_model="numpy", forceinline=True)
-def lit_through(
-    world: World, closely: bool | None, work: Workspace, sample: int, j: int, wanted: Mask, beam: Beam
-) -> Mask:
-    """Return which of the wanted points from j on are lit."""
+def surface_at(world: World, sample: int, row: int, j: int) -> Three:
+    """Return three rows of the surface at the points from j on, see `pipeline.physics.sight`."""
     surface = world.surface
-    along = beam.x * load(surface, (sample, NORMAL, j), POINTS)
-    along += beam.y * load(surface, (sample, NORMAL + 1, j), POINTS)
-    along += beam.z * load(surface, (sample, NORMAL + 2, j), POINTS)
-    along += world.optics.past_terminator if beam.shines else 0.0
-    lit = wanted & is_sunlit(along, load(surface, (sample, HEIGHT, j), POINTS))
-    if closely is not None and world.num_edge_cells > 0:
-        store(work.lit, j, select(lit, 1.0, 0.0))
-        for i in range(j, min(j + POINTS, world.num_points)):
-            work.lit[i] *= world.is_free[beam.cell, i]
-        lit = load(work.lit, j, POINTS) > 0.0
-    return lit
-
-
-@compiled(error_model="numpy")
-def leave_out_hidden(world: World, work: Workspace, sample: int, j: int, eye: Eye) -> None:
-    """Remove from `work.seen`, from j on, the points that the chief hides from a camera."""
-    points = world.points
-    for i in range(j, min(j + POINTS, world.num_points)):
-        if work.seen[i] > 0.0:
-            x, y, z = eye.x - points[sample, 0, i], eye.y - points[sample, 1, i], eye.z - points[sample, 2, i]
-            work.seen[i] = world.is_free[cell_towards(world, sample, x, y, z), i]
-
-
-@compiled(error_model="numpy")
-def leave_out_dim(world: World, work: Workspace, sample: int, j: int, eye: Eye) -> None:
-    """Remove from `work.seen`, from j on, the points that are too dim or too bright for a camera."""
-    surface, points = world.surface, world.points
-    for i in range(j, min(j + POINTS, world.num_points)):
-        if work.seen[i] > 0.0 and not is_bright(
-            world.reflection,
-            surface[sample, NORMAL, i],
-            surface[sample, NORMAL + 1, i],
-            surface[sample, NORMAL + 2, i],
-            eye.sun_x,
-            eye.sun_y,
-            eye.sun_z,
-            eye.x - points[sample, 0, i],
-            eye.y - points[sample, 1, i],
-            eye.z - points[sample, 2, i],
-        ):
-            work.seen[i] = 0.0
+    return Three(
+        load(surface, (sample, row, j), POINTS),
+        load(surface, (sample, row + 1, j), POINTS),
+        load(surface, (sample, row + 2, j), POINTS),
+    )
 
 
 @compiled(error_model="numpy", forceinline=True)
-def seen_through(
-    world: World,
-    closely: bool | None,
-    work: Workspace,
-    sample: int,
-    j: int,
-    lit: Mask,
-    eye: Eye,
-) -> Mask:
-    """Return which of the lit points from j on a camera sees."""
-    optics, points = world.optics, world.points
-    surface, x, y, z = world.surface, eye.x, eye.y, eye.z
-    px, py = load(points, (sample, 0, j), POINTS), load(points, (sample, 1, j), POINTS)
-    pz = load(points, (sample, 2, j), POINTS)
-    above = x * load(surface, (sample, NORMAL, j), POINTS)
-    above += y * load(surface, (sample, NORMAL + 1, j), POINTS)
-    above += z * load(surface, (sample, NORMAL + 2, j), POINTS)
-    above -= load(surface, (sample, HEIGHT, j), POINTS)
-    towards = (px * eye.bx + py * eye.by + pz * eye.bz) - (x * eye.bx + y * eye.by + z * eye.bz)
-    squared = load(surface, (sample, SQUARE, j), POINTS) + (x * x + y * y + z * z)
-    squared -= 2.0 * (px * x + py * y + pz * z)
-    seen = lit & is_resolved(optics, above, towards, squared)
-    if closely is not None:
-        store(work.seen, j, select(seen, 1.0, 0.0))
-        if world.num_edge_cells > 0:
-            leave_out_hidden(world, work, sample, j, eye)
-        if world.reflection.is_on:
-            leave_out_dim(world, work, sample, j, eye)
-        seen = load(work.seen, j, POINTS) > 0.0
-    return seen
-
-
-@compiled(error_model="numpy", forceinline=True)
-def strike_out_seen(
-    world: World, optics: Beyond, work: Workspace, k: int, beam: Beam, x: float, y: float, z: float
-) -> int:
-    """Remove lit points that a camera aimed at the chief's centre sees from `work.ahead`; return how many."""
-    sample, num_seen, eye = (k if len(world.points) > 1 else 0), 0, eye_on_chief(world, beam, x, y, z)
-    if beam.shines and not eye.is_blind:
-        for j in range(0, len(work.ahead), POINTS):
-            before = load(work.ahead, j, POINTS)
-            wanted = before > 0.0
-            if some(wanted):
-                lit = lit_through(world, optics.closely, work, sample, j, wanted, beam)
-                if some(lit):
-                    seen = seen_through(world, optics.closely, work, sample, j, lit, eye)
-                    store(work.ahead, j, select(seen, 0.0, before))
-                    num_seen += count(seen)
-    return num_seen
+def points_at(points: Floats, sample: int, j: int) -> Three:
+    """Return the points from j on, m, Hill axes, of an array of shape (samples, 3, P padded)."""
+    return Three(
+        load(points, (sample, 0, j), POINTS),
+        load(points, (sample, 1, j), POINTS),
+        load(points, (sample, 2, j), POINTS),
+    )
 
 
 @compiled(error_model="numpy", forceinline=True)
@@ -213,35 +171,98 @@ def lit_points(
     work: Workspace,
     sample: int,
     j: int,
+    points: Three,
     wanted: Mask,
-    px: Vector,
-    py: Vector,
-    sun_x: float,
-    sun_y: float,
     beam: Beam,
 ) -> Mask:
-    """Return which of the wanted points from j on are lit, in the paper's world or in another."""
+    """Return which of the wanted points from j on are lit."""
     if optics is None:
-        return wanted & is_lit(world.sight, px, py, sun_x, sun_y)
-    return lit_through(world, optics.closely, work, sample, j, wanted, beam)
+        return wanted & is_lit(world.sight, points.x, points.y, beam.sun.x, beam.sun.y)
+    along = dot(beam.sun, surface_at(world, sample, NORMAL, j))
+    along += world.optics.past_terminator if beam.shines else 0.0
+    lit = wanted & is_sunlit(along, load(world.surface, (sample, HEIGHT, j), POINTS))
+    if optics.closely is not None and world.num_edge_cells > 0:
+        store(work.lit, j, select(lit, 1.0, 0.0))
+        for i in range(j, min(j + POINTS, world.num_points)):
+            work.lit[i] *= world.is_free[beam.cell, i]
+        lit = load(work.lit, j, POINTS) > 0.0
+    return lit
 
 
 @compiled(error_model="numpy", forceinline=True)
-def any_beam(
-    world: World, optics: Beyond | None, work: Workspace, lane: int, k: int, sun_x: float, sun_y: float
-) -> Beam:
-    """Return the sunlight in the form that `lit_points` takes; in the paper's world it is not used."""
+def seen_points(
+    world: World,
+    optics: Beyond | None,
+    work: Workspace,
+    sample: int,
+    j: int,
+    points: Three,
+    lit: Mask,
+    eye: Eye,
+) -> Mask:
+    """Return which of the lit points from j on a camera sees."""
+    along, towards = dot(points, eye.place), dot(points, eye.boresight) - eye.along
     if optics is None:
-        return Beam(0.0, 0.0, 0.0, 0, True)
-    return beam_at(world, optics.closely, work, lane, k, sun_x, sun_y)
+        # for points on the sphere of the horizon, |p - r|^2 = |p|^2 + |r|^2 - 2 p . r
+        squared = (world.sight.horizon + eye.square - 2.0 * along) * eye.length
+        seen = lit & is_facing(world.sight, along)
+        return seen if eye.sees_all else seen & is_in_cone(world.sight, towards, squared)
+    above = dot(eye.place, surface_at(world, sample, NORMAL, j))
+    above -= load(world.surface, (sample, HEIGHT, j), POINTS)
+    squared = load(world.surface, (sample, SQUARE, j), POINTS) + eye.square
+    squared -= 2.0 * along
+    seen = lit & is_resolved(world.optics, above, towards, squared)
+    if optics.closely is not None:
+        store(work.seen, j, select(seen, 1.0, 0.0))
+        if world.num_edge_cells > 0 or world.reflection.is_on:
+            leave_out_hidden_and_dim(world, work, sample, j, eye)
+        seen = load(work.seen, j, POINTS) > 0.0
+    return seen
+
+
+@compiled(error_model="numpy")
+def leave_out_hidden_and_dim(world: World, work: Workspace, sample: int, j: int, eye: Eye) -> None:
+    """Remove from `work.seen`, from j on, points that the chief hides, and those too dim or too bright."""
+    for i in range(j, min(j + POINTS, world.num_points)):
+        if work.seen[i] == 0.0:
+            continue
+        to_camera = minus(eye.place, lane_of(world.points[sample], 0, i))
+        if world.num_edge_cells > 0:
+            work.seen[i] = world.is_free[cell_towards(world, sample, to_camera), i]
+        if world.reflection.is_on:
+            normal = lane_of(world.surface[sample], NORMAL, i)
+            if not is_bright(world.reflection, normal, eye.sun, to_camera):
+                work.seen[i] = 0.0
 
 
 @compiled(error_model="numpy", forceinline=True)
-def sun_after(world: World, start_x: float, start_y: float, k: int) -> tuple[float, float]:
-    """Return cosine and sine of the Sun's angle at a sample from those at the start."""
-    turned = world.mean_motion * world.control_period * k
-    turned_x, turned_y = cos(turned), sin(turned)
-    return start_x * turned_x + start_y * turned_y, start_y * turned_x - start_x * turned_y
+def strike_out_seen(
+    world: World,
+    optics: Beyond | None,
+    work: Workspace,
+    points: Floats,
+    k: int,
+    beam: Beam,
+    place: Three,
+) -> int:
+    """Remove the points that a camera aimed at the chief's centre sees from `work.ahead`; return how many.
+
+    `points` are in the order of `work.ahead`. Vectors with none left are skipped.
+    """
+    sample, num_seen = (k if len(points) > 1 else 0), 0
+    eye = eye_on_chief(world, optics, beam, place)
+    if beam.shines and not eye.is_blind:
+        for j in range(0, len(work.ahead), POINTS):
+            before = load(work.ahead, j, POINTS)
+            wanted = before > 0.0
+            if some(wanted):
+                some_points = points_at(points, sample, j)
+                lit = lit_points(world, optics, work, sample, j, some_points, wanted, beam)
+                if optics is None or some(lit):
+                    seen = seen_points(world, optics, work, sample, j, some_points, lit, eye)
+                    store(work.ahead, j, select(seen, 0.0, before))
+                    num_seen += count(seen)
+    return num_seen
 
 
 @compiled(error_model="numpy", forceinline=True)
@@ -252,25 +273,23 @@ def want_all(world: World, work: Workspace) -> None:
 
 
 @compiled(error_model="numpy", forceinline=True)
-def note_lit(
-    world: World, optics: Beyond | None, work: Workspace, case: Any, start_x: float, start_y: float, k: int
-) -> int:
+def beam_of_case(world: World, optics: Beyond | None, case: Any, k: int) -> Beam:
+    """Return the sunlight of a start, of `CASE`, at sample k."""
+    sun = sun_after(world, (cos(case.sun_angle), sin(case.sun_angle)), k)
+    return beam_from(world, optics, k, sun, (cos(case.sun_elevation), sin(case.sun_elevation)))
+
+
+@compiled(error_model="numpy", forceinline=True)
+def note_lit(world: World, optics: Beyond | None, work: Workspace, case: Any, k: int) -> int:
     """Mark in `work.lit` the points of `work.ahead` lit at a sample of a case, and remove them there.
 
     Returns the number of vectors of points with some left.
     """
-    points = world.points
-    sample, num_left = (k if len(points) > 1 else 0), 0
-    sun_x, sun_y = sun_after(world, start_x, start_y, k)
-    beam = Beam(0.0, 0.0, 0.0, 0, True)
-    if optics is not None:
-        beam = beam_from(
-            world, optics.closely, k, sun_x, sun_y, cos(case.sun_elevation), sin(case.sun_elevation)
-        )
+    sample, num_left = (k if len(world.points) > 1 else 0), 0
+    beam = beam_of_case(world, optics, case, k)
     for j in range(0, len(work.ahead), POINTS):
         wanted = load(work.ahead, j, POINTS) > 0.0
-        px, py = load(points, (sample, 0, j), POINTS), load(points, (sample, 1, j), POINTS)
-        lit = lit_points(world, optics, work, sample, j, wanted, px, py, sun_x, sun_y, beam)
+        lit = lit_points(world, optics, work, sample, j, points_at(world.points, sample, j), wanted, beam)
         left = wanted ^ lit
         store(work.lit, j, select(lit, 1.0, 0.0))
         store(work.ahead, j, select(left, 1.0, 0.0))
@@ -283,12 +302,11 @@ def note_inspectable(world: World, optics: Beyond | None, work: Workspace, cases
     """Write which points are lit at some sample of each case's flight, shape (m, P padded) of 0 or 1."""
     world, work, cases, found = borrowed((world, work, cases, found))
     for row in range(len(cases)):
-        case, num_left = cases[row], 1
-        start_x, start_y = cos(case.sun_angle), sin(case.sun_angle)
+        num_left = 1
         want_all(world, work)
         for spacing in SPACINGS:
             for k in range(0, world.num_controls + 1 if num_left > 0 else 0, spacing):
-                num_left = note_lit(world, optics, work, case, start_x, start_y, k)
+                num_left = note_lit(world, optics, work, cases[row], k)
                 if num_left == 0:
                     break
         for j in range(len(work.ahead)):
@@ -300,19 +318,59 @@ def note_lit_at_samples(
     world: World, optics: Beyond | None, work: Workspace, cases: Any, found: Bytes
 ) -> None:
     """Write which points are lit at each sample of the first case's flight, shape (K+1, P padded), 0 or 1."""
-    case = cases[0]
-    start_x, start_y = cos(case.sun_angle), sin(case.sun_angle)
     for k in range(len(found)):
         want_all(world, work)
-        note_lit(world, optics, work, case, start_x, start_y, k)
+        note_lit(world, optics, work, cases[0], k)
         for j in range(len(work.lit)):
             found[k, j] = work.lit[j] > 0.0
 
 
 @compiled(nogil=True, error_model="numpy")
+def note_lit_and_seen(
+    world: World,
+    optics: Beyond | None,
+    work: Workspace,
+    suns: Floats,
+    places: Floats,
+    boresights: Floats,
+    left: Bytes,
+    lit: Bytes,
+    seen: Bytes,
+) -> None:
+    """Write which of the points left are lit at the samples of a flight, and which dark ones are in view.
+
+    Parameters
+    ----------
+    world, optics, work
+    suns : (K+1, 4)
+        Cosine and sine of the Sun's angle and of its elevation.
+    places, boresights : (K+1, 3)
+        Of the camera, m, and unit vectors, Hill axes.
+    left : (K+1, P padded)
+        1 for the points asked for.
+    lit, seen : (K+1, P padded)
+        Filled with 0 or 1.
+    """
+    for k in range(len(places)):
+        sample = k if len(world.points) > 1 else 0
+        beam = beam_from(world, optics, k, (suns[k, 0], suns[k, 1]), (suns[k, 2], suns[k, 3]))
+        eye = eye_at(world, optics, beam, three_of(places[k]), three_of(boresights[k]))
+        for j in range(len(work.ahead)):
+            work.ahead[j] = left[k, j]
+        for j in range(0, len(work.ahead), POINTS):
+            wanted, points = load(work.ahead, j, POINTS) > 0.0, points_at(world.points, sample, j)
+            bright = lit_points(world, optics, work, sample, j, points, wanted, beam)
+            dark = seen_points(world, optics, work, sample, j, points, wanted ^ bright, eye)
+            store(work.lit, j, select(bright, 1.0, 0.0))
+            store(work.ahead, j, select(dark, 1.0, 0.0))
+        for j in range(len(work.ahead)):
+            lit[k, j], seen[k, j] = work.lit[j] > 0.0, work.ahead[j] > 0.0 and not eye.is_blind
+
+
+@compiled(nogil=True, error_model="numpy")
 def note_seen_along(
     world: World,
-    optics: Beyond,
+    optics: Beyond | None,
     work: Workspace,
     cases: Any,
     paths: Floats,
@@ -324,14 +382,10 @@ def note_seen_along(
     Places are `stride` control periods apart, from the first case's start on.
     """
     world, work, cases, paths, counts = borrowed((world, work, cases, paths, counts))
-    case = cases[0]
-    start_x, start_y = cos(case.sun_angle), sin(case.sun_angle)
-    high, low = cos(case.sun_elevation), sin(case.sun_elevation)
     for path in range(len(paths)):
         want_all(world, work)
         for place in range(paths.shape[1]):
             k = place * stride
-            sun_x, sun_y = sun_after(world, start_x, start_y, k)
-            beam = beam_from(world, optics.closely, k, sun_x, sun_y, high, low)
-            x, y, z = paths[path, place, 0], paths[path, place, 1], paths[path, place, 2]
-            counts[path] += strike_out_seen(world, optics, work, k, beam, x, y, z)
+            beam = beam_of_case(world, optics, cases[0], k)
+            at = Three(paths[path, place, 0], paths[path, place, 1], paths[path, place, 2])
+            counts[path] += strike_out_seen(world, optics, work, world.points, k, beam, at)

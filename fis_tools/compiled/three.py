@@ -1,0 +1,132 @@
+"""Three-vectors of lanes: formulas of mechanics in vectors instead of in x, y and z.
+
+A component is a float, or a vector with a lane for each flight (`fis_tools.compiled.vectors`); all
+components of one `Three` are of the same kind. Arrays that hold some have a row for each component.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fis_tools.compiled.decorator import compiled
+from fis_tools.compiled.vectors import Mask, Vector, load, select, splat, store, width_of
+
+Floats = NDArray[np.float64]
+
+
+class Three(NamedTuple):
+    """The components of a vector along three axes, which its user names."""
+
+    x: Vector
+    y: Vector
+    z: Vector
+
+
+@compiled(forceinline=True)
+def load_three(rows: Floats, first: int) -> Three:
+    """Return three rows of lanes, shape (n, L), from row `first` on."""
+    width = width_of(rows)
+    return Three(load(rows, first, width), load(rows, first + 1, width), load(rows, first + 2, width))
+
+
+@compiled(forceinline=True)
+def store_three(rows: Floats, first: int, a: Three) -> None:
+    """Write three rows of lanes, from row `first` on."""
+    store(rows, first, a.x)
+    store(rows, first + 1, a.y)
+    store(rows, first + 2, a.z)
+
+
+@compiled(inline="always")  # so that the width stays a constant
+def load_at(array: Floats, place: int, width: int) -> Three:
+    """Return an entry of an array of shape (n, 3, L), where L is the constant `width`."""
+    return Three(
+        load(array, (place, 0, 0), width),
+        load(array, (place, 1, 0), width),
+        load(array, (place, 2, 0), width),
+    )
+
+
+@compiled(forceinline=True)
+def store_at(array: Floats, place: int, a: Three) -> None:
+    """Write an entry of an array of shape (n, 3, L)."""
+    store(array, (place, 0, 0), a.x)
+    store(array, (place, 1, 0), a.y)
+    store(array, (place, 2, 0), a.z)
+
+
+@compiled(forceinline=True)
+def lane_of(rows: Floats, first: int, lane: int) -> Three:
+    """Return the floats of one lane in three rows, from row `first` on."""
+    return Three(rows[first, lane], rows[first + 1, lane], rows[first + 2, lane])
+
+
+@compiled(forceinline=True)
+def write_lane(rows: Floats, first: int, lane: int, a: Three) -> None:
+    """Write the floats of one lane into three rows, from row `first` on."""
+    rows[first, lane], rows[first + 1, lane], rows[first + 2, lane] = a.x, a.y, a.z
+
+
+@compiled(forceinline=True)
+def three_of(array: Floats) -> Three:
+    """Return an array of shape (3,) as a vector of floats."""
+    return Three(array[0], array[1], array[2])
+
+
+@compiled(inline="always")  # so that the width stays a constant
+def same(value: float, width: int) -> Three:
+    """Return the vector whose components all hold one value in each of their lanes."""
+    return Three(splat(value, width), splat(value, width), splat(value, width))
+
+
+@compiled(forceinline=True)
+def plus(a: Three, b: Three) -> Three:
+    """Return a + b."""
+    return Three(a.x + b.x, a.y + b.y, a.z + b.z)
+
+
+@compiled(forceinline=True)
+def minus(a: Three, b: Three) -> Three:
+    """Return a - b."""
+    return Three(a.x - b.x, a.y - b.y, a.z - b.z)
+
+
+@compiled(forceinline=True)
+def scaled(factor: Vector, a: Three) -> Three:
+    """Return a times a factor, one for all components."""
+    return Three(factor * a.x, factor * a.y, factor * a.z)
+
+
+@compiled(forceinline=True)
+def dot(a: Three, b: Three) -> Vector:
+    """Return the scalar product."""
+    return a.x * b.x + a.y * b.y + a.z * b.z
+
+
+@compiled(forceinline=True)
+def cross(a: Three, b: Three) -> Three:
+    """Return the vector product."""
+    return Three(a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x)
+
+
+@compiled(forceinline=True)
+def length(a: Three) -> Vector:
+    """Return the Euclidean length."""
+    return np.sqrt(dot(a, a))
+
+
+@compiled(forceinline=True)
+def chosen(mask: Mask, one: Three, other: Three) -> Three:
+    """Return `one` in the lanes where the mask holds, elsewhere `other`."""
+    return Three(select(mask, one.x, other.x), select(mask, one.y, other.y), select(mask, one.z, other.z))
+
+
+@compiled(forceinline=True)
+def times(matrix: Floats, a: Three) -> Three:
+    """Return a matrix, shape (3, 3), times a vector."""
+    return Three(
+        matrix[0, 0] * a.x + matrix[0, 1] * a.y + matrix[0, 2] * a.z,
+        matrix[1, 0] * a.x + matrix[1, 1] * a.y + matrix[1, 2] * a.z,
+        matrix[2, 0] * a.x + matrix[2, 1] * a.y + matrix[2, 2] * a.z,
+    )

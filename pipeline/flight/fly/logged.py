@@ -1,0 +1,168 @@
+"""The log of one flight, compiled: what lane 0 carries, at each sample and over each control period."""
+
+import numpy as np
+
+from fis_tools.compiled.decorator import compiled
+from fis_tools.model.thrust import SILENT_N
+from pipeline.flight.period.act.actuators import burns
+from pipeline.flight.period.act.attitude import write_instants
+from pipeline.flight.period.decide.motion import ETA_U, LAMBDA_U, sense_angles
+from pipeline.flight.period.decide.thrust import FARTHEST, MISSED, NEAREST, is_decision, may_coast
+from pipeline.flight.period.look.navigation import write_estimate
+from pipeline.flight.state.arrays import Law, State, Workspace, World
+from pipeline.flight.state.errors import ModelErrors
+from pipeline.flight.state.log import (
+    CLIPPED,
+    COASTING,
+    COMPLETE,
+    DEAD_BAND,
+    FIRED,
+    LEAST_CHANGE_N,
+    REHEARSED,
+    SAFETY,
+    SILENT,
+    WAITING,
+    FlightLog,
+)
+from pipeline.flight.state.signals import BODY, HILL
+from pipeline.physics.quaternion import dcm_b_from_h
+from pipeline.typing import Bytes, Floats
+
+
+@compiled(error_model="numpy", forceinline=True)
+def is_logged(log: FlightLog) -> bool:
+    """Return whether a flight is logged: the log of one that is not is empty."""
+    return len(log.position_m) > 0
+
+
+@compiled(error_model="numpy")
+def write_sample(
+    world: World,
+    errors: ModelErrors | None,
+    state: State,
+    work: Workspace,
+    counts: Bytes,
+    log: FlightLog,
+    k: int,
+    sun_angle: float,
+) -> None:
+    """Log what is so and what the deputy believes at a sample, before it decides.
+
+    `counts`, shape (P padded,), are the points that the flight counts, `sun_angle` that of the start, rad.
+    """
+    lanes, truth, belief, n = state.lanes, state.truth, state.belief, world.mean_motion
+    for component in range(3):
+        log.position_m[k, component] = truth.position[component, 0]
+        log.velocity_m_s[k, component] = truth.velocity[component, 0]
+        log.target_m[k, component] = lanes.target[component, 0]
+    for component in range(4):
+        log.quaternion_b_from_h[k, component] = truth.attitude[component, 0]
+        log.sensed_quaternion_b_from_h[k, component] = belief.attitude[component, 0]
+    if not world.is_attitude_ideal:
+        dcm = dcm_b_from_h(log.quaternion_b_from_h[k])
+        for component in range(3):
+            log.angular_velocity_b_rad_s[k, component] = truth.rate[component, 0] - n * dcm[component, 2]
+    log.num_candidates[k] = int(lanes.num_candidates[0])
+    log.sun_angle_rad[k] = sun_angle - n * world.control_period * k
+    for j in range(world.num_points):
+        log.is_inspected[k, j] = state.unseen[0, j] == 0.0 and counts[j] > 0
+    log.delta_v_m_s[k] = lanes.spent[0]
+    sense_angles(state, work)
+    log.lambda_u_rad[k], log.eta_u_rad[k] = work.signals[LAMBDA_U, 0], work.signals[ETA_U, 0]
+    if errors is not None and errors.fixes.is_on:
+        write_estimate(world, errors.fixes, state, k, log)
+
+
+@compiled(error_model="numpy")
+def write_period(
+    world: World,
+    law: Law,
+    values: Floats,
+    state: State,
+    work: Workspace,
+    errors: ModelErrors | None,
+    log: FlightLog,
+    k: int,
+    is_opened: bool,
+) -> None:
+    """Log what was decided, commanded and fired after sample k; `is_opened` where the force was given."""
+    lanes, signals = state.lanes, work.signals
+    dcm = dcm_b_from_h(log.sensed_quaternion_b_from_h[k])
+    is_complete = world.coasts_when_complete and lanes.num_unseen[0] == 0.0
+    if not law.has_plan and is_decision(law, k):
+        if lanes.coasts[0] == 0.0 and not is_opened:
+            write_inference(law, state, work, log, k)
+        if not is_complete and may_coast(law, values):
+            log.foreseen[k, 0] = signals[MISSED, 0]
+            log.foreseen[k, 1] = signals[NEAREST, 0]
+            log.foreseen[k, 2] = signals[FARTHEST, 0]
+    for row in range(3):
+        log.force_hill_n[k, row] = lanes.force[row, 0]
+        log.safety_force_hill_n[k, row] = lanes.change[row, 0]
+        if law.has_plan or is_opened:
+            log.force_asked_n[k, row] = lanes.asked[row, 0]
+        asked = lanes.asked[row, 0]
+        if law.force_axes == HILL:
+            asked = 0.0
+            for column in range(3):
+                asked += dcm[row, column] * lanes.asked[column, 0]
+        log.force_body_n[k, row] = asked
+    log.safety_limit[k] = int(lanes.limit[0])
+    if errors is not None and burns(errors.firing):
+        log.mass_kg[k + 1] = state.thrusters.mass[0] / world.acceleration_per_force
+    write_reasons(world, law, state, is_complete, is_opened, log, k, dcm)
+    write_instants(world, law.plans, work, log, k)
+
+
+@compiled(error_model="numpy")
+def write_inference(law: Law, state: State, work: Workspace, log: FlightLog, k: int) -> None:
+    """Log what each system sensed and asked for."""
+    log.is_decided[k] = True
+    for system in range(len(law.axes)):
+        log.force_asked_n[k, law.axes[system]] = work.outputs[system, 0]
+        log.fis_output_n[k, system] = work.outputs[system, 0]
+        for place in range(law.num_inputs[system]):
+            log.fis_input[k, system, place] = work.signals[law.signals[system, place], 0]
+
+
+@compiled(error_model="numpy")
+def write_reasons(
+    world: World,
+    law: Law,
+    state: State,
+    is_complete: bool,
+    is_opened: bool,
+    log: FlightLog,
+    k: int,
+    dcm: Floats,
+) -> None:
+    """Log for each component why the force asked for was, or was not, fired; `dcm` turns Hill to body."""
+    lanes = state.lanes
+    is_clipped, is_changed = np.empty(3, dtype=np.bool_), np.empty(3, dtype=np.bool_)
+    for row in range(3):
+        wanted = lanes.asked[row, 0]
+        if law.force_axes == BODY:
+            wanted = 0.0
+            for column in range(3):
+                wanted += dcm[column, row] * lanes.asked[column, 0]
+        is_clipped[row] = abs(wanted) > world.max_force
+        is_changed[row] = abs(lanes.change[row, 0]) > LEAST_CHANGE_N
+    for row in range(3):
+        reason = FIRED
+        if is_opened:
+            reason = REHEARSED
+        elif is_complete and not law.has_plan:
+            reason = COMPLETE
+        elif not law.has_plan and not is_decision(law, k):
+            reason = WAITING
+        elif not law.has_plan and lanes.coasts[0] > 0.0:
+            reason = COASTING
+        elif abs(log.force_asked_n[k, row]) < SILENT_N:
+            reason = SILENT
+        elif lanes.asked[row, 0] == 0.0:
+            reason = DEAD_BAND
+        if is_clipped[row] or (law.force_axes == BODY and is_clipped.any()):
+            reason = CLIPPED
+        if is_changed[row] or (law.force_axes == BODY and is_changed.any()):
+            reason = SAFETY
+        log.reason[k, row] = reason

@@ -1,0 +1,116 @@
+"""Flights stepped one control period at a time under external forces, compiled.
+
+Every flight has the vectors to itself, in lane 0, since each is at its own sample.
+"""
+
+from typing import Any
+
+from fis_tools.compiled.decorator import compiled
+from fis_tools.compiled.three import Three, lane_of
+from fis_tools.compiled.vectors import borrowed, splat, width_of
+from pipeline.flight.fly.many import start_lanes
+from pipeline.flight.period.decide.thrust import command_given
+from pipeline.flight.period.steps import act, look
+from pipeline.flight.state.arrays import Beyond, Guard, Plans, State, Workspace, World
+from pipeline.flight.state.errors import ModelErrors
+from pipeline.typing import Bytes, Floats, Integers
+
+#: columns of an observation: vectors in Hill axes
+POSITION, VELOCITY, TARGET, SUN, BORESIGHT = 0, 3, 6, 9, 12
+NUM_INSPECTED, NUM_CANDIDATES, SPENT, LEFT = 15, 16, 17, 18
+#: known to the truth only: points that count and are not inspected, how far outside, and the safety layer's
+NUM_UNSEEN, OUTSIDE, NUM_ACTED, CORRECTED, NUM_OBSERVED = 19, 20, 21, 22, 23
+#: the sample of a flight that is about to start
+NOT_STARTED = -1
+
+
+# This is inlined: a compiled function cannot return a tuple with a record in it.
+@compiled(error_model="numpy", inline="always")
+def state_of(states: State, flight: int) -> State:
+    """Return the state of one flight, from arrays with a row each."""
+    return State(
+        states.truth[flight],
+        states.belief[flight],
+        states.lanes[flight],
+        states.unseen[flight],
+        states.centres[flight],
+        states.num_centres[flight],
+        states.clustered[flight],
+        states.estimate[flight],
+        states.thrusters[flight],
+        states.fixes[flight],
+        states.commands[flight],
+        states.acting[flight],
+        states.thrust[flight],
+    )
+
+
+@compiled(error_model="numpy", forceinline=True)
+def write_three_at(row: Floats, first: int, a: Three) -> None:
+    """Write a vector of floats into a row, from an index on."""
+    row[first], row[first + 1], row[first + 2] = a.x, a.y, a.z
+
+
+@compiled(error_model="numpy", forceinline=True)
+def write_observed(world: World, state: State, k: int, row: Floats) -> None:
+    """Write the observation of a flight at sample k."""
+    lanes, belief = state.lanes, state.belief
+    flat = lanes.sun_height[0, 0]
+    write_three_at(row, POSITION, lane_of(belief.position, 0, 0))
+    write_three_at(row, VELOCITY, lane_of(belief.velocity, 0, 0))
+    write_three_at(row, TARGET, lane_of(lanes.target, 0, 0))
+    write_three_at(row, BORESIGHT, lane_of(belief.boresight, 0, 0))
+    write_three_at(row, SUN, Three(flat * lanes.sun[0, 0], flat * lanes.sun[1, 0], lanes.sun_height[1, 0]))
+    row[NUM_INSPECTED] = lanes.num_counted[0] - lanes.num_unseen[0]
+    row[NUM_CANDIDATES] = lanes.num_candidates[0]
+    row[SPENT] = lanes.spent[0]
+    row[LEFT] = (world.num_controls - k) * world.control_period
+    row[NUM_UNSEEN] = lanes.num_unseen[0]
+    row[OUTSIDE] = lanes.beyond[0]
+    row[NUM_ACTED] = lanes.num_acted[0]
+    row[CORRECTED] = lanes.corrected[0]
+
+
+@compiled(nogil=True, error_model="numpy")
+def step_many(
+    world: World,
+    optics: Beyond | None,
+    guard: Guard | None,
+    clusters: bool | None,
+    errors: ModelErrors | None,
+    plans: Plans,
+    cases: Any,
+    counted: Bytes,
+    states: State,
+    work: Workspace,
+    samples: Integers,
+    forces: Floats,
+    observed: Floats,
+) -> None:
+    """Fly every flight by a control period, or start it; see `pipeline.flight.period.steps`.
+
+    Parameters
+    ----------
+    plans : Plans
+        Without plans.
+    cases : (n,) starts, of `CASE`
+    counted : (n, P padded) 1 for the points that a flight is about
+    states : State, with a further first axis of n
+    samples : (n,) sample of each flight, `NOT_STARTED` for those to be started; incremented
+    forces : (n, 3) N, Hill axes
+    observed : (n, NUM_OBSERVED), filled
+    """
+    world, plans, cases, counted, states, work = borrowed((world, plans, cases, counted, states, work))
+    for flight in range(len(samples)):
+        own, k = state_of(states, flight), samples[flight]
+        if k == NOT_STARTED:
+            start_lanes(world, own, cases, counted, flight, 1)
+        else:
+            width, force = width_of(own.lanes), forces[flight]
+            asked = Three(splat(force[0], width), splat(force[1], width), splat(force[2], width))
+            command_given(world, own, asked)
+            act(world, guard, errors, plans, own, work, flight, 1, k)
+        k += 1
+        look(world, optics, clusters, errors, plans, own, work, flight, 1, k)
+        write_observed(world, own, k, observed[flight])
+        samples[flight] = k

@@ -1,0 +1,77 @@
+"""Motion of all lanes over a control period: linear in Hill axes, or about the Earth."""
+
+from fis_tools.compiled.decorator import compiled
+from fis_tools.compiled.three import Three, load_three, plus, scaled, store_three, three_of, write_lane
+from fis_tools.compiled.vectors import splat, store, width_of
+from pipeline.flight.state.arrays import State, World
+from pipeline.flight.state.lanes import one, two
+from pipeline.physics.illumination import share_at
+from pipeline.physics.motion import place_after, step_of, velocity_after
+from pipeline.physics.orbit import Course
+from pipeline.physics.two_body import entered, left, stepped
+from pipeline.physics.vectors import norm
+
+
+@compiled(error_model="numpy", forceinline=True)
+def spend(world: World, state: State, force: Three) -> None:
+    """Add up what all lanes spend in a control period."""
+    spent_per_force = world.control_period * world.acceleration_per_force
+    spent = (abs(force.x) + abs(force.y) + abs(force.z)) * spent_per_force
+    store(state.lanes.spent, 0, one(state.lanes.spent) + spent)
+
+
+@compiled(error_model="numpy", forceinline=True)
+def move(world: World, state: State, force: Three) -> None:
+    """Move all lanes by a control period under forces, N, Hill axes."""
+    truth, step = state.truth, step_of(world.motion, 0)
+    place, velocity = load_three(truth.position, 0), load_three(truth.velocity, 0)
+    store_three(truth.position, 0, place_after(step, place, velocity, force))
+    store_three(truth.velocity, 0, velocity_after(step, place, velocity, force))
+
+
+@compiled(error_model="numpy", forceinline=True)
+def suns(state: State) -> Three:
+    """Return the directions towards the Suns of all lanes, axes of the course."""
+    cosine, sine = two(state.lanes.sun_at_start)
+    flat, high = two(state.lanes.sun_height)
+    return Three(flat * cosine, flat * sine, high)
+
+
+@compiled(error_model="numpy")
+def note_sunshine(course: Course, state: State, row: int) -> None:
+    """Write the visible share of the Sun's disc in each lane at the three rows of a step."""
+    width = width_of(state.lanes)
+    shines = state.lanes.shine
+    if course.radiation == 0.0 or not course.has_shadow:
+        for part in range(3):
+            store(shines, part, splat(1.0, width))
+        return
+    sun = suns(state)
+    for part in range(3):
+        upward = course.axes[row + part, 0]
+        store(shines, part, upward[0] * sun.x + upward[1] * sun.y + upward[2] * sun.z)
+        radius = norm(course.places[row + part])
+        for lane in range(width):
+            shines[part, lane] = share_at(shines[part, lane], radius)
+
+
+@compiled(error_model="numpy")
+def move_about_earth(
+    world: World, course: Course, state: State, force: Three, first: int, num_lanes: int, k: int
+) -> None:
+    """Move all lanes, which are flights from `first` on, by a control period under forces, N, Hill axes."""
+    lanes, truth, row = state.lanes, state.truth, 2 * course.num_steps * k
+    place, velocity = entered(course, row, load_three(truth.position, 0), load_three(truth.velocity, 0))
+    pull = scaled(world.acceleration_per_force, force)
+    if len(course.varying) > 0:
+        for lane in range(width_of(lanes)):
+            write_lane(lanes.drag, 0, lane, three_of(course.varying[first + min(lane, num_lanes - 1), k]))
+        pull = plus(pull, load_three(lanes.drag, 0))
+    light = scaled(-course.radiation, suns(state))
+    for _ in range(course.num_steps):
+        note_sunshine(course, state, row)
+        place, velocity = stepped(course, row, place, velocity, pull, light, load_three(lanes.shine, 0))
+        row += 2
+    place, velocity = left(course, row, place, velocity)
+    store_three(truth.position, 0, place)
+    store_three(truth.velocity, 0, velocity)
