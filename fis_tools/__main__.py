@@ -1,62 +1,64 @@
 """The command line: show, draw, question and exchange fuzzy controllers."""
 
-import argparse
 import atexit
 import gc
 import io
 import os
 import sys
 from collections.abc import Sequence
-from importlib import import_module
+
+from cyclopts import App, CycloptsError, Parameter
 
 from fis_tools.commands import SUMMARIES
 
-EPILOG = """\
-examples:
-  python -m fis_tools show outputs/train/20250101-120000-000000
-  python -m fis_tools plot controller.yaml -o figures
-  python -m fis_tools audit controller.yaml --flights episodes/*.mcap --fail-on serious
-  python -m fis_tools explain controller.yaml --inputs distance=80,velocity_body_x=0.05
-  python -m fis_tools explain episodes/best.mcap --time 600
-  python -m fis_tools firing episodes/*.mcap
-  python -m fis_tools bounds controller.yaml --where "distance > 150" --ask "force_x > 0"
-  python -m fis_tools diff before.yaml after.yaml -o diff.html
-  python -m fis_tools simplify controller.yaml --max-change 5% -o simpler.yaml
-  python -m fis_tools export controller.yaml --format markdown > controller.md
-  python -m fis_tools import tipper.fis -o tipper.yaml
-  python -m fis_tools learn table.csv --target y -o learned.json
-  python -m fis_tools review controller.yaml --flights episodes/*.mcap -o review.html
+HELP = """\
+Review a fuzzy controller: look at it, draw it, and ask why it does what it does.
+
+For example:
+
+    python -m fis_tools show outputs/train/20250101-120000-000000
+    python -m fis_tools plot controller.yaml -o figures
+    python -m fis_tools audit controller.yaml --flights episodes/*.mcap --fail-on serious
+    python -m fis_tools explain controller.yaml --inputs distance=80,velocity_body_x=0.05
+    python -m fis_tools explain episodes/best.mcap --time 600
+    python -m fis_tools firing episodes/*.mcap
+    python -m fis_tools bounds controller.yaml --where "distance > 150" --ask "force_x > 0"
+    python -m fis_tools diff before.yaml after.yaml -o diff.html
+    python -m fis_tools simplify controller.yaml --max-change 5% -o simpler.yaml
+    python -m fis_tools export controller.yaml --format markdown > controller.md
+    python -m fis_tools import tipper.fis -o tipper.yaml
+    python -m fis_tools learn table.csv --target y -o learned.json
+    python -m fis_tools review controller.yaml --flights episodes/*.mcap -o review.html
 
 `python -m fis_tools COMMAND --help` tells more about each command.
 """
 
+MISTAKE = 2
 #: as shells do for SIGINT
 INTERRUPTED = 130
 
 
-def build_parser(asked: str | None) -> argparse.ArgumentParser:
-    """Build the parser of the command line; of the commands, only the one that is asked for is imported."""
-    parser = argparse.ArgumentParser(
-        prog="python -m fis_tools",
-        description="Review a fuzzy controller: look at it, draw it, and ask why it does what it does.",
-        epilog=EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+def command_line(asked: str | None) -> App:
+    """Return the command line; of the commands, only the one that is asked for is imported."""
+    app = App(
+        name="python -m fis_tools",
+        help=HELP,
+        help_format="markdown",
+        version_flags=(),
+        suppress_keyboard_interrupt=False,
+        default_parameter=Parameter(negative=(), show_default=_shown),
     )
-    commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
-    for name, summary in SUMMARIES.items():
-        command = commands.add_parser(
-            name,
-            help=summary,
-            description=summary[0].upper() + summary[1:],
-            formatter_class=argparse.RawDescriptionHelpFormatter,
-        )
-        if name == asked:
-            # a keyword of Python cannot name a module
-            module = import_module(f"fis_tools.commands.{'import_' if name == 'import' else name}")
-            module.add(command)
-            command.epilog = module.EPILOG
-            command.set_defaults(run=module.run)
-    return parser
+    for place, (name, summary) in enumerate(SUMMARIES.items()):
+        # a keyword of Python cannot name a module
+        module = "import_" if name == "import" else name
+        told = None if name == asked else summary
+        app.command(f"fis_tools.commands.{module}:run", name=name, help=told, sort_key=place)
+    return app
+
+
+def _shown(default: object) -> str | None:
+    """Return a default as help shows it; none where an option is left out."""
+    return None if default in (None, False, (), "") else str(default)
 
 
 def _mistakes() -> tuple[type[Exception], ...]:
@@ -79,29 +81,33 @@ def main(words: Sequence[str] | None = None) -> int:
         # what goes into a file must read back, in whichever locale it was written
         sys.stdout.reconfigure(encoding=None if sys.stdout.isatty() else "utf-8", errors="replace")
     words = sys.argv[1:] if words is None else words
-    parser = build_parser(next((word for word in words if not word.startswith("-")), None))
-    if not words:
-        parser.print_help()
-        return 2
-    arguments = parser.parse_args(words)
+    asked = next((word for word in words if not word.startswith("-")), None)
     try:
-        status = arguments.run(arguments) or 0
+        status = command_line(asked)(
+            words or ["--help"], exit_on_error=False, print_error=False, result_action="return_value"
+        )
         if sys.stdout is not None:
             sys.stdout.flush()
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
+    except CycloptsError as mistake:
+        command = (
+            f"python -m fis_tools {asked} --help" if asked in SUMMARIES else "python -m fis_tools --help"
+        )
+        print(f"error: {mistake} `{command}` tells more.", file=sys.stderr)
+        return MISTAKE
     except OSError as mistake:
         place = mistake.filename or "the output"
         print(f"error: {place} cannot be written ({mistake.strerror}); choose another place", file=sys.stderr)
-        return 2
+        return MISTAKE
     except _mistakes() as mistake:
         print(f"error: {mistake}", file=sys.stderr)
-        return 2
+        return MISTAKE
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)
         return INTERRUPTED
-    return int(status)
+    return int(status or 0) if words else MISTAKE
 
 
 if __name__ == "__main__":

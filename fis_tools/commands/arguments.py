@@ -1,13 +1,13 @@
-"""What the commands share: how a controller, a system, inputs and a place to write are asked for."""
+"""What the commands share: how a controller, flights, inputs and a place to write are asked for."""
 
-import argparse
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import KW_ONLY, dataclass
 from math import inf, isfinite
 from pathlib import Path
+from typing import Annotated, Any, Literal
 
-import numpy as np
-from numpy.typing import NDArray
+from cyclopts import Parameter
 
 from fis_tools.analysis import arrays, flights
 from fis_tools.analysis.contribution import importance
@@ -16,81 +16,129 @@ from fis_tools.formats import serialize
 from fis_tools.model import FuzzyController, FuzzySystem
 from fis_tools.model.validate import nearest
 from fis_tools.source import read_controller
-
-Floats = NDArray[np.float64]
+from fis_tools.typing import Floats
 
 #: Samples of the ranges of the inputs, where importance is asked for without flights.
 NUM_SPREAD = 2048
 
 _WRITERS = {".json": serialize.dump_json, ".yaml": serialize.dump_yaml, ".yml": serialize.dump_yaml}
 
-CONTROLLER_HELP = (
-    "a controller file (.json, .yaml), a file of another program (.fis, .fll, .fml, .xml), the folder of a "
-    "run (its champion.json), a logged flight (.mcap), or, with --trust, FILE.py:NAME: a scikit-fuzzy "
-    "ControlSystem, or a system of fis_tools"
-)
+FLIGHTS = Parameter(name=("--flights", "--data"), consume_multiple=True)
 
-FLIGHTS_HELP = (
-    "logged data: tables (.csv, .parquet) with a column for each input, by its name, or flights (.mcap)"
-)
+Output = Annotated[str | None, Parameter(name=("--output", "-o"))]
 
 
 class UserMistake(ValueError):  # noqa: N818
     """What the person at the keyboard can put right, told in a sentence."""
 
 
-def add_controller(command: argparse.ArgumentParser) -> None:
-    """Let a command be about one controller, or one system of it."""
-    command.add_argument("controller", metavar="CONTROLLER", help=CONTROLLER_HELP)
-    command.add_argument("--system", metavar="NAME", help="only this system of the controller")
-    add_trust(command)
+def expected(words: str, is_right: Callable[[Any], bool]) -> Parameter:
+    """Return what refuses the values of an option that are not as expected."""
+
+    def check(_kind: object, value: Any) -> None:
+        if value is not None and not is_right(value):
+            raise ValueError(f"Give {words}.")
+
+    return Parameter(validator=check)
 
 
-def add_trust(command: argparse.ArgumentParser) -> None:
-    """Let a command run the program that a controller is an object of."""
-    command.add_argument(
-        "--trust", action="store_true", help="run the Python program that a controller is read from"
-    )
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Asked:
+    """What a command is about.
+
+    Parameters
+    ----------
+    controller
+        a controller file (.json, .yaml), a file of another program (.fis, .fll, .fml, .xml), the folder of a
+        run (its champion.json), a logged flight (.mcap), or, with --trust, FILE.py:NAME: a scikit-fuzzy
+        ControlSystem, or a system of fis_tools
+    system
+        only this system of the controller
+    trust
+        run the Python program that a controller is read from
+    """
+
+    controller: str
+    _: KW_ONLY
+    system: str | None = None
+    trust: bool = False
+
+    def read(self) -> FuzzyController:
+        """Return the controller, or the one system of it that is asked for."""
+        return chosen(read_controller(self.controller, self.trust), self.system)
 
 
-def asked(arguments: argparse.Namespace) -> FuzzyController:
-    """Return the controller that a command is about, or the one system of it that is asked for."""
-    return chosen(read_controller(arguments.controller, arguments.trust), arguments.system)
+@Parameter(name="*")
+@dataclass(frozen=True)
+class AskedAlong(Asked):
+    """What a command is about, and where it was flown.
+
+    Parameters
+    ----------
+    flights
+        logged data: tables (.csv, .parquet) with a column for each input, by its name, or flights (.mcap);
+        [default: CONTROLLER, if it is a flight]
+    all_periods
+        along flights, count every inference, not only those whose force was fired
+    """
+
+    flights: Annotated[tuple[str, ...], FLIGHTS] = ()
+    all_periods: bool = False
+
+    @property
+    def paths(self) -> list[str]:
+        """The flights that are named: the controller's own, where it is one."""
+        return list(self.flights) or [path for path in [self.controller] if flights.is_flight(path)]
+
+    def flown(self, controller: FuzzyController) -> dict[str, Floats] | None:
+        """Return what the systems of a controller sensed along the flights; see `flown_inputs`."""
+        return flown_inputs(self.paths, controller, self.all_periods)
 
 
-def add_flights(
-    command: argparse.ArgumentParser,
-    use: str = "whose inputs are looked at (default: CONTROLLER, if it is a flight)",
-) -> None:
-    """Let a command look at what systems sensed along flights."""
-    command.add_argument("--flights", "--data", nargs="+", metavar="FLIGHT", help=f"{FLIGHTS_HELP} {use}")
-    add_periods(command)
+@Parameter(name="*")
+@dataclass(frozen=True)
+class AskedInOrder(AskedAlong):
+    """What a command lists the rules of.
+
+    Parameters
+    ----------
+    by
+        list rules that matter most first: along --flights, else over the whole ranges of the inputs
+    """
+
+    by: Literal["importance"] | None = None
+
+    def importance(self, controller: FuzzyController) -> dict[str, Floats] | None:
+        """Return how much each rule matters, by `fis_tools.analysis.contribution`; None if nobody asked.
+
+        A system that decided nothing on the flights is missing.
+        """
+        if self.by is None:
+            if self.flights:
+                raise UserMistake("--flights are for --by importance; add it, or leave the flights out")
+            return None
+        samples = self.flown(controller)
+        if samples is None:
+            samples = {system.name: arrays.spread_inputs(system, NUM_SPREAD) for system in controller.systems}
+        return {
+            system.name: importance(compiled(system), samples[system.name])
+            for system in controller.systems
+            if len(samples.get(system.name, ()))
+        }
 
 
-def flight_paths(arguments: argparse.Namespace) -> list[str]:
-    """Return the flights that are named: the controller's own, where it is one."""
-    return arguments.flights or [path for path in [arguments.controller] if flights.is_flight(path)]
-
-
-def add_periods(command: argparse.ArgumentParser) -> None:
-    """Let a command count every inference along flights."""
-    command.add_argument(
-        "--all-periods",
-        action="store_true",
-        help="along flights, count every inference, not only those whose force was fired",
-    )
-
-
-def flown_inputs(arguments: argparse.Namespace, controller: FuzzyController) -> dict[str, Floats] | None:
-    """Return what the systems of a controller sensed along the flights that are named; None without any.
+def flown_inputs(
+    paths: Sequence[str], controller: FuzzyController, all_periods: bool
+) -> dict[str, Floats] | None:
+    """Return what the systems of a controller sensed along flights; None without any.
 
     The flights may be those of another controller, such as the one before a change, if its systems of the
     same names have the same inputs.
     """
-    paths = flight_paths(arguments)
     if not paths:
         return None
-    sensed = flights.inputs_along(paths, arguments.all_periods, controller)
+    sensed = flights.inputs_along(paths, all_periods, controller)
     carried = flights.read_controller(paths[0]) if flights.is_flight(paths[0]) else controller
     flown = {system.name: [v.name for v in system.inputs] for system in carried.systems}
     for system in controller.systems:
@@ -110,35 +158,6 @@ def flown_inputs(arguments: argparse.Namespace, controller: FuzzyController) -> 
     return found
 
 
-def add_order(command: argparse.ArgumentParser) -> None:
-    """Let a command list rules by how much they matter."""
-    command.add_argument(
-        "--by",
-        choices=["importance"],
-        help="list rules that matter most first: along --flights, else over the whole ranges of the inputs",
-    )
-    add_flights(command)
-
-
-def importance_asked(arguments: argparse.Namespace, controller: FuzzyController) -> dict[str, Floats] | None:
-    """Return how much each rule matters, by `fis_tools.analysis.contribution`; None if nobody asked.
-
-    A system that decided nothing on the flights is missing.
-    """
-    if arguments.by is None:
-        if arguments.flights:
-            raise UserMistake("--flights are for --by importance; add it, or leave the flights out")
-        return None
-    samples = flown_inputs(arguments, controller)
-    if samples is None:
-        samples = {system.name: arrays.spread_inputs(system, NUM_SPREAD) for system in controller.systems}
-    return {
-        system.name: importance(compiled(system), samples[system.name])
-        for system in controller.systems
-        if len(samples.get(system.name, ()))
-    }
-
-
 def chosen(controller: FuzzyController, name: str | None) -> FuzzyController:
     """Keep only the system that is asked for, where one is."""
     if name is None:
@@ -150,13 +169,12 @@ def chosen(controller: FuzzyController, name: str | None) -> FuzzyController:
     return FuzzyController(controller.name, systems, controller.attributes, controller.provenance)
 
 
-def the_system(controller: FuzzyController, name: str | None) -> FuzzySystem:
-    """Return the system that is asked for, or the only one."""
-    systems = chosen(controller, name).systems
-    if len(systems) > 1:
-        names = ", ".join(system.name for system in systems)
+def the_system(controller: FuzzyController) -> FuzzySystem:
+    """Return the only system of a controller."""
+    if len(controller.systems) > 1:
+        names = ", ".join(system.name for system in controller.systems)
         raise UserMistake(f"controller {controller.name!r} has several systems; add --system, one of {names}")
-    return systems[0]
+    return controller.systems[0]
 
 
 def assignments(words: str) -> dict[str, float]:
@@ -201,10 +219,3 @@ def write(output: str | None, content: str) -> None:
         print(content, end="")
     else:
         place_for(Path(output)).write_text(content, encoding="utf-8")
-
-
-def count(word: str) -> int:
-    """Read a number of points."""
-    if not word.isdecimal() or not 2 <= int(word) <= 1000:
-        raise argparse.ArgumentTypeError(f"{word!r} is no whole number from 2 to 1000")
-    return int(word)

@@ -1,71 +1,57 @@
 """`diff`: what changed from one controller to another."""
 
-import argparse
 from importlib import import_module
 from pathlib import Path
 
-from fis_tools.commands.arguments import (
-    UserMistake,
-    add_controller,
-    add_flights,
-    chosen,
-    flown_inputs,
-    write,
-)
+from fis_tools.commands.arguments import AskedAlong, Output, UserMistake, chosen, flown_inputs, write
 from fis_tools.document import data, html
 from fis_tools.findings.difference import difference
 from fis_tools.model import FuzzyController
 from fis_tools.source import read_controller
 
-EPILOG = """\
-Terms are told with how far they moved and how much of their area is still shared; rules are
-compared by what they ask for, whatever their order; outputs are compared over 4096 inputs spread
-over the ranges, and along --flights.
 
-The exit status is 0; with --exit-code it is 1 where something changed; a mistake gives 2.
+def run(
+    asked: AskedAlong, after: str, *, json: bool = False, exit_code: bool = False, output: Output = None
+) -> int:
+    """Tell what changed from one controller to another.
 
-examples:
-  python -m fis_tools diff before.yaml after.yaml
-  python -m fis_tools diff before.yaml outputs/train/20250101-120000-000000 --flights episodes/*.mcap
-  python -m fis_tools diff before.yaml after.fis --exit-code
-  python -m fis_tools diff before.yaml after.yaml -o diff.html
-"""
+    Terms are told with how far they moved and how much of their area is still shared; rules are compared by
+    what they ask for, whatever their order; outputs are compared over 4096 inputs spread over the ranges, and
+    along --flights.
 
+    The exit status is 0; with --exit-code it is 1 where something changed; a mistake gives 2.
 
-def add(command: argparse.ArgumentParser) -> None:
-    """Add the arguments of the command to its parser."""
-    add_controller(command)
-    command.add_argument("after", metavar="AFTER", help="the controller that CONTROLLER is compared with")
-    add_flights(command, "along which outputs are compared as well")
-    command.add_argument(
-        "--json", action="store_true", help="for programs (schema fuzzy-difference, version 1)"
-    )
-    command.add_argument("--exit-code", action="store_true", help="end with status 1 if anything changed")
-    command.add_argument(
-        "-o", "--output", metavar="FILE", help="a page (.html), or the same as is printed (default: printed)"
-    )
+    For example:
 
+        python -m fis_tools diff before.yaml after.yaml
+        python -m fis_tools diff before.yaml outputs/train/20250101-120000-000000 --flights episodes/*.mcap
+        python -m fis_tools diff before.yaml after.fis --exit-code
+        python -m fis_tools diff before.yaml after.yaml -o diff.html
 
-def run(arguments: argparse.Namespace) -> int:
-    """Tell what changed; return 1 if something did and that is asked for."""
-    is_page = not arguments.json and Path(arguments.output or "").suffix.lower() in {".html", ".htm"}
+    Parameters
+    ----------
+    after
+        the controller that CONTROLLER is compared with
+    json
+        print it for programs (schema fuzzy-difference, version 1)
+    exit_code
+        end with status 1 if anything changed
+    output
+        a page (.html), or the same as is printed [default: printed]
+    """
+    is_page = not json and Path(output or "").suffix.lower() in {".html", ".htm"}
     if is_page:  # what pictures need is missed before anything is computed
         import_module("fis_tools.render")
-    before, after = (
-        read_controller(path, arguments.trust) for path in (arguments.controller, arguments.after)
-    )
-    before, after = _limited(before, after, arguments.system)
-    samples = flown_inputs(arguments, after) if arguments.flights else None
-    files = (str(arguments.controller), str(arguments.after))
-    found = difference(before, after, samples, files)
-    if arguments.json:
+    old, new = (read_controller(path, asked.trust) for path in (asked.controller, after))
+    old, new = _limited(old, new, asked.system)
+    samples = flown_inputs(asked.flights, new, asked.all_periods)
+    found = difference(old, new, samples, (asked.controller, after))
+    if json:
         content = data.write("fuzzy-difference", 1, found.plain())
-    elif is_page:
-        content = html.page(found.document(pictures=True))
     else:
-        content = found.text()
-    write(arguments.output, content)
-    return int(arguments.exit_code and not found.is_empty)
+        content = html.page(found.document(pictures=True)) if is_page else found.text()
+    write(output, content)
+    return int(exit_code and not found.is_empty)
 
 
 def _limited(
@@ -74,15 +60,10 @@ def _limited(
     """Keep the system that is asked for in both, where one is."""
     if name is None:
         return before, after
-    limited = [
-        chosen(one, name) if any(system.name == name for system in one.systems) else None
-        for one in (before, after)
-    ]
-    if limited == [None, None]:
-        chosen(after, name)
-    if limited[0] is None or limited[1] is None:
-        which = before if limited[0] is None else after
+    has = [any(system.name == name for system in one.systems) for one in (before, after)]
+    if any(has) and not all(has):
+        which = after if has[0] else before
         raise UserMistake(
             f"controller {which.name!r} has no system {name!r}; leave --system out to see all changes"
         )
-    return limited[0], limited[1]
+    return chosen(before, name), chosen(after, name)

@@ -1,38 +1,38 @@
 """`domain`: when logged flights left the inputs that an evaluation met."""
 
-import argparse
 import json
 from pathlib import Path
 
 import numpy as np
 
-from fis_tools.analysis import flights, tables
+from fis_tools.analysis import flights as logged
+from fis_tools.analysis import tables
 from fis_tools.analysis.domain import Box, Departure, departures, from_mapping
-from fis_tools.commands.arguments import FLIGHTS_HELP
 from fis_tools.formats.error import ControllerFileError
 
-EPILOG = """\
-DOMAIN is a domain.json of `python -m pipeline +experiment=assure`: the least and the greatest of each
-input that the flights of an evaluation met. What a controller does beyond is not covered by them.
 
-The exit status is 0 where all flights stayed inside, 1 where one left, 2 for a mistake.
+def run(domain: str, flights: tuple[str, ...], /) -> int:
+    """Tell when logged flights left the inputs that an evaluation met.
 
-examples:
-  python -m fis_tools domain outputs/assure/TIME/assure/domain.json episodes/*.mcap
-"""
+    DOMAIN is a domain.json of `python -m pipeline +experiment=assure`: the least and the greatest of each
+    input that the flights of an evaluation met. What a controller does beyond is not covered by them.
 
+    The exit status is 0 where all flights stayed inside, 1 where one left, 2 for a mistake.
 
-def add(command: argparse.ArgumentParser) -> None:
-    """Add the arguments of the command to its parser."""
-    command.add_argument("domain", metavar="DOMAIN", help="an operational domain (.json)")
-    command.add_argument("flights", nargs="+", metavar="FLIGHT", help=FLIGHTS_HELP)
+    For example:
 
+        python -m fis_tools domain outputs/assure/TIME/assure/domain.json episodes/*.mcap
 
-def run(arguments: argparse.Namespace) -> int:
-    """Print each departure; return 1 where there is one."""
-    boxes = {box.system: box for box in _read(Path(arguments.domain))}
+    Parameters
+    ----------
+    domain
+        an operational domain (.json)
+    flights
+        logged data: tables (.csv, .parquet) with a column for each input, by its name, or flights (.mcap)
+    """
+    boxes = {box.system: box for box in _read(Path(domain))}
     num_left = 0
-    for path in arguments.flights:
+    for path in flights:
         found = _departures(path, boxes)
         num_left += bool(found)
         print(f"{path}: {'stayed inside' if not found else ''}".rstrip())
@@ -57,7 +57,7 @@ def _departures(path: str, boxes: dict[str, Box]) -> list[Departure]:
             sensed, time_s = tables.read(path, each.inputs)
             found += departures(each, np.arange(1.0, len(sensed) + 1.0) if time_s is None else time_s, sensed)
         return sorted(found, key=lambda one: one.first_s)
-    for flown in flights.read_flight(path):
+    for flown in logged.read_flight(path):
         box, inputs = boxes.get(flown.system.name), tuple(one.name for one in flown.system.inputs)
         if box is None or box.inputs != inputs:
             raise ControllerFileError(

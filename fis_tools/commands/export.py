@@ -1,19 +1,19 @@
 """`export`: a controller in another form."""
 
-import argparse
 import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
 
 from fis_tools.commands.arguments import (
+    AskedInOrder,
+    Output,
     UserMistake,
-    add_controller,
-    add_order,
-    asked,
     chosen,
     file_name,
-    importance_asked,
     place_for,
     write,
 )
@@ -68,72 +68,68 @@ FORMS = {
     "fmu": Form(".fmu"),
 }
 
-EPILOG = """\
-forms:
-  markdown, csv, text, html, latex   terms and rules to read
-  json, yaml                         a controller file, which holds everything
-  fis, fll, fml                      MATLAB and Octave, fuzzylite, IEEE 1855: a file a system; what the form
-                                     has no place for is listed, and carried in a comment that `import` reads
-  fcl                                IEC 61131-7: a file a system; what it has no place for is listed
-  c                                  C99 source that stands alone: for a controller that commands a force
-                                     step(), which has its thrust logic; else a function a system
-  fmu                                FMI 2.0 for co-simulation (Simulink, Dymola, OpenModelica): a file a
-                                     system, its inference alone; with a library where gcc is at hand
 
-examples:
-  python -m fis_tools export controller.yaml --format markdown > controller.md
-  python -m fis_tools export controller.yaml --format csv --by importance --flights episodes/*.mcap
-  python -m fis_tools export controller.yaml --format fis -o exchange
-  python -m fis_tools export controller.yaml --format fll --system force_x -o force_x.fll
-"""
+def run(
+    asked: AskedInOrder,
+    *,
+    format: Annotated[str, Parameter(choices=tuple(FORMS))],
+    output: Output = None,
+    bare: bool = False,
+) -> None:
+    """Write a controller as tables, for other programs, or as C source.
 
+    - markdown, csv, text, html, latex: terms and rules to read
+    - json, yaml: a controller file, which holds everything
+    - fis, fll, fml: MATLAB and Octave, fuzzylite, IEEE 1855: a file a system; what the form has no place for
+      is listed, and carried in a comment that `import` reads
+    - fcl: IEC 61131-7, written only: a file a system
+    - c: C99 source that stands alone: for a controller that commands a force step(), which has its thrust
+      logic; else a function a system
+    - fmu: FMI 2.0 for co-simulation (Simulink, Dymola, OpenModelica): a file a system, its inference alone;
+      with a library where gcc is at hand
 
-def add(command: argparse.ArgumentParser) -> None:
-    """Add the arguments of the command to its parser."""
-    add_controller(command)
-    command.add_argument("--format", choices=list(FORMS), required=True, help="what to write")
-    command.add_argument(
-        "-o",
-        "--output",
-        metavar="FILE",
-        help="where to (default: printed); with a file a system, a folder if its name has no ending",
-    )
-    command.add_argument(
-        "--bare",
-        action="store_true",
-        help="c: inference alone, without the thrust logic of a controller that commands a force",
-    )
-    add_order(command)
+    For example:
 
+        python -m fis_tools export controller.yaml --format markdown > controller.md
+        python -m fis_tools export controller.yaml --format csv --by importance --flights episodes/*.mcap
+        python -m fis_tools export controller.yaml --format fis -o exchange
+        python -m fis_tools export controller.yaml --format fll --system force_x -o force_x.fll
 
-def run(arguments: argparse.Namespace) -> None:
-    """Write a controller in another form."""
-    form = FORMS[arguments.format]
-    if arguments.by is not None and form.write_ranked is None:
+    Parameters
+    ----------
+    format
+        what to write
+    output
+        where to [default: printed]; with a file a system, a folder if its name has no ending
+    bare
+        c: inference alone, without the thrust logic of a controller that commands a force
+    """
+    form = FORMS[format]
+    if asked.by is not None and form.write_ranked is None:
         ranked = ", ".join(name for name, each in FORMS.items() if each.write_ranked is not None)
         raise UserMistake(f"--by is for forms to read; choose one of {ranked}, or leave it out")
-    if arguments.bare and arguments.format != "c":
+    if bare and format != "c":
         raise UserMistake("--bare is for --format c; leave it out")
-    controller = asked(arguments)
-    if arguments.format == "c":
-        _write_c(controller, arguments)
-    elif arguments.format == "fmu":
-        _write_fmus(controller, arguments.output)
+    controller = asked.read()
+    if format == "c":
+        _write_c(controller, output, bare)
+    elif format == "fmu":
+        _write_fmus(controller, output)
     elif form.write_one is not None:
-        _write_each(controller, form.write_one, form.ending, arguments.output)
+        _write_each(controller, form.write_one, form.ending, output)
     elif form.write_ranked is not None:
-        write(arguments.output, form.write_ranked(controller, importance_asked(arguments, controller)))
+        write(output, form.write_ranked(controller, asked.importance(controller)))
     elif form.write is not None:
-        write(arguments.output, form.write(controller))
+        write(output, form.write(controller))
 
 
-def _write_c(controller: FuzzyController, arguments: argparse.Namespace) -> None:
+def _write_c(controller: FuzzyController, output: str | None, bare: bool) -> None:
     """Write a controller as C, and tell what it needs."""
     try:
-        text = source.write(controller, arguments.bare)
+        text = source.write(controller, bare)
     except ValueError as error:
         raise UserMistake(str(error)) from error
-    write(arguments.output, text)
+    write(output, text)
     counts = cost.operations(controller)._asdict()
     told = ", ".join(f"{count:,} {name}" for name, count in counts.items())
     print(f"a call takes at most {told} on doubles", file=sys.stderr)

@@ -1,13 +1,13 @@
 """Which inputs of which systems a command is about: given by hand, or those of a flight at a time."""
 
-import argparse
 from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from cyclopts import Parameter
 
 from fis_tools.analysis import flights
-from fis_tools.commands.arguments import UserMistake, assignments, flight_paths
+from fis_tools.commands.arguments import AskedAlong, UserMistake, assignments
 from fis_tools.engines.inference import Floats
 from fis_tools.model import FuzzyController, FuzzySystem
 from fis_tools.model.thrust import COUNTED, REASONS, UNKNOWN
@@ -15,18 +15,28 @@ from fis_tools.model.validate import nearest
 from fis_tools.words.text import number
 
 
-def add_instant(command: argparse.ArgumentParser) -> None:
-    """Let a command be told inputs, or the time of a flight."""
-    instant = command.add_mutually_exclusive_group()
-    instant.add_argument(
-        "--inputs", metavar="NAME=NUMBER,…", help="the inputs, in the units that `show` prints"
-    )
-    instant.add_argument(
-        "--time",
-        type=float,
-        metavar="SECONDS",
-        help="of logged data: the inputs at this time; of a table without times: of this row",
-    )
+@Parameter(name="*")
+@dataclass(frozen=True)
+class AskedInstant(AskedAlong):
+    """What a command is about, and at which inputs.
+
+    Parameters
+    ----------
+    inputs
+        the inputs, in the units that `show` prints: NAME=NUMBER,NAME=NUMBER
+    time
+        of logged data: the inputs at this time, in seconds; of a table without times: of this row
+    """
+
+    inputs: str | None = None
+    time: float | None = None
+
+    @property
+    def is_instant(self) -> bool:
+        """Whether inputs are told, by themselves or by a time."""
+        if self.inputs is not None and self.time is not None:
+            raise UserMistake("--inputs and --time both say which inputs are meant; drop one of them")
+        return self.inputs is not None or self.time is not None
 
 
 @dataclass(frozen=True)
@@ -47,25 +57,23 @@ class Instant:
     told: str = ""
 
 
-def instants(arguments: argparse.Namespace, controller: FuzzyController) -> Iterator[Instant]:
+def instants(asked: AskedInstant, controller: FuzzyController) -> Iterator[Instant]:
     """Yield each system of a controller that is meant with its inputs, given by hand or logged."""
-    if arguments.time is None:
-        yield from (Instant(system, inputs) for system, inputs in _given(arguments, controller))
+    if asked.time is None:
+        yield from (Instant(system, inputs) for system, inputs in _given(asked.inputs or "", controller))
         return
-    paths = flight_paths(arguments)
+    paths = asked.paths
     if len(paths) != 1:
         raise UserMistake(
             "--time is for one file of logged data; give a flight (.mcap), or add --flights FILE"
         )
-    periods = flights.read_periods(paths[0], arguments.time, controller)
+    periods = flights.read_periods(paths[0], asked.time, controller)
     names = [period.flown.system.name for period in periods]
-    if arguments.system is not None and arguments.system not in names:
-        raise UserMistake(
-            f"the flight has no system {arguments.system!r}; {nearest(arguments.system, names)}"
-        )
+    if asked.system is not None and asked.system not in names:
+        raise UserMistake(f"the flight has no system {asked.system!r}; {nearest(asked.system, names)}")
     for period in periods:
-        if arguments.system in (None, period.flown.system.name):
-            yield _instant(period, arguments.all_periods)
+        if asked.system in (None, period.flown.system.name):
+            yield _instant(period, asked.all_periods)
 
 
 def _instant(period: flights.Period, all_periods: bool) -> Instant:
@@ -92,10 +100,8 @@ def _in_words(period: flights.Period) -> str:
     return words
 
 
-def _given(
-    arguments: argparse.Namespace, controller: FuzzyController
-) -> Iterator[tuple[FuzzySystem, Floats]]:
-    values = assignments(arguments.inputs or "")
+def _given(inputs: str, controller: FuzzyController) -> Iterator[tuple[FuzzySystem, Floats]]:
+    values = assignments(inputs)
     known = list(dict.fromkeys(v.name for system in controller.systems for v in system.inputs))
     for name in values:
         if name not in known:

@@ -1,9 +1,11 @@
 """`learn`: a fuzzy system from a table."""
 
-import argparse
 from collections import Counter
+from typing import Annotated, Literal
 
-from fis_tools.commands.arguments import UserMistake, form_of, write
+from cyclopts import Parameter
+
+from fis_tools.commands.arguments import Output, UserMistake, form_of, write
 from fis_tools.learning.from_tables import cross_validated, learn_table
 from fis_tools.learning.recipe import Recipe, Unlearnable
 from fis_tools.learning.table import Table, UnreadableTable, as_table, read
@@ -12,63 +14,68 @@ from fis_tools.words.text import sentences, with_unit
 
 DEFAULTS = Recipe()
 
-EPILOG = """\
-The first line of the table names its columns; "petal length (cm)" has the unit cm. A target of words is
-classified: the system has an output for each, its share. What is reached is measured on every fifth row by
-what the other rows teach.
 
-examples:
-  python -m fis_tools learn table.csv --target y -o learned.json
-  python -m fis_tools learn table.csv --target y --inputs a b --consequents sets --terms 5 -o learned.yaml
-"""
+def run(
+    table: str,
+    /,
+    *,
+    target: str,
+    inputs: Annotated[tuple[str, ...], Parameter(consume_multiple=True)] = (),
+    consequents: Literal["constants", "linear", "sets"] = DEFAULTS.consequents,
+    terms: int = DEFAULTS.terms,
+    output_terms: int = DEFAULTS.output_terms,
+    max_inputs: int = DEFAULTS.max_inputs,
+    no_tuning: bool = False,
+    output: Output = None,
+) -> None:
+    """Make a fuzzy system from a table of numbers.
 
+    The first line of the table names its columns; "petal length (cm)" has the unit cm. A target of words is
+    classified: the system has an output for each, its share. What is reached is measured on every fifth row
+    by what the other rows teach.
 
-def add(command: argparse.ArgumentParser) -> None:
-    """Add the arguments of the command to its parser."""
-    command.add_argument("table", metavar="TABLE", help="a CSV or Parquet file of numbers")
-    command.add_argument("--target", metavar="COLUMN", required=True, help="what is to be learned")
-    command.add_argument(
-        "--inputs", nargs="+", metavar="COLUMN", help="what rules may ask for (default: all other columns)"
-    )
-    command.add_argument(
-        "--consequents",
-        choices=["constants", "linear", "sets"],
-        default=DEFAULTS.consequents,
-        help="what rules conclude: a number, one that is linear in the inputs, or (Wang and Mendel) a fuzzy "
-        f"set (default: {DEFAULTS.consequents})",
-    )
-    for key, what in (
-        ("terms", "terms of each input, 2 to 7"),
-        ("output_terms", "terms of an output of sets, 2 to 7"),
-        ("max_inputs", "columns that rules ask for at most, those that matter most"),
-    ):
-        default = getattr(DEFAULTS, key)
-        option = f"--{key.replace('_', '-')}"
-        command.add_argument(
-            option, type=int, default=default, metavar="N", help=f"{what} (default: {default})"
-        )
-    command.add_argument("--no-tuning", action="store_true", help="leave the terms evenly spaced")
-    command.add_argument("-o", "--output", metavar="FILE", help="write the controller (.json, .yaml)")
+    For example:
 
+        python -m fis_tools learn table.csv --target y -o learned.json
+        python -m fis_tools learn table.csv --target y --inputs a b --consequents sets --terms 5
 
-def run(arguments: argparse.Namespace) -> None:
-    """Learn a system, print its rules and what it reaches, and write it."""
-    form = form_of(arguments.output)
+    Parameters
+    ----------
+    table
+        a CSV or Parquet file of numbers
+    target
+        the column that is to be learned
+    inputs
+        the columns that rules may ask for [default: all others]
+    consequents
+        what rules conclude: a number, one that is linear in the inputs, or (Wang and Mendel) a fuzzy set
+    terms
+        terms of each input, 2 to 7
+    output_terms
+        terms of an output of sets, 2 to 7
+    max_inputs
+        columns that rules ask for at most, those that matter most
+    no_tuning
+        leave the terms evenly spaced
+    output
+        write the controller (.json, .yaml)
+    """
+    form = form_of(output)
     try:
-        table = as_table(read(arguments.table), arguments.target, arguments.inputs)
+        read_table = as_table(read(table), target, list(inputs) or None)
         recipe = Recipe(
-            consequents=arguments.consequents,
-            terms=arguments.terms,
-            output_terms=arguments.output_terms,
-            max_inputs=arguments.max_inputs,
-            tune=not arguments.no_tuning,
+            consequents=consequents,
+            terms=terms,
+            output_terms=output_terms,
+            max_inputs=max_inputs,
+            tune=not no_tuning,
         )
-        system = learn_table(table, recipe).system
+        system = learn_table(read_table, recipe).system
     except (UnreadableTable, Unlearnable) as error:
         raise UserMistake(str(error)) from error
     if form is not None:
-        write(arguments.output, form(FuzzyController(system.name, (system,))))
-    print(_told(system, table, recipe))
+        write(output, form(FuzzyController(system.name, (system,))))
+    print(_told(system, read_table, recipe))
 
 
 def _told(system: FuzzySystem, table: Table, recipe: Recipe) -> str:

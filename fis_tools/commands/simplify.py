@@ -1,102 +1,90 @@
 """`simplify`: fewer rules, terms and digits, while the outputs stay within a budget."""
 
-import argparse
 import sys
+from collections.abc import Sequence
+from typing import Annotated
 
-from fis_tools.commands.arguments import (
-    UserMistake,
-    add_controller,
-    add_flights,
-    asked,
-    flown_inputs,
-    form_of,
-    write,
-)
+from cyclopts import Parameter, Token
+
+from fis_tools.commands.arguments import AskedAlong, Output, UserMistake, form_of, write
 from fis_tools.document import data
 from fis_tools.findings.simplification import Budget, simplify
-from fis_tools.findings.simplification.budget import NUM_SPREAD
 
 SCHEMA = "fuzzy-simplification"
 SCHEMA_VERSION = 1
-
-EPILOG = f"""\
-Steps leave out inputs, drop rules, merge terms that look alike, and round numbers. Each is measured
-against the original; what changes least goes first, until nothing more fits the budget. It holds along the
-flights that are given, and at {NUM_SPREAD:,} points spread over the whole ranges of the inputs; between
-them a change can be a little larger. With --flights-only far more can go, but what was not flown
-changes at will, and other starts are flown worse. What comes out is an ordinary controller: fly
-it before you trust it.
-
-examples:
-  python -m fis_tools simplify controller.yaml -o simpler.yaml
-  python -m fis_tools simplify controller.yaml --flights episodes/*.mcap --max-change 2% -o simpler.json
-  python -m fis_tools simplify controller.yaml --flights episodes/*.mcap --flights-only
-"""
+DEFAULTS = Budget()
 
 
-def add(command: argparse.ArgumentParser) -> None:
-    """Add the arguments of the command to its parser."""
-    add_controller(command)
-    add_flights(command)
-    defaults = Budget()
-    for name, default, what in (
-        ("max", defaults.max_change, "the largest change of an output that is allowed"),
-        ("mean", defaults.mean_change, "the mean change that is allowed"),
-    ):
-        command.add_argument(
-            f"--{name}-change",
-            type=_share,
-            default=default,
-            metavar="SHARE",
-            help=f"{what}, of its range (default: {100 * default:g}%%)",
-        )
-    command.add_argument(
-        "--look-alike",
-        type=_share,
-        default=defaults.look_alike,
-        metavar="SHARE",
-        help=f"merge terms that share so much of their areas (default: {100 * defaults.look_alike:g}%%)",
-    )
-    command.add_argument(
-        "--flights-only", action="store_true", help="keep the budget along the flights alone"
-    )
-    command.add_argument("-o", "--output", metavar="FILE", help="write the simpler controller (.json, .yaml)")
-    command.add_argument(
-        "--json", action="store_true", help=f"print the steps for programs (schema {SCHEMA}, version 1)"
-    )
+def _share(_kind: object, tokens: Sequence[Token]) -> float:
+    """Read ``5%`` or ``0.05``."""
+    word = tokens[0].value.strip()
+    try:
+        value = float(word.removesuffix("%")) / (100.0 if word.endswith("%") else 1.0)
+    except ValueError:
+        value = -1.0
+    if not 0.0 <= value <= 1.0:
+        raise ValueError(f"{word!r} is no share from 0% to 100%; write 5% or 0.05")
+    return value
 
 
-def run(arguments: argparse.Namespace) -> None:
-    """Print the steps, and write what comes out."""
-    form = form_of(arguments.output)
-    controller = asked(arguments)
-    samples = flown_inputs(arguments, controller)
-    if samples is None and arguments.flights_only:
+Share = Annotated[float, Parameter(converter=_share)]
+
+
+def run(
+    asked: AskedAlong,
+    *,
+    max_change: Share = DEFAULTS.max_change,
+    mean_change: Share = DEFAULTS.mean_change,
+    look_alike: Share = DEFAULTS.look_alike,
+    flights_only: bool = False,
+    output: Output = None,
+    json: bool = False,
+) -> None:
+    """Make a simpler controller that answers nearly the same.
+
+    Steps leave out inputs, drop rules, merge terms that look alike, and round numbers. Each is measured
+    against the original; what changes least goes first, until nothing more fits the budget. It holds along
+    the flights that are given, and at 4,096 points spread over the whole ranges of the inputs; between them a
+    change can be a little larger. With --flights-only far more can go, but what was not flown changes at
+    will, and other starts are flown worse. What comes out is an ordinary controller: fly it before you trust
+    it.
+
+    For example:
+
+        python -m fis_tools simplify controller.yaml -o simpler.yaml
+        python -m fis_tools simplify controller.yaml --flights episodes/*.mcap --max-change 2%
+        python -m fis_tools simplify controller.yaml --flights episodes/*.mcap --flights-only
+
+    Parameters
+    ----------
+    max_change
+        the largest change of an output that is allowed, of its range: 5% or 0.05
+    mean_change
+        the mean change that is allowed, likewise
+    look_alike
+        merge terms that share so much of their areas
+    flights_only
+        keep the budget along the flights alone
+    output
+        write the simpler controller (.json, .yaml)
+    json
+        print the steps for programs (schema fuzzy-simplification, version 1)
+    """
+    form = form_of(output)
+    controller = asked.read()
+    samples = asked.flown(controller)
+    if samples is None and flights_only:
         raise UserMistake("--flights-only needs flights; add --flights, or leave it out")
     try:
-        budget = Budget(
-            arguments.max_change, arguments.mean_change, arguments.flights_only, arguments.look_alike
-        )
+        budget = Budget(max_change, mean_change, flights_only, look_alike)
     except ValueError as error:
         raise UserMistake(str(error)) from error
     found = simplify(controller, samples, budget, _tell if sys.stderr.isatty() else None)
     if form is not None:
-        write(arguments.output, form(found.controller))
-    print(data.write(SCHEMA, SCHEMA_VERSION, found.plain()) if arguments.json else found.text(), end="")
+        write(output, form(found.controller))
+    print(data.write(SCHEMA, SCHEMA_VERSION, found.plain()) if json else found.text(), end="")
 
 
 def _tell(words: str) -> None:
     """Write how far it is over what was written before."""
     print(f"{words}\x1b[K\r", end="", file=sys.stderr, flush=True)
-
-
-def _share(word: str) -> float:
-    """Read ``5%`` or ``0.05``."""
-    number = word.strip().removesuffix("%").strip()
-    try:
-        value = float(number) / (100.0 if word.strip().endswith("%") else 1.0)
-    except ValueError:
-        value = -1.0
-    if not 0.0 <= value <= 1.0:
-        raise argparse.ArgumentTypeError(f"{word!r} is no share from 0% to 100%; write 5% or 0.05")
-    return value

@@ -1,102 +1,117 @@
 """`surface`: an output over two inputs, as numbers or a picture."""
 
-import argparse
 from importlib import import_module
 from pathlib import Path
+from typing import Annotated, Literal
 
 import numpy as np
+from cyclopts import Parameter
 
 from fis_tools.analysis import arrays
 from fis_tools.commands.arguments import (
+    AskedAlong,
+    Output,
     UserMistake,
-    add_controller,
-    add_flights,
     assignments,
-    count,
+    chosen,
+    expected,
     flown_inputs,
     place_for,
     the_system,
     write,
 )
 from fis_tools.formats.csv import rows_as_text
-from fis_tools.model import FuzzyController, FuzzySystem
+from fis_tools.model import FuzzySystem
 from fis_tools.source import read_controller
+from fis_tools.typing import Floats
 
+MOST_POINTS = 1000
 PICTURES = (".png", ".svg", ".pdf")
 
-EPILOG = """\
-The two inputs that are not named by --x, --y or --fixed go along the axes. Numbers are printed as CSV,
-a row a point.
 
-examples:
-  python -m fis_tools surface controller.yaml --system force_x -o force_x.png
-  python -m fis_tools surface controller.yaml --system force_x --3d --theme dark -o force_x.svg
-  python -m fis_tools surface controller.yaml --x a --y b --fixed c=80 --points 21 > surface.csv
-  python -m fis_tools surface controller.yaml --system force_x --flights episodes/*.mcap -o flown.pdf
-"""
+def run(
+    asked: AskedAlong,
+    *,
+    x: str | None = None,
+    y: str | None = None,
+    of: str | None = None,
+    fixed: str = "",
+    points: Annotated[
+        int, expected("a whole number from 2 to 1000", lambda count: 2 <= count <= MOST_POINTS)
+    ] = 61,
+    in_space: Annotated[bool, Parameter(name="--3d")] = False,
+    theme: Literal["light", "dark"] = "light",
+    output: Output = None,
+) -> None:
+    """Evaluate an output over two inputs, as numbers or a picture.
 
+    The two inputs that are not named by --x, --y or --fixed go along the axes. Numbers are printed as CSV, a
+    row a point.
 
-def add(command: argparse.ArgumentParser) -> None:
-    """Add the arguments of the command to its parser."""
-    add_controller(command)
-    command.add_argument("--x", metavar="INPUT", help="input along x (default: the first that is free)")
-    command.add_argument("--y", metavar="INPUT", help="input along y (default: the next that is free)")
-    command.add_argument("--of", metavar="OUTPUT", help="which output (default: the first)")
-    command.add_argument(
-        "--fixed",
-        metavar="NAME=NUMBER,…",
-        default="",
-        help="other inputs (default: the middle of their ranges)",
-    )
-    command.add_argument("--points", type=count, default=61, help="along each axis (default: 61)")
-    command.add_argument("--3d", dest="in_space", action="store_true", help="draw it in space")
-    command.add_argument("--theme", choices=["light", "dark"], default="light", help="default: light")
-    add_flights(command, "to lay over the picture")
-    command.add_argument(
-        "-o", "--output", metavar="FILE", help=".png, .svg, .pdf, or CSV (default: CSV, printed)"
-    )
+    For example:
 
+        python -m fis_tools surface controller.yaml --system force_x -o force_x.png
+        python -m fis_tools surface controller.yaml --system force_x --3d --theme dark -o force_x.svg
+        python -m fis_tools surface controller.yaml --x a --y b --fixed c=80 --points 21 > surface.csv
+        python -m fis_tools surface controller.yaml --system force_x --flights episodes/*.mcap -o flown.pdf
 
-def run(arguments: argparse.Namespace) -> None:
-    """Evaluate an output over two inputs: a table of numbers, or a picture."""
-    controller = read_controller(arguments.controller, arguments.trust)
-    system = the_system(controller, arguments.system)
-    fixed = assignments(arguments.fixed)
-    x, y, of, num_points = arguments.x, arguments.y, arguments.of, arguments.points
-    ending = Path(arguments.output or "").suffix.lower()
-    if ending not in (*PICTURES, ".csv") and arguments.output is not None:
-        raise UserMistake(f"{arguments.output} ends in none of {', '.join(PICTURES)}, .csv; name the file so")
+    Parameters
+    ----------
+    x
+        the input along x [default: the first that is free]
+    y
+        the input along y [default: the next that is free]
+    of
+        which output [default: the first]
+    fixed
+        other inputs, NAME=NUMBER,NAME=NUMBER [default: the middle of their ranges]
+    points
+        along each axis
+    in_space
+        draw it in space
+    theme
+        of the picture
+    output
+        .png, .svg, .pdf, or CSV [default: CSV, printed]
+    """
+    controller = read_controller(asked.controller, asked.trust)
+    system = the_system(chosen(controller, asked.system))
+    ending = Path(output or "").suffix.lower()
+    if ending not in (*PICTURES, ".csv") and output is not None:
+        raise UserMistake(f"{output} ends in none of {', '.join(PICTURES)}, .csv; name the file so")
     if ending in PICTURES:  # what pictures need is missed before anything is computed
         import_module("fis_tools.render")
-    elif arguments.in_space or arguments.flights:
+    elif in_space or asked.flights:
         raise UserMistake("--3d and --flights are for pictures; add -o FILE.png, .svg or .pdf")
+    held = assignments(fixed)
     try:
-        result = arrays.surface(system, x, y, fixed=fixed, output=of, num_points=num_points)
+        result = arrays.surface(system, x, y, fixed=held, output=of, num_points=points)
     except ValueError as error:
         raise UserMistake(str(error)) from error
-    if ending not in PICTURES:
-        write(arguments.output, _surface_csv(result))
+    if output is None or ending not in PICTURES:
+        write(output, _surface_csv(result))
         return
-    _draw(arguments, controller, system, result)
+    flown = flown_inputs(asked.flights, controller, asked.all_periods) or {}
+    _draw(system, result, flown.get(system.name), in_space, theme, Path(output))
 
 
 def _draw(
-    arguments: argparse.Namespace,
-    controller: FuzzyController,
     system: FuzzySystem,
     result: arrays.Surface,
+    samples: Floats | None,
+    in_space: bool,
+    theme: str,
+    place: Path,
 ) -> None:
     from fis_tools import render  # noqa: PLC0415 - as in `plot`
 
-    theme = render.THEMES[arguments.theme]
-    flown = flown_inputs(arguments, controller) if arguments.flights else None
-    samples = None if flown is None else flown.get(system.name)
+    colours = render.THEMES[theme]
     points = None if samples is None else render.over_axes(system, result, samples)
     words = render.held_words(system, result.fixed)
-    figure, ax = render.one_panel(system.name, theme=theme, in_space=arguments.in_space)
-    draw = render.surface_space if arguments.in_space else render.draw_surface
-    draw(result, ax, points=points, title=words, theme=theme)
-    render.save(figure, place_for(Path(arguments.output)))
+    figure, ax = render.one_panel(system.name, theme=colours, in_space=in_space)
+    draw = render.surface_space if in_space else render.draw_surface
+    draw(result, ax, points=points, title=words, theme=colours)
+    render.save(figure, place_for(place))
 
 
 def _surface_csv(result: arrays.Surface) -> str:

@@ -61,7 +61,7 @@ def test_experiments(words, capsys):
 
 @pytest.mark.parametrize("words", calls_of("telemetry"), ids=identify)
 def test_telemetry(words):
-    assert callable(telemetry_commands._parser().parse_args(words).run)
+    assert callable(telemetry_commands.command_line().parse_args(words, exit_on_error=False)[0])
 
 
 REVIEWED = [

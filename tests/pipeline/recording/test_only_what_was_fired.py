@@ -1,6 +1,5 @@
 """No force that was not fired is recorded as fired, explained or counted: over all controllers that ship."""
 
-import argparse
 from functools import cache
 from pathlib import Path
 
@@ -11,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 import telemetry
 from fis_tools.analysis.flights import inputs_along, read_flight, usage_along
-from fis_tools.commands.instant import instants
+from fis_tools.commands.instant import AskedInstant, instants
 from fis_tools.model.thrust import COMPONENTS, COUNTED
 from pipeline.controllers.source import WITH_PATHS, named
 from pipeline.flight.control.controller import Controller
@@ -92,10 +91,8 @@ def test_no_ghosts(name: str, is_guarded: bool, tmp_path: Path, monkeypatch: pyt
     # explained: at two periods of each kind
     for kind in np.unique(reason):
         for k in np.flatnonzero((reason == kind).any(axis=1))[[0, -1]].tolist():
-            arguments = argparse.Namespace(
-                controller=path, time=float(control.time_s[k]), system=None, all_periods=False, flights=None
-            )
-            for one in instants(arguments, controller.fuzzy):
+            asked = AskedInstant(path, time=float(control.time_s[k]))
+            for one in instants(asked, controller.fuzzy):
                 axis = COMPONENTS.index(one.system.outputs[0].name)
                 assert (one.inputs is not None) == (reason[k, axis] in COUNTED)
                 assert (one.told == "") == (reason[k, axis] == "fired")
