@@ -33,10 +33,7 @@ def controller_path(tmp_path: Path) -> Path:
 
 
 def run(capsys: pytest.CaptureFixture[str], *words: object) -> tuple[int, str, str]:
-    try:
-        status = main([str(word) for word in words])
-    except SystemExit as stop:
-        status = int(stop.code or 0)
+    status = main([str(word) for word in words])
     captured = capsys.readouterr()
     return status, captured.out, captured.err
 
