@@ -1,0 +1,253 @@
+"""Flights are flown as they are written: of every kind, by name and with any settings, constants and signals.
+
+`DRAWN_FLIGHTS=1000 python -m pytest tests/pipeline/flight/test_as_written.py -k any` draws that many of
+each kind; twelve are drawn by default, the same each time.
+"""
+
+import os
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, reject, settings
+from hypothesis import strategies as st
+
+from fis_tools.compiled.decorator import plainly
+from pipeline.flight.control.controller import ControllerError, coast, open_loop
+from pipeline.flight.fly.population import FlightError
+from pipeline.flight.fly.simulation import fly_logged
+from pipeline.flight.state.log import Scenario
+from pipeline.settings.experiment import SettingError
+from tests.pipeline.flight import drawn
+from tests.pipeline.flight.as_written import assert_as_written
+from tests.pipeline.flight.cases import (
+    COMPLETED,
+    FORESEEING,
+    HURRYING,
+    LOOKING_AHEAD,
+    MIXED,
+    ORBITAL,
+    OVER_POLES,
+    PAUSING,
+    RESTORING,
+    SEEING,
+    SPARSE,
+    STARTS,
+    STEERING,
+    TOURING,
+    ball,
+    mission,
+    touring,
+)
+from tests.pipeline.flight.departures import DRAGGED, FIXES, LAYOUT, LOW_ORBIT, REAL, SIGHTED, VARYING
+from tests.pipeline.flight.guarded import EARLY, LAST_MOMENT, PASSIVE, guarded, pushing, starts_at_rest
+from tests.pipeline.flight.missions import FULL_INERTIA, MEAN_MOTION
+
+#: how many flights of a kind are drawn
+DRAWN = int(os.environ.get("DRAWN_FLIGHTS", "12"))
+#: no two of these can be drawn at a time, or their kinds would be compiled apart
+UNDRAWN = ("guidance", "chief.shape", "path", "light.reflection", "actuators.kind")
+
+#: of each kind that is compiled apart: a mission, what is not drawn of it, and whether its Sun is out of the
+#: orbit plane
+KINDS = {
+    "the paper's light and camera, clusters, the safety layer": (
+        mission(guidance={"kind": "clusters"}, safety=vars(EARLY), attitude={"mode": "ideal"}),
+        (
+            *("light", "navigation", "actuators", "dynamics", "safety.kind", "radius_m"),
+            *("max_incidence_deg", "max_range_m", "min_sun_angle_deg"),
+        ),
+        False,
+    ),
+    "shadow, a camera with limits, errors, motion about the Earth": (
+        mission(
+            safety=vars(EARLY),
+            light={"shadow": "conical"},
+            navigation={"mode": "fixes"},
+            actuators={"kind": "real"},
+            dynamics={"model": "two_body"},
+        ),
+        (),
+        True,
+    ),
+    "a chief that hides parts of itself and mirrors": (
+        mission(
+            chief={"shape": "mesh", "num_points": 60},
+            safety=vars(EARLY),
+            light={
+                "reflection": "blinn_phong",
+                "least_intensity": (0.0,) * 3,
+                "greatest_intensity": (2.0,) * 3,
+            },
+            actuators={"kind": "real"},
+            attitude={"mode": "ideal"},
+        ),
+        ("num_points",),
+        True,
+    ),
+}
+
+IDEAL = {"mode": "ideal"}
+POINTED = mission(attitude=IDEAL)
+TUMBLING = {"initial_angular_velocity_rad_s": (0.01, -0.02, 0.005)}
+TURNING = {"initial_quaternion": (0.5, -0.1, 0.5, 0.7), "initial_angular_velocity_rad_s": (0.02, -0.05, 0.03)}
+LATE = {"fix_period_s": 20.0, "delay_s": 10.0, "outlier_share": 0.1}
+#: some forces beyond the thruster's, and fewer than the flight has periods
+PLAN = open_loop("plan", np.random.default_rng(1).normal(0.0, [0.02, 0.5, 0.01], (30, 3)))
+FLIGHTS = {
+    "paper": (mission(), STEERING, STARTS[0]),
+    "clusters": (mission(guidance={"kind": "clusters"}), STEERING, STARTS[0]),
+    "full inertia": (mission(deputy={"inertia_kg_m2": FULL_INERTIA} | TURNING), STEERING, STARTS[1]),
+    "light ball": (mission(deputy={"inertia_kg_m2": ball(0.05)}), STEERING, STARTS[0]),
+    "ball that is sometimes fast": (mission(deputy={"inertia_kg_m2": ball(0.4)}), STEERING, STARTS[1]),
+    "pole blending": (mission(attitude={"pole_blending": True}), STEERING, OVER_POLES[1]),
+    "over the poles": (mission(guidance={"kind": "clusters"}), STEERING, OVER_POLES[0]),
+    "attitude period 0.5 s": (mission(attitude_period_s=0.5), STEERING, STARTS[2]),
+    "attitude period 2.5 s, full inertia": (
+        mission(attitude_period_s=2.5, deputy={"inertia_kg_m2": FULL_INERTIA}),
+        *(STEERING, STARTS[0]),
+    ),
+    "plan": (mission(), PLAN, STARTS[0]),
+    "late fixes, late thrusters with errors": (
+        mission(
+            navigation=FIXES | LATE | {"gate_sigma": 4.0},
+            actuators=REAL | {"delay_s": 10.0, "impulse_step_n_s": 0.01},
+            safety=vars(LAST_MOMENT),
+        ),
+        *(STEERING, STARTS[0]),
+    ),
+    "range and bearing, an attitude known with an error, a layout": (
+        mission(
+            navigation=FIXES | SIGHTED | LATE,
+            actuators=REAL | LAYOUT | {"delay_s": 10.0, "thrust_arm_m": 0.02},
+            safety=vars(LAST_MOMENT),
+        ),
+        *(STEERING, STARTS[1]),
+    ),
+    "range and bearing, errors that vary": (
+        replace(
+            mission(
+                attitude=IDEAL,
+                navigation=FIXES | SIGHTED,
+                actuators=REAL | {"thrust_arm_m": 0.02, "specific_impulse_s": 60.0},
+            ),
+            dispersions=VARYING,
+        ),
+        *(STEERING, STARTS[0]),
+    ),
+    "about the oblate Earth, in and out of its shadow": (
+        replace(
+            mission(attitude=IDEAL, dynamics=LOW_ORBIT, light={"shadow": "conical"}), dispersions=DRAGGED
+        ),
+        *(STEERING, STARTS[0]),
+    ),
+    "coast": (mission(), coast(), OVER_POLES[2]),
+    "Hill axes, weak thruster, slow clocks, narrow camera": (
+        mission(
+            attitude_period_s=2.0,
+            control_period_s=20.0,
+            deputy={"max_force_n": 0.004},
+            sensor={"half_angle_deg": 7.0, "boresight": (-0.8, 0.6, 0.0)},
+        ),
+        *(RESTORING, STARTS[0]),
+    ),
+    "systems of one, two and three inputs": (mission(), MIXED, STARTS[1]),
+    "a controller that is often silent": (mission(), SPARSE, STARTS[2]),
+    "free motion, target and Sun": (POINTED, ORBITAL, STARTS[0]),
+    "where drift leads": (POINTED, LOOKING_AHEAD, STARTS[1]),
+    "what coasting shows": (POINTED, FORESEEING, OVER_POLES[1]),
+    "what goes dark soon": (POINTED, HURRYING, STARTS[1]),
+    "a decision every half minute, safety layer": (guarded(PASSIVE), PAUSING, starts_at_rest(3, 47)[0]),
+    "the push that shows what sets, on a tumbling chief": (
+        mission(attitude=IDEAL, chief=TUMBLING),
+        *(SEEING, STARTS[0]),
+    ),
+    "the push onto a tour": (POINTED, TOURING, STARTS[1]),
+    "onto a tour when the shadow ends": (
+        mission(attitude=IDEAL, light={"shadow": "conical"}),
+        *(touring(tour_wait_s=2000.0), replace(STARTS[1], sun_angle_rad=5.2)),
+    ),
+    "safety layer against a plan": (guarded(LAST_MOMENT), PLAN, starts_at_rest(3, 43)[1]),
+    "safety layer against a push": (guarded(EARLY), pushing(-0.3), STARTS[2]),
+    "fewer points on a spiral": (
+        mission(chief={"placement": "fibonacci", "num_points": 37, "inspection_radius_m": 8.0}),
+        *(STEERING, STARTS[0]),
+    ),
+}
+#: those that a developer waits for
+QUICK = (
+    *("paper", "clusters", "full inertia", "plan", "late fixes, late thrusters with errors"),
+    *("pole blending", "Hill axes, weak thruster, slow clocks, narrow camera", "what goes dark soon"),
+)
+
+
+@pytest.mark.parametrize(
+    "name", [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in FLIGHTS]
+)
+def test_a_flight(name: str) -> None:
+    what, controller, start = FLIGHTS[name]
+    log = assert_as_written(replace(what, duration_s=40 * what.control_period_s), controller, start)
+    assert name == "coast" or log.force_hill_n.any()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", KINDS)
+@settings(max_examples=DRAWN, deadline=None, derandomize=DRAWN <= 12, suppress_health_check=list(HealthCheck))
+@given(data=st.data())
+def test_any_flight(kind: str, data: st.DataObject) -> None:
+    base, undrawn, is_tilted = KINDS[kind]
+    what = data.draw(drawn.mission(base, UNDRAWN + undrawn))
+    start = data.draw(drawn.scenario(what, is_tilted))
+    controller = data.draw(drawn.flown(what))
+    try:
+        assert_as_written(what, controller, start)
+    except (SettingError, ControllerError, FlightError):  # as a whole it is refused, or leaves all bounds
+        reject()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("goes_on", [False, True])
+def test_an_hour_in_which_all_is_inspected(goes_on: bool) -> None:
+    log = assert_as_written(replace(POINTED, coast_when_complete=not goes_on), STEERING, COMPLETED)
+    is_complete = log.is_inspected.all(axis=1)[:-1]
+    assert 10 < is_complete.sum() < 300
+    assert np.all(log.is_decided == (~is_complete | goes_on))
+
+
+def test_clusters_are_forgotten_at_a_sample_without_candidates() -> None:
+    """Far out under the Sun the deputy sees all that is lit; then it is thrown behind a chief that turns."""
+    what = mission(
+        guidance={"kind": "clusters"},
+        chief={"initial_angular_velocity_rad_s": (0.015, 0.0, MEAN_MOTION)},
+        deputy={"max_force_n": 10.0},
+        control_period_s=100.0,
+        duration_s=300.0,
+    )
+    start = Scenario(np.array([0.0, 2000.0, 0.0]), np.zeros(3), 0.5 * np.pi + 100.0 * MEAN_MOTION)
+    thrown = open_loop("throw", np.array([[0.0, 0.0, 0.0], [0.0, -9.6, 0.0]]))
+    found = assert_as_written(what, thrown, start).num_candidates
+    assert found[0] > 40
+    assert found[1] == 0
+    assert found[2] > 20
+
+
+#: of each thing that may be sensed, guarded or moved by, one
+PLAIN = (
+    *("paper", "clusters", "full inertia", "pole blending", "late fixes, late thrusters with errors"),
+    *("free motion, target and Sun", "what coasting shows", "what goes dark soon"),
+    *("the push that shows what sets, on a tumbling chief", "the push onto a tour"),
+    *("safety layer against a push", "about the oblate Earth, in and out of its shadow"),
+)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", PLAIN)
+def test_plain_python_flies_as_compiled_code_does_to_the_last_bit(name: str) -> None:
+    """As `sparingly` promises, which lets the first flight of a kind go without compiling."""
+    what, controller, start = FLIGHTS[name]
+    brief = replace(what, duration_s=40 * what.control_period_s)
+    fast = fly_logged(brief, controller, start)
+    with plainly("pipeline"):
+        plain = fly_logged(brief, controller, start)
+    for field, expected, found in zip(fast._fields, fast, plain, strict=True):
+        np.testing.assert_array_equal(found, expected, err_msg=field)

@@ -1,0 +1,74 @@
+"""What thrusters make of a command (docs/explanation/navigation.md, thrusters)."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+STANDARD_GRAVITY = 9.80665
+
+
+@dataclass
+class Thrust:
+    """A control period's thrust: N along Hill's axes, where it acts, m, and its torque, N m, body axes.
+
+    `total` is the sum of all thrusters' forces, N.
+    """
+
+    commanded: np.ndarray
+    fired: np.ndarray
+    total: float
+    arm: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    twist: np.ndarray = field(default_factory=lambda: np.zeros(3))
+
+
+def impulses(flight, force):
+    """Forces in whole impulses, zero below the least."""
+    law, period = flight.mission.actuators, flight.mission.control_period_s
+    if law.impulse_step_n_s > 0.0:
+        step = law.impulse_step_n_s / period
+        force = np.rint(force / step) * step
+    return np.where(np.abs(force) >= law.least_impulse_n_s / period, force, 0.0)
+
+
+def fired(flight, k, commanded, commands, attitude, mass):
+    """The thrust of a control period; `commands` are those of all so far, this one last."""
+    law, limit = flight.mission.actuators, flight.mission.deputy.max_force_n
+    if law.kind == "ideal":
+        return Thrust(commanded, commands[-1], np.abs(commands[-1]).sum())
+    arm, delay = flight.errors.arm, flight.periods(law.delay_s)
+    full = flight.mission.deputy.mass_kg
+    is_dry = law.specific_impulse_s is not None and mass <= full - law.propellant_kg
+    if k < delay or is_dry:
+        return Thrust(commanded, np.zeros(3), 0.0, arm)
+    wanted = flight.errors.thrust(k) @ commands[k - delay]
+    if law.thrusters is None:
+        force = np.clip(impulses(flight, wanted), -limit, limit)
+        return Thrust(commanded, force, np.abs(force).sum(), arm)
+    return divided(flight, commanded, attitude, wanted)
+
+
+def divided(flight, commanded, attitude, wanted):
+    """The thrust of a layout: shares by a table, all reduced where one thruster is not enough."""
+    rows = np.array(flight.mission.actuators.thrusters)
+    directions, most = rows[:, 3:6], rows[:, 6]
+    body = attitude.inv().apply(wanted)
+    asked = flight.errors.table @ np.concatenate((np.maximum(body, 0.0), np.maximum(-body, 0.0)))
+    share = min(1.0, np.min(most / np.maximum(asked, most)))
+    forces = impulses(flight, asked * share)
+    twist = forces @ np.cross(rows[:, :3], directions)
+    return Thrust(commanded, attitude.apply(forces @ directions), forces.sum(), flight.errors.arm, twist)
+
+
+def believed(flight, command):
+    """The force that the deputy expects of a command; it does not know the thrusters of a layout."""
+    law = flight.mission.actuators
+    return command if law.kind == "ideal" or law.thrusters is not None else impulses(flight, command)
+
+
+def mass_after(flight, thrust, mass):
+    """The mass after a control period: propellant leaves at the specific impulse (Tsiolkovsky)."""
+    law = flight.mission.actuators
+    if law.kind == "ideal" or law.specific_impulse_s is None:
+        return mass
+    speed = STANDARD_GRAVITY * law.specific_impulse_s
+    return mass - thrust.total * flight.mission.control_period_s / speed

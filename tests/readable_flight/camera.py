@@ -1,0 +1,43 @@
+"""Which points the deputy's camera sees (docs/explanation/light-and-camera.md)."""
+
+import numpy as np
+
+from tests.readable_flight.light import sun_at
+
+
+def seen_points(flight, k, position, boresight):
+    """Which points a camera sees at a sample from a place along a boresight, lit or not, (P,)."""
+    mission, sensor = flight.mission, flight.mission.sensor
+    points, normals = flight.surface_at(k)
+    to_camera = position - points
+    distance, above = np.linalg.norm(to_camera, axis=1), np.sum(normals * to_camera, axis=1)
+    incidence = max(0.0, np.cos(np.radians(sensor.max_incidence_deg)))
+    if sensor.max_incidence_deg == 90.0:
+        incidence = 0.0
+    is_seen = (above >= 0.0) & (above >= incidence * distance)
+    if sensor.half_angle_deg < 180.0:
+        is_seen &= -to_camera @ boresight >= np.cos(np.radians(sensor.half_angle_deg)) * distance
+    if sensor.max_range_m is not None:
+        is_seen &= distance <= sensor.max_range_m
+    if boresight @ sun_at(flight, k) > np.cos(np.radians(sensor.min_sun_angle_deg)) and (
+        sensor.min_sun_angle_deg > 0.0
+    ):
+        is_seen[:] = False
+    if mission.light.reflection != "none":
+        is_seen &= is_bright(mission.light, normals, sun_at(flight, k), to_camera / distance[:, np.newaxis])
+    return is_seen & flight.free_towards(to_camera, is_seen, k)
+
+
+def is_bright(light, normals, sun, to_camera):
+    """Whether what points reflect is between the limits in each colour, (P,).
+
+    Blinn, Models of light reflection for computer synthesized pictures, Computer Graphics 11, 1977:
+    ``ambient + diffuse n.l + specular (n.h)^p``, at most 1, h halfway between the Sun and the camera.
+    """
+    halfway = sun + to_camera
+    halfway /= np.linalg.norm(halfway, axis=1)[:, np.newaxis]
+    facing = np.maximum(0.0, normals @ sun)[:, np.newaxis]
+    glancing = np.maximum(0.0, np.sum(normals * halfway, axis=1))[:, np.newaxis] ** light.specular_exponent
+    colours = light.ambient + np.array(light.diffuse) * facing + np.array(light.specular) * glancing
+    colours = np.minimum(1.0, colours)
+    return np.all((colours > light.least_intensity) & (colours < light.greatest_intensity), axis=1)

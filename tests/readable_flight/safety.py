@@ -1,0 +1,140 @@
+"""The safety layer: the least change of a force that keeps the limits (docs/explanation/safety.md)."""
+
+from math import ceil
+
+import numpy as np
+
+from tests.readable_flight.motion import transition
+
+#: places whose limits are never given up: at the next sample, and stopped from there
+STANDING = 2
+#: margins of corrections, m, to limits and to those that act early, and tolerance for rounding, m
+SLACK, EARLY_SLACK, TOLERANCE = 1e-4, 0.1, 1e-6
+#: most cuts, most sweeps of the projection, the change that ends them, N, and bisections towards the stop
+MOST_CUTS, MOST_SWEEPS, LEAST_CHANGE, HALVINGS = 12, 200, 1e-12, 30
+
+
+class Layer:
+    """A mission's safety layer."""
+
+    def __init__(self, mission):
+        self.law, self.limit = mission.safety, mission.deputy.max_force_n
+        self.period = mission.control_period_s
+        self.out = mission.deputy.min_distance_m + self.law.keep_out_margin_m
+        self.far = mission.deputy.max_distance_m - self.law.keep_in_margin_m
+        n, mass = mission.orbit.mean_motion_rad_s, mission.deputy.mass_kg
+        self.phi, self.gamma = transition(n, self.period, mass)
+        self.stop = -np.linalg.solve(self.gamma[3:], self.phi[3:])
+        horizons = self.law.passive_horizon_s, self.law.keep_in_horizon_s
+        num_out, num_in = (ceil(horizon / self.period - 1e-9) for horizon in horizons)
+        drifts = [transition(n, j * self.period)[0][:3] for j in range(1, max(num_out, num_in) + 1)]
+        self.places = np.array([np.eye(3, 6), self.phi[:3] + self.gamma[:3] @ self.stop, *drifts])
+        order = np.arange(len(self.places))
+        self.least = np.where(order < STANDING + num_out, self.out, -np.inf)
+        self.greatest = np.where(order < STANDING + num_in, self.far, np.inf)
+        #: so that a force counts as the metres that it moves the deputy in a period
+        self.metres_per_newton = self.gamma[2, 2]
+
+    def excesses(self, ahead, num_places):
+        """By how many metres a state exceeds each limit: two a place, speed, and three for braking."""
+        distances = np.linalg.norm(self.places[:num_places] @ ahead, axis=1)
+        spheres = self.least[:num_places] - distances, distances - self.greatest[:num_places]
+        fastest = self.law.speed_limit_m_s + self.law.speed_slope_per_s * (
+            np.linalg.norm(ahead[:3]) - self.law.speed_distance_m
+        )
+        speed = self.period * (np.linalg.norm(ahead[3:]) - fastest)
+        braking = self.metres_per_newton * (np.abs(self.stop @ ahead) - self.law.braking_force_n)
+        return np.concatenate((np.column_stack(spheres).ravel(), [speed], braking))
+
+    def cut(self, ahead, which, num_places):
+        """The half-space ``row . s' >= level`` of next states for a limit, by its place in `excesses`."""
+        beyond = which - 2 * num_places
+        if beyond > 0:
+            row = -np.sign(self.stop[beyond - 1] @ ahead) * self.stop[beyond - 1]
+            level = SLACK / self.metres_per_newton - self.law.braking_force_n
+        elif beyond == 0:
+            row = np.concatenate((
+                self.law.speed_slope_per_s * ahead[:3] / np.linalg.norm(ahead[:3]),
+                -ahead[3:] / np.linalg.norm(ahead[3:]),
+            ))  # fmt: skip
+            level = self.law.speed_slope_per_s * self.law.speed_distance_m - self.law.speed_limit_m_s
+            level += SLACK / self.period
+        else:
+            place, is_far = divmod(which, 2)
+            towards = self.places[place] @ ahead
+            towards = (-1.0 if is_far else 1.0) * towards / max(np.linalg.norm(towards), TOLERANCE)
+            row = towards @ self.places[place]
+            level = (-self.far if is_far else self.out) + (SLACK if place < STANDING else EARLY_SLACK)
+        return row, level
+
+    def search(self, free, asked, num_places):
+        """The force nearest to one asked for that keeps the limits of the first places, by cuts."""
+        cuts, force = [], asked
+        for _ in range(MOST_CUTS):
+            ahead = free + self.gamma @ force
+            excesses = self.excesses(ahead, num_places)
+            if excesses.max() <= 0.0:
+                break
+            row, level = self.cut(ahead, int(np.argmax(excesses)), num_places)
+            cuts.append((row @ self.gamma, level - row @ free))
+            force = projected(asked, cuts, self.limit)
+        return force
+
+    def is_safe(self, free, force, tolerance=TOLERANCE):
+        """Whether a force keeps the limits that are never given up, but for rounding."""
+        return self.excesses(free + self.gamma @ force, STANDING).max() <= tolerance
+
+    def assured(self, state, asked):
+        """The force to apply, N, and the limit it was changed for; None where it is safe."""
+        free = self.phi @ state
+        name = self.exceeded(free + self.gamma @ asked)
+        if name is None:
+            return asked, None
+        for num_places in (len(self.places), STANDING):
+            force = self.search(free, asked, num_places)
+            if self.is_safe(free, force):
+                return force, name
+        stop = np.clip(self.stop @ state, -self.limit, self.limit)
+        if not self.is_safe(free, stop, 2.0 * TOLERANCE):
+            return force, name
+        low, high = 0.0, 1.0
+        for _ in range(HALVINGS):
+            share = 0.5 * (low + high)
+            if self.is_safe(free, stop + share * (force - stop)):
+                low = share
+            else:
+                high = share
+        return stop + low * (force - stop), name
+
+    def exceeded(self, ahead):
+        """The most exceeded limit of a state, first of those that are never given up; None for none."""
+        for num_places in (STANDING, len(self.places)):
+            excesses = self.excesses(ahead, num_places)
+            worst = int(np.argmax(excesses))
+            if excesses[worst] > 0.0:
+                if worst >= 2 * num_places:
+                    return "speed"
+                if worst % 2:
+                    return "keep_in"
+                return "keep_out" if worst < 2 * STANDING else "passive_safety"
+        return None
+
+
+def projected(asked, cuts, limit):
+    """The force in all half-spaces and the thruster's box nearest to one asked for.
+
+    Each set is projected onto in turn, after undoing its last correction: Boyle and Dykstra, 1986.
+    """
+    force, corrections = asked, np.zeros((len(cuts) + 1, 3))
+    for _ in range(MOST_SWEEPS):
+        before = force
+        for i, (g, level) in enumerate(cuts):
+            wished = force + corrections[i]
+            force = wished + max(0.0, level - g @ wished) / max(g @ g, 1e-30) * g
+            corrections[i] = wished - force
+        wished = force + corrections[-1]
+        force = np.clip(wished, -limit, limit)
+        corrections[-1] = wished - force
+        if np.abs(force - before).max() < LEAST_CHANGE:
+            break
+    return force

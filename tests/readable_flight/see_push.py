@@ -1,0 +1,72 @@
+"""The push that would still show what sets for good (docs/reference/signals.md)."""
+
+import numpy as np
+
+from tests.readable_flight.camera import seen_points
+from tests.readable_flight.light import lit_points
+from tests.readable_flight.motion import transition
+from tests.readable_flight.urgency import turned_aside, urgency
+
+#: seconds between looks; from nearer than NEAR_M a look falls short by at least LEAST_SHORT_M
+LOOK_PERIOD_S, NEAR_M, LEAST_SHORT_M = 60.0, 30.0, 1.0
+#: the square of a thousand seconds
+KS2 = 1e6
+
+
+def see_push(flight, k, state, is_inspected):
+    """The push, m/s, that serves all points best that set and coasting misses, turned aside near the chief.
+
+    ``(rho I + sum w g g') dv = sum w s g``.
+    """
+    now, constants = flight.time(k), flight.constants
+    horizon = constants["see_horizon_s"]
+    is_sought = flight.is_counted & ~is_inspected
+    is_sought &= (flight.last_lit > now) & (flight.last_lit <= now + horizon)
+    shortfalls, slopes = cheapest_looks(flight, k, state, is_sought, horizon)
+    weights = urgency(flight, k) * (shortfalls > 0.0)
+    matrix = constants["see_damping_ks2"] * KS2 * np.eye(3) + (weights * slopes.T) @ slopes
+    push = np.linalg.solve(matrix, slopes.T @ (weights * shortfalls))
+    return turned_aside(flight, push, state[:3])
+
+
+def cheapest_looks(flight, k, state, is_sought, horizon):
+    """The shortfall s, m, and slopes g of the look at each point with the least s^2/|g|^2; zeros for none."""
+    mission, period = flight.mission, flight.mission.control_period_s
+    stride = max(1, round(LOOK_PERIOD_S / period))
+    looks = int(horizon / (period * stride) + 1e-9)
+    is_shown, cheapest = ~is_sought, np.full(len(is_sought), np.inf)
+    shortfalls, slopes = np.zeros(len(is_sought)), np.zeros((len(is_sought), 3))
+    for sample in range(k + stride, min(mission.num_controls, k + looks * stride) + 1, stride):
+        phi, _ = transition(mission.orbit.mean_motion_rad_s, (sample - k) * period)
+        position, is_lit = (phi @ state)[:3], lit_points(flight, sample)
+        short, towards, shows = shortfall(flight, sample, position)
+        is_shown |= is_lit & shows
+        slope = towards @ phi[:3, 3:]
+        cost = short**2 / np.sum(slope**2, axis=1)
+        is_better = is_lit & ~is_shown & (cost < cheapest)
+        cheapest[is_better], shortfalls[is_better] = cost[is_better], short[is_better]
+        slopes[is_better] = slope[is_better]
+    return np.where(is_shown, 0.0, shortfalls), np.where(is_shown[:, np.newaxis], 0.0, slopes)
+
+
+def shortfall(flight, sample, position):
+    """What looks from a place lack, m, the direction in which that shrinks, and which looks show points.
+
+    In the paper's world it is height above the horizon. In others it is the larger of the height that the
+    incidence limit needs and the excess of range; what shows a point is the camera itself.
+    """
+    points, normals = flight.surface_at(sample)
+    if flight.is_papers:
+        short = flight.mission.chief.inspection_radius_m - normals @ position
+        if np.linalg.norm(position) < NEAR_M:
+            short = np.maximum(short, LEAST_SHORT_M)
+        return short, normals, short <= 0.0
+    sensor, apart = flight.mission.sensor, position - points
+    distance = np.linalg.norm(apart, axis=1)
+    sight = apart / distance[:, np.newaxis]
+    cosine = 0.0 if sensor.max_incidence_deg == 90.0 else np.cos(np.radians(sensor.max_incidence_deg))
+    low = cosine * distance - np.sum(normals * apart, axis=1)
+    far = distance - (np.inf if sensor.max_range_m is None else sensor.max_range_m)
+    towards = np.where((far > low)[:, np.newaxis], -sight, normals - cosine * sight)
+    is_seen = seen_points(flight, sample, position, -position / np.linalg.norm(position))
+    return np.maximum(np.maximum(low, far), LEAST_SHORT_M), towards, is_seen

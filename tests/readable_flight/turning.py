@@ -1,0 +1,52 @@
+"""How bodies turn: the deputy under torques, and a chief that tumbles freely. Euler's equation, by SciPy."""
+
+import numpy as np
+from scipy.integrate import solve_ivp
+from scipy.spatial.transform import Rotation
+
+TOLERANCES = {"method": "DOP853", "rtol": 1e-11, "atol": 1e-13}
+
+
+def _spin(inertia, torque):
+    """The rates of change of an inertial attitude, four numbers, and of the rate in body axes."""
+    (jxx, jxy, jxz), (_, jyy, jyz), (_, _, jzz) = inertia.tolist()
+    (kxx, kxy, kxz), (_, kyy, kyz), (_, _, kzz) = np.linalg.inv(inertia).tolist()
+    tx, ty, tz = torque
+
+    def rates(_time, s):
+        a, b, c, d, p, q, r = s.tolist()
+        hx, hy, hz = jxx * p + jxy * q + jxz * r, jxy * p + jyy * q + jyz * r, jxz * p + jyz * q + jzz * r
+        mx, my, mz = tx - (q * hz - r * hy), ty - (r * hx - p * hz), tz - (p * hy - q * hx)
+        turning = d * p + b * r - c * q, d * q + c * p - a * r, d * r + a * q - b * p, -a * p - b * q - c * r
+        return [
+            *(0.5 * part for part in turning),
+            kxx * mx + kxy * my + kxz * mz,
+            kxy * mx + kyy * my + kyz * mz,
+            kxz * mx + kyz * my + kzz * mz,
+        ]
+
+    return rates
+
+
+def turned(mission, attitude, rate, torque, duration):
+    """Attitude and rate relative to Hill after a torque, N m, held along the body's axes."""
+    hill = np.array([0.0, 0.0, mission.orbit.mean_motion_rad_s])
+    spin = _spin(np.array(mission.deputy.inertia_kg_m2), torque)
+    start = np.concatenate((attitude.as_quat(), rate + attitude.inv().apply(hill)))
+    end = solve_ivp(spin, (0.0, duration), start, first_step=duration, **TOLERANCES).y[:, -1]
+    attitude = Rotation.from_rotvec(-hill * duration) * Rotation.from_quat(end[:4])
+    return attitude, end[4:] - attitude.inv().apply(hill)
+
+
+def chief_attitudes(mission):
+    """The chief's attitude at each sample, from its axes to Hill's."""
+    times = mission.control_period_s * np.arange(mission.num_controls + 1)
+    rate, n = mission.chief.initial_angular_velocity_rad_s, mission.orbit.mean_motion_rad_s
+    if rate is None:
+        return [Rotation.identity()] * len(times)
+    spin = _spin(np.array(mission.chief.inertia_kg_m2), (0.0, 0.0, 0.0))
+    path = solve_ivp(spin, (0.0, times[-1]), [0.0, 0.0, 0.0, 1.0, *rate], t_eval=times, **TOLERANCES).y
+    return [
+        Rotation.from_rotvec([0.0, 0.0, -n * time]) * Rotation.from_quat(row[:4])
+        for time, row in zip(times, path.T, strict=True)
+    ]
