@@ -7,7 +7,7 @@ import numpy as np
 
 from fis_tools.model import FuzzyController, FuzzySystem, Gaussian, Term, Triangular, Variable, table_rules
 from pipeline.flight.control.controller import Controller, from_fuzzy
-from pipeline.flight.state.log import FlightLog, Scenario
+from pipeline.flight.state.log import Scenario
 from pipeline.physics.clohessy_wiltshire import state_transition
 from pipeline.settings.experiment import Mission
 from tests.pipeline.flight.missions import (
@@ -270,18 +270,6 @@ def random_starts(count: int, seed: int) -> list[Scenario]:
 
 
 STARTS = random_starts(3, 7)
-
-
-def assert_same(fast: FlightLog, plain: FlightLog, metres: float, others: float) -> None:
-    """Compare two flights field by field: positions and targets to `metres`, other numbers to `others`."""
-    for name in FlightLog._fields:
-        values, expected = getattr(fast, name), getattr(plain, name)
-        assert (values.shape, values.dtype) == (expected.shape, expected.dtype), name
-        tolerance = metres if name in ("position_m", "target_m") else others
-        if values.dtype == np.float64:
-            np.testing.assert_allclose(values, expected, rtol=0, atol=tolerance, err_msg=name)
-        else:
-            np.testing.assert_array_equal(values, expected, err_msg=name)
 
 
 def drifting_through(position_m: tuple[float, float, float], after_s: float) -> Scenario:

@@ -2,16 +2,7 @@ from math import pi
 
 import numpy as np
 import pytest
-from pipeline.flight.reference.guidance import (
-    choose_centroid,
-    choose_cluster,
-    choose_cluster_sklearn,
-    cluster_memory,
-    relative_angle,
-)
 from scipy.spatial.transform import Rotation
-from sklearn.cluster import KMeans
-from threadpoolctl import ThreadpoolController
 
 from fis_tools.compiled.vectors import padded
 from pipeline.flight.period.look.guidance import (
@@ -24,6 +15,7 @@ from pipeline.flight.period.look.guidance import (
 from pipeline.flight.period.look.guidance import POINTS as LOOKED_AT_TOGETHER
 from pipeline.physics.inspection_points import regular_placement
 from pipeline.physics.visibility import is_in_view
+from tests.readable_flight.guidance import clustered, relative_angle, started
 
 POINTS = regular_placement(100, 10.0)
 
@@ -31,8 +23,23 @@ POINTS = regular_placement(100, 10.0)
 def columns(candidates):
     """Candidates as the compiled functions take them."""
     array = np.full((3, padded(len(POINTS), LOOKED_AT_TOGETHER)), np.nan)
-    array[:, : len(candidates)] = np.asarray(candidates).T
+    array[:, : len(candidates)] = np.reshape(candidates, (-1, 3)).T
     return array
+
+
+class Clusters:
+    """What clustering carries from sample to sample."""
+
+    def __init__(self, carried=()):
+        self.centres, self.count, width = np.zeros((10, 3)), len(carried), columns(()).shape[1]
+        self.centres[: self.count] = np.reshape(carried, (-1, 3))
+        self.scratch = np.zeros((2, width)), np.zeros(width), np.zeros((10, 4))
+
+    def chosen(self, candidates, position):
+        """The centre of the cluster nearest to a place."""
+        arguments = columns(candidates), len(candidates), np.asarray(position), self.centres
+        self.count = cluster_centres(*arguments, self.count, *self.scratch)
+        return self.centres[nearest_centre(self.centres, self.count, np.asarray(position))].copy()
 
 
 def flight_like_sequence(seed, num_steps=150):
@@ -59,27 +66,19 @@ def flight_like_sequence(seed, num_steps=150):
 
 
 @pytest.mark.slow
-def test_the_twins_agree_along_flights():
+def test_clusters_are_scikit_learns_along_flights():
     numbers = set()
     for seed in range(8):
-        compiled, reference = cluster_memory(len(POINTS)), cluster_memory(len(POINTS))
+        clusters, centres = Clusters(), np.empty((0, 3))
         for position, candidates in flight_like_sequence(seed):
-            chosen = choose_cluster(columns(candidates), len(candidates), position, compiled)
-            expected = choose_cluster_sklearn(columns(candidates), len(candidates), position, reference)
-            number = -(-len(candidates) // 10)
-            assert compiled.num_centres[0] == reference.num_centres[0] == number
-            np.testing.assert_allclose(
-                compiled.centres[:number], reference.centres[:number], rtol=0, atol=1e-9
-            )
-            np.testing.assert_allclose(chosen, expected, rtol=0, atol=1e-9)
-            numbers.add(number)
+            chosen = clusters.chosen(candidates, position)
+            centres = clustered(candidates, started(candidates, position, centres))
+            assert clusters.count == len(centres)
+            np.testing.assert_allclose(clusters.centres[: len(centres)], centres, rtol=0, atol=1e-9)
+            nearest = np.linalg.norm(centres - position, axis=1).argmin()
+            np.testing.assert_allclose(chosen, centres[nearest], rtol=0, atol=1e-9)
+            numbers.add(len(centres))
     assert numbers == {1, 2, 3, 4, 5, 6}
-
-
-def fitted_centres(candidates, start):
-    with ThreadpoolController().limit(limits=1, user_api="openmp"):
-        kmeans = KMeans(len(start), init=start, n_init=1, max_iter=50, tol=0, algorithm="lloyd")
-        return kmeans.fit(candidates).cluster_centers_
 
 
 @pytest.mark.slow
@@ -96,12 +95,10 @@ def test_empty_clusters_move_as_scikit_learn_moves_them():
         nearest = np.linalg.norm(candidates[:, None] - carried[None], axis=2).argmin(axis=1)
         num_empty.append(number - len(set(nearest)))
 
-        memory = cluster_memory(len(POINTS))
-        memory.centres[:number] = carried
-        memory.num_centres[0] = number
-        choose_cluster(columns(candidates), len(candidates), position, memory)
+        clusters = Clusters(carried)
+        clusters.chosen(candidates, position)
         np.testing.assert_allclose(
-            memory.centres[:number], fitted_centres(candidates, carried), rtol=0, atol=1e-9
+            clusters.centres[:number], clustered(candidates, carried), rtol=0, atol=1e-9
         )
     assert {1, 2, 3} <= set(num_empty)
 
@@ -112,26 +109,17 @@ def test_the_last_candidate_of_a_cluster_may_be_taken_from_it():
     candidates = np.vstack((cluster, [[-90.0, 5.0, 1.0]]))
     for order in ([0, 1, 2], [2, 1, 0], [1, 0, 2], [1, 2, 0]):
         carried = np.array([[0.0, 1.0, 0.5], [-70.0, 0.0, 0.0], [0.0, 500.0, 0.0]])[order]
-        memory = cluster_memory(len(POINTS))
-        memory.centres[:3] = carried
-        memory.num_centres[0] = 3
-        choose_cluster(columns(candidates), len(candidates), np.array([60.0, 0.0, 0.0]), memory)
-        np.testing.assert_allclose(memory.centres[:3], fitted_centres(candidates, carried), rtol=0, atol=1e-9)
+        clusters = Clusters(carried)
+        clusters.chosen(candidates, [60.0, 0.0, 0.0])
+        np.testing.assert_allclose(clusters.centres[:3], clustered(candidates, carried), rtol=0, atol=1e-9)
 
 
-def started(candidates, position, carried):
-    memory = cluster_memory(len(POINTS))
-    memory.centres[: len(carried)] = carried
-    number = start_centres(
-        columns(candidates),
-        len(candidates),
-        np.asarray(position),
-        memory.centres,
-        len(carried),
-        memory.labels[0],
-        memory.distances,
-    )
-    return memory.centres[:number]
+def first_centres(candidates, position, carried):
+    """The centres that clustering starts from."""
+    clusters = Clusters(carried)
+    labels, distances, _ = clusters.scratch
+    arguments = columns(candidates), len(candidates), np.asarray(position), clusters.centres, len(carried)
+    return clusters.centres[: start_centres(*arguments, labels[0], distances)]
 
 
 def line(*places):
@@ -140,14 +128,14 @@ def line(*places):
 
 def test_the_first_centre_starts_half_a_metre_from_the_candidate_nearest_the_deputy():
     candidates = line(*range(11))
-    first, second = started(candidates, [50.0, 0.0, 0.0], np.empty((0, 3)))
+    first, second = first_centres(candidates, [50.0, 0.0, 0.0], np.empty((0, 3)))
     np.testing.assert_allclose(first, [10.0 + CENTRE_SHIFT_M, 0.0, 0.0])
     np.testing.assert_allclose(second, [0.0 + CENTRE_SHIFT_M, 0.0, 0.0])
 
 
 def test_missing_centres_start_at_the_candidate_farthest_from_all_so_far():
     candidates = line(*range(21))
-    centres = started(candidates, [10.0, 0.0, 1e6], line(3.0))
+    centres = first_centres(candidates, [10.0, 0.0, 1e6], line(3.0))
     # the shift of the second makes 12 the farthest from 3 and 20, between which 11 would lie level
     np.testing.assert_allclose(centres[:, 0], [3.0, 20.0, 12.0], atol=1e-4)
     np.testing.assert_allclose(centres[1:, 2], CENTRE_SHIFT_M, atol=1e-9)
@@ -156,24 +144,21 @@ def test_missing_centres_start_at_the_candidate_farthest_from_all_so_far():
 def test_of_equally_far_candidates_the_first_is_taken_whatever_rounding_says():
     candidates = [*line(*[0.1 * i for i in range(9)]), [0.4, 5.0, 0.0], [0.4, -5.0, 0.0]]
     for wobble in (0.0, 1e-14, -1e-14):
-        _, new = started(candidates, [0.4, 0.0, 80.0], [[0.4, wobble, 0.0]])
+        _, new = first_centres(candidates, [0.4, 0.0, 80.0], [[0.4, wobble, 0.0]])
         assert new[1] > 4.0
 
 
 def test_the_last_steps_first_centres_are_kept():
     candidates = line(*range(15))
     carried = [[2.0, 1.0, 0.0], [9.0, 1.0, 0.0], [13.0, 1.0, 0.0]]
-    np.testing.assert_array_equal(started(candidates, [0.0, 0.0, 50.0], carried), carried[:2])
+    np.testing.assert_array_equal(first_centres(candidates, [0.0, 0.0, 50.0], carried), carried[:2])
 
 
 def test_up_to_ten_candidates_make_one_cluster_and_eleven_two():
     assert [num_clusters(m) for m in (0, 1, 10, 11, 20, 21, 99)] == [0, 1, 1, 2, 2, 3, 10]
     position = np.array([0.0, 60.0, 0.0])
-    memory = cluster_memory(len(POINTS))
     few = POINTS[:10]
-    chosen = choose_cluster(columns(few), 10, position, memory)
-    np.testing.assert_allclose(chosen, few.mean(axis=0), rtol=1e-14)
-    np.testing.assert_allclose(choose_centroid(columns(few), 10, position, memory), few.mean(axis=0))
+    np.testing.assert_allclose(Clusters().chosen(few, position), few.mean(axis=0), rtol=1e-14)
 
 
 def test_well_separated_clusters_are_found_and_the_nearest_is_chosen():
@@ -181,26 +166,22 @@ def test_well_separated_clusters_are_found_and_the_nearest_is_chosen():
     homes = np.array([[10.0, 0.0, 0.0], [-10.0, 0.0, 0.0], [0.0, 0.0, 10.0]])
     candidates = np.vstack([home + rng.normal(scale=0.3, size=(8, 3)) for home in homes])
     for home, members in zip(homes, np.split(candidates, 3), strict=True):
-        chosen = choose_cluster(columns(candidates), 24, 6.0 * home + 1.0, cluster_memory(len(POINTS)))
+        chosen = Clusters().chosen(candidates, 6.0 * home + 1.0)
         np.testing.assert_allclose(chosen, members.mean(axis=0), atol=1e-12)
 
 
 def test_unchanged_candidates_keep_their_centres_to_the_last_bit():
-    memory = cluster_memory(len(POINTS))
-    candidates = columns(POINTS[20:75])
-    arguments = candidates, 55, np.array([40.0, -30.0, 20.0]), memory.centres
-    scratch = memory.labels, memory.distances, memory.sums
-    number = cluster_centres(*arguments, 0, *scratch)
-    before = memory.centres.copy()
-    assert cluster_centres(*arguments, number, *scratch) == number
-    np.testing.assert_array_equal(memory.centres, before)
+    clusters = Clusters()
+    clusters.chosen(POINTS[20:75], [40.0, -30.0, 20.0])
+    count, before = clusters.count, clusters.centres.copy()
+    clusters.chosen(POINTS[20:75], [40.0, -30.0, 20.0])
+    assert clusters.count == count
+    np.testing.assert_array_equal(clusters.centres, before)
 
 
 def test_without_candidates_there_is_no_centre():
-    memory = cluster_memory(len(POINTS))
-    position = np.array([40.0, 0.0, 0.0])
-    scratch = memory.labels, memory.distances, memory.sums
-    assert cluster_centres(columns(POINTS[:30]), 0, position, memory.centres, 3, *scratch) == 0
+    clusters = Clusters(POINTS[:3])
+    assert cluster_centres(columns(()), 0, POINTS[0], clusters.centres, 3, *clusters.scratch) == 0
 
 
 def test_the_nearest_centre_is_the_first_of_equals():
@@ -227,4 +208,4 @@ def test_the_nearest_centre_is_the_first_of_equals():
     ],
 )
 def test_relative_angles(target, position, expected):
-    assert relative_angle(*target, *position) == pytest.approx(expected, abs=1e-15)
+    assert relative_angle(target, position) == pytest.approx(expected, abs=1e-15)

@@ -11,9 +11,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from pipeline.flight.reference.channels import channels_of, forced
-from pipeline.flight.reference.loop import fly, inference_of
 
+from pipeline.flight.control.controller import coast
+from pipeline.flight.fly.simulation import fly_logged
 from pipeline.flight.state.log import Scenario
 from pipeline.physics.inspection_points import regular_placement
 from tests.pipeline.flight.missions import IDEAL, MEAN_MOTION, PAPER
@@ -27,9 +27,8 @@ def wait(sun_deg, duration_s=100.0, mission=IDEAL, half_angle_deg=80.0):
     mission = replace(
         mission, duration_s=duration_s, sensor=replace(mission.sensor, half_angle_deg=half_angle_deg)
     )
-    plan = np.zeros((mission.num_controls, 3))
     scenario = Scenario(AHEAD, np.zeros(3), np.radians(sun_deg))
-    return fly(mission, scenario, channels_of((), "hill", forced(plan)), inference_of(()))
+    return fly_logged(mission, coast(), scenario)
 
 
 def counted(dark_up_to_deg):

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy.stats import kstest, norm, truncnorm, uniform
-from tests.pipeline.flight.test_against_the_reference import FIXES, IDEAL, LOW_ORBIT, REAL, SIGHTED
 
 from pipeline.flight.cases.actuators import thrust_errors
 from pipeline.flight.cases.dispersions import groups_of, mission_of_case
@@ -18,6 +17,7 @@ from pipeline.flight.fly.simulation import fly_logged
 from pipeline.flight.state.log import Scenario
 from pipeline.settings.experiment import Mission
 from tests.pipeline.flight.cases import STARTS, mission
+from tests.pipeline.flight.departures import FIXES, LOW_ORBIT, REAL, SIGHTED
 
 NOISY = mission(navigation=FIXES, actuators=REAL, dynamics=LOW_ORBIT, duration_s=490.0)
 CASES = [Scenario(np.ones(3), np.zeros(3), 0.0, noise=(5, 0, case)) for case in range(2000)]
@@ -103,7 +103,7 @@ def test_noise_whose_level_varies_is_that_of_the_level() -> None:
 
 def test_drag_that_varies_pushes_as_so_much_thrust_would() -> None:
     """And one that hardly varies as one that does not."""
-    calm = mission(attitude=IDEAL, dynamics=LOW_ORBIT, light={"shadow": "conical"})
+    calm = mission(attitude={"mode": "ideal"}, dynamics=LOW_ORBIT, light={"shadow": "conical"})
     start = replace(STARTS[0], noise=(5, 0, 1))
     key = "dynamics.drag_m_s2"
     what = varying(calm, key, mean=3e-6, std=2e-6)

@@ -4,9 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from pipeline.flight.reference.channels import channels_of
-from pipeline.flight.reference.loop import fly, inference_of
-from pipeline.flight.reference.tour import tour_place
 
 from pipeline.command_line.config import compose_experiment
 from pipeline.flight.cases.cases import cases_of
@@ -22,18 +19,13 @@ from pipeline.flight.control.tours import IMAGES, tour_images
 from pipeline.flight.fly.population import fly_population
 from pipeline.flight.fly.rehearsals import rehearsed_openings
 from pipeline.flight.fly.simulation import fly_all, fly_logged
+from pipeline.flight.state.signals import CONSTANTS
 from pipeline.flight.world.pack import pack_world
 from pipeline.training.genome import genome_of
 from pipeline.training.judging import fitness_from
-from tests.pipeline.flight.cases import (
-    SEEING,
-    STARTS,
-    TOURING,
-    assert_same,
-    mission,
-    random_starts,
-    touring,
-)
+from tests.pipeline.flight.as_written import assert_as_written
+from tests.pipeline.flight.cases import SEEING, STARTS, TOURING, mission, random_starts, touring
+from tests.readable_flight.tour import tour_place
 
 pytestmark = pytest.mark.slow
 
@@ -80,9 +72,7 @@ def test_the_push_that_ends_cheapest_is_fired_and_the_rules_go_on() -> None:
         log = fly_logged(MISSION, controller, start)
         np.testing.assert_array_equal(log.force_hill_n[0], forces[best])
         assert not log.is_decided[0]
-        channels = channels_of(SEEING.systems, "hill", None, SEEING.constants)
-        plain = fly(MISSION, start, channels, inference_of(SEEING.systems), opening_h=forces[best])
-        assert_same(log, plain, metres=1e-9, others=1e-9)
+    assert_as_written(replace(MISSION, duration_s=300.0), controller, STARTS[0])
 
 
 def test_it_is_rehearsed_without_the_errors_to_come() -> None:
@@ -110,7 +100,8 @@ def test_it_is_along_hills_axes() -> None:
 
 @pytest.mark.parametrize("image", range(4))
 def test_an_image_of_a_tour_is_its_mirror_image(image: int) -> None:
-    tour, reflected = (tour_images(touring(rehearsal_tours=4))[i].constants for i in (0, image))
+    images = tour_images(touring(rehearsal_tours=4))
+    tour, reflected = (dict(zip(CONSTANTS, images[i].constants, strict=True)) for i in (0, image))
     mirror = np.array([1.0, -1.0 if image >= 2 else 1.0, -1.0 if image % 2 else 1.0])
     # the other way round, the Sun comes to every angle from the other side; below the plane it was above it
     round_way, up = (-1.0 if image >= 2 else 1.0), (-1.0 if image % 2 else 1.0)

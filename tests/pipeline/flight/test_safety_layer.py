@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from pipeline.flight.reference.safety import assured, excesses, safety_world_of
 from scipy.linalg import expm
 from scipy.optimize import minimize
 
@@ -14,7 +13,6 @@ from pipeline.flight.control.controller import coast, open_loop
 from pipeline.flight.fly.simulation import fly_all, fly_logged
 from pipeline.flight.period.act.safety import guard_of, project
 from pipeline.flight.state.log import KEEP_IN, KEEP_OUT, PASSIVE_SAFETY, SPEED, Scenario
-from pipeline.physics.motion import propagate
 from pipeline.settings.experiment import Safety
 from tests.pipeline.flight.cases import STARTS, STEERING
 from tests.pipeline.flight.guarded import (
@@ -28,6 +26,7 @@ from tests.pipeline.flight.guarded import (
     starts_at_rest,
 )
 from tests.pipeline.flight.missions import MEAN_MOTION
+from tests.readable_flight.safety import Layer
 
 #: the equations of motion, from the books and not from `pipeline.physics`
 DYNAMICS = np.zeros((6, 6))
@@ -247,16 +246,16 @@ def test_the_projection_is_that_of_a_solver(seed: int) -> None:
 
 def test_the_change_is_the_least() -> None:
     """Against a solver of the nonlinear problem itself, at the outer sphere, where it is convex."""
-    world = safety_world_of(guarded())
+    layer = Layer(guarded())
     num_compared = 0
     for start in starts_at_rest(400, 37):
         towards = start.position_m / np.linalg.norm(start.position_m)
         at = np.concatenate([(KEEP_IN_M - random.uniform(0.1, 3.0)) * towards, random.normal(0.0, 0.1, 3)])
-        if excesses(world, at, 2).max() > 0.0:
+        if layer.excesses(at, 2).max() > 0.0:
             continue
         asked = random.uniform(-1.0, 1.0, 3)
-        force, limit = assured(world, at, asked)
-        if limit != KEEP_IN:
+        force, limit = layer.assured(at, asked)
+        if limit != "keep_in":
             continue
         solved = minimize(
             lambda f, wish=asked: np.sum((f - wish) ** 2),
@@ -264,14 +263,14 @@ def test_the_change_is_the_least() -> None:
             bounds=[(-1.0, 1.0)] * 3,
             constraints={
                 "type": "ineq",
-                "fun": lambda f, at=at: -excesses(world, propagate(world.motion, at, f), 2),
+                "fun": lambda f, at=at: -layer.excesses(step(PERIOD, at, f), 2),
             },
             method="SLSQP",
             options={"ftol": 1e-12},
         )
         if not solved.success:
             continue
-        assert excesses(world, propagate(world.motion, at, force), 2).max() <= 0.0
+        assert layer.excesses(step(PERIOD, at, force), 2).max() <= 0.0
         assert np.linalg.norm(force - asked) <= np.linalg.norm(solved.x - asked) + 1e-3
         num_compared += 1
     assert num_compared > 50

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from pipeline.flight.reference.channels import channels_of
 
 from fis_tools.model import FuzzyController
 from pipeline.flight.control.controller import from_fuzzy, law_of
@@ -39,7 +38,6 @@ def test_a_signal_behind_the_last_needs_what_its_row_says(monkeypatch: pytest.Mo
     law = law_of(from_fuzzy(FuzzyController("tried", (system,), BODY)), mission())
     assert law.signals[0, 0] == len(SIGNALS) - 1
     assert law.needs == NOTHING
-    assert channels_of((system,)).needs == NOTHING
 
 
 @pytest.mark.parametrize(

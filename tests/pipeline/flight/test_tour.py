@@ -10,7 +10,7 @@ from scipy.optimize import brentq
 
 from pipeline.flight.control.controller import ControllerError
 from pipeline.flight.fly.simulation import fly_logged
-from pipeline.flight.state.log import FlightLog
+from pipeline.flight.state.log import FlightLog, Scenario
 from pipeline.flight.state.signals import constant
 from pipeline.physics.illumination import sun_direction_h, visible_share
 from tests.pipeline.flight.cases import STARTS, TOURING, mission, touring
@@ -55,6 +55,28 @@ def test_it_leads_to_where_the_tour_is_after_its_time(elevation_rad: float) -> N
     log = fly_logged(what, TOURING, replace(STARTS[1], sun_elevation_rad=elevation_rad))
     np.testing.assert_allclose(log.fis_input[:, :, 0], expected_pushes(log), rtol=0, atol=1e-9)
     assert np.linalg.norm(log.position_m, axis=1).min() < SKIRT_M
+
+
+@pytest.mark.parametrize("skirt_m", [15.0, 15.5, 16.0, 70.0])
+def test_near_the_chief_it_leads_around_it(skirt_m: float) -> None:
+    """At the least distance what leads inwards is mirrored, halfway to the skirt it is left out."""
+    what = mission(attitude={"mode": "ideal"}, duration_s=10.0)
+    distances = np.array(
+        [15.0, 0.5 * (15.0 + skirt_m), 15.0 + 0.75 * (skirt_m - 15.0), skirt_m, 1.2 * skirt_m]
+    )
+    inwards = []
+    for distance in distances:
+        # the tour is on the other side of the chief, where the Sun is
+        start = Scenario(np.array([-distance, 0.0, 0.0]), np.zeros(3), 0.0)
+        push = [
+            fly_logged(what, touring(skirt_distance_m=skirt, tour_lean_m=0.0), start).fis_input[0, :, 0]
+            for skirt in (skirt_m, 0.0)
+        ]
+        np.testing.assert_allclose(push[0][1:], push[1][1:], rtol=0, atol=1e-12)
+        assert push[1][0] > 0.02
+        inwards.append(push[0][0] / push[1][0])
+    kept = [-1.0, 0.0, 0.5, 1.0, 1.0] if skirt_m > 15.0 else [1.0] * 5
+    np.testing.assert_allclose(inwards, kept, rtol=0, atol=1e-9)
 
 
 def times_to_light(log: FlightLog) -> Floats:
