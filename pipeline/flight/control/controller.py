@@ -20,10 +20,7 @@ from pipeline.flight.state.signals import (
     AXES,
     CONSTANTS,
     FORCE_AXES,
-    SETTING,
     SIGNALS,
-    TOUR,
-    URGENCY,
     constant,
     needs_of,
     slot,
@@ -38,22 +35,6 @@ REHEARSED_PARTS = (
     (0.0, 1 / 3, -1 / 3, 2 / 3, -2 / 3, 1.0, -1.0),
     (0.0, 0.25, -0.25, 0.5, -0.5),
     (0.0, 0.25, -0.25),
-)
-#: constants that may not be zero: signals that need each, as flags and as names, its name and meaning
-REQUIRED = (
-    (
-        URGENCY | SETTING,
-        "urgent_*, see_push_*, aim_* or tour_push_*",
-        "urgency_time_s",
-        "the time before its last light within which a point becomes urgent, say 200 (s)",
-    ),
-    (
-        SETTING,
-        "see_push_* or aim_*",
-        "see_damping_ks2",
-        "what keeps the push small, say 0.1 (1e6 s^2)",
-    ),
-    (TOUR, "tour_push_*", "tour_time_s", "the time after which the push leads to the tour, say 500 (s)"),
 )
 
 
@@ -300,12 +281,13 @@ def _constants_of(controller: Controller) -> Floats:
         if not np.isfinite(values[place]) or (values[place] < 0 and not kind.is_signed):
             least = "a number" if kind.is_signed else "a number from 0 on"
             raise ControllerError(f"controller {controller.name!r} has {name} {text!r}; give {least}")
-    needs = needs_of(sensed_by(controller))
-    for flags, signals, name, meaning in REQUIRED:
-        if needs & flags and values[constant(name)] == 0.0:
+    sensed = sensed_by(controller)
+    for value, (name, kind) in zip(values, CONSTANTS.items(), strict=True):
+        needing = [signal for signal in sensed if SIGNALS[signal].needs & kind.needed_for]
+        if needing and value == 0.0:
             raise ControllerError(
-                f"controller {controller.name!r} senses {signals} but sets no {name}; give it as an "
-                f"attribute, {meaning}"
+                f"controller {controller.name!r} senses {', '.join(needing)} but sets no {name}; give it as "
+                f"an attribute, say {kind.such_as}: {kind.description}"
             )
     if values[constant("rehearsal_tours")] not in (0.0, 2.0, 4.0):
         raise ControllerError(

@@ -149,11 +149,17 @@ class Constant:
         Whether it may be negative.
     is_tuned : bool
         Whether evolution may tune it: not counts of control periods, nor choices between alternatives.
+    needed_for : int
+        Flags of the signals that are not defined where it is zero.
+    such_as : str
+        A value to begin with, of one that is needed.
     """
 
     description: str
     is_signed: bool = False
     is_tuned: bool = True
+    needed_for: int = NOTHING
+    such_as: str = ""
 
 
 #: components of the tour: along Hill axes, and the lift, added to the last times the sine of the elevation
@@ -186,19 +192,29 @@ CONSTANTS = {
         is_tuned=False,
     ),
     "urgency_time_s": Constant(
-        "time before its last light within which a point becomes urgent, for urgent_*, see_push_*, aim_*, s"
+        "time before its last light within which a point becomes urgent, s",
+        needed_for=URGENCY | SETTING,
+        such_as="200",
     ),
     "skirt_distance_m": Constant(
         "nearer than this to the chief, urgent_*, see_push_* and tour_push_* turn aside, m"
     ),
     "see_horizon_s": Constant("see_push_* shows points that go dark for good within this time, s"),
-    "see_damping_ks2": Constant("what keeps see_push_* small, against squared times to the look, 1e6 s^2"),
+    "see_damping_ks2": Constant(
+        "what keeps see_push_* small, against squared times to the look, 1e6 s^2",
+        needed_for=SETTING,
+        such_as="0.1",
+    ),
     "aim_urgent_m_s": Constant("speed that urgent_* adds to see_push_* in aim_*, m/s"),
     "rehearsal_reach_m_s": Constant(
         "largest radial part of the first pushes of which the one that ends cheapest is fired, m/s",
         is_tuned=False,
     ),
-    "tour_time_s": Constant("tour_push_* leads to where the tour is after this time, s"),
+    "tour_time_s": Constant(
+        "tour_push_* leads to where the tour is after this time, less than half an orbit, s",
+        needed_for=TOUR,
+        such_as="500",
+    ),
     "tour_wait_s": Constant(
         "where it is dark then, to where it is when light returns; nowhere if that is farther off, s"
     ),
