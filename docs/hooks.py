@@ -14,6 +14,8 @@ from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
 
+from pipeline.flight.state.signals import CONSTANTS, SIGNALS
+
 PROJECT = Path(__file__).resolve().parents[1]
 #: made by ``python -m docs.build``
 MADE = PROJECT / "build" / "docs"
@@ -39,6 +41,20 @@ INTERNAL = {
 INTERNAL_MODULES = {"commands"}
 #: sections of the navigation that end with those pages of a folder that are not listed
 GROWING = {"How-to guides": "how-to", "Decisions": "decisions"}
+#: tables that stand on pages where a comment of Markdown has their name
+TABLES: dict[str, tuple[tuple[str, ...], list[tuple[str, ...]]]] = {
+    "signals": (
+        ("signal", "unit", "meaning", "formula"),
+        [
+            (f"`{name}`", each.unit, each.description, each.formula and f"`{each.formula}`")
+            for name, each in SIGNALS.items()
+        ],
+    ),
+    "constants": (
+        ("constant", "meaning"),
+        [(f"`{name}`", each.description) for name, each in CONSTANTS.items()],
+    ),
+}
 #: a link of Markdown: its target, and its place on the page
 LINK = re.compile(r"\]\(([^)#\s]+)(#[^)\s]*)?\)")
 
@@ -80,7 +96,10 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 
 def on_page_markdown(markdown: str, page: Page, **_: Any) -> str:
-    """Let links to pages that live elsewhere lead to their places in the site."""
+    """Fill tables in, and let links to pages that live elsewhere lead to their places in the site."""
+    for name, (head, rows) in TABLES.items():
+        lines = (f"| {' | '.join(row)} |" for row in (head, ("---",) * len(head), *rows))
+        markdown = markdown.replace(f"<!-- {name} -->", "\n".join(lines))
     return relinked(markdown, f"docs/{page.file.src_uri}", page.file.src_uri)
 
 

@@ -42,10 +42,14 @@ def help_text(folders: Sequence[Path]) -> str:
     str
         Plain text of many lines.
     """
-    from pipeline.flight.state.signals import SIGNALS  # noqa: PLC0415 - needed for the help alone
+    from pipeline.flight.state.signals import CONSTANTS, SIGNALS, TOUR_PLACES  # noqa: PLC0415 - help alone
 
     groups = options(folders)
-    signals = [(name, f"[{signal.unit}] {signal.description}") for name, signal in SIGNALS.items()]
+    signals = [
+        (name, f"[{signal.unit}] {signal.description}{signal.formula and f': {signal.formula}'}")
+        for name, signal in SIGNALS.items()
+    ]
+    constants = [(name, kind.description) for name, kind in CONSTANTS.items() if name not in TOUR_PLACES]
     others = {name: ", ".join(names) for name, names in groups.items() if "/" not in name}
     for shown in ("experiment", "controller"):
         others.pop(shown, None)
@@ -58,6 +62,13 @@ def help_text(folders: Sequence[Path]) -> str:
             *_table(_described(folders, "controller", groups)),
             "\nsignals that an input of a fuzzy system may sense, with their units",
             *_table(signals),
+            "\nconstants that a controller may set as attributes; 0 switches what they do off",
+            *_table(
+                [
+                    *constants,
+                    ("tour_*_m", "mean and waves of the tour along each axis, and of its lift, m"),
+                ]
+            ),
             "\nother choices (GROUP=NAME)",
             *_table(list(others.items())),
             "\nEvery key, its unit and its value: python -m pipeline +experiment=NAME --cfg job, and conf/",

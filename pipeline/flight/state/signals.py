@@ -26,17 +26,23 @@ class Signal:
         What must be computed for it: `NOTHING` beyond what every flight computes, the relative `ANGLES`, free
         motion, target and Sun (`ORBIT`), the closest `APPROACH`, the `PREVIEW` of coasting, `URGENCY`, the
         push that shows `SETTING` points, or the one that leads onto the `TOUR`.
+    formula : str
+        In the symbols of ``docs/reference/signals.md``; empty where the description is enough.
     """
 
     unit: str
     description: str
     needs: int
+    formula: str = ""
 
 
 SIGNALS = {
-    "distance": Signal("m", "distance from the chief's centre, |r|", NOTHING),
+    "distance": Signal("m", "distance from the chief's centre", NOTHING, "√(x² + y² + z²)"),
     "velocity_body_x": Signal(
-        "m/s", "velocity relative to Hill along the deputy's x axis; the camera looks along -x", NOTHING
+        "m/s",
+        "velocity relative to Hill along the deputy's x axis; the camera looks along -x",
+        NOTHING,
+        "C (x', y', z')",
     ),
     "velocity_body_y": Signal("m/s", "the same along the deputy's y axis", NOTHING),
     "velocity_body_z": Signal("m/s", "the same along the deputy's z axis", NOTHING),
@@ -44,31 +50,50 @@ SIGNALS = {
         "rad", "angle from the deputy to the target in the i-j (orbit) plane, from -pi to pi", ANGLES
     ),
     "eta_u": Signal("rad", "angle from the deputy to the target in the i-k plane, from -pi to pi", ANGLES),
-    "position_radial": Signal("m", "position along Hill i, away from the Earth", NOTHING),
-    "position_along_track": Signal("m", "position along Hill j, the way the chief flies", NOTHING),
-    "position_cross_track": Signal("m", "position along Hill k, the orbit normal", NOTHING),
-    "velocity_radial": Signal("m/s", "velocity relative to Hill along i", NOTHING),
-    "velocity_along_track": Signal("m/s", "velocity relative to Hill along j", NOTHING),
-    "velocity_cross_track": Signal("m/s", "velocity relative to Hill along k", NOTHING),
+    "position_radial": Signal("m", "position along Hill i, away from the Earth", NOTHING, "x"),
+    "position_along_track": Signal("m", "position along Hill j, the way the chief flies", NOTHING, "y"),
+    "position_cross_track": Signal("m", "position along Hill k, the orbit normal", NOTHING, "z"),
+    "velocity_radial": Signal("m/s", "velocity relative to Hill along i", NOTHING, "x'"),
+    "velocity_along_track": Signal("m/s", "velocity relative to Hill along j", NOTHING, "y'"),
+    "velocity_cross_track": Signal("m/s", "velocity relative to Hill along k", NOTHING, "z'"),
     "centre_radial": Signal(
-        "m", "centre of the ellipse of free motion along i; above zero the ellipse falls behind", ORBIT
+        "m",
+        "centre of the ellipse of free motion along i; above zero the ellipse falls behind",
+        ORBIT,
+        "x_c = 4x + 2y'/n",
     ),
-    "centre_along_track": Signal("m", "centre of the ellipse of free motion along j", ORBIT),
+    "centre_along_track": Signal(
+        "m", "centre of the ellipse of free motion along j", ORBIT, "y_c = y - 2x'/n"
+    ),
     "predicted_centre_along_track": Signal(
-        "m", "where that centre drifts to within prediction_time_s, along j", ORBIT
+        "m",
+        "where that centre drifts to within prediction_time_s, along j",
+        ORBIT,
+        "y_c - 1.5 n x_c prediction_time_s",
     ),
     "closest_approach": Signal(
-        "m", "least distance to the chief within an orbit of free drift from here", APPROACH
+        "m",
+        "least distance to the chief within an orbit of free drift from here",
+        APPROACH,
+        "least √(x² + y² + z²)",
     ),
     "ring_error_radial": Signal(
-        "m", "along i, from the place on the ring that follows the Sun to the deputy's", ORBIT
+        "m",
+        "along i, from the place on the ring that follows the Sun to the deputy's",
+        ORBIT,
+        "(x - x_c) - ring_size_m cos(θ - ring_lead_rad)",
     ),
     "ring_error_along_track": Signal(
-        "m", "along j, the same, halved as the ellipse is twice as long as high", ORBIT
+        "m",
+        "along j, the same, halved as the ellipse is twice as long as high",
+        ORBIT,
+        "(y - y_c)/2 - ring_size_m sin(θ - ring_lead_rad)",
     ),
-    "target_radial": Signal("", "direction of the target along i, from -1 to 1", ORBIT),
-    "target_along_track": Signal("", "direction of the target along j", ORBIT),
-    "target_cross_track": Signal("", "direction of the target along k", ORBIT),
+    "target_radial": Signal(
+        "", "direction of the target along i, from -1 to 1; zero without candidates", ORBIT, "p_x"
+    ),
+    "target_along_track": Signal("", "direction of the target along j", ORBIT, "p_y"),
+    "target_cross_track": Signal("", "direction of the target along k", ORBIT, "p_z"),
     "sun_alignment": Signal(
         "",
         "cosine of the angle from the deputy to the Sun in the orbit plane; 1 with the Sun behind the deputy",
@@ -81,6 +106,7 @@ SIGNALS = {
         "",
         "direction of the target across the Sun's, in the orbit plane; above zero where it soon goes dark",
         ORBIT,
+        "-p_x sin θ + p_y cos θ",
     ),
     "missed": Signal("", "how many points coasting to the flight's end would leave unseen", PREVIEW),
     "coasting_nearest": Signal(
@@ -91,6 +117,7 @@ SIGNALS = {
         "",
         "direction along i, from -1 to 1, of what is lit and unseen, most of all what is soon dark for good",
         URGENCY,
+        "unit vector of Σ p_i exp(-T_i/urgency_time_s), T_i the time until point i sets",
     ),
     "urgent_along_track": Signal("", "the same along j", URGENCY),
     "urgent_cross_track": Signal("", "the same along k", URGENCY),
@@ -100,7 +127,10 @@ SIGNALS = {
     "see_push_along_track": Signal("m/s", "the same along j", SETTING),
     "see_push_cross_track": Signal("m/s", "the same along k", SETTING),
     "aim_radial": Signal(
-        "m/s", "see_push_radial and aim_urgent_m_s times urgent_radial, together", SETTING | URGENCY
+        "m/s",
+        "that push, leaning towards what is urgent",
+        SETTING | URGENCY,
+        "see_push_radial + aim_urgent_m_s urgent_radial",
     ),
     "aim_along_track": Signal("m/s", "the same along j", SETTING | URGENCY),
     "aim_cross_track": Signal("m/s", "the same along k", SETTING | URGENCY),
@@ -179,8 +209,10 @@ TOUR_PLACES = {
 }
 
 CONSTANTS = {
-    "ring_size_m": Constant("height of the ring that ring_error_* refer to, m"),
-    "ring_lead_rad": Constant("how far the Sun is ahead of the deputy's place on the ring, rad", True),
+    "ring_size_m": Constant("height of the ring that ring_error_* refer to; it is twice as long, m"),
+    "ring_lead_rad": Constant(
+        "how far the Sun is ahead of the deputy's place on the ring, rad", is_signed=True
+    ),
     "dead_band_force_x_n": Constant("a force_x smaller than this is not fired, N"),
     "dead_band_force_y_n": Constant("the same for force_y"),
     "dead_band_force_z_n": Constant("the same for force_z"),
@@ -215,13 +247,11 @@ CONSTANTS = {
         needed_for=TOUR,
         such_as="500",
     ),
-    "tour_wait_s": Constant(
-        "where it is dark then, to where it is when light returns; nowhere if that is farther off, s"
-    ),
+    "tour_wait_s": Constant("longest wait for light where it is dark then, less than half an orbit, s"),
     "tour_lean_m": Constant("how far the tour leans towards what is urgent, m"),
     **TOUR_PLACES,
     "rehearsal_tours": Constant(
-        "of the tour's images, so many are flown ahead, and the one that ends cheapest is followed",
+        "2 or 4: of the tour's images, so many are flown ahead, and the one that ends cheapest is followed",
         is_tuned=False,
     ),
 }
