@@ -125,7 +125,9 @@ def _division(layout: Floats, direction: Floats) -> Floats:
 
 
 def thrust_errors(mission: Mission, scenarios: list[Scenario]) -> ThrustErrors:
-    """Draw the errors of some flights; rotations are linear in the angle, which is small."""
+    """Draw the errors of some flights."""
+    from scipy.spatial.transform import Rotation  # noqa: PLC0415 - slow to import, used only here
+
     actuators, keys = mission.actuators, ("actuators.scale_error", "actuators.misalignment_deg")
     num_matrices = mission.num_controls if varies(mission, *keys) else 1
     matrices, arms = np.empty((len(scenarios), num_matrices, 3, 3)), np.empty((len(scenarios), 3))
@@ -138,14 +140,6 @@ def thrust_errors(mission: Mission, scenarios: list[Scenario]) -> ThrustErrors:
             in_time(mission, key, scenario, constant)[:num_matrices]
             for key, constant in zip(keys, (scale, turn), strict=True)
         )
-        matrices[case] = _turned(turns) * (1.0 + scales)[:, :, np.newaxis]
+        turned = Rotation.from_rotvec(np.array(np.broadcast_to(turns, (num_matrices, 3)))).as_matrix()
+        matrices[case] = turned * (1.0 + scales)[:, :, np.newaxis]
     return ThrustErrors(matrices, arms)
-
-
-def _turned(turns: Floats) -> Floats:
-    """Return rotation matrices, shape (N, 3, 3), for small angles about each axis, shape (N, 3), rad."""
-    found = np.tile(np.eye(3), (len(turns), 1, 1))
-    for axis in range(3):
-        after, last = (axis + 1) % 3, (axis + 2) % 3
-        found[:, last, after], found[:, after, last] = turns[:, axis], -turns[:, axis]
-    return found

@@ -1,5 +1,8 @@
 """The log of one flight, compiled: what lane 0 carries, at each sample and over each control period."""
 
+from math import atan2, floor, pi
+from typing import Any
+
 import numpy as np
 
 from fis_tools.compiled.decorator import compiled
@@ -44,11 +47,11 @@ def write_sample(
     counts: Bytes,
     log: FlightLog,
     k: int,
-    sun_angle: float,
+    case: Any,
 ) -> None:
     """Log what is so and what the deputy believes at a sample, before it decides.
 
-    `counts`, shape (P padded,), are the points that the flight counts, `sun_angle` that of the start, rad.
+    `counts`, shape (P padded,), are the points that the flight counts, `case` is the start, of `CASE`.
     """
     lanes, truth, belief, n = state.lanes, state.truth, state.belief, world.mean_motion
     for component in range(3):
@@ -63,7 +66,12 @@ def write_sample(
         for component in range(3):
             log.angular_velocity_b_rad_s[k, component] = truth.rate[component, 0] - n * dcm[component, 2]
     log.num_candidates[k] = int(lanes.num_candidates[0])
-    log.sun_angle_rad[k] = sun_angle - n * world.control_period * k
+    log.sun_angle_rad[k] = case.sun_angle - n * world.control_period * k
+    log.sun_elevation_rad[k] = case.sun_elevation
+    if world.course.is_on:  # as it is, counted on from the uniform turn
+        turned = atan2(lanes.sun[1, 0], lanes.sun[0, 0]) - log.sun_angle_rad[k]
+        log.sun_angle_rad[k] += turned - 2.0 * pi * floor(turned / (2.0 * pi) + 0.5)
+        log.sun_elevation_rad[k] = atan2(lanes.sun_height[1, 0], lanes.sun_height[0, 0])
     for j in range(world.num_points):
         log.is_inspected[k, j] = state.unseen[0, j] == 0.0 and counts[j] > 0
     log.delta_v_m_s[k] = lanes.spent[0]

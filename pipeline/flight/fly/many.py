@@ -58,7 +58,7 @@ def start_lanes(world: World, state: State, cases: Any, counted: Bytes, first: i
         write_lane(truth.position, 0, lane, three_of(case.position))
         write_lane(truth.velocity, 0, lane, three_of(case.velocity))
         lanes.sun_at_start[0, lane], lanes.sun_at_start[1, lane] = cos(case.sun_angle), sin(case.sun_angle)
-        lanes.sun_height[0, lane], lanes.sun_height[1, lane] = (
+        lanes.height_at_start[0, lane], lanes.height_at_start[1, lane] = (
             cos(case.sun_elevation),
             sin(case.sun_elevation),
         )
@@ -191,7 +191,7 @@ def fly(
         for lane in range(num_lanes if len(tracks) > 0 else 0):
             write_track(world, state, lane, tracks[flight + lane, k])
         if is_logged(log):
-            write_sample(world, errors, state, work, counts, log, k, cases[first].sun_angle)
+            write_sample(world, errors, state, work, counts, log, k, cases[first])
         if k == world.num_controls:
             break
         decide(world, optics, pushes, law, values, rules, state, work, first, num_lanes, k)

@@ -76,7 +76,7 @@ def fly_plainly(
         for k in range(world.num_controls + 1):
             look(world, optics, None, errors, law.plans, state, work, 0, 1, k)
             choose_cluster(world, state, work, k)
-            write_sample(world, errors, state, work, counted[0], log, k, starts[0].sun_angle)
+            write_sample(world, errors, state, work, counted[0], log, k, starts[0])
             if k == world.num_controls:
                 break
             decide(world, optics, pushes, law, values, rules, state, work, 0, 1, k)

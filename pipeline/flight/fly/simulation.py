@@ -173,8 +173,7 @@ def fly_logged(mission: Mission, controller: Controller, scenario: Scenario) -> 
             np.empty((1, NUM_OUTCOMES)),
         )
     log.quaternion_c_from_h[:] = chief_attitudes(mission)
-    log.sun_elevation_rad[:] = scenario.sun_elevation_rad
-    log.visible_sun_share[:] = sun_shares(mission, log.sun_angle_rad, scenario.sun_elevation_rad)
+    log.visible_sun_share[:] = sun_shares(mission, log.sun_angle_rad, log.sun_elevation_rad)
     log.is_inspectable[:] = inspectable[0, : world.num_points] > 0
     check_finite(
         log.position_m, log.velocity_m_s, log.quaternion_b_from_h, log.quaternion_c_from_h, log.force_hill_n

@@ -84,7 +84,7 @@ def optics_in_use(world: World, starts: Starts) -> Beyond | None:
 
 def beyond_of(world: World, *, is_tilted: bool) -> Beyond | None:
     """Return the light and camera, as `optics_in_use`; `is_tilted` where a Sun is out of the orbit plane."""
-    if not (world.has_optics or is_tilted):
+    if not (world.has_optics or is_tilted or world.course.is_on):
         return None
     return Beyond(closely=world.num_edge_cells > 0 or world.reflection.is_on or None)
 

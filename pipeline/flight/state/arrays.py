@@ -159,8 +159,9 @@ CARRIED: Rows = {
     "twist": (3,),  # further torque of single thrusters, body axes
     "coasts": (),  # 1 where nothing is fired
     "sun_at_start": (2,),  # cosine and sine of its angle
-    "sun": (2,),  # the same now
-    "sun_height": (2,),  # cosine and sine of its elevation
+    "height_at_start": (2,),  # of its elevation
+    "sun": (2,),  # cosine and sine of its angle now
+    "sun_height": (2,),  # of its elevation
     "shine": (3,),  # visible share of the Sun's disc at the instants of a step
     "drag": (3,),  # additional acceleration where it varies, m/s^2
     "target": (3,),  # zero without candidates

@@ -88,7 +88,6 @@ class FlightLog(NamedTuple):
         Whether inference decided the force at sample k: not while coasting, nor between two decisions.
     sun_angle_rad : (K+1,)
     sun_elevation_rad : (K+1,)
-        Constant.
     visible_sun_share : (K+1,)
         Share of the Sun's disc not hidden from the chief by the Earth; 1 without the Earth's shadow.
     is_inspectable : (P,) bool

@@ -52,11 +52,14 @@ def shadowing_radius(orbit: Orbit, light: Light) -> float:
     return radius
 
 
-def sun_shares(mission: Mission, sun_angles: Floats, sun_elevation: float) -> Floats:
-    """Return the share of the Sun's disc visible from the chief at each of the Sun's angles, shape (n,)."""
+def sun_shares(mission: Mission, angles: Floats, elevations: Floats) -> Floats:
+    """Return the share of the Sun's disc visible from the chief at each of the Sun's places, shape (n,)."""
     if mission.light.shadow == "none":
-        return np.ones(len(sun_angles))
+        return np.ones(len(angles))
     radius = shadowing_radius(mission.orbit, mission.light)
     return np.array(
-        [visible_share(sun_direction_h(angle, sun_elevation), radius) for angle in sun_angles.tolist()]
+        [
+            visible_share(sun_direction_h(angle, elevation), radius)
+            for angle, elevation in zip(angles.tolist(), elevations.tolist(), strict=True)
+        ]
     )

@@ -21,6 +21,9 @@ from pipeline.flight.state.errors import Firing, Fixes, ModelErrors
 from pipeline.flight.state.lanes import clip_three, four, one, to_body, to_hill, turned, write_four
 from pipeline.typing import Floats
 
+#: propellant, as a share of the mass at the start, that counts as none: what rounding leaves
+EMPTY = 1e-12
+
 
 @compiled(error_model="numpy", forceinline=True)
 def in_impulses(force: Vector, step: float, least: float) -> Vector:
@@ -92,12 +95,46 @@ def fire(world: World, firing: Firing, state: State, first: int, num_lanes: int,
     fired = Three(turned_row(e, 0, asked), turned_row(e, 3, asked), turned_row(e, 6, asked))
     if len(firing.table) == 0:
         fired = clip_three(three_in_impulses(firing, fired), world.max_force)
-    has_left = one(state.thrusters.mass) > firing.dry
+    has_left = one(state.thrusters.mass) - firing.dry > EMPTY
     store(force, 0, select(has_left, fired.x, 0.0))
     store(force, 1, select(has_left, fired.y, 0.0))
     store(force, 2, select(has_left, fired.z, 0.0))
     if len(firing.table) > 0:
         divide(firing, state)
+    if burns(firing):
+        stop_when_empty(world, firing, state)
+
+
+@compiled(error_model="numpy")
+def stop_when_empty(world: World, firing: Firing, state: State) -> None:
+    """Shorten the last burn to what the tank holds: the force held over the period is that much weaker."""
+    lanes, width = state.lanes, width_of(state.lanes)
+    used, left = propellant_used(world, firing, state), one(state.thrusters.mass) - firing.dry
+    share = select(used > left, left / most(used, left), 1.0)
+    store_three(lanes.force, 0, scaled(share, load_three(lanes.force, 0)))
+    store_three(lanes.twist, 0, scaled(share, load_three(lanes.twist, 0)))
+    for i in range(len(firing.table)):
+        store(state.thrust, (i, 0), share * load(state.thrust, (i, 0), width))
+
+
+@compiled(error_model="numpy", forceinline=True)
+def fired_along_axes(firing: Firing, state: State) -> tuple[Vector, Vector]:
+    """Return the sum of what is fired, N: by the thrusters, and as components of the force alone."""
+    force, width = load_three(state.lanes.force, 0), width_of(state.lanes)
+    along_axes = abs(force.x) + abs(force.y) + abs(force.z)
+    fired = along_axes
+    if len(firing.table) > 0:
+        fired = splat(0.0, width)
+        for i in range(len(firing.table)):
+            fired += load(state.thrust, (i, 0), width)
+    return fired, along_axes
+
+
+@compiled(error_model="numpy", forceinline=True)
+def propellant_used(world: World, firing: Firing, state: State) -> Vector:
+    """Return the propellant that firing takes in a control period, as a share of the mass at the start."""
+    spent_per_force = world.control_period * world.acceleration_per_force
+    return fired_along_axes(firing, state)[0] * (spent_per_force / firing.exhaust_speed)
 
 
 @compiled(error_model="numpy", forceinline=True)
@@ -160,15 +197,9 @@ def burn(world: World, firing: Firing, state: State) -> Three:
     lanes, force = state.lanes, load_three(state.lanes.force, 0)
     if not burns(firing):
         return force
-    along_axes = abs(force.x) + abs(force.y) + abs(force.z)
-    fired = along_axes
-    if len(firing.table) > 0:
-        fired = splat(0.0, width_of(state.lanes))
-        for i in range(len(firing.table)):
-            fired += load(state.thrust, (i, 0), width_of(state.lanes))
+    fired, along_axes = fired_along_axes(firing, state)
     spent_per_force = world.control_period * world.acceleration_per_force
-    used = fired * (spent_per_force / firing.exhaust_speed)
-    before = one(state.thrusters.mass)
+    used, before = propellant_used(world, firing, state), one(state.thrusters.mass)
     per_mass = 1.0 / (before - 0.5 * used)
     store(lanes.spent, 0, one(lanes.spent) + (fired - along_axes) * (per_mass * spent_per_force))
     store(state.thrusters.mass, 0, before - used)

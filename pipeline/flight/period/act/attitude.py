@@ -35,7 +35,7 @@ from pipeline.typing import Floats
 
 #: longest step of the attitude integrator, s
 LONGEST_STEP_S = 1.0
-#: a body that turns faster takes half steps, unless its inertia is spherical, rad/s
+#: a body that turns faster takes half steps, and shorter ones the faster it turns, rad/s
 FAST_RATE = 0.25
 
 #: square of the largest rotation per step for which the series of half angles is accurate
@@ -105,8 +105,9 @@ def spin(world: World, w: Three, torque: Three, h: float) -> tuple[Three, Three]
 def turn_body(world: World, q: Quaternion, rate: Three, torque: Three) -> tuple[Quaternion, Three]:
     """Turn a body of any inertia under a held torque for one attitude period."""
     steps = int(np.ceil(world.attitude_period / LONGEST_STEP_S - 1e-9))
-    if dot(rate, rate) > FAST_RATE * FAST_RATE:
-        steps *= 2
+    speed = sqrt(dot(rate, rate))
+    if speed > FAST_RATE:
+        steps *= 2 * int(np.ceil(speed / FAST_RATE - 1.0))
     h = world.attitude_period / steps
     hill_sin, hill_cos = sin(0.5 * world.mean_motion * h), cos(0.5 * world.mean_motion * h)
     for _ in range(steps):

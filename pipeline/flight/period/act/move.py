@@ -33,7 +33,7 @@ def move(world: World, state: State, force: Three) -> None:
 def suns(state: State) -> Three:
     """Return the directions towards the Suns of all lanes, axes of the course."""
     cosine, sine = two(state.lanes.sun_at_start)
-    flat, high = two(state.lanes.sun_height)
+    flat, high = two(state.lanes.height_at_start)
     return Three(flat * cosine, flat * sine, high)
 
 

@@ -10,7 +10,7 @@ from fis_tools.compiled.three import Three, dot, lane_of, plus, same, scaled, wr
 from fis_tools.compiled.vectors import load, select, some, splat, store, total
 from pipeline.flight.period.decide.chief import turned_aside
 from pipeline.flight.period.look.guidance import MIN_PROJECTION_M, POINTS
-from pipeline.flight.period.look.optics import beam_at, lit_points, points_at, sun_after
+from pipeline.flight.period.look.optics import beam_at, beam_from, lit_points, points_at, sun_after
 from pipeline.flight.state.arrays import Beyond, Law, State, Workspace, World
 from pipeline.flight.state.elementary import exponential
 from pipeline.flight.state.signals import constant, slot
@@ -28,7 +28,8 @@ def note_deadlines(
 
     Called at the start, when nothing is inspected.
     """
-    points, deadlines, at_start = world.points, work.deadlines, state.lanes.sun_at_start
+    points, deadlines = world.points, work.deadlines
+    at_start, heights = state.lanes.sun_at_start, state.lanes.height_at_start
     for lane in range(num_lanes):
         for j in range(0, points.shape[2], POINTS):
             store(deadlines, (lane, j), splat(0.0, POINTS))
@@ -36,8 +37,10 @@ def note_deadlines(
         k = world.num_controls
         while is_missing_some and k > 0:
             sample = k if len(points) > 1 else 0
-            sun = sun_after(world, (at_start[0, lane], at_start[1, lane]), k)
-            beam = beam_at(world, optics, state, lane, k, sun)
+            sun, height = sun_after(
+                world, (at_start[0, lane], at_start[1, lane]), (heights[0, lane], heights[1, lane]), k
+            )
+            beam = beam_from(world, optics, k, sun, height)
             is_missing_some = False
             for j in range(0, points.shape[2], POINTS):
                 latest = load(deadlines, (lane, j), POINTS)

@@ -33,6 +33,8 @@ from pipeline.physics.sight import (
 )
 from pipeline.typing import Bytes, Floats
 
+#: cosine and sine of an angle
+Pair = tuple[Vector, Vector]
 #: strides of samples in the search for points not yet found lit: coarse first, as most are soon found
 SPACINGS = (32, 8, 1)
 
@@ -82,13 +84,21 @@ class Eye(NamedTuple):
 
 
 @compiled(error_model="numpy", forceinline=True)
-def sun_after(world: World, at_start: tuple[Vector, Vector], k: int) -> tuple[Vector, Vector]:
-    """Return cosine and sine of the Sun's angle at a sample from those at the start."""
+def sun_after(world: World, sun: Pair, height: Pair, k: int) -> tuple[Pair, Pair]:
+    """Return cosines and sines of the Sun's angle and elevation at a sample from those at the start.
+
+    About the Earth, Hill axes turn with the chief's orbit, as oblateness and eccentricity have it.
+    """
+    if world.course.is_on:
+        at_start = Three(height[0] * sun[0], height[0] * sun[1], height[1])
+        x, y, z = times(world.course.axes[2 * world.course.num_steps * k], at_start)
+        flat = np.sqrt(x * x + y * y)
+        return (x / flat, y / flat), (flat, z)
     angle = world.mean_motion * world.control_period * k
     turned_cos, turned_sin = cos(angle), sin(angle)
     # by the addition theorem, so that no lane calls library functions
-    x, y = at_start
-    return x * turned_cos + y * turned_sin, y * turned_cos - x * turned_sin
+    x, y = sun
+    return (x * turned_cos + y * turned_sin, y * turned_cos - x * turned_sin), height
 
 
 @compiled(error_model="numpy")
@@ -119,7 +129,7 @@ def beam_from(
 def beam_at(
     world: World, optics: Beyond | None, state: State, lane: int, k: int, sun: tuple[float, float]
 ) -> Beam:
-    """Return the sunlight of a lane at sample k from cosine and sine of the Sun's angle."""
+    """Return the sunlight of a lane at sample k from cosine and sine of the Sun's angle, as high as now."""
     height = state.lanes.sun_height
     return beam_from(world, optics, k, sun, (height[0, lane], height[1, lane]))
 
@@ -275,8 +285,9 @@ def want_all(world: World, work: Workspace) -> None:
 @compiled(error_model="numpy", forceinline=True)
 def beam_of_case(world: World, optics: Beyond | None, case: Any, k: int) -> Beam:
     """Return the sunlight of a start, of `CASE`, at sample k."""
-    sun = sun_after(world, (cos(case.sun_angle), sin(case.sun_angle)), k)
-    return beam_from(world, optics, k, sun, (cos(case.sun_elevation), sin(case.sun_elevation)))
+    at_start = (cos(case.sun_angle), sin(case.sun_angle)), (cos(case.sun_elevation), sin(case.sun_elevation))
+    sun, height = sun_after(world, at_start[0], at_start[1], k)
+    return beam_from(world, optics, k, sun, height)
 
 
 @compiled(error_model="numpy", forceinline=True)

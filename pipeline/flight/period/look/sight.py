@@ -120,7 +120,9 @@ def see(
 ) -> None:
     """Inspect, and choose the target, of every lane; add up distances."""
     lanes, truth = state.lanes, state.truth
-    write_two(lanes.sun, 0, *sun_after(world, two(lanes.sun_at_start), k))
+    sun, height = sun_after(world, two(lanes.sun_at_start), two(lanes.height_at_start), k)
+    write_two(lanes.sun, 0, sun[0], sun[1])
+    write_two(lanes.sun_height, 0, height[0], height[1])
     distance = length(load_three(truth.position, 0))
     store(lanes.travelled, 0, one(lanes.travelled) + distance)
     store(lanes.nearest, 0, least(distance, one(lanes.nearest)))
