@@ -132,7 +132,7 @@ def as_mapping(boxes: Iterable[Box]) -> dict[str, Any]:
     return {"schema": SCHEMA, "schema_version": SCHEMA_VERSION, "systems": systems}
 
 
-def from_mapping(told: Any, source: str) -> tuple[Box, ...]:
+def from_mapping(mapping: Any, source: str) -> tuple[Box, ...]:
     """Read a domain from plain data.
 
     Raises
@@ -141,22 +141,22 @@ def from_mapping(told: Any, source: str) -> tuple[Box, ...]:
         If it is something else.
     """
     try:
-        if (told["schema"], told["schema_version"]) != (SCHEMA, SCHEMA_VERSION):
+        if (mapping["schema"], mapping["schema_version"]) != (SCHEMA, SCHEMA_VERSION):
             raise KeyError("schema")
-        return tuple(_box(one) for one in told["systems"])
+        return tuple(_box(one) for one in mapping["systems"])
     except (KeyError, TypeError, ValueError) as error:
         raise ControllerFileError(
             f"{source} holds no operational domain; give the domain.json that the stage assure writes"
         ) from error
 
 
-def _box(told: Mapping[str, Any]) -> Box:
-    columns = {key: tuple(one[key] for one in told["inputs"]) for key in ("name", "unit", "low", "high")}
+def _box(mapping: Mapping[str, Any]) -> Box:
+    columns = {key: tuple(one[key] for one in mapping["inputs"]) for key in ("name", "unit", "low", "high")}
     return Box(
-        str(told["system"]),
+        str(mapping["system"]),
         tuple(map(str, columns["name"])),
         tuple(map(str, columns["unit"])),
         tuple(map(float, columns["low"])),
         tuple(map(float, columns["high"])),
-        int(told["num_samples"]),
+        int(mapping["num_samples"]),
     )

@@ -422,9 +422,9 @@ def _grid(axes: list[Floats]) -> Floats | None:
 
 def _alone(system: FuzzySystem, number: int, point: Floats) -> Floats:
     rule = system.rules[number]
-    told = [consequent.variable for consequent in rule.consequents]
+    concluded = [consequent.variable for consequent in rule.consequents]
     values = infer(replace(system, rules=(rule,)), point).values
-    return np.where([variable.name in told for variable in system.outputs], values, np.nan)
+    return np.where([variable.name in concluded for variable in system.outputs], values, np.nan)
 
 
 def _meanings(system: FuzzySystem, number: int, answers: Floats, own: Floats) -> Floats:

@@ -203,8 +203,8 @@ def _games_by_level(match: _Match) -> Iterator[_Game]:
     for number, (start, end) in enumerate(pairwise([0, *(block.itemsize * ends).tolist()])):
         if end > start:
             met[pattern[start:end]].append(number)
-    for told, numbers in met.items():
-        structure, num_players = _structure(told)
+    for key, numbers in met.items():
+        structure, num_players = _structure(key)
         if num_coalitions(structure) <= MOST_COALITIONS:
             samples = np.array(numbers)
             places = ends[samples, np.newaxis] + np.arange(-num_players, 0)
@@ -213,7 +213,7 @@ def _games_by_level(match: _Match) -> Iterator[_Game]:
 
 @lru_cache(maxsize=256)
 def _structure(pattern: bytes) -> tuple[tuple[Leads, ...], int]:
-    """Return the structure of players that are told as twice their block, and one where a level begins."""
+    """Return the structure of players that are given as twice their block, and one where a level begins."""
     block, begins = np.divmod(np.frombuffer(pattern, np.int64), 2)
     levels = [np.cumsum(begins[block == place]).tolist() for place in np.unique(block)]
     return tuple(by_level(tuple(each)) for each in levels), len(block)

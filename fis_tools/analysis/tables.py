@@ -72,11 +72,11 @@ def _wanted(
     wanted = {name: name if name in held else labels.get(name, name) for name in names}
     for name, column in wanted.items():
         if held.count(column) != 1:
-            told = (
+            found = (
                 f"it has no {name!r}; {nearest(name, held)}" if column not in held else f"it has two {name!r}"
             )
             asked = ", ".join(wanted)
-            raise ControllerFileError(f"{path}: columns go by the names of inputs ({asked}), and {told}")
+            raise ControllerFileError(f"{path}: columns go by the names of inputs ({asked}), and {found}")
     return wanted | ({TIME: TIME} if TIME in held else {})
 
 
@@ -110,8 +110,8 @@ def _from_parquet(path: Path, names: Sequence[str], labels: Mapping[str, str]) -
             table = file.read(list(wanted.values()))
         columns = [table[column].cast("float64").to_numpy() for column in wanted.values()]
     except pyarrow.ArrowException as error:
-        told = str(error).partition("\n")[0]
-        raise ControllerFileError(f"{path}: {told}; give a Parquet file whose inputs are numbers") from error
+        found = str(error).partition("\n")[0]
+        raise ControllerFileError(f"{path}: {found}; give a Parquet file whose inputs are numbers") from error
     return list(wanted), _finite(path, list(wanted), np.column_stack(columns))
 
 

@@ -1,7 +1,7 @@
 """Controllers as text: every kind of file that is read, and our own JSON and YAML, which hold everything.
 
 `fis_tools.formats.own.mapping` says what a JSON or YAML file contains. Files of other programs hold one
-system each; what they do not state is assumed, and told. Reading any file executes nothing.
+system each; what they do not state is assumed, and listed. Reading any file executes nothing.
 """
 
 import hashlib
@@ -116,9 +116,9 @@ def read(path: Path | str) -> Reading:
     if len(content) > most:
         raise ControllerFileError(f"{path}: larger than {most} bytes; a controller is much smaller")
     try:
-        text, told = _decoded(content, kind)
+        text, notes = _decoded(content, kind)
         reading = reads(text, kind)
-        return replace(reading, assumptions=(*told, *reading.assumptions))
+        return replace(reading, assumptions=(*notes, *reading.assumptions))
     except UnicodeDecodeError as error:
         raise ControllerFileError(f"{path}: not UTF-8 text (byte {error.start}); save it as UTF-8") from error
     except ControllerFileError as error:

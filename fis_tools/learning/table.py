@@ -20,7 +20,7 @@ from fis_tools.typing import Floats
 
 
 class UnreadableTable(ValueError):  # noqa: N818 - the sentence is the message
-    """A table that nothing can be learned from, told in a sentence."""
+    """A table that nothing can be learned from, fault in a sentence."""
 
 
 @dataclass(frozen=True)
@@ -111,8 +111,8 @@ def _read_parquet(path: Path | str) -> dict[str, NDArray[Any]]:
     try:
         found = parquet.read_table(path)
     except (OSError, pyarrow.ArrowException) as error:
-        told = str(error).partition("\n")[0]
-        raise UnreadableTable(f"{path}: {told}; give a CSV or Parquet file") from error
+        fault = str(error).partition("\n")[0]
+        raise UnreadableTable(f"{path}: {fault}; give a CSV or Parquet file") from error
     return {name: found[name].to_numpy() for name in found.column_names}
 
 

@@ -144,11 +144,11 @@ class Part:
             return repr(self.number)
         if self.is_name:
             return names[self.word]
-        told = [part.text(names) for part in self.parts]
+        texts = [part.text(names) for part in self.parts]
         return (
-            f"({f' {self.word} '.join(told)})"
+            f"({f' {self.word} '.join(texts)})"
             if self.word in _OPERATORS
-            else f"{self.word}({', '.join(told)})"
+            else f"{self.word}({', '.join(texts)})"
         )
 
 

@@ -108,10 +108,10 @@ def _mark(variable: Variable, functions: Floats, value: float, ax: Axes, theme: 
             belongs.append((membership, f"{term.name}\u00a0{membership:.2f}"))
             colour = theme.line(place)["color"]
             ax.plot(clipped, membership, "o", color=colour, mec=theme.paper, ms=6, zorder=4, clip_on=False)
-    told = ", ".join(words for _, words in sorted(belongs, key=lambda pair: -pair[0])) or "none of its terms"
+    terms = ", ".join(words for _, words in sorted(belongs, key=lambda pair: -pair[0])) or "none of its terms"
     note = f" (taken as {number(clipped)})" if clipped != value else ""
     across, _ = lettering.inches(ax)
-    words = f"{variable.name} = {quantity(variable, value)}{note}: {told}"
+    words = f"{variable.name} = {quantity(variable, value)}{note}: {terms}"
     ax.set_title(lettering.broken(words, across, MEDIUM), loc="left")
 
 

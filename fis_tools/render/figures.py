@@ -239,8 +239,8 @@ def _matrix_figure(system: FuzzySystem, output: Variable, theme: Theme) -> Figur
         words = {name: term.name for name, term in terms.items()}
         rule_matrix(system, ax, words, output=output.name, theme=theme)
         if words:
-            told = ", ".join(f"{name} is {term}" for name, term in words.items())
-            ax.set_title(told, color=theme.ink, size=MEDIUM, parse_math=False)
+            title = ", ".join(f"{name} is {term}" for name, term in words.items())
+            ax.set_title(title, color=theme.ink, size=MEDIUM, parse_math=False)
     return figure
 
 

@@ -119,8 +119,8 @@ def _rules(system: FuzzySystem, importance: Mapping[str, Floats] | None) -> Iter
 
 
 def _listed(system: FuzzySystem, importance: Mapping[str, Floats] | None) -> Table:
-    told, rules = sentences(system), ranked(system, importance)
-    rows = [[rule.importance_words, str(rule.number), f"{told[rule.number - 1]}."] for rule in rules]
+    lines, rules = sentences(system), ranked(system, importance)
+    rows = [[rule.importance_words, str(rule.number), f"{lines[rule.number - 1]}."] for rule in rules]
     if rules[0].importance is None:
         return Table(["rule", "sentence"], [row[1:] for row in rows], numbers=(0,))
     return Table(["importance", "rule", "sentence"], rows, numbers=(0, 1))

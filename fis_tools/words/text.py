@@ -58,12 +58,12 @@ def antecedent_words(expression: Expression, hedges: Mapping[str, str] = Mapping
         Other words for some hedges.
     """
     words, inside = before(expression)
-    told = [hedges.get(word, word) for word in words]
+    prefix = [hedges.get(word, word) for word in words]
     match inside:
         case Is(variable, term):
-            return " ".join([variable, "is", *told, term])
-        case _ if told:
-            return f"{' '.join(told)} ({antecedent_words(inside, hedges)})"
+            return " ".join([variable, "is", *prefix, term])
+        case _ if prefix:
+            return f"{' '.join(prefix)} ({antecedent_words(inside, hedges)})"
         case And(operands):
             return " and ".join(_inside(operand, And, hedges) for operand in operands)
         case Or(operands):

@@ -41,11 +41,11 @@ def info(file: Path, /, *, json: bool = False) -> None:
     json
         print JSON, for programs
     """
-    told = summarize(read(file))
+    summary = summarize(read(file))
     if json:
-        print(dumps(told, indent=2, ensure_ascii=False))
+        print(dumps(summary, indent=2, ensure_ascii=False))
     else:
-        print("\n".join(summary_in_words(told)))
+        print("\n".join(summary_in_words(summary)))
 
 
 def recover(file: Path, /, *, output: Output = None) -> None:

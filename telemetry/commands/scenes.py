@@ -124,7 +124,9 @@ def training(run: Path, /, shown: Shown = WINDOW, *, follow: bool = False) -> No
         shown.look(training.scene(run))
         return
     with suppress(KeyboardInterrupt):
-        training.follow(run, shown.save, in_browser=shown.web, told=lambda text: print(text, file=sys.stderr))
+        training.follow(
+            run, shown.save, in_browser=shown.web, report=lambda text: print(text, file=sys.stderr)
+        )
 
 
 def _check_instants(_kind: object, instants: tuple[float, ...]) -> None:

@@ -326,12 +326,12 @@ def _parting_in_words(parting: Parting | LoneMessages, num_samples: int) -> str:
         return f"{instant} has a message only in the {'first' if parting.is_in_first else 'second'}"
     first, second, unit = parting.first, parting.second, _spaced(parting.unit)
     index = f"[{', '.join(map(str, parting.component))}]" if parting.component else ""
-    told = (
+    sentence = (
         f"{instant} {parting.field}{index} is {first!r}{unit} in the first and {second!r}{unit} in the second"
     )
     if isinstance(first, str) or isinstance(second, str) or not np.isfinite(first - second):
-        return told
-    return f"{told}, {abs(first - second):.6g}{unit} apart"
+        return sentence
+    return f"{sentence}, {abs(first - second):.6g}{unit} apart"
 
 
 def _spaced(unit: str) -> str:

@@ -142,19 +142,19 @@ class Recording:
         RecordingError
             If the metadata is missing, or contradicts the recorded messages.
         """
-        told_as = topics.FIS_METADATA_PREFIX + name
-        if told_as not in self.metadata:
-            raise RecordingError(f"{self.path} has no metadata {told_as}; it does not say what was sensed")
-        description = FisDescription.from_metadata(self.metadata[told_as])
+        key = topics.FIS_METADATA_PREFIX + name
+        if key not in self.metadata:
+            raise RecordingError(f"{self.path} has no metadata {key}; it does not say what was sensed")
+        description = FisDescription.from_metadata(self.metadata[key])
         topic = self.topics.get(topics.fis_topic(name))
         if topic is not None and len(topic):
-            told = (len(description.input_names), len(description.rules))
+            described = (len(description.input_names), len(description.rules))
             recorded = (topic["inputs"].shape[1], topic["firing_strengths"].shape[1])
-            if told != recorded or len(description.input_units) != told[0]:
+            if described != recorded or len(description.input_units) != described[0]:
                 raise RecordingError(
-                    f"{self.path}: metadata fis.{name} describes {told[0]} inputs and {told[1]} rules, but "
-                    f"{recorded[0]} and {recorded[1]} are recorded; record the flight again, with metadata "
-                    "and inferences of the same fuzzy system"
+                    f"{self.path}: metadata fis.{name} describes {described[0]} inputs and {described[1]} "
+                    f"rules, but {recorded[0]} and {recorded[1]} are recorded; record the flight again, with "
+                    "metadata and inferences of the same fuzzy system"
                 )
         return description
 

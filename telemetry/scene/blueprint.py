@@ -85,11 +85,11 @@ def replay(
     beside = rrb.Vertical(_camera_view(boresight), summary, row_shares=[43, 57])
     force, torque = (_plot(plot, _ROOM_FOR_LEGEND * end_s) for plot in effort)
     asked = [_plot(plot, _ROOM_FOR_LEGEND * end_s) for plot in fis[:1]]
-    told = [_plot(plot, _ROOM_FOR_NAMES * end_s) for plot in fis[1:]]
+    tabs = [_plot(plot, _ROOM_FOR_NAMES * end_s) for plot in fis[1:]]
     rows = [
         rrb.Horizontal(*(_plot(plot, _ROOM_FOR_END * end_s) for plot in mission), column_shares=[38, 34, 28]),
         rrb.Horizontal(force, *asked),
-        rrb.Tabs(*told, torque, active_tab=0),
+        rrb.Tabs(*tabs, torque, active_tab=0),
     ]
     up_to_now = rrb.VisibleTimeRanges(
         timeline=TIME,

@@ -137,8 +137,8 @@ def in_words(evaluation: Evaluation) -> str:
         f"| {name} | {rest} |"
         for name, rest in (extreme.label.split(": ", 1) for extreme in extremes(evaluation))
     ]
-    told = "White: the cases named above. Dots: the deputies at the selected time."
-    return "\n".join(rows) + f"\n\n{told}"
+    legend = "White: the cases named above. Dots: the deputies at the selected time."
+    return "\n".join(rows) + f"\n\n{legend}"
 
 
 def _outcomes_in_words(evaluation: Evaluation) -> dict[Outcome, str]:

@@ -183,12 +183,14 @@ def fis_plots(recording: Recording) -> list[Plot]:
         answer = np.where(recording.is_fired(name), _floats(topic["output_n"]), 0.0)[:, None]
         system = f"system_{len(outputs)}"
         outputs.append(Curves(system, topic.time_s, answer, (words.output_name,), colour, True))
-        told = _floats(topic["inputs"])
+        sensed = _floats(topic["inputs"])
         for index, (signal, unit) in enumerate(zip(words.input_names, words.input_units, strict=True)):
             same = inputs.setdefault(unit, [])
             colour = (SIGNAL_COLOURS[len(same) % len(SIGNAL_COLOURS)],)
             label = (signal,) if sum(signal in one for one in senses) == 1 else (f"{signal} ({name})",)
-            same.append(Curves(f"{system}_input_{index}", topic.time_s, told[:, index, None], label, colour))
+            same.append(
+                Curves(f"{system}_input_{index}", topic.time_s, sensed[:, index, None], label, colour)
+            )
     if not outputs:
         return []
     largest = max(float(np.abs(curves.values).max()) for curves in outputs)

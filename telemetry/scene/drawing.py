@@ -182,12 +182,12 @@ def _rest_in_words(recording: Recording, sample_time_s: Floats) -> list[str]:
 def _one_inference(
     description: FisDescription, inputs: Floats, strengths: Floats, output: float, shares: Floats
 ) -> list[str]:
-    told = " · ".join(
+    sensed = " · ".join(
         f"{name} {value:.3f} {unit}".rstrip()
         for name, unit, value in zip(description.input_names, description.input_units, inputs, strict=True)
     )
     return [
-        f"- **{description.output_name} = {output:+.4f} {description.output_unit}** · {told}",
+        f"- **{description.output_name} = {output:+.4f} {description.output_unit}** · {sensed}",
         *(f"  - {_rule_words(description, rule, strengths, shares)}" for rule in _leading(strengths, shares)),
     ]
 

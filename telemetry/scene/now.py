@@ -45,16 +45,16 @@ def lines(recording: Recording, sample_time_s: Floats) -> list[str]:
     names = [name for name in recording.fis_names if len(recording[topics.fis_topic(name)])]
     asked = {float(time) for name in names for time in recording[topics.fis_topic(name)].time_s}
     rows = {float(time): row for row, time in enumerate(control.time_s)}
-    told = []
+    found = []
     for time, count in zip(sample_time_s.tolist(), left.tolist(), strict=True):
         row = rows.get(time)
         if row is None:
-            told.append(
+            found.append(
                 f"The flight is over: {_points(count)}" if time >= control.time_s[-1:].max(initial=0) else ""
             )
         else:
-            told.append(_line(recording, row, count, time in asked or not names))
-    return told
+            found.append(_line(recording, row, count, time in asked or not names))
+    return found
 
 
 def _line(recording: Recording, row: int, left: int, was_asked: bool) -> str:

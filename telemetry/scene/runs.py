@@ -313,9 +313,9 @@ def _episodes(path: Path, cases: NDArray[np.int64]) -> Columns:
 def _surroundings(folder: Path) -> Surroundings:
     scene = _manifest(folder).get("scene")
     if isinstance(scene, dict):
-        told = {field.name: scene.get(field.name) for field in fields(Surroundings)}
+        stated = {field.name: scene.get(field.name) for field in fields(Surroundings)}
         return Surroundings(
-            **{name: float(value) for name, value in told.items() if isinstance(value, int | float)}
+            **{name: float(value) for name, value in stated.items() if isinstance(value, int | float)}
         )
     # a run of version 1
     path = file_of(folder, "configuration")

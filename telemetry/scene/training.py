@@ -61,7 +61,7 @@ def scene(folder: Path) -> Scene:
     return Scene("training", f"{drawable(training.name)}: training", layout, send_all)
 
 
-def follow(folder: Path, output: Path | None, *, in_browser: bool, told: Callable[[str], None]) -> None:
+def follow(folder: Path, output: Path | None, *, in_browser: bool, report: Callable[[str], None]) -> None:
     """Show a training while it runs.
 
     Parameters
@@ -72,7 +72,7 @@ def follow(folder: Path, output: Path | None, *, in_browser: bool, told: Callabl
         An .rrd file that grows until the training ends; None for a viewer, which stays until it is closed.
     in_browser : bool
         Serve a page to this machine alone, instead of a window.
-    told : callable
+    report : callable
         Takes sentences about the progress.
 
     Raises
@@ -88,7 +88,7 @@ def follow(folder: Path, output: Path | None, *, in_browser: bool, told: Callabl
     else:
         viewer.require_ending(output)
     if not has_training(folder):
-        told(f"waiting for the first generation in {folder}")
+        report(f"waiting for the first generation in {folder}")
     while not has_training(folder):
         time.sleep(POLL_S)
     first = scene(folder)
@@ -98,17 +98,17 @@ def follow(folder: Path, output: Path | None, *, in_browser: bool, told: Callabl
             suppress(OSError),
             viewer.stream_to_viewer(first, in_browser=in_browser) as (stream, running),
         ):
-            _grow(stream, folder, lambda: running.process.poll() is not None, told)
+            _grow(stream, folder, lambda: running.process.poll() is not None, report)
         return
     try:
         with viewer.stream_to_file(first, output) as stream:
-            _grow(stream, folder, lambda: is_finished(folder), told)
+            _grow(stream, folder, lambda: is_finished(folder), report)
     except OSError as error:
         raise viewer.unwritable(output, error) from error
 
 
 def _grow(
-    stream: rr.RecordingStream, folder: Path, is_over: Callable[[], bool], told: Callable[[str], None]
+    stream: rr.RecordingStream, folder: Path, is_over: Callable[[], bool], report: Callable[[str], None]
 ) -> None:
     """Send newly finished generations until it is over."""
     num_sent, stamp = 0, -1
@@ -126,7 +126,7 @@ def _grow(
             _send_rows(stream, training, num_sent)
             viewer.flush(stream)
             num_sent = len(training)
-            told(_headline(training, num_sent - 1))
+            report(_headline(training, num_sent - 1))
         if over:
             return
         time.sleep(POLL_S)

@@ -82,13 +82,13 @@ def members(controller: FuzzyController, logic: ThrustLogic) -> Mapping[str, tup
 
 def structures(controller: FuzzyController, logic: ThrustLogic) -> str:
     """Write what `step` is told and what it gives back."""
-    told = (
+    signals = (
         (word, wrap(f"/* {_plain(', '.join(filter(None, (unit, about))))} */", 100, subsequent_indent=" * "))
         for word, unit, about in members(controller, logic).values()
     )
     axes = "in the axes that attitude turns from" if logic.is_turned else f"{logic.force_axes} axes"
     reasons = {word: REASONS[word] for word in _REASONS}
-    return rendered("c/step.h.jinja", logic=logic, signals=told, reasons=reasons, fired_axes=_plain(axes))
+    return rendered("c/step.h.jinja", logic=logic, signals=signals, reasons=reasons, fired_axes=_plain(axes))
 
 
 def functions(controller: FuzzyController, logic: ThrustLogic, infer: Mapping[str, str]) -> str:

@@ -54,7 +54,7 @@ MOST_POINTS = MOST_MEMBERSHIPS
 MOST_PROBLEMS = 8
 
 #: Shapes that their keys alone tell.
-_TOLD_BY_KEYS = ("gaussian", "triangular", "trapezoidal", "sampled")
+_KNOWN_BY_KEYS = ("gaussian", "triangular", "trapezoidal", "sampled")
 _Item = TypeVar("_Item")
 
 # Writing.
@@ -121,8 +121,8 @@ def _membership_mapping(membership: MembershipFunction) -> dict[str, Any]:
     if isinstance(membership, Sampled):
         return {"values": [float(value) for value in membership.values]}
     name = membership.entry.name
-    told = {} if name in _TOLD_BY_KEYS else {"shape": name}
-    return {**told, **{key: _plain(getattr(membership, key)) for key in _keys(name)}}
+    shape = {} if name in _KNOWN_BY_KEYS else {"shape": name}
+    return {**shape, **{key: _plain(getattr(membership, key)) for key in _keys(name)}}
 
 
 def _plain(parameter: float | str | tuple[float, ...]) -> float | str | list[float]:
@@ -353,8 +353,8 @@ def _shape_of(value: Any, where: str) -> str:
             raise ControllerFileError(f"{where}: unknown shape {shape!r}; {nearest(shape, SHAPES)}")
         return shape
     given = set(value)
-    missed = {shape: len(set(_keys(shape)) - given) for shape in _TOLD_BY_KEYS}
-    return max(_TOLD_BY_KEYS, key=lambda shape: (len(_keys(shape)) - missed[shape], -missed[shape]))
+    missed = {shape: len(set(_keys(shape)) - given) for shape in _KNOWN_BY_KEYS}
+    return max(_KNOWN_BY_KEYS, key=lambda shape: (len(_keys(shape)) - missed[shape], -missed[shape]))
 
 
 def _keys(shape: str) -> tuple[str, ...]:

@@ -112,7 +112,7 @@ def test_a_training_that_begins_anew_is_said(tmp_path: Path, monkeypatch: pytest
         synthetic_run.write_training(tmp_path, 1)
 
     with pytest.raises(RecordingError, match="has been restarted; follow it again"):
-        training.follow(tmp_path, tmp_path / "x.rrd", in_browser=False, told=begin_anew)
+        training.follow(tmp_path, tmp_path / "x.rrd", in_browser=False, report=begin_anew)
 
 
 def test_an_earlier_champion_does_not_end_a_training_that_goes_on(run: Path) -> None:
@@ -131,7 +131,7 @@ def test_wrong_folders_are_said(tmp_path: Path) -> None:
     ):
         training.scene(tmp_path)
     with pytest.raises(RecordingError, match="is not a folder; give the folder of a run"):
-        training.follow(tmp_path / "none", None, in_browser=True, told=print)
+        training.follow(tmp_path / "none", None, in_browser=True, report=print)
 
 
 def test_a_damaged_history_is_said(run: Path) -> None:
@@ -142,4 +142,4 @@ def test_a_damaged_history_is_said(run: Path) -> None:
 
 def test_an_output_in_no_folder_is_said(run: Path, tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match=r"x.rrd cannot be written: No such file"):
-        training.follow(run, tmp_path / "none" / "x.rrd", in_browser=False, told=print)
+        training.follow(run, tmp_path / "none" / "x.rrd", in_browser=False, report=print)

@@ -269,4 +269,4 @@ def test_a_training_grows_in_the_viewer(tmp_path: Path, monkeypatch: pytest.Monk
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        training.follow(folder, None, in_browser=True, told=tell)
+        training.follow(folder, None, in_browser=True, report=tell)
