@@ -10,10 +10,10 @@ shapes are read by the names that fuzzylite and jFuzzyLogic give them.
 """
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
-from typing import Any
+from typing import Any, TypeVar
 
 from fis_tools.formats.error import ControllerFileError
 from fis_tools.formats.exchange import foreign
@@ -21,7 +21,7 @@ from fis_tools.formats.exchange.carried import understand
 from fis_tools.formats.exchange.dialect import Dialect, Expressed, settle
 from fis_tools.formats.exchange.files import Reading, Written
 from fis_tools.formats.exchange.fll_rules import Operators, chained, read_rules
-from fis_tools.formats.exchange.foreign import FLANKS, Extent, Table
+from fis_tools.formats.exchange.foreign import Extent, Table
 from fis_tools.formats.exchange.hedges import with_any
 from fis_tools.formats.exchange.methods import (
     AGGREGATIONS,
@@ -34,6 +34,7 @@ from fis_tools.formats.exchange.methods import (
 )
 from fis_tools.formats.exchange.writing import term_words, written
 from fis_tools.model import (
+    AndOperator,
     Constant,
     FuzzyController,
     FuzzySystem,
@@ -47,7 +48,6 @@ from fis_tools.model import (
     parts_of,
 )
 from fis_tools.model.operators import WEIGHING
-from fis_tools.model.shape import words_of
 from fis_tools.model.variables import sample
 
 DIALECT = Dialect(
@@ -142,6 +142,8 @@ _JFUZZYLOGIC = {
     "GBELL": ("Bell", (2, 0, 1)),
     "SIGM": ("Sigmoid", (1, 0)),
 }
+_WORDS = replace(foreign.FUZZYLITES, weighed="the METHOD COGS")
+_Method = TypeVar("_Method")
 _RULE_WORDS = ("if", "is", "and", "or", "not", "then", "with")
 
 
@@ -243,25 +245,18 @@ def _system(name: str, blocks: Sequence[_Block]) -> FuzzySystem:
     rule_blocks = [block for block in blocks if block.kind == "RULEBLOCK"]
     weighed = {output.name for output in outputs if output.defuzzifier in WEIGHING}
     groups = [list(_rules(block)) for block in rule_blocks]
-    activations = {
-        _word(block, "ACT", "MIN")
-        for block, group in zip(rule_blocks, groups, strict=True)
-        if any(consequent.variable not in weighed for rule in group for consequent in rule.consequents)
-    }
-    if len(activations) > 1:
-        raise ControllerFileError(
-            f"the rule blocks activate by {' and '.join(sorted(activations))}, and a system of ours has one "
-            "implication; give each block a file of its own"
-        )
+    implications: dict[AndOperator, int] = {}
+    for block, group in zip(rule_blocks, groups, strict=True):
+        if any(consequent.variable not in weighed for rule in group for consequent in rule.consequents):
+            implications.setdefault(_method(block, "ACT", "MIN", meanings(AND, "fcl")), block.line)
     rules = [rule for group in groups for rule in group]
-    word = next(iter(activations), "MIN")
     return settle(
         FuzzySystem(
             name=name or "unnamed",
             inputs=with_any(inputs, rules),
             outputs=outputs,
             rules=tuple(chained(rules, outputs)),
-            implication=foreign.choice(meanings(AND, "fcl"), word, "the activation ACT", ""),
+            implication=foreign.one_implication(implications),
         )
     )
 
@@ -273,17 +268,18 @@ def _keeps_last(block: _Block) -> bool:
     return is_kept or "PREVIOUS" in block.settings.get("LOCK", (0, ""))[1].upper()
 
 
-def _word(block: _Block, key: str, usual: str) -> str:
-    found = block.settings.get(key, (0, usual))[1].upper()
-    return usual if found == "NONE" else found
+def _method(block: _Block, key: str, usual: str, known: Mapping[str, _Method]) -> _Method:
+    """Return the method that a setting names, in capitals or not."""
+    line, found = block.settings.get(key, (block.line, usual))
+    word = usual if found.upper() == "NONE" else found.upper()
+    in_capitals = {name.upper(): method for name, method in known.items()}
+    return foreign.choice(in_capitals, word, f"line {line}: {key} of {block.name}")
 
 
 def _rules(block: _Block) -> Iterator[Rule]:
     """Read the rules of a block."""
-    where = f"line {block.line}: the operator"
-    conjunction = foreign.choice(meanings(AND, "fcl"), _word(block, "AND", "MIN"), where, "")
-    known = {**meanings(OR, "fcl"), **NORMALIZED_SUMS}
-    disjunction = foreign.choice(known, _word(block, "OR", "MAX"), where, "")
+    conjunction = _method(block, "AND", "MIN", meanings(AND, "fcl"))
+    disjunction = _method(block, "OR", "MAX", {**meanings(OR, "fcl"), **NORMALIZED_SUMS})
     operators: Operators = (conjunction, disjunction)
     for line, content in block.listed:
         rule = re.fullmatch(r"RULE\b[^:]*:?\s*(.*)", content, re.IGNORECASE | re.DOTALL)
@@ -300,23 +296,17 @@ def _variable(block: _Block, inputs: Sequence[str], *, is_output: bool) -> Varia
     terms = [_named_term(line, content) for line, content in block.listed]
     extent = _extent(block, terms)
     if not is_output:
-        found = [(name, _shape(line, words, extent)) for line, name, words in terms]
+        found = [(name, _term(line, words, extent, None)) for line, name, words in terms]
         return foreign.variable(block.name, extent, found, is_output=False)
-    where = f"line {block.line}: of {block.name}"
-    known = meanings(DEFUZZIFIERS, "fcl")
-    defuzzifier = foreign.choice(known, _word(block, "METHOD", "COG"), f"{where} METHOD", "")
-    aggregations = {**meanings(AGGREGATIONS, "fcl"), **NORMALIZED_SUMS}
-    aggregation = foreign.choice(aggregations, _word(block, "ACCU", "MAX"), f"{where} ACCU", "")
+    defuzzifier = _method(block, "METHOD", "COG", meanings(DEFUZZIFIERS, "fcl"))
+    aggregation = _method(block, "ACCU", "MAX", {**meanings(AGGREGATIONS, "fcl"), **NORMALIZED_SUMS})
     line, default = block.settings.get("DEFAULT", (block.line, "nan"))
     default = default.partition("|")[0].strip()
     is_weighed = defuzzifier in WEIGHING
     return foreign.variable(
         block.name,
         extent,
-        [
-            (name, _concluded(line, words, inputs) if is_weighed else _shape(line, words, extent))
-            for line, name, words in terms
-        ],
+        [(name, _term(line, words, extent, inputs if is_weighed else None)) for line, name, words in terms],
         is_output=True,
         default=None
         if default.lower() in {"nan", "nc"}
@@ -324,17 +314,6 @@ def _variable(block: _Block, inputs: Sequence[str], *, is_output: bool) -> Varia
         defuzzifier=defuzzifier,
         aggregation="unbounded_sum" if is_weighed else aggregation,
     )
-
-
-def _concluded(line: int, words: str, inputs: Sequence[str]) -> MembershipFunction:
-    """Read a term of an output that is weighed: a number as it stands, or in fuzzylite's words."""
-    if re.fullmatch(r"[-+.\d]\S*", words):
-        words = f"Constant {words}"
-    word, *rest = words.split()
-    where = f"line {line}"
-    if word == "Function":
-        return foreign.concluded_formula(" ".join(rest), inputs, where)
-    return foreign.concluded(word, foreign.places(rest, where), len(inputs), "fll", where)
 
 
 def _named_term(line: int, content: str) -> tuple[int, str, str]:
@@ -368,19 +347,12 @@ def _table(line: int, words: str) -> Table:
     )
 
 
-def _shape(line: int, words: str, extent: Extent) -> MembershipFunction | Table:
-    where = f"line {line}"
-    if words.startswith("("):
+def _term(line: int, words: str, extent: Extent, inputs: Sequence[str] | None) -> MembershipFunction | Table:
+    """Read what follows a term's name; `inputs` are those of an output that is weighed."""
+    if words.startswith("(") and inputs is None:
         return _table(line, words)
-    word, *rest = words.split()
-    if re.fullmatch(r"[-+.\d].*", word) or word in {"Constant", "Linear", "Function"}:
-        raise ControllerFileError(
-            f"{where}: the term is a number and no fuzzy set; only outputs by the METHOD COGS have such terms"
-        )
-    values = foreign.places(rest, where)
-    if word.upper() in _JFUZZYLOGIC:
+    word, *values = words.split() if not re.fullmatch(r"[-+.\d]\S*", words) else ("Constant", words)
+    if word.upper() in _JFUZZYLOGIC and inputs is None:
         word, order = _JFUZZYLOGIC[word.upper()]
         values = [values[place] for place in order] if len(values) == len(order) else values
-    if word == "Discrete":
-        return foreign.table(values, where)
-    return foreign.shape(word, values, extent, words_of("fll"), FLANKS, where)
+    return _WORDS.read(word, values, extent, inputs, f"line {line}")

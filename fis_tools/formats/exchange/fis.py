@@ -25,6 +25,7 @@ from fis_tools.formats.exchange.fis_sections import (
     section_of,
     sections_of,
     whole_number,
+    words_in,
 )
 from fis_tools.formats.exchange.fll_rules import hedged_rules
 from fis_tools.formats.exchange.foreign import Extent, Table
@@ -54,7 +55,6 @@ from fis_tools.model import (
     Variable,
 )
 from fis_tools.model.operators import WEIGHING
-from fis_tools.model.shape import words_of
 from fis_tools.model.weighing import has_sets
 
 DIALECT = Dialect(
@@ -69,13 +69,17 @@ DIALECT = Dialect(
     has_walls=False,
 )
 
-_FLANKS: foreign.FlankWords = {
-    "linsmf": foreign.rising,
-    "linzmf": foreign.falling,
-    "rectmf": foreign.level,
-    "rampmf": foreign.ramp,
-    "binarymf": foreign.step,
-}
+_WORDS = foreign.TermWords(
+    "fis",
+    {
+        "linsmf": foreign.rising,
+        "linzmf": foreign.falling,
+        "rectmf": foreign.level,
+        "rampmf": foreign.ramp,
+        "binarymf": foreign.step,
+    },
+    "wtaver and wtsum",
+)
 #: fuzzylite writes nothing where no rule needs an operator.
 _AND: dict[str, AndOperator] = {"": "min", **meanings(AND, "fis"), "algebraic_product": "product"}
 _OR: dict[str, OrOperator] = {
@@ -198,7 +202,7 @@ def _system(sections: dict[str, Section], fractions: Fractions, notes: list[str]
     kind, where = quoted_word(entries, "Type")
     if kind not in _TYPES:
         raise ControllerFileError(f"{where} is {kind[:40]!r}; expected one of {', '.join(_TYPES)}")
-    defuzzifier = foreign.choice(meanings(DEFUZZIFIERS, "fis"), *quoted_word(entries, "DefuzzMethod"), "")
+    defuzzifier = foreign.choice(meanings(DEFUZZIFIERS, "fis"), *quoted_word(entries, "DefuzzMethod"))
     weighs = defuzzifier in WEIGHING
     if weighs == (kind in {"mamdani", "hybrid"}):
         places = [f"line {entries[key][0]}" for key in ("Type", "DefuzzMethod")]
@@ -242,8 +246,8 @@ def _system(sections: dict[str, Section], fractions: Fractions, notes: list[str]
         foreign.choice(_AND, *quoted_word(entries, "AndMethod"), "or rewrite the rules"),
         foreign.choice(_OR, *quoted_word(entries, "OrMethod"), "or rewrite the rules"),
     )
-    aggregation = foreign.choice(_AGGREGATIONS, *quoted_word(entries, "AggMethod"), "")
-    implication = foreign.choice(_AND, *quoted_word(entries, "ImpMethod"), "")
+    aggregation = foreign.choice(_AGGREGATIONS, *quoted_word(entries, "AggMethod"))
+    implication = foreign.choice(_AND, *quoted_word(entries, "ImpMethod"))
     if weighs:  # MATLAB asks for neither
         implication = "min"
     return settle(
@@ -286,7 +290,7 @@ def _variable(section: Section, weighed_by: Sequence[str] | None, notes: list[st
     is_output = section.title.startswith("[Output")
     if "LockPrevious" in entries:
         where = f"line {entries['LockPrevious'][0]}: LockPrevious"
-        if foreign.choice({"0": False, "1": True}, entries["LockPrevious"][1], where, ""):
+        if foreign.choice({"0": False, "1": True}, entries["LockPrevious"][1], where):
             notes.append(foreign.kept_words(quoted_word(entries, "Name")[0]))
     num_terms = whole_number(entries, "NumMFs", 1 if is_output else 0)
     found = [key for key in entries if key.startswith("MF")]
@@ -344,24 +348,9 @@ def _term(
     parts = _TERM.fullmatch(value)
     if parts is None:
         raise ControllerFileError(f"{where}: {value[:40]!r} is not a term; expected 'name':'trimf',[0 1 2]")
-    if parts["shape"] == "function" and weighed_by is not None:
-        return parts["name"], foreign.concluded_formula(parts["numbers"][1:-1], weighed_by, where)
-    if parts["shape"] == "function":
-        raise ControllerFileError(
-            f"{where}: the term is a formula, {parts['numbers'][:40]}, which only outputs by wtaver and "
-            "wtsum have; give numbers"
-        )
-    values = numbers_in(parts["numbers"], where)
-    if weighed_by is not None:
-        return parts["name"], foreign.concluded(parts["shape"], values, len(weighed_by), "fis", where)
-    if parts["shape"] in {"constant", "linear"}:
-        raise ControllerFileError(
-            f"{where}: the term is {parts['shape']}, a number and no fuzzy set; only outputs by wtaver and "
-            "wtsum have such terms"
-        )
-    if parts["shape"] == "discretemf":
-        return parts["name"], foreign.table(values, where)
-    return parts["name"], foreign.shape(parts["shape"], values, extent, words_of("fis"), _FLANKS, where)
+    raw = parts["numbers"]
+    values = [raw[1:-1]] if parts["shape"] == "function" else words_in(raw, where)
+    return parts["name"], _WORDS.read(parts["shape"], values, extent, weighed_by, where)
 
 
 _RULE = re.compile(

@@ -135,13 +135,17 @@ def _number_of_pi(found: re.Match[str]) -> str:
     return f"{found[1]}{math.pi / float(found[2] or 1)!r}"
 
 
-def numbers_in(value: str, where: str, expected: int | None = None) -> list[float]:
+def words_in(value: str, where: str) -> list[str]:
     """Read ``[1 2 3]``; commas may part the numbers."""
     inside = re.fullmatch(r"\[(.*)\]", value)
     if inside is None:
         raise ControllerFileError(f"{where} is {value[:40]!r}; expected numbers in brackets, [0 1]")
-    words = [_PI.sub(_number_of_pi, word) for word in re.split(r"[\s,;]+", inside[1].strip())]
-    found = foreign.numbers(words, where)
-    if expected is not None and len(found) != expected:
+    return [_PI.sub(_number_of_pi, word) for word in re.split(r"[\s,;]+", inside[1].strip())]
+
+
+def numbers_in(value: str, where: str, expected: int) -> list[float]:
+    """Read so many numbers in brackets."""
+    found = foreign.numbers(words_in(value, where), where)
+    if len(found) != expected:
         raise ControllerFileError(f"{where} has {len(found)} numbers; expected {expected}")
     return found

@@ -30,6 +30,7 @@ from fis_tools.model import (
     MembershipFunction,
     Number,
     OrOperator,
+    Ramp,
     Rule,
     Variable,
 )
@@ -132,7 +133,7 @@ def _take(blocks: list[_Block], line: int, content: str) -> None:
         raise ControllerFileError(f"line {line}: {key[:40]!r} stands before 'Engine:'; is this an .fll file?")
     block = blocks[-1]
     known = _KEYS[block.kind]
-    foreign.choice(dict.fromkeys(known), key, f"line {line}: in {block.kind} the key", "")
+    foreign.choice(dict.fromkeys(known), key, f"line {line}: in {block.kind} the key")
     if key == known[-1]:
         block.repeated.append((line, value))
     elif key in block.entries:
@@ -218,15 +219,9 @@ def _implication(blocks: Sequence[_Block]) -> AndOperator:
     for block in blocks:
         line, word = block.entries.get("implication", (block.line, "none"))
         if word not in {"none", ""}:
-            found.setdefault(
-                foreign.choice(meanings(AND, "fll"), word, f"line {line}: the implication", ""), line
-            )
-    if len(found) > 1:
-        raise ControllerFileError(
-            f"line {list(found.values())[1]}: the blocks imply by {' and '.join(found)}, and a system of "
-            "ours has one implication; give each block an engine of its own"
-        )
-    return next(iter(found), "min")
+            known = meanings(AND, "fll")
+            found.setdefault(foreign.choice(known, word, f"line {line}: the implication"), line)
+    return foreign.one_implication(found)
 
 
 def _block_operators(block: _Block) -> Operators:
@@ -235,19 +230,20 @@ def _block_operators(block: _Block) -> Operators:
     disjunction: OrOperator | None = None
     if block.entries.get("conjunction", (0, "none"))[1] not in {"none", ""}:
         line, word = block.entries["conjunction"]
-        conjunction = foreign.choice(meanings(AND, "fll"), word, f"line {line}: the conjunction", "")
+        conjunction = foreign.choice(meanings(AND, "fll"), word, f"line {line}: the conjunction")
     if block.entries.get("disjunction", (0, "none"))[1] not in {"none", ""}:
         line, word = block.entries["disjunction"]
         disjunction = foreign.choice(
-            {**meanings(OR, "fll"), **NORMALIZED_SUMS}, word, f"line {line}: the disjunction", ""
+            {**meanings(OR, "fll"), **NORMALIZED_SUMS}, word, f"line {line}: the disjunction"
         )
     return conjunction, disjunction
 
 
 def _variable(block: _Block) -> Variable:
     extent = _extent(block)
-    terms = [_term(line, words, extent) for line, words in block.repeated]
-    return foreign.variable(block.name, extent, terms, is_output=False, description=_description(block))
+    return foreign.variable(
+        block.name, extent, _terms(block, extent), is_output=False, description=_description(block)
+    )
 
 
 def _extent(block: _Block) -> Extent:
@@ -281,40 +277,31 @@ def _output(block: _Block, inputs: Sequence[str]) -> Variable:
         "defuzzifier": defuzzifier,
     }
     if defuzzifier in WEIGHING:
-        terms = _concluded_terms(block, parameter, inputs)
+        _refuse_setting(block, "lock-range", ("false",))
+        terms = _terms(block, extent, inputs)
+        _refuse_other_kind(block, parameter, terms)
         return foreign.variable(block.name, extent, terms, aggregation="unbounded_sum", **facts)
     return foreign.variable(
         block.name,
         extent,
-        [_term(line, words, extent) for line, words in block.repeated],
+        _terms(block, extent),
         num_points=_num_points(line, parameter),
         aggregation=_aggregation(block),
         **facts,
     )
 
 
-def _concluded_terms(
-    block: _Block, parameter: str, inputs: Sequence[str]
-) -> list[tuple[str, MembershipFunction | Table]]:
-    """Read the terms of an output that is weighed."""
-    _refuse_setting(block, "lock-range", ("false",))
-    terms: list[tuple[str, MembershipFunction | Table]] = []
-    for line, words in block.repeated:
-        name, word, rest = _parted(line, words)
-        where = f"line {line}"
-        shape = (
-            foreign.concluded_formula(" ".join(rest), inputs, where)
-            if word == "Function"
-            else foreign.concluded(word, foreign.places(rest, where), len(inputs), "fll", where)
-        )
+def _refuse_other_kind(
+    block: _Block, parameter: str, terms: Sequence[tuple[str, MembershipFunction | Table]]
+) -> None:
+    """Refuse terms that an output is not weighed by."""
+    for (line, words), (name, shape) in zip(block.repeated, terms, strict=True):
         kind = "TakagiSugeno" if isinstance(shape, Number) else "Tsukamoto"
         if parameter not in {"", "Automatic", kind}:
             raise ControllerFileError(
-                f"line {line}: the output is weighed as {parameter[:40]!r}, but its term {name!r} is {word}; "
-                f"write {kind} or Automatic"
+                f"line {line}: the output is weighed as {parameter[:40]!r}, but its term {name!r} is "
+                f"{words.split()[1]}; write {kind} or Automatic"
             )
-        terms.append((name, shape))
-    return terms
 
 
 def _aggregation(block: _Block) -> Aggregation:
@@ -323,7 +310,7 @@ def _aggregation(block: _Block) -> Aggregation:
         if key in block.entries:
             line, word = block.entries[key]
             known: dict[str, Aggregation] = {**meanings(AGGREGATIONS, "fll"), **NORMALIZED_SUMS}
-            return foreign.choice(known, word, f"line {line}: the {key}", "")
+            return foreign.choice(known, word, f"line {line}: the {key}")
     return "max"
 
 
@@ -331,7 +318,7 @@ def _defuzzifier(line: int, words: str) -> tuple[Defuzzifier, str]:
     """Return how an output is defuzzified, and what is said of it besides."""
     word, _, parameter = words.partition(" ")
     known = meanings(DEFUZZIFIERS, "fll")
-    return foreign.choice(known, word, f"line {line}: the defuzzifier", ""), parameter.strip()
+    return foreign.choice(known, word, f"line {line}: the defuzzifier"), parameter.strip()
 
 
 def _num_points(line: int, parameter: str) -> int:
@@ -351,21 +338,25 @@ def _parted(line: int, words: str) -> tuple[str, str, list[str]]:
     return name, shape, rest
 
 
-def _term(line: int, words: str, extent: Extent) -> tuple[str, MembershipFunction | Table]:
-    where = f"line {line}"
-    name, shape, rest = _parted(line, words)
-    if shape in {"Constant", "Linear", "Function"}:
-        raise ControllerFileError(
-            f"{where}: the term is a {shape}, a number and no fuzzy set; only outputs that are a "
-            "WeightedAverage or WeightedSum have such terms"
-        )
-    values = foreign.places(rest, where)
-    shapes = words_of("fll")
-    known_count = len(shapes[shape][1]) if shape in shapes else 2
-    if shape == "Discrete":
-        return name, foreign.table(values, where)
-    if len(values) == known_count + 1:
-        height = values.pop()
-        if height != 1.0:
-            raise ControllerFileError(f"{where}: the term has the height {height:g}; only 1 can be read")
-    return name, foreign.shape(shape, values, extent, shapes, foreign.FLANKS, where)
+def _terms(
+    block: _Block, extent: Extent, inputs: Sequence[str] | None = None
+) -> list[tuple[str, MembershipFunction | Table]]:
+    """Read the terms of a variable; `inputs` are those of an output that is weighed."""
+    terms: list[tuple[str, MembershipFunction | Table]] = []
+    for line, words in block.repeated:
+        name, word, values = _parted(line, words)
+        if inputs is None:
+            values = _without_height(word, values, f"line {line}")
+        terms.append((name, foreign.FUZZYLITES.read(word, values, extent, inputs, f"line {line}")))
+    return terms
+
+
+def _without_height(word: str, values: list[str], where: str) -> list[str]:
+    """Drop the height of a term, which may stand behind its numbers and must be one."""
+    kind, order = words_of("fll").get(word, (Ramp, ("start", "end")))
+    if issubclass(kind, Number) or word == foreign.TABLES["fll"] or len(values) != len(order) + 1:
+        return values
+    height = foreign.number(values[-1], where)
+    if height != 1.0:
+        raise ControllerFileError(f"{where}: the term has the height {height:g}; only 1 can be read")
+    return values[:-1]

@@ -200,7 +200,7 @@ def _system(root: Element) -> FuzzySystem:
     bases = list(root.all("knowledgeBase"))
     rule_bases = [child for child in root.children if child.name != "knowledgeBase"]
     for base in rule_bases:
-        foreign.choice(_RULE_BASES, base.name, f"line {base.line}:", "")
+        foreign.choice(_RULE_BASES, base.name, f"line {base.line}:")
     if len(bases) != 1 or len(rule_bases) != 1:
         raise ControllerFileError(
             f"the system has {len(bases)} knowledge bases and {len(rule_bases)} rule bases; expected one each"
@@ -221,16 +221,12 @@ def _system(root: Element) -> FuzzySystem:
             outputs=tuple(variable for variable, is_output in variables if is_output),
             rules=tuple(_rule(child, rule_base, tags) for child in rule_base.children),
             and_operator=foreign.choice(
-                meanings(AND, "fml"), conjunction, f"line {rule_base.line}: andMethod", ""
+                meanings(AND, "fml"), conjunction, f"line {rule_base.line}: andMethod"
             ),
-            or_operator=foreign.choice(
-                meanings(OR, "fml"), disjunction, f"line {rule_base.line}: orMethod", ""
-            ),
+            or_operator=foreign.choice(meanings(OR, "fml"), disjunction, f"line {rule_base.line}: orMethod"),
             implication="min"  # numbers are weighed, not implied
             if tags is not _MAMDANI
-            else foreign.choice(
-                meanings(AND, "fml"), activation, f"line {rule_base.line}: activationMethod", ""
-            ),
+            else foreign.choice(meanings(AND, "fml"), activation, f"line {rule_base.line}: activationMethod"),
         )
     )
 
@@ -257,7 +253,7 @@ def _combination(element: Element) -> Defuzzifier:
     """Return how numbers are weighed."""
     known = {DEFUZZIFIERS[way].fml: way for way in WEIGHING}
     word = element.attributes.get("combination", "WA")
-    return foreign.choice(known, word, f"line {element.line}: the combination", "")
+    return foreign.choice(known, word, f"line {element.line}: the combination")
 
 
 def _number_variable(element: Element, num_inputs: int) -> Variable:
@@ -307,10 +303,10 @@ def _variable(element: Element, num_inputs: int) -> tuple[Variable, bool]:
     elif is_output:
         word = element.attributes.get("accumulation", "MAX")
         where = f"line {element.line}: the accumulation"
-        aggregation = foreign.choice(meanings(AGGREGATIONS, "fml"), word, where, "")
+        aggregation = foreign.choice(meanings(AGGREGATIONS, "fml"), word, where)
         word = element.attributes.get("defuzzifier", "COG")
         defuzzifier = foreign.choice(
-            meanings(DEFUZZIFIERS, "fml"), word, f"line {element.line}: the defuzzifier", ""
+            meanings(DEFUZZIFIERS, "fml"), word, f"line {element.line}: the defuzzifier"
         )
     return (
         foreign.variable(
@@ -404,11 +400,9 @@ def _rule(element: Element, base: Element, tags: _Tags) -> Rule:
     return replace(
         rule,
         and_operator=foreign.choice(
-            meanings(AND, "fml"), words.get("andMethod", "MIN"), f"{where}: andMethod", ""
+            meanings(AND, "fml"), words.get("andMethod", "MIN"), f"{where}: andMethod"
         ),
-        or_operator=foreign.choice(
-            meanings(OR, "fml"), words.get("orMethod", "MAX"), f"{where}: orMethod", ""
-        ),
+        or_operator=foreign.choice(meanings(OR, "fml"), words.get("orMethod", "MAX"), f"{where}: orMethod"),
     )
 
 

@@ -18,6 +18,7 @@ from fis_tools.formats.exchange.methods import HEDGES
 from fis_tools.formats.own.mapping import MOST_POINTS
 from fis_tools.model import (
     Aggregation,
+    AndOperator,
     Defuzzifier,
     Formula,
     Is,
@@ -70,7 +71,7 @@ def count(word: str, where: str, most: int) -> int:
     return int(word)
 
 
-def choice(known: Mapping[str, _Choice], word: str, where: str, cure: str) -> _Choice:
+def choice(known: Mapping[str, _Choice], word: str, where: str, cure: str = "") -> _Choice:
     """Look a word up.
 
     Parameters
@@ -155,10 +156,6 @@ def level(start: float, end: float, low: float, high: float) -> Trapezoidal:
     return Trapezoidal(start, start, end, end)
 
 
-#: fuzzylite's words for straight flanks.
-FLANKS: FlankWords = {"Ramp": ramp, "Rectangle": level, "Binary": step}
-
-
 @dataclass(frozen=True)
 class Extent:
     """The ends of a variable's range."""
@@ -222,6 +219,50 @@ def _without_an_end(word: str, values: Sequence[float], extent: Extent) -> Trape
     return Trapezoidal(*corners) if all(map(math.isfinite, corners)) else None
 
 
+@dataclass(frozen=True)
+class TermWords:
+    """The words of a format for the terms of a variable.
+
+    Parameters
+    ----------
+    file_format : {"fis", "fll"}
+        Whose words for shapes and numbers these are.
+    flanks : mapping
+        Words for straight flanks.
+    weighed : str
+        Which outputs have numbers for terms, in a sentence.
+    """
+
+    file_format: Format
+    flanks: FlankWords
+    weighed: str
+
+    def read(
+        self, word: str, values: Sequence[str], extent: Extent, inputs: Sequence[str] | None, where: str
+    ) -> MembershipFunction | Table:
+        """Read a term; `inputs`, their names, are those of an output that is weighed, else None."""
+        shapes = words_of(self.file_format)
+        is_formula = word.lower() == "function"
+        is_number = is_formula or (word in shapes and issubclass(shapes[word][0], Number))
+        if inputs is None and is_number:
+            raise ControllerFileError(
+                f"{where}: the term is a {word}, a number and no fuzzy set; only outputs by {self.weighed} "
+                "have such terms"
+            )
+        if is_formula and inputs is not None:
+            return concluded_formula(" ".join(values), inputs, where)
+        found = places(values, where)
+        if inputs is not None:
+            return concluded(word, found, len(inputs), self.file_format, where)
+        if word == TABLES[self.file_format]:
+            return table(found, where)
+        return shape(word, found, extent, shapes, self.flanks, where)
+
+
+#: The words for a table of points.
+TABLES: Mapping[Format, str] = {"fis": "discretemf", "fll": "Discrete"}
+
+
 def concluded(
     word: str, values: Sequence[float], num_inputs: int, file_format: Format, where: str
 ) -> MembershipFunction:
@@ -253,9 +294,24 @@ def concluded(
     return build(**dict(zip(order, values, strict=True)))
 
 
+#: fuzzylite's words for terms.
+FUZZYLITES = TermWords(
+    "fll", {"Ramp": ramp, "Rectangle": level, "Binary": step}, "WeightedAverage and WeightedSum"
+)
+
 #: The word of a format for a ramp, which elsewhere is read as a trapezoid.
 RAMPS: Mapping[Format, str] = {"fll": "Ramp", "fis": "rampmf"}
 _WEIGHED = (Number, MonotoneFunction)
+
+
+def one_implication(found: Mapping[AndOperator, int]) -> AndOperator:
+    """Return how the rules of all blocks imply, of the implications found and the lines where they stand."""
+    if len(found) > 1:
+        raise ControllerFileError(
+            f"line {list(found.values())[1]}: the blocks imply by {' and '.join(found)}, and a system of "
+            "ours has one implication; give each block a file of its own"
+        )
+    return next(iter(found), "min")
 
 
 def kept_words(output: str) -> str:

@@ -8,14 +8,11 @@ from fis_tools.formats.exchange import methods
 from fis_tools.formats.exchange.carried import comment
 from fis_tools.formats.exchange.dialect import Dialect, Expressed, express, only_system
 from fis_tools.formats.exchange.files import Written
-from fis_tools.formats.exchange.foreign import RAMPS
+from fis_tools.formats.exchange.foreign import RAMPS, TABLES
 from fis_tools.formats.exchange.losses import losses
 from fis_tools.formats.templates import rendered
 from fis_tools.model import Formula, FuzzyController, FuzzySystem, Linear, Ramp, Rule, Sampled, Term, Variable
 from fis_tools.model.shape import Format
-
-#: The words for a table of points.
-TABLES: dict[Format, str] = {"fis": "discretemf", "fll": "Discrete"}
 
 
 def written(

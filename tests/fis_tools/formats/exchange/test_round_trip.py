@@ -15,8 +15,10 @@ from fis_tools.formats.exchange import fcl, fis, fll, fml
 from fis_tools.formats.exchange.antecedents import NotExpressible
 from fis_tools.formats.exchange.carried import EDITED
 from fis_tools.formats.exchange.dialect import express
+from fis_tools.formats.exchange.methods import AGGREGATIONS
 from fis_tools.formats.serialize import ControllerFileError
 from fis_tools.model import (
+    Aggregation,
     And,
     Consequent,
     FuzzyController,
@@ -380,3 +382,12 @@ def test_every_kind_is_read_by_its_ending(tmp_path: Path) -> None:
         path = tmp_path / f"system.{ending}"
         path.write_text(form.write(controller).text, encoding="utf-8")
         assert serialize.load(path) == controller
+
+
+@pytest.mark.parametrize("aggregation", AGGREGATIONS)
+def test_fcl_reads_the_aggregations_that_it_writes(aggregation: Aggregation) -> None:
+    system = flat_system()
+    outputs = tuple(replace(output, aggregation=aggregation) for output in system.outputs)
+    text = fcl.write(alone(replace(system, outputs=outputs))).text
+    read = fcl.read(text).controller.systems[0]
+    assert {output.aggregation for output in read.outputs} == {aggregation}

@@ -188,7 +188,7 @@ _USUAL |= {"term": "Linear 2 0.5", "implication": "none"}
         ({"aggregation": "Maximum"}, "joins the rules that conclude 'up', but each counts by itself"),
         (
             {"defuzzifier": "Centroid 100", "aggregation": "Maximum"},
-            "only outputs that are a Weigh",
+            "only outputs by Weigh",
         ),
     ],
 )
