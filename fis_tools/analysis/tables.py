@@ -1,10 +1,12 @@
 """Logged data as tables: the columns of a CSV or Parquet file, by their names."""
 
 import csv
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fis_tools.formats.error import ControllerFileError
 from fis_tools.model.extras import MissingExtra
@@ -12,6 +14,10 @@ from fis_tools.model.validate import nearest
 from fis_tools.typing import Floats
 
 CSV, PARQUET = ".csv", ".parquet"
+#: the types of words, by their names in Parquet files
+WORDS = ("string", "large_string", "binary", "large_binary")
+#: cells of a Parquet file that are read, a few bytes of which may stand for millions
+MOST_CELLS = 10_000_000
 #: a column of this name holds the time of each row, in seconds
 TIME = "time_s"
 
@@ -99,20 +105,61 @@ def _from_csv(path: Path, names: Sequence[str], labels: Mapping[str, str]) -> tu
 
 
 def _from_parquet(path: Path, names: Sequence[str], labels: Mapping[str, str]) -> tuple[list[str], Floats]:
+    wanted: dict[str, str] = {}
+
+    def choose(held: Sequence[str]) -> list[str]:
+        wanted.update(_wanted(path, held, names, labels))
+        return list(wanted.values())
+
+    found = read_parquet(path, choose)
+    try:
+        columns = [np.asarray(found[column], dtype=np.float64) for column in wanted.values()]
+    except (TypeError, ValueError) as error:
+        raise ControllerFileError(f"{path}: {error}; give a Parquet file whose inputs are numbers") from error
+    return list(wanted), _finite(path, list(wanted), np.column_stack(columns))
+
+
+def read_parquet(path: Path, choose: Callable[[Sequence[str]], Sequence[str]]) -> dict[str, NDArray[Any]]:
+    """Read columns of a Parquet file, of numbers or words, in bounded memory.
+
+    Parameters
+    ----------
+    path : Path
+    choose : callable
+        Takes the names of all columns, and returns those to read.
+
+    Raises
+    ------
+    ControllerFileError
+        If the file cannot be read, has too many cells, or lists or groups in a column.
+    MissingExtra
+        If pyarrow is not installed.
+    """
     try:
         import pyarrow  # noqa: PLC0415 - not a package that CSV files need
         from pyarrow import parquet  # noqa: PLC0415
     except ModuleNotFoundError as error:
         raise MissingExtra("reading Parquet files", "pyarrow", '"fis-tools[parquet]"') from error
     try:
-        with parquet.ParquetFile(path) as file:
-            wanted = _wanted(path, file.schema_arrow.names, names, labels)
-            table = file.read(list(wanted.values()))
-        columns = [table[column].cast("float64").to_numpy() for column in wanted.values()]
-    except pyarrow.ArrowException as error:
-        found = str(error).partition("\n")[0]
-        raise ControllerFileError(f"{path}: {found}; give a Parquet file whose inputs are numbers") from error
-    return list(wanted), _finite(path, list(wanted), np.column_stack(columns))
+        schema = parquet.read_schema(path)
+        names = list(choose(schema.names))
+        if nested := [name for name in names if pyarrow.types.is_nested(schema.field(name).type)]:
+            raise ControllerFileError(f"{path}: its column {nested[0]!r} is of lists; give numbers or words")
+        words = [name for name in names if str(schema.field(name).type) in WORDS]
+        # words stay what they are packed as, numbers of a dictionary
+        with parquet.ParquetFile(path, read_dictionary=words) as file:
+            if file.metadata.num_rows * max(1, len(names)) > MOST_CELLS:
+                raise ControllerFileError(
+                    f"{path} has {file.metadata.num_rows} rows of {len(names)} columns; at most "
+                    f"{MOST_CELLS:,} cells are read: give fewer rows"
+                )
+            table = file.read(names, use_threads=False)
+        return {name: table[name].to_numpy() for name in names}
+    except (OSError, ValueError, pyarrow.ArrowException) as error:
+        if isinstance(error, ControllerFileError):
+            raise
+        told = str(error).partition("\n")[0]
+        raise ControllerFileError(f"{path}: {told}; give a CSV or Parquet file") from error
 
 
 def _finite(path: Path, names: Sequence[str], columns: Floats) -> Floats:

@@ -1,6 +1,7 @@
 """What the commands share: how a controller, flights, inputs and a place to write are asked for."""
 
 import re
+import sys
 from collections.abc import Callable, Sequence
 from dataclasses import KW_ONLY, dataclass
 from math import inf, isfinite
@@ -17,6 +18,9 @@ from fis_tools.model import FuzzyController, FuzzySystem
 from fis_tools.model.validate import nearest
 from fis_tools.source import read_controller
 from fis_tools.typing import Floats
+
+#: Rules of a system, and points of its output, beyond which analyses take more than seconds.
+MANY_RULES, MANY_POINTS = 1_000, 10_000
 
 #: Samples of the ranges of the inputs, where importance is asked for without flights.
 NUM_SPREAD = 2048
@@ -66,7 +70,20 @@ class Asked:
 
     def read(self) -> FuzzyController:
         """Return the controller, or the one system of it that is asked for."""
-        return chosen(read_controller(self.controller, self.trust), self.system)
+        controller = chosen(read_controller(self.controller, self.trust), self.system)
+        tell_if_large(controller)
+        return controller
+
+
+def tell_if_large(*controllers: FuzzyController) -> None:
+    """Say on standard error that analyses of many rules or points take long, before one begins."""
+    for system in {system.name: system for one in controllers for system in one.systems}.values():
+        num_points = max(variable.num_points for variable in system.outputs)
+        if len(system.rules) > MANY_RULES or num_points > MANY_POINTS:
+            sys.stderr.write(
+                f"note: {system.name} has {len(system.rules):,} rules and an output of {num_points:,} "
+                "points; this may take minutes, Ctrl-C ends it\n"
+            )
 
 
 @Parameter(name="*")

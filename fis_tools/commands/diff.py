@@ -3,7 +3,15 @@
 from importlib import import_module
 from pathlib import Path
 
-from fis_tools.commands.arguments import AskedAlong, Output, UserMistake, chosen, flown_inputs, write
+from fis_tools.commands.arguments import (
+    AskedAlong,
+    Output,
+    UserMistake,
+    chosen,
+    flown_inputs,
+    tell_if_large,
+    write,
+)
 from fis_tools.document import data, html
 from fis_tools.findings.difference import difference
 from fis_tools.model import FuzzyController
@@ -16,8 +24,8 @@ def run(
     """Tell what changed from one controller to another.
 
     Terms are told with how far they moved and how much of their area is still shared; rules are compared by
-    what they ask for, whatever their order; outputs are compared over 4096 inputs spread over the ranges, and
-    along --flights.
+    what they ask for, whatever their order; outputs are compared over 4096 inputs spread over the ranges (fewer
+    for outputs of more than 48,000 points), and along --flights.
 
     The exit status is 0; with --exit-code it is 1 where something changed; a mistake gives 2.
 
@@ -44,6 +52,7 @@ def run(
         import_module("fis_tools.render")
     old, new = (read_controller(path, asked.trust) for path in (asked.controller, after))
     old, new = _limited(old, new, asked.system)
+    tell_if_large(old, new)
     samples = flown_inputs(asked.flights, new, asked.all_periods)
     found = difference(old, new, samples, (asked.controller, after))
     if json:

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from fis_tools.analysis import tables
 from fis_tools.engines.rows import columns_of
+from fis_tools.formats.error import ControllerFileError
 from fis_tools.learning.partition import range_of
-from fis_tools.model.extras import MissingExtra
 from fis_tools.model.validate import nearest
 from fis_tools.typing import Floats
 
@@ -104,16 +104,9 @@ def read(path: Path | str) -> Mapping[str, Any]:
 
 def _read_parquet(path: Path | str) -> dict[str, NDArray[Any]]:
     try:
-        import pyarrow  # noqa: PLC0415 - an extra
-        from pyarrow import parquet  # noqa: PLC0415
-    except ModuleNotFoundError as error:
-        raise MissingExtra("reading Parquet files", "pyarrow", '"fis-tools[parquet]"') from error
-    try:
-        found = parquet.read_table(path)
-    except (OSError, pyarrow.ArrowException) as error:
-        fault = str(error).partition("\n")[0]
-        raise UnreadableTable(f"{path}: {fault}; give a CSV or Parquet file") from error
-    return {name: found[name].to_numpy() for name in found.column_names}
+        return tables.read_parquet(Path(path), list)
+    except ControllerFileError as error:
+        raise UnreadableTable(str(error)) from error
 
 
 def read_csv(path: Path | str) -> dict[str, list[str]]:
@@ -147,7 +140,10 @@ def _numbers(name: str, values: NDArray[Any]) -> Floats:
     """Return a column as numbers, (n,)."""
     if values.ndim != 1:
         raise UnreadableTable(f"column {name!r} has shape {values.shape}; give one number a row")
-    numbers = np.array([_number(value) for value in values.tolist()], dtype=np.float64)
+    if values.dtype.kind in "iufb":
+        numbers = values.astype(np.float64)
+    else:
+        numbers = np.array([_number(value) for value in values.tolist()], dtype=np.float64)
     if not np.isfinite(numbers).all():
         row = int(np.argmin(np.isfinite(numbers)))
         raise UnreadableTable(

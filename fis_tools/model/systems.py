@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.model.operators import WEIGHING, AndOperator, Defuzzifier, OrOperator
+from fis_tools.model.plain_text import plain
 from fis_tools.model.rules import And, Consequent, Expression, Is, Rule
 from fis_tools.model.variables import Variable
 
@@ -108,6 +109,11 @@ class FuzzyController:
     systems: tuple[FuzzySystem, ...]
     attributes: tuple[tuple[str, str], ...] = ()
     provenance: tuple[tuple[str, str], ...] = ()
+
+    def __post_init__(self) -> None:
+        """Clean the facts."""
+        object.__setattr__(self, "attributes", plain(self.attributes))
+        object.__setattr__(self, "provenance", plain(self.provenance))
 
 
 def table_antecedents(inputs: Sequence[Variable]) -> Iterator[Expression]:

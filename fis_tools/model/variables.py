@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.model.operators import Accumulation, Aggregation, Defuzzifier
+from fis_tools.model.plain_text import plain
 from fis_tools.model.shape import MembershipFunction
 from fis_tools.model.shapes import SMALLEST_MEMBERSHIP
 from fis_tools.typing import Floats
@@ -68,6 +69,11 @@ class Variable:
     defuzzifier: Defuzzifier | None = None
     accumulation: Accumulation = "max"
     aggregation: Aggregation = "max"
+
+    def __post_init__(self) -> None:
+        """Clean the free text."""
+        object.__setattr__(self, "unit", plain(self.unit))
+        object.__setattr__(self, "description", plain(self.description))
 
     @cached_property
     def universe(self) -> NDArray[np.float64]:

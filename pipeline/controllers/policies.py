@@ -18,6 +18,9 @@ from pipeline.flight.period.decide.network import CLIPPED, LINEAR, TANH, Network
 from pipeline.typing import Floats
 
 MOST_BYTES = 16 << 20
+#: limits of a network, counted before anything is allocated: operators and constants, numbers in its layers,
+#: and multiplications to read it
+MOST_PARTS, MOST_NUMBERS, MOST_STEPS = 10_000, 8 << 20, 4_000_000_000
 OPERATORS = ("Add", "Sub", "Mul", "Div", "Clip", "Flatten", "Gemm", "Identity", "MatMul", "Relu", "Tanh")
 #: attributes that are read; operators of early versions of the format have others
 ATTRIBUTES = {"Flatten": {"axis"}, "Gemm": {"alpha", "beta", "transA", "transB"}}
@@ -79,17 +82,25 @@ def _graph(source: bytes) -> Any:
 
 @dataclass
 class _Chain:
-    """The layers found so far, and the affine map ``x @ weights + added`` after the last of them."""
+    """The layers found so far, and the affine map ``x @ weights + added`` after the last of them.
 
-    weights: Floats = field(default_factory=lambda: np.eye(NUM_SEEN))
+    `weights` is None where the map has none yet, and stands for the identity.
+    """
+
     added: Floats = field(default_factory=lambda: np.zeros(NUM_SEEN))
+    weights: Floats | None = None
     layers: list[tuple[Floats, Floats, int, float, float]] = field(default_factory=list)
+    num_numbers: int = 0
+    num_steps: int = 0
 
     def close(self, kind: int, low: float = 0.0, high: float = 0.0) -> None:
         """End a layer."""
-        self.layers.append((self.weights, self.added, kind, low, high))
         width = len(self.added)
-        self.weights, self.added = np.eye(width), np.zeros(width)
+        num_before = width if self.weights is None else len(self.weights)
+        self._count(numbers=(num_before + 1) * width)
+        weights = np.eye(width) if self.weights is None else self.weights
+        self.layers.append((weights, self.added, kind, low, high))
+        self.weights, self.added = None, np.zeros(width)
 
     def multiply(self, matrix: Floats, added: Floats | float = 0.0) -> None:
         """Apply a matrix."""
@@ -98,7 +109,10 @@ class _Chain:
                 f"weights of shape {matrix.shape} follow {len(self.added)} numbers; the first layer takes "
                 f"the {NUM_SEEN} numbers that are observed"
             )
-        self.weights, self.added = self.weights @ matrix, self.added @ matrix + added
+        num_rows = 1 if self.weights is None else len(self.weights)
+        self._count(steps=num_rows * matrix.size, largest=num_rows * matrix.shape[1])
+        self.weights = matrix if self.weights is None else self.weights @ matrix
+        self.added = self.added @ matrix + added
 
     def scale(self, factor: Floats, added: Floats) -> None:
         """Apply a factor and an offset to each number."""
@@ -107,11 +121,28 @@ class _Chain:
             if values.size not in (1, width) or values.shape[-1:] not in ((), (values.size,)):
                 raise _UnreadableError(f"constants of shape {values.shape} follow {width} numbers")
         factor, added = factor.reshape(-1), added.reshape(-1)
-        self.weights, self.added = self.weights * factor, self.added * factor + added
+        is_shift = self.weights is None and bool(np.all(factor == 1.0))
+        num_rows = width if self.weights is None else len(self.weights)
+        self._count(steps=width * (1 if is_shift else num_rows), largest=0 if is_shift else width * num_rows)
+        if not is_shift:
+            self.weights = (
+                np.diag(np.broadcast_to(factor, width)) if self.weights is None else (self.weights * factor)
+            )
+        self.added = self.added * factor + added
+
+    def _count(self, numbers: int = 0, steps: int = 0, largest: int = 0) -> None:
+        """Count what is about to be done, before it is."""
+        self.num_numbers, self.num_steps = self.num_numbers + numbers, self.num_steps + steps
+        if self.num_numbers + largest > MOST_NUMBERS or self.num_steps > MOST_STEPS:
+            raise _UnreadableError(
+                f"its layers have more than {MOST_NUMBERS:,} numbers; a policy is a small network"
+            )
 
 
 def _network(graph: Any) -> Network:
     """Read the layers of a graph."""
+    if len(graph.node) + len(graph.initializer) > MOST_PARTS:
+        raise _UnreadableError(f"it has more than {MOST_PARTS:,} operators and constants")
     constants = dict(_constants(graph))
     (now,) = _names([value.name for value in graph.input if value.name not in constants], "input")
     (end,) = _names([value.name for value in graph.output], "output")
@@ -150,7 +181,8 @@ def _constants(graph: Any) -> Iterator[tuple[str, Floats]]:
     """Yield the names and values of a graph's constants."""
     tensors = [(tensor.name, tensor) for tensor in graph.initializer]
     for node in graph.node:
-        if node.op_type == "Constant" and len(node.attribute) == 1 and node.attribute[0].name == "value":
+        is_constant = node.op_type == "Constant" and len(node.output) == len(node.attribute) == 1
+        if is_constant and node.attribute[0].name == "value":
             tensors.append((node.output[0], node.attribute[0].t))
     from onnx.numpy_helper import to_array  # noqa: PLC0415 - an extra
 

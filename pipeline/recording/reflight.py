@@ -28,6 +28,8 @@ from telemetry.file.compare import Comparison, compare
 from telemetry.file.reader import Recording
 from telemetry.file.topics import DEPUTY_CONTROL
 
+#: of attitude, which a recording may ask for however little it holds
+MOST_PERIODS: Final = 200_000
 #: by which fields may differ, in their own units, where another processor rounds the last digits otherwise
 LAST_DIGITS: Final = 1e-6
 
@@ -71,6 +73,7 @@ def fly_again(path: Path) -> Reflight:
     recording = telemetry.read(path)
     config = _config_of(recording)
     experiment = experiment_from(config)
+    _check_length(recording, experiment)
     scenario = _start_of(recording)
     controller = _controller_of(recording, experiment)
     log = fly_logged(experiment.mission, controller, scenario)
@@ -87,6 +90,17 @@ def fly_again(path: Path) -> Reflight:
         recorder.record(again, scenario, log, episode.scenario_id or "")
         flown = telemetry.read(again)
     return _judged(path, compare(recording, flown), compare(recording, flown, LAST_DIGITS))
+
+
+def _check_length(recording: Recording, experiment: Experiment) -> None:
+    """Raise RecordingError for a configuration that asks for far more than is recorded."""
+    num_periods = experiment.mission.num_controls * experiment.mission.num_attitude_steps
+    most = max(MOST_PERIODS, 2 * max(map(len, recording.topics.values()), default=0))
+    if num_periods > most:
+        raise RecordingError(
+            f"{recording.path}: its {CONFIG_ATTACHMENT} asks for {num_periods:,} periods of attitude, and of "
+            f"what it holds at most {most:,} are flown again"
+        )
 
 
 def _judged(path: Path, exact: Comparison, close: Comparison) -> Reflight:

@@ -19,6 +19,7 @@ from typing import Any, BinaryIO, Final
 
 import yaml
 
+from fis_tools.model.plain_text import plain
 from pipeline.settings.scopes import only_results, without_outside
 
 CONFIG: Final = "config.yaml"
@@ -278,7 +279,7 @@ def read_json(folder: Path, name: str) -> Any:
     """
     path = require(folder, name)
     try:
-        return json.loads(path.read_text(encoding="utf-8"))
+        return plain(json.loads(path.read_text(encoding="utf-8")))
     except (OSError, ValueError, RecursionError) as error:
         raise ArtifactError(f"{path} cannot be read ({error}); repeat the stage that writes it") from error
 
@@ -343,7 +344,7 @@ def parse_config(content: bytes) -> Any:
     loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # the first is ten times as fast
     try:
         _check_events(content, loader)
-        return yaml.load(content, loader)  # noqa: S506 - a safe one
+        return plain(yaml.load(content, loader))  # noqa: S506 - a safe one
     except yaml.YAMLError as error:
         raise ValueError(str(error)) from error
 

@@ -5,6 +5,7 @@ from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path, PurePosixPath
 from typing import Final
 
+from fis_tools.model.plain_text import plain
 from pipeline.run import artifacts
 
 SWEEP: Final = "sweep.json"
@@ -83,7 +84,7 @@ def _run_of(told: Mapping[str, object]) -> SweptRun:
 
 def _with_own_failure(folder: Path, run: SweptRun) -> SweptRun:
     path = _failure_of(folder, run)
-    return replace(run, failure=path.read_text(encoding="utf-8")) if path.exists() else run
+    return replace(run, failure=plain(path.read_text(encoding="utf-8"))) if path.exists() else run
 
 
 def note_failure(folder: Path, run: SweptRun, failure: str) -> None:

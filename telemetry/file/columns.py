@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from telemetry.file import topics
 from telemetry.file.errors import RecordingError
+from telemetry.file.plain_text import plain
 from telemetry.file.schema import inspection_pb2
 
 if TYPE_CHECKING:
@@ -26,6 +27,8 @@ if TYPE_CHECKING:
 
 Columns = dict[str, NDArray[np.generic]]
 
+#: of a column, whose texts all take the room of the longest
+MOST_LETTERS: Final = 16 * 1024**2
 #: state of a point whose colour is not one of `topics.POINT_COLOURS_RGBA`
 UNKNOWN_STATE: Final = 255
 
@@ -130,11 +133,22 @@ def _rectangle(
     return flat.reshape(len(rows), width)
 
 
+def _words(texts: Sequence[str]) -> NDArray[np.generic]:
+    """Return texts as a column, cleaned; each takes the room of the longest."""
+    longest = max(map(len, texts), default=0)
+    if longest * len(texts) > MOST_LETTERS:
+        raise RecordingError(
+            f"one of {len(texts)} messages has {longest} letters, and together at most {MOST_LETTERS} are "
+            "read; read a shorter stretch with start_s and end_s"
+        )
+    return np.array([plain(text) for text in texts], dtype=np.str_)
+
+
 def _transforms(payloads: Sequence[bytes]) -> Columns:
     messages = [FrameTransform.FromString(payload) for payload in payloads]
     return {
-        "parent_frame": np.array([m.parent_frame_id for m in messages], dtype=np.str_),
-        "child_frame": np.array([m.child_frame_id for m in messages], dtype=np.str_),
+        "parent_frame": _words([m.parent_frame_id for m in messages]),
+        "child_frame": _words([m.child_frame_id for m in messages]),
         "translation_m": _vectors([m.translation for m in messages]),
         "quaternion": _quaternions([m.rotation for m in messages]),
     }
@@ -143,7 +157,7 @@ def _transforms(payloads: Sequence[bytes]) -> Columns:
 def _poses(payloads: Sequence[bytes]) -> Columns:
     messages = [PoseInFrame.FromString(payload) for payload in payloads]
     return {
-        "frame": np.array([m.frame_id for m in messages], dtype=np.str_),
+        "frame": _words([m.frame_id for m in messages]),
         "position_m": _vectors([m.pose.position for m in messages]),
         "quaternion": _quaternions([m.pose.orientation for m in messages]),
     }
@@ -153,7 +167,7 @@ def _logs(payloads: Sequence[bytes]) -> Columns:
     messages = [Log.FromString(payload) for payload in payloads]
     return {
         "level": np.array([Log.Level.Name(m.level).lower() for m in messages], dtype=np.str_),
-        "message": np.array([m.message for m in messages], dtype=np.str_),
+        "message": _words([m.message for m in messages]),
     }
 
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass, fields
 from typing import Final
 
 from telemetry.file.errors import RecordingError
+from telemetry.file.plain_text import plain
 
 JsonValue = float | str | list[float] | list[str]
 
@@ -35,7 +36,9 @@ def sealed(name: str, entries: Mapping[str, str]) -> dict[str, str]:
 
 
 def unsealed(name: str, entries: Mapping[str, str]) -> dict[str, str]:
-    """Remove the checksum from a metadata record; a record of another writer, without one, stays as it is.
+    """Remove the checksum from a metadata record, and clean its text.
+
+    A record of another writer, without a checksum, is read as it is.
 
     Raises
     ------
@@ -45,7 +48,7 @@ def unsealed(name: str, entries: Mapping[str, str]) -> dict[str, str]:
     found = {key: value for key, value in entries.items() if key != CHECKSUM_KEY}
     if CHECKSUM_KEY in entries and entries[CHECKSUM_KEY] != _checksum(name, found):
         raise ValueError(f"metadata {name} does not match its checksum")
-    return found
+    return {key: plain(value) for key, value in found.items()}
 
 
 def _checksum(name: str, entries: Mapping[str, str]) -> str:
@@ -208,4 +211,4 @@ def _words_from_json(key: str, text: str) -> tuple[str, ...]:
     value = _from_json(key, text)
     if not isinstance(value, list):
         raise RecordingError(f"metadata {key!r} is {text!r}, but a JSON list of words is expected")
-    return tuple(str(word) for word in value)
+    return tuple(plain(str(word)) for word in value)

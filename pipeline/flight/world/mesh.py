@@ -1,5 +1,9 @@
 """A triangle mesh from a file, and points spread over it; the only place that imports trimesh."""
 
+import io
+from pathlib import Path
+from typing import Final
+
 import numpy as np
 
 from pipeline.settings.experiment import SettingError
@@ -8,6 +12,8 @@ from pipeline.typing import Floats
 
 #: most triangles; beyond this, looking from every point in every direction takes minutes
 MOST_TRIANGLES = 20_000
+#: of a file
+MOST_BYTES = 16 << 20
 #: candidate places on the faces per point
 CHOICES = 50
 
@@ -28,7 +34,11 @@ def read_mesh(path: str | None) -> Floats:
         ) from error
     place = str(conf_folder() / "chief" / "satellite.obj") if path is None else path
     try:
-        loaded = trimesh.load_mesh(place, process=False)
+        kind, content = Path(place).suffix.lower(), _content(Path(place))
+        _count[kind](content)
+        loaded = trimesh.load_mesh(
+            io.BytesIO(content), file_type=kind[1:], process=False, skip_materials=True
+        )
         corners = np.ascontiguousarray(loaded.triangles, dtype=np.float64)
     except Exception as error:  # whatever trimesh's readers raise
         reason = " ".join(str(error).split()) or type(error).__name__
@@ -45,6 +55,36 @@ def read_mesh(path: str | None) -> Floats:
     if len(kept) == 0:
         raise SettingError(f"chief.path is {place}, whose triangles have no area; give the mesh of a body")
     return kept
+
+
+def _content(path: Path) -> bytes:
+    """Return the content of a file of a kind and size that is read; archives, which may hold any, are not."""
+    if path.suffix.lower() not in _count:
+        raise ValueError("it is neither .stl nor .obj")
+    if not path.is_file() or path.stat().st_size > MOST_BYTES:
+        raise ValueError(f"it is no file of at most {MOST_BYTES >> 20} MiB")
+    return path.read_bytes()
+
+
+def _count_obj(content: bytes) -> None:
+    """Raise ValueError for faces that make too many triangles, and vertices without three coordinates."""
+    num_triangles = 0
+    for number, line in enumerate(content.replace(b"\\\n", b" ").splitlines(), start=1):
+        key, *words = line.split() or [b""]
+        num_triangles += max(0, len(words) - 2) if key == b"f" else 0
+        if key == b"v" and len(words) < 3:
+            raise ValueError(f"its line {number} has {len(words)} coordinates; a vertex has three")
+        if num_triangles > MOST_TRIANGLES:
+            raise ValueError(f"it has more than {MOST_TRIANGLES:,} triangles: simplify the mesh")
+
+
+def _count_stl(content: bytes) -> None:
+    """Raise ValueError for too many triangles: 50 bytes each, or one "facet" in words."""
+    if max(len(content) // 50 if b"facet" not in content else 0, content.count(b"endfacet")) > MOST_TRIANGLES:
+        raise ValueError(f"it has more than {MOST_TRIANGLES:,} triangles: simplify the mesh")
+
+
+_count: Final = {".obj": _count_obj, ".stl": _count_stl}
 
 
 def _crossed(corners: Floats) -> Floats:

@@ -9,9 +9,10 @@ from hypothesis import strategies as st
 
 from telemetry import RecordingError
 from telemetry.file.metadata import EpisodeDescription, FisDescription, sealed, unsealed
+from telemetry.file.plain_text import plain
 from tests.telemetry import synthetic_flight
 
-words = st.text(max_size=12)
+words = st.text(max_size=12).map(plain)
 finite = st.floats(allow_nan=False, allow_infinity=False)
 triples = st.tuples(finite, finite, finite)
 
@@ -21,7 +22,7 @@ triples = st.tuples(finite, finite, finite)
     st.builds(
         EpisodeDescription,
         scenario_id=st.none() | words,
-        seed=st.none() | st.integers(0, 2**64),
+        seed=st.none() | st.integers(0, 2**63 - 1),
         position_m=st.none() | triples,
         sun_angle_rad=st.none() | finite,
         config_hash=st.none() | words,

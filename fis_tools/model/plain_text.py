@@ -1,0 +1,21 @@
+"""Free text that came with data: units, descriptions, facts. It is shown in terminals and on pages."""
+
+import re
+from typing import Any, Final
+
+#: control characters but line ends and tabs, what turns the direction of writing, and halves of pairs
+UNFIT: Final = re.compile(
+    "[\\x00-\\x08\\x0b-\\x1f\\x7f-\\x9f\\u061c\\u200e\\u200f\\u2028-\\u202e\\u2066-\\u2069\\ud800-\\udfff]"
+)
+MISSING_SIGN: Final = "\N{REPLACEMENT CHARACTER}"
+
+
+def plain(told: Any) -> Any:
+    """Return text, or plain data, in which `UNFIT` characters are replaced; what is no text stays."""
+    if isinstance(told, str):
+        return UNFIT.sub(MISSING_SIGN, told)
+    if isinstance(told, dict):
+        return {plain(key): plain(value) for key, value in told.items()}
+    if isinstance(told, list | tuple):
+        return type(told)(map(plain, told))
+    return told

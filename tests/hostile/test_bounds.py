@@ -1,0 +1,155 @@
+"""Small files that ask for much are refused before it is given."""
+
+import io
+import json
+import os
+import tracemalloc
+import zipfile
+
+import numpy as np
+import pyarrow as pa
+import pytest
+from onnx import TensorProto, helper, numpy_helper
+from pyarrow import parquet
+
+from fis_tools.analysis import tables
+from fis_tools.formats import serialize
+from fis_tools.formats.error import ControllerFileError
+from fis_tools.learning import table
+from pipeline.controllers.policies import policy_of
+from pipeline.flight.control.controller import ControllerError
+from pipeline.flight.fly.stepping import NUM_SEEN
+from pipeline.flight.world import mesh
+from pipeline.settings.experiment import SettingError
+from tests.fis_tools.sample_controllers import paper_like_controller
+
+MOST_BYTES = 400e6
+
+
+@pytest.fixture
+def little_memory():
+    tracemalloc.start()
+    yield
+    assert tracemalloc.get_traced_memory()[1] < MOST_BYTES
+    tracemalloc.stop()
+
+
+def onnx_of(nodes, constants) -> bytes:
+    value = helper.make_tensor_value_info
+    shapes = [value(name, TensorProto.FLOAT, None) for name in ("seen", "force")]
+    tensors = [numpy_helper.from_array(np.float32(array), name) for name, array in constants.items()]
+    return helper.make_model(
+        helper.make_graph(nodes, "policy", shapes[:1], shapes[1:], tensors)
+    ).SerializeToString()
+
+
+def chain(kinds: list[tuple[str, list[str]]]):
+    names = ["seen", *(f"n{place}" for place in range(len(kinds) - 1)), "force"]
+    return [
+        helper.make_node(kind, [names[place], *more], [names[place + 1]])
+        for place, (kind, more) in enumerate(kinds)
+    ]
+
+
+@pytest.mark.parametrize(
+    "kinds",
+    [
+        [("MatMul", ["wide"]), *[("Tanh", [])] * 1500],
+        [("MatMul", ["wide"]), ("Tanh", []), *[("MatMul", ["square"])] * 9000],
+        [("MatMul", ["wide"]), ("Tanh", []), *[("Mul", ["gains"])] * 9000],
+        [("Tanh", [])] * 20_000,
+    ],
+    ids=["activations", "matrices", "factors", "operators"],
+)
+def test_a_network_is_counted_before_it_is_built(kinds, little_memory):
+    rng = np.random.default_rng(1)
+    constants = {
+        "wide": rng.random((NUM_SEEN, 1000)),
+        "square": rng.random((1000, 1000)),
+        "gains": rng.random(1000),
+    }
+    content = onnx_of(chain(kinds), constants)
+    assert len(content) < 10e6
+    with pytest.raises(ControllerError, match="cannot fly: it"):
+        policy_of("p", content, "p.onnx")
+
+
+def test_a_constant_that_gives_nothing_is_refused():
+    node = helper.make_node("Constant", [], ["c"], value=numpy_helper.from_array(np.ones(3, np.float32), "c"))
+    del node.output[:]
+    with pytest.raises(ControllerError, match="cannot fly"):
+        policy_of("p", onnx_of([node, *chain([("Tanh", [])])], {}), "p.onnx")
+
+
+def bomb(path, columns):
+    """Write a table of few bytes and many equal rows."""
+    schema = pa.table({name: [value] for name, value in columns.items()}).schema
+    with parquet.ParquetWriter(path, schema, compression="zstd") as writer:
+        part = pa.table({name: [value] * 2**20 for name, value in columns.items()}, schema=schema)
+        for _ in range(64):
+            writer.write_table(part)
+    assert path.stat().st_size < 2e6
+
+
+@pytest.mark.parametrize("columns", [{"x": 0.0, "y": 0.0}, {"x": "a" * 100, "y": 1.0}])
+def test_a_table_that_unpacks_to_gigabytes(columns, tmp_path, little_memory):
+    path = tmp_path / "x.parquet"
+    bomb(path, columns)
+    before = pa.total_allocated_bytes()
+    with pytest.raises(table.UnreadableTable, match="has 67108864 rows of 2 columns; at most 10,000,000"):
+        table.read(path)
+    with pytest.raises(ControllerFileError, match="at most 10,000,000 cells"):
+        tables.read(path, ["x"])
+    assert pa.total_allocated_bytes() - before < MOST_BYTES
+
+
+def test_lists_and_groups_in_a_table_are_refused(tmp_path):
+    parquet.write_table(pa.table({"x": [[1.0, 2.0]], "y": [{"a": 1}]}), tmp_path / "x.parquet")
+    with pytest.raises(table.UnreadableTable, match="its column 'x' is of lists"):
+        table.read(tmp_path / "x.parquet")
+
+
+def zipped(content: bytes) -> bytes:
+    sink = io.BytesIO()
+    with zipfile.ZipFile(sink, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("a.obj", content)
+    return sink.getvalue()
+
+
+CORNERS = b"v 0 0 0\nv 1 0 0\nv 0 1 0\n"
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "told"),
+    [
+        ("a.zip", zipped(CORNERS * 10), "it is neither .stl nor .obj"),
+        ("a.gltf", b"{}", "it is neither .stl nor .obj"),
+        ("a.obj", zipped(CORNERS * 10), "0 triangles"),
+        ("a.obj", CORNERS + b"f 1 2 3\n" * 20_001, "more than 20,000 triangles"),
+        ("a.obj", CORNERS + b"".join(b"f" + b" 1 2 3" * k + b"\n" for k in range(1, 1500)), "more than 20"),
+        ("a.obj", CORNERS + b"f" + b" 1" * 30_000, "more than 20,000 triangles"),
+        ("a.obj", b"v 1 0\n" + CORNERS + b"f 1 2 3\n", "its line 1 has 2 coordinates; a vertex has three"),
+        ("a.stl", bytes(80) + (40_000).to_bytes(4, "little") + bytes(50 * 40_000), "more than 20,000"),
+        ("a.stl", b"solid x\n" + b"facet\nendfacet\n" * 20_001, "more than 20,000 triangles"),
+        ("a.stl", bytes(80) + (2**31).to_bytes(4, "little") + bytes(100), "0 triangles|cannot be read"),
+        ("b.obj", bytes(17 << 20), "no file of at most 16 MiB"),
+    ],
+)  # fmt: skip
+def test_meshes_are_counted_before_they_are_loaded(name, content, told, tmp_path, little_memory):
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(SettingError, match=told):
+        mesh.read_mesh(str(tmp_path / name))
+
+
+def test_a_mesh_names_no_other_file(tmp_path):
+    os.mkfifo(tmp_path / "secret.mtl")  # whoever opens it waits for ever
+    faces = b"mtllib secret.mtl\nusemtl x\n" + CORNERS + b"v 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n"
+    (tmp_path / "a.obj").write_bytes(faces)
+    assert len(mesh.read_mesh(str(tmp_path / "a.obj"))) == 4
+
+
+def test_a_universe_of_a_million_points_is_refused():
+    told = json.loads(serialize.dump_json(paper_like_controller()))
+    told["systems"][0]["outputs"][0] |= {"points": 1_000_000}
+    with pytest.raises(ControllerFileError, match="is more than 100000; 101 is usual"):
+        serialize.loads(json.dumps(told), "json")
