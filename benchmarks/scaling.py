@@ -18,10 +18,10 @@ from typing import Final
 
 import psutil
 
-from benchmarks.kills import command
 from benchmarks.timing import line
 from pipeline.run.engine import crew
 from pipeline.settings.experiment import Engine
+from tests.hostile.kills import command
 
 IDLE_S: Final = 10.0
 WORKERS: Final = (1, 2, 10, 30, 100, 300, 1000)

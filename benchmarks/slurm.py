@@ -19,9 +19,9 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Final
 
-from benchmarks.kills import SMALL, command, differences, run_alone
 from pipeline.command_line.cluster import THREADS
 from pipeline.run import sweep
+from tests.hostile.kills import SMALL, command, differences, run_alone
 
 PROGRAMS: Final = ("munged", "slurmctld", "slurmd", "sbatch", "scontrol", "scancel", "squeue")
 #: a node of two processors; jobs of the partition ``high`` preempt those of ``low``, which are requeued

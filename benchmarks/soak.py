@@ -22,10 +22,10 @@ from functools import partial
 from pathlib import Path
 from typing import Final
 
-from benchmarks import faults
-from benchmarks.kills import KINDS, command, differences, run_alone, words_of
 from pipeline.run import artifacts
 from pipeline.run.maker import git_revision, product_version
+from tests.hostile import faults
+from tests.hostile.kills import KINDS, command, differences, run_alone, words_of
 
 REPLAY: Final = "replay"
 FAULTS: Final = ("none", *faults.SIGNALS, "folder deleted", "disk full", "disk read-only")

@@ -18,8 +18,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
 
-from benchmarks.kills import command, run_alone
 from pipeline.run import artifacts
+from tests.hostile.kills import command, run_alone
 
 LONGEST_S: Final = 3600.0
 Quiet = subprocess.Popen[bytes]

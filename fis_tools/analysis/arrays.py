@@ -15,6 +15,11 @@ from fis_tools.model.validate import nearest
 from fis_tools.model.variables import sample_terms
 from fis_tools.typing import Floats
 
+#: Points and statements gone through for samples spread over ranges, a few seconds' worth.
+MOST_WORK = 200_000_000
+#: Samples spread over ranges, however slow inference is.
+LEAST_SAMPLES = 64
+
 #: The firing strength from which a rule counts as fired.
 FIRED = 0.05
 
@@ -115,7 +120,13 @@ def firing(system: FuzzySystem, inputs: Floats) -> Floats:
 
 
 def spread_inputs(system: FuzzySystem, num_samples: int = 4096) -> Floats:
-    """Return samples that cover the input ranges of a system evenly, (n, num_inputs); see `spread`."""
+    """Return samples that cover the input ranges of a system evenly, (n, num_inputs); see `spread`.
+
+    They are fewer if inference is slow: of systems whose points and statements are together more than
+    `MOST_WORK` divided by their number.
+    """
+    work = sum(variable.num_points for variable in system.outputs) + len(system.rules) * len(system.inputs)
+    num_samples = min(num_samples, max(LEAST_SAMPLES, MOST_WORK // max(1, work)))
     low = np.array([variable.minimum for variable in system.inputs])
     high = np.array([variable.maximum for variable in system.inputs])
     return spread(low, high, num_samples)

@@ -24,8 +24,8 @@ def run(
     """Tell what changed from one controller to another.
 
     Terms are told with how far they moved and how much of their area is still shared; rules are compared by
-    what they ask for, whatever their order; outputs are compared over 4096 inputs spread over the ranges (fewer
-    for outputs of more than 48,000 points), and along --flights.
+    what they ask for, whatever their order; outputs are compared over 4096 inputs spread over the ranges
+    (fewer for outputs of more than 48,000 points), and along --flights.
 
     The exit status is 0; with --exit-code it is 1 where something changed; a mistake gives 2.
 

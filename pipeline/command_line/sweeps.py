@@ -50,9 +50,10 @@ def announce(jobs: Sequence[Composed], swept: Sequence[SweptRun], folder: Path) 
     """Write the runs of a sweep, whose lock is held, into its file; return all runs, old and new."""
     known = sweep.read(folder) if (folder / sweep.SWEEP).exists() else []
     known = sweep.merged(known, swept)
-    sweep.write(folder, known)
     for job in jobs:
         _announce(job)
+    # last: what is in its file can be resumed
+    sweep.write(folder, known)
     return known
 
 

@@ -5,6 +5,7 @@ import json
 import os
 import tracemalloc
 import zipfile
+from dataclasses import replace
 
 import numpy as np
 import pyarrow as pa
@@ -12,7 +13,8 @@ import pytest
 from onnx import TensorProto, helper, numpy_helper
 from pyarrow import parquet
 
-from fis_tools.analysis import tables
+from fis_tools.__main__ import main
+from fis_tools.analysis import arrays, tables
 from fis_tools.formats import serialize
 from fis_tools.formats.error import ControllerFileError
 from fis_tools.learning import table
@@ -148,8 +150,15 @@ def test_a_mesh_names_no_other_file(tmp_path):
     assert len(mesh.read_mesh(str(tmp_path / "a.obj"))) == 4
 
 
-def test_a_universe_of_a_million_points_is_refused():
-    told = json.loads(serialize.dump_json(paper_like_controller()))
-    told["systems"][0]["outputs"][0] |= {"points": 1_000_000}
-    with pytest.raises(ControllerFileError, match="is more than 100000; 101 is usual"):
-        serialize.loads(json.dumps(told), "json")
+def test_an_output_of_very_many_points_is_tried_at_fewer_places(tmp_path, capsys):
+    controller = paper_like_controller()
+    told = json.loads(serialize.dump_json(replace(controller, systems=controller.systems[:1])))
+    told["systems"][0]["outputs"][0]["points"] = 700_000
+    path = tmp_path / "large.json"
+    path.write_text(json.dumps(told))
+    assert main(["diff", str(path), str(path)]) == 0
+    assert "this may take minutes" in capsys.readouterr().err
+    system = serialize.load(path).systems[0]
+    samples = arrays.spread_inputs(system)
+    assert len(samples) == 285
+    np.testing.assert_array_equal(samples, arrays.spread_inputs(controller.systems[0])[:285])

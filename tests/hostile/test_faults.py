@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks import faults
 from pipeline.command_line.cli import main
 from pipeline.run import artifacts
+from tests.hostile import faults
 from tests.pipeline.command_line.cases import use_stages
 from tests.places import PROJECT
 

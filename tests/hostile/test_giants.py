@@ -1,10 +1,10 @@
 """No file of up to 10 MB costs a reader ten seconds or a gigabyte, and what once broke one stays mended."""
 
 import pytest
-
-from benchmarks.fuzz import survives
 from benchmarks.giants import GIANTS, SIZE
 from benchmarks.readers import all_readers
+
+from benchmarks.fuzz import survives
 from tests.places import PROJECT
 
 CORPUS = sorted((PROJECT / "tests" / "hostile" / "corpus").iterdir())

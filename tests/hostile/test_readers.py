@@ -1,9 +1,9 @@
 """Every reader refuses damaged files in a sentence, soon and in little memory; `benchmarks.fuzz` goes on."""
 
 import pytest
+from benchmarks.readers import all_readers
 
 from benchmarks.fuzz import attack
-from benchmarks.readers import all_readers
 
 pytestmark = pytest.mark.slow
 

@@ -187,7 +187,7 @@ def all_readers(names: Sequence[str] = ()) -> Mapping[str, Reader]:
     """Return the readers with some names, all by default, with their samples."""
     champion = _champion()
     one = replace(champion, systems=champion.systems[:1])
-    examples = Path(__file__).parents[1] / "docs" / "examples"
+    examples = Path(__file__).parents[2] / "docs" / "examples"
     config = compose_experiment(["+experiment=train"]).config
     value_errors = (*REFUSALS, ValueError)
     with tempfile.TemporaryDirectory() as made:

@@ -1,6 +1,6 @@
 """Files of up to 10 MB on which readers were slow or used much memory, generated again.
 
-Each is for a reader of `benchmarks.readers`, by its name.
+Each is for a reader of `tests.hostile.readers`, by its name.
 """
 
 import io

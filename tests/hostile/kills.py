@@ -1,0 +1,230 @@
+"""Kills runs at random moments, resumes them, and compares their files with those of undisturbed runs."""
+
+import os
+import random
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final
+
+from pipeline.run import artifacts, sweep
+
+SMALL: Final = ("duration_s=600", "optimizer.population_size=12", "optimizer.generations=12",
+                "monte_carlo.num_cases=40", "telemetry.record_training=false")  # fmt: skip
+#: for searches that fly many starts by default
+FEW: Final = ("optimizer.rounds=1", "optimizer.validation_cases=8", "starts.num_cases=8", "starts.num_hard=0")
+EVALUATE: Final = ("+experiment=evaluate", "controller=paper_champion")
+
+#: kinds of runs, small; a sweep begins with ``-m``
+KINDS: Final[Mapping[str, Sequence[str]]] = {
+    "genetic": ("+experiment=train", "stages=[scenario,train,evaluate,record]"),
+    "rounds": (
+        "+experiment=train", "stages=[scenario,train,evaluate]", "starts=random", "optimizer.rounds=3",
+        "optimizer.generations=4", "optimizer.validation_cases=8",
+    ),
+    "islands": (
+        "+experiment=train", "optimizer=islands", "stages=[scenario,train]", "optimizer.migrants=1",
+        "optimizer.migrate_every=3",
+    ),
+    "cma_es": ("+experiment=train_planes", "stages=[scenario,train,evaluate]", *FEW),
+    "nsga2": ("+experiment=train_front", "stages=[scenario,train,evaluate]", *FEW),
+    "evaluate": (*EVALUATE, "stages=[scenario,evaluate,record]"),
+    "planned": ("+experiment=evaluate", "controller=lqr", "stages=[scenario,evaluate,record]"),
+    "safety": (
+        "+experiment=evaluate", "controller=champion_any_sun", "safety=filter", "chief=tumbling",
+        "stages=[scenario,evaluate]",
+    ),
+    "search": (
+        *EVALUATE, "stages=[search]", "search.trials=12", "search.num_cases=40", "search.block_cases=8",
+        "+search.space.safety={kind: {choices: [none, filter]}}",
+        "+search.space.deputy.max_force_n={low: 0.2, high: 2.0}",
+    ),
+    "sweep": ("-m", *EVALUATE, "stages=[scenario,evaluate]", "seed=1,2,3"),
+    "parts": (*EVALUATE, "stages=[evaluate]", "engine.part_cases=7"),
+    "dask": (*EVALUATE, "stages=[evaluate]", "engine=dask", "engine.processes=2", "engine.part_cases=5"),
+    "assure": (
+        "+experiment=assure", "controller=paper_champion", "assurance.num_cases=20", "assurance.searches=1",
+        "assurance.search_starts=8", "assurance.search_population=6",
+        "assurance.search_generations=2", "assurance.domain_cases=8",
+    ),
+    "optimum": (
+        "+experiment=optimum", "monte_carlo.num_cases=2", "optimum.restarts=1",
+        "optimum.burns=2", "optimum.kicks=0",
+    ),
+    "compare": (
+        "+experiment=reproduce", "stages=[compare]", "compare.controllers=[paper_champion,coast]",
+        "compare.suns=[fixed]", "compare.safety=[none]", "monte_carlo.num_cases=10",
+    ),
+    "report": (*EVALUATE, "stages=[scenario,evaluate,record,report]", "monte_carlo.num_cases=10"),
+}  # fmt: skip
+SIGNALS: Final = (signal.SIGKILL, signal.SIGTERM, signal.SIGINT)
+#: who is signalled: the process, its whole group, or one that it has started, which it must survive
+PROCESS, GROUP, CHILD = "process", "group", "child"
+#: longest time to an end that must come, s
+LONGEST_S: Final = 1200.0
+
+
+@dataclass
+class Tally:
+    """The results of the runs of a kind."""
+
+    runs: int = 0
+    kills: Counter[str] = field(default_factory=Counter)
+    lost: list[str] = field(default_factory=list)
+    different: list[str] = field(default_factory=list)
+
+
+def command(words: Sequence[str]) -> list[str]:
+    """Return the command line of the pipeline with some arguments."""
+    return [sys.executable, "-m", "pipeline", *words]
+
+
+def words_of(kind: str, folder: Path) -> list[str]:
+    """Return the arguments that start a run of a kind; later ones take precedence."""
+    chosen = KINDS[kind]
+    given = {word.partition("=")[0] for word in chosen}
+    small = [word for word in SMALL if word.partition("=")[0] not in given]
+    place = "hydra.sweep.dir" if chosen[0] == "-m" else "hydra.run.dir"
+    return [*chosen, *small, f"{place}={folder}"]
+
+
+def environment(**more: str) -> dict[str, str]:
+    """Return the environment of a run, which may start in any folder."""
+    path = os.pathsep.join(filter(None, [str(Path.cwd()), os.environ.get("PYTHONPATH", "")]))
+    return {**os.environ, "PYTHONPATH": path, **more}
+
+
+def run_alone(words: Sequence[str], env: Mapping[str, str], cwd: Path | None = None) -> float:
+    """Run to the end, and return the duration in seconds."""
+    started = time.perf_counter()
+    subprocess.run(command(words), check=True, capture_output=True, env=env, cwd=cwd)  # noqa: S603
+    return time.perf_counter() - started
+
+
+def is_begun(folder: Path) -> bool:
+    """Return whether a killed run, or sweep, can be resumed; before, its command is given again."""
+    return folder.is_dir() and ((folder / sweep.SWEEP).exists() or artifacts.holds_run(folder))
+
+
+def killed_after(
+    words: Sequence[str], seconds: float, how: tuple[signal.Signals, str], env: Mapping[str, str], cwd: Path
+) -> tuple[bool, int, str]:
+    """Run until it ends or is signalled; return whether it was, its exit code and its last output.
+
+    A signal to a child counts, though the run goes on. What does not end is killed, with exit code 0, and
+    says so.
+    """
+    with tempfile.TemporaryFile("w+") as told:
+        process = subprocess.Popen(  # noqa: S603
+            command(words), stdout=subprocess.DEVNULL, stderr=told, env=env, cwd=cwd, start_new_session=True
+        )
+        is_signalled = False
+        try:
+            process.wait(seconds)
+        except subprocess.TimeoutExpired:
+            is_signalled = _signal(process.pid, *how)
+        try:
+            process.wait(LONGEST_S)
+        except subprocess.TimeoutExpired:
+            told.write("\ndid not end")
+        with suppress(ProcessLookupError):  # what it has started, so that nothing keeps running
+            os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+        told.seek(0)
+        return is_signalled, process.returncode, told.read()
+
+
+def _signal(pid: int, number: signal.Signals, target: str) -> bool:
+    """Send a signal; return whether there was somebody to send it to."""
+    with suppress(ProcessLookupError):
+        if target == GROUP:
+            os.killpg(pid, number)
+            return True
+        if target == PROCESS:
+            os.kill(pid, number)
+            return True
+        for child in sorted(_children(pid), reverse=True)[:1]:
+            os.kill(child, number)
+            return True
+    return False
+
+
+def _children(pid: int) -> list[int]:
+    found = []
+    for path in Path("/proc").glob("[0-9]*"):
+        with suppress(OSError, ValueError, IndexError):
+            if int((path / "stat").read_text().rpartition(")")[2].split()[1]) == pid:
+                found.append(int(path.name))
+    return found
+
+
+def survive(
+    kind: str, folder: Path, seconds: float, rng: random.Random, tally: Tally, root: Path, *, is_cold: bool
+) -> None:
+    """Start a run, kill it once to three times, and let it finish; its folder may be relative to `root`."""
+    left = rng.choice((1, 1, 2, 3))
+    tally.runs += 1
+    with tempfile.TemporaryDirectory(prefix="kills-cache-") as cache:
+        env = environment(**({"NUMBA_CACHE_DIR": cache} if is_cold else {}))
+        while True:
+            words = [f"resume={folder}"] if is_begun(root / folder) else words_of(kind, folder)
+            limit = rng.uniform(0.0, seconds * (3.0 if is_cold else 1.0)) if left > 0 else LONGEST_S
+            how = rng.choice(SIGNALS), rng.choice((PROCESS, GROUP))
+            if kind == "dask" and rng.random() < 0.5:
+                how = signal.SIGKILL, CHILD
+            is_killed, code, said = killed_after(words, limit, how, env, root)
+            if said.endswith("did not end") or "Traceback" in said:
+                tally.lost.append(f"{kind} {folder.name}: {said.strip()[-300:]}")
+                return
+            if is_killed:
+                left -= 1
+                tally.kills[f"{how[0].name} {how[1]}"] += 1
+            if code == 0:
+                return
+            if not is_killed:
+                tally.lost.append(f"{kind} {folder.name}: {said.strip().splitlines()[-1:]}")
+                return
+
+
+def differences(folder: Path, other: Path) -> list[str]:
+    """Return the files in which two finished runs, or sweeps, differ, and what a killed one left lying."""
+    left = [path.name for path in folder.rglob(".*")]
+    if not (other / sweep.SWEEP).exists():
+        return [*_differences(folder, other), *left]
+    names = [run.folder for run in sweep.read(other)]
+    if names != [run.folder for run in sweep.read(folder)]:
+        return [sweep.SWEEP]
+    return [*(f"{name}/{one}" for name in names for one in _differences(folder / name, other / name)), *left]
+
+
+def _differences(folder: Path, other: Path) -> list[str]:
+    one, two = (artifacts.read_manifest(place) for place in (folder, other))
+    if one["finished_stages"] != two["finished_stages"]:
+        return ["finished_stages"]
+    names = sorted({*one["sha256"], *two["sha256"]})
+    unlike = [name for name in names if one["sha256"].get(name) != two["sha256"].get(name)]
+    stale = [name for name, digest in one["sha256"].items() if artifacts.file_hash(folder / name) != digest]
+    return [*unlike, *stale]
+
+
+def verify_survives(folder: Path, seconds: float, rng: random.Random, tally: Tally, root: Path) -> None:
+    """Kill the checking of a finished run: nothing there changes, and it can be checked."""
+    words = ["verify", str(folder)]
+    before = {path: path.read_bytes() for path in (root / folder).rglob("*") if path.is_file()}
+    how = rng.choice(SIGNALS), rng.choice((PROCESS, GROUP))
+    is_killed, _, _ = killed_after(words, rng.uniform(0.0, seconds), how, environment(), root)
+    tally.runs += 1
+    tally.kills[f"{how[0].name} {how[1]}"] += is_killed
+    after = {path: path.read_bytes() for path in (root / folder).rglob("*") if path.is_file()}
+    if before != after:
+        tally.different.append(f"verify: {', '.join(str(path) for path in before.keys() ^ after.keys())}")
+    _, code, said = killed_after(words, LONGEST_S, how, environment(), root)
+    if code:
+        tally.lost.append(f"verify: {said.strip()[-300:]}")
