@@ -1,13 +1,12 @@
 """A triangle mesh from a file, and points spread over it; the only place that imports trimesh."""
 
 import io
-from pathlib import Path
 from typing import Final
 
 import numpy as np
 
 from pipeline.settings.experiment import SettingError
-from pipeline.settings.places import conf_folder
+from pipeline.settings.places import conf_folder, content_of
 from pipeline.typing import Floats
 
 #: most triangles; beyond this, looking from every point in every direction takes minutes
@@ -34,7 +33,10 @@ def read_mesh(path: str | None) -> Floats:
         ) from error
     place = str(conf_folder() / "chief" / "satellite.obj") if path is None else path
     try:
-        kind, content = Path(place).suffix.lower(), _content(Path(place))
+        kind = "." + place.rpartition(".")[2].lower()
+        if kind not in _count:  # archives, which may hold anything, among them
+            raise ValueError("it is neither .stl nor .obj")
+        content = content_of(place, MOST_BYTES)
         _count[kind](content)
         loaded = trimesh.load_mesh(
             io.BytesIO(content), file_type=kind[1:], process=False, skip_materials=True
@@ -55,15 +57,6 @@ def read_mesh(path: str | None) -> Floats:
     if len(kept) == 0:
         raise SettingError(f"chief.path is {place}, whose triangles have no area; give the mesh of a body")
     return kept
-
-
-def _content(path: Path) -> bytes:
-    """Return the content of a file of a kind and size that is read; archives, which may hold any, are not."""
-    if path.suffix.lower() not in _count:
-        raise ValueError("it is neither .stl nor .obj")
-    if not path.is_file() or path.stat().st_size > MOST_BYTES:
-        raise ValueError(f"it is no file of at most {MOST_BYTES >> 20} MiB")
-    return path.read_bytes()
 
 
 def _count_obj(content: bytes) -> None:
