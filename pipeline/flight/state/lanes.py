@@ -73,7 +73,7 @@ def to_hill(q: Quaternion, a: Three) -> Three:
     """Return vectors in body axes in Hill axes."""
     x, y, z = rows_of(q)
     return Three(
-        x.x * a.x + y.x * a.y + z.x * a.z,
+        x.x * a.x + (y.x * a.y + z.x * a.z),  # in this order, so that recorded flights stay as they are
         x.y * a.x + y.y * a.y + z.y * a.z,
         x.z * a.x + y.z * a.y + z.z * a.z,
     )

@@ -7,7 +7,7 @@ from fis_tools.compiled.three import Three, load_three, same, store_three
 from fis_tools.compiled.vectors import load, select, some, store, width_of
 from fis_tools.engines.kernel import infer
 from pipeline.flight.state.arrays import Law, Plans, State, Workspace, World
-from pipeline.flight.state.lanes import clip_three, four, one, rows_of
+from pipeline.flight.state.lanes import clip_three, four, one, to_hill
 from pipeline.flight.state.signals import BODY, FIRST_DEAD_BAND, constant, slot
 from pipeline.typing import Floats, Integers
 
@@ -102,12 +102,7 @@ def command(
         infer_forces(law, values, rules, state, work)
     force = load_three(lanes.asked, 0)
     if law.force_axes == BODY:
-        x, y, z = rows_of(four(state.belief.attitude))
-        force = Three(
-            x.x * force.x + (y.x * force.y + z.x * force.z),
-            x.y * force.x + y.y * force.y + z.y * force.z,
-            x.z * force.x + y.z * force.y + z.z * force.z,
-        )
+        force = to_hill(four(state.belief.attitude), force)
     store_three(lanes.commanded, 0, clip_three(force, world.max_force))
 
 
