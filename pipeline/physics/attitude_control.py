@@ -9,8 +9,7 @@ from math import atan2, cos, sin
 import numpy as np
 
 from fis_tools.compiled.decorator import compiled
-from pipeline.physics.quaternion import error_vector
-from pipeline.physics.vectors import assign, cross, dot, norm, times
+from pipeline.physics.vectors import assign, cross, dot, norm
 from pipeline.typing import Floats
 
 #: y* before the first instant, Hill axes
@@ -117,37 +116,3 @@ def desired_dcm(position_h: Floats, y_h: Floats) -> Floats:
     assign(dcm[1], y_h)
     assign(dcm[2], cross(dcm[0], y_h))
     return dcm
-
-
-@compiled
-def control_torque(
-    quaternion_b_from_h: Floats,
-    desired_b_from_h: Floats,
-    angular_velocity_b: Floats,
-    proportional_gain: Floats,
-    derivative_gain: Floats,
-    max_torque: float,
-) -> Floats:
-    """Return ``-Kp q_e - Kd w``, each axis clipped (Choi, Kim and Leeghim, AAS 25-727).
-
-    Parameters
-    ----------
-    quaternion_b_from_h, desired_b_from_h : array, shape (4,)
-        Actual and desired attitude.
-    angular_velocity_b : array, shape (3,)
-        Relative to Hill, rad/s, body axes.
-    proportional_gain, derivative_gain : array, shape (3, 3)
-        Kp in N m and Kd in N m s: a scalar gain times the inertia matrix.
-    max_torque : float
-        For each axis, N m.
-
-    Returns
-    -------
-    array, shape (3,)
-        N m, body axes.
-    """
-    error = error_vector(quaternion_b_from_h, desired_b_from_h)
-    torque = -times(proportional_gain, error) - times(derivative_gain, angular_velocity_b)
-    for axis in range(3):
-        torque[axis] = min(max(torque[axis], -max_torque), max_torque)
-    return torque

@@ -5,7 +5,6 @@ from math import acos, asin, cos, pi, sin, sqrt
 import numpy as np
 
 from fis_tools.compiled.decorator import compiled
-from pipeline.physics.vectors import dot
 from pipeline.typing import Floats
 
 ASTRONOMICAL_UNIT_M = 149_597_870_700.0
@@ -98,23 +97,3 @@ def least_sun_height(orbit_radius: float, min_share: float) -> float:
             return cos(lit)
         share = share_at(cos(middle), orbit_radius)
         dark, lit = (dark, middle) if share >= min_share else (middle, lit)
-
-
-@compiled
-def is_illuminated(point_h: Floats, sun_h: Floats) -> bool:
-    """Return whether sunlight reaches a point on the chief: ``p . (p - r_s) < 0``.
-
-    The point under the Sun counts as lit; the terminator is dark.
-
-    Parameters
-    ----------
-    point_h : array, shape (3,)
-        m, Hill axes.
-    sun_h : array, shape (3,)
-        Unit vector towards the Sun, which is one astronomical unit away, Hill axes.
-
-    Returns
-    -------
-    bool
-    """
-    return bool(dot(point_h, point_h) - ASTRONOMICAL_UNIT_M * dot(point_h, sun_h) < 0.0)

@@ -11,13 +11,13 @@ Compiled code takes a state as a position and a velocity, and reads the elements
 """
 
 from collections.abc import Sequence
-from math import pi, sqrt
+from math import pi
 from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from fis_tools.compiled.decorator import compiled
-from fis_tools.compiled.three import Three, three_of
+from fis_tools.compiled.three import Three
 from pipeline.physics.clohessy_wiltshire import input_matrix, state_transition
 from pipeline.typing import Floats
 
@@ -271,30 +271,6 @@ def velocity_after(s: Step, r: Three, v: Three, f: Three) -> Three:
     return Three(u.x + s.uf * f.x + s.ug * f.y, u.y + s.vf * f.x + s.vg * f.y, u.z + s.wh * f.z)
 
 
-@compiled
-def propagate(motion: Motion, state: Floats, force_h: Floats) -> Floats:
-    """Return a state after the first duration of a motion.
-
-    Parameters
-    ----------
-    motion : Motion
-    state : array, shape (6,)
-        Position (m) and velocity (m/s), Hill axes.
-    force_h : array, shape (3,)
-        Held over the duration, N, Hill axes.
-
-    Returns
-    -------
-    array, shape (6,)
-    """
-    step, force = step_of(motion, 0), three_of(force_h)
-    position, velocity = three_of(state[:3]), three_of(state[3:])
-    after = np.empty(6)
-    after[0], after[1], after[2] = place_after(step, position, velocity, force)
-    after[3], after[4], after[5] = velocity_after(step, position, velocity, force)
-    return after
-
-
 @compiled(inline="always")
 def drift(motion: Motion, state: Floats, free: Floats) -> None:
     """Write a state, shape (6,), after the first duration without force."""
@@ -350,39 +326,3 @@ def orbit_parts(orbit: Orbit, deputy: Deputy) -> Motion:
     """Return the motion over 1, 2, … `ORBIT_PARTS` parts of an orbit, for `closest_approach`."""
     part = 2.0 * pi / orbit.mean_motion_rad_s / ORBIT_PARTS
     return motion_over(orbit, deputy, [part * count for count in range(1, ORBIT_PARTS + 1)])
-
-
-@compiled
-def closest_approach(parts: Motion, position_h: Floats, velocity_h: Floats) -> float:
-    """Return the closest approach to the chief of a deputy that drifts freely for an orbit.
-
-    The path is divided at every ``360 / ORBIT_PARTS`` degrees of the orbit, and each part taken as straight.
-    A chord deviates from a curve by at most an eighth of the largest acceleration times the part's duration
-    squared (the error of linear interpolation), and accelerations of free motion are at most
-    ``n^2 sqrt(4 b^2 + c^2)``, with b the ellipse's height and c the cross-track amplitude: the distance
-    is accurate to ``(2 pi / ORBIT_PARTS)^2 / 8 = 0.0038`` of ``sqrt(4 b^2 + c^2)``.
-
-    Parameters
-    ----------
-    parts : Motion
-        Of `orbit_parts`.
-    position_h, velocity_h : array, shape (3,)
-        Of the deputy, m and m/s, Hill axes.
-
-    Returns
-    -------
-    float
-        m.
-    """
-    position, velocity = three_of(position_h), three_of(velocity_h)
-    before = position_h
-    nearest = np.sum(before * before)
-    for part in range(len(parts.transition)):
-        after = np.array(drifted_place(place_of(parts, part), position, velocity))
-        chord = after - before
-        length = np.sum(chord * chord)
-        share = -np.sum(before * chord) / length if length > 0.0 else 0.0
-        passed = before + min(max(share, 0.0), 1.0) * chord
-        nearest = min(nearest, np.sum(passed * passed))
-        before = after
-    return sqrt(nearest)

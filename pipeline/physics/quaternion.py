@@ -57,12 +57,6 @@ def product(a: Floats, b: Floats) -> Floats:
 
 
 @compiled
-def conjugate(quaternion: Floats) -> Floats:
-    """Return the quaternion of the inverse rotation, shape (4,)."""
-    return np.array([-quaternion[0], -quaternion[1], -quaternion[2], quaternion[3]])
-
-
-@compiled
 def normalised(quaternion: Floats) -> Floats:
     """Return the quaternion scaled to unit length, shape (4,)."""
     q1, q2, q3, q4 = quaternion
@@ -114,29 +108,6 @@ def from_dcm(dcm: Floats) -> Floats:
         q3 = (dcm[2, 0] + dcm[0, 2]) * scale
         q4 = (dcm[1, 2] - dcm[2, 1]) * scale
     return normalised(np.array([q1, q2, q3, q4]))
-
-
-@compiled
-def error_vector(quaternion_b_from_h: Floats, desired_b_from_h: Floats) -> Floats:
-    """Return the vector part of the rotation from the desired to the actual attitude, the short way round.
-
-    The error quaternion has ``C(q_e) = C(q) C(q*)^T``, that is ``q_e = conj(q*) q``, and is negated if its
-    scalar part is negative.
-
-    Parameters
-    ----------
-    quaternion_b_from_h, desired_b_from_h : array, shape (4,)
-        Actual attitude q and desired attitude q*, Hill to body.
-
-    Returns
-    -------
-    array, shape (3,)
-        Body components.
-    """
-    error = product(conjugate(desired_b_from_h), quaternion_b_from_h)
-    if error[3] < 0.0:
-        return -error[:3]
-    return error[:3]
 
 
 @compiled

@@ -10,11 +10,8 @@ between two limits. Here p is an integer, so that the power is a product and the
 from math import sqrt
 from typing import NamedTuple
 
-import numpy as np
-
 from fis_tools.compiled.decorator import compiled
 from fis_tools.compiled.three import Three, dot, plus, scaled
-from pipeline.physics import vectors
 from pipeline.typing import Floats
 
 
@@ -38,23 +35,6 @@ class Reflection(NamedTuple):
     exponent: int
     least: Floats
     greatest: Floats
-
-
-@compiled
-def intensities(reflection: Reflection, normal: Floats, to_sun: Floats, to_camera: Floats) -> Floats:
-    """Return the intensity that a point reflects in each colour, shape (3,).
-
-    Parameters
-    ----------
-    reflection : Reflection
-    normal, to_sun, to_camera : (3,)
-        Unit vectors out of the surface and from the point.
-    """
-    halfway = to_sun + to_camera
-    facing = max(0.0, vectors.dot(normal, to_sun))
-    glancing = max(0.0, vectors.dot(normal, halfway / vectors.norm(halfway)))
-    lit = reflection.ambient + reflection.diffuse * facing
-    return np.asarray(np.minimum(1.0, lit + reflection.specular * glancing**reflection.exponent))
 
 
 @compiled(error_model="numpy")

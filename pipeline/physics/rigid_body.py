@@ -95,66 +95,6 @@ def relative_angular_acceleration(
 
 
 @compiled
-def _advance(stage: int, duration: float, start: Floats, rate: Floats, state: Floats, end: Floats) -> None:
-    """Apply one stage's rate in the classical Runge-Kutta method, in place.
-
-    `state` becomes the point of the next of the four stages, and `end` accumulates the end of the step.
-    """
-    weight = duration / 3.0 if 0 < stage < 3 else duration / 6.0
-    reach = duration if stage == 2 else 0.5 * duration
-    for i in range(len(start)):
-        end[i] += weight * rate[i]
-        state[i] = start[i] + reach * rate[i]
-
-
-@compiled
-def relative_attitude_step(
-    quaternion_b_from_h: Floats,
-    angular_velocity_b: Floats,
-    inertia: Floats,
-    inverse_inertia: Floats,
-    torque_b: Floats,
-    reference_rate: Floats,
-    duration: float,
-) -> tuple[Floats, Floats]:
-    """Turn the deputy by one step of the classical fourth-order Runge-Kutta method.
-
-    Parameters
-    ----------
-    quaternion_b_from_h : array, shape (4,)
-    angular_velocity_b : array, shape (3,)
-        Relative to Hill, rad/s, body axes.
-    inertia, inverse_inertia : array, shape (3, 3)
-        Of the deputy, kg m^2 and its inverse, body axes.
-    torque_b : array, shape (3,)
-        Held over the step, N m, body axes.
-    reference_rate : array, shape (3,)
-        Inertial rate of Hill, constant, rad/s, Hill axes.
-    duration : float
-        Length of the step, s.
-
-    Returns
-    -------
-    quaternion_b_from_h : array, shape (4,)
-        Normalised.
-    angular_velocity_b : array, shape (3,)
-    """
-    steady = np.zeros(3)
-    q = quaternion_b_from_h.copy()
-    w = angular_velocity_b.copy()
-    q_next = quaternion_b_from_h.copy()
-    w_next = angular_velocity_b.copy()
-    for stage in range(4):
-        q_rate = derivative(q, w)
-        w_rate = relative_angular_acceleration(
-            inertia, inverse_inertia, dcm_b_from_h(q), w, reference_rate, steady, torque_b
-        )
-        _advance(stage, duration, quaternion_b_from_h, q_rate, q, q_next)
-        _advance(stage, duration, angular_velocity_b, w_rate, w, w_next)
-    return normalised(q_next), w_next
-
-
-@compiled
 def euler_angular_acceleration(
     inertia: Floats, inverse_inertia: Floats, inertial_rate: Floats, torque: Floats
 ) -> Floats:
@@ -210,6 +150,19 @@ def longest_tumbling_step(
     slowed = (120.0 * TUMBLING_TOLERANCE_RAD / turned) ** (1.0 / 4.0)
     damped = (288.0 * TUMBLING_TOLERANCE_RAD / turned**2) ** (1.0 / 5.0)
     return float(min(slowed, damped) / rate)
+
+
+@compiled
+def _advance(stage: int, duration: float, start: Floats, rate: Floats, state: Floats, end: Floats) -> None:
+    """Apply one stage's rate in the classical Runge-Kutta method, in place.
+
+    `state` becomes the point of the next of the four stages, and `end` accumulates the end of the step.
+    """
+    weight = duration / 3.0 if 0 < stage < 3 else duration / 6.0
+    reach = duration if stage == 2 else 0.5 * duration
+    for i in range(len(start)):
+        end[i] += weight * rate[i]
+        state[i] = start[i] + reach * rate[i]
 
 
 @compiled

@@ -17,10 +17,7 @@ import numpy as np
 from fis_tools.compiled.decorator import compiled
 from fis_tools.compiled.three import Three, dot, plus, scaled, three_of, times
 from fis_tools.compiled.vectors import Vector
-from pipeline.physics.illumination import share_at
 from pipeline.physics.orbit import Course
-from pipeline.physics.vectors import norm
-from pipeline.typing import Floats
 
 
 @compiled(error_model="numpy", forceinline=True)
@@ -131,50 +128,3 @@ def stepped(
     mean = Three(weighed.x / 3.0, weighed.y / 3.0, weighed.z / 3.0)
     after = plus(velocity, scaled(time / 6.0, plus(plus(first, scaled(4.0, middle)), last)))
     return ahead(place, velocity, mean, time), after
-
-
-@compiled
-def sunshine(course: Course, row: int, sun: Floats) -> float:
-    """Return the visible share of the Sun's disc at a row; 1 if nothing hides it.
-
-    `sun`, shape (3,), is the direction towards it in axes of the course.
-    """
-    if not course.has_shadow:
-        return 1.0
-    height = 0.0
-    for axis in range(3):
-        height += course.axes[row, 0, axis] * sun[axis]
-    return share_at(height, norm(course.places[row]))
-
-
-@compiled(error_model="numpy")
-def move_beside(course: Course, period: int, state: Floats, force: Floats, sun: Floats) -> Floats:
-    """Move a deputy by a control period.
-
-    Parameters
-    ----------
-    course : Course
-    period : int
-        Its index, from 0.
-    state : array, shape (6,)
-        Position (m) and velocity (m/s), Hill axes.
-    force : array, shape (3,)
-        Held over the period, per mass, m/s^2, Hill axes.
-    sun : array, shape (3,)
-        Direction towards the Sun at the start of the flight, Hill axes.
-
-    Returns
-    -------
-    array, shape (6,)
-    """
-    row = 2 * course.num_steps * period
-    place, velocity = entered(course, row, three_of(state[:3]), three_of(state[3:]))
-    push, light = three_of(force), scaled(-course.radiation, three_of(sun))
-    for _ in range(course.num_steps):
-        shine = Three(
-            sunshine(course, row, sun), sunshine(course, row + 1, sun), sunshine(course, row + 2, sun)
-        )
-        place, velocity = stepped(course, row, place, velocity, push, light, shine)
-        row += 2
-    place, velocity = left(course, row, place, velocity)
-    return np.array([place.x, place.y, place.z, velocity.x, velocity.y, velocity.z])

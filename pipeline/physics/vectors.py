@@ -56,18 +56,6 @@ def times(matrix: Floats, a: Floats) -> Floats:
     )
 
 
-@compiled
-def transposed_times(matrix: Floats, a: Floats) -> Floats:
-    """Return ``matrix.T @ a`` for shapes (3, 3) and (3,): the inverse of a direction cosine matrix."""
-    return np.array(
-        [
-            matrix[0, 0] * a[0] + matrix[1, 0] * a[1] + matrix[2, 0] * a[2],
-            matrix[0, 1] * a[0] + matrix[1, 1] * a[1] + matrix[2, 1] * a[2],
-            matrix[0, 2] * a[0] + matrix[1, 2] * a[1] + matrix[2, 2] * a[2],
-        ]
-    )
-
-
 @compiled(error_model="numpy")
 def assign(target: Floats, source: Floats) -> None:
     """Write the elements of one vector, shape (n,), into another.

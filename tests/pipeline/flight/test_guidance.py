@@ -2,6 +2,7 @@ from math import pi
 
 import numpy as np
 import pytest
+from pipeline.physics.visibility import is_in_view
 from scipy.spatial.transform import Rotation
 
 from fis_tools.compiled.vectors import padded
@@ -14,7 +15,6 @@ from pipeline.flight.period.look.guidance import (
 )
 from pipeline.flight.period.look.guidance import POINTS as LOOKED_AT_TOGETHER
 from pipeline.physics.inspection_points import regular_placement
-from pipeline.physics.visibility import is_in_view
 from tests.readable_flight.guidance import clustered, relative_angle, started
 
 POINTS = regular_placement(100, 10.0)

@@ -12,9 +12,10 @@ import pytest
 from numpy.typing import NDArray
 
 from pipeline.physics.clohessy_wiltshire import input_matrix, state_transition
-from pipeline.physics.motion import Motion, propagate
+from pipeline.physics.motion import Motion
 from pipeline.physics.quaternion import dcm_b_from_h
-from pipeline.physics.rigid_body import relative_attitude_step
+from tests.pipeline.physics import what_flies
+from tests.pipeline.physics.what_flies import propagate
 from tests.places import PROJECT
 
 Floats = NDArray[np.float64]
@@ -63,8 +64,7 @@ def stepped(body: Body, force_b: Floats, torque: Floats, seconds: float) -> Body
 
 
 def turned(body: Body, torque: Floats, seconds: float) -> tuple[Floats, Floats]:
-    inverse = np.linalg.inv(INERTIA)
-    return relative_attitude_step(body.quaternion, body.rate, INERTIA, inverse, torque, np.zeros(3), seconds)
+    return what_flies.turned(body.quaternion, body.rate, INERTIA, torque, seconds)
 
 
 @pytest.mark.parametrize("case", cases("sixdof.csv"))

@@ -6,12 +6,11 @@ from pipeline.physics.attitude_control import (
     FIRST_Y,
     RETURN_RATE,
     blended_y,
-    control_torque,
     desired_dcm,
     desired_y,
 )
 from pipeline.physics.quaternion import dcm_b_from_h, from_dcm
-from pipeline.physics.rigid_body import relative_attitude_step
+from tests.pipeline.physics.what_flies import control_torque, turned
 
 K = np.array([0.0, 0.0, 1.0])
 IDENTITY = np.array([0.0, 0.0, 0.0, 1.0])
@@ -115,9 +114,7 @@ def errors_after(seconds, axis, angle, line_of_sight_rate):
         torque = control_torque(quaternion, desired, rate, 0.08 * inertia, 0.32 * inertia, MAX_TORQUE)
         boresight = dcm_b_from_h(quaternion).T @ [-1.0, 0.0, 0.0]
         errors.append(np.degrees(np.arccos(np.clip(-boresight @ position / 60.0, -1.0, 1.0))))
-        quaternion, rate = relative_attitude_step(
-            quaternion, rate, inertia, inertia, torque, np.array([0.0, 0.0, 0.0011068]), 1.0
-        )
+        quaternion, rate = turned(quaternion, rate, inertia, torque, 1.0, 0.0011068)
     return np.array(errors[seconds:])
 
 

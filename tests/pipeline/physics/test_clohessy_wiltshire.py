@@ -3,7 +3,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from pipeline.physics.clohessy_wiltshire import input_matrix, state_transition
-from pipeline.physics.motion import Motion, propagate
+from pipeline.physics.motion import Motion
+from tests.pipeline.physics.what_flies import propagate
 
 MEAN_MOTION = 0.0011068
 MASS = 12.0

@@ -10,9 +10,9 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from pipeline.physics.illumination import EARTH_GRAVITY_M3_S2, EARTH_RADIUS_M, orbit_radius, sun_direction_h
-from pipeline.physics.motion import motion_over, propagate
+from pipeline.physics.motion import motion_over
 from pipeline.physics.orbit import Course, course_of
-from pipeline.physics.two_body import move_beside
+from tests.pipeline.physics.what_flies import move_beside, propagate
 
 TOLD = json.loads((Path(__file__).parent / "basilisk" / "trajectories.json").read_text(encoding="utf-8"))
 MEAN_MOTION, PERIOD = TOLD["mean_motion_rad_s"], 10.0

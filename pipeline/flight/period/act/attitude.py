@@ -211,6 +211,14 @@ def thrust_torque(state: State, lane: int, q: Quaternion) -> Three:
     return plus(cross(lane_of(lanes.arm, 0, lane), force), lane_of(lanes.twist, 0, lane))
 
 
+@compiled(error_model="numpy", forceinline=True)
+def control_torque(world: World, q: Quaternion, aim: Quaternion, rate: Three) -> Three:
+    """Return the torque of the attitude law, N m, body axes: ``-Kp q_e - Kd w``, each axis clipped."""
+    u = relative_rate(q, rate, world.mean_motion)
+    p, d = times(world.proportional_gain, error_of(q, aim)), times(world.derivative_gain, u)
+    return clip_three(Three(-p.x - d.x, -p.y - d.y, -p.z - d.z), world.max_torque)
+
+
 @compiled(error_model="numpy")
 def torque_at(world: World, plans: Plans, work: Workspace, lane: int, instant: int, k: int) -> Three:
     """Return one lane's torque at an instant already passed of the period after sample k, N m.
@@ -222,12 +230,8 @@ def torque_at(world: World, plans: Plans, work: Workspace, lane: int, instant: i
         if k < len(plans.torques):
             played = clip_three(three_of(plans.torques[k]), world.max_torque)
         return played
-    passed = work.passed[instant]
-    q = attitude_of(passed.attitude, lane)
-    e = error_of(q, attitude_of(work.aims[instant].attitude, lane))
-    u = relative_rate(q, lane_of(passed.rate, 0, lane), world.mean_motion)
-    p, d = times(world.proportional_gain, e), times(world.derivative_gain, u)
-    return clip_three(Three(-p.x - d.x, -p.y - d.y, -p.z - d.z), world.max_torque)
+    passed, aim = work.passed[instant], attitude_of(work.aims[instant].attitude, lane)
+    return control_torque(world, attitude_of(passed.attitude, lane), aim, lane_of(passed.rate, 0, lane))
 
 
 @compiled(error_model="numpy")

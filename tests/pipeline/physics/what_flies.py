@@ -1,0 +1,79 @@
+"""What flies, for one deputy: the functions of compiled flights on arrays, run as plain Python."""
+
+from types import SimpleNamespace
+
+import numpy as np
+
+from fis_tools.compiled.decorator import plainly
+from fis_tools.compiled.three import Three
+from pipeline.flight.period.act import attitude
+from pipeline.physics.illumination import share_at
+from pipeline.physics.motion import place_after, step_of, velocity_after
+from pipeline.physics.two_body import entered, left, stepped
+
+
+def propagate(motion, state, force_h):
+    """Return a state, shape (6,), after the first duration of a motion under a held force, N, Hill axes."""
+    step, at, moving, force = step_of(motion, 0), Three(*state[:3]), Three(*state[3:]), Three(*force_h)
+    return np.array([*place_after(step, at, moving, force), *velocity_after(step, at, moving, force)])
+
+
+def move_beside(course, period, state, force, sun):
+    """Move a deputy about the Earth by a control period under a force per mass, m/s^2, Hill axes."""
+    row = 2 * course.num_steps * period
+    light = Three(*(-course.radiation * np.asarray(sun)))
+
+    def shine(at):
+        return (
+            share_at(course.axes[at, 0] @ sun, np.linalg.norm(course.places[at]))
+            if course.has_shadow
+            else 1.0
+        )
+
+    with plainly("pipeline"):
+        place, velocity = entered(course, row, Three(*state[:3]), Three(*state[3:]))
+        for _ in range(course.num_steps):
+            shares = Three(shine(row), shine(row + 1), shine(row + 2))
+            place, velocity = stepped(course, row, place, velocity, Three(*force), light, shares)
+            row += 2
+        place, velocity = left(course, row, place, velocity)
+    return np.array([*place, *velocity])
+
+
+def hill_rate_b(quaternion, mean_motion):
+    """Return the rate of Hill axes in body axes."""
+    with plainly("pipeline"):
+        return -np.array(attitude.relative_rate(tuple(quaternion), Three(0.0, 0.0, 0.0), mean_motion))
+
+
+def turned(quaternion, rate, inertia, torque, seconds, mean_motion=0.0):
+    """Return attitude and rate relative to Hill after a held torque."""
+    world = SimpleNamespace(
+        attitude_period=seconds,
+        mean_motion=mean_motion,
+        inertia=inertia,
+        inverse_inertia=np.linalg.inv(inertia),
+    )
+    inertial = Three(*(rate + hill_rate_b(quaternion, mean_motion)))
+    with plainly("pipeline"):
+        quaternion, inertial = attitude.turn_body(world, tuple(quaternion), inertial, Three(*torque))
+    quaternion = np.array(quaternion) / np.linalg.norm(quaternion)
+    return quaternion, np.array(inertial) - hill_rate_b(quaternion, mean_motion)
+
+
+def control_torque(quaternion, desired, rate, proportional_gain, derivative_gain, max_torque):
+    """Return the torque of the attitude law, N m, body axes, from the rate relative to Hill."""
+    world = SimpleNamespace(
+        proportional_gain=proportional_gain,
+        derivative_gain=derivative_gain,
+        max_torque=max_torque,
+        mean_motion=0.0,
+    )
+    with plainly("pipeline"):
+        return np.array(attitude.control_torque(world, tuple(quaternion), tuple(desired), Three(*rate)))
+
+
+def error_vector(quaternion, desired):
+    """Return the vector part of the rotation from the desired to the actual attitude."""
+    with plainly("pipeline"):
+        return np.array(attitude.error_of(tuple(quaternion), tuple(desired)))
