@@ -12,6 +12,7 @@ from scipy.linalg import solve_discrete_are
 from pipeline.controllers.planned.free_motion import elements_matrix
 from pipeline.controllers.planned.ring import check_within_limits, ring_elements
 from pipeline.controllers.planned.route import Routes
+from pipeline.flight.control.controller import Controller
 from pipeline.flight.state.log import Scenario
 from pipeline.physics.motion import motion_over
 from pipeline.settings.checks import SettingError
@@ -53,6 +54,11 @@ def gain(settings: Lqr, transition: Floats, control: Floats) -> Floats:
     if not np.abs(np.linalg.eigvals(transition - control @ solved)).max() < 1.0:
         raise SettingError(UNSOLVED.format("what is found does not come to rest"))
     return np.asarray(solved, dtype=np.float64)
+
+
+def controller(settings: Lqr, mission: Mission) -> Controller:
+    """Return the controller of this kind for a mission."""
+    return Controller("lqr", (), "hill", regulator=LqrRegulator(settings, mission))
 
 
 class LqrRegulator:

@@ -20,6 +20,7 @@ from pipeline.controllers.planned.free_motion import (
     RING_RADIAL,
     elements_matrix,
 )
+from pipeline.flight.control.controller import Controller
 from pipeline.flight.state.log import Scenario
 from pipeline.flight.world.pack import pack_world
 from pipeline.physics.motion import free_path
@@ -31,6 +32,11 @@ from pipeline.typing import Floats
 STRIDE = 3
 #: number of times that the steps around the best burn are halved
 HALVINGS = 5
+
+
+def controller(settings: NaturalMotion, mission: Mission) -> Controller:
+    """Return the controller of this kind for a mission."""
+    return Controller("natural_motion", (), "hill", planner=NaturalMotionPlanner(settings, mission))
 
 
 class NaturalMotionPlanner:

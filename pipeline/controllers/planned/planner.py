@@ -1,40 +1,32 @@
 """Controllers of the planning kinds, which are computed and not written out.
 
-Planners and regulators are imported on request: two of them need scipy, which takes longer to
-import than a flight takes.
+The module of a kind is imported on request: two of them need scipy, which takes longer to import than a
+flight takes.
 """
 
 from collections.abc import Sequence
 from dataclasses import replace
+from importlib import import_module
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.flight.control.controller import Controller, Planner
 from pipeline.flight.state.log import Scenario
-from pipeline.settings.controllers import Lqr, NaturalMotion, Planned
+from pipeline.settings.controllers import Planned
 from pipeline.settings.experiment import Mission
 
 
 def controller_of_kind(kind: str, settings: Planned, mission: Mission) -> Controller:
-    """Return the controller of a kind, named after it.
+    """Return the controller of a kind, made by the module that has its name.
 
     Raises
     ------
     SettingError
         If the settings do not fit the mission.
     """
-    if isinstance(settings, Lqr):
-        from pipeline.controllers.planned.lqr import LqrRegulator  # noqa: PLC0415
-
-        return Controller(kind, (), "hill", regulator=LqrRegulator(settings, mission))
-    if isinstance(settings, NaturalMotion):
-        from pipeline.controllers.planned.natural_motion import NaturalMotionPlanner  # noqa: PLC0415
-
-        return Controller(kind, (), "hill", planner=NaturalMotionPlanner(settings, mission))
-    from pipeline.controllers.planned.receding_horizon import RecedingHorizonPlanner  # noqa: PLC0415
-
-    return Controller(kind, (), "hill", planner=RecedingHorizonPlanner(settings, mission))
+    made: Controller = import_module(f"pipeline.controllers.planned.{kind}").controller(settings, mission)
+    return made
 
 
 def remembering(controller: Controller) -> Controller:

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from pipeline.controllers.planned.free_motion import elements_matrix
 from pipeline.controllers.planned.ring import check_within_limits, ring_elements
 from pipeline.controllers.planned.route import Routes
+from pipeline.flight.control.controller import Controller
 from pipeline.flight.state.arrays import World
 from pipeline.flight.state.log import Scenario
 from pipeline.flight.world.pack import pack_world
@@ -79,6 +80,11 @@ def horizon_of(world: World, length: int, spacing: int) -> Horizon:
         free=positions_of(motion),
         path=flat[:, :3],
     )
+
+
+def controller(settings: RecedingHorizon, mission: Mission) -> Controller:
+    """Return the controller of this kind for a mission."""
+    return Controller("receding_horizon", (), "hill", planner=RecedingHorizonPlanner(settings, mission))
 
 
 class RecedingHorizonPlanner:

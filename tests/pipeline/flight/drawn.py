@@ -197,6 +197,8 @@ def flown(draw: Any, mission: Mission) -> Controller:
         "decision_period_s": mission.control_period_s * draw(st.sampled_from([0, 1, 1, 2, 3])),
         "coast_below_points": draw(st.sampled_from([0.0, 0.0, 5.0, 30.0, 60.5, 100.0])),
     }
+    needed = [name for name, kind in CONSTANTS.items() if kind.needed_for and name not in constants]
+    constants |= {name: draw(number(name, {"gt": 0.0}, 300.0)) for name in needed}
     for name in draw(st.lists(st.sampled_from(list(CONSTANTS)), unique=True)):
         if name not in constants and not name.startswith("rehearsal"):
             signed = {} if CONSTANTS[name].is_signed else {"ge": 0.0}
