@@ -18,9 +18,8 @@ from fis_tools.commands.arguments import (
     write,
 )
 from fis_tools.document import html, latex, markdown, text
-from fis_tools.formats import csv, serialize
+from fis_tools.formats import csv, forms, serialize
 from fis_tools.formats.c import cost, fmu, source
-from fis_tools.formats.exchange import fcl, fis, fll, fml
 from fis_tools.formats.exchange.antecedents import NotExpressible
 from fis_tools.formats.exchange.files import Written
 from fis_tools.model import FuzzyController
@@ -42,14 +41,11 @@ class Form:
         A controller to a text.
     write_ranked : callable, optional
         The same, and the rules can be given in the order of how much they matter.
-    write_one : callable, optional
-        A controller with one system to a text, and what the text does not say: a file a system.
     """
 
     ending: str
     write: Callable[[FuzzyController], str] | None = None
     write_ranked: Callable[[FuzzyController, Mapping[str, Floats] | None], str] | None = None
-    write_one: Callable[[FuzzyController], Written] | None = None
 
 
 FORMS = {
@@ -60,10 +56,7 @@ FORMS = {
     "latex": Form(".tex", write_ranked=lambda *told: latex.write(outline(*told))),
     "json": Form(".json", write=serialize.dump_json),
     "yaml": Form(".yaml", write=serialize.dump_yaml),
-    "fis": Form(".fis", write_one=fis.write),
-    "fll": Form(".fll", write_one=fll.write),
-    "fml": Form(".fml", write_one=fml.write),
-    "fcl": Form(".fcl", write_one=fcl.write),
+    **{name: Form(form.endings[0]) for name, form in forms.FORMS.items()},
     "c": Form(".c"),
     "fmu": Form(".fmu"),
 }
@@ -80,9 +73,8 @@ def run(
 
     - markdown, csv, text, html, latex: terms and rules to read
     - json, yaml: a controller file, which holds everything
-    - fis, fll, fml: MATLAB and Octave, fuzzylite, IEEE 1855: a file a system; what the form has no place for
-      is listed, and carried in a comment that `import` reads
-    - fcl: IEC 61131-7, written only: a file a system
+    - fis, fll, fml, fcl: MATLAB and Octave, fuzzylite, IEEE 1855, IEC 61131-7: a file a system; what the form
+      has no place for is listed, and carried, where it has comments for that, in one that `import` reads
     - c: C99 source that stands alone: for a controller that commands a force step(), which has its thrust
       logic; else a function a system
     - fmu: FMI 2.0 for co-simulation (Simulink, Dymola, OpenModelica): a file a system, its inference alone;
@@ -115,8 +107,8 @@ def run(
         _write_c(controller, output, bare)
     elif format == "fmu":
         _write_fmus(controller, output)
-    elif form.write_one is not None:
-        _write_each(controller, form.write_one, form.ending, output)
+    elif format in forms.FORMS:
+        _write_each(controller, forms.writer(format), form.ending, output)
     elif form.write_ranked is not None:
         write(output, form.write_ranked(controller, asked.importance(controller)))
     elif form.write is not None:

@@ -8,10 +8,11 @@ import hashlib
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 from fis_tools.formats.error import ControllerFileError
 from fis_tools.formats.exchange.files import Reading
+from fis_tools.formats.forms import FORMS, reader
 from fis_tools.formats.own import json, yaml
 from fis_tools.formats.own.mapping import SCHEMA, SCHEMA_VERSION, from_mapping, to_mapping
 from fis_tools.formats.own.plain import MAX_FILE_BYTES, MAX_JSON_BYTES, Unreadable
@@ -33,23 +34,18 @@ __all__ = [
     "to_mapping",
 ]
 
-Kind = Literal["json", "yaml", "fis", "fll", "fml", "fcl"]
+#: A kind of file: "json", "yaml", or one of other programs, see `fis_tools.formats.forms`.
+Kind = str
 _KINDS: dict[str, Kind] = {
     ".json": "json",
     ".yaml": "yaml",
     ".yml": "yaml",
-    ".fis": "fis",
-    ".fll": "fll",
-    ".fml": "fml",
-    ".xml": "fml",
-    ".fcl": "fcl",
+    **{ending: name for name, form in FORMS.items() if form.is_read for ending in form.endings},
 }
 #: How the names of the files end that are read.
 ENDINGS = tuple(_KINDS)
 
 _PLAIN_READERS: dict[Kind, Callable[[str], Any]] = {"json": json.read, "yaml": yaml.read}
-#: Kinds that say nothing of the letters they are written in.
-_LATIN = ("fis", "fll", "fcl")
 
 
 def dump_json(controller: FuzzyController) -> str:
@@ -130,7 +126,7 @@ def _decoded(content: bytes, kind: Kind) -> tuple[str, tuple[str, ...]]:
     try:
         return content.decode("utf-8-sig"), ()
     except UnicodeDecodeError as error:
-        if kind not in _LATIN or b"\0" in content:
+        if kind in _PLAIN_READERS or not FORMS[kind].is_latin or b"\0" in content:
             raise
         byte = f"byte {error.start} is no UTF-8"
         return content.decode("latin-1"), (f"the file is text in Latin-1: {byte}",)
@@ -143,8 +139,8 @@ def loads(text: str, kind: Kind) -> FuzzyController:
     ----------
     text : str
         The whole file.
-    kind : {"json", "yaml", "fis", "fll", "fml", "fcl"}
-        Which kind of file it is.
+    kind : str
+        Which kind of file it is: "json", "yaml", "fis", "fll", "fml" or "fcl".
 
     Raises
     ------
@@ -157,16 +153,9 @@ def loads(text: str, kind: Kind) -> FuzzyController:
 def reads(text: str, kind: Kind) -> Reading:
     """Read a controller from text, and tell what the text does not state; parameters as for `loads`."""
     if kind not in _PLAIN_READERS:
-        return _read_foreign(text, kind)
+        return reader(kind)(text)
     try:
         mapping = _PLAIN_READERS[kind](text)
     except Unreadable as error:
         raise ControllerFileError(str(error)) from error
     return Reading(from_mapping(mapping), ())
-
-
-def _read_foreign(text: str, kind: Kind) -> Reading:
-    from fis_tools.formats.exchange import fcl, fis, fll, fml  # noqa: PLC0415 - few files need them
-
-    readers = {"fis": fis.read, "fll": fll.read, "fml": fml.read, "fcl": fcl.read}
-    return readers[kind](text)
