@@ -48,7 +48,7 @@ class Compiled:
         """Call the compiled function."""
         plain = _plain.get("")
         # what takes vectors is called in compiled code, or in plain Python with those of NumPy
-        if plain and (plain == self._package or "forceinline" in self._options):
+        if plain and (plain == self._package or {"forceinline", "inline"} & self._options.keys()):
             return self.py_func(*args, **kwargs)
         if kwargs:  # numba takes a tenth of a microsecond longer if there may be some
             return self.dispatcher(*args, **kwargs)

@@ -9,6 +9,8 @@ from pathlib import Path
 import pytest
 
 import fis_tools
+from fis_tools.compiled.decorator import plainly
+from fis_tools.compiled.three import same
 
 PROJECT = Path(fis_tools.__file__).parents[1]
 
@@ -90,6 +92,12 @@ def test_what_is_wanted_once_is_not_compiled_until_it_is_wanted_again(package: P
     assert package.run(ask).stdout.split() == ["7", "0", "8", "1", "2.5", "1"]
     # whole numbers were wanted twice, others once
     assert package.run(ask).stdout.split() == ["7", "1", "8", "1", "2.5", "2"]
+
+
+def test_what_takes_vectors_runs_as_plain_python_with_the_package_that_calls_it() -> None:
+    """Compiled code takes the number of lanes as a constant, which a call from Python does not give it."""
+    with plainly("kernels"):
+        assert [component.tolist() for component in same(2.0, 4)] == [[2.0] * 4] * 3
 
 
 @pytest.mark.slow
