@@ -13,6 +13,7 @@ import numpy as np
 
 from fis_tools.analysis.condition import Region, read_conditions, read_region
 from fis_tools.analysis.subdivision import Progress, Subdivision, subdivide
+from fis_tools.document import Document, Paragraph, Result
 from fis_tools.engines import interpreter, interval
 from fis_tools.model import FuzzySystem, Variable
 from fis_tools.typing import Floats
@@ -41,8 +42,8 @@ class Interval:
         return self.high - self.low
 
 
-@dataclass(frozen=True)
-class Answer:
+@dataclass(frozen=True, repr=False)
+class Answer(Result):
     """The answer to a question about the outputs of a system over a region of inputs.
 
     Parameters
@@ -94,16 +95,13 @@ class Answer:
             f"{100.0 * self.undecided_share:.3g} % of the region are left, the largest part with {left}."
         )
 
-    def __str__(self) -> str:
-        return self.sentence
-
-    def _repr_markdown_(self) -> str:
-        question, answer = self.sentence.split(": ", 1)
-        return f"`{question}`: {answer}"
+    def document(self) -> Document:
+        """Say it in a sentence."""
+        return Document([Paragraph(self.sentence)])
 
 
-@dataclass(frozen=True)
-class Range:
+@dataclass(frozen=True, repr=False)
+class Range(Result):
     """The range of an output over a region of inputs.
 
     Parameters
@@ -143,11 +141,9 @@ class Range:
         proved = f"{self.output.name} goes from {outer} at most, proved with {self.num_boxes} boxes"
         return "; ".join((proved, *ends)) + "."
 
-    def __str__(self) -> str:
-        return self.sentence
-
-    def _repr_markdown_(self) -> str:
-        return self.sentence
+    def document(self) -> Document:
+        """Say it in a sentence."""
+        return Document([Paragraph(self.sentence)])
 
 
 def ask(

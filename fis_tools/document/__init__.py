@@ -65,13 +65,20 @@ class Table:
 
 
 @dataclass(frozen=True)
+class Code:
+    """Words to be copied as they are, such as a command."""
+
+    words: str
+
+
+@dataclass(frozen=True)
 class Figure:
     """A picture for pages, left out elsewhere: HTML or SVG that is safe as it stands."""
 
     markup: str
 
 
-Block: TypeAlias = Heading | Paragraph | Items | Table | Figure
+Block: TypeAlias = Heading | Paragraph | Items | Table | Code | Figure
 
 
 @dataclass(frozen=True)

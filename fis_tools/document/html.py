@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 from markupsafe import Markup, escape
 
-from fis_tools.document import Block, Change, Document, Figure, Heading, Items, Paragraph, Table
+from fis_tools.document import Block, Change, Code, Document, Figure, Heading, Items, Paragraph, Table
 from fis_tools.document.element import element
 from fis_tools.document.page import read, template
 
@@ -14,9 +14,9 @@ def fragment(document: Document) -> str:
     return str(element("style", Markup(read("style.css"))) + _body(document))  # noqa: S704 - of this package
 
 
-def page(document: Document) -> str:
-    """Write a document as a page of its own, which runs nothing and fetches nothing."""
-    style = Markup(read("style.css"))  # noqa: S704 - of this package
+def page(document: Document, style: str = "") -> str:
+    """Write a document as a page of its own, which runs nothing and fetches nothing; ``style`` is CSS."""
+    style = Markup(style + read("style.css"))  # noqa: S704 - of our packages
     return template("fis_tools", "document", "page.html").render(
         title=document.title, style=style, body=_body(document)
     )
@@ -36,6 +36,8 @@ def _elements(block: Block) -> Iterator[Markup]:
         case Items(items):
             broken = (Markup("<br>").join(item.split("\n")) for item in items)
             yield element("ul", *(element("li", words) for words in broken))
+        case Code(words):
+            yield element("pre", element("code", words))
         case Table():
             yield _table(block)
         case Figure(markup):

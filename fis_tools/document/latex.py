@@ -3,7 +3,7 @@ r"""Documents as LaTeX with booktabs, to be put into another by ``\input``."""
 import re
 from collections.abc import Iterator, Sequence
 
-from fis_tools.document import Block, Change, Document, Heading, Items, Paragraph, Table
+from fis_tools.document import Block, Change, Code, Document, Heading, Items, Paragraph, Table
 
 #: A table with more rows than this may break across pages.
 LONG = 30
@@ -51,6 +51,8 @@ def _lines(block: Block) -> Iterator[str]:
             yield r"\begin{itemize}"
             yield from (r"\item " + r" \\ ".join(map(_escaped, item.split("\n"))) for item in items)
             yield r"\end{itemize}"
+        case Code(words):
+            yield from (r"\begin{verbatim}", words, r"\end{verbatim}")
         case Table():
             yield from _table(block)
 

@@ -3,7 +3,7 @@
 import re
 from collections.abc import Iterator
 
-from fis_tools.document import Block, Change, Document, Figure, Heading, Items, Paragraph, Table
+from fis_tools.document import Block, Change, Code, Document, Figure, Heading, Items, Paragraph, Table
 from fis_tools.document.text import aligned
 
 # What Markdown would take for markup; an underscore inside a word is none.
@@ -25,6 +25,8 @@ def _lines(block: Block) -> Iterator[str]:
         case Items(items):
             for item in items:
                 yield "- " + "  \n  ".join(map(_escaped, item.split("\n")))
+        case Code(words):
+            yield from ("```", words, "```")
         case Table(heads, rows, numbers):
             width = len(heads or rows[0])
             rule = ["--:" if place in numbers else "---" for place in range(width)]

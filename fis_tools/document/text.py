@@ -3,7 +3,7 @@
 import textwrap
 from collections.abc import Collection, Iterator, Sequence
 
-from fis_tools.document import Block, Change, Document, Figure, Heading, Items, Paragraph, Table
+from fis_tools.document import Block, Change, Code, Document, Figure, Heading, Items, Paragraph, Table
 
 #: Sentences are wrapped at this column, and tables of changes that are wider are listed instead.
 WIDTH = 110
@@ -40,6 +40,8 @@ def _lines(block: Block, indent: int, width: int) -> Iterator[str]:
                 yield from _wrapped(first, width, indent)
                 for words in others:
                     yield from _wrapped(words, width, indent + 2)
+        case Code(words):
+            yield from (" " * (indent + 4) + line for line in words.splitlines())
         case Table():
             yield from ((" " * indent + line).rstrip() for line in _table(block, width - indent))
 

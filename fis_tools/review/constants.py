@@ -83,8 +83,8 @@ def constants(
 def _digits(name: str, value: float, went: Sequence[Outcome], attributes: Mapping[str, str]) -> str:
     """Say with how many digits every decision that a constant makes on the flights is what it was.
 
-    A dead band decides whether an output is fired, a constant of coasting whether nothing is asked for. What
-    other constants do happens before the inputs that a recording holds, and is not told.
+    A dead band decides whether an output is fired, a constant of coasting whether nothing is asked for. A
+    recording does not hold what the other constants act on, so nothing is said of them.
     """
     if name.startswith(DEAD_BAND):
         decide = _dead_band(name, went)

@@ -42,10 +42,6 @@ def finding_rows(audit: Audit, controller: FuzzyController) -> list[dict[str, An
     return rows
 
 
-def _key(finding: Finding) -> list[str]:
-    return [finding.id, finding.system, finding.variable, *finding.terms, *map(str, finding.rules)]
-
-
 def finding_counts(audit: Audit, system: str) -> str:
     """Say how many findings of each severity a system has: ``1 serious, 2 warnings``."""
     counts = Counter(finding.severity for finding in audit.findings if finding.system == system)

@@ -35,7 +35,7 @@ class Flight:
 
     @property
     def num_inferences(self) -> int:
-        """Of the system that inferred most."""
+        """The most inferences that one of its systems made."""
         return max(len(one.time_s) for one in self.flown.values())
 
 

@@ -23,7 +23,7 @@ from fis_tools.review.requirements import read_evidence
 #: what the reviewer ticks before signing, by key
 CHECKS = {
     "flights": "I have looked at how it {did}, and the {noun}s stand for how it will be used.",
-    "constants": "Each constant is meant as it is.",
+    "constants": "Every constant has the value that it should have.",
     "terms": "The terms mean what their names say.",
     "rules": "I have read the rules with the greatest shares of each system, and they say the right thing.",
     "findings": "Every serious finding and every warning is accepted, or waived for the reason given.",

@@ -4,21 +4,15 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from rich.console import Console
-from rich.table import Table as Grid
-from rich.text import Text
-
+from fis_tools.document import Block, Document, text
 from pipeline.command_line.job import ConfigError, differences
 from pipeline.evaluation import paired
 from pipeline.report.swept import contents, page, words
-from pipeline.report.swept.words import Table
 from pipeline.run import artifacts, tables
 
 OK = 0
 #: files that `summary` writes into a sweep's folder
 PAGE, RUNS, EFFECTS = "summary.html", "summary.parquet", "effects.parquet"
-#: width of a table that is not printed on a terminal, characters
-WIDTH = 200
 #: number of runs whose failures, or commands, are printed
 MOST_PRINTED = 20
 
@@ -40,10 +34,7 @@ def summary(given: Sequence[str]) -> int:
     tables.write_parquet(folder / RUNS, contents.columns_of(swept))
     tables.write_parquet(folder / EFFECTS, contents.effect_columns(swept))
     artifacts.write_atomically(folder / PAGE, page.write(swept))
-    _print(words.runs_table(swept))
-    effects = words.effects_table(swept)
-    if effects.rows:
-        _print(effects)
+    _print([*words.runs_table(swept), *words.effects_table(swept)])
     for run in swept.offered:
         sys.stdout.write(f"to fly {run.name}: {run.fly}\n")
     for run in words.failures_of(swept)[:MOST_PRINTED]:
@@ -71,14 +62,5 @@ def compare(first: Path, second: Path) -> int:
     return OK
 
 
-def _print(table: Table) -> None:
-    """Print a table: as wide as the terminal, elsewhere as wide as needed."""
-    console = Console(file=sys.stdout)
-    if not console.is_terminal:
-        console = Console(file=sys.stdout, width=WIDTH)
-    grid = Grid(title=Text(table.title), title_justify="left", header_style="bold")
-    for heading, is_number in zip(table.headings, table.are_numbers, strict=True):
-        grid.add_column(Text(heading), justify="right" if is_number else "left")
-    for row in table.rows:
-        grid.add_row(*map(Text, row))
-    console.print(grid)
+def _print(blocks: Sequence[Block]) -> None:
+    sys.stdout.write(text.write(Document(blocks)))

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fis_tools.document import Block, Document, Heading, Table, text
 from pipeline.evaluation.monte_carlo import summarise
 from pipeline.evaluation.statistics import Fraction, Statistic
 from pipeline.flight.control.controller import Controller
@@ -223,18 +224,16 @@ def lines_of(rows: Sequence[ComparisonRow], sun: str) -> list[list[str]]:
 
 def in_words(rows: Sequence[ComparisonRow]) -> str:
     """Write the table as plain text, one section per Sun setting."""
-    parts = []
+    blocks: list[Block] = []
     for sun in dict.fromkeys(row.sun for row in rows if row.sun):
-        lines = [[heading for heading, _ in COLUMNS], *lines_of(rows, sun)]
-        used = [place for place in range(len(COLUMNS)) if any(line[place] for line in lines[1:])]
-        widths = {place: max(len(line[place]) for line in lines) for place in used}
-        text = [
-            "  ".join(
-                line[place].rjust(widths[place]) if COLUMNS[place][1] else line[place].ljust(widths[place])
-                for place in used
-            )
-            for line in lines
+        lines = lines_of(rows, sun)
+        used = [place for place in range(len(COLUMNS)) if any(line[place] for line in lines)]
+        blocks += [
+            Heading(f"Sun {sun}"),
+            Table(
+                [COLUMNS[place][0] for place in used],
+                [[line[place] for place in used] for line in lines],
+                numbers=[column for column, place in enumerate(used) if COLUMNS[place][1]],
+            ),
         ]
-        text.insert(1, "-" * len(text[0]))
-        parts.append("\n".join([f"Sun {sun}", *(line.rstrip() for line in text)]))
-    return "\n\n".join(parts)
+    return text.write(Document(blocks))

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 
+from fis_tools.document import Document, Paragraph, Table, text
 from pipeline.evaluation.comparison import FLOWN, ComparisonRow
 
 #: contents of a cell of the table
@@ -65,12 +66,7 @@ def worlds_in_words(rows: Sequence[ComparisonRow]) -> str:
     """Return the tables as plain text, and which controllers hold."""
     parts = []
     for sun, layer, lines in matrices(rows):
-        widths = [max(len(line[place]) for line in lines) for place in range(len(lines[0]))]
-        text = [
-            "  ".join(text.ljust(width) for text, width in zip(line, widths, strict=True)) for line in lines
-        ]
-        text.insert(1, "-" * len(text[0]))
-        parts.append(
-            "\n".join([f"Sun {sun}, safety layer {layer}: {LEGEND}", *(line.rstrip() for line in text)])
-        )
-    return "\n\n".join([*parts, "\n".join(verdicts(rows))])
+        heads, *rows_told = lines
+        title = Paragraph(f"Sun {sun}, safety layer {layer}: {LEGEND}:")
+        parts.append(text.write(Document([title, Table(heads, rows_told)])))
+    return "\n".join([*parts, *verdicts(rows)])

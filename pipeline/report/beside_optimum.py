@@ -114,8 +114,8 @@ def in_words(beside: BesideOptimum, threshold_percent: float) -> str:
     fewest = int(np.min(beside.columns["optimum_inspected_count"]))
     cases = "the one solved case" if told["num_cases"] == 1 else f"{told['num_cases']} solved cases"
     return (
-        f"In the mean of {cases} it burns {times['mean']:.2f} times the optimum: what a plan burns that was "
-        f"made with the whole flight known, and inspects at least {fewest} points. The median is "
+        f"In the mean of {cases} it burns {times['mean']:.2f} times the optimum, which is the fuel of a plan "
+        f"that knows the whole flight in advance and inspects at least {fewest} points. The median is "
         f"{times['median']:.2f}, the range {times['min']:.2f} to {times['max']:.2f} (case "
         f"{times['max_case']}). A case costs it {told['delta_v_m_s']['mean']:.3f} m/s, the plan "
         f"{told['optimum_delta_v_m_s']['mean']:.3f} m/s. In {told['num_successful']} of "

@@ -86,7 +86,7 @@ def _leader(recording: Recording, row: int) -> str:
         for output, shares in zip(topic["output_n"][is_now], topic["shares_n"][is_now], strict=True):
             if np.any(shares) and recording.is_fired(name)[is_now].any():
                 found.append((abs(float(output)), int(np.abs(shares).argmax()) + 1, name))
-    return ", most by rule {} of {}".format(*max(found)[1:]) if found else ""
+    return ", mostly by rule {} of {}".format(*max(found)[1:]) if found else ""
 
 
 def _points(count: int) -> str:

@@ -6,9 +6,12 @@ by", a hollow one "in the context of".
 """
 
 from collections.abc import Mapping, Sequence
-from html import escape
 from textwrap import wrap
 from typing import Any
+
+from markupsafe import Markup
+
+from fis_tools.document.element import element
 
 #: of the drawing, in its own units; text is about half as wide as high
 WIDTH, LINE, SIZE = 960, 17, 14
@@ -20,7 +23,7 @@ SPINE_X = 45
 LETTERED = {"cases": "cases", "search": "search", "bounds": "bounds", "safety_layer": "safety layer"}
 
 
-def draw(evidence: Mapping[str, Any]) -> str:
+def draw(evidence: Mapping[str, Any]) -> Markup:
     """Draw the argument of evidence as an SVG element whose goals and solutions are links into the page."""
     requirements = evidence["requirements"]
     height = FIRST_ROW + ROW * len(requirements)
@@ -28,24 +31,35 @@ def draw(evidence: Mapping[str, Any]) -> str:
     for row, requirement in enumerate(requirements):
         parts += _row(requirement, FIRST_ROW + ROW * row)
     title = f"The argument for {evidence['controller']['name']}, goal by goal"
-    return (
-        f'<svg class="argument" viewBox="0 0 {WIDTH} {height}" role="group" aria-labelledby="argument-name">'
-        f'<title id="argument-name">{escape(title)}</title>{_heads()}{"".join(parts)}</svg>'
+    return element(
+        "svg",
+        element("title", title, id="argument-name"),
+        element("defs", *(_head(name) for name in ("solved-by", "in-context"))),
+        *parts,
+        class_="argument",
+        viewBox=f"0 0 {WIDTH} {height}",
+        role="group",
+        aria_labelledby="argument-name",
     )
 
 
-def _heads() -> str:
-    """Return the two heads of arrows."""
-    shape = '<path d="M0 0 10 5 0 10z"/>'
-    marks = "".join(
-        f'<marker id="{name}" class="{name}" viewBox="0 0 10 10" refX="9" refY="5" markerWidth="9" '
-        f'markerHeight="9" orient="auto-start-reverse">{shape}</marker>'
-        for name in ("solved-by", "in-context")
+def _head(name: str) -> Markup:
+    """Return the head of an arrow."""
+    return element(
+        "marker",
+        element("path", d="M0 0 10 5 0 10z"),
+        id=name,
+        class_=name,
+        viewBox="0 0 10 10",
+        refX=9,
+        refY=5,
+        markerWidth=9,
+        markerHeight=9,
+        orient="auto-start-reverse",
     )
-    return f"<defs>{marks}</defs>"
 
 
-def _top(evidence: Mapping[str, Any]) -> list[str]:
+def _top(evidence: Mapping[str, Any]) -> list[Markup]:
     """Draw the first goal, its contexts and the strategy."""
     conditions = evidence["conditions"]
     near, far = conditions["start_distance_m"]
@@ -62,14 +76,16 @@ def _top(evidence: Mapping[str, Any]) -> list[str]:
     parts = [_goal("G0", claim, _overall(evidence), SPINE_X - 25, TOP, "#verdicts")]
     for place, (words, link) in enumerate(zip(worlds, ("#provenance", "#domain"), strict=True)):
         y = TOP + 62 * place
-        outline = f'<rect class="context" x="{FIRST_SOLUTION_X}" y="{y}" width="350" height="52" rx="26"/>'
+        outline = element("rect", class_="context", x=FIRST_SOLUTION_X, y=y, width=350, height=52, rx=26)
         parts.append(_link(link, outline + _text(words, FIRST_SOLUTION_X + 175, y + 26, 42)))
         x = SPINE_X - 25 + GOAL_WIDTH
         parts.append(_arrow(x, TOP + GOAL_HEIGHT / 2, FIRST_SOLUTION_X, y + 26, "in-context"))
     y = TOP + GOAL_HEIGHT + 60
     corners = f"{SPINE_X + 5},{y} {SPINE_X + 375},{y} {SPINE_X + 345},{y + 60} {SPINE_X - 25},{y + 60}"
     words = "S1: argue requirement by requirement, each by the evidence that it asks for"
-    parts.append(f'<polygon class="strategy" points="{corners}"/>' + _text(words, SPINE_X + 175, y + 30, 40))
+    parts.append(
+        element("polygon", class_="strategy", points=corners) + _text(words, SPINE_X + 175, y + 30, 40)
+    )
     parts.append(_arrow(SPINE_X + 175, TOP + GOAL_HEIGHT, SPINE_X + 175, y, "solved-by"))
     return parts
 
@@ -79,13 +95,13 @@ def _overall(evidence: Mapping[str, Any]) -> str:
     return next((word for word in ("refuted", "not shown") if word in verdicts), "shown")
 
 
-def _spine(rows: int) -> list[str]:
+def _spine(rows: int) -> list[Markup]:
     """Draw the line from the strategy down to the goals."""
     last = FIRST_ROW + ROW * (rows - 1) + GOAL_HEIGHT / 2
-    return [f'<path class="line" d="M{SPINE_X} {TOP + GOAL_HEIGHT + 120}V{last:g}"/>']
+    return [_line(f"M{SPINE_X} {TOP + GOAL_HEIGHT + 120}V{last:g}")]
 
 
-def _row(requirement: Mapping[str, Any], y: float) -> list[str]:
+def _row(requirement: Mapping[str, Any], y: float) -> list[Markup]:
     """Draw the goal of a requirement and its solutions."""
     name, middle = requirement["id"], y + GOAL_HEIGHT / 2
     parts = [_arrow(SPINE_X, middle, GOAL_X, middle, "solved-by")]
@@ -93,8 +109,8 @@ def _row(requirement: Mapping[str, Any], y: float) -> list[str]:
     centre, bus = middle + 20, y + 3
     for place, (method, found) in enumerate(requirement["methods"].items()):
         x = FIRST_SOLUTION_X + SOLUTION_STEP * place
-        circle = f'<circle class="{css_of(found)}" cx="{x}" cy="{centre:g}" r="{RADIUS}"/>'
-        parts.append(f'<path class="line" d="M{GOAL_X + GOAL_WIDTH} {bus:g}H{x}"/>')
+        circle = element("circle", class_=css_of(found), cx=x, cy=f"{centre:g}", r=RADIUS)
+        parts.append(_line(f"M{GOAL_X + GOAL_WIDTH} {bus:g}H{x}"))
         parts.append(_arrow(x, bus, x, centre - RADIUS, "solved-by"))
         label = _lines([f"Sn-{name}", LETTERED[method], *wrap(found["word"], 10)], x, centre, "small")
         parts.append(_link(f"#{name}-{method}", circle + label))
@@ -108,35 +124,37 @@ def css_of(found: Mapping[str, Any]) -> str:
     )
 
 
-def _goal(name: str, words: str, verdict: str, x: float, y: float, link: str) -> str:
-    outline = (
-        f'<rect class="{_css(verdict)}" x="{x:g}" y="{y:g}" width="{GOAL_WIDTH}" height="{GOAL_HEIGHT}"/>'
-    )
-    label = f'<text class="name" x="{x + 10:g}" y="{y + 18:g}">{escape(name)}: {escape(verdict)}</text>'
+def _goal(name: str, words: str, verdict: str, x: float, y: float, link: str) -> Markup:
+    place = {"x": f"{x:g}", "y": f"{y:g}"}
+    outline = element("rect", class_=_css(verdict), **place, width=GOAL_WIDTH, height=GOAL_HEIGHT)
+    label = element("text", f"{name}: {verdict}", class_="name", x=f"{x + 10:g}", y=f"{y + 18:g}")
     return _link(link, outline + label + _text(words, x + GOAL_WIDTH / 2, y + 46, 50))
 
 
-def _link(target: str, inside: str) -> str:
-    return f'<a href="{escape(target)}">{inside}</a>'
+def _link(target: str, inside: Markup) -> Markup:
+    return element("a", inside, href=target)
 
 
-def _arrow(x: float, y: float, to_x: float, to_y: float, head: str) -> str:
-    return f'<path class="line" marker-end="url(#{head})" d="M{x:g} {y:g}L{to_x:g} {to_y:g}"/>'
+def _line(path: str, **more: str) -> Markup:
+    return element("path", class_="line", d=path, **more)
 
 
-def _text(words: str, x: float, y: float, width: int) -> str:
+def _arrow(x: float, y: float, to_x: float, to_y: float, head: str) -> Markup:
+    return _line(f"M{x:g} {y:g}L{to_x:g} {to_y:g}", marker_end=f"url(#{head})")
+
+
+def _text(words: str, x: float, y: float, width: int) -> Markup:
     """Write words in lines around a point; what does not fit into three ends in an ellipsis."""
     lines = wrap(words, width, max_lines=2, placeholder=" …")
     return _lines(lines, x, y)
 
 
-def _lines(lines: Sequence[str], x: float, y: float, css: str = "") -> str:
+def _lines(lines: Sequence[str], x: float, y: float, css: str = "") -> Markup:
     first = y - LINE * (len(lines) - 1) / 2 + SIZE * 0.35
-    spans = "".join(
-        f'<tspan x="{x:g}" y="{first + LINE * place:g}">{escape(line)}</tspan>'
-        for place, line in enumerate(lines)
+    spans = (
+        element("tspan", line, x=f"{x:g}", y=f"{first + LINE * place:g}") for place, line in enumerate(lines)
     )
-    return f'<text class="middle {css}">{spans}</text>'
+    return element("text", *spans, class_=f"middle {css}".rstrip())
 
 
 def _css(verdict: str) -> str:

@@ -1,15 +1,18 @@
 """How the margins of many flights are spread, as a picture: a bar a bin, those that fail marked."""
 
 from collections.abc import Mapping
-from html import escape
 from typing import Any
+
+from markupsafe import Markup
+
+from fis_tools.document.element import element
 
 WIDTH, HEIGHT, BASE, LEFT = 640, 150, 112, 10
 #: a number nearer to the zero than this would stand on it
 ROOM = 40.0
 
 
-def draw(histogram: Mapping[str, Any], unit: str, name: str) -> str:
+def draw(histogram: Mapping[str, Any], unit: str, name: str) -> Markup:
     """Draw a histogram of margins as an SVG element.
 
     Parameters
@@ -36,26 +39,35 @@ def draw(histogram: Mapping[str, Any], unit: str, name: str) -> str:
             x, width = place(low), max(1.0, place(high) - place(low) - 1.0)
             kind = "refuted" if high <= 0.0 else "shown"
             words = f"{count:,} from {low:.4g} to {high:.4g} {unit}".strip()
+            box = {"x": x, "y": BASE - height, "width": width, "height": height}
             bars.append(
-                f'<rect class="bar {kind}" x="{x:.1f}" y="{BASE - height:.1f}" width="{width:.1f}" '
-                f'height="{height:.1f}"><title>{escape(words)}</title></rect>'
+                element(
+                    "rect",
+                    element("title", words),
+                    class_=f"bar {kind}",
+                    **{side: f"{size:.1f}" for side, size in box.items()},
+                )
             )
     marks = [(edges[0], "start"), (edges[-1], "end")]
     if edges[0] < 0.0 < edges[-1]:
         marks.append((0.0, "middle"))
-    texts = "".join(
-        f'<text class="{anchor}" x="{place(value):.1f}" y="{BASE + 18}">{_number(value)}</text>'
+    lines = [element("path", class_="line", d=f"M{LEFT} {BASE}H{WIDTH - LEFT}")]
+    if len(marks) == 3:
+        lines.append(element("path", class_="zero", d=f"M{place(0.0):.1f} 4V{BASE}"))
+    texts = [
+        element("text", _number(value), class_=anchor, x=f"{place(value):.1f}", y=BASE + 18)
         for value, anchor in marks
         if anchor == "middle" or len(marks) < 3 or abs(place(value) - place(0.0)) > ROOM
-    )
-    axis = f'<path class="line" d="M{LEFT} {BASE}H{WIDTH - LEFT}"/>'
-    zero = f'<path class="zero" d="M{place(0.0):.1f} 4V{BASE}"/>' if len(marks) == 3 else ""
-    caption = escape(f"margin{f' ({unit})' if unit else ''}; heights are square roots of counts")
-    label = escape(f"Margins of the cases of {name}: from {edges[0]:.4g} to {edges[-1]:.4g} {unit}")
-    return (
-        f'<svg class="margins" viewBox="0 0 {WIDTH} {HEIGHT}" role="img" aria-label="{label}">'
-        f"{''.join(bars)}{axis}{zero}{texts}"
-        f'<text class="middle" x="{WIDTH / 2}" y="{BASE + 34}">{caption}</text></svg>'
+    ]
+    caption = f"margin{f' ({unit})' if unit else ''}; heights are square roots of counts"
+    return element(
+        "svg",
+        *(*bars, *lines, *texts),
+        element("text", caption, class_="middle", x=WIDTH / 2, y=BASE + 34),
+        class_="margins",
+        viewBox=f"0 0 {WIDTH} {HEIGHT}",
+        role="img",
+        aria_label=f"Margins of the cases of {name}: from {edges[0]:.4g} to {edges[-1]:.4g} {unit}",
     )
 
 

@@ -33,7 +33,7 @@ def write(evidence: Mapping[str, Any]) -> str:
         css_of=goal_structure.css_of,
         lead=lead(evidence),
         uncertain=[word for word in uncertain(evidence["conditions"]) if word != "Sun"],
-        drawing=Markup(goal_structure.draw(evidence)),  # noqa: S704 - escaped where it is drawn
+        drawing=goal_structure.draw(evidence),
         domain_words=domain_words(evidence["domain"]) if evidence["domain"] else "",
         factors=factors(evidence),
         provenance=_provenance(evidence),
@@ -74,8 +74,7 @@ def _requirement(told: Mapping[str, Any]) -> dict[str, Any]:
     if "cases" in told:
         cases = told["cases"]
         found["case_facts"] = _case_facts(cases, unit)
-        drawn = margins.draw(cases["histogram"], unit, told["id"])
-        found["margins"] = Markup(drawn)  # noqa: S704 - escaped where it is drawn
+        found["margins"] = margins.draw(cases["histogram"], unit, told["id"])
         found["brief"]["cases"] = f"{cases['num_failed']:,} of {cases['num_cases']:,} fail"
     if "search" in told:
         search = told["search"]
@@ -137,7 +136,7 @@ def _worst_facts(worst: Mapping[str, Any], unit: str) -> list[tuple[str, str]]:
         ("start, Hill axes", f"({start}) m"),
         ("Sun at the start", _sun(worst)),
         *((key, f"{value:.6g}") for key, value in worst["settings"].items()),
-        ("left the operational domain", f"{left} times" if left else "never"),
+        ("left the operational domain", "never" if not left else "once" if left == 1 else f"{left} times"),
     ]
 
 

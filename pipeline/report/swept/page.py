@@ -1,8 +1,12 @@
 """The page of a sweep: tables, parallel coordinates, the front, and how to fly the best."""
 
+from collections.abc import Iterator
+
 from markupsafe import Markup
 
-from fis_tools.document.page import read, source_hash, template
+from fis_tools.document import Block, Code, Document, Figure, Heading, Items, Paragraph, html
+from fis_tools.document.element import element
+from fis_tools.document.page import read
 from pipeline.evaluation.paired import METRICS
 from pipeline.report.figures.style import save, style
 from pipeline.report.figures.sweep import Line, Point, front_of_runs, parallel_coordinates
@@ -11,53 +15,65 @@ from pipeline.report.swept.contents import Run, Swept
 from pipeline.report.swept.words import effects_table, failures_of, runs_table
 
 DOTS_PER_INCH = 100
+_EFFECTS = (
+    "Each value of a setting against its first, in runs that differ in nothing else, on the cases that they "
+    "share. Where several pairs of runs differ so, each pair counts once; where one does, each case."
+)
 
 
 def write(swept: Swept) -> str:
-    """Write the page.
-
-    Returns
-    -------
-    str
-        HTML that needs no other file, asks for none, and runs no script.
-    """
-    css = read("templates/report.css", "pipeline.report")
-    return template("pipeline.report", "templates", "sweep.html").render(
-        folder=swept.folder.as_posix(),
-        num_runs=len(swept.runs),
-        num_evaluated=len(swept.evaluated),
-        factors=swept.factors,
-        runs=runs_table(swept),
-        effects=effects_table(swept),
-        pictures=_pictures(swept),
-        offered=swept.offered,
-        failures=failures_of(swept),
-        style=Markup(css),  # noqa: S704 - a file of this package
-        style_hash=source_hash(css),
-    )
+    """Write the page: HTML that needs no other file, asks for none, and runs no script."""
+    return html.page(_document(swept), read("templates/report.css", "pipeline.report"))
 
 
-def _pictures(swept: Swept) -> dict[str, Markup]:
-    """Draw the sweep; nothing where fewer than two runs were evaluated."""
+def _document(swept: Swept) -> Document:
+    folder = swept.folder.as_posix()
+    blocks: list[Block] = [
+        Heading(f"Sweep over {', '.join(swept.factors) or 'nothing'}", 1),
+        Paragraph(f"{folder}: {len(swept.runs)} runs, {len(swept.evaluated)} evaluated"),
+        Heading("Best, ready to fly"),
+    ]
+    if swept.offered:
+        blocks.append(
+            Paragraph("No other run spends as little and inspects as much; the most successful first.")
+        )
+        for run in swept.offered:
+            blocks += [Heading(run.name, 3), Code(run.fly)]
+    else:
+        blocks.append(Paragraph("No run has been evaluated yet."))
+    failures = [f"{run.name}: {run.failure}" for run in failures_of(swept)]
+    if failures:
+        blocks += [Heading("Failed"), Items(failures), Paragraph("To try them again:")]
+        blocks.append(Code(f"python -m pipeline resume={folder}"))
+    if effects := effects_table(swept):
+        blocks += [Heading("Effects"), Paragraph(_EFFECTS), *effects]
+    if len(swept.evaluated) > 1:
+        blocks += [Heading("All runs"), *_pictures(swept)]
+    return Document([*blocks, Heading("Runs"), *runs_table(swept)])
+
+
+def _pictures(swept: Swept) -> Iterator[Figure]:
     runs = swept.evaluated
-    if len(runs) < 2:
-        return {}
+    told = (
+        (
+            "parallel",
+            "Settings and outcomes, a line a run",
+            "Each run is a line through its settings and its means.",
+        ),
+        (
+            "front",
+            "Mean inspection rate over mean delta-v",
+            "Means with their intervals; the line joins the runs that no other surpasses.",
+        ),
+    )
     with style():
-        figures = {
-            "parallel": (
-                parallel_coordinates([_line(run, swept) for run in runs]),
-                "Settings and outcomes, a line a run",
-            ),
-            "front": (
-                front_of_runs([_point(run, swept) for run in runs]),
-                "Mean inspection rate over mean delta-v",
-            ),
-        }
-        drawn = {
-            name: inline(save(figure, name, DOTS_PER_INCH).svg, name, words)
-            for name, (figure, words) in figures.items()
-        }
-    return {name: Markup(element) for name, element in drawn.items()}  # noqa: S704 - escaped where it is drawn
+        figures = (
+            parallel_coordinates([_line(run, swept) for run in runs]),
+            front_of_runs([_point(run, swept) for run in runs]),
+        )
+        for figure, (name, words, caption) in zip(figures, told, strict=True):
+            drawn = Markup(inline(save(figure, name, DOTS_PER_INCH).svg, name, words))  # noqa: S704 - escaped there
+            yield Figure(element("figure", drawn, element("figcaption", caption)))
 
 
 def _line(run: Run, swept: Swept) -> Line:

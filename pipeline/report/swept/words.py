@@ -1,27 +1,17 @@
-"""A sweep, and two runs side by side, as tables of words: headings and rows."""
+"""A sweep, and two runs side by side, as tables."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
+from fis_tools.document import Block, Paragraph, Table
 from pipeline.evaluation.paired import METRICS, Compared, Difference, Effect, Metric
 from pipeline.report.swept.contents import Run, Swept, Value
-
-
-@dataclass(frozen=True)
-class Table:
-    """A table of words: its title, headings, whether a column is of numbers, and rows."""
-
-    title: str
-    headings: tuple[str, ...]
-    are_numbers: tuple[bool, ...]
-    rows: tuple[tuple[str, ...], ...]
 
 
 def _headed(metric: Metric) -> str:
     return f"{metric.label} ({metric.unit})"
 
 
-def runs_table(swept: Swept) -> Table:
+def runs_table(swept: Swept) -> list[Block]:
     """Return the runs, a line each: what they differ in, what came out, and where they stand."""
     factors = swept.factors
     rows = [
@@ -33,12 +23,9 @@ def runs_table(swept: Swept) -> Table:
         for run in swept.runs
     ]
     confidence = f"{swept.confidence_percent:g} % intervals"
-    return Table(
-        f"{len(swept.runs)} runs, {confidence}",
-        (*factors, "state", *map(_headed, METRICS)),
-        (*(False for _ in factors), False, *(True for _ in METRICS)),
-        tuple(rows),
-    )
+    heads = [*factors, "state", *map(_headed, METRICS)]
+    table = Table(heads, rows, numbers=range(len(factors) + 1, len(heads)))
+    return [Paragraph(f"{len(swept.runs)} runs, {confidence}:"), table]
 
 
 def _valued(value: Value | None, metric: Metric) -> str:
@@ -48,7 +35,7 @@ def _valued(value: Value | None, metric: Metric) -> str:
     return f"{value.value:.{places}f} ({value.low:.{places}f} to {value.high:.{places}f})"
 
 
-def effects_table(swept: Swept) -> Table:
+def effects_table(swept: Swept) -> list[Block]:
     """Return the effects, a line a level: differences from the factor's first level, all else equal."""
     found: dict[tuple[str, str, str], list[Effect]] = {}
     for effect in swept.effects:
@@ -62,12 +49,11 @@ def effects_table(swept: Swept) -> Table:
         )
         for (factor, baseline, level), told in found.items()
     ]
-    return Table(
-        f"Effects: paired differences, {swept.confidence_percent:g} % intervals; * where they leave zero out",
-        ("setting", "values", "pairs of", *map(_headed, METRICS)),
-        (False, False, True, *(True for _ in METRICS)),
-        tuple(rows),
-    )
+    if not rows:
+        return []
+    title = f"Effects: paired differences, {swept.confidence_percent:g} % intervals; * where without zero:"
+    heads = ["setting", "values", "pairs of", *map(_headed, METRICS)]
+    return [Paragraph(title), Table(heads, rows, numbers=range(2, len(heads)))]
 
 
 def differing(difference: Difference, metric: Metric) -> str:
@@ -86,7 +72,7 @@ def failures_of(swept: Swept) -> list[Run]:
     return [run for run in swept.runs if run.failure]
 
 
-def compared_table(one: str, other: str, compared: Sequence[Compared], confidence: float) -> Table:
+def compared_table(one: str, other: str, compared: Sequence[Compared], confidence: float) -> list[Block]:
     """Return two runs side by side, a line a metric."""
     count = compared[0].difference.count
     rows = [
@@ -99,9 +85,6 @@ def compared_table(one: str, other: str, compared: Sequence[Compared], confidenc
         )
         for told in compared
     ]
-    return Table(
-        f"{count:,} common cases; B against A, {confidence:g} % intervals; * where they leave zero out",
-        ("", f"A: {one}", f"B: {other}", "B - A", "B better / worse / equal", "p"),
-        (False, True, True, True, True, True),
-        tuple(rows),
-    )
+    title = f"{count:,} common cases; B against A, {confidence:g} % intervals; * where without zero:"
+    heads = ["", f"A: {one}", f"B: {other}", "B - A", "B better / worse / equal", "p"]
+    return [Paragraph(title), Table(heads, rows, numbers=range(1, len(heads)))]

@@ -39,7 +39,7 @@ def recording(tmp_path: Path) -> Recording:
 
 def test_what_is_done_follows_from_what_is_recorded(recording: Recording) -> None:
     assert now.lines(recording, drawing.sample_times(recording)) == [
-        "Firing 50 mN backwards and along the orbit normal, most by rule 2 of pilot: 2 points left",
+        "Firing 50 mN backwards and along the orbit normal, mostly by rule 2 of pilot: 2 points left",
         "No burn: 2 points left",
         "Coasting: 1 point left",
         "Coasting: every point is inspected",

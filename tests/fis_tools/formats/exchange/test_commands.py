@@ -114,7 +114,7 @@ def test_tables_can_be_sorted_by_importance(tmp_path: Path, capsys: pytest.Captu
         (["export", "PAPER", "--format", "json", "--by", "importance"], "--by is for forms to read"),
         (["import", "TIPPER", "TIPPER"], "both have a system 'tipper'"),
         (["import", "TIPPER", "-o", "x.fis"], "is no controller file"),
-        (["import", "TIPPER", "--points", "1"], "no whole number from 2 to 4000000"),
+        (["import", "TIPPER", "--points", "1"], "Give a whole number from 2 to 4000000"),
         (["import", "missing.fis"], "cannot be read"),
         (["import", "TIPPER", "--name", " "], "a name is printable text"),
     ],
