@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from fis_tools.learning.from_tables import learn
 from fis_tools.learning.imitation import Imitation, imitate
-from fis_tools.learning.recipe import Recipe
+from fis_tools.learning.learner import Recipe
 
 if TYPE_CHECKING:
     from fis_tools.learning.estimators import FuzzyClassifier, FuzzyRegressor

@@ -6,9 +6,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fis_tools.engines.compiler import compile
-from fis_tools.learning.learner import Learned, learn_classes, learn_number
+from fis_tools.learning.learner import Consequents, Learned, Recipe, learn_classes, learn_number
 from fis_tools.learning.partition import range_of
-from fis_tools.learning.recipe import Consequents, Recipe
 from fis_tools.learning.table import Column, columns_over, distinct
 from fis_tools.model import FuzzySystem
 from fis_tools.model.extras import MissingExtra
@@ -49,7 +48,7 @@ class FuzzyRegressor(RegressorMixin, _FuzzyEstimator):
     Parameters
     ----------
     consequents, terms, output_terms, max_inputs, tune
-        See `fis_tools.learning.recipe.Recipe`.
+        See `fis_tools.learning.learner.Recipe`.
 
     Attributes
     ----------
@@ -95,7 +94,7 @@ class FuzzyClassifier(ClassifierMixin, _FuzzyEstimator):
     Parameters
     ----------
     terms, max_inputs, tune
-        See `fis_tools.learning.recipe.Recipe`.
+        See `fis_tools.learning.learner.Recipe`.
 
     Attributes
     ----------

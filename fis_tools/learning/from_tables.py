@@ -5,9 +5,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fis_tools.engines.compiler import compile
-from fis_tools.learning.learner import Learned, learn_classes, learn_number
+from fis_tools.learning.learner import Learned, Recipe, learn_classes, learn_number
 from fis_tools.learning.partition import range_of
-from fis_tools.learning.recipe import Recipe
 from fis_tools.learning.table import Column, Table, as_table, columns_over, distinct, name_and_unit
 from fis_tools.model import FuzzySystem
 

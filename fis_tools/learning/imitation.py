@@ -7,9 +7,8 @@ import numpy as np
 
 from fis_tools.analysis.arrays import spread
 from fis_tools.engines.compiler import compile
-from fis_tools.learning.learner import learn_number
+from fis_tools.learning.learner import Recipe, learn_number
 from fis_tools.learning.partition import range_of
-from fis_tools.learning.recipe import Recipe
 from fis_tools.learning.table import Column, columns_within, distinct
 from fis_tools.model import FuzzySystem
 from fis_tools.source import as_controller

@@ -17,8 +17,7 @@ from typing import Literal
 
 import numpy as np
 
-from fis_tools.learning.cells import Places, antecedent, firing, held
-from fis_tools.learning.partition import Partition
+from fis_tools.learning.partition import Partition, Places, antecedent, firing, held
 from fis_tools.model import Consequent, Constant, FuzzySystem, Linear, Rule, Term, Variable
 from fis_tools.typing import Floats
 

@@ -12,8 +12,7 @@ from typing import Literal
 
 import numpy as np
 
-from fis_tools.learning.cells import antecedent, strongest
-from fis_tools.learning.partition import Partition
+from fis_tools.learning.partition import Partition, antecedent, strongest
 from fis_tools.model import Consequent, FuzzySystem, Rule, Variable
 from fis_tools.typing import Floats
 

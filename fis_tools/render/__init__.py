@@ -27,9 +27,8 @@ from fis_tools.render.figures import (
 )
 from fis_tools.render.files import encode, save
 from fis_tools.render.inference import conclusion_panel, inference_figure, output_panel, statement_panel
-from fis_tools.render.rule_lists import rule_list
+from fis_tools.render.rule_lists import firing_map, firing_shares, rule_bars, rule_list
 from fis_tools.render.rule_tables import rule_matrix
-from fis_tools.render.rule_use import firing_map, firing_shares, rule_bars
 from fis_tools.render.surfaces import (
     draw_surface,
     evaluated,

@@ -15,9 +15,8 @@ from fis_tools.model.weighing import has_sets
 from fis_tools.render import lettering
 from fis_tools.render.curves import memberships, output_curve, peak
 from fis_tools.render.roles import named
-from fis_tools.render.rule_lists import list_height, rule_list
+from fis_tools.render.rule_lists import firing_map, firing_shares, list_height, rule_bars, rule_list
 from fis_tools.render.rule_tables import rule_cells, rule_matrix
-from fis_tools.render.rule_use import firing_map, firing_shares, rule_bars
 from fis_tools.render.surfaces import (
     colour_bar,
     draw_surface,

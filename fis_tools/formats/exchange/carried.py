@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 from fis_tools.formats.error import ControllerFileError
-from fis_tools.formats.exchange.antecedents import NotExpressible, Statement, mentions, renamed
+from fis_tools.formats.exchange.antecedents import ANY, NotExpressible, Statement, any_term, mentions, renamed
 from fis_tools.formats.exchange.dialect import (
     INPUT_POINTS,
     OUTPUT_POINTS,
@@ -23,7 +23,6 @@ from fis_tools.formats.exchange.dialect import (
     refuse_joined,
 )
 from fis_tools.formats.exchange.files import Reading
-from fis_tools.formats.exchange.hedges import ANY, any_term
 from fis_tools.formats.own import json as strict_json
 from fis_tools.formats.own.mapping import MOST_PROBLEMS, from_mapping, to_mapping
 from fis_tools.formats.own.plain import Unreadable

@@ -14,13 +14,15 @@ import numpy as np
 
 from fis_tools.formats.exchange.antecedents import (
     NotExpressible,
+    Terms,
     flat_antecedents,
+    hedged,
     in_order,
     is_leaf,
+    on_statements,
     renamed,
     with_plain_not,
 )
-from fis_tools.formats.exchange.hedges import Terms, hedged, on_statements
 from fis_tools.formats.exchange.identifiers import Names
 from fis_tools.formats.exchange.methods import HEDGES
 from fis_tools.model import (

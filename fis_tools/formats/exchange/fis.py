@@ -14,7 +14,15 @@ from typing import Any, NamedTuple
 
 from fis_tools.formats.error import ControllerFileError
 from fis_tools.formats.exchange import foreign
-from fis_tools.formats.exchange.antecedents import operands_of, statement_of
+from fis_tools.formats.exchange.antecedents import (
+    ANY,
+    FRACTIONS,
+    FUZZYLITES_FRACTIONS,
+    hedged,
+    operands_of,
+    statement_of,
+    with_any,
+)
 from fis_tools.formats.exchange.carried import understand
 from fis_tools.formats.exchange.dialect import Dialect, Expressed, settle
 from fis_tools.formats.exchange.files import Reading, Written
@@ -29,7 +37,6 @@ from fis_tools.formats.exchange.fis_sections import (
 )
 from fis_tools.formats.exchange.fll_rules import hedged_rules
 from fis_tools.formats.exchange.foreign import Extent, Table
-from fis_tools.formats.exchange.hedges import ANY, FRACTIONS, FUZZYLITES_FRACTIONS, hedged, with_any
 from fis_tools.formats.exchange.methods import AGGREGATIONS, AND, DEFUZZIFIERS, NORMALIZED_SUMS, OR, meanings
 from fis_tools.formats.exchange.writing import term_words, written
 from fis_tools.model import (

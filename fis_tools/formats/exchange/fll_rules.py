@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from fis_tools.formats.error import ControllerFileError
 from fis_tools.formats.exchange import foreign
-from fis_tools.formats.exchange.hedges import ANY, FUZZYLITES, hedged
+from fis_tools.formats.exchange.antecedents import ANY, FUZZYLITES, hedged
 from fis_tools.model import (
     And,
     AndOperator,
