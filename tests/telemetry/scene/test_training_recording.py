@@ -88,7 +88,7 @@ def test_a_training_is_followed_to_its_end(tmp_path: Path, monkeypatch: pytest.M
     following = threading.Thread(
         target=training.follow,
         args=(folder, tmp_path / "grown.rrd"),
-        kwargs={"in_browser": False, "told": told.append},
+        kwargs={"in_browser": False, "report": told.append},
     )
     following.start()
     until(lambda: any("waiting for the first generation" in text for text in told))
