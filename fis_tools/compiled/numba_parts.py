@@ -1,7 +1,7 @@
 """What vectors need of numba and llvmlite beyond numba's documented interface for extensions.
 
 No other module of the product imports numba's inner parts, so a new release of numba is tried by running
-the tests of this folder. Tried with numba 0.67 and 0.68, with llvmlite 0.47 to 0.50.
+the tests of this folder. Tried with numba 0.68 and llvmlite 0.50.
 
 - `ir` writes LLVM code, and `cgutils` has numba's helpers for it: the bodies of vector operations.
 - `AbstractTemplate`, `AttributeTemplate` and `infer_global` tell numba the type of an operation or attribute.
