@@ -4,239 +4,15 @@
 """
 
 import argparse
-import copy
-import io
-import json
-import random
-import resource
-import signal
 import sys
 import tempfile
 import time
-import traceback
-import warnings
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Final
 
-import pyarrow as pa
-import pyarrow.parquet as pq
-from hypothesis import HealthCheck, Phase, given, seed, settings
-from hypothesis import strategies as st
-from mcap.reader import make_reader
-from mcap.writer import CompressionType, Writer
-
-from benchmarks.giants import GIANTS
-from benchmarks.readers import Reader, all_readers
-
-SECONDS: Final = 10
-BYTES: Final = 1024**3
-#: byte sequences that readers are known to stumble over
-PIECES: Final = (
-    b"", b"0", b"-1", b"1e400", b"nan", b".inf", b"9" * 400, b"9" * 5000 + b"x", b"[" * 2000, b"{" * 2000,
-    b"(" * 500,
-    b"\x00", b"\xff\xfe", "\u202e\u00e9".encode(), b"&a [*a]", b"!!python/object/apply:os.system [x]",
-    b"../../x",
-    b'"', b"'", b"\n", b"\t", b":", b",", b"---\n", b"=cmd()", b"null", b"true", b"1e-320", b"<!DOCTYPE x>",
-)  # fmt: skip
-#: values that are known to break trees
-VALUES: Final[tuple[Any, ...]] = (
-    None, True, 0, -1, 1e308, -1e308, 1e-320, 10**30, 10**400, "", "x", "\u202e", [], {}, [[]], {"x": []},
-    [0] * 1000,
-    "9" * 1000, [1, 2, 3], [[1, 0, 0], [0, 1, 0], [0, 0, 1]],
-)  # fmt: skip
-COLUMN_TYPES: Final = (
-    pa.string(), pa.float64(), pa.int8(), pa.bool_(), pa.binary(), pa.list_(pa.int64()), pa.null(),
-    pa.int64(),
-)  # fmt: skip
-
-
-class HangError(BaseException):
-    """A reader that took too long; no reader catches it."""
-
-
-@contextmanager
-def limited(seconds: int) -> Iterator[None]:
-    """Raise HangError in code that takes more processor time."""
-
-    def stop(_signal: int, _frame: object) -> None:
-        raise HangError(f"longer than {seconds} s")
-
-    before = signal.signal(signal.SIGPROF, stop)
-    signal.setitimer(signal.ITIMER_PROF, seconds)
-    try:
-        yield
-    finally:
-        signal.setitimer(signal.ITIMER_PROF, 0.0)
-        signal.signal(signal.SIGPROF, before)
-
-
-def survives(reader: Reader, content: bytes, folder: Path) -> None:
-    """Read something; pass on exceptions that a reader must not raise.
-
-    Raises
-    ------
-    HangError, MemoryError
-        If it takes too long or too much memory.
-    """
-    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    with limited(SECONDS), warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        try:
-            reader.read(content, folder)
-        except reader.refusals as refusal:
-            if not str(refusal).strip():
-                raise AssertionError("a refusal that says nothing") from refusal
-    grown = 1024 * (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before)
-    if grown > BYTES:
-        raise MemoryError(f"{grown} bytes")
-
-
-def damaged_bytes(content: bytes, rng: random.Random) -> bytes:
-    """Return bytes with cuts, repetitions, swaps, flips and insertions."""
-    mutable = bytearray(content)
-    for _ in range(rng.randint(1, 4)):
-        at = rng.randrange(len(mutable) + 1)
-        end = min(len(mutable), at + rng.choice((1, 1, 2, 8, 64, 1024)))
-        match rng.randrange(6):
-            case 0:
-                mutable[at:end] = b""
-            case 1:
-                mutable[at:end] = rng.choice(PIECES)
-            case 2:
-                mutable[at:at] = mutable[at:end] * rng.choice((1, 2, 200))
-            case 3 if at < len(mutable):
-                mutable[at] = rng.randrange(256)
-            case 4:
-                del mutable[at:]
-            case _:
-                mutable[at:at] = rng.choice(PIECES)
-    return bytes(mutable[: 10 * 1024 * 1024])
-
-
-def damaged_tree(content: bytes, rng: random.Random) -> bytes:
-    """Return plain data with replaced, dropped, added and repeated values."""
-    tree = json.loads(content)
-    for _ in range(rng.randint(1, 3)):
-        node, key = tree, None
-        places: list[tuple[Any, Any]] = []
-        while isinstance(node, dict | list) and node:
-            keys = list(node) if isinstance(node, dict) else list(range(len(node)))
-            key = rng.choice(keys)
-            places.append((node, key))
-            node = node[key]
-        if not places:
-            break
-        place, key = rng.choice(places)
-        match rng.randrange(5):
-            case 0:
-                del place[key]
-            case 1 if isinstance(place, dict):
-                place[rng.choice(("x", "", "\u00e9", "name"))] = copy.deepcopy(rng.choice(VALUES))
-            case 2 if isinstance(place, list):
-                place.extend([place[key]] * rng.choice((1, 3, 300)))
-            case 3 if isinstance(place[key], int | float):
-                place[key] = (
-                    place[key] * rng.choice((-1, 0, 1e-300, 1e300, 1e12, 1.5)) if place[key] < 1e300 else 0
-                )
-            case _:
-                place[key] = copy.deepcopy(rng.choice(VALUES))
-    return json.dumps(tree).encode()
-
-
-def damaged_table(content: bytes, rng: random.Random) -> bytes:
-    """Return a table with other column types, gaps and lengths."""
-    table = pq.read_table(io.BytesIO(content))
-    at = rng.randrange(table.num_columns)
-    kind = rng.choice(COLUMN_TYPES)
-    value = rng.choice((None, 0, -1, 2**62, 1e300, "x", b"x", [1]))
-    values = table.column(at).to_pylist()
-    values[rng.randrange(len(values))] = value
-    try:
-        column = pa.array(values if rng.random() < 0.5 else [value] * len(values), type=kind)
-    except (pa.ArrowException, TypeError, ValueError, OverflowError):
-        column = pa.nulls(len(values), kind)
-    table = table.set_column(at, table.column_names[at], column)
-    if rng.random() < 0.3:
-        table = table.drop_columns([rng.choice(table.column_names)])
-    sink = io.BytesIO()
-    pq.write_table(table.slice(0, rng.choice((0, 1, len(values)))), sink)
-    return sink.getvalue()
-
-
-def damaged_recording(content: bytes, rng: random.Random) -> bytes:
-    """Return a rewritten recording, with correct checksums but some changed words and messages."""
-    reader = make_reader(io.BytesIO(content))
-    sink = io.BytesIO()
-    writer = Writer(sink, compression=rng.choice([*list(CompressionType)[:1], CompressionType.ZSTD]))
-    writer.start()
-
-    def word(text: str) -> str:
-        if rng.random() > 0.02:
-            return text
-        return rng.choice(
-            (damaged_bytes(text.encode(), rng).decode("utf-8", "replace"), "[" * 100_000, "", "1e999")
-        )
-
-    for record in reader.iter_metadata():
-        if rng.random() > 0.05:
-            entries = {key: word(text) for key, text in record.metadata.items() if key != "checksum"}
-            writer.add_metadata(
-                word(record.name), {k: v for k, v in entries.items() if not k.startswith("crc")}
-            )
-    for attachment in reader.iter_attachments():
-        writer.add_attachment(0, 0, word(attachment.name), "x", attachment.data)
-    schemas: dict[int, int] = {}
-    channels: dict[int, int] = {}
-    for schema, channel, message in reader.iter_messages():
-        if channel.id not in channels:
-            schemas[schema.id] = writer.register_schema(word(schema.name), schema.encoding, schema.data)
-            channels[channel.id] = writer.register_channel(
-                word(channel.topic), "protobuf", schemas[schema.id]
-            )
-        data = damaged_bytes(message.data, rng) if rng.random() < 0.01 else message.data
-        writer.add_message(channels[channel.id], message.log_time, data, message.publish_time)
-    writer.finish()
-    return sink.getvalue()
-
-
-DAMAGES: Final = {
-    "text": damaged_bytes,
-    "bytes": damaged_bytes,
-    "tree": lambda content, rng: (damaged_tree if rng.random() < 0.7 else damaged_bytes)(content, rng),
-    "table": lambda content, rng: (damaged_table if rng.random() < 0.7 else damaged_bytes)(content, rng),
-    "recording": lambda content, rng: (damaged_recording if rng.random() < 0.2 else damaged_bytes)(
-        content, rng
-    ),
-}
-
-
-def attack(reader: Reader, examples: int, number: int, folder: Path) -> int:
-    """Try a number of inputs on a reader; return how many were tried.
-
-    Raises
-    ------
-    BaseException
-        Raised by the reader on the smallest input that hypothesis found.
-    """
-    tried = 0
-
-    @seed(number)
-    @settings(
-        max_examples=examples, database=None, deadline=None, suppress_health_check=list(HealthCheck),
-        phases=[Phase.generate],
-    )  # fmt: skip
-    @given(st.integers(0, 2**63), st.sampled_from(reader.samples))
-    def one(draw: int, sample: bytes) -> None:
-        nonlocal tried
-        tried += 1
-        content = DAMAGES[reader.kind](sample, random.Random(draw))  # noqa: S311
-        (folder / "input").write_bytes(content)
-        survives(reader, content, folder)
-
-    one()
-    return tried
+from tests.hostile.attack import BrokenError, attack, survives_apart
+from tests.hostile.giants import GIANTS
+from tests.hostile.readers import Reader, all_readers
 
 
 def campaign(readers: Mapping[str, Reader], minutes: float, first: int, kept: Path) -> list[str]:
@@ -248,28 +24,19 @@ def campaign(readers: Mapping[str, Reader], minutes: float, first: int, kept: Pa
             if name in readers:
                 counts[name] += 1
                 try:
-                    survives(readers[name], make(readers[name].samples[0]), Path(root))
-                except BaseException as error:  # as below
-                    if isinstance(error, KeyboardInterrupt):
-                        raise
-                    found.append(f"{name}: {what}: {type(error).__name__}: {error}"[:400])
+                    survives_apart(readers[name], make(readers[name].samples[0]), Path(root))
+                except BrokenError as error:
+                    found.append(f"{name}: {what}: {error}"[:400])
         while time.monotonic() < until:
             for name, reader in readers.items():
                 number += 1
                 folder = Path(root)
                 try:
                     counts[name] += attack(reader, 200, number, folder)
-                except BaseException as error:  # the next reader is attacked in any case
-                    if isinstance(error, KeyboardInterrupt):
-                        raise
-                    place = traceback.extract_tb(error.__traceback__)[-1]
+                except BrokenError as error:  # the next reader is attacked in any case
                     kept.mkdir(parents=True, exist_ok=True)
                     (kept / f"{name}-{number}").write_bytes((folder / "input").read_bytes())
-                    found.append(
-                        f"{name} {number}: {type(error).__name__}: {error} ({place.filename}:{place.lineno})"[
-                            :400
-                        ]
-                    )
+                    found.append(f"{name} {number}: {error}"[:400])
                     print(found[-1], file=sys.stderr, flush=True)
     print("| reader | inputs | found |\n|---|---|---|")
     for name, count in counts.items():

@@ -154,12 +154,24 @@ def read_parquet(path: Path, choose: Callable[[Sequence[str]], Sequence[str]]) -
                     f"{MOST_CELLS:,} cells are read: give fewer rows"
                 )
             table = file.read(names, use_threads=False)
-        return {name: table[name].to_numpy() for name in names}
+        return {name: _column(table[name]) for name in names}
     except (OSError, ValueError, pyarrow.ArrowException) as error:
         if isinstance(error, ControllerFileError):
             raise
         told = str(error).partition("\n")[0]
         raise ControllerFileError(f"{path}: {told}; give a CSV or Parquet file") from error
+
+
+def _column(column: Any) -> NDArray[Any]:
+    """Return a column as an array; of words each once, however often it stands there."""
+    if not hasattr(column.type, "value_type"):
+        found: NDArray[Any] = column.to_numpy()
+        return found
+    parts = [np.empty(0, dtype=object)]
+    for chunk in column.chunks:
+        words = np.append(np.array(chunk.dictionary.to_pylist(), dtype=object), [None])
+        parts.append(words[chunk.indices.cast("int64").fill_null(len(words) - 1).to_numpy()])
+    return np.concatenate(parts)
 
 
 def _finite(path: Path, names: Sequence[str], columns: Floats) -> Floats:

@@ -1,0 +1,163 @@
+"""Readers tried on damaged files: each input in bounded time and memory, or refused in a sentence.
+
+Inputs are read in processes of their own. One that has grown is replaced, so that memory kept from one input
+does not hide what the next one takes.
+"""
+
+import gc
+import os
+import random
+import select
+import signal
+import sys
+import traceback
+import warnings
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Final
+
+from tests.hostile.damage import DAMAGES
+from tests.hostile.readers import Reader
+
+SECONDS: Final = 10
+BYTES: Final = 1024**3
+#: by which a process may have grown and still measure the next input
+KEPT_BYTES: Final = 64 * 1024**2
+#: after which a process that says nothing is taken to hang outside Python, s
+SILENT_S: Final = 60.0
+
+
+#: may yield after each of its steps
+Work = Callable[[], Iterator[None] | None]
+
+
+class HangError(BaseException):
+    """A reader that took too long; no reader catches it."""
+
+
+class BrokenError(Exception):
+    """What a reader does that it must not; the input is in the file ``input`` of its folder."""
+
+
+@contextmanager
+def limited(seconds: int) -> Iterator[None]:
+    """Raise HangError in code that takes more processor time."""
+
+    def stop(_signal: int, _frame: object) -> None:
+        raise HangError(f"longer than {seconds} s")
+
+    before = signal.signal(signal.SIGPROF, stop)
+    signal.setitimer(signal.ITIMER_PROF, seconds)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_PROF, 0.0)
+        signal.signal(signal.SIGPROF, before)
+
+
+def survives(reader: Reader, content: bytes, folder: Path) -> None:
+    """Read something; pass on exceptions that a reader must not raise.
+
+    Raises
+    ------
+    HangError, MemoryError
+        If it takes too long or too much memory.
+    """
+    before = _memory("VmRSS")
+    Path("/proc/self/clear_refs").write_text("5")  # the peak counts from now on
+    with limited(SECONDS), warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        try:
+            reader.read(content, folder)
+        except reader.refusals as refusal:
+            if not str(refusal).strip():
+                raise AssertionError("a refusal that says nothing") from refusal
+    grown = _memory("VmHWM") - before
+    if grown > BYTES:
+        raise MemoryError(f"{grown} bytes")
+
+
+def _memory(name: str) -> int:
+    """Return what this process has, or had at most, bytes."""
+    lines = Path("/proc/self/status").read_text(encoding="ascii").splitlines()
+    return next(1024 * int(line.split()[1]) for line in lines if line.startswith(f"{name}:"))
+
+
+def attack(reader: Reader, examples: int, number: int, folder: Path) -> int:
+    """Try a number of damaged inputs on a reader; return how many were tried.
+
+    Raises
+    ------
+    BrokenError
+        What the first of them that breaks the reader makes it do.
+    """
+    rng = random.Random(number)  # noqa: S311
+    inputs = [(rng.getrandbits(63), rng.choice(reader.samples)) for _ in range(examples)]
+    tried = 0
+    while tried < examples:
+        tried += _tried_apart(reader, inputs[tried:], folder)
+    return tried
+
+
+def survives_apart(reader: Reader, content: bytes, folder: Path) -> None:
+    """Read something in a process of its own; raise BrokenError for what must not be."""
+    _apart(lambda: survives(reader, content, folder))
+
+
+def _tried_apart(reader: Reader, inputs: Sequence[tuple[int, bytes]], folder: Path) -> int:
+    """Try inputs in a process of their own until it has grown; return how many were tried."""
+
+    def try_all() -> Iterator[None]:
+        begun = _memory("VmRSS")
+        for draw, sample in inputs:
+            content = DAMAGES[reader.kind](sample, random.Random(draw))  # noqa: S311
+            (folder / "input").write_bytes(content)
+            survives(reader, content, folder)
+            yield
+            if _memory("VmRSS") > begun + KEPT_BYTES:
+                return
+
+    return _apart(try_all)
+
+
+def _apart(work: Work) -> int:
+    """Do work in a fork of this process; return how often it yielded."""
+    read_end, write_end = os.pipe()
+    gc.collect()
+    sys.stdout.flush()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)  # of threads, which readers here do not wait for
+        pid = os.fork()
+    if pid == 0:
+        _serve(work, write_end)
+    os.close(write_end)
+    count, told = 0, b""
+    with open(read_end, "rb", buffering=0) as stream:
+        while True:
+            if not select.select([stream], [], [], SILENT_S)[0]:
+                os.kill(pid, signal.SIGKILL)
+                told = f"does not return within {SILENT_S:g} s".encode()
+                break
+            part = stream.read(65536)
+            if not part:
+                break
+            count += part.count(b"\x01")
+            told += part.replace(b"\x01", b"")
+    status = os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1])
+    if told or status:
+        raise BrokenError(told.decode("utf-8", "replace") or f"ended its process with {status}")
+    return count
+
+
+def _serve(work: Work, pipe: int) -> None:
+    """Work, write a byte for each step and what goes wrong, and end this process."""
+    try:
+        for _ in work() or ():
+            os.write(pipe, b"\x01")
+    except BaseException as error:  # noqa: BLE001 - all is told
+        place = traceback.extract_tb(error.__traceback__)[-1]
+        told = f"{type(error).__name__}: {error} ({place.filename}:{place.lineno})"
+        os.write(pipe, told[:2000].encode("utf-8", "replace"))
+        os._exit(1)
+    os._exit(0)
