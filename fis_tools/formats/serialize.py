@@ -5,7 +5,9 @@ system each; what they do not state is assumed, and listed. Reading any file exe
 """
 
 import hashlib
+import math
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -46,6 +48,8 @@ _KINDS: dict[str, Kind] = {
 ENDINGS = tuple(_KINDS)
 
 _PLAIN_READERS: dict[Kind, Callable[[str], Any]] = {"json": json.read, "yaml": yaml.read}
+#: characters of an attribute that is written as a number; a double needs 24
+LONGEST_NUMBER = 32
 
 
 def dump_json(controller: FuzzyController) -> str:
@@ -62,19 +66,33 @@ def fingerprint(controller: FuzzyController) -> str:
 
 
 def dump_yaml(controller: FuzzyController) -> str:
-    """Write a controller as YAML text; see `to_mapping` for what is refused.
+    """Write a controller as YAML text, for people; see `to_mapping` for what is refused.
+
+    An attribute that is a number is written as one. In JSON, by which controllers are told apart, it is text.
 
     Raises
     ------
     ControllerFileError
         If it comes to more bytes than are read.
     """
-    text = yaml.write(to_mapping(controller))
+    mapping = to_mapping(controller)
+    mapping["attributes"] = {name: _number_or_text(text) for name, text in controller.attributes}
+    text = yaml.write(mapping)
     if len(text) > MAX_FILE_BYTES:
         raise ControllerFileError(
             f"{controller.name!r} comes to {len(text)} bytes of YAML, and {MAX_FILE_BYTES} are read; "
             "write JSON"
         )
+    return text
+
+
+def _number_or_text(text: str) -> float | str:
+    """Return an attribute as the number that reads back to the same text, if there is one."""
+    for kind in (int, float):
+        with suppress(ValueError):
+            number = kind(text)
+            if repr(number) == text and math.isfinite(number) and len(text) < LONGEST_NUMBER:
+                return number
     return text
 
 

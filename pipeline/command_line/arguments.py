@@ -1,6 +1,7 @@
 """The arguments after ``python -m pipeline``: options, and overrides mixed with them in any order."""
 
 import argparse
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -35,6 +36,8 @@ class Asked:
     Parameters
     ----------
     help, version, multirun : bool
+    topics : tuple of str
+        Groups and keys that help is asked for.
     cfg : str, optional
         The configuration to print: ``job``, ``hydra`` or ``all``.
     resolve : bool
@@ -49,6 +52,7 @@ class Asked:
     """
 
     help: bool
+    topics: tuple[str, ...]
     version: bool
     multirun: bool
     cfg: str | None
@@ -88,6 +92,8 @@ def read_arguments(arguments: Sequence[str]) -> Asked:
     for names, how in OPTIONS.items():
         parser.add_argument(*names, **how)
     options, words = parser.parse_known_args(list(arguments))
+    topics = [word for word in words if options.help and re.fullmatch(r"[\w.]+", word)]
+    words = [word for word in words if word not in topics]
     for word in words:
         if word.startswith("-"):
             _refuse(word)
@@ -104,6 +110,7 @@ def read_arguments(arguments: Sequence[str]) -> Asked:
     one, _, other = compared[0].removeprefix(COMPARE).partition(",") if compared else ("", "", "")
     return Asked(
         **vars(options),
+        topics=tuple(topics),
         resume=Path(resumed[-1]).expanduser() if resumed else None,
         compare=(Path(one).expanduser(), Path(other).expanduser()) if compared else None,
         overrides=overrides,

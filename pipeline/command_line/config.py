@@ -3,26 +3,31 @@
 Hydra composes it; its errors are turned into sentences.
 """
 
-from collections.abc import Sequence
+import sys
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, cast
 
 from hydra import compose, initialize_config_dir
+from hydra.core.override_parser.types import OverrideType
 from hydra.errors import HydraException
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 from yaml import YAMLError
 
 from pipeline.command_line.job import EXPERIMENT, ConfigError, Job
-from pipeline.command_line.overrides import first_line, quoted
+from pipeline.command_line.overrides import first_line, parse, quoted
 from pipeline.settings import start_table
+from pipeline.settings.checks import SettingError
+from pipeline.settings.conditions import value_at
 from pipeline.settings.nearest import did_you_mean
 from pipeline.settings.places import conf_folder
-from pipeline.settings.schema import experiment_from
+from pipeline.settings.schema import completed, defaults, experiment_from, idle, schema
 
 CONFIG_NAME = "config"
 VERSION_BASE = "1.3"
+WORLD, COMPARE = "world", "compare"
 #: folders of the configuration that are not groups of options: Hydra's own, and requirements, read by name
 NOT_CHOSEN = ("hydra", "requirements")
 
@@ -58,6 +63,8 @@ def options(folders: Sequence[Path]) -> dict[str, list[str]]:
     for folder in folders:
         for path in sorted(folder.rglob("*.yaml")):
             parts = path.relative_to(folder).with_suffix("").parts
+            if path.stem.startswith("_"):
+                continue  # what several options have in common
             for cut in range(1, len(parts)):
                 found.setdefault("/".join(parts[:cut]), set()).add("/".join(parts[cut:]))
     return {
@@ -102,27 +109,38 @@ def compose_jobs(
         if composed:
             # resolvers such as `now` give all runs of a sweep the same value
             OmegaConf.copy_cache(composed[0].node, node)
-        composed.append(_resolved(node, config_dir, names is not None))
+        config = _resolved(node, overrides, config_dir)
+        sweep = node.hydra.sweep
+        folder = Path(sweep.dir, str(sweep.subdir)) if names else Path(node.hydra.run.dir)
+        composed.append(Composed(config, experiment_from(config), folder, node))
     return composed
 
 
 def compose_node(overrides: Sequence[str], config_dir: Path | None = None) -> DictConfig:
-    """Compose a configuration with Hydra's own, even if values are missing.
+    """Compose a configuration with Hydra's own, even if values are missing, over all defaults.
 
     Raises
     ------
     ConfigError
     """
-    searched = [*overrides]
+    searched = [*_forced(overrides)]
     if config_dir and not any(text.startswith("hydra.searchpath") for text in overrides):
         searched.append(f"hydra.searchpath=[{quoted(config_dir.resolve().as_uri())}]")
     try:
         with initialize_config_dir(str(conf_folder()), version_base=VERSION_BASE):
-            return compose(CONFIG_NAME, overrides=searched, return_hydra_config=True)
+            node = compose(CONFIG_NAME, overrides=searched, return_hydra_config=True)
     except YAMLError as error:
         raise ConfigError(f"no YAML: {' '.join(str(error).split())}; correct the file") from error
     except (HydraException, OmegaConfBaseException) as error:
         raise ConfigError(_in_words(error, folders_of(config_dir))) from error
+    return cast(DictConfig, OmegaConf.merge(OmegaConf.create(defaults()), node))
+
+
+def _forced(overrides: Sequence[str]) -> Iterator[str]:
+    """Let overrides set keys that have their default in the schema, and are in no file."""
+    for override in parse(overrides):
+        is_key = override.type == OverrideType.CHANGE and override.key_or_group in schema()
+        yield f"{'++' if is_key else ''}{override.input_line}"
 
 
 def folders_of(config_dir: Path | None) -> list[Path]:
@@ -135,20 +153,94 @@ def job_of(node: DictConfig) -> DictConfig:
     return OmegaConf.masked_copy(node, [str(key) for key in node if key != "hydra"])
 
 
-def _resolved(node: DictConfig, config_dir: Path | None, is_sweep: bool) -> Composed:
-    """Resolve the references of a configuration, check it, and determine its run's folder."""
+def _resolved(node: DictConfig, overrides: Sequence[str], config_dir: Path | None) -> dict[str, Any]:
+    """Resolve the references of a configuration; return it without keys that do not exist.
+
+    Raises
+    ------
+    ConfigError, SettingError
+        If a value is missing, or an override sets a key that another setting makes idle.
+    """
     folders = folders_of(config_dir)
     try:
         job = job_of(node)
         if missing := sorted(OmegaConf.missing_keys(job)):
             raise ConfigError(_missing(missing, options(folders).get(EXPERIMENT, [])))
         config = cast(dict[str, Any], OmegaConf.to_container(job, resolve=True))
-        sweep = node.hydra.sweep
-        folder = Path(sweep.dir, str(sweep.subdir)) if is_sweep else Path(node.hydra.run.dir)
     except (HydraException, OmegaConfBaseException) as error:
         raise ConfigError(_in_words(error, folders)) from error
     read_starts(config)
-    return Composed(config, experiment_from(config), folder, node)
+    _expand_worlds(config, overrides, config_dir)
+    _check_idle(config, overrides)
+    return completed(config)
+
+
+def _check_idle(config: Mapping[str, Any], overrides: Sequence[str]) -> None:
+    """Raise SettingError for overrides of keys that do not exist; print which keys of files do not."""
+    given = _given(overrides)
+    for key, why in idle(config).items():
+        if key not in schema() or key in given:
+            raise SettingError(why)
+        if value_at(config, key) != schema()[key].default:
+            sys.stderr.write(f"note: {key}={value_at(config, key)} is left out: {why}\n")
+
+
+def check_stages(config: Mapping[str, Any], overrides: Sequence[str]) -> None:
+    """Check the overrides of a new run.
+
+    Raises
+    ------
+    SettingError
+        If one sets a key that no stage of the run reads.
+    """
+    given = _given(overrides)
+    for key, why in idle(config, stages=True).items():
+        if key in given:
+            raise SettingError(why)
+
+
+def _given(overrides: Sequence[str]) -> set[str]:
+    """Return the keys that some overrides set, alone or with their group."""
+    return {key for one in parse(overrides) for key in _keys_set(one.key_or_group, one.value())}
+
+
+def _keys_set(key: str, value: Any) -> Iterator[str]:
+    yield key
+    for name, inside in value.items() if isinstance(value, dict) else ():
+        yield from _keys_set(f"{key}.{name}", inside)
+
+
+def _expand_worlds(config: dict[str, Any], overrides: Sequence[str], config_dir: Path | None) -> None:
+    """Put what they change into the worlds of a comparison that are named by options.
+
+    A world is the name of one, or changes of groups; a group in it may be the name of an option.
+    """
+    worlds = value_at(config, f"{COMPARE}.worlds")
+    if not isinstance(worlds, dict):
+        return
+    for name, told in worlds.items():
+        changes = {WORLD: told} if isinstance(told, str) else told
+        if not isinstance(changes, dict):
+            continue
+        chosen = {group: value for group, value in changes.items() if isinstance(value, str)}
+        if not chosen:
+            continue
+        kept = [text for text in overrides if text.partition("=")[0] not in chosen]
+        there = compose_node([*kept, *(f"{group}={value}" for group, value in chosen.items())], config_dir)
+        composed = cast(dict[str, Any], OmegaConf.to_container(job_of(there), resolve=True))
+        changed = _differences(completed(config), completed(composed))
+        worlds[name] = changed | {group: value for group, value in changes.items() if group not in chosen}
+
+
+def _differences(here: Mapping[str, Any], there: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the keys, within their groups, whose values are others there."""
+    found: dict[str, Any] = {}
+    for name, value in there.items():
+        if name not in here or (value != here[name] and not isinstance(value, dict)):
+            found[name] = value
+        elif value != here[name] and name != COMPARE:
+            found[name] = _differences(here[name], value)
+    return found
 
 
 def read_starts(config: dict[str, Any]) -> None:

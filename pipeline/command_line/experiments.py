@@ -6,12 +6,12 @@ from functools import partial
 from pathlib import Path
 
 from hydra.core.override_parser.types import Override
-from omegaconf import DictConfig, OmegaConf
+from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from pipeline.command_line import runs, sweeps
 from pipeline.command_line.arguments import Asked
-from pipeline.command_line.config import compose_experiment, compose_node, job_of, options
+from pipeline.command_line.config import check_stages, compose_experiment, compose_node, options
 from pipeline.command_line.job import EXPERIMENT, ConfigError, Job
 from pipeline.command_line.overrides import (
     check_overrides,
@@ -23,6 +23,7 @@ from pipeline.command_line.overrides import (
 )
 from pipeline.run import artifacts
 from pipeline.run.sweep import SWEEP
+from pipeline.settings.reference import commented
 
 
 def plan(asked: Asked) -> Callable[[], int]:
@@ -52,11 +53,12 @@ def plan(asked: Asked) -> Callable[[], int]:
             )
     words = next(single_runs(overrides, groups))
     if asked.cfg:
-        return partial(_print, compose_node(words, asked.config_dir), asked)
+        return partial(_print, words, asked)
     if asked.multirun:
         return partial(sweeps.start, *sweeps.composed(asked, overrides))
     own = ["--config-dir", str(asked.config_dir.resolve())] if asked.config_dir else []
     job = compose_experiment(words, asked.config_dir)
+    check_stages(job.config, words)
     return partial(runs.start_new, Job(job.config, job.experiment, job.folder), [*own, *words])
 
 
@@ -66,11 +68,18 @@ def _run_folder(overrides: Sequence[Override]) -> Path | None:
     return Path(str(given[-1])) if given else None
 
 
-def _print(node: DictConfig, asked: Asked) -> int:
-    """Print a configuration as YAML: the run's, Hydra's own, or both."""
-    shown = {"job": job_of(node), "hydra": node.hydra}.get(asked.cfg or "all", node)
+def _print(words: Sequence[str], asked: Asked) -> int:
+    """Print a configuration as YAML: the run's, with the meanings of its keys, Hydra's own, or both."""
+    if asked.cfg == "job":
+        job = compose_experiment(words, asked.config_dir)
+        check_stages(job.config, words)
+        sys.stdout.write(commented(job.config))
+        return runs.OK
+    node = compose_node(words, asked.config_dir)
     try:
-        sys.stdout.write(OmegaConf.to_yaml(shown, resolve=asked.resolve))
+        sys.stdout.write(
+            OmegaConf.to_yaml(node.hydra if asked.cfg == "hydra" else node, resolve=asked.resolve)
+        )
     except OmegaConfBaseException as error:
         raise ConfigError(first_line(error)) from error
     return runs.OK

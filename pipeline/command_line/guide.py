@@ -4,6 +4,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from pipeline.command_line.config import options
+from pipeline.command_line.job import ConfigError
+from pipeline.settings import reference
+from pipeline.settings.keys import unknown
+from pipeline.settings.meanings import descriptions
 
 USAGE = """\
 Design, fly and review fuzzy controllers that inspect a spacecraft.
@@ -24,8 +28,8 @@ usage: python -m pipeline +experiment=NAME [controller=NAME_OR_PATH] [key=value 
   python -m telemetry replay FILE.mcap                             watch a recorded flight
   python -m fis_tools show CONTROLLER                              read a controller
 
-options: --help, --version, -m (sweep), --config-dir DIR (experiments and controllers of your own),
-         --cfg job (print the configuration and stop; with --resolve, references followed)
+options: --help, --help GROUP (its keys), --version, -m (sweep), --config-dir DIR (experiments and controllers
+         of your own), --cfg job (print the configuration, each key with its meaning, and stop)
 """
 
 
@@ -71,9 +75,25 @@ def help_text(folders: Sequence[Path]) -> str:
             ),
             "\nother choices (GROUP=NAME)",
             *_table(list(others.items())),
-            "\nEvery key, its unit and its value: python -m pipeline +experiment=NAME --cfg job, and conf/",
+            "\ngroups of keys (--help GROUP lists them; --cfg job prints all values)",
+            *_table([(name, descriptions()[name]) for name in reference.tables() if name]),
         ]
     )
+
+
+def help_on(topics: Sequence[str]) -> str:
+    """Return what is known of some groups and keys.
+
+    Raises
+    ------
+    ConfigError
+        If there is no such key.
+    """
+    found = [(topic, reference.help_on(topic)) for topic in topics]
+    for topic, text in found:
+        if not text:
+            raise ConfigError(unknown(topic))
+    return "".join(f"{text}\n" for _, text in found)
 
 
 def _described(folders: Sequence[Path], group: str, groups: dict[str, list[str]]) -> list[tuple[str, str]]:

@@ -9,7 +9,7 @@ from hydra.core.override_parser.types import Glob, Override, OverrideType
 from hydra.errors import HydraException
 
 from pipeline.command_line.job import EXPERIMENT, ConfigError
-from pipeline.settings.keys import RENAMED, all_keys, is_key, unknown
+from pipeline.settings.keys import all_keys, is_key, renamed, unknown
 from pipeline.settings.nearest import choices_of, did_you_mean, nearest
 
 CONTROLLER = "controller"
@@ -107,7 +107,7 @@ def check_overrides(overrides: Sequence[Override], groups: Mapping[str, Sequence
                 raise ConfigError(f"there is no key {key}{did_you_mean(key, HYDRA_KEYS)}")
         elif key in groups and not isinstance(override.value(), dict):
             _check_choice(override, groups[key], plain)
-        elif key in RENAMED:
+        elif renamed(key) is not None:
             raise ConfigError(unknown(key))
         elif not is_key(key):
             found = nearest(key, {*all_keys(), *groups})

@@ -14,9 +14,8 @@ from pipeline.run.lock import held
 from pipeline.run.runner import finished_stages, run_stages
 from pipeline.settings.checks import Scope
 from pipeline.settings.experiment import Experiment
-from pipeline.settings.keys import in_todays_words
 from pipeline.settings.places import requirements_path
-from pipeline.settings.schema import experiment_from
+from pipeline.settings.schema import experiment_from, present
 from pipeline.settings.scopes import keys_in, only_results, reached_outside, with_command, without_outside
 
 if TYPE_CHECKING:
@@ -175,7 +174,7 @@ def _repeat(folder: Path, overrides: Sequence["Override"], asked: "Asked") -> in
     if any(not o.key_or_group.startswith("hydra.") and o.key_or_group != "stages" for o in overrides):
         new = compose_experiment([o.input_line or "" for o in overrides], asked.config_dir)
         own = {group for stage in asked_for for group in OWN_GROUPS.get(stage, ())}
-        then, now = only_results(in_todays_words(config)), only_results(new.config)
+        then, now = only_results(present(config)), only_results(new.config)
         if changed := differences(then, now, {*own, "stages"}):
             raise ConfigError(
                 f"{folder} was made with another {', '.join(changed)}; drop what changes that, or start a "

@@ -9,6 +9,7 @@ from pipeline.command_line.job import ConfigError, differences
 from pipeline.evaluation import paired
 from pipeline.report.swept import contents, page, words
 from pipeline.run import artifacts, tables
+from pipeline.settings.schema import present
 
 OK = 0
 #: files that `summary` writes into a sweep's folder
@@ -57,7 +58,7 @@ def compare(first: Path, second: Path) -> int:
     compared = paired.compare(one, other, confidence)
     _print(words.compared_table(first.name, second.name, compared, confidence))
     sys.stdout.write("p: Wilcoxon's signed ranks; for shares of flights McNemar's exact test\n")
-    for told in differences(configs[0], configs[1], ()):
+    for told in differences(present(configs[0]), present(configs[1]), ()):
         sys.stdout.write(f"they differ in {told.replace('(then ', '(A ').replace(', now ', ', B ')}\n")
     return OK
 

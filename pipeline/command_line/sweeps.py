@@ -11,7 +11,7 @@ from hydra.core.override_parser.types import Override
 
 from pipeline.command_line import runs
 from pipeline.command_line.arguments import Asked
-from pipeline.command_line.config import Composed, compose_jobs, options
+from pipeline.command_line.config import Composed, check_stages, compose_jobs, options
 from pipeline.command_line.overrides import differences_of, folder_names, single_runs
 from pipeline.command_line.runs import FAULT, MISTAKE, OK, sentence
 from pipeline.run import artifacts, sweep
@@ -41,7 +41,8 @@ def composed(asked: Asked, overrides: Sequence[Override]) -> Sweep:
         SweptRun(job.folder.relative_to(folder).as_posix(), differs, (*own, *chosen))
         for job, differs, chosen in zip(jobs, differing, words, strict=True)
     ]
-    for job in jobs:
+    for job, chosen in zip(jobs, words, strict=True):
+        check_stages(job.config, chosen)
         runs.check_before(job.experiment)
     return jobs, swept, folder
 

@@ -31,7 +31,7 @@ from optuna.trial import FrozenTrial, Trial, TrialState
 
 from pipeline.run import artifacts
 from pipeline.settings.checks import SettingError
-from pipeline.settings.experiment import Search
+from pipeline.settings.experiment import HparamsSearch
 from pipeline.settings.space import Dimension, dimensions
 
 #: values to try -> mean costs of successive blocks of flights
@@ -69,7 +69,7 @@ class Tried:
         return float(np.mean(self.blocks)) if self.blocks else float("nan")
 
 
-def trials(journal: Path, search: Search, seed: int, judge: Judge) -> Iterator[Tried]:
+def trials(journal: Path, search: HparamsSearch, seed: int, judge: Judge) -> Iterator[Tried]:
     """Try settings, those of a journal first, and yield each trial when it ends.
 
     A trial is in the journal once the next one is asked for: until then whoever takes it may still be killed.
@@ -78,7 +78,7 @@ def trials(journal: Path, search: Search, seed: int, judge: Judge) -> Iterator[T
     ----------
     journal : Path
         Made if missing; the search begins anew, and says so, if it is damaged.
-    search : Search
+    search : HparamsSearch
     seed : int
     judge : callable
         Takes a trial's values; what it yields must depend on these alone.
@@ -123,7 +123,7 @@ class _Journal(BaseJournalBackend):
         artifacts.write_atomically(self._path, text)
 
 
-def _resumed(path: Path, search: Search) -> tuple[optuna.Study, _Journal]:
+def _resumed(path: Path, search: HparamsSearch) -> tuple[optuna.Study, _Journal]:
     """Return a study with the trials of a journal; a new one if that is missing or damaged."""
     try:
         return _opened(path, path.read_text(encoding="utf-8"), search)
@@ -137,7 +137,7 @@ def _resumed(path: Path, search: Search) -> tuple[optuna.Study, _Journal]:
     return _opened(path, "", search)
 
 
-def _opened(path: Path, text: str, search: Search) -> tuple[optuna.Study, _Journal]:
+def _opened(path: Path, text: str, search: HparamsSearch) -> tuple[optuna.Study, _Journal]:
     journal = _Journal(path, text)
     study = optuna.create_study(
         storage=JournalStorage(journal),

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pipeline.flight.cases.starts import starts_in
 from pipeline.flight.state.log import Scenario
 from pipeline.run import artifacts, tables
-from pipeline.settings.experiment import SHIPPED, Experiment, Mission, Sun, linear
+from pipeline.settings.experiment import SHIPPED, Dynamics, Experiment, Mission, Sun
 from pipeline.typing import Floats
 
 Column = NDArray[Any]
@@ -84,7 +84,7 @@ def terms_of(mission: Mission) -> dict[str, Any]:
         terms[key] = getattr(mission, key)
     moved = asdict(mission.dynamics)
     terms["dynamics.model"] = moved.pop("model")
-    if terms["dynamics.model"] != linear().model:
+    if terms["dynamics.model"] != Dynamics().model:
         terms |= {f"dynamics.{key}": value for key, value in moved.items()}
     return _plain(terms)
 
@@ -103,7 +103,7 @@ def _without_choice(mission: Mission) -> dict[str, Any]:
         for field in fields(type(getattr(mission, group)))
         if field.default is not MISSING
     }
-    return _plain(terms | {"dynamics.model": linear().model})
+    return _plain(terms | {"dynamics.model": Dynamics().model})
 
 
 def read_solved(folder: Path) -> Solved:

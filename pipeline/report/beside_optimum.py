@@ -15,7 +15,7 @@ from pipeline.flight.state.log import FlightLog
 from pipeline.optimum.account import summarise_times
 from pipeline.optimum.solved import IncomparableError, solved_for
 from pipeline.run import artifacts, tables
-from pipeline.settings.experiment import Experiment, unguarded
+from pipeline.settings.experiment import Experiment, Safety
 
 Columns = Mapping[str, NDArray[Any]]
 
@@ -100,7 +100,7 @@ def fly_pairs(experiment: Experiment, controller: Controller, beside: BesideOpti
             start = solved.scenarios[place]
             flown = fly_logged(experiment.mission, controller, start)
             # a plan keeps the limits by itself
-            planned = fly_logged(replace(experiment.mission, safety=unguarded()), plan, start)
+            planned = fly_logged(replace(experiment.mission, safety=Safety()), plan, start)
             times = float(beside.columns["times_optimum"][row])
             pairs.append(Pair(int(ours[row]), which, times, flown, planned))
     return pairs

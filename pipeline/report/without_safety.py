@@ -11,7 +11,7 @@ from pipeline.flight.cases.starts import evaluation_scenarios
 from pipeline.flight.control.controller import Controller
 from pipeline.flight.fly.simulation import fly_all, fly_logged
 from pipeline.flight.state.log import FlightLog
-from pipeline.settings.experiment import Experiment, unguarded
+from pipeline.settings.experiment import Experiment, Safety
 
 Columns = Mapping[str, NDArray[Any]]
 
@@ -55,7 +55,7 @@ def fly_without(experiment: Experiment, controller: Controller, episodes: Column
         return None
     cases = episodes["case"][acted].tolist()
     scenarios = evaluation_scenarios(experiment.monte_carlo, experiment.sun, experiment.seed, cases)
-    off = replace(mission, safety=unguarded())
+    off = replace(mission, safety=Safety())
     outcomes = fly_all(off, controller, scenarios, experiment.monte_carlo.workers)
     limits = mission.deputy
     beyond = np.maximum(

@@ -19,10 +19,14 @@ Angle = Annotated[Number, Field(ge=-math.pi, le=math.pi)]
 class NaturalMotion:
     """One burn at the start onto an ellipse of free motion around the chief."""
 
-    points: Annotated[Count, Field(description="to be inspected, for a camera that looks at the chief")]
-    margin_m: Annotated[NotNegative, Field(description="inside the distance limits, m")]
-    reach_m_s: Annotated[Positive, Field(description="greatest component of the burn along i and k, m/s")]
-    step_m_s: Annotated[Positive, Field(description="of the grid of burns, m/s")]
+    points: Count
+    """Points to be inspected, for a camera that looks at the chief."""
+    margin_m: NotNegative
+    """How far inside the distance limits its path stays."""
+    reach_m_s: Positive
+    """Greatest component of the burn along i and k."""
+    step_m_s: Positive
+    """Step of the grid of burns."""
 
     def __post_init__(self) -> None:
         """Check that the grid of burns is not too fine."""
@@ -37,43 +41,54 @@ class NaturalMotion:
 class Ring:
     """An ellipse of free motion that follows the Sun, with its cross-track amplitude; or a route instead."""
 
-    follows: Annotated[
-        Literal["ring", "route"],
-        Field(description="the ring, or a few burns planned at the start for the world's light and camera"),
-    ]
-    ring_size_m: Annotated[Positive, Field(description="its height; it is twice as long along the track, m")]
-    ring_lead_rad: Annotated[Angle, Field(description="of the Sun before the place on the ring, rad")]
-    max_height_m: Annotated[NotNegative, Field(description="greatest amplitude along the orbit normal, m")]
-    height_lead_rad: Annotated[
-        Angle, Field(description="of the swing along the normal before one that starts at rest, rad")
-    ]
+    follows: Literal["ring", "route"]
+    """The ring, or a few burns planned at the start for the world's light and camera."""
+    ring_size_m: Positive
+    """Height of the ring; it is twice as long along the track."""
+    ring_lead_rad: Angle
+    """How far the Sun is ahead of the place on the ring."""
+    max_height_m: NotNegative
+    """Greatest amplitude along the orbit normal."""
+    height_lead_rad: Angle
+    """How far the swing along the normal is ahead of one that starts at rest."""
 
 
 @settings(FREE)
 class Lqr(Ring):
     """A linear-quadratic regulator that tracks a ring; errors at their tolerance are weighted equally."""
 
-    position_tolerance_m: Annotated[Positive, Field(description="in the orbit plane, m")]
-    height_tolerance_m: Annotated[Positive, Field(description="along the orbit normal, m")]
+    position_tolerance_m: Positive
+    """Error of the position in the orbit plane that weighs one."""
+    height_tolerance_m: Positive
+    """The same along the orbit normal."""
     velocity_tolerance_m_s: Positive
-    force_tolerance_n: Annotated[Positive, Field(description="a force that weighs as much as an error, N")]
-    dead_band_n: Annotated[NotNegative, Field(description="a component smaller than this is not fired, N")]
+    """The same of the velocity."""
+    force_tolerance_n: Positive
+    """A force that weighs as much as an error."""
+    dead_band_n: NotNegative
+    """A component smaller than this is not fired."""
 
 
 @settings(FREE)
 class RecedingHorizon(Ring):
     """Model predictive control: solves a linear program repeatedly to reach a ring with minimum fuel."""
 
-    first_horizon_s: Annotated[
-        Positive, Field(description="looked ahead at the start, s; its end stays until horizon_s is farther")
-    ]
-    horizon_s: Annotated[Positive, Field(description="looked ahead later, s")]
-    solution_period_s: Annotated[Positive, Field(description="between two solutions, s")]
-    force_spacing_s: Annotated[Positive, Field(description="between two forces of a solution, s")]
-    centre_tolerance_m: Annotated[Positive, Field(description="of the ellipse's centre, m")]
-    ring_tolerance_m: Annotated[Positive, Field(description="of the place on the ring, m")]
-    height_tolerance_m: Annotated[Positive, Field(description="of the height, m")]
-    margin_m: Annotated[NotNegative, Field(description="inside the distance limits, m")]
+    first_horizon_s: Positive
+    """How far the first solution looks ahead; its end stays until horizon_s is farther."""
+    horizon_s: Positive
+    """How far later ones look ahead."""
+    solution_period_s: Positive
+    """Time between two solutions."""
+    force_spacing_s: Positive
+    """Time between two forces of a solution."""
+    centre_tolerance_m: Positive
+    """Error of the ellipse's centre that is allowed at the end."""
+    ring_tolerance_m: Positive
+    """The same of the place on the ring."""
+    height_tolerance_m: Positive
+    """The same of the height."""
+    margin_m: NotNegative
+    """How far inside the distance limits its path stays."""
 
     def __post_init__(self) -> None:
         """Check that every solution is replaced before its horizon."""

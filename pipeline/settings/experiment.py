@@ -29,6 +29,7 @@ from pipeline.settings.checks import (
     Whole,
     Workers,
 )
+from pipeline.settings.conditions import Only
 from pipeline.settings.controllers import check_controller
 from pipeline.settings.groups import settings
 from pipeline.settings.mission import Mission
@@ -45,10 +46,6 @@ from pipeline.settings.mission_parts import (
     Safety,
     Sensor,
     Sun,
-    ideal,
-    linear,
-    perfect,
-    unguarded,
 )
 from pipeline.settings.nearest import choices_of, did_you_mean
 from pipeline.settings.space import dimensions
@@ -67,7 +64,9 @@ __all__ = [
     "Encoding",
     "Experiment",
     "Guidance",
+    "HparamsSearch",
     "Light",
+    "Logger",
     "Mission",
     "MonteCarlo",
     "Navigation",
@@ -77,16 +76,11 @@ __all__ = [
     "Penalty",
     "Report",
     "Safety",
-    "Search",
     "Sensor",
     "SettingError",
     "Starts",
     "Sun",
     "Telemetry",
-    "ideal",
-    "linear",
-    "perfect",
-    "unguarded",
 ]
 
 #: in the order in which they run: each reads the files of those before it
@@ -100,17 +94,24 @@ SHIPPED = "shipped"
 class MonteCarlo:
     """The evaluation: flights from starts drawn, isotropic and uniform in distance, or from a given table."""
 
-    num_cases: Annotated[Cases, Cure("; without scenarios there is nothing to fly")]
-    min_distance_m: Annotated[Positive, Field(description="from the chief, m")]
-    max_distance_m: Annotated[Number, Field(description="from the chief, m")]
-    confidence_percent: Annotated[
-        Number, Field(ge=50, le=99.99, description="of the intervals in the summary, %")
-    ]
+    num_cases: Annotated[
+        Cases,
+        Cure("; without scenarios there is nothing to fly"),
+        Only("stages=scenario", "stages=evaluate", "stages=optimum", "stages=compare"),
+    ] = 1000
+    """Flights."""
+    min_distance_m: Positive = 50.0
+    """Least distance of a start from the chief."""
+    max_distance_m: Number = 100.0
+    """Greatest distance of a start from the chief."""
+    confidence_percent: Annotated[Number, Field(ge=50, le=99.99)] = 95.0
+    """Confidence of the intervals in the summary."""
     workers: Workers = None
-    max_speed_m_s: Annotated[
-        NotNegative, Field(le=100, description="of starts, in any direction, m/s; 0 for rest")
-    ] = 0.0
-    table: Annotated[Text | None, Field(description="starts in place of drawn ones, as CSV text")] = None
+    """Threads that fly; null: one a processor."""
+    max_speed_m_s: Annotated[NotNegative, Field(le=100)] = 0.0
+    """Greatest speed of a start, in any direction; 0: rest."""
+    table: Annotated[Text | None, Only("starts.kind=file")] = None
+    """Starts in place of drawn ones, as CSV text."""
 
     def __post_init__(self) -> None:
         """Check that the shell's bounds ascend."""
@@ -123,26 +124,27 @@ class MonteCarlo:
             )
 
 
-@settings("optimum")
+@settings("optimum", Only("stages=optimum", "stages=evaluate", "stages=compare"))
 class Optimum:
     """Minimum-fuel plans, computed with the whole flight known in advance."""
 
-    cases: Annotated[
-        Literal["evaluation", "start"],
-        Field(description="those of the evaluation, or the start that the deputy is given"),
-    ]
-    points: Annotated[
-        Count | None, Field(description="to be inspected; None for those that make a success in each case")
-    ]
-    restarts: Annotated[Count, Field(description="most beginnings of the global search")]
-    burns: Annotated[Whole, Field(ge=2, le=5, description="most of a search, the first at the start")]
-    kicks: Annotated[
-        Natural, Field(description="disturbances of the best plan in a row that better nothing, to the end")
-    ]
+    cases: Literal["evaluation", "start"] = "evaluation"
+    """What is solved: the cases of the evaluation, or the start that the deputy is given."""
+    points: Count | None = None
+    """Points to be inspected; null: those that make a success in each case."""
+    restarts: Count = 24
+    """Most beginnings of the global search; it ends when three find the same."""
+    burns: Annotated[Whole, Field(ge=2, le=5)] = 3
+    """Most burns of the global search, the first at the start."""
+    kicks: Natural = 12
+    """Disturbances of the best plan in a row that better nothing, to the end."""
     workers: Workers = None
-    reference: Annotated[
-        Text | None, Field(description="cases that evaluations are measured by: `SHIPPED`, or a run's folder")
-    ]
+    """Threads that solve cases; null: one a processor."""
+    reference: Text | None = SHIPPED
+    """Cases that evaluations are measured by: `shipped`, a run's folder, or null."""
+
+
+DASK = Only("engine.kind=dask")
 
 
 @settings("engine")
@@ -150,61 +152,59 @@ class Engine:
     """Where the parts of a campaign run: in this process, or in several managed by Dask."""
 
     kind: Annotated[Literal["local", "dask"], Scope.MACHINE] = "local"
-    processes: Workers = None
-    scheduler: Annotated[
-        Text | None,
-        Scope.OUTSIDE,
-        Field(description="address or file of one to join; None to start processes"),
-    ] = None
-    part_cases: Annotated[Count, Scope.MACHINE, Field(description="flights of a part")] = 10000
+    """This process, or processes of this machine under Dask."""
+    processes: Annotated[Workers, DASK] = None
+    """Processes to start; null: one a processor."""
+    scheduler: Annotated[Text | None, Scope.OUTSIDE, DASK] = None
+    """Address or file of a scheduler to join; null: start one."""
+    part_cases: Annotated[Count, Scope.MACHINE] = 10000
+    """Flights of a part, which one process flies and keeps as a file."""
 
 
-@settings("tracking")
-class Tracking:
-    """Where else each generation of a training is logged."""
+@settings("logger", Only("stages=train"))
+class Logger:
+    """Where each generation of a training is logged besides the run's own folder."""
 
-    kind: Annotated[Literal["none", "tensorboard", "mlflow"], Scope.OUTSIDE] = "none"
-    place: Annotated[Text | None, Scope.OUTSIDE, Field(description="folder or store that is written to")] = (
-        None
-    )
-
-    def __post_init__(self) -> None:
-        """Check that there is somewhere to write to."""
-        if self.kind != "none" and self.place is None:
-            raise SettingError(f"tracking.kind is {self.kind}, but tracking.place is null; give a place")
+    kind: Annotated[Literal["none", "tensorboard"], Scope.OUTSIDE] = "none"
+    """Nowhere else, or TensorBoard."""
+    place: Annotated[Text, Scope.OUTSIDE, Only("logger.kind=tensorboard")] = "outputs/tensorboard"
+    """Folder that is written to."""
 
 
-@settings("search")
-class Search:
-    """Settings to try, and the flights on which trials compete."""
+@settings("hparams_search", Only("stages=search"))
+class HparamsSearch:
+    """Settings that Optuna tries, and the flights on which trials compete."""
 
-    space: Annotated[dict[str, Any], Field(description="keys, each with {low, high, log} or {choices}")] = (
-        field(default_factory=dict, hash=False)
-    )
+    space: dict[str, Any] = field(default_factory=dict, hash=False)
+    """Keys, each with {low: 0.1, high: 10.0, log: true} or {choices: [a, b]}."""
     trials: Count = 40
-    num_cases: Annotated[Count, Field(description="starts, flown by no training, of a trial")] = 400
-    block_cases: Annotated[Count, Field(description="of them that are flown before trials compare")] = 40
-    prune_below: Annotated[
-        NotNegative, Field(le=1, description="p of Wilcoxon's test below which a trial ends; 0: never")
-    ] = 0.1
-    trains: Annotated[Flag, Field(description="whether each trial trains its controller")] = False
+    """How many are tried."""
+    num_cases: Count = 400
+    """Starts of a trial, flown by no training."""
+    block_cases: Count = 40
+    """Of them, those flown before a trial is compared with the best."""
+    prune_below: Annotated[NotNegative, Field(le=1)] = 0.1
+    """The p of Wilcoxon's test below which a trial ends; 0: never."""
+    trains: Flag = False
+    """Whether each trial trains its controller, or flies the configured one."""
 
     def __post_init__(self) -> None:
         """Check that every key of the space exists and has something to choose from."""
         dimensions(self.space)
 
 
-@settings("compare")
+@settings("compare", Only("stages=compare"))
 class Compare:
     """Comparison of controllers: which fly, and under which conditions."""
 
-    controllers: Annotated[tuple[Text, ...], Field(description="names as in controller=NAME, or paths")]
-    suns: tuple[Text, ...]
-    safety: tuple[Text, ...]
-    worlds: Annotated[
-        dict[str, dict[str, Any]],
-        Field(description="by name, what differs from the experiment's own; none for that alone"),
-    ] = field(default_factory=dict, hash=False)
+    controllers: tuple[Text, ...] = ("coast", "natural_motion", "lqr", "receding_horizon", "paper_champion")
+    """Names as in controller=NAME, or paths of controllers and tables."""
+    suns: tuple[Text, ...] = ("fixed", "random")
+    """Sun settings under which each flies: fixed, random, mixed."""
+    safety: tuple[Text, ...] = ("none", "filter")
+    """Safety layers under which each flies: none, filter."""
+    worlds: dict[str, dict[str, Any]] = field(default_factory=dict, hash=False)
+    """By name, what differs from the experiment's own, or the name of a world."""
 
     def __post_init__(self) -> None:
         """Check that the table has rows, and no row twice."""
@@ -223,40 +223,54 @@ class Compare:
                     )
 
 
-@settings("assurance")
+@settings("assurance", Only("stages=assure"))
 class Assurance:
     """Evidence for requirements: which, and how thoroughly they are tested."""
 
-    requirements: Annotated[Text, Field(description="those that ship, by name, or the path of a file")]
-    num_cases: Annotated[Count, Cure("; without flights nothing is shown")]
-    searches: Annotated[Count, Field(description="for the worst case of a requirement")]
-    search_starts: Annotated[Count, Field(description="random flights that a search begins with")]
-    search_population: Annotated[Whole, Field(ge=5, description="flights in each generation of CMA-ES")]
-    search_generations: Annotated[Count, Field(description="after the first flights")]
-    search_step: Annotated[Positive, Field(le=1, description="first spread, as a share of what is chosen")]
-    domain_cases: Annotated[
-        Count, Field(description="flights that make the operational domain, and as many that try it")
-    ]
+    requirements: Text = "inspection"
+    """Those that ship, by name, or the path of a file."""
+    num_cases: Annotated[Count, Cure("; without flights nothing is shown")] = 10000
+    """Flights on which claims are judged."""
+    searches: Count = 24
+    """Searches for the worst case of each requirement."""
+    search_starts: Count = 32
+    """Random flights that a search begins with."""
+    search_population: Annotated[Whole, Field(ge=5)] = 16
+    """Flights in each generation of a search (CMA-ES)."""
+    search_generations: Count = 20
+    """Generations after the first flights."""
+    search_step: Annotated[Positive, Field(le=1)] = 0.1
+    """First spread of a search, as a share of what is chosen."""
+    domain_cases: Count = 200
+    """Flights that make the operational domain, and as many that try it."""
     workers: Workers = None
+    """Threads that fly; null: one a processor."""
 
 
-@settings("telemetry")
+@settings("telemetry", Only("stages=record", "stages=assure", "stages=scenario"))
 class Telemetry:
     """Which flights are recorded, and the distances that the log calls near."""
 
-    record_training: Annotated[Flag, Field(description="the flights of the training scenarios")]
-    record_ranked: Annotated[Flag, Field(description="of the evaluation: the worst, the median, the best")]
-    record_start: Annotated[Flag, Field(description="the flight from deputy.initial_position_m")]
-    near_limit_m: Annotated[NotNegative, Field(description="nearer to a distance limit the log warns, m")]
+    record_training: Flag = True
+    """The flights of the training scenarios."""
+    record_ranked: Flag = True
+    """Of the evaluation: the worst, the median and the best flight."""
+    record_start: Flag = False
+    """The flight from deputy.initial_position_m, or of a case of the evaluation."""
+    near_limit_m: NotNegative = 5.0
+    """The log warns when a distance limit is nearer."""
 
 
-@settings("report")
+@settings("report", Only("stages=report"))
 class Report:
     """Appearance of the report."""
 
-    title: Text
-    dots_per_inch: Annotated[Whole, Field(ge=20, le=1200, description="of the PNG files")]
-    training_case: Annotated[Natural, Field(description="the scenario that is drawn, from 0")]
+    title: Text = "Spacecraft inspection by fuzzy control"
+    """Heading of the page."""
+    dots_per_inch: Annotated[Whole, Field(ge=20, le=1200)] = 150
+    """Of the PNG files."""
+    training_case: Natural = 0
+    """The training scenario that is drawn, from 0."""
 
 
 @settings("")
@@ -272,7 +286,7 @@ class Experiment:
     stages : tuple of str
         The stages to run, in order.
     mission, sun, starts, optimizer, monte_carlo, optimum, compare, assurance, telemetry, report, engine,
-    search, tracking
+    hparams_search, logger
         The groups of the configuration.
     controller : mapping
         As plain data: a controller written out (``schema``, ``systems``, …), ``{path: ...}`` of a controller
@@ -285,29 +299,32 @@ class Experiment:
         Whether to go on from a checkpoint in the run's folder; not part of the configuration.
     """
 
-    name: Text
-    seed: Seed
+    name: Text = "pipeline"
+    """Names the run's folder: letters, digits, _ - and . only."""
+    seed: Seed = 1
+    """Of everything random."""
     stages: tuple[Text, ...]
-    mission: Mission
-    sun: Sun
-    starts: Starts
-    optimizer: Optimizer
-    monte_carlo: MonteCarlo
-    optimum: Optimum
-    compare: Compare
-    assurance: Assurance
-    telemetry: Telemetry
-    report: Report
+    """What is done, in this order: scenario, search, train, evaluate, record, optimum, compare, assure,
+    report."""
+    mission: Mission = field(default_factory=Mission)
+    sun: Sun = field(default_factory=Sun)
+    starts: Starts = field(default_factory=Starts)
+    optimizer: Optimizer = field(default_factory=Optimizer)
+    monte_carlo: MonteCarlo = field(default_factory=MonteCarlo)
+    optimum: Optimum = field(default_factory=Optimum)
+    compare: Compare = field(default_factory=Compare)
+    assurance: Assurance = field(default_factory=Assurance)
+    telemetry: Telemetry = field(default_factory=Telemetry)
+    report: Report = field(default_factory=Report)
     controller: dict[str, Any] = field(hash=False)
+    """A controller written out, a file, or one of another kind."""
     engine: Engine = field(default_factory=Engine)
-    search: Search = field(default_factory=Search)
-    tracking: Tracking = field(default_factory=Tracking)
-    reproducible: Annotated[
-        Flag, Field(description="whether libraries compute alike on all x86-64 processors")
-    ] = False
-    case: Annotated[
-        Natural | None, Field(description="of the evaluation, flown by telemetry.record_start")
-    ] = None
+    hparams_search: HparamsSearch = field(default_factory=HparamsSearch)
+    logger: Logger = field(default_factory=Logger)
+    reproducible: Flag = False
+    """Whether libraries compute alike on all x86-64 processors."""
+    case: Natural | None = None
+    """Case of the evaluation that telemetry.record_start flies; null: the given start."""
     resume: bool = False
 
     def __post_init__(self) -> None:
@@ -377,10 +394,10 @@ class Experiment:
                 f"stages is [{', '.join(self.stages)}]; each reads what those before it wrote, so name each "
                 f"once in the order {', '.join(STAGES)}"
             )
-        if "search" in self.stages and not self.search.space:
+        if "search" in self.stages and not self.hparams_search.space:
             raise SettingError(
-                "stages has search, and search.space is empty; say what may be chosen, as in "
-                "'+search.space.optimizer.initial_step={low: 0.01, high: 0.3, log: true}'"
+                "stages has search, and hparams_search.space is empty; say what may be chosen, as in "
+                "'+hparams_search.space.optimizer.initial_step={low: 0.01, high: 0.3, log: true}'"
             )
         if "train" in self.stages and self.mission.dispersions:
             raise SettingError(

@@ -10,19 +10,25 @@ from pydantic.dataclasses import dataclass as checked_dataclass
 
 from pipeline.settings import keys
 from pipeline.settings.checks import SettingError
+from pipeline.settings.conditions import Only
 from pipeline.settings.sentences import names_of, sentence
 
 Kind = TypeVar("Kind")
 
+#: each class of settings with its group, "" for keys at the top, and what holds for all its keys
+GROUPS: list[tuple[str, type[Any], tuple[Only, ...]]] = []
+
 
 @dataclass_transform(kw_only_default=True, frozen_default=True, field_specifiers=(field, Field))
-def settings(group: str) -> Callable[[type[Kind]], type[Kind]]:
+def settings(group: str, *only: Only) -> Callable[[type[Kind]], type[Kind]]:
     """Make a class a frozen dataclass that checks its values, with the keys of a group in its errors.
 
     Parameters
     ----------
     group : str
         Such as ``optimizer.penalty``; empty for keys at the top of the configuration.
+    *only : Only
+        Where its keys exist, except for those that the conditions are about.
 
     Returns
     -------
@@ -49,6 +55,7 @@ def settings(group: str) -> Callable[[type[Kind]], type[Kind]]:
 
         made.__init__ = check_and_build
         keys.register(group, names_of(made))
+        GROUPS.append((group, made, only))
         kind: type[Kind] = made
         return kind
 

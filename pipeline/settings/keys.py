@@ -29,14 +29,16 @@ UNITS: Mapping[str, str] = {
     "proportional_gain": "1/s^2",
     "derivative_gain": "1/s",
 }
-#: keys of earlier versions to their present names
+#: keys and groups of earlier versions to their present names
 RENAMED: Mapping[str, str] = {
     "optimizer.penalty.c_d": "optimizer.penalty.outside_m_s",
     "optimizer.penalty.c_95": "optimizer.penalty.short_point_m_s",
     "optimizer.penalty.c_99": "optimizer.penalty.missed_point_m_s",
+    "search": "hparams_search",
+    "tracking": "logger",
 }
 #: the group whose keys are those of the configuration
-SPACE = "search.space"
+SPACE = "hparams_search.space"
 _known: set[str] = set()
 
 
@@ -56,10 +58,18 @@ def is_key(key: str) -> bool:
     return key in _known or key.startswith((FREE + ".", DISPERSIONS + ".", SPACE + "."))
 
 
+def renamed(key: str) -> str | None:
+    """Return the present name of a key or group of an earlier version; None for any other."""
+    for old, new in RENAMED.items():
+        if key == old or key.startswith(f"{old}."):
+            return new + key.removeprefix(old)
+    return None
+
+
 def unknown(key: str) -> str:
     """Return a message that there is no such key, with the key that may be meant."""
-    if key in RENAMED:
-        return f"there is no key {key} any more; write {RENAMED[key]}"
+    if (new := renamed(key)) is not None:
+        return f"there is no key {key} any more; write {new}"
     return f"there is no key {key}{did_you_mean(key, _known)}"
 
 
@@ -74,6 +84,10 @@ def in_todays_words(config: Mapping[str, Any]) -> dict[str, Any]:
             node = node.get(group) if isinstance(node, dict) else None
         if isinstance(node, dict) and was in node and name not in node:
             node[name] = node.pop(was)
+    logger = told.get("logger")
+    if isinstance(logger, dict) and logger.get("kind") == "mlflow":
+        # a sink that is no more: such a run is read and goes on without
+        logger["kind"] = "none"
     return told
 
 

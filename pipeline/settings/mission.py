@@ -22,9 +22,6 @@ from pipeline.settings.mission_parts import (
     Orbit,
     Safety,
     Sensor,
-    ideal,
-    linear,
-    perfect,
 )
 
 #: standard gravity: the exhaust speed is the specific impulse times this
@@ -40,38 +37,35 @@ SHARED = (
     *("attitude_period_s", "control_period_s", "duration_s"),
     *("navigation.fix_period_s", "navigation.delay_s", "actuators.delay_s"),
 )
-#: groups with settings that may vary within a flight, and the key and value that put them into effect
-COUNTS_WITH = {
-    "navigation": ("mode", "fixes"),
-    "actuators": ("kind", "real"),
-    "dynamics": ("model", "two_body"),
-}
 
 
 @settings("")
 class Mission:
     """One inspection flight: everything the simulation depends on except the start and the controller."""
 
-    orbit: Orbit
-    deputy: Deputy
-    chief: Chief
-    sensor: Sensor
-    attitude: Attitude
-    guidance: Guidance
-    safety: Safety
-    navigation: Navigation = field(default_factory=perfect)
-    actuators: Actuators = field(default_factory=ideal)
-    dynamics: Dynamics = field(default_factory=linear)
-    attitude_period_s: Annotated[Positive, Field(description="between two torques, s")]
-    control_period_s: Annotated[Positive, Field(description="between two forces, s")]
-    duration_s: Positive
-    coast_when_complete: Annotated[Flag, Field(description="whether no force follows the last point")]
-    inspection_threshold_percent: Annotated[Number, Field(ge=0, le=100, description="of a success, %")]
+    orbit: Orbit = field(default_factory=Orbit)
+    deputy: Deputy = field(default_factory=Deputy)
+    chief: Chief = field(default_factory=Chief)
+    sensor: Sensor = field(default_factory=Sensor)
+    attitude: Attitude = field(default_factory=Attitude)
+    guidance: Guidance = field(default_factory=Guidance)
+    safety: Safety = field(default_factory=Safety)
+    navigation: Navigation = field(default_factory=Navigation)
+    actuators: Actuators = field(default_factory=Actuators)
+    dynamics: Dynamics = field(default_factory=Dynamics)
+    attitude_period_s: Positive = 1.0
+    """Time between two torques; must divide control_period_s."""
+    control_period_s: Positive = 10.0
+    """Time over which a force is held."""
+    duration_s: Positive = 3600.0
+    """Length of a flight; a multiple of control_period_s."""
+    coast_when_complete: Flag = True
+    """Whether no force follows once every point is inspected."""
+    inspection_threshold_percent: Annotated[Number, Field(ge=0, le=100)] = 95.0
+    """Share of the points from which on a flight is a success."""
     light: Light = field(default_factory=Light)
-    dispersions: Annotated[
-        dict[str, Any],
-        Field(description="what cases have their own of, or what varies in a flight, with its distribution"),
-    ] = field(default_factory=dict, hash=False)
+    dispersions: dict[str, Any] = field(default_factory=dict, hash=False)
+    """Distributions of settings that differ between flights, or vary within one."""
 
     def __post_init__(self) -> None:
         """Check that clocks, gains and safety layer fit together."""
@@ -102,14 +96,6 @@ class Mission:
                     f"dispersions.{one.key} is no number that a flight can have its own of; it must be a key "
                     "of the mission with a decimal number, and no clock or delay, as in "
                     "+dispersions.deputy.mass_kg={kind:normal,mean:12.0,std:0.1}"
-                )
-        for key in self.varying:
-            group = key.partition(".")[0]
-            switch, wanted = COUNTS_WITH[group]
-            if getattr(getattr(self, group), switch) != wanted:
-                raise SettingError(
-                    f"dispersions.{key} has a correlation time, but {key} counts only with "
-                    f"{group}.{switch}={wanted}; set that, or leave the distribution out"
                 )
 
     def _check_clocks(self) -> None:

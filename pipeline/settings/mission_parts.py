@@ -1,7 +1,6 @@
-"""The groups of settings that a mission is made of, with their defaults."""
+"""The groups of settings that a mission is made of, with their defaults: the paper's inspection."""
 
 import math
-from functools import cache
 from typing import Annotated, Literal
 
 from pydantic import Field, Strict
@@ -23,66 +22,77 @@ from pipeline.settings.checks import (
     UnitVector,
     Vector,
 )
+from pipeline.settings.conditions import Only
 from pipeline.settings.groups import settings
 
 #: beyond this many points a flight fills a computer's memory
 MOST_POINTS = 10_000
 #: the least is beyond the accumulated rounding of a flight
 Margin = Annotated[Number, Field(ge=0.001)]
+UNIT_INERTIA = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+#: 75 m along (1, 1, 1)
+START_M = (43.30127018922194, 43.30127018922194, 43.30127018922194)
 
 
 @settings("orbit")
 class Orbit:
-    """The chief's circular orbit."""
+    """The chief's orbit: the paper's low Earth orbit."""
 
     #: the densest planets allow 0.0015 rad/s
-    mean_motion_rad_s: Annotated[Positive, Field(le=0.1)]
+    mean_motion_rad_s: Annotated[Positive, Field(le=0.1)] = 0.0011068
+    """Mean motion of the chief."""
     radius_m: Annotated[
-        float | None,
-        Strict(),
-        Field(gt=0, le=1e9, description="about the Earth's centre, m; None is that of the mean motion"),
+        float | None, Strict(), Field(gt=0, le=1e9), Only("light.shadow=conical", "dynamics.model=two_body")
     ] = None
+    """Radius about the Earth's centre; null: that of the mean motion."""
 
 
-@settings("dynamics")
+@settings("dynamics", Only("dynamics.model=two_body"))
 class Dynamics:
     """The deputy's true motion: Clohessy and Wiltshire's equations, or an orbit about the Earth."""
 
-    model: Literal["cw", "two_body"]
-    eccentricity: Annotated[NotNegative, Field(lt=1, description="of the chief's orbit at the start")]
-    true_anomaly_deg: Annotated[Number, Field(description="of the chief at the start, from the perigee, deg")]
-    inclination_deg: Annotated[Number, Field(ge=0, le=180, description="of the orbit to the equator, deg")]
-    latitude_argument_deg: Annotated[
-        Number, Field(description="of the chief at the start, from the ascending node, deg")
-    ]
-    j2: Annotated[NotNegative, Field(le=0.1, description="coefficient of the Earth's oblateness")]
-    drag_m_s2: Annotated[
-        Number, Field(description="by which drag slows the deputy more than the chief, m/s^2")
-    ]
-    radiation_m_s2: Annotated[
-        Number, Field(description="by which sunlight pushes the deputy more than the chief, m/s^2")
-    ]
+    model: Literal["cw", "two_body"] = "cw"
+    """Clohessy and Wiltshire's equations, or two bodies about the Earth."""
+    eccentricity: Annotated[NotNegative, Field(lt=1)] = 0.0
+    """Eccentricity of the chief's orbit at the start; 0: a circle."""
+    true_anomaly_deg: Number = 0.0
+    """The chief's angle from the perigee at the start."""
+    inclination_deg: Annotated[Number, Field(ge=0, le=180)] = 51.6
+    """Inclination of the orbit to the Earth's equator."""
+    latitude_argument_deg: Number = 0.0
+    """The chief's angle from the ascending node at the start."""
+    j2: Annotated[NotNegative, Field(le=0.1)] = 0.0
+    """Coefficient of the Earth's oblateness; 0: a sphere."""
+    drag_m_s2: Number = 0.0
+    """Acceleration by which drag slows the deputy more than the chief."""
+    radiation_m_s2: Number = 0.0
+    """Acceleration by which sunlight pushes the deputy more than the chief."""
 
 
 @settings("deputy")
 class Deputy:
     """The inspecting spacecraft, its start (Hill axes) and its limits."""
 
-    mass_kg: Positive
-    inertia_kg_m2: Annotated[Inertia, Field(description="about the body axes, kg m^2")]
-    initial_position_m: Annotated[Vector, Field(description="relative to the chief, Hill axes, m")]
-    initial_velocity_m_s: Annotated[Vector, Field(description="relative to the chief, Hill axes, m/s")]
-    max_force_n: Annotated[Positive, Field(description="along each axis, N")]
-    max_torque_n_m: Annotated[Positive, Field(description="about each axis, N m")]
-    min_distance_m: Annotated[NotNegative, Field(description="least distance from the chief, m")]
-    max_distance_m: Annotated[Number, Field(description="greatest distance from the chief, m")]
-    initial_quaternion: Annotated[
-        Quaternion, Field(description="at the start, Hill to body axes, scalar last")
-    ] = (0.0, 0.0, 0.0, 1.0)
-    initial_angular_velocity_rad_s: Annotated[
-        Vector | None,
-        Field(description="at the start, relative to Hill, body axes; None is the mean motion about k"),
-    ] = None
+    mass_kg: Positive = 12.0
+    """Mass."""
+    inertia_kg_m2: Inertia = UNIT_INERTIA
+    """Inertia matrix, body axes."""
+    initial_position_m: Vector = START_M
+    """Where a single flight starts, relative to the chief, Hill axes."""
+    initial_velocity_m_s: Vector = (0.0, 0.0, 0.0)
+    """Its velocity there, relative to the chief, Hill axes."""
+    max_force_n: Positive = 1.0
+    """Greatest force along each Hill axis."""
+    max_torque_n_m: Positive = 0.01
+    """Greatest torque about each body axis."""
+    min_distance_m: NotNegative = 15.0
+    """Least distance from the chief; the limit itself is inside."""
+    max_distance_m: Number = 200.0
+    """Greatest distance from the chief; the limit itself is inside."""
+    initial_quaternion: Quaternion = (0.0, 0.0, 0.0, 1.0)
+    """Attitude at the start, from Hill to body axes, scalar last."""
+    initial_angular_velocity_rad_s: Vector | None = None
+    """Angular velocity at the start, relative to Hill, body axes; null: the mean motion about k."""
 
     def __post_init__(self) -> None:
         """Check the limits, and that the start lies apart from the chief and is not absurdly fast."""
@@ -105,77 +115,85 @@ class Deputy:
 class Chief:
     """The inspected spacecraft and the points on it."""
 
-    inertia_kg_m2: Annotated[Inertia, Field(description="about the body axes, kg m^2")]
-    initial_angular_velocity_rad_s: Annotated[
-        Vector | None,
-        Field(description="inertial, in chief axes, rad/s; None keeps the chief aligned with Hill"),
-    ]
-    inspection_radius_m: Annotated[Positive, Field(description="of the sphere of inspection points, m")]
-    num_points: Annotated[Count, Field(le=MOST_POINTS)]
-    placement: Literal["deserno", "fibonacci"]
-    shape: Annotated[
-        Literal["sphere", "mesh"], Field(description="the points lie on a sphere, or on the faces of a mesh")
-    ] = "sphere"
-    path: Annotated[
-        Text | None, Field(description="of the mesh, an STL or OBJ file in chief axes, m; None ships")
-    ] = None
+    inertia_kg_m2: Annotated[Inertia, Only("chief.initial_angular_velocity_rad_s")] = UNIT_INERTIA
+    """Inertia matrix, chief axes."""
+    initial_angular_velocity_rad_s: Vector | None = None
+    """Inertial angular velocity at the start, chief axes; null: aligned with Hill."""
+    inspection_radius_m: Positive = 10.0
+    """Radius of the sphere of inspection points."""
+    num_points: Annotated[Count, Field(le=MOST_POINTS)] = 100
+    """Inspection points asked for; Deserno's placement makes 99 of 100."""
+    placement: Annotated[Literal["deserno", "fibonacci"], Only("chief.shape=sphere")] = "deserno"
+    """How points are spread over the sphere."""
+    shape: Literal["sphere", "mesh"] = "sphere"
+    """Points on a sphere, or on the faces of a mesh."""
+    path: Annotated[Text | None, Only("chief.shape=mesh")] = None
+    """File of the mesh, STL or OBJ, chief axes, m; null: the satellite that ships."""
 
 
 @settings("sensor")
 class Sensor:
     """The deputy's camera."""
 
-    half_angle_deg: Annotated[Positive, Field(le=180, description="of the field of view, deg")]
-    boresight: Annotated[UnitVector, Field(description="body axes")]
-    max_incidence_deg: Annotated[
-        Positive, Field(le=90, description="between a point's normal and the direction to the deputy, deg")
-    ] = 90.0
-    max_range_m: Annotated[Positive | None, Field(description="from which a point is resolved, m")] = None
-    min_sun_angle_deg: Annotated[
-        NotNegative, Field(le=180, description="between boresight and Sun, deg; nearer the camera is blind")
-    ] = 0.0
+    half_angle_deg: Annotated[Positive, Field(le=180)] = 15.0
+    """Half angle of the field of view."""
+    boresight: UnitVector = (
+        -1.0,
+        0.0,
+        0.0,
+    )
+    """Where the camera looks, body axes."""
+    max_incidence_deg: Annotated[Positive, Field(le=90)] = 90.0
+    """Greatest angle between a point's normal and the direction to the deputy."""
+    max_range_m: Positive | None = None
+    """Greatest range from which a point is resolved; null: any."""
+    min_sun_angle_deg: Annotated[NotNegative, Field(le=180)] = 0.0
+    """Least angle between boresight and Sun; nearer to it the camera is blind."""
+
+
+REFLECTED = Only("light.reflection=blinn_phong")
 
 
 @settings("light")
 class Light:
     """Shadow on the chief, and how its surface reflects."""
 
-    shadow: Annotated[Literal["none", "conical"], Field(description="of the Earth")] = "none"
-    min_fraction: Annotated[
-        Share, Field(description="of the Sun's disc, with less of which visible nothing is lit")
-    ] = 0.5
-    past_terminator_deg: Annotated[
-        NotNegative, Field(le=10, description="by which the Sun may be below a point's horizon, deg")
-    ] = 0.0
-    reflection: Annotated[
-        Literal["none", "blinn_phong"], Field(description="by which a point must be bright enough to be seen")
-    ] = "none"
-    ambient: Annotated[Vector, Field(description="of the chief's surface, [red, green, blue]")] = (0.4,) * 3
-    diffuse: Annotated[Vector, Field(description="of the chief's surface, [red, green, blue]")] = (0.1,) * 3
-    specular: Annotated[Vector, Field(description="of the chief's surface, [red, green, blue]")] = (1.0,) * 3
-    specular_exponent: Annotated[
-        Count, Field(le=1000, description="how closely the surface mirrors: a quarter of AFRL's shininess")
-    ] = 25
-    least_intensity: Annotated[
-        Vector, Field(description="that a point must exceed to be seen, [red, green, blue]")
-    ] = (0.8,) * 3
-    greatest_intensity: Annotated[
-        Vector, Field(description="that it must stay below, of at most 1, [red, green, blue]")
-    ] = (0.9, 2.0, 2.0)
+    shadow: Literal["none", "conical"] = "none"
+    """The Earth's shadow."""
+    min_fraction: Annotated[Share, Only("light.shadow=conical")] = 0.5
+    """Share of the Sun's disc, with less of which visible nothing is lit."""
+    past_terminator_deg: Annotated[NotNegative, Field(le=10)] = 0.0
+    """Angle by which the Sun may be below a point's horizon."""
+    reflection: Literal["none", "blinn_phong"] = "none"
+    """Law by which a point must reflect enough to be seen."""
+    ambient: Annotated[Vector, REFLECTED] = (0.4,) * 3
+    """Reflected whatever the direction, [red, green, blue]."""
+    diffuse: Annotated[Vector, REFLECTED] = (0.1,) * 3
+    """Reflected evenly of light that falls on it, [red, green, blue]."""
+    specular: Annotated[Vector, REFLECTED] = (1.0,) * 3
+    """Mirrored, [red, green, blue]."""
+    specular_exponent: Annotated[Count, Field(le=1000), REFLECTED] = 25
+    """How closely the surface mirrors: a quarter of AFRL's shininess."""
+    least_intensity: Annotated[Vector, REFLECTED] = (0.8,) * 3
+    """Intensity that a point must exceed to be seen, [red, green, blue]."""
+    greatest_intensity: Annotated[Vector, REFLECTED] = (0.9, 2.0, 2.0)
+    """Intensity that it must stay below, of at most 1, [red, green, blue]."""
 
 
 @settings("sun")
 class Sun:
     """The Sun's initial direction: one angle for every case, one drawn for each, or both alternately."""
 
-    mode: Literal["fixed", "random", "mixed"]
-    angle_deg: Annotated[Number, Field(description="of the fixed Sun, from +i towards +j, deg")]
+    mode: Literal["fixed", "random", "mixed"] = "fixed"
+    """One angle for all cases, one drawn for each, or every other one drawn."""
+    angle_deg: Annotated[Number, Only("sun.mode=fixed", "sun.mode=mixed")] = 0.0
+    """Angle of the fixed Sun at the start, from +i towards +j."""
     elevation_deg: Annotated[
-        Number, Field(ge=-90, le=90, description="of the Sun over the orbit plane towards +k, deg")
+        Number, Field(ge=-90, le=90), Only("sun.mode=fixed", "sun.mode=mixed", "sun.elevation_range_deg=null")
     ] = 0.0
-    elevation_range_deg: Annotated[
-        Interval | None, Field(description="from which a Sun that is drawn has its elevation, deg")
-    ] = None
+    """Elevation of the Sun over the orbit plane, towards +k."""
+    elevation_range_deg: Annotated[Interval | None, Only("sun.mode=random", "sun.mode=mixed")] = None
+    """Elevations [low, high] from which a drawn Sun has its own; null: elevation_deg."""
 
     def __post_init__(self) -> None:
         """Check that no elevation is beyond the poles."""
@@ -183,164 +201,122 @@ class Sun:
             checks.within("sun.elevation_range_deg", elevation, -90.0, 90.0, "deg")
 
 
+FLOWN = Only("attitude.mode=flown")
+
+
 @settings("attitude")
 class Attitude:
     """How the deputy points its camera."""
 
-    mode: Literal["flown", "ideal"]
-    proportional_gain: Annotated[Positive, Field(description="times the inertia matrix, 1/s^2")]
-    derivative_gain: Annotated[Positive, Field(description="times the inertia matrix, 1/s")]
-    pole_blending: Flag
+    mode: Literal["flown", "ideal"] = "flown"
+    """Turned by a torque-limited law, or pointing perfectly."""
+    proportional_gain: Annotated[Positive, FLOWN] = 0.08
+    """Torque for a unit quaternion error, times the inertia matrix."""
+    derivative_gain: Annotated[Positive, FLOWN] = 0.32
+    """Torque for a unit rate, times the inertia matrix."""
+    pole_blending: Flag = False
+    """Whether the camera's roll is carried along near the poles, not flipped."""
 
 
 @settings("guidance")
 class Guidance:
     """How the target direction is chosen among the points that are lit and not yet inspected."""
 
-    kind: Literal["centroid", "clusters"]
-    engine: Literal["compiled", "sklearn"]
+    kind: Literal["centroid", "clusters"] = "centroid"
+    """Their mean, or the nearest centre of k-means clusters of about ten."""
+    engine: Annotated[Literal["compiled", "sklearn"], Only("guidance.kind=clusters")] = "compiled"
+    """What computes clusters; sklearn, the reference, flies one flight at a time."""
 
 
-@settings("safety")
+@settings("safety", Only("safety.kind=filter"))
 class Safety:
     """Run-time assurance around any controller: the smallest change of force that keeps the deputy safe."""
 
-    kind: Literal["none", "filter"]
-    keep_out_margin_m: Annotated[Margin, Field(description="of its sphere beyond the least distance, m")]
-    keep_in_margin_m: Annotated[Margin, Field(description="of its sphere inside the greatest distance, m")]
-    speed_limit_m_s: Annotated[NotNegative, Field(description="greatest speed at speed_distance_m, m/s")]
-    speed_slope_per_s: Annotated[NotNegative, Field(description="its growth with the distance, 1/s")]
-    speed_distance_m: NotNegative
-    braking_force_n: Annotated[
-        Positive, Field(description="along each Hill axis, at most, to stop within a control period, N")
-    ]
-    passive_horizon_s: Annotated[
-        NotNegative, Field(description="free drift stays outside the keep-out sphere so long, s; 0 for off")
-    ]
-    keep_in_horizon_s: Annotated[
-        NotNegative, Field(description="free drift stays inside the keep-in sphere so long, s; 0 for off")
-    ]
+    kind: Literal["none", "filter"] = "none"
+    """Forces as commanded, or filtered to stay safe."""
+    keep_out_margin_m: Margin = 1.0
+    """By which the keep-out sphere is greater than deputy.min_distance_m."""
+    keep_in_margin_m: Margin = 2.0
+    """By which the keep-in sphere is less than deputy.max_distance_m."""
+    speed_limit_m_s: NotNegative = 0.2
+    """Greatest speed at speed_distance_m."""
+    #: four times the mean motion
+    speed_slope_per_s: NotNegative = 0.0044272
+    """Growth of the greatest speed with the distance."""
+    speed_distance_m: NotNegative = 15.0
+    """Distance at which the greatest speed is speed_limit_m_s."""
+    braking_force_n: Positive = 0.8
+    """Greatest force along each Hill axis to stop within a control period."""
+    passive_horizon_s: NotNegative = 600.0
+    """How long free drift stays outside the keep-out sphere; 0: off."""
+    keep_in_horizon_s: NotNegative = 0.0
+    """How long free drift stays inside the keep-in sphere; 0: off."""
 
 
-@settings("navigation")
+RANGED = Only("navigation.measures=range_bearing")
+
+
+@settings("navigation", Only("navigation.mode=fixes"))
 class Navigation:
     """The deputy's knowledge of its own state: the truth, or a filter's estimate from fixes."""
 
-    mode: Literal["perfect", "fixes"]
-    fix_period_s: Positive
-    delay_s: Annotated[NotNegative, Field(description="from a fix to its use, s")]
-    noise_m: Annotated[Positive, Field(description="standard deviation of a fix along each axis, m")]
-    bias_m: Annotated[NotNegative, Field(description="standard deviation of a flight's constant error, m")]
-    outlier_share: Share
-    outlier_m: Annotated[NotNegative, Field(description="standard deviation of an outlier, m")]
-    gate_sigma: Annotated[Positive | None, Field(description="beyond which a fix is not believed")]
-    process_noise_m_s2: Annotated[NotNegative, Field(description="accelerations unknown to the filter")]
-    execution_error: Annotated[NotNegative, Field(le=1, description="share of forces unknown to the filter")]
-    initial_position_m: Annotated[Positive, Field(description="standard deviation at the start, m")]
-    initial_velocity_m_s: Annotated[Positive, Field(description="standard deviation at the start, m/s")]
-    measures: Annotated[
-        Literal["position", "range_bearing"],
-        Field(description="what a fix is: a place, or range and bearing"),
-    ] = "position"
-    range_noise_m: Annotated[Positive, Field(description="standard deviation of a range, m")] = 0.1
-    bearing_noise_deg: Annotated[
-        Positive, Field(le=10, description="standard deviation of a bearing along each of two angles, deg")
-    ] = 0.1
-    attitude_bias_deg: Annotated[
-        NotNegative, Field(le=30, description="standard deviation of a flight's misalignment, each axis, deg")
-    ] = 0.0
-    attitude_noise_deg: Annotated[
-        NotNegative, Field(le=30, description="standard deviation of the attitude sensed, each axis, deg")
-    ] = 0.0
+    mode: Literal["perfect", "fixes"] = "perfect"
+    """The truth, or what a Kalman filter makes of fixes."""
+    fix_period_s: Positive = 10.0
+    """Time between two fixes; a multiple of control_period_s."""
+    delay_s: NotNegative = 0.0
+    """Time from a fix to its use; a multiple of control_period_s."""
+    noise_m: Annotated[Positive, Only("navigation.measures=position")] = 1.0
+    """Standard deviation of a fix along each axis."""
+    bias_m: NotNegative = 0.0
+    """Standard deviation of a flight's constant error along each axis."""
+    outlier_share: Share = 0.0
+    """Share of fixes that are outliers."""
+    outlier_m: NotNegative = 20.0
+    """Standard deviation of an outlier along each axis."""
+    gate_sigma: Positive | None = 5.0
+    """Standard deviations beyond which a fix is not believed; null: all are."""
+    process_noise_m_s2: NotNegative = 1.0e-5
+    """Standard deviation of accelerations unknown to the filter."""
+    execution_error: Annotated[NotNegative, Field(le=1)] = 0.05
+    """Standard deviation that the filter allows for in forces, a share."""
+    initial_position_m: Positive = 1.0
+    """Standard deviation of the first estimate of the position, each axis."""
+    initial_velocity_m_s: Positive = 0.001
+    """Standard deviation of the first estimate of the velocity, each axis."""
+    measures: Literal["position", "range_bearing"] = "position"
+    """What a fix is: a place, or range and bearing."""
+    range_noise_m: Annotated[Positive, RANGED] = 0.1
+    """Standard deviation of a range."""
+    bearing_noise_deg: Annotated[Positive, Field(le=10), RANGED] = 0.1
+    """Standard deviation of a bearing along each of two angles."""
+    attitude_bias_deg: Annotated[NotNegative, Field(le=30)] = 0.0
+    """Standard deviation of the sensed attitude's constant error, each axis."""
+    attitude_noise_deg: Annotated[NotNegative, Field(le=30)] = 0.0
+    """Standard deviation of the sensed attitude, drawn anew, each axis."""
 
 
-@settings("actuators")
+@settings("actuators", Only("actuators.kind=real"))
 class Actuators:
     """How the thrusters deviate from their commands."""
 
-    kind: Literal["ideal", "real"]
-    delay_s: Annotated[NotNegative, Field(description="from a command to its force, s")]
-    scale_error: Annotated[NotNegative, Field(le=1, description="standard deviation, a share")]
-    misalignment_deg: Annotated[NotNegative, Field(le=90, description="standard deviation, deg")]
-    impulse_step_n_s: Annotated[NotNegative, Field(description="of which impulses are multiples, N s")]
-    least_impulse_n_s: Annotated[NotNegative, Field(description="along an axis in a control period, N s")]
-    thrust_arm_m: Annotated[
-        NotNegative,
-        Field(description="standard deviation of where thrust acts, from the centre of mass, each axis, m"),
-    ] = 0.0
-    specific_impulse_s: Annotated[
-        Positive | None, Field(description="with which propellant is used up, s; None keeps the mass")
-    ] = None
-    thrusters: Annotated[
-        Thrusters | None,
-        Field(description="a row each: place (m), direction of force, greatest force (N); None is per axis"),
-    ] = None
-    propellant_kg: Annotated[
-        Positive, Field(description="part of the deputy's mass; without any left nothing is fired, kg")
-    ] = 1.0
-
-
-# defaults and what missions are compared with, made when first needed: making one compiles its checks
-
-
-@cache
-def perfect() -> Navigation:
-    """Return perfect navigation."""
-    return Navigation(
-        mode="perfect",
-        fix_period_s=10.0,
-        delay_s=0.0,
-        noise_m=1.0,
-        bias_m=0.0,
-        outlier_share=0.0,
-        outlier_m=0.0,
-        gate_sigma=None,
-        process_noise_m_s2=0.0,
-        execution_error=0.0,
-        initial_position_m=1.0,
-        initial_velocity_m_s=1.0,
-    )
-
-
-@cache
-def ideal() -> Actuators:
-    """Return ideal thrusters."""
-    return Actuators(
-        kind="ideal",
-        delay_s=0.0,
-        scale_error=0.0,
-        misalignment_deg=0.0,
-        impulse_step_n_s=0.0,
-        least_impulse_n_s=0.0,
-    )
-
-
-@cache
-def linear() -> Dynamics:
-    """Return motion in closed form."""
-    return Dynamics(
-        model="cw",
-        eccentricity=0.0,
-        true_anomaly_deg=0.0,
-        inclination_deg=0.0,
-        latitude_argument_deg=0.0,
-        j2=0.0,
-        drag_m_s2=0.0,
-        radiation_m_s2=0.0,
-    )
-
-
-@cache
-def unguarded() -> Safety:
-    """Return no safety layer: forces are applied as commanded."""
-    return Safety(
-        kind="none",
-        keep_out_margin_m=1.0,
-        keep_in_margin_m=1.0,
-        speed_limit_m_s=0.2,
-        speed_slope_per_s=0.0,
-        speed_distance_m=0.0,
-        braking_force_n=1.0,
-        passive_horizon_s=0.0,
-        keep_in_horizon_s=0.0,
-    )
+    kind: Literal["ideal", "real"] = "ideal"
+    """Thrusters that fire as commanded, or with errors."""
+    delay_s: NotNegative = 0.0
+    """Time from a command to its force; a multiple of control_period_s."""
+    scale_error: Annotated[NotNegative, Field(le=1)] = 0.05
+    """Standard deviation of each Hill axis' scale, of a flight, a share."""
+    misalignment_deg: Annotated[NotNegative, Field(le=90)] = 2.0
+    """Standard deviation of the thrust's turn about each Hill axis, of a flight."""
+    impulse_step_n_s: NotNegative = 0.0
+    """Of which impulses along each axis are multiples; 0: any."""
+    least_impulse_n_s: NotNegative = 0.04
+    """Least impulse along an axis in a control period; less is not fired."""
+    thrust_arm_m: NotNegative = 0.0
+    """Standard deviation of where thrust acts, from the centre of mass, each body axis, of a flight."""
+    specific_impulse_s: Positive | None = None
+    """Specific impulse with which propellant is used up; null: the mass stays."""
+    thrusters: Thrusters | None = None
+    """A row each: place (m), direction of force, greatest force (N), body axes; null: one an axis."""
+    propellant_kg: Annotated[Positive, Only("actuators.specific_impulse_s")] = 1.0
+    """Part of the deputy's mass; without any left nothing is fired."""

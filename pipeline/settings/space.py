@@ -54,7 +54,7 @@ def _leaves(node: Mapping[str, Any], above: tuple[str, ...]) -> Iterator[tuple[s
 
 def _dimension(key: str, told: Any) -> Dimension:
     if not is_key(key):
-        raise SettingError(f"search.space: {unknown(key)}")
+        raise SettingError(f"hparams_search.space: {unknown(key)}")
     if isinstance(told, Mapping) and set(told) == {"choices"} and isinstance(told["choices"], list):
         if len(told["choices"]) > 1:
             return Dimension(key, choices=tuple(told["choices"]))
@@ -64,8 +64,8 @@ def _dimension(key: str, told: Any) -> Dimension:
         if are_numbers and low < high and isinstance(is_log, bool) and (low > 0 or not is_log):
             return Dimension(key, low, high, is_log)
     raise SettingError(
-        f"search.space.{key} is {told}; give a range, {{low: 0.1, high: 10.0, log: true}}, the lower end "
-        "less than the upper and with log positive, or {choices: [a, b]}, two or more"
+        f"hparams_search.space.{key} is {told}; give a range, {{low: 0.1, high: 10.0, log: true}}, the lower "
+        "end less than the upper and with log positive, or {choices: [a, b]}, two or more"
     )
 
 
@@ -84,6 +84,6 @@ def with_values(config: Mapping[str, Any], values: Mapping[str, Any]) -> dict[st
         for group in groups:
             node = node.get(group) if isinstance(node, dict) else None
         if not isinstance(node, dict) or name not in node:
-            raise SettingError(f"search.space.{key} is no key of this experiment; leave it out")
+            raise SettingError(f"hparams_search.space.{key} is no key of this experiment; leave it out")
         node[name] = value
     return changed

@@ -1,7 +1,7 @@
 """How a controller is trained: starts, what is tuned, prices, and the search."""
 
 import math
-from dataclasses import replace
+from dataclasses import field, replace
 from typing import Annotated, Literal
 
 from pydantic import Field
@@ -24,6 +24,7 @@ from pipeline.settings.checks import (
     Whole,
     Workers,
 )
+from pipeline.settings.conditions import Only
 from pipeline.settings.groups import settings
 
 #: of a population, or a tournament
@@ -32,25 +33,34 @@ MOST_INDIVIDUALS = 100_000
 MOST_PRICE = 1e15
 
 
-@settings("starts")
+DRAWS = Only("stages=scenario", "stages=train", "stages=search")
+TRAINS = Only("stages=train", "stages=search")
+
+
+@settings("starts", DRAWS)
 class Starts:
     """Starts of training flights: at rest on the octants' diagonals, drawn in a shell, or from a table."""
 
-    kind: Literal["octants", "random", "file"]
-    num_cases: Annotated[Count, Cure("; without scenarios nothing can be trained")]
-    min_distance_m: Annotated[Positive, Field(description="from the chief, m; equal for the octants")]
-    max_distance_m: Annotated[Number, Field(description="from the chief, m")]
-    redraw: Annotated[Flag, Field(description="whether each round of training draws its own")]
-    num_hard: Annotated[
-        Natural,
-        Field(description="more starts, from the second round on: of hard_from, the champion's worst"),
-    ]
-    hard_from: Natural
-    max_speed_m_s: Annotated[
-        NotNegative, Field(le=100, description="of starts that are drawn, in any direction, m/s; 0 for rest")
-    ] = 0.0
-    path: Annotated[Text | None, Field(description="of the CSV file that the table came from")] = None
-    table: Annotated[Text | None, Field(description="the rows of that file, as CSV text")] = None
+    kind: Literal["octants", "random", "file"] = "octants"
+    """The octants' diagonals, drawn in a shell, or the rows of a file."""
+    num_cases: Annotated[Count, Cure("; without scenarios nothing can be trained")] = 8
+    """Training scenarios."""
+    min_distance_m: Positive = 75.0
+    """Least distance from the chief; equal to the greatest for the octants."""
+    max_distance_m: Number = 75.0
+    """Greatest distance from the chief."""
+    redraw: Annotated[Flag, Only("starts.kind=random", "starts.kind=octants")] = False
+    """Whether each round of training draws its own."""
+    num_hard: Natural = 0
+    """More starts, from the second round on: of hard_from, the champion's worst."""
+    hard_from: Annotated[Natural, Only("starts.num_hard>0")] = 0
+    """Starts among which the hard ones are sought."""
+    max_speed_m_s: Annotated[NotNegative, Field(le=100)] = 0.0
+    """Greatest speed of starts that are drawn, any direction; 0: rest."""
+    path: Annotated[Text | None, Only("starts.kind=file")] = None
+    """The CSV file that the table came from."""
+    table: Annotated[Text | None, Only("starts.kind=file")] = None
+    """The rows of that file, as CSV text."""
 
     def __post_init__(self) -> None:
         """Check the shell's bounds, that the hard starts are a subset, and that there are eight octants."""
@@ -79,47 +89,52 @@ class Starts:
             )
 
 
-@settings("optimizer.encoding")
+@settings("optimizer.encoding", TRAINS)
 class Encoding:
-    """Range of the genes; a constant with bounds is tuned, None keeps the controller's."""
+    """Range of the genes; a constant with bounds is tuned, null keeps the controller's."""
 
-    mean_window: Annotated[
-        Positive, Field(le=0.99, description="of an inner mean, in spacings of evenly spaced terms")
-    ]
-    standard_deviation_fraction: Annotated[
-        PositiveInterval, Field(description="bounds, in widths of a variable's range")
-    ]
-    output_range_n: Annotated[PositiveInterval, Field(description="bounds of the output's half-width, N")]
-    rules: Annotated[
-        Literal["free", "planes", "fixed"],
-        Field(description="a gene for the term of each rule; rule tables as planes; or rules kept"),
-    ]
-    stretch: Annotated[
-        PositiveInterval | None,
-        Field(description="of ranges with all their terms, in place of means and widths, as factors"),
-    ]
-    digits: Annotated[
-        Whole | None,
-        Field(ge=1, le=17, description="significant, of stretched ranges and of constants"),
-        Cure(", or null for all"),
-    ]
-    ring_size_m: NotNegativeInterval | None
-    ring_lead_rad: Interval | None
-    dead_band_n: NotNegativeInterval | None
-    prediction_time_s: NotNegativeInterval | None
-    coast_below_points: NotNegativeInterval | None
-    coast_margin_m: NotNegativeInterval | None
-    urgency_time_s: NotNegativeInterval | None
-    skirt_distance_m: NotNegativeInterval | None
-    see_horizon_s: NotNegativeInterval | None
-    see_damping_ks2: PositiveInterval | None
-    aim_urgent_m_s: NotNegativeInterval | None
+    mean_window: Annotated[Positive, Field(le=0.99)] = 0.9
+    """Window of an inner mean, in spacings of evenly spaced terms."""
+    standard_deviation_fraction: PositiveInterval = (0.04, 0.3)
+    """Bounds of standard deviations, in widths of a variable's range."""
+    output_range_n: PositiveInterval = (0.01, 0.3)
+    """Bounds of the half-width of the output's range."""
+    rules: Literal["free", "planes", "fixed"] = "free"
+    """A gene for the term of each rule; rule tables as planes; or rules kept."""
+    stretch: PositiveInterval | None = None
+    """Bounds of factors on ranges with all their terms, in place of means and widths."""
+    digits: Annotated[Whole | None, Field(ge=1, le=17), Cure(", or null for all")] = None
+    """Significant digits of stretched ranges and of constants; null: all."""
+    ring_size_m: NotNegativeInterval | None = None
+    """Height of the ring."""
+    ring_lead_rad: Interval | None = None
+    """How far the Sun is ahead of the place on the ring."""
+    dead_band_n: NotNegativeInterval | None = None
+    """A smaller force is not fired; a gene for each axis."""
+    prediction_time_s: NotNegativeInterval | None = None
+    """How far ahead predicted_centre_along_track looks."""
+    coast_below_points: NotNegativeInterval | None = None
+    """With fewer points missed by coasting, it coasts."""
+    coast_margin_m: NotNegativeInterval | None = None
+    """Unless that comes nearer to a distance limit."""
+    urgency_time_s: NotNegativeInterval | None = None
+    """Time before its last light within which a point becomes urgent."""
+    skirt_distance_m: NotNegativeInterval | None = None
+    """Nearer to the chief, directions turn aside from it."""
+    see_horizon_s: NotNegativeInterval | None = None
+    """Points that go dark for good within this time count in see_push_* and aim_*."""
+    see_damping_ks2: PositiveInterval | None = None
+    """What keeps that push small, 1e6 s^2."""
+    aim_urgent_m_s: NotNegativeInterval | None = None
+    """Speed that the urgent direction adds to it in aim_*."""
     tour_time_s: PositiveInterval | None = None
+    """Time in which a place on the tour is to be reached."""
     tour_wait_s: NotNegativeInterval | None = None
+    """Longest wait for the end of a shadow over the tour."""
     tour_lean_m: NotNegativeInterval | None = None
-    tour_m: Annotated[
-        Interval | None, Field(description="of each mean and wave of the tour that the controller sets")
-    ] = None
+    """How far the tour leans towards what is urgent."""
+    tour_m: Interval | None = None
+    """Each mean and wave of the tour that the controller sets."""
 
     def __post_init__(self) -> None:
         """Check bounds that must stay in a range, and that stretched systems have genes."""
@@ -134,24 +149,29 @@ class Encoding:
             checks.within("optimizer.encoding.urgency_time_s[0]", self.urgency_time_s[0], 1.0, math.inf, "s")
 
 
-@settings("optimizer.penalty")
+@settings("optimizer.penalty", TRAINS)
 class Penalty:
-    """Prices in the fitness besides delta-v; see `pipeline.training.fitness`."""
+    """Prices in the fitness besides delta-v; see `pipeline.training.fitness`.
 
-    outside_m_s: Annotated[NotNegative, Field(description="outside the limits, and again for each metre")]
-    outside_most_m: Annotated[
-        NotNegative | None, Field(description="metres outside that are paid for at most; None: all")
-    ]
-    short_point_m_s: Annotated[NotNegative, Field(description="for each point short of a success")]
-    missed_point_m_s: Annotated[NotNegative, Field(description="for each point that is not inspected")]
-    growth: Annotated[
-        Number, Field(ge=1, le=10, description="of the prices of points from one round to the next")
-    ]
-    near_margin_m: Annotated[
-        NotNegative,
-        Field(description="by which training draws the least distance in, m"),
-    ]
-    far_margin_m: Annotated[NotNegative, Field(description="by which it draws the greatest distance in, m")]
+    With 8 starts and 900 m/s, the most that 1 N can spend in a flight, the defaults make a point short of 95
+    in one start outweigh any delta-v (1e4/8 > 900), and leaving the limits once outweigh all missing points
+    and any delta-v (1e7/8 > 900 + 95e4).
+    """
+
+    outside_m_s: NotNegative = 1.0e7
+    """For a flight outside the distance limits, and again for each metre outside."""
+    outside_most_m: NotNegative | None = None
+    """Metres outside that are paid for at most; null: all."""
+    short_point_m_s: NotNegative = 1.0e4
+    """For each point short of a success."""
+    missed_point_m_s: NotNegative = 0.05
+    """For each point that is not inspected."""
+    growth: Annotated[Number, Field(ge=1, le=10), Only("optimizer.rounds>1")] = 1.0
+    """Factor on the prices of points from one round to the next."""
+    near_margin_m: NotNegative = 0.0
+    """By which training draws the least distance in."""
+    far_margin_m: NotNegative = 0.0
+    """By which training draws the greatest distance in."""
 
     def of_round(self, round_index: int) -> "Penalty":
         """Return the prices of a round, counted from 0."""
@@ -163,54 +183,61 @@ class Penalty:
         )
 
 
-@settings("optimizer")
-class Optimizer:
-    """The evolutionary algorithm."""
+GENETIC = Only("optimizer.algorithm=genetic")
+BRED = Only("optimizer.algorithm=genetic", "optimizer.algorithm=nsga2")
+ISLANDS = Only("optimizer.islands>1")
 
-    population_size: Annotated[Whole, Field(ge=2, le=MOST_INDIVIDUALS)]
-    generations: Annotated[Count, Field(description="after the first population, in each round")]
-    tournament_size: Annotated[Count, Field(le=MOST_INDIVIDUALS)]
-    crossover_rate: Annotated[
-        Share, Field(description="of the `whole` population or the `rest` without elite")
-    ]
-    elitism_rate: Annotated[Number, Field(ge=0, le=0.9)]
-    split: Literal["whole", "rest"]
-    stall_generations: Annotated[
-        Whole | None,
-        Field(ge=1, le=checks.MOST, description="without improvement, after which a round ends"),
-        Cure(", or null for none"),
-    ]
-    rounds: Count
-    encoding: Encoding
-    penalty: Penalty
+
+@settings("optimizer", TRAINS)
+class Optimizer:
+    """The evolutionary algorithm: by default the paper's genetic algorithm."""
+
+    population_size: Annotated[Whole, Field(ge=2, le=MOST_INDIVIDUALS)] = 200
+    """Individuals in a generation."""
+    generations: Count = 500
+    """Generations after the first, in each round."""
+    tournament_size: Annotated[Count, Field(le=MOST_INDIVIDUALS), GENETIC] = 4
+    """Individuals in a tournament, whose best becomes a parent."""
+    crossover_rate: Annotated[Share, BRED] = 0.8
+    """Share of a generation that are children of two parents."""
+    elitism_rate: Annotated[Number, Field(ge=0, le=0.9), GENETIC] = 0.1
+    """Share that passes unchanged into the next."""
+    split: Annotated[Literal["whole", "rest"], GENETIC] = "whole"
+    """What crossover_rate counts: the whole generation, or the rest without elite."""
+    stall_generations: Annotated[Whole | None, Field(ge=1, le=checks.MOST), Cure(", or null for none")] = None
+    """Without improvement, after which a round ends; null: none."""
+    rounds: Count = 1
+    """Times that training starts from the last champion."""
+    encoding: Encoding = field(default_factory=Encoding)
+    penalty: Penalty = field(default_factory=Penalty)
     workers: Workers = None
-    algorithm: Literal["genetic", "cma_es", "nsga2"]
-    mutation: Annotated[
-        Literal["adaptive_feasible", "local"], Field(description="MATLAB's, or few genes by small steps")
-    ]
-    first_population: Annotated[
-        Literal["random", "near"], Field(description="besides the controller: drawn, or its local mutants")
-    ]
-    next_round: Annotated[
-        Literal["afresh", "carried"],
-        Field(description="whether a later round begins with a new population or the one it finds"),
-    ]
+    """Threads that fly; null: one a processor."""
+    algorithm: Literal["genetic", "cma_es", "nsga2"] = "genetic"
+    """Crossover and mutation; an adapting normal distribution; a front of two objectives."""
+    mutation: Annotated[Literal["adaptive_feasible", "local"], BRED] = "adaptive_feasible"
+    """MATLAB's, all genes along one direction, or few genes by small normal steps."""
+    first_population: Annotated[Literal["random", "near"], BRED] = "random"
+    """Besides the controller: drawn anywhere, or its local mutants."""
+    next_round: Annotated[Literal["afresh", "carried"], Only("optimizer.rounds>1")] = "afresh"
+    """How a later round begins: a new population and the champion, or the one it finds."""
     initial_step: Annotated[
         Number,
-        Field(ge=1e-6, le=1, description="spread of local mutation and of CMA-ES, in genes"),
-    ]
-    cooling: Annotated[
-        Number, Field(ge=0.1, le=1, description="of the steps of local mutation from round to round")
-    ]
-    validation_cases: Annotated[
-        Natural, Field(description="starts on which the best of the rounds' champions is chosen; 0: the last")
-    ]
-    islands: Annotated[Count, Field(description="populations that share the individuals; 1: no islands")] = 1
-    migrate_every: Annotated[Count, Field(description="generations between two migrations")] = 10
-    migrants: Annotated[Natural, Field(description="of each island to the next; 0 keeps them apart")] = 2
-    consistency: Annotated[Flag, Field(description="whether rule consistency is an objective of a front")] = (
-        False
-    )
+        Field(ge=1e-6, le=1),
+        Only("optimizer.algorithm=cma_es", "optimizer.mutation=local", "optimizer.first_population=near"),
+    ] = 0.1
+    """Standard deviation of local mutation, and of CMA-ES's first sample, in genes."""
+    cooling: Annotated[Number, Field(ge=0.1, le=1), Only("optimizer.mutation=local")] = 1.0
+    """Factor on the steps of local mutation from round to round."""
+    validation_cases: Natural = 0
+    """Starts on which the best of the rounds' champions is chosen; 0: the last."""
+    islands: Count = 1
+    """Populations that share the individuals and evolve apart; 1: no islands."""
+    migrate_every: Annotated[Count, ISLANDS] = 10
+    """Generations between two migrations."""
+    migrants: Annotated[Natural, ISLANDS] = 2
+    """Best of each island, copied over the worst of the next; 0: none."""
+    consistency: Annotated[Flag, Only("optimizer.algorithm=nsga2")] = False
+    """Whether rule consistency is an objective of a front."""
 
     def __post_init__(self) -> None:
         """Check that rates leave room for one another and the population suits the algorithm."""
@@ -220,11 +247,6 @@ class Optimizer:
             self._check_islands()
         if self.algorithm == "nsga2":
             self._check_front()
-        elif self.consistency:
-            raise SettingError(
-                f"optimizer.consistency is true and optimizer.algorithm {self.algorithm}, which has one "
-                "objective; choose optimizer.algorithm=nsga2, or leave it false"
-            )
         prices = self.penalty.short_point_m_s, self.penalty.missed_point_m_s
         digits = (self.rounds - 1) * math.log10(self.penalty.growth) + math.log10(max(*prices, 1.0))
         if digits > math.log10(MOST_PRICE):

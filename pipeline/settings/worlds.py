@@ -7,6 +7,7 @@ from pipeline.settings.checks import SettingError
 from pipeline.settings.experiment import Experiment, Mission, Sun
 from pipeline.settings.keys import unknown
 from pipeline.settings.nearest import did_you_mean
+from pipeline.settings.schema import idle
 
 
 def in_world(experiment: Experiment, name: str) -> Experiment:
@@ -35,4 +36,9 @@ def in_world(experiment: Experiment, name: str) -> Experiment:
                 if key not in target:
                     raise SettingError(f"compare.worlds.{name}: {unknown(f'{group}.{key}')}")
             target.update(values)
+    for key, why in idle({**mission, "sun": sun}).items():
+        group, _, last = key.rpartition(".")
+        # the Sun's mode is that of compare.suns
+        if group != "sun" and last in changes.get(group, {}):
+            raise SettingError(f"compare.worlds.{name}: {why}")
     return replace(experiment, mission=Mission(**mission), sun=Sun(**sun))

@@ -38,7 +38,7 @@ from pipeline.optimum.account import beside_optimum, summarise_times
 from pipeline.optimum.solved import IncomparableError, Solved, solved_for
 from pipeline.run import artifacts, tables
 from pipeline.run.progress import Progress
-from pipeline.settings.experiment import Experiment, Mission, unguarded
+from pipeline.settings.experiment import Experiment, Mission, Safety
 from pipeline.settings.worlds import in_world
 
 Row = tuple[ComparisonRow, dict[str, Column]]
@@ -176,7 +176,7 @@ def label_of(name: str, names: Sequence[str]) -> str:
 
 def guarded(mission: Mission, layer: str) -> Mission:
     """Return a mission with a safety layer; the filter has the mission's own parameters."""
-    return replace(mission, safety=unguarded() if layer == "none" else replace(mission.safety, kind="filter"))
+    return replace(mission, safety=Safety() if layer == "none" else replace(mission.safety, kind="filter"))
 
 
 def _fly_cases(

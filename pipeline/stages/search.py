@@ -34,7 +34,7 @@ def run(experiment: Experiment, folder: Path) -> None:
             "the stage search needs Optuna; install the extra: "
             "pip install 'fuzzy-spacecraft-inspection[optuna]'"
         ) from error
-    search, journal = experiment.search, folder / artifacts.SEARCH_JOURNAL
+    search, journal = experiment.hparams_search, folder / artifacts.SEARCH_JOURNAL
     if not experiment.resume:
         journal.unlink(missing_ok=True)
     config, made = artifacts.read_config(folder), dict[str, Controller]()
@@ -64,7 +64,7 @@ def _judge(
     experiment: Experiment, config: Mapping[str, Any], made: dict[str, Controller], values: Mapping[str, Any]
 ) -> Iterator[float]:
     """Fly a trial's controller, trained if requested, block by block; yield mean costs, m/s."""
-    search, mission = experiment.search, experiment.mission
+    search, mission = experiment.hparams_search, experiment.mission
     tried = experiment_from(with_values(config, values))
     controller = _trained(tried) if search.trains else source.load(tried.controller, tried.mission)
     made["last"] = controller
@@ -90,7 +90,7 @@ def _trained(experiment: Experiment) -> Controller:
 
 def _keep(experiment: Experiment, folder: Path, made: Mapping[str, Controller]) -> None:
     """Write the controller that was trained last; one of an earlier process is already written."""
-    if experiment.search.trains and "last" in made and made["last"].fuzzy is not None:
+    if experiment.hparams_search.trains and "last" in made and made["last"].fuzzy is not None:
         artifacts.write_atomically(
             folder / artifacts.CHAMPION, serialize.dump_json(made["last"].fuzzy) + "\n"
         )

@@ -24,9 +24,8 @@ from pipeline.training.evolution.state import Generation
 from pipeline.training.front import judged_front, write_front
 from pipeline.training.genome import Genome, genome_of
 from pipeline.training.judging import Choice, choose, evolved, fitness_from
+from pipeline.training.logger import Log, logged, name_of
 from pipeline.training.progress import TrainingProgress
-from pipeline.training.tracking.sinks import name_of, tracked
-from pipeline.training.tracking.told import Sink, Told
 
 #: the history is written at most once in this many seconds, because each writing waits for the disk; the
 #: checkpoint, from which a training resumes, is written after every generation
@@ -45,9 +44,8 @@ def run(experiment: Experiment, folder: Path) -> None:
             "train with guidance.engine=compiled"
         )
     sys.stderr.write(f"  to watch it: python -m telemetry training {shlex.quote(str(folder))} --follow\n")
-    told = Told(name_of(folder), experiment.name, _origin(folder, experiment), experiment.resume)
-    with tracked(experiment.tracking, told) as sink:
-        result = _evolved(experiment, folder, genome, sink)
+    with logged(experiment.logger, name_of(folder)) as log:
+        result = _evolved(experiment, folder, genome, log)
         provenance = _provenance(folder, experiment, result.history, result.interrupted)
         if result.front is None:
             choice = choose(experiment, genome, result.history)
@@ -59,8 +57,8 @@ def run(experiment: Experiment, folder: Path) -> None:
             raise KeyboardInterrupt
 
 
-def _evolved(experiment: Experiment, folder: Path, genome: Genome, sink: Sink) -> Evolution:
-    """Evolve, and report each generation to all sinks."""
+def _evolved(experiment: Experiment, folder: Path, genome: Genome, log: Log) -> Evolution:
+    """Evolve, and report each generation wherever it is shown."""
     kept: list[Generation] = []
     flights, due = ChampionFlights(experiment, genome), time.monotonic()
     with TrainingProgress(experiment.optimizer) as progress:
@@ -77,7 +75,7 @@ def _evolved(experiment: Experiment, folder: Path, genome: Genome, sink: Sink) -
             if time.monotonic() >= due:
                 write(history)
                 due = time.monotonic() + WRITE_EVERY_S
-            sink.tell(rows_of(history))
+            log(rows_of(history))
             progress.show_generation(history[-1])
 
         try:

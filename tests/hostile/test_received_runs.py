@@ -58,7 +58,10 @@ async def _begun(listener):
 
 def received(folder: Path, **groups) -> Path:
     """A run's folder that holds a configuration alone."""
-    artifacts.write_config(folder, plain_config() | groups)
+    config = plain_config() | groups
+    if "tracking" in groups:  # the name that the group had in 0.1.0
+        del config["logger"]
+    artifacts.write_config(folder, config)
     return folder
 
 
@@ -78,17 +81,18 @@ def test_a_scheduler_in_a_stored_configuration_is_not_joined(tmp_path, monkeypat
         assert (tmp_path / "mark").is_dir()
 
 
+@pytest.mark.parametrize("group", ["logger", "tracking"])
 @pytest.mark.parametrize("again", [["stages=[report]"], []])
-def test_a_tracker_in_a_stored_configuration_writes_nowhere(again, tmp_path, monkeypatch, capsys):
+def test_a_logger_in_a_stored_configuration_writes_nowhere(again, group, tmp_path, monkeypatch, capsys):
     called = use_stages(monkeypatch)
-    tracking = {"kind": "tensorboard", "place": str(tmp_path / "elsewhere")}
-    folder = received(tmp_path / "run", tracking=tracking)
+    logger = {"kind": "tensorboard", "place": str(tmp_path / "elsewhere")}
+    folder = received(tmp_path / "run", **{group: logger})
     if again:
         assert main([f"resume={folder}"]) == 0
-        artifacts.write_config(folder, plain_config() | {"tracking": tracking})
+        received(folder, **{group: logger})
     assert main([f"hydra.run.dir={folder}", *again] if again else [f"resume={folder}"]) == 0
-    assert {experiment.tracking.kind for _, experiment, _ in called} == {"none"}
-    assert "tracking.kind='tensorboard', tracking.place=" in capsys.readouterr().err
+    assert {experiment.logger.kind for _, experiment, _ in called} == {"none"}
+    assert "logger.kind='tensorboard', logger.place=" in capsys.readouterr().err
 
 
 def test_the_present_command_says_what_is_reached(tmp_path, monkeypatch, capsys):
@@ -97,13 +101,13 @@ def test_the_present_command_says_what_is_reached(tmp_path, monkeypatch, capsys)
     words = [
         "engine.kind=dask",
         "engine.scheduler=127.0.0.1:1",
-        "tracking.kind=mlflow",
-        "tracking.place=here",
+        "logger.kind=tensorboard",
+        "logger.place=here",
     ]
     assert main([f"resume={folder}", *words]) == 0
     experiment = called[-1][1]
     assert (experiment.engine.kind, experiment.engine.scheduler) == ("dask", "127.0.0.1:1")
-    assert (experiment.tracking.kind, experiment.tracking.place) == ("mlflow", "here")
+    assert (experiment.logger.kind, experiment.logger.place) == ("tensorboard", "here")
     assert "not taken over" not in capsys.readouterr().err
     # what an earlier command reached is no reason to refuse its folder
     assert main([*EVALUATE, f"hydra.run.dir={folder}", "stages=[report]", "monte_carlo.workers=3"]) == 0
@@ -114,14 +118,14 @@ def test_the_present_command_says_what_is_reached(tmp_path, monkeypatch, capsys)
 
 def test_settings_that_no_result_depends_on_change_no_hash():
     plain = plain_config()
-    changed = plain | {"engine": {"kind": "dask", "scheduler": "tcp://x:1"}, "tracking": {"kind": "none"}}
+    changed = plain | {"engine": {"kind": "dask", "scheduler": "tcp://x:1"}, "logger": {"kind": "none"}}
     changed["monte_carlo"] = plain["monte_carlo"] | {"workers": 7}
     assert artifacts.config_hash(changed) == artifacts.config_hash(plain)
     assert artifacts.config_hash(plain | {"seed": 99}) != artifacts.config_hash(plain)
 
 
 def test_whatever_names_a_host_or_a_place_to_write_to_is_marked():
-    assert list(keys_in(Scope.OUTSIDE)) == ["engine.scheduler", "tracking.kind", "tracking.place"]
+    assert list(keys_in(Scope.OUTSIDE)) == ["engine.scheduler", "logger.kind", "logger.place"]
     assert {"monte_carlo.workers", "optimizer.workers", "engine.kind"} < set(keys_in(Scope.MACHINE))
 
 

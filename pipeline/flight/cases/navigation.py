@@ -25,8 +25,7 @@ import numpy as np
 from pipeline.flight.cases.processes import in_time, varies
 from pipeline.flight.state.log import Scenario
 from pipeline.physics.motion import Motion, motion_over
-from pipeline.settings.experiment import Mission
-from pipeline.settings.mission_parts import ideal, linear, perfect
+from pipeline.settings.experiment import Actuators, Dynamics, Mission, Navigation
 from pipeline.typing import Floats
 
 #: place in the spawn key of the random numbers for navigation, after the case
@@ -185,7 +184,9 @@ def as_believed(mission: Mission, scenarios: list[Scenario]) -> tuple[Mission, l
     Motion is linear and thrusters are ideal. A deputy that navigates by fixes is at its first
     estimate, and knows its state from then on; later errors are drawn, but not known yet.
     """
-    known = replace(mission, navigation=perfect(), actuators=ideal(), dynamics=linear(), dispersions={})
+    known = replace(
+        mission, navigation=Navigation(), actuators=Actuators(), dynamics=Dynamics(), dispersions={}
+    )
     if mission.navigation.mode == "perfect":
         return known, scenarios
     first = errors_of(mission, scenarios).at_start

@@ -247,6 +247,27 @@ def test_a_file_written_by_hand_means_what_it_says() -> None:
     assert isinstance(system.inputs[0].minimum, float)
 
 
+def test_attributes_are_numbers_in_yaml_and_texts_elsewhere() -> None:
+    texts = {"axes": "hill", "count": "4", "margin": "1.6", "period": "30.0", "small": "1e-05"}
+    kept = {
+        "hex": "0x10",
+        "many": "9" * 40,
+        "nothing": "",
+        "padded": "007",
+        "short": ".5",
+        "signed": "+1",
+        "wide": "nan",
+    }
+    controller = replace(loads(HAND_WRITTEN, "yaml"), attributes=tuple(sorted((texts | kept).items())))
+    written = dump_yaml(controller)
+    assert "  margin: 1.6\n" in written
+    assert "  period: 30.0\n" in written
+    assert '  padded: "007"\n' in written
+    assert loads(written, "yaml") == controller
+    assert '"margin": "1.6"' in dump_json(controller)
+    assert loads(dump_json(controller), "json") == controller
+
+
 def _with_everything_chosen() -> FuzzyController:
     """A controller in which rules, outputs and terms depart from what is usual."""
     controller = general_controller()

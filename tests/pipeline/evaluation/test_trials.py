@@ -5,7 +5,7 @@ import pytest
 
 from pipeline.evaluation.trials import trials
 from pipeline.settings.checks import SettingError
-from pipeline.settings.experiment import Search
+from pipeline.settings.experiment import HparamsSearch
 from pipeline.settings.space import dimensions, with_values
 
 SPACE = {
@@ -15,7 +15,7 @@ SPACE = {
 
 
 def search(**changes):
-    return Search(**({"space": SPACE, "trials": 25, "num_cases": 400, "block_cases": 20} | changes))
+    return HparamsSearch(**({"space": SPACE, "trials": 25, "num_cases": 400, "block_cases": 20} | changes))
 
 
 def cost(values):
@@ -80,7 +80,7 @@ def test_settings_that_do_not_fit_fail_their_trial_alone(tmp_path):
     ("space", "told"),
     [
         ({"optimizer": {"initial_stp": {"low": 1, "high": 2}}}, "did you mean optimizer.initial_step"),
-        ({"seed": {"low": 2, "high": 1}}, "search.space.seed is"),
+        ({"seed": {"low": 2, "high": 1}}, "hparams_search.space.seed is"),
         ({"seed": {"low": 0.0, "high": 1, "log": True}}, "with log positive"),
         ({"seed": {"choices": [1]}}, "two or more"),
         ({"seed": 3}, "give a range"),
@@ -95,7 +95,9 @@ def test_values_are_set_where_they_stand():
     config = {"seed": 1, "sun": {"mode": "fixed"}}
     assert with_values(config, {"sun.mode": "random"}) == {"seed": 1, "sun": {"mode": "random"}}
     assert config["sun"]["mode"] == "fixed"
-    with pytest.raises(SettingError, match=r"search.space.controller.gain is no key of this experiment"):
+    with pytest.raises(
+        SettingError, match=r"hparams_search.space.controller.gain is no key of this experiment"
+    ):
         with_values(config, {"controller.gain": 1.0})
     assert [one.key for one in dimensions(SPACE)] == [
         "optimizer.initial_step",

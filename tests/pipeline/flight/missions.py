@@ -6,7 +6,7 @@ import numpy as np
 
 from fis_tools.model import FuzzySystem, Gaussian, Term, Variable, table_rules
 from pipeline.flight.state.log import Scenario
-from pipeline.settings.experiment import Attitude, Chief, Deputy, Guidance, Mission, Orbit, Sensor, unguarded
+from pipeline.settings.experiment import Attitude, Chief, Deputy, Guidance, Mission, Orbit, Safety, Sensor
 
 MEAN_MOTION = 0.0011068
 IDENTITY = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
@@ -34,7 +34,7 @@ PAPER = Mission(
     sensor=Sensor(half_angle_deg=15.0, boresight=(-1.0, 0.0, 0.0)),
     attitude=Attitude(mode="flown", proportional_gain=0.08, derivative_gain=0.32, pole_blending=False),
     guidance=Guidance(kind="clusters", engine="compiled"),
-    safety=unguarded(),
+    safety=Safety(),
     attitude_period_s=1.0,
     control_period_s=10.0,
     duration_s=3600.0,

@@ -11,10 +11,10 @@ from pipeline.flight.period.look.optics import sun_after
 from pipeline.flight.world.course import semi_major_axis
 from pipeline.flight.world.pack import pack_world
 from pipeline.physics.illumination import EARTH_RADIUS_M
-from pipeline.settings.mission_parts import linear
+from pipeline.settings.experiment import Dynamics
 from tests.pipeline.flight.missions import IDEAL
 
-ABOUT_EARTH = replace(linear(), model="two_body")
+ABOUT_EARTH = Dynamics(model="two_body", inclination_deg=0.0)
 ORBITS = [
     replace(ABOUT_EARTH, j2=1.08262668e-3, inclination_deg=51.6, latitude_argument_deg=20.0),
     replace(ABOUT_EARTH, eccentricity=0.05, true_anomaly_deg=40.0),

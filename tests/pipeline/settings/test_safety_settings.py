@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from pipeline.command_line.config import compose_experiment
-from pipeline.settings.experiment import Mission, SettingError, unguarded
+from pipeline.settings.experiment import Mission, Safety, SettingError
 from tests.pipeline.flight.cases import mission
 from tests.pipeline.flight.guarded import EARLY, guarded
 
@@ -16,7 +16,7 @@ def composed(*overrides: str) -> Mission:
 
 def test_the_options() -> None:
     assert composed().safety.kind == "none"
-    assert mission().safety == unguarded()
+    assert mission().safety == Safety()
     on, passive = composed("safety=filter"), composed("safety=passive")
     assert (on.keep_out_m, on.keep_in_m) == (16.0, 198.0)
     # one orbit is 2 pi / n = 5,677 s; otherwise the two are the same

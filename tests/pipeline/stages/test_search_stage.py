@@ -17,8 +17,10 @@ from tests.pipeline.stages.cases import prepared
 @pytest.mark.slow
 def test_the_best_trial_is_told_and_its_champion_kept(tmp_path):
     run = prepared(
-        tmp_path, "stages=[search]", "search.trials=3", "search.trains=true", "search.num_cases=8",
-        "search.block_cases=4", "+search.space.optimizer.initial_step={low: 0.01, high: 0.5, log: true}",
+        tmp_path,
+        "stages=[search]",
+        "++hparams_search={trials: 3, trains: true, num_cases: 8, block_cases: 4}",
+        "+hparams_search.space.optimizer.initial_step={low: 0.01, high: 0.5, log: true}",
         "optimizer.mutation=local",
     )  # fmt: skip
     search.run(run.experiment, tmp_path)
@@ -38,5 +40,5 @@ def test_the_best_trial_is_told_and_its_champion_kept(tmp_path):
 
 
 def test_a_search_over_nothing_is_refused():
-    with pytest.raises(SettingError, match=r"stages has search, and search.space is empty"):
+    with pytest.raises(SettingError, match=r"stages has search, and hparams_search.space is empty"):
         compose_experiment(["+experiment=evaluate", "controller=coast", "stages=[search]"])

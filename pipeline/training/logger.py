@@ -1,0 +1,60 @@
+"""Where else the generations of a training are logged: for TensorBoard, or nowhere."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+from pipeline.settings.experiment import Logger, SettingError
+
+#: logs a training so far, given all rows of its logbook
+Log = Callable[[Sequence[Mapping[str, float]]], None]
+
+#: longest time between writes to the disk, s
+FLUSH_S = 5
+
+
+@contextmanager
+def logged(logger: Logger, name: str) -> Iterator[Log]:
+    """Open the logger of a training, and close it when the training ends.
+
+    TensorBoard gets one scalar for each column of the logbook, over the generations. A resumed training
+    writes all of them again; TensorBoard then ignores what was written before, in another file.
+
+    Parameters
+    ----------
+    logger : Logger
+    name : str
+        Of the training, see `name_of`: its subfolder of `logger.place`.
+
+    Raises
+    ------
+    SettingError
+        If the logger's package is not installed.
+    """
+    if logger.kind == "none":
+        yield lambda rows: None
+        return
+    try:
+        from tensorboardX import SummaryWriter  # noqa: PLC0415 - an extra
+    except ModuleNotFoundError as error:
+        raise SettingError(
+            f"logger={logger.kind} needs the package {error.name}; install the extra: pip install "
+            f"'fuzzy-spacecraft-inspection[{logger.kind}]'"
+        ) from error
+    num_logged = 0
+    with SummaryWriter(str(Path(logger.place, name)), purge_step=0, flush_secs=FLUSH_S) as board:
+
+        def log(rows: Sequence[Mapping[str, float]]) -> None:
+            nonlocal num_logged
+            for step in range(num_logged, len(rows)):
+                for column, value in rows[step].items():
+                    board.add_scalar(column, value, step)
+            num_logged = max(num_logged, len(rows))
+
+        yield log
+
+
+def name_of(folder: Path) -> str:
+    """Return a run's name: its folder, relative to the working directory if below it."""
+    whole, here = folder.absolute(), Path.cwd()
+    return whole.relative_to(here if whole.is_relative_to(here) else whole.anchor).as_posix()

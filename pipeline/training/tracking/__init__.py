@@ -1,1 +1,0 @@
-"""Where a training is logged besides its own folder."""

@@ -1,0 +1,151 @@
+"""A key that another setting makes idle does not exist: it is refused, told or passed over, never obeyed."""
+
+import pytest
+import yaml
+
+from pipeline.command_line.cli import main
+from pipeline.command_line.config import compose_experiment
+from pipeline.settings.experiment import SettingError
+from pipeline.settings.schema import completed, experiment_from, schema
+from tests.pipeline.command_line.cases import plain_config
+
+FLY = ["+experiment=fly", "controller=coast"]
+
+IDLE = [
+    (
+        "sun.angle_deg=60 world=leo",
+        "sun.angle_deg counts only with sun.mode=fixed or sun.mode=mixed, and sun.mode is random",
+    ),
+    (
+        "sun.elevation_deg=20 world=leo",
+        "sun.elevation_deg counts only with sun.mode=fixed or sun.mode=mixed or",
+    ),
+    (
+        "dynamics.eccentricity=0.3",
+        "dynamics.eccentricity counts only with dynamics.model=two_body, and dynamics.model is cw",
+    ),
+    ("dynamics.j2=0.001", "dynamics.j2 counts only with dynamics.model=two_body"),
+    (
+        "navigation.noise_m=50",
+        "navigation.noise_m counts only with navigation.mode=fixes, and navigation.mode is perfect",
+    ),
+    (
+        "navigation.noise_m=50 navigation=range_bearing",
+        "navigation.noise_m counts only with navigation.measures=position",
+    ),
+    (
+        "actuators.delay_s=100",
+        "actuators.delay_s counts only with actuators.kind=real, and actuators.kind is ideal",
+    ),
+    (
+        "actuators=real actuators.propellant_kg=2",
+        "counts only with actuators.specific_impulse_s given, and actuators.specific",
+    ),
+    ("safety.braking_force_n=0.5", "set that, or leave safety.braking_force_n out"),
+    (
+        "attitude=ideal attitude.derivative_gain=0.3",
+        "attitude.derivative_gain counts only with attitude.mode=flown",
+    ),
+    (
+        "light.min_fraction=0.9",
+        "light.min_fraction counts only with light.shadow=conical, and light.shadow is none",
+    ),
+    ("light=shadow light.ambient=[0,0,0]", "light.ambient counts only with light.reflection=blinn_phong"),
+    ("chief.path=x.stl", "chief.path counts only with chief.shape=mesh, and chief.shape is sphere"),
+    ("guidance.engine=sklearn", "guidance.engine counts only with guidance.kind=clusters"),
+    ("engine.processes=3", "engine.processes counts only with engine.kind=dask, and engine.kind is local"),
+    ("logger.place=x", "logger.place counts only with logger.kind=tensorboard, and logger.kind is none"),
+    (
+        "optimizer.migrants=3",
+        "optimizer.migrants counts only with optimizer.islands>1, and optimizer.islands is 1",
+    ),
+    ("optimizer=planes optimizer.split=rest", "optimizer.split counts only with optimizer.algorithm=genetic"),
+    ("++dynamics={j2: 0.001}", "dynamics.j2 counts only with dynamics.model=two_body"),
+    (
+        "+dispersions.dynamics.j2={kind:uniform,low:0,high:0.01}",
+        "dispersions.dynamics.j2 counts only with dynamics.model=two_body",
+    ),
+    (
+        "+dispersions.navigation.noise_m={kind:uniform,low:1,high:2,correlation_s:60}",
+        "dispersions.navigation.noise_m counts only with navigation.mode=fixes",
+    ),
+]
+
+
+@pytest.mark.parametrize(("words", "message"), IDLE, ids=[words for words, _ in IDLE])
+def test_a_key_that_counts_for_nothing_is_refused(words, message):
+    overrides = [words] if words.startswith("++") else words.split(" ")
+    with pytest.raises(SettingError) as refusal:
+        compose_experiment([*FLY, *overrides])
+    assert message in str(refusal.value)
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        "navigation.mode=fixes navigation.noise_m=5",
+        "sun=random sun.elevation_range_deg=[-10,10]",
+        "light=shadow orbit.radius_m=7000000",
+        "safety.kind=filter safety.braking_force_n=0.5",
+        "optimizer.islands=2 optimizer.migrants=3",
+    ],
+)
+def test_a_key_that_counts_is_taken(words):
+    config = compose_experiment([*FLY, *words.split()]).config
+    key, _, value = words.split()[-1].partition("=")
+    group, _, name = key.partition(".")
+    assert config[group][name] == yaml.safe_load(value)
+
+
+def test_what_a_file_says_in_vain_is_told_and_left_out(capsys):
+    config = compose_experiment([*FLY, "world=leo", "sun=fixed", "sun.angle_deg=60"]).config
+    assert config["sun"] == {"mode": "fixed", "angle_deg": 60, "elevation_deg": 0.0}
+    told = capsys.readouterr().err
+    assert (
+        "note: sun.elevation_range_deg=[-30.0, 30.0] is left out: sun.elevation_range_deg counts only" in told
+    )
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (
+            "+experiment=assure monte_carlo.num_cases=500",
+            "monte_carlo.num_cases counts in the stages scenario, evaluate,",
+        ),
+        (
+            "+experiment=fly optimizer.generations=5",
+            "optimizer.generations counts in the stages train, search, and this",
+        ),
+        (
+            "+experiment=evaluate assurance.num_cases=5",
+            "assurance.num_cases counts in the stages assure, and this run has",
+        ),
+    ],
+)
+def test_a_key_that_no_stage_reads_is_refused(words, message, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main([*words.split(), "controller=coast"]) == 2
+    assert message in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_configuration_of_the_first_version_is_read_with_its_idle_numbers():
+    config = plain_config()
+    told = experiment_from(config)
+    config["dynamics"] |= {"eccentricity": 0.3, "j2": 0.001}
+    config["safety"]["braking_force_n"] = 99.0
+    config["tracking"] = {"kind": "mlflow", "place": "sqlite:///x.db"}
+    config["search"] = config.pop("hparams_search")
+    del config["logger"]
+    assert experiment_from(config) == told
+
+
+def test_a_configuration_holds_each_key_that_counts_and_no_other():
+    config = plain_config("navigation=fixes")
+    assert completed(config) == config
+    for key in schema().values():
+        node = config
+        for name in key.name.split("."):
+            node = node.get(name, key) if isinstance(node, dict) else key
+        assert (node is not key) == key.exists(config), key.name
