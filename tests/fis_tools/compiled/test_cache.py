@@ -13,7 +13,7 @@ import pytest
 
 import fis_tools
 from fis_tools.compiled import borrowed_code, cache  # noqa: F401 - as the decorator loads it
-from pipeline.flight.period import loop
+from pipeline.flight.fly import many
 from pipeline.flight.period.act import attitude, safety
 from pipeline.physics import vectors
 
@@ -31,8 +31,8 @@ def sources(function: Callable[..., object]) -> set[str]:
 def test_a_kernel_depends_on_its_file_and_on_all_that_it_imports_and_on_nothing_else() -> None:
     names = ("__init__", "borrowed_code", "cache", "decorator", "numba_parts", "vector_code", "vectors")
     decorator = {f"fis_tools/compiled/{name}.py" for name in names}
-    assert sources(vectors.dot) == {"pipeline/physics/vectors.py", *decorator}
-    flight = sources(loop.fly_many)
+    assert sources(vectors.dot) == {"pipeline/physics/vectors.py", "pipeline/typing.py", *decorator}
+    flight = sources(many.fly_many)
     assert flight > sources(attitude.turn_deputies) | sources(safety.assure) | sources(vectors.dot)
     assert "fis_tools/engines/kernel.py" in flight
     assert not {file for file in flight if "reference" in file or "formats" in file or "notice" in file}
