@@ -31,7 +31,6 @@ VERIFY = "verify"
 
 def campaign(options: argparse.Namespace, root: Path) -> dict[str, Tally]:
     """Kill runs of some kinds in turn until the number of kills is reached, or the time is up."""
-    until = time.monotonic() + 60.0 * options.minutes
     rng = random.Random(options.seed)  # noqa: S311
     tallies = {kind: Tally() for kind in options.kinds}
     alone: dict[str, tuple[Path, float]] = {}
@@ -43,6 +42,7 @@ def campaign(options: argparse.Namespace, root: Path) -> dict[str, Tally]:
             print(f"  {kind}: two runs left alone differ in {name}", flush=True)
     flown, seconds = alone.get("report") or next(iter(alone.values()))
     alone[VERIFY] = flown, seconds
+    until = time.monotonic() + 60.0 * options.minutes
     while (
         sum(tally.kills.total() for tally in tallies.values()) < options.number and time.monotonic() < until
     ):

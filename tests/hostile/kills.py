@@ -42,8 +42,7 @@ KINDS: Final[Mapping[str, Sequence[str]]] = {
         "stages=[scenario,evaluate]",
     ),
     "search": (
-        *EVALUATE, "stages=[search]", "search.trials=12", "search.num_cases=40", "search.block_cases=8",
-        "+search.space.safety={kind: {choices: [none, filter]}}",
+        *EVALUATE, "stages=[search]", "search.trials=10", "search.num_cases=16", "search.block_cases=4",
         "+search.space.deputy.max_force_n={low: 0.2, high: 2.0}",
     ),
     "sweep": ("-m", *EVALUATE, "stages=[scenario,evaluate]", "seed=1,2,3"),
