@@ -42,8 +42,9 @@ KINDS: Final[Mapping[str, Sequence[str]]] = {
         "stages=[scenario,evaluate]",
     ),
     "search": (
-        *EVALUATE, "stages=[search]", "search.trials=10", "search.num_cases=16", "search.block_cases=4",
-        "+search.space.deputy.max_force_n={low: 0.2, high: 2.0}",
+        *EVALUATE, "stages=[search]", "hparams_search.trials=10", "hparams_search.num_cases=16",
+        "hparams_search.block_cases=4",
+        "+hparams_search.space.deputy.max_force_n={low: 0.2, high: 2.0}",
     ),
     "sweep": ("-m", *EVALUATE, "stages=[scenario,evaluate]", "seed=1,2,3"),
     "parts": (*EVALUATE, "stages=[evaluate]", "engine.part_cases=7"),

@@ -36,7 +36,7 @@ from pipeline.flight.world import mesh
 from pipeline.recording.reflight import fly_again
 from pipeline.run import artifacts, sweep, tables
 from pipeline.settings import start_table
-from pipeline.settings.experiment import Mission, Search
+from pipeline.settings.experiment import HparamsSearch, Mission
 from pipeline.settings.places import conf_folder, requirements_path
 from pipeline.settings.schema import experiment_from
 from pipeline.training.evolution.checkpoint import CheckpointError, load
@@ -190,7 +190,7 @@ def _journal(content: bytes, folder: Path) -> object:
     path.write_bytes(content)
     space = {"optimizer": {"initial_step": {"low": 0.001, "high": 1.0}}}
     with contextlib.redirect_stderr(io.StringIO()):
-        return list(trials(path, Search(space=space, trials=2), 1, lambda _values: iter([1.0])))
+        return list(trials(path, HparamsSearch(space=space, trials=2), 1, lambda _values: iter([1.0])))
 
 
 def _learned(suffix: str) -> Callable[[bytes, Path], object]:
