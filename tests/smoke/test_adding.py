@@ -1,0 +1,73 @@
+"""The patches of the guides on adding apply to the tree, all of them together, and what they add works."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.places import PROJECT
+from tests.smoke.pages import DOCS, blocks
+
+#: the most files that a patch touches
+MOST = {"signal": 4, "force": 5, "shape": 2, "controller": 4, "stage": 4, "format": 3}
+#: what a patch may be applied to, without what no patch needs
+TREE = ("conf", "docs", "fis_tools", "pipeline", "telemetry", "tests", "pyproject.toml")
+LEFT_OUT = shutil.ignore_patterns("__pycache__", "images", "results", "hostile", "*.ipynb")
+
+
+def patch_of(what: str) -> Path:
+    return DOCS / "how-to" / f"add-a-{what}.diff"
+
+
+def in_folder(folder: Path, *command: str, **environment: str) -> str:
+    """Run a command in a folder that belongs to no repository, and return what it prints."""
+    done = subprocess.run(  # noqa: S603 - our own
+        command,
+        cwd=folder,
+        env=os.environ | {"GIT_CEILING_DIRECTORIES": os.fspath(folder.parent)} | environment,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout
+    return done.stdout
+
+
+def touched(what: str) -> list[str]:
+    """The files that a patch adds or changes."""
+    lines = patch_of(what).read_text(encoding="utf-8").splitlines()
+    return [line.removeprefix("+++ b/") for line in lines if line.startswith("+++ ")]
+
+
+def test_every_guide_has_a_patch_that_touches_few_files() -> None:
+    assert {path.stem for path in (DOCS / "how-to").glob("add-a-*.md")} == {f"add-a-{what}" for what in MOST}
+    for what, most in MOST.items():
+        page = patch_of(what).with_suffix(".md").read_text(encoding="utf-8")
+        assert f"({patch_of(what).name})" in page
+        assert "<!-- patch -->" in page
+        assert len(touched(what)) <= most, f"{what}: {touched(what)}"
+
+
+@pytest.mark.slow
+def test_what_the_patches_add_works(tmp_path: Path) -> None:
+    for name in TREE:
+        if (PROJECT / name).is_dir():
+            shutil.copytree(PROJECT / name, tmp_path / name, ignore=LEFT_OUT)
+        else:
+            shutil.copy(PROJECT / name, tmp_path)
+    for what in MOST:
+        in_folder(tmp_path, "git", "apply", os.fspath(patch_of(what)))
+    tests = [path for what in MOST for path in touched(what) if Path(path).name.startswith("test_")]
+    for what in MOST:
+        for code in blocks(patch_of(what).with_suffix(".md"), "python"):
+            tests.append(f"tests/test_{what}_of_the_guide.py")
+            lines = [f"    {line}".rstrip() for line in code.splitlines()]
+            (tmp_path / tests[-1]).write_text("\n".join(["def test_it():", *lines, ""]), encoding="utf-8")
+    assert len(tests) == len(MOST), tests
+    pytest_words = ("-m", "pytest", "-q", "-p", "no:cacheprovider", "-p", "no:xdist", *tests)
+    told = in_folder(tmp_path, sys.executable, *pytest_words, NUMBA_DISABLE_JIT="1")
+    assert f"{len(MOST)} passed" in told
