@@ -194,10 +194,10 @@ def _condition(words: list[str], names: Sequence[str], text: str) -> Condition:
             least, greatest = _interval(words, text)
         case _:
             raise ValueError(f"{relation or 'the end'!r} in {text!r} is not <, <=, >, >=, = or in; {GRAMMAR}")
-    said = " ".join(before[: len(before) - len(words)])
-    said = re.sub(r"(?<=\[) | (?=[],])", "", said)
-    said = re.sub(r"([<>=≤≥,[] ?[+-]) ", r"\1", said)
-    return Condition(said, coefficients, least, greatest)
+    wording = " ".join(before[: len(before) - len(words)])
+    wording = re.sub(r"(?<=\[) | (?=[],])", "", wording)
+    wording = re.sub(r"([<>=≤≥,[] ?[+-]) ", r"\1", wording)
+    return Condition(wording, coefficients, least, greatest)
 
 
 def _linear_form(words: list[str], names: Sequence[str], text: str) -> dict[str, float]:

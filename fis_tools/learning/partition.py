@@ -195,5 +195,5 @@ def firing(memberships: Sequence[Floats], cells: Places) -> Floats:
 
 def antecedent(inputs: Sequence[Variable], cell: Places) -> Expression:
     """Return what a combination says, as a rule does."""
-    said = tuple(Is(v.name, v.terms[int(term)].name) for v, term in zip(inputs, cell, strict=True))
-    return said[0] if len(said) == 1 else And(said)
+    statements = tuple(Is(v.name, v.terms[int(term)].name) for v, term in zip(inputs, cell, strict=True))
+    return statements[0] if len(statements) == 1 else And(statements)

@@ -58,7 +58,7 @@ def _inlined(
 ) -> Rule:
     and_operators, or_operators = [each.rule.and_operator], [each.rule.or_operator]
 
-    def said(statement: Is) -> Expression:
+    def replaced(statement: Is) -> Expression:
         if statement.variable not in outputs:
             return statement
         sources = concluded.get(statement, [])
@@ -70,7 +70,7 @@ def _inlined(
         parts = tuple(source.rule.antecedent for source, _ in sources)
         return parts[0] if len(parts) == 1 else Or(parts)
 
-    antecedent = with_statements(each.rule.antecedent, said)
+    antecedent = with_statements(each.rule.antecedent, replaced)
     return replace(
         each.rule,
         antecedent=antecedent,

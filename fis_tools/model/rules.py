@@ -62,17 +62,17 @@ def statements_of(expression: Expression) -> Iterator[Is]:
     return (part for part in parts_of(expression) if isinstance(part, Is))
 
 
-def with_statements(expression: Expression, said: Callable[[Is], Expression]) -> Expression:
+def with_statements(expression: Expression, change: Callable[[Is], Expression]) -> Expression:
     """Return an antecedent with each of its statements replaced."""
     match expression:
         case Is():
-            return said(expression)
+            return change(expression)
         case Not(operand):
-            return Not(with_statements(operand, said))
+            return Not(with_statements(operand, change))
         case Hedged(hedge, operand):
-            return Hedged(hedge, with_statements(operand, said))
+            return Hedged(hedge, with_statements(operand, change))
         case And(operands) | Or(operands):
-            return type(expression)(tuple(with_statements(operand, said) for operand in operands))
+            return type(expression)(tuple(with_statements(operand, change) for operand in operands))
 
 
 @dataclass(frozen=True, slots=True)

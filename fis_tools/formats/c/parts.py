@@ -52,7 +52,7 @@ def formula(method: str) -> str:
 def conclude(implication: str, aggregation: str) -> tuple[str, str]:
     """Return the function by which a rule adds what it implies where terms are not cut: its name and text."""
 
-    def said(text: str) -> str:
+    def filled(text: str) -> str:
         return text.replace("IMPLICATION", implication).replace("AGGREGATION", aggregation)
 
-    return said(_CONCLUDE), said(_functions()[_CONCLUDE])
+    return filled(_CONCLUDE), filled(_functions()[_CONCLUDE])

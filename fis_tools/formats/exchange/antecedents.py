@@ -299,7 +299,7 @@ class Terms:
     Parameters
     ----------
     system : FuzzySystem
-        Whose rules are said.
+        Whose rules are written.
     words : frozenset of str
         The hedges that the format has a word for.
     most_words : int

@@ -1,7 +1,7 @@
 """The comment by which a foreign file carries what its format has no place for, and how it is read back.
 
 The comment is one line: a mark with a version, then the whole controller as JSON, as
-`fis_tools.formats.own.mapping` describes it. It is believed only as far as the file still shows what the
+`fis_tools.formats.own.mapping` describes it. It counts only as far as the file still shows what the
 controller looks like in this format. Where a person has changed the file, what can be seen counts, and the
 comment gives only what the change did not touch. Reading it executes nothing.
 """

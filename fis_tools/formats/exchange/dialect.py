@@ -80,8 +80,8 @@ class Dialect:
     title : str
         What a file of it is called in a sentence.
     words : {"fis", "fll", "fml"}, optional
-        Whose words for membership shapes it has; a shape without one is said as a table of points. None where
-        every shape can be said.
+        Whose words for membership shapes it has; a shape without one is written as a table of points. None
+        where every shape can be written.
     holds_units, holds_descriptions, holds_defaults, holds_resolution : bool
         Which facts of a variable it has a place for; the resolution is the number of points of an output.
     default_resolution : int
@@ -105,7 +105,7 @@ class Dialect:
         Whether outputs that are weighted averages or sums are all of them, and numbers without a range, or
         ramps, s_shapes and z_shapes.
     hedges : {"fll", "fml", "fcl"}, optional
-        Whose words for hedges it has; a hedged statement without is said as a term of its own.
+        Whose words for hedges it has; a hedged statement without becomes a term of its own.
     most_words : int
         How many words may stand before a term, `not` among them.
     concludes_hedged : bool
