@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.model.operators import WEIGHING, AndOperator, Defuzzifier, OrOperator
-from fis_tools.model.plain_text import plain
 from fis_tools.model.rules import And, Consequent, Expression, Is, Rule
 from fis_tools.model.variables import Variable
+from fis_tools.plain_text import plain
 
 
 @dataclass(frozen=True)

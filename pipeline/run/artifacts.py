@@ -19,7 +19,7 @@ from typing import Any, BinaryIO, Final
 
 import yaml
 
-from fis_tools.model.plain_text import plain
+from fis_tools.plain_text import plain
 from pipeline.settings.scopes import only_results, without_outside
 
 CONFIG: Final = "config.yaml"

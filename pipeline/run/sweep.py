@@ -5,7 +5,7 @@ from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path, PurePosixPath
 from typing import Final
 
-from fis_tools.model.plain_text import plain
+from fis_tools.plain_text import plain
 from pipeline.run import artifacts
 
 SWEEP: Final = "sweep.json"

@@ -6,7 +6,7 @@ import pytest
 
 import telemetry
 from fis_tools.formats import serialize
-from fis_tools.model.plain_text import MISSING_SIGN, plain
+from fis_tools.plain_text import MISSING_SIGN, plain
 from pipeline.run import artifacts
 from telemetry.file import plain_text
 from tests.fis_tools.sample_controllers import paper_like_controller
