@@ -113,8 +113,3 @@ class Result:
         from fis_tools.document import markdown  # noqa: PLC0415
 
         return markdown.write(self.document())
-
-    def _repr_html_(self) -> str:
-        from fis_tools.document import html  # noqa: PLC0415
-
-        return html.fragment(self.document())
