@@ -12,7 +12,7 @@ from fis_tools.commands.arguments import (
     tell_if_large,
     write,
 )
-from fis_tools.document import data, html
+from fis_tools.document import data
 from fis_tools.findings.difference import difference
 from fis_tools.model import FuzzyController
 from fis_tools.source import read_controller
@@ -58,7 +58,7 @@ def run(
     if json:
         content = data.write("fuzzy-difference", 1, found.plain())
     else:
-        content = html.page(found.document(pictures=True)) if is_page else found.text()
+        content = found.html() if is_page else found.text()
     write(output, content)
     return int(exit_code and not found.is_empty)
 

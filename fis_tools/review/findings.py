@@ -5,7 +5,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from fis_tools.findings.audit import Audit, Finding, Severity
+from fis_tools.findings.audit import Audit, Finding
 from fis_tools.model import FuzzyController, FuzzySystem
 
 #: of many rules only so many are linked
@@ -45,12 +45,7 @@ def finding_rows(audit: Audit, controller: FuzzyController) -> list[dict[str, An
 def finding_counts(audit: Audit, system: str) -> str:
     """Say how many findings of each severity a system has: ``1 serious, 2 warnings``."""
     counts = Counter(finding.severity for finding in audit.findings if finding.system == system)
-    words = [
-        f"{counts[severity]} {severity.word}"
-        + ("s" if counts[severity] > 1 and severity is not Severity.SERIOUS else "")
-        for severity in sorted(counts, reverse=True)
-    ]
-    return ", ".join(words) or "none"
+    return ", ".join(one.counted(counts[one]) for one in sorted(counts, reverse=True)) or "none"
 
 
 def _links(finding: Finding, system: FuzzySystem, system_id: str) -> list[tuple[str, str]]:

@@ -18,6 +18,10 @@ class Severity(IntEnum):
         """The name in lower case."""
         return self.name.lower()
 
+    def counted(self, count: int) -> str:
+        """Say how many findings are as serious as this: ``1 serious``, ``2 warnings``."""
+        return f"{count} {self.word}" + ("" if self is Severity.SERIOUS or count == 1 else "s")
+
 
 @dataclass(frozen=True)
 class Finding:

@@ -53,7 +53,7 @@ class Audit(Result):
     def summary(self) -> str:
         """Return how many findings there are of each severity, in one line."""
         counts = [(sum(f.severity == severity for f in self.findings), severity) for severity in _WORST_FIRST]
-        told = ", ".join(f"{count} {_plural(severity, count)}" for count, severity in counts if count)
+        told = ", ".join(severity.counted(count) for count, severity in counts if count)
         flown = [system.num_samples for system in self.systems if system.num_samples is not None]
         along = f" and {sum(flown)} logged inferences" if flown else ", no logs"
         number = f"{len(self.systems)} system{'' if len(self.systems) == 1 else 's'}"
@@ -95,10 +95,6 @@ class Audit(Result):
 
 
 _WORST_FIRST = tuple(sorted(Severity, reverse=True))
-
-
-def _plural(severity: Severity, count: int) -> str:
-    return severity.word + ("" if severity is Severity.SERIOUS or count == 1 else "s")
 
 
 def measure_words(audit: Audit) -> tuple[str, ...]:

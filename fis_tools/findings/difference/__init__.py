@@ -65,6 +65,12 @@ class Difference(Result):
         """Return it as plain data, for the schema fuzzy-difference, version 1."""
         return words.plain((self.before, self.after), self.facts, self.systems)
 
+    def html(self) -> str:
+        """Write it as a page that needs no other file, with pictures."""
+        from fis_tools.document import html  # noqa: PLC0415 - as in `Result`
+
+        return html.page(self.document(pictures=True))
+
     def _repr_html_(self) -> str:
         from fis_tools.document import html  # noqa: PLC0415 - as in `Result`
 

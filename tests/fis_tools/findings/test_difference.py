@@ -11,7 +11,7 @@ import pytest
 
 from fis_tools.__main__ import main
 from fis_tools.analysis.arrays import spread_inputs
-from fis_tools.document import html, text
+from fis_tools.document import text
 from fis_tools.engines import inference
 from fis_tools.engines.inference import infer
 from fis_tools.findings.difference import Difference, SystemDifference, difference
@@ -52,10 +52,6 @@ def _with_term(variable: Variable, place: int, term: Term) -> Variable:
     return replace(variable, terms=tuple(terms))
 
 
-def page_of(found: Difference) -> str:
-    return html.page(found.document(pictures=True))
-
-
 def _only(found: Difference) -> SystemDifference:
     (system,) = found.systems
     return system
@@ -67,7 +63,7 @@ def test_a_controller_differs_in_nothing_from_itself() -> None:
         assert found.is_empty
         assert all(change.largest == 0.0 for system in found.systems for change in system.outputs)
         assert "Nothing changed." in found.text()
-        assert "Nothing changed." in page_of(found)
+        assert "Nothing changed." in found.html()
 
 
 def test_where_a_controller_comes_from_is_no_difference() -> None:
@@ -139,7 +135,7 @@ def test_many_points_of_a_universe_are_told_by_a_few_and_kept_for_programs() -> 
         system, _with_input(system, 0, replace(system.inputs[0], points=points, num_points=20))
     )
     assert "points  101, even → 20 of its own: 0, 0.554017, 2.21607, … 200\n" in found.text()
-    assert "20 of its own: 0, 0.554017, 2.21607, … 200<" in page_of(found)
+    assert "20 of its own: 0, 0.554017, 2.21607, … 200<" in found.html()
     (fact,) = _only(found).variables[0].facts
     assert fact.after.count(", ") == 19
 
@@ -237,8 +233,8 @@ def test_changed_cells_of_a_table_are_told() -> None:
     assert "1 of 45 rules changed" in found.text()
     assert f"{system.rules[7].consequents[0].term} → NL" in found.text()
     assert found.text().count("Where eta_u is") == 1
-    assert '<td class="changed">' in page_of(found)
-    assert page_of(found).count('<td class="changed">') == 1
+    assert '<td class="changed">' in found.html()
+    assert found.html().count('<td class="changed">') == 1
 
 
 def test_rules_are_added_removed_and_weighted() -> None:
@@ -334,7 +330,7 @@ def test_the_page_is_whole_by_itself_and_trusts_no_name() -> None:
     nasty = Term("<script>&", Triangular(0.0, 1.0, 2.0))
     changed = _with_input(system, 0, replace(system.inputs[0], terms=(*system.inputs[0].terms, nasty)))
     after = replace(controller, name="<b>&", systems=(changed, controller.systems[1]))
-    page = page_of(difference(controller, after))
+    page = difference(controller, after).html()
     check_policy(page)
     tags = _Tags()
     tags.feed(page)
@@ -413,11 +409,11 @@ def test_the_page_pictures_surfaces_of_what_moved_alone() -> None:
     system = force_x_system()
     rules = list(system.rules)
     rules[0] = replace(rules[0], consequents=rules[-1].consequents)
-    moved = page_of(difference(system, replace(system, rules=tuple(rules))))
+    moved = difference(system, replace(system, rules=tuple(rules))).html()
     assert moved.count('src="data:image/png;base64,') == 1
     assert 'alt="force_x, before, after and the difference"' in moved
     told_only = replace(system, inputs=(replace(system.inputs[0], description="Far."), system.inputs[1]))
-    assert "<img" not in page_of(difference(system, told_only))
+    assert "<img" not in difference(system, told_only).html()
     gone = replace(
         system,
         inputs=system.inputs[:1],
@@ -425,5 +421,5 @@ def test_the_page_pictures_surfaces_of_what_moved_alone() -> None:
             Rule(Is("distance", t.name), system.rules[0].consequents) for t in system.inputs[0].terms
         ),
     )
-    assert "<img" not in page_of(difference(system, gone))
-    assert "<img" not in page_of(difference(gone, replace(gone, rules=gone.rules[:2])))
+    assert "<img" not in difference(system, gone).html()
+    assert "<img" not in difference(gone, replace(gone, rules=gone.rules[:2])).html()
