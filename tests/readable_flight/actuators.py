@@ -5,6 +5,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 STANDARD_GRAVITY = 9.80665
+#: propellant that rounding leaves, as a share of the mass at the start
+EMPTY = 1e-12
 
 
 @dataclass
@@ -31,20 +33,27 @@ def impulses(flight, force):
 
 
 def fired(flight, k, commanded, commands, attitude, mass):
-    """The thrust of a control period; `commands` are those of all so far, this one last."""
+    """The thrust of a control period; `commands` are those of all so far, this one last.
+
+    The last burn is weakened to what the tank still holds.
+    """
     law, limit = flight.mission.actuators, flight.mission.deputy.max_force_n
     if law.kind == "ideal":
         return Thrust(commanded, commands[-1], np.abs(commands[-1]).sum())
     arm, delay = flight.errors.arm, flight.periods(law.delay_s)
     full = flight.mission.deputy.mass_kg
-    is_dry = law.specific_impulse_s is not None and mass <= full - law.propellant_kg
-    if k < delay or is_dry:
+    left = np.inf if law.specific_impulse_s is None else mass - (full - law.propellant_kg)
+    if k < delay or left <= EMPTY * full:
         return Thrust(commanded, np.zeros(3), 0.0, arm)
     wanted = flight.errors.thrust(k) @ commands[k - delay]
     if law.thrusters is None:
         force = np.clip(impulses(flight, wanted), -limit, limit)
-        return Thrust(commanded, force, np.abs(force).sum(), arm)
-    return divided(flight, commanded, attitude, wanted)
+        thrust = Thrust(commanded, force, np.abs(force).sum(), arm)
+    else:
+        thrust = divided(flight, commanded, attitude, wanted)
+    used = mass - mass_after(flight, thrust, mass)
+    share = left / used if used > left else 1.0
+    return Thrust(commanded, share * thrust.fired, share * thrust.total, arm, share * thrust.twist)
 
 
 def divided(flight, commanded, attitude, wanted):

@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from tests.readable_flight.light import sun_at
+from tests.readable_flight.light import sun_direction
 
 
-def seen_points(flight, k, position, boresight):
+def seen_points(flight, k, position, boresight, sun):
     """Which points a camera sees at a sample from a place along a boresight, lit or not, (P,)."""
-    mission, sensor = flight.mission, flight.mission.sensor
+    mission, sensor, sun = flight.mission, flight.mission.sensor, sun_direction(*sun)
     points, normals = flight.surface_at(k)
     to_camera = position - points
     distance, above = np.linalg.norm(to_camera, axis=1), np.sum(normals * to_camera, axis=1)
@@ -19,12 +19,10 @@ def seen_points(flight, k, position, boresight):
         is_seen &= -to_camera @ boresight >= np.cos(np.radians(sensor.half_angle_deg)) * distance
     if sensor.max_range_m is not None:
         is_seen &= distance <= sensor.max_range_m
-    if boresight @ sun_at(flight, k) > np.cos(np.radians(sensor.min_sun_angle_deg)) and (
-        sensor.min_sun_angle_deg > 0.0
-    ):
+    if boresight @ sun > np.cos(np.radians(sensor.min_sun_angle_deg)) and (sensor.min_sun_angle_deg > 0.0):
         is_seen[:] = False
     if mission.light.reflection != "none":
-        is_seen &= is_bright(mission.light, normals, sun_at(flight, k), to_camera / distance[:, np.newaxis])
+        is_seen &= is_bright(mission.light, normals, sun, to_camera / distance[:, np.newaxis])
     return is_seen & flight.free_towards(to_camera, is_seen, k)
 
 

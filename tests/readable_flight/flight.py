@@ -9,10 +9,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from tests.readable_flight.errors import Errors
-from tests.readable_flight.light import lit_points
+from tests.readable_flight.light import lit_points, sun_at
 from tests.readable_flight.mesh import Mesh
 from tests.readable_flight.turning import chief_attitudes
-from tests.readable_flight.two_body import Earth, chief_orbit
+from tests.readable_flight.two_body import Earth, chief_orbit, hill_axes
 
 
 @dataclass(frozen=True)
@@ -68,13 +68,23 @@ class Flight:
         return None if self.earth is None else chief_orbit(self.earth, self.mission)
 
     @cached_property
+    def hill_axes(self):
+        """Rows i, j, k at each sample in axes that do not turn, Hill's at the start."""
+        return [hill_axes(self.earth, chief)[0] for chief in self.orbit]
+
+    @cached_property
+    def suns(self):
+        """The Sun's angle and elevation at each sample, rad."""
+        return [sun_at(self, k) for k in range(self.mission.num_controls + 1)]
+
+    @cached_property
     def mesh(self):
         """The triangles that hide points; None of a sphere."""
         return Mesh(self.points, self.normals, self.corners) if len(self.corners) else None
 
     @cached_property
     def is_papers(self):
-        """Whether light and camera are the paper's."""
+        """Whether light and camera are the paper's, and the Sun is in the orbit plane at the start."""
         light, sensor = self.mission.light, self.mission.sensor
         return (
             (light.shadow, light.reflection, self.mission.chief.shape) == ("none", "none", "sphere")
@@ -87,7 +97,7 @@ class Flight:
     @cached_property
     def is_lit(self):
         """Which points are lit at each sample, (K+1, P)."""
-        return np.array([lit_points(self, k) for k in range(self.mission.num_controls + 1)])
+        return np.array([lit_points(self, k, sun) for k, sun in enumerate(self.suns)])
 
     @cached_property
     def is_inspectable(self):

@@ -3,7 +3,7 @@
 import numpy as np
 
 from tests.readable_flight.camera import seen_points
-from tests.readable_flight.light import lit_points
+from tests.readable_flight.light import later, lit_points
 from tests.readable_flight.motion import drifted
 
 #: seconds between previewed places
@@ -20,6 +20,7 @@ def foreseen(flight, k, state, is_inspected):
         position = drifted(flight.mission, state, (sample - k) * period)[:3]
         distances.append(np.linalg.norm(position))
         if is_left.any():
-            is_seen = seen_points(flight, sample, position, -position / distances[-1])
-            is_left &= ~(is_seen & lit_points(flight, sample))
+            sun = later(flight, flight.suns[k], sample - k)
+            is_seen = seen_points(flight, sample, position, -position / distances[-1], sun)
+            is_left &= ~(is_seen & lit_points(flight, sample, sun))
     return np.array([is_left.sum(), min(distances), max(distances)])

@@ -12,15 +12,19 @@ def sun_direction(angle, elevation):
     return np.array([level * np.cos(angle), level * np.sin(angle), np.sin(elevation)])
 
 
-def sun_angle(flight, k):
-    """``theta_0 - n t`` at a sample."""
-    mission = flight.mission
-    return flight.scenario.sun_angle_rad - mission.orbit.mean_motion_rad_s * k * mission.control_period_s
-
-
 def sun_at(flight, k):
-    """The unit vector towards the Sun at a sample."""
-    return sun_direction(sun_angle(flight, k), flight.scenario.sun_elevation_rad)
+    """The Sun's angle and elevation at a sample: ``theta_0 - n t``, or as a true orbit turns Hill axes."""
+    angle, elevation = flight.scenario.sun_angle_rad, flight.scenario.sun_elevation_rad
+    if flight.orbit is None:
+        return later(flight, (angle, elevation), k)
+    x, y, z = flight.hill_axes[k] @ sun_direction(angle, elevation)
+    return np.arctan2(y, x), np.arctan2(z, np.hypot(x, y))
+
+
+def later(flight, sun, periods):
+    """The Sun's angle and elevation after some control periods, as the deputy predicts them."""
+    mission = flight.mission
+    return sun[0] - mission.orbit.mean_motion_rad_s * periods * mission.control_period_s, sun[1]
 
 
 def orbit_radius(mission):
@@ -52,9 +56,9 @@ def share_of_sun(mission, sun):
     return visible_share(sun[0], orbit_radius(mission)) if mission.light.shadow != "none" else 1.0
 
 
-def lit_points(flight, k):
-    """Which points the Sun lights at a sample, (P,): above their tangent planes, and hidden by nothing."""
-    mission, sun = flight.mission, sun_at(flight, k)
+def lit_points(flight, k, sun):
+    """Which points a Sun lights at a sample, (P,): above their tangent planes, and hidden by nothing."""
+    mission, sun = flight.mission, sun_direction(*sun)
     if share_of_sun(mission, sun) < mission.light.min_fraction:
         return np.zeros(len(flight.points), dtype=bool)
     points, normals = flight.surface_at(k)

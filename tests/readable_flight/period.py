@@ -87,7 +87,7 @@ def look(flight, k, state):
         state.rate = np.zeros(3)
     boresight = attitude.apply(mission.sensor.boresight)
     is_lit = flight.is_lit[k]
-    is_inspected = state.is_inspected | (is_lit & seen_points(flight, k, position, boresight))
+    is_inspected = state.is_inspected | (is_lit & seen_points(flight, k, position, boresight, flight.suns[k]))
     candidates = flight.surface_at(k)[0][is_lit & ~is_inspected]
     target, state.centres = chosen_target(mission, candidates, position, state.centres)
     known, covariance = state.truth, np.zeros((6, 6))

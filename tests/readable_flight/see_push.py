@@ -3,7 +3,7 @@
 import numpy as np
 
 from tests.readable_flight.camera import seen_points
-from tests.readable_flight.light import lit_points
+from tests.readable_flight.light import later, lit_points
 from tests.readable_flight.motion import transition
 from tests.readable_flight.urgency import turned_aside, urgency
 
@@ -38,8 +38,9 @@ def cheapest_looks(flight, k, state, is_sought, horizon):
     shortfalls, slopes = np.zeros(len(is_sought)), np.zeros((len(is_sought), 3))
     for sample in range(k + stride, min(mission.num_controls, k + looks * stride) + 1, stride):
         phi, _ = transition(mission.orbit.mean_motion_rad_s, (sample - k) * period)
-        position, is_lit = (phi @ state)[:3], lit_points(flight, sample)
-        short, towards, shows = shortfall(flight, sample, position)
+        position, sun = (phi @ state)[:3], later(flight, flight.suns[k], sample - k)
+        is_lit = lit_points(flight, sample, sun)
+        short, towards, shows = shortfall(flight, sample, position, sun)
         is_shown |= is_lit & shows
         slope = towards @ phi[:3, 3:]
         cost = short**2 / np.sum(slope**2, axis=1)
@@ -49,14 +50,14 @@ def cheapest_looks(flight, k, state, is_sought, horizon):
     return np.where(is_shown, 0.0, shortfalls), np.where(is_shown[:, np.newaxis], 0.0, slopes)
 
 
-def shortfall(flight, sample, position):
+def shortfall(flight, sample, position, sun):
     """What looks from a place lack, m, the direction in which that shrinks, and which looks show points.
 
     In the paper's world it is height above the horizon. In others it is the larger of the height that the
     incidence limit needs and the excess of range; what shows a point is the camera itself.
     """
     points, normals = flight.surface_at(sample)
-    if flight.is_papers:
+    if flight.is_papers and flight.orbit is None:
         short = flight.mission.chief.inspection_radius_m - normals @ position
         if np.linalg.norm(position) < NEAR_M:
             short = np.maximum(short, LEAST_SHORT_M)
@@ -68,5 +69,5 @@ def shortfall(flight, sample, position):
     low = cosine * distance - np.sum(normals * apart, axis=1)
     far = distance - (np.inf if sensor.max_range_m is None else sensor.max_range_m)
     towards = np.where((far > low)[:, np.newaxis], -sight, normals - cosine * sight)
-    is_seen = seen_points(flight, sample, position, -position / np.linalg.norm(position))
+    is_seen = seen_points(flight, sample, position, -position / np.linalg.norm(position), sun)
     return np.maximum(np.maximum(low, far), LEAST_SHORT_M), towards, is_seen

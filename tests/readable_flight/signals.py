@@ -4,7 +4,6 @@ import numpy as np
 
 from tests.readable_flight.foresight import foreseen
 from tests.readable_flight.guidance import SHORTEST_M, relative_angle
-from tests.readable_flight.light import sun_angle
 from tests.readable_flight.motion import closest_approach
 from tests.readable_flight.see_push import see_push
 from tests.readable_flight.tour import tour_push
@@ -29,8 +28,8 @@ def signals(flight, k, look, names):
     }
     found |= {f"velocity_body_{a}": v for a, v in zip("xyz", look.sensed.inv().apply(velocity), strict=True)}
     found |= along("position", position) | along("velocity", velocity)
-    found |= natural_motion(flight, sun_angle(flight, k), position, velocity)
-    found |= towards(sun_angle(flight, k), position, look.target)
+    found |= natural_motion(flight, flight.suns[k][0], position, velocity)
+    found |= towards(flight.suns[k][0], position, look.target)
     if senses("closest_approach"):
         found["closest_approach"] = closest_approach(flight.mission, state)
     if senses("missed", "coasting"):

@@ -2,14 +2,14 @@
 
 import numpy as np
 
-from tests.readable_flight.light import share_of_sun, sun_angle, sun_direction
+from tests.readable_flight.light import share_of_sun, sun_direction
 from tests.readable_flight.motion import transition
 from tests.readable_flight.urgency import turned_aside
 
 
 def tour_push(flight, k, state, urgent):
     """``Phi_rv^-1 (r_tour(theta - n tau) - Phi_r s)``, turned aside near the chief, m/s."""
-    angle, elevation = sun_angle(flight, k), flight.scenario.sun_elevation_rad
+    angle, elevation = flight.suns[k]
     n, constants = flight.mission.orbit.mean_motion_rad_s, flight.constants
     time = time_ahead(flight, angle, elevation)
     if time == 0.0:
