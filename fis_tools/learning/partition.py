@@ -4,11 +4,12 @@ Such a partition is called strong, or Ruspini's (E. H. Ruspini, Information and 
 its peaks are, some term holds each point to one half or more, and two terms share a third of their area or
 less (Jaccard's measure), so readability need not be watched while the peaks move.
 
-Peaks of terms moved until an error no longer falls, by compass search.
+Peaks are moved until an error no longer falls, by compass search. They lie on hundredths of a range, in order
+and a few of them apart; so the search is over whole numbers, and tries each peak to either side by ever
+smaller steps (T. G. Kolda, R. M. Lewis and V. Torczon, SIAM Review 45, 2003). Nothing is drawn: the same
+table gives the same system.
 
-Peaks lie on hundredths of a range, in order and a few of them apart; so the search is over whole numbers, and
-tries each peak to either side by ever smaller steps (T. G. Kolda, R. M. Lewis and V. Torczon, SIAM Review 45,
-2003). Nothing is drawn: the same table gives the same system.
+The combinations of terms that a table's rows belong to, its cells, become the rules.
 """
 
 import math
