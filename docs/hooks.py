@@ -97,13 +97,14 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 def on_page_markdown(markdown: str, page: Page, **_: Any) -> str:
     """Fill tables and patches in, and let links to pages that live elsewhere lead to them in the site."""
+    markdown = relinked(markdown, f"docs/{page.file.src_uri}", page.file.src_uri)
     for name, (head, rows) in TABLES.items():
         lines = (f"| {' | '.join(row)} |" for row in (head, ("---",) * len(head), *rows))
         markdown = markdown.replace(f"<!-- {name} -->", "\n".join(lines))
     patch = PROJECT / "docs" / PurePosixPath(page.file.src_uri).with_suffix(".diff")
     if patch.exists():
         markdown = markdown.replace("<!-- patch -->", f"```diff\n{patch.read_text(encoding='utf-8')}```")
-    return relinked(markdown, f"docs/{page.file.src_uri}", page.file.src_uri)
+    return markdown
 
 
 def relinked(text: str, path: str, uri: str) -> str:

@@ -5,9 +5,13 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
+from docs import hooks
+from pipeline.flight.state.signals import CONSTANTS, SIGNALS
 from tests.places import PROJECT
 from tests.smoke.pages import DOCS, blocks
 
@@ -50,6 +54,21 @@ def test_every_guide_has_a_patch_that_touches_few_files() -> None:
         assert f"({patch_of(what).name})" in page
         assert "<!-- patch -->" in page
         assert len(touched(what)) <= most, f"{what}: {touched(what)}"
+
+
+def on_the_site(name: str) -> str:
+    page: Any = SimpleNamespace(file=SimpleNamespace(src_uri=name))
+    return hooks.on_page_markdown((DOCS / name).read_text(encoding="utf-8"), page)
+
+
+def test_the_site_shows_patches_signals_and_constants() -> None:
+    for what in MOST:
+        assert patch_of(what).read_text(encoding="utf-8") in on_the_site(f"how-to/add-a-{what}.md")
+    rows = on_the_site("reference/signals.md").splitlines()
+    for name, signal in SIGNALS.items():
+        assert [row for row in rows if row.startswith(f"| `{name}` | {signal.unit} | {signal.description} |")]
+    for name, constant in CONSTANTS.items():
+        assert f"| `{name}` | {constant.description} |" in rows
 
 
 @pytest.mark.slow
