@@ -6,6 +6,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from fis_tools.document.text import aligned
 from fis_tools.engines.inference import Inference, OutputInference
 from fis_tools.model import (
     And,
@@ -156,17 +157,6 @@ def rule_tables(system: FuzzySystem) -> list[tuple[str, list[list[str]]]] | None
     ]
 
 
-def padded(rows: Sequence[Sequence[str]]) -> list[list[str]]:
-    """Pad the cells of rows with blanks, so that each column is as wide as its widest cell."""
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    return [[cell.ljust(width) for cell, width in zip(row, widths, strict=True)] for row in rows]
-
-
-def aligned(rows: Sequence[Sequence[str]], indent: int = 0) -> list[str]:
-    """Align rows of words in columns; return them as lines."""
-    return [(" " * indent + "  ".join(row)).rstrip() for row in padded(rows)]
-
-
 def summary(system: FuzzySystem) -> str:
     """Summarise in one line what a system consists of."""
     inputs = ", ".join(with_unit(variable) for variable in system.inputs)
@@ -217,7 +207,11 @@ def quantity(variable: Variable, value: float) -> str:
 def _bars(entries: Sequence[tuple[str, float]]) -> list[str]:
     shown = [(name, value) for name, value in entries if value >= SHOWN_FROM]
     rows = [[name, f"{value:.2f}", "█" * max(1, round(value * BAR_LENGTH))] for name, value in shown]
-    return aligned(rows, 6) or ["      none"]
+    return _indented(rows) or ["      none"]
+
+
+def _indented(rows: list[list[str]]) -> list[str]:
+    return [f"      {line}".rstrip() for line in aligned(rows)]
 
 
 def _firing_lines(inference: Inference, most_rules: int) -> list[str]:
@@ -244,7 +238,7 @@ def _output_lines(output: OutputInference, system: FuzzySystem) -> list[str]:
         way = METHODS[system.defuzzifier_of(variable)]
         numbers = zip(output.weighing.rules, output.weighing.strengths, output.weighing.numbers, strict=True)
         rows = [[f"{w:.2f}", f"rule {rule + 1}", quantity(variable, z)] for rule, w, z in numbers if w > 0.0]
-        return [f"   {variable.name}", *aligned(rows, 6), f"{result}, the {way}"]
+        return [f"   {variable.name}", *_indented(rows), f"{result}, the {way}"]
     return [
         f"   {variable.name}",
         *_bars(cuts),
