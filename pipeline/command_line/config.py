@@ -178,25 +178,30 @@ def _resolved(node: DictConfig, overrides: Sequence[str], config_dir: Path | Non
 def _check_idle(config: Mapping[str, Any], overrides: Sequence[str]) -> None:
     """Raise SettingError for overrides of keys that do not exist; print which keys of files do not."""
     given = _given(overrides)
-    for key, why in idle(config).items():
+    for key, mark in idle(config).items():
         if key not in schema() or key in given:
-            raise SettingError(why)
-        if value_at(config, key) != schema()[key].default:
-            sys.stderr.write(f"note: {key}={value_at(config, key)} is left out: {why}\n")
+            raise SettingError(mark.refusal(key, config))
+        # who overrides the setting that makes it idle knows
+        is_known = any({other, other.rpartition(".")[0]} & given for other in mark.keys)
+        if value_at(config, key) != schema()[key].default and not is_known:
+            sys.stderr.write(f"note: a file sets {key}, but {mark.refusal(key, config)}\n")
 
 
 def check_stages(config: Mapping[str, Any], overrides: Sequence[str]) -> None:
-    """Check the overrides of a new run.
+    """Print which overrides of a new run no stage of it reads.
 
     Raises
     ------
     SettingError
-        If one sets a key that no stage of the run reads.
+        If one means something else to the stages that there are.
     """
     given = _given(overrides)
-    for key, why in idle(config, stages=True).items():
-        if key in given:
-            raise SettingError(why)
+    unread = {key: mark for key, mark in idle(config, stages=True).items() if key in given}
+    for key, mark in unread.items():
+        if not mark.is_told:
+            raise SettingError(mark.refusal(key, config))
+    if unread:
+        sys.stderr.write(f"note: no stage of this run reads {', '.join(unread)}\n")
 
 
 def _given(overrides: Sequence[str]) -> set[str]:

@@ -21,10 +21,12 @@ class Only:
     *conditions : str
         ``key=value`` (for stages: one of them is the value), ``key>number``, or ``key``, whose value is then
         not null.
+    is_told : bool
+        Whether one that is set where it counts for nothing is taken with a note, and not refused.
     """
 
-    def __init__(self, *conditions: str) -> None:
-        self.conditions = conditions
+    def __init__(self, *conditions: str, is_told: bool = False) -> None:
+        self.conditions, self.is_told = conditions, is_told
         self.keys = tuple(re.split("[=>]", condition)[0] for condition in conditions)
 
     @property

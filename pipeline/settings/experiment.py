@@ -97,7 +97,7 @@ class MonteCarlo:
     num_cases: Annotated[
         Cases,
         Cure("; without scenarios there is nothing to fly"),
-        Only("stages=scenario", "stages=evaluate", "stages=optimum", "stages=compare"),
+        Only(*(f"stages={stage}" for stage in STAGES if stage != "assure")),
     ] = 1000
     """Flights."""
     min_distance_m: Positive = 50.0
@@ -124,7 +124,7 @@ class MonteCarlo:
             )
 
 
-@settings("optimum", Only("stages=optimum", "stages=evaluate", "stages=compare"))
+@settings("optimum", Only("stages=optimum", "stages=evaluate", "stages=compare", is_told=True))
 class Optimum:
     """Minimum-fuel plans, computed with the whole flight known in advance."""
 
@@ -161,7 +161,7 @@ class Engine:
     """Flights of a part, which one process flies and keeps as a file."""
 
 
-@settings("logger", Only("stages=train"))
+@settings("logger", Only("stages=train", is_told=True))
 class Logger:
     """Where each generation of a training is logged besides the run's own folder."""
 
@@ -171,7 +171,7 @@ class Logger:
     """Folder that is written to."""
 
 
-@settings("hparams_search", Only("stages=search"))
+@settings("hparams_search", Only("stages=search", is_told=True))
 class HparamsSearch:
     """Settings that Optuna tries, and the flights on which trials compete."""
 
@@ -193,7 +193,7 @@ class HparamsSearch:
         dimensions(self.space)
 
 
-@settings("compare", Only("stages=compare"))
+@settings("compare", Only("stages=compare", is_told=True))
 class Compare:
     """Comparison of controllers: which fly, and under which conditions."""
 
@@ -223,7 +223,7 @@ class Compare:
                     )
 
 
-@settings("assurance", Only("stages=assure"))
+@settings("assurance", Only("stages=assure", is_told=True))
 class Assurance:
     """Evidence for requirements: which, and how thoroughly they are tested."""
 
@@ -247,7 +247,7 @@ class Assurance:
     """Threads that fly; null: one a processor."""
 
 
-@settings("telemetry", Only("stages=record", "stages=assure", "stages=scenario"))
+@settings("telemetry", Only("stages=record", "stages=assure", "stages=scenario", is_told=True))
 class Telemetry:
     """Which flights are recorded, and the distances that the log calls near."""
 
@@ -261,7 +261,7 @@ class Telemetry:
     """The log warns when a distance limit is nearer."""
 
 
-@settings("report", Only("stages=report"))
+@settings("report", Only("stages=report", is_told=True))
 class Report:
     """Appearance of the report."""
 

@@ -110,24 +110,23 @@ def _merged(under: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]
     return merged
 
 
-def idle(config: Mapping[str, Any], *, stages: bool = False) -> dict[str, str]:
-    """Return the keys of a configuration that do not exist, set or dispersed, each with the reason.
+def idle(config: Mapping[str, Any], *, stages: bool = False) -> dict[str, Only]:
+    """Return the keys of a configuration that do not exist, set or dispersed, each with what does not hold.
 
     Parameters
     ----------
     config : mapping
-        Plain data, which may leave defaults out.
+        Plain data with all keys.
     stages : bool
         Whether also those that no stage of the run reads.
     """
-    whole = _merged(defaults(), config)
-    found: dict[str, str] = {}
+    found: dict[str, Only] = {}
     set_here = {name: name for name in schema() if value_at(config, name, schema) is not schema}
     dispersed = {f"{DISPERSIONS}.{name}": name for name in _dispersed(config.get(DISPERSIONS))}
     for place, name in (set_here | dispersed).items():
         for mark in schema()[name].only if name in schema() else ():
-            if (stages or not mark.is_of_stages) and not mark.holds(whole):
-                found.setdefault(place, mark.refusal(place, whole))
+            if (stages or not mark.is_of_stages) and not mark.holds(config):
+                found.setdefault(place, mark)
     return found
 
 

@@ -33,8 +33,8 @@ MOST_INDIVIDUALS = 100_000
 MOST_PRICE = 1e15
 
 
-DRAWS = Only("stages=scenario", "stages=train", "stages=search")
-TRAINS = Only("stages=train", "stages=search")
+DRAWS = Only("stages=scenario", "stages=train", "stages=search", is_told=True)
+TRAINS = Only("stages=train", "stages=search", is_told=True)
 
 
 @settings("starts", DRAWS)

@@ -36,9 +36,10 @@ def in_world(experiment: Experiment, name: str) -> Experiment:
                 if key not in target:
                     raise SettingError(f"compare.worlds.{name}: {unknown(f'{group}.{key}')}")
             target.update(values)
-    for key, why in idle({**mission, "sun": sun}).items():
+    there = {**mission, "sun": sun}
+    for key, mark in idle(there).items():
         group, _, last = key.rpartition(".")
         # the Sun's mode is that of compare.suns
         if group != "sun" and last in changes.get(group, {}):
-            raise SettingError(f"compare.worlds.{name}: {why}")
+            raise SettingError(f"compare.worlds.{name}: {mark.refusal(key, there)}")
     return replace(experiment, mission=Mission(**mission), sun=Sun(**sun))

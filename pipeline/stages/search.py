@@ -50,7 +50,7 @@ def run(experiment: Experiment, folder: Path) -> None:
             progress.show(trial.number + 1, f"{trial.state} {trial.cost:.4f} m/s; {told}")
     if best is None:
         raise SettingError(
-            "no trial of the search could be flown to its end; choose a search.space that fits"
+            "no trial of the search could be flown to its end; choose an hparams_search.space that fits"
         )
     words = [f"{key}={value}" for key, value in best.values.items()]
     artifacts.write_json(

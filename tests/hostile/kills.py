@@ -90,6 +90,8 @@ def words_of(kind: str, folder: Path) -> list[str]:
     """Return the arguments that start a run of a kind; later ones take precedence."""
     chosen = KINDS[kind]
     given = {word.partition("=")[0] for word in chosen}
+    # evidence has flights of its own
+    given |= {"monte_carlo.num_cases"} if kind == "assure" else set()
     small = [word for word in SMALL if word.partition("=")[0] not in given]
     place = "hydra.sweep.dir" if chosen[0] == "-m" else "hydra.run.dir"
     return [*chosen, *small, f"{place}={folder}"]
