@@ -20,7 +20,8 @@ FORMULA = ("=", "+", "-", "@", "\t", "\r")
 
 def as_text(cell: Any) -> Any:
     """Return a cell that no spreadsheet runs."""
-    if not (isinstance(cell, str) and cell.startswith(FORMULA)):
+    # spreadsheets do without the blanks before
+    if not (isinstance(cell, str) and (cell.startswith(FORMULA) or cell.lstrip().startswith(FORMULA))):
         return cell
     try:
         float(cell)

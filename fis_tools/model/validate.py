@@ -36,6 +36,8 @@ MOST_INPUTS, MOST_TERMS, MOST_RULES = 12, 2_000, 50_000
 MOST_SYSTEMS = 50
 #: Most memberships, of all terms at all points of a system.
 MOST_MEMBERSHIPS = 4_000_000
+#: of a range, below which numbers lose digits
+LEAST_RANGE = 1e-290
 #: Deepest nesting of and, or and not in one antecedent.
 MAX_NESTING = 20
 
@@ -180,6 +182,8 @@ def _universe_problems(variable: Variable) -> Iterator[str]:
         yield f"the range [{low}, {high}] is empty; the first number must be below the second, so swap them"
     elif not math.isfinite(high - low):
         yield f"the range [{low}, {high}] is too wide for double precision; use another unit"
+    elif high - low < LEAST_RANGE + 1000 * math.ulp(max(abs(low), abs(high))):
+        yield f"the range [{low}, {high}] is too narrow for double precision; use another unit"
     if not isinstance(variable.num_points, int | np.integer) or variable.num_points < 2:
         yield f"the universe has {variable.num_points} points; it needs at least 2 (101 is usual)"
     points = variable.points

@@ -204,7 +204,7 @@ def _workers(arguments: Sequence[str]) -> NoReturn:
     parser.add_argument("--processes", type=int, default=len(os.sched_getaffinity(0)))
     chosen = parser.parse_args(arguments)
     own = (f"--nworkers={chosen.processes}", "--nthreads=1", "--memory-limit=0", "--death-timeout=60")
-    _become("dask_worker", chosen.folder, *own, f"--local-directory={tempfile.gettempdir()}")
+    _become("dask_worker", chosen.folder, *own, f"--local-directory={tempfile.mkdtemp(prefix='dask-')}")
 
 
 def _become(program: str, folder: Path, *words: str) -> NoReturn:

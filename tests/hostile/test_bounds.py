@@ -162,3 +162,11 @@ def test_an_output_of_very_many_points_is_tried_at_fewer_places(tmp_path, capsys
     samples = arrays.spread_inputs(system)
     assert len(samples) == 285
     np.testing.assert_array_equal(samples, arrays.spread_inputs(controller.systems[0])[:285])
+
+
+@pytest.mark.parametrize("ends", [(0.0, 5e-324), (0.0, 1e-300), (1e16, 1e16 + 2)])
+def test_a_range_without_room_for_points_is_refused(ends):
+    told = json.loads(serialize.dump_json(paper_like_controller()))
+    told["systems"][0]["inputs"][0]["range"] = ends
+    with pytest.raises(ControllerFileError, match="too narrow for double precision"):
+        serialize.loads(json.dumps(told), "json")
