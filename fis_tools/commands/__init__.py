@@ -6,7 +6,7 @@ SUMMARIES = {
     "plot": "Draw membership functions, rules, surfaces and inferences into a folder.",
     "surface": "Evaluate an output over two inputs, as numbers or a picture.",
     "export": "Write a controller as tables, for other programs, or as C source.",
-    "import": "Make one controller file from files of MATLAB, fuzzylite or IEEE 1855.",
+    "import": "Make one controller file from files of other programs, such as MATLAB or fuzzylite.",
     "learn": "Make a fuzzy system from a table of numbers.",
     "audit": "List what a reviewer should know: gaps, slips, idle rules.",
     "explain": "Tell why: which rules moved the output, what would flip it.",

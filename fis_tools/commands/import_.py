@@ -27,7 +27,7 @@ def run(
         expected(f"a whole number from 2 to {MOST_POINTS}", lambda count: 2 <= count <= MOST_POINTS),
     ] = None,
 ) -> None:
-    """Make one controller file from files of MATLAB, fuzzylite or IEEE 1855.
+    """Make one controller file from files of other programs, such as MATLAB or fuzzylite.
 
     What the files do not state is assumed, and printed. Files that `export` wrote carry it in a comment.
 
@@ -41,7 +41,7 @@ def run(
     Parameters
     ----------
     files
-        files to read (.json, .yaml, .yml, .fis, .fll, .fml, .xml, .fcl; with --trust, FILE.py:NAME)
+        files to read, ours or of other programs (such as .yaml, .fis or .fll; with --trust, FILE.py:NAME)
     trust
         run the Python program that a controller is read from
     output
