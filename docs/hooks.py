@@ -15,6 +15,7 @@ from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
 
 from pipeline.flight.state.signals import CONSTANTS, SIGNALS
+from pipeline.settings.reference import sections
 
 PROJECT = Path(__file__).resolve().parents[1]
 #: made by ``python -m docs.build``
@@ -101,6 +102,7 @@ def on_page_markdown(markdown: str, page: Page, **_: Any) -> str:
     for name, (head, rows) in TABLES.items():
         lines = (f"| {' | '.join(row)} |" for row in (head, ("---",) * len(head), *rows))
         markdown = markdown.replace(f"<!-- {name} -->", "\n".join(lines))
+    markdown = markdown.replace("<!-- keys -->", sections())
     patch = PROJECT / "docs" / PurePosixPath(page.file.src_uri).with_suffix(".diff")
     if patch.exists():
         markdown = markdown.replace("<!-- patch -->", f"```diff\n{patch.read_text(encoding='utf-8')}```")

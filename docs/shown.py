@@ -1,4 +1,4 @@
-"""Run the commands of the pages that show what commands print, and list all keys: ``python -m docs.shown``.
+"""Run the commands of the pages that show what commands print: ``python -m docs.shown``.
 
 A fenced block with a title is written to a file of that name, a block of ``sh`` is run, and a block of
 ``text`` right behind it is what it printed; a line of ``…`` there stands for lines that are left out.
@@ -20,7 +20,6 @@ from unittest.mock import patch
 
 import fis_tools.__main__ as fis_tools
 from docs.screenshot import screenshot
-from pipeline.settings.reference import page as keys_page
 
 PROJECT = Path(__file__).resolve().parents[1]
 PAGES = ("gallery.md", "tutorial/control-system-to-sign-off.md", "tutorial/first-fuzzy-system.md")
@@ -45,7 +44,6 @@ def main() -> None:
             for review in sorted(Path(scratch).glob("*-review.html")):
                 screenshot(review, "One inference, step by step", PICTURES / f"{review.stem}.png")
         page.write_text(text, encoding="utf-8")
-    (PROJECT / "docs" / "reference" / "keys.md").write_text(keys_page(), encoding="utf-8")
 
 
 def rerun(page: str, folder: Path) -> str:

@@ -1,4 +1,4 @@
-"""What is written about the keys: their reference page, the help on a group, and comments in YAML.
+"""What is written about the keys: the tables on the site, the help on a group, and comments in YAML.
 
 All of it comes from the classes of settings: a key's meaning is the text below its field, and its range is in
 the field's type.
@@ -22,24 +22,6 @@ from pipeline.settings.mission import SHARED, Mission
 from pipeline.settings.schema import Key, keys_of, schema
 from pipeline.settings.sentences import names_of
 
-#: the beginning of the reference page
-PAGE = """\
-# Keys
-
-Every key of the configuration, its default and its meaning, as `python -m docs.shown` reads them from
-`pipeline/settings`. A key is set
-
-- on the command line: `deputy.mass_kg=14`, `'sun.elevation_range_deg=[-10, 10]'`
-- in a YAML file of your own, which says what differs from here: `--config-dir mine +experiment=NAME` reads
-  `mine/experiment/NAME.yaml`, and `mine/world/NAME.yaml` is `world=NAME`
-- in a world of `compare.worlds`, for keys of the mission and the Sun
-- for each run of a sweep, `-m seed=1,2,3`, or of a search, `hparams_search.space`
-- where marked **d**, [in each flight differently](../how-to/disperse-a-setting.md); **t**: also in a flight
-
-A key with a condition exists only where that holds; elsewhere it is refused. On the command line,
-`python -m pipeline --help deputy` prints the keys of a group, `--cfg job` all values with their meanings.
-"""
-
 
 def tables() -> dict[str, list[Key]]:
     """Return the keys of each group, in the order of the page; "" for those at the top."""
@@ -51,9 +33,9 @@ def tables() -> dict[str, list[Key]]:
     return found
 
 
-def page() -> str:
-    """Return the reference page of all keys."""
-    parts = [PAGE]
+def sections() -> str:
+    """Return all keys in Markdown, a section for each group."""
+    parts = []
     for group, keys in tables().items():
         about = descriptions().get(group, "") if group else "The run, and the clocks of its flights."
         shared = [mark for mark in _of_group(group) if not mark.is_of_stages]

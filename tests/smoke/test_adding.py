@@ -12,6 +12,7 @@ import pytest
 
 from docs import hooks
 from pipeline.flight.state.signals import CONSTANTS, SIGNALS
+from pipeline.settings.reference import sections
 from tests.places import PROJECT
 from tests.smoke.pages import DOCS, blocks
 
@@ -61,7 +62,8 @@ def on_the_site(name: str) -> str:
     return hooks.on_page_markdown((DOCS / name).read_text(encoding="utf-8"), page)
 
 
-def test_the_site_shows_patches_signals_and_constants() -> None:
+def test_the_site_shows_patches_keys_signals_and_constants() -> None:
+    assert sections() in on_the_site("reference/keys.md")
     for what in MOST:
         assert patch_of(what).read_text(encoding="utf-8") in on_the_site(f"how-to/add-a-{what}.md")
     rows = on_the_site("reference/signals.md").splitlines()

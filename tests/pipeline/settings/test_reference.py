@@ -4,15 +4,9 @@ import yaml
 
 from pipeline.command_line.cli import main
 from pipeline.settings.meanings import descriptions
-from pipeline.settings.reference import commented, page, tables
+from pipeline.settings.reference import commented, sections, tables
 from pipeline.settings.schema import schema
 from tests.pipeline.command_line.cases import plain_config
-from tests.places import PROJECT
-
-
-def test_the_page_of_keys_is_current():
-    stored = (PROJECT / "docs" / "reference" / "keys.md").read_text(encoding="utf-8")
-    assert stored == page(), "python -m docs.shown writes it again"
 
 
 def test_every_key_and_group_has_a_meaning():
@@ -21,12 +15,12 @@ def test_every_key_and_group_has_a_meaning():
 
 
 def test_a_row_says_default_unit_range_and_condition():
-    rows = page().splitlines()
+    rows = sections().splitlines()
     assert "`mass_kg` **d**|`12.0` kg|greater than 0|Mass." in rows
     (row,) = (row for row in rows if row.startswith("`range_noise_m`"))
     assert row.startswith("`range_noise_m` **t**|`0.1` m|greater than 0|Standard deviation of a range.")
     assert row.endswith("Only with `navigation.measures=range_bearing`.")
-    assert "`num_points`|`100`|whole, from 1 to 10000|" in page()
+    assert "`num_points`|`100`|whole, from 1 to 10000|" in sections()
 
 
 def test_a_commented_configuration_reads_back_to_the_same_data():
