@@ -69,8 +69,8 @@ def test_results_show_themselves_in_words_where_there_is_no_notebook() -> None:
 def test_the_package_offers_what_it_names() -> None:
     assert fis_tools.compile(force_z_system()).system == force_z_system()
     assert callable(fis_tools.read_controller)
-    with pytest.raises(AttributeError, match="has no attribute 'compiled'"):
-        fis_tools.compiled  # noqa: B018
+    with pytest.raises(AttributeError, match="has no attribute 'compiles'"):
+        fis_tools.compiles  # noqa: B018
 
 
 def test_importing_the_package_brings_in_neither_pictures_nor_recordings() -> None:
