@@ -24,8 +24,8 @@ SECONDS: Final = 10
 BYTES: Final = 1024**3
 #: by which a process may have grown and still measure the next input
 KEPT_BYTES: Final = 64 * 1024**2
-#: after which a process that says nothing is taken to hang outside Python, s
-SILENT_S: Final = 60.0
+#: after which a process that says nothing is taken to hang outside Python, s; other work may slow it
+SILENT_S: Final = 600.0
 
 
 #: may yield after each of its steps
