@@ -24,6 +24,7 @@ from telemetry.file.partial_file import PARTIAL_SUFFIX, whole_file
 from telemetry.file.reader import DAMAGE, check_attachment
 
 _FRAME: Final = struct.Struct("<BQ")
+_KNOWN: Final = frozenset(map(int, Opcode))
 
 
 @dataclass(frozen=True)
@@ -194,6 +195,8 @@ def _whole_records(content: bytes) -> Iterator[bytes]:
 
 
 def _parse(record_bytes: bytes) -> McapRecord:
+    if record_bytes[0] not in _KNOWN:  # such as each nine zeros of a disk's empty blocks
+        raise ValueError("no record of the format")
     if record_bytes[0] == Opcode.MESSAGE:
         raise ValueError("message outside a chunk, without a checksum")
     if record_bytes[0] == Opcode.ATTACHMENT:
