@@ -13,10 +13,10 @@ import numpy as np
 
 from fis_tools.analysis.condition import Region, read_conditions, read_region
 from fis_tools.analysis.subdivision import Progress, Subdivision, subdivide
+from fis_tools.array_types import Floats
 from fis_tools.document import Document, Paragraph, Result
 from fis_tools.engines import interpreter, interval
 from fis_tools.model import FuzzySystem, Variable
-from fis_tools.typing import Floats
 from fis_tools.words.text import number, quantity
 
 #: Boxes that are bounded before giving up.

@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from fis_tools.array_types import Floats
 from fis_tools.model.operators import Operator
-from fis_tools.typing import Floats
 
 #: Places of terms, and how high a rule cuts each, or with what weight.
 Cuts = list[tuple[int, float]]

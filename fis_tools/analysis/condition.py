@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from fis_tools.array_types import Floats
 from fis_tools.model import FuzzySystem
 from fis_tools.model.validate import nearest
-from fis_tools.typing import Floats
 
 GRAMMAR = "write conditions as NAME > NUMBER, 2 NAME - OTHER <= NUMBER or NAME in [NUMBER, NUMBER]"
 NUMBER = r"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"

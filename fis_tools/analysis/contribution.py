@@ -6,11 +6,11 @@ Where an output is weighed, what each rule adds is exact, and it adds up.
 import numpy as np
 from numpy.typing import NDArray
 
+from fis_tools.array_types import Floats
 from fis_tools.engines import interpreter
 from fis_tools.engines.compiler import CompiledSystem
 from fis_tools.engines.program import FORMULA, INVERTED, NUMBER, WEIGHTED_SUM, Program, Weighing
 from fis_tools.engines.weigher import formula_values
-from fis_tools.typing import Floats
 
 #: Samples, each with one rule silenced, that are concluded at a time.
 BATCH = 4096

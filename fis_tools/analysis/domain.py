@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
+from fis_tools.array_types import Floats
 from fis_tools.formats.error import ControllerFileError
 from fis_tools.model import FuzzySystem
-from fis_tools.typing import Floats
 
 SCHEMA, SCHEMA_VERSION = "operational-domain", 1
 

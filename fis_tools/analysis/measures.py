@@ -12,6 +12,7 @@ import numpy as np
 
 from fis_tools.analysis import arrays
 from fis_tools.analysis.arrays import Coverage, coverage
+from fis_tools.array_types import Floats
 from fis_tools.engines.inference import infer
 from fis_tools.model import (
     Constant,
@@ -26,7 +27,6 @@ from fis_tools.model import (
 )
 from fis_tools.model.validate import nearest
 from fis_tools.model.variables import sample, sample_terms
-from fis_tools.typing import Floats
 
 #: A grid of more points than this is replaced by samples.
 MOST_POINTS = 50_000

@@ -11,9 +11,9 @@ from heapq import heappop, heappush
 import numpy as np
 
 from fis_tools.analysis.condition import Region
+from fis_tools.array_types import Floats
 from fis_tools.engines import interpreter, interval
 from fis_tools.engines.program import Program
-from fis_tools.typing import Floats
 
 #: From least and greatest outputs, (n, num_outputs), to the most that they may be worth, (n,).
 Promise = Callable[[Floats, Floats], Floats]

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fis_tools.array_types import Floats
 from fis_tools.formats.error import ControllerFileError
 from fis_tools.model.extras import MissingExtra
 from fis_tools.model.validate import nearest
-from fis_tools.typing import Floats
 
 CSV, PARQUET = ".csv", ".parquet"
 #: the types of words, by their names in Parquet files

@@ -8,6 +8,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
+from fis_tools.array_types import Floats
 from fis_tools.commands.arguments import (
     AskedInOrder,
     Output,
@@ -25,7 +26,6 @@ from fis_tools.formats.exchange.files import Written
 from fis_tools.model import FuzzyController
 from fis_tools.model.thrust import thrust_logic
 from fis_tools.model.validate import InvalidSystem
-from fis_tools.typing import Floats
 from fis_tools.words.outline import outline, rule_list
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from cyclopts import Parameter
 
 from fis_tools.analysis import arrays
+from fis_tools.array_types import Floats
 from fis_tools.commands.arguments import (
     AskedAlong,
     Output,
@@ -23,7 +24,6 @@ from fis_tools.commands.arguments import (
 from fis_tools.formats.csv import rows_as_text
 from fis_tools.model import FuzzySystem
 from fis_tools.source import read_controller
-from fis_tools.typing import Floats
 
 MOST_POINTS = 1000
 PICTURES = (".png", ".svg", ".pdf")

@@ -9,8 +9,8 @@ import io
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
+from fis_tools.array_types import Floats
 from fis_tools.model import And, Expression, FuzzyController, Is
-from fis_tools.typing import Floats
 from fis_tools.words.outline import ranked
 from fis_tools.words.text import antecedent_words
 

@@ -11,12 +11,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from fis_tools.array_types import Floats
 from fis_tools.engines import packing
 from fis_tools.engines.packing import Packed
 from fis_tools.model import FuzzySystem, Gaussian, Term, Variable, rule_table, table_cells, table_rules
 from fis_tools.model.shapes import gaussian
 from fis_tools.model.weighing import require_mamdani
-from fis_tools.typing import Floats
 
 
 @dataclass(frozen=True, kw_only=True)

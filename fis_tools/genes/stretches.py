@@ -9,10 +9,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from fis_tools.array_types import Floats
 from fis_tools.engines.packing import Packed, pack
 from fis_tools.genes.reduction import plane_gains, plane_terms
 from fis_tools.model import FuzzySystem, Term, Variable, rule_table, table_rules
-from fis_tools.typing import Floats
 
 #: with a larger gain, a step from one input term to the next would move the output by more than half its
 #: range

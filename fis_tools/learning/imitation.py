@@ -6,13 +6,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fis_tools.analysis.arrays import spread
+from fis_tools.array_types import Floats
 from fis_tools.engines.compiler import compile
 from fis_tools.learning.learner import Recipe, learn_number
 from fis_tools.learning.partition import range_of
 from fis_tools.learning.table import Column, columns_within, distinct
 from fis_tools.model import FuzzySystem
 from fis_tools.source import as_controller
-from fis_tools.typing import Floats
 
 #: Samples that an imitation is judged by; none of them was learned from.
 JUDGED_BY = 2_000

@@ -7,6 +7,7 @@ from typing import Literal, NamedTuple, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from fis_tools.array_types import Floats
 from fis_tools.engines.compiler import compile
 from fis_tools.learning.partition import WORDS, Partition, Partitions, even, tuned
 from fis_tools.learning.table import Column, distinct
@@ -14,7 +15,6 @@ from fis_tools.learning.takagi_sugeno import Kind, bare_output, fit, takagi_suge
 from fis_tools.learning.wang_mendel import wang_mendel
 from fis_tools.model import FuzzySystem, Variable
 from fis_tools.model.validate import MOST_INPUTS
-from fis_tools.typing import Floats
 
 Consequents = Literal["sets", "constants", "linear"]
 

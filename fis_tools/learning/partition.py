@@ -19,8 +19,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from fis_tools.array_types import Floats
 from fis_tools.model import And, Expression, Is, Term, Triangular, Variable
-from fis_tools.typing import Floats
 
 #: What terms are called, from the lowest to the highest, by their number.
 WORDS = {

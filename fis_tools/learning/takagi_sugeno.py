@@ -17,9 +17,9 @@ from typing import Literal
 
 import numpy as np
 
+from fis_tools.array_types import Floats
 from fis_tools.learning.partition import Partition, Places, antecedent, firing, held
 from fis_tools.model import Consequent, Constant, FuzzySystem, Linear, Rule, Term, Variable
-from fis_tools.typing import Floats
 
 Kind = Literal["constants", "linear", "shares"]
 

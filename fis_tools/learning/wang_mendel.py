@@ -12,9 +12,9 @@ from typing import Literal
 
 import numpy as np
 
+from fis_tools.array_types import Floats
 from fis_tools.learning.partition import Partition, antecedent, strongest
 from fis_tools.model import Consequent, FuzzySystem, Rule, Variable
-from fis_tools.typing import Floats
 
 Conflicts = Literal["mean", "strongest"]
 

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fis_tools.array_types import Floats
 from fis_tools.model.shape import MembershipFunction, MonotoneFunction, Place, Width, shape
-from fis_tools.typing import Floats
 
 
 @shape("spike", "spike, centre {centre}, width {width}", fll=("Spike",), fis=("spikemf",))

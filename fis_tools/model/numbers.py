@@ -16,8 +16,8 @@ from typing import Annotated, Any
 
 import numpy as np
 
+from fis_tools.array_types import Floats
 from fis_tools.model.shape import MembershipFunction, Place, shape
-from fis_tools.typing import Floats
 
 
 @dataclass(frozen=True, slots=True)

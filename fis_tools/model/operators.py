@@ -11,7 +11,7 @@ from typing import Literal
 
 import numpy as np
 
-from fis_tools.typing import Floats
+from fis_tools.array_types import Floats
 
 Defuzzifier = Literal["centroid", "bisector", "mom", "som", "lom", "weighted_average", "weighted_sum"]
 AndOperator = Literal[

@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from typing import Annotated, ClassVar, Literal, TypeVar, get_args
 
-from fis_tools.typing import Floats
+from fis_tools.array_types import Floats
 
 #: A file format of other programs that names shapes.
 Format = Literal["fis", "fll", "fml"]

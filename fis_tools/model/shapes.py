@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fis_tools.array_types import Floats
 from fis_tools.model.shape import (
     Deviation,
     Exponent,
@@ -17,7 +18,6 @@ from fis_tools.model.shape import (
     Width,
     shape,
 )
-from fis_tools.typing import Floats
 
 #: Sampled memberships below this are set to zero: differences of denormal numbers lose all their digits.
 SMALLEST_MEMBERSHIP = 1e-290

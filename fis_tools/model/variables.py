@@ -10,11 +10,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from fis_tools.array_types import Floats
 from fis_tools.model.operators import Accumulation, Aggregation, Defuzzifier
 from fis_tools.model.shape import MembershipFunction
 from fis_tools.model.shapes import SMALLEST_MEMBERSHIP
 from fis_tools.plain_text import plain
-from fis_tools.typing import Floats
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,13 +6,13 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from fis_tools.analysis.arrays import evaluate
+from fis_tools.array_types import Floats
 from fis_tools.model import FuzzySystem, Variable
 from fis_tools.model.variables import sample_terms
 from fis_tools.render import lettering
 from fis_tools.render.roles import named
 from fis_tools.render.surfaces import entitle, held_words
 from fis_tools.render.theme import LIGHT, MEDIUM, SMALL, Theme, dress
-from fis_tools.typing import Floats
 from fis_tools.words.text import SHOWN_FROM, number, quantity, with_unit
 
 #: Names of terms may take this share of the height of axes.

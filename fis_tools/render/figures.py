@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from fis_tools.analysis.arrays import Surface, surface
+from fis_tools.array_types import Floats
 from fis_tools.model import FuzzySystem, Term, Variable
 from fis_tools.model.variables import sample
 from fis_tools.model.weighing import has_sets
@@ -26,7 +27,6 @@ from fis_tools.render.surfaces import (
     value_limits,
 )
 from fis_tools.render.theme import LIGHT, MEDIUM, SMALL, Theme, head
-from fis_tools.typing import Floats
 
 __all__ = [
     "MOST_PANELS",

@@ -8,10 +8,10 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from fis_tools.analysis.arrays import FIRED, rule_usage
+from fis_tools.array_types import Floats
 from fis_tools.model import And, Consequent, FuzzySystem, Is, Rule
 from fis_tools.render import lettering
 from fis_tools.render.theme import LIGHT, MEDIUM, SMALL, Theme, dress, readable_on, term_colours
-from fis_tools.typing import Floats
 from fis_tools.words.text import antecedent_words, number
 
 

@@ -11,10 +11,10 @@ from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator
 
 from fis_tools.analysis.arrays import Surface, surface
+from fis_tools.array_types import Floats
 from fis_tools.model import FuzzySystem
 from fis_tools.render import lettering
 from fis_tools.render.theme import BRIGHTNESS_MAP, LIGHT, MEDIUM, SMALL, Theme, dress, readable_on
-from fis_tools.typing import Floats
 from fis_tools.words.text import number, quantity, with_unit
 
 #: Outputs nearer to one another than this part of the universe are the same.

@@ -15,7 +15,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import Colormap, LinearSegmentedColormap, to_rgb
 from matplotlib.text import Text
 
-from fis_tools.typing import Floats
+from fis_tools.array_types import Floats
 
 #: A name, or red, green and blue from 0 to 1.
 Colour: TypeAlias = str | Floats | tuple[float, float, float]

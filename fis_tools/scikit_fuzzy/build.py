@@ -17,12 +17,12 @@ import numpy as np
 from skfuzzy import control
 from skfuzzy.control.controlsystem import CrispValueCalculator
 
+from fis_tools.array_types import Floats
 from fis_tools.model import And, Consequent, Expression, FuzzySystem, Hedged, Is, Not, Or, Rule, Variable
 from fis_tools.model.operators import ACCUMULATIONS, AND_OPERATORS, OR_OPERATORS
 from fis_tools.model.validate import validate
 from fis_tools.model.variables import sample
 from fis_tools.model.weighing import require_mamdani
-from fis_tools.typing import Floats
 
 #: Results that a reference engine keeps before it empties scikit-fuzzy's cache.
 RUNS_KEPT = 1000

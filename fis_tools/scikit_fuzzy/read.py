@@ -18,6 +18,7 @@ from skfuzzy import control
 from skfuzzy.control.term import Term as FuzzyTerm
 from skfuzzy.control.term import TermAggregate
 
+from fis_tools.array_types import Floats
 from fis_tools.model import (
     Accumulation,
     And,
@@ -38,7 +39,6 @@ from fis_tools.model.chains import Named, NotResolvable, unchained
 from fis_tools.model.operators import ACCUMULATIONS, AND_OPERATORS, OR_OPERATORS, Operator
 from fis_tools.model.validate import MAX_NESTING, nearest, problems
 from fis_tools.scikit_fuzzy.recognition import recognise
-from fis_tools.typing import Floats
 
 _Name = TypeVar("_Name", bound=str)
 

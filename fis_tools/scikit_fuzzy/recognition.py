@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from fis_tools.array_types import Floats
 from fis_tools.model import (
     Gaussian,
     GeneralizedBell,
@@ -31,7 +32,6 @@ from fis_tools.model import (
 from fis_tools.model.shapes import SMALLEST_MEMBERSHIP
 from fis_tools.model.validate import shape_problems
 from fis_tools.model.variables import is_unimodal, shape_values
-from fis_tools.typing import Floats
 
 Estimate = tuple[type[MembershipFunction], tuple[float, ...]]
 

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fis_tools.array_types import Floats
 from fis_tools.document import Block, Document, Heading, Paragraph, Table
 from fis_tools.model import FuzzyController, FuzzySystem, Rule, Variable
-from fis_tools.typing import Floats
 from fis_tools.words.text import extent_words, number, rule_tables, sentences, shape_words, summary, with_unit
 
 

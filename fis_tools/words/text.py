@@ -6,6 +6,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from fis_tools.array_types import Floats
 from fis_tools.document.text import aligned
 from fis_tools.engines.inference import Inference, OutputInference
 from fis_tools.model import (
@@ -25,7 +26,6 @@ from fis_tools.model import (
     Variable,
     rule_table,
 )
-from fis_tools.typing import Floats
 
 BAR_LENGTH = 20
 #: Memberships and firing strengths below this are left out.

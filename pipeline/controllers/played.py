@@ -19,10 +19,10 @@ from typing import Any
 
 import numpy as np
 
+from pipeline.array_types import Floats
 from pipeline.flight.control.controller import Controller, ControllerError, open_loop
 from pipeline.flight.state.turns import Turns
 from pipeline.settings.experiment import Mission
-from pipeline.typing import Floats
 
 TIME = "time_s"
 HILL_FORCES = ("force_x_n", "force_y_n", "force_z_n")

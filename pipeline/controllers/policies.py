@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 
+from pipeline.array_types import Floats
 from pipeline.flight.control.controller import Controller, ControllerError
 from pipeline.flight.fly.policy import Policy
 from pipeline.flight.fly.stepping import NUM_SEEN
 from pipeline.flight.period.decide.network import CLIPPED, LINEAR, TANH, Network
-from pipeline.typing import Floats
 
 MOST_BYTES = 16 << 20
 #: limits of a network, counted before anything is allocated: operators and constants, numbers in its layers,

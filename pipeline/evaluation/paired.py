@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.typing import Floats
+from pipeline.array_types import Floats
 
 Column = NDArray[Any]
 

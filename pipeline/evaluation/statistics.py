@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.typing import Floats
+from pipeline.array_types import Floats
 
 
 @dataclass(frozen=True)

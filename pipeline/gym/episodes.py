@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.array_types import Floats
 from pipeline.flight.cases.starts import draw
 from pipeline.flight.control.controller import open_loop
 from pipeline.flight.fly.simulation import fly_logged
@@ -21,7 +22,6 @@ from pipeline.flight.fly.stepping import Flights
 from pipeline.flight.state.log import FlightLog, Scenario, points_needed
 from pipeline.gym.task import Task
 from pipeline.recording.recorder import FlightRecorder
-from pipeline.typing import Floats
 
 Truths = NDArray[np.bool_]
 

@@ -8,9 +8,9 @@ import numpy as np
 from gymnasium.spaces import Box, MultiDiscrete
 from numpy.typing import NDArray
 
+from pipeline.array_types import Floats
 from pipeline.command_line.config import compose_experiment
 from pipeline.settings.experiment import Experiment, Mission
-from pipeline.typing import Floats
 
 #: what is composed where nothing else is asked for: nothing of it is flown but the world
 BASE: Final = ("+experiment=evaluate", "controller=coast")

@@ -26,8 +26,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.compiled.decorator import compiled
+from pipeline.array_types import Floats
 from pipeline.optimum.problem import Problem
-from pipeline.typing import Floats
 
 Edge = tuple[int, int]
 

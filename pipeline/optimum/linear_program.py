@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.typing import Floats
+from pipeline.array_types import Floats
 
 #: m/s for a metre of violation: many times the highest price of a metre
 PRICE_OF_SLACK = 0.05

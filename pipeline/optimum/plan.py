@@ -7,13 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pipeline.array_types import Floats
 from pipeline.flight.state.log import FlightLog, Scenario, points_needed
 from pipeline.optimum.bound import delta_v_bound
 from pipeline.optimum.polish import Step, step
 from pipeline.optimum.problem import Problem, flown, problem_of, seen_as
 from pipeline.optimum.search import LATEST, search
 from pipeline.settings.experiment import Mission, Optimum
-from pipeline.typing import Floats
 
 #: spacing of the forces, in control periods, in the first, coarse polishing
 COARSE_STRIDE = 4

@@ -16,9 +16,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.array_types import Floats
 from pipeline.optimum.linear_program import least_forces
 from pipeline.optimum.problem import Problem, margins_along, path_of, sight_demands
-from pipeline.typing import Floats
 
 Constraint = tuple[Floats, int, float]
 

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.array_types import Floats
 from pipeline.flight.cases.cases import starts_of
 from pipeline.flight.control.controller import open_loop
 from pipeline.flight.fly.inspectable import lit_at_samples
@@ -26,7 +27,6 @@ from pipeline.physics.occlusion import Occlusion, note_free_along
 from pipeline.physics.quaternion import dcm_b_from_h
 from pipeline.physics.sight import NORMAL
 from pipeline.settings.experiment import Mission, SettingError
-from pipeline.typing import Floats
 
 #: margin of the camera's pointing error for a slightly different flight
 ERROR_SHARE = 0.2

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from fis_tools.compiled.decorator import compiled
 from fis_tools.compiled.vectors import least, load, most, store
+from pipeline.array_types import Floats
 from pipeline.optimum.problem import Problem
-from pipeline.typing import Floats
 
 #: price of a metre by which a point falls short, and of a metre outside the limits, m/s
 PRICE_OF_HEIGHT, PRICE_OF_DISTANCE = 0.01, 0.05

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.array_types import Floats
 from pipeline.flight.cases.starts import starts_in
 from pipeline.flight.state.log import Scenario
 from pipeline.run import artifacts, tables
 from pipeline.settings.experiment import SHIPPED, Dynamics, Experiment, Mission, Sun
-from pipeline.typing import Floats
 
 Column = NDArray[Any]
 

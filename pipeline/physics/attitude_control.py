@@ -9,8 +9,8 @@ from math import atan2, cos, sin
 import numpy as np
 
 from fis_tools.compiled.decorator import compiled
+from pipeline.array_types import Floats
 from pipeline.physics.vectors import assign, cross, dot, norm
-from pipeline.typing import Floats
 
 #: y* before the first instant, Hill axes
 FIRST_Y = (0.0, 1.0, 0.0)

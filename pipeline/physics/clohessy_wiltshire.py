@@ -16,7 +16,7 @@ from math import cos, sin
 import numpy as np
 
 from fis_tools.compiled.decorator import compiled
-from pipeline.typing import Floats
+from pipeline.array_types import Floats
 
 
 @compiled

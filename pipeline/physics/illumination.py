@@ -5,7 +5,7 @@ from math import acos, asin, cos, pi, sin, sqrt
 import numpy as np
 
 from fis_tools.compiled.decorator import compiled
-from pipeline.typing import Floats
+from pipeline.array_types import Floats
 
 ASTRONOMICAL_UNIT_M = 149_597_870_700.0
 SUN_RADIUS_M, EARTH_RADIUS_M = 695_700_000.0, 6_378_137.0

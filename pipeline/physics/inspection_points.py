@@ -4,7 +4,7 @@ from math import cos, floor, pi, sin, sqrt
 
 import numpy as np
 
-from pipeline.typing import Floats
+from pipeline.array_types import Floats
 
 
 def regular_placement(num_points: int, radius_m: float) -> Floats:

@@ -18,8 +18,8 @@ import numpy as np
 
 from fis_tools.compiled.decorator import compiled
 from fis_tools.compiled.three import Three
+from pipeline.array_types import Floats
 from pipeline.physics.clohessy_wiltshire import input_matrix, state_transition
-from pipeline.typing import Floats
 
 #: parts into which `closest_approach` divides an orbit
 ORBIT_PARTS = 36

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from fis_tools.compiled.decorator import compiled
 from fis_tools.compiled.three import Three, times
-from pipeline.typing import Bytes, Floats
+from pipeline.array_types import Bytes, Floats
 
 #: cells along an edge of the cube
 EDGE_CELLS = 32

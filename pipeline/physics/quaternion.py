@@ -9,7 +9,7 @@ from math import sqrt
 import numpy as np
 
 from fis_tools.compiled.decorator import compiled
-from pipeline.typing import Floats
+from pipeline.array_types import Floats
 
 
 @compiled

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from fis_tools.compiled.decorator import compiled
 from fis_tools.compiled.three import Three, dot, plus, scaled
-from pipeline.typing import Floats
+from pipeline.array_types import Floats
 
 
 class Reflection(NamedTuple):

@@ -13,9 +13,9 @@ own axes, w_c' the derivative of those components, and C the matrix from referen
 import numpy as np
 
 from fis_tools.compiled.decorator import compiled
+from pipeline.array_types import Floats
 from pipeline.physics.quaternion import dcm_b_from_h, derivative, normalised
 from pipeline.physics.vectors import cross, cross_matrix, times
-from pipeline.typing import Floats
 
 #: tolerance for the attitude of a tumbling chief at the end of a flight, applied to two errors, rad
 TUMBLING_TOLERANCE_RAD = 1e-4

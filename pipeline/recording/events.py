@@ -7,6 +7,7 @@ from typing import Literal
 import numpy as np
 
 from fis_tools.model.thrust import ThrustLogic
+from pipeline.array_types import Floats
 from pipeline.flight.state.log import (
     KEEP_IN,
     KEEP_OUT,
@@ -18,7 +19,6 @@ from pipeline.flight.state.log import (
     points_needed,
 )
 from pipeline.settings.experiment import Mission
-from pipeline.typing import Floats
 
 Level = Literal["info", "warning", "error"]
 

@@ -21,6 +21,7 @@ from fis_tools.formats import serialize
 from fis_tools.model import FuzzyController, FuzzySystem
 from fis_tools.model.thrust import REASONS, thrust_logic
 from fis_tools.words.text import sentences
+from pipeline.array_types import Floats
 from pipeline.controllers.played import to_mapping
 from pipeline.flight.cases.navigation import errors_of, filter_of, measured
 from pipeline.flight.control.controller import Controller, rehearsed_pushes
@@ -36,7 +37,6 @@ from pipeline.recording.events import events
 from pipeline.run import artifacts, maker
 from pipeline.settings.experiment import Mission
 from pipeline.settings.scopes import only_results
-from pipeline.typing import Floats
 from telemetry import EpisodeWriter
 from telemetry.file.metadata import EpisodeDescription, FisDescription
 from telemetry.file.topics import (

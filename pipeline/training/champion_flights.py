@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.array_types import Floats
 from pipeline.flight.cases.cases import cases_of
 from pipeline.flight.cases.starts import given_start
 from pipeline.flight.control.controller import law_of
@@ -13,7 +14,6 @@ from pipeline.flight.world.pack import pack_world
 from pipeline.settings.experiment import Experiment
 from pipeline.training.evolution.state import Generation
 from pipeline.training.genome import Genome
-from pipeline.typing import Floats
 
 
 class ChampionFlights:

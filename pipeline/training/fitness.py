@@ -18,9 +18,9 @@ of success, are charged half to each, so that no controller improves one objecti
 
 import numpy as np
 
+from pipeline.array_types import Floats
 from pipeline.flight.state.log import Outcomes, points_needed
 from pipeline.settings.experiment import Penalty
-from pipeline.typing import Floats
 
 
 def fitness_parts(

@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 
 from fis_tools.formats import serialize
 from fis_tools.model import FuzzyController
+from pipeline.array_types import Floats
 from pipeline.run import artifacts, tables
 from pipeline.training.evolution import OBJECTIVE, Front
 from pipeline.training.evolution.nsga2 import objectives_of
 from pipeline.training.readability import INCONSISTENCY
-from pipeline.typing import Floats
 
 Columns = dict[str, NDArray[Any]]
 

@@ -9,6 +9,7 @@ from fis_tools.genes.parameters import Bounds, SystemEncoding
 from fis_tools.genes.reduction import KeptRules, Planes
 from fis_tools.genes.stretches import Stretches, rounded
 from fis_tools.model import FuzzyController
+from pipeline.array_types import Floats
 from pipeline.flight.control.controller import (
     Controller,
     ControllerError,
@@ -17,7 +18,6 @@ from pipeline.flight.control.controller import (
 )
 from pipeline.flight.state.signals import CONSTANTS, TOUR_PLACES
 from pipeline.settings.experiment import Encoding
-from pipeline.typing import Floats
 
 
 @dataclass(frozen=True)

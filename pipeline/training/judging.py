@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from pipeline.array_types import Floats
 from pipeline.flight.cases.cases import cases_of
 from pipeline.flight.cases.starts import hard_candidates, training_scenarios, validation_scenarios
 from pipeline.flight.control.controller import from_fuzzy, law_of
@@ -21,7 +22,6 @@ from pipeline.training.evolution.state import Generation
 from pipeline.training.fitness import costs, fitness_parts, objectives
 from pipeline.training.genome import Genome
 from pipeline.training.readability import INCONSISTENCY, inconsistency
-from pipeline.typing import Floats
 
 
 def fitness_of_round(

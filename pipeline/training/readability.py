@@ -3,9 +3,9 @@
 import numpy as np
 
 from fis_tools.analysis.measures import rule_consistency
+from pipeline.array_types import Floats
 from pipeline.training.evolution import OBJECTIVE
 from pipeline.training.genome import Genome
-from pipeline.typing import Floats
 
 #: the objective that needs no flight
 INCONSISTENCY = OBJECTIVE + "inconsistency"

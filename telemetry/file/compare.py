@@ -8,11 +8,11 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from telemetry.array_types import Floats
 from telemetry.file import topics
 from telemetry.file.errors import RecordingError
 from telemetry.file.reader import Recording, TopicColumns
 from telemetry.file.summary import aligned
-from telemetry.typing import Floats
 
 Indices = NDArray[np.int64]
 Value = float | int | bool | str

@@ -15,9 +15,9 @@ from google.protobuf.descriptor import FieldDescriptor
 from google.protobuf.message import Message
 from numpy.typing import ArrayLike, NDArray
 
+from telemetry.array_types import Floats
 from telemetry.file import topics
 from telemetry.file.errors import RecordingError
-from telemetry.typing import Floats
 
 #: what fields hold, by their names
 Columns = dict[str, Any]

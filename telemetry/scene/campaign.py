@@ -9,12 +9,12 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
+from telemetry.array_types import Floats
 from telemetry.scene import blueprint, entities
 from telemetry.scene.curves import LIMIT_COLOUR, PLAIN_COLOUR, SIGNAL_COLOURS, Colour, Curves, Plot, drawable
 from telemetry.scene.entities import seconds, send
 from telemetry.scene.runs import Evaluation, Outcome, read_evaluation
 from telemetry.scene.viewer import Scene
-from telemetry.typing import Floats
 
 OUTCOME_COLOURS: Final[dict[Outcome, Colour]] = {
     Outcome.SUCCESS: (0, 190, 130),

@@ -9,9 +9,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from telemetry.array_types import Floats
 from telemetry.file import topics
 from telemetry.file.reader import Recording
-from telemetry.typing import Floats
 
 #: replaces a character without a glyph; it is in both fonts
 MISSING_SIGN: Final = "□"

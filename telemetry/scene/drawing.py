@@ -8,11 +8,11 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from telemetry.array_types import Floats
 from telemetry.file import topics
 from telemetry.file.metadata import FisDescription
 from telemetry.file.reader import Recording, TopicColumns
 from telemetry.scene.curves import drawable
-from telemetry.typing import Floats
 
 #: size of the heat map in pixels; a 2D view keeps the aspect ratio
 MAP_WIDTH: Final = 1000

@@ -7,9 +7,9 @@ import numpy as np
 import rerun as rr
 from rerun.components import FillMode, InterpolationMode
 
+from telemetry.array_types import Floats
 from telemetry.scene import blueprint
 from telemetry.scene.curves import Plot, drawable
-from telemetry.typing import Floats
 
 #: makes a column of the scene's timeline from times
 Clock = Callable[[Floats], rr.TimeColumn]

@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from telemetry.array_types import Floats
 from telemetry.file import topics
 from telemetry.file.reader import Recording
-from telemetry.typing import Floats
 
 #: Hill axes: towards less, towards more
 DIRECTIONS = (

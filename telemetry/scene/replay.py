@@ -8,6 +8,7 @@ import numpy as np
 import rerun as rr
 from rerun.components import FillMode
 
+from telemetry.array_types import Floats
 from telemetry.file import topics
 from telemetry.file.errors import RecordingError
 from telemetry.file.reader import Recording, read
@@ -15,7 +16,6 @@ from telemetry.scene import blueprint, curves, drawing, entities, now
 from telemetry.scene.curves import AXIS_COLOURS, PLAIN_COLOUR, Colour
 from telemetry.scene.entities import seconds, send
 from telemetry.scene.viewer import Scene
-from telemetry.typing import Floats
 
 SUN_COLOUR: Final = (255, 214, 64)
 TARGET_COLOUR: Final = (0, 210, 230)

@@ -10,8 +10,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from telemetry.array_types import Floats
 from telemetry.file.errors import RecordingError
-from telemetry.typing import Floats
 
 Columns = Mapping[str, NDArray[Any]]
 

@@ -6,9 +6,9 @@ import numpy as np
 
 from fis_tools.analysis.arrays import evaluate
 from fis_tools.analysis.measures import Measures
+from fis_tools.array_types import Floats
 from fis_tools.findings.audit.finding import Finding, Severity, Thresholds
 from fis_tools.model import FuzzySystem
-from fis_tools.typing import Floats
 from fis_tools.words.text import NEGLIGIBLE, amount, percent, place, span
 
 #: About how many points of the input ranges are evaluated.

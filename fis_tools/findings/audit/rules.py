@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.analysis.measures import Measures, centre
+from fis_tools.array_types import Floats
 from fis_tools.findings.audit.finding import Finding, Severity, Thresholds
 from fis_tools.model import And, Constant, Expression, FuzzySystem, Hedged, Is, Not, Or, Rule, conjunctions
-from fis_tools.typing import Floats
 from fis_tools.words.text import amount, antecedent_words, consequent_words, listed, percent, place, span
 
 

@@ -6,10 +6,10 @@ import numpy as np
 
 from fis_tools.analysis.arrays import firing, rule_usage
 from fis_tools.analysis.contribution import importance
+from fis_tools.array_types import Floats
 from fis_tools.engines.compiler import compile as compiled
 from fis_tools.findings.audit.finding import Finding, Severity, Thresholds
 from fis_tools.model import FuzzySystem
-from fis_tools.typing import Floats
 from fis_tools.words.text import amount, antecedent_words, consequent_words, listed, percent
 
 #: The most samples over which the importance of rules is averaged; they are picked evenly.

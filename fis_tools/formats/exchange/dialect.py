@@ -12,6 +12,7 @@ from typing import Literal, cast
 
 import numpy as np
 
+from fis_tools.array_types import Floats
 from fis_tools.formats.exchange.antecedents import (
     NotExpressible,
     Terms,
@@ -54,7 +55,6 @@ from fis_tools.model import (
 from fis_tools.model.shape import Format
 from fis_tools.model.variables import sample
 from fis_tools.model.weighing import has_sets, reach
-from fis_tools.typing import Floats
 from fis_tools.words.text import before
 
 #: Points of an output's universe where a file states none: as many as MATLAB's evalfis takes.

@@ -10,6 +10,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from fis_tools.array_types import Floats
 from fis_tools.engines import inference
 from fis_tools.formats.exchange.dialect import Dialect, Expressed
 from fis_tools.model import (
@@ -27,7 +28,6 @@ from fis_tools.model import (
 )
 from fis_tools.model.operators import AGGREGATIONS, AND_OPERATORS
 from fis_tools.model.variables import shape_values
-from fis_tools.typing import Floats
 from fis_tools.words.text import number
 
 #: Inputs at which answers are compared, the most and the fewest; fewer of many points, which take longer.

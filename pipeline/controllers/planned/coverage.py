@@ -3,12 +3,12 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.array_types import Floats
 from pipeline.flight.cases.cases import starts_of
 from pipeline.flight.fly.workspace import make_workspace, optics_in_use
 from pipeline.flight.period.look.optics import note_seen_along
 from pipeline.flight.state.arrays import World
 from pipeline.flight.state.log import Scenario
-from pipeline.typing import Floats
 
 
 def count_seen(world: World, scenario: Scenario, paths: Floats, stride: int = 1) -> NDArray[np.int64]:

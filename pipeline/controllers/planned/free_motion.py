@@ -7,7 +7,7 @@ turn at -n, as the Sun does; ``x_c`` stays, and ``y_c`` drifts at ``-1.5 n x_c``
 
 import numpy as np
 
-from pipeline.typing import Floats
+from pipeline.array_types import Floats
 
 #: indices of the elements
 CENTRE_RADIAL, CENTRE_ALONG_TRACK, RING_RADIAL, RING_ALONG_TRACK, HEIGHT, HEIGHT_RATE = range(6)

@@ -9,6 +9,7 @@ Control, 1975). K follows from the discrete-time algebraic Riccati equation, sol
 import numpy as np
 from scipy.linalg import solve_discrete_are
 
+from pipeline.array_types import Floats
 from pipeline.controllers.planned.free_motion import elements_matrix
 from pipeline.controllers.planned.ring import check_within_limits, ring_elements
 from pipeline.controllers.planned.route import Routes
@@ -18,7 +19,6 @@ from pipeline.physics.motion import motion_over
 from pipeline.settings.checks import SettingError
 from pipeline.settings.controllers import Lqr
 from pipeline.settings.experiment import Mission
-from pipeline.typing import Floats
 
 UNSOLVED = (
     "the Riccati equation of controller=lqr has no solution in floating point ({}); bring "

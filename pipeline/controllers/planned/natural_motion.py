@@ -12,6 +12,7 @@ import math
 
 import numpy as np
 
+from pipeline.array_types import Floats
 from pipeline.controllers.planned.coverage import count_seen
 from pipeline.controllers.planned.free_motion import (
     CENTRE_ALONG_TRACK,
@@ -26,7 +27,6 @@ from pipeline.flight.world.pack import pack_world
 from pipeline.physics.motion import free_path
 from pipeline.settings.controllers import NaturalMotion
 from pipeline.settings.experiment import Mission
-from pipeline.typing import Floats
 
 #: on the grid only every third sample is evaluated
 STRIDE = 3

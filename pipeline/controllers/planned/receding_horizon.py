@@ -17,6 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.array_types import Floats
 from pipeline.controllers.planned.free_motion import elements_matrix
 from pipeline.controllers.planned.ring import check_within_limits, ring_elements
 from pipeline.controllers.planned.route import Routes
@@ -28,7 +29,6 @@ from pipeline.optimum.linear_program import least_forces
 from pipeline.physics.motion import Reading, last_of, positions_of, read, repeated
 from pipeline.settings.controllers import RecedingHorizon
 from pipeline.settings.experiment import Mission
-from pipeline.typing import Floats
 
 #: tangent planes are set where a solution comes nearer than this to a limit, m
 NEAR_REACH, FAR_REACH = 30.0, 40.0

@@ -9,10 +9,10 @@ import math
 
 import numpy as np
 
+from pipeline.array_types import Floats
 from pipeline.flight.state.log import Scenario
 from pipeline.settings.controllers import Ring
 from pipeline.settings.experiment import Mission, SettingError
-from pipeline.typing import Floats
 
 
 def check_within_limits(ring: Ring, mission: Mission) -> None:

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from pipeline.array_types import Floats
 from pipeline.flight.cases.navigation import as_believed
 from pipeline.flight.state.log import Scenario, points_needed
 from pipeline.flight.world.pack import pack_world
@@ -18,7 +19,6 @@ from pipeline.optimum.problem import check_light, problem_of
 from pipeline.optimum.search import search
 from pipeline.physics.motion import free_path
 from pipeline.settings.experiment import Mission
-from pipeline.typing import Floats
 
 #: numbers of burns to search with; the cheapest plan is taken
 BURNS = (2, 3)

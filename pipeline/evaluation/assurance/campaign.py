@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.array_types import Floats
 from pipeline.evaluation.assurance.formula import Formula, quantities_of
 from pipeline.evaluation.assurance.quantities import of_tracks
 from pipeline.evaluation.assurance.requirements import Requirement, RequirementError
@@ -16,7 +17,6 @@ from pipeline.flight.state.arrays import NUM_TRACKED
 from pipeline.flight.state.log import Scenario
 from pipeline.flight.world.pack import inspection_points
 from pipeline.settings.experiment import Mission
-from pipeline.typing import Floats
 
 #: flights whose tracks are in memory at once, 22 kB per hour of flight
 PART = 1000

@@ -12,7 +12,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.typing import Floats
+from pipeline.array_types import Floats
 
 Verdict = Literal["shown", "refuted", "open"]
 

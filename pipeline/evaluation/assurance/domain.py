@@ -8,12 +8,12 @@ from os import cpu_count
 import numpy as np
 
 from fis_tools.analysis.domain import Box, Departure, box_of, departures
+from pipeline.array_types import Floats
 from pipeline.evaluation.assurance.claims import share_bounds
 from pipeline.flight.control.controller import Controller
 from pipeline.flight.fly.simulation import fly_logged
 from pipeline.flight.state.log import FlightLog, Scenario
 from pipeline.settings.experiment import Mission
-from pipeline.typing import Floats
 
 
 @dataclass(frozen=True)

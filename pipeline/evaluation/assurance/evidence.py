@@ -9,13 +9,13 @@ import numpy as np
 
 from fis_tools.analysis.domain import Departure
 from fis_tools.analysis.domain import as_mapping as domain_mapping
+from pipeline.array_types import Floats
 from pipeline.evaluation.assurance.campaign import Outcome
 from pipeline.evaluation.assurance.claims import cases_needed
 from pipeline.evaluation.assurance.domain import Domain
 from pipeline.evaluation.assurance.requirements import Requirement
 from pipeline.evaluation.assurance.search import Search, speed
 from pipeline.evaluation.assurance.verdicts import WORDS, Found, outcomes, verdict
-from pipeline.typing import Floats
 
 SCHEMA, SCHEMA_VERSION = "evidence", 1
 #: number of bins for the margins of many cases, approximately

@@ -9,6 +9,7 @@ import numpy as np
 from fis_tools.analysis.bounds import ask
 from fis_tools.engines.interval import NotBounded
 from fis_tools.model import FuzzySystem
+from pipeline.array_types import Floats
 from pipeline.evaluation.assurance.formula import Always, And, Comparison, Formula
 from pipeline.evaluation.assurance.requirements import Question, Requirement, RequirementError
 from pipeline.flight.control.controller import Controller
@@ -16,7 +17,6 @@ from pipeline.flight.period.act.safety import STANDING, most_exceeded
 from pipeline.flight.state.log import Scenario
 from pipeline.flight.world.pack import pack_world
 from pipeline.settings.experiment import Mission
-from pipeline.typing import Floats
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.array_types import Floats
 from pipeline.flight.state.arrays import (
     TRACK_BORESIGHT,
     TRACK_FORCE,
@@ -20,7 +21,6 @@ from pipeline.flight.state.arrays import (
     TRACK_TURN_RATE,
 )
 from pipeline.physics.quaternion import dcm_b_from_h
-from pipeline.typing import Floats
 from telemetry.file.reader import Recording
 from telemetry.file.topics import DEPUTY_CONTROL, DEPUTY_STATE, MISSION
 

@@ -15,6 +15,7 @@ from math import ceil, floor, isinf
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.array_types import Floats
 from pipeline.evaluation.assurance.formula import (
     Always,
     And,
@@ -26,7 +27,6 @@ from pipeline.evaluation.assurance.formula import (
     Until,
     Window,
 )
-from pipeline.typing import Floats
 
 Quantities = Mapping[str, Floats]
 Atom = Callable[[Comparison, Quantities], Floats]

@@ -10,13 +10,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from pipeline.array_types import Floats
 from pipeline.evaluation.assurance.campaign import Flights, Outcome, joined
 from pipeline.evaluation.assurance.requirements import Requirement
 from pipeline.flight.state.log import Scenario
 from pipeline.settings.dispersions import Distribution, distributions
 from pipeline.settings.experiment import Assurance, Mission, MonteCarlo, Optimizer, Sun
 from pipeline.training.evolution import evolve_rounds
-from pipeline.typing import Floats
 
 #: separates the random numbers of searches from all others with the same seed
 SPAWN_KEY = 0x5EA

@@ -21,11 +21,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from pipeline.array_types import Floats
 from pipeline.flight.cases.processes import in_time, varies
 from pipeline.flight.state.log import Scenario
 from pipeline.settings.experiment import Mission
 from pipeline.settings.mission import STANDARD_GRAVITY_M_S2
-from pipeline.typing import Floats
 
 #: place in the spawn key of the random numbers for the thrusters, after the case
 THRUSTERS = 2

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.array_types import Floats
 from pipeline.flight.cases.actuators import (
     NO_ERRORS,
     NO_THRUSTERS,
@@ -21,7 +22,6 @@ from pipeline.flight.state.errors import Firing, Fixes, ModelErrors
 from pipeline.flight.state.log import Scenario
 from pipeline.physics.orbit import Course
 from pipeline.settings.experiment import Mission
-from pipeline.typing import Floats
 
 #: an array of `CASE`
 Starts = np.recarray[Any, Any]

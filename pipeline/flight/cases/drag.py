@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from pipeline.array_types import Floats
 from pipeline.flight.cases.processes import in_time, varies
 from pipeline.flight.state.log import Scenario
 from pipeline.flight.world.course import chief_course
 from pipeline.settings.experiment import Mission
-from pipeline.typing import Floats
 
 KEY = "dynamics.drag_m_s2"
 

@@ -22,11 +22,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from pipeline.array_types import Floats
 from pipeline.flight.cases.processes import in_time, varies
 from pipeline.flight.state.log import Scenario
 from pipeline.physics.motion import Motion, motion_over
 from pipeline.settings.experiment import Actuators, Dynamics, Mission, Navigation
-from pipeline.typing import Floats
 
 #: place in the spawn key of the random numbers for navigation, after the case
 FIXES = 1

@@ -17,10 +17,10 @@ from math import exp, inf, sqrt
 
 import numpy as np
 
+from pipeline.array_types import Floats
 from pipeline.flight.state.log import Scenario
 from pipeline.settings.dispersions import IN_TIME, Distribution
 from pipeline.settings.experiment import Mission
-from pipeline.typing import Floats
 
 #: place in the spawn key of the first of `IN_TIME`, after the case; fixes, thrusters and the start's
 #: velocity have the places before

@@ -14,6 +14,7 @@ import numpy as np
 
 from fis_tools.engines.packing import NotCompilable, Packed, layout_of, pack
 from fis_tools.model import FuzzyController, FuzzySystem
+from pipeline.array_types import Floats
 from pipeline.flight.state.arrays import Law, Plans
 from pipeline.flight.state.log import Scenario
 from pipeline.flight.state.signals import (
@@ -27,7 +28,6 @@ from pipeline.flight.state.signals import (
 )
 from pipeline.flight.state.turns import AIMED, Turns
 from pipeline.settings.experiment import Mission
-from pipeline.typing import Floats
 
 #: fractions of the reach that the candidate first pushes of a rehearsal have along each Hill axis; radial
 #: pushes gain most, pushes across the orbit plane least

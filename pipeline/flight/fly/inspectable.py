@@ -5,13 +5,13 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.array_types import Booleans
 from pipeline.flight.cases.cases import Starts
 from pipeline.flight.fly.workspace import beyond_of, make_workspace, optics_in_use
 from pipeline.flight.period.look.optics import note_inspectable, note_lit_and_seen, note_lit_at_samples
 from pipeline.flight.state.arrays import World
 from pipeline.flight.state.log import FlightLog
 from pipeline.physics.quaternion import dcm_b_from_h
-from pipeline.typing import Booleans
 
 
 def inspectable_points(

@@ -7,6 +7,7 @@ import numpy as np
 
 from fis_tools.compiled.decorator import compiled
 from fis_tools.model.thrust import SILENT_N
+from pipeline.array_types import Bytes, Floats
 from pipeline.flight.period.act.actuators import burns
 from pipeline.flight.period.act.attitude import write_instants
 from pipeline.flight.period.decide.motion import ETA_U, LAMBDA_U, sense_angles
@@ -29,7 +30,6 @@ from pipeline.flight.state.log import (
 )
 from pipeline.flight.state.signals import BODY, HILL
 from pipeline.physics.quaternion import dcm_b_from_h
-from pipeline.typing import Bytes, Floats
 
 
 @compiled(error_model="numpy", forceinline=True)

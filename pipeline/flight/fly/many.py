@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from fis_tools.compiled.decorator import compiled
 from fis_tools.compiled.three import Three, lane_of, same, store_three, three_of, write_lane
 from fis_tools.compiled.vectors import borrowed, splat, store, width_of
+from pipeline.array_types import Bytes, Floats, Integers
 from pipeline.flight.fly.logged import is_logged, write_period, write_sample
 from pipeline.flight.period.act.attitude import attitude_of, relative_rate
 from pipeline.flight.period.decide.urgency import note_deadlines
@@ -38,7 +39,6 @@ from pipeline.flight.state.arrays import (
 from pipeline.flight.state.errors import ModelErrors
 from pipeline.flight.state.log import FlightLog
 from pipeline.flight.state.signals import SETTING, URGENCY
-from pipeline.typing import Bytes, Floats, Integers
 
 
 @compiled(error_model="numpy")

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from fis_tools.compiled.decorator import plainly
+from pipeline.array_types import Bytes, Floats, Integers
 from pipeline.flight.cases.cases import Cases
 from pipeline.flight.fly.logged import write_period, write_sample
 from pipeline.flight.fly.many import start_lanes
@@ -16,7 +17,6 @@ from pipeline.flight.period.steps import act, decide, look
 from pipeline.flight.state.arrays import Law, State, Workspace, World
 from pipeline.flight.state.log import FlightLog
 from pipeline.flight.state.signals import SETTING, URGENCY
-from pipeline.typing import Bytes, Floats, Integers
 
 
 @cache

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pipeline.array_types import Floats
 from pipeline.flight.control.controller import ControllerError
 from pipeline.flight.fly.simulation import is_interpreted
 from pipeline.flight.fly.stepped import NUM_UNSEEN
@@ -18,7 +19,6 @@ from pipeline.flight.fly.stepping import Flights
 from pipeline.flight.period.decide.network import Network, answer
 from pipeline.flight.state.log import Scenario
 from pipeline.settings.experiment import Mission
-from pipeline.typing import Floats
 
 #: flights evaluated together
 BLOCK = 128

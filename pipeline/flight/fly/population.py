@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from fis_tools.engines.kernel import FEW_LANES, LANES
 from fis_tools.engines.packing import Packed
+from pipeline.array_types import Floats
 from pipeline.flight.cases.cases import Cases
 from pipeline.flight.fly.inspectable import counted_points, inspectable_points
 from pipeline.flight.fly.many import fly_many
@@ -15,7 +16,6 @@ from pipeline.flight.fly.workspace import make_state, make_workspace, parts_in_u
 from pipeline.flight.state import arrays
 from pipeline.flight.state.arrays import NUM_OUTCOMES, Law, State, Workspace, World
 from pipeline.flight.state.log import Outcomes, no_log
-from pipeline.typing import Floats
 
 #: no openings: the rules decide on the first control period, too
 NO_OPENINGS = np.zeros((0, 3))

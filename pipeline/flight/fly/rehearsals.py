@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.engines.kernel import LANES
+from pipeline.array_types import Floats
 from pipeline.flight.cases.cases import cases_of
 from pipeline.flight.cases.dispersions import mission_of_case
 from pipeline.flight.cases.navigation import as_believed
@@ -14,7 +15,6 @@ from pipeline.flight.state.log import Outcomes, Scenario
 from pipeline.flight.state.signals import constant
 from pipeline.flight.world.pack import pack_world
 from pipeline.settings.experiment import Mission
-from pipeline.typing import Floats
 
 #: rehearsal costs of a point missed, and of leaving the limits, more than any flight can spend
 REHEARSED_POINT_M_S, OUTSIDE_M_S = 0.15, 1e4

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from fis_tools.compiled.decorator import sparingly
 from fis_tools.engines.kernel import FEW_LANES, LANES
+from pipeline.array_types import Floats
 from pipeline.flight.cases.cases import cases_of
 from pipeline.flight.cases.dispersions import groups_of, mission_of_case
 from pipeline.flight.control.controller import (
@@ -34,7 +35,6 @@ from pipeline.flight.world.pack import chief_attitudes, pack_world
 from pipeline.physics.quaternion import dcm_b_from_h
 from pipeline.settings.dispersions import distributions
 from pipeline.settings.experiment import Mission
-from pipeline.typing import Floats
 
 
 def fly_all(

@@ -8,12 +8,12 @@ from typing import Any
 from fis_tools.compiled.decorator import compiled
 from fis_tools.compiled.three import Three, lane_of
 from fis_tools.compiled.vectors import borrowed, splat, width_of
+from pipeline.array_types import Bytes, Floats, Integers
 from pipeline.flight.fly.many import start_lanes
 from pipeline.flight.period.decide.thrust import command_given
 from pipeline.flight.period.steps import act, look
 from pipeline.flight.state.arrays import Beyond, Guard, Plans, State, Workspace, World
 from pipeline.flight.state.errors import ModelErrors
-from pipeline.typing import Bytes, Floats, Integers
 
 #: columns of an observation: vectors in Hill axes
 POSITION, VELOCITY, TARGET, SUN, BORESIGHT = 0, 3, 6, 9, 12

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.engines.kernel import FEW_LANES
+from pipeline.array_types import Floats
 from pipeline.flight.cases.cases import cases_of
 from pipeline.flight.control.controller import played
 from pipeline.flight.fly.inspectable import counted_points, inspectable_points
@@ -16,7 +17,6 @@ from pipeline.flight.state.arrays import CASE
 from pipeline.flight.state.log import Scenario
 from pipeline.flight.world.pack import pack_world
 from pipeline.settings.experiment import Mission
-from pipeline.typing import Floats
 
 #: observations of learners and policies, in this order, with units; vectors in Hill axes. Position and
 #: velocity are as the deputy knows them: its estimate, if it navigates by fixes.

@@ -13,6 +13,7 @@ be present but off, so that fewer variants are compiled.
 
 from fis_tools.compiled.decorator import compiled
 from fis_tools.compiled.three import load_three, store_three
+from pipeline.array_types import Floats, Integers
 from pipeline.flight.period.act.actuators import burn, carry_out
 from pipeline.flight.period.act.aim import aim_at_once, aim_deputies
 from pipeline.flight.period.act.attitude import turn_deputies
@@ -29,7 +30,6 @@ from pipeline.flight.period.look.sight import see
 from pipeline.flight.state.arrays import Beyond, Guard, Law, Plans, State, Workspace, World
 from pipeline.flight.state.errors import ModelErrors
 from pipeline.flight.state.signals import ANGLES, APPROACH, ORBIT, PREVIEW, SETTING, TOUR, URGENCY
-from pipeline.typing import Floats, Integers
 
 
 @compiled(error_model="numpy", forceinline=True)

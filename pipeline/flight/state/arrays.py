@@ -9,11 +9,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fis_tools.compiled.vectors import Rows
+from pipeline.array_types import Bytes, Floats, Integers
 from pipeline.physics.motion import Motion, Stop
 from pipeline.physics.orbit import Course
 from pipeline.physics.reflection import Reflection
 from pipeline.physics.sight import Optics, Sight
-from pipeline.typing import Bytes, Floats, Integers
 
 #: columns of a track: position, or these
 NUM_PLACED, NUM_TRACKED = 3, 15

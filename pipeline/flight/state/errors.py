@@ -3,8 +3,8 @@
 from typing import NamedTuple
 
 from fis_tools.compiled.vectors import Rows
+from pipeline.array_types import Floats
 from pipeline.physics.orbit import Course
-from pipeline.typing import Floats
 
 #: What navigation works with, a lane for each flight.
 ESTIMATED: Rows = {

@@ -3,7 +3,7 @@
 from fis_tools.compiled.decorator import compiled
 from fis_tools.compiled.three import Three
 from fis_tools.compiled.vectors import Vector, least, load, most, store, width_of
-from pipeline.typing import Floats
+from pipeline.array_types import Floats
 
 #: an attitude, Hill to body, scalar last
 Quaternion = tuple[Vector, Vector, Vector, Vector]

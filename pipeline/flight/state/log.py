@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.model.thrust import REASONS
-from pipeline.typing import Floats
+from pipeline.array_types import Floats
 
 #: the limit that the safety layer acted on at a sample, see `FlightLog.safety_limit`
 SAFE, KEEP_OUT, KEEP_IN, SPEED, PASSIVE_SAFETY = range(5)

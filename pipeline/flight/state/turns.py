@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pipeline.typing import Floats
+from pipeline.array_types import Floats
 
 
 class Turns(NamedTuple):

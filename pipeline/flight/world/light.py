@@ -2,11 +2,11 @@
 
 import numpy as np
 
+from pipeline.array_types import Floats
 from pipeline.flight.world.course import semi_major_axis
 from pipeline.physics.illumination import EARTH_RADIUS_M, sun_direction_h, visible_share
 from pipeline.physics.reflection import Reflection
 from pipeline.settings.experiment import Light, Mission, Orbit, SettingError
-from pipeline.typing import Floats
 
 RIGHT_ANGLE_DEG, STRAIGHT_ANGLE_DEG = 90.0, 180.0
 

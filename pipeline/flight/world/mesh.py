@@ -5,9 +5,9 @@ from typing import Final
 
 import numpy as np
 
+from pipeline.array_types import Floats
 from pipeline.settings.experiment import SettingError
 from pipeline.settings.places import conf_folder, content_of
-from pipeline.typing import Floats
 
 #: most triangles; beyond this, looking from every point in every direction takes minutes
 MOST_TRIANGLES = 20_000

@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.compiled.vectors import aligned, padded
+from pipeline.array_types import Floats
 from pipeline.flight.period.act.safety import guard_of
 from pipeline.flight.period.look.guidance import POINTS
 from pipeline.flight.state.arrays import World
@@ -24,7 +25,6 @@ from pipeline.physics.quaternion import dcm_b_from_h
 from pipeline.physics.rigid_body import tumble
 from pipeline.physics.sight import HEIGHT, NORMAL, NUM_SURFACE, SQUARE, Optics, sight_of
 from pipeline.settings.experiment import Mission
-from pipeline.typing import Floats
 
 
 def inspection_points(mission: Mission) -> Floats:

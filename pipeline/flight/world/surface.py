@@ -5,11 +5,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from pipeline.array_types import Floats
 from pipeline.flight.world.mesh import read_mesh, spread_points
 from pipeline.physics.inspection_points import fibonacci_placement, regular_placement
 from pipeline.physics.occlusion import Occlusion, nothing_hidden, occlusion_of
 from pipeline.settings.experiment import Chief, Mission, SettingError
-from pipeline.typing import Floats
 
 #: least visibility of an inspectable point: seen from a smaller share of all directions it lies in a crevice
 LEAST_FREE = 0.01

@@ -7,10 +7,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from pipeline.array_types import Floats
 from pipeline.flight.state.log import FlightLog
 from pipeline.report.figures.style import BLUE, DOTS, GREEN, MUTED, VERMILION, grid
 from pipeline.settings.experiment import Mission
-from pipeline.typing import Floats
 
 AXIS_COLOURS = (BLUE, VERMILION, GREEN)
 AXIS_STYLES = ("-", (0, (5, 1.5)), (0, (1, 1)))

@@ -9,8 +9,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, MaxNLocator
 from numpy.typing import NDArray
 
+from pipeline.array_types import Floats
 from pipeline.report.figures.style import BLUE, DOTS, MUTED, ORANGE, VERMILION
-from pipeline.typing import Floats
 
 #: columns of the logbook that are drawn
 HISTORY_COLUMNS = ("round", "best", "mean", "delta_v_m_s", "points", "outside", "short")

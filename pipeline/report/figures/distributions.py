@@ -8,8 +8,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from pipeline.array_types import Floats
 from pipeline.report.figures.style import BLUE, INK, MOST_POINTS, MUTED, VERMILION, grid
-from pipeline.typing import Floats
 
 METRICS = {
     "delta_v_m_s": "Δv (m/s)",

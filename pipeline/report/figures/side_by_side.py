@@ -12,11 +12,11 @@ from matplotlib.patches import Circle
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
+from pipeline.array_types import Floats
 from pipeline.flight.state.log import FlightLog
 from pipeline.report.figures.style import BLUE, DOTS, INK, MUTED, ORANGE, VERMILION, grid
 from pipeline.report.figures.trajectories import CHIEF_COLOUR, HILL_AXES, PLANES
 from pipeline.settings.experiment import Mission
-from pipeline.typing import Floats
 
 #: of the largest burn's circle, and of the least that is drawn, points squared
 LARGEST, LEAST = 260.0, 1.5

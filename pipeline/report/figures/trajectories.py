@@ -15,9 +15,9 @@ from mpl_toolkits.mplot3d import Axes3D
 from mpl_toolkits.mplot3d.art3d import Line3DCollection
 from numpy.typing import NDArray
 
+from pipeline.array_types import Floats
 from pipeline.report.figures.style import DOTS, MOST_POINTS, MUTED, PALETTE, PAPER
 from pipeline.settings.experiment import Mission
-from pipeline.typing import Floats
 
 HILL_AXES = ("radial i", "along-track j", "cross-track k")
 #: up to this many flights have colours of their own

@@ -5,10 +5,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
+from pipeline.array_types import Floats
 from pipeline.flight.state.log import FlightLog
 from pipeline.report.figures.style import BLUE, DOTS, GRID, MUTED, ORANGE, VERMILION
 from pipeline.settings.experiment import Mission
-from pipeline.typing import Floats
 
 #: the path is shown for so many control periods about its nearest (or farthest) sample
 MOST_SHOWN = 150

@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 from deap import cma
 
+from pipeline.array_types import Floats
 from pipeline.settings.experiment import Optimizer
 from pipeline.training.evolution.genetic import Individual
 from pipeline.training.evolution.state import State
-from pipeline.typing import Floats
 
 #: state that `deap.cma.Strategy` carries between generations; the rest follows from it
 CARRIED = ("centroid", "sigma", "C", "ps", "pc", "update_count")

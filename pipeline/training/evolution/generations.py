@@ -11,12 +11,12 @@ from collections.abc import Callable, Iterable, Mapping
 
 import numpy as np
 
+from pipeline.array_types import Floats
 from pipeline.settings.experiment import Optimizer
 from pipeline.training.evolution import cma_es, nsga2
 from pipeline.training.evolution.genetic import breed, scatter, split_population
 from pipeline.training.evolution.mutation import adapt_step_size
 from pipeline.training.evolution.state import Generation, State
-from pipeline.typing import Floats
 
 #: genomes (n, num_genes) in [0, 1] -> arrays of shape (n,): ``fitness`` and, by any other name, its parts
 Evaluate = Callable[[Floats], Mapping[str, Floats]]

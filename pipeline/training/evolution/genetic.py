@@ -17,10 +17,10 @@ import numpy as np
 from deap import base, tools
 from deap.tools import crossover, emo, mutation, selection
 
+from pipeline.array_types import Floats
 from pipeline.settings.experiment import Optimizer
 from pipeline.training.evolution.mutation import adaptive_feasible_mutation
 from pipeline.training.evolution.state import State
-from pipeline.typing import Floats
 
 GENE_SWAP_PROBABILITY = 0.5
 

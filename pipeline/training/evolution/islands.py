@@ -11,12 +11,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from pipeline.array_types import Floats
 from pipeline.run.engine import Each
 from pipeline.settings.experiment import Optimizer
 from pipeline.training.evolution import generations
 from pipeline.training.evolution.generations import EvaluateForRound
 from pipeline.training.evolution.state import Generation, State
-from pipeline.typing import Floats
 
 #: key in a state's strategy
 STEPS = "island_step_sizes"

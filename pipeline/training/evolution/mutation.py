@@ -8,7 +8,7 @@ from typing import cast
 
 import numpy as np
 
-from pipeline.typing import Floats
+from pipeline.array_types import Floats
 
 LARGEST_STEP = 1.0
 SMALLEST_STEP = math.sqrt(np.finfo(np.float64).eps)

@@ -15,6 +15,7 @@ import numpy as np
 from deap import base, tools
 from numpy.typing import NDArray
 
+from pipeline.array_types import Floats
 from pipeline.settings.experiment import Optimizer
 from pipeline.training.evolution.genetic import (
     Individual,
@@ -23,7 +24,6 @@ from pipeline.training.evolution.genetic import (
     scattered_crossover,
 )
 from pipeline.training.evolution.state import State
-from pipeline.typing import Floats
 
 #: prefix of the parts of the fitness that are objectives, to be minimised
 OBJECTIVE = "objective_"

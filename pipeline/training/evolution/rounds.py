@@ -15,6 +15,7 @@ from typing import Any, Protocol
 import numpy as np
 from deap import tools
 
+from pipeline.array_types import Floats
 from pipeline.run.engine import crew
 from pipeline.settings.experiment import Engine, Optimizer
 from pipeline.training.evolution import generations, nsga2
@@ -22,7 +23,6 @@ from pipeline.training.evolution.checkpoint import load, save
 from pipeline.training.evolution.generations import EvaluateForRound
 from pipeline.training.evolution.islands import Islands
 from pipeline.training.evolution.state import Generation, State
-from pipeline.typing import Floats
 
 #: called with the history so far, after each generation or, with islands, after each migration
 OnGeneration = Callable[[Sequence[Generation]], None]

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.typing import Floats
+from pipeline.array_types import Floats
 
 
 @dataclass(frozen=True, kw_only=True)

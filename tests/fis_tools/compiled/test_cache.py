@@ -31,7 +31,7 @@ def sources(function: Callable[..., object]) -> set[str]:
 def test_a_kernel_depends_on_its_file_and_on_all_that_it_imports_and_on_nothing_else() -> None:
     names = ("__init__", "borrowed_code", "cache", "decorator", "numba_parts", "vector_code", "vectors")
     decorator = {f"fis_tools/compiled/{name}.py" for name in names}
-    assert sources(vectors.dot) == {"pipeline/physics/vectors.py", "pipeline/typing.py", *decorator}
+    assert sources(vectors.dot) == {"pipeline/physics/vectors.py", "pipeline/array_types.py", *decorator}
     flight = sources(many.fly_many)
     assert flight > sources(attitude.turn_deputies) | sources(safety.assure) | sources(vectors.dot)
     assert "fis_tools/engines/kernel.py" in flight

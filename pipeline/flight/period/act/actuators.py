@@ -16,10 +16,10 @@ from fis_tools.compiled.three import (
     write_lane,
 )
 from fis_tools.compiled.vectors import Vector, least, load, most, select, splat, store, width_of
+from pipeline.array_types import Floats
 from pipeline.flight.state.arrays import State, Workspace, World
 from pipeline.flight.state.errors import Firing, Fixes, ModelErrors
 from pipeline.flight.state.lanes import clip_three, four, one, to_body, to_hill, turned, write_four
-from pipeline.typing import Floats
 
 #: propellant, as a share of the mass at the start, that counts as none: what rounding leaves
 EMPTY = 1e-12

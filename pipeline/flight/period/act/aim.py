@@ -10,12 +10,12 @@ import numpy as np
 from fis_tools.compiled.decorator import compiled
 from fis_tools.compiled.three import Three, chosen, lane_of, load_three, same, store_three
 from fis_tools.compiled.vectors import most, select, some, splat, store, width_of
+from pipeline.array_types import Floats
 from pipeline.flight.state.arrays import Plans, State, Workspace, World
 from pipeline.flight.state.lanes import four, one, write_four
 from pipeline.physics.attitude_control import POLE, blended_y, desired_dcm, desired_y
 from pipeline.physics.motion import place_after, step_of
 from pipeline.physics.quaternion import from_dcm
-from pipeline.typing import Floats
 
 
 @compiled(error_model="numpy", forceinline=True)

@@ -28,10 +28,10 @@ from fis_tools.compiled.three import (
     write_lane,
 )
 from fis_tools.compiled.vectors import Vector, select, some, store
+from pipeline.array_types import Floats
 from pipeline.flight.state.arrays import Plans, State, Workspace, World
 from pipeline.flight.state.lanes import Quaternion, clip_three, four, to_body, write_four
 from pipeline.flight.state.log import FlightLog
-from pipeline.typing import Floats
 
 #: longest step of the attitude integrator, s
 LONGEST_STEP_S = 1.0

@@ -33,6 +33,7 @@ import numpy as np
 from fis_tools.compiled.decorator import compiled
 from fis_tools.compiled.three import Three, dot, length, load_three, scaled, store_three, three_of
 from fis_tools.compiled.vectors import least, most, select, some, splat, store, width_of
+from pipeline.array_types import Floats
 from pipeline.flight.state.arrays import Guard, State, Workspace, World
 from pipeline.flight.state.log import KEEP_IN, KEEP_OUT, PASSIVE_SAFETY, SAFE, SPEED
 from pipeline.physics.motion import (
@@ -53,7 +54,6 @@ from pipeline.physics.motion import (
     velocity_after,
 )
 from pipeline.physics.vectors import assign
-from pipeline.typing import Floats
 
 if TYPE_CHECKING:  # as in `pipeline.flight.period.look.guidance`
     from pipeline.settings.experiment import Mission

@@ -11,13 +11,13 @@ import numpy as np
 from fis_tools.compiled.decorator import compiled
 from fis_tools.compiled.three import Three, dot, length, load_three, minus, plus, scaled, store_three
 from fis_tools.compiled.vectors import Vector, least, most, select, store
+from pipeline.array_types import Floats
 from pipeline.flight.period.look.guidance import MIN_PROJECTION_M
 from pipeline.flight.state.arrays import Law, State, Workspace, World
 from pipeline.flight.state.elementary import arctangent
 from pipeline.flight.state.lanes import four, to_body, two, write_two
 from pipeline.flight.state.signals import constant, slot
 from pipeline.physics.motion import ORBIT_PARTS, drifted_place, place_of
-from pipeline.typing import Floats
 
 DISTANCE, LAMBDA_U, ETA_U = slot("distance"), slot("lambda_u"), slot("eta_u")
 VELOCITY_BODY = slot("velocity_body_x", "velocity_body_y", "velocity_body_z")

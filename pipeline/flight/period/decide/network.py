@@ -7,7 +7,7 @@ from math import tanh
 from typing import NamedTuple
 
 from fis_tools.compiled.decorator import compiled
-from pipeline.typing import Floats, Integers
+from pipeline.array_types import Floats, Integers
 
 #: activation of a layer: none, hyperbolic tangent, or clipping to `low` and `high`
 LINEAR, TANH, CLIPPED = range(3)

@@ -22,6 +22,7 @@ from fis_tools.compiled.three import (
     write_lane,
 )
 from fis_tools.compiled.vectors import Mask, Vector, count, load, select, some, splat, store, total
+from pipeline.array_types import Floats
 from pipeline.flight.period.decide.chief import turned_aside
 from pipeline.flight.period.look.guidance import POINTS
 from pipeline.flight.period.look.optics import (
@@ -39,7 +40,6 @@ from pipeline.flight.state.preview import LEAST_SHORT_M, SQUARED_NEAR_M2
 from pipeline.flight.state.signals import constant, slot
 from pipeline.physics.motion import Place, drifted_place, place_of, slopes
 from pipeline.physics.sight import HEIGHT, NORMAL
-from pipeline.typing import Floats
 
 PUSH = slot("see_push_radial", "see_push_along_track", "see_push_cross_track")
 AIM = slot("aim_radial", "aim_along_track", "aim_cross_track")

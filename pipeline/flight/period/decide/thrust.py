@@ -6,10 +6,10 @@ from fis_tools.compiled.decorator import compiled
 from fis_tools.compiled.three import Three, load_three, same, store_three
 from fis_tools.compiled.vectors import load, select, some, store, width_of
 from fis_tools.engines.kernel import infer
+from pipeline.array_types import Floats, Integers
 from pipeline.flight.state.arrays import Law, Plans, State, Workspace, World
 from pipeline.flight.state.lanes import clip_three, four, one, to_hill
 from pipeline.flight.state.signals import BODY, FIRST_DEAD_BAND, constant, slot
-from pipeline.typing import Floats, Integers
 
 MISSED, NEAREST, FARTHEST = slot("missed"), slot("coasting_nearest"), slot("coasting_farthest")
 COAST_BELOW, COAST_MARGIN = constant("coast_below_points"), constant("coast_margin_m")

@@ -5,11 +5,11 @@ from math import atan2, cos, pi, sin, sqrt
 from fis_tools.compiled.decorator import compiled
 from fis_tools.compiled.three import Three, lane_of, minus, plus, scaled, write_lane
 from fis_tools.compiled.vectors import width_of
+from pipeline.array_types import Floats
 from pipeline.flight.period.decide.chief import turned_aside
 from pipeline.flight.state.arrays import Law, State, Workspace, World
 from pipeline.flight.state.signals import constant, slot
 from pipeline.physics.motion import drifted_place, place_over, push_by
-from pipeline.typing import Floats
 
 TOUR_PUSH = slot("tour_push_radial", "tour_push_along_track", "tour_push_cross_track")
 URGENT = slot("urgent_radial", "urgent_along_track", "urgent_cross_track")

@@ -8,13 +8,13 @@ from math import sqrt
 from fis_tools.compiled.decorator import compiled
 from fis_tools.compiled.three import Three, dot, lane_of, plus, same, scaled, write_lane
 from fis_tools.compiled.vectors import load, select, some, splat, store, total
+from pipeline.array_types import Floats
 from pipeline.flight.period.decide.chief import turned_aside
 from pipeline.flight.period.look.guidance import MIN_PROJECTION_M, POINTS
 from pipeline.flight.period.look.optics import beam_at, beam_from, lit_points, points_at, sun_after
 from pipeline.flight.state.arrays import Beyond, Law, State, Workspace, World
 from pipeline.flight.state.elementary import exponential
 from pipeline.flight.state.signals import constant, slot
-from pipeline.typing import Floats
 
 URGENT = slot("urgent_radial", "urgent_along_track", "urgent_cross_track")
 URGENCY_TIME, SKIRT_DISTANCE = constant("urgency_time_s"), constant("skirt_distance_m")

@@ -20,7 +20,7 @@ import numpy as np
 
 from fis_tools.compiled.decorator import compiled
 from fis_tools.compiled.vectors import load, select, store
-from pipeline.typing import Floats
+from pipeline.array_types import Floats
 
 #: inspection points processed together
 POINTS = 8

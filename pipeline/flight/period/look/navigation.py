@@ -22,12 +22,12 @@ from fis_tools.compiled.three import (
     write_lane,
 )
 from fis_tools.compiled.vectors import Vector, load, select, splat, store, width_of
+from pipeline.array_types import Floats
 from pipeline.flight.state.arrays import State, World
 from pipeline.flight.state.errors import Fixes
 from pipeline.flight.state.lanes import four, to_hill, turned, write_four
 from pipeline.flight.state.log import FlightLog
 from pipeline.physics.motion import place_after, step_of, velocity_after
-from pipeline.typing import Floats
 
 #: factor by which a rejected fix widens the covariance: after a few in a row the filter, not the fix, is
 #: assumed to be wrong, and fixes are accepted again

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from fis_tools.compiled.decorator import compiled
 from fis_tools.compiled.three import Three, dot, lane_of, minus, scaled, three_of, times
 from fis_tools.compiled.vectors import Mask, Vector, borrowed, count, load, select, some, store
+from pipeline.array_types import Bytes, Floats
 from pipeline.flight.period.look.guidance import POINTS
 from pipeline.flight.state.arrays import Beyond, State, Workspace, World
 from pipeline.physics.occlusion import cell_of
@@ -31,7 +32,6 @@ from pipeline.physics.sight import (
     is_sunlit,
     sunlight,
 )
-from pipeline.typing import Bytes, Floats
 
 #: cosine and sine of an angle
 Pair = tuple[Vector, Vector]
