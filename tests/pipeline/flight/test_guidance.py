@@ -2,7 +2,6 @@ from math import pi
 
 import numpy as np
 import pytest
-from pipeline.physics.visibility import is_in_view
 from scipy.spatial.transform import Rotation
 
 from fis_tools.compiled.vectors import padded
@@ -15,6 +14,7 @@ from pipeline.flight.period.look.guidance import (
 )
 from pipeline.flight.period.look.guidance import POINTS as LOOKED_AT_TOGETHER
 from pipeline.physics.inspection_points import regular_placement
+from tests.pipeline.physics.conditions import is_in_view
 from tests.readable_flight.guidance import clustered, relative_angle, started
 
 POINTS = regular_placement(100, 10.0)

@@ -3,6 +3,7 @@ import pytest
 
 from pipeline.physics.illumination import ASTRONOMICAL_UNIT_M, sun_angle, sun_direction_h
 from pipeline.physics.sight import fits_from, is_facing, is_in_cone, is_lit, sight_of
+from tests.pipeline.physics.conditions import is_in_view
 
 RADIUS = 10.0
 MEAN_MOTION = 0.0011068
@@ -11,13 +12,6 @@ MEAN_MOTION = 0.0011068
 def is_illuminated(point, sun):
     """The paper's condition, ``p . (p - r_s) < 0``."""
     return bool(point @ point - ASTRONOMICAL_UNIT_M * (point @ sun) < 0.0)
-
-
-def is_in_view(point, place, boresight, cosine, radius):
-    """The paper's two conditions: between the tangents to the sphere, and inside the cone."""
-    away = point - place
-    is_facing_it = point @ place >= radius * np.linalg.norm(point)
-    return bool(is_facing_it and away @ boresight >= cosine * np.linalg.norm(away))
 
 
 def on_the_sphere(angle_from_i):
