@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import trimesh
 
+from fis_tools.compiled.three import Three
 from pipeline.flight.control.controller import coast
 from pipeline.flight.fly.simulation import fly_logged
 from pipeline.flight.world.surface import Surface, surface_of
@@ -60,11 +61,13 @@ def test_a_direction_falls_into_the_cell_whose_centre_is_within_21_tenths_of_a_d
     generator = np.random.default_rng(3)
     directions = generator.normal(size=(2000, 3))
     directions /= np.linalg.norm(directions, axis=1)[:, np.newaxis]
-    centres = np.array([centre_of(EDGE_CELLS, cell_of(EDGE_CELLS, *direction)) for direction in directions])
+    centres = np.array(
+        [centre_of(EDGE_CELLS, cell_of(EDGE_CELLS, Three(*direction))) for direction in directions]
+    )
     off = np.degrees(np.arccos(np.clip(np.sum(centres * directions, axis=1), -1.0, 1.0)))
     assert off.max() < 2.1
     cells = np.arange(6 * EDGE_CELLS**2)
-    assert [cell_of(EDGE_CELLS, *centre_of(EDGE_CELLS, cell)) for cell in cells] == cells.tolist()
+    assert [cell_of(EDGE_CELLS, Three(*centre_of(EDGE_CELLS, cell))) for cell in cells] == cells.tolist()
 
 
 def test_the_table_is_right_where_it_was_looked_and_nearly_everywhere_else() -> None:
@@ -79,7 +82,7 @@ def test_the_table_is_right_where_it_was_looked_and_nearly_everywhere_else() -> 
     assert 0.2 < there.mean() < 0.6
     directions = generator.normal(size=(2000, 3))
     points = generator.integers(0, len(found.points), 2000)
-    cells = np.array([cell_of(EDGE_CELLS, *direction) for direction in directions])
+    cells = np.array([cell_of(EDGE_CELLS, Three(*direction)) for direction in directions])
     told = found.occlusion.is_free[cells, points] > 0
     wrong = told != rays_are_free(directions, found.points[points], found.normals[points])
     assert wrong.mean() < 0.005

@@ -5,14 +5,13 @@ import pytest
 
 from pipeline.flight.control.controller import coast, open_loop
 from pipeline.flight.fly.simulation import fly_all, fly_logged
-from pipeline.flight.state.log import Scenario
+from pipeline.flight.state.log import FlightLog, Scenario
 from tests.pipeline.flight.cases import (
     COMPLETED,
     MIXED,
     OVER_POLES,
     STARTS,
     STEERING,
-    assert_same,
     mission,
 )
 
@@ -21,6 +20,18 @@ AT_REST = np.zeros(3)
 TUMBLING = mission(
     chief={"initial_angular_velocity_rad_s": (0.01, -0.02, 0.005)}, guidance={"kind": "clusters"}
 )
+
+
+def assert_same(fast: FlightLog, plain: FlightLog, metres: float, others: float) -> None:
+    """Compare two flights field by field: positions and targets to `metres`, other numbers to `others`."""
+    for name in FlightLog._fields:
+        values, expected = getattr(fast, name), getattr(plain, name)
+        assert (values.shape, values.dtype) == (expected.shape, expected.dtype), name
+        tolerance = metres if name in ("position_m", "target_m") else others
+        if values.dtype == np.float64:
+            np.testing.assert_allclose(values, expected, rtol=0, atol=tolerance, err_msg=name)
+        else:
+            np.testing.assert_array_equal(values, expected, err_msg=name)
 
 
 def along_track(metres: float, velocity_m_s: float = 0.0) -> Scenario:

@@ -19,6 +19,7 @@ from pipeline.flight.state.log import FlightLog
 from pipeline.flight.world.pack import inspection_points
 from pipeline.run import maker
 from pipeline.run.runner import run_stages
+from pipeline.settings.scopes import only_results
 from tests.pipeline.recording import cases
 from tests.pipeline.recording.cases import Contents
 
@@ -235,7 +236,7 @@ def test_metadata_describes_each_system(full: Contents):
 
 def test_attachments_rebuild_the_run(full: Contents):
     run = cases.composed()
-    assert yaml.safe_load(full.attachments["config.yaml"]) == run.config
+    assert yaml.safe_load(full.attachments["config.yaml"]) == only_results(run.config)
     rebuilt = serialize.loads(full.attachments["controller.json"].decode(), "json")
     assert rebuilt == serialize.from_mapping(run.config["controller"])
 
