@@ -372,7 +372,7 @@ def test_the_summary_prints_on_two_pages_with_what_is_decided(opened, tmp_path):
     note = shown.locator("tr.severity-note").first
     note.get_by_role("combobox").select_option("accepted")
     shown.locator("[name=name]").fill("Ada Lovelace")
-    shown.get_by_label("Each constant is meant").check()
+    shown.get_by_label("Every constant has the value").check()
     path = tmp_path / "summary.pdf"
     shown.pdf(path=path, format="A4")
     assert re.search(r"^Pages:\s+2$", told_by("pdfinfo", str(path)), re.MULTILINE)
@@ -380,7 +380,7 @@ def test_the_summary_prints_on_two_pages_with_what_is_decided(opened, tmp_path):
     assert "waived: the thrusters are larger than this" in printed
     assert "notes without a decision are not printed" in printed
     assert "Ada Lovelace" in printed
-    assert "☑ Each constant is meant" in printed
+    assert "☑ Every constant has the value" in printed
     assert "☐ The terms mean" in printed
     assert serialize.fingerprint(controller) in printed
     assert "dead_band_force_x_n" in printed
