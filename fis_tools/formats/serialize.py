@@ -88,10 +88,12 @@ def dump_yaml(controller: FuzzyController) -> str:
 
 def _number_or_text(text: str) -> float | str:
     """Return an attribute as the number that reads back to the same text, if there is one."""
+    if len(text) >= LONGEST_NUMBER:
+        return text
     for kind in (int, float):
         with suppress(ValueError):
             number = kind(text)
-            if repr(number) == text and math.isfinite(number) and len(text) < LONGEST_NUMBER:
+            if repr(number) == text and math.isfinite(number):
                 return number
     return text
 
