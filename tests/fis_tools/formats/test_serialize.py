@@ -58,6 +58,7 @@ from fis_tools.model import (
 )
 from fis_tools.model.operators import WEIGHING
 from fis_tools.model.validate import InvalidSystem
+from fis_tools.plain_text import plain
 from tests.fis_tools.sample_controllers import force_x_system, general_controller, paper_like_controller
 
 NAMES = st.text(st.characters(exclude_categories=["C", "Z"]), min_size=1, max_size=8)
@@ -65,6 +66,11 @@ WORDS = st.sampled_from(
     ["no", "NULL", "1e3", "0x1F", "1_0", "~", "a: b", "# x", "-", "é η", "true", "2026-01-01"]
 )
 NUMBERS = st.floats(-1e6, 1e6)
+
+
+def kept_texts(max_size: int) -> st.SearchStrategy[str]:
+    """Free text as it is after entering, where characters that are unfit are replaced."""
+    return st.text(max_size=max_size).map(plain)
 
 
 @st.composite
@@ -78,8 +84,8 @@ def variables(draw: st.DrawFn, name: str, is_output: bool) -> Variable:
         num_points = len(points)
     names = draw(st.lists(NAMES | WORDS, min_size=1, max_size=3, unique=True))
     terms = tuple(Term(term, draw(memberships(num_points))) for term in names)
-    text = draw(st.text(max_size=12))
-    variable = Variable(name, draw(st.text(max_size=3)), low, high, terms, num_points, points, None, text)
+    text = draw(kept_texts(12))
+    variable = Variable(name, draw(kept_texts(3)), low, high, terms, num_points, points, None, text)
     if not is_output:
         return variable
     return replace(
@@ -157,7 +163,7 @@ def systems(draw: st.DrawFn, name: str) -> FuzzySystem:
 @st.composite
 def controllers(draw: st.DrawFn) -> FuzzyController:
     names = draw(st.lists(NAMES | WORDS, min_size=1, max_size=2, unique=True))
-    facts = st.dictionaries(st.text(max_size=6) | WORDS, st.text(max_size=12) | WORDS, max_size=2)
+    facts = st.dictionaries(kept_texts(6) | WORDS, kept_texts(12) | WORDS, max_size=2)
     return FuzzyController(
         draw(NAMES),
         tuple(draw(systems(name)) for name in names),
