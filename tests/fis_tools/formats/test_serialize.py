@@ -257,6 +257,7 @@ def test_attributes_are_numbers_in_yaml_and_texts_elsewhere() -> None:
     texts = {"axes": "hill", "count": "4", "margin": "1.6", "period": "30.0", "small": "1e-05"}
     kept = {
         "hex": "0x10",
+        "huge": "9" * 400,
         "many": "9" * 40,
         "nothing": "",
         "padded": "007",
