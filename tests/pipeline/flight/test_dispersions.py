@@ -96,7 +96,7 @@ def test_a_case_flies_its_own_mission_alone_and_among_others() -> None:
 )
 def test_dispersions_that_cannot_be(told: str, message: str) -> None:
     with pytest.raises(SettingError, match=message):
-        composed(f"+dispersions.{told}")
+        composed("dynamics=two_body", "navigation=fixes", f"+dispersions.{told}")
 
 
 def test_a_draw_that_cannot_be_names_its_cure() -> None:
