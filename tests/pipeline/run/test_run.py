@@ -296,7 +296,7 @@ def test_a_configuration_that_lacks_a_key_is_told(monkeypatch, capsys):
     main(FLY)
     folder = run_folder("fly")
     config = artifacts.read_config(folder)
-    del config["name"]
+    del config["stages"]
     artifacts.write_config(folder, config)
     artifacts.write_json(
         folder / "manifest.json",
@@ -304,7 +304,7 @@ def test_a_configuration_that_lacks_a_key_is_told(monkeypatch, capsys):
     )
     assert main([f"resume={folder}", "+experiment=fly"]) == 2
     told = capsys.readouterr().err
-    assert "config.yaml is no configuration of this program's (the key name is missing" in told
+    assert "config.yaml is no configuration of this program's (the key stages is missing" in told
     assert "Traceback" not in told
 
 
