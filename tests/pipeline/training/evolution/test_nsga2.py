@@ -213,7 +213,6 @@ def test_a_fitness_without_two_objectives_is_refused(second) -> None:
         ({"mutation": "adaptive_feasible"}, "it must be local"),
         ({"population_size": 3}, "at least 4"),
         ({"validation_cases": 0}, "a front is judged on them"),
-        ({"algorithm": "genetic", "consistency": True}, "which has one objective"),
     ],
 )
 def test_settings_without_a_front_are_refused(changes, words: str) -> None:
