@@ -104,10 +104,10 @@ def test_what_is_said(tmp_path, capsys):
     assert "not beside plans of least fuel: duration_s is 300.0 here, and 3600.0 where" in told
     table = told[told.index("\nSun random\n") :].splitlines()
     assert table[2].split()[:3] == ["controller", "rules", "delta-v"]
-    assert [line.split()[0] for line in table[4:9]] == ["the", *CONTROLLERS]
-    assert "the paper*" in table[4]
-    assert "5.620 ± 0.715" in table[4]
-    assert "96.67 ± 3.92" in table[4]
+    assert [line.split()[0] for line in table[3:8]] == ["the", *CONTROLLERS]
+    assert "the paper*" in table[3]
+    assert "5.620 ± 0.715" in table[3]
+    assert "96.67 ± 3.92" in table[3]
     assert "4 cases of seed 7; mean ± standard deviation; shares with 95 % Wilson intervals" in told
     assert "Sun fixed" not in told
 
