@@ -254,7 +254,8 @@ class Optimizer:
                 f"optimizer.penalty.growth is {self.penalty.growth:g} and optimizer.rounds {self.rounds}, by "
                 f"which prices grow to 1e{digits:.0f} m/s; they may grow to {MOST_PRICE:g}: lower one of them"
             )
-        if self.split == "whole" and self.crossover_rate + self.elitism_rate > 1.0 + 1e-9:
+        is_too_much = self.split == "whole" and self.crossover_rate + self.elitism_rate > 1.0 + 1e-9
+        if self.algorithm == "genetic" and is_too_much:
             raise SettingError(
                 f"optimizer.crossover_rate is {self.crossover_rate} and optimizer.elitism_rate "
                 f"{self.elitism_rate}, together more than the whole population; lower one of them, or choose "

@@ -218,3 +218,7 @@ def test_a_fitness_without_two_objectives_is_refused(second) -> None:
 def test_settings_without_a_front_are_refused(changes, words: str) -> None:
     with pytest.raises(SettingError, match=words):
         nsga2(**changes)
+
+
+def test_a_front_has_no_elite_that_crossover_must_leave_room_for() -> None:
+    assert nsga2(crossover_rate=0.95).crossover_rate == 0.95
