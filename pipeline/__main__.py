@@ -4,9 +4,12 @@ import atexit
 import gc
 import sys
 
+from pipeline.run import interrupts
+
 
 def main() -> int:
     """Load the program and run its command line; return the exit code."""
+    interrupts.remember()
     atexit.register(gc.freeze)  # taking apart in the end what is loaded takes a fifth of a second
     try:
         from pipeline.command_line import cli  # noqa: PLC0415 - takes a while, and may be interrupted

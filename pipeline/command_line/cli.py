@@ -12,7 +12,7 @@ from importlib import import_module
 from pipeline.command_line import runs
 from pipeline.command_line.arguments import read_arguments
 from pipeline.command_line.runs import MISTAKE, OK
-from pipeline.run import maker, reproducible
+from pipeline.run import interrupts, maker, reproducible
 from pipeline.run.runner import Interrupted
 
 INTERRUPTED = 130
@@ -72,4 +72,6 @@ def _dispatch(arguments: Sequence[str]) -> int:
         return compare(*asked.compare)
     from pipeline.command_line.experiments import plan  # noqa: PLC0415 - Hydra, which the others do without
 
-    return plan(asked)()
+    with interrupts.heeded():
+        carry_out = plan(asked)
+    return carry_out()

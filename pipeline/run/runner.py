@@ -10,7 +10,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from pipeline.run import artifacts, reproducible
+from pipeline.run import artifacts, interrupts, reproducible
 from pipeline.run.maker import present_maker, unlike
 from pipeline.settings.experiment import STAGES, Experiment, Mission
 from pipeline.settings.scopes import reached_outside
@@ -90,7 +90,8 @@ def run_stages(
             sys.stderr.write(f"[{index}/{len(stages)}] {name}\n")
             started = time.perf_counter()
             try:
-                stage_named(name)(experiment, folder)
+                with interrupts.heeded():
+                    stage_named(name)(experiment, folder)
             except KeyboardInterrupt as error:
                 artifacts.write_manifest(folder, config, finished, **known)
                 _LOG.info("stage %s interrupted", name)

@@ -1,0 +1,36 @@
+"""Interrupts from the keyboard that a library loses: remembered, and raised again after the work they end.
+
+OmegaConf, Hydra and code in C catch every exception at some places, and with it the KeyboardInterrupt that
+Python raises there.
+"""
+
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import FrameType
+
+_came: list[int] = []
+
+
+def remember() -> None:
+    """Remember from now on each interrupt of this process, unless it ignores them."""
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, _raise)
+
+
+def _raise(number: int, frame: FrameType | None) -> None:
+    _came.append(number)
+    signal.default_int_handler(number, frame)
+
+
+@contextmanager
+def heeded() -> Iterator[None]:
+    """Run a block; raise KeyboardInterrupt at its end if an interrupt was lost, or became another error."""
+    try:
+        yield
+    except Exception as error:
+        if _came:
+            raise KeyboardInterrupt from error
+        raise
+    if _came:
+        raise KeyboardInterrupt
