@@ -30,10 +30,10 @@ BYTECODE = ".pyc"
 MOST_MB = 500.0
 
 
-def build(folder: Path, into: Path) -> Path:
-    command = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(into)]
+def build(folder: Path, into: Path, target: str = "wheel") -> Path:
+    command = [sys.executable, "-m", "hatchling", "build", "-t", target, "-d", str(into)]
     subprocess.run(command, cwd=folder, check=True, capture_output=True)  # noqa: S603
-    (path,) = into.glob("*.whl")
+    (path,) = into.iterdir()
     return path
 
 
@@ -75,9 +75,19 @@ def test_the_wheel_holds_the_packages_and_the_configuration_inside_pipeline_and_
 
 
 def test_the_toolkits_wheel_holds_its_package_and_the_licence(small_wheel: Path) -> None:
-    expected = sources(PROJECT / "fis_tools") - {"fis_tools/pyproject.toml"}
-    assert content(small_wheel) == expected | {"fis_tools/LICENSE"}
+    assert content(small_wheel) == sources(PROJECT / "fis_tools") - {"fis_tools/pyproject.toml"}
     assert zipfile.ZipFile(small_wheel).read("fis_tools/LICENSE") == (PROJECT / "LICENSE").read_bytes()
+
+
+@pytest.mark.parametrize("folder", [PROJECT, PROJECT / "fis_tools"], ids=["project", "toolkit"])
+def test_a_source_distribution_builds_the_same_wheel(folder: Path, tmp_path: Path) -> None:
+    archive = build(folder, tmp_path / "sources", "sdist")
+    shutil.unpack_archive(archive, tmp_path / "unpacked", filter="data")
+    (unpacked,) = (tmp_path / "unpacked").iterdir()
+    wheels = [build(folder, tmp_path / "here"), build(unpacked, tmp_path / "there")]
+    assert wheels[0].name == wheels[1].name
+    one, other = ({name: zipfile.ZipFile(path).read(name) for name in content(path)} for path in wheels)
+    assert one == other
 
 
 def test_it_flies_from_any_folder_with_experiments_of_ones_own(
