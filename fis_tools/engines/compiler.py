@@ -16,7 +16,7 @@ from typing import Any, Literal, get_args, overload
 import numpy as np
 from numpy.typing import NDArray
 
-from fis_tools.engines import interpreter, kernel, number_kernel, packing, single
+from fis_tools.engines import interpreter, kernel, packing
 from fis_tools.engines.packing import NotCompilable, Packed
 from fis_tools.engines.program import CENTROID, FORMULA, NUMBER, Conclusion, Program, Weighing, assemble
 from fis_tools.engines.rows import as_rows, columns_of, pick
@@ -170,8 +170,7 @@ class CompiledSystem:
         It takes the inputs as numbers in their order, and returns a list of the outputs. It raises a
         ValueError for a wrong number of inputs or NaN; infinite ones are clipped, as always.
         """
-        ends = np.array([variable.universe[[0, -1]] for variable in self.system.inputs])
-        return single.prepare(self.program, ends)
+        return interpreter.prepare(self.program)
 
     def firing_strengths(self, inputs: Any) -> Floats:
         """Return each rule's firing strength, before weights: (n, num_rules), in the rules' order.
@@ -208,8 +207,6 @@ class CompiledSystem:
 
     def _infer(self, rows: Floats) -> Floats:
         packed = self.packed
-        if packed is None and number_kernel.covers(self.program):
-            return self._shared(lambda part: number_kernel.evaluate(self.program, part), rows)
         if packed is None:
             return self._shared(lambda part: interpreter.evaluate(self.program, part), rows)
         return self._shared(lambda part: kernel.evaluate(packed, part)[:, np.newaxis], rows)

@@ -7,49 +7,18 @@ samples, with every operator, weight, universe, output and defuzzifier of the mo
 
 from collections.abc import Callable
 from functools import partial
+from math import isfinite, isnan
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fis_tools.array_types import Floats, Integers
 from fis_tools.compiled.decorator import compiled
-from fis_tools.engines.program import (
-    BISECTOR,
-    BOUNDED_DIFFERENCE,
-    BOUNDED_SUM,
-    CENTROID,
-    DRASTIC_PRODUCT,
-    DRASTIC_SUM,
-    EINSTEIN_PRODUCT,
-    EINSTEIN_SUM,
-    EXTREMELY,
-    HAMACHER_PRODUCT,
-    HAMACHER_SUM,
-    INTENSELY,
-    MAX,
-    MEAN_OF_MAXIMUM,
-    MIN,
-    NILPOTENT_MAXIMUM,
-    NILPOTENT_MINIMUM,
-    PROBABILISTIC_SUM,
-    PRODUCT,
-    SELDOM,
-    SMALLEST_OF_MAXIMUM,
-    SOMEWHAT,
-    UNBOUNDED_SUM,
-    VERY,
-    Conclusion,
-    Program,
-    Weighing,
-)
+from fis_tools.compiled.vectors import borrowed, gather, least, load, most, select, some, splat, store
+from fis_tools.engines.defuzzifier import conclude_by_rule, conclude_by_term
+from fis_tools.engines.operators import MIN, PRODUCT, combine
+from fis_tools.engines.program import NUMBER, WEIGHTED_SUM, Conclusion, Program, Weighing
 from fis_tools.engines.weigher import weigh
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
-
-#: scikit-fuzzy divides by the larger of the area and this
-SMALLEST_AREA = float(np.finfo(np.float64).eps)
-#: The smallest positive number: a cut of zero crosses where memberships become positive.
-SMALLEST = float(np.nextafter(0.0, 1.0))
 
 #: samples whose rules are evaluated side by side: a constant, so that the compiler vectorises
 LANES = 16
@@ -80,13 +49,16 @@ def conclude(program: Program, firing: Floats, inputs: Floats | None = None) -> 
         inputs = np.zeros((len(firing), len(program.antecedents.inputs)))
     columns = np.empty((len(program.conclusions), len(firing)))
     for place, conclusion in enumerate(program.conclusions):
-        concluding(program, conclusion, firing, inputs, columns[:place], columns[place])()
+        _concluding(program, conclusion, firing, inputs, columns[:place], columns[place])()
     return columns.T
 
 
 def evaluate(program: Program, inputs: Floats) -> Floats:
     """Return the outputs, (n, num_outputs), for inputs (n, num_inputs)."""
     columns = np.empty((len(program.conclusions), len(inputs)))
+    if weighs_numbers(program):
+        average_rows(*_numbers(program), inputs, columns[0])
+        return columns.T
     size = max(LANES, min(BLOCK // program.num_rules, len(inputs)))
     firing = np.empty((size, program.num_rules))
     for first in range(0, len(inputs), size):
@@ -94,11 +66,73 @@ def evaluate(program: Program, inputs: Floats) -> Floats:
         fire_rows(*program.antecedents, rows, firing[: len(rows)])
         part = columns[:, first : first + size]
         for place, conclusion in enumerate(program.conclusions):
-            concluding(program, conclusion, firing[: len(rows)], rows, part[:place], part[place])()
+            _concluding(program, conclusion, firing[: len(rows)], rows, part[:place], part[place])()
     return columns.T
 
 
-def concluding(
+def weighs_numbers(program: Program) -> bool:
+    """Return whether there is one output, of weighted numbers: `average_rows` infers it in one pass."""
+    first = program.conclusions[0]
+    return (
+        len(program.conclusions) == 1 and isinstance(first, Weighing) and bool((first.kinds == NUMBER).all())
+    )
+
+
+def _numbers(program: Program) -> tuple[Any, ...]:
+    """Return what `average_rows` reads of a program."""
+    return (*program.antecedents, *program.conclusions[0][:6])
+
+
+def prepare(program: Program) -> Callable[..., list[float]]:
+    """Return a function from the inputs of one sample to its outputs; see `CompiledSystem.prepare`.
+
+    Its arrays are reused.
+    """
+    limits = program.ends.tolist()
+    row = np.zeros((1, len(limits)))
+    outputs = np.empty(len(program.conclusions))
+    run = _prepared(program, row, outputs)
+    run()  # compiles, or loads compiled code
+    flat = row[0]
+
+    def infer(*values: float) -> list[float]:
+        if len(values) != len(limits):
+            raise ValueError(f"{len(values)} inputs are given; pass {len(limits)} numbers, in their order")
+        if not isfinite(sum(values)):
+            values = tuple(map(_finite, values, limits))
+        for place, value in enumerate(values):
+            flat[place] = value
+        run()
+        found: list[float] = outputs.tolist()
+        return found
+
+    return infer
+
+
+def _finite(value: float, ends: tuple[float, float]) -> float:
+    """Return a number, or the end of its range if it is infinite."""
+    if isnan(value):
+        raise ValueError("an input is NaN; pass numbers, those out of range are clipped")
+    return value if isfinite(value) else ends[value > 0.0]
+
+
+def _prepared(program: Program, row: Floats, outputs: Floats) -> Callable[[], None]:
+    """Return a function that infers from a row, (1, num_inputs), and writes the outputs, (num_outputs,)."""
+    if weighs_numbers(program):
+        return partial(average_rows, *_numbers(program), row, outputs)
+    firing, columns = np.empty((1, program.num_rules)), outputs[:, np.newaxis]
+    steps: list[Callable[[], None]] = [partial(fire_rows, *program.antecedents, row, firing)]
+    for place, conclusion in enumerate(program.conclusions):
+        steps.append(_concluding(program, conclusion, firing, row, columns[:place], columns[place]))
+
+    def run() -> None:
+        for step in steps:
+            step()
+
+    return run
+
+
+def _concluding(
     program: Program,
     conclusion: Conclusion | Weighing,
     firing: Floats,
@@ -113,97 +147,81 @@ def concluding(
     if isinstance(conclusion, Weighing):
         return partial(weigh, conclusion, firing, inputs, program.ends, earlier, out)
     if conclusion.cuts:
-        return partial(_conclude_by_term, *conclusion[:9], firing, out)
-    return partial(
-        _conclude_by_rule,
-        conclusion.universe,
-        conclusion.memberships,
-        conclusion.rules,
-        conclusion.weights,
-        conclusion.terms,
-        conclusion.implication,
-        conclusion.aggregation,
-        conclusion.defuzzifier,
-        conclusion.default,
-        firing,
-        out,
-    )
+        return partial(conclude_by_term, *conclusion[:9], firing, out)
+    return partial(conclude_by_rule, *conclusion[:6], *conclusion[9:], firing, out)
 
 
 @compiled(error_model="numpy", forceinline=True)
-def combine(operator: int, a: float, b: float) -> float:  # noqa: PLR0911, PLR0912 - one line per operator
-    """Return the result of an operator on two degrees of truth, as in `fis_tools.model.operators`."""
-    if operator == MIN:
-        return a if a < b else b
-    if operator == MAX:
-        return a if a > b else b
-    both, either = a * b, a + b
-    if operator == PRODUCT:
-        return both
-    if operator == PROBABILISTIC_SUM:
-        return either - both
-    if operator == BOUNDED_DIFFERENCE:
-        return max(either - 1.0, 0.0)
-    if operator == BOUNDED_SUM:
-        return min(either, 1.0)
-    if operator == EINSTEIN_PRODUCT:
-        return both / (2.0 - (either - both))
-    if operator == EINSTEIN_SUM:
-        return either / (1.0 + both)
-    if operator == HAMACHER_PRODUCT:
-        return 0.0 if either - both == 0.0 else both / (either - both)
-    if operator == HAMACHER_SUM:
-        if both < 0.5:
-            return min((either - 2.0 * both) / (1.0 - both), 1.0)
-        return 1.0 if both == 1.0 else 1.0 - (1.0 - a) * (1.0 - b) / (1.0 - both)
-    if operator == DRASTIC_PRODUCT:
-        return a if b == 1.0 else b if a == 1.0 else 0.0
-    if operator == DRASTIC_SUM:
-        return a if b == 0.0 else b if a == 0.0 else 1.0
-    if operator == NILPOTENT_MINIMUM:
-        return min(a, b) if either > 1.0 else 0.0
-    if operator == NILPOTENT_MAXIMUM:
-        return max(a, b) if either < 1.0 else 1.0
-    if operator == UNBOUNDED_SUM:
-        return either
-    return _changed(operator, a)
+def fuzzify(
+    layout: Integers,
+    universes: Floats,
+    memberships: Floats,
+    inputs: Floats,
+    at: int,
+    slots: Floats,
+    slot: int,
+) -> None:
+    """Write the memberships of `LANES` values of one input in its terms, linear between points.
 
-
-@compiled(error_model="numpy", forceinline=True)
-def _changed(operator: int, a: float) -> float:
-    """Return the result of a hedge on a degree of truth, or its complement."""
-    if operator == VERY:
-        return a * a
-    if operator == SOMEWHAT:
-        return float(np.sqrt(max(a, 0.0)))
-    if operator == EXTREMELY:
-        return a * a * a
-    if operator == INTENSELY:
-        return 2.0 * a * a if a <= 0.5 else 1.0 - 2.0 * (1.0 - a) * (1.0 - a)
-    if operator == SELDOM:
-        half = max(a if a <= 0.5 else 1.0 - a, 0.0)
-        return float(np.sqrt(0.5 * half)) if a <= 0.5 else float(1.0 - np.sqrt(0.5 * half))
-    return 1.0 - a
-
-
-@compiled(error_model="numpy", forceinline=True)
-def fuzzify_one(layout: Integers, universes: Floats, memberships: Floats, x: float, out: Floats) -> None:
-    """Write a value's membership in each term of an input, linear between the points of its universe."""
+    The values are clipped to the universe where they are, from an index on; memberships begin at a slot.
+    """
     terms, points, start, row = layout[0], layout[1], layout[2], layout[3]
     low, high = universes[start], universes[start + points - 1]
-    x = min(max(x, low), high)
-    left = min(int((x - low) * ((points - 1) / (high - low))), points - 1)
-    if x < universes[start + left] or (left < points - 1 and x >= universes[start + left + 1]):
-        left = np.searchsorted(universes[start : start + points], x, side="right") - 1
-    here = row + 2 * terms * left
-    distance = x - universes[start + left]
+    x = least(most(load(inputs, at, LANES), low), high)
+    store(inputs, at, x)
+    left = least(np.floor((x - low) * ((points - 1) / (high - low))), points - 1.0)
+    here = gather(universes, start, left)
+    beyond = gather(universes, start, least(left + 1.0, points - 1.0))
+    if some((x < here) | ((x >= beyond) & (left < points - 1.0))):  # the points are not evenly spaced
+        for lane in range(LANES):
+            universe = universes[start : start + points]
+            point = np.searchsorted(universe, inputs[at + lane], side="right") - 1
+            ahead, distance = row + 2 * terms * point, inputs[at + lane] - universe[point]
+            for term in range(terms):
+                slots[slot + term * LANES + lane] = (
+                    memberships[ahead + terms + term] * distance + memberships[ahead + term]
+                )
+        return
+    distance, ahead = x - here, left * (2.0 * terms)
     for term in range(terms):
-        out[term] = memberships[here + terms + term] * distance + memberships[here + term]
+        slope = gather(memberships, row + terms + term, ahead)
+        store(slots, slot + term * LANES, slope * distance + gather(memberships, row + term, ahead))
+
+
+@compiled(error_model="numpy", forceinline=True)
+def fire_lanes(
+    layout: Integers,
+    universes: Floats,
+    memberships: Floats,
+    steps: Integers,
+    values: Floats,
+    first: int,
+    inputs: Floats,
+    slots: Floats,
+) -> int:
+    """Write the clipped inputs and all degrees of up to `LANES` samples; return how many they are."""
+    num_lanes, slot = min(LANES, len(values) - first), 0
+    for place in range(len(layout)):
+        for lane in range(num_lanes):
+            inputs[place * LANES + lane] = values[first + lane, place]
+        fuzzify(layout[place], universes, memberships, inputs, place * LANES, slots, slot * LANES)
+        slot += layout[place, 0]
+    for index in range(len(steps)):
+        operator, a, b = steps[index, 0], steps[index, 1] * LANES, steps[index, 2] * LANES
+        result = (slot + index) * LANES
+        if operator == MIN:
+            store(slots, result, least(load(slots, a, LANES), load(slots, b, LANES)))
+        elif operator == PRODUCT:
+            store(slots, result, load(slots, a, LANES) * load(slots, b, LANES))
+        else:
+            for lane in range(LANES):
+                slots[result + lane] = combine(operator, slots[a + lane], slots[b + lane])
+    return num_lanes
 
 
 @compiled(error_model="numpy", nogil=True)
 def fire_rows(
-    inputs: Integers,
+    layout: Integers,
     universes: Floats,
     memberships: Floats,
     steps: Integers,
@@ -211,247 +229,55 @@ def fire_rows(
     values: Floats,
     out: Floats,
 ) -> None:
-    """Write the firing strengths of `Antecedents` for the values, (n, num_inputs)."""
-    num_terms = inputs[:, 0].sum()
-    slots = np.zeros((num_terms + len(steps)) * LANES)
+    """Write the firing strengths of `Antecedents` for values (n, num_inputs)."""
+    layout, universes, memberships, steps = borrowed((layout, universes, memberships, steps))
+    room = np.zeros((layout[:, 0].sum() + len(steps)) * LANES), np.zeros(len(layout) * LANES)
+    slots, inputs = borrowed(room)
     for first in range(0, len(values), LANES):
-        num_lanes = min(LANES, len(values) - first)
-        slot = 0
-        for place in range(len(inputs)):
-            for lane in range(num_lanes):
-                x = values[first + lane, place]
-                fuzzify_one(inputs[place], universes, memberships, x, slots[slot * LANES + lane :: LANES])
-            slot += inputs[place, 0]
-        for index in range(len(steps)):
-            operator, a, b = steps[index, 0], steps[index, 1] * LANES, steps[index, 2] * LANES
-            result = (num_terms + index) * LANES
-            if operator == MIN:
-                for lane in range(LANES):
-                    x, y = slots[a + lane], slots[b + lane]
-                    slots[result + lane] = x if x < y else y
-            elif operator == PRODUCT:
-                for lane in range(LANES):
-                    slots[result + lane] = slots[a + lane] * slots[b + lane]
-            else:
-                for lane in range(LANES):
-                    slots[result + lane] = combine(operator, slots[a + lane], slots[b + lane])
+        num_lanes = fire_lanes(layout, universes, memberships, steps, values, first, inputs, slots)
         for lane in range(num_lanes):
             for rule in range(len(rule_slots)):
                 out[first + lane, rule] = slots[rule_slots[rule] * LANES + lane]
 
 
 @compiled(error_model="numpy", nogil=True)
-def _conclude_by_term(
-    universe: Floats,
+def average_rows(
+    layout: Integers,
+    universes: Floats,
     memberships: Floats,
-    bounds: Integers,
+    steps: Integers,
+    rule_slots: Integers,
     rules: Integers,
     weights: Floats,
-    runs: Integers,
-    accumulation: int,
+    parameters: Floats,
+    is_constant: bool,
     defuzzifier: int,
     default: float,
-    firing: Floats,
+    values: Floats,
     out: Floats,
 ) -> None:
-    """Write one output whose terms are each cut once and aggregated by the maximum."""
-    num_terms, num_points = memberships.shape
-    cuts, heights, crossings = np.empty(num_terms), np.empty(num_points), np.empty(len(runs))
-    room = num_points + len(runs)
-    x, y, areas = np.empty(room), np.empty(room), np.empty(room)
-    for sample in range(len(firing)):
-        heights[:] = 0.0
-        for term in range(num_terms):
-            first = bounds[term]
-            cut = firing[sample, rules[first]] * weights[first]
-            for index in range(first + 1, bounds[term + 1]):
-                cut = combine(accumulation, firing[sample, rules[index]] * weights[index], cut)
-            cuts[term] = cut
-            for point in range(num_points):
-                height = memberships[term, point]
-                height = height if height < cut else cut
-                heights[point] = height if height > heights[point] else heights[point]
-        num_crossings = _cross(universe, memberships, runs, cuts, crossings)
-        count = _merge(universe, memberships, heights, cuts, crossings, num_crossings, x, y)
-        if _is_empty(y, count):
-            out[sample] = default
-        elif defuzzifier == CENTROID:
-            out[sample] = _centroid(x, y, count)
-        elif defuzzifier == BISECTOR:
-            out[sample] = _bisector(x, y, count, areas)
-        else:
-            out[sample] = _of_maximum(defuzzifier, x, y, count, y[:count].max())
-
-
-@compiled(error_model="numpy", nogil=True)
-def _conclude_by_rule(
-    universe: Floats,
-    memberships: Floats,
-    rules: Integers,
-    weights: Floats,
-    terms: Integers,
-    implication: int,
-    aggregation: int,
-    defuzzifier: int,
-    default: float,
-    firing: Floats,
-    out: Floats,
-) -> None:
-    """Write one output from each rule's implied set, at the points of the universe."""
-    count = len(universe)
-    heights, areas = np.empty(count), np.empty(count)
-    for sample in range(len(firing)):
-        heights[:] = 0.0
+    """Write the one output, (n,), for values (n, num_inputs): numbers, weighted by strengths not stored."""
+    layout, universes, memberships, steps = borrowed((layout, universes, memberships, steps))
+    rule_slots, rules, weights, parameters = borrowed((rule_slots, rules, weights, parameters))
+    num_inputs = len(layout)
+    room = np.zeros((layout[:, 0].sum() + len(steps)) * LANES), np.zeros(num_inputs * LANES)
+    slots, inputs = borrowed(room)
+    answers = np.empty(LANES)
+    for first in range(0, len(values), LANES):
+        num_lanes = fire_lanes(layout, universes, memberships, steps, values, first, inputs, slots)
+        total, moment = splat(0.0, LANES), splat(0.0, LANES)
         for index in range(len(rules)):
-            strength = firing[sample, rules[index]] * weights[index]
-            for point in range(count):
-                implied = combine(implication, strength, memberships[terms[index], point])
-                heights[point] = combine(aggregation, heights[point], implied)
-        if _is_empty(heights, count):
-            out[sample] = default
-        elif defuzzifier == CENTROID:
-            out[sample] = _centroid(universe, heights, count)
-        elif defuzzifier == BISECTOR:
-            out[sample] = _bisector(universe, heights, count, areas)
-        else:
-            out[sample] = _of_maximum(defuzzifier, universe, heights, count, heights.max())
-
-
-@compiled(error_model="numpy", forceinline=True)
-def _cross(universe: Floats, memberships: Floats, runs: Integers, cuts: Floats, crossings: Floats) -> int:
-    """Write where terms cross their cuts between points of the universe, ascending; return how many."""
-    count = 0
-    for run in range(len(runs)):
-        term, left, right = runs[run, 0], runs[run, 1], runs[run, 2]
-        cut = cuts[term]
-        threshold = cut if cut > 0.0 else SMALLEST
-        begins_above = memberships[term, left] >= threshold
-        if begins_above == (memberships[term, right] >= threshold):
-            continue
-        while right - left > 1:
-            middle = (left + right) // 2
-            is_left = (memberships[term, middle] >= threshold) == begins_above
-            left = middle if is_left else left
-            right = right if is_left else middle
-        low, rise = memberships[term, left], memberships[term, right] - memberships[term, left]
-        crossing = universe[left] + (cut - low) * (universe[right] - universe[left]) / rise
-        place = count
-        while place > 0 and crossings[place - 1] > crossing:
-            crossings[place] = crossings[place - 1]
-            place -= 1
-        crossings[place] = crossing
-        count += 1
-    return count
-
-
-@compiled(error_model="numpy", forceinline=True)
-def _merge(
-    universe: Floats,
-    memberships: Floats,
-    heights: Floats,
-    cuts: Floats,
-    crossings: Floats,
-    num_crossings: int,
-    x: Floats,
-    y: Floats,
-) -> int:
-    """Write the points of the universe and the crossings in ascending order, each once; return how many."""
-    num_points = len(universe)
-    count, point = 0, 0
-    for index in range(num_crossings):
-        crossing = crossings[index]
-        while point < num_points and universe[point] <= crossing:
-            x[count], y[count] = universe[point], heights[point]
-            point += 1
-            count += 1
-        if count > 0 and x[count - 1] == crossing:
-            continue
-        highest = 0.0
-        if 0 < point < num_points:
-            width, distance = universe[point] - universe[point - 1], crossing - universe[point - 1]
-            for term in range(len(cuts)):
-                low = memberships[term, point - 1]
-                height = (memberships[term, point] - low) / width * distance + low
-                height = height if height < cuts[term] else cuts[term]
-                highest = height if height > highest else highest
-        x[count], y[count] = crossing, highest
-        count += 1
-    while point < num_points:
-        x[count], y[count] = universe[point], heights[point]
-        point += 1
-        count += 1
-    return count
-
-
-@compiled(error_model="numpy", forceinline=True)
-def _is_empty(y: Floats, count: int) -> bool:
-    """Return whether all heights are zero: most others show after a few points."""
-    point = 0
-    while point < count and y[point] == 0.0:
-        point += 1
-    return point == count
-
-
-@compiled(error_model="numpy")
-def _centroid(x: Floats, y: Floats, count: int) -> float:
-    """Return the centre of area of a polygon, summed segment by segment."""
-    moment, area = 0.0, 0.0
-    for right in range(1, count):
-        x1, x2, y1, y2 = x[right - 1], x[right], y[right - 1], y[right]
-        width = x2 - x1
-        if y1 == y2:
-            centre, segment = 0.5 * (x1 + x2), width * y1
-        elif y1 == 0.0:
-            centre, segment = 2.0 / 3.0 * width + x1, 0.5 * width * y2
-        elif y2 == 0.0:
-            centre, segment = 1.0 / 3.0 * width + x1, 0.5 * width * y1
-        else:
-            centre = (2.0 / 3.0 * width * (y2 + 0.5 * y1)) / (y1 + y2) + x1
-            segment = 0.5 * width * (y1 + y2)
-        moment += centre * segment
-        area += segment
-    return moment / max(area, SMALLEST_AREA)
-
-
-@compiled(error_model="numpy")
-def _bisector(x: Floats, y: Floats, count: int, areas: Floats) -> float:
-    """Return the point with half of the area on either side; see `fis_tools.engines.inference`."""
-    total = 0.0
-    for right in range(1, count):
-        y1, y2 = y[right - 1], y[right]
-        width = x[right] - x[right - 1]
-        total += width * y1 if y1 == y2 else 0.5 * width * (y1 + y2)
-        areas[right] = 0.0 if y1 == 0.0 and y2 == 0.0 else total
-    areas[0] = 0.0
-    right = 1
-    while not areas[right] >= total / 2.0:
-        right += 1
-    rest = total / 2.0 - areas[right - 1]
-    x1, x2, y1, y2 = x[right - 1], x[right], y[right - 1], y[right]
-    width = x2 - x1
-    slope = (y2 - y1) / width
-    middle: float
-    if y1 == y2:
-        middle = rest / y1 + x1
-    elif y1 == 0.0:
-        middle = x1 + np.sqrt(2.0 * rest * width / y2)
-    elif y2 == 0.0:
-        middle = x2 - np.sqrt(width * width - 2.0 * rest * width / y1)
-    else:
-        middle = x1 - (y1 - np.sqrt(y1 * y1 + 2.0 * slope * rest)) / slope
-    return middle
-
-
-@compiled(error_model="numpy")
-def _of_maximum(defuzzifier: int, x: Floats, y: Floats, count: int, highest: float) -> float:
-    """Return the mean, the smallest or the largest of the highest points."""
-    total, found, least, greatest = 0.0, 0, 0.0, 0.0
-    for point in range(count):
-        if y[point] == highest:
-            least = x[point] if found == 0 else least
-            greatest = x[point]
-            total += x[point]
-            found += 1
-    if defuzzifier == MEAN_OF_MAXIMUM:
-        return total / found
-    return least if defuzzifier == SMALLEST_OF_MAXIMUM else greatest
+            strength = load(slots, rule_slots[rules[index]] * LANES, LANES) * weights[index]
+            number = splat(parameters[index, num_inputs], LANES)
+            if not is_constant:
+                for place in range(num_inputs):
+                    number += load(inputs, place * LANES, LANES) * parameters[index, place]
+            total += strength
+            moment += strength * number
+        fires = total != 0.0
+        output = moment
+        if defuzzifier != WEIGHTED_SUM:
+            output = moment / select(fires, total, 1.0)
+        store(answers, 0, select(fires, output, default))
+        for lane in range(num_lanes):
+            out[first + lane] = answers[lane]

@@ -13,13 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.compiled.decorator import compiled
-from fis_tools.engines.interpreter import SMALLEST_AREA, combine
+from fis_tools.engines.defuzzifier import SMALLEST_AREA
+from fis_tools.engines.operators import DRASTIC_PRODUCT, MAX, MIN, NOT, combine
 from fis_tools.engines.program import (
     CENTROID,
-    DRASTIC_PRODUCT,
-    MAX,
-    MIN,
-    NOT,
     NUMBER,
     WEIGHTED_SUM,
     Antecedents,

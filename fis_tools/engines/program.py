@@ -6,11 +6,11 @@ from itertools import pairwise
 from typing import NamedTuple, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fis_tools.array_types import Floats, Integers
+from fis_tools.engines.operators import MAX, MIN, NOT, OPERATORS
 from fis_tools.model import (
     And,
-    AndOperator,
     Arc,
     Concave,
     Constant,
@@ -18,14 +18,12 @@ from fis_tools.model import (
     Expression,
     Formula,
     FuzzySystem,
-    Hedge,
     Hedged,
     Is,
     MonotoneFunction,
     Not,
     Number,
     Or,
-    OrOperator,
     Ramp,
     Rule,
     Sigmoid,
@@ -35,26 +33,6 @@ from fis_tools.model import (
 )
 from fis_tools.model.variables import sample_terms
 
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
-
-#: Operations as numbers, since compiled functions have no strings.
-AND_CODES = range(7)
-OR_CODES = range(7, 14)
-NOT = 14
-UNBOUNDED_SUM = 15
-HEDGE_CODES = range(16, 21)
-MIN, PRODUCT, BOUNDED_DIFFERENCE, EINSTEIN_PRODUCT, HAMACHER_PRODUCT, DRASTIC_PRODUCT, NILPOTENT_MINIMUM = (
-    AND_CODES
-)
-MAX, PROBABILISTIC_SUM, BOUNDED_SUM, EINSTEIN_SUM, HAMACHER_SUM, DRASTIC_SUM, NILPOTENT_MAXIMUM = OR_CODES
-VERY, SOMEWHAT, EXTREMELY, INTENSELY, SELDOM = HEDGE_CODES
-OPERATORS: dict[str, int] = {
-    **dict(zip(get_args(AndOperator), AND_CODES, strict=True)),
-    **dict(zip(get_args(OrOperator), OR_CODES, strict=True)),
-    "unbounded_sum": UNBOUNDED_SUM,
-    **dict(zip(get_args(Hedge), HEDGE_CODES, strict=True)),
-}
 DEFUZZIFIERS: dict[str, int] = {name: code for code, name in enumerate(get_args(Defuzzifier))}
 CENTROID, BISECTOR, MEAN_OF_MAXIMUM, SMALLEST_OF_MAXIMUM, LARGEST_OF_MAXIMUM = range(5)
 WEIGHTED_AVERAGE, WEIGHTED_SUM = range(5, 7)
@@ -102,19 +80,21 @@ class Conclusion(NamedTuple):
         Its points.
     memberships : (num_terms, num_points) float
         The sampled membership functions.
-    bounds : (num_terms + 1,) int
-        Start of the rules of each term in `rules` and `weights`.
     rules : (c,) int
         The rules that conclude each term, in order.
     weights : (c,) float
         Factors of their firing strengths.
+    defuzzifier : int
+        Of `DEFUZZIFIERS`.
+    default : float
+        The output where no rule fires; NaN if none is declared.
+    bounds : (num_terms + 1,) int
+        Start of the rules of each term in `rules` and `weights`.
     runs : (r, 3) int
         Term, first and last point of each stretch in which a membership function is monotone,
         so that a cut crosses it there at most once.
-    accumulation, defuzzifier : int
-        Of `OPERATORS` and `DEFUZZIFIERS`.
-    default : float
-        The output where no rule fires; NaN if none is declared.
+    accumulation : int
+        Of `OPERATORS`.
     terms : (c,) int
         The term that each of `rules` concludes.
     implication, aggregation : int
@@ -124,13 +104,13 @@ class Conclusion(NamedTuple):
 
     universe: Floats
     memberships: Floats
-    bounds: Integers
     rules: Integers
     weights: Floats
-    runs: Integers
-    accumulation: int
     defuzzifier: int
     default: float
+    bounds: Integers
+    runs: Integers
+    accumulation: int
     terms: Integers
     implication: int
     aggregation: int
@@ -150,18 +130,18 @@ class Weighing(NamedTuple):
         The rules that conclude on it, in order.
     weights : (c,) float
         Factors of their firing strengths.
-    kinds : (c,) int
-        Kind of each conclusion: NUMBER, or the index of one of `INVERTED`.
     parameters : (c, max(num_inputs + 1, 2)) float
         For a number the factor of each input, then the constant; for a shape its parameters.
     is_constant : bool
         Whether all numbers are the same for all inputs.
-    low, high : float
-        The ends of the range.
     defuzzifier : int
         WEIGHTED_AVERAGE or WEIGHTED_SUM.
     default : float
         The output where no rule fires; NaN if none is declared.
+    kinds : (c,) int
+        Kind of each conclusion: NUMBER, or the index of one of `INVERTED`.
+    low, high : float
+        The ends of the range.
     formulas : tuple of Formula
         Those that rules conclude.
     names : tuple of str
@@ -170,13 +150,13 @@ class Weighing(NamedTuple):
 
     rules: Integers
     weights: Floats
-    kinds: Integers
     parameters: Floats
     is_constant: bool
-    low: float
-    high: float
     defuzzifier: int
     default: float
+    kinds: Integers
+    low: float
+    high: float
     formulas: tuple[Formula, ...]
     names: tuple[str, ...]
 

@@ -1,8 +1,8 @@
 """Weighted outputs, compiled; `fis_tools.engines.inference` is the readable twin."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fis_tools.array_types import Floats, Integers
 from fis_tools.compiled.decorator import compiled
 from fis_tools.engines.program import (
     ARC,
@@ -15,9 +15,6 @@ from fis_tools.engines.program import (
     WEIGHTED_SUM,
     Weighing,
 )
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 
 def weigh(
@@ -32,19 +29,8 @@ def weigh(
     earlier : (num_outputs, n)
         The outputs before this one, which formulas may use.
     """
-    if weighing.is_constant:
-        _weigh_constants(
-            weighing.rules,
-            weighing.weights,
-            np.ascontiguousarray(weighing.parameters[:, values.shape[1]]),
-            weighing.defuzzifier,
-            weighing.default,
-            firing,
-            out,
-        )
-    else:
-        formulas = formula_values(weighing, values, universes, earlier)
-        _weigh(*weighing[:4], *weighing[5:9], formulas, firing, values, universes, out)
+    formulas = formula_values(weighing, values, universes, earlier)
+    _weigh(*weighing[:9], formulas, firing, values, universes, out)
 
 
 def formula_values(weighing: Weighing, values: Floats, universes: Floats, earlier: Floats) -> Floats:
@@ -61,37 +47,16 @@ def formula_values(weighing: Weighing, values: Floats, universes: Floats, earlie
 
 
 @compiled(error_model="numpy", nogil=True)
-def _weigh_constants(
-    rules: Integers,
-    weights: Floats,
-    constants: Floats,
-    defuzzifier: int,
-    default: float,
-    firing: Floats,
-    out: Floats,
-) -> None:
-    for sample in range(len(firing)):
-        total, moment = 0.0, 0.0
-        for index in range(len(rules)):
-            strength = firing[sample, rules[index]] * weights[index]
-            total += strength
-            moment += strength * constants[index]
-        if total == 0.0:
-            out[sample] = default
-        else:
-            out[sample] = moment if defuzzifier == WEIGHTED_SUM else moment / total
-
-
-@compiled(error_model="numpy", nogil=True)
 def _weigh(
     rules: Integers,
     weights: Floats,
-    kinds: Integers,
     parameters: Floats,
-    low: float,
-    high: float,
+    is_constant: bool,
     defuzzifier: int,
     default: float,
+    kinds: Integers,
+    low: float,
+    high: float,
     formulas: Floats,
     firing: Floats,
     values: Floats,
@@ -108,7 +73,9 @@ def _weigh(
             strength = firing[sample, rules[index]] * weights[index]
             if strength == 0.0:
                 continue
-            if kinds[index] == NUMBER:
+            if is_constant:
+                number = parameters[index, num_inputs]
+            elif kinds[index] == NUMBER:
                 number = parameters[index, num_inputs]
                 for place in range(num_inputs):
                     number += parameters[index, place] * clipped[place]

@@ -1,0 +1,233 @@
+"""Outputs from firing strengths by way of sets, compiled: terms cut or implied, aggregated, defuzzified.
+
+`fis_tools.engines.inference` is the readable twin, in the same order.
+"""
+
+import numpy as np
+
+from fis_tools.array_types import Floats, Integers
+from fis_tools.compiled.decorator import compiled
+from fis_tools.engines.operators import combine
+from fis_tools.engines.program import BISECTOR, CENTROID, MEAN_OF_MAXIMUM, SMALLEST_OF_MAXIMUM
+
+#: scikit-fuzzy divides by the larger of the area and this
+SMALLEST_AREA = float(np.finfo(np.float64).eps)
+#: The smallest positive number: a cut of zero crosses where memberships become positive.
+SMALLEST = float(np.nextafter(0.0, 1.0))
+
+
+@compiled(error_model="numpy", nogil=True)
+def conclude_by_term(
+    universe: Floats,
+    memberships: Floats,
+    rules: Integers,
+    weights: Floats,
+    defuzzifier: int,
+    default: float,
+    bounds: Integers,
+    runs: Integers,
+    accumulation: int,
+    firing: Floats,
+    out: Floats,
+) -> None:
+    """Write one output whose terms are each cut once and aggregated by the maximum."""
+    num_terms, num_points = memberships.shape
+    cuts, heights, crossings = np.empty(num_terms), np.empty(num_points), np.empty(len(runs))
+    room = num_points + len(runs)
+    x, y, areas = np.empty(room), np.empty(room), np.empty(room)
+    for sample in range(len(firing)):
+        heights[:] = 0.0
+        for term in range(num_terms):
+            first = bounds[term]
+            cut = firing[sample, rules[first]] * weights[first]
+            for index in range(first + 1, bounds[term + 1]):
+                cut = combine(accumulation, firing[sample, rules[index]] * weights[index], cut)
+            cuts[term] = cut
+            for point in range(num_points):
+                height = memberships[term, point]
+                height = height if height < cut else cut
+                heights[point] = height if height > heights[point] else heights[point]
+        num_crossings = _cross(universe, memberships, runs, cuts, crossings)
+        count = _merge(universe, memberships, heights, cuts, crossings, num_crossings, x, y)
+        if _is_empty(y, count):
+            out[sample] = default
+        elif defuzzifier == CENTROID:
+            out[sample] = _centroid(x, y, count)
+        elif defuzzifier == BISECTOR:
+            out[sample] = _bisector(x, y, count, areas)
+        else:
+            out[sample] = _of_maximum(defuzzifier, x, y, count, y[:count].max())
+
+
+@compiled(error_model="numpy", nogil=True)
+def conclude_by_rule(
+    universe: Floats,
+    memberships: Floats,
+    rules: Integers,
+    weights: Floats,
+    defuzzifier: int,
+    default: float,
+    terms: Integers,
+    implication: int,
+    aggregation: int,
+    firing: Floats,
+    out: Floats,
+) -> None:
+    """Write one output from each rule's implied set, at the points of the universe."""
+    count = len(universe)
+    heights, areas = np.empty(count), np.empty(count)
+    for sample in range(len(firing)):
+        heights[:] = 0.0
+        for index in range(len(rules)):
+            strength = firing[sample, rules[index]] * weights[index]
+            for point in range(count):
+                implied = combine(implication, strength, memberships[terms[index], point])
+                heights[point] = combine(aggregation, heights[point], implied)
+        if _is_empty(heights, count):
+            out[sample] = default
+        elif defuzzifier == CENTROID:
+            out[sample] = _centroid(universe, heights, count)
+        elif defuzzifier == BISECTOR:
+            out[sample] = _bisector(universe, heights, count, areas)
+        else:
+            out[sample] = _of_maximum(defuzzifier, universe, heights, count, heights.max())
+
+
+@compiled(error_model="numpy", forceinline=True)
+def _cross(universe: Floats, memberships: Floats, runs: Integers, cuts: Floats, crossings: Floats) -> int:
+    """Write where terms cross their cuts between points of the universe, ascending; return how many."""
+    count = 0
+    for run in range(len(runs)):
+        term, left, right = runs[run, 0], runs[run, 1], runs[run, 2]
+        cut = cuts[term]
+        threshold = cut if cut > 0.0 else SMALLEST
+        begins_above = memberships[term, left] >= threshold
+        if begins_above == (memberships[term, right] >= threshold):
+            continue
+        while right - left > 1:
+            middle = (left + right) // 2
+            is_left = (memberships[term, middle] >= threshold) == begins_above
+            left = middle if is_left else left
+            right = right if is_left else middle
+        low, rise = memberships[term, left], memberships[term, right] - memberships[term, left]
+        crossing = universe[left] + (cut - low) * (universe[right] - universe[left]) / rise
+        place = count
+        while place > 0 and crossings[place - 1] > crossing:
+            crossings[place] = crossings[place - 1]
+            place -= 1
+        crossings[place] = crossing
+        count += 1
+    return count
+
+
+@compiled(error_model="numpy", forceinline=True)
+def _merge(
+    universe: Floats,
+    memberships: Floats,
+    heights: Floats,
+    cuts: Floats,
+    crossings: Floats,
+    num_crossings: int,
+    x: Floats,
+    y: Floats,
+) -> int:
+    """Write the points of the universe and the crossings in ascending order, each once; return how many."""
+    num_points = len(universe)
+    count, point = 0, 0
+    for index in range(num_crossings):
+        crossing = crossings[index]
+        while point < num_points and universe[point] <= crossing:
+            x[count], y[count] = universe[point], heights[point]
+            point += 1
+            count += 1
+        if count > 0 and x[count - 1] == crossing:
+            continue
+        highest = 0.0
+        if 0 < point < num_points:
+            width, distance = universe[point] - universe[point - 1], crossing - universe[point - 1]
+            for term in range(len(cuts)):
+                low = memberships[term, point - 1]
+                height = (memberships[term, point] - low) / width * distance + low
+                height = height if height < cuts[term] else cuts[term]
+                highest = height if height > highest else highest
+        x[count], y[count] = crossing, highest
+        count += 1
+    while point < num_points:
+        x[count], y[count] = universe[point], heights[point]
+        point += 1
+        count += 1
+    return count
+
+
+@compiled(error_model="numpy", forceinline=True)
+def _is_empty(y: Floats, count: int) -> bool:
+    """Return whether all heights are zero: most others show after a few points."""
+    point = 0
+    while point < count and y[point] == 0.0:
+        point += 1
+    return point == count
+
+
+@compiled(error_model="numpy")
+def _centroid(x: Floats, y: Floats, count: int) -> float:
+    """Return the centre of area of a polygon, summed segment by segment."""
+    moment, area = 0.0, 0.0
+    for right in range(1, count):
+        x1, x2, y1, y2 = x[right - 1], x[right], y[right - 1], y[right]
+        width = x2 - x1
+        if y1 == y2:
+            centre, segment = 0.5 * (x1 + x2), width * y1
+        elif y1 == 0.0:
+            centre, segment = 2.0 / 3.0 * width + x1, 0.5 * width * y2
+        elif y2 == 0.0:
+            centre, segment = 1.0 / 3.0 * width + x1, 0.5 * width * y1
+        else:
+            centre = (2.0 / 3.0 * width * (y2 + 0.5 * y1)) / (y1 + y2) + x1
+            segment = 0.5 * width * (y1 + y2)
+        moment += centre * segment
+        area += segment
+    return moment / max(area, SMALLEST_AREA)
+
+
+@compiled(error_model="numpy")
+def _bisector(x: Floats, y: Floats, count: int, areas: Floats) -> float:
+    """Return the point with half of the area on either side; see `fis_tools.engines.inference`."""
+    total = 0.0
+    for right in range(1, count):
+        y1, y2 = y[right - 1], y[right]
+        width = x[right] - x[right - 1]
+        total += width * y1 if y1 == y2 else 0.5 * width * (y1 + y2)
+        areas[right] = 0.0 if y1 == 0.0 and y2 == 0.0 else total
+    areas[0] = 0.0
+    right = 1
+    while not areas[right] >= total / 2.0:
+        right += 1
+    rest = total / 2.0 - areas[right - 1]
+    x1, x2, y1, y2 = x[right - 1], x[right], y[right - 1], y[right]
+    width = x2 - x1
+    slope = (y2 - y1) / width
+    middle: float
+    if y1 == y2:
+        middle = rest / y1 + x1
+    elif y1 == 0.0:
+        middle = x1 + np.sqrt(2.0 * rest * width / y2)
+    elif y2 == 0.0:
+        middle = x2 - np.sqrt(width * width - 2.0 * rest * width / y1)
+    else:
+        middle = x1 - (y1 - np.sqrt(y1 * y1 + 2.0 * slope * rest)) / slope
+    return middle
+
+
+@compiled(error_model="numpy")
+def _of_maximum(defuzzifier: int, x: Floats, y: Floats, count: int, highest: float) -> float:
+    """Return the mean, the smallest or the largest of the highest points."""
+    total, found, least, greatest = 0.0, 0, 0.0, 0.0
+    for point in range(count):
+        if y[point] == highest:
+            least = x[point] if found == 0 else least
+            greatest = x[point]
+            total += x[point]
+            found += 1
+    if defuzzifier == MEAN_OF_MAXIMUM:
+        return total / found
+    return least if defuzzifier == SMALLEST_OF_MAXIMUM else greatest
