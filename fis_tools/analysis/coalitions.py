@@ -10,9 +10,8 @@ from functools import cache, lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from fis_tools.array_types import Floats
+from fis_tools.array_types import Booleans, Floats
 from fis_tools.model.operators import Operator
 
 #: Places of terms, and how high a rule cuts each, or with what weight.
@@ -102,7 +101,7 @@ def num_coalitions(structure: tuple[Leads, ...]) -> int:
     return math.prod(map(_num_states, structure))
 
 
-def _members(after: Leads) -> NDArray[np.bool_]:
+def _members(after: Leads) -> Booleans:
     """Return players of a block that bring about each of its states, (num_states, num_players)."""
     states: list[list[int]] = [[]]
     for player, leads in enumerate(after):
@@ -116,7 +115,7 @@ def _members(after: Leads) -> NDArray[np.bool_]:
 
 
 @lru_cache(maxsize=256)
-def weighted_coalitions(structure: tuple[Leads, ...]) -> tuple[NDArray[np.bool_], Floats]:
+def weighted_coalitions(structure: tuple[Leads, ...]) -> tuple[Booleans, Floats]:
     """Return coalitions that cut the terms in all ways, and how much each counts in the players' shares.
 
     The share of a player is the integral over p of what it adds to a coalition that each other joins with

@@ -5,9 +5,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from fis_tools.array_types import Floats
+from fis_tools.array_types import Booleans, Floats
 from fis_tools.model import FuzzySystem
 from fis_tools.model.validate import nearest
 
@@ -70,7 +69,7 @@ class Region:
     least: Floats
     greatest: Floats
 
-    def may_meet(self, low: Floats, high: Floats) -> NDArray[np.bool_]:
+    def may_meet(self, low: Floats, high: Floats) -> Booleans:
         """Return which boxes, given by their corners (n, num_inputs), may hold an input of the region."""
         positive, negative = np.maximum(self.coefficients, 0.0).T, np.minimum(self.coefficients, 0.0).T
         size = np.maximum(np.abs(low), np.abs(high)) @ np.abs(self.coefficients).T
@@ -79,7 +78,7 @@ class Region:
         begins = low @ positive + high @ negative - slack <= self.greatest
         return np.asarray((reaches & begins).all(axis=1))
 
-    def holds(self, inputs: Floats) -> NDArray[np.bool_]:
+    def holds(self, inputs: Floats) -> Booleans:
         """Return which inputs of the box, (n, num_inputs), lie in the region."""
         values = inputs @ self.coefficients.T
         return np.asarray(((values >= self.least) & (values <= self.greatest)).all(axis=1))

@@ -4,9 +4,8 @@ Where an output is weighed, what each rule adds is exact, and it adds up.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
-from fis_tools.array_types import Floats
+from fis_tools.array_types import Booleans, Floats
 from fis_tools.engines import interpreter
 from fis_tools.engines.compiler import CompiledSystem
 from fis_tools.engines.program import FORMULA, INVERTED, NUMBER, WEIGHTED_SUM, Program, Weighing
@@ -47,7 +46,7 @@ def contributions(compiled: CompiledSystem, inputs: Floats) -> Floats:
     return result
 
 
-def _can_matter(compiled: CompiledSystem, firing: Floats) -> NDArray[np.bool_]:
+def _can_matter(compiled: CompiledSystem, firing: Floats) -> Booleans:
     """Return which firing rules cut some output term highest; where rules add up, all do."""
     matters = np.zeros(firing.shape, dtype=np.bool_)
     for conclusion, output in zip(compiled.program.conclusions, compiled.system.outputs, strict=True):

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from fis_tools.analysis import tables
 from fis_tools.analysis.arrays import FIRED, RuleUsage, firing, rule_usage
-from fis_tools.array_types import Floats
+from fis_tools.array_types import Booleans, Floats
 from fis_tools.engines.compiler import compile as compiled
 from fis_tools.formats import serialize
 from fis_tools.formats.error import ControllerFileError
@@ -67,11 +67,11 @@ class FlownSystem:
     is_timed: bool = True
 
     @property
-    def is_counted(self) -> NDArray[np.bool_]:
+    def is_counted(self) -> Booleans:
         """Whether the output was fired, perhaps clipped; true where the log does not say."""
         return np.isin(self.reason, (*COUNTED, UNKNOWN))
 
-    def at(self, rows: NDArray[np.bool_]) -> "FlownSystem":
+    def at(self, rows: Booleans) -> "FlownSystem":
         """Return what the system did at some of its inferences."""
         return replace(
             self,

@@ -16,19 +16,18 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fis_tools.analysis.arrays import FIRED
 from fis_tools.analysis.coalitions import Cuts, Leads, blocks, by_level, num_coalitions, weighted_coalitions
 from fis_tools.analysis.contribution import weighed_shares
-from fis_tools.array_types import Floats, Integers
+from fis_tools.array_types import Booleans, Floats, Integers
 from fis_tools.engines.compiler import CompiledSystem
 from fis_tools.engines.program import Weighing
 from fis_tools.engines.subsets import Subsets
 from fis_tools.model.operators import ACCUMULATIONS
 
 #: What coalitions are worth, (n,), from which rules are in them, (n, num_players).
-Worth = Callable[[NDArray[np.bool_]], Floats]
+Worth = Callable[[Booleans], Floats]
 
 #: More distinct coalitions than this are sampled.
 MOST_COALITIONS = 4096
@@ -76,7 +75,7 @@ class _Match(NamedTuple):
     place: int
     conclusions: list[Cuts]
     firing: Floats
-    plays: NDArray[np.bool_]
+    plays: Booleans
     subsets: Subsets | None
 
 
@@ -156,7 +155,7 @@ def _games(match: _Match) -> Iterator[_Game]:
     # and not only how the others cut
     by_player = output.accumulation == "product" or output.aggregation != "max"
     accumulate = None if by_player else ACCUMULATIONS[output.accumulation]
-    left: NDArray[np.bool_] = np.asarray(match.plays.any(axis=1))
+    left: Booleans = np.asarray(match.plays.any(axis=1))
     if accumulate is ACCUMULATIONS["max"] and all(len(cuts) <= 1 for cuts in match.conclusions):
         for game in _games_by_level(match):
             left[game.samples] = False
@@ -232,11 +231,11 @@ def _exact(match: _Match, game: _Game) -> Floats:
     return shared
 
 
-def _one_worth(match: _Match, game: _Game, members: NDArray[np.bool_]) -> Floats:
+def _one_worth(match: _Match, game: _Game, members: Booleans) -> Floats:
     return np.asarray(_worth(match, game.samples, game.rules, members)[0])
 
 
-def _worth(match: _Match, samples: Integers, rules: Integers, members: NDArray[np.bool_]) -> Floats:
+def _worth(match: _Match, samples: Integers, rules: Integers, members: Booleans) -> Floats:
     """Return what coalitions, (c, num_players) of the rules, (g, num_players), are worth: (g, c)."""
     compiled, place = match.compiled, match.place
     if match.subsets is not None:

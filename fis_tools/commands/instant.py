@@ -7,8 +7,8 @@ import numpy as np
 from cyclopts import Parameter
 
 from fis_tools.analysis import flights
+from fis_tools.array_types import Floats
 from fis_tools.commands.arguments import AskedAlong, UserMistake, assignments
-from fis_tools.engines.inference import Floats
 from fis_tools.model import FuzzyController, FuzzySystem
 from fis_tools.model.thrust import COUNTED, REASONS, UNKNOWN
 from fis_tools.model.validate import nearest

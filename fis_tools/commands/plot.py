@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 from cyclopts import Parameter
 
 from fis_tools.analysis import flights
+from fis_tools.array_types import Floats
 from fis_tools.commands.arguments import UserMistake, file_name, place_for
 from fis_tools.commands.instant import AskedInstant, instants
-from fis_tools.engines.inference import Floats, infer
+from fis_tools.engines.inference import infer
 
 if TYPE_CHECKING:
     from fis_tools.model import FuzzyController, FuzzySystem

@@ -16,6 +16,7 @@ from typing import Any, Literal, get_args, overload
 import numpy as np
 from numpy.typing import NDArray
 
+from fis_tools.array_types import Booleans, Floats
 from fis_tools.engines import interpreter, kernel, packing
 from fis_tools.engines.packing import NotCompilable, Packed
 from fis_tools.engines.program import CENTROID, FORMULA, NUMBER, Conclusion, Program, Weighing, assemble
@@ -24,7 +25,6 @@ from fis_tools.model import FuzzySystem
 from fis_tools.model.validate import validate
 from fis_tools.model.variables import sample_terms
 
-Floats = NDArray[np.float64]
 #: Inputs that are identified by column names; see `fis_tools.engines.rows.columns_of`.
 Table = Any
 OnNoFire = Literal["default", "nan", "hold", "raise"]
@@ -152,11 +152,9 @@ class CompiledSystem:
         columns = rows.T.reshape(-1, *shape)
         return {variable.name: column for variable, column in zip(self.system.outputs, columns, strict=True)}
 
-    def _unfired(self, rows: Floats) -> NDArray[np.bool_]:
+    def _unfired(self, rows: Floats) -> Booleans:
         """Return where there is nothing to defuzzify: a centroid is a number if there is any area."""
-        found: NDArray[np.bool_] = np.isnan(
-            self._shared(lambda part: interpreter.evaluate(self._marking, part), rows)
-        )
+        found: Booleans = np.isnan(self._shared(lambda part: interpreter.evaluate(self._marking, part), rows))
         return found
 
     @cached_property
@@ -290,7 +288,7 @@ def _stacked(columns: list[Floats]) -> Floats:
     return np.stack([column.ravel() for column in columns], axis=1)
 
 
-def _told(system: FuzzySystem, rows: Floats, unfired: NDArray[np.bool_]) -> str:
+def _told(system: FuzzySystem, rows: Floats, unfired: Booleans) -> str:
     """Return where no rule fires, in words: how often, and at which sample first."""
     sample, place = np.argwhere(unfired)[0]
     values = ", ".join(f"{v.name} {x:.6g}" for v, x in zip(system.inputs, rows[sample], strict=True))

@@ -11,8 +11,8 @@ from functools import reduce
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fis_tools.array_types import Floats, Integers
 from fis_tools.engines.rows import as_rows
 from fis_tools.model import (
     And,
@@ -32,8 +32,6 @@ from fis_tools.model import (
 from fis_tools.model.operators import ACCUMULATIONS, AGGREGATIONS, AND_OPERATORS, HEDGES, OR_OPERATORS
 from fis_tools.model.variables import sample_terms
 
-Floats = NDArray[np.float64]
-
 #: The centroid divides by the area, but by at least this.
 SMALLEST_AREA = float(np.finfo(np.float64).eps)
 
@@ -52,7 +50,7 @@ class Weighing:
         Concluded numbers; NaN where the strength is zero.
     """
 
-    rules: NDArray[np.int64]
+    rules: Integers
     strengths: Floats
     numbers: Floats
 

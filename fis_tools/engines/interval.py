@@ -10,8 +10,8 @@ Bounds are rows of two numbers, the lower first.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fis_tools.array_types import Floats
 from fis_tools.compiled.decorator import compiled
 from fis_tools.engines.defuzzifier import SMALLEST_AREA
 from fis_tools.engines.operators import DRASTIC_PRODUCT, MAX, MIN, NOT, combine
@@ -28,8 +28,6 @@ from fis_tools.engines.program import (
 from fis_tools.engines.weigher import invert
 from fis_tools.model import Concave, Formula, FuzzySystem, Sigmoid, Variable
 from fis_tools.model.validate import validate
-
-Floats = NDArray[np.float64]
 
 EPSILON = float(np.finfo(np.float64).eps)
 #: Rounding of an interpolation between two numbers, in units of the larger.

@@ -14,8 +14,8 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fis_tools.array_types import Floats, Integers
 from fis_tools.compiled.decorator import compiled
 from fis_tools.compiled.vectors import (
     ROW,
@@ -50,9 +50,6 @@ from fis_tools.engines.packing import (
     WIDTH_OF_STEP,
     Packed,
 )
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 #: scikit-fuzzy divides by the larger of the area and this
 SMALLEST_AREA = float(np.finfo(np.float64).eps)

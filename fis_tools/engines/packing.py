@@ -10,13 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fis_tools.array_types import Floats, Integers
 from fis_tools.compiled.vectors import ROW
 from fis_tools.model import FuzzySystem, Variable, conjunctions
 from fis_tools.model.validate import validate
 from fis_tools.model.variables import is_unimodal, sample_terms
 
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 Layout = NDArray[np.void]
 
 MAX_INPUTS = 3

@@ -4,12 +4,11 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from fis_tools.array_types import Floats
 from fis_tools.model import FuzzySystem
 from fis_tools.model.validate import nearest
-
-Floats = NDArray[np.float64]
 
 
 def columns_of(inputs: Any) -> tuple[str, ...] | None:

@@ -6,16 +6,13 @@ For systems that `fis_tools.engines.kernel` covers, whose rules each cut one ter
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fis_tools.array_types import Booleans, Floats, Integers
 from fis_tools.compiled.decorator import compiled
 from fis_tools.compiled.vectors import width_of
 from fis_tools.engines.kernel import conclude, make_scratch
 from fis_tools.engines.packing import Packed
 from fis_tools.model import FuzzySystem
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 
 class Subsets:
@@ -32,7 +29,7 @@ class Subsets:
         Which rules may be left out; the others always fire.
     """
 
-    def __init__(self, system: FuzzySystem, packed: Packed, firing: Floats, plays: NDArray[np.bool_]):
+    def __init__(self, system: FuzzySystem, packed: Packed, firing: Floats, plays: Booleans):
         (output,) = system.outputs
         self._packed = packed
         self._firing = firing
@@ -44,7 +41,7 @@ class Subsets:
         self._always = np.stack(heights, axis=1)
         self._scratch = make_scratch()
 
-    def conclude(self, samples: Integers, rules: Integers, members: NDArray[np.bool_]) -> Floats:
+    def conclude(self, samples: Integers, rules: Integers, members: Booleans) -> Floats:
         """Return outputs, (g, s), of some samples, (g,), for subsets, (s, k), of their rules, (g, k)."""
         out = np.empty((len(members), len(samples)))
         _conclude_subsets(
@@ -69,7 +66,7 @@ def _conclude_subsets(
     always: Floats,
     terms: Integers,
     strengths: Floats,
-    members: NDArray[np.bool_],
+    members: Booleans,
     scratch: Any,
     out: Floats,
 ) -> None:

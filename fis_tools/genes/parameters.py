@@ -9,9 +9,8 @@ their order and stay apart whatever the genes are.
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from fis_tools.array_types import Floats
+from fis_tools.array_types import Floats, Integers
 from fis_tools.engines import packing
 from fis_tools.engines.packing import Packed
 from fis_tools.model import FuzzySystem, Gaussian, Term, Variable, rule_table, table_cells, table_rules
@@ -145,7 +144,7 @@ class SystemEncoding:
         layout, num_values, num_entries = packing.layout_of(self.systems)
         values = np.zeros((len(genomes), num_values))
         rules = np.zeros((len(genomes), num_entries), dtype=np.int64)
-        cells: list[NDArray[np.int64]] = []
+        cells: list[Integers] = []
         for row, system in zip(layout, self.systems, strict=True):
             for place, variable in enumerate(system.inputs):
                 low, high, means, widths = self._take(genes, variable, None)
@@ -238,7 +237,7 @@ class _Genes:
         self.at += count
         return columns
 
-    def terms(self, count: int, num_terms: int) -> NDArray[np.int64]:
+    def terms(self, count: int, num_terms: int) -> Integers:
         chosen = np.floor(num_terms * self.take(count)).astype(np.int64)
         return np.minimum(chosen, num_terms - 1)
 

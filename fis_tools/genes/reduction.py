@@ -8,9 +8,8 @@ tunes the rest.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from fis_tools.array_types import Floats
+from fis_tools.array_types import Booleans, Floats
 from fis_tools.genes.parameters import SystemEncoding
 from fis_tools.model import FuzzySystem
 from fis_tools.model.extras import MissingExtra
@@ -109,7 +108,7 @@ class KeptRules:
         """Return a genome without the genes of its rules."""
         return np.asarray(genome[self._is_tuned()])
 
-    def _is_tuned(self) -> NDArray[np.bool_]:
+    def _is_tuned(self) -> Booleans:
         is_tuned = np.ones(self.encoding.num_genes, dtype=np.bool_)
         for places in self.encoding.places():
             is_tuned[places.rules] = False

@@ -5,9 +5,8 @@ from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
-from fis_tools.array_types import Floats
+from fis_tools.array_types import Floats, Integers
 from fis_tools.engines.compiler import compile
 from fis_tools.learning.partition import WORDS, Partition, Partitions, even, tuned
 from fis_tools.learning.table import Column, distinct
@@ -209,7 +208,7 @@ def _learn_sets(
     fed = [replace(columns[place], name=name) for place, name in zip(chosen, names, strict=False)]
     mean = float(values.mean())
 
-    def system(partitions: Partitions, among: slice | NDArray[np.int64]) -> FuzzySystem:
+    def system(partitions: Partitions, among: slice | Integers) -> FuzzySystem:
         *parts, last = partitions
         inputs = [(p.as_input(c.name, c.unit), p) for p, c in zip(parts, fed, strict=True)]
         output = last.as_output(names[-1], target.unit, mean)
@@ -243,6 +242,6 @@ def _even(columns: Sequence[Column], terms: int) -> tuple[Partition, ...]:
     return tuple(even(column.low, column.high, terms) for column in columns)
 
 
-def _spread(count: int) -> NDArray[np.int64]:
+def _spread(count: int) -> Integers:
     """Return the places of some rows, evenly spread over a table."""
     return np.unique(np.linspace(0, count - 1, min(count, MOST_ROWS)).astype(np.int64))

@@ -17,9 +17,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from fis_tools.array_types import Floats
+from fis_tools.array_types import Floats, Integers
 from fis_tools.model import And, Expression, Is, Term, Triangular, Variable
 
 #: What terms are called, from the lowest to the highest, by their number.
@@ -167,7 +166,7 @@ def _inner_peaks(partitions: Partitions) -> list[tuple[int, int]]:
     ]
 
 
-Places = NDArray[np.int64]
+Places = Integers
 
 
 def strongest(memberships: Sequence[Floats]) -> Places:

@@ -6,8 +6,8 @@ from itertools import product
 from math import prod
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fis_tools.array_types import Integers
 from fis_tools.model.operators import WEIGHING, AndOperator, Defuzzifier, OrOperator
 from fis_tools.model.rules import And, Consequent, Expression, Is, Rule
 from fis_tools.model.variables import Variable
@@ -152,7 +152,7 @@ def table_rules(inputs: Sequence[Variable], output: Variable, consequents: Seque
     )
 
 
-def rule_table(system: FuzzySystem) -> NDArray[np.int64] | None:
+def rule_table(system: FuzzySystem) -> Integers | None:
     """Return the consequents of a full rule table as output term indices, or None for any other rule base.
 
     A full table has one output and one rule for each combination of input terms, in the order of
@@ -181,13 +181,13 @@ def rule_table(system: FuzzySystem) -> NDArray[np.int64] | None:
     return table
 
 
-def table_cells(inputs: Sequence[Variable]) -> NDArray[np.int64]:
+def table_cells(inputs: Sequence[Variable]) -> Integers:
     """Return the cells of a full table as input term indices, (cells, inputs), the last input fastest."""
     counts = [len(variable.terms) for variable in inputs]
     return np.indices(counts, dtype=np.int64).reshape(len(counts), -1).T.copy()
 
 
-def conjunctions(system: FuzzySystem) -> tuple[NDArray[np.int64], NDArray[np.int64]] | None:
+def conjunctions(system: FuzzySystem) -> tuple[Integers, Integers] | None:
     """Return the rules of a system as numbers if each is a plain conjunction, else None.
 
     Such a rule base has one output, and each rule uses at most one term of each input, concludes one

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fis_tools.array_types import Floats
 from fis_tools.model.operators import Accumulation, Aggregation, Defuzzifier
@@ -76,7 +75,7 @@ class Variable:
         object.__setattr__(self, "description", plain(self.description))
 
     @cached_property
-    def universe(self) -> NDArray[np.float64]:
+    def universe(self) -> Floats:
         """The points on which membership functions are sampled, ascending, shape (num_points,)."""
         if self.points is not None:
             return np.array(self.points, dtype=np.float64)

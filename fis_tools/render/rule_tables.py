@@ -7,8 +7,8 @@ from math import prod
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Rectangle
-from numpy.typing import NDArray
 
+from fis_tools.array_types import Floats, Integers
 from fis_tools.model import FuzzySystem, Variable
 from fis_tools.model.validate import nearest
 from fis_tools.render import lettering
@@ -39,8 +39,8 @@ class RuleCells:
         Of the consequents.
     """
 
-    terms: NDArray[np.int64]
-    weights: NDArray[np.float64]
+    terms: Integers
+    weights: Floats
 
 
 def rule_cells(system: FuzzySystem, output: Variable) -> RuleCells | None:
@@ -163,9 +163,7 @@ def _label(ax: Axes, columns: Variable, rows: Variable | None) -> tuple[float, f
     return below.size, at_rows.size
 
 
-def _fill(
-    ax: Axes, output: Variable, terms: NDArray[np.int64], weights: NDArray[np.float64], theme: Theme
-) -> None:
+def _fill(ax: Axes, output: Variable, terms: Integers, weights: Floats, theme: Theme) -> None:
     across, down = lettering.inches(ax)
     room = (0.9 * across / terms.shape[1], 0.9 * down / terms.shape[0])
     concluded = [(int(term), float(weight)) for term, weight in zip(terms.flat, weights.flat, strict=True)]

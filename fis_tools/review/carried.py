@@ -9,7 +9,7 @@ import numpy as np
 
 from fis_tools.analysis import arrays, coalitions
 from fis_tools.analysis.flights import FlownSystem
-from fis_tools.engines.inference import Floats
+from fis_tools.array_types import Floats
 from fis_tools.model import And, Expression, FuzzySystem, Hedged, Is, Not, Or, Rule, Variable
 from fis_tools.model.variables import sample
 from fis_tools.review.flown import Flight

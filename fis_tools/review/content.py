@@ -9,8 +9,8 @@ import numpy as np
 
 from fis_tools.analysis import arrays, contribution, shapley
 from fis_tools.analysis.measures import Measures
+from fis_tools.array_types import Floats
 from fis_tools.engines.compiler import compile
-from fis_tools.engines.inference import Floats
 from fis_tools.model import FuzzyController, FuzzySystem, Variable
 from fis_tools.review.colours import level
 from fis_tools.review.flown import Samples

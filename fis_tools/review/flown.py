@@ -11,7 +11,7 @@ import numpy as np
 
 from fis_tools.analysis import arrays, flights
 from fis_tools.analysis.flights import FlownSystem
-from fis_tools.engines.inference import Floats
+from fis_tools.array_types import Floats
 from fis_tools.formats.error import ControllerFileError
 from fis_tools.model import FuzzyController, FuzzySystem
 

@@ -10,10 +10,9 @@ from itertools import product
 from math import floor, log10
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from fis_tools.array_types import Floats
+from fis_tools.array_types import Booleans, Floats
 from fis_tools.model import (
     Gaussian,
     GeneralizedBell,
@@ -215,9 +214,7 @@ def _straight(samples: Samples) -> Iterator[Estimate]:
             yield Trapezoidal, (left, left_top, right_top, right)
 
 
-def _flanks(
-    x: Floats, y: Floats, flank: NDArray[np.bool_], top: float | None = None
-) -> Iterator[tuple[float, float]]:
+def _flanks(x: Floats, y: Floats, flank: Booleans, top: float | None = None) -> Iterator[tuple[float, float]]:
     """Yield (foot, top) of the line through a flank: where it is zero and where it is one."""
     points, heights = x[flank], y[flank]
     if len(points) >= 2:
@@ -236,7 +233,7 @@ def _flanks(
 # Shapes that a formula makes straight lines of.
 
 
-def _deviations(samples: Samples, flank: NDArray[np.bool_], sign: float) -> tuple[Floats, Floats, Floats]:
+def _deviations(samples: Samples, flank: Booleans, sign: float) -> tuple[Floats, Floats, Floats]:
     """Return x, (x - mean) / standard deviation there, and how far to trust it, for a Gaussian's flank."""
     flank = flank & (samples.values > 1e-200)
     deviations = np.sqrt(-2.0 * np.log(samples.values[flank]))
@@ -263,7 +260,7 @@ def _two_sided(samples: Samples) -> Iterator[Estimate]:
         yield TwoSidedGaussian, (min(right_mean, low), 1.0 / right_slope, right_mean, 1.0 / right_slope)
 
 
-def _logit_line(samples: Samples, flank: NDArray[np.bool_]) -> tuple[np.float64, np.float64]:
+def _logit_line(samples: Samples, flank: Booleans) -> tuple[np.float64, np.float64]:
     y = samples.values[flank]
     return _line(samples.universe[flank], np.log(y) - np.log1p(-y), (y * (1.0 - y)) ** 2)
 
@@ -293,7 +290,7 @@ def _parabolic(samples: Samples) -> Iterator[Estimate]:
         yield ZShape, right[::-1]
 
 
-def _parabolas(samples: Samples, flank: NDArray[np.bool_]) -> tuple[float, float] | None:
+def _parabolas(samples: Samples, flank: Booleans) -> tuple[float, float] | None:
     """Return (foot, top) of a flank of two parabolas."""
     y = samples.values[flank]
     if len(y) < 2:
@@ -326,7 +323,7 @@ def _centres(samples: Samples) -> Iterator[float]:
         yield float(samples.universe[-1]) + samples.width / 4.0
 
 
-def _crossing(samples: Samples, flank: NDArray[np.bool_]) -> float | None:
+def _crossing(samples: Samples, flank: Booleans) -> float | None:
     """Return where a flank is one half, if it is."""
     x, y = samples.universe[flank], samples.values[flank]
     if len(y) < 2 or not y.min() <= 0.5 <= y.max():

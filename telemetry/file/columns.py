@@ -16,6 +16,7 @@ from google.protobuf.descriptor import FieldDescriptor
 from google.protobuf.message import Message
 from numpy.typing import NDArray
 
+from telemetry.array_types import Bytes, Floats
 from telemetry.file import topics
 from telemetry.file.errors import RecordingError
 from telemetry.file.plain_text import plain
@@ -191,18 +192,18 @@ def _point_clouds(payloads: Sequence[bytes]) -> Columns:
     return _cloud_columns(positions, colours)
 
 
-def _cloud_columns(positions: NDArray[np.float32], colours: NDArray[np.uint8]) -> Columns:
+def _cloud_columns(positions: NDArray[np.float32], colours: Bytes) -> Columns:
     states = np.full(colours.shape[:-1], UNKNOWN_STATE, dtype=np.uint8)
     for state, colour in zip(topics.PointState, topics.POINT_COLOURS_RGBA, strict=True):
         states[(colours == colour).all(axis=-1)] = state
     return {"position_m": positions, "colour_rgba": colours, "state": states}
 
 
-def _vectors(vectors: Sequence[Vector3]) -> NDArray[np.float64]:
+def _vectors(vectors: Sequence[Vector3]) -> Floats:
     return np.array([(v.x, v.y, v.z) for v in vectors], dtype=np.float64).reshape(-1, 3)
 
 
-def _quaternions(quaternions: Sequence[Quaternion]) -> NDArray[np.float64]:
+def _quaternions(quaternions: Sequence[Quaternion]) -> Floats:
     return np.array([(q.x, q.y, q.z, q.w) for q in quaternions], dtype=np.float64).reshape(-1, 4)
 
 

@@ -8,13 +8,13 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from telemetry.array_types import Floats
+from telemetry.array_types import Floats, Integers
 from telemetry.file import topics
 from telemetry.file.errors import RecordingError
 from telemetry.file.reader import Recording, TopicColumns
 from telemetry.file.summary import aligned
 
-Indices = NDArray[np.int64]
+Indices = Integers
 Value = float | int | bool | str
 
 #: within a sample a topic depends on those before it, so the first that differs is nearest to the cause

@@ -13,9 +13,9 @@ from foxglove_schemas_protobuf.Quaternion_pb2 import Quaternion
 from foxglove_schemas_protobuf.Vector3_pb2 import Vector3
 from google.protobuf.descriptor import FieldDescriptor
 from google.protobuf.message import Message
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from telemetry.array_types import Floats
+from telemetry.array_types import Bytes, Floats, Integers
 from telemetry.file import topics
 from telemetry.file.errors import RecordingError
 
@@ -86,7 +86,7 @@ def _values(field: FieldDescriptor, column: Any, count: int) -> Iterable[Any]:
     return [None if math.isnan(value) else value for value in values] if field.has_presence else values
 
 
-def nanoseconds(time_s: ArrayLike) -> NDArray[np.int64]:
+def nanoseconds(time_s: ArrayLike) -> Integers:
     """Return times, or one, as whole nanoseconds, (n,)."""
     return np.rint(np.atleast_1d(np.asarray(time_s, dtype=np.float64)) * NANOSECONDS).astype(np.int64)
 
@@ -108,7 +108,7 @@ def rows(values: ArrayLike, count: int, length: int, field: str) -> Floats:
 
 
 def transform(
-    time_ns: NDArray[np.int64], parent: str, child: str, translation_m: Floats, quaternion: Floats
+    time_ns: Integers, parent: str, child: str, translation_m: Floats, quaternion: Floats
 ) -> Columns:
     """Tell transforms of a child frame; quaternions (scalar last) turn child axes into parent axes."""
     return {
@@ -120,7 +120,7 @@ def transform(
     }
 
 
-def pose_in_hill(time_ns: NDArray[np.int64], position_m: Floats, quaternion: Floats) -> Columns:
+def pose_in_hill(time_ns: Integers, position_m: Floats, quaternion: Floats) -> Columns:
     """Tell poses of a body in Hill; quaternions (scalar last) turn body axes into Hill axes."""
     pose = {
         "position": dict(zip("xyz", position_m.T, strict=True)),
@@ -129,7 +129,7 @@ def pose_in_hill(time_ns: NDArray[np.int64], position_m: Floats, quaternion: Flo
     return {"timestamp": _timestamp(time_ns), "frame_id": topics.HILL_FRAME, "pose": pose}
 
 
-def point_cloud(time_ns: NDArray[np.int64], points_m: ArrayLike, states: ArrayLike) -> Columns:
+def point_cloud(time_ns: Integers, points_m: ArrayLike, states: ArrayLike) -> Columns:
     """Tell clouds of points, (P, 3), chief axes, coloured by their states, a row of P for each time.
 
     Raises
@@ -141,7 +141,7 @@ def point_cloud(time_ns: NDArray[np.int64], points_m: ArrayLike, states: ArrayLi
     return {"timestamp": _timestamp(time_ns), "data": clouds, **_CLOUD}
 
 
-def log(time_ns: NDArray[np.int64], level: str, text: str) -> Columns:
+def log(time_ns: Integers, level: str, text: str) -> Columns:
     """Tell a line of the event log.
 
     Raises
@@ -159,11 +159,11 @@ def log(time_ns: NDArray[np.int64], level: str, text: str) -> Columns:
     }
 
 
-def _timestamp(time_ns: NDArray[np.int64]) -> Columns:
+def _timestamp(time_ns: Integers) -> Columns:
     return {"seconds": time_ns // NANOSECONDS, "nanos": time_ns % NANOSECONDS}
 
 
-def _packed_points(count: int, points_m: ArrayLike, states: ArrayLike) -> NDArray[np.uint8]:
+def _packed_points(count: int, points_m: ArrayLike, states: ArrayLike) -> Bytes:
     points = np.asarray(points_m, dtype=np.float32)
     state = np.asarray(states, dtype=np.int64)
     if points.ndim != 2 or points.shape[1] != 3 or state.size != count * len(points):

@@ -24,6 +24,7 @@ from mcap.stream_reader import MAGIC_SIZE, StreamReader
 from mcap.writer import MCAP0_MAGIC
 from numpy.typing import NDArray
 
+from telemetry.array_types import Booleans, Floats
 from telemetry.file import claims, columns, topics
 from telemetry.file.errors import RecordingError
 from telemetry.file.messages import NANOSECONDS
@@ -70,7 +71,7 @@ class TopicColumns:
 
     topic: str
     schema: str
-    time_s: NDArray[np.float64]
+    time_s: Floats
     columns: Mapping[str, NDArray[np.generic]]
     units: Mapping[str, str]
 
@@ -159,12 +160,12 @@ class Recording:
         return description
 
     @property
-    def control_time_s(self) -> NDArray[np.float64]:
+    def control_time_s(self) -> Floats:
         """When the control periods begin; empty where they were not read."""
         control = self.topics.get(topics.DEPUTY_CONTROL)
         return np.empty(0) if control is None else control.time_s
 
-    def reasons(self, component: str, time_s: NDArray[np.float64]) -> NDArray[np.str_]:
+    def reasons(self, component: str, time_s: Floats) -> NDArray[np.str_]:
         """Return what became of a component of the force over the control periods that begin at some times.
 
         Parameters
@@ -193,7 +194,7 @@ class Recording:
         found: NDArray[np.str_] = reasons[rows, topics.FORCE_COMPONENTS.index(component)]
         return found
 
-    def is_fired(self, name: str) -> NDArray[np.bool_]:
+    def is_fired(self, name: str) -> Booleans:
         """Tell at which inferences of a fuzzy system its output was fired, as far as the recording says."""
         output = self.fis_description(name).output_name
         return np.isin(self.reasons(output, self[topics.fis_topic(name)].time_s), topics.FIRED)

@@ -20,8 +20,9 @@ from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
 from google.protobuf.message import Message
 from mcap.writer import Writer
 from mcap_protobuf.schema import register_schema
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from telemetry.array_types import Floats, Integers
 from telemetry.file import messages, topics
 from telemetry.file.errors import RecordingError
 from telemetry.file.messages import NANOSECONDS, encode, nanoseconds, rows
@@ -484,7 +485,7 @@ class EpisodeWriter:
             self._channels[topic] = mcap.register_channel(topic, "protobuf", schemas[name]), kind
         return mcap
 
-    def _write(self, topic: str, time_ns: NDArray[np.int64], columns: Mapping[str, Any]) -> None:
+    def _write(self, topic: str, time_ns: Integers, columns: Mapping[str, Any]) -> None:
         if topic not in self._channels:
             name = topic.removeprefix(topics.FIS_PREFIX)
             raise RecordingError(
@@ -542,12 +543,12 @@ class EpisodeWriter:
         )
 
 
-def _numbers(values: ArrayLike, count: int) -> NDArray[np.float64]:
+def _numbers(values: ArrayLike, count: int) -> Floats:
     """Return a number for each sample, (count,)."""
     return np.broadcast_to(np.asarray(values, dtype=np.float64), count)
 
 
-def _rows_alike(values: ArrayLike, count: int) -> NDArray[np.float64]:
+def _rows_alike(values: ArrayLike, count: int) -> Floats:
     """Return as many rows, of whatever length."""
     found = np.asarray(values, dtype=np.float64)
     return found.reshape(count, found.size // count)

@@ -7,9 +7,8 @@ from typing import Final
 
 import numpy as np
 import rerun as rr
-from numpy.typing import NDArray
 
-from telemetry.array_types import Floats
+from telemetry.array_types import Booleans, Bytes, Floats
 from telemetry.scene import blueprint, entities
 from telemetry.scene.curves import LIMIT_COLOUR, PLAIN_COLOUR, SIGNAL_COLOURS, Colour, Curves, Plot, drawable
 from telemetry.scene.entities import seconds, send
@@ -205,7 +204,7 @@ def _send_histogram(stream: rr.RecordingStream, entity: str, values: Floats) -> 
     stream.log(entity, chart, static=True)
 
 
-def _colours(evaluation: Evaluation) -> NDArray[np.uint8]:
+def _colours(evaluation: Evaluation) -> Bytes:
     outcome = evaluation.outcome
     if outcome is None:
         return np.tile(np.array(UNKNOWN_COLOUR, dtype=np.uint8), (len(evaluation.case), 1))
@@ -214,7 +213,7 @@ def _colours(evaluation: Evaluation) -> NDArray[np.uint8]:
 
 def _send_paths(stream: rr.RecordingStream, evaluation: Evaluation) -> None:
     outcome = evaluation.outcome
-    kinds: Sequence[tuple[str, Colour, NDArray[np.bool_]]]
+    kinds: Sequence[tuple[str, Colour, Booleans]]
     if outcome is None:
         kinds = [("all", UNKNOWN_COLOUR, np.ones(len(evaluation.case), dtype=np.bool_))]
     else:

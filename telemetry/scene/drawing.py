@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from telemetry.array_types import Floats
+from telemetry.array_types import Bytes, Floats, Integers
 from telemetry.file import topics
 from telemetry.file.metadata import FisDescription
 from telemetry.file.reader import Recording, TopicColumns
@@ -54,12 +54,12 @@ class ActivationMap:
         Middles of those rules' rows, in pixels from the top.
     """
 
-    image: NDArray[np.uint8]
+    image: Bytes
     band_names: tuple[str, ...]
     band_middles: tuple[float, ...]
     start_s: float
     end_s: float
-    strongest: NDArray[np.int64]
+    strongest: Integers
     strongest_middles: Floats
 
     def cursors(self, time_s: Floats) -> NDArray[np.float32]:

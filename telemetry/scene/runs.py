@@ -10,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from telemetry.array_types import Floats
+from telemetry.array_types import Floats, Integers
 from telemetry.file.errors import RecordingError
 
 Columns = Mapping[str, NDArray[Any]]
@@ -87,13 +87,13 @@ class Evaluation:
     """
 
     name: str
-    case: NDArray[np.int64]
+    case: Integers
     position_m: NDArray[np.float32]
     episodes: Columns
     surroundings: Surroundings
 
     @property
-    def outcome(self) -> NDArray[np.int64] | None:
+    def outcome(self) -> Integers | None:
         """The `Outcome` of each case; None if unknown."""
         if not self.episodes:
             return None
@@ -282,9 +282,7 @@ def _is_number(kind: Any) -> bool:
     return bool(pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_boolean(kind))
 
 
-def _tracks(
-    path: Path, columns: Columns, keys: tuple[str, ...]
-) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
+def _tracks(path: Path, columns: Columns, keys: tuple[str, ...]) -> tuple[Integers, NDArray[np.float32]]:
     """Return the keys of the tracks, (n, keys), and the tracks, (n, K+1, 3)."""
     sample = columns["sample"]
     num_samples = min(int(sample.max(initial=-1)) + 1, len(sample) + 1)
@@ -299,7 +297,7 @@ def _tracks(
     return names, positions.reshape(num_tracks, num_samples, 3)
 
 
-def _episodes(path: Path, cases: NDArray[np.int64]) -> Columns:
+def _episodes(path: Path, cases: Integers) -> Columns:
     if not path.exists():
         return {}
     episodes = _read(path, ("case", *_JUDGED))

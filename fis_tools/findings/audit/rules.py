@@ -7,10 +7,9 @@ from itertools import combinations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fis_tools.analysis.measures import Measures, centre
-from fis_tools.array_types import Floats
+from fis_tools.array_types import Floats, Integers
 from fis_tools.findings.audit.finding import Finding, Severity, Thresholds
 from fis_tools.model import And, Constant, Expression, FuzzySystem, Hedged, Is, Not, Or, Rule, conjunctions
 from fis_tools.words.text import amount, antecedent_words, consequent_words, listed, percent, place, span
@@ -141,7 +140,7 @@ def _overlapping(system: FuzzySystem) -> Iterator[Finding]:
             )
 
 
-def _table(system: FuzzySystem) -> tuple[NDArray[np.int64], Floats] | None:
+def _table(system: FuzzySystem) -> tuple[Integers, Floats] | None:
     """Lay plain conjunctions out as a table with one axis per input, terms in the order of their centres.
 
     Returns

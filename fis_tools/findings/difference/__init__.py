@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from fis_tools.array_types import Floats
 from fis_tools.document import Document, Result
 from fis_tools.findings.difference import words
 from fis_tools.findings.difference.change import (
@@ -15,7 +16,7 @@ from fis_tools.findings.difference.change import (
     VariableChange,
 )
 from fis_tools.findings.difference.comparison import compare_rules, compare_variables, new_names, system_facts
-from fis_tools.findings.difference.outputs import Floats, compare_outputs
+from fis_tools.findings.difference.outputs import compare_outputs
 from fis_tools.formats.serialize import fingerprint
 from fis_tools.model import FuzzyController, FuzzySystem
 from fis_tools.model.validate import validate

@@ -4,7 +4,6 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fis_tools.findings.difference.change import Fact, RuleChange, TermChange, VariableChange
 from fis_tools.model import (
@@ -26,7 +25,6 @@ from fis_tools.model.variables import sample
 from fis_tools.model.weighing import has_sets
 from fis_tools.words.text import antecedent_words, number
 
-Floats = NDArray[np.float64]
 #: How a number is written.
 Write = Callable[[float], str]
 

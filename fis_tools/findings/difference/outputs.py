@@ -3,14 +3,12 @@
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fis_tools.analysis.arrays import spread_inputs
+from fis_tools.array_types import Floats
 from fis_tools.engines.compiler import compile as compiled
 from fis_tools.findings.difference.change import OutputChange
 from fis_tools.model import FuzzySystem, Variable
-
-Floats = NDArray[np.float64]
 
 #: Inputs spread over the ranges.
 NUM_SPREAD = 4096

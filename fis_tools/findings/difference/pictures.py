@@ -2,15 +2,12 @@
 
 import numpy as np
 from markupsafe import Markup
-from numpy.typing import NDArray
 
 from fis_tools.document.element import element
 from fis_tools.findings.difference.change import VariableChange
 from fis_tools.model import Term, Variable
 from fis_tools.model.variables import sample
 from fis_tools.words.text import number, with_unit
-
-Floats = NDArray[np.float64]
 
 WIDTH, SIDE, LINE, CURVES, BELOW = 720.0, 34.0, 17.0, 130.0, 40.0
 CHARACTER = 7.2

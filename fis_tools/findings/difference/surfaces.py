@@ -5,7 +5,6 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fis_tools.analysis.arrays import Surface, surface
 from fis_tools.document.element import element, void
@@ -17,7 +16,6 @@ from fis_tools.model import FuzzySystem, Variable
 if TYPE_CHECKING:
     from fis_tools.render import Figure, Theme
 
-Floats = NDArray[np.float64]
 
 #: Points along each axis.
 NUM_POINTS = 61

@@ -4,14 +4,13 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from fis_tools.array_types import Booleans, Floats
 from fis_tools.engines.compiler import CompiledSystem, compile
 from fis_tools.engines.inference import infer
 from fis_tools.model import Variable
 from fis_tools.words.text import span
-
-Floats = NDArray[np.float64]
 
 #: Steps of the search from one point of a universe to the next.
 STEPS = 8
@@ -159,8 +158,8 @@ def _sides(output: Variable, differences: Floats) -> Floats:
     return np.where(np.abs(differences) <= TOUCHING * span(output), 0.0, np.sign(differences))
 
 
-def _is_across(sides: Floats, start: float) -> NDArray[np.bool_]:
-    across: NDArray[np.bool_] = sides != 0.0 if start == 0.0 else sides == -start
+def _is_across(sides: Floats, start: float) -> Booleans:
+    across: Booleans = sides != 0.0 if start == 0.0 else sides == -start
     return across
 
 

@@ -4,16 +4,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from fis_tools.document import Block, Document, Heading, Items, Paragraph, Result, Table
 from fis_tools.document.data import plain
 from fis_tools.findings.explanation.flips import Flip
 from fis_tools.model import FuzzySystem, Variable
 from fis_tools.words.text import NEGLIGIBLE, amount, listed, percent, sentence, span
-
-Floats = NDArray[np.float64]
 
 #: Rules that moved an output by less than this fraction of its range, or beyond so many, are told on demand.
 WORTH_TELLING = 0.01

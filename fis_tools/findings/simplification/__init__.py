@@ -3,7 +3,8 @@
 from collections.abc import Mapping
 from dataclasses import replace
 
-from fis_tools.findings.simplification.budget import Budget, Change, Floats, bench_for
+from fis_tools.array_types import Floats
+from fis_tools.findings.simplification.budget import Budget, Change, bench_for
 from fis_tools.findings.simplification.draft import Draft
 from fis_tools.findings.simplification.report import Simplification, SimplifiedSystem, Step, budget_words
 from fis_tools.findings.simplification.search import CAREFUL_DIGITS, Progress, Search

@@ -5,14 +5,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fis_tools.analysis.arrays import spread_inputs
+from fis_tools.array_types import Floats
 from fis_tools.engines.compiler import compile
 from fis_tools.model import FuzzySystem
 from fis_tools.words.text import span
-
-Floats = NDArray[np.float64]
 
 #: Samples of the whole ranges of the inputs.
 NUM_SPREAD = 4096

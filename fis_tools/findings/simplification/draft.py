@@ -7,10 +7,11 @@ from functools import cached_property
 import numpy as np
 
 from fis_tools.analysis.contribution import contributions
+from fis_tools.array_types import Floats
 from fis_tools.engines.compiler import compile
 from fis_tools.findings.simplification.budget import Bench
 from fis_tools.findings.simplification.report import Kind
-from fis_tools.findings.simplification.rewriting import Floats, merged, mergers, pruned, without_rule
+from fis_tools.findings.simplification.rewriting import merged, mergers, pruned, without_rule
 from fis_tools.findings.simplification.rounding import Unit, rounded, units
 from fis_tools.model import FuzzySystem
 from fis_tools.words.text import listed, percent, sentence

@@ -4,9 +4,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fis_tools.analysis.arrays import distinguishability
+from fis_tools.array_types import Floats
 from fis_tools.model import (
     And,
     Expression,
@@ -22,8 +22,6 @@ from fis_tools.model import (
     Variable,
     statements_of,
 )
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
