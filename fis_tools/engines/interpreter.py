@@ -57,7 +57,7 @@ def evaluate(program: Program, inputs: Floats) -> Floats:
     """Return the outputs, (n, num_outputs), for inputs (n, num_inputs)."""
     columns = np.empty((len(program.conclusions), len(inputs)))
     if weighs_numbers(program):
-        average_rows(*_numbers(program), inputs, columns[0])
+        average_rows(*(*_numbers(program), inputs, columns[0]))
         return columns.T
     size = max(LANES, min(BLOCK // program.num_rules, len(inputs)))
     firing = np.empty((size, program.num_rules))
@@ -119,7 +119,7 @@ def _finite(value: float, ends: tuple[float, float]) -> float:
 def _prepared(program: Program, row: Floats, outputs: Floats) -> Callable[[], None]:
     """Return a function that infers from a row, (1, num_inputs), and writes the outputs, (num_outputs,)."""
     if weighs_numbers(program):
-        return partial(average_rows, *_numbers(program), row, outputs)
+        return partial(average_rows, *(*_numbers(program), row, outputs))
     firing, columns = np.empty((1, program.num_rules)), outputs[:, np.newaxis]
     steps: list[Callable[[], None]] = [partial(fire_rows, *program.antecedents, row, firing)]
     for place, conclusion in enumerate(program.conclusions):
