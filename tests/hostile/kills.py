@@ -9,12 +9,14 @@ import tempfile
 import time
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
+from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import MappingProxyType
 from typing import Final
 
 from pipeline.run import artifacts, sweep
+from tests.hostile.peers import peers_at
 
 SMALL: Final = ("duration_s=600", "optimizer.population_size=12", "optimizer.generations=12",
                 "monte_carlo.num_cases=40", "telemetry.record_training=false")  # fmt: skip
@@ -49,6 +51,7 @@ KINDS: Final[Mapping[str, Sequence[str]]] = {
     "sweep": ("-m", *EVALUATE, "stages=[scenario,evaluate]", "seed=1,2,3"),
     "parts": (*EVALUATE, "stages=[evaluate]", "engine.part_cases=7"),
     "dask": (*EVALUATE, "stages=[evaluate]", "engine=dask", "engine.processes=2", "engine.part_cases=5"),
+    "joined": (*EVALUATE, "stages=[evaluate]", "engine=dask", "engine.part_cases=5"),
     "assure": (
         "+experiment=assure", "controller=paper_champion", "assurance.num_cases=20", "assurance.searches=1",
         "assurance.search_starts=8", "assurance.search_population=6",
@@ -65,7 +68,8 @@ KINDS: Final[Mapping[str, Sequence[str]]] = {
     "report": (*EVALUATE, "stages=[scenario,evaluate,record,report]", "monte_carlo.num_cases=10"),
 }  # fmt: skip
 SIGNALS: Final = (signal.SIGKILL, signal.SIGTERM, signal.SIGINT)
-#: who is signalled: the process, its whole group, or one that it has started, which it must survive
+#: who is signalled: the process, its whole group, or one that it has started, which it must survive; else a
+#: process that it has joined, by its role
 PROCESS, GROUP, CHILD = "process", "group", "child"
 #: longest time to an end that must come, s
 LONGEST_S: Final = 1200.0
@@ -110,13 +114,25 @@ def run_alone(words: Sequence[str], env: Mapping[str, str], cwd: Path | None = N
     return time.perf_counter() - started
 
 
+def joined_by(
+    kind: str, root: Path, env: Mapping[str, str]
+) -> AbstractContextManager[tuple[list[str], dict[str, int]]]:
+    """Start what a run of a kind joins; yield the arguments by which it does, and process numbers by role."""
+    return peers_at(root / "peers", env) if kind == "joined" else nullcontext(([], {}))
+
+
 def is_begun(folder: Path) -> bool:
     """Return whether a killed run, or sweep, can be resumed; before, its command is given again."""
     return folder.is_dir() and ((folder / sweep.SWEEP).exists() or artifacts.holds_run(folder))
 
 
 def killed_after(
-    words: Sequence[str], seconds: float, how: tuple[signal.Signals, str], env: Mapping[str, str], cwd: Path
+    words: Sequence[str],
+    seconds: float,
+    how: tuple[signal.Signals, str],
+    env: Mapping[str, str],
+    cwd: Path,
+    peers: Mapping[str, int] = MappingProxyType({}),
 ) -> tuple[bool, int, str]:
     """Run until it ends or is signalled; return whether it was, its exit code and its last output.
 
@@ -131,7 +147,7 @@ def killed_after(
         try:
             process.wait(seconds)
         except subprocess.TimeoutExpired:
-            is_signalled = _signal(process.pid, *how)
+            is_signalled = _signal(peers.get(how[1], process.pid), *how)
         try:
             process.wait(LONGEST_S)
         except subprocess.TimeoutExpired:
@@ -149,7 +165,7 @@ def _signal(pid: int, number: signal.Signals, target: str) -> bool:
         if target == GROUP:
             os.killpg(pid, number)
             return True
-        if target == PROCESS:
+        if target != CHILD:
             os.kill(pid, number)
             return True
         for child in sorted(_children(pid), reverse=True)[:1]:
@@ -181,7 +197,10 @@ def survive(
             how = rng.choice(SIGNALS), rng.choice((PROCESS, GROUP))
             if kind == "dask" and rng.random() < 0.5:
                 how = signal.SIGKILL, CHILD
-            is_killed, code, said = killed_after(words, limit, how, env, root)
+            with joined_by(kind, root, env) as (more, peers):
+                if peers and rng.random() < 0.7:
+                    how = how[0], rng.choice(sorted(peers))
+                is_killed, code, said = killed_after([*words, *more], limit, how, env, root, peers)
             if said.endswith("did not end") or "Traceback" in said:
                 tally.lost.append(f"{kind} {folder.name}: {said.strip()[-300:]}")
                 return
