@@ -8,8 +8,9 @@ import json
 import logging
 import os
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
+from functools import cache
 from itertools import product
 from pathlib import Path
 from typing import Any, Final
@@ -18,6 +19,7 @@ from urllib.parse import urlsplit
 from distributed import CancelledError, Client, KilledWorker, LocalCluster, wait
 from distributed.security import Security
 
+from pipeline.run import maker
 from pipeline.settings.experiment import Engine
 
 #: restarts of a part before it is blamed for the deaths of its processes
@@ -39,6 +41,10 @@ SETTINGS: Final = {
 NO_DASHBOARD: Final = f"{LOOPBACK[0]}:0"
 #: a certificate with its key, next to a scheduler's file
 CERTIFICATE: Final = "tls.pem"
+
+SAME_ENVIRONMENT: Final = (
+    "start the scheduler and its workers from these sources, with the packages of requirements.txt"
+)
 
 
 class EngineError(ValueError):
@@ -66,7 +72,8 @@ class Processes:
         try:
             while True:
                 while len(places) < ahead and (part := next(left, None)):
-                    places[self._client.submit(do, *part[1], pure=False)] = part[0]
+                    task = in_equal_environment, environment(), do, part[1]
+                    places[self._client.submit(*task, pure=False)] = part[0]
                 if not places:
                     return
                 for future, result in self._done(list(places)):
@@ -77,6 +84,13 @@ class Processes:
             raise EngineError(
                 f"Dask's scheduler or its processes are gone ({type(error).__name__}); what was done until "
                 "then is kept: go on with resume="
+            ) from error
+        except (ImportError, AttributeError, RuntimeError) as error:  # what Dask could not unpickle there
+            if self._cluster is not None:
+                raise
+            raise EngineError(
+                f"Dask's scheduler or one of its processes cannot run a part ({error.__cause__ or error}); "
+                f"{SAME_ENVIRONMENT}"
             ) from error
 
     def _done(self, running: list[Any]) -> Iterator[tuple[Any, Any]]:
@@ -111,6 +125,30 @@ class Processes:
         self._missing = dead
 
 
+@cache
+def environment() -> Mapping[str, Any]:
+    """Return what must be equal wherever parts run, so that their results are."""
+    versions = {name: version for name, version in maker.versions().items() if name != "platform"}
+    return {"versions": versions, "sources": maker.sources_hash()}
+
+
+def in_equal_environment(
+    expected: Mapping[str, Any], do: Callable[..., Any], arguments: tuple[Any, ...]
+) -> Any:
+    """Run a part, unless versions or sources differ here.
+
+    Raises
+    ------
+    EngineError
+        If they do.
+    """
+    if differences := maker.unlike(expected, environment()):
+        raise EngineError(
+            f"a process of Dask's is unlike this one ({', '.join(differences)}); {SAME_ENVIRONMENT}"
+        )
+    return do(*arguments)
+
+
 @contextmanager
 def joined(engine: Engine) -> Iterator[Processes]:
     """Start processes on this machine, or join the scheduler that is given.
@@ -139,6 +177,10 @@ def _joined(address: str, certificate: Path | None) -> Any:
         return Client(address, timeout=20, security=certificate and security_of(certificate))
     except OSError as error:
         raise EngineError(f"there is no Dask scheduler at {address} ({error}); start it") from error
+    except Exception as error:  # of another version, or another program
+        raise EngineError(
+            f"no Dask scheduler of this version answers at {address} ({error}); {SAME_ENVIRONMENT}"
+        ) from error
 
 
 def _started(engine: Engine, scratch: str) -> Any:

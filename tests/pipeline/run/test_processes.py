@@ -1,13 +1,30 @@
 """Processes of Dask: who is listened to, and what is said when the scheduler is lost."""
 
 import asyncio
+import os
+import socket
 import stat
+import subprocess
+import sys
+import time
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 
+import pytest
 from distributed.comm import connect, listen
 from distributed.security import Security
 
-from pipeline.run.processes import security_of, write_certificate
+from pipeline.run import maker
+from pipeline.run.engine import each
+from pipeline.run.processes import (
+    EngineError,
+    environment,
+    in_equal_environment,
+    security_of,
+    write_certificate,
+)
+from pipeline.settings.experiment import Engine
+from tests.hostile.kills import command, words_of
 
 
 async def heard_by(listening: Security, speaking: Security | None) -> list[object]:
@@ -40,3 +57,50 @@ def test_who_has_no_certificate_is_not_heard(tmp_path):
     with ThreadPoolExecutor(1) as elsewhere:
         heard = [elsewhere.submit(asyncio.run, heard_by(ours, one)).result() for one in (ours, another, None)]
     assert heard == [["hello"], [], []]
+
+
+@pytest.mark.slow
+def test_another_program_than_a_scheduler_is_refused_in_a_sentence(tmp_path):
+    def serve(server):
+        with suppress(OSError):
+            while True:
+                connection, _ = server.accept()
+                connection.sendall(b"HTTP/1.1 400 Bad Request\r\n\r\n")
+                connection.close()
+
+    with socket.create_server(("127.0.0.1", 0)) as server, ThreadPoolExecutor(1) as elsewhere:
+        elsewhere.submit(serve, server)
+        words = [
+            *words_of("joined", tmp_path),
+            f"engine.scheduler=127.0.0.1:{server.getsockname()[1]}",
+        ]
+        told = subprocess.run(command(words), capture_output=True, text=True, check=False)  # noqa: S603
+        server.shutdown(socket.SHUT_RDWR)
+    assert told.returncode == 2
+    assert "no Dask scheduler of this version answers at tcp://127.0.0.1" in told.stderr
+    assert "Traceback" not in told.stderr
+
+
+def test_a_process_with_another_environment_runs_no_part():
+    assert in_equal_environment(environment(), maker.sources_hash, ()) == maker.sources_hash()
+    versions = environment()["versions"] | {"numpy": "1.0"}
+    for other in (environment() | {"versions": versions}, environment() | {"sources": "0"}):
+        with pytest.raises(EngineError, match=r"numpy 1\.0|other sources"):
+            in_equal_environment(other, maker.sources_hash, ())
+
+
+@pytest.mark.slow
+def test_a_scheduler_without_this_product_is_refused_in_a_sentence(tmp_path):
+    file = tmp_path / "scheduler.json"
+    words = ["--host=127.0.0.1", "--port=0", "--no-dashboard", f"--scheduler-file={file}"]
+    program = [sys.executable, "-m", "distributed.cli.dask_scheduler", *words]
+    foreign = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    with subprocess.Popen(program, stderr=subprocess.DEVNULL, cwd=tmp_path, env=foreign) as process:  # noqa: S603
+        try:
+            while not file.exists():
+                assert process.poll() is None
+                time.sleep(0.1)
+            with pytest.raises(EngineError, match="No module named"):
+                list(each(Engine(kind="dask", scheduler=str(file)), maker.sources_hash, [()]))
+        finally:
+            process.kill()
