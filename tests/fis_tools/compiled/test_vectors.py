@@ -462,12 +462,3 @@ def test_a_numba_without_what_vectors_need_is_told_with_its_cure() -> None:
     assert done.returncode != 0
     assert "lacks what compiled vectors are made with" in done.stderr
     assert "pip install 'numba>=0.62" in done.stderr
-
-
-@pytest.mark.slow
-@when_compiled
-def test_the_same_without_numba() -> None:
-    done = run(
-        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", __file__], NUMBA_DISABLE_JIT="1"
-    )
-    assert done.returncode == 0, done.stdout

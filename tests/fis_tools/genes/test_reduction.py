@@ -11,7 +11,6 @@ from fis_tools.model import rule_table, table_rules
 from tests.fis_tools.genes.test_parameters import BOUNDS, PAPER, UNEVEN
 
 WHOLE = SystemEncoding(PAPER, BOUNDS)
-FOURTH = "positive_small"
 
 
 def leaning(gains: tuple[float, float]) -> np.ndarray:

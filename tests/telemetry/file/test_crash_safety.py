@@ -1,10 +1,6 @@
 """What a cut at any byte and a killed process leave: every flushed sample, and never a wrong one."""
 
-import os
 import random
-import signal
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -91,59 +87,3 @@ def test_a_cut_at_any_byte_loses_no_flushed_sample_and_tells_no_wrong_one(
         assert num_whole[-1] >= num_flushed, num_bytes
     assert len(num_whole) > 0.9 * NUM_CUTS
     assert {0, 26, 86, 91} <= set(num_whole)
-
-
-WRITING = """
-import sys, time
-from pathlib import Path
-from tests.telemetry import synthetic_flight
-from telemetry import EpisodeWriter
-flight = synthetic_flight.fly(360)
-metadata, attachments = synthetic_flight.metadata(flight), synthetic_flight.ATTACHMENTS
-with EpisodeWriter(Path(sys.argv[1]), metadata=metadata, attachments=attachments) as writer:
-    for k in range(361):
-        synthetic_flight.write_sample(writer, flight, k)
-        print(k + 1, flush=True)
-        time.sleep(0.001)
-"""
-KILLED_AFTER = (3, 61, 150, 200, 299)
-
-
-@pytest.fixture(scope="module")
-def killed(tmp_path_factory: pytest.TempPathFactory) -> dict[int, tuple[Path, int]]:
-    """What processes left that were killed while they wrote: (partial file, samples written at least)."""
-    folder = tmp_path_factory.mktemp("killed")
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
-    writers = {
-        number: subprocess.Popen(  # noqa: S603 - our own interpreter
-            [sys.executable, "-c", WRITING, str(folder / f"{number}.mcap")],
-            stdout=subprocess.PIPE,
-            env=environment,
-        )
-        for number in KILLED_AFTER
-    }
-    left = {}
-    for number, process in writers.items():
-        with process:
-            assert process.stdout is not None
-            for line in process.stdout:
-                if int(line) == number:
-                    process.send_signal(signal.SIGKILL)
-                    break
-            last = process.stdout.read().split()
-        left[number] = (folder / f"{number}.mcap.partial", int(last[-1]) if last else number)
-        assert process.returncode == -signal.SIGKILL
-        assert not (folder / f"{number}.mcap").exists()
-    return left
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("number", KILLED_AFTER)
-def test_a_process_killed_while_it_writes_loses_at_most_sixty_samples(
-    flight_file: Path, killed: dict[int, tuple[Path, int]], number: int
-) -> None:
-    partial, num_written = killed[number]
-    recovery = recover(partial)
-    assert recovery.output is not None
-    num_whole = assert_is_beginning(telemetry.read(recovery.output), telemetry.read(flight_file))
-    assert num_whole >= num_written - 60

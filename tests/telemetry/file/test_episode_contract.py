@@ -45,7 +45,6 @@ COUNT_OF_TOPIC = {
     "/fis/f_y": 360,
     "/fis/f_z": 360,
 }
-VIEWER_ARCHETYPES = {"Points3D", "InstancePoses3D", "Transform3D", "TextLog", "CoordinateFrame"}
 #: the first that applies: inspected, in view but dark, lit, dark
 COLOURS = {3: (0, 190, 130, 255), 2: (204, 121, 167, 255), 1: (240, 228, 66, 255), 0: (86, 88, 102, 255)}
 

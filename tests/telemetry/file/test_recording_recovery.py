@@ -67,27 +67,6 @@ def test_the_short_flight_is_of_three_flushes(chunks: list[tuple[int, int]]) -> 
     assert len(chunks) == 3
 
 
-@pytest.mark.slow
-def test_a_file_cut_anywhere_gives_back_every_flushed_step(
-    short_file: Path, chunks: list[tuple[int, int]], tmp_path: Path
-) -> None:
-    rows = messages_of(short_file)
-    size = short_file.stat().st_size
-    generator = np.random.default_rng(20)
-    edges = [end + step for end, _ in chunks for step in (-1, 0, 1)]
-    cuts = [*edges, size - 1, size - 8, size - 9, *generator.integers(chunks[0][0] // 2, size, 40).tolist()]
-    for num_bytes in sorted(set(cuts)):
-        path = cut(short_file, num_bytes, tmp_path)
-        with pytest.raises(RecordingError, match="python -m telemetry recover"):
-            telemetry.read(path)
-        output = tmp_path / f"rescued_{num_bytes}.mcap"
-        recovery = recover(path, output)
-        num_expected = max((count for end, count in chunks if end <= num_bytes), default=0)
-        assert messages_of(output) == rows[:num_expected], num_bytes
-        assert recovery.num_messages == num_expected
-        assert recovery.num_damaged_records == 0
-
-
 def test_a_file_cut_before_its_first_flush_still_tells_what_it_was(
     short_file: Path, chunks: list[tuple[int, int]], tmp_path: Path
 ) -> None:
