@@ -21,9 +21,9 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from fis_tools.engines.compiler import CompiledSystem, compile
-    from fis_tools.learning.from_tables import learn
+    from fis_tools.errors import MissingExtra
     from fis_tools.learning.imitation import imitate
-    from fis_tools.model.extras import MissingExtra
+    from fis_tools.learning.learner import learn
     from fis_tools.shortcuts import audit, explain, export_c, plot, surface
     from fis_tools.source import read_controller
 
@@ -45,7 +45,7 @@ __all__ = [
 #: Where the names are that are found here; imported when they are asked for, since most take a while.
 _PLACES = {
     "CompiledSystem": "engines.compiler",
-    "MissingExtra": "model.extras",
+    "MissingExtra": "errors",
     "compile": "engines.compiler",
     "imitate": "learning.imitation",
     "learn": "learning.from_tables",

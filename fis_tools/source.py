@@ -1,13 +1,19 @@
-"""Controllers from wherever a person has them: a file of any kind, a run's folder, a flight, a program."""
+"""Controllers from wherever a person has them: a file of any kind, a run's folder, a flight, a program.
+
+Objects of Python programs are written ``module.py:object``; reading one runs the program.
+"""
 
 import json
+import re
+import runpy
+import sys
 from pathlib import Path
 
-from fis_tools import programs
 from fis_tools.analysis import flights
+from fis_tools.errors import ControllerFileError
 from fis_tools.formats import serialize
-from fis_tools.formats.error import ControllerFileError
 from fis_tools.model import FuzzyController, FuzzySystem
+from fis_tools.model.validate import nearest
 
 MANIFEST = "manifest.json"
 #: where a folder whose manifest names no champion has it
@@ -30,7 +36,7 @@ def read_controller(path: Path | str, trust: bool = False) -> FuzzyController:
     ControllerFileError
         If there is none that can be read, or a program is not to be run.
     """
-    if programs.is_program(path):
+    if is_program(path):
         return _of_program(path, trust)
     path = Path(path)
     if not path.suffix and not path.exists():
@@ -61,7 +67,7 @@ def _of_program(path: Path | str, trust: bool) -> FuzzyController:
             f"{path} is a Python program, and reading it runs its code with all your rights; add --trust if "
             "you trust whoever wrote it, or export the system to a file"
         )
-    found = programs.read_object(path)
+    found = read_object(path)
     if isinstance(found, str | Path):  # a path is read when it is given, not when a program names it
         raise ControllerFileError(f"{path} is the text {str(found)!r}; name a system or a controller")
     try:
@@ -103,3 +109,48 @@ def as_controller(thing: object, name: str = "control system") -> FuzzyControlle
 
         thing = read_control_system(thing, name)
     return FuzzyController(thing.name, (thing,))
+
+
+#: the file, and what it calls the object
+_WRITTEN = re.compile(r"(.+\.py)(?::(.*))?", re.DOTALL)
+
+
+def is_program(path: Path | str) -> bool:
+    """Return whether a path is that of a Python program, or of an object in one."""
+    return _WRITTEN.fullmatch(str(path)) is not None
+
+
+def read_object(path: Path | str) -> object:
+    """Run a Python program and return an object of it; a function is called for what it returns.
+
+    The program runs as if it were imported, with its folder on the path.
+
+    Parameters
+    ----------
+    path : path
+        The file, a colon, and the name at the top of the program.
+
+    Raises
+    ------
+    ControllerFileError
+        If there is no such file or name, or the program fails.
+    """
+    written = _WRITTEN.fullmatch(str(path))
+    if written is None or not Path(written[1]).is_file():
+        raise ControllerFileError(f"{path}: there is no such file; write FILE.py:NAME")
+    file, name = Path(written[1]), written[2]
+    sys.path.insert(0, str(file.resolve().parent))
+    try:
+        held = runpy.run_path(str(file), run_name=file.stem)
+        if not name or name not in held:
+            names = [each for each in held if not each.startswith("_")]
+            raise ControllerFileError(f"{file} has no object {name or ''!r}; {nearest(name or '', names)}")
+        return held[name]() if callable(held[name]) else held[name]
+    except ControllerFileError:
+        raise
+    except (Exception, SystemExit) as error:
+        raise ControllerFileError(
+            f"{path} cannot be run ({type(error).__name__}: {error}); correct the program"
+        ) from error
+    finally:
+        sys.path.pop(0)

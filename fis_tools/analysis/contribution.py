@@ -8,8 +8,8 @@ import numpy as np
 from fis_tools.array_types import Booleans, Floats
 from fis_tools.engines import interpreter
 from fis_tools.engines.compiler import CompiledSystem
+from fis_tools.engines.defuzzifier import formula_values
 from fis_tools.engines.program import FORMULA, INVERTED, NUMBER, WEIGHTED_SUM, Program, Weighing
-from fis_tools.engines.weigher import formula_values
 
 #: Samples, each with one rule silenced, that are concluded at a time.
 BATCH = 4096

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from fis_tools.array_types import Floats
-from fis_tools.formats.error import ControllerFileError
+from fis_tools.errors import ControllerFileError
 from fis_tools.model import FuzzySystem
 
 SCHEMA, SCHEMA_VERSION = "operational-domain", 1

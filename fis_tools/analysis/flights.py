@@ -15,10 +15,9 @@ from fis_tools.analysis import tables
 from fis_tools.analysis.arrays import FIRED, RuleUsage, firing, rule_usage
 from fis_tools.array_types import Booleans, Floats
 from fis_tools.engines.compiler import compile as compiled
+from fis_tools.errors import ControllerFileError, MissingExtra
 from fis_tools.formats import serialize
-from fis_tools.formats.error import ControllerFileError
 from fis_tools.model import FuzzyController, FuzzySystem
-from fis_tools.model.extras import MissingExtra
 from fis_tools.model.thrust import COUNTED, UNKNOWN
 from fis_tools.words.text import with_unit
 

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.array_types import Floats
-from fis_tools.formats.error import ControllerFileError
-from fis_tools.model.extras import MissingExtra
+from fis_tools.errors import ControllerFileError, MissingExtra
 from fis_tools.model.validate import nearest
 
 CSV, PARQUET = ".csv", ".parquet"

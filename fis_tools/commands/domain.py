@@ -8,7 +8,7 @@ import numpy as np
 from fis_tools.analysis import flights as logged
 from fis_tools.analysis import tables
 from fis_tools.analysis.domain import Box, Departure, departures, from_mapping
-from fis_tools.formats.error import ControllerFileError
+from fis_tools.errors import ControllerFileError
 
 
 def run(domain: str, flights: tuple[str, ...], /) -> int:

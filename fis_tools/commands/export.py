@@ -22,7 +22,7 @@ from fis_tools.document import html, latex, markdown, text
 from fis_tools.formats import csv, forms, serialize
 from fis_tools.formats.c import cost, fmu, source
 from fis_tools.formats.exchange.antecedents import NotExpressible
-from fis_tools.formats.exchange.files import Written
+from fis_tools.formats.forms import Written
 from fis_tools.model import FuzzyController
 from fis_tools.model.thrust import thrust_logic
 from fis_tools.model.validate import InvalidSystem

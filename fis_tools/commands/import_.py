@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
-from fis_tools import programs
+from fis_tools import source
 from fis_tools.commands.arguments import Output, UserMistake, expected, write
 from fis_tools.formats import serialize
 from fis_tools.formats.own.mapping import MOST_POINTS
@@ -79,7 +79,7 @@ def run(
 
 
 def _reading(path: str, trust: bool) -> serialize.Reading:
-    if programs.is_program(path):
+    if source.is_program(path):
         return serialize.Reading(read_controller(path, trust), ())
     return serialize.read(path)
 

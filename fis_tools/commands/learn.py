@@ -6,8 +6,7 @@ from typing import Annotated, Literal
 from cyclopts import Parameter
 
 from fis_tools.commands.arguments import Output, UserMistake, form_of, write
-from fis_tools.learning.from_tables import cross_validated, learn_table
-from fis_tools.learning.learner import Recipe, Unlearnable
+from fis_tools.learning.learner import Recipe, Unlearnable, cross_validated, learn_table
 from fis_tools.learning.table import Table, UnreadableTable, as_table, read
 from fis_tools.model import FuzzyController, FuzzySystem
 from fis_tools.words.text import sentences, with_unit

@@ -13,7 +13,7 @@ import numpy as np
 
 from fis_tools.array_types import Floats
 from fis_tools.compiled.decorator import compiled
-from fis_tools.engines.defuzzifier import SMALLEST_AREA
+from fis_tools.engines.defuzzifier import SMALLEST_AREA, invert
 from fis_tools.engines.operators import DRASTIC_PRODUCT, MAX, MIN, NOT, combine
 from fis_tools.engines.program import (
     CENTROID,
@@ -25,7 +25,6 @@ from fis_tools.engines.program import (
     Weighing,
     assemble,
 )
-from fis_tools.engines.weigher import invert
 from fis_tools.model import Concave, Formula, FuzzySystem, Sigmoid, Variable
 from fis_tools.model.validate import validate
 

@@ -1,12 +1,46 @@
-"""The kinds of files of other programs: the module of `exchange` named after a kind writes and reads them."""
+"""The kinds of files of other programs, and what reading and writing them comes to.
+
+The module of `exchange` named after a kind writes and reads it.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
 
-from fis_tools.formats.exchange.files import Reading, Written
 from fis_tools.model import FuzzyController
+
+
+@dataclass(frozen=True)
+class Written:
+    """A file, and what it cannot hold.
+
+    Parameters
+    ----------
+    text : str
+        The whole file.
+    losses : tuple of str
+        What the format has no place for, one sentence each.
+    """
+
+    text: str
+    losses: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Reading:
+    """A controller, and what was assumed to read it.
+
+    Parameters
+    ----------
+    controller : FuzzyController
+        It has no problems.
+    assumptions : tuple of str
+        What the file did not state, one sentence each.
+    """
+
+    controller: FuzzyController
+    assumptions: tuple[str, ...]
 
 
 @dataclass(frozen=True)

@@ -12,12 +12,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from fis_tools.formats.error import ControllerFileError
-from fis_tools.formats.exchange.files import Reading
-from fis_tools.formats.forms import FORMS, reader
+from fis_tools.errors import ControllerFileError
+from fis_tools.formats.forms import FORMS, Reading, reader
 from fis_tools.formats.own import json, yaml
+from fis_tools.formats.own.json import MAX_FILE_BYTES, MAX_JSON_BYTES, Unreadable
 from fis_tools.formats.own.mapping import SCHEMA, SCHEMA_VERSION, from_mapping, to_mapping
-from fis_tools.formats.own.plain import MAX_FILE_BYTES, MAX_JSON_BYTES, Unreadable
 from fis_tools.model import FuzzyController
 
 __all__ = [

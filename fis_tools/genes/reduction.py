@@ -10,9 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from fis_tools.array_types import Booleans, Floats
+from fis_tools.errors import MissingExtra
 from fis_tools.genes.parameters import SystemEncoding
 from fis_tools.model import FuzzySystem
-from fis_tools.model.extras import MissingExtra
 
 #: a gain of one takes the output from one end to the other as its input goes from end to end
 GREATEST_GAIN = 3.0

@@ -7,9 +7,8 @@ does not.
 
 from typing import TYPE_CHECKING, Any
 
-from fis_tools.learning.from_tables import learn
 from fis_tools.learning.imitation import Imitation, imitate
-from fis_tools.learning.learner import Recipe
+from fis_tools.learning.learner import Recipe, learn
 
 if TYPE_CHECKING:
     from fis_tools.learning.estimators import FuzzyClassifier, FuzzyRegressor

@@ -7,11 +7,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from fis_tools.array_types import Floats
 from fis_tools.engines.compiler import compile
+from fis_tools.errors import MissingExtra
 from fis_tools.learning.learner import Consequents, Learned, Recipe, learn_classes, learn_number
 from fis_tools.learning.partition import range_of
 from fis_tools.learning.table import Column, columns_over, distinct
 from fis_tools.model import FuzzySystem
-from fis_tools.model.extras import MissingExtra
 
 try:
     from sklearn.base import BaseEstimator, ClassifierMixin, RegressorMixin

@@ -9,7 +9,7 @@ What a colour says is also said by a word, a line style or a brightness, so that
 
 from importlib.util import find_spec
 
-from fis_tools.model.extras import MissingExtra
+from fis_tools.errors import MissingExtra
 
 if find_spec("matplotlib") is None:
     raise MissingExtra("drawing", "matplotlib", '"fis-tools[plot]"')
@@ -17,15 +17,16 @@ if find_spec("matplotlib") is None:
 from fis_tools.render.curves import memberships, output_curve
 from fis_tools.render.figures import (
     Figure,
+    encode,
     firing_figure,
     memberships_figure,
     one_panel,
     rules_figures,
+    save,
     surface_figure,
     surface_figures,
     system_figures,
 )
-from fis_tools.render.files import encode, save
 from fis_tools.render.inference import conclusion_panel, inference_figure, output_panel, statement_panel
 from fis_tools.render.rule_lists import firing_map, firing_shares, rule_bars, rule_list
 from fis_tools.render.rule_tables import rule_matrix

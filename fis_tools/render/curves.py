@@ -1,6 +1,7 @@
 """Membership functions of a variable, and an output over one input."""
 
 from collections.abc import Mapping
+from typing import Literal
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -8,9 +9,9 @@ from matplotlib.axes import Axes
 from fis_tools.analysis.arrays import evaluate
 from fis_tools.array_types import Floats
 from fis_tools.model import FuzzySystem, Variable
+from fis_tools.model.validate import nearest
 from fis_tools.model.variables import sample_terms
 from fis_tools.render import lettering
-from fis_tools.render.roles import named
 from fis_tools.render.surfaces import entitle, held_words
 from fis_tools.render.theme import LIGHT, MEDIUM, SMALL, Theme, dress
 from fis_tools.words.text import SHOWN_FROM, number, quantity, with_unit
@@ -171,3 +172,18 @@ def output_curve(
     entitle(ax, held_words(system, held))
     dress(ax, theme)
     return ax
+
+
+def named(system: FuzzySystem, role: Literal["input", "output"], name: str | None) -> Variable:
+    """Return the input or the output of a name, without one the first.
+
+    Raises
+    ------
+    ValueError
+        If there is none of this name.
+    """
+    variables = system.inputs if role == "input" else system.outputs
+    names = [variable.name for variable in variables]
+    if name is not None and name not in names:
+        raise ValueError(f"system {system.name!r} has no {role} {name!r}; {nearest(name, names)}")
+    return variables[0 if name is None else names.index(name)]

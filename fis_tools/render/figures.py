@@ -1,9 +1,12 @@
-"""Whole figures of a system, sized so that every word can be read."""
+"""Whole figures of a system, sized so that every word can be read, and files of them."""
 
+import io
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import product
+from pathlib import Path
 from typing import Any
 
+import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -14,8 +17,7 @@ from fis_tools.model import FuzzySystem, Term, Variable
 from fis_tools.model.variables import sample
 from fis_tools.model.weighing import has_sets
 from fis_tools.render import lettering
-from fis_tools.render.curves import memberships, output_curve, peak
-from fis_tools.render.roles import named
+from fis_tools.render.curves import memberships, named, output_curve, peak
 from fis_tools.render.rule_lists import firing_map, firing_shares, list_height, rule_bars, rule_list
 from fis_tools.render.rule_tables import rule_cells, rule_matrix
 from fis_tools.render.surfaces import (
@@ -285,3 +287,41 @@ def _panels(
     for ax in axes[count:]:
         ax.remove()
     return figure, list(axes[:count])
+
+
+FORMATS = ("png", "svg", "pdf")
+
+_OPTIONS: dict[Any, Any] = {"svg.fonttype": "none", "svg.hashsalt": "fis_tools", "pdf.fonttype": 42}
+_METADATA: dict[str, dict[str, Any]] = {
+    "png": {"Software": None},
+    "svg": {"Date": None, "Creator": None},
+    "pdf": {"CreationDate": None, "Creator": None, "Producer": None},
+}
+
+
+def encode(figure: Figure, form: str, dots_per_inch: int = 150) -> bytes:
+    """Return a figure as a file of one of `FORMATS`.
+
+    Raises
+    ------
+    ValueError
+        If the format is another.
+    """
+    if form not in FORMATS:
+        raise ValueError(f"{form!r} is not a picture format; choose one of {', '.join(FORMATS)}")
+    content = io.BytesIO()
+    with mpl.rc_context(_OPTIONS):
+        figure.savefig(content, format=form, dpi=dots_per_inch, metadata=_METADATA[form])
+    return content.getvalue()
+
+
+def save(figure: Figure, path: Path | str, dots_per_inch: int = 150) -> None:
+    """Write a figure to a file, in the format that the name ends with.
+
+    Raises
+    ------
+    ValueError
+        If the name ends with no format that there is.
+    """
+    path = Path(path)
+    path.write_bytes(encode(figure, path.suffix.removeprefix(".").lower(), dots_per_inch))

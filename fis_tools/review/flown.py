@@ -12,7 +12,7 @@ import numpy as np
 from fis_tools.analysis import arrays, flights
 from fis_tools.analysis.flights import FlownSystem
 from fis_tools.array_types import Floats
-from fis_tools.formats.error import ControllerFileError
+from fis_tools.errors import ControllerFileError
 from fis_tools.model import FuzzyController, FuzzySystem
 
 
@@ -59,7 +59,7 @@ def read_flights(
 
     Raises
     ------
-    fis_tools.formats.error.ControllerFileError
+    fis_tools.errors.ControllerFileError
         If one cannot be read, or its systems have other inputs than the controller's.
     """
     once = unique(paths)

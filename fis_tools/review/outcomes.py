@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from fis_tools.analysis.flights import Outcome
-from fis_tools.formats.error import ControllerFileError
+from fis_tools.errors import ControllerFileError
 
 SUMMARY = Path("evaluate") / "summary.json"
 RECORDINGS = "episodes"

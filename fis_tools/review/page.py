@@ -82,7 +82,7 @@ def write(
     ------
     NotMamdani
         If an output is a weighted average or sum.
-    fis_tools.formats.error.ControllerFileError
+    fis_tools.errors.ControllerFileError
         If a flight cannot be read, or its systems have other inputs than the controller's; if the evidence
         cannot be read, or is about another controller.
     """

@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from fis_tools.formats.error import ControllerFileError
+from fis_tools.errors import ControllerFileError
 
 SCHEMA = "evidence"
 

@@ -2,7 +2,7 @@
 
 from importlib.util import find_spec
 
-from fis_tools.model.extras import MissingExtra
+from fis_tools.errors import MissingExtra
 
 if find_spec("skfuzzy") is None or find_spec("scipy") is None:
     raise MissingExtra(

@@ -35,8 +35,8 @@ from fis_tools.model import (
     Term,
     Variable,
 )
-from fis_tools.model.chains import Named, NotResolvable, unchained
 from fis_tools.model.operators import ACCUMULATIONS, AND_OPERATORS, OR_OPERATORS, Operator
+from fis_tools.model.rules import Named, NotResolvable, unchained
 from fis_tools.model.validate import MAX_NESTING, nearest, problems
 from fis_tools.scikit_fuzzy.recognition import recognise
 

@@ -42,7 +42,7 @@ def run(experiment: Experiment, folder: Path) -> None:
 
 def _write_review(contents: "Contents", folder: Path) -> None:
     """Write the review of the run's fuzzy controller; an earlier one is removed."""
-    from fis_tools.formats.error import ControllerFileError  # noqa: PLC0415 - as above
+    from fis_tools.errors import ControllerFileError  # noqa: PLC0415 - as above
     from fis_tools.review import page as review  # noqa: PLC0415
 
     path = folder / artifacts.REVIEW

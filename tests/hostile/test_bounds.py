@@ -15,8 +15,8 @@ from pyarrow import parquet
 
 from fis_tools.__main__ import main
 from fis_tools.analysis import arrays, tables
+from fis_tools.errors import ControllerFileError
 from fis_tools.formats import serialize
-from fis_tools.formats.error import ControllerFileError
 from fis_tools.learning import table
 from pipeline.controllers.policies import policy_of
 from pipeline.flight.control.controller import ControllerError

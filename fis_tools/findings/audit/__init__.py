@@ -5,8 +5,7 @@ from collections.abc import Iterator, Mapping
 from fis_tools.analysis.measures import measure
 from fis_tools.array_types import Floats
 from fis_tools.findings.audit import answers, rules, terms, usage
-from fis_tools.findings.audit.finding import Finding, Severity, Thresholds
-from fis_tools.findings.audit.report import Audit, AuditedSystem
+from fis_tools.findings.audit.report import Audit, AuditedSystem, Finding, Severity, Thresholds
 from fis_tools.model import FuzzyController, FuzzySystem
 from fis_tools.model.validate import nearest, validate
 

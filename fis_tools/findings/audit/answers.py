@@ -7,7 +7,7 @@ import numpy as np
 from fis_tools.analysis.arrays import evaluate
 from fis_tools.analysis.measures import Measures
 from fis_tools.array_types import Floats
-from fis_tools.findings.audit.finding import Finding, Severity, Thresholds
+from fis_tools.findings.audit.report import Finding, Severity, Thresholds
 from fis_tools.model import FuzzySystem
 from fis_tools.words.text import NEGLIGIBLE, amount, percent, place, span
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from fis_tools.analysis.measures import Measures, centre
 from fis_tools.array_types import Floats, Integers
-from fis_tools.findings.audit.finding import Finding, Severity, Thresholds
+from fis_tools.findings.audit.report import Finding, Severity, Thresholds
 from fis_tools.model import And, Constant, Expression, FuzzySystem, Hedged, Is, Not, Or, Rule, conjunctions
 from fis_tools.words.text import amount, antecedent_words, consequent_words, listed, percent, place, span
 

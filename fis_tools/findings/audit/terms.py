@@ -9,7 +9,7 @@ from fis_tools.analysis.arrays import distinguishability
 from fis_tools.analysis.measures import Measures, centre
 from fis_tools.array_types import Floats
 from fis_tools.findings.audit import names
-from fis_tools.findings.audit.finding import Finding, Severity, Thresholds
+from fis_tools.findings.audit.report import Finding, Severity, Thresholds
 from fis_tools.model import FuzzySystem, Variable, statements_of
 from fis_tools.model.variables import sample_terms
 from fis_tools.words.text import amount, listed, number, percent, span

@@ -8,7 +8,7 @@ from fis_tools.analysis.arrays import firing, rule_usage
 from fis_tools.analysis.contribution import importance
 from fis_tools.array_types import Floats
 from fis_tools.engines.compiler import compile as compiled
-from fis_tools.findings.audit.finding import Finding, Severity, Thresholds
+from fis_tools.findings.audit.report import Finding, Severity, Thresholds
 from fis_tools.model import FuzzySystem
 from fis_tools.words.text import amount, antecedent_words, consequent_words, listed, percent
 

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import fields
 
 from fis_tools.document import Block, Cell, Change, Document, Figure, Heading, Paragraph, Table, data
-from fis_tools.findings.difference import surfaces
+from fis_tools.findings.difference import outputs
 from fis_tools.findings.difference.change import (
     Fact,
     OutputChange,
@@ -92,7 +92,7 @@ def _system(system: SystemDifference, pictures: bool) -> Iterator[Block]:
     yield from _fact_table(system.facts)
     yield from _outputs(system.outputs)
     if pictures:
-        yield from map(Figure, surfaces.draw(system))
+        yield from map(Figure, outputs.draw(system))
         if any(change.terms for change in system.variables):
             yield Paragraph(_LEGEND)
     for change in system.variables:

@@ -5,16 +5,17 @@ from dataclasses import replace
 
 from fis_tools.findings.simplification.budget import FLOWN, ROUNDING_ERROR, Bench
 from fis_tools.findings.simplification.draft import (
+    MOST_DIGITS,
     Draft,
     Proposal,
     cleaned,
     proposals,
     rounded_draft,
+    units,
     unused_words,
 )
 from fis_tools.findings.simplification.report import Kind, Step, num_terms
 from fis_tools.findings.simplification.rewriting import without_input
-from fis_tools.findings.simplification.rounding import MOST_DIGITS, units
 from fis_tools.words.text import listed
 
 #: All numbers are rounded to this many digits together, then to one less, and so on: down to so many while

@@ -10,7 +10,7 @@ import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
-from fis_tools.formats.error import ControllerFileError
+from fis_tools.errors import ControllerFileError
 from fis_tools.formats.exchange.antecedents import ANY, NotExpressible, Statement, any_term, mentions, renamed
 from fis_tools.formats.exchange.dialect import (
     INPUT_POINTS,
@@ -22,10 +22,10 @@ from fis_tools.formats.exchange.dialect import (
     middle,
     refuse_joined,
 )
-from fis_tools.formats.exchange.files import Reading
+from fis_tools.formats.forms import Reading
 from fis_tools.formats.own import json as strict_json
+from fis_tools.formats.own.json import Unreadable
 from fis_tools.formats.own.mapping import MOST_PROBLEMS, from_mapping, to_mapping
-from fis_tools.formats.own.plain import Unreadable
 from fis_tools.model import FuzzyController, FuzzySystem, Rule, Sampled, Term, Variable
 from fis_tools.model.validate import controller_problems
 from fis_tools.model.variables import sample

@@ -15,12 +15,11 @@ from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Any, TypeVar
 
-from fis_tools.formats.error import ControllerFileError
+from fis_tools.errors import ControllerFileError
 from fis_tools.formats.exchange import foreign
 from fis_tools.formats.exchange.antecedents import with_any
 from fis_tools.formats.exchange.carried import understand
 from fis_tools.formats.exchange.dialect import Dialect, Expressed, settle
-from fis_tools.formats.exchange.files import Reading, Written
 from fis_tools.formats.exchange.fll_rules import Operators, chained, read_rules
 from fis_tools.formats.exchange.foreign import Extent, Table
 from fis_tools.formats.exchange.methods import (
@@ -33,6 +32,7 @@ from fis_tools.formats.exchange.methods import (
     meanings,
 )
 from fis_tools.formats.exchange.writing import term_words, written
+from fis_tools.formats.forms import Reading, Written
 from fis_tools.model import (
     AndOperator,
     Constant,

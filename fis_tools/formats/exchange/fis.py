@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
-from fis_tools.formats.error import ControllerFileError
+from fis_tools.errors import ControllerFileError
 from fis_tools.formats.exchange import foreign
 from fis_tools.formats.exchange.antecedents import (
     ANY,
@@ -25,7 +25,6 @@ from fis_tools.formats.exchange.antecedents import (
 )
 from fis_tools.formats.exchange.carried import understand
 from fis_tools.formats.exchange.dialect import Dialect, Expressed, settle
-from fis_tools.formats.exchange.files import Reading, Written
 from fis_tools.formats.exchange.fis_sections import (
     Section,
     numbers_in,
@@ -39,6 +38,7 @@ from fis_tools.formats.exchange.fll_rules import hedged_rules
 from fis_tools.formats.exchange.foreign import Extent, Table
 from fis_tools.formats.exchange.methods import AGGREGATIONS, AND, DEFUZZIFIERS, NORMALIZED_SUMS, OR, meanings
 from fis_tools.formats.exchange.writing import term_words, written
+from fis_tools.formats.forms import Reading, Written
 from fis_tools.model import (
     Aggregation,
     And,
@@ -178,7 +178,7 @@ def read(text: str) -> Reading:
 
     Raises
     ------
-    fis_tools.formats.error.ControllerFileError
+    fis_tools.errors.ControllerFileError
         If it is damaged or says what a fuzzy system of ours cannot; with the line.
     """
     sections, comments = sections_of(text)

@@ -10,16 +10,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from fis_tools.formats.error import ControllerFileError
+from fis_tools.errors import ControllerFileError
 from fis_tools.formats.exchange import foreign
 from fis_tools.formats.exchange.antecedents import with_any
 from fis_tools.formats.exchange.carried import MARK, understand
 from fis_tools.formats.exchange.dialect import Dialect, Expressed, settle
-from fis_tools.formats.exchange.files import Reading, Written
 from fis_tools.formats.exchange.fll_rules import Operators, chained, read_rules
 from fis_tools.formats.exchange.foreign import Extent, Table
 from fis_tools.formats.exchange.methods import AGGREGATIONS, AND, DEFUZZIFIERS, NORMALIZED_SUMS, OR, meanings
 from fis_tools.formats.exchange.writing import term_words, written
+from fis_tools.formats.forms import Reading, Written
 from fis_tools.formats.own.mapping import MOST_POINTS
 from fis_tools.model import (
     Aggregation,
@@ -100,7 +100,7 @@ def read(text: str) -> Reading:
 
     Raises
     ------
-    fis_tools.formats.error.ControllerFileError
+    fis_tools.errors.ControllerFileError
         If it is damaged or says what a fuzzy system of ours cannot; with the line.
     """
     comments: list[tuple[int, str]] = []

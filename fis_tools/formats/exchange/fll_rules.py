@@ -4,7 +4,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from fis_tools.formats.error import ControllerFileError
+from fis_tools.errors import ControllerFileError
 from fis_tools.formats.exchange import foreign
 from fis_tools.formats.exchange.antecedents import ANY, FUZZYLITES, hedged
 from fis_tools.model import (
@@ -21,7 +21,7 @@ from fis_tools.model import (
     Rule,
     Variable,
 )
-from fis_tools.model.chains import Named, NotResolvable, unchained
+from fis_tools.model.rules import Named, NotResolvable, unchained
 from fis_tools.model.validate import MAX_NESTING
 
 #: The operators of a block of rules; None where it has none.

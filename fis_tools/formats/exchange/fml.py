@@ -11,16 +11,16 @@ from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple
 
-from fis_tools.formats.error import ControllerFileError
+from fis_tools.errors import ControllerFileError
 from fis_tools.formats.exchange import foreign, xml
 from fis_tools.formats.exchange.antecedents import operands_of, statement_of
 from fis_tools.formats.exchange.carried import understand
 from fis_tools.formats.exchange.dialect import Dialect, Expressed, settle
-from fis_tools.formats.exchange.files import Reading, Written
 from fis_tools.formats.exchange.foreign import Extent, Table
 from fis_tools.formats.exchange.methods import AGGREGATIONS, AND, DEFUZZIFIERS, HEDGES, OR, meanings
 from fis_tools.formats.exchange.writing import written
 from fis_tools.formats.exchange.xml import Element
+from fis_tools.formats.forms import Reading, Written
 from fis_tools.model import (
     Aggregation,
     And,
@@ -185,7 +185,7 @@ def read(text: str) -> Reading:
 
     Raises
     ------
-    fis_tools.formats.error.ControllerFileError
+    fis_tools.errors.ControllerFileError
         If it is damaged or hostile, or says what a fuzzy system of ours cannot; with the line.
     """
     root, comments = xml.read(text)

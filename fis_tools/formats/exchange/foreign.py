@@ -12,7 +12,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from fis_tools.formats.error import ControllerFileError
+from fis_tools.errors import ControllerFileError
 from fis_tools.formats.exchange.dialect import INPUT_POINTS, OUTPUT_POINTS, input_universe, universe_of
 from fis_tools.formats.exchange.methods import HEDGES
 from fis_tools.formats.own.mapping import MOST_POINTS

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from defusedxml import DefusedXmlException
 from defusedxml.ElementTree import DefusedXMLParser, ParseError
 
-from fis_tools.formats.error import ControllerFileError
+from fis_tools.errors import ControllerFileError
 
 #: How deep elements may be nested; a fuzzy system needs seven levels.
 MAX_DEPTH = 32

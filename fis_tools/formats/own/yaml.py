@@ -14,7 +14,7 @@ from typing import Any
 import yaml
 from yaml.composer import Composer
 
-from fis_tools.formats.own.plain import LINE_WIDTH, MAX_DEPTH, Unreadable, is_scalar, rule_rows
+from fis_tools.formats.own.json import LINE_WIDTH, MAX_DEPTH, Unreadable, is_scalar, rule_rows
 
 #: Without libyaml the reader is written in Python; this much takes it some seconds.
 MAX_YAML_BYTES = 256 * 1024

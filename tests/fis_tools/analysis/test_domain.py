@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fis_tools.analysis.domain import as_mapping, box_of, departures, from_mapping
-from fis_tools.formats.error import ControllerFileError
+from fis_tools.errors import ControllerFileError
 from tests.fis_tools.sample_controllers import force_x_system
 
 SYSTEM = force_x_system()

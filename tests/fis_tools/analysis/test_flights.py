@@ -16,7 +16,7 @@ from fis_tools.analysis.flights import (
     usage_along,
 )
 from fis_tools.engines.inference import infer
-from fis_tools.formats.error import ControllerFileError
+from fis_tools.errors import ControllerFileError
 from fis_tools.formats.serialize import dump_json
 from fis_tools.model import FuzzyController, FuzzySystem
 from fis_tools.words.text import sentences

@@ -13,8 +13,8 @@ from fis_tools.__main__ import main
 from fis_tools.analysis import tables
 from fis_tools.analysis.domain import as_mapping, box_of
 from fis_tools.engines.inference import infer
+from fis_tools.errors import ControllerFileError
 from fis_tools.findings.explanation import shares
-from fis_tools.formats.error import ControllerFileError
 from fis_tools.formats.serialize import load
 from tests.places import PROJECT
 

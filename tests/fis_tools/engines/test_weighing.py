@@ -6,8 +6,8 @@ import pytest
 from fis_tools.analysis.shapley import shares
 from fis_tools.engines import inference, interval
 from fis_tools.engines.compiler import compile
+from fis_tools.engines.defuzzifier import invert
 from fis_tools.engines.program import INVERTED
-from fis_tools.engines.weigher import invert
 from fis_tools.model.variables import shape_values
 from tests.fis_tools.engines.weighed_systems import ENDLESS, MONOTONE, mixed, samples, systems
 

@@ -5,11 +5,11 @@ import tracemalloc
 
 import pytest
 
+from fis_tools.errors import ControllerFileError
 from fis_tools.formats import serialize
-from fis_tools.formats.error import ControllerFileError
 from fis_tools.formats.exchange import foreign
 from fis_tools.formats.own import json as own_json
-from fis_tools.formats.own.plain import Unreadable
+from fis_tools.formats.own.json import Unreadable
 from fis_tools.model import validate
 
 

@@ -14,7 +14,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from fis_tools.formats.own import yaml as own_yaml
-from fis_tools.formats.own.plain import Unreadable
+from fis_tools.formats.own.json import Unreadable
 from fis_tools.formats.serialize import (
     ControllerFileError,
     dump_json,

@@ -15,7 +15,7 @@ from fis_tools.analysis.arrays import coverage, distinguishability
 from fis_tools.engines.compiler import compile
 from fis_tools.formats import serialize
 from fis_tools.learning import Recipe, learn
-from fis_tools.learning.from_tables import cross_validated, learn_table
+from fis_tools.learning.learner import cross_validated, learn_table
 from fis_tools.learning.partition import CLOSEST, Partition, even, range_of, tuned
 from fis_tools.learning.table import UnreadableTable, as_table, read, read_csv
 from fis_tools.learning.takagi_sugeno import fit

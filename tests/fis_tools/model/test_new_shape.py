@@ -9,7 +9,7 @@ import pytest
 
 from fis_tools.document import text
 from fis_tools.engines.compiler import compile
-from fis_tools.findings.simplification.rounding import rounded
+from fis_tools.findings.simplification.draft import rounded
 from fis_tools.formats import serialize
 from fis_tools.formats.c import source
 from fis_tools.formats.exchange import fcl, fis, fll, fml

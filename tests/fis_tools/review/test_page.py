@@ -15,9 +15,9 @@ from fis_tools import __main__ as command_line
 from fis_tools.analysis import arrays
 from fis_tools.analysis.flights import inputs_along
 from fis_tools.engines.inference import firing_strengths, infer
+from fis_tools.errors import ControllerFileError
 from fis_tools.findings.audit import audit
 from fis_tools.formats import serialize
-from fis_tools.formats.error import ControllerFileError
 from fis_tools.model import FuzzyController
 from fis_tools.review import carried, page
 from fis_tools.words.text import sentence

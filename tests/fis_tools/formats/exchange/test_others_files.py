@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from fis_tools.engines.compiler import compile
+from fis_tools.errors import ControllerFileError
 from fis_tools.formats import serialize
-from fis_tools.formats.error import ControllerFileError
 from fis_tools.formats.exchange import fcl, fll
 from fis_tools.model import And, FuzzyController, Hedged, Is, Not, Or, Trapezoidal, Triangular
 from tests.fis_tools.formats.exchange.systems import alone, flat_system

@@ -11,7 +11,7 @@ from fis_tools.analysis.arrays import spread_inputs
 from fis_tools.engines.compiler import compile
 from fis_tools.formats import serialize
 from fis_tools.formats.exchange import fis, fll
-from fis_tools.formats.exchange.losses import answers
+from fis_tools.formats.exchange.writing import answers
 from tests.fis_tools.formats.exchange.outside import NUM_POINTS, fuzzylite_outputs
 from tests.fis_tools.formats.exchange.systems import alone, fine, flat_system
 

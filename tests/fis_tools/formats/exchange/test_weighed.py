@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from fis_tools.engines.compiler import compile
-from fis_tools.formats.error import ControllerFileError
+from fis_tools.errors import ControllerFileError
 from fis_tools.formats.exchange import fcl, fis, fll, fml
 from fis_tools.formats.exchange.antecedents import NotExpressible
 from fis_tools.formats.exchange.dialect import express

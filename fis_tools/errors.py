@@ -1,4 +1,4 @@
-"""Optional packages, and the message when one is missing."""
+"""Errors that a person can put right, each with a sentence that says how."""
 
 
 class MissingExtra(ImportError):  # noqa: N818
@@ -18,3 +18,7 @@ class MissingExtra(ImportError):  # noqa: N818
         super().__init__(
             f"{use} needs {package}, which is not installed; install it: python -m pip install {cure}"
         )
+
+
+class ControllerFileError(ValueError):
+    """A controller file that cannot be read, told in a sentence."""
