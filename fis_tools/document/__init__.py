@@ -3,7 +3,7 @@
 `text`, `markdown`, `html` and `latex` each write any document; `data` writes results as JSON.
 """
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
@@ -16,16 +16,44 @@ class Change:
     after: str
 
 
+@dataclass(frozen=True)
+class Mark:
+    """Words in a cell that pages show in a way of their own.
+
+    Parameters
+    ----------
+    words : str
+    kind : str
+        The class of their style, such as "refuted".
+    link : str
+        To the id of a heading or a fold of the same document.
+    note : str
+        A remark below them.
+    value : float, optional
+        The number that the words round.
+    """
+
+    words: str
+    kind: str = ""
+    link: str = ""
+    note: str = ""
+    value: float | None = None
+
+    def __str__(self) -> str:
+        return f"{self.words} ({self.note})" if self.note else self.words
+
+
 #: what stands in a cell of a table
-Cell: TypeAlias = str | Change
+Cell: TypeAlias = str | Change | Mark
 
 
 @dataclass(frozen=True)
 class Heading:
-    """A heading, of level 1 (the whole document) to 3."""
+    """A heading, of level 1 (the whole document) to 4; with an id it can be linked to."""
 
     words: str
     level: int = 2
+    id: str = ""
 
 
 @dataclass(frozen=True)
@@ -56,12 +84,15 @@ class Table:
         The columns whose cells are numbers.
     across : str
         What the columns but the first stand for, where all are values of one variable.
+    caption : str
+        What it shows.
     """
 
     heads: Sequence[str]
     rows: Sequence[Sequence[Cell]]
     numbers: Collection[int] = ()
     across: str = ""
+    caption: str = ""
 
 
 @dataclass(frozen=True)
@@ -78,7 +109,16 @@ class Figure:
     markup: str
 
 
-Block: TypeAlias = Heading | Paragraph | Items | Table | Code | Figure
+@dataclass(frozen=True)
+class Fold:
+    """Blocks that a page shows when asked to, below a heading elsewhere."""
+
+    words: str
+    blocks: "Sequence[Block]"
+    id: str = ""
+
+
+Block: TypeAlias = Heading | Paragraph | Items | Table | Code | Figure | Fold
 
 
 @dataclass(frozen=True)
@@ -86,6 +126,16 @@ class Document:
     """Blocks in the order of reading."""
 
     blocks: Sequence[Block]
+
+    @property
+    def unfolded(self) -> Iterator[Block]:
+        """Its blocks without folds and figures, which only pages have."""
+        for block in self.blocks:
+            if isinstance(block, Fold):
+                yield Heading(block.words, 4)
+                yield from Document(block.blocks).unfolded
+            elif not isinstance(block, Figure):
+                yield block
 
     @property
     def title(self) -> str:

@@ -4,72 +4,132 @@ from collections.abc import Iterator
 
 from markupsafe import Markup, escape
 
-from fis_tools.document import Block, Change, Code, Document, Figure, Heading, Items, Paragraph, Table
+from fis_tools.document import (
+    Block,
+    Cell,
+    Change,
+    Code,
+    Document,
+    Figure,
+    Fold,
+    Heading,
+    Items,
+    Mark,
+    Paragraph,
+    Table,
+)
 from fis_tools.document.element import element
-from fis_tools.document.page import read, template
+from fis_tools.document.page import policy, read, template
+
+#: a table with more columns is read row by row on a phone
+NARROW = 2
 
 
 def fragment(document: Document) -> str:
     """Write a document as a part of a page, with its style."""
-    return str(element("style", Markup(read("style.css"))) + _body(document))  # noqa: S704 - of this package
+    return str(element("style", Markup(read("style.css"))) + _main(document))  # noqa: S704 - of this package
 
 
 def page(document: Document, style: str = "") -> str:
-    """Write a document as a page of its own, which runs nothing and fetches nothing; ``style`` is CSS."""
-    style = Markup(style + read("style.css"))  # noqa: S704 - of our packages
+    """Write a document as a page of its own, which runs nothing and fetches nothing; ``style`` is CSS.
+
+    Headings of level 2 that have an id make its sections and its navigation.
+    """
+    body = _main(document)
+    style = Markup(read("style.css") + read("page.css") + style)  # noqa: S704 - of our packages
     return template("fis_tools", "document", "page.html").render(
-        title=document.title, style=style, body=_body(document)
+        title=document.title,
+        style=style,
+        policy=policy("" if "style=" in body or "<style" in body else style),
+        navigation=[
+            block for block in document.blocks if isinstance(block, Heading) and block.level == 2 and block.id
+        ],
+        body=body,
     )
 
 
-def _body(document: Document) -> Markup:
-    parts = [part for block in document.blocks for part in _elements(block)]
-    return element("main", Markup("\n").join(["", *parts, ""]), class_="document")
+def _main(document: Document) -> Markup:
+    parts: list[Markup] = [Markup("")]
+    sections: list[tuple[Heading | None, list[Markup]]] = [(None, [])]
+    for block in document.blocks:
+        if isinstance(block, Heading) and block.level == 2 and block.id:
+            sections.append((block, []))
+        else:
+            sections[-1][1].extend(_elements(block))
+    for heading, inside in sections:
+        if heading is None:
+            parts += inside
+        else:
+            title = element("h2", heading.words, id=f"{heading.id}-title")
+            lines = Markup("\n").join(["", title, *inside, ""])
+            parts.append(element("section", lines, id=heading.id, aria_labelledby=f"{heading.id}-title"))
+    return element("main", Markup("\n").join([*parts, Markup("")]), class_="document")
 
 
 def _elements(block: Block) -> Iterator[Markup]:
     match block:
-        case Heading(words, level):
-            yield element(f"h{level}", words)
+        case Heading(words, level, name):
+            yield element(f"h{level}", words, id=name)
         case Paragraph(words):
             yield element("p", words)
         case Items(items):
             broken = (Markup("<br>").join(item.split("\n")) for item in items)
             yield element("ul", *(element("li", words) for words in broken))
         case Code(words):
-            yield element("pre", element("code", words))
+            yield element("pre", element("code", words), tabindex=0)
         case Table():
             yield _table(block)
         case Figure(markup):
             yield Markup(markup)  # noqa: S704 - safe, as figures are
+        case Fold(words, blocks, name):
+            inside = [part for one in blocks for part in _elements(one)]
+            yield element("details", element("summary", words), *inside, id=name)
 
 
 def _table(table: Table) -> Markup:
-    heads = element("thead", element("tr", *(element("th", head, scope="col") for head in table.heads)))
+    is_number = ["number" if place in table.numbers else "" for place in range(len(table.heads))]
+    heads = [
+        element("th", head, scope="col", class_=css) for head, css in zip(table.heads, is_number, strict=True)
+    ]
+    stacks = len(table.heads) > NARROW and not table.across
+    names = table.heads if stacks else [""] * max(map(len, table.rows), default=0)
     rows = [
         element(
             "tr",
             element("th", _cell(first), scope="row"),
             *(
-                element("td", _cell(cell), class_=_class(cell, place, table))
-                for place, cell in enumerate(cells, start=1)
+                element("td", _cell(cell), class_=_class(cell, place, table), data_head=head)
+                for place, (cell, head) in enumerate(zip(cells, names[1:], strict=True), start=1)
             ),
         )
         for first, *cells in table.rows
     ]
+    parts = [element("caption", table.caption)] if table.caption else []
+    parts += [element("thead", element("tr", *heads))] if heads else []
     body = element("tbody", Markup("\n").join(rows))
-    return element("div", element("table", *([heads] if table.heads else []), body), class_="wide")
+    whole = element("table", *parts, body, class_="stacked" if stacks else "")
+    name = table.caption or next(filter(None, table.heads), "facts")
+    return element("div", whole, class_="wide", role="region", tabindex=0, aria_label=name)
 
 
-def _class(cell: str | Change, place: int, table: Table) -> str:
+def _class(cell: Cell, place: int, table: Table) -> str:
     if isinstance(cell, Change) and table.across:
         return "same" if cell.before == cell.after else "changed"
     return "number" if place in table.numbers else ""
 
 
-def _cell(cell: str | Change) -> Markup:
+def _cell(cell: Cell) -> Markup:
     if isinstance(cell, str):
         return escape(cell)
+    if isinstance(cell, Mark):
+        return _mark(cell)
     if cell.before == cell.after:
         return escape(cell.after)
     return element("del", cell.before) + element("ins", cell.after)
+
+
+def _mark(mark: Mark) -> Markup:
+    words = escape(mark.words) if mark.value is None else element("data", mark.words, value=mark.value)
+    words = element("span", words, class_=f"mark {mark.kind}") if mark.kind else words
+    words = element("a", words, href=f"#{mark.link}") if mark.link else words
+    return words + element("span", mark.note, class_="note") if mark.note else words

@@ -3,7 +3,7 @@ r"""Documents as LaTeX with booktabs, to be put into another by ``\input``."""
 import re
 from collections.abc import Iterator, Sequence
 
-from fis_tools.document import Block, Change, Code, Document, Heading, Items, Paragraph, Table
+from fis_tools.document import Block, Cell, Change, Code, Document, Heading, Items, Paragraph, Table
 
 #: A table with more rows than this may break across pages.
 LONG = 30
@@ -15,7 +15,7 @@ SENTENCE = 40
 _PREAMBLE = r"""% Put this file into a document by \input; its preamble needs
 %   \usepackage{booktabs, longtable}
 """
-_SECTIONS = {1: "section", 2: "subsection", 3: "subsubsection"}
+_SECTIONS = {1: "section", 2: "subsection", 3: "subsubsection", 4: "paragraph"}
 _SPECIAL = {
     "\\": r"\textbackslash{}",
     "{": r"\{",
@@ -37,7 +37,7 @@ _TO_ESCAPE = re.compile("[" + re.escape("".join(_SPECIAL)) + "]")
 
 def write(document: Document) -> str:
     """Write a document; pictures are left out."""
-    lines = [line for block in document.blocks for line in ("", *_lines(block))]
+    lines = [line for block in document.unfolded for line in ("", *_lines(block))]
     return "\n".join([_PREAMBLE, *lines[1:]]) + "\n"
 
 
@@ -54,6 +54,7 @@ def _lines(block: Block) -> Iterator[str]:
         case Code(words):
             yield from (r"\begin{verbatim}", words, r"\end{verbatim}")
         case Table():
+            yield from ([_escaped(block.caption), ""] if block.caption else [])
             yield from _table(block)
 
 
@@ -91,9 +92,9 @@ def _row(cells: Sequence[str]) -> str:
     return " & ".join(texts) + r" \\"
 
 
-def _cell(cell: str | Change) -> str:
-    if isinstance(cell, str):
-        return cell
+def _cell(cell: Cell) -> str:
+    if not isinstance(cell, Change):
+        return str(cell)
     return cell.after if cell.before == cell.after else f"{cell.before} → {cell.after}"
 
 

@@ -7,11 +7,17 @@ from importlib.resources import files
 from jinja2 import Environment, PackageLoader, StrictUndefined, Template
 from markupsafe import Markup
 
-#: of pages without scripts: nothing runs, and nothing is fetched but what the page carries
-POLICY = Markup(
-    "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; style-src 'unsafe-inline'; "
-    "img-src data:; base-uri 'none'; form-action 'none'\">"
-)
+
+def policy(style: str = "") -> Markup:
+    """Return the policy of a page without scripts: nothing runs, and nothing is fetched.
+
+    With the source of its style element, no other style is applied.
+    """
+    allowed = source_hash(style) if style else "unsafe-inline"
+    return Markup(
+        "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; style-src '{}'; "
+        "img-src data:; base-uri 'none'; form-action 'none'\">"
+    ).format(Markup(allowed))  # noqa: S704 - a hash or a word
 
 
 def template(package: str, folder: str, name: str) -> Template:
@@ -23,7 +29,6 @@ def template(package: str, folder: str, name: str) -> Template:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.globals["policy"] = POLICY
     return environment.get_template(name)
 
 

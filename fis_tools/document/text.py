@@ -3,7 +3,7 @@
 import textwrap
 from collections.abc import Collection, Iterator, Sequence
 
-from fis_tools.document import Block, Change, Code, Document, Figure, Heading, Items, Paragraph, Table
+from fis_tools.document import Block, Cell, Change, Code, Document, Heading, Items, Paragraph, Table
 
 #: Sentences are wrapped at this column, and tables of changes that are wider are listed instead.
 WIDTH = 110
@@ -16,9 +16,7 @@ def write(document: Document, width: int = WIDTH) -> str:
     """Write a document; sentences are wrapped, rows of tables are not."""
     lines: list[str] = []
     indent, goes_on = 0, True
-    for block in document.blocks:
-        if isinstance(block, Figure):
-            continue
+    for block in document.unfolded:
         is_heading = isinstance(block, Heading)
         if isinstance(block, Heading):
             indent = 2 * max(0, block.level - 2)
@@ -43,6 +41,7 @@ def _lines(block: Block, indent: int, width: int) -> Iterator[str]:
         case Code(words):
             yield from (" " * (indent + 4) + line for line in words.splitlines())
         case Table():
+            yield from _wrapped(block.caption, width, indent)
             yield from ((" " * indent + line).rstrip() for line in _table(block, width - indent))
 
 
@@ -74,9 +73,9 @@ def _table(table: Table, width: int) -> list[str]:
     return aligned([[table.heads[0], "", ""], *changes])
 
 
-def _cell(cell: str | Change) -> str:
-    if isinstance(cell, str):
-        return cell
+def _cell(cell: Cell) -> str:
+    if not isinstance(cell, Change):
+        return str(cell)
     return SAME if cell.before == cell.after else f"{cell.before} {TO} {cell.after}"
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from fis_tools.document.page import template
+from fis_tools.document.page import policy, template
 from fis_tools.words.text import summary
 from pipeline.evaluation import published
 from pipeline.evaluation.comparison import FLOWN
@@ -66,6 +66,7 @@ def write(contents: Contents, illustrations: Mapping[str, Illustration]) -> str:
     controller = contents.controller
     systems = controller.systems if controller else ()
     return template("pipeline.report", "templates", "report.html").render(
+        policy=policy(),
         title=experiment.report.title,
         name=experiment.name,
         controller=controller,
