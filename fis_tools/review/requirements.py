@@ -28,7 +28,7 @@ def read_evidence(path: Path | str, fingerprint: str) -> list[dict[str, Any]]:
                 "text": str(one["text"]),
                 "verified_by": ", ".join(one["verified_by"]),
                 "verdict": str(one["verdict"]),
-                "why": str(one["why"]),
+                "why": str(one.get("sentence", one["why"])),
             }
             for one in content["requirements"]
         ]

@@ -245,7 +245,7 @@ def check_before(experiment: Experiment) -> None:
             "train with guidance.engine=compiled"
         )
     if "assure" in experiment.stages:
-        _check_requirements(experiment.assurance.requirements)
+        _check_requirements(experiment)
     if "optimum" in experiment.stages:
         from pipeline.optimum.account import check_points  # noqa: PLC0415 - compiled code, like the controller's
         from pipeline.optimum.problem import check_light  # noqa: PLC0415 - the same
@@ -262,11 +262,13 @@ def check_before(experiment: Experiment) -> None:
         _check_compared(experiment)
 
 
-def _check_requirements(name: str) -> None:
+def _check_requirements(experiment: Experiment) -> None:
     """Read the requirements to report their errors."""
-    from pipeline.evaluation.assurance.requirements import read  # noqa: PLC0415 - as above
+    from pipeline.evaluation.assurance.requirements import read, require_heard  # noqa: PLC0415 - as above
 
-    read(requirements_path(name).read_text(encoding="utf-8"), name)
+    name, mission = experiment.assurance.requirements, experiment.mission
+    found = read(requirements_path(name).read_text(encoding="utf-8"), name).requirements
+    require_heard(found, mission.duration_s, mission.control_period_s)
 
 
 def _check_compared(experiment: Experiment) -> None:

@@ -68,14 +68,16 @@ def run(experiment: Experiment, folder: Path) -> None:
     artifacts.write_json(folder / artifacts.EVIDENCE, gathered)
     artifacts.write_atomically(folder / artifacts.EVIDENCE_PAGE, page.write(gathered))
     for one in gathered["requirements"]:
-        sys.stderr.write(f"  {one['id']} {one['verdict']}: {one['title']}: {one['why']}\n")
+        sys.stderr.write(f"  {one['id']} {one['title']}. {one['sentence']}\n")
     sys.stderr.write(f"  {folder / artifacts.EVIDENCE_PAGE}\n")
 
 
 def _tell_needs(requirements: Sequence[Requirement], num_cases: int) -> None:
     """Print before anything flies how many cases the claims need."""
     for one in requirements:
-        if CASES in one.verified_by:
+        if CASES in one.verified_by and one.probability == 1.0:
+            sys.stderr.write(f"  {one.id}: all cases must meet it, which only a proof shows\n")
+        elif CASES in one.verified_by:
             needed = [cases_needed(one.probability, one.confidence, failed) for failed in (0, 1, 2)]
             allowed = failures_allowed(num_cases, one.probability, one.confidence)
             sys.stderr.write(

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from pipeline.array_types import Floats
 from pipeline.evaluation.assurance.formula import Formula, quantities_of
 from pipeline.evaluation.assurance.quantities import of_tracks
-from pipeline.evaluation.assurance.requirements import Requirement, RequirementError
+from pipeline.evaluation.assurance.requirements import Requirement, RequirementError, require_heard
 from pipeline.evaluation.assurance.robustness import holds, robustness
 from pipeline.flight.control.controller import Controller
 from pipeline.flight.fly.simulation import fly_all
@@ -55,11 +55,13 @@ class Flights:
         RequirementError
             If flights of this mission do not determine a formula.
         """
+        mission = self._mission
+        require_heard(requirements, mission.duration_s, mission.control_period_s)
         formulas = {one.id: one.formula for one in requirements if one.formula is not None}
         parts: list[dict[str, Outcome]] = []
         for first in range(0, len(scenarios), PART):
             tracks = self.tracks(list(scenarios[first : first + PART]))
-            parts.append(judged(tracks, self._num_points, formulas, self._mission.control_period_s))
+            parts.append(judged(tracks, self._num_points, formulas, mission.control_period_s))
         return {name: joined([part[name] for part in parts]) for name in formulas}
 
     def tracks(self, scenarios: list[Scenario]) -> NDArray[np.float32]:

@@ -79,8 +79,11 @@ def cases_needed(probability: float, confidence: float, num_failed: int = 0) -> 
 
 
 def failures_allowed(num_cases: int, probability: float, confidence: float) -> int:
-    """Return the most failures with which a number of cases shows a claim; -1 if even zero are too many."""
-    low, high = -1, num_cases
+    """Return the most failures with which a number of cases shows a claim; -1 if even zero are too many.
+
+    They always are where all cases must meet it: no number of flights shows that.
+    """
+    low, high = -1, num_cases if probability < 1.0 else 0
     while high - low > 1:
         middle = (low + high) // 2
         if _shows(num_cases, middle, probability, confidence):
@@ -91,7 +94,10 @@ def failures_allowed(num_cases: int, probability: float, confidence: float) -> i
 
 
 def judge(margins: Floats, is_met: NDArray[np.bool_], probability: float, confidence: float) -> Judgement:
-    """Evaluate a claim from the margins of its cases, (n,), and whether each meets it, (n,)."""
+    """Evaluate a claim from the margins of its cases, (n,), and whether each meets it, (n,).
+
+    A probability of one means all cases; a single failure refutes it.
+    """
     num_cases, num_failed = len(margins), int(np.count_nonzero(~is_met))
     allowed = failures_allowed(num_cases, probability, confidence)
     low, high = share_bounds(num_cases - num_failed, num_cases, confidence)

@@ -15,6 +15,7 @@ from pipeline.evaluation.assurance.claims import cases_needed
 from pipeline.evaluation.assurance.domain import Domain
 from pipeline.evaluation.assurance.requirements import Requirement
 from pipeline.evaluation.assurance.search import Search, speed
+from pipeline.evaluation.assurance.sentence import sentence, share
 from pipeline.evaluation.assurance.verdicts import WORDS, Found, outcomes, verdict
 
 SCHEMA, SCHEMA_VERSION = "evidence", 1
@@ -38,6 +39,8 @@ def of_requirement(found: Found, random: Outcome | None, worst: Mapping[str, Any
     told: dict[str, Any] = {
         **_claim(requirement),
         "verdict": judged.word,
+        "share": share(requirement, judged),
+        "sentence": sentence(found, judged),
         "why": judged.why,
         "methods": {
             name: {"verdict": WORDS[one.verdict], "word": one.word, "why": one.why}
@@ -47,7 +50,9 @@ def of_requirement(found: Found, random: Outcome | None, worst: Mapping[str, Any
     if found.judgement is not None:
         told["cases"] = {
             **asdict(found.judgement),
-            "needed_without_failure": cases_needed(requirement.probability, requirement.confidence),
+            "needed_without_failure": None
+            if requirement.probability == 1.0
+            else cases_needed(requirement.probability, requirement.confidence),
         }
         if random is not None:
             told["cases"]["histogram"] = histogram(random.margins)
@@ -77,10 +82,15 @@ def _claim(requirement: Requirement) -> dict[str, Any]:
         "id": requirement.id,
         "title": requirement.title,
         "text": requirement.text,
+        "consequence": requirement.consequence,
+        "severity": requirement.severity,
+        "accepted": requirement.accepted or None,
+        "reason": requirement.reason,
+        "source": requirement.source,
         "verified_by": list(requirement.verified_by),
         "formula": requirement.formula_text or None,
         "unit": requirement.unit,
-        "probability": requirement.probability or None,
+        "probability": requirement.probability if requirement.confidence else None,
         "confidence": requirement.confidence or None,
     }
 

@@ -146,6 +146,8 @@ class _Reader:
         factors = {
             name: sign * left.get(name, 0.0) - sign * right.get(name, 0.0) for name in {**left, **right}
         }
+        if not any(factors.values()):
+            self.refuse("its quantities cancel, so that it compares numbers with one another", place)
         constant = sign * (left_constant - right_constant)
         return Comparison(tuple(factors.items()), constant, relation in (">", "<"), unit or "")
 

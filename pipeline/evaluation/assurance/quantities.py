@@ -41,12 +41,15 @@ class Quantity:
         Its topic in recordings, or that of its inputs.
     description : str
     of_tracks : callable
+    extremes : (str, str), optional
+        How flights with the least and the greatest value are spoken of; braces stand for the value.
     """
 
     unit: str
     topic: str
     description: str
     of_tracks: OfTracks
+    extremes: tuple[str, str] | None = None
 
 
 def _column(place: int) -> OfTracks:
@@ -73,13 +76,29 @@ def _along(name: str, topic: str, unit: str, first: int) -> dict[str, Quantity]:
 
 
 QUANTITIES: Mapping[str, Quantity] = {
-    "distance": Quantity("m", f"{MISSION}.distance_m", "from the chief's centre", _length(0)),
+    "distance": Quantity(
+        "m",
+        f"{MISSION}.distance_m",
+        "from the chief's centre",
+        _length(0),
+        ("the nearest {} from its centre", "the farthest {} from its centre"),
+    ),
     **_along("position", f"{DEPUTY_STATE}.position_m", "m", 0),
     "speed": Quantity(
-        "m/s", f"{DEPUTY_STATE}.velocity_m_s", "relative to Hill, in any direction", _length(3)
+        "m/s",
+        f"{DEPUTY_STATE}.velocity_m_s",
+        "relative to Hill, in any direction",
+        _length(3),
+        ("the slowest at {}", "the fastest at {}"),
     ),
     **_along("velocity", f"{DEPUTY_STATE}.velocity_m_s", "m/s", 3),
-    "delta_v": Quantity("m/s", f"{MISSION}.delta_v_m_s", "spent so far", _column(TRACK_SPENT)),
+    "delta_v": Quantity(
+        "m/s",
+        f"{MISSION}.delta_v_m_s",
+        "spent so far",
+        _column(TRACK_SPENT),
+        ("the cheapest at {}", "the most expensive at {}"),
+    ),
     "inspected": Quantity(
         "",
         f"{MISSION}.inspected_count",
@@ -91,6 +110,7 @@ QUANTITIES: Mapping[str, Quantity] = {
         f"{MISSION}.inspection_rate_percent",
         "share of the points inspected so far",
         lambda tracks, num: 100.0 * (num - tracks[..., TRACK_LEFT]) / num,
+        ("the least at {}", "the most at {}"),
     ),
     "force": Quantity(
         "N", f"{DEPUTY_CONTROL}.force_hill_n", "as fired, in any direction", _length(TRACK_FORCE)

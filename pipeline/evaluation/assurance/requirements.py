@@ -7,15 +7,24 @@ from typing import Any, Final
 from pipeline.evaluation.assurance.formula import Formula, unit_of
 from pipeline.evaluation.assurance.parser import FormulaError, parse
 from pipeline.evaluation.assurance.quantities import UNITS
+from pipeline.evaluation.assurance.robustness import idle_window
 from pipeline.run.artifacts import parse_config
 from pipeline.settings.nearest import choices_of, did_you_mean
 
-SCHEMA: Final = ("requirements", 1)
+SCHEMA: Final = ("requirements", 2)
 #: methods of verification: many flights, a search for the worst case, boxes of inputs that bound the
 #: systems' outputs, and the proof of the safety layer
 CASES, SEARCH, BOUNDS, SAFETY_LAYER = "cases", "search", "bounds", "safety_layer"
 METHODS: Final = (CASES, SEARCH, BOUNDS, SAFETY_LAYER)
-KEYS: Final = ("id", "title", "text", "verified_by", "formula", "probability", "confidence", "bounds")
+#: how bad a failure is, the worst first
+SEVERITIES: Final = ("catastrophic", "critical", "marginal")
+TEXTS: Final = ("title", "text", "consequence", "severity", "reason", "source")
+OTHER_KEYS: Final = ("id", "verified_by", "formula", "probability", "confidence", "accepted", "bounds")
+
+ACCEPTANCE: Final = (
+    "a share of catastrophic failures must be accepted in words: say who accepts it and why, or leave "
+    "probability out, and only a proof shows the requirement"
+)
 
 
 class RequirementError(ValueError):
@@ -36,16 +45,26 @@ class Requirement:
 
     Parameters
     ----------
-    id, title, text : str
+    id, title : str
+    text : str
+        The condition in a sentence.
+    consequence : str
+        What a failure means, such as "a collision".
+    severity : str
+        Of `SEVERITIES`.
+    reason, source : str
+        Why it is required, and where it comes from.
     verified_by : tuple of str
         Of `METHODS`.
     formula_text : str
         Empty for conditions on systems alone.
     formula : Formula, optional
     probability : float
-        Share of the cases that must meet the formula.
+        Share of the cases that must meet the formula; one if all must, which only a proof can show.
     confidence : float
         Required confidence of the demonstration.
+    accepted : str
+        Who accepts that share of catastrophic failures, and why.
     questions : tuple of Question
         Each must be answered with a proved no.
     """
@@ -53,11 +72,16 @@ class Requirement:
     id: str
     title: str
     text: str
+    consequence: str
+    severity: str
+    reason: str
+    source: str
     verified_by: tuple[str, ...]
     formula_text: str = ""
     formula: Formula | None = None
-    probability: float = 0.0
+    probability: float = 1.0
     confidence: float = 0.0
+    accepted: str = ""
     questions: tuple[Question, ...] = ()
 
     @property
@@ -95,7 +119,7 @@ def read(text: str, source: str) -> Requirements:
     if not isinstance(told, dict) or (told.get("schema"), told.get("schema_version")) != SCHEMA:
         raise RequirementError(
             f"{source} holds no requirements; its first lines must say schema: {SCHEMA[0]} and "
-            f"schema_version: {SCHEMA[1]}"
+            f"schema_version: {SCHEMA[1]} (version 1 lacked consequence, severity, reason and source)"
         )
     entries = told.get("requirements")
     if not isinstance(entries, list) or not entries or not all(isinstance(one, dict) for one in entries):
@@ -109,8 +133,8 @@ def read(text: str, source: str) -> Requirements:
 
 def _requirement(told: Mapping[str, Any], where: str) -> Requirement:
     for key in told:
-        if key not in KEYS:
-            raise RequirementError(f"{where}: there is no key {key}{did_you_mean(str(key), KEYS)}")
+        if key not in (known := (*OTHER_KEYS, *TEXTS)):
+            raise RequirementError(f"{where}: there is no key {key}{did_you_mean(str(key), known)}")
     name = _text(told, "id", where)
     if not name.replace("-", "_").isidentifier():
         raise RequirementError(
@@ -123,7 +147,12 @@ def _requirement(told: Mapping[str, Any], where: str) -> Requirement:
     for method in methods:
         if method not in METHODS:
             raise RequirementError(f"{where}: verified_by has {method!r}{choices_of(str(method), METHODS)}")
-    requirement = Requirement(name, _text(told, "title", where), _text(told, "text", where), tuple(methods))
+    texts: dict[str, Any] = {key: _text(told, key, where) for key in TEXTS}
+    requirement = Requirement(id=name, **texts, verified_by=tuple(methods))
+    if requirement.severity not in SEVERITIES:
+        raise RequirementError(
+            f"{where}: severity is {requirement.severity!r}{choices_of(requirement.severity, SEVERITIES)}"
+        )
     flown = _flown(told, where) if set(methods) - {BOUNDS} else {}
     asked = {"questions": _questions(told.get("bounds"), where)} if BOUNDS in methods else {}
     return Requirement(**{**vars(requirement), **flown, **asked})
@@ -137,14 +166,20 @@ def _flown(told: Mapping[str, Any], where: str) -> dict[str, Any]:
     except FormulaError as error:
         raise RequirementError(f"{where}, its formula:\n{error}") from error
     found: dict[str, Any] = {"formula_text": text, "formula": formula}
-    for key in ("probability", "confidence") if CASES in told["verified_by"] else ():
-        value = told.get(key)
-        if not isinstance(value, float) or not 0.0 < value < 1.0:
-            raise RequirementError(
-                f"{where}: {key} is {value!r}; it must be above 0 and below 1, such as 0.99"
-            )
-        found[key] = value
+    if CASES in told["verified_by"]:
+        found["confidence"] = _share(told, "confidence", where)
+        is_catastrophic = told["severity"] == SEVERITIES[0]
+        if "probability" in told or not is_catastrophic:
+            found["probability"] = _share(told, "probability", where)
+            found["accepted"] = _text(told, "accepted", where, ACCEPTANCE) if is_catastrophic else ""
     return found
+
+
+def _share(told: Mapping[str, Any], key: str, where: str) -> float:
+    value = told.get(key)
+    if not isinstance(value, float) or not 0.0 < value < 1.0:
+        raise RequirementError(f"{where}: {key} is {value!r}; it must be above 0 and below 1, such as 0.99")
+    return value
 
 
 def _questions(told: Any, where: str) -> tuple[Question, ...]:
@@ -159,11 +194,27 @@ def _questions(told: Any, where: str) -> tuple[Question, ...]:
     return tuple(Question(str(one["ask"]), str(one.get("where", ""))) for one in asked)
 
 
-def _text(told: Mapping[str, Any], key: str, where: str) -> str:
+def _text(told: Mapping[str, Any], key: str, where: str, cure: str = "give it a text") -> str:
     value = told.get(key)
     if not isinstance(value, str) or not value.strip():
-        raise RequirementError(f"{where}: {key} is missing; give it a text")
+        raise RequirementError(f"{where}: {key} is missing; {cure}")
     return value.strip()
+
+
+def require_heard(requirements: Sequence[Requirement], duration_s: float, period_s: float) -> None:
+    """Refuse formulas of which some part says nothing about flights of a duration, wherever it stands.
+
+    Raises
+    ------
+    RequirementError
+    """
+    for one in requirements:
+        idle = one.formula and idle_window(one.formula, duration_s, period_s)
+        if idle:
+            raise RequirementError(
+                f"{one.id}: its part from {idle.first_s:g} to {idle.last_s:g} s says nothing about a flight "
+                f"of {duration_s:g} s with a sample every {period_s:g} s; let each window hold a sample of it"
+            )
 
 
 def needs(requirements: Sequence[Requirement], method: str) -> tuple[Requirement, ...]:

@@ -59,6 +59,35 @@ def holds(formula: Formula, quantities: Quantities, period_s: float) -> NDArray[
     return _over(formula, quantities, period_s, _truth)[:, 0] > 0.0
 
 
+def idle_window(formula: Formula, duration_s: float, period_s: float, now: int = 0) -> Window | None:
+    """Return the first window of a formula that holds no sample of a flight, so that its part says nothing.
+
+    Parameters
+    ----------
+    formula : Formula
+    duration_s : float
+        Of the flight.
+    period_s : float
+        Between two samples.
+    now : int
+        The first sample at which the formula is asked for.
+    """
+    match formula:
+        case Not(part):
+            asked = [(part, now)]
+        case And(left, right) | Or(left, right):
+            asked = [(left, now), (right, now)]
+        case Always(window, part) | Eventually(window, part) | Until(window, _, part):
+            first, last = _in_samples(window, period_s)
+            if (last is not None and last < first) or now + first > round(duration_s / period_s):
+                return window
+            asked = [(part, now + first), *([(formula.left, now)] if isinstance(formula, Until) else [])]
+        case _:
+            asked = []
+    found = (idle_window(part, duration_s, period_s, begins) for part, begins in asked)
+    return next((window for window in found if window is not None), None)
+
+
 def _margin(comparison: Comparison, quantities: Quantities) -> Floats:
     total = np.zeros(np.shape(quantities[comparison.factors[0][0]])) + comparison.constant
     for name, factor in comparison.factors:

@@ -1,4 +1,4 @@
-"""The verdict of all evidence for a requirement: shown, not shown or refuted, and why, in a sentence."""
+"""The verdict of all evidence for a requirement: shown, not shown or refuted, and why."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -25,11 +25,14 @@ class Outcome(NamedTuple):
         The finding, in a word or two.
     why : str
         The reason, in a sentence without its full stop.
+    is_proof : bool
+        Whether it holds for all cases and not for a share.
     """
 
     verdict: Verdict
     word: str
     why: str
+    is_proof: bool = False
 
 
 @dataclass(frozen=True)
@@ -71,7 +74,8 @@ def verdict(found: Found) -> Outcome:
     """Return the combined verdict.
 
     For a claim about a share of the cases the cases are decisive: single failures found by a search do
-    not refute it. A proof shows a requirement for any share, unless a flight contradicts it.
+    not refute it. They do where all cases must meet the requirement. A proof shows a requirement for any
+    share, unless a flight contradicts it.
     """
     judged = outcomes(found)
     failed = any(one.first_failed is not None for one in found.searches)
@@ -80,6 +84,8 @@ def verdict(found: Found) -> Outcome:
         if failed or (found.judgement and found.judgement.num_failed):
             return Outcome("refuted", WORDS["refuted"], "flights contradict the proof of the safety layer")
         return layer._replace(word=WORDS["shown"])
+    if failed and found.requirement.probability == 1.0 and CASES in judged:
+        return judged[SEARCH]._replace(word=WORDS["refuted"])
     decisive = [judged[name] for name in (CASES, BOUNDS) if name in judged] or list(judged.values())
     worst = max(decisive, key=lambda one: ORDER.index(one.verdict))
     return worst._replace(word=WORDS[worst.verdict])
@@ -89,16 +95,21 @@ def _of_cases(requirement: Requirement, judgement: Judgement) -> Outcome:
     confidence = percent(requirement.confidence)
     claim = f"{percent(requirement.probability)} with {confidence} confidence"
     failed = f"{judgement.num_failed:,} of {judgement.num_cases:,} cases fail"
-    if judgement.verdict == "shown":
-        why = f"{failed}; up to {judgement.num_allowed:,} show {claim}"
+    if requirement.probability == 1.0:
+        low = percent(judgement.low)
+        why = (
+            f"with {confidence} confidence at least {low} of such cases meet it; only a proof shows it of all"
+        )
+    elif judgement.verdict == "shown":
+        why = f"up to {judgement.num_allowed:,} failures show {claim}"
     elif judgement.verdict == "refuted":
-        why = f"{failed}; with {confidence} confidence at most {percent(judgement.high)} meet it"
+        why = f"with {confidence} confidence at most {percent(judgement.high)} of such cases meet it"
     elif judgement.num_allowed < 0:
         needed = cases_needed(requirement.probability, requirement.confidence)
-        why = f"{failed}; {claim} needs {needed:,} cases without a failure"
+        why = f"{claim} needs {needed:,} cases without a failure"
     else:
-        why = f"{failed}; only up to {judgement.num_allowed:,} show {claim}"
-    return Outcome(judgement.verdict, WORDS[judgement.verdict], why)
+        why = f"only up to {judgement.num_allowed:,} failures show {claim}"
+    return Outcome(judgement.verdict, failed, why)
 
 
 def _of_searches(searches: Sequence[Search]) -> Outcome:
@@ -120,7 +131,7 @@ def _of_bounds(certificates: Sequence[Certificate]) -> Outcome:
             return Outcome("open", one.verdict, one.sentence.rstrip("."))
     boxes = sum(len(one.low) for one in certificates)
     why = f"no for all inputs: {boxes:,} boxes prove the answers to {len(certificates)} questions"
-    return Outcome("shown", "proved", why)
+    return Outcome("shown", "proved", why, is_proof=True)
 
 
 def _of_the_layer(requirement: Requirement, proof: SafetyProof) -> Outcome:
@@ -136,7 +147,7 @@ def _of_the_layer(requirement: Requirement, proof: SafetyProof) -> Outcome:
         why = f"the safety layer keeps {spheres}, from which this does not follow"
     else:
         why = f"the safety layer keeps {spheres}, from all {proof.num_starts:,} starts"
-        return Outcome("shown", "proved", why)
+        return Outcome("shown", "proved", why, is_proof=True)
     return Outcome("open", "does not apply", why)
 
 

@@ -15,7 +15,7 @@ from fis_tools.document.element import element
 
 #: of the drawing, in its own units; text is about half as wide as high
 WIDTH, LINE, SIZE = 960, 17, 14
-GOAL_X, GOAL_WIDTH, GOAL_HEIGHT = 90, 400, 74
+GOAL_X, GOAL_WIDTH, GOAL_HEIGHT = 90, 400, 84
 FIRST_SOLUTION_X, SOLUTION_STEP, RADIUS = 570, 116, 46
 TOP, FIRST_ROW, ROW = 20, 270, 118
 SPINE_X = 45
@@ -65,7 +65,9 @@ def _top(evidence: Mapping[str, Any]) -> list[Markup]:
     near, far = conditions["start_distance_m"]
     speed = conditions.get("start_speed_m_s", 0.0)
     moving = f"at up to {speed:g} m/s" if speed else "at rest"
+    overall = _overall(evidence)
     claim = f"{evidence['controller']['name']} meets the requirements {evidence['name']}"
+    standing = "stands as its goals do, each for its own share" if overall == "shown" else overall
     worlds = [
         f"C1: starts {moving}, {near:g} to {far:g} m away, Sun {conditions['sun']}, "
         f"safety {conditions['safety']}, {conditions['duration_s']:g} s",
@@ -73,7 +75,7 @@ def _top(evidence: Mapping[str, Any]) -> list[Markup]:
         if evidence["domain"]
         else "C2: the controller has no fuzzy inputs, hence no operational domain",
     ]
-    parts = [_goal("G0", claim, _overall(evidence), SPINE_X - 25, TOP, "#verdicts")]
+    parts = [_goal(f"G0: {standing}", claim, overall, SPINE_X - 25, TOP, "#verdicts")]
     for place, (words, link) in enumerate(zip(worlds, ("#provenance", "#domain"), strict=True)):
         y = TOP + 62 * place
         outline = element("rect", class_="context", x=FIRST_SOLUTION_X, y=y, width=350, height=52, rx=26)
@@ -105,7 +107,9 @@ def _row(requirement: Mapping[str, Any], y: float) -> list[Markup]:
     """Draw the goal of a requirement and its solutions."""
     name, middle = requirement["id"], y + GOAL_HEIGHT / 2
     parts = [_arrow(SPINE_X, middle, GOAL_X, middle, "solved-by")]
-    parts.append(_goal(name, requirement["text"], requirement["verdict"], GOAL_X, y, f"#{name}"))
+    words = f"{requirement['text']} Failing means {requirement['consequence']}."
+    label = f"{name}: {requirement['verdict']} for {requirement['share'].replace(' or more', '')}"
+    parts.append(_goal(label, words, requirement["verdict"], GOAL_X, y, f"#{name}"))
     centre, bus = middle + 20, y + 3
     for place, (method, found) in enumerate(requirement["methods"].items()):
         x = FIRST_SOLUTION_X + SOLUTION_STEP * place
@@ -120,15 +124,15 @@ def _row(requirement: Mapping[str, Any], y: float) -> list[Markup]:
 def css_of(found: Mapping[str, Any]) -> str:
     """Return how an outcome is drawn; a failure that a search finds refutes no share of the cases."""
     return {"failure found": "not-shown", "none found": "neutral", "does not apply": "neutral"}.get(
-        found["word"], _css(found["verdict"])
+        found["word"], css(found["verdict"])
     )
 
 
-def _goal(name: str, words: str, verdict: str, x: float, y: float, link: str) -> Markup:
+def _goal(label: str, words: str, verdict: str, x: float, y: float, link: str) -> Markup:
     place = {"x": f"{x:g}", "y": f"{y:g}"}
-    outline = element("rect", class_=_css(verdict), **place, width=GOAL_WIDTH, height=GOAL_HEIGHT)
-    label = element("text", f"{name}: {verdict}", class_="name", x=f"{x + 10:g}", y=f"{y + 18:g}")
-    return _link(link, outline + label + _text(words, x + GOAL_WIDTH / 2, y + 46, 50))
+    outline = element("rect", class_=css(verdict), **place, width=GOAL_WIDTH, height=GOAL_HEIGHT)
+    named = element("text", label, class_="name", x=f"{x + 10:g}", y=f"{y + 18:g}")
+    return _link(link, outline + named + _text(words, x + GOAL_WIDTH / 2, y + GOAL_HEIGHT / 2 + 9, 54))
 
 
 def _link(target: str, inside: Markup) -> Markup:
@@ -145,7 +149,7 @@ def _arrow(x: float, y: float, to_x: float, to_y: float, head: str) -> Markup:
 
 def _text(words: str, x: float, y: float, width: int) -> Markup:
     """Write words in lines around a point; what does not fit into three ends in an ellipsis."""
-    lines = wrap(words, width, max_lines=2, placeholder=" …")
+    lines = wrap(words, width, max_lines=3, placeholder=" …")
     return _lines(lines, x, y)
 
 
@@ -157,5 +161,6 @@ def _lines(lines: Sequence[str], x: float, y: float, css: str = "") -> Markup:
     return element("text", *spans, class_=f"middle {css}".rstrip())
 
 
-def _css(verdict: str) -> str:
+def css(verdict: str) -> str:
+    """Return the class of what is drawn in a verdict's colour."""
     return verdict.replace(" ", "-")

@@ -1,59 +1,190 @@
-"""The page itself: evidence in words, tables and pictures, in one file that needs no other."""
+"""The page of evidence as a document: verdicts in sentences, the argument, and what was found."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
-from markupsafe import Markup
-
-from fis_tools.document.page import read, source_hash, template
+from fis_tools.document import (
+    Block,
+    Cell,
+    Code,
+    Document,
+    Figure,
+    Fold,
+    Heading,
+    Items,
+    Mark,
+    Paragraph,
+    Table,
+)
+from fis_tools.document.element import element
+from fis_tools.document.html import page
+from fis_tools.document.page import read
+from pipeline.evaluation.assurance.requirements import SEVERITIES
 from pipeline.report.evidence import goal_structure, margins
 from pipeline.report.evidence.credibility import factors, uncertain
 from pipeline.run import artifacts
 
 #: ways of verification, as columns are headed
 METHODS = {"cases": "cases", "search": "search", "bounds": "bounds", "safety_layer": "safety layer"}
-STYLES = ("report.css", "evidence.css")
+_DRAWN = (
+    "Goal structure (GSN): goals are rectangles, the strategy a parallelogram, contexts rounded, solutions "
+    "circles. Full outlines: shown or proved for the share that is named; dashed: not shown; dotted: refuted."
+)
+_MATRIX = (
+    "Requirements against evidence. A claim about a share of the cases stands or falls with the cases: "
+    "single failures that a search finds do not refute it, but they do a claim about all cases."
+)
+_WHY_LAYER = (
+    'The proof: docs/explanation/safety.md, "Why it holds"; of samples, for forces and states known exactly.'
+)
 
 
 def write(evidence: Mapping[str, Any]) -> str:
-    """Write the page of what `pipeline.evaluation.assurance.evidence` tells.
+    """Write the page of what `pipeline.evaluation.assurance.evidence` tells: it runs no script."""
+    return page(document(evidence), read("templates/evidence.css", "pipeline.report"))
 
-    Returns
-    -------
-    str
-        HTML that needs no other file, asks for none, and runs no script.
-    """
-    style = "\n".join(read(f"templates/{name}", "pipeline.report") for name in STYLES)
-    told = {**evidence, "requirements": [_requirement(one) for one in evidence["requirements"]]}
-    return template("pipeline.report", "templates", "evidence.html").render(
-        told,
-        artifacts=artifacts,
-        methods=METHODS,
-        css_of=goal_structure.css_of,
-        lead=lead(evidence),
-        uncertain=[word for word in uncertain(evidence["conditions"]) if word != "Sun"],
-        drawing=goal_structure.draw(evidence),
-        domain_words=domain_words(evidence["domain"]) if evidence["domain"] else "",
-        factors=factors(evidence),
-        provenance=_provenance(evidence),
-        style=Markup(style),  # noqa: S704 - files of this package
-        style_hash=source_hash(style),
+
+def document(evidence: Mapping[str, Any]) -> Document:
+    """Return evidence as a document."""
+    told, conditions = evidence["requirements"], evidence["conditions"]
+    errors = [word for word in uncertain(conditions) if word != "Sun"]
+    run = (
+        f"Requirements {evidence['name']}; {conditions['num_cases']:,} cases, seed {conditions['seed']}, Sun "
+        f"{conditions['sun']}, safety {conditions['safety']}{', with ' if errors else ''}{', '.join(errors)}."
     )
+    drawn = element("figcaption", _DRAWN)
+    blocks: list[Block] = [
+        Heading(f"Evidence for {evidence['controller']['name']}", 1),
+        Paragraph(run),
+        Heading("Verdicts", id="verdicts"),
+        Paragraph(lead(evidence)),
+        _matrix(told),
+        Heading("Argument", id="argument"),
+        Figure(element("figure", goal_structure.draw(evidence), drawn, tabindex=0)),
+        Heading("Requirements", id="requirements"),
+    ]
+    for one in told:
+        blocks += _requirement(one)
+    blocks += [Heading("Operational domain", id="domain"), *_domain(evidence["domain"])]
+    scales = [[one.name, one.scale, one.shows, one.lacks] for one in factors(evidence)]
+    caption = (
+        "The factors of NASA-STD-7009B. Levels, 0 to 4, are for a reviewer to give; this page claims none."
+    )
+    heads = ["factor", "scale", "this run shows", "it does not show"]
+    blocks += [Heading("Credibility", id="credibility"), Table(heads, scales, caption=caption)]
+    return Document([*blocks, Heading("Provenance", id="provenance"), *_provenance(evidence)])
 
 
 def lead(evidence: Mapping[str, Any]) -> str:
-    """Say in two sentences what came out."""
-    requirements = evidence["requirements"]
-    named = {
-        word: [one["id"] for one in requirements if one["verdict"] == word]
-        for word in ("shown", "not shown", "refuted")
-    }
-    verb = {True: "is", False: "are"}
-    parts = [f"{', '.join(ids)} {verb[len(ids) == 1]} {word}" for word, ids in named.items() if ids]
-    failing = [one for one in requirements if one["verdict"] == "refuted"]
-    because = " ".join(f"{one['id']}: {one['why']}." for one in failing)
-    return f"Of {len(requirements)} requirements {'; '.join(parts)}. {because}".strip()
+    """Say what came out: the worst verdict about the gravest requirement, and what became of the others."""
+    verdicts = ("refuted", "not shown", "shown")
+    told = sorted(
+        evidence["requirements"],
+        key=lambda one: (verdicts.index(one["verdict"]), SEVERITIES.index(one["severity"])),
+    )
+    first, *others = told
+    rest = [
+        f"{', '.join(one['id'] for one in others if one['verdict'] == word)}: {said}"
+        for word, said in zip(verdicts, ("refuted", "open", "met for the shares below"), strict=True)
+        if any(one["verdict"] == word for one in others)
+    ]
+    return f"{first['id']}, {first['severity']}. {first['sentence']}" + (
+        f" The others: {'; '.join(rest)}." if rest else ""
+    )
+
+
+def _matrix(told: list[Mapping[str, Any]]) -> Table:
+    rows: list[list[Cell]] = []
+    for one in told:
+        word = Mark(one["verdict"], goal_structure.css(one["verdict"]), note=f"{one['share']}; {_stake(one)}")
+        rows.append([Mark(f"{one['id']} {one['title']}", link=one["id"]), word])
+        for method in METHODS:
+            found = one["methods"].get(method)
+            kind = goal_structure.css_of(found) if found else ""
+            link = f"{one['id']}-{method}"
+            mark = Mark(found["word"], kind, link, _brief(one, method)) if found else ""
+            rows[-1].append(mark)
+    return Table(["requirement", "verdict", *METHODS.values()], rows, caption=_MATRIX)
+
+
+def _stake(told: Mapping[str, Any]) -> str:
+    return f"failing means {told['consequence']} ({told['severity']})"
+
+
+def _brief(told: Mapping[str, Any], method: str) -> str:
+    if method == "search":
+        return f"{told['search']['num_found']} of {told['search']['num_searches']} searches"
+    return (
+        f"{sum(part['num_boxes'] for part in told['bounds']):,} boxes"
+        if "bounds" in told and method == "bounds"
+        else ""
+    )
+
+
+def _requirement(told: Mapping[str, Any]) -> Iterator[Block]:
+    unit, methods = told["unit"], told["methods"]
+    yield Heading(f"{told['id']} {told['title']}", 3, told["id"])
+    yield Paragraph(told["sentence"])
+    accepted = f" Accepted: {told['accepted']}" if told["accepted"] else ""
+    yield Paragraph(f"Why: {told['reason']} Source: {told['source']}.{accepted}")
+    if told["formula"]:
+        yield Code(told["formula"])
+    details: dict[str, list[Block]] = {name: [Paragraph(_full(methods[name]["why"]))] for name in methods}
+    if "cases" in told:
+        drawn = margins.draw(told["cases"]["histogram"], unit, told["id"])
+        details["cases"] += [Table([], _case_facts(told["cases"], unit)), Figure(element("figure", drawn))]
+    if "search" in told:
+        details["search"] += [
+            Paragraph(_full(told["search"]["sentence"])),
+            Table([], _search_facts(told["search"], unit)),
+        ]
+    if "bounds" in told:
+        details["bounds"] += [
+            Items(
+                [
+                    f"{part['system']}: {part['sentence']} Boxes: {part['num_boxes']:,}."
+                    for part in told["bounds"]
+                ]
+            ),
+            Paragraph(
+                f"The boxes: {artifacts.PROOF_BOXES}. Over each, interval arithmetic rules the answer out."
+            ),
+        ]
+    if "safety_layer" in details:
+        details["safety_layer"].append(Paragraph(_WHY_LAYER))
+    for name, blocks in details.items():
+        yield Fold(f"{METHODS[name].capitalize()}: {methods[name]['word']}", blocks, f"{told['id']}-{name}")
+    if "worst" in told:
+        left = [_departure(one) for one in told["worst"]["left_domain"]]
+        replay = Code(f"python -m telemetry replay {told['worst']['recording']}")
+        facts = Table([], _worst_facts(told["worst"], unit))
+        yield Fold("The worst case that is known", [facts, replay, *([Items(left)] if left else [])])
+
+
+def _full(words: str) -> str:
+    return f"{words[0].upper()}{words[1:]}."
+
+
+def _domain(domain: Mapping[str, Any] | None) -> Iterator[Block]:
+    if domain is None:
+        yield Paragraph("The controller has no fuzzy systems: there are no inputs to make a domain of.")
+        return
+    yield Paragraph(domain_words(domain))
+    rows = [
+        [
+            f"{one['name']}{' (' + one['unit'] + ')' if one['unit'] else ''}",
+            system["system"],
+            *map(_number, ends),
+        ]
+        for system in domain["systems"]
+        for one in system["inputs"]
+        for ends in [(one["low"], one["high"])]
+    ]
+    caption = f"What the systems sensed where inference decided, in {domain['num_made_from']:,} flights."
+    yield Table(["input", "system", "least", "greatest"], rows, (2, 3), caption=caption)
+    yield Paragraph("A monitor says when a recorded flight leaves it, in which input and by how much:")
+    yield Code(f"python -m fis_tools domain {artifacts.DOMAIN} FLIGHT.mcap")
 
 
 def domain_words(domain: Mapping[str, Any]) -> str:
@@ -66,77 +197,46 @@ def domain_words(domain: Mapping[str, Any]) -> str:
     )
 
 
-def _requirement(told: Mapping[str, Any]) -> dict[str, Any]:
-    """Add what the page says of a requirement to what is known of it."""
-    unit = told["unit"]
-    found: dict[str, Any] = {"bounds": [], "worst": None, "departures": [], **told}
-    found["claim"], found["brief"] = _claim(told), {"safety_layer": ""}
-    if "cases" in told:
-        cases = told["cases"]
-        found["case_facts"] = _case_facts(cases, unit)
-        found["margins"] = margins.draw(cases["histogram"], unit, told["id"])
-        found["brief"]["cases"] = f"{cases['num_failed']:,} of {cases['num_cases']:,} fail"
-    if "search" in told:
-        search = told["search"]
-        found["search_facts"] = _search_facts(search, unit)
-        found["brief"]["search"] = f"by {search['num_found']} of {search['num_searches']} searches"
-    boxes = sum(part["num_boxes"] for part in found["bounds"])
-    found["brief"]["bounds"] = f"{boxes:,} boxes"
-    if "worst" in told:
-        found["worst_facts"] = _worst_facts(told["worst"], unit)
-        found["departures"] = [_departure(one) for one in told["worst"]["left_domain"]]
-    return found
-
-
-def _claim(told: Mapping[str, Any]) -> str:
-    if not told["probability"]:
-        return "for all inputs" if "bounds" in told["verified_by"] else "for all flights"
-    return f"{_percent(told['probability'])} of the cases, {_percent(told['confidence'])} confidence"
-
-
-def _case_facts(cases: Mapping[str, Any], unit: str) -> list[tuple[str, str]]:
-    few = "too few cases"
-    allowed, margin = cases["num_allowed"], cases["margin"]
+def _case_facts(cases: Mapping[str, Any], unit: str) -> list[list[str]]:
+    allowed, needed, margin = cases["num_allowed"], cases["needed_without_failure"], cases["margin"]
+    few = "too few cases" if needed else "all cases must meet it: only a proof shows it"
+    bounds = f"{_percent(cases['low'])} to {_percent(cases['high'])}"
     return [
-        ("flown", f"{cases['num_cases']:,}"),
-        ("failed", f"{cases['num_failed']:,}"),
-        ("failures with which it is shown", f"at most {allowed:,}" if allowed >= 0 else few),
-        ("cases needed without a failure", f"{cases['needed_without_failure']:,}"),
-        ("share that meets it, one-sided bounds", f"{_percent(cases['low'])} to {_percent(cases['high'])}"),
-        (
-            "margin, at the claim's share and confidence",
-            few if margin is None else f"at least {_quantity(margin, unit)}",
-        ),
-        ("median margin", _quantity(cases["median_margin"], unit)),
-        ("worst margin", _quantity(cases["worst_margin"], unit)),
+        ["flown", f"{cases['num_cases']:,}"],
+        ["failed", f"{cases['num_failed']:,}"],
+        ["failures that the claim allows", f"at most {allowed:,}" if allowed >= 0 else few],
+        ["cases needed without a failure", f"{needed:,}" if needed else "no number is enough"],
+        ["share that meets it, one-sided bounds", bounds],
+        ["margin, at the claim's share", few if margin is None else f"at least {_quantity(margin, unit)}"],
+        ["median margin", _quantity(cases["median_margin"], unit)],
+        ["worst margin", _quantity(cases["worst_margin"], unit)],
     ]
 
 
-def _search_facts(search: Mapping[str, Any], unit: str) -> list[tuple[str, str]]:
+def _search_facts(search: Mapping[str, Any], unit: str) -> list[list[str]]:
     none = "none found"
-    found, at_random = search["flights_per_find"], search["random_flights_per_find"]
-    ratio = search["ratio"]
+    found, at_random, ratio = search["flights_per_find"], search["random_flights_per_find"], search["ratio"]
     return [
-        ("flights of all searches", f"{search['num_flights']:,}"),
-        ("flights for each failure found", none if found is None else f"{found:,.0f}"),
-        ("flights at random for each failure", none if at_random is None else f"{at_random:,.0f}"),
-        ("faster than at random", "no ratio" if ratio is None else f"{ratio:.1f} times"),
-        ("worst margin found", _quantity(search["worst_margin"], unit)),
-        ("worst margin at random", _quantity(search["random_worst_margin"], unit)),
+        ["flights of all searches", f"{search['num_flights']:,}"],
+        ["flights for each failure found", none if found is None else f"{found:,.0f}"],
+        ["flights at random for each failure", none if at_random is None else f"{at_random:,.0f}"],
+        ["faster than at random", "no ratio" if ratio is None else f"{ratio:.1f} times"],
+        ["worst margin found", _quantity(search["worst_margin"], unit)],
+        ["worst margin at random", _quantity(search["random_worst_margin"], unit)],
     ]
 
 
-def _worst_facts(worst: Mapping[str, Any], unit: str) -> list[tuple[str, str]]:
+def _worst_facts(worst: Mapping[str, Any], unit: str) -> list[list[str]]:
     start = ", ".join(f"{value:.3f}" for value in worst["position_m"]).replace("-", "−")
     left = len(worst["left_domain"])
     return [
-        ("found by", worst["found_by"]),
-        ("margin", _quantity(worst["margin"], unit)),
-        ("margin of the recording, read back", _quantity(worst["recorded_margin"], unit)),
-        ("start, Hill axes", f"({start}) m"),
-        ("Sun at the start", _sun(worst)),
-        *((key, f"{value:.6g}") for key, value in worst["settings"].items()),
-        ("left the operational domain", "never" if not left else "once" if left == 1 else f"{left} times"),
+        ["found by", worst["found_by"]],
+        ["margin", _quantity(worst["margin"], unit)],
+        ["margin of the recording, read back", _quantity(worst["recorded_margin"], unit)],
+        ["start, Hill axes", f"({start}) m"],
+        ["Sun at the start", _sun(worst)],
+        *([key, f"{value:.6g}"] for key, value in worst["settings"].items()),
+        ["left the operational domain", "never" if not left else "once" if left == 1 else f"{left} times"],
     ]
 
 
@@ -154,21 +254,33 @@ def _departure(left: Mapping[str, Any]) -> str:
     )
 
 
-def _provenance(evidence: Mapping[str, Any]) -> list[tuple[str, str]]:
+def _provenance(evidence: Mapping[str, Any]) -> Iterator[Block]:
     controller = evidence["controller"]
-    return [
-        ("controller", controller["name"]),
-        ("controller, SHA-256", controller["sha256"] or "neither fuzzy nor learned"),
-        ("configuration, SHA-256", evidence["config_hash"]),
-        ("revision of the sources", evidence["git_revision"] or "not in a repository"),
-        ("sources, SHA-256", evidence["sources"]),
-        ("compiled for", evidence["processor"]["compiled_for"]),
-    ]
+    yield Table(
+        [],
+        [
+            ["controller", controller["name"]],
+            ["controller, SHA-256", controller["sha256"] or "neither fuzzy nor learned"],
+            ["configuration, SHA-256", evidence["config_hash"]],
+            ["revision of the sources", evidence["git_revision"] or "not in a repository"],
+            ["sources, SHA-256", evidence["sources"]],
+            ["compiled for", evidence["processor"]["compiled_for"]],
+        ],
+    )
+    yield Paragraph("The same evidence again, from the folder of the run:")
+    yield Code("python -m pipeline stages=[assure] hydra.run.dir=RUN_FOLDER")
+    yield Fold("Versions", [Table([], [list(pair) for pair in evidence["versions"].items()])])
+    yield Fold("Files and their SHA-256", [Table([], [list(pair) for pair in evidence["sha256"].items()])])
+    yield Paragraph(f"The same as data: {artifacts.EVIDENCE}.")
+
+
+def _number(value: float) -> str:
+    return f"{value:.4g}".replace("-", "−")
 
 
 def _quantity(value: float, unit: str) -> str:
     """Write a margin with its unit and a true minus sign."""
-    return f"{value:.4g} {unit if unit != 'mixed' else '(of several units)'}".strip().replace("-", "−")
+    return f"{_number(value)} {unit if unit != 'mixed' else '(of several units)'}".strip()
 
 
 def _percent(share: float) -> str:

@@ -12,9 +12,9 @@ from pipeline.settings.experiment import Experiment
 
 @cache
 def experiment(*overrides: str) -> Experiment:
-    return compose_experiment(
-        ["+experiment=assure", "controller=champion_any_sun", "sun=random", *overrides]
-    ).experiment
+    layer = [] if any(one.startswith("safety=") for one in overrides) else ["safety=none"]
+    flown = ["+experiment=assure", "controller=champion_any_sun", "sun=random", *layer, *overrides]
+    return compose_experiment(flown).experiment
 
 
 @cache

@@ -15,7 +15,7 @@ from tests.pipeline.evaluation.assurance.cases import champion, experiment, scen
 
 
 def asking(*questions: Question) -> Requirement:
-    return Requirement("R8", "thrust", "thrust", ("bounds",), questions=questions)
+    return Requirement(*("R8", "thrust", *["words"] * 5), ("bounds",), questions=questions)
 
 
 def test_boxes_cover_the_region_and_rule_the_answer_out_everywhere():

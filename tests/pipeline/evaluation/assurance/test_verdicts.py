@@ -11,10 +11,12 @@ from pipeline.evaluation.assurance.proofs import Certificate, SafetyProof
 from pipeline.evaluation.assurance.quantities import UNITS
 from pipeline.evaluation.assurance.requirements import Question, Requirement
 from pipeline.evaluation.assurance.search import Search
+from pipeline.evaluation.assurance.sentence import sentence
 from pipeline.evaluation.assurance.verdicts import Found, outcomes, verdict
 
 REQUIREMENT = Requirement(
-    *("R1", "keep out", "keep out", ("cases", "search", "safety_layer"), "always distance >= 15"),
+    *("R1", "keep out", "The deputy stays away.", "a collision", "critical", "because", "nobody"),
+    *(("cases", "search", "safety_layer"), "always distance >= 15"),
     parse("always distance >= 15", UNITS),
     0.99,
     0.9,
@@ -41,9 +43,17 @@ def certificate(answer: str) -> Certificate:
 def test_a_claim_about_a_share_stands_with_the_cases_whatever_a_search_finds():
     found = Found(REQUIREMENT, cases(3), (searched(1.0, -0.5),), proof=OFF)
     assert verdict(found).verdict == "shown"
-    assert verdict(found).why == "3 of 1,000 cases fail; up to 5 show 99 % with 90 % confidence"
+    assert verdict(found).why == "up to 5 failures show 99 % with 90 % confidence"
     words = {name: one.word for name, one in outcomes(found).items()}
-    assert words == {"cases": "shown", "search": "failure found", "safety_layer": "does not apply"}
+    assert words == {
+        "cases": "3 of 1,000 cases fail",
+        "search": "failure found",
+        "safety_layer": "does not apply",
+    }
+    assert sentence(found, verdict(found)) == (
+        "Shown: in 99 % of cases or more (90 % confidence) the deputy stays away; 3 of 1,000 did not and 1 "
+        "of 1 searches found a flight that did not, the nearest 14 m from its centre: a collision."
+    )
 
 
 def test_too_many_failures_and_too_few_cases():
@@ -52,7 +62,31 @@ def test_too_many_failures_and_too_few_cases():
     few = verdict(Found(REQUIREMENT, cases(0, 50), proof=OFF))
     assert (few.word, few.why) == (
         "not shown",
-        "0 of 50 cases fail; 99 % with 90 % confidence needs 230 cases without a failure",
+        "99 % with 90 % confidence needs 230 cases without a failure",
+    )
+
+
+def test_what_all_cases_must_meet_is_shown_by_a_proof_alone_and_refuted_by_one_flight():
+    everywhere = replace(REQUIREMENT, probability=1.0, severity="catastrophic")
+
+    def cases_of_all(num_failed: int):
+        margins = np.r_[-np.ones(num_failed), np.ones(1000 - num_failed)]
+        return judge(margins, margins > 0, 1.0, 0.9)
+
+    flown = Found(everywhere, cases_of_all(0), (searched(1.0),), proof=OFF)
+    assert verdict(flown).word == "not shown"
+    assert "only a proof shows" in sentence(flown, verdict(flown))
+    # 0.1^(1/1000), the lower bound after 1,000 cases without a failure
+    assert "at least 99.77 % of such cases" in verdict(flown).why
+    proved = replace(flown, proof=LAYER)
+    assert sentence(proved, verdict(proved)) == (
+        "Shown: in all cases (proved) the deputy stays away; all 1,000 did, the nearest 16 m from its "
+        "centre; failing means a collision."
+    )
+    assert verdict(replace(flown, judgement=cases_of_all(1))).word == "refuted"
+    found = replace(flown, searches=(searched(-0.5),))
+    assert sentence(found, verdict(found)).startswith(
+        "Refuted: in all cases the deputy stays away; all 1,000 did and"
     )
 
 
