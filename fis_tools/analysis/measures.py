@@ -10,21 +10,11 @@ from math import prod
 
 import numpy as np
 
+from fis_tools import model
 from fis_tools.analysis import arrays
 from fis_tools.analysis.arrays import Coverage, coverage
 from fis_tools.array_types import Floats
 from fis_tools.engines.inference import infer
-from fis_tools.model import (
-    Constant,
-    FuzzySystem,
-    Gaussian,
-    Term,
-    Trapezoidal,
-    Triangular,
-    Variable,
-    conjunctions,
-    statements_of,
-)
 from fis_tools.model.validate import nearest
 from fis_tools.model.variables import sample, sample_terms
 
@@ -181,7 +171,7 @@ class Measures:
         return float(np.cbrt(np.prod(np.min(parts, axis=0))))
 
 
-def measure(system: FuzzySystem, reference: tuple[str, FuzzySystem] | None = None) -> Measures:
+def measure(system: model.FuzzySystem, reference: tuple[str, model.FuzzySystem] | None = None) -> Measures:
     """Compute every index of a system without problems; outputs that are weighed have no terms to measure.
 
     Terms are compared with those of another system, called as in the reference, or with an even partition.
@@ -208,17 +198,17 @@ def measure(system: FuzzySystem, reference: tuple[str, FuzzySystem] | None = Non
     )
 
 
-def complexity(system: FuzzySystem) -> Complexity:
+def complexity(system: model.FuzzySystem) -> Complexity:
     """Count rules, premises and terms."""
     return Complexity(
         rules=len(system.rules),
-        premises=sum(1 for rule in system.rules for _ in statements_of(rule.antecedent)),
+        premises=sum(1 for rule in system.rules for _ in model.statements_of(rule.antecedent)),
         input_terms=sum(len(variable.terms) for variable in system.inputs),
         output_terms=sum(len(variable.terms) for variable in system.outputs),
     )
 
 
-def nauck(system: FuzzySystem) -> Nauck:
+def nauck(system: model.FuzzySystem) -> Nauck:
     """Return Nauck's index.
 
     ``complexity = m / sum_r n_r`` with m output terms (the classes of a classifier) and n_r premises of rule
@@ -235,7 +225,7 @@ def nauck(system: FuzzySystem) -> Nauck:
     )
 
 
-def _evenness(variable: Variable) -> float:
+def _evenness(variable: model.Variable) -> float:
     x = variable.universe
     total = sample_terms(variable).sum(axis=0)
     above = total - 1.0
@@ -249,19 +239,19 @@ def _evenness(variable: Variable) -> float:
     return float(np.trapezoid(covered, points) / (x[-1] - x[0]))
 
 
-def centre(variable: Variable, term: Term) -> float:
+def centre(variable: model.Variable, term: model.Term) -> float:
     """Return the centre of a term: its peak, or the middle of its core.
 
     Of a shape without a stated peak it is the middle between the first and the last of its highest points.
     """
     match term.membership:
-        case Gaussian(mean, _):
+        case model.Gaussian(mean, _):
             return mean
-        case Constant(value):
+        case model.Constant(value):
             return value
-        case Triangular(_, peak, _):
+        case model.Triangular(_, peak, _):
             return peak
-        case Trapezoidal(_, left_top, right_top, _):
+        case model.Trapezoidal(_, left_top, right_top, _):
             return 0.5 * (left_top + right_top)
         case _:
             values = sample(variable, term)
@@ -269,14 +259,14 @@ def centre(variable: Variable, term: Term) -> float:
             return float(0.5 * (variable.universe[highest[0]] + variable.universe[highest[-1]]))
 
 
-def half_widths(variable: Variable, term: Term) -> tuple[float, float]:
+def half_widths(variable: model.Variable, term: model.Term) -> tuple[float, float]:
     """Return the widths of a term to either side of its centre, at half its height."""
     match term.membership:
-        case Gaussian(_, standard_deviation):
+        case model.Gaussian(_, standard_deviation):
             return HALF_HEIGHT * standard_deviation, HALF_HEIGHT * standard_deviation
-        case Triangular(left, peak, right):
+        case model.Triangular(left, peak, right):
             return 0.5 * (peak - left), 0.5 * (right - peak)
-        case Trapezoidal(left, left_top, right_top, right):
+        case model.Trapezoidal(left, left_top, right_top, right):
             middle = 0.5 * (left_top + right_top)
             return middle - 0.5 * (left + left_top), 0.5 * (right_top + right) - middle
         case _:
@@ -296,7 +286,7 @@ def _falls_to_half(x: Floats, y: Floats, start: float) -> float:
     return float(x[i - 1] + (x[i] - x[i - 1]) * (y[i - 1] - half) / (y[i - 1] - y[i]))
 
 
-def integrity(variable: Variable, reference: Variable | None = None) -> Integrity:
+def integrity(variable: model.Variable, reference: model.Variable | None = None) -> Integrity:
     """Compare the terms of a variable with those of a reference, term by term in their order.
 
     With centre c, half-widths l and r, area A inside the universe, a hat for the reference, and s the way
@@ -336,16 +326,16 @@ def integrity(variable: Variable, reference: Variable | None = None) -> Integrit
     )
 
 
-def even(variable: Variable) -> Variable:
+def even(variable: model.Variable) -> model.Variable:
     """Return a variable with triangles of even spacing, each falling to zero where its neighbours peak."""
     peaks = np.linspace(variable.minimum, variable.maximum, len(variable.terms))
     feet = np.concatenate([peaks[:1], peaks, peaks[-1:]]).tolist()
-    shapes = (Triangular(*feet[place : place + 3]) for place in range(len(peaks)))
+    shapes = (model.Triangular(*feet[place : place + 3]) for place in range(len(peaks)))
     terms = (replace(term, membership=shape) for term, shape in zip(variable.terms, shapes, strict=True))
     return replace(variable, terms=tuple(terms))
 
 
-def _placed(variable: Variable) -> tuple[Floats, Floats, Floats]:
+def _placed(variable: model.Variable) -> tuple[Floats, Floats, Floats]:
     """Return centres, half-widths (num_terms, 2) and areas of terms, in parts of the range."""
     span = variable.maximum - variable.minimum
     centres = np.array([centre(variable, term) for term in variable.terms])
@@ -354,7 +344,7 @@ def _placed(variable: Variable) -> tuple[Floats, Floats, Floats]:
     return (centres - variable.minimum) / span, widths / span, areas / span
 
 
-def _same(variable: Variable, reference: FuzzySystem) -> Variable:
+def _same(variable: model.Variable, reference: model.FuzzySystem) -> model.Variable:
     """Return the variable of the same name in a reference, its terms in the same order."""
     others = {other.name: other for other in (*reference.inputs, *reference.outputs)}
     if variable.name not in others:
@@ -371,7 +361,7 @@ def _same(variable: Variable, reference: FuzzySystem) -> Variable:
     return replace(others[variable.name], terms=tuple(terms[term.name] for term in variable.terms))
 
 
-def rule_consistency(system: FuzzySystem) -> RuleConsistency:
+def rule_consistency(system: model.FuzzySystem) -> RuleConsistency:
     """Compare the system's output where each rule fires most strongly with the rule's consequent.
 
     A rule holds most at one or several points of a grid: the centres of each input's terms, and where the
@@ -407,7 +397,7 @@ def rule_consistency(system: FuzzySystem) -> RuleConsistency:
     return RuleConsistency(np.array(points), np.array(outputs), np.array(alone), np.array(values))
 
 
-def _landmarks(variable: Variable) -> Floats:
+def _landmarks(variable: model.Variable) -> Floats:
     """Return where its terms hold most, and where all of them together hold least."""
     centres = [centre(variable, term) for term in variable.terms]
     return np.unique(np.clip([*centres, coverage(variable).at], variable.minimum, variable.maximum))
@@ -420,14 +410,14 @@ def _grid(axes: list[Floats]) -> Floats | None:
     return np.array(list(product(*axes)), dtype=np.float64)
 
 
-def _alone(system: FuzzySystem, number: int, point: Floats) -> Floats:
+def _alone(system: model.FuzzySystem, number: int, point: Floats) -> Floats:
     rule = system.rules[number]
     concluded = [consequent.variable for consequent in rule.consequents]
     values = infer(replace(system, rules=(rule,)), point).values
     return np.where([variable.name in concluded for variable in system.outputs], values, np.nan)
 
 
-def _meanings(system: FuzzySystem, number: int, answers: Floats, own: Floats) -> Floats:
+def _meanings(system: model.FuzzySystem, number: int, answers: Floats, own: Floats) -> Floats:
     """Return how much answers (n, num_outputs) are like what a rule concludes, shape (n,)."""
     meant = np.ones(len(answers))
     names = [variable.name for variable in system.outputs]
@@ -444,7 +434,7 @@ def _meanings(system: FuzzySystem, number: int, answers: Floats, own: Floats) ->
     return meant
 
 
-def completeness(system: FuzzySystem) -> Completeness:
+def completeness(system: model.FuzzySystem) -> Completeness:
     """Find the input at which the strongest rule is weakest.
 
     Where every combination of terms has its rule, the strongest rule joins the highest memberships of the
@@ -467,21 +457,21 @@ def completeness(system: FuzzySystem) -> Completeness:
     return Completeness(least, points[worst], is_exact or least == 0.0)
 
 
-def _is_by_order(system: FuzzySystem) -> bool:
+def _is_by_order(system: model.FuzzySystem) -> bool:
     return all(
         system.and_operator_of(rule) == "min" and system.or_operator_of(rule) == "max"
         for rule in system.rules
     )
 
 
-def _has_every_combination(system: FuzzySystem) -> bool:
-    found = conjunctions(system)
+def _has_every_combination(system: model.FuzzySystem) -> bool:
+    found = model.conjunctions(system)
     if found is None or np.any(found[0] < 0):
         return False
     return len(np.unique(found[0], axis=0)) == prod(len(variable.terms) for variable in system.inputs)
 
 
-def _turning_points(variable: Variable) -> Floats:
+def _turning_points(variable: model.Variable) -> Floats:
     """Return the ends of a universe, and where terms or their complements turn or cross in between."""
     x = variable.universe
     terms = sample_terms(variable)

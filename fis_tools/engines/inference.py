@@ -12,23 +12,9 @@ from typing import Any
 
 import numpy as np
 
+from fis_tools import model
 from fis_tools.array_types import Floats, Integers
 from fis_tools.engines.rows import as_rows
-from fis_tools.model import (
-    And,
-    Expression,
-    Formula,
-    FuzzySystem,
-    Hedged,
-    Is,
-    MembershipFunction,
-    MonotoneFunction,
-    Not,
-    Number,
-    Or,
-    Rule,
-    Variable,
-)
 from fis_tools.model.operators import ACCUMULATIONS, AGGREGATIONS, AND_OPERATORS, HEDGES, OR_OPERATORS
 from fis_tools.model.variables import sample_terms
 
@@ -80,7 +66,7 @@ class OutputInference:
         The weighted conclusions, for a weighted output.
     """
 
-    variable: Variable
+    variable: model.Variable
     cuts: Floats
     universe: Floats
     aggregated: Floats
@@ -109,7 +95,7 @@ class Inference:
         In the order of the system's outputs.
     """
 
-    system: FuzzySystem
+    system: model.FuzzySystem
     inputs: Floats
     clipped: Floats
     memberships: tuple[Floats, ...]
@@ -122,7 +108,7 @@ class Inference:
         return np.array([output.value for output in self.outputs])
 
 
-def infer(system: FuzzySystem, inputs: Any) -> Inference:
+def infer(system: model.FuzzySystem, inputs: Any) -> Inference:
     """Evaluate a valid system for one sample, keeping every step.
 
     Parameters
@@ -152,7 +138,7 @@ def infer(system: FuzzySystem, inputs: Any) -> Inference:
     )
 
 
-def evaluate(system: FuzzySystem, inputs: Any) -> Floats:
+def evaluate(system: model.FuzzySystem, inputs: Any) -> Floats:
     """Evaluate a valid system for many samples, one after the other.
 
     Parameters
@@ -175,7 +161,7 @@ def evaluate(system: FuzzySystem, inputs: Any) -> Floats:
     return np.array(outputs).reshape(len(firing), len(system.outputs))
 
 
-def firing_strengths(system: FuzzySystem, inputs: Any) -> Floats:
+def firing_strengths(system: model.FuzzySystem, inputs: Any) -> Floats:
     """Return each rule's firing strength, before weights.
 
     Parameters
@@ -198,7 +184,7 @@ def firing_strengths(system: FuzzySystem, inputs: Any) -> Floats:
     return _fire(system, fuzzify(system, _checked(system, as_rows(system, inputs))))
 
 
-def fuzzify(system: FuzzySystem, inputs: Floats) -> list[Floats]:
+def fuzzify(system: model.FuzzySystem, inputs: Floats) -> list[Floats]:
     """Return for each input the degrees of membership of samples in its terms, shape (n, num_terms)."""
     memberships = []
     for variable, column in zip(system.inputs, inputs.T, strict=True):
@@ -209,7 +195,7 @@ def fuzzify(system: FuzzySystem, inputs: Floats) -> list[Floats]:
     return memberships
 
 
-def _checked(system: FuzzySystem, rows: Floats) -> Floats:
+def _checked(system: model.FuzzySystem, rows: Floats) -> Floats:
     if rows.ndim != 2 or rows.shape[1] != len(system.inputs):
         raise ValueError(
             f"inputs have shape {rows.shape[-1:]}; system {system.name!r} has {len(system.inputs)} inputs, "
@@ -220,7 +206,7 @@ def _checked(system: FuzzySystem, rows: Floats) -> Floats:
     return rows
 
 
-def _fire(system: FuzzySystem, memberships: list[Floats]) -> Floats:
+def _fire(system: model.FuzzySystem, memberships: list[Floats]) -> Floats:
     degrees = {
         (variable.name, term.name): rows[:, index]
         for variable, rows in zip(system.inputs, memberships, strict=True)
@@ -230,29 +216,32 @@ def _fire(system: FuzzySystem, memberships: list[Floats]) -> Floats:
 
 
 def _degree(
-    system: FuzzySystem, rule: Rule, expression: Expression, degrees: dict[tuple[str, str], Floats]
+    system: model.FuzzySystem,
+    rule: model.Rule,
+    expression: model.Expression,
+    degrees: dict[tuple[str, str], Floats],
 ) -> Floats:
     match expression:
-        case Is(variable, term):
+        case model.Is(variable, term):
             return degrees[variable, term]
-        case Not(operand):
+        case model.Not(operand):
             return 1.0 - _degree(system, rule, operand, degrees)
-        case Hedged(hedge, operand):
+        case model.Hedged(hedge, operand):
             return HEDGES[hedge](_degree(system, rule, operand, degrees))
-        case And(operands):
+        case model.And(operands):
             combine = AND_OPERATORS[system.and_operator_of(rule)]
-        case Or(operands):
+        case model.Or(operands):
             combine = OR_OPERATORS[system.or_operator_of(rule)]
     return reduce(combine, [_degree(system, rule, operand, degrees) for operand in operands])
 
 
-def _clipped(system: FuzzySystem, rows: Floats) -> Floats:
+def _clipped(system: model.FuzzySystem, rows: Floats) -> Floats:
     """Return values, (n, num_inputs), clipped to the universes."""
     ends = np.array([variable.universe[[0, -1]] for variable in system.inputs])
     return np.clip(rows, ends[:, 0], ends[:, 1])
 
 
-def _infer_outputs(system: FuzzySystem, firing: Floats, clipped: Floats) -> list[OutputInference]:
+def _infer_outputs(system: model.FuzzySystem, firing: Floats, clipped: Floats) -> list[OutputInference]:
     """Infer one output after the other, from the inputs and, for formulas, from the outputs before it."""
     values = {variable.name: x for variable, x in zip(system.inputs, clipped, strict=True)}
     found = []
@@ -263,7 +252,7 @@ def _infer_outputs(system: FuzzySystem, firing: Floats, clipped: Floats) -> list
 
 
 def _infer_output(
-    system: FuzzySystem, variable: Variable, firing: Floats, values: Mapping[str, Any]
+    system: model.FuzzySystem, variable: model.Variable, firing: Floats, values: Mapping[str, Any]
 ) -> OutputInference:
     if system.weighs(variable):
         return _weigh(system, variable, firing, values)
@@ -281,7 +270,7 @@ def _infer_output(
 
 
 def _weigh(
-    system: FuzzySystem, variable: Variable, firing: Floats, values: Mapping[str, Any]
+    system: model.FuzzySystem, variable: model.Variable, firing: Floats, values: Mapping[str, Any]
 ) -> OutputInference:
     """Weight each rule's conclusion by its strength, one after the other."""
     found, total, moment = [], 0.0, 0.0
@@ -307,9 +296,9 @@ def _weigh(
 
 
 def _concluded(
-    system: FuzzySystem,
-    variable: Variable,
-    shape: MembershipFunction,
+    system: model.FuzzySystem,
+    variable: model.Variable,
+    shape: model.MembershipFunction,
     strength: float,
     values: Mapping[str, Any],
 ) -> float:
@@ -317,21 +306,21 @@ def _concluded(
 
     A sigmoid never reaches one; at a strength of one its rule concludes the end of the range.
     """
-    if isinstance(shape, Formula):
+    if isinstance(shape, model.Formula):
         return float(shape.value(values))
-    if isinstance(shape, Number):
+    if isinstance(shape, model.Number):
         *coefficients, number = shape.row(len(system.inputs))
         for coefficient, each in zip(coefficients, system.inputs, strict=True):
             number += coefficient * values[each.name]
         return float(number)
-    assert isinstance(shape, MonotoneFunction)  # noqa: S101 - others are rejected by validation
+    assert isinstance(shape, model.MonotoneFunction)  # noqa: S101 - others are rejected by validation
     number = float(shape.inverse(np.array(min(strength, 1.0))))
     if np.isinf(number):
         return variable.maximum if number > 0.0 else variable.minimum
     return number
 
 
-def _cut_terms(system: FuzzySystem, variable: Variable, firing: Floats) -> Floats:
+def _cut_terms(system: model.FuzzySystem, variable: model.Variable, firing: Floats) -> Floats:
     accumulate = ACCUMULATIONS[variable.accumulation]
     cuts = np.full(len(variable.terms), np.nan)
     for strength, rule in zip(firing, system.rules, strict=True):
@@ -344,7 +333,7 @@ def _cut_terms(system: FuzzySystem, variable: Variable, firing: Floats) -> Float
     return cuts
 
 
-def _aggregate(variable: Variable, cuts: Floats) -> tuple[Floats, Floats]:
+def _aggregate(variable: model.Variable, cuts: Floats) -> tuple[Floats, Floats]:
     grid = variable.universe
     concluded = [(cut, mf) for cut, mf in zip(cuts, sample_terms(variable), strict=True) if not np.isnan(cut)]
     crossings = [_crossings(grid, mf, cut) for cut, mf in concluded]
@@ -356,7 +345,7 @@ def _aggregate(variable: Variable, cuts: Floats) -> tuple[Floats, Floats]:
     return universe, aggregated
 
 
-def _conclude_by_rule(system: FuzzySystem, variable: Variable, firing: Floats) -> Floats:
+def _conclude_by_rule(system: model.FuzzySystem, variable: model.Variable, firing: Floats) -> Floats:
     """Aggregate each rule's implied set, one after the other, at the points of the universe."""
     imply, aggregate = AND_OPERATORS[system.implication], AGGREGATIONS[variable.aggregation]
     memberships = sample_terms(variable)

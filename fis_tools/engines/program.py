@@ -7,33 +7,12 @@ from typing import NamedTuple, get_args
 
 import numpy as np
 
+from fis_tools import model
 from fis_tools.array_types import Floats, Integers
 from fis_tools.engines.operators import MAX, MIN, NOT, OPERATORS
-from fis_tools.model import (
-    And,
-    Arc,
-    Concave,
-    Constant,
-    Defuzzifier,
-    Expression,
-    Formula,
-    FuzzySystem,
-    Hedged,
-    Is,
-    MonotoneFunction,
-    Not,
-    Number,
-    Or,
-    Ramp,
-    Rule,
-    Sigmoid,
-    SShape,
-    Variable,
-    ZShape,
-)
 from fis_tools.model.variables import sample_terms
 
-DEFUZZIFIERS: dict[str, int] = {name: code for code, name in enumerate(get_args(Defuzzifier))}
+DEFUZZIFIERS: dict[str, int] = {name: code for code, name in enumerate(get_args(model.Defuzzifier))}
 CENTROID, BISECTOR, MEAN_OF_MAXIMUM, SMALLEST_OF_MAXIMUM, LARGEST_OF_MAXIMUM = range(5)
 WEIGHTED_AVERAGE, WEIGHTED_SUM = range(5, 7)
 
@@ -41,7 +20,14 @@ WEIGHTED_AVERAGE, WEIGHTED_SUM = range(5, 7)
 #: two parameters),
 #: or a formula, whose first parameter is its index.
 NUMBER, FORMULA = -1, -2
-INVERTED: tuple[type[MonotoneFunction], ...] = (Ramp, Sigmoid, SShape, ZShape, Concave, Arc)
+INVERTED: tuple[type[model.MonotoneFunction], ...] = (
+    model.Ramp,
+    model.Sigmoid,
+    model.SShape,
+    model.ZShape,
+    model.Concave,
+    model.Arc,
+)
 RAMP, SIGMOID, S_SHAPE, Z_SHAPE, CONCAVE, ARC = range(6)
 
 
@@ -157,7 +143,7 @@ class Weighing(NamedTuple):
     kinds: Integers
     low: float
     high: float
-    formulas: tuple[Formula, ...]
+    formulas: tuple[model.Formula, ...]
     names: tuple[str, ...]
 
 
@@ -198,7 +184,7 @@ class Program:
         )
 
 
-def assemble(system: FuzzySystem) -> Program:
+def assemble(system: model.FuzzySystem) -> Program:
     """Return a valid system as a program."""
     return Program(
         _antecedents(system),
@@ -209,7 +195,7 @@ def assemble(system: FuzzySystem) -> Program:
     )
 
 
-def _antecedents(system: FuzzySystem) -> Antecedents:
+def _antecedents(system: model.FuzzySystem) -> Antecedents:
     rows = [_memberships_with_slopes(variable) for variable in system.inputs]
     points = [variable.num_points for variable in system.inputs]
     table = [
@@ -228,32 +214,32 @@ def _antecedents(system: FuzzySystem) -> Antecedents:
     )
 
 
-def _memberships_with_slopes(variable: Variable) -> Floats:
+def _memberships_with_slopes(variable: model.Variable) -> Floats:
     sampled = sample_terms(variable)
     slopes = np.zeros_like(sampled)  # constant beyond the last point
     slopes[:, :-1] = np.diff(sampled) / np.diff(variable.universe)
     return np.concatenate([sampled, slopes]).T.ravel()
 
 
-def _steps(system: FuzzySystem) -> tuple[list[tuple[int, int, int]], list[int]]:
+def _steps(system: model.FuzzySystem) -> tuple[list[tuple[int, int, int]], list[int]]:
     """Translate the antecedents; common parts of several rules are computed once."""
     terms = [(variable.name, term.name) for variable in system.inputs for term in variable.terms]
     slots = {term: slot for slot, term in enumerate(terms)}
     steps: dict[tuple[int, int, int], int] = {}
 
-    def slot_of(expression: Expression, rule: Rule) -> int:
+    def slot_of(expression: model.Expression, rule: model.Rule) -> int:
         match expression:
-            case Is(variable, term):
+            case model.Is(variable, term):
                 return slots[variable, term]
-            case Not(operand):
+            case model.Not(operand):
                 slot = slot_of(operand, rule)
                 return step(NOT, slot, slot)
-            case Hedged(hedge, operand):
+            case model.Hedged(hedge, operand):
                 slot = slot_of(operand, rule)
                 return step(OPERATORS[hedge], slot, slot)
-            case And(operands):
+            case model.And(operands):
                 operator = OPERATORS[system.and_operator_of(rule)]
-            case Or(operands):
+            case model.Or(operands):
                 operator = OPERATORS[system.or_operator_of(rule)]
         left, *others = (slot_of(operand, rule) for operand in operands)
         for right in others:
@@ -267,7 +253,7 @@ def _steps(system: FuzzySystem) -> tuple[list[tuple[int, int, int]], list[int]]:
     return list(steps), rule_slots
 
 
-def _conclusion(system: FuzzySystem, output: Variable) -> Conclusion:
+def _conclusion(system: model.FuzzySystem, output: model.Variable) -> Conclusion:
     concluded = [
         (output.term_index(consequent.term), index, consequent.weight)
         for index, rule in enumerate(system.rules)
@@ -296,7 +282,7 @@ def _conclusion(system: FuzzySystem, output: Variable) -> Conclusion:
     )
 
 
-def _weighing(system: FuzzySystem, output: Variable) -> Weighing:
+def _weighing(system: model.FuzzySystem, output: model.Variable) -> Weighing:
     concluded = [
         (index, consequent.weight, output.terms[output.term_index(consequent.term)].membership)
         for index, rule in enumerate(system.rules)
@@ -306,12 +292,12 @@ def _weighing(system: FuzzySystem, output: Variable) -> Weighing:
     before = system.outputs[: system.outputs.index(output)]
     parameters = np.zeros((len(concluded), max(len(system.inputs) + 1, 2)))
     kinds = np.full(len(concluded), NUMBER)
-    formulas = [shape for _, _, shape in concluded if isinstance(shape, Formula)]
+    formulas = [shape for _, _, shape in concluded if isinstance(shape, model.Formula)]
     row: tuple[float, ...]
     for place, (_, _, shape) in enumerate(concluded):
-        if isinstance(shape, Formula):
+        if isinstance(shape, model.Formula):
             kinds[place], row = FORMULA, (float(formulas.index(shape)),)
-        elif isinstance(shape, Number):
+        elif isinstance(shape, model.Number):
             row = shape.row(len(system.inputs))
         else:
             kinds[place] = next(code for code, kind in enumerate(INVERTED) if type(shape) is kind)
@@ -322,7 +308,7 @@ def _weighing(system: FuzzySystem, output: Variable) -> Weighing:
         weights=np.array([weight for _, weight, _ in concluded], dtype=np.float64),
         kinds=kinds,
         parameters=parameters,
-        is_constant=all(isinstance(shape, Constant) for _, _, shape in concluded),
+        is_constant=all(isinstance(shape, model.Constant) for _, _, shape in concluded),
         low=float(output.minimum),
         high=float(output.maximum),
         defuzzifier=DEFUZZIFIERS[system.defuzzifier_of(output)],

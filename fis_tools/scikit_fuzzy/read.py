@@ -18,23 +18,8 @@ from skfuzzy import control
 from skfuzzy.control.term import Term as FuzzyTerm
 from skfuzzy.control.term import TermAggregate
 
+from fis_tools import model
 from fis_tools.array_types import Floats
-from fis_tools.model import (
-    Accumulation,
-    And,
-    AndOperator,
-    Consequent,
-    Defuzzifier,
-    Expression,
-    FuzzySystem,
-    Is,
-    Not,
-    Or,
-    OrOperator,
-    Rule,
-    Term,
-    Variable,
-)
 from fis_tools.model.operators import ACCUMULATIONS, AND_OPERATORS, OR_OPERATORS, Operator
 from fis_tools.model.rules import Named, NotResolvable, unchained
 from fis_tools.model.validate import MAX_NESTING, nearest, problems
@@ -43,16 +28,20 @@ from fis_tools.scikit_fuzzy.recognition import recognise
 _Name = TypeVar("_Name", bound=str)
 
 #: Functions besides our own that people pass to rules and outputs; they give the same numbers.
-_ALSO_AND: dict[Any, AndOperator] = {
+_ALSO_AND: dict[Any, model.AndOperator] = {
     np.minimum: "min",
     min: "min",
     operator.mul: "product",
     control.accumulation_mult: "product",
 }
-_ALSO_OR: dict[Any, OrOperator] = {np.maximum: "max", max: "max", control.accumulation_max: "max"}
-_AND_NAMES: dict[Any, AndOperator] = {function: name for name, function in AND_OPERATORS.items()} | _ALSO_AND
-_OR_NAMES: dict[Any, OrOperator] = {function: name for name, function in OR_OPERATORS.items()} | _ALSO_OR
-_ACCUMULATION_NAMES: dict[Any, Accumulation] = {
+_ALSO_OR: dict[Any, model.OrOperator] = {np.maximum: "max", max: "max", control.accumulation_max: "max"}
+_AND_NAMES: dict[Any, model.AndOperator] = {
+    function: name for name, function in AND_OPERATORS.items()
+} | _ALSO_AND
+_OR_NAMES: dict[Any, model.OrOperator] = {
+    function: name for name, function in OR_OPERATORS.items()
+} | _ALSO_OR
+_ACCUMULATION_NAMES: dict[Any, model.Accumulation] = {
     **{function: name for name, function in ACCUMULATIONS.items()},
     **_ALSO_OR,
     control.accumulation_mult: "product",
@@ -62,7 +51,7 @@ _ACCUMULATION_NAMES: dict[Any, Accumulation] = {
     operator.add: "bounded_sum",
 }
 #: In the order in which scikit-fuzzy looks for these words in a method's name.
-_DEFUZZIFIERS: tuple[Defuzzifier, ...] = ("centroid", "bisector", "mom", "som", "lom")
+_DEFUZZIFIERS: tuple[model.Defuzzifier, ...] = ("centroid", "bisector", "mom", "som", "lom")
 #: Memberships this far outside [0, 1] are put inside.
 ROUNDED = 1e-15
 #: Number types in which scikit-fuzzy computes without loss.
@@ -87,7 +76,7 @@ def read_control_system(
     *,
     defaults: Mapping[str, float] | None = None,
     tolerance: float = 0.0,
-) -> FuzzySystem:
+) -> model.FuzzySystem:
     """Turn a scikit-fuzzy control system into a `FuzzySystem`.
 
     Parameters
@@ -118,7 +107,7 @@ def read_control_system(
     _check_names(defaults or {}, [str(output.label) for output in source.consequents])
     outputs = tuple(_output(output, defaults or {}, tolerance) for output in source.consequents)
     read = _with_common_methods(
-        FuzzySystem(
+        model.FuzzySystem(
             name=name,
             inputs=tuple(_variable(source_input, tolerance) for source_input in source.antecedents),
             outputs=outputs,
@@ -140,10 +129,10 @@ def _check_names(defaults: Mapping[str, float], outputs: list[str]) -> None:
 # Variables.
 
 
-def _variable(source: Any, tolerance: float) -> Variable:
+def _variable(source: Any, tolerance: float) -> model.Variable:
     universe = _universe(source)
     is_even = np.array_equal(universe, np.linspace(universe[0], universe[-1], len(universe)))
-    return Variable(
+    return model.Variable(
         name=str(source.label),
         unit="",
         minimum=float(universe[0]),
@@ -154,7 +143,7 @@ def _variable(source: Any, tolerance: float) -> Variable:
     )
 
 
-def _output(source: Any, defaults: Mapping[str, float], tolerance: float) -> Variable:
+def _output(source: Any, defaults: Mapping[str, float], tolerance: float) -> model.Variable:
     variable = _variable(source, tolerance)
     nearest_to_zero = min(max(0.0, variable.minimum), variable.maximum)
     accumulation = _named(
@@ -181,7 +170,7 @@ def _universe(source: Any) -> Floats:
     return universe
 
 
-def _term(source: Any, universe: Floats, term: FuzzyTerm, tolerance: float) -> Term:
+def _term(source: Any, universe: Floats, term: FuzzyTerm, tolerance: float) -> model.Term:
     where = f"the membership function of {source.label!r}, term {term.label!r}"
     values = _exact(term.mf, where)
     if values.shape != universe.shape:
@@ -193,7 +182,7 @@ def _term(source: Any, universe: Floats, term: FuzzyTerm, tolerance: float) -> T
         raise UnreadableControlSystem(
             f"{where} runs from {least:.6g} to {greatest:.6g}; memberships lie in [0, 1], scale them"
         )
-    return Term(str(term.label), recognise(universe, np.clip(values, 0.0, 1.0), tolerance))
+    return model.Term(str(term.label), recognise(universe, np.clip(values, 0.0, 1.0), tolerance))
 
 
 def _exact(values: Any, what: str) -> Floats:
@@ -207,7 +196,7 @@ def _exact(values: Any, what: str) -> Floats:
     return array.astype(np.float64)
 
 
-def _defuzzifier(source: Any) -> Defuzzifier:
+def _defuzzifier(source: Any) -> model.Defuzzifier:
     method = str(source.defuzzify_method)
     for name in _DEFUZZIFIERS:
         if name in method.lower():
@@ -220,7 +209,7 @@ def _defuzzifier(source: Any) -> Defuzzifier:
 # Rules.
 
 
-def _rules(sources: Sequence[control.Rule], outputs: Sequence[Variable]) -> tuple[Rule, ...]:
+def _rules(sources: Sequence[control.Rule], outputs: Sequence[model.Variable]) -> tuple[model.Rule, ...]:
     """Read rules in the order in which they are computed, and say those of a chain of the inputs alone."""
     named = [Named(_called(source), _rule(source)) for source in sources]
     try:
@@ -239,39 +228,39 @@ def _called(source: control.Rule) -> str:
     return f"rule {words if len(words) <= MOST_WORDS else words[: MOST_WORDS - 1] + '…'!r}"
 
 
-def _rule(source: control.Rule) -> Rule:
+def _rule(source: control.Rule) -> model.Rule:
     where = _called(source)
     antecedent = _expression(source.antecedent, where, 0)
     kinds = _kinds(antecedent)
     and_operator = or_operator = None
-    if And in kinds:
+    if model.And in kinds:
         and_operator = _named(source.and_func, _AND_NAMES, AND_OPERATORS, f"and_func of {where}")
-    if Or in kinds:
+    if model.Or in kinds:
         or_operator = _named(source.or_func, _OR_NAMES, OR_OPERATORS, f"or_func of {where}")
     consequents = []
     for weighted in source.consequent:
         term = _mentioned(weighted.term, control.Consequent, where)
-        consequents.append(Consequent(*term, float(weighted.weight)))
-    return Rule(antecedent, tuple(consequents), and_operator=and_operator, or_operator=or_operator)
+        consequents.append(model.Consequent(*term, float(weighted.weight)))
+    return model.Rule(antecedent, tuple(consequents), and_operator=and_operator, or_operator=or_operator)
 
 
-def _expression(source: Any, where: str, depth: int) -> Expression:
+def _expression(source: Any, where: str, depth: int) -> model.Expression:
     """Read a rule tree; a chain of the same word to the left, as ``a & b & c`` makes it, is one statement."""
     if depth > MAX_NESTING:
         raise UnreadableControlSystem(
             f"{where} nests and, or and not more than {MAX_NESTING} deep; split the rule"
         )
     if not isinstance(source, TermAggregate):
-        return Is(*_mentioned(source, (control.Antecedent, control.Consequent), where))
+        return model.Is(*_mentioned(source, (control.Antecedent, control.Consequent), where))
     if source.kind == "not":
-        return Not(_expression(source.term1, where, depth + 1))
+        return model.Not(_expression(source.term1, where, depth + 1))
     chain = [source.term2]
     first = source.term1
     while isinstance(first, TermAggregate) and first.kind == source.kind:
         chain.append(first.term2)
         first = first.term1
     operands = tuple(_expression(operand, where, depth + 1) for operand in (first, *reversed(chain)))
-    return And(operands) if source.kind == "and" else Or(operands)
+    return model.And(operands) if source.kind == "and" else model.Or(operands)
 
 
 def _mentioned(term: Any, kind: Any, where: str) -> tuple[str, str]:
@@ -290,13 +279,13 @@ def _mentioned(term: Any, kind: Any, where: str) -> tuple[str, str]:
     return label, str(term.label)
 
 
-def _kinds(expression: Expression) -> set[type]:
+def _kinds(expression: model.Expression) -> set[type]:
     match expression:
-        case Not(operand):
-            return {Not} | _kinds(operand)
-        case And(operands) | Or(operands):
+        case model.Not(operand):
+            return {model.Not} | _kinds(operand)
+        case model.And(operands) | model.Or(operands):
             return {type(expression)}.union(*(_kinds(operand) for operand in operands))
-    return {Is}
+    return {model.Is}
 
 
 def _named(
@@ -329,7 +318,7 @@ def _agrees(function: Any, known: Operator) -> bool:
     return np.allclose(given, expected, rtol=0, atol=1e-12)
 
 
-def _with_labels(sources: Sequence[control.Rule], rules: Sequence[Rule]) -> tuple[Rule, ...]:
+def _with_labels(sources: Sequence[control.Rule], rules: Sequence[model.Rule]) -> tuple[model.Rule, ...]:
     """Give rules the labels a person chose: neither scikit-fuzzy's own numbers nor the rule's place."""
     labels: list[str] = []
     for place, source in enumerate(sources, start=1):
@@ -339,11 +328,13 @@ def _with_labels(sources: Sequence[control.Rule], rules: Sequence[Rule]) -> tupl
     return tuple(replace(rule, label=label) for rule, label in zip(rules, labels, strict=True))
 
 
-def _with_common_methods(system: FuzzySystem) -> FuzzySystem:
+def _with_common_methods(system: model.FuzzySystem) -> model.FuzzySystem:
     """Say once for the system what most rules and outputs say of themselves."""
-    and_operator: AndOperator = _most_common((rule.and_operator for rule in system.rules), "min")
-    or_operator: OrOperator = _most_common((rule.or_operator for rule in system.rules), "max")
-    defuzzifier: Defuzzifier = _most_common((output.defuzzifier for output in system.outputs), "centroid")
+    and_operator: model.AndOperator = _most_common((rule.and_operator for rule in system.rules), "min")
+    or_operator: model.OrOperator = _most_common((rule.or_operator for rule in system.rules), "max")
+    defuzzifier: model.Defuzzifier = _most_common(
+        (output.defuzzifier for output in system.outputs), "centroid"
+    )
     return replace(
         system,
         and_operator=and_operator,

@@ -12,27 +12,13 @@ from math import floor, log10
 import numpy as np
 from scipy.optimize import least_squares
 
+from fis_tools import model
 from fis_tools.array_types import Booleans, Floats
-from fis_tools.model import (
-    Gaussian,
-    GeneralizedBell,
-    MembershipFunction,
-    PiShape,
-    Sampled,
-    Sigmoid,
-    SigmoidDifference,
-    SigmoidProduct,
-    SShape,
-    Trapezoidal,
-    Triangular,
-    TwoSidedGaussian,
-    ZShape,
-)
 from fis_tools.model.shapes import SMALLEST_MEMBERSHIP
 from fis_tools.model.validate import shape_problems
 from fis_tools.model.variables import is_unimodal, shape_values
 
-Estimate = tuple[type[MembershipFunction], tuple[float, ...]]
+Estimate = tuple[type[model.MembershipFunction], tuple[float, ...]]
 
 #: An estimate that misses the samples by more is not looked at further.
 NEAR = 1e-6
@@ -46,7 +32,7 @@ NUDGES = 6
 SMALL = 1 / 1024
 
 
-def recognise(universe: Floats, values: Floats, tolerance: float = 0.0) -> MembershipFunction:
+def recognise(universe: Floats, values: Floats, tolerance: float = 0.0) -> model.MembershipFunction:
     """Find the shape that gives the values on the universe, or keep the values.
 
     Triangles and trapezoids are preferred, then Gaussians and the rest, each only if the values say more than
@@ -71,7 +57,7 @@ def recognise(universe: Floats, values: Floats, tolerance: float = 0.0) -> Membe
             shape = _settled(samples, kind, parameters, tolerance)
             if shape is not None:
                 return shape
-    return Sampled(tuple(values.tolist()))
+    return model.Sampled(tuple(values.tolist()))
 
 
 class Samples:
@@ -94,7 +80,7 @@ class Samples:
         self.top = universe[highest[[0, -1]]] if self.values.max() == 1.0 else None
         self.num_between = int(is_between.sum())
 
-    def misses(self, shape: MembershipFunction) -> Floats:
+    def misses(self, shape: model.MembershipFunction) -> Floats:
         """Return how far a shape is from each value; no number where it has none, infinite if it is wrong."""
         if any(shape_problems(shape, len(self.values))):
             return np.full(len(self.values), np.inf)
@@ -104,8 +90,8 @@ class Samples:
 
 
 def _settled(
-    samples: Samples, kind: type[MembershipFunction], parameters: tuple[float, ...], tolerance: float
-) -> MembershipFunction | None:
+    samples: Samples, kind: type[model.MembershipFunction], parameters: tuple[float, ...], tolerance: float
+) -> model.MembershipFunction | None:
     """Return the shape of the simplest numbers near an estimate that gives the samples, if there is one."""
     is_near = samples.misses(_made(kind, parameters)).max() <= NEAR + tolerance
     if not np.isfinite(parameters).all() or not is_near:
@@ -119,12 +105,12 @@ def _settled(
     return shape if samples.misses(shape).max() <= tolerance else None
 
 
-def _made(kind: type[MembershipFunction], parameters: tuple[float, ...]) -> MembershipFunction:
+def _made(kind: type[model.MembershipFunction], parameters: tuple[float, ...]) -> model.MembershipFunction:
     return kind(*map(float, parameters))
 
 
 def _rounded(
-    kind: type[MembershipFunction], parameters: tuple[float, ...], digits: int, width: float
+    kind: type[model.MembershipFunction], parameters: tuple[float, ...], digits: int, width: float
 ) -> tuple[float, ...]:
     """Round places to digits of the universe's width, spreads and slopes to digits of their own."""
     rounded = []
@@ -135,8 +121,8 @@ def _rounded(
 
 
 def _improved(
-    samples: Samples, kind: type[MembershipFunction], candidates: list[tuple[float, ...]]
-) -> MembershipFunction:
+    samples: Samples, kind: type[model.MembershipFunction], candidates: list[tuple[float, ...]]
+) -> model.MembershipFunction:
     """Move neighbouring parameters, two at a time, while fewer samples are missed.
 
     They move to their values in the last candidates, and by units in their last place: the errors of a foot
@@ -194,13 +180,13 @@ def _straight(samples: Samples) -> Iterator[Estimate]:
     x, y = samples.universe, samples.values
     if samples.top is None:
         for left, peak in _flanks(x, y, samples.rising):
-            yield Triangular, (left, peak, peak)
+            yield model.Triangular, (left, peak, peak)
             for right, _ in _flanks(x, y, samples.falling, peak):
-                yield Triangular, (left, peak, right)
+                yield model.Triangular, (left, peak, right)
         for right, peak in _flanks(x, y, samples.falling):
-            yield Triangular, (peak, peak, right)
+            yield model.Triangular, (peak, peak, right)
             for left, _ in _flanks(x, y, samples.rising, peak):
-                yield Triangular, (left, peak, right)
+                yield model.Triangular, (left, peak, right)
         return
     first, last = (float(end) for end in samples.top)
     rising = list(_flanks(x, y, samples.rising, first))
@@ -208,10 +194,10 @@ def _straight(samples: Samples) -> Iterator[Estimate]:
     if first == last:
         for left, _ in rising:
             for right, _ in falling:
-                yield Triangular, (left, first, right)
+                yield model.Triangular, (left, first, right)
     for left, left_top in rising:
         for right, right_top in falling:
-            yield Trapezoidal, (left, left_top, right_top, right)
+            yield model.Trapezoidal, (left, left_top, right_top, right)
 
 
 def _flanks(x: Floats, y: Floats, flank: Booleans, top: float | None = None) -> Iterator[tuple[float, float]]:
@@ -245,7 +231,7 @@ def _gaussian(samples: Samples) -> Iterator[Estimate]:
     x, deviations, weights = (np.concatenate(pair) for pair in zip(left, right, strict=True))
     slope, mean = _line(x, deviations, weights)
     if slope > 0:
-        yield Gaussian, (mean, 1.0 / slope)
+        yield model.Gaussian, (mean, 1.0 / slope)
 
 
 def _two_sided(samples: Samples) -> Iterator[Estimate]:
@@ -253,11 +239,11 @@ def _two_sided(samples: Samples) -> Iterator[Estimate]:
     right_slope, right_mean = _line(*_deviations(samples, samples.falling, 1.0))
     low, high = samples.universe[[0, -1]]
     if left_slope > 0 and right_slope > 0:
-        yield TwoSidedGaussian, (left_mean, 1.0 / left_slope, right_mean, 1.0 / right_slope)
+        yield model.TwoSidedGaussian, (left_mean, 1.0 / left_slope, right_mean, 1.0 / right_slope)
     elif left_slope > 0:
-        yield TwoSidedGaussian, (left_mean, 1.0 / left_slope, max(left_mean, high), 1.0 / left_slope)
+        yield model.TwoSidedGaussian, (left_mean, 1.0 / left_slope, max(left_mean, high), 1.0 / left_slope)
     elif right_slope > 0:
-        yield TwoSidedGaussian, (min(right_mean, low), 1.0 / right_slope, right_mean, 1.0 / right_slope)
+        yield model.TwoSidedGaussian, (min(right_mean, low), 1.0 / right_slope, right_mean, 1.0 / right_slope)
 
 
 def _logit_line(samples: Samples, flank: Booleans) -> tuple[np.float64, np.float64]:
@@ -269,25 +255,25 @@ def _sigmoid(samples: Samples) -> Iterator[Estimate]:
     for flank, other in ((samples.rising, samples.falling), (samples.falling, samples.rising)):
         if not other.any():
             slope, inflection = _logit_line(samples, flank)
-            yield Sigmoid, (inflection, slope)
+            yield model.Sigmoid, (inflection, slope)
 
 
 def _two_sigmoids(samples: Samples) -> Iterator[Estimate]:
     slope, inflection = _logit_line(samples, samples.rising)
     other_slope, other = _logit_line(samples, samples.falling)
     if slope > 0 > other_slope:
-        yield _fitted(samples, SigmoidProduct, (inflection, slope, other, other_slope))
-        yield _fitted(samples, SigmoidDifference, (inflection, slope, other, -other_slope))
+        yield _fitted(samples, model.SigmoidProduct, (inflection, slope, other, other_slope))
+        yield _fitted(samples, model.SigmoidDifference, (inflection, slope, other, -other_slope))
 
 
 def _parabolic(samples: Samples) -> Iterator[Estimate]:
     left, right = _parabolas(samples, samples.rising), _parabolas(samples, samples.falling)
     if left is not None and right is not None:
-        yield PiShape, (*left, *right[::-1])
+        yield model.PiShape, (*left, *right[::-1])
     elif left is not None:
-        yield SShape, left
+        yield model.SShape, left
     elif right is not None:
-        yield ZShape, right[::-1]
+        yield model.ZShape, right[::-1]
 
 
 def _parabolas(samples: Samples, flank: Booleans) -> tuple[float, float] | None:
@@ -308,7 +294,7 @@ def _bell(samples: Samples) -> Iterator[Estimate]:
         near = (away > 0) & (odds > 1e-12) & (odds < 1e12)
         if near.sum() >= 2:
             slope, zero = _line(np.log(away[near]), np.log(odds[near]))
-            yield _fitted(samples, GeneralizedBell, (float(np.exp(zero)), slope / 2.0, centre))
+            yield _fitted(samples, model.GeneralizedBell, (float(np.exp(zero)), slope / 2.0, centre))
 
 
 def _centres(samples: Samples) -> Iterator[float]:
@@ -332,7 +318,7 @@ def _crossing(samples: Samples, flank: Booleans) -> float | None:
     return float(np.interp(0.5, y[order], x[order]))
 
 
-def _fitted(samples: Samples, kind: type[MembershipFunction], start: tuple[float, ...]) -> Estimate:
+def _fitted(samples: Samples, kind: type[model.MembershipFunction], start: tuple[float, ...]) -> Estimate:
     """Improve an estimate by least squares."""
     if len(start) > len(samples.values) or not np.isfinite(start).all():
         return kind, start

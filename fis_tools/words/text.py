@@ -6,26 +6,10 @@ from types import MappingProxyType
 
 import numpy as np
 
+from fis_tools import model
 from fis_tools.array_types import Floats
 from fis_tools.document.text import aligned
 from fis_tools.engines.inference import Inference, OutputInference
-from fis_tools.model import (
-    And,
-    Consequent,
-    Expression,
-    Formula,
-    FuzzySystem,
-    Hedged,
-    Is,
-    Linear,
-    Not,
-    Or,
-    Rule,
-    Sampled,
-    Term,
-    Variable,
-    rule_table,
-)
 
 BAR_LENGTH = 20
 #: Memberships and firing strengths below this are left out.
@@ -37,18 +21,18 @@ def number(value: float) -> str:
     return f"{value + 0.0:.6g}"
 
 
-def with_unit(variable: Variable) -> str:
+def with_unit(variable: model.Variable) -> str:
     """Name a variable with its unit, as ``distance (m)``."""
     return f"{variable.name} ({variable.unit})" if variable.unit else variable.name
 
 
-def extent_words(variable: Variable) -> str:
+def extent_words(variable: model.Variable) -> str:
     """Return the extent of a universe in words: ``0 to 200, 101 points``."""
     points = f"{variable.num_points} {'uneven ' if variable.points is not None else ''}points"
     return f"{number(variable.minimum)} to {number(variable.maximum)}, {points}"
 
 
-def antecedent_words(expression: Expression, hedges: Mapping[str, str] = MappingProxyType({})) -> str:
+def antecedent_words(expression: model.Expression, hedges: Mapping[str, str] = MappingProxyType({})) -> str:
     """Return an antecedent in words: ``distance is not very near and not (wind is calm or heat is low)``.
 
     Parameters
@@ -61,36 +45,38 @@ def antecedent_words(expression: Expression, hedges: Mapping[str, str] = Mapping
     words, inside = before(expression)
     prefix = [hedges.get(word, word) for word in words]
     match inside:
-        case Is(variable, term):
+        case model.Is(variable, term):
             return " ".join([variable, "is", *prefix, term])
         case _ if prefix:
             return f"{' '.join(prefix)} ({antecedent_words(inside, hedges)})"
-        case And(operands):
-            return " and ".join(_inside(operand, And, hedges) for operand in operands)
-        case Or(operands):
-            return " or ".join(_inside(operand, Or, hedges) for operand in operands)
+        case model.And(operands):
+            return " and ".join(_inside(operand, model.And, hedges) for operand in operands)
+        case model.Or(operands):
+            return " or ".join(_inside(operand, model.Or, hedges) for operand in operands)
     raise TypeError(f"{inside!r} is no antecedent")
 
 
-def before(expression: Expression) -> tuple[list[str], Expression]:
+def before(expression: model.Expression) -> tuple[list[str], model.Expression]:
     """Return the `not` and the hedges before what an antecedent says, and what that is."""
     match expression:
-        case Not(operand):
+        case model.Not(operand):
             words, inside = before(operand)
             return ["not", *words], inside
-        case Hedged(hedge, operand):
+        case model.Hedged(hedge, operand):
             words, inside = before(operand)
             return [hedge, *words], inside
     return [], expression
 
 
-def _inside(expression: Expression, joined_by: type[And | Or], hedges: Mapping[str, str]) -> str:
+def _inside(
+    expression: model.Expression, joined_by: type[model.And | model.Or], hedges: Mapping[str, str]
+) -> str:
     words = antecedent_words(expression, hedges)
-    is_joined = isinstance(expression, And | Or) and len(expression.operands) > 1
+    is_joined = isinstance(expression, model.And | model.Or) and len(expression.operands) > 1
     return f"({words})" if is_joined and not isinstance(expression, joined_by) else words
 
 
-def consequent_words(consequents: Sequence[Consequent]) -> str:
+def consequent_words(consequents: Sequence[model.Consequent]) -> str:
     """Return what a rule concludes in words, with weights other than one."""
     return " and ".join(
         f"{c.variable} is {c.term}" + ("" if c.weight == 1.0 else f" (weight {number(c.weight)})")
@@ -98,7 +84,7 @@ def consequent_words(consequents: Sequence[Consequent]) -> str:
     )
 
 
-def sentence(rule: Rule) -> str:
+def sentence(rule: model.Rule) -> str:
     """Return a rule in words: ``If distance is near and velocity is still then force is PS``.
 
     Its own operators stand before the conclusion: ``If ... (and: product) then ...``.
@@ -109,25 +95,25 @@ def sentence(rule: Rule) -> str:
     return f"If {antecedent_words(rule.antecedent)}{note} then {consequent_words(rule.consequents)}"
 
 
-def sentences(system: FuzzySystem) -> list[str]:
+def sentences(system: model.FuzzySystem) -> list[str]:
     """Return every rule of a system in words, in order; labels stand in square brackets."""
     return [(f"[{rule.label}] " if rule.label else "") + sentence(rule) for rule in system.rules]
 
 
-def shape_words(term: Term) -> str:
+def shape_words(term: model.Term) -> str:
     """Return a term's membership function in words: ``Gaussian, mean 0, standard deviation 25``."""
     shape = term.membership
-    if isinstance(shape, Sampled):
+    if isinstance(shape, model.Sampled):
         return f"sampled at {len(shape.values)} points"
-    if isinstance(shape, Formula):
+    if isinstance(shape, model.Formula):
         return shape.text
-    if isinstance(shape, Linear):
+    if isinstance(shape, model.Linear):
         factors = ", ".join(map(number, shape.coefficients))
         return f"({factors}) times the inputs, plus {number(shape.constant)}"
     return shape.entry.phrase.format(**{name: number(getattr(shape, name)) for name in shape.entry.kinds})
 
 
-def rule_tables(system: FuzzySystem) -> list[tuple[str, list[list[str]]]] | None:
+def rule_tables(system: model.FuzzySystem) -> list[tuple[str, list[list[str]]]] | None:
     """Arrange a full rule table in two dimensions, one table for each combination of the outer inputs' terms.
 
     Rows are the terms of the last input but one, columns those of the last.
@@ -138,7 +124,7 @@ def rule_tables(system: FuzzySystem) -> list[tuple[str, list[list[str]]]] | None
         The title says which terms of the outer inputs a table is for (empty for two inputs). The first row
         and the first column hold the terms. None where the rule base is not a full table.
     """
-    table = rule_table(system)
+    table = model.rule_table(system)
     if table is None:
         return None
     *outer, last = system.inputs
@@ -157,7 +143,7 @@ def rule_tables(system: FuzzySystem) -> list[tuple[str, list[list[str]]]] | None
     ]
 
 
-def summary(system: FuzzySystem) -> str:
+def summary(system: model.FuzzySystem) -> str:
     """Summarise in one line what a system consists of."""
     inputs = ", ".join(with_unit(variable) for variable in system.inputs)
     outputs = ", ".join(with_unit(variable) for variable in system.outputs)
@@ -199,7 +185,7 @@ def explain(inference: Inference, most_rules: int = 8) -> str:
     return "\n".join(lines) + "\n"
 
 
-def quantity(variable: Variable, value: float) -> str:
+def quantity(variable: model.Variable, value: float) -> str:
     """Write a value of a variable with its unit, as ``0.05 m/s``."""
     return f"{number(value)} {variable.unit}".rstrip()
 
@@ -228,7 +214,7 @@ def _firing_lines(inference: Inference, most_rules: int) -> list[str]:
     return lines or ["   no rule fires"]
 
 
-def _output_lines(output: OutputInference, system: FuzzySystem) -> list[str]:
+def _output_lines(output: OutputInference, system: model.FuzzySystem) -> list[str]:
     variable = output.variable
     cuts = [(term.name, cut) for term, cut in zip(variable.terms, output.cuts, strict=True) if cut > 0]
     result = f"   {variable.name} = {quantity(variable, output.value)}"
@@ -262,7 +248,7 @@ METHODS = {
 NEGLIGIBLE = 1e-9
 
 
-def amount(variable: Variable, value: float) -> str:
+def amount(variable: model.Variable, value: float) -> str:
     """Format a value of a variable with four significant digits and its unit; rounding errors become 0."""
     value = 0.0 if abs(value) < NEGLIGIBLE * span(variable) else value
     return f"{number(float(f'{value:.4g}'))} {variable.unit}".rstrip()
@@ -277,7 +263,7 @@ def percent(fraction: float) -> str:
     return "under 0.01 %" if fraction < 0.5 else "over 99.99 %"
 
 
-def place(system: FuzzySystem, point: Floats) -> str:
+def place(system: model.FuzzySystem, point: Floats) -> str:
     """Format an input of a system: ``distance = 80 m, velocity = 0.1 m/s``."""
     values = zip(system.inputs, point, strict=True)
     return ", ".join(f"{variable.name} = {amount(variable, value)}" for variable, value in values)
@@ -291,6 +277,6 @@ def listed(words: list[str], most: int = 3) -> str:
     return " and ".join([", ".join(shown[:-1]), shown[-1]] if len(shown) > 1 else shown)
 
 
-def span(variable: Variable) -> float:
+def span(variable: model.Variable) -> float:
     """Return the width of a variable's universe."""
     return variable.maximum - variable.minimum

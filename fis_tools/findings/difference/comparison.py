@@ -5,22 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from fis_tools import model
 from fis_tools.findings.difference.change import Fact, RuleChange, TermChange, VariableChange
-from fis_tools.model import (
-    And,
-    Expression,
-    Formula,
-    FuzzySystem,
-    Hedged,
-    Is,
-    Not,
-    Number,
-    Or,
-    Rule,
-    Term,
-    Variable,
-    with_statements,
-)
 from fis_tools.model.variables import sample
 from fis_tools.model.weighing import has_sets
 from fis_tools.words.text import antecedent_words, number
@@ -34,7 +20,7 @@ RENAMED_FROM = 0.7
 Names = dict[tuple[str, str], str]
 
 
-def system_facts(before: FuzzySystem, after: FuzzySystem) -> tuple[Fact, ...]:
+def system_facts(before: model.FuzzySystem, after: model.FuzzySystem) -> tuple[Fact, ...]:
     """Compare the properties of two systems."""
     facts = [
         Fact(what, getattr(before, field), getattr(after, field))
@@ -55,7 +41,7 @@ def system_facts(before: FuzzySystem, after: FuzzySystem) -> tuple[Fact, ...]:
     return tuple(fact for fact in facts if fact.before != fact.after)
 
 
-def compare_variables(before: FuzzySystem, after: FuzzySystem) -> tuple[VariableChange, ...]:
+def compare_variables(before: model.FuzzySystem, after: model.FuzzySystem) -> tuple[VariableChange, ...]:
     """Compare the variables of two systems, by their names."""
     changes = []
     for kind, old, new in (("input", before.inputs, after.inputs), ("output", before.outputs, after.outputs)):
@@ -71,7 +57,7 @@ def compare_variables(before: FuzzySystem, after: FuzzySystem) -> tuple[Variable
     return tuple(changes)
 
 
-def _variable_facts(before: Variable, after: Variable) -> Iterator[Fact]:
+def _variable_facts(before: model.Variable, after: model.Variable) -> Iterator[Fact]:
     for what, words in _TOLD.items():
         if words(before, repr) != words(after, repr):
             write = number if words(before, number) != words(after, number) else repr
@@ -81,14 +67,14 @@ def _variable_facts(before: Variable, after: Variable) -> Iterator[Fact]:
         yield Fact("order of terms", ", ".join(order[0]), ", ".join(order[1]))
 
 
-def _points_words(variable: Variable, write: Write) -> str:
+def _points_words(variable: model.Variable, write: Write) -> str:
     if variable.points is None:
         return f"{variable.num_points}, even"
     return f"{variable.num_points} of its own: {', '.join(map(write, variable.points))}"
 
 
 #: What a variable says of itself besides its terms, numbers written in some way.
-_TOLD: dict[str, Callable[[Variable, Write], str]] = {
+_TOLD: dict[str, Callable[[model.Variable, Write], str]] = {
     "unit": lambda v, _: v.unit or "none",
     "range": lambda v, write: f"{write(v.minimum)} to {write(v.maximum)}",
     "points": _points_words,
@@ -100,7 +86,7 @@ _TOLD: dict[str, Callable[[Variable, Write], str]] = {
 }
 
 
-def _compare_terms(before: Variable, after: Variable) -> Iterator[TermChange]:
+def _compare_terms(before: model.Variable, after: model.Variable) -> Iterator[TermChange]:
     """Yield the terms that changed: the present ones, then the removed ones."""
     gone = {term.name: term for term in before.terms}
     pairs = [(gone.pop(term.name, None), term) for term in after.terms]
@@ -120,27 +106,29 @@ def _compare_terms(before: Variable, after: Variable) -> Iterator[TermChange]:
         yield TermChange(old, None)
 
 
-def _is_same_function(before: Variable, old: Term, after: Variable, new: Term) -> bool:
+def _is_same_function(
+    before: model.Variable, old: model.Term, after: model.Variable, new: model.Term
+) -> bool:
     if not (has_sets(before) and has_sets(after)):
         return old == new
     is_same_universe = np.array_equal(before.universe, after.universe)
     return not is_same_universe or np.array_equal(sample(before, old), sample(after, new))
 
 
-def _middle(variable: Variable, term: Term) -> float:
+def _middle(variable: model.Variable, term: model.Term) -> float:
     """Return the middle of the parameters that say where a term is: of its highest points."""
     mean = getattr(term.membership, "mean", getattr(term.membership, "peak", None))
     if mean is not None:
         return float(mean)
-    if isinstance(term.membership, Formula):
+    if isinstance(term.membership, model.Formula):
         return 0.0
-    if isinstance(term.membership, Number):
+    if isinstance(term.membership, model.Number):
         return term.membership.row(0)[-1]
     values = sample(variable, term)
     return float(np.mean(variable.universe[values == values.max()]))
 
 
-def _similarity(before: Variable, old: Term, after: Variable, new: Term) -> float:
+def _similarity(before: model.Variable, old: model.Term, after: model.Variable, new: model.Term) -> float:
     """Return the area under the lower of two functions over that under the higher one."""
     if not (has_sets(before) and has_sets(after)):
         return float(old.membership == new.membership)
@@ -164,12 +152,14 @@ def new_names(variables: Sequence[VariableChange]) -> Names:
     }
 
 
-def compare_rules(before: FuzzySystem, after: FuzzySystem, names: Names) -> tuple[RuleChange, ...]:
+def compare_rules(
+    before: model.FuzzySystem, after: model.FuzzySystem, names: Names
+) -> tuple[RuleChange, ...]:
     """Compare the rules of two systems by their antecedents; the order of rules and statements is ignored.
 
     A renamed term counts as the same.
     """
-    gone: dict[str, list[tuple[int, Rule]]] = {}
+    gone: dict[str, list[tuple[int, model.Rule]]] = {}
     for index, rule in enumerate(before.rules, start=1):
         gone.setdefault(_key(renamed(rule, names).antecedent), []).append((index, rule))
     changes = []
@@ -190,34 +180,34 @@ def compare_rules(before: FuzzySystem, after: FuzzySystem, names: Names) -> tupl
     return (*changes, *(RuleChange(rule, None, index) for index, rule in left))
 
 
-def renamed(rule: Rule, names: Names) -> Rule:
+def renamed(rule: model.Rule, names: Names) -> model.Rule:
     """Return a rule with the new names of its terms."""
 
     def term(variable: str, old: str) -> str:
         return names.get((variable, old), old)
 
     consequents = (replace(c, term=term(c.variable, c.term)) for c in rule.consequents)
-    antecedent = with_statements(
-        rule.antecedent, lambda said: Is(said.variable, term(said.variable, said.term))
+    antecedent = model.with_statements(
+        rule.antecedent, lambda said: model.Is(said.variable, term(said.variable, said.term))
     )
     return replace(rule, antecedent=antecedent, consequents=tuple(consequents))
 
 
-def _key(expression: Expression) -> str:
+def _key(expression: model.Expression) -> str:
     """Return the same text for antecedents that differ in the order of their statements only."""
     match expression:
-        case And(operands) | Or(operands) if len(operands) > 1:
+        case model.And(operands) | model.Or(operands) if len(operands) > 1:
             return f"{type(expression).__name__}({', '.join(sorted(map(_key, operands)))})"
-        case And((operand,)) | Or((operand,)):
+        case model.And((operand,)) | model.Or((operand,)):
             return _key(operand)
-        case Not(operand):
+        case model.Not(operand):
             return f"Not({_key(operand)})"
-        case Hedged(hedge, operand):
+        case model.Hedged(hedge, operand):
             return f"{hedge}({_key(operand)})"
     return antecedent_words(expression)
 
 
-def _meaning(rule: Rule) -> tuple[object, ...]:
+def _meaning(rule: model.Rule) -> tuple[object, ...]:
     """Return what rules with one antecedent must share to be the same."""
     consequents = sorted((c.variable, c.term, c.weight) for c in rule.consequents)
     return consequents, rule.label, rule.and_operator, rule.or_operator

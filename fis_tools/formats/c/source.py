@@ -10,26 +10,9 @@ from collections.abc import Iterable, Iterator, Sequence
 from functools import reduce
 from textwrap import wrap
 
+from fis_tools import model
 from fis_tools.engines.program import Conclusion, assemble
 from fis_tools.formats.c import cost, parts, thrust
-from fis_tools.model import (
-    And,
-    Consequent,
-    Expression,
-    Formula,
-    FuzzyController,
-    FuzzySystem,
-    Hedged,
-    Is,
-    MembershipFunction,
-    MonotoneFunction,
-    Not,
-    Number,
-    Rule,
-    Sigmoid,
-    Term,
-    Variable,
-)
 from fis_tools.model.thrust import ThrustLogic, thrust_logic
 from fis_tools.model.variables import sample
 from fis_tools.words.text import number, sentence, shape_words, summary, with_unit
@@ -52,7 +35,7 @@ _OPENING = """\
 """
 
 
-def write(controller: FuzzyController, bare: bool = False) -> str:
+def write(controller: model.FuzzyController, bare: bool = False) -> str:
     """Write a controller as one C99 source file.
 
     A controller that commands a force becomes ``void step(state, signals, mission, force)``, inference and
@@ -95,12 +78,12 @@ def write(controller: FuzzyController, bare: bool = False) -> str:
     return "\n".join([header, _OPENING, *declared, "", *shared, *own])
 
 
-def function_name(system: FuzzySystem) -> str:
+def function_name(system: model.FuzzySystem) -> str:
     """Return what the function is called that infers a system, written alone."""
     return f"infer_{_identifiers([system.name])[0]}"
 
 
-def _header(controller: FuzzyController, logic: ThrustLogic | None, *, has_step: bool) -> str:
+def _header(controller: model.FuzzyController, logic: ThrustLogic | None, *, has_step: bool) -> str:
     facts = [f"{key}: {value}" for key, value in (*controller.attributes, *controller.provenance)]
     about: tuple[str, ...] = ()
     if has_step:
@@ -135,7 +118,7 @@ def _header(controller: FuzzyController, logic: ThrustLogic | None, *, has_step:
     )
 
 
-def _operations_in_words(controller: FuzzyController) -> str:
+def _operations_in_words(controller: model.FuzzyController) -> str:
     counts = cost.operations(controller)._asdict()
     *most, last = [f"{count:,} {name}" for name, count in counts.items()]
     return f"{', '.join(most)} and {last}"
@@ -171,7 +154,7 @@ def _identifiers(names: Iterable[str]) -> list[str]:
 class _Part:
     """One system of a controller on its way to C."""
 
-    def __init__(self, name: str, system: FuzzySystem, prefix: str) -> None:
+    def __init__(self, name: str, system: model.FuzzySystem, prefix: str) -> None:
         variables = (*system.inputs, *system.outputs)
         words = _identifiers(variable.name for variable in variables)
         self.name = name
@@ -184,7 +167,7 @@ class _Part:
         #: the terms of each output that some rule concludes, in the rows of its table
         self.concluded = {output.name: self._concluded(output) for output in system.outputs}
 
-    def _concluded(self, output: Variable) -> list[Term]:
+    def _concluded(self, output: model.Variable) -> list[model.Term]:
         names = {c.term for rule in self.system.rules for c in rule.consequents if c.variable == output.name}
         return [term for term in output.terms if term.name in names]
 
@@ -222,7 +205,7 @@ class _Part:
             ):
                 yield self._conclude(output)[1]
 
-    def _conclude(self, output: Variable) -> tuple[str, str]:
+    def _conclude(self, output: model.Variable) -> tuple[str, str]:
         return parts.conclude(self.system.implication, output.aggregation)
 
     def tables(self) -> Iterator[str]:
@@ -233,7 +216,7 @@ class _Part:
             if self.concluded[variable.name] and not self.system.weighs(variable):
                 yield self._table(variable, self.concluded[variable.name])
 
-    def _table(self, variable: Variable, terms: Sequence[Term]) -> str:
+    def _table(self, variable: model.Variable, terms: Sequence[model.Term]) -> str:
         size = f"[{variable.num_points}]"
         lines = [
             f"static const double universe_{self._place(variable)}{size} = {{",
@@ -246,7 +229,7 @@ class _Part:
             lines += ["    {", *_numbers(sample(variable, term).tolist(), "        "), "    },"]
         return "\n".join([*lines, "};", ""])
 
-    def _place(self, variable: Variable) -> str:
+    def _place(self, variable: model.Variable) -> str:
         return f"{self.name}__{self.words[variable.name]}"
 
     def function(self) -> str:
@@ -329,7 +312,7 @@ class _Part:
                 cut.add(target)
                 yield f"{target} = {value};"
 
-    def _weighing(self, output: Variable, consequent: Consequent) -> str:
+    def _weighing(self, output: model.Variable, consequent: model.Consequent) -> str:
         """Write the call by which a rule adds the number that it concludes."""
         weight = float(consequent.weight)
         strength = "strength" if weight == 1.0 else f"(strength * {weight!r})"
@@ -338,7 +321,7 @@ class _Part:
         total, moment = self._total(output.name), self._moment(output.name)
         return f"weigh({strength}, {number}, &{total}, &{moment});"
 
-    def _conclusion(self, output: Variable, consequent: Consequent) -> str:
+    def _conclusion(self, output: model.Variable, consequent: model.Consequent) -> str:
         """Write the call by which a rule adds what it implies."""
         row = [term.name for term in self.concluded[output.name]].index(consequent.term)
         strength = f"strength * {float(consequent.weight)!r}"
@@ -347,16 +330,16 @@ class _Part:
             f"{strength}, {self._heights(output.name)});"
         )
 
-    def _degree(self, rule: Rule, expression: Expression) -> str:
+    def _degree(self, rule: model.Rule, expression: model.Expression) -> str:
         match expression:
-            case Is(variable, term):
+            case model.Is(variable, term):
                 index = self.system.variable(variable).term_index(term)
                 return f"{self._degrees(variable)}[{index}]"
-            case Not(operand):
+            case model.Not(operand):
                 return f"fuzzy_not({self._degree(rule, operand)})"
-            case Hedged(hedge, operand):
+            case model.Hedged(hedge, operand):
                 return f"fuzzy_{hedge}({self._degree(rule, operand)})"
-        is_and = isinstance(expression, And)
+        is_and = isinstance(expression, model.And)
         word = self.system.and_operator_of(rule) if is_and else self.system.or_operator_of(rule)
         operands = [self._degree(rule, operand) for operand in expression.operands]
         return reduce(lambda left, right: f"fuzzy_{word}({left}, {right})", operands)
@@ -408,15 +391,15 @@ class _Part:
 
 
 def _number_concluded(
-    shape: MembershipFunction, strength: str, inputs: Sequence[Variable], output: Variable
+    shape: model.MembershipFunction, strength: str, inputs: Sequence[model.Variable], output: model.Variable
 ) -> str:
     """Write the number that a rule of some strength concludes, an expression of doubles."""
-    if isinstance(shape, Formula):
+    if isinstance(shape, model.Formula):
         raise ValueError(
             f"output {output.name!r} concludes the formula {shape.text[:40]!r}, and C is written for numbers "
             "linear in the inputs; export as fll or json"
         )
-    if isinstance(shape, Number):
+    if isinstance(shape, model.Number):
         *coefficients, constant = shape.row(len(inputs))
         terms = [repr(float(constant))]
         terms += [
@@ -425,20 +408,20 @@ def _number_concluded(
             if coefficient
         ]
         return " + ".join(terms)
-    assert isinstance(shape, MonotoneFunction)  # noqa: S101 - any other has been refused by validation
+    assert isinstance(shape, model.MonotoneFunction)  # noqa: S101 - any other has been refused by validation
     first, second = (repr(float(getattr(shape, name))) for name in shape.entry.kinds)
     place = f"where_{shape.entry.name}({strength} < 1.0 ? {strength} : 1.0, {first}, {second})"
-    if isinstance(shape, Sigmoid):  # reaches one nowhere
+    if isinstance(shape, model.Sigmoid):  # reaches one nowhere
         end = output.maximum if shape.slope > 0.0 else output.minimum
         return f"{strength} < 1.0 ? {place} : {float(end)!r}"
     return place
 
 
-def _extent(variable: Variable) -> str:
+def _extent(variable: model.Variable) -> str:
     return f"{with_unit(variable)}, {number(variable.minimum)} to {number(variable.maximum)}"
 
 
-def _default_words(output: Variable) -> str:
+def _default_words(output: model.Variable) -> str:
     return "NaN" if output.default is None else number(output.default)
 
 

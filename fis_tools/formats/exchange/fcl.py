@@ -15,6 +15,7 @@ from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Any, TypeVar
 
+from fis_tools import model
 from fis_tools.errors import ControllerFileError
 from fis_tools.formats.exchange import foreign
 from fis_tools.formats.exchange.antecedents import with_any
@@ -33,20 +34,6 @@ from fis_tools.formats.exchange.methods import (
 )
 from fis_tools.formats.exchange.writing import term_words, written
 from fis_tools.formats.forms import Reading, Written
-from fis_tools.model import (
-    AndOperator,
-    Constant,
-    FuzzyController,
-    FuzzySystem,
-    Hedged,
-    MembershipFunction,
-    Rule,
-    Term,
-    Trapezoidal,
-    Triangular,
-    Variable,
-    parts_of,
-)
 from fis_tools.model.operators import WEIGHING
 from fis_tools.model.variables import sample
 
@@ -58,7 +45,7 @@ DIALECT = Dialect(
 _STANDARD = {"MIN", "PROD", "BDIF", "MAX", "ASUM", "BSUM", "COG", "COGS", "COA", "LM", "RM"}
 
 
-def write(controller: FuzzyController) -> Written:
+def write(controller: model.FuzzyController) -> Written:
     """Write a controller with one system; see `fis_tools.formats.exchange.writing.written`.
 
     Nothing is carried in comments, because nothing reads them back.
@@ -77,19 +64,19 @@ def _facts(expressed: Expressed) -> dict[str, Any]:
     }
 
 
-def _number_words(output: Variable, term: Term) -> str:
+def _number_words(output: model.Variable, term: model.Term) -> str:
     """Say what is concluded on an output that is weighed: a number as it is, else in fuzzylite's words."""
     word, values = term_words(output, term, "fll")
-    return " ".join(values if isinstance(term.membership, Constant) else [word, *values])
+    return " ".join(values if isinstance(term.membership, model.Constant) else [word, *values])
 
 
-def _points(variable: Variable, term: Term) -> list[tuple[float, float]]:
+def _points(variable: model.Variable, term: model.Term) -> list[tuple[float, float]]:
     """Return points between which the membership function is straight, level beyond them."""
     shape = term.membership
     corners: list[tuple[float, float]] = []
-    if isinstance(shape, Triangular):
+    if isinstance(shape, model.Triangular):
         corners = [(shape.left, 0.0), (shape.peak, 1.0), (shape.right, 0.0)]
-    elif isinstance(shape, Trapezoidal):
+    elif isinstance(shape, model.Trapezoidal):
         corners = [(shape.left, 0.0), (shape.left_top, 1.0), (shape.right_top, 1.0), (shape.right, 0.0)]
     if corners:
         inside = _without_walls_at_the_ends(corners, variable)
@@ -100,7 +87,7 @@ def _points(variable: Variable, term: Term) -> list[tuple[float, float]]:
 
 
 def _without_walls_at_the_ends(
-    corners: list[tuple[float, float]], variable: Variable
+    corners: list[tuple[float, float]], variable: model.Variable
 ) -> list[tuple[float, float]]:
     """Drop the foot of a flank that is a wall at an end of the range, or a plateau of no width."""
     kept = list(dict.fromkeys(corners))
@@ -111,7 +98,7 @@ def _without_walls_at_the_ends(
     return kept
 
 
-def _limited_support(system: FuzzySystem) -> Iterator[str]:
+def _limited_support(system: model.FuzzySystem) -> Iterator[str]:
     """Tell what the standard does not know."""
     words = {DEFUZZIFIERS[system.defuzzifier_of(output)].fcl for output in system.outputs}
     defuzzified = [output for output in system.outputs if not system.weighs(output)]
@@ -121,12 +108,12 @@ def _limited_support(system: FuzzySystem) -> Iterator[str]:
         term_words(output, term, "fll")[0]
         for output in system.weighed
         for term in output.terms
-        if not isinstance(term.membership, Constant)
+        if not isinstance(term.membership, model.Constant)
     }
     for rule in system.rules:
         words |= {AND[system.and_operator_of(rule)].fcl, OR[system.or_operator_of(rule)].fcl}
-    parts = (part for rule in system.rules for part in parts_of(rule.antecedent))
-    words |= {HEDGES[part.hedge].fcl for part in parts if isinstance(part, Hedged)}
+    parts = (part for rule in system.rules for part in model.parts_of(rule.antecedent))
+    words |= {HEDGES[part.hedge].fcl for part in parts if isinstance(part, model.Hedged)}
     for word in sorted(words - _STANDARD):
         yield f"{word} is not in IEC 61131-7; fuzzylite knows it"
 
@@ -222,7 +209,7 @@ def _blocks(text: str) -> tuple[str, list[_Block]]:
     return names[0], blocks
 
 
-def _system(name: str, blocks: Sequence[_Block]) -> FuzzySystem:
+def _system(name: str, blocks: Sequence[_Block]) -> model.FuzzySystem:
     declared = {
         kind: [
             re.split(r"[:\s]", content)[0]
@@ -245,13 +232,13 @@ def _system(name: str, blocks: Sequence[_Block]) -> FuzzySystem:
     rule_blocks = [block for block in blocks if block.kind == "RULEBLOCK"]
     weighed = {output.name for output in outputs if output.defuzzifier in WEIGHING}
     groups = [list(_rules(block)) for block in rule_blocks]
-    implications: dict[AndOperator, int] = {}
+    implications: dict[model.AndOperator, int] = {}
     for block, group in zip(rule_blocks, groups, strict=True):
         if any(consequent.variable not in weighed for rule in group for consequent in rule.consequents):
             implications.setdefault(_method(block, "ACT", "MIN", meanings(AND, "fcl")), block.line)
     rules = [rule for group in groups for rule in group]
     return settle(
-        FuzzySystem(
+        model.FuzzySystem(
             name=name or "unnamed",
             inputs=with_any(inputs, rules),
             outputs=outputs,
@@ -276,7 +263,7 @@ def _method(block: _Block, key: str, usual: str, known: Mapping[str, _Method]) -
     return foreign.choice(in_capitals, word, f"line {line}: {key} of {block.name}")
 
 
-def _rules(block: _Block) -> Iterator[Rule]:
+def _rules(block: _Block) -> Iterator[model.Rule]:
     """Read the rules of a block."""
     conjunction = _method(block, "AND", "MIN", meanings(AND, "fcl"))
     disjunction = _method(block, "OR", "MAX", {**meanings(OR, "fcl"), **NORMALIZED_SUMS})
@@ -292,7 +279,7 @@ def _rules(block: _Block) -> Iterator[Rule]:
             yield replace(read, and_operator=conjunction, or_operator=disjunction)
 
 
-def _variable(block: _Block, inputs: Sequence[str], *, is_output: bool) -> Variable:
+def _variable(block: _Block, inputs: Sequence[str], *, is_output: bool) -> model.Variable:
     terms = [_named_term(line, content) for line, content in block.listed]
     extent = _extent(block, terms)
     if not is_output:
@@ -347,7 +334,9 @@ def _table(line: int, words: str) -> Table:
     )
 
 
-def _term(line: int, words: str, extent: Extent, inputs: Sequence[str] | None) -> MembershipFunction | Table:
+def _term(
+    line: int, words: str, extent: Extent, inputs: Sequence[str] | None
+) -> model.MembershipFunction | Table:
     """Read what follows a term's name; `inputs` are those of an output that is weighed."""
     if words.startswith("(") and inputs is None:
         return _table(line, words)

@@ -12,6 +12,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
+from fis_tools import model
 from fis_tools.errors import ControllerFileError
 from fis_tools.formats.exchange import foreign
 from fis_tools.formats.exchange.antecedents import (
@@ -39,28 +40,6 @@ from fis_tools.formats.exchange.foreign import Extent, Table
 from fis_tools.formats.exchange.methods import AGGREGATIONS, AND, DEFUZZIFIERS, NORMALIZED_SUMS, OR, meanings
 from fis_tools.formats.exchange.writing import term_words, written
 from fis_tools.formats.forms import Reading, Written
-from fis_tools.model import (
-    Aggregation,
-    And,
-    AndOperator,
-    Expression,
-    FuzzyController,
-    FuzzySystem,
-    GeneralizedBell,
-    Hedge,
-    Is,
-    MembershipFunction,
-    MonotoneFunction,
-    Not,
-    Or,
-    OrOperator,
-    Rule,
-    Sampled,
-    Term,
-    Trapezoidal,
-    Triangular,
-    Variable,
-)
 from fis_tools.model.operators import WEIGHING
 from fis_tools.model.weighing import has_sets
 
@@ -88,19 +67,19 @@ _WORDS = foreign.TermWords(
     "wtaver and wtsum",
 )
 #: fuzzylite writes nothing where no rule needs an operator.
-_AND: dict[str, AndOperator] = {"": "min", **meanings(AND, "fis"), "algebraic_product": "product"}
-_OR: dict[str, OrOperator] = {
+_AND: dict[str, model.AndOperator] = {"": "min", **meanings(AND, "fis"), "algebraic_product": "product"}
+_OR: dict[str, model.OrOperator] = {
     "": "max",
     **meanings(OR, "fis"),
     "algebraic_sum": "probabilistic_sum",
     **NORMALIZED_SUMS,
 }
-_AGGREGATIONS: dict[str, Aggregation] = {**meanings(AGGREGATIONS, "fis"), **_OR}
+_AGGREGATIONS: dict[str, model.Aggregation] = {**meanings(AGGREGATIONS, "fis"), **_OR}
 #: What MATLAB itself knows.
 _MATLAB_OPERATORS = {"min", "product", "max", "probabilistic_sum", "unbounded_sum"}
 
 
-def write(controller: FuzzyController) -> Written:
+def write(controller: model.FuzzyController) -> Written:
     """Write a controller with one system; see `fis_tools.formats.exchange.writing.written`."""
     return written(controller, DIALECT, "fis.jinja", _facts, _limited_support)
 
@@ -116,24 +95,26 @@ def _facts(expressed: Expressed) -> dict[str, Any]:
     }
 
 
-def _rule_numbers(system: FuzzySystem, rule: Rule) -> tuple[list[int], list[int], float, int]:
+def _rule_numbers(system: model.FuzzySystem, rule: model.Rule) -> tuple[list[int], list[int], float, int]:
     """Return a rule's term numbers of inputs and of outputs, its weight, and how its statements join."""
     asked: dict[str, int] = {}
     for leaf in operands_of(rule.antecedent):
         statement = statement_of(leaf)
         index = system.variable(statement.variable).term_index(statement.term) + 1
-        asked[statement.variable] = -index if isinstance(leaf, Not) else index
+        asked[statement.variable] = -index if isinstance(leaf, model.Not) else index
     concluded = {c.variable: system.variable(c.variable).term_index(c.term) + 1 for c in rule.consequents}
     left, right = (
         [found.get(variable.name, 0) for variable in variables]
         for found, variables in ((asked, system.inputs), (concluded, system.outputs))
     )
-    return left, right, rule.consequents[0].weight, 2 if isinstance(rule.antecedent, Or) else 1
+    return left, right, rule.consequents[0].weight, 2 if isinstance(rule.antecedent, model.Or) else 1
 
 
-def _limited_support(system: FuzzySystem) -> Iterator[str]:
+def _limited_support(system: model.FuzzySystem) -> Iterator[str]:
     """Tell what only some readers of `.fis` files understand."""
-    tables = [f"{v.name} {term.name}" for v, term in _terms(system) if isinstance(term.membership, Sampled)]
+    tables = [
+        f"{v.name} {term.name}" for v, term in _terms(system) if isinstance(term.membership, model.Sampled)
+    ]
     if tables:
         yield f"tables of points are written as discretemf, which only fuzzylite knows: {', '.join(tables)}"
     unread = [
@@ -145,27 +126,27 @@ def _limited_support(system: FuzzySystem) -> Iterator[str]:
             f"{', '.join(unread)}; MATLAB and fuzzylite do"
         )
     used: set[str] = (
-        {system.and_operator} if any(isinstance(r.antecedent, And) for r in system.rules) else set()
+        {system.and_operator} if any(isinstance(r.antecedent, model.And) for r in system.rules) else set()
     )
-    used |= {system.or_operator} if any(isinstance(r.antecedent, Or) for r in system.rules) else set()
+    used |= {system.or_operator} if any(isinstance(r.antecedent, model.Or) for r in system.rules) else set()
     used |= {system.implication, system.outputs[0].aggregation}
-    if any(isinstance(term.membership, MonotoneFunction) for v in system.weighed for term in v.terms):
+    if any(isinstance(term.membership, model.MonotoneFunction) for v in system.weighed for term in v.terms):
         yield "MATLAB and Octave do not know Tsukamoto's systems; fuzzylite does"
     for operator in sorted(used - _MATLAB_OPERATORS):
         yield f"the operator {operator} is not MATLAB's own; Octave and fuzzylite know it"
 
 
-def _terms(system: FuzzySystem) -> Iterator[tuple[Variable, Term]]:
+def _terms(system: model.FuzzySystem) -> Iterator[tuple[model.Variable, model.Term]]:
     return ((v, term) for v in (*system.inputs, *system.outputs) for term in v.terms)
 
 
-def _is_unread_by_octave(term: Term) -> bool:
+def _is_unread_by_octave(term: model.Term) -> bool:
     match term.membership:
-        case Triangular(left, peak, right):
+        case model.Triangular(left, peak, right):
             return peak in {left, right}
-        case Trapezoidal(left, left_top, right_top, right):
+        case model.Trapezoidal(left, left_top, right_top, right):
             return left == left_top or right_top == right
-        case GeneralizedBell(_, slope, _):
+        case model.GeneralizedBell(_, slope, _):
             return slope != int(slope)
     return False
 
@@ -196,11 +177,11 @@ _METHOD_KEYS = ("AndMethod", "OrMethod", "ImpMethod", "AggMethod", "DefuzzMethod
 
 
 #: What stands for hedges in the fraction of a term's number; fuzzylite's for `any`.
-Fractions = Mapping[float, tuple[Hedge, ...]]
+Fractions = Mapping[float, tuple[model.Hedge, ...]]
 _ANY = 0.99
 
 
-def _system(sections: dict[str, Section], fractions: Fractions, notes: list[str]) -> FuzzySystem:
+def _system(sections: dict[str, Section], fractions: Fractions, notes: list[str]) -> model.FuzzySystem:
     head = section_of(sections, "[System]")
     entries = head.entries((*_SYSTEM_KEYS, *_METHOD_KEYS, "DisableStructuralChecks"))
     for key in (*_SYSTEM_KEYS[1:2], *_SYSTEM_KEYS[3:], *_METHOD_KEYS):
@@ -258,7 +239,7 @@ def _system(sections: dict[str, Section], fractions: Fractions, notes: list[str]
     if weighs:  # MATLAB asks for neither
         implication = "min"
     return settle(
-        FuzzySystem(
+        model.FuzzySystem(
             name=(quoted_word(entries, "Name")[0] if "Name" in entries else "") or "unnamed",
             inputs=with_any(inputs, rules),
             outputs=tuple(
@@ -280,7 +261,7 @@ def _concludes_numbers(section: Section) -> bool:
     return all(re.search(r":\s*['\"](constant|linear|function)['\"]", value) for value in values)
 
 
-def _variable(section: Section, weighed_by: Sequence[str] | None, notes: list[str]) -> Variable:
+def _variable(section: Section, weighed_by: Sequence[str] | None, notes: list[str]) -> model.Variable:
     """Read a variable; of an output that is weighed, `weighed_by` are the names of the inputs."""
     entries = section.entries(
         ("Name", "Range", "NumMFs", "MF", "Enabled", "Default", "LockRange", "LockPrevious")
@@ -328,7 +309,7 @@ def _variable(section: Section, weighed_by: Sequence[str] | None, notes: list[st
     )
 
 
-_Named = tuple[str, MembershipFunction | Table]
+_Named = tuple[str, model.MembershipFunction | Table]
 
 
 def _numbered(variable: str, terms: list[_Named], notes: list[str]) -> list[_Named]:
@@ -350,7 +331,7 @@ _TERM = re.compile(r"(['\"])(?P<name>.*)\1\s*:\s*(['\"])(?P<shape>\w+)\3\s*,\s*(
 
 def _term(
     line: int, value: str, extent: Extent, weighed_by: Sequence[str] | None
-) -> tuple[str, MembershipFunction | Table]:
+) -> tuple[str, model.MembershipFunction | Table]:
     where = f"line {line}"
     parts = _TERM.fullmatch(value)
     if parts is None:
@@ -366,8 +347,12 @@ _RULE = re.compile(
 
 
 def _rules(
-    line: int, content: str, inputs: Sequence[Variable], outputs: Sequence[Variable], fractions: Fractions
-) -> list[Rule]:
+    line: int,
+    content: str,
+    inputs: Sequence[model.Variable],
+    outputs: Sequence[model.Variable],
+    fractions: Fractions,
+) -> list[model.Rule]:
     """Read a rule; where it concludes with hedges, it becomes one for each that it uses."""
     where = f"line {line}"
     parts = _RULE.fullmatch(content)
@@ -396,10 +381,10 @@ def _rules(
     return hedged_rules(antecedent, [(c.hedges, c.variable, c.term) for c in concluded], weight, where)
 
 
-def _joined(leaves: Sequence[Expression], *, is_or: bool) -> Expression:
+def _joined(leaves: Sequence[model.Expression], *, is_or: bool) -> model.Expression:
     if len(leaves) == 1:
         return leaves[0]
-    return Or(tuple(leaves)) if is_or else And(tuple(leaves))
+    return model.Or(tuple(leaves)) if is_or else model.And(tuple(leaves))
 
 
 class _Statement(NamedTuple):
@@ -416,18 +401,18 @@ class _Statement(NamedTuple):
 
     variable: str
     term: str
-    hedges: tuple[Hedge, ...]
+    hedges: tuple[model.Hedge, ...]
     is_negated: bool
 
     @property
-    def expression(self) -> Expression:
+    def expression(self) -> model.Expression:
         """As part of an antecedent."""
-        expressed = hedged(self.hedges, Is(self.variable, self.term))
-        return Not(expressed) if self.is_negated else expressed
+        expressed = hedged(self.hedges, model.Is(self.variable, self.term))
+        return model.Not(expressed) if self.is_negated else expressed
 
 
 def _term_numbers(
-    words: str, variables: Sequence[Variable], fractions: Fractions, where: str
+    words: str, variables: Sequence[model.Variable], fractions: Fractions, where: str
 ) -> list[_Statement]:
     """Read one term number for each variable; hedges stand in its fraction."""
     values = foreign.numbers(words.split(), where)

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+from fis_tools import model
 from fis_tools.errors import ControllerFileError
 from fis_tools.formats.exchange import foreign
 from fis_tools.formats.exchange.antecedents import with_any
@@ -21,19 +22,6 @@ from fis_tools.formats.exchange.methods import AGGREGATIONS, AND, DEFUZZIFIERS, 
 from fis_tools.formats.exchange.writing import term_words, written
 from fis_tools.formats.forms import Reading, Written
 from fis_tools.formats.own.mapping import MOST_POINTS
-from fis_tools.model import (
-    Aggregation,
-    AndOperator,
-    Defuzzifier,
-    FuzzyController,
-    FuzzySystem,
-    MembershipFunction,
-    Number,
-    OrOperator,
-    Ramp,
-    Rule,
-    Variable,
-)
 from fis_tools.model.operators import WEIGHING
 from fis_tools.model.shape import words_of
 from fis_tools.model.weighing import has_sets
@@ -57,7 +45,7 @@ DIALECT = Dialect(
 END = "end of file"
 
 
-def write(controller: FuzzyController) -> Written:
+def write(controller: model.FuzzyController) -> Written:
     """Write a controller with one system; see `fis_tools.formats.exchange.writing.written`."""
     return written(controller, DIALECT, "fll.jinja", _facts)
 
@@ -142,7 +130,7 @@ def _take(blocks: list[_Block], line: int, content: str) -> None:
         block.entries[key] = (line, value)
 
 
-def _system(blocks: Sequence[_Block]) -> FuzzySystem:
+def _system(blocks: Sequence[_Block]) -> model.FuzzySystem:
     engines = [block for block in blocks if block.kind == "Engine"]
     if len(engines) != 1 or blocks[0] is not engines[0]:
         raise ControllerFileError(
@@ -177,7 +165,7 @@ def _system(blocks: Sequence[_Block]) -> FuzzySystem:
         if any(consequent.variable not in weighed for rule in group for consequent in rule.consequents)
     ]
     return settle(
-        FuzzySystem(
+        model.FuzzySystem(
             name=engines[0].name or "unnamed",
             inputs=with_any(inputs, rules),
             outputs=outputs,
@@ -199,7 +187,7 @@ def _refuse_setting(block: _Block, key: str, allowed: tuple[str, ...]) -> None:
             )
 
 
-def _refuse_joined(block: _Block, rules: Sequence[Rule]) -> None:
+def _refuse_joined(block: _Block, rules: Sequence[model.Rule]) -> None:
     """Refuse to join the rules that conclude one term of an output that is weighed: each counts here."""
     line, word = block.entries.get("aggregation", block.entries.get("accumulation", (block.line, "none")))
     if word in {"none", "", AGGREGATIONS["unbounded_sum"].fll}:
@@ -213,9 +201,9 @@ def _refuse_joined(block: _Block, rules: Sequence[Rule]) -> None:
         )
 
 
-def _implication(blocks: Sequence[_Block]) -> AndOperator:
+def _implication(blocks: Sequence[_Block]) -> model.AndOperator:
     """Return how the rules of all blocks imply."""
-    found: dict[AndOperator, int] = {}
+    found: dict[model.AndOperator, int] = {}
     for block in blocks:
         line, word = block.entries.get("implication", (block.line, "none"))
         if word not in {"none", ""}:
@@ -226,8 +214,8 @@ def _implication(blocks: Sequence[_Block]) -> AndOperator:
 
 def _block_operators(block: _Block) -> Operators:
     """Return a block's operators; None where it has none."""
-    conjunction: AndOperator | None = None
-    disjunction: OrOperator | None = None
+    conjunction: model.AndOperator | None = None
+    disjunction: model.OrOperator | None = None
     if block.entries.get("conjunction", (0, "none"))[1] not in {"none", ""}:
         line, word = block.entries["conjunction"]
         conjunction = foreign.choice(meanings(AND, "fll"), word, f"line {line}: the conjunction")
@@ -239,7 +227,7 @@ def _block_operators(block: _Block) -> Operators:
     return conjunction, disjunction
 
 
-def _variable(block: _Block) -> Variable:
+def _variable(block: _Block) -> model.Variable:
     extent = _extent(block)
     return foreign.variable(
         block.name, extent, _terms(block, extent), is_output=False, description=_description(block)
@@ -264,7 +252,7 @@ def _description(block: _Block) -> str:
     return block.entries.get("description", (0, ""))[1]
 
 
-def _output(block: _Block, inputs: Sequence[str]) -> Variable:
+def _output(block: _Block, inputs: Sequence[str]) -> model.Variable:
     extent = _extent(block)
     _refuse_setting(block, "lock-previous", ("true", "false"))
     line, words = _entry(block, "defuzzifier")
@@ -292,11 +280,11 @@ def _output(block: _Block, inputs: Sequence[str]) -> Variable:
 
 
 def _refuse_other_kind(
-    block: _Block, parameter: str, terms: Sequence[tuple[str, MembershipFunction | Table]]
+    block: _Block, parameter: str, terms: Sequence[tuple[str, model.MembershipFunction | Table]]
 ) -> None:
     """Refuse terms that an output is not weighed by."""
     for (line, words), (name, shape) in zip(block.repeated, terms, strict=True):
-        kind = "TakagiSugeno" if isinstance(shape, Number) else "Tsukamoto"
+        kind = "TakagiSugeno" if isinstance(shape, model.Number) else "Tsukamoto"
         if parameter not in {"", "Automatic", kind}:
             raise ControllerFileError(
                 f"line {line}: the output is weighed as {parameter[:40]!r}, but its term {name!r} is "
@@ -304,17 +292,17 @@ def _refuse_other_kind(
             )
 
 
-def _aggregation(block: _Block) -> Aggregation:
+def _aggregation(block: _Block) -> model.Aggregation:
     """Return how an output aggregates; versions before 6 called it accumulation."""
     for key in ("aggregation", "accumulation"):
         if key in block.entries:
             line, word = block.entries[key]
-            known: dict[str, Aggregation] = {**meanings(AGGREGATIONS, "fll"), **NORMALIZED_SUMS}
+            known: dict[str, model.Aggregation] = {**meanings(AGGREGATIONS, "fll"), **NORMALIZED_SUMS}
             return foreign.choice(known, word, f"line {line}: the {key}")
     return "max"
 
 
-def _defuzzifier(line: int, words: str) -> tuple[Defuzzifier, str]:
+def _defuzzifier(line: int, words: str) -> tuple[model.Defuzzifier, str]:
     """Return how an output is defuzzified, and what is said of it besides."""
     word, _, parameter = words.partition(" ")
     known = meanings(DEFUZZIFIERS, "fll")
@@ -340,9 +328,9 @@ def _parted(line: int, words: str) -> tuple[str, str, list[str]]:
 
 def _terms(
     block: _Block, extent: Extent, inputs: Sequence[str] | None = None
-) -> list[tuple[str, MembershipFunction | Table]]:
+) -> list[tuple[str, model.MembershipFunction | Table]]:
     """Read the terms of a variable; `inputs` are those of an output that is weighed."""
-    terms: list[tuple[str, MembershipFunction | Table]] = []
+    terms: list[tuple[str, model.MembershipFunction | Table]] = []
     for line, words in block.repeated:
         name, word, values = _parted(line, words)
         if inputs is None:
@@ -353,8 +341,8 @@ def _terms(
 
 def _without_height(word: str, values: list[str], where: str) -> list[str]:
     """Drop the height of a term, which may stand behind its numbers and must be one."""
-    kind, order = words_of("fll").get(word, (Ramp, ("start", "end")))
-    if issubclass(kind, Number) or word == foreign.TABLES["fll"] or len(values) != len(order) + 1:
+    kind, order = words_of("fll").get(word, (model.Ramp, ("start", "end")))
+    if issubclass(kind, model.Number) or word == foreign.TABLES["fll"] or len(values) != len(order) + 1:
         return values
     height = foreign.number(values[-1], where)
     if height != 1.0:

@@ -4,30 +4,17 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from fis_tools import model
 from fis_tools.errors import ControllerFileError
 from fis_tools.formats.exchange import foreign
 from fis_tools.formats.exchange.antecedents import ANY, FUZZYLITES, hedged
-from fis_tools.model import (
-    And,
-    AndOperator,
-    Consequent,
-    Expression,
-    Hedge,
-    Hedged,
-    Is,
-    Not,
-    Or,
-    OrOperator,
-    Rule,
-    Variable,
-)
 from fis_tools.model.rules import Named, NotResolvable, unchained
 from fis_tools.model.validate import MAX_NESTING
 
 #: The operators of a block of rules; None where it has none.
-Operators = tuple[AndOperator | None, OrOperator | None]
+Operators = tuple[model.AndOperator | None, model.OrOperator | None]
 #: What a rule concludes: the hedges before the term, the variable, the term.
-Concluded = tuple[tuple[Hedge, ...], str, str]
+Concluded = tuple[tuple[model.Hedge, ...], str, str]
 
 
 @dataclass
@@ -54,7 +41,7 @@ class _Words:
         return word
 
 
-def read_rules(line: int, text: str, operators: Operators) -> list[Rule]:
+def read_rules(line: int, text: str, operators: Operators) -> list[model.Rule]:
     """Read a rule; where it concludes with hedges, it becomes one for each strength that it concludes with.
 
     fuzzylite applies a hedge before a concluded term to the strength of the rule, for this term and all that
@@ -92,23 +79,23 @@ def read_rules(line: int, text: str, operators: Operators) -> list[Rule]:
 
 
 def hedged_rules(
-    antecedent: Expression, concluded: Sequence[Concluded], weight: float, where: str
-) -> list[Rule]:
+    antecedent: model.Expression, concluded: Sequence[Concluded], weight: float, where: str
+) -> list[model.Rule]:
     """Say hedges before concluded terms of all that the rule asks for, as fuzzylite computes them."""
-    carried: tuple[Hedge, ...] = ()
-    groups: dict[tuple[Hedge, ...], list[Consequent]] = {}
+    carried: tuple[model.Hedge, ...] = ()
+    groups: dict[tuple[model.Hedge, ...], list[model.Consequent]] = {}
     for hedges, variable, term in concluded:
         carried = (*hedges, *carried)
-        groups.setdefault(carried, []).append(Consequent(variable, term, weight))
+        groups.setdefault(carried, []).append(model.Consequent(variable, term, weight))
     if weight != 1.0 and carried:
         raise ControllerFileError(
             f"{where}: the rule has the weight {weight:g} and a hedge on what it concludes, which fuzzylite "
             "applies after the weight; drop one of them"
         )
-    return [Rule(hedged(hedges, antecedent), tuple(group)) for hedges, group in groups.items()]
+    return [model.Rule(hedged(hedges, antecedent), tuple(group)) for hedges, group in groups.items()]
 
 
-def chained(rules: Sequence[Rule], outputs: Sequence[Variable]) -> list[Rule]:
+def chained(rules: Sequence[model.Rule], outputs: Sequence[model.Variable]) -> list[model.Rule]:
     """Say of the inputs alone what rules say of outputs that others conclude.
 
     Raises
@@ -123,7 +110,7 @@ def chained(rules: Sequence[Rule], outputs: Sequence[Variable]) -> list[Rule]:
         raise ControllerFileError(str(error)) from error
 
 
-def _disjunction(words: _Words, operators: Operators, depth: int) -> Expression:
+def _disjunction(words: _Words, operators: Operators, depth: int) -> model.Expression:
     operands = [_conjunction(words, operators, depth)]
     while words.peek() == "or":
         words.take()
@@ -132,10 +119,10 @@ def _disjunction(words: _Words, operators: Operators, depth: int) -> Expression:
                 f"{words.where}: the rule says 'or', but its block has no disjunction; add it"
             )
         operands.append(_conjunction(words, operators, depth))
-    return operands[0] if len(operands) == 1 else Or(_flattened(Or, operands))
+    return operands[0] if len(operands) == 1 else model.Or(_flattened(model.Or, operands))
 
 
-def _conjunction(words: _Words, operators: Operators, depth: int) -> Expression:
+def _conjunction(words: _Words, operators: Operators, depth: int) -> model.Expression:
     operands = [_proposition(words, operators, depth)]
     while words.peek() == "and":
         words.take()
@@ -144,17 +131,19 @@ def _conjunction(words: _Words, operators: Operators, depth: int) -> Expression:
                 f"{words.where}: the rule says 'and', but its block has no conjunction; add it"
             )
         operands.append(_proposition(words, operators, depth))
-    return operands[0] if len(operands) == 1 else And(_flattened(And, operands))
+    return operands[0] if len(operands) == 1 else model.And(_flattened(model.And, operands))
 
 
-def _flattened(kind: type[And | Or], operands: Sequence[Expression]) -> tuple[Expression, ...]:
-    found: list[Expression] = []
+def _flattened(
+    kind: type[model.And | model.Or], operands: Sequence[model.Expression]
+) -> tuple[model.Expression, ...]:
+    found: list[model.Expression] = []
     for operand in operands:
         found += operand.operands if isinstance(operand, kind) else (operand,)
     return tuple(found)
 
 
-def _proposition(words: _Words, operators: Operators, depth: int) -> Expression:
+def _proposition(words: _Words, operators: Operators, depth: int) -> model.Expression:
     if words.peek() == "(":
         if depth >= MAX_NESTING:
             raise ControllerFileError(f"{words.where}: nested more than {MAX_NESTING} deep; split the rule")
@@ -164,26 +153,26 @@ def _proposition(words: _Words, operators: Operators, depth: int) -> Expression:
         return inner
     if words.peek() == "not":  # FCL has it before parentheses and statements
         words.take()
-        return Not(_proposition(words, operators, depth))
+        return model.Not(_proposition(words, operators, depth))
     variable = words.take()
     words.take("is")
     return _hedged_term(words, variable)
 
 
-def _hedged_term(words: _Words, variable: str) -> Expression:
+def _hedged_term(words: _Words, variable: str) -> model.Expression:
     if words.peek() == "not":
         words.take()
         inside = _hedged_term(words, variable)
-        return inside.operand if isinstance(inside, Not) else Not(inside)
+        return inside.operand if isinstance(inside, model.Not) else model.Not(inside)
     if words.peek() in FUZZYLITES:
-        return Hedged(FUZZYLITES[words.take()], _hedged_term(words, variable))
-    return Is(variable, words.take())
+        return model.Hedged(FUZZYLITES[words.take()], _hedged_term(words, variable))
+    return model.Is(variable, words.take())
 
 
 def _conclusion(words: _Words) -> Concluded:
     variable = words.take()
     words.take("is")
-    hedges: list[Hedge] = []
+    hedges: list[model.Hedge] = []
     while words.peek() in FUZZYLITES:
         hedges.append(FUZZYLITES[words.take()])
     if words.peek() in {"not", ANY}:

@@ -11,6 +11,7 @@ from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple
 
+from fis_tools import model
 from fis_tools.errors import ControllerFileError
 from fis_tools.formats.exchange import foreign, xml
 from fis_tools.formats.exchange.antecedents import operands_of, statement_of
@@ -21,29 +22,6 @@ from fis_tools.formats.exchange.methods import AGGREGATIONS, AND, DEFUZZIFIERS, 
 from fis_tools.formats.exchange.writing import written
 from fis_tools.formats.exchange.xml import Element
 from fis_tools.formats.forms import Reading, Written
-from fis_tools.model import (
-    Aggregation,
-    And,
-    Consequent,
-    Constant,
-    Defuzzifier,
-    Expression,
-    FuzzyController,
-    FuzzySystem,
-    Hedged,
-    Is,
-    Linear,
-    MembershipFunction,
-    Not,
-    Number,
-    Or,
-    Ramp,
-    Rule,
-    Sampled,
-    Term,
-    TwoSidedGaussian,
-    Variable,
-)
 from fis_tools.model.operators import WEIGHING
 from fis_tools.model.shape import SHAPES, words_of
 from fis_tools.model.weighing import has_sets
@@ -52,9 +30,9 @@ DIALECT = Dialect(
     title="an FML file", holds_units=True, has_unique_names=True, weighs_one_kind=True, hedges="fml"
 )
 #: Modifiers of a clause.
-_MODIFIERS: dict[str, Callable[[Expression], Expression]] = {
-    "not": Not,
-    **{word: partial(Hedged, hedge) for word, hedge in meanings(HEDGES, "fml").items()},
+_MODIFIERS: dict[str, Callable[[model.Expression], model.Expression]] = {
+    "not": model.Not,
+    **{word: partial(model.Hedged, hedge) for word, hedge in meanings(HEDGES, "fml").items()},
 }
 
 
@@ -92,7 +70,7 @@ _FLANKS: foreign.FlankWords = {
 }
 
 
-def write(controller: FuzzyController) -> Written:
+def write(controller: model.FuzzyController) -> Written:
     """Write a controller with one system; see `fis_tools.formats.exchange.writing.written`."""
     return written(controller, DIALECT, "fml.jinja", _facts, _limited_support)
 
@@ -110,7 +88,7 @@ def _facts(expressed: Expressed) -> dict[str, Any]:
         "coefficients": partial(_coefficients, num_inputs=len(system.inputs)),
         "shape": _shape,
         "unused": partial(_unused, taken=taken),
-        "connector": lambda rule: "or" if isinstance(rule.antecedent, Or) else "and",
+        "connector": lambda rule: "or" if isinstance(rule.antecedent, model.Or) else "and",
         "clauses": _clauses,
     }
 
@@ -119,21 +97,21 @@ def _unused(name: str, taken: set[str]) -> str:
     return name if name not in taken else _unused(f"{name}_", taken)
 
 
-def _coefficients(term: Term, num_inputs: int) -> list[float]:
+def _coefficients(term: model.Term, num_inputs: int) -> list[float]:
     """Return a number's constant, then the factor of each input."""
     shape = term.membership
-    assert isinstance(shape, Constant | Linear)  # noqa: S101 - any other has been refused
-    *factors, constant = shape.row(num_inputs if isinstance(shape, Linear) else 0)
+    assert isinstance(shape, model.Constant | model.Linear)  # noqa: S101 - any other has been refused
+    *factors, constant = shape.row(num_inputs if isinstance(shape, model.Linear) else 0)
     return [float(constant), *map(float, factors)]
 
 
-def _shape(variable: Variable, term: Term) -> tuple[str, list[Any]]:
+def _shape(variable: model.Variable, term: model.Term) -> tuple[str, list[Any]]:
     """Return the element of a term, or the name of its custom shape, and its numbers or points."""
     shape = term.membership
-    if isinstance(shape, Sampled):
+    if isinstance(shape, model.Sampled):
         points = zip(variable.universe.tolist(), shape.values, strict=True)
         return "pointSetShape", [(float(x), float(y)) for x, y in points]
-    if isinstance(shape, Ramp):
+    if isinstance(shape, model.Ramp):
         side = "right" if shape.start < shape.end else "left"
         return f"{side}LinearShape", sorted((float(shape.start), float(shape.end)))
     if "fml" in shape.entry.words:
@@ -143,16 +121,16 @@ def _shape(variable: Variable, term: Term) -> tuple[str, list[Any]]:
     return word, [float(getattr(shape, name)) for name in order or shape.entry.kinds]
 
 
-def _clauses(rule: Rule) -> Iterator[tuple[str, Is]]:
+def _clauses(rule: model.Rule) -> Iterator[tuple[str, model.Is]]:
     """Yield each statement of an antecedent with the modifier before it, or none."""
     for leaf in operands_of(rule.antecedent):
         statement = statement_of(leaf)
-        word = HEDGES[leaf.hedge].fml if isinstance(leaf, Hedged) else "not"
+        word = HEDGES[leaf.hedge].fml if isinstance(leaf, model.Hedged) else "not"
         yield "" if leaf == statement else word, statement
 
 
-def _is_standard(term: Term) -> bool:
-    return "fml" in term.membership.entry.words or isinstance(term.membership, Ramp)
+def _is_standard(term: model.Term) -> bool:
+    return "fml" in term.membership.entry.words or isinstance(term.membership, model.Ramp)
 
 
 def _custom_shapes() -> foreign.ShapeWords:
@@ -164,13 +142,13 @@ def _custom_shapes() -> foreign.ShapeWords:
     }
 
 
-def _limited_support(system: FuzzySystem) -> Iterator[str]:
+def _limited_support(system: model.FuzzySystem) -> Iterator[str]:
     """Tell what only `fis_tools` reads."""
     custom = [
         f"{variable.name} {term.name}"
         for variable in (*system.inputs, *system.outputs)
         for term in variable.terms
-        if not _is_standard(term) and not isinstance(term.membership, Sampled | Number)
+        if not _is_standard(term) and not isinstance(term.membership, model.Sampled | model.Number)
     ]
     if custom:
         names = ", ".join(custom)
@@ -192,7 +170,7 @@ def read(text: str) -> Reading:
     return understand(_system(root), comments, DIALECT)
 
 
-def _system(root: Element) -> FuzzySystem:
+def _system(root: Element) -> model.FuzzySystem:
     if root.name != "fuzzySystem":
         raise ControllerFileError(
             f"line {root.line}: the document is a {root.name[:40]!r}; expected a 'fuzzySystem' of IEEE 1855"
@@ -215,7 +193,7 @@ def _system(root: Element) -> FuzzySystem:
         rule_base.attributes.get("orMethod", "MAX"),
     )
     return settle(
-        FuzzySystem(
+        model.FuzzySystem(
             name=root.attributes.get("name", "").strip() or "unnamed",
             inputs=tuple(variable for variable, is_output in variables if not is_output),
             outputs=tuple(variable for variable, is_output in variables if is_output),
@@ -249,16 +227,16 @@ def _expect(element: Element, key: str, allowed: Sequence[str]) -> None:
         )
 
 
-def _combination(element: Element) -> Defuzzifier:
+def _combination(element: Element) -> model.Defuzzifier:
     """Return how numbers are weighed."""
     known = {DEFUZZIFIERS[way].fml: way for way in WEIGHING}
     word = element.attributes.get("combination", "WA")
     return foreign.choice(known, word, f"line {element.line}: the combination")
 
 
-def _number_variable(element: Element, num_inputs: int) -> Variable:
+def _number_variable(element: Element, num_inputs: int) -> model.Variable:
     """Read an output whose terms are numbers; it has no range."""
-    terms: list[tuple[str, MembershipFunction | Table]] = []
+    terms: list[tuple[str, model.MembershipFunction | Table]] = []
     for child in element.children:
         order = _attribute(child, "order")
         _expect(child, "order", ("0", "1"))
@@ -270,7 +248,7 @@ def _number_variable(element: Element, num_inputs: int) -> Variable:
                 f"line {child.line}: {child.name[:40]!r} has {len(texts)} values; expected a 'tskTerm' of "
                 f"{expected}, the constant first"
             )
-        shape = Linear(tuple(factors), constant) if order == "1" else Constant(constant)
+        shape = model.Linear(tuple(factors), constant) if order == "1" else model.Constant(constant)
         terms.append((_attribute(child, "name"), shape))
     return foreign.variable(
         _attribute(element, "name"),
@@ -284,7 +262,7 @@ def _number_variable(element: Element, num_inputs: int) -> Variable:
     )
 
 
-def _variable(element: Element, num_inputs: int) -> tuple[Variable, bool]:
+def _variable(element: Element, num_inputs: int) -> tuple[model.Variable, bool]:
     if element.name == "tskVariable":
         return _number_variable(element, num_inputs), True
     is_tsukamoto = element.name == "tsukamotoVariable"
@@ -296,8 +274,8 @@ def _variable(element: Element, num_inputs: int) -> tuple[Variable, bool]:
     is_output = element.attributes.get("type", "input").lower() == "output"
     extent = Extent(_number(element, "domainleft"), _number(element, "domainright"))
     terms = [_term(child, extent, is_tsukamoto=is_tsukamoto) for child in element.children]
-    defuzzifier: Defuzzifier | None = None
-    aggregation: Aggregation = "max"
+    defuzzifier: model.Defuzzifier | None = None
+    aggregation: model.Aggregation = "max"
     if is_tsukamoto:
         defuzzifier, aggregation = _combination(element), "unbounded_sum"
     elif is_output:
@@ -328,7 +306,9 @@ def _default(element: Element) -> float:
     return _number(element, "defaultValue") if "defaultValue" in element.attributes else 0.0
 
 
-def _term(element: Element, extent: Extent, *, is_tsukamoto: bool) -> tuple[str, MembershipFunction | Table]:
+def _term(
+    element: Element, extent: Extent, *, is_tsukamoto: bool
+) -> tuple[str, model.MembershipFunction | Table]:
     where, tag = f"line {element.line}", "tsukamotoTerm" if is_tsukamoto else "fuzzyTerm"
     if element.name != tag or len(element.children) != 1:
         raise ControllerFileError(
@@ -355,26 +335,26 @@ def _term(element: Element, extent: Extent, *, is_tsukamoto: bool) -> tuple[str,
     return name, foreign.shape(shape.name, values, extent, words_of("fml"), _FLANKS, f"line {shape.line}")
 
 
-def _monotone(shape: Element, values: Sequence[float], extent: Extent) -> MembershipFunction:
+def _monotone(shape: Element, values: Sequence[float], extent: Extent) -> model.MembershipFunction:
     """Read what a rule of Tsukamoto's can conclude."""
     where = f"line {shape.line}"
     known = {word: pair for word, pair in words_of("fml").items() if word in {"sShape", "zShape"}}
-    known["rightLinearShape"] = known["leftLinearShape"] = (Ramp, ("start", "end"))
+    known["rightLinearShape"] = known["leftLinearShape"] = (model.Ramp, ("start", "end"))
     ordered = values[::-1] if shape.name == "leftLinearShape" else values
     return foreign.shape(shape.name, ordered, extent, known, {}, where)
 
 
-def _half_gaussian(shape: Element, values: Sequence[float], extent: Extent) -> TwoSidedGaussian:
+def _half_gaussian(shape: Element, values: Sequence[float], extent: Extent) -> model.TwoSidedGaussian:
     """Read a Gaussian that is one on one side of its mean."""
     if len(values) != 2:
         raise ControllerFileError(f"line {shape.line}: {shape.name} has {len(values)} numbers; expected 2")
     mean, width = values
     if shape.name == "leftGaussianShape":
-        return TwoSidedGaussian(min(mean, extent.low), width, mean, width)
-    return TwoSidedGaussian(mean, width, max(mean, extent.high), width)
+        return model.TwoSidedGaussian(min(mean, extent.low), width, mean, width)
+    return model.TwoSidedGaussian(mean, width, max(mean, extent.high), width)
 
 
-def _rule(element: Element, base: Element, tags: _Tags) -> Rule:
+def _rule(element: Element, base: Element, tags: _Tags) -> model.Rule:
     where = f"line {element.line}"
     if element.name != tags.rule:
         raise ControllerFileError(f"{where}: expected a {tags.rule!r}; correct {element.name[:40]!r}")
@@ -393,9 +373,9 @@ def _rule(element: Element, base: Element, tags: _Tags) -> Rule:
         raise ControllerFileError(
             f"{where}: the rule asks or concludes nothing; give it a clause on each side"
         )
-    rule = Rule(
-        leaves[0] if len(leaves) == 1 else Or(tuple(leaves)) if is_or else And(tuple(leaves)),
-        tuple(Consequent(variable, term, weight) for variable, term in concluded),
+    rule = model.Rule(
+        leaves[0] if len(leaves) == 1 else model.Or(tuple(leaves)) if is_or else model.And(tuple(leaves)),
+        tuple(model.Consequent(variable, term, weight) for variable, term in concluded),
     )
     return replace(
         rule,
@@ -415,10 +395,10 @@ def _only(element: Element, name: str) -> Element:
     return found[0]
 
 
-def _leaf(element: Element) -> Expression:
+def _leaf(element: Element) -> model.Expression:
     """Read a clause of an antecedent."""
     modifier = element.attributes.get("modifier", "")
-    statement = Is(*_clause_of(element, _MODIFIERS))
+    statement = model.Is(*_clause_of(element, _MODIFIERS))
     return _MODIFIERS[modifier](statement) if modifier else statement
 
 

@@ -12,27 +12,11 @@ from typing import TypeVar
 
 import numpy as np
 
+from fis_tools import model
 from fis_tools.errors import ControllerFileError
 from fis_tools.formats.exchange.dialect import INPUT_POINTS, OUTPUT_POINTS, input_universe, universe_of
 from fis_tools.formats.exchange.methods import HEDGES
 from fis_tools.formats.own.mapping import MOST_POINTS
-from fis_tools.model import (
-    Aggregation,
-    AndOperator,
-    Defuzzifier,
-    Formula,
-    Is,
-    Linear,
-    MembershipFunction,
-    MonotoneFunction,
-    Number,
-    Ramp,
-    Rule,
-    Sampled,
-    Term,
-    Trapezoidal,
-    Variable,
-)
 from fis_tools.model.numbers import FUNCTIONS, NotAFormula, linear
 from fis_tools.model.shape import Format, words_of
 from fis_tools.model.validate import nearest
@@ -125,35 +109,35 @@ def table(values: Sequence[float], where: str) -> Table:
 
 
 #: Words of a format with the shapes they stand for and the order in which they state its numbers.
-ShapeWords = Mapping[str, tuple[type[MembershipFunction], tuple[str, ...]]]
+ShapeWords = Mapping[str, tuple[type[model.MembershipFunction], tuple[str, ...]]]
 #: Words for a straight flank, or two, between the ends of a range: from their numbers and the range.
-FlankWords = Mapping[str, Callable[[float, float, float, float], Trapezoidal]]
+FlankWords = Mapping[str, Callable[[float, float, float, float], model.Trapezoidal]]
 
 
-def rising(start: float, end: float, low: float, high: float) -> Trapezoidal:
+def rising(start: float, end: float, low: float, high: float) -> model.Trapezoidal:
     """Return zero up to `start`, one from `end` on, over a range."""
-    return Trapezoidal(start, end, max(end, high), max(end, high))
+    return model.Trapezoidal(start, end, max(end, high), max(end, high))
 
 
-def falling(start: float, end: float, low: float, high: float) -> Trapezoidal:
+def falling(start: float, end: float, low: float, high: float) -> model.Trapezoidal:
     """Return one up to `start`, zero from `end` on, over a range."""
-    return Trapezoidal(min(start, low), min(start, low), start, end)
+    return model.Trapezoidal(min(start, low), min(start, low), start, end)
 
 
-def ramp(start: float, end: float, low: float, high: float) -> Trapezoidal:
+def ramp(start: float, end: float, low: float, high: float) -> model.Trapezoidal:
     """Return a ramp, which falls where its first number is the greater one."""
     return rising(start, end, low, high) if start <= end else falling(end, start, low, high)
 
 
-def step(start: float, towards: float, low: float, high: float) -> Trapezoidal:
+def step(start: float, towards: float, low: float, high: float) -> model.Trapezoidal:
     """Return one from `start` on in the direction of another number, zero on the other side."""
     return rising(start, start, low, high) if towards > start else falling(start, start, low, high)
 
 
-def level(start: float, end: float, low: float, high: float) -> Trapezoidal:
+def level(start: float, end: float, low: float, high: float) -> model.Trapezoidal:
     """Return one between `start` and `end`, zero elsewhere."""
     start, end = sorted((start, end))
-    return Trapezoidal(start, start, end, end)
+    return model.Trapezoidal(start, start, end, end)
 
 
 @dataclass(frozen=True)
@@ -176,7 +160,7 @@ def places(words: Iterable[str], where: str) -> list[float]:
 
 def shape(
     word: str, values: Sequence[float], extent: Extent, shapes: ShapeWords, flanks: FlankWords, where: str
-) -> MembershipFunction:
+) -> model.MembershipFunction:
     """Turn a word and its numbers into a membership function."""
     known = {**dict.fromkeys(shapes), **dict.fromkeys(flanks)}
     choice(known, word, f"{where}: the membership function", "or sample it as a table of points")
@@ -194,11 +178,11 @@ def shape(
         return open_ended
     if word in flanks:
         return flanks[word](values[0], values[1], extent.low, extent.high)
-    build: Callable[..., MembershipFunction] = shapes[word][0]
+    build: Callable[..., model.MembershipFunction] = shapes[word][0]
     return build(**dict(zip(order, values, strict=True)))
 
 
-def _without_an_end(word: str, values: Sequence[float], extent: Extent) -> Trapezoidal | None:
+def _without_an_end(word: str, values: Sequence[float], extent: Extent) -> model.Trapezoidal | None:
     """Return a shape that stays as high as it is beyond an infinite number, from one end of the range on."""
     low, high = extent.low, extent.high
     match word, [*values]:
@@ -216,7 +200,7 @@ def _without_an_end(word: str, values: Sequence[float], extent: Extent) -> Trape
         corners[:2] = [min(low, x) for x in (corners[2], corners[2])]
     if corners[3] == math.inf:
         corners[2:] = [max(high, x) for x in (corners[1], corners[1])]
-    return Trapezoidal(*corners) if all(map(math.isfinite, corners)) else None
+    return model.Trapezoidal(*corners) if all(map(math.isfinite, corners)) else None
 
 
 @dataclass(frozen=True)
@@ -239,11 +223,11 @@ class TermWords:
 
     def read(
         self, word: str, values: Sequence[str], extent: Extent, inputs: Sequence[str] | None, where: str
-    ) -> MembershipFunction | Table:
+    ) -> model.MembershipFunction | Table:
         """Read a term; `inputs`, their names, are those of an output that is weighed, else None."""
         shapes = words_of(self.file_format)
         is_formula = word.lower() == "function"
-        is_number = is_formula or (word in shapes and issubclass(shapes[word][0], Number))
+        is_number = is_formula or (word in shapes and issubclass(shapes[word][0], model.Number))
         if inputs is None and is_number:
             raise ControllerFileError(
                 f"{where}: the term is a {word}, a number and no fuzzy set; only outputs by {self.weighed} "
@@ -265,21 +249,23 @@ TABLES: Mapping[Format, str] = {"fis": "discretemf", "fll": "Discrete"}
 
 def concluded(
     word: str, values: Sequence[float], num_inputs: int, file_format: Format, where: str
-) -> MembershipFunction:
+) -> model.MembershipFunction:
     """Turn a word and its numbers into a term of an output that is weighed: a number, or a monotone shape.
 
     A linear number may lack its constant; older versions of MATLAB pad with zeros.
     """
     shapes = words_of(file_format)
-    kind, order = (Ramp, ("start", "end")) if word == RAMPS[file_format] else shapes.get(word, (None, ()))
+    kind, order = (
+        (model.Ramp, ("start", "end")) if word == RAMPS[file_format] else shapes.get(word, (None, ()))
+    )
     if kind is None or not issubclass(kind, _WEIGHED):
         known = [RAMPS[file_format], *(w for w, (k, _) in shapes.items() if issubclass(k, _WEIGHED))]
         raise ControllerFileError(
             f"{where}: the output is a weighted average or sum, and its term is a {word[:40]!r}, which "
             f"cannot be weighed; use one of {', '.join(sorted(known))}"
         )
-    expected = num_inputs + 1 if kind is Linear else len(order)
-    if kind is Linear and len(values) == num_inputs:
+    expected = num_inputs + 1 if kind is model.Linear else len(order)
+    if kind is model.Linear and len(values) == num_inputs:
         values = [*values, 0.0]
     if not any(values[expected:]):
         values = values[:expected]
@@ -288,9 +274,9 @@ def concluded(
             f"{where}: {word} has the numbers {', '.join(f'{x:g}' for x in values)}; expected {expected} "
             "finite ones"
         )
-    if kind is Linear:
-        return Linear(tuple(values[:-1]), values[-1])
-    build: Callable[..., MembershipFunction] = kind
+    if kind is model.Linear:
+        return model.Linear(tuple(values[:-1]), values[-1])
+    build: Callable[..., model.MembershipFunction] = kind
     return build(**dict(zip(order, values, strict=True)))
 
 
@@ -301,10 +287,10 @@ FUZZYLITES = TermWords(
 
 #: The word of a format for a ramp, which elsewhere is read as a trapezoid.
 RAMPS: Mapping[Format, str] = {"fll": "Ramp", "fis": "rampmf"}
-_WEIGHED = (Number, MonotoneFunction)
+_WEIGHED = (model.Number, model.MonotoneFunction)
 
 
-def one_implication(found: Mapping[AndOperator, int]) -> AndOperator:
+def one_implication(found: Mapping[model.AndOperator, int]) -> model.AndOperator:
     """Return how the rules of all blocks imply, of the implications found and the lines where they stand."""
     if len(found) > 1:
         raise ControllerFileError(
@@ -322,31 +308,31 @@ def kept_words(output: str) -> str:
     )
 
 
-def concluded_formula(text: str, inputs: Sequence[str], where: str) -> MembershipFunction:
+def concluded_formula(text: str, inputs: Sequence[str], where: str) -> model.MembershipFunction:
     """Read a formula of fuzzylite's; one that is linear in the inputs becomes a linear number."""
-    formula = Formula(text)
+    formula = model.Formula(text)
     try:
         factors = linear(formula.parsed, inputs)
     except NotAFormula as error:
         raise ControllerFileError(
             f"{where}: {error}; it may have numbers, names, + - * / % ^ and {', '.join(FUNCTIONS)}"
         ) from error
-    return formula if factors is None else Linear(tuple(map(float, factors[0])), float(factors[1]))
+    return formula if factors is None else model.Linear(tuple(map(float, factors[0])), float(factors[1]))
 
 
 def variable(
     name: str,
     extent: Extent,
-    terms: Sequence[tuple[str, MembershipFunction | Table]],
+    terms: Sequence[tuple[str, model.MembershipFunction | Table]],
     *,
     is_output: bool,
     num_points: int | None = None,
     unit: str = "",
     default: float | None = None,
     description: str = "",
-    defuzzifier: Defuzzifier | None = None,
-    aggregation: Aggregation = "max",
-) -> Variable:
+    defuzzifier: model.Defuzzifier | None = None,
+    aggregation: model.Aggregation = "max",
+) -> model.Variable:
     """Build a variable; its universe holds the points of every table.
 
     Where all tables have the same points, from one end of the range to the other, these are the universe.
@@ -363,17 +349,19 @@ def variable(
         universe = _universe(extent, num_points, tables, [] if is_output else shapes)
         num_points, points = universe_of(extent.low, extent.high, universe)
         terms = [
-            (term, Sampled(tuple(np.interp(universe, function.x, function.y).tolist())))
+            (term, model.Sampled(tuple(np.interp(universe, function.x, function.y).tolist())))
             if isinstance(function, Table)
             else (term, function)
             for term, function in terms
         ]
-    return Variable(
+    return model.Variable(
         name=name,
         unit=unit,
         minimum=extent.low,
         maximum=extent.high,
-        terms=tuple(Term(term, function) for term, function in terms if not isinstance(function, Table)),
+        terms=tuple(
+            model.Term(term, function) for term, function in terms if not isinstance(function, Table)
+        ),
         num_points=num_points,
         points=points,
         default=default,
@@ -384,7 +372,7 @@ def variable(
 
 
 def _universe(
-    extent: Extent, num_points: int, tables: Sequence[Table], shapes: Sequence[MembershipFunction]
+    extent: Extent, num_points: int, tables: Sequence[Table], shapes: Sequence[model.MembershipFunction]
 ) -> list[float]:
     first = tables[0].x
     if (first[0], first[-1]) == (extent.low, extent.high) and all(table.x == first for table in tables):
@@ -397,10 +385,10 @@ def _universe(
     return [float(x) for x in np.union1d(grid, corners)]
 
 
-def rule_words(rule: Rule) -> str:
+def rule_words(rule: model.Rule) -> str:
     """Say a rule in the words of FLL and FCL; its consequents have one weight."""
     words, asked = before(rule.antecedent)
-    if isinstance(asked, Is):
+    if isinstance(asked, model.Is):
         words, asked = [], rule.antecedent
     known = {str(hedge): names.fll for hedge, names in HEDGES.items()}
     hedges = "".join(f"{known[word]} " for word in words)

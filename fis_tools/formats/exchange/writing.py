@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from fis_tools import model
 from fis_tools.array_types import Floats
 from fis_tools.engines import inference
 from fis_tools.formats.exchange import methods
@@ -20,23 +21,6 @@ from fis_tools.formats.exchange.dialect import Dialect, Expressed, express, only
 from fis_tools.formats.exchange.foreign import RAMPS, TABLES
 from fis_tools.formats.forms import Written
 from fis_tools.formats.templates import rendered
-from fis_tools.model import (
-    And,
-    Expression,
-    Formula,
-    FuzzyController,
-    FuzzySystem,
-    Hedged,
-    Is,
-    Linear,
-    Not,
-    Or,
-    Ramp,
-    Rule,
-    Sampled,
-    Term,
-    Variable,
-)
 from fis_tools.model.operators import AGGREGATIONS, AND_OPERATORS
 from fis_tools.model.shape import Format
 from fis_tools.model.variables import shape_values
@@ -44,11 +28,11 @@ from fis_tools.words.text import number
 
 
 def written(
-    controller: FuzzyController,
+    controller: model.FuzzyController,
     dialect: Dialect,
     template: str,
     facts: Callable[[Expressed], dict[str, Any]],
-    limited_support: Callable[[FuzzySystem], Iterable[str]] = lambda _: (),
+    limited_support: Callable[[model.FuzzySystem], Iterable[str]] = lambda _: (),
 ) -> Written:
     """Write a controller with one system.
 
@@ -85,7 +69,7 @@ def written(
     return Written(text, (*losses(controller, expressed, dialect), *limited_support(expressed.system)))
 
 
-def _blocks(system: FuzzySystem) -> list[tuple[str, str, list[tuple[int, Rule]]]]:
+def _blocks(system: model.FuzzySystem) -> list[tuple[str, str, list[tuple[int, model.Rule]]]]:
     """Return the rules, numbered, in blocks of one operator for `and` and one for `or`."""
     groups = groupby(
         enumerate(system.rules, start=1),
@@ -94,18 +78,18 @@ def _blocks(system: FuzzySystem) -> list[tuple[str, str, list[tuple[int, Rule]]]
     return [(*operators, list(rules)) for operators, rules in groups]
 
 
-def term_words(variable: Variable, term: Term, file_format: Format) -> tuple[str, list[str]]:
+def term_words(variable: model.Variable, term: model.Term, file_format: Format) -> tuple[str, list[str]]:
     """Return the word of a term that a format has one for, and its numbers as they are written."""
     shape = term.membership
     match shape:
-        case Sampled(values):
+        case model.Sampled(values):
             points = zip(variable.universe.tolist(), values, strict=True)
             return TABLES[file_format], [repr(float(number)) for point in points for number in point]
-        case Formula(text):
+        case model.Formula(text):
             return shape.entry.words[file_format][0], [text]
-        case Ramp(start, end):
+        case model.Ramp(start, end):
             return RAMPS[file_format], [repr(float(start)), repr(float(end))]
-        case Linear(coefficients, constant):
+        case model.Linear(coefficients, constant):
             numbers = (*coefficients, constant)
             return shape.entry.words[file_format][0], [repr(float(number)) for number in numbers]
     word, *order = shape.entry.words[file_format]
@@ -119,7 +103,7 @@ POINTS = 20_000
 NOTABLE = 1e-3
 
 
-def changes(original: FuzzySystem, expressed: Expressed, *, takes_middles: bool) -> Iterator[str]:
+def changes(original: model.FuzzySystem, expressed: Expressed, *, takes_middles: bool) -> Iterator[str]:
     """Tell for each output how far the answers of other programs are from those of the original.
 
     Parameters
@@ -144,7 +128,7 @@ def changes(original: FuzzySystem, expressed: Expressed, *, takes_middles: bool)
             yield f"{output.name} by up to {amount}, {100 * share:.2g} % of its range"
 
 
-def answers(system: FuzzySystem, samples: Floats, *, takes_middles: bool) -> Floats:
+def answers(system: model.FuzzySystem, samples: Floats, *, takes_middles: bool) -> Floats:
     """Return the outputs, (n, num_outputs), as sums over points, for samples (n, num_inputs)."""
     firing = inference.firing_strengths(system, samples)
     columns = []
@@ -158,7 +142,7 @@ def answers(system: FuzzySystem, samples: Floats, *, takes_middles: bool) -> Flo
     return np.stack(columns, axis=1)
 
 
-def _points(output: Variable, *, takes_middles: bool) -> Floats:
+def _points(output: model.Variable, *, takes_middles: bool) -> Floats:
     if not takes_middles:
         return output.universe
     edges = np.linspace(output.minimum, output.maximum, output.num_points)
@@ -166,7 +150,7 @@ def _points(output: Variable, *, takes_middles: bool) -> Floats:
     return middles
 
 
-def _heights(system: FuzzySystem, output: Variable, firing: Floats, points: Floats) -> Floats:
+def _heights(system: model.FuzzySystem, output: model.Variable, firing: Floats, points: Floats) -> Floats:
     """Return what the rules conclude together, (n, points)."""
     strengths: dict[str, list[Floats]] = {}
     for strength, rule in zip(firing.T, system.rules, strict=True):
@@ -177,7 +161,7 @@ def _heights(system: FuzzySystem, output: Variable, firing: Floats, points: Floa
     heights = np.zeros((len(firing), len(points)))
     for term, activations in strengths.items():
         shape = output.terms[output.term_index(term)].membership
-        if isinstance(shape, Sampled):
+        if isinstance(shape, model.Sampled):
             degrees = np.interp(points, output.universe, shape.values)
         else:
             degrees = shape_values(points, shape)
@@ -187,7 +171,7 @@ def _heights(system: FuzzySystem, output: Variable, firing: Floats, points: Floa
     return heights
 
 
-def _defuzzified(defuzzifier: str, points: Floats, heights: Floats, output: Variable) -> Floats:
+def _defuzzified(defuzzifier: str, points: Floats, heights: Floats, output: model.Variable) -> Floats:
     total = heights.sum(axis=1)
     fires = total > 0.0
     found = np.full(len(heights), output.default, dtype=np.float64)
@@ -207,7 +191,7 @@ def _defuzzified(defuzzifier: str, points: Floats, heights: Floats, output: Vari
     return found
 
 
-def losses(controller: FuzzyController, expressed: Expressed, dialect: Dialect) -> tuple[str, ...]:
+def losses(controller: model.FuzzyController, expressed: Expressed, dialect: Dialect) -> tuple[str, ...]:
     """List what a file does not say of a controller with one system, one sentence each.
 
     Parameters
@@ -233,7 +217,7 @@ def losses(controller: FuzzyController, expressed: Expressed, dialect: Dialect) 
 
 
 def _differences(
-    controller: FuzzyController, expressed: Expressed, dialect: Dialect
+    controller: model.FuzzyController, expressed: Expressed, dialect: Dialect
 ) -> Iterator[tuple[str, list[str]]]:
     (system,) = controller.systems
     originals = (*system.inputs, *system.outputs)
@@ -259,12 +243,12 @@ def _differences(
         yield "the controller's name is left out", [controller.name]
 
 
-def _count(system: FuzzySystem, variable: Variable) -> int:
+def _count(system: model.FuzzySystem, variable: model.Variable) -> int:
     return len(system.variable(variable.name).terms)
 
 
 def _variable_differences(
-    pairs: Sequence[tuple[Variable, Variable]], dialect: Dialect
+    pairs: Sequence[tuple[model.Variable, model.Variable]], dialect: Dialect
 ) -> Iterator[tuple[str, list[str]]]:
     yield "units are left out", [f"{v.name} in {v.unit}" for v, o in pairs if v.unit != o.unit]
     yield "descriptions are left out", [v.name for v, o in pairs if v.description != o.description]
@@ -293,22 +277,22 @@ def _variable_differences(
     )
 
 
-def _is_word_for_word(rule: Rule, group: Sequence[Rule]) -> bool:
+def _is_word_for_word(rule: model.Rule, group: Sequence[model.Rule]) -> bool:
     """Return whether a rule became one rule of the same form."""
     if len(group) != 1 or len(rule.consequents) != len(group[0].consequents):
         return False
     return _form(rule.antecedent) == _form(group[0].antecedent)
 
 
-def _form(expression: Expression) -> object:
+def _form(expression: model.Expression) -> object:
     match expression:
-        case Is():
+        case model.Is():
             return "is"
-        case Not(operand):
+        case model.Not(operand):
             return ("not", _form(operand))
-        case Hedged(hedge, operand):
+        case model.Hedged(hedge, operand):
             return (hedge, _form(operand))
-        case And(operands) | Or(operands):
+        case model.And(operands) | model.Or(operands):
             return (type(expression), tuple(_form(operand) for operand in operands))
 
 

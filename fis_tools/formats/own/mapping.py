@@ -14,27 +14,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields
 from typing import Any, TypeVar
 
+from fis_tools import model
 from fis_tools.errors import ControllerFileError
-from fis_tools.model import (
-    And,
-    Consequent,
-    Expression,
-    Formula,
-    FuzzyController,
-    FuzzySystem,
-    Hedged,
-    Is,
-    Linear,
-    MembershipFunction,
-    Not,
-    Or,
-    Rule,
-    Sampled,
-    Term,
-    Variable,
-    rule_table,
-    table_rules,
-)
 from fis_tools.model.operators import HEDGES
 from fis_tools.model.shape import SHAPES
 from fis_tools.model.validate import (
@@ -60,7 +41,7 @@ _Item = TypeVar("_Item")
 # Writing.
 
 
-def to_mapping(controller: FuzzyController) -> dict[str, Any]:
+def to_mapping(controller: model.FuzzyController) -> dict[str, Any]:
     """Turn a controller into plain data: dicts, lists, strings and numbers.
 
     Raises
@@ -81,7 +62,7 @@ def to_mapping(controller: FuzzyController) -> dict[str, Any]:
     }
 
 
-def _system_mapping(system: FuzzySystem) -> dict[str, Any]:
+def _system_mapping(system: model.FuzzySystem) -> dict[str, Any]:
     return {
         "name": system.name,
         "and_operator": system.and_operator,
@@ -94,7 +75,7 @@ def _system_mapping(system: FuzzySystem) -> dict[str, Any]:
     }
 
 
-def _variable_mapping(variable: Variable) -> dict[str, Any]:
+def _variable_mapping(variable: model.Variable) -> dict[str, Any]:
     mapping: dict[str, Any] = {"name": variable.name, "unit": variable.unit}
     if variable.description:
         mapping["description"] = variable.description
@@ -117,8 +98,8 @@ def _variable_mapping(variable: Variable) -> dict[str, Any]:
     return mapping
 
 
-def _membership_mapping(membership: MembershipFunction) -> dict[str, Any]:
-    if isinstance(membership, Sampled):
+def _membership_mapping(membership: model.MembershipFunction) -> dict[str, Any]:
+    if isinstance(membership, model.Sampled):
         return {"values": [float(value) for value in membership.values]}
     name = membership.entry.name
     shape = {} if name in _KNOWN_BY_KEYS else {"shape": name}
@@ -133,14 +114,14 @@ def _plain(parameter: float | str | tuple[float, ...]) -> float | str | list[flo
     return float(parameter)
 
 
-def _rules_list(system: FuzzySystem) -> list[Any]:
-    table = rule_table(system)
+def _rules_list(system: model.FuzzySystem) -> list[Any]:
+    table = model.rule_table(system)
     if table is not None and not any(rule.label for rule in system.rules):
         return [system.outputs[0].terms[index].name for index in table]
     return [_rule_mapping(rule) for rule in system.rules]
 
 
-def _rule_mapping(rule: Rule) -> dict[str, Any]:
+def _rule_mapping(rule: model.Rule) -> dict[str, Any]:
     own = (("label", rule.label), ("and_operator", rule.and_operator), ("or_operator", rule.or_operator))
     mapping: dict[str, Any] = {key: word for key, word in own if word}
     mapping["if"] = _expression_mapping(rule.antecedent)
@@ -150,24 +131,24 @@ def _rule_mapping(rule: Rule) -> dict[str, Any]:
     return mapping
 
 
-def _expression_mapping(expression: Expression) -> dict[str, Any]:
+def _expression_mapping(expression: model.Expression) -> dict[str, Any]:
     match expression:
-        case Is(variable, term):
+        case model.Is(variable, term):
             return {"is": [variable, term]}
-        case Not(operand):
+        case model.Not(operand):
             return {"not": _expression_mapping(operand)}
-        case Hedged(hedge, operand):
+        case model.Hedged(hedge, operand):
             return {hedge: _expression_mapping(operand)}
-        case And(operands):
+        case model.And(operands):
             return {"and": [_expression_mapping(operand) for operand in operands]}
-        case Or(operands):
+        case model.Or(operands):
             return {"or": [_expression_mapping(operand) for operand in operands]}
 
 
 # Reading.
 
 
-def from_mapping(mapping: Mapping[str, Any]) -> FuzzyController:
+def from_mapping(mapping: Mapping[str, Any]) -> model.FuzzyController:
     """Rebuild a controller from plain data.
 
     Raises
@@ -190,7 +171,7 @@ def from_mapping(mapping: Mapping[str, Any]) -> FuzzyController:
     where = "the controller"
     required = ("schema", "schema_version", "name", "systems")
     _check_keys(mapping, where, required, ("attributes", "provenance"))
-    controller = FuzzyController(
+    controller = model.FuzzyController(
         name=_text(mapping["name"], f"{where}: name"),
         systems=tuple(_items(mapping["systems"], "systems", _system)),
         attributes=_facts(mapping.get("attributes", {}), "attributes"),
@@ -264,12 +245,12 @@ def _fact(value: Any, where: str) -> str:
     return repr(value) if isinstance(value, int | float) else _text(value, where)
 
 
-def _system(value: Any, where: str) -> FuzzySystem:
+def _system(value: Any, where: str) -> model.FuzzySystem:
     options = ("and_operator", "or_operator", "defuzzifier", "implication")
     _check_keys(value, where, ("name", "inputs", "outputs", "rules"), options)
     inputs = tuple(_items(value["inputs"], f"{where}.inputs", _variable))
     outputs = tuple(_items(value["outputs"], f"{where}.outputs", _output))
-    return FuzzySystem(
+    return model.FuzzySystem(
         name=_text(value["name"], f"{where}.name"),
         inputs=inputs,
         outputs=outputs,
@@ -278,7 +259,7 @@ def _system(value: Any, where: str) -> FuzzySystem:
     )
 
 
-def _output(value: Any, where: str) -> Variable:
+def _output(value: Any, where: str) -> model.Variable:
     if isinstance(value, Mapping) and "default" not in value:
         raise ControllerFileError(
             f"{where} has no default; declare default: the output when no rule fires (0 is usual for a force)"
@@ -288,7 +269,7 @@ def _output(value: Any, where: str) -> Variable:
 
 def _variable(
     value: Any, where: str, required: tuple[str, ...] = (), optional: tuple[str, ...] = ()
-) -> Variable:
+) -> model.Variable:
     is_listed = isinstance(value, Mapping) and "universe" in value
     extent = ("universe",) if is_listed else ("range",)
     _check_keys(
@@ -307,7 +288,7 @@ def _variable(
         if len(ends) != 2:
             raise ControllerFileError(f"{where}.range has {len(ends)} numbers; expected [lowest, highest]")
         low, high = ends
-    return Variable(
+    return model.Variable(
         name=_text(value["name"], f"{where}.name"),
         unit=_text(value.get("unit", ""), f"{where}.unit"),
         minimum=low,
@@ -326,19 +307,19 @@ def _chosen(value: Any, where: str, keys: Sequence[str]) -> dict[str, Any]:
     return {key: _text(value[key], f"{where}.{key}") for key in keys if key in value}
 
 
-def _term(value: Any, where: str) -> Term:
+def _term(value: Any, where: str) -> model.Term:
     shape = _shape_of(value, where)
     _check_keys(value, where, ("name", *_keys(shape)), ("shape",))
     name = _text(value["name"], f"{where}.name")
     if shape == "sampled":
-        return Term(name, Sampled(tuple(_items(value["values"], f"{where}.values", _number))))
+        return model.Term(name, model.Sampled(tuple(_items(value["values"], f"{where}.values", _number))))
     if shape == "linear":
         coefficients = tuple(_items(value["coefficients"], f"{where}.coefficients", _number))
-        return Term(name, Linear(coefficients, _number(value["constant"], f"{where}.constant")))
+        return model.Term(name, model.Linear(coefficients, _number(value["constant"], f"{where}.constant")))
     if shape == "formula":
-        return Term(name, Formula(_text(value["text"], f"{where}.text")))
+        return model.Term(name, model.Formula(_text(value["text"], f"{where}.text")))
     numbers = {key: _number(value[key], f"{where}.{key}") for key in _keys(shape)}
-    return Term(name, SHAPES[shape](**numbers))
+    return model.Term(name, SHAPES[shape](**numbers))
 
 
 def _shape_of(value: Any, where: str) -> str:
@@ -363,8 +344,8 @@ def _keys(shape: str) -> tuple[str, ...]:
 
 
 def _rules(
-    value: Any, where: str, inputs: tuple[Variable, ...], outputs: tuple[Variable, ...]
-) -> tuple[Rule, ...]:
+    value: Any, where: str, inputs: tuple[model.Variable, ...], outputs: tuple[model.Variable, ...]
+) -> tuple[model.Rule, ...]:
     if not isinstance(value, Sequence) or not value or not all(isinstance(rule, str) for rule in value):
         return tuple(_items(value, where, _rule))
     if len(outputs) != 1:
@@ -373,15 +354,15 @@ def _rules(
             "{if: ..., then: [...]}"
         )
     try:
-        return table_rules(inputs, outputs[0], value)
+        return model.table_rules(inputs, outputs[0], value)
     except ValueError as error:
         raise ControllerFileError(f"{where}: {error}") from error
 
 
-def _rule(value: Any, where: str) -> Rule:
+def _rule(value: Any, where: str) -> model.Rule:
     operators = ("and_operator", "or_operator")
     _check_keys(value, where, ("if", "then"), ("label", *operators))
-    return Rule(
+    return model.Rule(
         antecedent=_expression(value["if"], f"{where}.if", 0),
         consequents=tuple(_items(value["then"], f"{where}.then", _consequent)),
         label=_text(value.get("label", ""), f"{where}.label"),
@@ -389,16 +370,16 @@ def _rule(value: Any, where: str) -> Rule:
     )
 
 
-def _consequent(value: Any, where: str) -> Consequent:
+def _consequent(value: Any, where: str) -> model.Consequent:
     _check_keys(value, where, ("variable", "term"), ("weight",))
-    return Consequent(
+    return model.Consequent(
         variable=_text(value["variable"], f"{where}.variable"),
         term=_text(value["term"], f"{where}.term"),
         weight=_number(value.get("weight", 1.0), f"{where}.weight"),
     )
 
 
-def _expression(value: Any, where: str, depth: int) -> Expression:
+def _expression(value: Any, where: str, depth: int) -> model.Expression:
     if not isinstance(value, Mapping) or len(value) != 1:
         raise ControllerFileError(
             f"{where} is {_kind_of(value)}; expected one of is, not, and, or, or a hedge, with its operands"
@@ -410,14 +391,14 @@ def _expression(value: Any, where: str, depth: int) -> Expression:
         pair = _items(operand, f"{where}.is", _text)
         if len(pair) != 2:
             raise ControllerFileError(f"{where}.is has {len(pair)} words; expected [variable, term]")
-        return Is(*pair)
+        return model.Is(*pair)
     if word == "not":
-        return Not(_expression(operand, f"{where}.not", depth + 1))
+        return model.Not(_expression(operand, f"{where}.not", depth + 1))
     if word in HEDGES:
-        return Hedged(word, _expression(operand, f"{where}.{word}", depth + 1))
+        return model.Hedged(word, _expression(operand, f"{where}.{word}", depth + 1))
     if word in {"and", "or"}:
         operands = _items(operand, f"{where}.{word}", lambda item, place: _expression(item, place, depth + 1))
-        return And(tuple(operands)) if word == "and" else Or(tuple(operands))
+        return model.And(tuple(operands)) if word == "and" else model.Or(tuple(operands))
     raise ControllerFileError(
         f"{where}: unknown word {word!r}; {nearest(str(word), ('is', 'not', 'and', 'or', *HEDGES))}"
     )
