@@ -60,11 +60,6 @@ class TermChange:
     share: float = 0.0
     similarity: float = 0.0
 
-    @property
-    def is_renamed(self) -> bool:
-        """Whether it has another name than before."""
-        return self.before is not None and self.after is not None and self.before.name != self.after.name
-
 
 @dataclass(frozen=True)
 class VariableChange:

@@ -17,7 +17,7 @@ from fis_tools.analysis.arrays import (
     surface,
 )
 from fis_tools.model import Gaussian, Term, Triangular, Variable
-from fis_tools.scikit_fuzzy.build import ReferenceEngine
+from tests.fis_tools.reference_engine import ReferenceEngine
 from tests.fis_tools.sample_controllers import force_x_system, force_z_system, general_controller
 
 

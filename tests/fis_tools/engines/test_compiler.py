@@ -14,8 +14,8 @@ from fis_tools.engines.compiler import CompiledSystem, compile
 from fis_tools.model import Consequent, FuzzySystem, Gaussian, Is, Rule, Term, Variable
 from fis_tools.model.operators import AND_OPERATORS, OR_OPERATORS
 from fis_tools.model.validate import InvalidSystem
-from fis_tools.scikit_fuzzy.build import ReferenceEngine
 from fis_tools.scikit_fuzzy.read import UnreadableControlSystem
+from tests.fis_tools.reference_engine import ReferenceEngine
 from tests.fis_tools.sample_controllers import force_x_system, force_z_system, general_controller
 from tests.seeds import seeds
 

@@ -8,7 +8,6 @@ from fis_tools.engines.inference import infer
 from fis_tools.model import Constant, Formula, Linear, Ramp
 from fis_tools.model.shape import SHAPES
 from fis_tools.model.validate import problems
-from fis_tools.scikit_fuzzy.build import ReferenceEngine
 from tests.fis_tools.engines.random_systems import (
     ACCUMULATIONS,
     AND_OPERATORS,
@@ -18,6 +17,7 @@ from tests.fis_tools.engines.random_systems import (
     inputs_for,
     random_general_system,
 )
+from tests.fis_tools.reference_engine import ReferenceEngine
 from tests.seeds import seeds
 
 NUM_SYSTEMS = 100

@@ -6,8 +6,8 @@ import pytest
 from fis_tools.engines import inference, interpreter
 from fis_tools.engines.compiler import compile
 from fis_tools.engines.program import assemble
-from fis_tools.scikit_fuzzy.build import ReferenceEngine
 from tests.fis_tools.engines.random_systems import full_table_system, inputs_for, random_general_system
+from tests.fis_tools.reference_engine import ReferenceEngine
 from tests.seeds import seeds
 
 NUM_SYSTEMS = 100

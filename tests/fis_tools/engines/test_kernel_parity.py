@@ -11,8 +11,8 @@ from fis_tools.engines.kernel import evaluate, firing_strengths
 from fis_tools.engines.packing import pack
 from fis_tools.formats import serialize
 from fis_tools.model import FuzzySystem, Gaussian, Term, Variable, table_rules
-from fis_tools.scikit_fuzzy.build import ReferenceEngine
 from tests.fis_tools.engines.random_systems import full_table_system, inputs_for, sparse_system
+from tests.fis_tools.reference_engine import ReferenceEngine
 from tests.places import PROJECT
 
 #: Of the output range's width.

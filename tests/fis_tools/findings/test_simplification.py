@@ -30,8 +30,8 @@ from fis_tools.model import (
     Variable,
 )
 from fis_tools.model.validate import controller_problems
-from fis_tools.scikit_fuzzy.build import ReferenceEngine
 from tests.fis_tools.analysis.test_flights import log_flight
+from tests.fis_tools.reference_engine import ReferenceEngine
 from tests.fis_tools.sample_controllers import (
     FORCE_TERMS,
     force,

@@ -12,8 +12,8 @@ from fis_tools.formats import serialize
 from fis_tools.genes.parameters import Bounds, SystemEncoding
 from fis_tools.model import FuzzySystem, Gaussian, Not, Sampled, Term, Triangular, Variable, table_rules
 from fis_tools.model.validate import InvalidSystem, problems
-from fis_tools.scikit_fuzzy.build import ReferenceEngine
 from tests.fis_tools.engines.random_systems import full_table_system, inputs_for
+from tests.fis_tools.reference_engine import ReferenceEngine
 from tests.places import PROJECT
 
 PAPER = serialize.load(PROJECT / "conf" / "controller" / "paper.yaml").systems

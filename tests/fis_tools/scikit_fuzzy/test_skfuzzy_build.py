@@ -10,8 +10,9 @@ from skfuzzy import control
 from fis_tools.engines.inference import infer
 from fis_tools.model import And, Consequent, FuzzySystem, Is, Or, Rule, Term, Triangular, Variable
 from fis_tools.model.validate import InvalidSystem
-from fis_tools.scikit_fuzzy import build
-from fis_tools.scikit_fuzzy.build import ReferenceEngine, build_control_system, build_simulation
+from fis_tools.scikit_fuzzy.build import build_control_system, build_simulation
+from tests.fis_tools import reference_engine
+from tests.fis_tools.reference_engine import ReferenceEngine
 from tests.fis_tools.sample_controllers import force_x_system, general_controller
 
 
@@ -114,7 +115,7 @@ def test_an_input_no_rule_mentions_is_left_alone_and_an_output_no_rule_concludes
 
 
 def test_a_cache_flush_in_between_changes_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(build, "RUNS_KEPT", 3)
+    monkeypatch.setattr(reference_engine, "RUNS_KEPT", 3)
     system = replace(_ours(), defuzzifier="mom")
     engine = ReferenceEngine(system)
     for inputs in np.random.default_rng(3).uniform(0, 10, (8, 2)):
