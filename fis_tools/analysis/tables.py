@@ -138,7 +138,7 @@ def read_parquet(path: Path, choose: Callable[[Sequence[str]], Sequence[str]]) -
         import pyarrow  # noqa: PLC0415 - not a package that CSV files need
         from pyarrow import parquet  # noqa: PLC0415
     except ModuleNotFoundError as error:
-        raise MissingExtra("reading Parquet files", "pyarrow", '"fis-tools[parquet]"') from error
+        raise MissingExtra("reading Parquet files", "pyarrow", "pyarrow") from error
     try:
         schema = parquet.read_schema(path)
         names = list(choose(schema.names))

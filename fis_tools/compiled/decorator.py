@@ -1,16 +1,21 @@
 """The decorator of every compiled function: numba at the first call, with our own cache and notices.
 
+Without numba, or with NUMBA_DISABLE_JIT=1, every function runs as plain Python, to the same bits.
+
 Importing a module with compiled functions does not import numba. The first call creates numba's dispatcher
 and gives it its own cache folder (`fis_tools.compiled.cache`). numba's settings for the process, and the
 compiled functions of other packages, are unaffected.
 """
 
 import os
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
+from functools import cache as cached
 from functools import update_wrapper
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, TypeVar, cast, overload
 
@@ -60,10 +65,10 @@ class Compiled:
         Calling it skips type resolution, which takes numba longer than a short function does when many
         arrays are passed. It must be called with exactly these types.
         """
+        if not is_compiling():
+            return self.py_func
         from numba import typeof  # noqa: PLC0415 - takes a while, and most commands compile nothing
 
-        if _is_numba_off():
-            return self.py_func
         return cast(Callable[..., Any], self.dispatcher.compile(tuple(map(typeof, args))))
 
     def __getattr__(self, name: str) -> Any:
@@ -140,22 +145,22 @@ def sparingly(function: F) -> F:
 
 def _is_wanted_again(function: Compiled, args: tuple[Any, ...]) -> bool:
     """Return whether a function has been called with arguments of these types before, by any process."""
+    if not is_compiling():
+        return True
     from numba import typeof  # noqa: PLC0415 - as above
 
-    if _is_numba_off():
-        return True
     types = tuple(map(typeof, args))
     return types in function.signatures or cache.was_asked(function.py_func, str(types))
 
 
 def _dispatcher(function: Callable[..., Any], options: dict[str, Any]) -> Any:
     """Create numba's dispatcher for calls from Python, with a cache folder if one can be trusted."""
+    if not is_compiling():
+        return function
     from numba import njit  # noqa: PLC0415 - as above
 
     from fis_tools.compiled import borrowed_code, notice  # noqa: F401, PLC0415 - as above
 
-    if _is_numba_off():
-        return function
     notice.announce(function)
     place = cache.place_for(function)
     if isinstance(place, Path):
@@ -188,12 +193,24 @@ def _inside(function: Callable[..., Any], options: dict[str, Any]) -> Any:
     return dispatcher
 
 
-def _is_numba_off() -> bool:
-    """Return whether NUMBA_DISABLE_JIT=1 lets every function run as plain Python."""
-    from numba import config  # noqa: PLC0415 - as above
-
+def is_compiling() -> bool:
+    """Return whether numba is installed, and not switched off by NUMBA_DISABLE_JIT=1."""
+    try:
+        from numba import config  # noqa: PLC0415 - as above
+    except ModuleNotFoundError:
+        return False
     settings: Any = config  # numba sets its attributes at run time, unseen by type checkers
-    return bool(settings.DISABLE_JIT)
+    return not settings.DISABLE_JIT
+
+
+@cached
+def advise_numba() -> None:
+    """Say once what numba would give, if it is not installed."""
+    if find_spec("numba") is None and sys.stderr is not None:
+        sys.stderr.write(
+            "  plain Python computes this; compiled it takes a thousandth of the time, and has the same "
+            "bits: python -m pip install numba\n"
+        )
 
 
 @contextmanager

@@ -17,9 +17,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.array_types import Booleans, Floats
+from fis_tools.compiled.decorator import advise_numba
 from fis_tools.engines import interpreter, kernel, packing
 from fis_tools.engines.packing import NotCompilable, Packed
-from fis_tools.engines.program import CENTROID, FORMULA, NUMBER, Conclusion, Program, Weighing, assemble
+from fis_tools.engines.program import (
+    CENTROID,
+    FORMULA,
+    MANY_RULES,
+    NUMBER,
+    Conclusion,
+    Program,
+    Weighing,
+    assemble,
+)
 from fis_tools.engines.rows import as_rows, columns_of, pick
 from fis_tools.model import FuzzySystem
 from fis_tools.model.validate import validate
@@ -268,6 +278,8 @@ def compile(
         read = system
     else:
         read = _read(system, defaults)
+    if len(read.rules) >= MANY_RULES:
+        advise_numba()
     return CompiledSystem(read, assemble(read), _packed(read), threads or os.cpu_count() or 1)
 
 

@@ -12,11 +12,12 @@ Bounds are rows of two numbers, the lower first.
 import numpy as np
 
 from fis_tools.array_types import Floats
-from fis_tools.compiled.decorator import compiled
+from fis_tools.compiled.decorator import advise_numba, compiled
 from fis_tools.engines.defuzzifier import SMALLEST_AREA, invert
 from fis_tools.engines.operators import DRASTIC_PRODUCT, MAX, MIN, NOT, combine
 from fis_tools.engines.program import (
     CENTROID,
+    MANY_RULES,
     NUMBER,
     WEIGHTED_SUM,
     Antecedents,
@@ -68,6 +69,8 @@ def pack(system: FuzzySystem) -> Program:
                 f"aggregated by max, here the implication is {system.implication} and the aggregation "
                 f"{output.aggregation}; choose min and max"
             )
+    if len(system.rules) >= MANY_RULES:
+        advise_numba()
     return assemble(system)
 
 

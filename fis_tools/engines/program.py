@@ -184,6 +184,10 @@ class Program:
         )
 
 
+#: From this many rules on a surface takes seconds in plain Python, and numba is advised.
+MANY_RULES = 20
+
+
 def assemble(system: model.FuzzySystem) -> Program:
     """Return a valid system as a program."""
     return Program(

@@ -129,7 +129,7 @@ def plane_gains(system: FuzzySystem, terms: Floats) -> Floats:
     try:
         from scipy.optimize import least_squares  # noqa: PLC0415 - large, and used only here
     except ModuleNotFoundError as error:
-        raise MissingExtra("fitting planes to rule tables", "scipy", '"fis-tools[genes]"') from error
+        raise MissingExtra("fitting planes to rule tables", "scipy", "scipy") from error
 
     cells, levels = _cells(system), 2.0 * terms / (len(system.outputs[0].terms) - 1) - 1.0
 

@@ -18,7 +18,7 @@ try:
     from sklearn.utils.multiclass import check_classification_targets
     from sklearn.utils.validation import check_is_fitted, validate_data
 except ModuleNotFoundError as missing:
-    raise MissingExtra("an estimator", "scikit-learn", '"fis-tools[learn]"') from missing
+    raise MissingExtra("an estimator", "scikit-learn", "scikit-learn") from missing
 
 
 class _FuzzyEstimator(BaseEstimator):

@@ -12,7 +12,7 @@ from importlib.util import find_spec
 from fis_tools.errors import MissingExtra
 
 if find_spec("matplotlib") is None:
-    raise MissingExtra("drawing", "matplotlib", '"fis-tools[plot]"')
+    raise MissingExtra("drawing", "matplotlib", "matplotlib")
 
 from fis_tools.render.curves import memberships, output_curve
 from fis_tools.render.figures import (

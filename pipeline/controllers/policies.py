@@ -69,8 +69,7 @@ def _graph(source: bytes) -> Any:
         from google.protobuf.message import DecodeError  # noqa: PLC0415
     except ModuleNotFoundError as error:
         raise _UnreadableError(
-            "policies are read by the package onnx; install the extra: pip install "
-            "'fuzzy-spacecraft-inspection[policy]'"
+            "policies are read by the package onnx; install it: python -m pip install onnx"
         ) from error
     if len(source) > MOST_BYTES:
         raise _UnreadableError(f"it is larger than {MOST_BYTES >> 20} MiB; a policy is a small network")

@@ -8,7 +8,7 @@ try:
     import gymnasium
 except ModuleNotFoundError as error:
     raise ModuleNotFoundError(
-        "pipeline.gym needs Gymnasium; install the extra: pip install 'fuzzy-spacecraft-inspection[gym]'"
+        "pipeline.gym needs Gymnasium; install it: python -m pip install gymnasium"
     ) from error
 
 from pipeline.flight.fly.stepping import OBSERVED

@@ -36,7 +36,7 @@ def crew(engine: Engine) -> Iterator[Each]:
         from pipeline.run.processes import joined  # noqa: PLC0415 - an extra
     except ModuleNotFoundError as error:
         raise EngineMissingError(
-            "engine=dask needs Dask; install the extra: pip install 'fuzzy-spacecraft-inspection[dask]'"
+            "engine=dask needs Dask; install it: python -m pip install distributed cryptography"
         ) from error
     with joined(engine) as processes:
         yield processes.each

@@ -31,8 +31,7 @@ def run(experiment: Experiment, folder: Path) -> None:
         from pipeline.evaluation.trials import trials  # noqa: PLC0415 - an extra
     except ModuleNotFoundError as error:
         raise SettingError(
-            "the stage search needs Optuna; install the extra: "
-            "pip install 'fuzzy-spacecraft-inspection[optuna]'"
+            "the stage search needs Optuna; install it: python -m pip install optuna"
         ) from error
     search, journal = experiment.hparams_search, folder / artifacts.SEARCH_JOURNAL
     if not experiment.resume:

@@ -38,8 +38,8 @@ def logged(logger: Logger, name: str) -> Iterator[Log]:
         from tensorboardX import SummaryWriter  # noqa: PLC0415 - an extra
     except ModuleNotFoundError as error:
         raise SettingError(
-            f"logger={logger.kind} needs the package {error.name}; install the extra: pip install "
-            f"'fuzzy-spacecraft-inspection[{logger.kind}]'"
+            f"logger={logger.kind} needs the package {error.name}; install it: "
+            "python -m pip install tensorboardX tensorboard"
         ) from error
     num_logged = 0
     with SummaryWriter(str(Path(logger.place, name)), purge_step=0, flush_secs=FLUSH_S) as board:

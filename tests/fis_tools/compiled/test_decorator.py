@@ -167,6 +167,21 @@ def test_they_are_plain_functions_where_numba_is_switched_off(package: Package) 
     assert package.run(call, NUMBA_DISABLE_JIT="1").stdout.strip() == "7 True"
 
 
+def test_they_are_plain_functions_without_numba_and_long_work_says_so_once(package: Package) -> None:
+    compute = (
+        "import importlib.util as u, sys\nsys.modules['numba'] = None\n"
+        "find = u.find_spec\nu.find_spec = lambda name: None if name == 'numba' else find(name)\n"
+        "from kernels.caller import twice\nfrom fis_tools.compiled.decorator import advise_numba\n"
+        "print(twice(5), twice.dispatcher is twice.py_func)\nadvise_numba()\nadvise_numba()"
+    )
+    done = package.run(compute)
+    assert done.stdout.strip() == "7 True"
+    assert done.stderr.count("python -m pip install numba") == 1
+    assert (
+        "numba" not in package.run("from fis_tools.compiled.decorator import advise_numba as a; a()").stderr
+    )
+
+
 @pytest.mark.slow
 def test_a_function_without_a_file_is_compiled_and_not_kept(package: Package) -> None:
     define = (
