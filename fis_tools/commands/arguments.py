@@ -2,7 +2,8 @@
 
 import re
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import KW_ONLY, dataclass
 from math import inf, isfinite
 from pathlib import Path
@@ -18,6 +19,7 @@ from fis_tools.formats import serialize
 from fis_tools.model import FuzzyController, FuzzySystem
 from fis_tools.model.validate import nearest
 from fis_tools.source import read_controller
+from fis_tools.waiting import waiting
 
 #: Rules of a system, and points of its output, beyond which analyses take more than seconds.
 MANY_RULES, MANY_POINTS = 1_000, 10_000
@@ -70,13 +72,12 @@ class Asked:
 
     def read(self) -> FuzzyController:
         """Return the controller, or the one system of it that is asked for."""
-        controller = chosen(read_controller(self.controller, self.trust), self.system)
-        tell_if_large(controller)
-        return controller
+        return chosen(read_controller(self.controller, self.trust), self.system)
 
 
-def tell_if_large(*controllers: FuzzyController) -> None:
-    """Say on standard error that analyses of many rules or points take long, before one begins."""
+@contextmanager
+def analysing(*controllers: FuzzyController) -> Iterator[Callable[[str], None]]:
+    """Say first that many rules or points take long, and in a terminal that a block goes on, and how far."""
     for system in {system.name: system for one in controllers for system in one.systems}.values():
         num_points = max(variable.num_points for variable in system.outputs)
         if len(system.rules) > MANY_RULES or num_points > MANY_POINTS:
@@ -84,6 +85,8 @@ def tell_if_large(*controllers: FuzzyController) -> None:
                 f"note: {system.name} has {len(system.rules):,} rules and an output of {num_points:,} "
                 "points; this may take minutes, Ctrl-C ends it\n"
             )
+    with waiting("analysing") as tell:
+        yield tell
 
 
 @Parameter(name="*")

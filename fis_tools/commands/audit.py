@@ -4,7 +4,7 @@ import shutil
 from dataclasses import fields, replace
 from typing import Literal
 
-from fis_tools.commands.arguments import AskedAlong, UserMistake, assignments
+from fis_tools.commands.arguments import AskedAlong, UserMistake, analysing, assignments
 from fis_tools.document import data, text
 from fis_tools.findings.audit import Severity, Thresholds, audit
 from fis_tools.findings.audit.report import SCHEMA, SCHEMA_VERSION
@@ -72,7 +72,8 @@ def run(
     compared = None if reference is None else read_controller(reference, asked.trust)
     limits = _thresholds(thresholds)
     try:
-        found = audit(controller, asked.flown(controller), limits, compared)
+        with analysing(controller):
+            found = audit(controller, asked.flown(controller), limits, compared)
     except UserMistake:
         raise
     except ValueError as error:

@@ -1,12 +1,11 @@
 """`bounds`: what the outputs can be, and cannot be, while the inputs lie in a region."""
 
-import sys
 from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
 from fis_tools.analysis.bounds import NUM_BOXES, ask, output_ranges
-from fis_tools.commands.arguments import Asked, UserMistake, expected, the_system
+from fis_tools.commands.arguments import Asked, UserMistake, analysing, expected, the_system
 
 
 def run(
@@ -46,21 +45,22 @@ def run(
     if expect is not None and question is None:
         raise UserMistake("--expect is about the answer to a question; add --ask")
     controller = asked.read()
-    progress = _tell if sys.stderr.isatty() else None
+    systems = (the_system(controller),) if where or question is not None else controller.systems
+    sentences, verdict = [], None
     try:
-        if question is None:
-            systems = (the_system(controller),) if where else controller.systems
+        with analysing(controller) as tell:
+
+            def progress(num_boxes: int, num_open: int) -> None:
+                tell(f"{num_boxes} boxes, {num_open} open")
+
             for system in systems:
-                for one in output_ranges(system, where, max_boxes=boxes, progress=progress):
-                    print(one.sentence)
-            return 0
-        answer = ask(the_system(controller), question, where, max_boxes=boxes, progress=progress)
+                if question is None:
+                    found = output_ranges(system, where, max_boxes=boxes, progress=progress)
+                    sentences += [one.sentence for one in found]
+                else:
+                    answer = ask(system, question, where, max_boxes=boxes, progress=progress)
+                    sentences, verdict = [answer.sentence], answer.verdict
     except ValueError as error:
         raise UserMistake(str(error)) from error
-    print(answer.sentence)
-    return int(expect not in (None, answer.verdict))
-
-
-def _tell(num_boxes: int, num_open: int) -> None:
-    """Write how far a search is over what was written before."""
-    print(f"{num_boxes} boxes, {num_open} open\x1b[K\r", end="", file=sys.stderr, flush=True)
+    print("\n".join(sentences))
+    return int(expect not in (None, verdict))

@@ -7,9 +7,9 @@ from fis_tools.commands.arguments import (
     AskedAlong,
     Output,
     UserMistake,
+    analysing,
     chosen,
     flown_inputs,
-    tell_if_large,
     write,
 )
 from fis_tools.document import data
@@ -52,9 +52,9 @@ def run(
         import_module("fis_tools.render")
     old, new = (read_controller(path, asked.trust) for path in (asked.controller, after))
     old, new = _limited(old, new, asked.system)
-    tell_if_large(old, new)
     samples = flown_inputs(asked.flights, new, asked.all_periods)
-    found = difference(old, new, samples, (asked.controller, after))
+    with analysing(old, new):
+        found = difference(old, new, samples, (asked.controller, after))
     if json:
         content = data.write("fuzzy-difference", 1, found.plain())
     else:

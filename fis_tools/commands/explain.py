@@ -3,7 +3,7 @@
 import math
 from typing import Annotated
 
-from fis_tools.commands.arguments import UserMistake, expected
+from fis_tools.commands.arguments import UserMistake, analysing, expected
 from fis_tools.commands.instant import AskedInstant, instants
 from fis_tools.document import data
 from fis_tools.engines.inference import infer
@@ -72,7 +72,8 @@ def _of_instants(
         told = [text.explain(infer(one.system, one.inputs)) for one in found if one.inputs is not None]
         return "\n".join([*told, *silent])
     try:
-        explained = [explain(one.system, one.inputs, crossing) for one in found if one.inputs is not None]
+        with analysing(controller):
+            explained = [explain(one.system, one.inputs, crossing) for one in found if one.inputs is not None]
     except ValueError as error:
         raise UserMistake(str(error)) from error
     if json:
@@ -84,10 +85,11 @@ def _of_instants(
 
 def _over_flights(asked: AskedInstant, controller: FuzzyController, all: bool, json: bool) -> str:
     flown = asked.flown(controller) or {}
-    found = {
-        system.name: shares(system, flown[system.name]) if len(flown.get(system.name, ())) else None
-        for system in controller.systems
-    }
+    with analysing(controller):
+        found = {
+            system.name: shares(system, flown[system.name]) if len(flown.get(system.name, ())) else None
+            for system in controller.systems
+        }
     if json:
         plain = [one.plain() for one in found.values() if one is not None]
         return data.write(SCHEMA, SCHEMA_VERSION, {"shares": plain})

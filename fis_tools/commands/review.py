@@ -6,7 +6,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from fis_tools.commands.arguments import AskedAlong, place_for
+from fis_tools.commands.arguments import AskedAlong, analysing, place_for
 
 
 def run(
@@ -41,7 +41,8 @@ def run(
 
     controller = asked.read()
     print(f"reviewing {controller.name}", file=sys.stderr)
-    text = page.write(controller, asked.paths, asked.system, evidence, all_periods=asked.all_periods)
+    with analysing(controller):
+        text = page.write(controller, asked.paths, asked.system, evidence, all_periods=asked.all_periods)
     path = place_for(Path(output))
     path.write_text(text, encoding="utf-8")
     print(f"{path}: {len(text.encode()) / 1e6:.2f} MB; open it in a browser", file=sys.stderr)

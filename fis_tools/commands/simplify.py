@@ -1,12 +1,11 @@
 """`simplify`: fewer rules, terms and digits, while the outputs stay within a budget."""
 
-import sys
 from collections.abc import Sequence
 from typing import Annotated
 
 from cyclopts import Parameter, Token
 
-from fis_tools.commands.arguments import AskedAlong, Output, UserMistake, form_of, write
+from fis_tools.commands.arguments import AskedAlong, Output, UserMistake, analysing, form_of, write
 from fis_tools.document import data
 from fis_tools.findings.simplification import Budget, simplify
 
@@ -79,12 +78,8 @@ def run(
         budget = Budget(max_change, mean_change, flights_only, look_alike)
     except ValueError as error:
         raise UserMistake(str(error)) from error
-    found = simplify(controller, samples, budget, _tell if sys.stderr.isatty() else None)
+    with analysing(controller) as tell:
+        found = simplify(controller, samples, budget, tell)
     if form is not None:
         write(output, form(found.controller))
     print(data.write(SCHEMA, SCHEMA_VERSION, found.plain()) if json else found.text(), end="")
-
-
-def _tell(words: str) -> None:
-    """Write how far it is over what was written before."""
-    print(f"{words}\x1b[K\r", end="", file=sys.stderr, flush=True)

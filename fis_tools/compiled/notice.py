@@ -11,10 +11,12 @@ import gc
 import sys
 import threading
 from collections.abc import Callable
+from contextlib import ExitStack
 from functools import cache
 from typing import Any
 
 from fis_tools.compiled.numba_parts import event
+from fis_tools.waiting import waiting
 
 #: Compilations shorter than this are not announced.
 SHORTEST_S = 0.5
@@ -28,7 +30,7 @@ class _Notice(event.Listener):
     def __init__(self) -> None:
         self.functions: set[Callable[..., Any]] = set()
         self._depth = 0
-        self._hide: Callable[[], None] | None = None
+        self._shown = ExitStack()
 
     def on_start(self, event: Any) -> None:
         function = event.data["dispatcher"].py_func
@@ -53,9 +55,7 @@ class _Notice(event.Listener):
             return
         self._timer.cancel()
         self._timer.join()
-        if self._hide is not None:
-            self._hide()
-            self._hide = None
+        self._shown.close()
         sys.unraisablehook = self._hook
         if self._collects:
             gc.enable()
@@ -65,14 +65,7 @@ class _Notice(event.Listener):
         if sys.stderr is None or not sys.stderr.isatty():
             _write(f"compiling {name}")
             return
-        from rich.console import Console  # noqa: PLC0415 - takes long to import, and is seldom needed
-        from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn  # noqa: PLC0415
-
-        columns = (SpinnerColumn(), TextColumn("compiling {task.description}"), TimeElapsedColumn())
-        shown = Progress(*columns, console=Console(stderr=True), transient=True)
-        shown.add_task(name, total=None)
-        shown.start()
-        self._hide = shown.stop
+        self._shown.enter_context(waiting(f"compiling {name}"))
 
     def _heed(self, unraisable: Any) -> None:
         if issubclass(unraisable.exc_type, KeyboardInterrupt):

@@ -1,0 +1,35 @@
+"""What is waited for, and for how long: one line with a spinner, in a terminal, until it is done."""
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import cache
+from typing import Any
+
+
+@contextmanager
+def waiting(words: str) -> Iterator[Callable[[str], None]]:
+    """Show words and seconds on standard error until the block ends; yield what changes the words."""
+    if sys.stderr is None or not sys.stderr.isatty():
+        yield lambda words: None
+        return
+    shown = _spinners()
+    task = shown.add_task(words, total=None)
+    shown.start()
+    try:
+        yield lambda words: shown.update(task, description=words)
+    finally:
+        if shown.task_ids == [task]:
+            shown.stop()
+        shown.remove_task(task)
+
+
+@cache
+def _spinners() -> Any:
+    """Return the spinners of this process: a terminal has room for one display of rich's."""
+    from rich.console import Console  # noqa: PLC0415 - takes long to import, and is seldom needed
+    from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn  # noqa: PLC0415
+
+    columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
+    console = Console(stderr=True)
+    return Progress(*columns, console=console, transient=True, redirect_stdout=False, redirect_stderr=False)
