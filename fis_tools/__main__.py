@@ -51,8 +51,8 @@ def command_line(asked: str | None) -> App:
     for place, (name, summary) in enumerate(SUMMARIES.items()):
         # a keyword of Python cannot name a module
         module = "import_" if name == "import" else name
-        told = None if name == asked else summary
-        app.command(f"fis_tools.commands.{module}:run", name=name, help=told, sort_key=place)
+        description = None if name == asked else summary
+        app.command(f"fis_tools.commands.{module}:run", name=name, help=description, sort_key=place)
     return app
 
 

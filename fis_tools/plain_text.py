@@ -10,12 +10,12 @@ UNFIT: Final = re.compile(
 MISSING_SIGN: Final = "\N{REPLACEMENT CHARACTER}"
 
 
-def plain(told: Any) -> Any:
+def plain(data: Any) -> Any:
     """Return text, or plain data, in which `UNFIT` characters are replaced; what is no text stays."""
-    if isinstance(told, str):
-        return UNFIT.sub(MISSING_SIGN, told)
-    if isinstance(told, dict):
-        return {plain(key): plain(value) for key, value in told.items()}
-    if isinstance(told, list | tuple):
-        return type(told)(map(plain, told))
-    return told
+    if isinstance(data, str):
+        return UNFIT.sub(MISSING_SIGN, data)
+    if isinstance(data, dict):
+        return {plain(key): plain(value) for key, value in data.items()}
+    if isinstance(data, list | tuple):
+        return type(data)(map(plain, data))
+    return data

@@ -157,8 +157,8 @@ def read_parquet(path: Path, choose: Callable[[Sequence[str]], Sequence[str]]) -
     except (OSError, ValueError, pyarrow.ArrowException) as error:
         if isinstance(error, ControllerFileError):
             raise
-        told = str(error).partition("\n")[0]
-        raise ControllerFileError(f"{path}: {told}; give a CSV or Parquet file") from error
+        problem = str(error).partition("\n")[0]
+        raise ControllerFileError(f"{path}: {problem}; give a CSV or Parquet file") from error
 
 
 def _column(column: Any) -> NDArray[Any]:

@@ -43,10 +43,10 @@ def run(domain: str, flights: tuple[str, ...], /) -> int:
 
 def _read(path: Path) -> tuple[Box, ...]:
     try:
-        told = json.loads(path.read_text(encoding="utf-8"))
+        content = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError) as error:
         raise ControllerFileError(f"{path} cannot be read ({error}); give a domain.json") from error
-    return from_mapping(told, str(path))
+    return from_mapping(content, str(path))
 
 
 def _departures(path: str, boxes: dict[str, Box]) -> list[Departure]:

@@ -67,10 +67,10 @@ def _of_instants(
     asked: AskedInstant, controller: FuzzyController, crossing: float, steps: bool, all: bool, json: bool
 ) -> str:
     found = list(instants(asked, controller))
-    silent = [f"{one.told}\n" for one in found if one.told]
+    silent = [f"{one.note}\n" for one in found if one.note]
     if steps:
-        told = [text.explain(infer(one.system, one.inputs)) for one in found if one.inputs is not None]
-        return "\n".join([*told, *silent])
+        steps_of = [text.explain(infer(one.system, one.inputs)) for one in found if one.inputs is not None]
+        return "\n".join([*steps_of, *silent])
     try:
         with analysing(controller):
             explained = [explain(one.system, one.inputs, crossing) for one in found if one.inputs is not None]
@@ -78,7 +78,7 @@ def _of_instants(
         raise UserMistake(str(error)) from error
     if json:
         plain = [one.plain() for one in explained]
-        idle = [{"system": one.system.name, "words": one.told} for one in found if one.inputs is None]
+        idle = [{"system": one.system.name, "words": one.note} for one in found if one.inputs is None]
         return data.write(SCHEMA, SCHEMA_VERSION, {"explanations": plain, "not_fired": idle})
     return "\n".join([*(one.text(everything=all) for one in explained), *silent])
 

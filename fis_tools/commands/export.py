@@ -49,11 +49,11 @@ class Form:
 
 
 FORMS = {
-    "markdown": Form(".md", write_ranked=lambda *told: markdown.write(outline(*told))),
+    "markdown": Form(".md", write_ranked=lambda *content: markdown.write(outline(*content))),
     "csv": Form(".csv", write_ranked=csv.write),
-    "text": Form(".txt", write_ranked=lambda *told: text.write(rule_list(*told))),
-    "html": Form(".html", write_ranked=lambda *told: html.page(outline(*told))),
-    "latex": Form(".tex", write_ranked=lambda *told: latex.write(outline(*told))),
+    "text": Form(".txt", write_ranked=lambda *content: text.write(rule_list(*content))),
+    "html": Form(".html", write_ranked=lambda *content: html.page(outline(*content))),
+    "latex": Form(".tex", write_ranked=lambda *content: latex.write(outline(*content))),
     "json": Form(".json", write=serialize.dump_json),
     "yaml": Form(".yaml", write=serialize.dump_yaml),
     **{name: Form(form.endings[0]) for name, form in forms.FORMS.items()},
@@ -123,8 +123,8 @@ def _write_c(controller: FuzzyController, output: str | None, bare: bool) -> Non
         raise UserMistake(str(error)) from error
     write(output, text)
     counts = cost.operations(controller)._asdict()
-    told = ", ".join(f"{count:,} {name}" for name, count in counts.items())
-    print(f"a call takes at most {told} on doubles", file=sys.stderr)
+    operations = ", ".join(f"{count:,} {name}" for name, count in counts.items())
+    print(f"a call takes at most {operations} on doubles", file=sys.stderr)
     stack = cost.stack_bytes(text)
     words = "no gcc here to measure it"
     if stack is not None:

@@ -64,7 +64,7 @@ def run(
     else:
         asked = chosen(read_controller(controller, trust), system)
         usages = _used(asked, flights, threshold, all_periods)
-    blocks = [block for one in asked.systems for block in _told(one, usages.get(one.name), threshold)]
+    blocks = [block for one in asked.systems for block in _blocks(one, usages.get(one.name), threshold)]
     print(text.write(Document(blocks)), end="")
 
 
@@ -80,7 +80,7 @@ def _used(
     }
 
 
-def _told(system: FuzzySystem, usage: arrays.RuleUsage | None, threshold: float) -> list[Block]:
+def _blocks(system: FuzzySystem, usage: arrays.RuleUsage | None, threshold: float) -> list[Block]:
     if usage is None:
         return [Heading(system.name), Paragraph("It never fired anything on these flights.")]
     idle = int(np.count_nonzero(usage.fired == 0))

@@ -33,7 +33,7 @@ class AskedInstant(AskedAlong):
 
     @property
     def is_instant(self) -> bool:
-        """Whether inputs are told, by themselves or by a time."""
+        """Whether inputs are given, by themselves or by a time."""
         if self.inputs is not None and self.time is not None:
             raise UserMistake("--inputs and --time both say which inputs are meant; drop one of them")
         return self.inputs is not None or self.time is not None
@@ -48,13 +48,13 @@ class Instant:
     system : FuzzySystem
     inputs : (num_inputs,), optional
         None where nothing was fired, and there is nothing to tell about.
-    told : str
+    note : str
         What became of the force, in words; empty where it was fired as asked for, or nothing is known of it.
     """
 
     system: FuzzySystem
     inputs: Floats | None
-    told: str = ""
+    note: str = ""
 
 
 def instants(asked: AskedInstant, controller: FuzzyController) -> Iterator[Instant]:
@@ -78,11 +78,11 @@ def instants(asked: AskedInstant, controller: FuzzyController) -> Iterator[Insta
 
 def _instant(period: flights.Period, all_periods: bool) -> Instant:
     system = period.flown.system
-    told = "" if period.reason in ("fired", UNKNOWN) else _in_words(period)
+    note = "" if period.reason in ("fired", UNKNOWN) else _in_words(period)
     is_counted = period.reason in (*COUNTED, UNKNOWN) or all_periods
     if period.row is None or not is_counted:
-        return Instant(system, None, told or f"{system.name}: at {period.time_s:g} s nothing was inferred")
-    return Instant(system, period.flown.inputs[period.row], told)
+        return Instant(system, None, note or f"{system.name}: at {period.time_s:g} s nothing was inferred")
+    return Instant(system, period.flown.inputs[period.row], note)
 
 
 def _in_words(period: flights.Period) -> str:

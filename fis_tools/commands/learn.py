@@ -74,10 +74,10 @@ def run(
         raise UserMistake(str(error)) from error
     if form is not None:
         write(output, form(FuzzyController(system.name, (system,))))
-    print(_told(system, read_table, recipe))
+    print(_summary(system, read_table, recipe))
 
 
-def _told(system: FuzzySystem, table: Table, recipe: Recipe) -> str:
+def _summary(system: FuzzySystem, table: Table, recipe: Recipe) -> str:
     asked = ", ".join(with_unit(variable) for variable in system.inputs)
     lines = [*sentences(system), "", f"{len(system.rules)} rules of {asked}"]
     reached = cross_validated(table, recipe)

@@ -81,7 +81,7 @@ def _fired(asked: AskedInstant, controller: "FuzzyController") -> "list[tuple[Fu
     found = list(instants(asked, controller))
     drawn = [(one.system, one.inputs) for one in found if one.inputs is not None]
     if not drawn:
-        raise UserMistake("; ".join(one.told for one in found))
+        raise UserMistake("; ".join(one.note for one in found))
     return drawn
 
 

@@ -145,7 +145,7 @@ class CompiledSystem:
         rows = self._rows(_stacked(columns) if columns else inputs)
         unfired = self._unfired(rows)
         if on_no_fire == "raise" and unfired.any():
-            raise NoRuleFired(_told(self.system, rows, unfired))
+            raise NoRuleFired(_where_unfired(self.system, rows, unfired))
         outputs = self._infer(rows)
         if on_no_fire == "nan":
             outputs[unfired] = np.nan
@@ -300,7 +300,7 @@ def _stacked(columns: list[Floats]) -> Floats:
     return np.stack([column.ravel() for column in columns], axis=1)
 
 
-def _told(system: FuzzySystem, rows: Floats, unfired: Booleans) -> str:
+def _where_unfired(system: FuzzySystem, rows: Floats, unfired: Booleans) -> str:
     """Return where no rule fires, in words: how often, and at which sample first."""
     sample, place = np.argwhere(unfired)[0]
     values = ", ".join(f"{v.name} {x:.6g}" for v, x in zip(system.inputs, rows[sample], strict=True))

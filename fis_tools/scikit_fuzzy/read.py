@@ -294,12 +294,12 @@ def _named(
     """Return the name of an operator that scikit-fuzzy was given as a function."""
     if isinstance(function, Hashable) and function in names:
         return names[function]
-    told = getattr(function, "__name__", type(function).__name__)
+    name = getattr(function, "__name__", type(function).__name__)
     cure = f"pass a function of fis_tools.model.operators: {', '.join(operators)}"
     for name, known in operators.items():
         if _agrees(function, known):
             cure = f"it gives the numbers of {name!r}, so pass that: {_path(known)}"
-    raise UnreadableControlSystem(f"the {what} is {told}, which is not known; {cure}")
+    raise UnreadableControlSystem(f"the {what} is {name}, which is not known; {cure}")
 
 
 def _path(function: Operator) -> str:

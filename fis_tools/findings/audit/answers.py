@@ -36,8 +36,8 @@ def _axes(system: FuzzySystem) -> list[Floats]:
 def _complete(system: FuzzySystem, measures: Measures, thresholds: Thresholds) -> Iterator[Finding]:
     found = measures.completeness
     gap = min(measures.coverage[variable.name].least for variable in system.inputs)
-    is_told = 0.0 < gap < thresholds.coverage and found.least >= gap
-    if found.least >= thresholds.coverage or is_told:
+    is_reported = 0.0 < gap < thresholds.coverage and found.least >= gap
+    if found.least >= thresholds.coverage or is_reported:
         return
     if found.least == 0.0:
         given = [f"{v.name} = {amount(v, v.default)}" for v in system.outputs if v.default is not None]
@@ -67,16 +67,16 @@ def _reach(system: FuzzySystem, which: int, values: Floats, thresholds: Threshol
     if part >= thresholds.reach:
         return
     extent = f"{amount(output, output.minimum)} to {amount(output, output.maximum)}"
-    told = f"stays within {amount(output, low)} to {amount(output, high)}, {percent(part)} of its range,"
+    reached = f"stays within {amount(output, low)} to {amount(output, high)}, {percent(part)} of its range,"
     is_constant = part < NEGLIGIBLE
     if is_constant:
-        told = f"is {amount(output, low)}"
+        reached = f"is {amount(output, low)}"
     by_area = "; a centroid never reaches the ends" if system.defuzzifier_of(output) == "centroid" else ""
     yield Finding(
         "output-reach",
         Severity.SERIOUS if is_constant else Severity.WARNING,
         system.name,
-        f"{output.name} {told} at {values.size} points over the input ranges ({extent} is declared).",
+        f"{output.name} {reached} at {values.size} points over the input ranges ({extent} is declared).",
         f"Narrow the range to what is used, or narrow the outer terms{by_area} (fis_tools bounds proves what "
         "is reached).",
         output.name,

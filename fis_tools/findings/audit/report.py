@@ -170,11 +170,11 @@ class Audit(Result):
     def summary(self) -> str:
         """Return how many findings there are of each severity, in one line."""
         counts = [(sum(f.severity == severity for f in self.findings), severity) for severity in _WORST_FIRST]
-        told = ", ".join(severity.counted(count) for count, severity in counts if count)
+        totals = ", ".join(severity.counted(count) for count, severity in counts if count)
         flown = [system.num_samples for system in self.systems if system.num_samples is not None]
         along = f" and {sum(flown)} logged inferences" if flown else ", no logs"
         number = f"{len(self.systems)} system{'' if len(self.systems) == 1 else 's'}"
-        return f"{self._name}: {told or 'nothing found'} ({number}{along})"
+        return f"{self._name}: {totals or 'nothing found'} ({number}{along})"
 
     @property
     def _name(self) -> str:

@@ -58,8 +58,10 @@ def _canonical(expression: Expression) -> tuple[Any, ...]:
         case And(operands) | Or(operands):
             kind = "and" if isinstance(expression, And) else "or"
             parts = [_canonical(operand) for operand in operands]
-            told = frozenset(inner for part in parts for inner in (part[1] if part[0] == kind else (part,)))
-            return next(iter(told)) if len(told) == 1 else (kind, told)
+            distinct = frozenset(
+                inner for part in parts for inner in (part[1] if part[0] == kind else (part,))
+            )
+            return next(iter(distinct)) if len(distinct) == 1 else (kind, distinct)
 
 
 def _concludes(rule: Rule) -> dict[str, str]:
@@ -94,15 +96,17 @@ def _repeated(system: FuzzySystem) -> Iterator[Finding]:
             adds_up = not all(system.variable(name).counts_strongest for name in shared)
             differ = any(one[name] != other[name] for name in shared)
             words = antecedent_words(system.rules[first - 1].antecedent)
-            told = [consequent_words(system.rules[number - 1].consequents) for number in (first, second)]
+            conclusions = [
+                consequent_words(system.rules[number - 1].consequents) for number in (first, second)
+            ]
             yield Finding(
                 "contradicting-rules" if differ else "duplicate-rules",
                 Severity.SERIOUS if differ else Severity.WARNING,
                 system.name,
-                f"Rules {first} and {second} both begin “If {words}”, but one concludes {told[0]}, "
-                f"the other {told[1]}."
+                f"Rules {first} and {second} both begin “If {words}”, but one concludes {conclusions[0]}, "
+                f"the other {conclusions[1]}."
                 if differ
-                else f"Rules {first} and {second} say the same: if {words} then {told[0]}.",
+                else f"Rules {first} and {second} say the same: if {words} then {conclusions[0]}.",
                 "Decide which of the two is intended, and remove the other."
                 if differ
                 else f"Remove one of the two{'' if adds_up else '; it counts no more for being said twice'}.",
@@ -124,7 +128,7 @@ def _overlapping(system: FuzzySystem) -> Iterator[Finding]:
         against = np.flatnonzero(narrower & (consequents != consequents[wide]))
         if len(against):
             rule = system.rules[wide]
-            told = [
+            narrower_rules = [
                 f"rule {number + 1} ({consequent_words(system.rules[number].consequents)})"
                 for number in against
             ]
@@ -133,8 +137,8 @@ def _overlapping(system: FuzzySystem) -> Iterator[Finding]:
                 Severity.WARNING,
                 system.name,
                 f"Rule {wide + 1} (if {antecedent_words(rule.antecedent)} then "
-                f"{consequent_words(rule.consequents)}) holds wherever {listed(told)} does, which says "
-                "otherwise: the output lies between the two.",
+                f"{consequent_words(rule.consequents)}) holds wherever {listed(narrower_rules)} does, which "
+                "says otherwise: the output lies between the two.",
                 "Restrict the wider rule to what the narrower ones leave, or let them conclude the same.",
                 rules=(int(wide) + 1, *(int(number) + 1 for number in against)),
             )
@@ -184,7 +188,7 @@ def _counted(steps: list[Step]) -> str:
     return f"{len(steps)} step{'' if len(steps) == 1 else 's'}"
 
 
-def _told(system: FuzzySystem, step: Step) -> str:
+def _step_words(system: FuzzySystem, step: Step) -> str:
     """Say a step: ``from PL (rule 3) to NS (rule 8)``."""
     output = system.outputs[0].name
     words = [f"{_concludes(system.rules[rule - 1])[output]} (rule {rule})" for rule in step.rules]
@@ -205,7 +209,7 @@ def _jumps(system: FuzzySystem, axis: int, steps: list[Step], thresholds: Thresh
         f"Along {variable.name}, {len(far)} of {len(steps)} steps between neighbouring rules "
         f"{'is' if len(far) == 1 else 'are'} more than "
         f"{percent(thresholds.jump)} of the range of {output.name}; the largest goes "
-        f"{_told(system, far[0])}, {jump} apart.",
+        f"{_step_words(system, far[0])}, {jump} apart.",
         "Look at these rules in the table; put a value in between unless the jump is intended.",
         variable.name,
         rules=tuple(sorted({rule for step in far for rule in step.rules})),
@@ -227,14 +231,14 @@ def _turns(system: FuzzySystem, axis: int, steps: list[Step], thresholds: Thresh
         severity = Severity.WARNING
         sentence = (
             f"{output.name} {ways[0]} with {variable.name} in {_counted(along)} of the rule table, but "
-            f"{ways[1]} in {len(against)}: most of all {_told(system, worst)}."
+            f"{ways[1]} in {len(against)}: most of all {_step_words(system, worst)}."
         )
         cure = "Check these rules: a single step against the others is often a slip."
     else:
         severity = Severity.NOTE
         sentence = (
             f"The rule table has no direction along {variable.name}: {output.name} rises in "
-            f"{_counted(rising)} and falls in {len(falling)}, for example {_told(system, worst)}."
+            f"{_counted(rising)} and falls in {len(falling)}, for example {_step_words(system, worst)}."
         )
         cure = (
             f"Ask whether {output.name} should change with {variable.name} in one direction; if so, correct "

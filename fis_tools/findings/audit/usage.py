@@ -93,12 +93,12 @@ def _dominant(
         lead, share = float(leading[index]), float(shares[index])
         if len(system.rules) < 3 or max(lead, share) <= thresholds.dominant:
             continue
-        told = (
+        ways = (
             [f"fires most strongly in {percent(lead)} of the inferences"]
             if lead > thresholds.dominant
             else []
         )
-        told += (
+        ways += (
             [f"makes up {percent(share)} of the effect of all rules"] if share > thresholds.dominant else []
         )
         yield Finding(
@@ -106,7 +106,7 @@ def _dominant(
             Severity.NOTE,
             system.name,
             f"Rule {index + 1} (if {antecedent_words(rule.antecedent)} then "
-            f"{consequent_words(rule.consequents)}) {' and '.join(told)}.",
+            f"{consequent_words(rule.consequents)}) {' and '.join(ways)}.",
             "Split its terms where most inputs lie, or accept that this one rule decides.",
             rules=(index + 1,),
             evidence={"leading": lead, "share": share},

@@ -58,7 +58,7 @@ def compare_variables(before: model.FuzzySystem, after: model.FuzzySystem) -> tu
 
 
 def _variable_facts(before: model.Variable, after: model.Variable) -> Iterator[Fact]:
-    for what, words in _TOLD.items():
+    for what, words in _IN_WORDS.items():
         if words(before, repr) != words(after, repr):
             write = number if words(before, number) != words(after, number) else repr
             yield Fact(what, words(before, write), words(after, write))
@@ -74,7 +74,7 @@ def _points_words(variable: model.Variable, write: Write) -> str:
 
 
 #: What a variable says of itself besides its terms, numbers written in some way.
-_TOLD: dict[str, Callable[[model.Variable, Write], str]] = {
+_IN_WORDS: dict[str, Callable[[model.Variable, Write], str]] = {
     "unit": lambda v, _: v.unit or "none",
     "range": lambda v, write: f"{write(v.minimum)} to {write(v.maximum)}",
     "points": _points_words,
@@ -188,7 +188,8 @@ def renamed(rule: model.Rule, names: Names) -> model.Rule:
 
     consequents = (replace(c, term=term(c.variable, c.term)) for c in rule.consequents)
     antecedent = model.with_statements(
-        rule.antecedent, lambda said: model.Is(said.variable, term(said.variable, said.term))
+        rule.antecedent,
+        lambda each: model.Is(each.variable, term(each.variable, each.term)),
     )
     return replace(rule, antecedent=antecedent, consequents=tuple(consequents))
 

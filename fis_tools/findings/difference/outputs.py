@@ -162,7 +162,9 @@ def _picture(before: FuzzySystem, after: FuzzySystem, output: Variable) -> str:
         for theme in (render.LIGHT, render.DARK)
     )
     held = render.held_words(after, surfaces[0].fixed)
-    told = f"{output.name}, before, after and the difference" + (f", where {held}" if held else "")
+    caption = f"{output.name}, before, after and the difference" + (f", where {held}" if held else "")
     source, image = f"data:image/png;base64,{dark}", f"data:image/png;base64,{light}"
-    picture = element("picture", void("source", media=_DARK, srcset=source), void("img", alt=told, src=image))
-    return element("figure", picture, element("figcaption", told))
+    picture = element(
+        "picture", void("source", media=_DARK, srcset=source), void("img", alt=caption, src=image)
+    )
+    return element("figure", picture, element("figcaption", caption))

@@ -216,8 +216,8 @@ def shape_change(before: Term, after: Term) -> str:
     }
     seen = {name: values for name, values in changed.items() if number(values[0]) != number(values[1])}
     write = number if seen else repr
-    told = [f"{name} {f' {TO} '.join(map(write, values))}" for name, values in (seen or changed).items()]
-    return ", ".join(told) or shape_words(after)
+    changes = [f"{name} {f' {TO} '.join(map(write, values))}" for name, values in (seen or changed).items()]
+    return ", ".join(changes) or shape_words(after)
 
 
 def changed_tables(system: SystemDifference) -> list[tuple[str, Table]] | None:

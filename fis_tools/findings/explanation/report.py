@@ -153,7 +153,7 @@ class Explanation(Result):
             groups.setdefault(" and ".join(terms), []).append(move)
         whole = output.value - (output.variable.default or 0.0)
         shared = {term: sum(move.share for move in moves) for term, moves in groups.items()}
-        told = []
+        sentences = []
         for term in sorted(groups, key=lambda term: -abs(shared[term])):
             who = [
                 str(move.rule)
@@ -167,14 +167,14 @@ class Explanation(Result):
                     else f"rule {who[0]} says so"
                 )
                 of_all = f", {shared[term] / whole:.2f}" if abs(whole) > SMALL * span(output.variable) else ""
-                told.append(f"{term}{of_all} ({_signed(output.variable, shared[term])}): {words}")
-        return told
+                sentences.append(f"{term}{of_all} ({_signed(output.variable, shared[term])}): {words}")
+        return sentences
 
     def _moves(self, output: ExplainedOutput, everything: bool) -> tuple[list[list[str]], str]:
         """Return the listed rules as cells, and a sentence on the others."""
         variable, moves = output.variable, output.moves
-        told = [move for move in moves if abs(move.share) >= WORTH_TELLING * span(variable)][:MOST_RULES]
-        told = list(moves) if everything else told or list(moves[:1])
+        shown = [move for move in moves if abs(move.share) >= WORTH_TELLING * span(variable)][:MOST_RULES]
+        shown = list(moves) if everything else shown or list(moves[:1])
         rows = [
             [
                 _signed(variable, move.share),
@@ -182,9 +182,9 @@ class Explanation(Result):
                 f"{move.strength:.2f}",
                 f"{move.rule}. {sentence(self.system.rules[move.rule - 1])}",
             ]
-            for move in told
+            for move in shown
         ]
-        rest = moves[len(told) :]
+        rest = moves[len(shown) :]
         if not rest:
             return rows, ""
         fire = "1 more rule fires, with" if len(rest) == 1 else f"{len(rest)} more rules fire, each with"
@@ -212,15 +212,15 @@ def _signed(variable: Variable, value: float) -> str:
 
 
 def _value(output: ExplainedOutput) -> str:
-    told = f"{output.variable.name} = {amount(output.variable, output.value)}"
+    value = f"{output.variable.name} = {amount(output.variable, output.value)}"
     if output.is_default:
-        return f"{told}, its default: no rule that concludes on it fires"
+        return f"{value}, its default: no rule that concludes on it fires"
     variable, silent = output.variable, output.variable.default or 0.0
     way = f"{_signed(variable, output.value - silent)} from {amount(variable, silent)}, where no rule fires"
     error = (
         f", sampled with a standard error of {amount(variable, output.error)} at most" if output.error else ""
     )
-    return f"{told}: {way}. By shares{error}:"
+    return f"{value}: {way}. By shares{error}:"
 
 
 def _flip_words(output: ExplainedOutput) -> Iterator[str]:
@@ -269,10 +269,10 @@ def _landing(flip: Flip) -> str:
 
 
 def _plain_flip(flip: Flip) -> dict[str, Any]:
-    told = ("last", "first", "output_at_last", "output_at_first", "takes_default", "change")
+    keys = ("last", "first", "output_at_last", "output_at_first", "takes_default", "change")
     return {
         "input": flip.input.name,
         "unit": flip.input.unit,
         "way": "up" if flip.way > 0 else "down",
-        **{name: getattr(flip, name) for name in told},
+        **{name: getattr(flip, name) for name in keys},
     }

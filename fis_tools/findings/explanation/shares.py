@@ -16,7 +16,7 @@ from fis_tools.model import FuzzySystem
 from fis_tools.words.text import amount, percent, sentence, with_unit
 
 #: Rules are told until they make this share of all movement, and no more than so many.
-TOLD_SHARE = 0.95
+SHOWN_SHARE = 0.95
 MOST_RULES = 12
 
 
@@ -60,10 +60,10 @@ class Shares(Result):
 
     def document(self, *, everything: bool = False) -> Document:
         """List the rules that decide; with `everything`, the others too."""
-        told = self._told(everything)
-        head, *rows = self._rows(told)
+        shown = self._shown(everything)
+        head, *rows = self._rows(shown)
         blocks: list[Block] = [Heading(self._summary()), Table(head, rows, numbers=range(len(head) - 1))]
-        rest = [Paragraph(self._rest(told))] if len(told) < len(self.rules) else []
+        rest = [Paragraph(self._rest(shown))] if len(shown) < len(self.rules) else []
         return Document([*blocks, *rest])
 
     def plain(self) -> dict[str, Any]:
@@ -88,11 +88,11 @@ class Shares(Result):
             ],
         }
 
-    def _told(self, everything: bool) -> tuple[RuleShare, ...]:
+    def _shown(self, everything: bool) -> tuple[RuleShare, ...]:
         if everything:
             return self.rules
         before = np.cumsum([0.0, *(rule.share for rule in self.rules[:-1])])
-        count = int(np.count_nonzero(before < TOLD_SHARE))
+        count = int(np.count_nonzero(before < SHOWN_SHARE))
         moving = sum(rule.share > 0.0 for rule in self.rules)
         return self.rules[: max(1, min(count, moving, MOST_RULES))]
 
@@ -109,14 +109,14 @@ class Shares(Result):
             f"{len(self.rules)} rules never fire at {FIRED:g} or more"
         )
 
-    def _rest(self, told: tuple[RuleShare, ...]) -> str:
-        rest = max(0.0, 1.0 - sum(rule.share for rule in told))
-        others = len(self.rules) - len(told)
+    def _rest(self, shown: tuple[RuleShare, ...]) -> str:
+        rest = max(0.0, 1.0 - sum(rule.share for rule in shown))
+        others = len(self.rules) - len(shown)
         if rest < 1e-12 or not any(rule.share for rule in self.rules):
             return f"the other {others} moved nothing"
         return f"the other {others} make {percent(rest)}"
 
-    def _rows(self, told: tuple[RuleShare, ...]) -> list[list[str]]:
+    def _rows(self, shown: tuple[RuleShare, ...]) -> list[list[str]]:
         outputs = self.system.outputs
         heads = [
             word if len(outputs) == 1 else f"{word} {with_unit(v)}"
@@ -124,7 +124,7 @@ class Shares(Result):
             for v in outputs
         ]
         rows = [["share", *heads, "fired", "leading", "max", "rule"]]
-        for rule in told:
+        for rule in shown:
             values = zip((*outputs, *outputs), (*rule.moved, *rule.needed), strict=True)
             amounts = [amount(variable, value) for variable, value in values]
             rows.append(

@@ -180,12 +180,12 @@ def cleaned(draft: Draft) -> Draft:
 
 def unused_words(before: FuzzySystem, after: FuzzySystem) -> str:
     """List the removed terms, by variable; empty if there are none."""
-    told = []
+    unused = []
     for old, new in zip((*before.inputs, *before.outputs), (*after.inputs, *after.outputs), strict=True):
         names = {term.name for term in new.terms}
         gone = [term.name for term in old.terms if term.name not in names]
-        told += [f"{listed(gone, len(gone))} of {old.name}"] if gone else []
-    return listed(told, len(told))
+        unused += [f"{listed(gone, len(gone))} of {old.name}"] if gone else []
+    return listed(unused, len(unused))
 
 
 def proposals(draft: Draft, bench: Bench) -> list[tuple[float, Proposal]]:

@@ -144,13 +144,13 @@ def _heads(system: SimplifiedSystem) -> list[str]:
         return [f"{system.original.name}: nothing can be made simpler within the budget"]
     lines = []
     for place, output in enumerate(system.original.outputs):
-        told = []
+        changes = []
         for name, change in system.changes.items():
             most, mean = (part[place] * span(output) for part in (change.largest, change.mean))
-            told.append(
+            changes.append(
                 f"{amount(output, most)} at most and {amount(output, mean)} on average {_PLACES[name]}"
             )
-        lines.append(f"{system.original.name}: {output.name} departs by {'; by '.join(told)}")
+        lines.append(f"{system.original.name}: {output.name} departs by {'; by '.join(changes)}")
     return lines
 
 

@@ -66,7 +66,7 @@ class Search:
         for place, variable in enumerate(system.inputs):
             bench = self.bench.without_input(place)
             for term in variable.terms:
-                self._tell()
+                self._report_progress()
                 shorter = without_input(system, variable.name, term.name)
                 if shorter is not None:
                     numbers = tuple(self.draft.numbers[rule] for rule in shorter[1])
@@ -108,19 +108,20 @@ class Search:
                 draft = rounded_draft(self.draft, digits, unit)
                 if self.bench.cost(self.bench.measure(draft.system)) <= 1.0:
                     self.draft = draft
-            self._tell()
+            self._report_progress()
         if self.draft.system != before.system:
             now = [d for unit, d in self.draft.digits.items() if before.digits.get(unit) != d]
-            told = [
+            roundings = [
                 f"{now.count(digits)} to {digits} digit{'s' if digits > 1 else ''}"
                 for digits in sorted(set(now), reverse=True)
             ]
-            words = f"of {len(units(self.draft.exact))} terms and ranges round {listed(told, len(told))}"
+            count = len(units(self.draft.exact))
+            words = f"of {count} terms and ranges round {listed(roundings, len(roundings))}"
             self._record("round", words, before)
 
     def _try(self, proposal: Proposal) -> bool:
         """Take a step if it fits the budget."""
-        self._tell()
+        self._report_progress()
         if self.bench.cost(self.bench.measure(proposal.draft.system)) > 1.0:
             self._refused.add(proposal.key)
             return False
@@ -168,7 +169,7 @@ class Search:
                 return True
         return False
 
-    def _tell(self) -> None:
+    def _report_progress(self) -> None:
         if self._progress is not None:
             system = self.draft.exact
             self._progress(f"{system.name}: {len(system.rules)} rules, {num_terms(system)} terms")

@@ -108,7 +108,7 @@ def read(text: str) -> Any:
         loader = _Loader(text)
         data = loader.get_single_data()
     except yaml.MarkedYAMLError as error:
-        raise Unreadable(_told(error)) from error
+        raise Unreadable(_problem(error)) from error
     except (yaml.YAMLError, UnicodeEncodeError) as error:
         raise Unreadable(f"it is not YAML: {' '.join(str(error).split())}") from error
     except RecursionError as error:
@@ -125,7 +125,7 @@ def read(text: str) -> Any:
     return data
 
 
-def _told(error: yaml.MarkedYAMLError) -> str:
+def _problem(error: yaml.MarkedYAMLError) -> str:
     mark = error.problem_mark or error.context_mark
     problem = error.problem or error.context or "a mistake"
     if mark is None:
