@@ -101,21 +101,16 @@ def test_what_takes_vectors_runs_as_plain_python_with_the_package_that_calls_it(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("name", "old", "new", "answer"),
-    [
+def test_an_edit_compiles_anew_what_depends_on_it_and_no_more(package: Package) -> None:
+    package.call()
+    for name, old, new, answer in (
         ("callee", "x + STEP", "x * 3", 45),
         ("constants", "1", "10", 25),
         ("caller", "step(step(x))", "step(x)", 6),
-    ],
-)
-def test_an_edit_compiles_anew_what_depends_on_it_and_no_more(
-    package: Package, name: str, old: str, new: str, answer: int
-) -> None:
-    package.call()
-    package.write(name, SOURCES[name].replace(old, new))
-    assert package.call() == f"{answer} 8 0 1"
-    package.write(name, SOURCES[name])
+    ):
+        package.write(name, SOURCES[name].replace(old, new))
+        assert package.call() == f"{answer} 8 0 1"
+        package.write(name, SOURCES[name])
     assert package.call() == "7 8 1 1"
 
 

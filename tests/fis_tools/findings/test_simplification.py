@@ -233,12 +233,11 @@ def test_rounded_terms_stay_whole_and_in_order(name: str, digits: int) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("along_flights", [True, False])
-def test_a_champion_stays_one_that_flies_and_is_the_same_each_time(along_flights: bool) -> None:
+def test_a_champion_stays_one_that_flies_and_is_the_same_each_time() -> None:
     champion = load(CHAMPION)
-    samples = {system.name: flown(system) for system in champion.systems} if along_flights else None
+    samples = {system.name: flown(system) for system in champion.systems}
     found = simplify(champion, samples)
-    again = simplify(champion.systems[2], samples and {"force_z": samples["force_z"]})
+    again = simplify(champion.systems[2], {"force_z": samples["force_z"]})
     assert again.systems[0] == found.systems[2]
     assert sum(len(s.rules) for s in found.controller.systems) < 60
     pack(*found.controller.systems)
@@ -246,8 +245,8 @@ def test_a_champion_stays_one_that_flies_and_is_the_same_each_time(along_flights
     facts = dict(found.controller.provenance)
     assert facts["simplified_from"] == "paper_champion"
     assert "5 % of an output's range at most and 1 % on average" in facts["simplified_within"]
-    assert ("along the logs and over" in facts["simplified_within"]) == along_flights
-    assert ("(360 inferences)" in facts["simplified_within"]) == along_flights
+    assert "along the logs and over" in facts["simplified_within"]
+    assert "(360 inferences)" in facts["simplified_within"]
     assert facts["trained_by"] == dict(champion.provenance)["trained_by"]
     assert loads(dump_yaml(found.controller), "yaml") == found.controller
     for system, simpler in zip(champion.systems, found.controller.systems, strict=True):
@@ -328,12 +327,11 @@ def path(tmp_path: Path) -> Path:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("ending", ["yaml", "json"])
 def test_the_command_writes_a_controller_and_tells_the_steps(
-    path: Path, capsys: pytest.CaptureFixture[str], ending: str
+    path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     expected = simplify(load(path), budget=Budget(0.02, 0.004))
-    output = path.parent / "new" / f"simpler.{ending}"
+    output = path.parent / "new" / "simpler.yaml"
     words = ("simplify", path, "--max-change", "2%", "--mean-change", "0.004", "-o", output)
     assert run(capsys, *words) == (0, expected.text(), "")
     assert load(output) == expected.controller
