@@ -18,12 +18,19 @@ from typing import NamedTuple
 import numpy as np
 
 from fis_tools.analysis.arrays import FIRED
-from fis_tools.analysis.coalitions import Cuts, Leads, blocks, by_level, num_coalitions, weighted_coalitions
+from fis_tools.analysis.coalitions import (
+    Cuts,
+    Leads,
+    Subsets,
+    blocks,
+    by_level,
+    num_coalitions,
+    weighted_coalitions,
+)
 from fis_tools.analysis.contribution import weighed_shares
 from fis_tools.array_types import Booleans, Floats, Integers
 from fis_tools.engines.compiler import CompiledSystem
 from fis_tools.engines.program import Weighing
-from fis_tools.engines.subsets import Subsets
 from fis_tools.model.operators import ACCUMULATIONS
 
 #: What coalitions are worth, (n,), from which rules are in them, (n, num_players).

@@ -20,7 +20,7 @@ from fis_tools.commands.arguments import (
 )
 from fis_tools.document import html, latex, markdown, text
 from fis_tools.formats import csv, forms, serialize
-from fis_tools.formats.c import cost, fmu, source
+from fis_tools.formats.c import fmu, parts, source
 from fis_tools.formats.exchange.antecedents import NotExpressible
 from fis_tools.formats.forms import Written
 from fis_tools.model import FuzzyController
@@ -122,10 +122,10 @@ def _write_c(controller: FuzzyController, output: str | None, bare: bool) -> Non
     except ValueError as error:
         raise UserMistake(str(error)) from error
     write(output, text)
-    counts = cost.operations(controller)._asdict()
+    counts = parts.operations(controller)._asdict()
     operations = ", ".join(f"{count:,} {name}" for name, count in counts.items())
     print(f"a call takes at most {operations} on doubles", file=sys.stderr)
-    stack = cost.stack_bytes(text)
+    stack = parts.stack_bytes(text)
     words = "no gcc here to measure it"
     if stack is not None:
         words = f"at most {stack:,} bytes, without the C library's; by gcc -O2 on this machine"

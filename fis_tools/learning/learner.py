@@ -12,9 +12,8 @@ import numpy as np
 from fis_tools.array_types import Floats, Integers
 from fis_tools.engines.compiler import compile
 from fis_tools.learning.partition import WORDS, Partition, Partitions, even, range_of, tuned
+from fis_tools.learning.rules import Kind, bare_output, fit, takagi_sugeno, wang_mendel
 from fis_tools.learning.table import Column, Table, as_table, columns_over, distinct, name_and_unit
-from fis_tools.learning.takagi_sugeno import Kind, bare_output, fit, takagi_sugeno
-from fis_tools.learning.wang_mendel import wang_mendel
 from fis_tools.model import FuzzySystem, Variable
 from fis_tools.model.validate import MOST_INPUTS
 
@@ -78,7 +77,7 @@ def chosen_columns(
     terms, most : int
         Terms of each column, and how many are chosen at most.
     kind : {"constants", "linear", "shares"}
-        What rules would conclude; see `fis_tools.learning.takagi_sugeno.fit`, whose error is taken.
+        What rules would conclude; see `fis_tools.learning.rules.fit`, whose error is taken.
 
     Returns
     -------

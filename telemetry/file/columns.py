@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from telemetry.array_types import Bytes, Floats
 from telemetry.file import topics
 from telemetry.file.errors import RecordingError
-from telemetry.file.plain_text import plain
+from telemetry.file.metadata import plain
 from telemetry.file.schema import inspection_pb2
 
 if TYPE_CHECKING:

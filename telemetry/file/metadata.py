@@ -5,6 +5,7 @@ unknown values are left out.
 """
 
 import json
+import re
 import sys
 import zlib
 from collections.abc import Mapping
@@ -12,7 +13,6 @@ from dataclasses import dataclass, fields
 from typing import Final
 
 from telemetry.file.errors import RecordingError
-from telemetry.file.plain_text import plain
 
 JsonValue = float | str | list[float] | list[str]
 
@@ -212,3 +212,15 @@ def _words_from_json(key: str, text: str) -> tuple[str, ...]:
     if not isinstance(value, list):
         raise RecordingError(f"metadata {key!r} is {text!r}, but a JSON list of words is expected")
     return tuple(plain(str(word)) for word in value)
+
+
+#: control characters but line ends and tabs, what turns the direction of writing, and halves of pairs
+UNFIT: Final = re.compile(
+    "[\\x00-\\x08\\x0b-\\x1f\\x7f-\\x9f\\u061c\\u200e\\u200f\\u2028-\\u202e\\u2066-\\u2069\\ud800-\\udfff]"
+)
+MISSING_SIGN: Final = "\N{REPLACEMENT CHARACTER}"
+
+
+def plain(text: str) -> str:
+    """Return text in which `UNFIT` characters are replaced."""
+    return UNFIT.sub(MISSING_SIGN, text)

@@ -8,7 +8,7 @@ import telemetry
 from fis_tools.formats import serialize
 from fis_tools.plain_text import MISSING_SIGN, plain
 from pipeline.run import artifacts
-from telemetry.file import plain_text
+from telemetry.file import metadata
 from tests.fis_tools.sample_controllers import paper_like_controller
 
 HARMFUL = ("\x1b[31mred\x1b[0m", "\x9b31m", "a\u202eb", "\u2066x", "\ud800", "\x00", "\x07", "\u2028")
@@ -17,7 +17,7 @@ HARMLESS = ("°C", "m/s²", "Größe", "速度", "two\nlines", "a\u00a0b", "e\u0
 
 @pytest.mark.parametrize("text", HARMFUL)
 def test_harmful_letters_are_replaced(text):
-    for clean in (plain(text), plain_text.plain(text)):
+    for clean in (plain(text), metadata.plain(text)):
         assert MISSING_SIGN in clean
         assert not set(clean) & set("\x1b\x9b\u202e\u2066\ud800\x00\x07\u2028")
         clean.encode()
@@ -25,7 +25,7 @@ def test_harmful_letters_are_replaced(text):
 
 @pytest.mark.parametrize("text", HARMLESS)
 def test_other_letters_stay(text):
-    assert plain(text) == plain_text.plain(text) == text
+    assert plain(text) == metadata.plain(text) == text
 
 
 @pytest.mark.parametrize("text", HARMFUL)

@@ -12,7 +12,7 @@ from textwrap import wrap
 
 from fis_tools import model
 from fis_tools.engines.program import Conclusion, assemble
-from fis_tools.formats.c import cost, parts, thrust
+from fis_tools.formats.c import parts, thrust
 from fis_tools.model.thrust import ThrustLogic, thrust_logic
 from fis_tools.model.variables import sample
 from fis_tools.words.text import number, sentence, shape_words, summary, with_unit
@@ -119,7 +119,7 @@ def _header(controller: model.FuzzyController, logic: ThrustLogic | None, *, has
 
 
 def _operations_in_words(controller: model.FuzzyController) -> str:
-    counts = cost.operations(controller)._asdict()
+    counts = parts.operations(controller)._asdict()
     *most, last = [f"{count:,} {name}" for name, count in counts.items()]
     return f"{', '.join(most)} and {last}"
 

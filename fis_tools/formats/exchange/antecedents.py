@@ -13,7 +13,7 @@ from functools import reduce
 from itertools import product
 from math import prod
 
-from fis_tools.formats.exchange.methods import HEDGES, meanings
+from fis_tools.formats.exchange.vocabulary import HEDGES, meanings
 from fis_tools.model import (
     And,
     AndOperator,

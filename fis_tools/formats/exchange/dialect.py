@@ -24,8 +24,7 @@ from fis_tools.formats.exchange.antecedents import (
     renamed,
     with_plain_not,
 )
-from fis_tools.formats.exchange.identifiers import Names
-from fis_tools.formats.exchange.methods import HEDGES
+from fis_tools.formats.exchange.vocabulary import HEDGES, Names
 from fis_tools.model import (
     And,
     AndOperator,

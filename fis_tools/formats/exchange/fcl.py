@@ -23,7 +23,7 @@ from fis_tools.formats.exchange.carried import understand
 from fis_tools.formats.exchange.dialect import Dialect, Expressed, settle
 from fis_tools.formats.exchange.fll_rules import Operators, chained, read_rules
 from fis_tools.formats.exchange.foreign import Extent, Table
-from fis_tools.formats.exchange.methods import (
+from fis_tools.formats.exchange.vocabulary import (
     AGGREGATIONS,
     AND,
     DEFUZZIFIERS,

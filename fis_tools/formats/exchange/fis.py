@@ -37,7 +37,14 @@ from fis_tools.formats.exchange.fis_sections import (
 )
 from fis_tools.formats.exchange.fll_rules import hedged_rules
 from fis_tools.formats.exchange.foreign import Extent, Table
-from fis_tools.formats.exchange.methods import AGGREGATIONS, AND, DEFUZZIFIERS, NORMALIZED_SUMS, OR, meanings
+from fis_tools.formats.exchange.vocabulary import (
+    AGGREGATIONS,
+    AND,
+    DEFUZZIFIERS,
+    NORMALIZED_SUMS,
+    OR,
+    meanings,
+)
 from fis_tools.formats.exchange.writing import term_words, written
 from fis_tools.formats.forms import Reading, Written
 from fis_tools.model.operators import WEIGHING

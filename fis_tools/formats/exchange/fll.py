@@ -18,7 +18,14 @@ from fis_tools.formats.exchange.carried import MARK, understand
 from fis_tools.formats.exchange.dialect import Dialect, Expressed, settle
 from fis_tools.formats.exchange.fll_rules import Operators, chained, read_rules
 from fis_tools.formats.exchange.foreign import Extent, Table
-from fis_tools.formats.exchange.methods import AGGREGATIONS, AND, DEFUZZIFIERS, NORMALIZED_SUMS, OR, meanings
+from fis_tools.formats.exchange.vocabulary import (
+    AGGREGATIONS,
+    AND,
+    DEFUZZIFIERS,
+    NORMALIZED_SUMS,
+    OR,
+    meanings,
+)
 from fis_tools.formats.exchange.writing import term_words, written
 from fis_tools.formats.forms import Reading, Written
 from fis_tools.formats.own.mapping import MOST_POINTS

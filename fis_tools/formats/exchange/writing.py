@@ -15,7 +15,7 @@ import numpy as np
 from fis_tools import model
 from fis_tools.array_types import Floats
 from fis_tools.engines import inference
-from fis_tools.formats.exchange import methods
+from fis_tools.formats.exchange import vocabulary
 from fis_tools.formats.exchange.carried import comment
 from fis_tools.formats.exchange.dialect import Dialect, Expressed, express, only_system
 from fis_tools.formats.exchange.foreign import RAMPS, TABLES
@@ -57,7 +57,9 @@ def written(
     """
     carried = comment(controller)
     expressed = express(only_system(controller, dialect), dialect)
-    words = {name: getattr(methods, name) for name in ("AND", "OR", "AGGREGATIONS", "DEFUZZIFIERS", "HEDGES")}
+    words = {
+        name: getattr(vocabulary, name) for name in ("AND", "OR", "AGGREGATIONS", "DEFUZZIFIERS", "HEDGES")
+    }
     text = rendered(
         f"exchange/{template}",
         system=expressed.system,

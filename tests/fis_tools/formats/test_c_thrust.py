@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from fis_tools.formats.c import cost, source, thrust
+from fis_tools.formats.c import parts, source, thrust
 from fis_tools.model import FuzzyController
 from fis_tools.model.thrust import thrust_logic
 from fis_tools.source import read_controller
@@ -112,7 +112,7 @@ def test_nothing_is_allocated_called_again_or_kept(name: str, tmp_path: Path) ->
     assert {word for word, kind in symbols if kind == "U"} <= {
         *("floor", "__stack_chk_fail", "_GLOBAL_OFFSET_TABLE_")
     }
-    stack = cost.stack_bytes(WRITTEN[name])  # refuses what calls itself
+    stack = parts.stack_bytes(WRITTEN[name])  # refuses what calls itself
     assert stack is not None
     assert 1000 < stack < 4096
 
@@ -208,11 +208,11 @@ int main(void)
     done = run(tmp_path, program("g++", "g++"), "-w", "-fpermissive", "-O1", "counted.cpp", "-o", "counted")
     assert done.returncode == 0, done.stderr[:2000]
     counted = [int(word) for word in run(tmp_path, str(tmp_path / "counted")).stdout.split()]
-    stated = cost.operations(controller)
+    stated = parts.operations(controller)
     for most, limit in zip(counted, stated, strict=True):
         assert 0 < most <= limit < 12 * most
 
 
 def test_a_longer_rule_base_costs_more() -> None:
     few, many = paper_like_controller(), shipped("champion_any_sun")
-    assert all(a < b for a, b in zip(cost.operations(few), cost.operations(many), strict=True))
+    assert all(a < b for a, b in zip(parts.operations(few), parts.operations(many), strict=True))

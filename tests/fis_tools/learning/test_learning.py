@@ -17,9 +17,8 @@ from fis_tools.formats import serialize
 from fis_tools.learning import Recipe, learn
 from fis_tools.learning.learner import cross_validated, learn_table
 from fis_tools.learning.partition import CLOSEST, Partition, even, range_of, tuned
+from fis_tools.learning.rules import fit, wang_mendel
 from fis_tools.learning.table import UnreadableTable, as_table, read, read_csv
-from fis_tools.learning.takagi_sugeno import fit
-from fis_tools.learning.wang_mendel import wang_mendel
 from fis_tools.model import Is
 from fis_tools.words.text import sentence
 from tests.places import PROJECT

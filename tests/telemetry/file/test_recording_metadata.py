@@ -8,8 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from telemetry import RecordingError
-from telemetry.file.metadata import EpisodeDescription, FisDescription, sealed, unsealed
-from telemetry.file.plain_text import plain
+from telemetry.file.metadata import EpisodeDescription, FisDescription, plain, sealed, unsealed
 from tests.telemetry import synthetic_flight
 
 words = st.text(max_size=12).map(plain)

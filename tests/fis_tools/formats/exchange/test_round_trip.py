@@ -15,7 +15,7 @@ from fis_tools.formats.exchange import fcl, fis, fll, fml
 from fis_tools.formats.exchange.antecedents import NotExpressible
 from fis_tools.formats.exchange.carried import EDITED
 from fis_tools.formats.exchange.dialect import express
-from fis_tools.formats.exchange.methods import AGGREGATIONS
+from fis_tools.formats.exchange.vocabulary import AGGREGATIONS
 from fis_tools.formats.serialize import ControllerFileError
 from fis_tools.model import (
     Aggregation,
