@@ -153,7 +153,7 @@ class StoppedError(Exception):
     """The machine goes down."""
 
 
-@pytest.mark.parametrize("calls", [1, 2, 9, 15, 16, 17, 24])
+@pytest.mark.parametrize("calls", [1, 15, 16, 24])
 def test_resumed_run_equals_an_uninterrupted_one(tmp_path, calls):
     settings = optimizer(rounds=2, generations=14)
     spheres = [Sphere(0.3), Sphere(0.7)]
