@@ -137,6 +137,9 @@ def sparingly(function: F) -> F:
         is_known = is_known or _is_wanted_again(known, args)
         if is_known:
             return known(*args)
+        from fis_tools.compiled import notice  # noqa: PLC0415 - numba, which is loaded by then
+
+        notice.tell_next(known.py_func)
         with plainly(known._package):
             return known.py_func(*args)
 

@@ -1,4 +1,4 @@
-"""Says on standard error which function is being compiled, and why its code is not kept.
+"""Says on standard error which function is being compiled, for how long, and why its code is not kept.
 
 Only our own functions are announced, and only what takes longer than half a second: what is loaded from the
 cache is not. While one is compiled, Python's garbage collector rests, because next to nothing of what numba
@@ -10,16 +10,23 @@ import _thread
 import gc
 import sys
 import threading
+import time
 from collections.abc import Callable
-from contextlib import ExitStack
-from functools import cache
+from contextlib import ExitStack, suppress
+from functools import cache as cached
+from types import ModuleType
 from typing import Any
 
+from fis_tools.compiled import cache
 from fis_tools.compiled.numba_parts import event
 from fis_tools.waiting import waiting
 
 #: Compilations shorter than this are not announced.
 SHORTEST_S = 0.5
+#: Compilations from this on are announced where the next call will need them.
+LONG_S = 5.0
+#: What compiling a function takes on average, with nothing measured here, s (`python -m benchmarks start`).
+SECONDS_A_FUNCTION = 0.12
 #: How long after a swallowed Ctrl-C the next one is sent.
 PAUSE_S = 0.1
 
@@ -39,20 +46,24 @@ class _Notice(event.Listener):
         self._depth += 1
         if self._depth > 1:
             return
-        self._timer = threading.Timer(
-            SHORTEST_S, self._show, [f"{function.__module__}.{function.__qualname__}"]
-        )
+        self._began = time.perf_counter()
+        self._timer = threading.Timer(SHORTEST_S, self._show, [function])
         self._timer.start()
         self._hook, sys.unraisablehook = sys.unraisablehook, self._heed
         self._collects = gc.isenabled()
         gc.disable()
 
     def on_end(self, event: Any) -> None:
-        if event.data["dispatcher"].py_func not in self.functions:
+        function = event.data["dispatcher"].py_func
+        if function not in self.functions:
             return
         self._depth -= 1
         if self._depth > 0:
             return
+        seconds = time.perf_counter() - self._began
+        if seconds > SHORTEST_S and (file := cache.measured(function)):
+            with suppress(OSError):
+                file.write_text(f"{seconds:.1f}", encoding="ascii")
         self._timer.cancel()
         self._timer.join()
         self._shown.close()
@@ -60,12 +71,14 @@ class _Notice(event.Listener):
         if self._collects:
             gc.enable()
 
-    def _show(self, name: str) -> None:
-        """Show the name: with the seconds in a terminal, until compilation ends; else as a line."""
+    def _show(self, function: Callable[..., Any]) -> None:
+        """Say what is compiled: with the seconds in a terminal, until compilation ends; else as a line."""
+        name = f"{function.__module__}.{function.__qualname__}"
+        told = f"compiling {name}: about {expected_s(function):.0f} s, once"
         if sys.stderr is None or not sys.stderr.isatty():
-            _write(f"compiling {name}")
+            _write(told)
             return
-        self._shown.enter_context(waiting(f"compiling {name}"))
+        self._shown.enter_context(waiting(told))
 
     def _heed(self, unraisable: Any) -> None:
         if issubclass(unraisable.exc_type, KeyboardInterrupt):
@@ -77,6 +90,38 @@ class _Notice(event.Listener):
 _notice = _Notice()
 
 
+def expected_s(function: Callable[..., Any]) -> float:
+    """Return how many seconds compiling a function takes: as measured here, else by what it calls."""
+    file = cache.measured(function)
+    seconds = 0.0
+    with suppress(OSError, ValueError):
+        seconds = float(file.read_text(encoding="ascii")) if file else 0.0
+    if not 0.0 < seconds < cache.DAY_S:
+        seconds = SECONDS_A_FUNCTION * len(_called(function, set()))
+    return max(1.0, seconds)
+
+
+def _called(function: Callable[..., Any], known: set[Callable[..., Any]]) -> set[Callable[..., Any]]:
+    """Add a function to the known ones, and the compiled functions that its code names, directly or not."""
+    known.add(function)
+    names, around = function.__code__.co_names, function.__globals__
+    values = [around[name] for name in names if name in around]
+    values += [getattr(one, name, None) for one in values if isinstance(one, ModuleType) for name in names]
+    for called in (value.py_func for value in values if "py_func" in getattr(value, "__dict__", ())):
+        if called not in known:
+            _called(called, known)
+    return known
+
+
+def tell_next(function: Callable[..., Any]) -> None:
+    """Say that a function that runs in plain Python will be compiled next time, if that takes long."""
+    if (seconds := expected_s(function)) >= LONG_S:
+        name = f"{function.__module__}.{function.__qualname__}"
+        _write(
+            f"{name} runs as plain Python this once; the next time it compiles: about {seconds:.0f} s, once"
+        )
+
+
 def announce(function: Callable[..., Any]) -> None:
     """Announce from now on when numba compiles this function."""
     if not _notice.functions:
@@ -84,7 +129,7 @@ def announce(function: Callable[..., Any]) -> None:
     _notice.functions.add(function)
 
 
-@cache
+@cached
 def tell_refusal(reason: str) -> None:
     """Say once why compiled code is not kept."""
     _write(f"compiled code is not kept: {reason}")

@@ -17,7 +17,7 @@ from pipeline.run.runner import Interrupted
 
 INTERRUPTED = 130
 #: other commands, by the modules with a function of that name; few runs need them
-COMMANDS = {name: f"pipeline.command_line.{name}" for name in ("cluster", "summary", "verify")}
+COMMANDS = {name: f"pipeline.command_line.{name}" for name in ("cluster", "summary", "verify", "warm")}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -29,8 +29,17 @@ from tests.smoke.pages import DOCS, FOLLOWED, PAGES, calls_of, commands, name_of
 GENERATED = ("live", "classics.md", "reference/commands.md", "reference/api")
 
 
-#: words of commands that work on what an earlier one made, or the reader has
-NEED_A_FOLDER = ("resume=", "compare=", "hydra.run.dir=", "--config-dir", "verify", "summary", "cluster")
+#: words of commands that work on what an earlier one made, or the reader has, and one that takes long
+NEED_A_FOLDER = (
+    "resume=",
+    "compare=",
+    "hydra.run.dir=",
+    "--config-dir",
+    "verify",
+    "summary",
+    "cluster",
+    "warm",
+)
 
 
 #: those of the README; a developer does not wait for all others

@@ -203,9 +203,22 @@ def test_a_source_edited_under_a_running_process_poisons_no_cache(package: Packa
 @pytest.mark.slow
 def test_a_compilation_is_announced_and_a_warm_start_is_silent(package: Package) -> None:
     assert package.run(AT_ONCE + CALL).stderr == (
-        "  compiling kernels.caller.twice\n  compiling kernels.other.double\n"
+        "  compiling kernels.caller.twice: about 1 s, once\n"
+        "  compiling kernels.other.double: about 1 s, once\n"
     )
     assert package.run(AT_ONCE + CALL).stderr == ""
+
+
+@pytest.mark.slow
+def test_what_a_compilation_took_is_what_the_next_one_is_said_to_take(package: Package) -> None:
+    name = "kernels.caller.twice"
+    ask = f"from fis_tools.compiled import notice; from {name.rpartition('.')[0]} import twice as f; "
+    ask += "print(len(notice._called(f.py_func, set())), notice.expected_s(f.py_func))"
+    assert package.run(ask).stdout.split() == ["2", "1.0"]  # itself, and `step`
+    package.run(CALL)
+    for written, told in (("42.5", "42.5"), ("-1", "1.0"), ("no number", "1.0"), ("nan", "1.0")):
+        (package.folder / "cache" / "fis-tools" / f"{name}.seconds").write_text(written)
+        assert package.run(ask).stdout.split()[1] == told
 
 
 @pytest.mark.slow
@@ -216,7 +229,7 @@ def test_in_a_terminal_the_notice_is_one_line_that_vanishes(package: Package) ->
     os.close(theirs)
     told = os.read(ours, 100_000).decode()
     os.close(ours)
-    assert re.search(r"compiling kernels\.caller\.twice \S*0:00:0", told)
+    assert re.search(r"compiling kernels\.caller\.twice: about 1 s, once \S*0:00:0", told)
     assert told.rstrip().endswith(ERASE_LINE)
 
 
