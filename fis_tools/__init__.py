@@ -48,7 +48,7 @@ _PLACES = {
     "MissingExtra": "errors",
     "compile": "engines.compiler",
     "imitate": "learning.imitation",
-    "learn": "learning.from_tables",
+    "learn": "learning.learner",
     "read_controller": "source",
     **dict.fromkeys(("audit", "explain", "export_c", "plot", "surface"), "shortcuts"),
 }
