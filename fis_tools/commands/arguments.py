@@ -4,7 +4,7 @@ import re
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import KW_ONLY, dataclass
+from dataclasses import KW_ONLY, dataclass, replace
 from math import inf, isfinite
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -186,7 +186,7 @@ def chosen(controller: FuzzyController, name: str | None) -> FuzzyController:
     if name not in names:
         raise UserMistake(f"controller {controller.name!r} has no system {name!r}; {nearest(name, names)}")
     systems = tuple(system for system in controller.systems if system.name == name)
-    return FuzzyController(controller.name, systems, controller.attributes, controller.provenance)
+    return replace(controller, systems=systems)
 
 
 def the_system(controller: FuzzyController) -> FuzzySystem:

@@ -17,11 +17,12 @@ def run(
 ) -> None:
     """Write one HTML page to review a controller and sign it off.
 
-    The page is one HTML file that needs no network: how it flew, requirements, findings, constants, then each
-    system with an inference whose sliders compute in the page what Python computes. Findings are accepted or
-    waived on it, checks ticked, a name and a date entered; it saves these as JSON tied to the controller's
-    SHA-256 (that of `python -m fis_tools export CONTROLLER --format json`), and prints a summary of two
-    pages. --flights may also be the folder of a run.
+    The page is one HTML file that needs no network: what the controller is for, verdicts, its rule tables,
+    how often it fails, what is not covered, findings, constants, then each system with an inference whose
+    sliders compute in the page what Python computes. Findings are accepted or waived on it, checks ticked, a
+    name and a date entered; it saves these as JSON tied to the controller's SHA-256 (that of `python -m
+    fis_tools export CONTROLLER --format json`), and prints whole, or a summary. --flights may also be the
+    folder of a run: then failures are counted over all flights of its evaluation.
 
     For example:
 

@@ -35,20 +35,21 @@ def page(document: Document, style: str = "") -> str:
 
     Headings of level 2 that have an id make its sections and its navigation.
     """
-    body = _main(document)
+    main = _main(document)
     style = Markup(read("style.css") + read("page.css") + style)  # noqa: S704 - of our packages
     return template("fis_tools", "document", "page.html").render(
         title=document.title,
         style=style,
-        policy=policy("" if "style=" in body or "<style" in body else style),
+        policy=policy("" if "style=" in main or "<style" in main else style),
         navigation=[
             block for block in document.blocks if isinstance(block, Heading) and block.level == 2 and block.id
         ],
-        body=body,
+        body=main,
     )
 
 
-def _main(document: Document) -> Markup:
+def body(document: Document) -> Markup:
+    """Write the blocks of a document alone, for a page that has more: its sections, without a style."""
     parts: list[Markup] = [Markup("")]
     sections: list[tuple[Heading | None, list[Markup]]] = [(None, [])]
     for block in document.blocks:
@@ -63,7 +64,11 @@ def _main(document: Document) -> Markup:
             title = element("h2", heading.words, id=f"{heading.id}-title")
             lines = Markup("\n").join(["", title, *inside, ""])
             parts.append(element("section", lines, id=heading.id, aria_labelledby=f"{heading.id}-title"))
-    return element("main", Markup("\n").join([*parts, Markup("")]), class_="document")
+    return Markup("\n").join([*parts, Markup("")])
+
+
+def _main(document: Document) -> Markup:
+    return element("main", body(document), class_="document")
 
 
 def _elements(block: Block) -> Iterator[Markup]:

@@ -103,12 +103,15 @@ class FuzzyController:
         Facts for the controller's user; passed on without interpretation, sorted by key.
     provenance : tuple of (str, str)
         Origin of the controller; passed on without interpretation, sorted by key.
+    purpose : str
+        What it is for and how it acts, in sentences for the person who uses it.
     """
 
     name: str
     systems: tuple[FuzzySystem, ...]
     attributes: tuple[tuple[str, str], ...] = ()
     provenance: tuple[tuple[str, str], ...] = ()
+    purpose: str = ""
 
     def __post_init__(self) -> None:
         """Clean the facts."""

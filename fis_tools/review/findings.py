@@ -42,9 +42,9 @@ def finding_rows(audit: Audit, controller: FuzzyController) -> list[dict[str, An
     return rows
 
 
-def finding_counts(audit: Audit, system: str) -> str:
-    """Say how many findings of each severity a system has: ``1 serious, 2 warnings``."""
-    counts = Counter(finding.severity for finding in audit.findings if finding.system == system)
+def finding_counts(audit: Audit, system: str = "") -> str:
+    """Say how many findings of each severity there are, maybe of one system: ``1 serious, 2 warnings``."""
+    counts = Counter(finding.severity for finding in audit.findings if system in ("", finding.system))
     return ", ".join(one.counted(counts[one]) for one in sorted(counts, reverse=True)) or "none"
 
 

@@ -2,17 +2,21 @@
 
 import json
 from collections.abc import Mapping, Sequence
-from math import sqrt
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from fis_tools.analysis import tables
 from fis_tools.analysis.flights import Outcome
 from fis_tools.errors import ControllerFileError
 
 SUMMARY = Path("evaluate") / "summary.json"
 RECORDINGS = "episodes"
-#: standard deviations of a normal distribution that hold 95 %
-CONFIDENCE = 1.959963984540054
+EPISODES = Path("evaluate") / "episodes.parquet"
+#: so many of the flights that fail are named
+MOST_NAMED = 3
 UNKNOWN = "–"
 
 
@@ -36,21 +40,63 @@ def recordings(paths: Sequence[Path | str]) -> list[Path]:
     return found
 
 
-def rows(paths: Sequence[Path | str], names: Sequence[str], flown: Sequence[Outcome]) -> list[list[str]]:
-    """Return the rows of the table, as many cells each as `HEADS` has.
+@dataclass(frozen=True)
+class Evaluation:
+    """All flights of a run's evaluation: their summary, and which failed worst."""
 
-    Parameters
-    ----------
-    paths : sequence of paths
-        Recordings and folders of runs; a folder's evaluation comes first.
-    names, flown : sequences
-        What the flights among them are called, and how they went.
+    summary: Mapping[str, Any]
+    worst: str
+
+
+def evaluations(paths: Sequence[Path | str]) -> list[Evaluation]:
+    """Return the evaluations of the runs that are named, or whose recordings are."""
+    folders = [path if path.is_dir() else path.parent.parent for path in map(Path, paths)]
+    return [
+        Evaluation(json.loads((folder / SUMMARY).read_text(encoding="utf-8")), _worst(folder / EPISODES))
+        for folder in dict.fromkeys(folders)
+        if (folder / SUMMARY).is_file()
+    ]
+
+
+def _worst(path: Path) -> str:
+    """Name the flights of an evaluation that failed by the most."""
+    if not path.is_file():
+        return ""
+    wanted = ("case", "success", "violated", "inspection_rate_percent")
+    told = tables.read_parquet(path, lambda names: [name for name in wanted if name in names])
+    if set(wanted) - set(told):
+        return ""
+    failed = ~told["success"].astype(bool) | told["violated"].astype(bool)
+    order = sorted(np.flatnonzero(failed), key=lambda row: told["inspection_rate_percent"][row])[:MOST_NAMED]
+    return ", ".join(
+        f"case {told['case'][row]} ({told['inspection_rate_percent'][row]:.1f} %"
+        f"{', outside' if told['violated'][row] else ''})"
+        for row in order
+    )
+
+
+def failures(evaluation: Evaluation) -> str:
+    """Say how often flights fail, over all that were evaluated, and which worst."""
+    told, count = evaluation.summary, evaluation.summary["num_cases"]
+    parts = []
+    if found := told.get("success"):
+        failed, low, high = count - found["count"], 1 - found["high"], 1 - found["low"]
+        missed = {"count": failed, "fraction": failed / count, "low": low, "high": high}
+        parts.append(f"{_share(missed, count)} inspect too little")
+    if found := told.get("violated"):
+        parts.append(f"{_share(found, count)} leave the limits")
+    worst = f" The worst: {evaluation.worst}." if evaluation.worst else ""
+    return f"Over all {count:,} flights of the evaluation: {'; '.join(parts)}.{worst}"
+
+
+def rows(told: Sequence[Evaluation], names: Sequence[str], flown: Sequence[Outcome]) -> list[list[str]]:
+    """Return the rows of the table, as many cells each as `HEADS` has: evaluations, then single flights.
+
+    Recorded flights are chosen, and stand for no others: nothing is counted over them.
     """
-    summaries = [path / SUMMARY for path in map(Path, paths) if (path / SUMMARY).is_file()]
-    told = [_evaluation(json.loads(path.read_text(encoding="utf-8"))) for path in summaries]
-    if len(flown) > 1 and not told:
-        told.append(_together(flown))
-    return told + [_flight(name, one) for name, one in zip(names, flown, strict=True)]
+    return [_evaluation(one.summary) for one in told] + [
+        _flight(name, one) for name, one in zip(names, flown, strict=True)
+    ]
 
 
 HEADS = (
@@ -78,45 +124,6 @@ def _share(found: Mapping[str, float] | None, count: int) -> str:
         return UNKNOWN
     low, high = 100 * found["low"], 100 * found["high"]
     return f"{found['count']:.0f} of {count}: {100 * found['fraction']:.1f} % ({low:.1f} to {high:.1f})"
-
-
-def interval(count: int, total: int) -> tuple[float, float]:
-    """Return Wilson's interval of a share at 95 %.
-
-    Source: E. B. Wilson, Journal of the American Statistical Association 22 (1927) 209-212.
-    """
-    share, z = count / total, CONFIDENCE
-    middle = (share + z * z / (2 * total)) / (1 + z * z / total)
-    half = z / (1 + z * z / total) * sqrt(share * (1 - share) / total + z * z / (4 * total * total))
-    return max(0.0, middle - half), min(1.0, middle + half)
-
-
-def _together(flown: Sequence[Outcome]) -> list[str]:
-    """Sum up recorded flights; these need not stand for others, and no interval is told beyond success."""
-
-    def mean(values: Sequence[float | None], digits: int) -> str:
-        numbers = [value for value in values if value is not None]
-        return f"{sum(numbers) / len(numbers):.{digits}f} on average" if numbers else UNKNOWN
-
-    def share(values: Sequence[bool | None]) -> str:
-        known = [value for value in values if value is not None]
-        if not known:
-            return UNKNOWN
-        low, high = interval(sum(known), len(known))
-        found = {"count": sum(known), "fraction": sum(known) / len(known), "low": low, "high": high}
-        return _share(found, len(known))
-
-    fired, asked = sum(one.num_fired for one in flown), sum(one.num_asked for one in flown)
-    return [
-        f"the {len(flown)} recorded",
-        mean([one.delta_v_m_s for one in flown], 3),
-        mean([one.inspection_rate_percent for one in flown], 2),
-        share([one.is_success for one in flown]),
-        _span([one.nearest_m for one in flown], [one.farthest_m for one in flown]),
-        share([one.is_outside for one in flown]),
-        share([None if not one.reasons else "safety" in one.reasons for one in flown]),
-        f"{fired} of {asked}" if asked else UNKNOWN,
-    ]
 
 
 def _span(nearest: Sequence[float | None], farthest: Sequence[float | None]) -> str:

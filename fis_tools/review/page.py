@@ -8,12 +8,13 @@ from markupsafe import Markup
 
 from fis_tools.analysis import flights
 from fis_tools.analysis.flights import read_outcome
+from fis_tools.document import Document, Heading, Items, Paragraph, html
 from fis_tools.document.page import read, source_hash, template
 from fis_tools.findings.audit import audit, report
 from fis_tools.formats import serialize
 from fis_tools.model import FuzzyController
 from fis_tools.model.weighing import require_mamdani
-from fis_tools.review import carried, content, outcomes
+from fis_tools.review import carried, content, opening, outcomes
 from fis_tools.review.colours import BRIGHTNESS, level_styles
 from fis_tools.review.constants import constants
 from fis_tools.review.findings import finding_counts, finding_rows
@@ -97,6 +98,23 @@ def write(
     samples = {system.name: samples_of(system, flown, noun) for system in systems}
     sensed = {name: some.inputs for name, some in samples.items() if some.are_flown}
     audited = audit(controller, sensed if flown else None)
+    evaluated = outcomes.evaluations(flight_paths)
+    names = [flight.name for flight in compress(flown, is_flight)]
+    told, requirements = (None, []) if evidence is None else read_evidence(evidence, fingerprint)
+    title = "How it flew" if noun == "flight" else "How it answered"
+    opening_blocks = [
+        *([Heading("Verdicts", id="requirements"), *opening.verdicts(requirements)] if requirements else []),
+        Heading("What it does", id="does"),
+        *opening.rules(controller),
+        Heading("Inputs", 3),
+        opening.inputs(controller, samples),
+        Heading(title, id="logged"),
+        *(Paragraph(outcomes.failures(one)) for one in evaluated),
+        *opening.flown_table(outcomes.rows(evaluated, names, went)),
+        Paragraph(opening.along(flown, noun)),
+        Heading("What is not covered", id="uncovered"),
+        Items(opening.not_covered(told, evaluated, samples, noun)),
+    ]
     data = {
         "brightness": BRIGHTNESS,
         "sha256": fingerprint,
@@ -112,15 +130,16 @@ def write(
         facts=content.facts(controller.provenance),
         constants=constants(controller, went, meanings),
         others=content.facts(content.texts(controller)),
-        outcome_heads=outcomes.HEADS,
-        outcomes=outcomes.rows(flight_paths, [flight.name for flight in compress(flown, is_flight)], went),
-        requirements=None if evidence is None else read_evidence(evidence, fingerprint),
+        lead=opening.lead(controller),
+        opening=html.body(Document(opening_blocks)),
+        sections=[one for one in opening_blocks if isinstance(one, Heading) and one.id],
         part=part,
         fingerprint=fingerprint,
         checks={key: words.format(noun=noun, did=_DID[noun]) for key, words in CHECKS.items()},
         noun=noun,
         flights=flown,
         findings=finding_rows(audited, controller),
+        counted=finding_counts(audited),
         measure_words=report.measure_words(audited),
         systems=[
             content.system_words(place, system, samples[system.name], measured.measures)

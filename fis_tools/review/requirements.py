@@ -9,8 +9,8 @@ from fis_tools.errors import ControllerFileError
 SCHEMA = "evidence"
 
 
-def read_evidence(path: Path | str, fingerprint: str) -> list[dict[str, Any]]:
-    """Return a row for each requirement: id, text, how it was verified, verdict and why.
+def read_evidence(path: Path | str, fingerprint: str) -> tuple[dict[str, Any], list[dict[str, str]]]:
+    """Return evidence, and of each requirement its name and its verdict in words.
 
     Raises
     ------
@@ -24,11 +24,8 @@ def read_evidence(path: Path | str, fingerprint: str) -> list[dict[str, Any]]:
         about = content["controller"]
         found = [
             {
-                "id": str(one["id"]),
-                "text": str(one["text"]),
-                "verified_by": ", ".join(one["verified_by"]),
-                "verdict": str(one["verdict"]),
-                "why": str(one.get("sentence", one["why"])),
+                "name": " ".join(str(one[key]) for key in ("id", "title") if key in one),
+                "words": str(one.get("sentence") or f"{one['verdict']}: {one['text']} {one['why']}"),
             }
             for one in content["requirements"]
         ]
@@ -42,4 +39,4 @@ def read_evidence(path: Path | str, fingerprint: str) -> list[dict[str, Any]]:
             f"{path} is about the controller {about.get('name')!r} with the SHA-256 {about.get('sha256')}, "
             f"but this one has {fingerprint}; give the evidence of this controller"
         )
-    return found
+    return content, found

@@ -77,6 +77,7 @@ def outline(controller: FuzzyController, importance: Mapping[str, Floats] | None
         How much each rule matters, as for `ranked`: ranks the rules.
     """
     blocks: list[Block] = [Heading(controller.name, 1)]
+    blocks += [Paragraph(_on_one_line(controller.purpose))] if controller.purpose else []
     facts = [[key, _on_one_line(value)] for key, value in (*controller.attributes, *controller.provenance)]
     blocks += [Table([], facts)] if facts else []
     for system in controller.systems:

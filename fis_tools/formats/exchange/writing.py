@@ -240,6 +240,7 @@ def _differences(
     yield "rules are written otherwise, with the same meaning", changed
     yield "labels of rules are left out", [rule.label for rule in system.rules if rule.label]
     yield "attributes are left out", [key for key, _ in controller.attributes]
+    yield "the purpose is left out", [controller.name] if controller.purpose else []
     yield "provenance is left out", [key for key, _ in controller.provenance]
     if controller.name != expressed.system.name:
         yield "the controller's name is left out", [controller.name]

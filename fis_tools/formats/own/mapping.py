@@ -1,11 +1,11 @@
 """A controller as plain data: dicts, lists, strings and numbers, the common ground of its JSON and YAML.
 
-The mapping has ``schema: fuzzy-controller``, ``schema_version: 1``, ``name``, ``attributes``,
-``provenance`` and ``systems``. A system has ``name``, ``inputs``, ``outputs`` and ``rules``. A variable has
-``name``, ``unit``, ``range`` and ``points`` (or ``universe``, every point of it), ``terms``, maybe a
-``description``, and, for an output, ``default`` and maybe ``defuzzifier``, ``accumulation`` and
-``aggregation``. The keys of a term tell its shape, where ``shape`` does not. A system may have an
-``implication``. A full rule table is the list of its output terms, the last
+The mapping has ``schema: fuzzy-controller``, ``schema_version: 1``, ``name``, maybe a ``purpose``,
+``attributes``, ``provenance`` and ``systems``. A system has ``name``, ``inputs``, ``outputs`` and
+``rules``. A variable has ``name``, ``unit``, ``range`` and ``points`` (or ``universe``, every point of
+it), ``terms``, maybe a ``description``, and, for an output, ``default`` and maybe ``defuzzifier``,
+``accumulation`` and ``aggregation``. The keys of a term tell its shape, where ``shape`` does not. A
+system may have an ``implication``. A full rule table is the list of its output terms, the last
 input changing fastest; any other rule base is a list of ``{if: ..., then: [...]}`` with ``is``, ``and``,
 ``or``, ``not`` nested, and maybe a ``label``, an ``and_operator`` and an ``or_operator``.
 """
@@ -56,6 +56,7 @@ def to_mapping(controller: model.FuzzyController) -> dict[str, Any]:
         "schema": SCHEMA,
         "schema_version": SCHEMA_VERSION,
         "name": controller.name,
+        **({"purpose": controller.purpose} if controller.purpose else {}),
         "attributes": dict(controller.attributes),
         "provenance": dict(controller.provenance),
         "systems": [_system_mapping(system) for system in controller.systems],
@@ -170,12 +171,13 @@ def from_mapping(mapping: Mapping[str, Any]) -> model.FuzzyController:
         )
     where = "the controller"
     required = ("schema", "schema_version", "name", "systems")
-    _check_keys(mapping, where, required, ("attributes", "provenance"))
+    _check_keys(mapping, where, required, ("purpose", "attributes", "provenance"))
     controller = model.FuzzyController(
         name=_text(mapping["name"], f"{where}: name"),
         systems=tuple(_items(mapping["systems"], "systems", _system)),
         attributes=_facts(mapping.get("attributes", {}), "attributes"),
         provenance=_facts(mapping.get("provenance", {}), "provenance"),
+        purpose=_text(mapping.get("purpose", ""), f"{where}: purpose"),
     )
     found = controller_problems(controller)
     if found:

@@ -72,7 +72,9 @@ function showPoints(states) {
       const state = states[Number(button.dataset.system) - 1];
       const point = JSON.parse(button.dataset.point);
       state.setInputs(state.system.inputs.map(({ name }, place) => point[name] ?? state.inputs[place]));
-      document.getElementById(`s${button.dataset.system}-inference`).scrollIntoView();
+      const place = document.getElementById(`s${button.dataset.system}-inference`);
+      place.closest("details").open = true;
+      place.scrollIntoView();
     });
   }
 }
@@ -88,5 +90,6 @@ states.forEach((state, place) => fillSystem(state, place, clock, scale, carried.
 showPoints(states);
 followSignature(carried);
 addEventListener("resize", oncePerFrame(redrawAll));
+document.addEventListener("toggle", redrawAll, true);
 // for whoever looks at the page with a browser's console
 window.review = Object.freeze({ systems: carried.systems, states, infer, contributions, shares, signChange, quadrature: carried.quadrature });

@@ -121,9 +121,9 @@ function followSignature(controller) {
     load.value = "";
   });
   const printing = (isWhole) => () => {
-    document.documentElement.toggleAttribute("data-whole", isWhole);
+    document.documentElement.toggleAttribute("data-summary", !isWhole);
     print();
-    document.documentElement.removeAttribute("data-whole");
+    document.documentElement.removeAttribute("data-summary");
   };
   document.getElementById("print-summary").addEventListener("click", printing(false));
   document.getElementById("print-all").addEventListener("click", printing(true));

@@ -44,8 +44,8 @@ SIGNALS = {
         NOTHING,
         "C (x', y', z')",
     ),
-    "velocity_body_y": Signal("m/s", "the same along the deputy's y axis", NOTHING),
-    "velocity_body_z": Signal("m/s", "the same along the deputy's z axis", NOTHING),
+    "velocity_body_y": Signal("m/s", "velocity relative to Hill along the deputy's y axis", NOTHING),
+    "velocity_body_z": Signal("m/s", "velocity relative to Hill along the deputy's z axis", NOTHING),
     "lambda_u": Signal(
         "rad", "angle from the deputy to the target in the i-j (orbit) plane, from -pi to pi", ANGLES
     ),
@@ -67,7 +67,7 @@ SIGNALS = {
     ),
     "predicted_centre_along_track": Signal(
         "m",
-        "where that centre drifts to within prediction_time_s, along j",
+        "where the centre of the ellipse of free motion drifts to within prediction_time_s, along j",
         ORBIT,
         "y_c - 1.5 n x_c prediction_time_s",
     ),
@@ -79,28 +79,34 @@ SIGNALS = {
     ),
     "ring_error_radial": Signal(
         "m",
-        "along i, from the place on the ring that follows the Sun to the deputy's",
+        "along i, from the place on a ring of free motion that follows the Sun to the deputy's place",
         ORBIT,
         "(x - x_c) - ring_size_m cos(θ - ring_lead_rad)",
     ),
     "ring_error_along_track": Signal(
         "m",
-        "along j, the same, halved as the ellipse is twice as long as high",
+        "along j, from the place on a ring of free motion that follows the Sun to the deputy's place, halved",
         ORBIT,
         "(y - y_c)/2 - ring_size_m sin(θ - ring_lead_rad)",
     ),
     "target_radial": Signal(
         "", "direction of the target along i, from -1 to 1; zero without candidates", ORBIT, "p_x"
     ),
-    "target_along_track": Signal("", "direction of the target along j", ORBIT, "p_y"),
-    "target_cross_track": Signal("", "direction of the target along k", ORBIT, "p_z"),
+    "target_along_track": Signal(
+        "", "direction of the target along j, from -1 to 1; zero without candidates", ORBIT, "p_y"
+    ),
+    "target_cross_track": Signal(
+        "", "direction of the target along k, from -1 to 1; zero without candidates", ORBIT, "p_z"
+    ),
     "sun_alignment": Signal(
         "",
         "cosine of the angle from the deputy to the Sun in the orbit plane; 1 with the Sun behind the deputy",
         ORBIT,
     ),
     "sun_ahead": Signal(
-        "", "sine of the same angle; above zero the Sun has yet to come to the deputy", ORBIT
+        "",
+        "sine of the angle from the deputy to the Sun in the orbit plane; above zero it has yet to come",
+        ORBIT,
     ),
     "target_setting": Signal(
         "",
@@ -112,35 +118,65 @@ SIGNALS = {
     "coasting_nearest": Signal(
         "m", "least distance from the chief while coasting to the flight's end", PREVIEW
     ),
-    "coasting_farthest": Signal("m", "greatest distance on the way", PREVIEW),
+    "coasting_farthest": Signal(
+        "m", "greatest distance from the chief while coasting to the flight's end", PREVIEW
+    ),
     "urgent_radial": Signal(
         "",
         "direction along i, from -1 to 1, of what is lit and unseen, most of all what is soon dark for good",
         URGENCY,
         "unit vector of Σ p_i exp(-T_i/urgency_time_s), T_i the time until point i sets",
     ),
-    "urgent_along_track": Signal("", "the same along j", URGENCY),
-    "urgent_cross_track": Signal("", "the same along k", URGENCY),
+    "urgent_along_track": Signal(
+        "",
+        "direction along j, from -1 to 1, of what is lit and unseen, most of all what is soon dark for good",
+        URGENCY,
+    ),
+    "urgent_cross_track": Signal(
+        "",
+        "direction along k, from -1 to 1, of what is lit and unseen, most of all what is soon dark for good",
+        URGENCY,
+    ),
     "see_push_radial": Signal(
         "m/s", "push along i that would still show what coasting misses and is soon dark for good", SETTING
     ),
-    "see_push_along_track": Signal("m/s", "the same along j", SETTING),
-    "see_push_cross_track": Signal("m/s", "the same along k", SETTING),
+    "see_push_along_track": Signal(
+        "m/s", "push along j that would still show what coasting misses and is soon dark for good", SETTING
+    ),
+    "see_push_cross_track": Signal(
+        "m/s", "push along k that would still show what coasting misses and is soon dark for good", SETTING
+    ),
     "aim_radial": Signal(
         "m/s",
-        "that push, leaning towards what is urgent",
+        "push along i that would still show what is soon dark for good, leaning towards what is urgent",
         SETTING | URGENCY,
         "see_push_radial + aim_urgent_m_s urgent_radial",
     ),
-    "aim_along_track": Signal("m/s", "the same along j", SETTING | URGENCY),
-    "aim_cross_track": Signal("m/s", "the same along k", SETTING | URGENCY),
+    "aim_along_track": Signal(
+        "m/s",
+        "push along j that would still show what is soon dark for good, leaning towards what is urgent",
+        SETTING | URGENCY,
+    ),
+    "aim_cross_track": Signal(
+        "m/s",
+        "push along k that would still show what is soon dark for good, leaning towards what is urgent",
+        SETTING | URGENCY,
+    ),
     "tour_push_radial": Signal(
         "m/s",
         "push along i that leads in tour_time_s to where the tour, leaning towards what is urgent, is then",
         TOUR | URGENCY,
     ),
-    "tour_push_along_track": Signal("m/s", "the same along j", TOUR | URGENCY),
-    "tour_push_cross_track": Signal("m/s", "the same along k", TOUR | URGENCY),
+    "tour_push_along_track": Signal(
+        "m/s",
+        "push along j that leads in tour_time_s to where the tour, leaning towards what is urgent, is then",
+        TOUR | URGENCY,
+    ),
+    "tour_push_cross_track": Signal(
+        "m/s",
+        "push along k that leads in tour_time_s to where the tour, leaning towards what is urgent, is then",
+        TOUR | URGENCY,
+    ),
 }
 
 

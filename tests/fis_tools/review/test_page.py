@@ -46,9 +46,18 @@ def flight(tmp_path_factory):
     return log_flight(folder / "swing.mcap", paper_like_controller(), NUM_SAMPLES)
 
 
+def written(*arguments, **options) -> str:
+    """The page with all that it folds opened, as one who clicks would have it."""
+    return (
+        page.write(*arguments, **options)
+        .replace("<details>", "<details open>")
+        .replace('<details class="part">', '<details class="part" open>')
+    )
+
+
 @pytest.fixture(scope="module")
 def text(flight):
-    return page.write(paper_like_controller(), [flight])
+    return written(paper_like_controller(), [flight])
 
 
 @pytest.fixture(scope="module")
@@ -253,7 +262,7 @@ def test_findings_are_those_of_the_audit_and_lead_to_what_they_are_about(shown, 
 
 def test_a_finding_shows_where_it_is_seen(opened):
     controller = serialize.load("conf/controller/paper_champion.yaml")
-    shown = opened(page.write(controller))
+    shown = opened(written(controller))
     button = shown.locator("button.show-point").first
     place = int(button.get_attribute("data-system")) - 1
     point = json.loads(button.get_attribute("data-point"))
@@ -279,9 +288,9 @@ def test_proved_ranges_hold_all_outputs_and_the_extremes_are_attained(shown):
 def test_flights_of_one_name_are_told_apart(tmp_path):
     controller = FuzzyController("one", (force_z_system(),))
     paths = [log_flight(tmp_path / folder / "best.mcap", controller, 3) for folder in ("a", "b")]
-    text = page.write(controller, paths)
+    text = written(controller, paths)
     assert "a/best (3 inferences), b/best (3 inferences)" in text
-    assert "Reviewed along the flight best (3 inferences)." in page.write(controller, paths[:1])
+    assert "Reviewed along the flight best (3 inferences)." in written(controller, paths[:1])
 
 
 def test_tab_reaches_every_control_and_shows_where_it_is(opened, text):
@@ -327,7 +336,7 @@ def test_the_theme_follows_the_system_and_the_switch(opened, text):
 
 
 def test_nothing_is_wider_than_a_narrow_screen(opened, text):
-    for one in (text, page.write(hostile_controller())):
+    for one in (text, written(hostile_controller())):
         assert opened(one, width=390).evaluate("document.documentElement.scrollWidth") <= 390
 
 
@@ -338,7 +347,6 @@ def told_by(name: str, *arguments: str) -> str:
 
 def test_it_prints_every_rule_and_no_control_where_all_is_asked_for(opened, text, tmp_path):
     shown = opened(text, color_scheme="dark")
-    shown.evaluate("document.documentElement.toggleAttribute('data-whole')")
     # what is filtered on the screen is printed all the same
     shown.locator("#s1-filter").fill("nothing has these words")
     path = tmp_path / "review.pdf"
@@ -365,7 +373,7 @@ def test_it_prints_every_rule_and_no_control_where_all_is_asked_for(opened, text
 def test_the_summary_prints_on_two_pages_with_what_is_decided(opened, tmp_path):
     controller = serialize.load("conf/controller/champion_any_sun.yaml")
     flights = [log_flight(tmp_path / f"{name}.mcap", controller, 60) for name in "abc"]
-    shown = opened(page.write(controller, flights))
+    shown = opened(written(controller, flights))
     row = shown.locator("tr.finding", has=shown.locator(".severity", has_text="warning")).first
     row.get_by_role("combobox").select_option("waived")
     row.get_by_role("textbox").fill("the thrusters are larger than this")
@@ -373,6 +381,7 @@ def test_the_summary_prints_on_two_pages_with_what_is_decided(opened, tmp_path):
     note.get_by_role("combobox").select_option("accepted")
     shown.locator("[name=name]").fill("Ada Lovelace")
     shown.get_by_label("Every constant has the value").check()
+    shown.evaluate("document.documentElement.toggleAttribute('data-summary')")
     path = tmp_path / "summary.pdf"
     shown.pdf(path=path, format="A4")
     assert re.search(r"^Pages:\s+2$", told_by("pdfinfo", str(path)), re.MULTILINE)
@@ -429,7 +438,7 @@ def test_a_review_is_saved_and_loaded_again_for_the_same_controller_alone(opened
     expect(again.locator("#signature-status")).to_contain_text("Loaded.")
     assert signed(again) == saved
 
-    other = opened(page.write(general_controller()))
+    other = opened(written(general_controller()))
     other.locator("#load").set_input_files(path)
     expect(other.locator("#signature-status")).to_contain_text("another controller")
     assert other.locator("[name=name]").input_value() == ""
@@ -518,7 +527,7 @@ def test_pressing_on_membership_functions_sets_the_input(fresh):
 
 def test_time_inputs_and_output_are_on_one_screen(opened, tmp_path):
     controller = serialize.load("conf/controller/champion_any_sun.yaml")
-    shown = opened(page.write(controller, [log_flight(tmp_path / "one.mcap", controller, 60)]))
+    shown = opened(written(controller, [log_flight(tmp_path / "one.mcap", controller, 60)]))
     shown.locator("#s1-inference").evaluate("(heading) => heading.scrollIntoView()")
     section = shown.locator("#s1")
     for part in (
@@ -555,16 +564,19 @@ def test_how_it_flew_requirements_and_constants_are_told(opened, tmp_path):
     }
     path = tmp_path / "evidence.json"
     path.write_text(json.dumps(evidence))
-    shown = opened(page.write(controller, [run], evidence=path))
+    shown = opened(written(controller, [run], evidence=path))
     assert "57 of 60: 95.0 % (86.3 to 98.3)" in shown.locator("#logged").inner_text()
     assert "R1" in shown.locator("#requirements").inner_text()
     assert "failed" in shown.locator("#requirements").inner_text()
     assert "255.2" in shown.locator("#constants tr", has_text="urgency_time_s").inner_text()
     order = shown.evaluate("[...document.querySelectorAll('main > section')].map(({ id }) => id)")
-    assert order[:5] == ["logged", "requirements", "findings", "constants", "systems"]
+    assert order[:7] == [
+        *("requirements", "does", "logged", "uncovered", "findings", "constants", "systems"),
+    ]
+    assert "3 of 60: 5.0 % (1.7 to 13.7) inspect too little" in shown.locator("#logged").inner_text()
     path.write_text(json.dumps(evidence | {"controller": {"name": "other", "sha256": "0"}}))
     with pytest.raises(ControllerFileError, match="about the controller 'other'"):
-        page.write(controller, evidence=path)
+        written(controller, evidence=path)
 
 
 @pytest.mark.parametrize("width", [1280, 390])
@@ -576,7 +588,7 @@ def test_axe_finds_nothing_serious(opened, text, axe, width, scheme):
 
 def test_hostile_names_are_only_text(opened):
     controller = hostile_controller()
-    text = page.write(controller)
+    text = written(controller)
     markup = Markup(text)
     assert [tag for tag, _ in markup.tags].count("script") == 2
     shown = opened(text)
@@ -616,7 +628,7 @@ def test_all_kinds_of_systems_are_shown(opened):
             for rule in paper_like_controller().systems[0].rules[::5]
         ),
     )
-    shown = opened(page.write(FuzzyController("kinds", (general, single))))
+    shown = opened(written(FuzzyController("kinds", (general, single))))
     shown.locator("#s1 .live.inference select").select_option(label="vent")
     expect(shown.locator("#s1 .live.inference output")).to_contain_text("vent = ")
     assert pixels(shown, "#s2 canvas.response") != pixels(shown, "#s1 canvas.map")
@@ -633,7 +645,7 @@ def test_three_systems_of_125_rules_along_long_flights_stay_small(opened, tmp_pa
     names = ("first", "second", "third")
     controller = FuzzyController("large", tuple(system_of_125_rules(name) for name in names))
     flights = [log_flight(tmp_path / f"{name}.mcap", controller, 200) for name in names[:2]]
-    text = page.write(controller, flights * 4)
+    text = written(controller, flights * 4)
     assert len(text.encode()) < 3_000_000
     shown = opened(text)
     assert shown.locator("#s3-rules tbody tr").count() == 125
@@ -711,7 +723,7 @@ def test_heads_are_called_as_they_read(shown):
 
 def test_what_never_fires_is_counted_over_all_of_a_long_flight(opened, flight, monkeypatch):
     monkeypatch.setattr(carried, "MOST_SAMPLES", 5)
-    shown = opened(page.write(paper_like_controller(), [flight]))
+    shown = opened(written(paper_like_controller(), [flight]))
     system = paper_like_controller().systems[0]
     strengths = firing_strengths(system, path_of(system, NUM_SAMPLES))
     silent = int((strengths.max(axis=0) < 0.05).sum())
@@ -726,14 +738,14 @@ def test_a_flight_by_another_controller_is_said_to_be_one(flight):
     first, *others = controller.systems
     changed = replace(controller, systems=(replace(first, rules=first.rules[:-1]), *others))
     words = f"swing ({NUM_SAMPLES} inferences; flown by another controller). Where another controller flew"
-    assert words in page.write(changed, [flight])
-    assert "flown by another controller" not in page.write(controller, [flight])
+    assert words in written(changed, [flight])
+    assert "flown by another controller" not in written(controller, [flight])
 
 
 def test_a_flight_given_twice_counts_once(flight):
     controller = paper_like_controller()
     twice = [flight, flight.parent / ".." / flight.parent.name / flight.name]
-    assert page.write(controller, twice) == page.write(controller, [flight])
+    assert written(controller, twice) == written(controller, [flight])
 
 
 def test_the_signature_under_a_part_is_for_what_is_exported_of_it(tmp_path, capsys):

@@ -1,0 +1,158 @@
+"""What a review page begins with: what a controller does, verdicts, how it flew, what is not covered."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from fis_tools.analysis import arrays
+from fis_tools.array_types import Floats
+from fis_tools.document import Block, Heading, Items, Paragraph, Table
+from fis_tools.model import FuzzyController, FuzzySystem, Term, Variable
+from fis_tools.model.variables import sample
+from fis_tools.review.flown import Flight, Samples
+from fis_tools.review.outcomes import HEADS, Evaluation
+from fis_tools.words.text import amount, percent, rule_tables, sentences
+
+#: rules that are no table are listed at the top up to so many
+FEW_RULES = 12
+
+
+def lead(controller: FuzzyController) -> str:
+    """Say in a few sentences what a controller is for, how it acts and what it consists of."""
+    purpose = controller.purpose or "What it is for, nobody has written: its file has no purpose."
+    number = sum(len(system.rules) for system in controller.systems)
+    outputs = [
+        f"{output.name} ({_extent(output)})" for system in controller.systems for output in system.outputs
+    ]
+    systems = len(controller.systems)
+    made = f"{number} rules{f' in {systems} systems' if systems > 1 else ''} set {', '.join(outputs)}"
+    every = dict(controller.attributes).get("decision_period_s")
+    return f"{purpose} {made}{f', every {float(every):g} s' if every else ''}."
+
+
+def rules(controller: FuzzyController) -> Iterator[Block]:
+    """Show the rules of each system with their values, where they fit a table, and what its inputs mean."""
+    for system in controller.systems:
+        yield Heading(system.name, 3)
+        tables = rule_tables(system) if system.inputs and not system.weighed else None
+        if tables is not None and len(tables) == 1:
+            yield _placed(system, tables[0][1])
+        elif len(system.rules) <= FEW_RULES:
+            yield Items([f"{line}." for line in sentences(system)])
+        else:
+            yield Paragraph(f"Its {len(system.rules)} rules fill more than one table: they are below.")
+
+
+def _placed(system: FuzzySystem, rows: Sequence[Sequence[str]]) -> Table:
+    """Return a rule table with the place of each term, and what the system answers there."""
+    (corner, *_), *lines = rows
+    output, last = system.outputs[0], system.inputs[-1]
+    places = [[_peak(variable, term) for term in variable.terms] for variable in system.inputs]
+    grid = np.stack(np.meshgrid(*places, indexing="ij"), axis=-1).reshape(-1, len(places))
+    answers = arrays.evaluate(system, grid)[:, 0].reshape(-1, len(last.terms))
+    heads = [corner, *(_head(last, place) for place in range(len(last.terms)))]
+    down = (
+        [_head(system.inputs[0], place) for place in range(len(lines))] if len(places) > 1 else [output.name]
+    )
+    cells = [
+        [head, *(f"{term}: {_amount(output, value)}" for term, value in zip(line[1:], row, strict=True))]
+        for head, line, row in zip(down, lines, answers, strict=True)
+    ]
+    caption = f"{output.name} where each term holds most; in between it changes gradually."
+    return Table(heads, cells, caption=caption)
+
+
+def _head(variable: Variable, place: int) -> str:
+    term = variable.terms[place]
+    return f"{term.name}, {_amount(variable, _peak(variable, term))}"
+
+
+def _peak(variable: Variable, term: Term) -> float:
+    """Return the middle of where a term holds most."""
+    values = sample(variable, term)
+    return float(np.mean(variable.universe[values >= values.max() - 1e-9]))
+
+
+def inputs(controller: FuzzyController, samples: Mapping[str, Samples]) -> Table:
+    """Say what each input means, in which range it is told apart, and what was met."""
+    rows = []
+    for system in controller.systems:
+        some = samples[system.name]
+        for place, variable in enumerate(system.inputs):
+            met = _met(variable, some.inputs[:, place]) if some.are_flown else "unknown: nothing was logged"
+            rows.append([variable.name, variable.description or "not described", _extent(variable), met])
+    return Table(["input", "meaning", "range", "met"], rows)
+
+
+def _met(variable: Variable, values: Floats) -> str:
+    low, high = float(values.min()), float(values.max())
+    outside = float(np.mean((values < variable.minimum) | (values > variable.maximum)))
+    beyond = f"; {percent(outside)} beyond its range, and taken as its end" if outside else ""
+    return f"{_amount(variable, low)} to {_amount(variable, high)}{beyond}"
+
+
+def flown_table(rows: Sequence[Sequence[str]]) -> Iterator[Table]:
+    """Show how flights went, those of an evaluation together and each that was recorded."""
+    if rows:
+        caption = (
+            "Means ± standard deviations; 95 % confidence intervals of shares in brackets. Recorded flights "
+            "are chosen to be looked at. A control period counts as fired where any force was."
+        )
+        yield Table(HEADS, rows, caption=caption)
+
+
+def along(flown: Sequence[Flight], noun: str) -> str:
+    """Say along what a controller was reviewed."""
+    fires = "A rule fires where its strength is 0.05 or more."
+    if not flown:
+        return f"No {noun} was given: rules are counted over all inputs alike. {fires}"
+    names = ", ".join(
+        f"{one.name} ({one.num_inferences} inferences{'' if one.is_own else '; flown by another controller'})"
+        for one in flown
+    )
+    which = f"the {noun} {names}" if len(flown) == 1 else f"{len(flown)} {noun}s: {names}"
+    other = " Where another controller flew, this one is asked what it would answer at what was sensed."
+    return f"Reviewed along {which}.{'' if all(one.is_own for one in flown) else other} {fires}"
+
+
+def verdicts(told: Sequence[Mapping[str, Any]]) -> Iterator[Block]:
+    """Show what became of each requirement: its verdict in a sentence."""
+    yield Table(["requirement", "verdict"], [[one["name"], one["words"]] for one in told])
+
+
+def not_covered(
+    evidence: Mapping[str, Any] | None,
+    evaluations: Sequence[Evaluation],
+    samples: Mapping[str, Samples],
+    noun: str,
+) -> list[str]:
+    """Say what nothing on the page speaks about."""
+    told = []
+    if evidence is None:
+        told.append("Requirements: no evidence was given, so that none is judged here.")
+    elif domain := evidence.get("domain"):
+        told.append(
+            f"Inputs outside the operational domain: {domain['num_left']:,} of {domain['num_tried']:,} "
+            f"fresh flights left what {domain['num_made_from']:,} others had met."
+        )
+    if evidence and (flown := evidence.get("conditions")):
+        named = ("Sun", "safety", "navigation", "thrusters", "dynamics")
+        words = ", ".join(f"{name} {flown[name.lower()]}" for name in named if name.lower() in flown)
+        told.append(f"Other conditions than those of the evidence: {words}.")
+    if not evaluations:
+        told.append(
+            f"How often it fails: no evaluation was given. Selected {noun}s are pictures, not statistics."
+        )
+    if not all(one.are_flown for one in samples.values()):
+        told.append("Inputs that come together in use: rules are counted over all inputs alike.")
+    told.append("What happens between decisions, and whether a real system behaves as the simulated one.")
+    return told
+
+
+def _extent(variable: Variable) -> str:
+    return f"{_amount(variable, variable.minimum)} to {_amount(variable, variable.maximum)}"
+
+
+def _amount(variable: Variable, value: float) -> str:
+    return amount(variable, value).replace("-", "−", 1)

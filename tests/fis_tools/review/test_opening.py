@@ -1,0 +1,86 @@
+"""What a review page begins with: all of it from the controller, and from all flights of a run."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from fis_tools.document import Paragraph, Table
+from fis_tools.engines.inference import infer
+from fis_tools.formats import serialize
+from fis_tools.review import opening, outcomes
+from fis_tools.review.flown import Samples
+from tests.places import PROJECT
+
+SHIPPED = sorted(
+    path
+    for path in (PROJECT / "conf" / "controller").glob("*.yaml")
+    if "schema: fuzzy-controller" in path.read_text(encoding="utf-8")
+)
+CHAMPION = serialize.load(PROJECT / "conf" / "controller" / "champion_27.yaml")
+
+
+@pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
+def test_every_shipped_controller_says_what_it_is_for_and_what_its_inputs_mean(path: Path) -> None:
+    controller = serialize.load(path)
+    assert opening.lead(controller).startswith(controller.purpose)
+    assert len(controller.purpose) > 60
+    for variable in (one for system in controller.systems for one in system.inputs):
+        assert len(variable.description) > 10
+        assert not variable.description.startswith(("the same", "that "))
+    assert serialize.reads(serialize.dump_yaml(controller), "yaml").controller == controller
+
+
+def test_a_file_without_a_purpose_is_read_and_says_that_it_has_none() -> None:
+    text = serialize.dump_json(replace(CHAMPION, purpose=""))
+    assert "purpose" not in text
+    old = serialize.reads(text, "json").controller
+    assert old.purpose == ""
+    assert "nobody has written" in opening.lead(old)
+
+
+def test_tables_have_the_places_of_terms_and_what_the_system_answers_there() -> None:
+    tables = [block for block in opening.rules(CHAMPION) if isinstance(block, Table)]
+    assert len(tables) == 3
+    across = tables[2]
+    assert across.heads[1:] == ["negative, −0.095 m/s", "zero, 0 m/s", "positive, 0.095 m/s"]
+    answer = infer(CHAMPION.systems[2], np.array([-0.033, 0.0])).values[0]
+    assert list(across.rows[0]) == ["negative, −0.033 m/s", "zero: 0 N", *[f"negative: −{-answer:.4g} N"] * 2]
+    large = serialize.load(PROJECT / "conf" / "controller" / "champion_any_sun.yaml")
+    assert any(
+        "more than one table" in one.words for one in opening.rules(large) if isinstance(one, Paragraph)
+    )
+
+
+def test_inputs_beyond_their_range_are_told() -> None:
+    system = CHAMPION.systems[2]
+    met = np.array([[0.1, 0.0], [0.0, 0.05], [0.01, -0.01], [0.0, 0.0]])
+    one = replace(CHAMPION, systems=(system,))
+    first, second = opening.inputs(one, {system.name: Samples(met, "here", are_flown=True)}).rows
+    assert first[3] == "0 m/s to 0.1 m/s; 25 % beyond its range, and taken as its end"
+    assert second[3] == "−0.01 m/s to 0.05 m/s"
+
+
+def test_failures_are_counted_over_all_flights_of_the_run_of_a_recording(tmp_path: Path) -> None:
+    for name in ("episodes", "evaluate"):
+        (tmp_path / name).mkdir()
+    share = {"count": 1, "fraction": 0.25, "low": 0.0456, "high": 0.6994}
+    summary = {"num_cases": 4, "success": {**share, "count": 3, "fraction": 0.75}, "violated": share}
+    (tmp_path / "evaluate" / "summary.json").write_text(json.dumps(summary))
+    columns = {
+        "case": [0, 1, 2, 3],
+        "success": [True, False, True, True],
+        "violated": [False, False, True, False],
+        "inspection_rate_percent": [99.0, 71.0, 97.0, 99.0],
+    }
+    pq.write_table(pa.table(columns), tmp_path / "evaluate" / "episodes.parquet")
+    found = outcomes.evaluations([tmp_path / "episodes" / "best.mcap", tmp_path])
+    assert len(found) == 1
+    told = outcomes.failures(found[0])
+    assert "1 of 4: 25.0 %" in told
+    assert told.endswith("The worst: case 1 (71.0 %), case 2 (97.0 %, outside).")
+    assert outcomes.evaluations([tmp_path / "elsewhere" / "episodes" / "best.mcap"]) == []
