@@ -7,6 +7,8 @@ import json
 import re
 import runpy
 import sys
+import tomllib
+from contextlib import suppress
 from pathlib import Path
 
 from fis_tools.analysis import flights
@@ -26,8 +28,8 @@ def read_controller(path: Path | str, trust: bool = False) -> FuzzyController:
     Parameters
     ----------
     path : path
-        Also ``module.py:object``: a system, a controller or a scikit-fuzzy control system of a Python
-        program, or a function that returns one.
+        Also the name of a controller of this project, see `named`, or ``module.py:object``: a system, a
+        controller or a scikit-fuzzy control system of a Python program, or a function that returns one.
     trust : bool
         Whether Python programs may be run.
 
@@ -40,11 +42,7 @@ def read_controller(path: Path | str, trust: bool = False) -> FuzzyController:
         return _of_program(path, trust)
     path = Path(path)
     if not path.suffix and not path.exists():
-        raise ControllerFileError(
-            f"{path}: cannot be read (no such file or directory), and a bare name is not looked up; give the "
-            f"path of a controller file, such as FOLDER/{path.name}.yaml, of a run's folder or of a logged "
-            "flight (.mcap)"
-        )
+        path = named(str(path))
     if path.is_dir():
         champion = path / _champion_of(path)
         if not champion.resolve().is_relative_to(path.resolve()):
@@ -59,6 +57,46 @@ def read_controller(path: Path | str, trust: bool = False) -> FuzzyController:
     if flights.is_flight(path):
         return flights.read_controller(path)
     return serialize.load(path)
+
+
+def named(name: str) -> Path:
+    """Return the file of a controller that the project of the present folder calls by a name.
+
+    A project tells where its controllers are in its ``pyproject.toml``: ``[tool.fis_tools] controllers =
+    ["FOLDER"]``.
+
+    Raises
+    ------
+    ControllerFileError
+        If there is none of this name, or several.
+    """
+    files = [
+        path
+        for folder in _folders()
+        for path in sorted(folder.glob("*"))
+        if path.suffix in serialize.ENDINGS and path.is_file()
+    ]
+    found = [path for path in files if path.stem == name]
+    if len(found) == 1:
+        return found[0]
+    if found:
+        raise ControllerFileError(f"{name} may be {' or '.join(map(str, found))}; give one of these paths")
+    known = sorted({path.stem for path in files})
+    cure = f"; {nearest(name, known)}" if known else ""
+    raise ControllerFileError(
+        f"{name}: no such file or folder, and no controller of that name; give the path of a controller "
+        f"file, of a run's folder or of a logged flight (.mcap){cure}"
+    )
+
+
+def _folders() -> list[Path]:
+    """Return the folders with controllers of the project that the present folder belongs to."""
+    here = Path.cwd()
+    for project in (here, *here.parents):
+        with suppress(OSError, ValueError, KeyError, TypeError):
+            settings = tomllib.loads((project / "pyproject.toml").read_text(encoding="utf-8"))
+            return [project / str(folder) for folder in settings["tool"]["fis_tools"]["controllers"]]
+    return []
 
 
 def _of_program(path: Path | str, trust: bool) -> FuzzyController:

@@ -10,9 +10,12 @@ from fis_tools.engines import interpreter
 from fis_tools.engines.compiler import CompiledSystem
 from fis_tools.engines.defuzzifier import formula_values
 from fis_tools.engines.program import FORMULA, INVERTED, NUMBER, WEIGHTED_SUM, Program, Weighing
+from fis_tools.model import Formula, Linear
 
 #: Samples, each with one rule silenced, that are concluded at a time.
 BATCH = 4096
+#: An output this close to its default, as a share of its range, differs by rounding alone.
+NOTHING = 1e-9
 
 
 def contributions(compiled: CompiledSystem, inputs: Floats) -> Floats:
@@ -59,6 +62,30 @@ def _can_matter(compiled: CompiledSystem, firing: Floats) -> Booleans:
             is_highest = heights == heights.max(axis=1, keepdims=True)
             matters[:, rules] |= is_highest if output.accumulation == "max" else heights > 0.0
     return matters & (firing > 0.0)
+
+
+def holding_back(compiled: CompiledSystem, output: int = 0) -> tuple[int, ...]:
+    """Return the numbers, from 1, of the rules that alone conclude what an output is without any rule.
+
+    Whatever their share, such rules ask for nothing: they hold back what others ask for.
+    """
+    system, variable = compiled.system, compiled.system.outputs[output]
+    fixed = {
+        term.name
+        for term in variable.terms
+        if not isinstance(term.membership, Formula)
+        and not (isinstance(term.membership, Linear) and any(term.membership.coefficients))
+    }
+    concluding = [
+        place
+        for place, rule in enumerate(system.rules)
+        if (terms := [c.term for c in rule.consequents if c.variable == variable.name and c.weight > 0.0])
+        and fixed.issuperset(terms)
+    ]
+    middle = np.array([(v.minimum + v.maximum) / 2.0 for v in system.inputs])
+    alone = compiled.conclude(np.eye(len(system.rules)), np.tile(middle, (len(system.rules), 1)))[:, output]
+    away = np.abs(alone - (variable.default or 0.0)) / (variable.maximum - variable.minimum)
+    return tuple(place + 1 for place in concluding if away[place] < NOTHING)
 
 
 def importance(compiled: CompiledSystem, inputs: Floats) -> Floats:

@@ -30,6 +30,8 @@ CONTROLLER_ATTACHMENT = "controller.json"
 TOPIC_PREFIX = "/fis/"
 CONSTANTS_METADATA = "constants"
 CONTROL_TOPICS = "*/control"
+#: times closer than this are the same, s
+SAME_TIME_S = 1e-6
 #: fields of its control topic that say what coasting was decided by
 FORESEEN_FIELDS = ("coasting_missed", "coasting_nearest_m", "coasting_farthest_m")
 
@@ -55,6 +57,8 @@ class FlownSystem:
         say.
     is_timed : bool
         Whether `time_s` are times, and not numbers of rows.
+    delay_s : float
+        From an inference to the control period that fires its output.
     """
 
     system: FuzzySystem
@@ -64,10 +68,11 @@ class FlownSystem:
     output: Floats
     reason: Words
     is_timed: bool = True
+    delay_s: float = 0.0
 
     @property
     def is_counted(self) -> Booleans:
-        """Whether the output was fired, perhaps clipped; true where the log does not say."""
+        """Whether the output was fired, perhaps clipped or later; true where the log does not say."""
         return np.isin(self.reason, (*COUNTED, UNKNOWN))
 
     def at(self, rows: Booleans) -> "FlownSystem":
@@ -93,9 +98,11 @@ class Period:
     time_s : float
         When the control period began.
     reason : str
-        One of `fis_tools.model.thrust.REASONS`; `UNKNOWN` where the log does not say.
+        Why something was, or was not, fired along the system's axis, one of
+        `fis_tools.model.thrust.REASONS`; `UNKNOWN` where the log does not say.
     row : int, optional
-        Its inference at that time; None where there was none.
+        The inference that was due then: that of the time before by which thrusters are late; None where
+        there was none.
     """
 
     flown: FlownSystem
@@ -120,8 +127,8 @@ class Outcome(NamedTuple):
     num_asked : int
         Control periods in which the controller inferred a force, or, where that is recorded, asked for one.
     reasons : dict of str to int
-        Of how many control periods each reason tells what became of some component of the force; empty in
-        recordings that do not say.
+        Of how many control periods each reason tells what became of some component of the force, on the way
+        to a command or when fired; empty in recordings that do not say.
     constants : dict of str to str
         The meanings of the controller's attributes, by their names.
     asked : dict of str to (n,)
@@ -193,7 +200,7 @@ def read_flight(
     if tables.is_table(path):
         return tuple(_tabled(path, system) for system in _controller_for(path, controller).systems)
     recording = _read(path, topics=(f"{TOPIC_PREFIX}*", CONTROL_TOPICS))
-    flown_systems = [_flown(recording, system) for system in _controller_of(recording).systems]
+    flown_systems = _all_flown(recording)
     return tuple(flown if all_periods else flown.at(flown.is_counted) for flown in flown_systems)
 
 
@@ -234,7 +241,8 @@ def read_outcome(path: Path | str) -> Outcome:
             num_asked = int(np.any(control["force_asked_n"] != 0.0, axis=1).sum())
         foreseen = np.column_stack([control[name].astype(np.float64) for name in FORESEEN_FIELDS])
         foreseen = foreseen[~np.isnan(foreseen).any(axis=1)]
-        words = control["reason"].reshape(num_periods, -1)
+        told = [control[name].reshape(num_periods, -1) for name in ("reason", "command_reason")]
+        words = np.hstack(told)
         reasons = {str(word): int(np.any(words == word, axis=1).sum()) for word in np.unique(words)}
     return Outcome(
         **end,
@@ -283,7 +291,7 @@ def read_periods(
         flown_systems = list(read_flight(path, controller=controller))
     else:
         recording = _read(path, topics=(f"{TOPIC_PREFIX}*", CONTROL_TOPICS))
-        flown_systems = [_flown(recording, system) for system in _controller_of(recording).systems]
+        flown_systems = _all_flown(recording)
         starts = recording.control_time_s
     times = [starts] if len(starts) else [flown.time_s for flown in flown_systems]
     starts = np.unique(np.concatenate([np.empty(0), *times]))
@@ -299,11 +307,12 @@ def read_periods(
 
 
 def _period(flown: FlownSystem, start_s: float, recording: "Recording | None") -> Period:
-    rows = np.flatnonzero(flown.time_s == start_s)
-    if len(rows) or recording is None:
-        return Period(flown, start_s, str(flown.reason[rows[0]]), int(rows[0]))
-    reason = recording.reasons(flown.system.outputs[0].name, np.array([start_s]))[0]
-    return Period(flown, start_s, str(reason), None)
+    rows = np.flatnonzero(np.abs(flown.time_s + flown.delay_s - start_s) < SAME_TIME_S)
+    row = int(rows[0]) if len(rows) else None
+    if recording is None:
+        return Period(flown, start_s, UNKNOWN, row)
+    reason = recording.fired_reasons(flown.system.outputs[0].name, np.array([start_s]))[0]
+    return Period(flown, start_s, str(reason), row)
 
 
 def usage_along(
@@ -431,7 +440,12 @@ def _controller_of(recording: "Recording") -> FuzzyController:
         raise ControllerFileError(f"{recording.path}, {CONTROLLER_ATTACHMENT}: {error}") from error
 
 
-def _flown(recording: "Recording", system: FuzzySystem) -> FlownSystem:
+def _all_flown(recording: "Recording") -> list[FlownSystem]:
+    controller = _controller_of(recording)
+    return [_flown(recording, controller, system) for system in controller.systems]
+
+
+def _flown(recording: "Recording", controller: FuzzyController, system: FuzzySystem) -> FlownSystem:
     topic = TOPIC_PREFIX + system.name
     if topic not in recording.topics:
         raise ControllerFileError(
@@ -451,7 +465,14 @@ def _flown(recording: "Recording", system: FuzzySystem) -> FlownSystem:
             )
         columns[field] = values.reshape(count, width)
     output = np.asarray(messages["output_n"], dtype=np.float64)
-    reason = recording.reasons(system.outputs[0].name, messages.time_s)
+    axes = dict(controller.attributes).get("force_axes", "")
+    reason = recording.reasons(system.outputs[0].name, messages.time_s, axes)
     return FlownSystem(
-        system, messages.time_s, columns["inputs"], columns["firing_strengths"], output, reason
+        system,
+        messages.time_s,
+        columns["inputs"],
+        columns["firing_strengths"],
+        output,
+        reason,
+        delay_s=recording.command_age_s,
     )

@@ -77,23 +77,34 @@ def instants(asked: AskedInstant, controller: FuzzyController) -> Iterator[Insta
 
 
 def _instant(period: flights.Period, all_periods: bool) -> Instant:
-    system = period.flown.system
-    note = "" if period.reason in ("fired", UNKNOWN) else _in_words(period)
-    is_counted = period.reason in (*COUNTED, UNKNOWN) or all_periods
-    if period.row is None or not is_counted:
-        return Instant(system, None, note or f"{system.name}: at {period.time_s:g} s nothing was inferred")
-    return Instant(system, period.flown.inputs[period.row], note)
+    flown, row = period.flown, period.row
+    if row is None:
+        return Instant(flown.system, None, _in_words(period))
+    became = str(flown.reason[row])
+    is_plain = became in ("fired", UNKNOWN) and not flown.delay_s
+    is_told = became in (*COUNTED, UNKNOWN) or all_periods
+    return Instant(
+        flown.system, flown.inputs[row] if is_told else None, "" if is_plain else _in_words(period)
+    )
 
 
 def _in_words(period: flights.Period) -> str:
-    """Say what became of what a system asked for, and when it fired before and after."""
-    flown = period.flown
+    """Say what became of what a system asked for, and when that was fired before and after."""
+    flown, row = period.flown, period.row
     words = f"{flown.system.name}: at {period.time_s:g} s "
-    if period.row is not None:
-        unit = flown.system.outputs[0].unit
-        words += f"it asked for {number(float(flown.output[period.row]))} {unit}".rstrip() + "; "
-    words += REASONS.get(period.reason, "nothing was fired")
-    fired = flown.time_s[flown.is_counted]
+    if period.reason == UNKNOWN and row is None:
+        return words + "nothing was inferred"
+    became = period.reason if row is None else str(flown.reason[row])
+    if period.reason in COUNTED and became not in COUNTED:
+        words += "what was fired was not its doing; "
+    if row is not None:
+        asked = f"{number(float(flown.output[row]))} {flown.system.outputs[0].unit}".rstrip()
+        was_due = f"{asked} was due, asked for at {flown.time_s[row]:g} s; "
+        words += was_due if flown.delay_s else f"it asked for {asked}; "
+    elif period.reason in COUNTED:
+        return words + "it asked for nothing"
+    words += REASONS.get(became, "nothing was fired")
+    fired = flown.time_s[flown.is_counted] + flown.delay_s
     before, after = fired[fired < period.time_s], fired[fired > period.time_s]
     words += f"; it last fired at {before[-1]:g} s" if len(before) else "; it had not fired before"
     words += f" and next at {after[0]:g} s" if len(after) else " and did not fire again"

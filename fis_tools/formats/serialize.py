@@ -13,10 +13,11 @@ from pathlib import Path
 from typing import Any
 
 from fis_tools.errors import ControllerFileError
+from fis_tools.formats import provenance
 from fis_tools.formats.forms import FORMS, Reading, reader
-from fis_tools.formats.own import json, yaml
+from fis_tools.formats.own import json, mapping, yaml
 from fis_tools.formats.own.json import MAX_FILE_BYTES, MAX_JSON_BYTES, Unreadable
-from fis_tools.formats.own.mapping import SCHEMA, SCHEMA_VERSION, from_mapping, to_mapping
+from fis_tools.formats.own.mapping import SCHEMA, SCHEMA_VERSION, to_mapping
 from fis_tools.model import FuzzyController
 
 __all__ = [
@@ -51,6 +52,17 @@ _PLAIN_READERS: dict[Kind, Callable[[str], Any]] = {"json": json.read, "yaml": y
 LONGEST_NUMBER = 32
 
 
+def from_mapping(content: Any) -> FuzzyController:
+    """Read a controller from plain data, and compare it with what its provenance tells of.
+
+    Raises
+    ------
+    ControllerFileError
+        As `fis_tools.formats.own.mapping.from_mapping` does.
+    """
+    return provenance.checked(mapping.from_mapping(content))
+
+
 def dump_json(controller: FuzzyController) -> str:
     """Write a controller as JSON text; see `to_mapping` for what is refused."""
     return json.write(to_mapping(controller))
@@ -74,9 +86,9 @@ def dump_yaml(controller: FuzzyController) -> str:
     ControllerFileError
         If it comes to more bytes than are read.
     """
-    mapping = to_mapping(controller)
-    mapping["attributes"] = {name: _number_or_text(text) for name, text in controller.attributes}
-    text = yaml.write(mapping)
+    content = to_mapping(controller)
+    content["attributes"] = {name: _number_or_text(text) for name, text in controller.attributes}
+    text = yaml.write(content)
     if len(text) > MAX_FILE_BYTES:
         raise ControllerFileError(
             f"{controller.name!r} comes to {len(text)} bytes of YAML, and {MAX_FILE_BYTES} are read; "
@@ -174,7 +186,7 @@ def reads(text: str, kind: Kind) -> Reading:
     if kind not in _PLAIN_READERS:
         return reader(kind)(text)
     try:
-        mapping = _PLAIN_READERS[kind](text)
+        content = _PLAIN_READERS[kind](text)
     except Unreadable as error:
         raise ControllerFileError(str(error)) from error
-    return Reading(from_mapping(mapping), ())
+    return Reading(from_mapping(content), ())

@@ -2,7 +2,8 @@
 
 Fuzzy systems whose outputs are force components command a force; whether and how it is fired
 depends on attributes of their controller. `THRUST_ATTRIBUTES` lists these attributes, in the order in which
-they act, and `REASONS` what a recording says about each component in each control period.
+they act, and `REASONS` what a recording says about each component in each control period: of the command,
+and of what thrusters that are not ideal fire of it.
 """
 
 from dataclasses import dataclass
@@ -11,7 +12,7 @@ from typing import Final
 
 from fis_tools.model.systems import FuzzyController
 
-#: what happened to a component of the force over a control period: the word in a recording, and in a sentence
+#: what became of a component of the force: the word in a recording, and in a sentence
 REASONS: Final = {
     "fired": "it was fired",
     "silent": "nothing was asked for or fired",
@@ -20,13 +21,18 @@ REASONS: Final = {
     "coasting": "coasting to the end shows enough: nothing was inferred or fired",
     "complete": "every point is inspected: nothing was inferred or fired",
     "clipped": "it was fired as far as the greatest force goes",
-    "safety": "the safety layer fired something else",
+    "safety": "the safety layer commanded something else",
     "rehearsed": "it was chosen by flying the rules ahead: nothing was inferred",
+    "below_least_impulse": "less than the thrusters' least impulse, it was not fired",
+    "delayed": "the thrusters had yet to fire it",
+    "empty_tank": "the tank was empty, it was not fired",
 }
+#: those that the thrust logic gives: the others come before it, or after it
+LOGIC_REASONS: Final = ("fired", "silent", "dead_band", "waiting", "coasting", "complete", "clipped")
 
 #: commands below this count as zero, N: an output that should be zero may differ by rounding
 SILENT_N: Final = 1e-12
-#: reasons with which a system's output takes effect: the command was fired, up to the thrust limit
+#: reasons with which a system's output takes effect: it was commanded and fired, up to the thrust limit
 COUNTED: Final = ("fired", "clipped")
 #: for recordings without reasons
 UNKNOWN: Final = "unknown"

@@ -87,7 +87,7 @@ def _rehearsal(mission: Mission, log: FlightLog, num_rehearsed: int) -> Iterator
     """Say which first push a rehearsal chose."""
     if num_rehearsed:
         per_force = 1000.0 * mission.control_period_s / mission.deputy.mass_kg
-        x, y, z = (per_force * log.force_hill_n[0]).tolist()
+        x, y, z = (per_force * log.force_asked_n[0]).tolist()
         yield Event(
             0,
             "info",

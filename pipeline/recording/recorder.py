@@ -14,15 +14,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.analysis import shapley
+from fis_tools.analysis.contribution import holding_back
 from fis_tools.compiled.decorator import sparingly
-from fis_tools.engines.compiler import compile
+from fis_tools.engines.compiler import CompiledSystem, compile
 from fis_tools.engines.kernel import firing_strengths
 from fis_tools.formats import serialize
-from fis_tools.model import FuzzyController, FuzzySystem
-from fis_tools.model.thrust import REASONS, thrust_logic
+from fis_tools.formats.provenance import edited
+from fis_tools.model import FuzzyController
+from fis_tools.model.thrust import COMPONENTS, COUNTED, REASONS, thrust_logic
 from fis_tools.words.text import sentences
 from pipeline.array_types import Floats
 from pipeline.controllers.played import to_mapping
+from pipeline.flight.cases.actuators import thrusters_of
 from pipeline.flight.cases.navigation import errors_of, filter_of, measured
 from pipeline.flight.control.controller import Controller, rehearsed_pushes
 from pipeline.flight.fly.inspectable import lit_and_seen
@@ -55,6 +58,8 @@ CONTROLLER_ATTACHMENT = "controller.json"
 
 #: what the places in `REASONS`, of which a `FlightLog` tells, are called in a recording
 REASON_OF = np.array([Reason[word.upper()] for word in REASONS])
+#: the places of those with which what rules ask for takes effect
+IN_EFFECT = tuple(place for place, word in enumerate(REASONS) if word in COUNTED)
 
 LIT, IN_VIEW_BUT_DARK, INSPECTED = np.array(
     [PointState.LIT, PointState.IN_VIEW_BUT_DARK, PointState.INSPECTED], np.uint8
@@ -95,8 +100,10 @@ class FlightRecorder:
             CONFIG_ATTACHMENT: artifacts.config_text(only_results(config)).encode(),
             CONTROLLER_ATTACHMENT: controller_text(controller).encode(),
         }
-        self._systems = {
-            FIS_METADATA_PREFIX + system.name: describe(system).to_metadata() for system in controller.systems
+        self._compiled = [compile(system) for system in controller.systems]
+        self._systems: dict[str, dict[str, str]] = {
+            FIS_METADATA_PREFIX + one.system.name: describe(one, controller.force_axes).to_metadata()
+            for one in self._compiled
         }
         attributes = controller.fuzzy.attributes if controller.fuzzy else ()
         meanings = {name: CONSTANTS[name].description for name, _ in attributes if name in CONSTANTS}
@@ -117,9 +124,9 @@ class FlightRecorder:
         has_errors = mission.navigation.mode == "fixes" or mission.actuators.kind == "real"
         self._is_noisy = has_errors or bool(mission.dispersions)
         self._numbers = controller.numbers
-        self._compiled = [compile(system) for system in controller.systems]
         self._logic = thrust_logic(controller.fuzzy) if controller.fuzzy is not None else None
         self._num_rehearsed = len(rehearsed_pushes(controller))
+        self._delay = thrusters_of(mission).delay if mission.actuators.kind == "real" else 0
 
     def record(self, path: Path, scenario: Scenario, log: FlightLog, scenario_id: str) -> None:
         """Write a flight as one file, which appears under its name when it is complete.
@@ -195,6 +202,8 @@ class FlightRecorder:
             mass_kg=log.mass_kg,
         )
         self._write_control(writer, times[: len(log.force_hill_n)], log)
+        if (fuzzy := self._controller.fuzzy) is not None and (how := edited(fuzzy)) is not None:
+            writer.log(times[0], "warning", f"{fuzzy.name} was edited {how}")
         tour = tour_followed(self._mission, self._controller, scenario)
         for event in events(self._mission, log, self._near_limit_m, self._logic, self._num_rehearsed, tour):
             writer.log(times[event.sample], event.level, event.text)
@@ -203,20 +212,39 @@ class FlightRecorder:
         """Write what is applied over the control periods, and the inferences that decided it."""
         attitudes, rates = log.attitude_quaternion, log.attitude_rate_b_rad_s
         writer.attitude_history(times, self._attitude_offsets, attitudes, rates, log.torque_b_n_m)
-        reasons = REASON_OF[log.reason]
         foreseen = np.where(np.isfinite(log.foreseen).all(axis=1, keepdims=True), log.foreseen, np.nan)
-        writer.control(times, log.force_body_n, log.force_hill_n, log.force_asked_n, reasons, foreseen)
+        writer.control(
+            times,
+            log.force_body_n,
+            log.force_hill_n,
+            log.force_asked_n,
+            REASON_OF[log.reason],
+            foreseen,
+            force_commanded_n=log.force_commanded_n,
+            command_reason=REASON_OF[log.command_reason],
+            command_age_s=self._delay * self._mission.control_period_s,
+        )
         decided = np.flatnonzero(log.is_decided)
-        burns = np.any(log.force_hill_n[decided] != 0.0, axis=1)
         for place, compiled in enumerate(self._compiled):
             system = compiled.system
             inputs = log.fis_input[decided, place, : len(system.inputs)]
             strengths = firing_strengths(self._numbers, inputs, place)
+            is_fired = self._is_fired(log, decided, COMPONENTS.index(system.outputs[0].name))
             shares = np.zeros_like(strengths)
-            shares[burns] = shapley.shares(compiled, inputs[burns]).values[:, :, 0]
+            shares[is_fired] = shapley.shares(compiled, inputs[is_fired]).values[:, :, 0]
             writer.fis(
                 times[decided], system.name, inputs, strengths, log.fis_output_n[decided, place], shares
             )
+
+    def _is_fired(self, log: FlightLog, decided: NDArray[np.intp], axis: int) -> NDArray[np.bool_]:
+        """Tell at which decisions, by their samples, what was asked for along an axis came to be fired."""
+        due = np.minimum(decided + self._delay, len(log.reason) - 1)
+        is_commanded = np.isin(log.command_reason[decided, axis], IN_EFFECT)
+        # along a body axis, a force is one along all of Hill's
+        own = slice(None) if self._controller.force_axes == "body" else [axis]
+        is_fired = np.isin(log.reason[due], IN_EFFECT)[:, own].any(axis=1)
+        found: NDArray[np.bool_] = is_commanded & is_fired & (decided + self._delay < len(log.reason))
+        return found
 
     def _point_states(self, log: FlightLog) -> States:
         """Return each point's `PointState` at each sample, (K+1, P): the highest that applies."""
@@ -248,8 +276,9 @@ def stl_of(corners: Floats) -> bytes:
     return b" " * 80 + np.uint32(len(rows)).tobytes() + rows.tobytes()
 
 
-def describe(system: FuzzySystem) -> FisDescription:
-    """Say what the numbers of a system's topic mean."""
+def describe(compiled: CompiledSystem, force_axes: str) -> FisDescription:
+    """Say what the numbers of a system's topic mean, and along which axes its output is."""
+    system = compiled.system
     output = system.outputs[0]
     return FisDescription(
         input_names=tuple(variable.name for variable in system.inputs),
@@ -257,6 +286,8 @@ def describe(system: FuzzySystem) -> FisDescription:
         output_name=output.name,
         output_unit=output.unit,
         rules=tuple(sentences(system)),
+        holding=holding_back(compiled),
+        output_axes=force_axes,
     )
 
 

@@ -13,12 +13,15 @@ import os
 import secrets
 import stat
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path, PurePath
 from typing import Any, BinaryIO, Final
 
 import yaml
+from fis_tools.formats.error import ControllerFileError
 
+from fis_tools.formats import serialize
+from fis_tools.formats.provenance import edited
 from fis_tools.plain_text import plain
 from pipeline.settings.scopes import only_results, without_outside
 
@@ -458,10 +461,22 @@ def write_manifest(
         "makers": [dict(maker) for maker in makers],
         "made_by": {stage: list(indices) for stage, indices in (made_by or {}).items()},
     }
+    if told := _edited(config["controller"]):
+        manifest["controller_edited"] = told
     if makers and (revision := makers[-1]["git_revision"]):
         manifest["git_revision"] = revision
     manifest["sha256"] = {name: file_hash(folder / name) for name in list_artifacts(folder)}
     write_json(folder / MANIFEST, manifest)
+
+
+def _edited(source: Mapping[str, Any]) -> str | None:
+    """Return how the configured controller differs from what its provenance tells of; None if it does not."""
+    with suppress(ControllerFileError):
+        if "systems" in source:
+            return edited(serialize.from_mapping(source))
+        if "path" in source and "kind" not in source:
+            return edited(serialize.load(source["path"]))
+    return None
 
 
 def fits(value: Any, shape: Any) -> bool:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from fis_tools.formats import serialize
+from fis_tools.formats.provenance import described
 from pipeline.controllers import source
 from pipeline.flight.cases.starts import validation_scenarios
 from pipeline.flight.control.controller import ControllerError
@@ -170,11 +171,7 @@ def write_champion(
         told["validation_fitness"] = repr(choice.validation_fitness)
     if choice.rounds:
         tables.write_csv(folder / artifacts.VALIDATION, ["round", "training", "validation"], choice.rounds)
-    champion = replace(
-        genome.decode(choice.champion),
-        name=_name(experiment, genome),
-        provenance=tuple(sorted(told.items())),
-    )
+    champion = described(replace(genome.decode(choice.champion), name=_name(experiment, genome)), told)
     artifacts.write_atomically(folder / artifacts.CHAMPION, serialize.dump_json(champion) + "\n")
 
 

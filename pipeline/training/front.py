@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.formats import serialize
+from fis_tools.formats.provenance import described
 from fis_tools.model import FuzzyController
 from pipeline.array_types import Floats
 from pipeline.run import artifacts, tables
@@ -106,7 +107,7 @@ def write_front(
     for row, (name, controller) in enumerate(zip(names, controllers, strict=True)):
         told = {column: repr(float(columns[column][row])) for column in TOLD}
         told |= {"front": f"{name} of {len(names)}", **provenance}
-        known = replace(controller, name=f"{controller.name}_{name}", provenance=tuple(sorted(told.items())))
+        known = described(replace(controller, name=f"{controller.name}_{name}"), told)
         artifacts.write_atomically(place / f"{name}.json", serialize.dump_json(known) + "\n")
     for path in place.glob("*.json"):
         if path.stem not in names:

@@ -107,6 +107,14 @@ def _attitude_history(payloads: Sequence[bytes]) -> Columns:
     return columns
 
 
+def _inferences(payloads: Sequence[bytes]) -> Columns:
+    columns = _own_message(inspection_pb2.FisActivation)(payloads)
+    single = columns.pop("shares_single_n")
+    if not columns["shares_n"].size:
+        columns["shares_n"] = single
+    return columns
+
+
 def _field(values: list[Any], field: Any) -> NDArray[np.generic]:
     if field.type == FieldDescriptor.TYPE_BYTES:
         return _rectangle(values, field.name, np.dtype(np.uint8)).astype(np.bool_)
@@ -213,6 +221,7 @@ _DECODERS: Final[Mapping[str, Callable[[Sequence[bytes]], Columns]]] = {
     "foxglove.PointCloud": _point_clouds,
     "foxglove.Log": _logs,
     "inspection.AttitudeHistory": _attitude_history,
+    "inspection.FisActivation": _inferences,
     **{
         message_class.DESCRIPTOR.full_name: _own_message(message_class)
         for message_class in (
@@ -220,7 +229,6 @@ _DECODERS: Final[Mapping[str, Callable[[Sequence[bytes]], Columns]]] = {
             inspection_pb2.Control,
             inspection_pb2.Guidance,
             inspection_pb2.Navigation,
-            inspection_pb2.FisActivation,
             inspection_pb2.MissionStatus,
         )
     },

@@ -137,6 +137,10 @@ class FisDescription:
     output_name, output_unit : str
     rules : tuple of str
         In words, in the order of the field `firing_strengths`.
+    holding : tuple of int
+        The numbers of those, from 1, that conclude what the output is without any rule, and so hold back.
+    output_axes : str
+        Along which axes the output is: ``hill`` or ``body``.
     """
 
     input_names: tuple[str, ...]
@@ -144,6 +148,8 @@ class FisDescription:
     output_name: str
     output_unit: str
     rules: tuple[str, ...]
+    holding: tuple[int, ...] = ()
+    output_axes: str = "hill"
 
     def to_metadata(self) -> dict[str, str]:
         """Encode the description as metadata."""
@@ -153,6 +159,8 @@ class FisDescription:
             "output_name": self.output_name,
             "output_unit": self.output_unit,
             "rules": json.dumps(self.rules, ensure_ascii=False),
+            "holding": json.dumps(self.holding),
+            "output_axes": self.output_axes,
         }
 
     @classmethod
@@ -164,7 +172,7 @@ class FisDescription:
         RecordingError
             If a key is missing or a value is not encoded as `to_metadata` does.
         """
-        missing = {field.name for field in fields(cls)} - metadata.keys()
+        missing = {field.name for field in fields(cls)} - {"holding", "output_axes"} - metadata.keys()
         if missing:
             raise RecordingError(
                 f"the metadata of a fuzzy system lacks {', '.join(sorted(missing))}; "
@@ -175,7 +183,9 @@ class FisDescription:
             input_units=_words_from_json("input_units", metadata["input_units"]),
             output_name=metadata["output_name"],
             output_unit=metadata["output_unit"],
-            rules=_words_from_json("rules", metadata["rules"]),
+            rules=(rules := _words_from_json("rules", metadata["rules"])),
+            holding=_places("holding", metadata.get("holding", "[]"), len(rules)),
+            output_axes=metadata.get("output_axes", "hill"),
         )
 
 
@@ -205,6 +215,18 @@ def _numbers(key: str, text: str) -> float | tuple[float, ...]:
             f"{'whole ' * (key in WHOLE)}numbers are expected; write it with telemetry.file.metadata"
         )
     return tuple(value) if isinstance(value, list) else value  # type: ignore[return-value,arg-type]
+
+
+def _places(key: str, text: str, most: int) -> tuple[int, ...]:
+    value = _from_json(key, text)
+    places = (
+        [one for one in value if type(one) is int and 1 <= one <= most] if isinstance(value, list) else []
+    )
+    if not isinstance(value, list) or len(places) < len(value):
+        raise RecordingError(
+            f"metadata {key!r} is {text[:80]!r}, but a list of whole numbers from 1 to {most} is expected"
+        )
+    return tuple(places)
 
 
 def _words_from_json(key: str, text: str) -> tuple[str, ...]:

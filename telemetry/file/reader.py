@@ -24,7 +24,7 @@ from mcap.stream_reader import MAGIC_SIZE, StreamReader
 from mcap.writer import MCAP0_MAGIC
 from numpy.typing import NDArray
 
-from telemetry.array_types import Booleans, Floats
+from telemetry.array_types import Floats
 from telemetry.file import claims, columns, topics
 from telemetry.file.errors import RecordingError
 from telemetry.file.messages import NANOSECONDS
@@ -36,6 +36,8 @@ if TYPE_CHECKING:
 __all__ = ["Recording", "RecordingError", "read"]
 
 CHECKSUM_SIZE: Final = 4
+#: times closer than this are the same, s
+SAME_TIME_S: Final = 1e-6
 #: the kind of a record, one byte, and its length, eight
 RECORD_HEAD_SIZE: Final = 9
 #: what the mcap library raises on damaged bytes
@@ -165,14 +167,21 @@ class Recording:
         control = self.topics.get(topics.DEPUTY_CONTROL)
         return np.empty(0) if control is None else control.time_s
 
-    def reasons(self, component: str, time_s: Floats) -> NDArray[np.str_]:
-        """Return what became of a component of the force over the control periods that begin at some times.
+    @property
+    def command_age_s(self) -> float:
+        """How long before a control period what it fires was commanded; 0 where that is not recorded."""
+        control = self.topics.get(topics.DEPUTY_CONTROL)
+        return 0.0 if control is None else float(control["command_age_s"].max(initial=0.0))
+
+    def fired_reasons(self, component: str, time_s: NDArray[np.float64]) -> NDArray[np.str_]:
+        """Return why something was, or was not, fired along an axis over control periods.
 
         Parameters
         ----------
         component : str
             What the output of a fuzzy system is called, such as ``force_x``.
         time_s : (N,)
+            When the periods begin.
 
         Returns
         -------
@@ -181,23 +190,66 @@ class Recording:
             before reasons were recorded, ``silent`` where no force was fired.
         """
         control = self.topics.get(topics.DEPUTY_CONTROL)
-        unknown = np.full(len(time_s), topics.Reason.UNKNOWN.name.lower())
-        if control is None or component not in topics.FORCE_COMPONENTS:
-            return unknown
-        if not len(control) or not bool(np.all(np.isin(time_s, control.time_s))):
-            return unknown
+        if control is None or not self._tells_of(component, time_s):
+            return np.full(len(time_s), topics.Reason.UNKNOWN.name.lower())
         rows = np.searchsorted(control.time_s, time_s)
-        reasons = control["reason"].astype(np.str_)
-        if reasons.shape[1] == 0:
-            is_fired = np.any(control["force_hill_n"][rows], axis=1)
-            return np.where(is_fired, unknown, topics.Reason.SILENT.name.lower())
-        found: NDArray[np.str_] = reasons[rows, topics.FORCE_COMPONENTS.index(component)]
-        return found
+        is_fired = np.any(control["force_hill_n"][rows], axis=1)
+        if control["reason"].shape[1] == 0:
+            return np.where(is_fired, topics.Reason.UNKNOWN.name.lower(), topics.Reason.SILENT.name.lower())
+        axis = topics.FORCE_COMPONENTS.index(component)
+        found: NDArray[np.str_] = control["reason"][rows, axis].astype(np.str_)
+        if control["command_reason"].shape[1]:
+            return found
+        # reasons were of the command alone
+        is_lost = np.isin(found, topics.FIRED) & ~is_fired
+        return np.where(is_lost, topics.Reason.BELOW_LEAST_IMPULSE.name.lower(), found)
 
-    def is_fired(self, name: str) -> Booleans:
-        """Tell at which inferences of a fuzzy system its output was fired, as far as the recording says."""
-        output = self.fis_description(name).output_name
-        return np.isin(self.reasons(output, self[topics.fis_topic(name)].time_s), topics.FIRED)
+    def reasons(self, component: str, time_s: NDArray[np.float64], axes: str = "hill") -> NDArray[np.str_]:
+        """Return what became of a component of the force that was asked for at some times.
+
+        The arguments and the words are those of `fired_reasons`: where it was commanded, the word is of the
+        control period that fires it, ``delayed`` if the recording ends before that. Thrusters fire along Hill
+        axes: a component along one of the axes ``body`` is fired if anything is.
+        """
+        control = self.topics.get(topics.DEPUTY_CONTROL)
+        if control is None or not len(time_s) or not self._tells_of(component, time_s):
+            return self.fired_reasons(component, time_s)
+        due = self._due(time_s)
+        due_s = control.time_s[np.minimum(due, len(control) - 1)]
+        fired = self.fired_reasons(component, due_s)
+        fired = np.where(due < len(control), fired, topics.Reason.DELAYED.name.lower())
+        if control["command_reason"].shape[1] == 0:
+            return fired
+        for other in topics.FORCE_COMPONENTS if axes == "body" else ():
+            there = self.fired_reasons(other, due_s)
+            fired = np.where(np.isin(there, topics.FIRED) & (due < len(control)), there, fired)
+        rows = np.searchsorted(control.time_s, time_s)
+        commanded = control["command_reason"][rows, topics.FORCE_COMPONENTS.index(component)].astype(np.str_)
+        return np.where(np.isin(commanded, topics.FIRED), fired, commanded)
+
+    def _tells_of(self, component: str, time_s: NDArray[np.float64]) -> bool:
+        """Whether there are control periods of a component of the force at all of some times."""
+        return component in topics.FORCE_COMPONENTS and bool(np.all(np.isin(time_s, self.control_time_s)))
+
+    def _due(self, time_s: NDArray[np.float64]) -> NDArray[np.intp]:
+        """Return the rows of the control periods that fire the commands of some times."""
+        return np.searchsorted(self.control_time_s, time_s + self.command_age_s - SAME_TIME_S)
+
+    def fired(self, name: str) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
+        """Tell which inferences of a fuzzy system had their output fired, as far as the recording says.
+
+        Returns
+        -------
+        rows, fired_s : (n,)
+            Of the system's topic, and when the control periods begin that fire them.
+        """
+        decided_s = self[topics.fis_topic(name)].time_s
+        description = self.fis_description(name)
+        words = self.reasons(description.output_name, decided_s, description.output_axes)
+        rows = np.flatnonzero(np.isin(words, topics.FIRED))
+        due = self._due(decided_s[rows])
+        is_known = bool(np.all(due < len(self.control_time_s)))
+        return rows, self.control_time_s[due] if is_known else decided_s[rows]
 
 
 def read(

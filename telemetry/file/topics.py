@@ -58,7 +58,7 @@ FORCE_COMPONENTS: Final = ("force_x", "force_y", "force_z")
 
 
 class Reason(IntEnum):
-    """What became of a component of the force over a control period; read as these words in lower case."""
+    """What became of a component of the force; read as these words in lower case."""
 
     UNKNOWN = 0
     FIRED = 1
@@ -70,9 +70,12 @@ class Reason(IntEnum):
     CLIPPED = 7
     SAFETY = 8
     REHEARSED = 9
+    BELOW_LEAST_IMPULSE = 10
+    DELAYED = 11
+    EMPTY_TANK = 12
 
 
-#: what was asked for was fired, as far as the thruster goes, or may have been
+#: what was asked for was commanded or fired, as far as the thruster goes, or may have been
 FIRED: Final = tuple(reason.name.lower() for reason in (Reason.FIRED, Reason.CLIPPED, Reason.UNKNOWN))
 
 #: red, green, blue, alpha of each `PointState`; distinguishable by colour-blind readers (after Okabe and Ito)

@@ -254,8 +254,14 @@ class EpisodeWriter:
         force_asked_n: ArrayLike,
         reason: ArrayLike,
         foreseen: ArrayLike | None = None,
+        *,
+        force_commanded_n: ArrayLike | None = None,
+        command_reason: ArrayLike | None = None,
+        command_age_s: float = 0.0,
     ) -> None:
         """Record the force during the control period that follows a sample.
+
+        Without commands and their reasons, the recording does not tell what was commanded.
 
         Parameters
         ----------
@@ -264,14 +270,20 @@ class EpisodeWriter:
         force_body_n : (3,)
             Demanded by the controller, before clipping, body axes.
         force_hill_n : (3,)
-            Applied, Hill axes.
+            Fired, Hill axes.
         force_asked_n : (3,)
             Before dead bands, clip and safety layer, in the controller's axes.
         reason : (3,) int
-            A `telemetry.file.topics.Reason` for each of these components: why it was, or was not, fired.
+            A `telemetry.file.topics.Reason` along each of Hill's axes: why something was, or was not, fired.
         foreseen : (3,), optional
             Points that coasting to the end would miss, least and greatest distance on the way, m; NaN where
             the controller does not ask.
+        force_commanded_n : (3,), optional
+            After dead bands, clip and safety layer, Hill axes.
+        command_reason : (3,) int, optional
+            A reason for each component of `force_asked_n`: why it was, or was not, commanded.
+        command_age_s : float
+            From a command until it is fired.
         """
         time_ns = nanoseconds(time_s)
         count = len(time_ns)
@@ -280,7 +292,11 @@ class EpisodeWriter:
             "force_hill_n": rows(force_hill_n, count, 3, "force_hill_n"),
             "force_asked_n": rows(force_asked_n, count, 3, "force_asked_n"),
             "reason": rows(reason, count, 3, "reason"),
+            "command_age_s": command_age_s,
         }
+        for name, given in (("force_commanded_n", force_commanded_n), ("command_reason", command_reason)):
+            if given is not None:
+                columns[name] = rows(given, count, 3, name)
         if foreseen is not None:
             names = ("coasting_missed", "coasting_nearest_m", "coasting_farthest_m")
             columns.update(zip(names, rows(foreseen, count, 3, "foreseen").T, strict=True))
@@ -551,4 +567,4 @@ def _numbers(values: ArrayLike, count: int) -> Floats:
 def _rows_alike(values: ArrayLike, count: int) -> Floats:
     """Return as many rows, of whatever length."""
     found = np.asarray(values, dtype=np.float64)
-    return found.reshape(count, found.size // count)
+    return found.reshape(count, found.size // max(count, 1))

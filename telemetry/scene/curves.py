@@ -180,9 +180,12 @@ def fis_plots(recording: Recording) -> list[Plot]:
             continue
         words = recording.fis_description(name)
         colour = (SIGNAL_COLOURS[len(outputs) % len(SIGNAL_COLOURS)],)
-        answer = np.where(recording.is_fired(name), _floats(topic["output_n"]), 0.0)[:, None]
+        answer = np.zeros((len(topic), 1))
+        fired, _ = recording.fired(name)
+        answer[fired, 0] = _floats(topic["output_n"])[fired]
+        fired_s = topic.time_s + recording.command_age_s
         system = f"system_{len(outputs)}"
-        outputs.append(Curves(system, topic.time_s, answer, (words.output_name,), colour, True))
+        outputs.append(Curves(system, fired_s, answer, (words.output_name,), colour, True))
         sensed = _floats(topic["inputs"])
         for index, (signal, unit) in enumerate(zip(words.input_names, words.input_units, strict=True)):
             same = inputs.setdefault(unit, [])

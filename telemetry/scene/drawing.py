@@ -118,10 +118,10 @@ def activation_map(recording: Recording, sample_time_s: Floats) -> ActivationMap
     image = np.zeros((MAP_HEIGHT, MAP_WIDTH), dtype=np.uint8)
     for band, (name, top) in enumerate(zip(names, tops, strict=True)):
         topic = recording[topics.fis_topic(name)]
-        is_fired = recording.is_fired(name)
-        strengths = topic["firing_strengths"][is_fired]
+        fired, fired_s = recording.fired(name)
+        strengths = topic["firing_strengths"][fired]
         num_rules = strengths.shape[1]
-        samples = np.searchsorted(sample_time_s, topic.time_s[is_fired])
+        samples = np.searchsorted(sample_time_s, fired_s)
         over_samples = np.zeros((len(sample_time_s), num_rules))
         over_samples[samples] = strengths
         rows = np.arange(height) * num_rules // height
@@ -151,36 +151,33 @@ def inference_in_words(recording: Recording, sample_time_s: Floats) -> list[str]
     for name in recording.fis_names:
         topic = recording[topics.fis_topic(name)]
         description = recording.fis_description(name)
-        indices = np.searchsorted(sample_time_s, topic.time_s)
-        columns = (
-            topic["inputs"],
-            topic["firing_strengths"],
-            topic["output_n"],
-            topic["shares_n"],
-            recording.is_fired(name),
-        )
-        for index, inputs, strengths, output, shares, is_fired in zip(indices, *columns, strict=True):
-            if is_fired:
-                samples[index] += _one_inference(description, inputs, strengths, float(output), shares)
+        fired, fired_s = recording.fired(name)
+        columns = [topic[field][fired] for field in ("inputs", "firing_strengths", "output_n", "shares_n")]
+        for index, row in zip(
+            np.searchsorted(sample_time_s, fired_s), zip(*columns, strict=True), strict=True
+        ):
+            samples[index] += _one_inference(description, *row)
     at_rest = _rest_in_words(recording, sample_time_s)
     return [drawable("\n".join(lines)) or rest for lines, rest in zip(samples, at_rest, strict=True)]
 
 
 def _rest_in_words(recording: Recording, sample_time_s: Floats) -> list[str]:
-    """Say for each sample why nothing was fired."""
+    """Say for each sample why nothing was fired, or why something was that no rule asked for."""
     control = recording[topics.DEPUTY_CONTROL]
     if not len(control) or not control["reason"].shape[1]:
         return [NO_INFERENCE] * len(sample_time_s)
     kinds = [", ".join(dict.fromkeys(row)).replace("_", " ") for row in control["reason"].tolist()]
-    words = dict(zip(control.time_s.tolist(), kinds, strict=True))
-    return [
-        f"*Nothing is fired: {words[time_s]}.*" if time_s in words else NO_INFERENCE
-        for time_s in sample_time_s.tolist()
+    is_fired = np.any(control["force_hill_n"], axis=1)
+    told = [
+        f"*{'No rule asked for what is fired' if fires else 'Nothing is fired'}: {kind}.*"
+        for kind, fires in zip(kinds, is_fired, strict=True)
     ]
+    words = dict(zip(control.time_s.tolist(), told, strict=True))
+    return [words.get(time_s, NO_INFERENCE) for time_s in sample_time_s.tolist()]
 
 
 def _one_inference(
-    description: FisDescription, inputs: Floats, strengths: Floats, output: float, shares: Floats
+    description: FisDescription, inputs: Floats, strengths: Floats, output: np.float64, shares: Floats
 ) -> list[str]:
     sensed = " · ".join(
         f"{name} {value:.3f} {unit}".rstrip()
@@ -201,7 +198,8 @@ def _leading(strengths: Floats, shares: Floats) -> list[int]:
 
 def _rule_words(description: FisDescription, rule: int, strengths: Floats, shares: Floats) -> str:
     share = f"`{shares[rule]:+.4f} {description.output_unit}` " if np.any(shares) else ""
-    return f"{share}rule {rule + 1} ({strengths[rule]:.2f}): {description.rules[rule]}"
+    holds = "holds back, " if rule + 1 in description.holding else ""
+    return f"{share}{holds}rule {rule + 1} ({strengths[rule]:.2f}): {description.rules[rule]}"
 
 
 @dataclass(frozen=True)

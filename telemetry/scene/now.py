@@ -17,10 +17,15 @@ WORTH_TELLING = 0.1
 WHY = {
     "silent": "No rule asks for a force",
     "dead_band": "No burn: what the rules ask for is below the dead band",
+    "below_least_impulse": "No burn: what the rules asked for is below the thrusters' least impulse",
+    "delayed": "No burn yet: the thrusters fire what they are told later",
+    "empty_tank": "No burn: the tank is empty",
     "waiting": "No burn until the next decision",
     "clipped": "at the thruster's limit",
     "safety": "changed by the safety layer",
 }
+#: reasons for which nothing is fired, the first that applies is told
+AT_REST = (*("safety", "empty_tank", "below_least_impulse", "delayed", "dead_band", "waiting", "silent"),)
 #: reasons that the line itself tells
 ELSE = ("fired", "coasting", "complete")
 
@@ -70,22 +75,28 @@ def _line(recording: Recording, row: int, left: int, was_asked: bool) -> str:
     if "coasting" in reasons or (not reasons and not was_asked):
         return f"Coasting: {_points(left)}{_foreseen(recording, row, left)}"
     why = next(
-        (WHY[reason] for reason in ("safety", "dead_band", "waiting", "silent") if reason in reasons),
+        (WHY[reason] for reason in AT_REST if reason in reasons),
         "No burn",
     )
     return f"{why}: {_points(left)}"
 
 
 def _leader(recording: Recording, row: int) -> str:
-    """Name the rule with the largest share in the largest output that was fired, where that is recorded."""
+    """Name the rule that pushes most the way of the largest output that is fired, where that is recorded.
+
+    Rules that conclude no force hold back, and push no way, whatever their shares.
+    """
     time = recording[topics.DEPUTY_CONTROL].time_s[row]
     found = []
     for name in recording.fis_names:
-        topic = recording[topics.fis_topic(name)]
-        is_now = topic.time_s == time
-        for output, shares in zip(topic["output_n"][is_now], topic["shares_n"][is_now], strict=True):
-            if np.any(shares) and recording.is_fired(name)[is_now].any():
-                found.append((abs(float(output)), int(np.abs(shares).argmax()) + 1, name))
+        topic, (fired, fired_s) = recording[topics.fis_topic(name)], recording.fired(name)
+        holding = np.array(recording.fis_description(name).holding, dtype=np.intp) - 1
+        for place in fired[fired_s == time].tolist():
+            output, shares = float(topic["output_n"][place]), topic["shares_n"][place]
+            pushes = np.sign(output) * shares
+            pushes[holding] = 0.0
+            if np.any(pushes > 0.0):
+                found.append((abs(output), int(pushes.argmax()) + 1, name))
     return ", mostly by rule {} of {}".format(*max(found)[1:]) if found else ""
 
 

@@ -88,7 +88,7 @@ def test_every_vector_names_its_axes() -> None:
                 num_vectors += 1
             if "quaternion" in " ".join(cells):
                 assert re.search(r"(Hill to body|turns (body|child) axes into)", cells[-1]), cells
-    assert num_vectors == 3 + 3 + 2 + 3 + 1
+    assert num_vectors == 3 + 3 + 2 + 4 + 1
 
 
 def test_every_colour_is_named() -> None:

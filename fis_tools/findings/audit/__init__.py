@@ -6,6 +6,7 @@ from fis_tools.analysis.measures import measure
 from fis_tools.array_types import Floats
 from fis_tools.findings.audit import answers, rules, terms, usage
 from fis_tools.findings.audit.report import Audit, AuditedSystem, Finding, Severity, Thresholds
+from fis_tools.formats.provenance import edited
 from fis_tools.model import FuzzyController, FuzzySystem
 from fis_tools.model.validate import nearest, validate
 
@@ -45,7 +46,7 @@ def audit(
     systems = (controller,) if isinstance(controller, FuzzySystem) else controller.systems
     thresholds = thresholds or Thresholds()
     _check(systems, samples or {})
-    findings: list[Finding] = []
+    findings: list[Finding] = [] if isinstance(controller, FuzzySystem) else [*_edited(controller)]
     audited = []
     for system in systems:
         validate(system)
@@ -63,6 +64,18 @@ def audit(
             findings += _used(system, rows, thresholds)
     findings.sort(key=lambda finding: -finding.severity)
     return Audit("" if alone else controller.name, tuple(audited), tuple(findings))
+
+
+def _edited(controller: FuzzyController) -> Iterator[Finding]:
+    """Yield that a controller is no longer the one that its provenance tells of."""
+    if (how := edited(controller)) is not None:
+        yield Finding(
+            "edited",
+            Severity.WARNING,
+            controller.name,
+            f"{controller.name} was edited {how}.",
+            "Measure it anew, or take the controller that the figures are of.",
+        )
 
 
 def _counterpart(system: FuzzySystem, reference: FuzzyController) -> tuple[str, FuzzySystem]:

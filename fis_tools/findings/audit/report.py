@@ -87,6 +87,8 @@ class Thresholds:
         Up to this fraction of opposite steps, an input counts as intended to act in one direction.
     reversal : float
         The smallest reversal of the output that counts, as a fraction of its range.
+    asymmetry : float
+        The largest fraction of pairs of rules that may break a symmetry the others have; one always may.
     consistency : float
         The least consistency of a rule: agreement of the output with its consequent where it fires most.
     reach : float
@@ -114,6 +116,7 @@ class Thresholds:
     jump: float = 0.55
     against: float = 0.25
     reversal: float = 0.1
+    asymmetry: float = 0.1
     consistency: float = 0.3
     reach: float = 0.5
     partition: float = 0.3

@@ -3,7 +3,7 @@
 from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import combinations, product
 from typing import Any
 
 import numpy as np
@@ -13,6 +13,11 @@ from fis_tools.array_types import Floats, Integers
 from fis_tools.findings.audit.report import Finding, Severity, Thresholds
 from fis_tools.model import And, Constant, Expression, FuzzySystem, Hedged, Is, Not, Or, Rule, conjunctions
 from fis_tools.words.text import amount, antecedent_words, consequent_words, listed, percent, place, span
+
+#: centres closer than this, as a fraction of the output's range, are the same
+SAME_LEVEL = 1e-6
+#: a symmetry shows in at least so many pairs of rules
+FEWEST_PAIRS = 4
 
 
 @dataclass(frozen=True)
@@ -40,6 +45,7 @@ def find(system: FuzzySystem, measures: Measures, thresholds: Thresholds) -> Ite
         steps = _steps(system, axis)
         yield from _jumps(system, axis, steps, thresholds)
         yield from _turns(system, axis, steps, thresholds)
+    yield from _symmetry(system, thresholds)
     yield from _consistency(system, measures, thresholds)
     yield from _many(system, measures, thresholds)
 
@@ -254,6 +260,41 @@ def _turns(system: FuzzySystem, axis: int, steps: list[Step], thresholds: Thresh
         rules=tuple(sorted({rule for step in against for rule in step.rules})),
         evidence={"rising": len(rising), "falling": len(falling)},
     )
+
+
+def _symmetry(system: FuzzySystem, thresholds: Thresholds) -> Iterator[Finding]:
+    """Yield the few pairs of rules that break a symmetry of the rest of a full rule table.
+
+    Where all inputs, or one, are mirrored, a table may conclude the mirrored term, or the same.
+    """
+    table = _table(system)
+    if table is None or not table[0].all():
+        return
+    numbers, levels = table
+    output, everywhere = system.outputs[0], tuple(range(numbers.ndim))
+    middle = (output.minimum + output.maximum) / span(output)
+    ones = [(place,) for place in everywhere] if len(everywhere) > 1 else []
+    for axes, is_odd in ((everywhere, True), *product(ones, (True, False))):
+        reflected = np.flip(levels, axes)
+        is_broken = np.abs(levels - (middle - reflected if is_odd else reflected)) > SAME_LEVEL
+        both = np.sort([numbers.ravel(), np.flip(numbers, axes).ravel()], axis=0).T
+        pairs, broken = (np.unique(rows, axis=0).tolist() for rows in (both, both[is_broken.ravel()]))
+        kept = len(pairs) - len(broken)
+        if kept < FEWEST_PAIRS or not 0 < len(broken) <= max(1.0, thresholds.asymmetry * len(pairs)):
+            continue
+        rules = sorted({number for pair in broken for number in pair})
+        told = [f"{_concludes(system.rules[n - 1])[output.name]} (rule {n})" for n in rules]
+        yield Finding(
+            "broken-symmetry",
+            Severity.WARNING,
+            system.name,
+            f"With {listed([system.inputs[axis].name for axis in axes])} mirrored, {output.name} is "
+            f"{'mirrored too' if is_odd else 'the same'} in {kept} of {len(pairs)} pairs of rules, but not "
+            f"in {listed(told, 2 * FEWEST_PAIRS)}.",
+            "Check these rules: a single pair against the others is often a slip.",
+            rules=tuple(rules),
+            evidence={"pairs": len(pairs), "broken": broken},
+        )
 
 
 def _consistency(system: FuzzySystem, measures: Measures, thresholds: Thresholds) -> Iterator[Finding]:

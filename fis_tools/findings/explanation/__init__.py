@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fis_tools.analysis import shapley
-from fis_tools.analysis.contribution import contributions
+from fis_tools.analysis.contribution import contributions, holding_back
 from fis_tools.engines.inference import infer
 from fis_tools.findings.explanation.flips import Flip, compiled_once, flips, row
 from fis_tools.findings.explanation.report import ExplainedOutput, Explanation, Move
@@ -80,6 +80,7 @@ def explain(system: object, inputs: ArrayLike | Mapping[str, float], crossing: f
                 output.is_default,
                 tuple(moves),
                 float(error[0, place]),
+                frozenset(holding_back(compiled, place)),
                 float(crossing),
                 of_output,
             )

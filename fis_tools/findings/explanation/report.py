@@ -57,6 +57,8 @@ class ExplainedOutput:
         The rules that fire and conclude on it, the largest share first.
     error : float
         The largest standard error of the shares; 0 where they are exact.
+    holding : frozenset of int
+        The numbers of the rules that conclude the default, and so hold back whatever their shares.
     crossing : float
         The value that the flips are about.
     flips : tuple of Flip
@@ -68,6 +70,7 @@ class ExplainedOutput:
     is_default: bool
     moves: tuple[Move, ...]
     error: float
+    holding: frozenset[int]
     crossing: float
     flips: tuple[Flip, ...]
 
@@ -106,9 +109,10 @@ class Explanation(Result):
 
         Keys are ``system``, ``inputs`` (by name, as given) and ``outputs``; of each ``output`` its ``unit``,
         ``value``, whether that is its ``default``, the ``rules`` that fire, the greatest share first (number,
-        ``sentence``, ``strength``, ``share``, ``needed``), the ``error`` of the shares (0 where they are
-        exact), the ``silent`` value that they count from, and what takes it across ``crossing``: ``flips``,
-        an entry for each ``input`` and ``way`` (``up``, ``down``), the smallest first, with the ``change``,
+        ``sentence``, ``strength``, ``share``, ``needed``, and whether it concludes the default and so
+        ``holds_back``), the ``error`` of the shares (0 where they are exact), the ``silent`` value that they
+        count from, and what takes it across ``crossing``: ``flips``, an entry for each ``input`` and ``way``
+        (``up``, ``down``), the smallest first, with the ``change``,
         the inputs ``last`` before and ``first`` after it and the outputs there (null where no value does it),
         and whether no rule fires there (``takes_default``).
         """
@@ -123,7 +127,9 @@ class Explanation(Result):
                     "value": output.value,
                     "default": output.is_default,
                     "rules": [
-                        plain(move) | {"sentence": sentence(self.system.rules[move.rule - 1])}
+                        plain(move)
+                        | {"sentence": sentence(self.system.rules[move.rule - 1])}
+                        | {"holds_back": move.rule in output.holding}
                         for move in output.moves
                     ],
                     "error": output.error,
@@ -161,10 +167,13 @@ class Explanation(Result):
                 if abs(move.share) > NEGLIGIBLE * span(output.variable)
             ]
             if who:
+                alone, together = ("says so", "say so together")
+                if all(move.rule in output.holding for move in groups[term]):
+                    alone, together = ("holds back", "hold back together")
                 words = (
-                    f"rules {listed(who, MOST_RULES)} say so together"
+                    f"rules {listed(who, MOST_RULES)} {together}"
                     if len(who) > 1
-                    else f"rule {who[0]} says so"
+                    else f"rule {who[0]} {alone}"
                 )
                 of_all = f", {shared[term] / whole:.2f}" if abs(whole) > SMALL * span(output.variable) else ""
                 sentences.append(f"{term}{of_all} ({_signed(output.variable, shared[term])}): {words}")

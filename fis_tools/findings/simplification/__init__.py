@@ -8,6 +8,7 @@ from fis_tools.findings.simplification.budget import Budget, Change, bench_for
 from fis_tools.findings.simplification.draft import Draft
 from fis_tools.findings.simplification.report import Simplification, SimplifiedSystem, Step, budget_words
 from fis_tools.findings.simplification.search import CAREFUL_DIGITS, Progress, Search
+from fis_tools.formats.provenance import SIMPLIFIED
 from fis_tools.model import FuzzyController, FuzzySystem
 from fis_tools.model.validate import nearest, validate
 from fis_tools.model.weighing import require_mamdani
@@ -73,7 +74,7 @@ def _provenance(
     num_flown = sum(system.num_flown for system in found)
     along = f" ({num_flown} inferences)" if num_flown else ""
     facts = dict(controller.provenance)
-    facts["simplified_from"] = controller.name
+    facts[SIMPLIFIED] = controller.name
     facts["simplified_within"] = budget_words(budget, flown=num_flown > 0) + along
     return tuple(sorted(facts.items()))
 

@@ -9,10 +9,7 @@ from textwrap import wrap
 
 from fis_tools.formats.templates import rendered
 from fis_tools.model import FuzzyController, Variable
-from fis_tools.model.thrust import COMPONENTS, FORESEEN, REASONS, SILENT_N, ThrustLogic
-
-#: reasons that the safety layer alone gives are not in C
-_REASONS = tuple(word for word in REASONS if word not in {"safety", "rehearsed"})
+from fis_tools.model.thrust import COMPONENTS, FORESEEN, LOGIC_REASONS, REASONS, SILENT_N, ThrustLogic
 
 #: words that no member of a structure may be called
 _KEYWORDS = frozenset(
@@ -87,7 +84,7 @@ def structures(controller: FuzzyController, logic: ThrustLogic) -> str:
         for word, unit, about in members(controller, logic).values()
     )
     axes = "in the axes that attitude turns from" if logic.is_turned else f"{logic.force_axes} axes"
-    reasons = {word: REASONS[word] for word in _REASONS}
+    reasons = {word: REASONS[word] for word in LOGIC_REASONS}
     return rendered("c/step.h.jinja", logic=logic, signals=signals, reasons=reasons, fired_axes=_plain(axes))
 
 

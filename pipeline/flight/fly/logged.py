@@ -3,10 +3,7 @@
 from math import atan2, floor, pi
 from typing import Any
 
-import numpy as np
-
 from fis_tools.compiled.decorator import compiled
-from fis_tools.model.thrust import SILENT_N
 from pipeline.array_types import Bytes, Floats
 from pipeline.flight.period.act.actuators import burns
 from pipeline.flight.period.act.attitude import write_instants
@@ -15,20 +12,8 @@ from pipeline.flight.period.decide.thrust import FARTHEST, MISSED, NEAREST, is_d
 from pipeline.flight.period.look.navigation import write_estimate
 from pipeline.flight.state.arrays import Law, State, Workspace, World
 from pipeline.flight.state.errors import ModelErrors
-from pipeline.flight.state.log import (
-    CLIPPED,
-    COASTING,
-    COMPLETE,
-    DEAD_BAND,
-    FIRED,
-    LEAST_CHANGE_N,
-    REHEARSED,
-    SAFETY,
-    SILENT,
-    WAITING,
-    FlightLog,
-)
-from pipeline.flight.state.signals import BODY, HILL
+from pipeline.flight.state.log import FlightLog
+from pipeline.flight.state.signals import HILL
 from pipeline.physics.quaternion import dcm_b_from_h
 
 
@@ -106,6 +91,7 @@ def write_period(
             log.foreseen[k, 2] = signals[FARTHEST, 0]
     for row in range(3):
         log.force_hill_n[k, row] = lanes.force[row, 0]
+        log.force_commanded_n[k, row] = lanes.commanded[row, 0]
         log.safety_force_hill_n[k, row] = lanes.change[row, 0]
         if law.has_plan or is_opened:
             log.force_asked_n[k, row] = lanes.asked[row, 0]
@@ -118,7 +104,6 @@ def write_period(
     log.safety_limit[k] = int(lanes.limit[0])
     if errors is not None and burns(errors.firing):
         log.mass_kg[k + 1] = state.thrusters.mass[0] / world.acceleration_per_force
-    write_reasons(world, law, state, is_complete, is_opened, log, k, dcm)
     write_instants(world, law.plans, work, log, k)
 
 
@@ -131,46 +116,3 @@ def write_inference(law: Law, state: State, work: Workspace, log: FlightLog, k: 
         log.fis_output_n[k, system] = work.outputs[system, 0]
         for place in range(law.num_inputs[system]):
             log.fis_input[k, system, place] = work.signals[law.signals[system, place], 0]
-
-
-@compiled(error_model="numpy")
-def write_reasons(
-    world: World,
-    law: Law,
-    state: State,
-    is_complete: bool,
-    is_opened: bool,
-    log: FlightLog,
-    k: int,
-    dcm: Floats,
-) -> None:
-    """Log for each component why the force asked for was, or was not, fired; `dcm` turns Hill to body."""
-    lanes = state.lanes
-    is_clipped, is_changed = np.empty(3, dtype=np.bool_), np.empty(3, dtype=np.bool_)
-    for row in range(3):
-        wanted = lanes.asked[row, 0]
-        if law.force_axes == BODY:
-            wanted = 0.0
-            for column in range(3):
-                wanted += dcm[column, row] * lanes.asked[column, 0]
-        is_clipped[row] = abs(wanted) > world.max_force
-        is_changed[row] = abs(lanes.change[row, 0]) > LEAST_CHANGE_N
-    for row in range(3):
-        reason = FIRED
-        if is_opened:
-            reason = REHEARSED
-        elif is_complete and not law.has_plan:
-            reason = COMPLETE
-        elif not law.has_plan and not is_decision(law, k):
-            reason = WAITING
-        elif not law.has_plan and lanes.coasts[0] > 0.0:
-            reason = COASTING
-        elif abs(log.force_asked_n[k, row]) < SILENT_N:
-            reason = SILENT
-        elif lanes.asked[row, 0] == 0.0:
-            reason = DEAD_BAND
-        if is_clipped[row] or (law.force_axes == BODY and is_clipped.any()):
-            reason = CLIPPED
-        if is_changed[row] or (law.force_axes == BODY and is_changed.any()):
-            reason = SAFETY
-        log.reason[k, row] = reason

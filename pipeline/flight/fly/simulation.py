@@ -24,6 +24,7 @@ from pipeline.flight.fly.inspectable import counted_points, inspectable_points
 from pipeline.flight.fly.many import fly_many
 from pipeline.flight.fly.plain import fly_plainly
 from pipeline.flight.fly.population import NO_OPENINGS, check_finite, fly_population, lanes_for, outcomes_of
+from pipeline.flight.fly.reasons import write_reasons
 from pipeline.flight.fly.rehearsals import rehearsed_openings, rehearsed_tours
 from pipeline.flight.fly.workspace import make_state, make_workspace, parts_in_use
 from pipeline.flight.period.look.optics import note_inspectable
@@ -151,6 +152,7 @@ def fly_logged(mission: Mission, controller: Controller, scenario: Scenario) -> 
     log.mass_kg[:] = mission.deputy.mass_kg
     inspectable = inspectable_points(world, cases.starts, sparingly(note_inspectable))
     counted, parts = counted_points(world, cases.starts, inspectable), parts_in_use(world, law, cases)
+    openings = None
     if is_interpreted(mission):
         fly_plainly(world, parts, law, numbers.values[0], numbers.rules[0], cases, counted, log)
     else:
@@ -172,6 +174,8 @@ def fly_logged(mission: Mission, controller: Controller, scenario: Scenario) -> 
             1,
             np.empty((1, NUM_OUTCOMES)),
         )
+    num_counted = int(counted[0, : world.num_points].sum())
+    write_reasons(world, law, parts[-1], log, num_counted, openings is not None)
     log.quaternion_c_from_h[:] = chief_attitudes(mission)
     log.visible_sun_share[:] = sun_shares(mission, log.sun_angle_rad, log.sun_elevation_rad)
     log.is_inspectable[:] = inspectable[0, : world.num_points] > 0

@@ -12,9 +12,12 @@ from pipeline.array_types import Floats
 #: the limit that the safety layer acted on at a sample, see `FlightLog.safety_limit`
 SAFE, KEEP_OUT, KEEP_IN, SPEED, PASSIVE_SAFETY = range(5)
 
-#: what happened to a component of the force, see `FlightLog.reason`; in the order of `REASONS`
-FIRED, SILENT, DEAD_BAND, WAITING, COASTING, COMPLETE, CLIPPED, SAFETY, REHEARSED = range(len(REASONS))
-#: the safety layer counts as changing a component above this, N; less is rounding
+#: what became of a component of the force, see `FlightLog.reason`; in the order of `REASONS`
+FIRED, SILENT, DEAD_BAND, WAITING, COASTING, COMPLETE, CLIPPED, SAFETY, REHEARSED, *_LATER = range(
+    len(REASONS)
+)
+BELOW_LEAST_IMPULSE, DELAYED, EMPTY_TANK = _LATER
+#: clip and safety layer count as changing a component above this, N; less is rounding
 LEAST_CHANGE_N = 1e-9
 
 
@@ -65,14 +68,20 @@ class FlightLog(NamedTuple):
         Commanded by the controller, before the clip, body axes (Hill axes turned to body if the
         controller commands Hill axes).
     force_hill_n : (K, 3)
-        As applied over the control period that follows.
+        As fired over the control period that follows.
+    force_commanded_n : (K, 3)
+        As the thrusters are told: after dead bands, clip and safety layer.
     force_asked_n : (K, 3)
         Commanded by the controller's systems or plan, in the controller's own axes, before dead bands,
         clip and safety layer; zero without a command.
+    command_reason : (K, 3) int
+        Why each of these components was, or was not, commanded: `FIRED` for as it was asked for, `SILENT`,
+        `DEAD_BAND`, `WAITING`, `COASTING`, `COMPLETE`, `CLIPPED`, `SAFETY` or `REHEARSED`. Clip and safety
+        layer act along Hill axes; if the controller's axes are the body's, they mark all three.
     reason : (K, 3) int
-        Why each of these components was, or was not, fired: `FIRED`, `SILENT`, `DEAD_BAND`, `WAITING`,
-        `COASTING`, `COMPLETE`, `CLIPPED`, `SAFETY` or `REHEARSED`. Clip and safety layer act along Hill
-        axes; if the controller's axes are the body's, they mark all three.
+        Of ideal thrusters the same; else why something was, or was not, fired along each of Hill's axes: the
+        reason of the command that was due or, where none was, of this period's; besides,
+        `BELOW_LEAST_IMPULSE`, `DELAYED` or `EMPTY_TANK`. A force that errors alone made is `FIRED`.
     foreseen : (K, 3)
         Basis of the decision to coast: points that coasting to the end would miss, least and greatest
         distance on the way, m; NaN where not computed.
@@ -117,7 +126,9 @@ class FlightLog(NamedTuple):
     torque_b_n_m: Floats
     force_body_n: Floats
     force_hill_n: Floats
+    force_commanded_n: Floats
     force_asked_n: Floats
+    command_reason: NDArray[np.int64]
     reason: NDArray[np.int64]
     foreseen: Floats
     num_candidates: NDArray[np.int64]
@@ -161,7 +172,9 @@ def empty_log(num_controls: int, num_attitude_steps: int, num_points: int, num_s
         torque_b_n_m=np.zeros((controls, num_attitude_steps, 3)),
         force_body_n=np.zeros((controls, 3)),
         force_hill_n=np.zeros((controls, 3)),
+        force_commanded_n=np.zeros((controls, 3)),
         force_asked_n=np.zeros((controls, 3)),
+        command_reason=np.zeros((controls, 3), dtype=np.int64),
         reason=np.zeros((controls, 3), dtype=np.int64),
         foreseen=np.full((controls, 3), np.nan),
         num_candidates=np.zeros(samples, dtype=np.int64),

@@ -32,7 +32,7 @@ class AttitudeHistory(_message.Message):
     def __init__(self, time_offset_s: _Optional[_Iterable[float]] = ..., quaternion: _Optional[_Iterable[float]] = ..., angular_velocity_rad_s: _Optional[_Iterable[float]] = ..., torque_n_m: _Optional[_Iterable[float]] = ...) -> None: ...
 
 class Control(_message.Message):
-    __slots__ = ("force_body_n", "force_hill_n", "force_asked_n", "reason", "coasting_missed", "coasting_nearest_m", "coasting_farthest_m")
+    __slots__ = ("force_body_n", "force_hill_n", "force_asked_n", "reason", "coasting_missed", "coasting_nearest_m", "coasting_farthest_m", "force_commanded_n", "command_reason", "command_age_s")
     class Reason(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
         __slots__ = ()
         UNKNOWN: _ClassVar[Control.Reason]
@@ -45,6 +45,9 @@ class Control(_message.Message):
         CLIPPED: _ClassVar[Control.Reason]
         SAFETY: _ClassVar[Control.Reason]
         REHEARSED: _ClassVar[Control.Reason]
+        BELOW_LEAST_IMPULSE: _ClassVar[Control.Reason]
+        DELAYED: _ClassVar[Control.Reason]
+        EMPTY_TANK: _ClassVar[Control.Reason]
     UNKNOWN: Control.Reason
     FIRED: Control.Reason
     SILENT: Control.Reason
@@ -55,6 +58,9 @@ class Control(_message.Message):
     CLIPPED: Control.Reason
     SAFETY: Control.Reason
     REHEARSED: Control.Reason
+    BELOW_LEAST_IMPULSE: Control.Reason
+    DELAYED: Control.Reason
+    EMPTY_TANK: Control.Reason
     FORCE_BODY_N_FIELD_NUMBER: _ClassVar[int]
     FORCE_HILL_N_FIELD_NUMBER: _ClassVar[int]
     FORCE_ASKED_N_FIELD_NUMBER: _ClassVar[int]
@@ -62,6 +68,9 @@ class Control(_message.Message):
     COASTING_MISSED_FIELD_NUMBER: _ClassVar[int]
     COASTING_NEAREST_M_FIELD_NUMBER: _ClassVar[int]
     COASTING_FARTHEST_M_FIELD_NUMBER: _ClassVar[int]
+    FORCE_COMMANDED_N_FIELD_NUMBER: _ClassVar[int]
+    COMMAND_REASON_FIELD_NUMBER: _ClassVar[int]
+    COMMAND_AGE_S_FIELD_NUMBER: _ClassVar[int]
     force_body_n: _containers.RepeatedScalarFieldContainer[float]
     force_hill_n: _containers.RepeatedScalarFieldContainer[float]
     force_asked_n: _containers.RepeatedScalarFieldContainer[float]
@@ -69,7 +78,10 @@ class Control(_message.Message):
     coasting_missed: float
     coasting_nearest_m: float
     coasting_farthest_m: float
-    def __init__(self, force_body_n: _Optional[_Iterable[float]] = ..., force_hill_n: _Optional[_Iterable[float]] = ..., force_asked_n: _Optional[_Iterable[float]] = ..., reason: _Optional[_Iterable[_Union[Control.Reason, str]]] = ..., coasting_missed: _Optional[float] = ..., coasting_nearest_m: _Optional[float] = ..., coasting_farthest_m: _Optional[float] = ...) -> None: ...
+    force_commanded_n: _containers.RepeatedScalarFieldContainer[float]
+    command_reason: _containers.RepeatedScalarFieldContainer[Control.Reason]
+    command_age_s: float
+    def __init__(self, force_body_n: _Optional[_Iterable[float]] = ..., force_hill_n: _Optional[_Iterable[float]] = ..., force_asked_n: _Optional[_Iterable[float]] = ..., reason: _Optional[_Iterable[_Union[Control.Reason, str]]] = ..., coasting_missed: _Optional[float] = ..., coasting_nearest_m: _Optional[float] = ..., coasting_farthest_m: _Optional[float] = ..., force_commanded_n: _Optional[_Iterable[float]] = ..., command_reason: _Optional[_Iterable[_Union[Control.Reason, str]]] = ..., command_age_s: _Optional[float] = ...) -> None: ...
 
 class Navigation(_message.Message):
     __slots__ = ("position_m", "velocity_m_s", "position_deviation_m", "velocity_deviation_m_s", "fix_m", "fix_age_s", "quaternion")
@@ -102,16 +114,18 @@ class Guidance(_message.Message):
     def __init__(self, num_candidates: _Optional[int] = ..., target_direction: _Optional[_Iterable[float]] = ..., lambda_u_rad: _Optional[float] = ..., eta_u_rad: _Optional[float] = ...) -> None: ...
 
 class FisActivation(_message.Message):
-    __slots__ = ("inputs", "firing_strengths", "output_n", "shares_n")
+    __slots__ = ("inputs", "firing_strengths", "output_n", "shares_single_n", "shares_n")
     INPUTS_FIELD_NUMBER: _ClassVar[int]
     FIRING_STRENGTHS_FIELD_NUMBER: _ClassVar[int]
     OUTPUT_N_FIELD_NUMBER: _ClassVar[int]
+    SHARES_SINGLE_N_FIELD_NUMBER: _ClassVar[int]
     SHARES_N_FIELD_NUMBER: _ClassVar[int]
     inputs: _containers.RepeatedScalarFieldContainer[float]
     firing_strengths: _containers.RepeatedScalarFieldContainer[float]
     output_n: float
+    shares_single_n: _containers.RepeatedScalarFieldContainer[float]
     shares_n: _containers.RepeatedScalarFieldContainer[float]
-    def __init__(self, inputs: _Optional[_Iterable[float]] = ..., firing_strengths: _Optional[_Iterable[float]] = ..., output_n: _Optional[float] = ..., shares_n: _Optional[_Iterable[float]] = ...) -> None: ...
+    def __init__(self, inputs: _Optional[_Iterable[float]] = ..., firing_strengths: _Optional[_Iterable[float]] = ..., output_n: _Optional[float] = ..., shares_single_n: _Optional[_Iterable[float]] = ..., shares_n: _Optional[_Iterable[float]] = ...) -> None: ...
 
 class MissionStatus(_message.Message):
     __slots__ = ("sun_angle_rad", "distance_m", "inspected_count", "inspection_rate_percent", "delta_v_m_s", "inspected_mask", "sun_elevation_rad", "sun_hidden_share", "inspectable_count", "mass_kg")

@@ -71,7 +71,7 @@ def assert_as_written(mission: Mission, controller: Controller, scenario: Scenar
     log = fly_logged(mission, controller, scenario)
     flight = written(mission, controller, scenario)
     assert_throughout(flight, log)
-    if (log.reason[0] == list(REASONS).index("rehearsed")).any():
+    if (log.command_reason[0] == list(REASONS).index("rehearsed")).any():
         flight = replace(flight, opening=log.force_asked_n[0])
     flight.__dict__["chief"] = [Rotation.from_quat(q) for q in log.quaternion_c_from_h]
     flight.__dict__["suns"] = list(zip(log.sun_angle_rad, log.sun_elevation_rad, strict=True))
@@ -153,6 +153,7 @@ def allowed(flight, k, log, name):
         "force_asked_n": force,
         "force_body_n": force,
         "force_hill_n": force,
+        "force_commanded_n": force,
         "safety_force_hill_n": force,
         "position_m-": pulled * period + moved,
         "velocity_m_s-": pulled + moved * (flight.earth.fastest if flight.earth else 0.0),
@@ -252,7 +253,8 @@ def fields(flight, k, seen, done, after):
     found |= decided(flight, done.decision) | {
         "force_body_n": seen.sensed.inv().apply(done.decision.wanted),
         "force_hill_n": done.thrust.fired,
-        "reason": [list(REASONS).index(why) for why in done.reasons],
+        "force_commanded_n": done.thrust.commanded,
+        "command_reason": [list(REASONS).index(why) for why in done.reasons],
         "safety_limit": LIMITS.index(done.limit),
         "safety_force_hill_n": done.change,
         "position_m-": after.truth[:3],

@@ -13,7 +13,7 @@ import telemetry
 from fis_tools.formats import serialize
 from fis_tools.formats.c import source, thrust
 from fis_tools.model import FuzzyController
-from fis_tools.model.thrust import REASONS, ThrustLogic, thrust_logic
+from fis_tools.model.thrust import LOGIC_REASONS, ThrustLogic, thrust_logic
 from pipeline.flight.control.controller import from_fuzzy
 from pipeline.flight.fly.simulation import fly_logged
 from pipeline.recording.recorder import FlightRecorder
@@ -25,7 +25,7 @@ from tests.places import PROJECT
 from tests.programs import program
 
 CONTROLLERS = PROJECT / "conf" / "controller"
-REASON_WORDS = np.array([word for word in REASONS if word not in ("safety", "rehearsed")])
+REASON_WORDS = np.array(LOGIC_REASONS)
 
 
 def shipped(name: str, **attributes: str) -> FuzzyController:

@@ -16,11 +16,13 @@ CONTRACT = {
     "DeputyState": "double[] position_m velocity_m_s quaternion angular_velocity_rad_s",
     "AttitudeHistory": "float[] time_offset_s quaternion angular_velocity_rad_s torque_n_m",
     "Control": "double[] force_body_n force_hill_n force_asked_n enum[] reason "
-    "double coasting_missed coasting_nearest_m coasting_farthest_m",
+    "double coasting_missed coasting_nearest_m coasting_farthest_m "
+    "double[] force_commanded_n enum[] command_reason double command_age_s",
     "Navigation": "double[] position_m velocity_m_s position_deviation_m velocity_deviation_m_s fix_m "
     "double fix_age_s double[] quaternion",
     "Guidance": "uint32 num_candidates double[] target_direction double lambda_u_rad eta_u_rad",
-    "FisActivation": "double[] inputs float[] firing_strengths double output_n float[] shares_n",
+    "FisActivation": "double[] inputs float[] firing_strengths double output_n "
+    "float[] shares_single_n double[] shares_n",
     "MissionStatus": "double sun_angle_rad distance_m uint32 inspected_count "
     "double inspection_rate_percent delta_v_m_s bytes inspected_mask "
     "double sun_elevation_rad sun_hidden_share uint32 inspectable_count double mass_kg",

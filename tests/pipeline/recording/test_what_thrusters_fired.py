@@ -1,0 +1,154 @@
+"""What recordings tell of late and imperfect thrusters: over all controllers that ship, by arithmetic."""
+
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import telemetry
+from fis_tools.analysis.flights import inputs_along, read_flight
+from fis_tools.commands.instant import AskedInstant, instants
+from fis_tools.model.thrust import COMPONENTS
+from pipeline.controllers.source import WITH_PATHS, named
+from pipeline.flight.cases.actuators import thrust_errors
+from pipeline.flight.control.controller import Controller
+from pipeline.flight.fly.simulation import fly_logged
+from pipeline.flight.state.log import Scenario
+from pipeline.recording.recorder import FlightRecorder
+from pipeline.settings.experiment import Mission
+from telemetry.file import reader
+from telemetry.file.reader import Recording
+from telemetry.scene import drawing, now
+from tests.pipeline.recording import cases
+from tests.places import PROJECT
+
+SHIPPED = sorted(path.stem for path in (PROJECT / "conf" / "controller").glob("*.yaml"))
+WORLDS = {"leo": ("world=leo",), "late": ("actuators=real", "actuators.delay_s=10.0")}
+START = Scenario(np.array([-40.0, 20.0, 30.0]), np.array([0.03, -0.02, -0.01]), 2.0, 0.0, (1, 0, 0))
+CALLED = ("fired", "clipped", "safety", "rehearsed")
+ROUNDING_N = 1e-12
+
+
+def recorded(path: Path, name: str, world: str) -> tuple[Mission, Controller, Recording]:
+    run = cases.composed("duration_s=900.0", *WORLDS[world])
+    mission = run.experiment.mission
+    controller = named(name, mission)
+    log = fly_logged(mission, controller, START)
+    recorder = FlightRecorder(mission, controller, seed=3, config=run.config, near_limit_m=5.0)
+    recorder.record(path, START, log, scenario_id="x")
+    return mission, controller, telemetry.read(path)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("world", WORLDS)
+@pytest.mark.parametrize("name", [name for name in SHIPPED if name not in WITH_PATHS])
+def test_nothing_is_said_to_fire_that_did_not(
+    name: str, world: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "flight.mcap"
+    mission, controller, found = recorded(path, name, world)
+    # each period that is explained is looked up in the whole file
+    monkeypatch.setattr(reader, "read", cache(reader.read))
+    control, delay = found["/deputy/control"], round(mission.actuators.delay_s / mission.control_period_s)
+    has_force = np.abs(control["force_hill_n"]) >= ROUNDING_N
+    is_commanded = np.abs(control["force_commanded_n"]) >= ROUNDING_N
+    reason = control["reason"]
+    is_called = np.isin(reason, CALLED)
+    assert np.count_nonzero(has_force & ~is_called) == 0
+    assert np.count_nonzero(~has_force & np.isin(reason, ("fired", "clipped"))) == 0
+    np.testing.assert_array_equal(control["command_age_s"], mission.actuators.delay_s)
+    is_due = np.zeros_like(is_commanded)
+    is_due[delay:] = is_commanded[: len(is_commanded) - delay]
+    np.testing.assert_array_equal(reason == "below_least_impulse", is_due & ~has_force)
+    np.testing.assert_array_equal(reason == "delayed", is_commanded & ~is_due & ~has_force)
+    if mission.navigation.mode == "perfect":
+        assert_fired_as_commanded(mission, control)
+    if controller.fuzzy is not None:
+        assert_commanded_as_asked(mission, controller, control)
+        explained = {asked_for(controller, found, axis, delay) for axis in range(3)}
+        assert explained == {None}
+        assert_told(path, controller, found, delay)
+
+
+def assert_fired_as_commanded(mission, control):
+    """Fired is what was commanded a delay before, turned, scaled and without what is too small."""
+    delay = round(mission.actuators.delay_s / mission.control_period_s)
+    matrix = thrust_errors(mission, [START]).matrices[0, 0]
+    turned = control["force_commanded_n"][: len(control) - delay] @ matrix.T
+    least = mission.actuators.least_impulse_n_s / mission.control_period_s
+    expected = np.clip(np.where(np.abs(turned) >= least, turned, 0.0), -1.0, 1.0)
+    np.testing.assert_allclose(control["force_hill_n"][delay:], expected, rtol=0, atol=1e-12)
+    assert not control["force_hill_n"][:delay].any()
+
+
+def assert_commanded_as_asked(mission, controller, control):
+    """Commanded is what was asked for outside the dead bands, clipped; along Hill axes."""
+    asked, is_rehearsed = control["force_asked_n"], control["command_reason"] == "rehearsed"
+    bands = dict(controller.fuzzy.attributes)
+    bands = np.array([float(bands.get(f"dead_band_{name}_n", 0.0)) for name in COMPONENTS])
+    passed = np.where((np.abs(asked) >= bands) | is_rehearsed, asked, 0.0)
+    limit = mission.deputy.max_force_n
+    if controller.force_axes == "hill":
+        expected = np.clip(passed, -limit, limit)
+        np.testing.assert_allclose(control["force_commanded_n"], expected, rtol=0, atol=1e-12)
+    elif np.abs(passed).sum(axis=1).max() < limit:  # a turn keeps the length
+        lengths = (np.linalg.norm(force, axis=1) for force in (control["force_commanded_n"], passed))
+        np.testing.assert_allclose(*lengths, rtol=0, atol=1e-12)
+
+
+def asked_for(controller, found, axis, delay):
+    """Hold the shares of an axis against what was asked for; None, or a word on what does not add up."""
+    control = found["/deputy/control"]
+    for system in controller.systems:
+        if system.outputs[0].name != COMPONENTS[axis]:
+            continue
+        topic = found[f"/fis/{system.name}"]
+        rows = np.searchsorted(control.time_s, topic.time_s)
+        asked = control["force_asked_n"][rows, axis]
+        expected = np.where(taking_effect(controller, control, axis, delay)[rows], asked, 0.0)
+        if np.abs(topic["shares_n"].sum(axis=1) - expected).max(initial=0.0) > 1e-9:
+            return f"shares of {system.name}"
+        if np.any(topic["shares_n"][expected == 0.0]):
+            return f"shares of {system.name} where nothing was fired"
+    return None
+
+
+def taking_effect(controller, control, axis, delay):
+    """At which periods what is asked for along an axis is commanded and, after the delay, fired."""
+    has_force = np.abs(control["force_hill_n"]) >= ROUNDING_N
+    is_commanded = np.abs(control["force_commanded_n"]) >= ROUNDING_N
+    own = (slice(None), [axis]) if controller.force_axes == "hill" else (slice(None), slice(None))
+    fires = has_force[own].any(axis=1)
+    later = np.zeros_like(fires)
+    later[: len(fires) - delay] = fires[delay:]
+    return is_commanded[own].any(axis=1) & later & (control["command_reason"][:, axis] != "rehearsed")
+
+
+def assert_told(path, controller, found, delay):
+    """What is counted, explained and written over the replay is what took effect."""
+    control, sensed = found["/deputy/control"], inputs_along([path])
+    effects = {}
+    for flown in read_flight(path):
+        axis = COMPONENTS.index(flown.system.outputs[0].name)
+        effects[axis] = taking_effect(controller, control, axis, delay)
+        inferred = np.isin(control.time_s, found[f"/fis/{flown.system.name}"].time_s)
+        expected = control.time_s[effects[axis] & inferred & (control["force_asked_n"][:, axis] != 0.0)]
+        np.testing.assert_array_equal(flown.time_s, expected)
+        assert len(sensed[flown.system.name]) == len(expected)
+    for kind in np.unique(control["reason"]):
+        for k in np.flatnonzero((control["reason"] == kind).any(axis=1))[[0, -1]].tolist():
+            for one in instants(AskedInstant(path, time=float(control.time_s[k])), controller.fuzzy):
+                axis = COMPONENTS.index(one.system.outputs[0].name)
+                is_due = k >= delay and effects[axis][k - delay]
+                assert (one.inputs is not None) == is_due
+    lines = now.lines(found, drawing.sample_times(found))
+    fires = control["force_hill_n"].any(axis=1)
+    assert [line.startswith("Firing ") for line in lines[: len(fires)]] == fires.tolist()
+    for k, line in enumerate(lines[: len(fires)]):
+        if "mostly by rule" in line:
+            rule, _, name = line.split("mostly by rule ")[1].split(":")[0].split(",")[0].split(" ")
+            assert int(rule) not in found.fis_description(name).holding
+            topic = found[f"/fis/{name}"]
+            row = int(np.flatnonzero(topic.time_s == control.time_s[k - delay])[0])
+            assert topic["shares_n"][row, int(rule) - 1] * topic["output_n"][row] > 0.0
