@@ -103,7 +103,12 @@ def _table(table: Table) -> Markup:
             "tr",
             element("th", _cell(first), scope="row"),
             *(
-                element("td", _cell(cell), class_=_class(cell, place, table), data_head=head)
+                element(
+                    "td",
+                    _cell(cell, place in table.numbers),
+                    class_=_class(cell, place, table),
+                    data_head=head,
+                )
                 for place, (cell, head) in enumerate(zip(cells, names[1:], strict=True), start=1)
             ),
         )
@@ -123,9 +128,11 @@ def _class(cell: Cell, place: int, table: Table) -> str:
     return "number" if place in table.numbers else ""
 
 
-def _cell(cell: Cell) -> Markup:
+def _cell(cell: Cell, is_number: bool = False) -> Markup:
     if isinstance(cell, str):
-        return escape(cell)
+        value, bracket, interval = cell.partition(" (") if is_number else (cell, "", "")
+        # an interval stands below its value: many columns are to fit a page
+        return escape(value) + (Markup("<br>(") + escape(interval) if bracket else "")
     if isinstance(cell, Mark):
         return _mark(cell)
     if cell.before == cell.after:

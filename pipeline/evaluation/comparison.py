@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.document import Block, Document, Heading, Table, text
-from pipeline.evaluation.monte_carlo import summarise
+from pipeline.evaluation.monte_carlo import SUCCESS, summarise
 from pipeline.evaluation.statistics import Fraction, Statistic
 from pipeline.flight.control.controller import Controller
 from pipeline.flight.state.log import points_needed
@@ -20,7 +20,7 @@ FLOWN, PUBLISHED, PLANNED = "flown", "published", "plans of least fuel"
 
 #: parts of a row's summary in ``compare/table.csv``
 MEANS = ("delta_v_m_s", "inspection_rate_percent", "mean_distance_m", "safety_delta_v_m_s")
-SHARES = ("success", "violated", "safety_acted")
+SHARES = ("success", SUCCESS, "violated", "safety_acted")
 HEADER = (
     *(
         "controller",
@@ -177,7 +177,7 @@ def cells_in_words(row: ComparisonRow, guarded: ComparisonRow | None) -> list[st
         "-" if row.rules is None else str(row.rules),
         mean(row, "delta_v_m_s", 3),
         rate(row),
-        share(row, "success"),
+        share(row, SUCCESS),
         share(row, "violated"),
         f"{row.times['times_optimum']['mean']:.1f}" if row.times else "",
         *layer,

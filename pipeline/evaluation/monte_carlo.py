@@ -19,6 +19,9 @@ from pipeline.settings.mission import STANDARD_GRAVITY_M_S2
 
 Column = NDArray[Any]
 
+#: what a summary calls the share of flights that succeed; its ``success`` counts those outside the limits too
+SUCCESS = "success_and_within_limits"
+
 
 def fly_cases(
     mission: Mission, controller: Controller, scenarios: list[Scenario], workers: int | None = None
@@ -78,11 +81,16 @@ def _propellant(mission: Mission, own: list[dict[str, float]], outcomes: Outcome
     return {"propellant_kg": masses * used}
 
 
+def succeeds(episodes: Mapping[str, Column]) -> NDArray[np.bool_]:
+    """Return which flights succeed: they inspect enough, and stay inside the limits."""
+    found: NDArray[np.bool_] = np.asarray(episodes["success"]) & ~np.asarray(episodes["violated"])
+    return found
+
+
 def summarise(episodes: Mapping[str, Column], confidence_percent: float) -> dict[str, Any]:
     """Return means with standard deviations and intervals, and shares of cases with Wilson intervals."""
     names = ["delta_v_m_s", "inspection_rate_percent", "mean_distance_m"]
-    success, violated = episodes["success"], episodes["violated"]
-    shares = {"success": success, "violated": violated, "success_and_within_limits": success & ~violated}
+    shares = {"success": episodes["success"], "violated": episodes["violated"], SUCCESS: succeeds(episodes)}
     if "safety_periods" in episodes:  # missing in those of earlier versions
         names += ["safety_periods", "safety_delta_v_m_s"]
         shares["safety_acted"] = episodes["safety_periods"] > 0

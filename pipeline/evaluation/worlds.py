@@ -4,9 +4,10 @@ from collections.abc import Sequence
 
 from fis_tools.document import Document, Paragraph, Table, text
 from pipeline.evaluation.comparison import FLOWN, ComparisonRow
+from pipeline.evaluation.monte_carlo import SUCCESS
 
 #: contents of a cell of the table
-LEGEND = "successful (%) / delta-v (m/s) / outside the limits (%)"
+LEGEND = "successful inside the limits (%) / delta-v (m/s) / outside (%)"
 
 
 def worlds_of(rows: Sequence[ComparisonRow]) -> list[str]:
@@ -16,7 +17,7 @@ def worlds_of(rows: Sequence[ComparisonRow]) -> list[str]:
 
 def cell(row: ComparisonRow) -> str:
     """Return the table cell of a controller in a world, see `LEGEND`."""
-    success, outside = (100 * row.summary[name]["fraction"] for name in ("success", "violated"))
+    success, outside = (100 * row.summary[name]["fraction"] for name in (SUCCESS, "violated"))
     return f"{success:.0f} / {row.summary['delta_v_m_s']['mean']:.2f} / {outside:.0f}"
 
 
@@ -40,7 +41,7 @@ def is_worse(row: ComparisonRow, first: ComparisonRow) -> bool:
     """Return whether a controller fails: the intervals of success or of leaving the limits do not overlap."""
     now, then = row.summary, first.summary
     return bool(
-        now["success"]["high"] < then["success"]["low"] or now["violated"]["low"] > then["violated"]["high"]
+        now[SUCCESS]["high"] < then[SUCCESS]["low"] or now["violated"]["low"] > then["violated"]["high"]
     )
 
 

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.evaluation.comparison import COLUMNS, FLOWN, ComparisonRow, in_words, lines_of, row_of
+from pipeline.evaluation.monte_carlo import SUCCESS
 from pipeline.evaluation.worlds import LEGEND, is_worse, matrices, verdicts, worlds_of
 from pipeline.report.figures.by_world import Square
 from pipeline.report.figures.delta_v_and_rate import Mark
@@ -60,7 +61,7 @@ def squares_of(rows: Sequence[ComparisonRow]) -> list[tuple[str, list[Square]]]:
     for row in (row for row in rows if row.source == FLOWN):
         title = f"Sun {row.sun}, safety layer {row.safety}"
         known = first.setdefault((title, row.controller), row)
-        success, spent = row.summary["success"]["fraction"], row.summary["delta_v_m_s"]["mean"]
+        success, spent = row.summary[SUCCESS]["fraction"], row.summary["delta_v_m_s"]["mean"]
         square = Square(row.controller, row.world, float(success), float(spent), is_worse(row, known))
         panels.setdefault(title, []).append(square)
     return list(panels.items())

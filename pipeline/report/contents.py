@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from pipeline.controllers.of_run import controller_of_run
 from pipeline.evaluation.comparison import ComparisonRow
-from pipeline.evaluation.monte_carlo import fly_cases, rank, summarise
+from pipeline.evaluation.monte_carlo import SUCCESS, fly_cases, rank, summarise
 from pipeline.evaluation.statistics import Fraction, Statistic
 from pipeline.flight.cases.starts import evaluation_scenarios, start_shown, training_scenarios
 from pipeline.flight.control.controller import Controller
@@ -32,7 +32,7 @@ POSITION = ("position_x_m", "position_y_m", "position_z_m")
 #: what a summary says of each metric and of each share of flights
 SUMMARY_PARTS: Mapping[str, type] = {
     **dict.fromkeys(("delta_v_m_s", "inspection_rate_percent", "mean_distance_m"), Statistic),
-    **dict.fromkeys(("success", "violated", "success_and_within_limits"), Fraction),
+    **dict.fromkeys(("success", "violated", SUCCESS), Fraction),
 }
 LOGBOOK_COLUMNS = ("round", "best", "mean", "delta_v_m_s", "points", "outside", "short")
 

@@ -4,6 +4,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from pipeline.evaluation.monte_carlo import SUCCESS
+
 #: of what there are percentiles: name and decimals
 METRICS = {
     "delta_v_m_s": ("Δv (m/s)", 3),
@@ -73,7 +75,7 @@ def _outcome(told: Mapping[str, Any]) -> list[str]:
     return [
         f"{delta_v['mean']:.3f} ± {delta_v['standard_deviation']:.3f}",
         f"{rate['mean']:.2f} ± {rate['standard_deviation']:.2f}",
-        *(f"{100 * told[name]['fraction']:.1f} %" for name in ("success", "violated")),
+        *(f"{100 * told[name]['fraction']:.1f} %" for name in (SUCCESS, "violated")),
     ]
 
 

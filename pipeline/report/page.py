@@ -11,6 +11,7 @@ from fis_tools.document.page import policy, template
 from fis_tools.words.text import summary
 from pipeline.evaluation import published
 from pipeline.evaluation.comparison import FLOWN
+from pipeline.evaluation.monte_carlo import SUCCESS
 from pipeline.evaluation.published import Reported
 from pipeline.flight.state.log import Scenario, inspectable_rate, points_in_words, points_needed
 from pipeline.report.beside_optimum import in_words, optimum_rows, outcome, times_tile
@@ -25,7 +26,7 @@ from pipeline.settings.experiment import Mission
 #: metric of a summary: decimals on the page
 DECIMALS = {"delta_v_m_s": 3, "inspection_rate_percent": 2, "mean_distance_m": 2}
 INSPECTABLE = "inspectable_rate_percent"
-SHARES = ("success", "violated", "success_and_within_limits")
+SHARES = ("success", "violated", SUCCESS)
 #: of many training flights only so many have a row of their own
 MOST_ROWS = 64
 
@@ -128,8 +129,8 @@ def lead(contents: Contents) -> str:
             f"{who}, flown from {told['num_cases']:,} {starts}{_sun_words(told)}, spends "
             f"{delta_v['mean']:.3f} ± {delta_v['standard_deviation']:.3f} m/s and inspects "
             f"{rate['mean']:.2f} ± {rate['standard_deviation']:.2f} % of the points{of_these}. "
-            f"{100 * told['success']['fraction']:.1f} % of the flights reach "
-            f"{mission.inspection_threshold_percent:g} %; {leave} {_limits(mission)}."
+            f"{100 * told[SUCCESS]['fraction']:.1f} % of the flights reach "
+            f"{mission.inspection_threshold_percent:g} % inside the limits; {leave} {_limits(mission)}."
         )
     if contents.shown:
         log = contents.shown[0].log
@@ -202,7 +203,7 @@ def tiles(contents: Contents) -> list[tuple[str, str, str, str]]:
         ),
     ]
     shares = [
-        ("successful flights", "success"),
+        ("successful flights", SUCCESS),
         ("flights outside the limits", "violated"),
     ]
     return [

@@ -13,15 +13,18 @@ import os
 import secrets
 import stat
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path, PurePath
 from typing import Any, BinaryIO, Final
 
 import yaml
 from fis_tools.formats.error import ControllerFileError
 
+<<<<<<< HEAD
 from fis_tools.formats import serialize
 from fis_tools.formats.provenance import edited
+=======
+>>>>>>> 72e432e (Say where a controller differs from what its provenance tells of, find it by its name, and count a success inside the limits)
 from fis_tools.plain_text import plain
 from pipeline.settings.scopes import only_results, without_outside
 
@@ -427,6 +430,7 @@ def write_manifest(
     scene: Mapping[str, float] | None = None,
     makers: Sequence[Mapping[str, Any]] = (),
     made_by: Mapping[str, Sequence[int]] | None = None,
+    controller_edited: str | None = None,
 ) -> None:
     """Write the manifest of a run.
 
@@ -447,6 +451,8 @@ def write_manifest(
         All that have worked on the run, see `pipeline.run.maker`; the last is the present one.
     made_by : mapping of str to sequence of int, optional
         For each stage that was begun, the indices of its makers.
+    controller_edited : str, optional
+        How the configured controller differs from what its provenance tells of.
     """
     manifest: dict[str, Any] = {
         "manifest_version": MANIFEST_VERSION,
@@ -461,22 +467,12 @@ def write_manifest(
         "makers": [dict(maker) for maker in makers],
         "made_by": {stage: list(indices) for stage, indices in (made_by or {}).items()},
     }
-    if told := _edited(config["controller"]):
-        manifest["controller_edited"] = told
+    if controller_edited is not None:
+        manifest["controller_edited"] = controller_edited
     if makers and (revision := makers[-1]["git_revision"]):
         manifest["git_revision"] = revision
     manifest["sha256"] = {name: file_hash(folder / name) for name in list_artifacts(folder)}
     write_json(folder / MANIFEST, manifest)
-
-
-def _edited(source: Mapping[str, Any]) -> str | None:
-    """Return how the configured controller differs from what its provenance tells of; None if it does not."""
-    with suppress(ControllerFileError):
-        if "systems" in source:
-            return edited(serialize.from_mapping(source))
-        if "path" in source and "kind" not in source:
-            return edited(serialize.load(source["path"]))
-    return None
 
 
 def fits(value: Any, shape: Any) -> bool:

@@ -10,6 +10,10 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+from fis_tools.formats.error import ControllerFileError
+
+from fis_tools.formats import serialize
+from fis_tools.formats.provenance import edited
 from pipeline.run import artifacts, interrupts, reproducible
 from pipeline.run.maker import present_maker, unlike
 from pipeline.settings.experiment import STAGES, Experiment, Mission
@@ -81,6 +85,7 @@ def run_stages(
         "scene": scene_of(experiment.mission),
         "makers": makers,
         "made_by": made_by,
+        "controller_edited": _edited(config.get("controller", {})),
     }
     _begin(made_by, stages[0], len(makers) - 1, is_resumed=experiment.resume)
     artifacts.write_config(folder, config)
@@ -134,6 +139,16 @@ def _begin(made_by: dict[str, list[int]], stage: str, maker: int, *, is_resumed:
     """Record the maker of a stage; a resumed stage may contain another's work."""
     earlier = made_by.get(stage, []) if is_resumed else []
     made_by[stage] = [*(one for one in earlier if one != maker), maker]
+
+
+def _edited(source: Mapping[str, Any]) -> str | None:
+    """Return how the configured controller differs from what its provenance tells of; None if it does not."""
+    with suppress(ControllerFileError):
+        if "systems" in source:
+            return edited(serialize.from_mapping(source))
+        if "path" in source and "kind" not in source:
+            return edited(serialize.load(source["path"]))
+    return None
 
 
 def scene_of(mission: Mission) -> dict[str, float]:

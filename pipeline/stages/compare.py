@@ -223,8 +223,8 @@ def _told(experiment: Experiment, rows: list[ComparisonRow]) -> str:
     return (
         f"\n{table}\n\n"
         f"  {experiment.monte_carlo.num_cases} cases of seed {experiment.seed}; mean ± standard deviation; "
-        f"shares with {confidence:g} % Wilson intervals; successful: at least {threshold:g} % of the points; "
-        f"outside: {deputy.min_distance_m:g} to {deputy.max_distance_m:g} m left.\n"
+        f"shares with {confidence:g} % Wilson intervals; successful: at least {threshold:g} % of the points, "
+        f"inside the limits; outside: {deputy.min_distance_m:g} to {deputy.max_distance_m:g} m left.\n"
         f"  *published ({published.SOURCE}), its Sun and its distance limits not stated; the optimum knows "
         "the whole flight beforehand, and is of other cases.\n"
     )

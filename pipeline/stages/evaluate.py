@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from pipeline.controllers.of_run import controller_of_run
-from pipeline.evaluation.monte_carlo import Column, episode_columns, fly_cases, summarise
+from pipeline.evaluation.monte_carlo import SUCCESS, Column, episode_columns, fly_cases, summarise
 from pipeline.evaluation.sensitivity import RANKED, percentiles, sensitivity
 from pipeline.flight.cases.starts import evaluation_scenarios
 from pipeline.flight.control.controller import Controller
@@ -55,7 +55,7 @@ def run(experiment: Experiment, folder: Path) -> None:
         f"  {num_cases} cases in {seconds:.2f} s, Sun {experiment.sun_in_words}: "
         f"delta-v {delta_v['mean']:.3f} +- {delta_v['standard_deviation']:.3f} m/s, "
         f"rate {rate['mean']:.2f} +- {rate['standard_deviation']:.2f} %, "
-        f"success {100 * summary['success']['fraction']:.1f} %, "
+        f"success {100 * summary[SUCCESS]['fraction']:.1f} %, "
         f"outside {100 * summary['violated']['fraction']:.1f} %\n"
         f"{_inspectable_line(summary)}"
         f"{_safety_line(experiment, summary)}"
@@ -184,7 +184,7 @@ def _dispersion_lines(summary: Mapping[str, Any]) -> str:
     upto = "" if most["high"] is None else f" (at most {most['high']:.3f})"
     lines = [
         f"without dispersions: delta-v {nominal['delta_v_m_s']['mean']:.3f} m/s, "
-        f"success {100 * nominal['success']['fraction']:.1f} %, "
+        f"success {100 * nominal[SUCCESS]['fraction']:.1f} %, "
         f"outside {100 * nominal['violated']['fraction']:.1f} %",
         f"99 % of the flights burn at most {most['value']:.3f} m/s{upto}",
     ]

@@ -44,16 +44,19 @@ def fitness_parts(
     -------
     dict of (n,) arrays
         ``fitness``, and its parts: ``delta_v_m_s`` and ``points`` (means), ``outside`` (flights that
-        left the limits), ``outside_m`` (mean), ``short`` (flights short of the threshold).
+        left the limits), ``outside_m`` (mean), ``short`` (flights short of the threshold), ``failed``
+        (flights that did either).
     """
     points = outcomes.inspected_count
+    is_short = ~outcomes.is_success(threshold_percent)
     return {
         "fitness": costs(outcomes, penalty, limits_m, threshold_percent).mean(axis=-1),
         "delta_v_m_s": outcomes.delta_v_m_s.mean(axis=-1),
         "points": points.mean(axis=-1),
         "outside": outcomes.is_violated.sum(axis=-1).astype(np.float64),
         "outside_m": outcomes.outside_m.mean(axis=-1),
-        "short": (~outcomes.is_success(threshold_percent)).sum(axis=-1).astype(np.float64),
+        "short": is_short.sum(axis=-1).astype(np.float64),
+        "failed": (is_short | outcomes.is_violated).sum(axis=-1).astype(np.float64),
     }
 
 

@@ -68,7 +68,7 @@ def judged_front(
     if INCONSISTENCY in there:
         columns["rule_consistency"] = 1.0 - there[INCONSISTENCY]
     columns |= _columns("validation", there, num_points)
-    columns["validation_success_percent"] = 100.0 * (1.0 - there["short"] / num_cases)
+    columns["validation_success_percent"] = 100.0 * (1.0 - there["failed"] / num_cases)
     columns["validation_outside_percent"] = 100.0 * there["outside"] / num_cases
     columns |= _columns("training", {name: values[order] for name, values in training.items()}, num_points)
     return columns, front.genomes[order]

@@ -10,13 +10,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.evaluation.monte_carlo import SUCCESS
 from pipeline.evaluation.paired import METRICS, Effect, effects, on_front
 from pipeline.run import artifacts, sweep, tables
 
 #: what runs are repeated by: of it no effect is told, over it the others are averaged
 REPLICATE = "seed"
-#: metrics that are shares of flights
-SHARES = ("success", "violated")
+#: metrics that are shares of flights, and what summaries call them
+SHARES = {"success": SUCCESS, "violated": "violated"}
 #: what a summary is told in where the runs do not say
 CONFIDENCE_PERCENT = 95.0
 #: words of a run's command that say nothing about a single flight
@@ -93,10 +94,7 @@ class Swept:
         chosen = [run for run, stands in zip(runs, on_front(spent, inspected), strict=True) if stands]
         return sorted(
             chosen,
-            key=lambda run: (
-                run.values["violated"].value - run.values["success"].value,
-                run.values["delta_v_m_s"].value,
-            ),
+            key=lambda run: (-run.values["success"].value, run.values["delta_v_m_s"].value),
         )
 
     @property
@@ -138,7 +136,7 @@ def _run(folder: Path, told: sweep.SweptRun, summary: Mapping[str, Any] | None) 
 
 
 def _value(summary: Mapping[str, Any], name: str) -> Value:
-    told = summary[name]
+    told = summary[SHARES.get(name, name)]
     value, scale = ("fraction", 100.0) if name in SHARES else ("mean", 1.0)
     return Value(*(scale * float(told[part]) for part in (value, "low", "high")))
 

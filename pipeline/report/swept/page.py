@@ -35,7 +35,10 @@ def _document(swept: Swept) -> Document:
     ]
     if swept.offered:
         blocks.append(
-            Paragraph("No other run spends as little and inspects as much; the most successful first.")
+            Paragraph(
+                "No other run spends as little and inspects as much; first those that succeed most often: "
+                "that inspect enough inside the limits."
+            )
         )
         for run in swept.offered:
             blocks += [Heading(run.name, 3), Code(run.fly)]

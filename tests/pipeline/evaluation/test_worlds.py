@@ -22,7 +22,7 @@ from pipeline.settings.worlds import in_world
 
 def row(controller: str, world: str, successes: int, outside: int, spent: float) -> ComparisonRow:
     summary = {
-        "success": vars(fraction([True] * successes + [False] * (100 - successes), 95.0)),
+        "success_and_within_limits": vars(fraction([True] * successes + [False] * (100 - successes), 95.0)),
         "violated": vars(fraction([True] * outside + [False] * (100 - outside), 95.0)),
         "delta_v_m_s": {"mean": spent},
     }
