@@ -122,7 +122,9 @@ def taking_effect(controller, control, axis, delay):
     fires = has_force[own].any(axis=1)
     later = np.zeros_like(fires)
     later[: len(fires) - delay] = fires[delay:]
-    return is_commanded[own].any(axis=1) & later & (control["command_reason"][:, axis] != "rehearsed")
+    is_asked = np.abs(control["force_asked_n"][:, axis]) >= ROUNDING_N
+    is_inferred = control["command_reason"][:, axis] != "rehearsed"
+    return is_asked & is_inferred & is_commanded[own].any(axis=1) & later
 
 
 def assert_told(path, controller, found, delay):
@@ -133,7 +135,7 @@ def assert_told(path, controller, found, delay):
         axis = COMPONENTS.index(flown.system.outputs[0].name)
         effects[axis] = taking_effect(controller, control, axis, delay)
         inferred = np.isin(control.time_s, found[f"/fis/{flown.system.name}"].time_s)
-        expected = control.time_s[effects[axis] & inferred & (control["force_asked_n"][:, axis] != 0.0)]
+        expected = control.time_s[effects[axis] & inferred]
         np.testing.assert_array_equal(flown.time_s, expected)
         assert len(sensed[flown.system.name]) == len(expected)
     for kind in np.unique(control["reason"]):
