@@ -18,13 +18,7 @@ from pathlib import Path, PurePath
 from typing import Any, BinaryIO, Final
 
 import yaml
-from fis_tools.formats.error import ControllerFileError
 
-<<<<<<< HEAD
-from fis_tools.formats import serialize
-from fis_tools.formats.provenance import edited
-=======
->>>>>>> 72e432e (Say where a controller differs from what its provenance tells of, find it by its name, and count a success inside the limits)
 from fis_tools.plain_text import plain
 from pipeline.settings.scopes import only_results, without_outside
 

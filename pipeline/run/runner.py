@@ -10,8 +10,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from fis_tools.formats.error import ControllerFileError
-
+from fis_tools.errors import ControllerFileError
 from fis_tools.formats import serialize
 from fis_tools.formats.provenance import edited
 from pipeline.run import artifacts, interrupts, reproducible

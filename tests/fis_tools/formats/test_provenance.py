@@ -4,8 +4,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from fis_tools.formats.error import ControllerFileError
 
+from fis_tools.errors import ControllerFileError
 from fis_tools.findings.audit import audit
 from fis_tools.findings.simplification import simplify
 from fis_tools.formats import serialize
