@@ -13,6 +13,7 @@ import tempfile
 import time
 from collections import Counter
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 
 from tests.hostile.kills import (
@@ -45,6 +46,20 @@ def campaign(options: argparse.Namespace, root: Path) -> dict[str, Tally]:
     flown, seconds = alone.get("report") or next(iter(alone.values()))
     alone[VERIFY] = flown, seconds
     until = time.monotonic() + 60.0 * options.minutes
+    with suppress(KeyboardInterrupt):  # the table tells of what was done
+        _kill(options, until, alone, tallies, rng, root)
+    return tallies
+
+
+def _kill(
+    options: argparse.Namespace,
+    until: float,
+    alone: dict[str, tuple[Path, float]],
+    tallies: dict[str, Tally],
+    rng: random.Random,
+    root: Path,
+) -> None:
+    """Kill runs of the kinds in turn, compare them with those left alone, and count."""
     while (
         sum(tally.kills.total() for tally in tallies.values()) < options.number and time.monotonic() < until
     ):
@@ -60,7 +75,6 @@ def campaign(options: argparse.Namespace, root: Path) -> dict[str, Tally]:
         if len(tally.lost) == lost and (unlike := differences(root / name, reference)):
             tally.different.append(f"{kind} {name}: {', '.join(unlike)}")
         print(f"  {kind}: {tally.kills.total()} kills", file=sys.stderr, flush=True)
-    return tallies
 
 
 def main(arguments: Sequence[str]) -> int:

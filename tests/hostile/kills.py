@@ -145,16 +145,17 @@ def killed_after(
         )
         is_signalled = False
         try:
-            process.wait(seconds)
-        except subprocess.TimeoutExpired:
-            is_signalled = _signal(peers.get(how[1], process.pid), *how)
-        try:
+            try:
+                process.wait(seconds)
+            except subprocess.TimeoutExpired:
+                is_signalled = _signal(peers.get(how[1], process.pid), *how)
             process.wait(LONGEST_S)
         except subprocess.TimeoutExpired:
             told.write("\ndid not end")
-        with suppress(ProcessLookupError):  # what it has started, so that nothing keeps running
-            os.killpg(process.pid, signal.SIGKILL)
-        process.wait()
+        finally:
+            with suppress(ProcessLookupError):  # what it has started, so that nothing keeps running
+                os.killpg(process.pid, signal.SIGKILL)
+            process.wait()
         told.seek(0)
         return is_signalled, process.returncode, told.read()
 
