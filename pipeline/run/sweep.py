@@ -14,6 +14,8 @@ SWEEP_VERSION: Final = 1
 RUN_SHAPE: Final = {"folder": str, "differs": dict, "command": [str], "failure": str}
 #: folder of the failures of runs that were started separately, such as jobs of a cluster
 FAILURES: Final = "failures"
+#: of a run's folder, bytes; the file of its failure has a name of 255 at most
+LONGEST_NAME: Final = 251
 
 DONE, FAILED, UNFINISHED = "done", "failed", "unfinished"
 
@@ -78,6 +80,8 @@ def _run_of(told: Mapping[str, object]) -> SweptRun:
     path = PurePosixPath(run.folder)
     if path.is_absolute() or ".." in path.parts:
         raise ValueError(f"{run.folder} lies outside")
+    if max(len(part.encode()) for part in (".", *path.parts)) > LONGEST_NAME:
+        raise ValueError(f"{run.folder[:80]}... is longer than the name of a folder can be")
     differs = {str(key): str(value) for key, value in run.differs.items()}
     return replace(run, differs=differs, command=tuple(map(str, run.command)), failure=str(run.failure))
 

@@ -139,6 +139,8 @@ def killed_after(
     A signal to a child counts, though the run goes on. What does not end is killed, with exit code 0, and
     says so.
     """
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as in the background: what is started inherits it
+        signal.signal(signal.SIGINT, signal.default_int_handler)
     with tempfile.TemporaryFile("w+") as told:
         process = subprocess.Popen(  # noqa: S603
             command(words), stdout=subprocess.DEVNULL, stderr=told, env=env, cwd=cwd, start_new_session=True
