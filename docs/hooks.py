@@ -135,7 +135,9 @@ def api_pages() -> Iterator[tuple[str, str, str]]:
                 for path in folder.glob("*.py")
                 if not path.stem.startswith("_") and path.stem not in INTERNAL_MODULES
             )
-            text = f"# {name}\n\n::: {name}\n    options: {{show_root_heading: false}}\n\n"
+            # a search finds guides first
+            head = "---\nsearch: {boost: 0.1}\n---\n"
+            text = f"{head}# {name}\n\n::: {name}\n    options: {{show_root_heading: false}}\n\n"
             yield (
                 name,
                 f"reference/api/{name}.md",

@@ -37,7 +37,7 @@ class Asked:
     ----------
     help, version, multirun : bool
     topics : tuple of str
-        Groups and keys that help is asked for.
+        Experiments, groups and keys that help is asked for.
     cfg : str, optional
         The configuration to print: ``job``, ``hydra`` or ``all``.
     resolve : bool
@@ -92,8 +92,9 @@ def read_arguments(arguments: Sequence[str]) -> Asked:
     for names, how in OPTIONS.items():
         parser.add_argument(*names, **how)
     options, words = parser.parse_known_args(list(arguments))
-    topics = [word for word in words if options.help and re.fullmatch(r"[\w.]+", word)]
-    words = [word for word in words if word not in topics]
+    asked = {word: re.fullmatch(r"(?:\+experiment=)?([\w.]+)", word) for word in words if options.help}
+    topics = [found[1] for found in asked.values() if found]
+    words = [word for word in words if not asked.get(word)]
     for word in words:
         if word.startswith("-"):
             _refuse(word)

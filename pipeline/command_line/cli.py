@@ -64,7 +64,9 @@ def _dispatch(arguments: Sequence[str]) -> int:
     if asked.help or not (asked.overrides or asked.resume or asked.compare or asked.cfg):
         from pipeline.command_line.guide import help_on, help_text  # noqa: PLC0415 - it loads compiled code
 
-        sys.stdout.write(help_on(asked.topics) if asked.topics else help_text(asked.folders) + "\n")
+        sys.stdout.write(
+            help_on(asked.topics, asked.folders) if asked.topics else help_text(asked.folders) + "\n"
+        )
         return OK if asked.help else MISTAKE
     if asked.compare is not None:
         from pipeline.command_line.summary import compare  # noqa: PLC0415 - as above

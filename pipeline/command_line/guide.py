@@ -2,12 +2,18 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
-from pipeline.command_line.config import options
+from omegaconf import OmegaConf
+
+from pipeline.command_line.config import compose_node, job_of, options
 from pipeline.command_line.job import ConfigError
 from pipeline.settings import reference
+from pipeline.settings.conditions import value_at
 from pipeline.settings.keys import unknown
 from pipeline.settings.meanings import descriptions
+from pipeline.settings.places import conf_folder
+from pipeline.settings.schema import idle
 
 USAGE = """\
 Design, fly and review fuzzy controllers that inspect a spacecraft.
@@ -29,9 +35,31 @@ usage: python -m pipeline +experiment=NAME [controller=NAME_OR_PATH] [key=value 
   python -m telemetry replay FILE.mcap                             watch a recorded flight
   python -m fis_tools show CONTROLLER                              read a controller
 
-options: --help, --help GROUP (its keys), --version, -m (sweep), --config-dir DIR (experiments and controllers
-         of your own), --cfg job (print the configuration, each key with its meaning, and stop)
+options: --help, --help EXPERIMENT (what people change in it), --help GROUP (its keys), --version, -m (sweep),
+         --config-dir DIR (experiments and controllers of your own), --cfg job (print the configuration,
+         each key with its meaning, and stop)
 """
+
+#: what people change, groups and keys, in this order
+OFTEN = (
+    "controller",
+    "world",
+    "sun",
+    "seed",
+    "monte_carlo.num_cases",
+    "optimizer.population_size",
+    "optimizer.generations",
+    "starts",
+    "assurance.num_cases",
+    "assurance.searches",
+    "deputy.initial_position_m",
+    "safety",
+    "duration_s",
+    "deputy.mass_kg",
+    "guidance",
+)
+MOST_OFTEN = 10
+INDENT = 6 * " "
 
 
 def help_text(folders: Sequence[Path]) -> str:
@@ -82,19 +110,39 @@ def help_text(folders: Sequence[Path]) -> str:
     )
 
 
-def help_on(topics: Sequence[str]) -> str:
-    """Return what is known of some groups and keys.
+def help_on(topics: Sequence[str], folders: Sequence[Path]) -> str:
+    """Return what is known of some experiments, groups and keys.
 
     Raises
     ------
     ConfigError
         If there is no such key.
     """
-    found = [(topic, reference.help_on(topic)) for topic in topics]
-    for topic, text in found:
+    experiments = dict(_described(folders, "experiment", options(folders)))
+    found = []
+    for topic in topics:
+        text = _experiment(topic, experiments[topic]) if topic in experiments else reference.help_on(topic)
         if not text:
             raise ConfigError(unknown(topic))
-    return "".join(f"{text}\n" for _, text in found)
+        found.append(f"{text}\n")
+    return "".join(found)
+
+
+def _experiment(name: str, about: str) -> str:
+    """Return what an experiment does, and what people change of it, with its values."""
+    config: Any = OmegaConf.to_container(job_of(compose_node([f"+experiment={name}"])))
+    unread = idle(config, stages=True)
+    groups = options([conf_folder()])
+    lines = [f"+experiment={name}: {about}", f"  stages={reference.as_yaml(value_at(config, 'stages'))}"]
+    for key in [key for key in OFTEN if key in groups or key not in unread][:MOST_OFTEN]:
+        if key in groups:
+            lines += [
+                f"  {key}=NAME",
+                f"      One of {', '.join(one for one in groups[key] if '/' not in one)}.",
+            ]
+        else:
+            lines += [f"  {key}={reference.as_yaml(value_at(config, key))}", f"{INDENT}{descriptions()[key]}"]
+    return "\n".join([*lines, "--cfg job prints all keys, --help GROUP those of a group."])
 
 
 def _described(folders: Sequence[Path], group: str, groups: dict[str, list[str]]) -> list[tuple[str, str]]:

@@ -1,8 +1,13 @@
 """What is written about the keys is what the settings say."""
 
+import re
+
+import pytest
 import yaml
 
 from pipeline.command_line.cli import main
+from pipeline.command_line.config import compose_experiment
+from pipeline.settings.conditions import value_at
 from pipeline.settings.meanings import descriptions
 from pipeline.settings.reference import commented, sections, tables
 from pipeline.settings.schema import schema
@@ -41,3 +46,17 @@ def test_help_on_a_group_a_key_and_what_is_no_key(capsys):
     assert "  seed=1\n" in told
     assert main(["--help", "deputy.mass"]) == 2
     assert "did you mean deputy.mass_kg?" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("words", [["--help", "train_front"], ["+experiment=train_front", "--help"]])
+def test_help_on_an_experiment_shows_what_people_change_with_its_values(words, capsys):
+    assert main(words) == 0
+    told = capsys.readouterr().out
+    assert told.startswith("+experiment=train_front: Breed a front")
+    shown = re.findall(r"^  ([\w.]+)=(.*)$", told, re.MULTILINE)
+    assert len(shown) == 11  # the stages, and ten keys or groups
+    composed = compose_experiment(["+experiment=train_front", "controller=champion_27"]).config
+    values = {key: yaml.safe_load(value) for key, value in shown if value != "NAME"}
+    assert values == {key: value_at(composed, key) for key in values}
+    assert "optimizer.population_size" in values
+    assert "assurance.num_cases" not in values
