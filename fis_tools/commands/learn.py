@@ -1,5 +1,6 @@
 """`learn`: a fuzzy system from a table."""
 
+import sys
 from collections import Counter
 from typing import Annotated, Literal
 
@@ -30,8 +31,9 @@ def run(
     """Make a fuzzy system from a table of numbers.
 
     The first line of the table names its columns; "petal length (cm)" has the unit cm. A target of words is
-    classified: the system has an output for each, its share. What is reached is measured on every fifth row
-    by what the other rows teach.
+    classified: the system has an output for each, its share. Rows with an empty cell are left out, and so are
+    columns of words and of one value. What is reached is measured on every fifth row by what the other rows
+    teach.
 
     For example:
 
@@ -62,6 +64,8 @@ def run(
     form = form_of(output)
     try:
         read_table = as_table(read(table), target, list(inputs) or None)
+        for note in read_table.notes:
+            print(f"note: {note}", file=sys.stderr)
         recipe = Recipe(
             consequents=consequents,
             terms=terms,

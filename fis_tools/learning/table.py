@@ -36,12 +36,15 @@ class Table:
         Of the column that is to be learned.
     values : (n,)
         What stands there: numbers, or words that are classes.
+    notes : tuple of str
+        What of the table is left out, and why, a sentence each.
     """
 
     labels: tuple[str, ...]
     rows: Floats
     target: str
     values: NDArray[Any]
+    notes: tuple[str, ...] = ()
 
     @property
     def has_classes(self) -> bool:
@@ -51,6 +54,9 @@ class Table:
 
 def as_table(content: Any, target: str, inputs: list[str] | None = None) -> Table:
     """Take the columns of a mapping, data frame or structured array.
+
+    Rows with an empty cell are left out. So are columns of words and columns of one value, unless they are
+    asked for.
 
     Parameters
     ----------
@@ -77,16 +83,53 @@ def as_table(content: Any, target: str, inputs: list[str] | None = None) -> Tabl
     labels = tuple(inputs or (name for name in names if name != target))
     if not labels:
         raise UnreadableTable(f"the table has no column besides {target!r}; add what rules may ask for")
-    values = np.asarray(content[target])
-    columns = [_numbers(name, np.asarray(content[name])) for name in labels]
-    if len({len(values), *map(len, columns)}) != 1 or len(values) < 2:
-        raise UnreadableTable("the columns are not equally long, or of fewer than two rows; give two or more")
+    columns = {name: np.asarray(content[name]) for name in (*labels, target)}
+    notes = []
+    for name in labels if inputs is None else ():
+        if why := _idle(columns[name]):
+            notes.append(f"column {name!r} {why} and is left out")
+            del columns[name]
+    labels = tuple(name for name in labels if name in columns)
+    if not labels:
+        raise UnreadableTable(f"no column can be asked for ({'; '.join(notes)}); add one of numbers")
+    if len({len(column) for column in columns.values()}) != 1:
+        raise UnreadableTable("the columns are not equally long; give a value in each for each row")
+    is_whole = ~np.any([_gaps(column) for column in columns.values()], axis=0)
+    if gaps := int(np.sum(~is_whole)):
+        notes.append(
+            f"{gaps} of {len(is_whole)} rows {'have' if gaps > 1 else 'has'} an empty cell, left out"
+        )
+        columns = {name: column[is_whole] for name, column in columns.items()}
+    if is_whole.sum() < 2:
+        raise UnreadableTable("the table has fewer than two rows without an empty cell; give two or more")
+    values = columns[target]
+    rows = np.stack([_numbers(name, columns[name]) for name in labels], axis=1)
     try:
         values = _numbers(target, values)
     except UnreadableTable:
-        if not all(isinstance(value, str) and value and not _says_number(value) for value in values.tolist()):
+        if not all(isinstance(value, str) and not _says_number(value) for value in values.tolist()):
             raise
-    return Table(labels, np.stack(columns, axis=1), target, values)
+    return Table(labels, rows, target, values, tuple(notes))
+
+
+def _idle(column: NDArray[Any]) -> str:
+    """Return why no rule can ask for a column; nothing if one can."""
+    told = column[~_gaps(column)].tolist() if column.ndim == 1 else []
+    if told and not any(map(_says_number, told)):
+        return "holds words, while rules ask for numbers,"
+    if len(told) > 1 and len(set(told)) == 1:
+        return f"is {told[0]} in every row"
+    return ""
+
+
+def _gaps(column: NDArray[Any]) -> NDArray[np.bool_]:
+    """Return which cells are empty, (n,)."""
+    if column.ndim != 1:
+        return np.zeros(len(column), dtype=np.bool_)
+    is_gap = [
+        value in (None, "") or (isinstance(value, float) and math.isnan(value)) for value in column.tolist()
+    ]
+    return np.array(is_gap, dtype=np.bool_)
 
 
 def read(path: Path | str) -> Mapping[str, Any]:

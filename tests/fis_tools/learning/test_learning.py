@@ -1,5 +1,6 @@
 """Systems from tables: rules by hand, numbers by scikit-learn, partitions that stay readable."""
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -170,3 +171,19 @@ def test_the_command_writes_a_controller(tmp_path: Path, capsys: pytest.CaptureF
     assert learn(read(tmp_path / "iris.parquet"), "species") == learn(table, "species")
     with pytest.raises(UnreadableTable, match="pass a mapping"):
         as_table(np.ones((3, 2)), "y")
+
+
+def test_gaps_words_and_constants_are_left_out_and_told():
+    whole = {"a": [1, 2, 3, 4, 5, 6], "y": [2, 4, 6, 8, 10, 12]}
+    others = {"word": list("rgbrgb"), "same": [7] * 6, "gap": [0.1, None, 0.5, math.nan, 0.2, 0.3]}
+    table = as_table(whole | others, "y")
+    assert table.labels == ("a", "gap")
+    np.testing.assert_array_equal(table.rows, [[1, 0.1], [3, 0.5], [5, 0.2], [6, 0.3]])
+    np.testing.assert_array_equal(table.values, [2, 6, 10, 12])
+    assert [note.split(" ")[:2] for note in table.notes] == [
+        ["column", "'word'"],
+        ["column", "'same'"],
+        ["2", "of"],
+    ]
+    with pytest.raises(UnreadableTable, match="'word' has r in row 1"):
+        as_table(whole | others, "y", ["a", "word"])
