@@ -83,12 +83,13 @@ def with_plain_not(expression: Expression, and_operator: AndOperator, or_operato
                         "no duals, so it cannot be moved to each of them"
                     )
                 kind = And if isinstance(part, And) is not is_negated else Or
-                return kind(tuple(_joined(kind, [moved(operand, is_negated) for operand in operands])))
+                return kind(tuple(joined(kind, [moved(operand, is_negated) for operand in operands])))
 
     return moved(expression, False)
 
 
-def _joined(kind: type[And | Or], operands: Sequence[Expression]) -> Iterator[Expression]:
+def joined(kind: type[And | Or], operands: Sequence[Expression]) -> Iterator[Expression]:
+    """Yield operands; of one that joins by the same kind, what it joins."""
     for operand in operands:
         if isinstance(operand, kind):
             yield from operand.operands

@@ -1,13 +1,13 @@
 """The rules of an `.fll` file: sentences with and, or, not and parentheses, `and` before `or`."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from fis_tools import model
 from fis_tools.errors import ControllerFileError
 from fis_tools.formats.exchange import foreign
-from fis_tools.formats.exchange.antecedents import ANY, FUZZYLITES, hedged
+from fis_tools.formats.exchange.antecedents import ANY, FUZZYLITES, hedged, joined
 from fis_tools.model.rules import Named, NotResolvable, unchained
 from fis_tools.model.validate import MAX_NESTING
 
@@ -111,36 +111,27 @@ def chained(rules: Sequence[model.Rule], outputs: Sequence[model.Variable]) -> l
 
 
 def _disjunction(words: _Words, operators: Operators, depth: int) -> model.Expression:
-    operands = [_conjunction(words, operators, depth)]
-    while words.peek() == "or":
+    def conjunction() -> model.Expression:
+        return _chain(words, "and", operators[0], lambda: _proposition(words, operators, depth))
+
+    return _chain(words, "or", operators[1], conjunction)
+
+
+def _chain(
+    words: _Words, word: str, operator: str | None, operand: Callable[[], model.Expression]
+) -> model.Expression:
+    """Read operands with a word between each two, which the block of the rule must have an operator for."""
+    kind = model.And if word == "and" else model.Or
+    operands = [operand()]
+    while words.peek() == word:
         words.take()
-        if operators[1] is None:
+        if operator is None:
+            missing = "conjunction" if word == "and" else "disjunction"
             raise ControllerFileError(
-                f"{words.where}: the rule says 'or', but its block has no disjunction; add it"
+                f"{words.where}: the rule says {word!r}, but its block has no {missing}; add it"
             )
-        operands.append(_conjunction(words, operators, depth))
-    return operands[0] if len(operands) == 1 else model.Or(_flattened(model.Or, operands))
-
-
-def _conjunction(words: _Words, operators: Operators, depth: int) -> model.Expression:
-    operands = [_proposition(words, operators, depth)]
-    while words.peek() == "and":
-        words.take()
-        if operators[0] is None:
-            raise ControllerFileError(
-                f"{words.where}: the rule says 'and', but its block has no conjunction; add it"
-            )
-        operands.append(_proposition(words, operators, depth))
-    return operands[0] if len(operands) == 1 else model.And(_flattened(model.And, operands))
-
-
-def _flattened(
-    kind: type[model.And | model.Or], operands: Sequence[model.Expression]
-) -> tuple[model.Expression, ...]:
-    found: list[model.Expression] = []
-    for operand in operands:
-        found += operand.operands if isinstance(operand, kind) else (operand,)
-    return tuple(found)
+        operands.append(operand())
+    return operands[0] if len(operands) == 1 else kind(tuple(joined(kind, operands)))
 
 
 def _proposition(words: _Words, operators: Operators, depth: int) -> model.Expression:
