@@ -1,7 +1,8 @@
 """Change one operator or number of the code at a time, and count the changes that the tests beside it notice.
 
-``python -m benchmarks.mutants physics --number 50 --write mutants.json`` prints the row of an area. With
-``--against mutants.json`` it makes the same changes again, first against the test that noticed each before.
+``NUMBA_DISABLE_JIT=1 python -m benchmarks.mutants pipeline/physics --write x.json`` prints a row for this
+folder, whose tests are in ``tests/pipeline/physics``. With ``--against mutants.json`` it makes the same
+changes again, each first against the test that noticed it before.
 """
 
 import argparse
@@ -9,6 +10,7 @@ import ast
 import contextlib
 import importlib
 import json
+import multiprocessing
 import os
 import random
 import resource
@@ -19,13 +21,9 @@ from importlib.util import cache_from_source
 from pathlib import Path
 from typing import Any
 
-#: of each area the sources, the tests, and NUMBA_DISABLE_JIT: whether compiled code runs as plain Python
-AREAS = {
-    "physics": ("pipeline/physics", "tests/pipeline/physics", "1"),
-    "engines": ("fis_tools/engines", "tests/fis_tools/engines", "1"),
-    "statistics": ("pipeline/evaluation", "tests/pipeline/evaluation", "0"),
-    "recording": ("pipeline/recording telemetry/file", "tests/pipeline/recording tests/telemetry/file", "0"),
-}
+#: processor seconds for each file of tests; a mutant that takes more is noticed
+LIMIT_S = 20
+FORK = multiprocessing.get_context("fork")
 #: imported once, before the process divides for each mutant
 LIBRARIES = ("numpy", "scipy.integrate", "scipy.stats", "numba", "hypothesis", "pyarrow", "pydantic", "mcap")
 #: what may stand in the place of an operator
@@ -36,33 +34,30 @@ OTHERS = {
 }
 
 
-def other(operator: Any, draw: random.Random) -> Any:
-    """Return another operator."""
-    return getattr(ast, draw.choice(OTHERS[type(operator).__name__].split()))()
-
-
-def changed(node: ast.AST, draw: random.Random) -> str | None:
+def changed(node: Any, draw: random.Random) -> str | None:
     """Return the source of a node with something else in the place of its operator or number."""
-    if isinstance(node, ast.Constant) and type(node.value) in (int, float):
-        return repr(node.value + 1)
+    value: Any = getattr(node, "value", None)
+    if isinstance(node, ast.Constant) and type(value) in (int, float):
+        return repr(value + 1)
     if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub | ast.Not):
         return f"({ast.unparse(node.operand)})"
-    if isinstance(node, ast.Compare):
-        node.ops[0] = other(node.ops[0], draw)
-    elif isinstance(node, ast.BinOp | ast.BoolOp) and type(node.op).__name__ in OTHERS:
-        parts = list(ast.walk(node))
-        if any(isinstance(one, ast.JoinedStr) or isinstance(getattr(one, "value", 0), str) for one in parts):
-            return None
-        node.op = other(node.op, draw)
-    else:
+    is_comparison = isinstance(node, ast.Compare)
+    operator = node.ops[0] if is_comparison else getattr(node, "op", None)
+    is_text = any(isinstance(getattr(one, "value", 0), str) for one in ast.walk(node))
+    if type(operator).__name__ not in OTHERS or (is_text and not is_comparison):
         return None
+    new = getattr(ast, draw.choice(OTHERS[type(operator).__name__].split()))()
+    if is_comparison:
+        node.ops[0] = new
+    else:
+        node.op = new
     return f"({ast.unparse(node)})"
 
 
 def mutants_of(top: Path, path: Path, draw: random.Random) -> list[dict[str, Any]]:
     """Return all changes of a file: the line by its text, and by its number among equal ones."""
     text = path.read_text(encoding="utf-8")
-    lines, nodes, found = text.split("\n"), list(ast.walk(ast.parse(text))), list[dict[str, Any]]()
+    lines, nodes, found = text.split("\n"), list[Any](ast.walk(ast.parse(text))), list[dict[str, Any]]()
     in_texts = {id(part) for node in nodes if isinstance(node, ast.JoinedStr) for part in ast.walk(node)}
     for node in nodes:
         number = getattr(node, "lineno", 0) - 1
@@ -70,9 +65,9 @@ def mutants_of(top: Path, path: Path, draw: random.Random) -> list[dict[str, Any
             continue
         new = changed(node, draw) if lines[number].isascii() else None
         if new is not None:
-            place = {"path": str(path.relative_to(top)), "line": lines[number]}
-            place["nth"] = lines[:number].count(lines[number])
-            found.append(place | {"start": node.col_offset, "end": node.end_col_offset, "new": new})
+            line, ends = lines[number], {"start": node.col_offset, "end": node.end_col_offset}
+            place = {"path": str(path.relative_to(top)), "line": line, "nth": lines[:number].count(line)}
+            found.append(place | ends | {"new": new})
     return found
 
 
@@ -88,26 +83,27 @@ class Noticed:
     pytest_collectreport = pytest_runtest_logreport
 
 
-def first_failure(top: Path, tests: list[str], limit_s: int) -> str:
-    """Return the first test that fails in a process of its own, "" if none does, or how the process ended."""
-    told, tell = os.pipe()
-    child = os.fork()
-    if not child:
-        resource.setrlimit(resource.RLIMIT_CPU, (limit_s, limit_s))
-        os.chdir(top)
-        sys.path.insert(0, str(top))
-        noticed, words = Noticed(), ["-x", "-q", "-n0", "--assert=plain", "-pno:cacheprovider", "-mnot slow"]
-        with open(os.devnull, "w") as out, contextlib.redirect_stdout(out), contextlib.redirect_stderr(out):
-            code = importlib.import_module("pytest").main([*words, *tests], plugins=[noticed])
-        os.write(tell, (noticed.name or ("" if code in (0, 4, 5) else f"pytest ended with {code}")).encode())
-        os._exit(0)
-    os.close(tell)
-    status = os.waitpid(child, 0)[1]
-    with os.fdopen(told, "rb") as pipe:
-        return pipe.read().decode() or ("" if status == 0 else "time or memory")
+def run_tests(top: Path, tests: list[str], told: Any) -> None:
+    """Tell which test fails first; "" if none does."""
+    resource.setrlimit(resource.RLIMIT_CPU, (LIMIT_S * len(tests), LIMIT_S * len(tests)))
+    os.chdir(top)
+    sys.path.insert(0, str(top))
+    noticed, words = Noticed(), ["-x", "-q", "-n0", "--assert=plain", "-pno:cacheprovider", "-mnot slow"]
+    with open(os.devnull, "w") as out, contextlib.redirect_stdout(out), contextlib.redirect_stderr(out):
+        code = importlib.import_module("pytest").main([*words, *tests], plugins=[noticed])
+    told.put(noticed.name or ("" if code in (0, 4, 5) else f"pytest ended with {code}"))
 
 
-def noticed_by(top: Path, mutant: dict[str, Any], tests: list[str], limit_s: int) -> str | None:
+def first_failure(top: Path, tests: list[str]) -> str:
+    """Return the first test that fails in a process of its own, "" if none does, or that it took too much."""
+    told = FORK.SimpleQueue()
+    child = FORK.Process(target=run_tests, args=(top, tests, told))
+    child.start()
+    child.join()
+    return "time or memory" if told.empty() else str(told.get())
+
+
+def noticed_by(top: Path, mutant: dict[str, Any], tests: list[str]) -> str | None:
     """Return what notices a mutant, or None if its line is no longer there."""
     path, start, end = top / mutant["path"], mutant["start"], mutant["end"]
     intact = path.read_text(encoding="utf-8") if path.exists() else ""
@@ -121,48 +117,46 @@ def noticed_by(top: Path, mutant: dict[str, Any], tests: list[str], limit_s: int
     before = mutant.get("noticed", "").partition("[")[0]
     known = [before] if (top / before.partition("::")[0]).is_file() else []
     try:
-        return (known and first_failure(top, known, limit_s)) or first_failure(top, tests, limit_s)
+        return (known and first_failure(top, known)) or first_failure(top, tests)
     finally:
         path.write_text(intact, encoding="utf-8")
         Path(cache_from_source(str(path))).unlink(missing_ok=True)
 
 
-def beside(top: Path, path: str, folders: list[str]) -> list[str]:
-    """Return the files of tests of an area; those that name a module come first."""
+def beside(top: Path, folder: str, path: str) -> list[str]:
+    """Return the files of tests of a folder; those that name a module come first."""
     module = path.removesuffix(".py").replace("/", ".")
-    files = [file for folder in folders for file in sorted((top / folder).rglob("test_*.py"))]
-    files.sort(key=lambda file: module not in file.read_text(encoding="utf-8"))
-    return [str(file.relative_to(top)) for file in files]
+    files = (top / "tests" / folder).rglob("test_*.py")
+    named = [(module not in file.read_text(encoding="utf-8"), str(file.relative_to(top))) for file in files]
+    return [name for _, name in sorted(named)]
 
 
 def main() -> int:
     """Make the mutants of an area, or those of a file again, and print how many are noticed."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.mutants", description=__doc__)
-    parser.add_argument("area", choices=list(AREAS))
+    parser.add_argument("sources", help="a folder, such as telemetry/file")
     parser.add_argument("--number", type=int, default=50)
-    parser.add_argument("--limit", type=int, default=60, help="processor seconds, after which one is noticed")
     parser.add_argument("--write", type=Path, help="a file for the mutants and what noticed them")
     parser.add_argument("--against", type=Path, help="a file of mutants to make again")
     options = parser.parse_args()
-    sources, tests, os.environ["NUMBA_DISABLE_JIT"] = AREAS[options.area]
     for library in LIBRARIES:
         importlib.import_module(library)
     with tempfile.TemporaryDirectory(prefix="mutants-") as scratch:
         top, draw = Path(scratch) / "copy", random.Random(1)  # noqa: S311 - the same each time
         shutil.copytree(Path.cwd(), top, ignore=shutil.ignore_patterns(".git", "build", "__pycache__"))
-        files = [path for folder in sources.split() for path in sorted((top / folder).rglob("*.py"))]
+        files = sorted((top / options.sources).rglob("*.py"))
         every = [one for path in files if "schema" not in path.parts for one in mutants_of(top, path, draw)]
         mutants = draw.sample(every, min(options.number, len(every)))
         if options.against:
             mutants = json.loads(options.against.read_text(encoding="utf-8"))
-        if failed := first_failure(top, tests.split(), 10 * options.limit):
+        if failed := first_failure(top, beside(top, options.sources, "")):
             parser.error(f"{failed} fails without a mutant")
         for one in mutants:
-            one["noticed"] = noticed_by(top, one, beside(top, one["path"], tests.split()), options.limit)
+            one["noticed"] = noticed_by(top, one, beside(top, options.sources, one["path"]))
             told = f"{one['path']}: {one['line'].strip()} -> {one['new']}: {one['noticed']}"
             print(told, file=sys.stderr, flush=True)
     results = [bool(one["noticed"]) for one in mutants if one["noticed"] is not None]
-    print(f"| {options.area} | {len(results)} | {sum(results)} | {sum(results) / len(results):.0%} |")
+    print(f"| {options.sources} | {len(results)} | {sum(results)} | {sum(results) / len(results):.0%} |")
     if options.write:
         options.write.write_text(json.dumps(mutants, indent=1), encoding="utf-8")
     return 0
