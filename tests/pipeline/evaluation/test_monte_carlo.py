@@ -38,6 +38,7 @@ def test_a_row_a_case() -> None:
     ]  # fmt: skip
     assert columns["case"].tolist() == [0, 1, 2, 3]
     assert columns["position_x_m"].tolist() == [0.0, 10.0, 20.0, 30.0]
+    assert columns["position_y_m"].tolist() == [60.0] * 4
     assert columns["position_z_m"].tolist() == [-7.0] * 4
     assert columns["sun_angle_rad"].tolist() == [0.0, 0.5, 1.0, 1.5]
     np.testing.assert_allclose(columns["inspection_rate_percent"], [9400 / 99, 9500 / 99, 100.0, 9700 / 99])
