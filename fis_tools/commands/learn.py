@@ -2,6 +2,7 @@
 
 import sys
 from collections import Counter
+from pathlib import Path
 from typing import Annotated, Literal
 
 from cyclopts import Parameter
@@ -9,7 +10,7 @@ from cyclopts import Parameter
 from fis_tools.commands.arguments import Output, UserMistake, form_of, write
 from fis_tools.learning.learner import Recipe, Unlearnable, cross_validated, learn_table
 from fis_tools.learning.table import Table, UnreadableTable, as_table, read
-from fis_tools.model import FuzzyController, FuzzySystem
+from fis_tools.model import FuzzyController
 from fis_tools.words.text import sentences, with_unit
 
 DEFAULTS = Recipe()
@@ -76,26 +77,30 @@ def run(
         system = learn_table(read_table, recipe).system
     except (UnreadableTable, Unlearnable) as error:
         raise UserMistake(str(error)) from error
+    told = _reached(read_table, recipe)
     if form is not None:
-        write(output, form(FuzzyController(system.name, (system,))))
-    print(_summary(system, read_table, recipe))
-
-
-def _summary(system: FuzzySystem, table: Table, recipe: Recipe) -> str:
+        facts = {
+            "learned_from": f"{Path(table).name}, {len(read_table.values)} rows",
+            "target": target,
+            "held_out": told,
+        }
+        write(output, form(FuzzyController(system.name, (system,), provenance=tuple(facts.items()))))
     asked = ", ".join(with_unit(variable) for variable in system.inputs)
-    lines = [*sentences(system), "", f"{len(system.rules)} rules of {asked}"]
+    print("\n".join([*sentences(system), "", f"{len(system.rules)} rules of {asked}", told]))
+
+
+def _reached(table: Table, recipe: Recipe) -> str:
+    """Say what the recipe reaches on rows that it did not learn from."""
     reached = cross_validated(table, recipe)
     if reached is None:
-        lines.append("too few rows to tell what they reach on others")
-    elif table.has_classes:
+        return "too few rows to tell what they reach on others"
+    if table.has_classes:
         likely = Counter(table.values.tolist()).most_common(1)[0][0]
-        lines.append(
+        return (
             f"right for {1 - reached.error:.1%} of {len(table.values)} rows that they did not learn from; "
             f"always {likely}: {1 - reached.error_of_constant:.1%}"
         )
-    else:
-        lines.append(
-            f"root mean squared error {reached.error:.4g} on {len(table.values)} rows that they did not "
-            f"learn from; always the mean: {reached.error_of_constant:.4g}"
-        )
-    return "\n".join(lines)
+    return (
+        f"root mean squared error {reached.error:.4g} on {len(table.values)} rows that they did not "
+        f"learn from; always the mean: {reached.error_of_constant:.4g}"
+    )

@@ -32,8 +32,8 @@ def require_mamdani(systems: Iterable[FuzzySystem], what: str) -> None:
             way = system.defuzzifier_of(output).replace("_", " ")
             raise NotMamdani(
                 f"{what} is for Mamdani systems, whose rules conclude fuzzy sets, but output "
-                f"{output.name!r} of {system.name!r} is a {way} of numbers; show, audit, explain, bounds, "
-                "surface, plot, diff and export take it"
+                f"{output.name!r} of {system.name!r} is a {way} of numbers; show, audit, explain, review, "
+                "bounds, surface, plot, diff and export take it"
             )
 
 

@@ -9,13 +9,7 @@ class _Review(ModuleType):
     """A package that can be called, so that ``fis_tools.review(system, "page.html")`` is one line."""
 
     def __call__(self, thing: object, path: Path | str = "review.html") -> Path:
-        """Write the review page of a system, a controller, a file or a scikit-fuzzy control system.
-
-        Raises
-        ------
-        fis_tools.model.weighing.NotMamdani
-            If an output is a weighted average or sum.
-        """
+        """Write the review page of a system, a controller, a file or a scikit-fuzzy control system."""
         from fis_tools.review import page  # noqa: PLC0415 - takes long to import
         from fis_tools.source import as_controller  # noqa: PLC0415
 

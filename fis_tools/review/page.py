@@ -13,8 +13,7 @@ from fis_tools.document.page import read, source_hash, template
 from fis_tools.findings.audit import audit, report
 from fis_tools.formats import serialize
 from fis_tools.model import FuzzyController
-from fis_tools.model.weighing import require_mamdani
-from fis_tools.review import carried, content, opening, outcomes
+from fis_tools.review import carried, content, opening, outcomes, plain
 from fis_tools.review.colours import BRIGHTNESS, level_styles
 from fis_tools.review.constants import constants
 from fis_tools.review.findings import finding_counts, finding_rows
@@ -77,18 +76,16 @@ def write(
     Returns
     -------
     str
-        HTML that needs no other file and asks for none.
+        HTML that needs no other file and asks for none; with outputs that are weighted averages or sums of
+        numbers it has no inference to play with.
 
     Raises
     ------
-    NotMamdani
-        If an output is a weighted average or sum.
     fis_tools.errors.ControllerFileError
         If a flight cannot be read, or its systems have other inputs than the controller's; if the evidence
         cannot be read, or is about another controller.
     """
     systems = controller.systems
-    require_mamdani(systems, "the review page, which computes inferences itself,")
     paths = unique(outcomes.recordings(flight_paths))
     flown = read_flights(paths, controller, all_periods)
     noun, is_flight = noun_of(paths), [flights.is_flight(path) for path in paths]
@@ -115,6 +112,9 @@ def write(
         Heading("What is not covered", id="uncovered"),
         Items(opening.not_covered(told, evaluated, samples, noun)),
     ]
+    lead = opening.lead(controller)
+    if any(system.weighed for system in systems):
+        return plain.write(controller, opening_blocks, lead, samples, audited)
     data = {
         "brightness": BRIGHTNESS,
         "sha256": fingerprint,
@@ -130,7 +130,7 @@ def write(
         facts=content.facts(controller.provenance),
         constants=constants(controller, went, meanings),
         others=content.facts(content.texts(controller)),
-        lead=opening.lead(controller),
+        lead=lead,
         opening=html.body(Document(opening_blocks)),
         sections=[one for one in opening_blocks if isinstance(one, Heading) and one.id],
         part=part,

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 from fis_tools.analysis import shapley
 from fis_tools.analysis.contribution import contributions, holding_back
 from fis_tools.engines.inference import infer
-from fis_tools.findings.explanation.flips import Flip, compiled_once, flips, row
+from fis_tools.findings.explanation.flips import Flip, class_flips, compiled_once, flips, is_classifier, row
 from fis_tools.findings.explanation.report import ExplainedOutput, Explanation, Move
 from fis_tools.findings.explanation.shares import RuleShare, Shares, shares
 
@@ -85,4 +85,5 @@ def explain(system: object, inputs: ArrayLike | Mapping[str, float], crossing: f
                 of_output,
             )
         )
-    return Explanation(compiled.system, tuple(given.tolist()), tuple(outputs))
+    turned = class_flips(compiled, given) if is_classifier(compiled.system) else ()
+    return Explanation(compiled.system, tuple(given.tolist()), tuple(outputs), turned)

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from fis_tools.array_types import Booleans, Floats
 from fis_tools.engines.compiler import CompiledSystem, compile
 from fis_tools.engines.inference import infer
-from fis_tools.model import Variable
+from fis_tools.model import FuzzySystem, Variable
 from fis_tools.words.text import span
 
 #: Steps of the search from one point of a universe to the next.
@@ -109,6 +109,56 @@ def flips(system: object, inputs: ArrayLike | Mapping[str, float], value: float 
             of_output.append(flip)
         found += sorted(of_output, key=lambda flip: flip.share)
     return tuple(found)
+
+
+@dataclass(frozen=True)
+class ClassFlip:
+    """The first value of one input, the others held, at which another output is the greatest.
+
+    Parameters
+    ----------
+    input : Variable
+    given, first : float
+        The input where the way begins, and where the class changes.
+    other : Variable
+        The output that is the greatest there.
+    """
+
+    input: Variable
+    given: float
+    first: float
+    other: Variable
+
+    @property
+    def share(self) -> float:
+        """The size of the change as a share of the input's range."""
+        return abs(self.first - self.given) / span(self.input)
+
+
+def is_classifier(system: FuzzySystem) -> bool:
+    """Return whether a system gives shares of classes: several weighted outputs from 0 to 1."""
+    shares = [(output.minimum, output.maximum) == (0.0, 1.0) for output in system.outputs]
+    return len(shares) > 1 and all(shares) and len(system.weighed) == len(shares)
+
+
+def class_flips(compiled: CompiledSystem, given: Floats) -> tuple[ClassFlip, ...]:
+    """Find the smallest changes of one input that flip the class, searched as in `flips`; smallest first."""
+    found = []
+    for index, _, rows in _ways(compiled, given):
+        classes = compiled(rows).argmax(axis=1)
+        across = np.flatnonzero(classes != classes[0])
+        if not len(across):
+            continue
+        last, first = rows[across[0] - 1 : across[0] + 1].copy()
+        variable = compiled.system.inputs[index]
+        while abs(first[index] - last[index]) > LOCATED * span(variable):
+            middle = last.copy()
+            middle[index] = 0.5 * (last[index] + first[index])
+            is_same = compiled(middle[np.newaxis])[0].argmax() == classes[0]
+            last, first = (middle, first) if is_same else (last, middle)
+        other = compiled.system.outputs[int(compiled(first[np.newaxis])[0].argmax())]
+        found.append(ClassFlip(variable, float(given[index]), float(first[index]), other))
+    return tuple(sorted(found, key=lambda flip: flip.share))
 
 
 def compiled_once(system: object) -> CompiledSystem:

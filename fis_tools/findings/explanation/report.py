@@ -6,7 +6,7 @@ from typing import Any
 
 from fis_tools.document import Block, Document, Heading, Items, Paragraph, Result, Table
 from fis_tools.document.data import plain
-from fis_tools.findings.explanation.flips import Flip
+from fis_tools.findings.explanation.flips import ClassFlip, Flip, is_classifier
 from fis_tools.model import FuzzySystem, Variable
 from fis_tools.words.text import NEGLIGIBLE, amount, listed, percent, sentence, span
 
@@ -85,11 +85,14 @@ class Explanation(Result):
     inputs : tuple of float
         As given, in the order of the system's inputs.
     outputs : tuple of ExplainedOutput
+    class_flips : tuple of ClassFlip
+        What flips the class that a classifier says, the smallest changes first.
     """
 
     system: FuzzySystem
     inputs: tuple[float, ...]
     outputs: tuple[ExplainedOutput, ...]
+    class_flips: tuple[ClassFlip, ...] = ()
 
     def document(self, *, everything: bool = False) -> Document:
         """Say it, the most important first; `everything` adds the rules that hardly moved an output."""
@@ -101,8 +104,26 @@ class Explanation(Result):
                 [Table(["share", "needed", "strength", "rule"], rows, numbers=(0, 1, 2))] if rows else []
             )
             blocks += [Paragraph(rest)] if rest else []
-            blocks += [Paragraph(f"{_question(output)}:"), Items(list(_flip_words(output)))]
+            if not is_classifier(self.system):
+                blocks += [Paragraph(f"{_question(output)}:"), Items(list(_flip_words(output)))]
+        if is_classifier(self.system):
+            blocks += self._class_words()
         return Document([block for block in blocks if block != Items([])])
+
+    def _class_words(self) -> Iterator[Block]:
+        """Say which class has the greatest share, and what would flip that."""
+        said = max(self.outputs, key=lambda output: output.value).variable.name
+        if not self.class_flips:
+            yield Paragraph(f"Class: {said}. No change of one input alone flips it.")
+            return
+        yield Paragraph(f"Class: {said}. What would flip it, one input changed alone:")
+        yield Items(
+            [
+                f"{flip.other.name}: {flip.input.name} {'above' if flip.first > flip.given else 'below'} "
+                f"{amount(flip.input, flip.first)}, a change of {percent(flip.share)} of its range"
+                for flip in self.class_flips
+            ]
+        )
 
     def plain(self) -> dict[str, Any]:
         """Return the explanation as plain JSON data; numbers are in the units of their variables.
@@ -139,6 +160,11 @@ class Explanation(Result):
                 }
                 for output in self.outputs
             ],
+            **(
+                {"class_flips": [_plain_class_flip(flip) for flip in self.class_flips]}
+                if self.class_flips
+                else {}
+            ),
         }
 
     def _place(self) -> str:
@@ -200,6 +226,10 @@ class Explanation(Result):
         most = abs(rest[0].share)
         share = f"{amount(variable, most)} at most" if most > NEGLIGIBLE * span(variable) else "no share"
         return rows, f"{fire} {share}"
+
+
+def _plain_class_flip(flip: ClassFlip) -> dict[str, Any]:
+    return {"input": flip.input.name, "first": flip.first, "class": flip.other.name}
 
 
 def _question(output: ExplainedOutput) -> str:

@@ -9,12 +9,16 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
+from fis_tools import __main__ as command_line
+from fis_tools.analysis import arrays
 from fis_tools.document import Paragraph, Table
 from fis_tools.engines.inference import infer
+from fis_tools.findings.explanation import explain
 from fis_tools.formats import serialize
-from fis_tools.review import opening, outcomes
+from fis_tools.review import opening, outcomes, page
 from fis_tools.review.flown import Samples
 from tests.places import PROJECT
+from tests.policies import check_policy
 
 SHIPPED = sorted(
     path
@@ -84,3 +88,48 @@ def test_failures_are_counted_over_all_flights_of_the_run_of_a_recording(tmp_pat
     assert "1 of 4: 25.0 %" in told
     assert told.endswith("The worst: case 1 (71.0 %), case 2 (97.0 %, outside).")
     assert outcomes.evaluations([tmp_path / "elsewhere" / "episodes" / "best.mcap"]) == []
+
+
+def test_a_learned_system_has_a_page_with_its_data_errors_and_formulas(tmp_path: Path) -> None:
+    learned = tmp_path / "iris.json"
+    table = PROJECT / "docs" / "examples" / "iris.csv"
+    assert command_line.main(["learn", str(table), "--target", "species", "-o", str(learned)]) == 0
+    controller = serialize.load(learned)
+    told = dict(controller.provenance)
+    assert told["learned_from"] == "iris.csv, 150 rows"
+    assert "of 150 rows that they did not learn from; always setosa: 33.3%" in told["held_out"]
+    text = page.write(controller)
+    check_policy(text)
+    assert "<script" not in text
+    for words in (*told.values(), "virginica is 0.98", "Terms, and what rules conclude"):
+        assert words in text
+    assert text.count('src="data:image/png;base64,') == 3
+
+
+def test_what_flips_the_class_of_a_classifier_is_found_by_walking(tmp_path: Path) -> None:
+    learned = tmp_path / "iris.json"
+    table = PROJECT / "docs" / "examples" / "iris.csv"
+    command_line.main(["learn", str(table), "--target", "species", "-o", str(learned)])
+    system = serialize.load(learned).systems[0]
+    start = {"petal_length": 4.8, "petal_width": 1.6}
+    found = explain(system, start)
+    walked = {}
+    for variable in system.inputs:
+        values = np.linspace(variable.minimum, variable.maximum, 4001)
+        rows = np.array(
+            [[({**start, variable.name: value})[v.name] for v in system.inputs] for value in values]
+        )
+        classes = arrays.evaluate(system, rows).argmax(axis=1)
+        here = int(np.argmin(np.abs(values - start[variable.name])))
+        for way in (1, -1):
+            places = range(here, len(values) if way > 0 else -1, way)
+            place = next((n for n in places if classes[n] != classes[here]), None)
+            if place is not None:
+                walked[variable.name, system.outputs[classes[place]].name] = values[place]
+    assert {(flip.input.name, flip.other.name) for flip in found.class_flips} == set(walked)
+    for flip in found.class_flips:
+        step = (flip.input.maximum - flip.input.minimum) / 4000
+        assert flip.first == pytest.approx(walked[flip.input.name, flip.other.name], abs=1.01 * step)
+    words = found.text()
+    assert "Class: versicolor. What would flip it" in words
+    assert "negative" not in words
