@@ -3,6 +3,7 @@
 `text`, `markdown`, `html` and `latex` each write any document; `data` writes results as JSON.
 """
 
+from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeAlias
@@ -143,12 +144,12 @@ class Document:
         return next((one.words for one in self.blocks if isinstance(one, Heading | Paragraph)), "")
 
 
-class Result:
+class Result(ABC):
     """Something that was found out, and shows itself in a terminal and in notebooks."""
 
+    @abstractmethod
     def document(self) -> Document:
         """Return what there is to say."""
-        raise NotImplementedError
 
     def text(self, **options: Any) -> str:
         """Write it for a terminal; options are those of `document`."""
