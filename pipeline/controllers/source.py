@@ -11,13 +11,7 @@ from fis_tools.formats import serialize
 from pipeline.controllers.planned.planner import controller_of_kind
 from pipeline.controllers.played import read_played
 from pipeline.controllers.policies import read_policy
-from pipeline.flight.control.controller import (
-    Controller,
-    ControllerError,
-    coast,
-    decision_stride,
-    from_fuzzy,
-)
+from pipeline.flight.control.controller import Controller, ControllerError, coast, decision_stride, from_fuzzy
 from pipeline.run.artifacts import parse_config
 from pipeline.settings.controllers import PLANNED, check_controller, planned_settings
 from pipeline.settings.experiment import Mission

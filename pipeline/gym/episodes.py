@@ -10,14 +10,7 @@ from pipeline.array_types import Floats
 from pipeline.flight.cases.starts import draw
 from pipeline.flight.control.controller import open_loop
 from pipeline.flight.fly.simulation import fly_logged
-from pipeline.flight.fly.stepped import (
-    CORRECTED,
-    NUM_ACTED,
-    NUM_INSPECTED,
-    NUM_UNSEEN,
-    OUTSIDE,
-    SPENT,
-)
+from pipeline.flight.fly.stepped import CORRECTED, NUM_ACTED, NUM_INSPECTED, NUM_UNSEEN, OUTSIDE, SPENT
 from pipeline.flight.fly.stepping import Flights
 from pipeline.flight.state.log import FlightLog, Scenario, points_needed
 from pipeline.gym.task import Task

@@ -24,10 +24,7 @@ from pipeline.settings.experiment import Penalty
 
 
 def fitness_parts(
-    outcomes: Outcomes,
-    penalty: Penalty,
-    limits_m: tuple[float, float],
-    threshold_percent: float,
+    outcomes: Outcomes, penalty: Penalty, limits_m: tuple[float, float], threshold_percent: float
 ) -> dict[str, Floats]:
     """Return the fitness of a population, in parts.
 
@@ -61,10 +58,7 @@ def fitness_parts(
 
 
 def costs(
-    outcomes: Outcomes,
-    penalty: Penalty,
-    limits_m: tuple[float, float],
-    threshold_percent: float,
+    outcomes: Outcomes, penalty: Penalty, limits_m: tuple[float, float], threshold_percent: float
 ) -> Floats:
     """Return delta-v plus zeta of each flight, m/s, of the shape of the outcomes; see `fitness_parts`."""
     outside, short, missed = _prices(outcomes, penalty, limits_m, threshold_percent)
@@ -72,10 +66,7 @@ def costs(
 
 
 def objectives(
-    outcomes: Outcomes,
-    penalty: Penalty,
-    limits_m: tuple[float, float],
-    threshold_percent: float,
+    outcomes: Outcomes, penalty: Penalty, limits_m: tuple[float, float], threshold_percent: float
 ) -> dict[str, Floats]:
     """Split the fitness of a population into two objectives; see `fitness_parts`.
 
@@ -87,17 +78,11 @@ def objectives(
     """
     outside, short, missed = _prices(outcomes, penalty, limits_m, threshold_percent)
     faults = 0.5 * (outside + short)
-    return {
-        "spent": (outcomes.delta_v_m_s + faults).mean(axis=-1),
-        "missed": (missed + faults).mean(axis=-1),
-    }
+    return {"spent": (outcomes.delta_v_m_s + faults).mean(axis=-1), "missed": (missed + faults).mean(axis=-1)}
 
 
 def _prices(
-    outcomes: Outcomes,
-    penalty: Penalty,
-    limits_m: tuple[float, float],
-    threshold_percent: float,
+    outcomes: Outcomes, penalty: Penalty, limits_m: tuple[float, float], threshold_percent: float
 ) -> tuple[Floats, Floats, Floats]:
     """Return the prices of each flight for being outside, falling short and missing points, m/s."""
     points = outcomes.inspected_count

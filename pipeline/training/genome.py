@@ -10,12 +10,7 @@ from fis_tools.genes.reduction import KeptRules, Planes
 from fis_tools.genes.stretches import Stretches, rounded
 from fis_tools.model import FuzzyController
 from pipeline.array_types import Floats
-from pipeline.flight.control.controller import (
-    Controller,
-    ControllerError,
-    from_fuzzy,
-    has_constants,
-)
+from pipeline.flight.control.controller import Controller, ControllerError, from_fuzzy, has_constants
 from pipeline.flight.state.signals import CONSTANTS, TOUR_PLACES
 from pipeline.settings.experiment import Encoding
 

@@ -102,10 +102,7 @@ def _truth(comparison: Comparison, quantities: Quantities) -> Floats:
 
 
 def _over(  # noqa: PLR0911 - one for each kind of formula
-    formula: Formula,
-    quantities: Quantities,
-    period_s: float,
-    atom: Atom,
+    formula: Formula, quantities: Quantities, period_s: float, atom: Atom
 ) -> Floats:
     """Return the value of a formula at all samples, (n, S)."""
 

@@ -17,12 +17,7 @@ from numpy.typing import NDArray
 
 from pipeline.array_types import Floats
 from pipeline.settings.experiment import Optimizer
-from pipeline.training.evolution.genetic import (
-    Individual,
-    lent_random,
-    local_mutation,
-    scattered_crossover,
-)
+from pipeline.training.evolution.genetic import Individual, lent_random, local_mutation, scattered_crossover
 from pipeline.training.evolution.state import State
 
 #: prefix of the parts of the fitness that are objectives, to be minimised
