@@ -44,31 +44,19 @@ packages = {"fis_tools"}
 
 @dataclass(frozen=True)
 class Refused:
-    """Why compiled code is not cached.
-
-    Parameters
-    ----------
-    reason : str
-        The fact and its remedy, in a sentence without its full stop.
-    """
+    """Why compiled code is not cached: the fact and its remedy, in a sentence without its full stop."""
 
     reason: str
 
 
 @dataclass(frozen=True)
 class Sources:
-    """The sources that a module's compiled functions depend on.
+    """The sources that a module's compiled functions depend on."""
 
-    Parameters
-    ----------
-    files : tuple of str
-        The module's own file and all that it imports from packages with compiled functions, directly or not.
-    digest : str
-        Sixteen hexadecimal digits of a hash over the files and the versions of the compilers.
-    """
-
-    files: tuple[str, ...]
-    digest: str
+    files: tuple[
+        str, ...
+    ]  # its own and all that it imports from packages with compiled functions, directly or not
+    digest: str  # sixteen hexadecimal digits of a hash over the files and the versions of the compilers
 
 
 def place_for(function: Callable[..., Any]) -> Path | Refused:
@@ -209,14 +197,7 @@ def changed_since_loaded(files: Iterable[str]) -> str | None:
 
 @cache
 def sources_of(module: str, file: str) -> Sources:
-    """Return the sources that a module's compiled functions depend on.
-
-    Parameters
-    ----------
-    module : str
-        Its dotted name; it and what it imports are loaded.
-    file : str
-        Its path.
+    """Return the sources that a loaded module's compiled functions depend on, by its name and its path.
 
     Raises
     ------

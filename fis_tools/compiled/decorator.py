@@ -90,19 +90,11 @@ def compiled(function: F, /) -> F: ...
 @overload
 def compiled(**options: Any) -> Callable[[F], F]: ...
 def compiled(function: F | None = None, /, **options: Any) -> F | Callable[[F], F]:
-    """Compile a function with numba, in nopython mode, at its first call, and keep the code.
+    """Compile a function at module level with numba, in nopython mode, at its first call, and keep the code.
 
-    Parameters
-    ----------
-    function : callable
-        At module level; functions that it calls in compiled code must be decorated as well.
-    **options
-        Options of ``numba.njit`` except ``cache``, such as ``error_model="numpy"``.
-
-    Returns
-    -------
-    callable
-        The function as a `Compiled`; typed as the function, so that type checkers see its arguments.
+    Functions that it calls in compiled code must be decorated as well. The options are those of
+    ``numba.njit`` except ``cache``, such as ``error_model="numpy"``. It is typed as the function, so that
+    type checkers see its arguments.
     """
 
     def decorate(function: F) -> F:

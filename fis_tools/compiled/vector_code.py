@@ -219,9 +219,8 @@ def _intrinsic(name: str) -> Callable[[Any, Any], Any]:
 
     def emit(builder: Any, x: Any) -> Any:
         kind = x.type
-        called = builder.module.declare_intrinsic(
-            f"{name}.v{kind.count}f64", (), ir.FunctionType(kind, [kind])
-        )
+        shape = ir.FunctionType(kind, [kind])
+        called = builder.module.declare_intrinsic(f"{name}.v{kind.count}f64", (), shape)
         return builder.call(called, [x])
 
     return emit
