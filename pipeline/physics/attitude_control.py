@@ -2,6 +2,7 @@
 
 The desired axes are ``x* = r/|r|``, ``y* = k x r/|k x r|`` and ``z* = x* x y*``, so that a camera along -x*
 looks at the chief. Over the poles of the orbit plane, where k x r vanishes, the previous y* is kept instead.
+Positions (m, not at the origin) and axes (unit vectors) have the shape (3,), Hill axes.
 """
 
 from math import atan2, cos, sin
@@ -35,20 +36,7 @@ def _carried_y(x: Floats, previous_y: Floats) -> Floats:
 
 @compiled
 def desired_y(position_h: Floats, previous_y_h: Floats) -> Floats:
-    """Return the desired second body axis.
-
-    Parameters
-    ----------
-    position_h : array, shape (3,)
-        Of the deputy, m, not at the origin.
-    previous_y_h : array, shape (3,)
-        At the previous attitude instant; `FIRST_Y` at the first.
-
-    Returns
-    -------
-    array, shape (3,)
-        Unit vector, Hill axes.
-    """
+    """Return the desired second body axis, from that at the previous instant; `FIRST_Y` before the first."""
     distance = norm(position_h)
     horizontal = np.array([-position_h[1], position_h[0], 0.0])
     length = norm(horizontal)
@@ -61,22 +49,9 @@ def desired_y(position_h: Floats, previous_y_h: Floats) -> Floats:
 def blended_y(position_h: Floats, previous_y_h: Floats, attitude_period: float) -> Floats:
     """Return the desired second body axis, without fast turns over a pole.
 
-    Where ``|k x r|/|r|`` is below `BLENDED_POLE` the previous axis is kept; elsewhere it returns to
-    ``k x r/|k x r|`` by a turn about x* at a rate of at most `RETURN_RATE`.
-
-    Parameters
-    ----------
-    position_h : array, shape (3,)
-        Of the deputy, m, not at the origin.
-    previous_y_h : array, shape (3,)
-        At the previous attitude instant; at the first, that of `desired_y` there.
-    attitude_period : float
-        Time since that instant, s.
-
-    Returns
-    -------
-    array, shape (3,)
-        Unit vector, Hill axes.
+    Where ``|k x r|/|r|`` is below `BLENDED_POLE` the axis of an attitude period (s) ago is kept; elsewhere it
+    returns to ``k x r/|k x r|`` by a turn about x* at a rate of at most `RETURN_RATE`. The first is
+    `desired_y`.
     """
     distance = norm(position_h)
     x = position_h / distance
@@ -97,20 +72,7 @@ def blended_y(position_h: Floats, previous_y_h: Floats, attitude_period: float) 
 
 @compiled
 def desired_dcm(position_h: Floats, y_h: Floats) -> Floats:
-    """Return the desired attitude as a matrix from Hill to body components.
-
-    Parameters
-    ----------
-    position_h : array, shape (3,)
-        Of the deputy, m, not at the origin.
-    y_h : array, shape (3,)
-        The second body axis, of `desired_y` or `blended_y`.
-
-    Returns
-    -------
-    array, shape (3, 3)
-        Rows x*, y*, z*.
-    """
+    """Return the desired attitude as a matrix from Hill to body components, with rows x*, y*, z*."""
     dcm = np.empty((3, 3))
     assign(dcm[0], position_h / norm(position_h))
     assign(dcm[1], y_h)

@@ -8,7 +8,7 @@ The Clohessy-Wiltshire equations in Hill axes (i radial, j along-track, k orbit 
 
 are linear with constant coefficients, so that a state moves exactly by ``Phi(t) state + Gamma(t) force``
 while the force is held (Choi, Kim and Leeghim, AAS 25-727; Schaub and Junkins, Analytical Mechanics of Space
-Systems, section 14.4).
+Systems, section 14.4), for states ``[x, y, z, x', y', z']`` in m and m/s and forces in N.
 """
 
 from math import cos, sin
@@ -35,20 +35,7 @@ def _angle_minus_sine(angle: float) -> float:
 
 @compiled
 def state_transition(mean_motion: float, duration: float) -> Floats:
-    """Return the state transition matrix of free motion.
-
-    Parameters
-    ----------
-    mean_motion : float
-        Of the chief's orbit, rad/s, above zero.
-    duration : float
-        Time to propagate, s.
-
-    Returns
-    -------
-    array, shape (6, 6)
-        For states ``[x, y, z, x', y', z']`` in m and m/s, Hill axes.
-    """
+    """Return Phi, shape (6, 6), for a mean motion above zero, rad/s, and a duration, s."""
     n = mean_motion
     angle = n * duration
     s = sin(angle)
@@ -69,22 +56,7 @@ def state_transition(mean_motion: float, duration: float) -> Floats:
 
 @compiled
 def input_matrix(mean_motion: float, duration: float, mass: float) -> Floats:
-    """Return the effect of a held force on the state after some time (zero-order hold).
-
-    Parameters
-    ----------
-    mean_motion : float
-        Of the chief's orbit, rad/s, above zero.
-    duration : float
-        Time the force is held, s.
-    mass : float
-        Of the deputy, kg.
-
-    Returns
-    -------
-    array, shape (6, 3)
-        From a force in N, Hill axes, to ``[x, y, z, x', y', z']`` in m and m/s.
-    """
+    """Return Gamma, shape (6, 3), for a mean motion above zero, rad/s, a duration, s, and a mass, kg."""
     n = mean_motion
     angle = n * duration
     s = sin(angle)

@@ -22,12 +22,8 @@ def sun_angle(initial_sun_angle: float, mean_motion: float, time: float) -> floa
 def sun_direction_h(angle: float, elevation: float = 0.0) -> Floats:
     """Return the unit vector towards the Sun, shape (3,), Hill axes.
 
-    Parameters
-    ----------
-    angle : float
-        In the orbit plane from i towards j, rad.
-    elevation : float
-        Over the orbit plane towards k, rad: the angle beta of orbital mechanics.
+    Its angle is in the orbit plane from i towards j, rad, its elevation over that plane towards k, rad: the
+    angle beta of orbital mechanics.
     """
     return np.array([cos(elevation) * cos(angle), cos(elevation) * sin(angle), sin(elevation)])
 
@@ -58,14 +54,8 @@ def visible_share(sun_h: Floats, orbit_radius: float) -> float:
     """Return the share of the Sun's disc that the Earth leaves visible from the chief, 0 to 1.
 
     Two circles in the sky: the Sun's about its direction, the Earth's about -i (O. Montenbruck and E. Gill,
-    Satellite Orbits, 2000, section 3.4.2). Both bodies are spheres, the Sun is one astronomical unit away.
-
-    Parameters
-    ----------
-    sun_h : array, shape (3,)
-        Unit vector towards the Sun, Hill axes.
-    orbit_radius : float
-        Of the chief's orbit, greater than the Earth's radius, m.
+    Satellite Orbits, 2000, section 3.4.2). Both bodies are spheres, the Sun is one astronomical unit away in
+    the direction `sun_h`, a unit vector of shape (3,); the radius, m, is greater than the Earth's.
     """
     return share_at(sun_h[0], orbit_radius)
 
@@ -74,19 +64,8 @@ def least_sun_height(orbit_radius: float, min_share: float) -> float:
     """Return the lowest Sun at which a share of its disc is visible, as the cosine of its zenith angle.
 
     The higher the Sun stands over the chief's horizon, the more of its disc is visible, so that one number
-    separates light from shadow; found by bisection of `share_at`.
-
-    Parameters
-    ----------
-    orbit_radius : float
-        m.
-    min_share : float
-        0 to 1; 0 for no shadow.
-
-    Returns
-    -------
-    float
-        Least component of the Sun's direction along i; -2, which it always exceeds, without a shadow.
+    separates light from shadow; found by bisection of `share_at`. For a share of 0 there is no shadow: -2,
+    which that cosine always exceeds.
     """
     if share_at(-1.0, orbit_radius) >= min_share:
         return -2.0

@@ -1,4 +1,4 @@
-"""Points spread evenly over a sphere around the chief."""
+"""Points spread evenly over a sphere around the chief, shape (P, 3), m, chief axes."""
 
 from math import cos, floor, pi, sin, sqrt
 
@@ -11,19 +11,8 @@ def regular_placement(num_points: int, radius_m: float) -> Floats:
     """Place points on rings of constant latitude at nearly equal distances.
 
     Deserno's regular placement (M. Deserno, How to generate equidistributed points on the surface of a
-    sphere, 2004). It returns about the requested number of points: 99 for 100.
-
-    Parameters
-    ----------
-    num_points : int
-        Requested number, at least 1.
-    radius_m : float
-        Of the sphere, m.
-
-    Returns
-    -------
-    array, shape (P, 3)
-        Chief axes, m; ring by ring from +k to -k, inside a ring from +i towards +j.
+    sphere, 2004). It returns about the requested number of points, 99 for 100: ring by ring from +k to -k,
+    inside a ring from +i towards +j.
     """
     area = 4.0 * pi / num_points
     num_rings = max(1, floor(pi / sqrt(area) + 0.5))
@@ -39,20 +28,10 @@ def regular_placement(num_points: int, radius_m: float) -> Floats:
 
 
 def fibonacci_placement(num_points: int, radius_m: float) -> Floats:
-    """Place points on a spiral that turns by the golden angle from one to the next.
+    """Place exactly so many points on a spiral that turns by the golden angle from one to the next.
 
-    Parameters
-    ----------
-    num_points : int
-        At least 1; exactly this many are returned.
-    radius_m : float
-        Of the sphere, m.
-
-    Returns
-    -------
-    array, shape (P, 3)
-        Chief axes, m; from +k to -k, the first at azimuth zero (R. Swinbank and R. J. Purser, Quarterly
-        Journal of the Royal Meteorological Society 132, 2006).
+    They go from +k to -k, the first at azimuth zero (R. Swinbank and R. J. Purser, Quarterly Journal of the
+    Royal Meteorological Society 132, 2006).
     """
     place = np.arange(num_points)
     height = 1.0 - (2.0 * place + 1.0) / num_points

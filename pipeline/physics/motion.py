@@ -2,12 +2,12 @@
 
 While a force f is held, a state ``s = [x, y, z, u, v, w]`` (position in m, then velocity in m/s, Hill axes)
 moves by the closed form ``s(t) = Phi(t) s + Gamma(t) f`` of `pipeline.physics.clohessy_wiltshire`. Any other
-effect on the deputy enters here and nowhere else: `motion_over` computes the matrices, and the other
-functions of this file apply them. Everything that moves a deputy calls these functions; nothing else
-multiplies a state by Phi.
+effect on the deputy enters here and nowhere else: `motion_over` computes the matrices, and everything that
+moves a deputy reads them from there.
 
-Compiled code takes a state as a position and a velocity, and reads the elements of Phi and Gamma that are not
-0 or 1 from a `Step`.
+Compiled code takes a state as a position and a velocity, m and m/s, and reads the elements of Phi and Gamma
+that are not 0 or 1 from a `Step`. A law that stops a deputy is a gain, shape (3, 6): ``f = K s``,
+``K = -Gamma_v^-1 Phi_v``, N/m and N s/m.
 """
 
 from collections.abc import Sequence
@@ -42,18 +42,14 @@ class Deputy(Protocol):
 
 
 class Motion(NamedTuple):
-    """Motion over each of n durations.
+    """Motion over each of n durations."""
 
-    Attributes
-    ----------
-    transition : (n, 6, 6) array
-        Phi: state transition without force.
-    control : (n, 6, 3) array
-        Gamma: effect of 1 N held for the duration.
-    """
+    transition: Floats  # (n, 6, 6) Phi: state transition without force
+    control: Floats  # (n, 6, 3) Gamma: effect of 1 N held for the duration
 
-    transition: Floats
-    control: Floats
+
+#: the effect of a held force (f, g, h): of f and g along i, of f and g along j, of h along k
+Held = tuple[float, float, float, float, float]
 
 
 class Place(NamedTuple):
@@ -70,51 +66,14 @@ class Place(NamedTuple):
 
 
 class Step(NamedTuple):
-    """Motion over one duration: the elements of Phi and Gamma that are not 0 or 1, for a force (f, g, h)."""
+    """Motion over one duration: the elements of Phi and Gamma that are not 0 or 1."""
 
     place: Place
-    ux: float
-    uu: float
-    uv: float
-    vx: float
-    vu: float
-    vv: float
-    wz: float
-    ww: float
-    xf: float
-    xg: float
-    yf: float
-    yg: float
-    zh: float
-    uf: float
-    ug: float
-    vf: float
-    vg: float
-    wh: float
-
-
-class Stop(NamedTuple):
-    """The force that brings a state to rest within one duration.
-
-    Attributes
-    ----------
-    gain : (3, 6) array
-        ``K = -Gamma_v^-1 Phi_v``, N/m and N s/m.
-    """
-
-    gain: Floats
-
-
-class Reading(NamedTuple):
-    """Linear outputs of a state after free motion.
-
-    Attributes
-    ----------
-    matrix : (..., m, 6) array
-        From the state now to the outputs then.
-    """
-
-    matrix: Floats
+    u: Three  # from x, u, v
+    v: Three  # from x, u, v
+    w: tuple[float, float]  # from z, w
+    pushed_place: Held
+    pushed_velocity: Held
 
 
 def motion_over(orbit: Orbit, deputy: Deputy, durations: Sequence[float]) -> Motion:
@@ -126,16 +85,16 @@ def motion_over(orbit: Orbit, deputy: Deputy, durations: Sequence[float]) -> Mot
     )
 
 
-def stop_of(motion: Motion) -> Stop:
-    """Return the force law that stops a deputy within the first duration of a motion."""
+def stop_of(motion: Motion) -> Floats:
+    """Return the gain of the law that stops a deputy within the first duration of a motion."""
     gain = -np.linalg.solve(motion.control[0, 3:], motion.transition[0, 3:])
-    return Stop(np.asarray(gain, dtype=np.float64))
+    return np.asarray(gain, dtype=np.float64)
 
 
-def stopped(motion: Motion, stop: Stop) -> Motion:
+def stopped(motion: Motion, stop: Floats) -> Motion:
     """Return motion over the first duration under the force that stops it: no speed is left."""
     transition = np.zeros((1, 6, 6))
-    transition[0, :3] = motion.transition[0, :3] + motion.control[0, :3] @ stop.gain
+    transition[0, :3] = motion.transition[0, :3] + motion.control[0, :3] @ stop
     return Motion(transition, np.zeros((1, 6, 3)))
 
 
@@ -162,43 +121,22 @@ def repeated(motion: Motion, num_periods: int) -> Motion:
     return Motion(np.array(powers), np.array(responses))
 
 
-def positions_of(motion: Motion) -> Reading:
-    """Return the reading of the positions after each duration, shape (n, 3)."""
-    return Reading(motion.transition[:, :3])
-
-
-def last_of(motion: Motion, matrix: Floats) -> Reading:
-    """Return the reading of ``matrix s``, for a matrix of shape (m, 6), after the last duration."""
-    return Reading(matrix @ motion.transition[-1])
-
-
-def read(reading: Reading, state: Floats) -> Floats:
-    """Return the outputs of a reading for a state of shape (6,), after free motion."""
-    values: Floats = reading.matrix @ state
-    return values
+@compiled(inline="always")
+def place_in(phi: Floats) -> Place:
+    """Return the place after free motion by Phi."""
+    return Place(phi[0, 0], phi[0, 3], phi[0, 4], phi[1, 0], phi[1, 3], phi[1, 4], phi[2, 2], phi[2, 5])
 
 
 @compiled(inline="always")
 def place_of(motion: Motion, which: int) -> Place:
     """Return the place after free motion of one duration."""
-    phi = motion.transition
-    return Place(
-        phi[which, 0, 0],
-        phi[which, 0, 3],
-        phi[which, 0, 4],
-        phi[which, 1, 0],
-        phi[which, 1, 3],
-        phi[which, 1, 4],
-        phi[which, 2, 2],
-        phi[which, 2, 5],
-    )
+    return place_in(motion.transition[which])
 
 
 @compiled
 def place_over(mean_motion: float, duration: float) -> Place:
     """Return the place after free motion of any duration, s."""
-    phi = state_transition(mean_motion, duration)
-    return Place(phi[0, 0], phi[0, 3], phi[0, 4], phi[1, 0], phi[1, 3], phi[1, 4], phi[2, 2], phi[2, 5])
+    return place_in(state_transition(mean_motion, duration))
 
 
 @compiled(inline="always")
@@ -213,27 +151,14 @@ def push_by(p: Place, shift: Three) -> Three:
 @compiled(inline="always")
 def step_of(motion: Motion, which: int) -> Step:
     """Return the step of one duration."""
-    phi, gamma = motion.transition, motion.control
+    phi, gamma = motion.transition[which], motion.control[which]
     return Step(
-        place_of(motion, which),
-        phi[which, 3, 0],
-        phi[which, 3, 3],
-        phi[which, 3, 4],
-        phi[which, 4, 0],
-        phi[which, 4, 3],
-        phi[which, 4, 4],
-        phi[which, 5, 2],
-        phi[which, 5, 5],
-        gamma[which, 0, 0],
-        gamma[which, 0, 1],
-        gamma[which, 1, 0],
-        gamma[which, 1, 1],
-        gamma[which, 2, 2],
-        gamma[which, 3, 0],
-        gamma[which, 3, 1],
-        gamma[which, 4, 0],
-        gamma[which, 4, 1],
-        gamma[which, 5, 2],
+        place_in(phi),
+        Three(phi[3, 0], phi[3, 3], phi[3, 4]),
+        Three(phi[4, 0], phi[4, 3], phi[4, 4]),
+        (phi[5, 2], phi[5, 5]),
+        (gamma[0, 0], gamma[0, 1], gamma[1, 0], gamma[1, 1], gamma[2, 2]),
+        (gamma[3, 0], gamma[3, 1], gamma[4, 0], gamma[4, 1], gamma[5, 2]),
     )
 
 
@@ -251,24 +176,29 @@ def drifted_place(p: Place, r: Three, v: Three) -> Three:
 def drifted_velocity(s: Step, r: Three, v: Three) -> Three:
     """Return the velocity after free motion, m/s."""
     return Three(
-        s.ux * r.x + s.uu * v.x + s.uv * v.y,
-        s.vx * r.x + s.vu * v.x + s.vv * v.y,
-        s.wz * r.z + s.ww * v.z,
+        s.u.x * r.x + s.u.y * v.x + s.u.z * v.y,
+        s.v.x * r.x + s.v.y * v.x + s.v.z * v.y,
+        s.w[0] * r.z + s.w[1] * v.z,
     )
+
+
+@compiled(inline="always")
+def pushed(a: Three, held: Held, f: Three) -> Three:
+    """Return a position or a velocity with what a held force adds to it."""
+    xf, xg, yf, yg, zh = held
+    return Three(a.x + xf * f.x + xg * f.y, a.y + yf * f.x + yg * f.y, a.z + zh * f.z)
 
 
 @compiled(inline="always")
 def place_after(s: Step, r: Three, v: Three, f: Three) -> Three:
     """Return the position after a step with a held force, N."""
-    p = drifted_place(s.place, r, v)
-    return Three(p.x + s.xf * f.x + s.xg * f.y, p.y + s.yf * f.x + s.yg * f.y, p.z + s.zh * f.z)
+    return pushed(drifted_place(s.place, r, v), s.pushed_place, f)
 
 
 @compiled(inline="always")
 def velocity_after(s: Step, r: Three, v: Three, f: Three) -> Three:
     """Return the velocity after a step with a held force, N."""
-    u = drifted_velocity(s, r, v)
-    return Three(u.x + s.uf * f.x + s.ug * f.y, u.y + s.vf * f.x + s.vg * f.y, u.z + s.wh * f.z)
+    return pushed(drifted_velocity(s, r, v), s.pushed_velocity, f)
 
 
 @compiled(inline="always")
@@ -303,9 +233,8 @@ def slopes(p: Place, along: Three) -> tuple[Three, Three]:
 
 
 @compiled(inline="always")
-def stopping_forces(stop: Stop, r: Three, v: Three) -> Three:
-    """Return the force that stops a state, N."""
-    k = stop.gain
+def stopping_forces(k: Floats, r: Three, v: Three) -> Three:
+    """Return the force that stops a state, N, by the gain of a law that does."""
     return Three(
         k[0, 0] * r.x + k[0, 3] * v.x + k[0, 4] * v.y,
         k[1, 0] * r.x + k[1, 3] * v.x + k[1, 4] * v.y,
@@ -314,11 +243,11 @@ def stopping_forces(stop: Stop, r: Three, v: Three) -> Three:
 
 
 @compiled(inline="always")
-def stopping_force(stop: Stop, axis: int, state: Floats) -> float:
+def stopping_force(stop: Floats, axis: int, state: Floats) -> float:
     """Return one component of the force that stops a state of shape (6,), N."""
     force = 0.0
     for i in range(6):
-        force += stop.gain[axis, i] * state[i]
+        force += stop[axis, i] * state[i]
     return force
 
 

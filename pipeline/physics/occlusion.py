@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.compiled.decorator import compiled
-from fis_tools.compiled.three import Three, times
+from fis_tools.compiled.three import Three, lane_of, minus, three_of, times
 from pipeline.array_types import Bytes, Floats
 
 #: cells along an edge of the cube
@@ -25,18 +25,10 @@ LIFT = 1e-6
 
 
 class Occlusion(NamedTuple):
-    """The directions from which points are visible.
+    """The directions from which points are visible."""
 
-    Attributes
-    ----------
-    is_free : (6 n^2, P) of 0 or 1
-        One row per cell; no rows if nothing is hidden.
-    edge : int
-        Cells along an edge of the cube, n.
-    """
-
-    is_free: Bytes
-    edge: int
+    is_free: Bytes  # (6 n^2, P) of 0 or 1, one row per cell; no rows if nothing is hidden
+    edge: int  # cells along an edge of the cube, n
 
 
 def nothing_hidden() -> Occlusion:
@@ -122,45 +114,29 @@ def note_free(
 def note_free_along(
     occlusion: Occlusion, axes: Floats, path: Floats, points: Floats, is_granted: NDArray[np.bool_]
 ) -> None:
-    """Exclude the points that the body hides from the places of a path.
+    """Make `is_granted`, (K+1, P), false for points that the body hides from the places of a path.
 
-    Parameters
-    ----------
-    occlusion : Occlusion
-    axes : (K+1 or 1, 3, 3)
-        From the path's axes to the body's.
-    path : (K+1, 3), points : (K+1, 3, P)
-        m.
-    is_granted : (K+1, P)
-        Made false where a point is hidden.
+    The path has the shape (K+1, 3), points (K+1, 3, P), m, and axes (K+1 or 1, 3, 3), from the path's to the
+    body's.
     """
     for k in range(len(path)):
         turn = axes[k if len(axes) > 1 else 0]
         for j in range(points.shape[2]):
             if is_granted[k, j]:
-                x, y, z = (
-                    path[k, 0] - points[k, 0, j],
-                    path[k, 1] - points[k, 1, j],
-                    path[k, 2] - points[k, 2, j],
-                )
-                cell = cell_of(occlusion.edge, times(turn, Three(x, y, z)))
+                to_path = minus(three_of(path[k]), lane_of(points[k], 0, j))
+                cell = cell_of(occlusion.edge, times(turn, to_path))
                 is_granted[k, j] = occlusion.is_free[cell, j] > 0
 
 
 def occlusion_of(points: Floats, normals: Floats, corners: Floats) -> Occlusion:
-    """Return the occlusion of a body, from every point in every direction.
+    """Return the occlusion of a body, from every point in every direction, chief axes, m.
 
-    Parameters
-    ----------
-    points, normals : (P, 3)
-        Points on the body, m, and unit vectors out of it, chief axes.
-    corners : (T, 3, 3)
-        Of its triangles, m, chief axes.
+    Points and normals, unit vectors out of the body, have the shape (P, 3), the corners of its triangles (T,
+    3, 3).
     """
     is_free = np.zeros((6 * EDGE_CELLS**2, len(points)), dtype=np.uint8)
-    triangles = np.stack(
-        [corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]], axis=1
-    )
+    first, second, third = corners[:, 0], corners[:, 1], corners[:, 2]
+    triangles = np.stack([first, second - first, third - first], axis=1)
     lift = LIFT * float(np.linalg.norm(corners, axis=2).max())
     note_free(points, normals, np.ascontiguousarray(triangles), lift, EDGE_CELLS, is_free)
     return Occlusion(is_free, EDGE_CELLS)

@@ -56,52 +56,22 @@ class Elements(Protocol):
 
 
 class Course(NamedTuple):
-    """A chief's orbit at every half step of the integration, N instants.
+    """A chief's orbit at every half step of the integration, N instants; m and s."""
 
-    Attributes
-    ----------
-    is_on : bool
-        Whether it is used.
-    num_steps : int
-        In a control period.
-    step : float
-        s.
-    gravity : float
-        mu, m^3/s^2.
-    oblateness : float
-        3/2 J2 mu E^2, m^5/s^2.
-    pole : (3,)
-        The Earth's.
-    radiation : float
-        Excess of the deputy's acceleration by sunlight over the chief's, m/s^2.
-    has_shadow : bool
-        Whether the Earth hides the Sun.
-    places : (N, 3)
-        Of the chief, m.
-    axes : (N, 3, 3)
-        To Hill axes.
-    turning : (N, 3)
-        Of Hill axes, rad/s, Hill axes.
-    common : (N, 3)
-        Acceleration relative to the chief of a deputy anywhere near it, m/s^2: that of drag, minus that of
-        the chief by oblateness.
-    varying : (m, K, 3)
-        Further acceleration by drag in each control period of each flight, m/s^2, Hill axes; no flights if it
-        does not vary.
-    """
-
-    is_on: bool
-    num_steps: int
+    is_on: bool  # whether it is used
+    num_steps: int  # in a control period
     step: float
-    gravity: float
-    oblateness: float
-    pole: Floats
-    radiation: float
-    has_shadow: bool
-    places: Floats
-    axes: Floats
-    turning: Floats
+    gravity: float  # mu, m^3/s^2
+    oblateness: float  # 3/2 J2 mu E^2, m^5/s^2
+    pole: Floats  # (3,) the Earth's
+    radiation: float  # excess of the deputy's acceleration by sunlight over the chief's
+    has_shadow: bool  # whether the Earth hides the Sun
+    places: Floats  # (N, 3) of the chief
+    axes: Floats  # (N, 3, 3) to Hill axes
+    turning: Floats  # (N, 3) of Hill axes, rad/s, Hill axes
+    # (N, 3) acceleration relative to the chief of a deputy near it: by drag, less the chief's by oblateness
     common: Floats
+    # (m, K, 3) further acceleration by drag in each control period of flights, Hill axes; none if constant
     varying: Floats = np.zeros((0, 0, 3))
 
 
@@ -113,36 +83,26 @@ NO_COURSE = Course(
 
 
 @compiled
-def oblate_attraction(oblateness: float, pole: Floats, place: Floats) -> Floats:
+def oblate_attraction(course: Course, place: Floats) -> Floats:
     """Return the contribution of the Earth's oblateness to its attraction, shape (3,), m/s^2."""
-    square, height = dot(place, place), dot(place, pole)
-    scale = -oblateness / (square * square * sqrt(square))
-    return scale * ((1.0 - 5.0 * height * height / square) * place + 2.0 * height * pole)
+    square, height = dot(place, place), dot(place, course.pole)
+    scale = -course.oblateness / (square * square * sqrt(square))
+    return scale * ((1.0 - 5.0 * height * height / square) * place + 2.0 * height * course.pole)
 
 
 @compiled
-def attraction(gravity: float, oblateness: float, pole: Floats, place: Floats) -> Floats:
+def attraction(course: Course, place: Floats) -> Floats:
     """Return the Earth's attraction at a place, shape (3,), m/s^2."""
-    return -gravity / norm(place) ** 3 * place + oblate_attraction(oblateness, pole, place)
+    return -course.gravity / norm(place) ** 3 * place + oblate_attraction(course, place)
 
 
 @compiled
-def revolve(
-    gravity: float,
-    oblateness: float,
-    pole: Floats,
-    drag_per_square: float,
-    duration: float,
-    places: Floats,
-    velocity: Floats,
-    axes: Floats,
-    turning: Floats,
-    common: Floats,
-) -> None:
-    """Fill the arrays of a `Course` from the first place on, by steps of a duration, s."""
+def revolve(course: Course, drag_per_square: float, velocity: Floats) -> None:
+    """Fill the arrays of a course from the first place on, where the chief has a velocity, shape (3,)."""
+    duration, places, axes, turning = 0.5 * course.step, course.places, course.axes, course.turning
     for at in range(len(places)):
         place = places[at].copy()
-        pull = attraction(gravity, oblateness, pole, place)
+        pull = attraction(course, place)
         upward, normal = place / norm(place), cross(place, velocity)
         momentum = norm(normal)
         normal = normal / momentum
@@ -152,12 +112,12 @@ def revolve(
         turning[at, 0] = norm(place) * dot(pull, normal) / momentum
         turning[at, 1], turning[at, 2] = 0.0, momentum / dot(place, place)
         slowed = drag_per_square * norm(velocity) * velocity
-        assign(common[at], -slowed - oblate_attraction(oblateness, pole, place))
+        assign(course.common[at], -slowed - oblate_attraction(course, place))
         if at + 1 == len(places):
             break
         halfway = place + 0.5 * duration * velocity + 0.125 * duration**2 * pull
-        middle = attraction(gravity, oblateness, pole, halfway)
-        last = attraction(gravity, oblateness, pole, place + duration * velocity + 0.5 * duration**2 * middle)
+        middle = attraction(course, halfway)
+        last = attraction(course, place + duration * velocity + 0.5 * duration**2 * middle)
         assign(places[at + 1], place + duration * velocity + duration**2 / 6.0 * (pull + 2.0 * middle))
         velocity = velocity + duration / 6.0 * (pull + 4.0 * middle + last)
 
@@ -165,44 +125,23 @@ def revolve(
 def course_of(
     mean_motion: float, radius: float, elements: Elements, has_shadow: bool, period: float, num_periods: int
 ) -> Course:
-    """Return the course of a chief over some control periods.
+    """Return the course of a chief over some control periods, s.
 
-    Parameters
-    ----------
-    mean_motion : float
-        At the start, rad/s.
-    radius : float
-        Semi-major axis at the start, m; with the mean motion it gives the Earth's gravity, ``n^2 a^3``.
-    elements : Elements
-    has_shadow : bool
-        Whether the Earth's shadow removes the Sun's pressure from the deputy.
-    period : float
-        A control period, s.
-    num_periods : int
+    Mean motion (rad/s) and radius, the semi-major axis (m), are those at the start; together they give the
+    Earth's gravity, ``n^2 a^3``. A shadow removes the Sun's pressure from the deputy.
     """
     e, anomaly = elements.eccentricity, radians(elements.true_anomaly_deg)
     slope, latitude = radians(elements.inclination_deg), radians(elements.latitude_argument_deg)
     gravity, parameter = mean_motion**2 * radius**3, radius * (1.0 - e * e)
     fastest = sqrt(gravity / (radius * (1.0 - e)) ** 3)
     num_steps = int(np.ceil(period * fastest / LONGEST_STEP_RAD))
-    num_rows, oblateness = 2 * num_steps * num_periods + 1, 1.5 * elements.j2 * gravity * EARTH_RADIUS_M**2
-    pole = np.array([sin(slope) * sin(latitude), sin(slope) * cos(latitude), cos(slope)])
+    num_rows, step = 2 * num_steps * num_periods + 1, period / num_steps
     places, axes, turning, common = (np.zeros((num_rows, *shape)) for shape in ((3,), (3, 3), (3,), (3,)))
     places[0, 0] = parameter / (1.0 + e * cos(anomaly))
+    pole = np.array([sin(slope) * sin(latitude), sin(slope) * cos(latitude), cos(slope)])
+    earth = gravity, 1.5 * elements.j2 * gravity * EARTH_RADIUS_M**2, pole
+    sunlight = elements.radiation_m_s2, has_shadow
+    course = Course(True, num_steps, step, *earth, *sunlight, places, axes, turning, common)
     velocity = sqrt(gravity / parameter) * np.array([e * sin(anomaly), 1.0 + e * cos(anomaly), 0.0])
-    step, drag_per_square = period / num_steps, elements.drag_m_s2 * radius / gravity
-    revolve(gravity, oblateness, pole, drag_per_square, 0.5 * step, places, velocity, axes, turning, common)
-    return Course(
-        True,
-        num_steps,
-        step,
-        gravity,
-        oblateness,
-        pole,
-        elements.radiation_m_s2,
-        has_shadow,
-        places,
-        axes,
-        turning,
-        common,
-    )
+    revolve(course, elements.drag_m_s2 * radius / gravity, velocity)
+    return course

@@ -1,4 +1,4 @@
-"""Unit quaternions ``[q1, q2, q3, q4]``, scalar last, for transforms between two frames' axes.
+"""Unit quaternions ``[q1, q2, q3, q4]``, shape (4,), scalar last, for transforms between two frames' axes.
 
 `dcm_b_from_h` gives ``v_b = C(q) v_h`` (Choi, Kim and Leeghim, AAS 25-727, the matrix C_DC). Read as an
 active rotation, the same four numbers turn body vectors into Hill vectors. All arrays are float64.
@@ -14,18 +14,7 @@ from pipeline.array_types import Floats
 
 @compiled
 def dcm_b_from_h(quaternion_b_from_h: Floats) -> Floats:
-    """Return the direction cosine matrix from Hill to body components.
-
-    Parameters
-    ----------
-    quaternion_b_from_h : array, shape (4,)
-        A unit quaternion.
-
-    Returns
-    -------
-    array, shape (3, 3)
-        Its rows are the body axes in Hill components.
-    """
+    """Return the matrix from Hill to body components, shape (3, 3): its rows are the body axes."""
     q1, q2, q3, q4 = quaternion_b_from_h
     dcm = np.empty((3, 3))
     dcm[0, 0] = q1 * q1 - q2 * q2 - q3 * q3 + q4 * q4
@@ -41,22 +30,6 @@ def dcm_b_from_h(quaternion_b_from_h: Floats) -> Floats:
 
 
 @compiled
-def product(a: Floats, b: Floats) -> Floats:
-    """Return Hamilton's product ``a b`` of two quaternions of shape (4,).
-
-    As direction cosine matrices, ``C(a b) = C(b) C(a)``.
-    """
-    return np.array(
-        [
-            a[3] * b[0] + a[0] * b[3] + a[1] * b[2] - a[2] * b[1],
-            a[3] * b[1] + a[1] * b[3] + a[2] * b[0] - a[0] * b[2],
-            a[3] * b[2] + a[2] * b[3] + a[0] * b[1] - a[1] * b[0],
-            a[3] * b[3] - a[0] * b[0] - a[1] * b[1] - a[2] * b[2],
-        ]
-    )
-
-
-@compiled
 def normalised(quaternion: Floats) -> Floats:
     """Return the quaternion scaled to unit length, shape (4,)."""
     q1, q2, q3, q4 = quaternion
@@ -65,18 +38,10 @@ def normalised(quaternion: Floats) -> Floats:
 
 @compiled
 def from_dcm(dcm: Floats) -> Floats:
-    """Return the quaternion of a direction cosine matrix.
+    """Return the unit quaternion of a direction cosine matrix, in the sense of `dcm_b_from_h`.
 
-    Parameters
-    ----------
-    dcm : array, shape (3, 3)
-        A proper rotation, in the sense of `dcm_b_from_h`.
-
-    Returns
-    -------
-    array, shape (4,)
-        Its largest component is positive; among equal ones the last (Shepperd, Journal of Guidance and
-        Control 1(3), 1978).
+    Its largest component is positive; among equal ones the last (Shepperd, Journal of Guidance and Control
+    1(3), 1978).
     """
     trace = dcm[0, 0] + dcm[1, 1] + dcm[2, 2]
     if trace >= dcm[0, 0] and trace >= dcm[1, 1] and trace >= dcm[2, 2]:
@@ -112,20 +77,9 @@ def from_dcm(dcm: Floats) -> Floats:
 
 @compiled
 def derivative(quaternion_b_from_h: Floats, angular_velocity_b: Floats) -> Floats:
-    """Return the time derivative of an attitude.
+    """Return the time derivative of an attitude, 1/s, at a rate relative to its frame, rad/s, body axes.
 
     ``q_v' = -1/2 [w x] q_v + 1/2 q4 w`` and ``q4' = -1/2 w . q_v`` (Choi, Kim and Leeghim, AAS 25-727).
-
-    Parameters
-    ----------
-    quaternion_b_from_h : array, shape (4,)
-    angular_velocity_b : array, shape (3,)
-        Of the body relative to the frame it is measured from, rad/s, body axes.
-
-    Returns
-    -------
-    array, shape (4,)
-        In 1/s.
     """
     q1, q2, q3, q4 = quaternion_b_from_h
     w1, w2, w3 = angular_velocity_b

@@ -16,24 +16,14 @@ from pipeline.array_types import Floats
 
 
 class Reflection(NamedTuple):
-    """A surface's reflection, and the intensities at which a point is seen; arrays have one entry per colour.
+    """A surface's reflection, and the intensities at which a point is seen; arrays are by colour."""
 
-    Attributes
-    ----------
-    is_on : bool
-        If not, a point is seen whatever it reflects.
-    ambient, diffuse, specular : (3,)
-    exponent : int
-    least, greatest : (3,)
-        Intensities that each colour must lie between.
-    """
-
-    is_on: bool
+    is_on: bool  # if not, a point is seen whatever it reflects
     ambient: Floats
     diffuse: Floats
     specular: Floats
     exponent: int
-    least: Floats
+    least: Floats  # intensities that each colour must lie between
     greatest: Floats
 
 

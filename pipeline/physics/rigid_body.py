@@ -1,13 +1,7 @@
-"""Rotation of rigid bodies: the deputy relative to a rotating reference, and a chief that tumbles freely.
+"""Rotation of a chief that tumbles freely.
 
-The relative equation is that of Choi, Kim and Leeghim, AAS 25-727 (after Li and others, 2018)::
-
-    J w' - A w - h = tau
-    A = -J [(C w_c)x] - [(C w_c)x] J + [J (w + C w_c)]x
-    h = -[(C w_c)x] J C w_c - J C w_c'
-
-with w the rate of the deputy relative to the reference in body axes, w_c the reference's inertial rate in its
-own axes, w_c' the derivative of those components, and C the matrix from reference to body axes.
+Arrays are in SI units: attitudes of shape (4,) from Hill to chief axes, scalar last; inertias of shape (3,
+3), inertial rates and torques of shape (3,) in body axes.
 """
 
 import numpy as np
@@ -15,105 +9,17 @@ import numpy as np
 from fis_tools.compiled.decorator import compiled
 from pipeline.array_types import Floats
 from pipeline.physics.quaternion import dcm_b_from_h, derivative, normalised
-from pipeline.physics.vectors import cross, cross_matrix, times
+from pipeline.physics.vectors import cross, times
 
 #: tolerance for the attitude of a tumbling chief at the end of a flight, applied to two errors, rad
 TUMBLING_TOLERANCE_RAD = 1e-4
 
 
 @compiled
-def relative_coefficients(
-    inertia: Floats,
-    dcm: Floats,
-    angular_velocity_b: Floats,
-    reference_rate: Floats,
-    reference_acceleration: Floats,
-) -> tuple[Floats, Floats]:
-    """Return A and h of the relative equation as in the paper.
-
-    Parameters
-    ----------
-    inertia : array, shape (3, 3)
-        Of the deputy, kg m^2, body axes.
-    dcm : array, shape (3, 3)
-        From reference to body axes, C.
-    angular_velocity_b : array, shape (3,)
-        Of the deputy relative to the reference, rad/s, body axes.
-    reference_rate, reference_acceleration : array, shape (3,)
-        Inertial rate of the reference (rad/s) and its derivative (rad/s^2), reference axes.
-
-    Returns
-    -------
-    A : array, shape (3, 3)
-        In N m s.
-    h : array, shape (3,)
-        In N m.
-    """
-    carried = times(dcm, reference_rate)
-    spin = cross_matrix(carried)
-    momentum = times(inertia, angular_velocity_b + carried)
-    a = -inertia @ spin - spin @ inertia + cross_matrix(momentum)
-    h = -cross(carried, times(inertia, carried)) - times(inertia, times(dcm, reference_acceleration))
-    return a, h
-
-
-@compiled
-def relative_angular_acceleration(
-    inertia: Floats,
-    inverse_inertia: Floats,
-    dcm: Floats,
-    angular_velocity_b: Floats,
-    reference_rate: Floats,
-    reference_acceleration: Floats,
-    torque_b: Floats,
-) -> Floats:
-    """Return ``J^-1 (A w + h + tau)``, with the products of A and h expanded.
-
-    Parameters
-    ----------
-    inertia, inverse_inertia : array, shape (3, 3)
-        Of the deputy, kg m^2 and its inverse, body axes.
-    dcm : array, shape (3, 3)
-        From reference to body axes, C.
-    angular_velocity_b : array, shape (3,)
-        Of the deputy relative to the reference, rad/s, body axes.
-    reference_rate, reference_acceleration : array, shape (3,)
-        Inertial rate of the reference (rad/s) and its derivative (rad/s^2), reference axes.
-    torque_b : array, shape (3,)
-        N m, body axes.
-
-    Returns
-    -------
-    array, shape (3,)
-        Derivative of the components of `angular_velocity_b`, rad/s^2.
-    """
-    carried = times(dcm, reference_rate)
-    inertial = angular_velocity_b + carried
-    gyroscopic = cross(inertial, times(inertia, inertial))
-    transport = cross(angular_velocity_b, carried) - times(dcm, reference_acceleration)
-    return times(inverse_inertia, torque_b - gyroscopic) + transport
-
-
-@compiled
 def euler_angular_acceleration(
     inertia: Floats, inverse_inertia: Floats, inertial_rate: Floats, torque: Floats
 ) -> Floats:
-    """Return ``J^-1 (tau - w x J w)``, Euler's equation.
-
-    Parameters
-    ----------
-    inertia, inverse_inertia : array, shape (3, 3)
-        kg m^2 and its inverse, body axes.
-    inertial_rate : array, shape (3,)
-        rad/s, body axes.
-    torque : array, shape (3,)
-        N m, body axes.
-
-    Returns
-    -------
-    array, shape (3,)
-        rad/s^2.
-    """
+    """Return ``J^-1 (tau - w x J w)``, Euler's equation."""
     return times(inverse_inertia, torque - cross(inertial_rate, times(inertia, inertial_rate)))
 
 
@@ -126,23 +32,7 @@ def longest_tumbling_step(
     and damps it by ``w (w h)^5 / 144`` (its stability function on the imaginary axis; Hairer, Norsett and
     Wanner, Solving Ordinary Differential Equations I, II.1), which changes its angle with the square of time.
     Each of the two angles stays below `TUMBLING_TOLERANCE_RAD`, with w the fastest possible rate of the chief
-    at its energy.
-
-    Parameters
-    ----------
-    inertia : array, shape (3, 3)
-        Of the chief, kg m^2, chief axes.
-    inertial_rate_c : array, shape (3,)
-        At the start, rad/s, chief axes.
-    mean_motion : float
-        rad/s.
-    duration : float
-        Of the flight, s.
-
-    Returns
-    -------
-    float
-        In s.
+    at the energy of its rate at the start.
     """
     energy = inertial_rate_c @ inertia @ inertial_rate_c
     rate = float(np.sqrt(energy / np.linalg.eigvalsh(inertia)[0])) + mean_motion
@@ -174,27 +64,7 @@ def tumbling_step(
     mean_motion: float,
     duration: float,
 ) -> tuple[Floats, Floats]:
-    """Turn a torque-free chief by one step of the classical fourth-order Runge-Kutta method.
-
-    Parameters
-    ----------
-    quaternion_c_from_h : array, shape (4,)
-        From Hill to chief axes.
-    inertial_rate_c : array, shape (3,)
-        Inertial rate of the chief, rad/s, chief axes.
-    inertia, inverse_inertia : array, shape (3, 3)
-        Of the chief, kg m^2 and its inverse, chief axes.
-    mean_motion : float
-        Rate of the Hill frame about k, rad/s.
-    duration : float
-        Length of the step, s.
-
-    Returns
-    -------
-    quaternion_c_from_h : array, shape (4,)
-        Normalised.
-    inertial_rate_c : array, shape (3,)
-    """
+    """Return attitude and rate of a torque-free chief after one step of the classical Runge-Kutta method."""
     hill_rate = np.array([0.0, 0.0, mean_motion])
     free = np.zeros(3)
     q = quaternion_c_from_h.copy()
@@ -219,7 +89,7 @@ def tumble(
     duration: float,
     num_steps: int,
 ) -> tuple[Floats, Floats]:
-    """Turn a torque-free chief for a time, in a number of steps, see `tumbling_step`."""
+    """Return attitude and rate of a torque-free chief after a time, in a number of steps."""
     for _ in range(num_steps):
         quaternion_c_from_h, inertial_rate_c = tumbling_step(
             quaternion_c_from_h, inertial_rate_c, inertia, inverse_inertia, mean_motion, duration / num_steps

@@ -1,7 +1,7 @@
 """Whether points of the chief are lit and in view, for flights, previews, planners and plans.
 
-The conditions are those of `pipeline.physics.illumination.is_illuminated` and
-`pipeline.physics.visibility.is_in_view`, without square roots, for floats or for vectors of points.
+The conditions are the paper's (Choi, Kim and Leeghim, AAS 25-727), without square roots, for floats or for
+vectors of points.
 """
 
 from typing import NamedTuple
@@ -18,21 +18,11 @@ NORMAL, HEIGHT, SQUARE, NUM_SURFACE = 0, 3, 4, 5
 
 
 class Sight(NamedTuple):
-    """The parameters that decide whether a point of the chief is lit and in view.
+    """The parameters that decide whether a point of the chief is lit and in view."""
 
-    Attributes
-    ----------
-    sun_threshold : float
-        A point is lit where ``p . s`` exceeds it, m.
-    horizon : float
-        Square of the radius of the sphere of points, m^2.
-    cos_squared : float
-        Of the cosine of the field of view's half angle, which is below 90 deg.
-    """
-
-    sun_threshold: float
-    horizon: float
-    cos_squared: float
+    sun_threshold: float  # a point is lit where ``p . s`` exceeds it, m
+    horizon: float  # square of the radius of the sphere of points, m^2
+    cos_squared: float  # of the field of view's half angle, which is below 90 deg
 
 
 def sight_of(radius: float, half_angle: float) -> Sight:
@@ -68,30 +58,14 @@ def fits_from(sight: Sight) -> float:
 
 
 class Optics(NamedTuple):
-    """Further parameters of sight in a world whose light or camera are not the paper's.
+    """Further parameters of sight in a world whose light or camera are not the paper's."""
 
-    Attributes
-    ----------
-    least_height : float
-        Component of the Sun's direction along i that it must exceed; below, the Earth's shadow begins.
-    cos_squared : float
-        ``c |c|`` of the cosine c of the field of view's half angle, up to 180 deg.
-    incidence_squared : float
-        Of the cosine of the largest angle between a point's normal and the direction to the deputy.
-    range_squared : float
-        Of the range limit, m^2; infinite for none.
-    most_sunward : float
-        Cosine between boresight and Sun beyond which the camera is blinded; infinite for none.
-    past_terminator : float
-        Sine of the angle by which the Sun may be below the tangent plane of a point.
-    """
-
-    least_height: float
-    cos_squared: float
-    incidence_squared: float
-    range_squared: float
-    most_sunward: float
-    past_terminator: float
+    least_height: float  # of the Sun's direction along i; below it the Earth's shadow begins
+    cos_squared: float  # ``c |c|`` of the cosine c of the field of view's half angle, up to 180 deg
+    incidence_squared: float  # of the cosine of the largest angle from a point's normal to the deputy
+    range_squared: float  # of the range limit, m^2; infinite for none
+    most_sunward: float  # cosine from boresight to Sun beyond which the camera is blinded; infinite for none
+    past_terminator: float  # sine of the angle by which the Sun may be below the tangent plane of a point
 
 
 @compiled(inline="always")

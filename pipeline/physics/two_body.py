@@ -15,7 +15,7 @@ vectors.
 import numpy as np
 
 from fis_tools.compiled.decorator import compiled
-from fis_tools.compiled.three import Three, dot, plus, scaled, three_of, times
+from fis_tools.compiled.three import Three, dot, minus, plus, scaled, three_of, times
 from fis_tools.compiled.vectors import Vector
 from pipeline.physics.orbit import Course
 
@@ -23,12 +23,7 @@ from pipeline.physics.orbit import Course
 @compiled(error_model="numpy", forceinline=True)
 def to_inertial(course: Course, row: int, hill: Three) -> Three:
     """Return a vector in Hill axes in axes of the course."""
-    c, (x, y, z) = course.axes, hill
-    return Three(
-        c[row, 0, 0] * x + c[row, 1, 0] * y + c[row, 2, 0] * z,
-        c[row, 0, 1] * x + c[row, 1, 1] * y + c[row, 2, 1] * z,
-        c[row, 0, 2] * x + c[row, 1, 2] * y + c[row, 2, 2] * z,
-    )
+    return times(course.axes[row].T, hill)
 
 
 @compiled(error_model="numpy", forceinline=True)
@@ -67,27 +62,11 @@ def acceleration(course: Course, row: int, d: Three, force: Three, light: Three,
     height = dot(pole, place)
     oblate = -course.oblateness / (far * far * root)
     outward, poleward = oblate * (1.0 - 5.0 * height * height / far), 2.0 * oblate * height
-    push, common = to_inertial(course, row, force), course.common
-    return Three(
-        pull * (d.x - f * chief.x)
-        + outward * place.x
-        + poleward * pole.x
-        + common[row, 0]
-        + push.x
-        + shine * light.x,
-        pull * (d.y - f * chief.y)
-        + outward * place.y
-        + poleward * pole.y
-        + common[row, 1]
-        + push.y
-        + shine * light.y,
-        pull * (d.z - f * chief.z)
-        + outward * place.z
-        + poleward * pole.z
-        + common[row, 2]
-        + push.z
-        + shine * light.z,
-    )
+    push, common = to_inertial(course, row, force), three_of(course.common[row])
+    # summed in this order, so that recorded flights stay as they are
+    pulled = scaled(pull, minus(d, scaled(f, chief)))
+    pulled = plus(plus(plus(pulled, scaled(outward, place)), scaled(poleward, pole)), common)
+    return plus(plus(pulled, push), scaled(shine, light))
 
 
 @compiled(error_model="numpy", forceinline=True)
@@ -100,25 +79,11 @@ def ahead(place: Three, velocity: Three, pull: Three, time: float) -> Three:
 def stepped(
     course: Course, row: int, place: Three, velocity: Three, force: Three, light: Three, shine: Three
 ) -> tuple[Three, Three]:
-    """Move a deputy by one step.
+    """Return a deputy's position (m) and velocity (m/s) relative to the chief a step later, course axes.
 
-    Parameters
-    ----------
-    course : Course
-    row : int
-        Even: the start of the step; it ends two rows further.
-    place, velocity : Three
-        Relative to the chief, m and m/s, axes of the course.
-    force : Three
-        Held in Hill axes, per mass, m/s^2.
-    light : Three
-        Acceleration by the full Sun, m/s^2, axes of the course.
-    shine : Three
-        Visible share of its disc at the beginning, in the middle and at the end of the step.
-
-    Returns
-    -------
-    place, velocity : Three
+    The step begins at a row, even, and ends two rows further. The force is held in Hill axes, per mass,
+    m/s^2; light is the acceleration by the full Sun, m/s^2, course axes, and shine the visible share of its
+    disc at the beginning, in the middle and at the end of the step.
     """
     time = course.step
     first = acceleration(course, row, place, force, light, shine.x)

@@ -23,25 +23,7 @@ def norm(a: Floats) -> float:
 @compiled
 def cross(a: Floats, b: Floats) -> Floats:
     """Return the vector product of two vectors of shape (3,)."""
-    return np.array(
-        [
-            a[1] * b[2] - a[2] * b[1],
-            a[2] * b[0] - a[0] * b[2],
-            a[0] * b[1] - a[1] * b[0],
-        ]
-    )
-
-
-@compiled
-def cross_matrix(a: Floats) -> Floats:
-    """Return the skew-symmetric matrix of `a`, so that ``cross_matrix(a) @ b`` is a x b; shape (3, 3)."""
-    return np.array(
-        [
-            [0.0, -a[2], a[1]],
-            [a[2], 0.0, -a[0]],
-            [-a[1], a[0], 0.0],
-        ]
-    )
+    return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
 
 
 @compiled

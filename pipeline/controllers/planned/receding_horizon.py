@@ -26,7 +26,7 @@ from pipeline.flight.state.arrays import World
 from pipeline.flight.state.log import Scenario
 from pipeline.flight.world.pack import pack_world
 from pipeline.optimum.linear_program import least_forces
-from pipeline.physics.motion import Reading, last_of, positions_of, read, repeated
+from pipeline.physics.motion import repeated
 from pipeline.settings.controllers import RecedingHorizon
 from pipeline.settings.experiment import Mission
 
@@ -46,20 +46,20 @@ class Horizon:
     ----------
     periods : (F,) int
         Periods in which a force may be fired.
-    free_end : Reading
-        Of the elements at the end, shape (6,).
+    free_end : (6, 6)
+        From the state now to the elements at the end, by free motion.
     end : (6, 3F)
         From forces to the elements at the end.
-    free : Reading
-        Of the positions at samples 1 … H, shape (H, 3).
+    free : (H, 3, 6)
+        From the state now to the positions at samples 1 … H.
     path : (H, 3, 3F)
         From forces to these positions.
     """
 
     periods: NDArray[np.int64]
-    free_end: Reading
+    free_end: Floats
     end: Floats
-    free: Reading
+    free: Floats
     path: Floats
 
 
@@ -75,9 +75,9 @@ def horizon_of(world: World, length: int, spacing: int) -> Horizon:
     elements = elements_matrix(world.mean_motion)
     return Horizon(
         periods=periods,
-        free_end=last_of(motion, elements),
+        free_end=elements @ motion.transition[-1],
         end=elements @ flat[-1],
-        free=positions_of(motion),
+        free=motion.transition[:, :3],
         path=flat[:, :3],
     )
 
@@ -146,8 +146,8 @@ class RecedingHorizonPlanner:
         wanted : (6,)
             Elements at the horizon's end.
         """
-        off = wanted - read(horizon.free_end, state)
-        free = read(horizon.free, state)
+        off = wanted - horizon.free_end @ state
+        free = horizon.free @ state
         if np.all(np.abs(off) <= self.tolerances) and self._is_inside(free, 0.0):
             return np.zeros((len(horizon.periods), 3))
         ends = np.concatenate([horizon.end, -horizon.end])

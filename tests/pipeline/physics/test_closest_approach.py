@@ -7,6 +7,7 @@ from scipy.integrate import solve_ivp
 from fis_tools.compiled.decorator import plainly
 from pipeline.flight.fly.workspace import make_state, make_workspace
 from pipeline.flight.period.decide.motion import CLOSEST_APPROACH, sense_approach
+from pipeline.flight.state.arrays import Moment
 from pipeline.flight.world.pack import pack_world
 from tests.pipeline.flight.missions import MEAN_MOTION, PAPER
 
@@ -20,7 +21,7 @@ def closest_approach(position: np.ndarray, velocity: np.ndarray) -> float:
     state, work = make_state(WORLD, None, 1), make_workspace(WORLD, 1)
     state.belief.position[:, 0], state.belief.velocity[:, 0] = position, velocity
     with plainly("pipeline"):
-        sense_approach(WORLD, state, work)
+        sense_approach(Moment(WORLD, state, work, 0, 1, 0))
     return float(work.signals[CLOSEST_APPROACH, 0])
 
 

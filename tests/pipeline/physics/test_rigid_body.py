@@ -4,13 +4,11 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
-from pipeline.physics.quaternion import dcm_b_from_h, derivative
+from pipeline.physics.quaternion import dcm_b_from_h
 from pipeline.physics.rigid_body import (
     TUMBLING_TOLERANCE_RAD,
     euler_angular_acceleration,
     longest_tumbling_step,
-    relative_angular_acceleration,
-    relative_coefficients,
     tumble,
     tumbling_step,
 )
@@ -86,58 +84,6 @@ def test_eulers_equation_of_a_spinning_top_balances_its_torque():
         inertia, np.linalg.inv(inertia), np.array([0.0, 0.1, 1.0]), np.array([0.1, 0.0, 0.0])
     )
     np.testing.assert_allclose(acceleration, [0.1 - (2.0 - 1.0) * 0.1 * 1.0, 0.0, 0.0], atol=1e-16)
-
-
-def test_multiplied_out_the_equation_is_that_of_a_and_h():
-    rng = np.random.default_rng(8)
-    for _ in range(20):
-        root = rng.normal(size=(3, 3))
-        inertia = root @ root.T + np.eye(3)
-        dcm = Rotation.random(rng=rng).as_matrix()
-        rate, reference, change, torque = rng.normal(size=(4, 3))
-        a, h = relative_coefficients(inertia, dcm, rate, reference, change)
-        expected = np.linalg.solve(inertia, a @ rate + h + torque)
-        actual = relative_angular_acceleration(
-            inertia, np.linalg.inv(inertia), dcm, rate, reference, change, torque
-        )
-        np.testing.assert_allclose(actual, expected, rtol=1e-11, atol=1e-12)
-
-
-def test_the_relative_equation_is_the_difference_of_two_inertial_rotations():
-    """A deputy of full inertia under a torque, seen from a chief that tumbles."""
-
-    def torque(time):
-        return np.array([0.01 * np.sin(0.1 * time), -0.005, 0.008 * np.cos(0.05 * time)])
-
-    inverse, chief_inverse = np.linalg.inv(INERTIA), np.linalg.inv(CHIEF_INERTIA)
-    deputy_rate, chief_rate = np.array([0.03, -0.02, 0.05]), np.array([0.04, 0.03, -0.06])
-    chief_attitude = Rotation.from_rotvec([0.3, -0.5, 1.0]).as_quat()
-    deputy_attitude = Rotation.from_rotvec([-1.0, 0.2, 0.4]).as_quat()
-    relative_attitude = (
-        Rotation.from_quat(chief_attitude).inv() * Rotation.from_quat(deputy_attitude)
-    ).as_quat()
-
-    def relative_rotation(time, state):
-        q, w, reference = state[:4], state[4:7], state[7:]
-        change = euler_angular_acceleration(CHIEF_INERTIA, chief_inverse, reference, np.zeros(3))
-        acceleration = relative_angular_acceleration(
-            INERTIA, inverse, dcm_b_from_h(q), w, reference, change, torque(time)
-        )
-        return np.concatenate((derivative(q, w), acceleration, change))
-
-    duration = 120.0
-    deputy = integrate(inertial_rotation(INERTIA, torque), [*deputy_attitude, *deputy_rate], duration)
-    chief = integrate(
-        inertial_rotation(CHIEF_INERTIA, lambda _: np.zeros(3)), [*chief_attitude, *chief_rate], duration
-    )
-    dcm_start = matrix(relative_attitude)
-    start = [*relative_attitude, *(deputy_rate - dcm_start @ chief_rate), *chief_rate]
-    end = integrate(relative_rotation, start, duration)
-
-    dcm = matrix(deputy[:4]) @ matrix(chief[:4]).T
-    np.testing.assert_allclose(matrix(end[:4]), dcm, atol=1e-10)
-    np.testing.assert_allclose(end[4:7], deputy[4:] - dcm @ chief[4:], atol=1e-11)
-    np.testing.assert_allclose(end[7:], chief[4:], atol=1e-12)
 
 
 @pytest.mark.parametrize(("speed", "tolerance"), [(0.05, 2e-6), (0.2, 5e-5)])
