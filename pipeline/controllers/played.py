@@ -21,7 +21,7 @@ import numpy as np
 
 from pipeline.array_types import Floats
 from pipeline.flight.control.controller import Controller, ControllerError, open_loop
-from pipeline.flight.state.turns import Turns
+from pipeline.flight.state.arrays import Turns
 from pipeline.settings.experiment import Mission
 
 TIME = "time_s"

@@ -17,68 +17,31 @@ its limit, all are reduced in proportion. Impulses and propellant are counted fo
 """
 
 from functools import cache
-from typing import NamedTuple
 
 import numpy as np
 
 from pipeline.array_types import Floats
 from pipeline.flight.cases.processes import in_time, varies
+from pipeline.flight.state.errors import Firing, ThrustErrors, Thrusters
 from pipeline.flight.state.log import Scenario
 from pipeline.settings.experiment import Mission
 from pipeline.settings.mission import STANDARD_GRAVITY_M_S2
 
 #: place in the spawn key of the random numbers for the thrusters, after the case
 THRUSTERS = 2
+#: of ideal thrusters
+NO_FIRING = Firing(
+    False,
+    Thrusters(0, 0.0, 0.0, np.inf, -1.0, np.zeros((0, 6)), np.zeros((0, 7))),
+    ThrustErrors(np.zeros((0, 1, 3, 3)), np.zeros((0, 3))),
+)
 
 
-class Thrusters(NamedTuple):
-    """Thruster properties that all flights of a mission share.
-
-    Attributes
-    ----------
-    delay : int
-        Control periods from a command to its force.
-    step : float
-        Forces are multiples of this, N; 0 for any.
-    least : float
-        Least force along an axis, N.
-    exhaust_speed : float
-        Of propellant, m/s; infinite where the mass stays.
-    dry : float
-        Share of the mass at the start that is not propellant; -1 where the mass stays.
-    table : (N, 6)
-        Forces of the thrusters per newton along +x, +y, +z, -x, -y, -z of the body; no rows without one.
-    layout : (N, 7)
-        For each thruster its direction, its torque per newton, m, body axes, and its greatest force, N.
-    """
-
-    delay: int
-    step: float
-    least: float
-    exhaust_speed: float
-    dry: float
-    table: Floats
-    layout: Floats
-
-
-class ThrustErrors(NamedTuple):
-    """Errors of the thrusters in some flights.
-
-    Attributes
-    ----------
-    matrices : (m, K or 1, 3, 3)
-        From a command to the force fired, before impulses and limits, in each control period or in all.
-    arms : (m, 3)
-        Point where the thrust acts, from the centre of mass, m, body axes.
-    """
-
-    matrices: Floats
-    arms: Floats
-
-
-#: errors of ideal thrusters
-NO_THRUSTERS = Thrusters(0, 0.0, 0.0, np.inf, -1.0, np.zeros((0, 6)), np.zeros((0, 7)))
-NO_ERRORS = ThrustErrors(np.zeros((0, 1, 3, 3)), np.zeros((0, 3)))
+def firing_of(mission: Mission, scenarios: list[Scenario]) -> Firing:
+    """Return how the deputies of some flights fire."""
+    if mission.actuators.kind != "real":
+        return NO_FIRING
+    return Firing(True, thrusters_of(mission), thrust_errors(mission, scenarios))
 
 
 def thrusters_of(mission: Mission) -> Thrusters:

@@ -1,24 +1,17 @@
 """Starts as compiled flights read them, with their errors of navigation and thrusters."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.array_types import Floats
-from pipeline.flight.cases.actuators import (
-    NO_ERRORS,
-    NO_THRUSTERS,
-    ThrustErrors,
-    Thrusters,
-    thrust_errors,
-    thrusters_of,
-)
-from pipeline.flight.cases.drag import drag_in_time
-from pipeline.flight.cases.navigation import ALWAYS_RIGHT, NO_FILTER, Errors, Filter, errors_of, filter_of
+from pipeline.flight.cases.actuators import firing_of
+from pipeline.flight.cases.navigation import fixes_of
+from pipeline.flight.cases.processes import drag_in_time
 from pipeline.flight.state.arrays import CASE
-from pipeline.flight.state.errors import Firing, Fixes, ModelErrors
+from pipeline.flight.state.errors import Errors, Firing, Fixes, ModelErrors, ThrustErrors
 from pipeline.flight.state.log import Scenario
 from pipeline.physics.orbit import Course
 from pipeline.settings.experiment import Mission
@@ -29,23 +22,12 @@ Starts = np.recarray[Any, Any]
 
 @dataclass(frozen=True)
 class Cases:
-    """Some starts in a mission.
-
-    Parameters
-    ----------
-    starts : (m,) array of `CASE`
-    navigation : (Filter, Errors), optional
-        None where the deputy knows its state.
-    thrusters : (Thrusters, ThrustErrors), optional
-        None for ideal thrusters.
-    drag : (m, K, 3) array
-        As in `pipeline.flight.cases.drag.drag_in_time`.
-    """
+    """Some starts in a mission, m of them."""
 
     starts: Starts
-    navigation: tuple[Filter, Errors] | None
-    thrusters: tuple[Thrusters, ThrustErrors] | None
-    drag: Floats
+    fixes: Fixes
+    firing: Firing
+    drag: Floats  # as of `pipeline.flight.cases.processes.drag_in_time`
 
     def __len__(self) -> int:
         """Return the number of starts."""
@@ -57,26 +39,18 @@ class Cases:
         def each(values: NDArray[Any]) -> NDArray[Any]:
             return np.repeat(values, times, axis=0)
 
-        navigation, thrusters = self.navigation, self.thrusters
-        return replace(
-            self,
-            starts=each(self.starts).view(np.recarray),
-            navigation=navigation and (navigation[0], Errors(*map(each, navigation[1]))),
-            thrusters=thrusters and (thrusters[0], ThrustErrors(*map(each, thrusters[1]))),
-            drag=each(self.drag),
+        return Cases(
+            each(self.starts).view(np.recarray),
+            self.fixes._replace(errors=Errors(*map(each, self.fixes.errors))),
+            self.firing._replace(errors=ThrustErrors(*map(each, self.firing.errors))),
+            each(self.drag),
         )
 
     def model_errors(self, course: Course) -> ModelErrors | None:
         """Return how the flights differ from the deputies' model of them; None if they do not."""
-        if self.navigation is None and self.thrusters is None and not course.is_on:
+        if not (self.fixes.is_on or self.firing.is_on or course.is_on):
             return None
-        law, errors = self.navigation or (NO_FILTER, ALWAYS_RIGHT)
-        thrusters, of_thrust = self.thrusters or (NO_THRUSTERS, NO_ERRORS)
-        return ModelErrors(
-            Fixes(self.navigation is not None, *law, *errors),
-            Firing(self.thrusters is not None, *thrusters, *of_thrust),
-            course._replace(varying=self.drag),
-        )
+        return ModelErrors(self.fixes, self.firing, course._replace(varying=self.drag))
 
 
 def starts_of(scenarios: list[Scenario]) -> Starts:
@@ -92,11 +66,5 @@ def starts_of(scenarios: list[Scenario]) -> Starts:
 
 def cases_of(mission: Mission, scenarios: list[Scenario]) -> Cases:
     """Prepare starts to be flown in a mission."""
-    navigation, thrusters = None, None
-    if mission.navigation.mode == "fixes":
-        law = filter_of(mission)
-        navigation = law, errors_of(mission, scenarios)
-    if mission.actuators.kind == "real":
-        thrusters = thrusters_of(mission), thrust_errors(mission, scenarios)
-    drag = drag_in_time(mission, scenarios)
-    return Cases(starts_of(scenarios), navigation, thrusters, drag)
+    fixes, firing = fixes_of(mission, scenarios), firing_of(mission, scenarios)
+    return Cases(starts_of(scenarios), fixes, firing, drag_in_time(mission, scenarios))

@@ -18,59 +18,37 @@ The filter runs in `pipeline.flight.period.look.navigation`.
 """
 
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 
 from pipeline.array_types import Floats
 from pipeline.flight.cases.processes import in_time, varies
+from pipeline.flight.state.errors import Errors, Filter, Fixes
 from pipeline.flight.state.log import Scenario
-from pipeline.physics.motion import Motion, motion_over
+from pipeline.physics.motion import motion_over
 from pipeline.settings.experiment import Actuators, Dynamics, Mission, Navigation
 
 #: place in the spawn key of the random numbers for navigation, after the case
 FIXES = 1
+#: of a deputy that knows its state
+NO_FIXES = Fixes(
+    False,
+    Filter(1, 0, np.zeros((6, 6)), np.zeros((6, 6)), np.zeros((6, 6)), 0.0, np.inf, 0.0, 0.0),
+    Errors(np.zeros((0, 6)), np.zeros((0, 0, 3)), np.zeros((0, 0, 4)), np.zeros((0, 0, 3))),
+)
 
 
-class Filter(NamedTuple):
-    """Parameters of the filter.
-
-    Attributes
-    ----------
-    stride : int
-        Control periods from one fix to the next.
-    delay : int
-        Control periods from a fix to its use.
-    at_start : (6, 6)
-        Covariance of the first estimate, m and m/s.
-    process : (6, 6)
-        Added to the covariance in each control period.
-    process_per_force : (6, 6)
-        Added as well for each square newton commanded.
-    fix : float
-        Variance of a fix along each axis, m^2.
-    gate : float
-        Square of the number of standard deviations beyond which a fix is rejected.
-    range, bearing : float
-        Further variances, along the line of sight, m^2, and of its direction about each axis, rad^2.
-    """
-
-    stride: int
-    delay: int
-    at_start: Floats
-    process: Floats
-    process_per_force: Floats
-    fix: float
-    gate: float
-    range: float
-    bearing: float
+def fixes_of(mission: Mission, scenarios: list[Scenario]) -> Fixes:
+    """Return how the deputies of some flights know their state."""
+    if mission.navigation.mode != "fixes":
+        return NO_FIXES
+    return Fixes(True, filter_of(mission), errors_of(mission, scenarios))
 
 
 def filter_of(mission: Mission) -> Filter:
     """Return the filter of a mission whose deputy navigates by fixes."""
     navigation, period = mission.navigation, mission.control_period_s
-    motion: Motion = motion_over(mission.orbit, mission.deputy, (period,))
-    control = motion.control[0]
+    control = motion_over(mission.orbit, mission.deputy, (period,)).control[0]
     unit = control @ control.T
     is_seen = navigation.measures == "range_bearing"
     bearing, tilt_1, tilt_2 = np.radians(
@@ -91,44 +69,11 @@ def filter_of(mission: Mission) -> Filter:
     )
 
 
-class Errors(NamedTuple):
-    """Navigation errors in some flights.
-
-    Attributes
-    ----------
-    at_start : (m, 6)
-        The first estimate minus the truth, m and m/s.
-    of_fixes : (m, F, 3)
-        Fixes minus the truth, without errors of range and bearing, m, Hill axes.
-    of_sight : (m, F, 4)
-        Ranges minus the truth, m, and rotations of bearings, rad, Hill axes; no fixes where these are places.
-    of_attitude : (m, K+1, 3)
-        Rotation from the true attitude to the sensed one at each sample, rad, body axes; no samples
-        without this error.
-    """
-
-    at_start: Floats
-    of_fixes: Floats
-    of_sight: Floats
-    of_attitude: Floats
-
-
-#: errors of a deputy that knows its state
-NO_FILTER = Filter(1, 0, np.zeros((6, 6)), np.zeros((6, 6)), np.zeros((6, 6)), 0.0, np.inf, 0.0, 0.0)
-ALWAYS_RIGHT = Errors(np.zeros((0, 6)), np.zeros((0, 0, 3)), np.zeros((0, 0, 4)), np.zeros((0, 0, 3)))
-
-
 def measured(place: Floats, of_fix: Floats, of_sight: Floats | None, tilt_h: Floats) -> Floats:
-    """Return a fix, m, Hill axes, shape (3,).
+    """Return a fix, m, Hill axes, shape (3,), of a deputy at a place.
 
-    Parameters
-    ----------
-    place : (3,)
-        The deputy's, m, Hill axes.
-    of_fix, of_sight : (3,), (4,) or None
-        A row of `Errors.of_fixes` and `Errors.of_sight`; None if a fix is a place.
-    tilt_h : (3,)
-        Rotation of the sensed attitude, rad, Hill axes.
+    Its errors are rows of `Errors.of_fixes` and `Errors.of_sight`, the latter None if a fix is a place, and
+    the rotation of the sensed attitude, rad, Hill axes.
     """
     if of_sight is None:
         return np.asarray(place + of_fix)

@@ -13,18 +13,21 @@ instant it has that distribution, truncated or uniform as it may be.
 Each key draws from its own place in the case's seed, independently of which others vary.
 """
 
+from dataclasses import replace
 from math import exp, inf, sqrt
 
 import numpy as np
 
 from pipeline.array_types import Floats
 from pipeline.flight.state.log import Scenario
+from pipeline.flight.world.course import chief_course
 from pipeline.settings.dispersions import IN_TIME, Distribution
 from pipeline.settings.experiment import Mission
 
 #: place in the spawn key of the first of `IN_TIME`, after the case; fixes, thrusters and the start's
 #: velocity have the places before
 FIRST = 4
+DRAG = "dynamics.drag_m_s2"
 
 
 def varies(mission: Mission, *keys: str) -> bool:
@@ -33,19 +36,10 @@ def varies(mission: Mission, *keys: str) -> bool:
 
 
 def in_time(mission: Mission, key: str, scenario: Scenario, constant: Floats | float) -> Floats:
-    """Return the values of a setting at each sample of a flight.
+    """Return the values of a setting, a constant if it does not vary, at each sample of a flight.
 
-    Parameters
-    ----------
-    mission, key, scenario
-        The setting.
-    constant : float or array
-        Its value if it does not vary.
-
-    Returns
-    -------
-    (K+1, 3), (K+1, 1) or (1, ...) array
-        For an error one per axis; rad where the key is in degrees. One row if it does not vary.
+    The shape is (K+1, 3) for an error, one per axis, else (K+1, 1); (1, ...) for a constant. In rad where the
+    key is in degrees.
     """
     law = mission.varying.get(key)
     if law is None or law.correlation_s is None:
@@ -74,3 +68,22 @@ def _values(law: Distribution, scores: Floats) -> Floats:
     # strictly between 0 and 1, where the inverse is finite
     shares = np.clip(below + (upto - below) * ndtr(scores), 2.0**-53, 1.0 - 2.0**-53)
     return np.asarray(np.clip(law.mean + law.std * ndtri(shares), law.low, law.high))
+
+
+def drag_in_time(mission: Mission, scenarios: list[Scenario]) -> Floats:
+    """Return the difference from constant drag on the deputies in each period, shape (m, K, 3), m/s^2.
+
+    It is held along Hill axes; no rows where drag is constant.
+    """
+    if not varies(mission, DRAG):
+        return np.zeros((0, 0, 3))
+    constant = mission.dynamics.drag_m_s2
+    more = [in_time(mission, DRAG, scenario, constant)[:-1] - constant for scenario in scenarios]
+    with_drag, without = (
+        chief_course(replace(mission, dynamics=replace(mission.dynamics, drag_m_s2=drag)))
+        for drag in (1.0, 0.0)
+    )
+    middles = slice(with_drag.num_steps, None, 2 * with_drag.num_steps)
+    pushes = with_drag.common[middles] - without.common[middles]
+    pushes_h = np.einsum("kij,kj->ki", with_drag.axes[middles], pushes)
+    return np.asarray(np.array(more) * pushes_h)

@@ -30,18 +30,10 @@ OCTANTS = np.array(list(product((1.0, -1.0), repeat=3))) / np.sqrt(3.0)
 def draw(
     seed: int, stage: int, case: int, shell_m: tuple[float, float], sun: Sun, max_speed_m_s: float = 0.0
 ) -> Scenario:
-    """Draw one start: isotropic direction, distance uniform in the shell; likewise its velocity.
+    """Draw the start of a case: isotropic direction, distance uniform in the shell; likewise its velocity.
 
-    Parameters
-    ----------
-    seed, stage, case : int
-        Together they determine the start.
-    shell_m : (float, float)
-        Least and greatest distance.
-    sun : Sun
-        Fixed, random, or alternating: even cases fixed, odd ones random.
-    max_speed_m_s : float
-        Upper limit of the uniform speed; 0 for rest.
+    The shell is a least and a greatest distance, the speed uniform up to a greatest one, 0 for rest. A Sun
+    that alternates is fixed in even cases and random in odd ones.
     """
     generator = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(stage, case)))
     direction = generator.standard_normal(3)
@@ -70,13 +62,20 @@ def _velocity(start: Scenario, max_speed: float) -> NDArray[np.float64]:
     return velocity
 
 
+def _drawn(
+    starts: Starts | MonteCarlo, sun: Sun, seed: int, stage: int, cases: Sequence[int]
+) -> list[Scenario]:
+    """Draw the starts of some cases of a stage."""
+    shell = starts.min_distance_m, starts.max_distance_m
+    return [draw(seed, stage, case, shell, sun, starts.max_speed_m_s) for case in cases]
+
+
 def training_scenarios(starts: Starts, sun: Sun, seed: int, round_index: int = 0) -> list[Scenario]:
     """Return the starts of a round of training; without `starts.redraw` those of the first round."""
     if starts.table is not None:
         return _given(starts.table, seed, TRAINING)
     stage = TRAINING + (round_index if starts.redraw else 0)
-    shell, speed = (starts.min_distance_m, starts.max_distance_m), starts.max_speed_m_s
-    drawn = [draw(seed, stage, case, shell, sun, speed) for case in range(starts.num_cases)]
+    drawn = _drawn(starts, sun, seed, stage, range(starts.num_cases))
     if starts.kind == "random":
         return drawn
     return [
@@ -87,14 +86,12 @@ def training_scenarios(starts: Starts, sun: Sun, seed: int, round_index: int = 0
 
 def hard_candidates(starts: Starts, sun: Sun, seed: int, round_index: int) -> list[Scenario]:
     """Return the starts among which the hard ones of a round of training are sought."""
-    shell, speed = (starts.min_distance_m, starts.max_distance_m), starts.max_speed_m_s
-    return [draw(seed, HARD + round_index, case, shell, sun, speed) for case in range(starts.hard_from)]
+    return _drawn(starts, sun, seed, HARD + round_index, range(starts.hard_from))
 
 
 def validation_scenarios(starts: Starts, sun: Sun, seed: int, num_cases: int) -> list[Scenario]:
     """Return the starts on which the champion is chosen: drawn as for training, not flown in it."""
-    shell, speed = (starts.min_distance_m, starts.max_distance_m), starts.max_speed_m_s
-    return [draw(seed, VALIDATION, case, shell, sun, speed) for case in range(num_cases)]
+    return _drawn(starts, sun, seed, VALIDATION, range(num_cases))
 
 
 def given_start(deputy: Deputy, sun: Sun, seed: int) -> Scenario:
@@ -122,9 +119,8 @@ def evaluation_scenarios(
     if monte_carlo.table is not None:
         given = _given(monte_carlo.table, seed, EVALUATION)
         return given[cases] if isinstance(cases, slice) else [given[case] for case in cases]
-    shell, speed = (monte_carlo.min_distance_m, monte_carlo.max_distance_m), monte_carlo.max_speed_m_s
     drawn = range(monte_carlo.num_cases)[cases] if isinstance(cases, slice) else cases
-    return [draw(seed, EVALUATION, case, shell, sun, speed) for case in drawn]
+    return _drawn(monte_carlo, sun, seed, EVALUATION, drawn)
 
 
 def _given(table: str, seed: int, stage: int) -> list[Scenario]:
@@ -134,28 +130,19 @@ def _given(table: str, seed: int, stage: int) -> list[Scenario]:
 
 
 def starts_in(columns: Mapping[str, NDArray[Any]]) -> list[Scenario]:
-    """Return the starts in a table of episodes or of solved cases, row by row.
+    """Return the starts in a table of episodes or of solved cases, columns of shape (n,), row by row.
 
-    Parameters
-    ----------
-    columns : mapping of (n,) arrays
-        ``position_x_m`` and so on (Hill axes), ``sun_angle_rad``; optionally ``velocity_x_m_s`` and so on
-        (else at rest), and ``sun_elevation_rad`` (else the Sun is in the orbit plane).
+    They are ``position_x_m`` and so on (Hill axes), ``sun_angle_rad``; optionally ``velocity_x_m_s`` and so
+    on (else at rest), and ``sun_elevation_rad`` (else the Sun is in the orbit plane).
     """
     angles = np.asarray(columns["sun_angle_rad"], dtype=np.float64)
     at_rest = np.zeros(len(angles))
     elevations = np.asarray(columns.get("sun_elevation_rad", at_rest), dtype=np.float64)
     positions = np.stack([columns[f"position_{axis}_m"] for axis in "xyz"], axis=1)
     velocities = np.stack([columns.get(f"velocity_{axis}_m_s", at_rest) for axis in "xyz"], axis=1)
+    places = positions.astype(np.float64), velocities.astype(np.float64)
+    columns_of_starts = *places, angles.tolist(), elevations.tolist()
     return [
         Scenario(position, velocity, angle, elevation, (0, EVALUATION, row))
-        for row, (position, velocity, angle, elevation) in enumerate(
-            zip(
-                positions.astype(np.float64),
-                velocities.astype(np.float64),
-                angles.tolist(),
-                elevations.tolist(),
-                strict=True,
-            )
-        )
+        for row, (position, velocity, angle, elevation) in enumerate(zip(*columns_of_starts, strict=True))
     ]

@@ -15,18 +15,9 @@ import numpy as np
 from fis_tools.engines.packing import NotCompilable, Packed, layout_of, pack
 from fis_tools.model import FuzzyController, FuzzySystem
 from pipeline.array_types import Floats
-from pipeline.flight.state.arrays import Law, Plans
+from pipeline.flight.state.arrays import AIMED, Law, Plans, Turns
 from pipeline.flight.state.log import Scenario
-from pipeline.flight.state.signals import (
-    AXES,
-    CONSTANTS,
-    FORCE_AXES,
-    SIGNALS,
-    constant,
-    needs_of,
-    slot,
-)
-from pipeline.flight.state.turns import AIMED, Turns
+from pipeline.flight.state.signals import AXES, CONSTANTS, FORCE_AXES, SIGNALS, constant, needs_of, slot
 from pipeline.settings.experiment import Mission
 
 #: fractions of the reach that the candidate first pushes of a rehearsal have along each Hill axis; radial
@@ -52,14 +43,8 @@ class Planner(Protocol):
     def __call__(self, scenario: Scenario, decision: int, state: Floats) -> Floats:
         """Return the forces from a decision on, shape (rows, 3), N, Hill axes; zero after the last row.
 
-        Parameters
-        ----------
-        scenario : Scenario
-            The start of the flight.
-        decision : int
-            One of `decisions`; rows beyond the next one are not flown.
-        state : (6,)
-            The state as the deputy knows it then, m and m/s, Hill axes.
+        The state, shape (6,), is what the deputy knows then, m and m/s, Hill axes. Rows beyond the next
+        decision are not flown.
         """
 
 
@@ -97,34 +82,17 @@ class Controller:
     """Decides the force: fuzzy systems, a fixed plan, a planner, a linear law, or a pilot.
 
     Compared by identity, so that what is computed from a controller can be cached.
-
-    Parameters
-    ----------
-    name : str
-    systems : tuple of FuzzySystem
-        At most three; none for a plan.
-    force_axes : str
-        ``body`` or ``hill``, the axes of the systems' outputs or of the plan.
-    plan : (K, 3) array, optional
-        Forces, N, one row per control period; zero after the last row.
-    turns : Turns
-        Played along with a plan.
-    planner : Planner, optional
-    regulator : Regulator, optional
-    pilot : Pilot, optional
-    fuzzy : FuzzyController, optional
-        The source of the systems, for files and reports.
     """
 
     name: str
-    systems: tuple[FuzzySystem, ...]
-    force_axes: str = "body"
-    plan: Floats | None = None
-    turns: Turns = AIMED
+    systems: tuple[FuzzySystem, ...]  # at most three; none for a plan
+    force_axes: str = "body"  # or hill: the axes of the systems' outputs or of the plan
+    plan: Floats | None = None  # (K, 3) forces, N, one row per control period; zero after the last row
+    turns: Turns = AIMED  # played along with a plan
     planner: Planner | None = None
     regulator: Regulator | None = None
     pilot: Pilot | None = None
-    fuzzy: FuzzyController | None = None
+    fuzzy: FuzzyController | None = None  # the source of the systems, for files and reports
 
     @cached_property
     def numbers(self) -> Packed:
@@ -161,8 +129,7 @@ def from_fuzzy(fuzzy: FuzzyController) -> Controller:
     Raises
     ------
     ControllerError
-        If a system senses or drives something unknown, an attribute is missing or not a number, or the
-        compiled flight does not support a system.
+        If a system or an attribute is not what flights need.
     """
     attributes = dict(fuzzy.attributes)
     force_axes = attributes.get("force_axes", "")
@@ -261,7 +228,7 @@ def law_of(controller: Controller, mission: Mission) -> Law:
 def played(forces: Floats, turns: Turns = AIMED) -> Plans:
     """Return plans of forces, shape (m or 1, K, 3), and of turns, that are played open loop."""
     nowhere = np.zeros((0, forces.shape[1], 6))
-    return Plans(forces, nowhere, np.zeros((3, 6)), 0.0, nowhere, turns.attitudes, turns.torques)
+    return Plans(forces, nowhere, np.zeros((3, 6)), 0.0, nowhere, turns)
 
 
 def has_constants(controller: Controller) -> bool:

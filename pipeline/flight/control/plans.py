@@ -29,18 +29,9 @@ def regulated(regulator: Regulator, scenarios: list[Scenario]) -> Plans:
 def planned(
     planner: Planner, num_controls: int, scenarios: list[Scenario], fly: Fly, workers: int | None
 ) -> Plans:
-    """Return the plans of flights whose forces are planned during the flight.
+    """Return the plans of flights whose forces are planned during the flight, of so many control periods.
 
-    Parameters
-    ----------
-    planner : Planner
-    num_controls : int
-        Control periods of a flight.
-    scenarios : list of Scenario
-    fly : callable
-        Flies plans from these starts.
-    workers : int, optional
-        Worker threads for planning; one per processor unless given.
+    `fly` flies plans from these starts; `workers` threads plan, one per processor unless given.
     """
     plans = played(np.zeros((len(scenarios), num_controls, 3)))
     noted = plans._replace(known=np.zeros((len(scenarios), num_controls, 6)))

@@ -33,28 +33,15 @@ def lit_at_samples(world: World, starts: Starts) -> NDArray[np.bool_]:
 def lit_and_seen(
     world: World, log: FlightLog, note: Callable[..., None] = note_lit_and_seen
 ) -> tuple[Booleans, Booleans]:
-    """Return which points not inspected are lit, and which dark ones are in view, at each sample of a flight.
-
-    Returns
-    -------
-    (K+1, P), (K+1, P)
-    """
-    suns, num_points = (log.sun_angle_rad, log.sun_elevation_rad), world.num_points
+    """Return which points not inspected are lit, and which dark ones are in view, at each sample."""
+    angles, num_points = (log.sun_angle_rad, log.sun_elevation_rad), world.num_points
     left = np.zeros((len(log.position_m), world.points.shape[2]), dtype=np.uint8)
     left[:, :num_points] = ~log.is_inspected
     boresights = np.array([dcm_b_from_h(turned).T @ world.boresight for turned in log.quaternion_b_from_h])
     lit, seen = np.zeros_like(left), np.zeros_like(left)
-    note(
-        world,
-        beyond_of(world, is_tilted=bool(np.any(log.sun_elevation_rad != 0.0))),
-        make_workspace(world),
-        np.stack([turn(angle) for angle in suns for turn in (np.cos, np.sin)], axis=1),
-        log.position_m,
-        boresights,
-        left,
-        lit,
-        seen,
-    )
+    beyond = beyond_of(world, is_tilted=bool(np.any(log.sun_elevation_rad != 0.0)))
+    suns = np.stack([turn(angle) for angle in angles for turn in (np.cos, np.sin)], axis=1)
+    note(world, beyond, make_workspace(world), suns, log.position_m, boresights, left, lit, seen)
     return lit[:, :num_points] > 0, seen[:, :num_points] > 0
 
 

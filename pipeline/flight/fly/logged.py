@@ -4,13 +4,13 @@ from math import atan2, floor, pi
 from typing import Any
 
 from fis_tools.compiled.decorator import compiled
-from pipeline.array_types import Bytes, Floats
+from pipeline.array_types import Bytes
 from pipeline.flight.period.act.actuators import burns
 from pipeline.flight.period.act.attitude import write_instants
 from pipeline.flight.period.decide.motion import ETA_U, LAMBDA_U, sense_angles
 from pipeline.flight.period.decide.thrust import FARTHEST, MISSED, NEAREST, is_decision, may_coast
 from pipeline.flight.period.look.navigation import write_estimate
-from pipeline.flight.state.arrays import Law, State, Workspace, World
+from pipeline.flight.state.arrays import Control, Law, Moment, Workspace
 from pipeline.flight.state.errors import ModelErrors
 from pipeline.flight.state.log import FlightLog
 from pipeline.flight.state.signals import HILL
@@ -24,20 +24,12 @@ def is_logged(log: FlightLog) -> bool:
 
 
 @compiled(error_model="numpy")
-def write_sample(
-    world: World,
-    errors: ModelErrors | None,
-    state: State,
-    work: Workspace,
-    counts: Bytes,
-    log: FlightLog,
-    k: int,
-    case: Any,
-) -> None:
+def write_sample(now: Moment, errors: ModelErrors | None, counts: Bytes, log: FlightLog, case: Any) -> None:
     """Log what is so and what the deputy believes at a sample, before it decides.
 
     `counts`, shape (P padded,), are the points that the flight counts, `case` is the start, of `CASE`.
     """
+    world, state, k = now.world, now.state, now.k
     lanes, truth, belief, n = state.lanes, state.truth, state.belief, world.mean_motion
     for component in range(3):
         log.position_m[k, component] = truth.position[component, 0]
@@ -60,35 +52,27 @@ def write_sample(
     for j in range(world.num_points):
         log.is_inspected[k, j] = state.unseen[0, j] == 0.0 and counts[j] > 0
     log.delta_v_m_s[k] = lanes.spent[0]
-    sense_angles(state, work)
-    log.lambda_u_rad[k], log.eta_u_rad[k] = work.signals[LAMBDA_U, 0], work.signals[ETA_U, 0]
+    sense_angles(now)
+    log.lambda_u_rad[k], log.eta_u_rad[k] = now.work.signals[LAMBDA_U, 0], now.work.signals[ETA_U, 0]
     if errors is not None and errors.fixes.is_on:
-        write_estimate(world, errors.fixes, state, k, log)
+        write_estimate(now, errors.fixes.law, log)
 
 
 @compiled(error_model="numpy")
 def write_period(
-    world: World,
-    law: Law,
-    values: Floats,
-    state: State,
-    work: Workspace,
-    errors: ModelErrors | None,
-    log: FlightLog,
-    k: int,
-    is_opened: bool,
+    now: Moment, control: Control, errors: ModelErrors | None, log: FlightLog, is_opened: bool
 ) -> None:
     """Log what was decided, commanded and fired after sample k; `is_opened` where the force was given."""
-    lanes, signals = state.lanes, work.signals
+    world, state, law, k = now.world, now.state, control.law, now.k
+    lanes, signals = state.lanes, now.work.signals
     dcm = dcm_b_from_h(log.sensed_quaternion_b_from_h[k])
     is_complete = world.coasts_when_complete and lanes.num_unseen[0] == 0.0
     if not law.has_plan and is_decision(law, k):
         if lanes.coasts[0] == 0.0 and not is_opened:
-            write_inference(law, state, work, log, k)
-        if not is_complete and may_coast(law, values):
-            log.foreseen[k, 0] = signals[MISSED, 0]
-            log.foreseen[k, 1] = signals[NEAREST, 0]
-            log.foreseen[k, 2] = signals[FARTHEST, 0]
+            write_inference(law, now.work, log, k)
+        if not is_complete and may_coast(control):
+            for place, signal in enumerate((MISSED, NEAREST, FARTHEST)):
+                log.foreseen[k, place] = signals[signal, 0]
     for row in range(3):
         log.force_hill_n[k, row] = lanes.force[row, 0]
         log.force_commanded_n[k, row] = lanes.commanded[row, 0]
@@ -104,11 +88,11 @@ def write_period(
     log.safety_limit[k] = int(lanes.limit[0])
     if errors is not None and burns(errors.firing):
         log.mass_kg[k + 1] = state.thrusters.mass[0] / world.acceleration_per_force
-    write_instants(world, law.plans, work, log, k)
+    write_instants(now, law.plans, log)
 
 
 @compiled(error_model="numpy")
-def write_inference(law: Law, state: State, work: Workspace, log: FlightLog, k: int) -> None:
+def write_inference(law: Law, work: Workspace, log: FlightLog, k: int) -> None:
     """Log what each system sensed and asked for."""
     log.is_decided[k] = True
     for system in range(len(law.axes)):

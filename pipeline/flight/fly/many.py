@@ -1,7 +1,7 @@
 """Many flights, compiled: every controller of a population from every start, to the end."""
 
 from math import cos, sin, sqrt
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,38 +30,59 @@ from pipeline.flight.state.arrays import (
     TRACK_SPENT,
     TRACK_TURN_RATE,
     Beyond,
+    Control,
     Guard,
     Law,
+    Moment,
     State,
     Workspace,
     World,
 )
 from pipeline.flight.state.errors import ModelErrors
+from pipeline.flight.state.lanes import flight_of
 from pipeline.flight.state.log import FlightLog
 from pipeline.flight.state.signals import SETTING, URGENCY
 
 
+class Flights(NamedTuple):
+    """Flights of every controller of a population from every start, starts varying fastest."""
+
+    world: World
+    law: Law
+    values: Floats  # (n, ...) rows of n controllers, of `fis_tools.engines.packing.Packed`
+    rules: Integers  # (n, ...) likewise
+    cases: Any  # (m,) starts, of `CASE`
+    counted: Bytes  # (m or 1, P padded) 1 for the points that a flight counts, 0 for those never lit in it
+    openings: Floats  # (m, 3) first forces, N, Hill axes; no rows where the rules decide them
+
+
+class Results(NamedTuple):
+    """What flights fill in."""
+
+    log: FlightLog  # of one flight alone; empty for none
+    tracks: NDArray[np.float32]  # (n m, K+1, NUM_PLACED or NUM_TRACKED); empty for none
+    outcomes: Floats  # (n m, NUM_OUTCOMES)
+
+
 @compiled(error_model="numpy")
-def start_lanes(world: World, state: State, cases: Any, counted: Bytes, first: int, num_lanes: int) -> None:
+def start_lanes(now: Moment, cases: Any, counted: Bytes) -> None:
     """Put flights at their starts; lanes without one repeat the last, so that their numbers stay finite.
 
-    `cases` and `counted` are as in `fly_many`.
+    `cases` and `counted` are as in `Flights`.
     """
-    lanes, truth = state.lanes, state.truth
+    world, state, lanes, truth = now.world, now.state, now.state.lanes, now.state.truth
     width = width_of(lanes)
     state.unseen[:] = 0.0
     state.num_centres[:] = 0
     state.clustered[:] = 0.0
     for lane in range(width):
-        row = first + min(lane, num_lanes - 1)
+        row = flight_of(now, lane)
         case = cases[row]
         write_lane(truth.position, 0, lane, three_of(case.position))
         write_lane(truth.velocity, 0, lane, three_of(case.velocity))
         lanes.sun_at_start[0, lane], lanes.sun_at_start[1, lane] = cos(case.sun_angle), sin(case.sun_angle)
-        lanes.height_at_start[0, lane], lanes.height_at_start[1, lane] = (
-            cos(case.sun_elevation),
-            sin(case.sun_elevation),
-        )
+        lanes.height_at_start[0, lane] = cos(case.sun_elevation)
+        lanes.height_at_start[1, lane] = sin(case.sun_elevation)
         counts, num_counted = counted[row if len(counted) > 1 else 0], 0
         for j in range(world.num_points):
             state.unseen[lane, j] = counts[j]
@@ -75,27 +96,20 @@ def start_lanes(world: World, state: State, cases: Any, counted: Bytes, first: i
     store_three(lanes.y_before, 0, Three(nothing, splat(1.0, width), nothing))
     store_three(lanes.change, 0, same(0.0, width))
     store(lanes.nearest, 0, splat(np.inf, width))
-    for total in (
-        lanes.coasts,
-        lanes.spent,
-        lanes.travelled,
-        lanes.farthest,
-        lanes.beyond,
-        lanes.num_acted,
-        lanes.corrected,
-        lanes.limit,
-    ):
+    for total in (lanes.spent, lanes.travelled, lanes.farthest, lanes.beyond):
+        store(total, 0, nothing)
+    for total in (lanes.coasts, lanes.num_acted, lanes.corrected, lanes.limit):
         store(total, 0, nothing)
 
 
 @compiled(error_model="numpy")
-def write_outcomes(world: World, state: State, num_lanes: int, flight: int, outcomes: Floats) -> None:
+def write_outcomes(now: Moment, flight: int, outcomes: Floats) -> None:
     """Write the outcomes of flights, from row `flight` on; delta-v is NaN where the attitude is.
 
     A NaN force is clipped to a finite one, whereas an attitude stays NaN.
     """
-    lanes = state.lanes
-    for lane in range(num_lanes):
+    world, state, lanes = now.world, now.state, now.state.lanes
+    for lane in range(now.num_lanes):
         row = outcomes[flight + lane]
         row[DELTA_V] = lanes.spent[lane]
         for component in range(4):
@@ -111,9 +125,9 @@ def write_outcomes(world: World, state: State, num_lanes: int, flight: int, outc
 
 
 @compiled(error_model="numpy", inline="always")
-def write_track(world: World, state: State, lane: int, row: NDArray[np.float32]) -> None:
+def write_track(now: Moment, lane: int, row: NDArray[np.float32]) -> None:
     """Write the position of a lane and, if the row has room, everything else known before the next force."""
-    lanes, truth = state.lanes, state.truth
+    world, lanes, truth = now.world, now.state.lanes, now.state.truth
     for component in range(3):
         row[component] = truth.position[component, lane]
     if len(row) == NUM_TRACKED:
@@ -123,7 +137,7 @@ def write_track(world: World, state: State, lane: int, row: NDArray[np.float32])
             row[TRACK_BORESIGHT + component] = truth.boresight[component, lane]
         row[TRACK_SPENT] = lanes.spent[lane]
         row[TRACK_LEFT] = world.num_points - lanes.num_counted[lane] + lanes.num_unseen[lane]
-        row[TRACK_TURN_RATE] = 0.0 if world.is_attitude_ideal else turn_rate(world, state, lane)
+        row[TRACK_TURN_RATE] = 0.0 if world.is_attitude_ideal else turn_rate(world, now.state, lane)
 
 
 @compiled(error_model="numpy")
@@ -143,146 +157,65 @@ def write_fired(state: State, lane: int, row: NDArray[np.float32]) -> None:
 
 
 @compiled(error_model="numpy")
-def open_with(world: World, state: State, openings: Floats, first: int, num_lanes: int) -> None:
+def open_with(now: Moment, openings: Floats) -> None:
     """Command forces given for each start instead of the inferred ones."""
-    lanes, limit = state.lanes, world.max_force
-    for lane in range(num_lanes):
+    lanes, limit = now.state.lanes, now.world.max_force
+    for lane in range(now.num_lanes):
         for axis in range(3):
-            force = openings[first + lane, axis]
+            force = openings[now.first + lane, axis]
             lanes.asked[axis, lane] = force
             lanes.commanded[axis, lane] = min(max(force, -limit), limit)
 
 
-# Inlined: as a function of its own it would be optimised twice, alone and within `fly_many`.
-@compiled(error_model="numpy", inline="always")
-def fly(
-    world: World,
-    optics: Beyond | None,
-    guard: Guard | None,
-    clusters: bool | None,
-    pushes: bool | None,
-    errors: ModelErrors | None,
-    law: Law,
-    values: Floats,
-    rules: Integers,
-    cases: Any,
-    counted: Bytes,
-    openings: Floats,
-    first: int,
-    num_lanes: int,
-    state: State,
-    work: Workspace,
-    log: FlightLog,
-    tracks: NDArray[np.float32],
-    flight: int,
-    outcomes: Floats,
-) -> None:
-    """Fly one controller from some starts side by side, and write the outcomes.
-
-    `values` and `rules` are its row, `first` the first start, `num_lanes` how many are flown, and `flight`
-    the row of the first in `tracks` and `outcomes`; the rest is as in `fly_many`.
-    """
-    start_lanes(world, state, cases, counted, first, num_lanes)
-    if law.needs & (URGENCY | SETTING):
-        note_deadlines(world, optics, state, work, num_lanes)
-    counts = counted[first if len(counted) > 1 else 0]
-    for k in range(world.num_controls + 1):
-        look(world, optics, clusters, errors, law.plans, state, work, first, num_lanes, k)
-        for lane in range(num_lanes if len(tracks) > 0 else 0):
-            write_track(world, state, lane, tracks[flight + lane, k])
-        if is_logged(log):
-            write_sample(world, errors, state, work, counts, log, k, cases[first])
-        if k == world.num_controls:
-            break
-        decide(world, optics, pushes, law, values, rules, state, work, first, num_lanes, k)
-        is_opened = k == 0 and len(openings) > 0
-        if is_opened:
-            open_with(world, state, openings, first, num_lanes)
-        act(world, guard, errors, law.plans, state, work, first, num_lanes, k)
-        for lane in range(num_lanes if len(tracks) > 0 else 0):
-            write_fired(state, lane, tracks[flight + lane, k])
-        if is_logged(log):
-            write_period(world, law, values, state, work, errors, log, k, is_opened)
-    write_outcomes(world, state, num_lanes, flight, outcomes)
-
-
 @compiled(nogil=True, error_model="numpy")
 def fly_many(
-    world: World,
     optics: Beyond | None,
     guard: Guard | None,
     clusters: bool | None,
     pushes: bool | None,
     errors: ModelErrors | None,
-    law: Law,
-    values: Floats,
-    rules: Integers,
-    cases: Any,
-    counted: Bytes,
-    openings: Floats,
+    flights: Flights,
     state: State,
     work: Workspace,
-    log: FlightLog,
-    tracks: NDArray[np.float32],
+    results: Results,
     first: int,
     last: int,
-    outcomes: Floats,
 ) -> None:
-    """Fly flights `first` to `last - 1` of every controller from every start, starts varying fastest.
+    """Fly flights `first` to `last - 1`, side by side those of one controller.
 
-    Parameters
-    ----------
-    world, law
-        What is flown.
-    optics, guard, clusters, pushes, errors
-        See `pipeline.flight.period.steps`.
-    values, rules : (n, ...) arrays
-        Of n controllers, see `fis_tools.engines.packing.Packed`.
-    cases : (m,) array of `CASE`
-        The starts.
-    counted : (m or 1, P padded)
-        1 for the points that a flight counts, 0 for those never lit in it.
-    openings : (m, 3)
-        Forces of the first control period, N, Hill axes; no rows where the rules decide it.
-    state, work
-        Of this thread; their content does not matter.
-    log : FlightLog
-        Its arrays are filled unless they are empty; for one flight alone.
-    tracks : (n m, K+1, NUM_PLACED or NUM_TRACKED) float32
-        Filled unless it is empty.
-    first, last : int
-    outcomes : (n m, NUM_OUTCOMES)
-        Filled.
+    See `pipeline.flight.period.steps` for the first five. The content of state and workspace, those of this
+    thread, does not matter.
     """
     # not those that may be None: they must stay arguments for numba to leave code out
     width = width_of(state.lanes)
-    world, law, values, rules, cases, counted = borrowed((world, law, values, rules, cases, counted))
-    state, work, log, tracks, outcomes = borrowed((state, work, log, tracks, outcomes))
-    num_starts = len(cases)
-    flight = first
+    flights, state, work, results = borrowed((flights, state, work, results))
+    world, law, log, tracks = flights.world, flights.law, results.log, results.tracks
+    num_starts, flight = len(flights.cases), first
     while flight < last:
         row, start = flight // num_starts, flight % num_starts
         num_lanes = min(width, num_starts - start, last - flight)
-        fly(
-            world,
-            optics,
-            guard,
-            clusters,
-            pushes,
-            errors,
-            law,
-            values[row],
-            rules[row],
-            cases,
-            counted,
-            openings,
-            start,
-            num_lanes,
-            state,
-            work,
-            log,
-            tracks,
-            flight,
-            outcomes,
-        )
+        control = Control(law, flights.values[row], flights.rules[row])
+        start_lanes(Moment(world, state, work, start, num_lanes, 0), flights.cases, flights.counted)
+        if law.needs & (URGENCY | SETTING):
+            note_deadlines(Moment(world, state, work, start, num_lanes, 0), optics)
+        for k in range(world.num_controls + 1):
+            now = Moment(world, state, work, start, num_lanes, k)
+            look(now, optics, clusters, errors, law.plans)
+            for lane in range(num_lanes if len(tracks) > 0 else 0):
+                write_track(now, lane, tracks[flight + lane, k])
+            if is_logged(log):
+                counts = flights.counted[start if len(flights.counted) > 1 else 0]
+                write_sample(now, errors, counts, log, flights.cases[start])
+            if k == world.num_controls:
+                write_outcomes(now, flight, results.outcomes)
+                break
+            decide(now, optics, pushes, control)
+            is_opened = k == 0 and len(flights.openings) > 0
+            if is_opened:
+                open_with(now, flights.openings)
+            act(now, guard, errors, law.plans)
+            for lane in range(num_lanes if len(tracks) > 0 else 0):
+                write_fired(state, lane, tracks[flight + lane, k])
+            if is_logged(log):
+                write_period(now, control, errors, log, is_opened)
         flight += num_lanes

@@ -6,16 +6,13 @@ from typing import Any
 import numpy as np
 
 from fis_tools.compiled.decorator import plainly
-from pipeline.array_types import Bytes, Floats, Integers
-from pipeline.flight.cases.cases import Cases
 from pipeline.flight.fly.logged import write_period, write_sample
-from pipeline.flight.fly.many import start_lanes
+from pipeline.flight.fly.many import Flights, Results, start_lanes, write_outcomes
 from pipeline.flight.fly.workspace import Parts, make_state, make_workspace
 from pipeline.flight.period.decide.urgency import note_deadlines
-from pipeline.flight.period.look.guidance import MAX_ITERATIONS, nearest_centre, start_centres
+from pipeline.flight.period.look.guidance import MAX_ITERATIONS, Clusters, nearest_centre, start_centres
 from pipeline.flight.period.steps import act, decide, look
-from pipeline.flight.state.arrays import Law, State, Workspace, World
-from pipeline.flight.state.log import FlightLog
+from pipeline.flight.state.arrays import Control, Moment
 from pipeline.flight.state.signals import SETTING, URGENCY
 
 
@@ -28,8 +25,9 @@ def _kmeans() -> tuple[Any, Any]:
     return KMeans, ThreadpoolController()
 
 
-def choose_cluster(world: World, state: State, work: Workspace, k: int) -> None:
+def choose_cluster(now: Moment) -> None:
     """Make the nearest of scikit-learn's cluster centres the target of lane 0."""
+    world, state, work, k = now.world, now.state, now.work, now.k
     is_candidate = work.candidate[: world.num_points] > 0.0
     if not is_candidate.any():
         state.num_centres[0] = 0
@@ -38,15 +36,8 @@ def choose_cluster(world: World, state: State, work: Workspace, k: int) -> None:
     centres, position = state.centres[0], np.array(state.truth.position[:, 0])
     candidates = np.zeros_like(work.candidates)
     candidates[:, : points.shape[1]] = points
-    wanted = start_centres(
-        candidates,
-        points.shape[1],
-        position,
-        centres,
-        int(state.num_centres[0]),
-        work.labels[0],
-        work.distances,
-    )
+    clusters = Clusters(candidates, points.shape[1], centres, work.labels, work.distances, work.sums)
+    wanted = start_centres(clusters, position, int(state.num_centres[0]))
     kmeans, threads = _kmeans()
     # with so few points one thread is fastest
     with threads.limit(limits=1, user_api="openmp"):
@@ -56,29 +47,24 @@ def choose_cluster(world: World, state: State, work: Workspace, k: int) -> None:
     state.lanes.target[:, 0] = centres[nearest_centre(centres, wanted, position)]
 
 
-def fly_plainly(
-    world: World,
-    parts: Parts,
-    law: Law,
-    values: Floats,
-    rules: Integers,
-    cases: Cases,
-    counted: Bytes,
-    log: FlightLog,
-) -> None:
-    """Fly one flight and log it; see `pipeline.flight.fly.many.fly_many` for the arguments."""
+def fly_plainly(parts: Parts, flights: Flights, results: Results) -> None:
+    """Fly and log the one flight of one controller; see `pipeline.flight.fly.many.fly_many`."""
     optics, guard, _, pushes, errors = parts
-    state, work, starts = make_state(world, errors, 1), make_workspace(world, 1), cases.starts
+    world, law, log = flights.world, flights.law, results.log
+    control = Control(law, flights.values[0], flights.rules[0])
+    now = Moment(world, make_state(world, errors, 1), make_workspace(world, 1), 0, 1, 0)
     with plainly("pipeline"):
-        start_lanes(world, state, starts, counted, 0, 1)
+        start_lanes(now, flights.cases, flights.counted)
         if law.needs & (URGENCY | SETTING):
-            note_deadlines(world, optics, state, work, 1)
+            note_deadlines(now, optics)
         for k in range(world.num_controls + 1):
-            look(world, optics, None, errors, law.plans, state, work, 0, 1, k)
-            choose_cluster(world, state, work, k)
-            write_sample(world, errors, state, work, counted[0], log, k, starts[0])
+            now = now._replace(k=k)
+            look(now, optics, None, errors, law.plans)
+            choose_cluster(now)
+            write_sample(now, errors, flights.counted[0], log, flights.cases[0])
             if k == world.num_controls:
+                write_outcomes(now, 0, results.outcomes)
                 break
-            decide(world, optics, pushes, law, values, rules, state, work, 0, 1, k)
-            act(world, guard, errors, law.plans, state, work, 0, 1, k)
-            write_period(world, law, values, state, work, errors, log, k, False)
+            decide(now, optics, pushes, control)
+            act(now, guard, errors, law.plans)
+            write_period(now, control, errors, log, False)

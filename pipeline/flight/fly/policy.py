@@ -26,18 +26,11 @@ BLOCK = 128
 
 @dataclass(frozen=True)
 class Policy:
-    """A network from observations to a force, see `pipeline.flight.control.controller.Pilot`.
+    """A network from observations to a force, see `pipeline.flight.control.controller.Pilot`."""
 
-    Parameters
-    ----------
-    network : Network
-        From the numbers of `pipeline.flight.fly.stepping.OBSERVED`, in their units, to a force, N, Hill axes.
-    source : bytes
-        The file it was read from.
-    """
-
+    # from the numbers of `pipeline.flight.fly.stepping.OBSERVED`, in their units, to a force, N, Hill axes
     network: Network
-    source: bytes
+    source: bytes  # the file it was read from
 
     def __call__(self, mission: Mission, scenarios: list[Scenario], workers: int | None) -> Floats:
         """Return the forces of flights from some starts, shape (m, K, 3), N, Hill axes.

@@ -1,6 +1,7 @@
 """Many flights at once: every controller of a population from every start, on all processors."""
 
 import os
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -11,14 +12,14 @@ from fis_tools.engines.packing import Packed
 from pipeline.array_types import Floats
 from pipeline.flight.cases.cases import Cases
 from pipeline.flight.fly.inspectable import counted_points, inspectable_points
-from pipeline.flight.fly.many import fly_many
-from pipeline.flight.fly.workspace import make_state, make_workspace, parts_in_use
+from pipeline.flight.fly.many import Flights, Results, fly_many
+from pipeline.flight.fly.workspace import Parts, make_state, make_workspace, parts_in_use
+from pipeline.flight.period.look.optics import note_inspectable
 from pipeline.flight.state import arrays
 from pipeline.flight.state.arrays import NUM_OUTCOMES, Law, State, Workspace, World
 from pipeline.flight.state.log import Outcomes, no_log
 
-#: no openings: the rules decide on the first control period, too
-NO_OPENINGS = np.zeros((0, 3))
+NO_TRACKS = np.empty((0, 0, 3), dtype=np.float32)
 
 
 class FlightError(ValueError):
@@ -33,6 +34,22 @@ def lanes_for(num_starts: int) -> int:
     return FEW_LANES if num_starts <= FEW_LANES else LANES
 
 
+def flights_of(
+    world: World,
+    law: Law,
+    numbers: Packed,
+    cases: Cases,
+    openings: Floats | None = None,
+    note: Callable[..., None] = note_inspectable,
+) -> tuple[Parts, Flights, NDArray[np.uint8]]:
+    """Return what is to fly from some starts, and `inspectable_points` as noted by a function."""
+    inspectable = inspectable_points(world, cases.starts, note)
+    counted = counted_points(world, cases.starts, inspectable)
+    opened = np.zeros((0, 3)) if openings is None else openings
+    flights = Flights(world, law, numbers.values, numbers.rules, cases.starts, counted, opened)
+    return parts_in_use(world, law, cases), flights, inspectable
+
+
 def fly_population(
     world: World,
     law: Law,
@@ -43,34 +60,20 @@ def fly_population(
     openings: Floats | None = None,
     lanes: int = LANES,
 ) -> Outcomes:
-    """Fly every controller of a population from every start.
+    """Fly every controller of a population, of one structure, from every start; n controllers and m starts.
+
+    The outcomes have the shape (n, m). They depend neither on the number of worker threads, one per processor
+    unless given, nor on how many flights fly side by side in `lanes`; see `lanes_for`.
 
     Parameters
     ----------
-    world : World
-    law : Law
-        Of the structure that the population shares.
-    numbers : Packed
-        n controllers.
-    cases : Cases
-        m starts.
-    workers : int, optional
-        Worker threads; one per processor unless given. The result does not depend on it.
     tracks : (n * m, K+1, 3 or 15) float32, optional
         Filled with positions, m, Hill axes; if there is room also with velocities, m/s, the
         delta-v spent, m/s, the number of points not yet inspected, the force fired over the control period
         that follows, N, the boresight, both in Hill axes, and the deputy's angular rate relative to Hill,
         rad/s: columns as in `pipeline.flight.state.arrays`.
     openings : (m, 3) array, optional
-        Fired from each start in the first control period instead of what the rules decide, N, Hill
-        axes.
-    lanes : int
-        Flights side by side. The result does not depend on it; see `lanes_for`.
-
-    Returns
-    -------
-    Outcomes
-        Arrays of shape (n, m).
+        Fired in the first control period instead of what the rules decide, N, Hill axes.
 
     Raises
     ------
@@ -83,33 +86,13 @@ def fly_population(
     # flights of one vector stay together
     shares = _shares(num_pairs, lanes if len(numbers.values) == 1 else max(1, len(cases)), workers)
     workers, untaken = min(workers, len(shares)), iter(shares)
-    silent = no_log()
-    inspectable = inspectable_points(world, cases.starts)
-    counted = counted_points(world, cases.starts, inspectable)
-    tracks = np.empty((0, 0, 3), dtype=np.float32) if tracks is None else tracks
-
-    parts = parts_in_use(world, law, cases)
+    parts, flights, inspectable = flights_of(world, law, numbers, cases, openings)
+    results = Results(no_log(), NO_TRACKS if tracks is None else tracks, outcomes)
 
     def fly_shares(state: State, work: Workspace) -> None:
         """Fly shares one after the other, each not taken by another thread."""
         for first, last in untaken:
-            fly_many(
-                world,
-                *parts,
-                law,
-                numbers.values,
-                numbers.rules,
-                cases.starts,
-                counted,
-                NO_OPENINGS if openings is None else openings,
-                state,
-                work,
-                silent,
-                tracks,
-                first,
-                last,
-                outcomes,
-            )
+            fly_many(*parts, flights, state, work, results, first, last)
 
     states = [make_state(world, parts[-1], lanes) for _ in range(workers)]
     works = [make_workspace(world, lanes) for _ in range(workers)]

@@ -32,18 +32,9 @@ Codes = NDArray[np.int64]
 def write_reasons(
     world: World, law: Law, errors: ModelErrors | None, log: FlightLog, num_counted: int, is_opened: bool
 ) -> None:
-    """Fill in `FlightLog.command_reason` and `FlightLog.reason`.
+    """Fill in `FlightLog.command_reason` and `FlightLog.reason` from what else was logged.
 
-    Parameters
-    ----------
-    world, law, errors
-        Of the flight.
-    log : FlightLog
-        What else was logged.
-    num_counted : int
-        How many points the flight counts.
-    is_opened : bool
-        Whether the first force was given instead of inferred.
+    The flight counts so many points; it is opened where the first force was given instead of inferred.
     """
     if not len(log.reason):
         return
@@ -83,10 +74,10 @@ def _of_firing(errors: ModelErrors, log: FlightLog) -> Codes:
     told, count = log.command_reason, len(log.reason)
     # from body axes, three components may add up to nothing along one of Hill's
     found = np.where(np.isin(told, (FIRED, CLIPPED)) & ~is_commanded, SILENT, told)
-    delay = min(errors.firing.delay, count)
+    delay = min(errors.firing.thrusters.delay, count)
     is_due, due = np.zeros_like(is_commanded), np.full_like(told, FIRED)
     is_due[delay:], due[delay:] = is_commanded[: count - delay], told[: count - delay]
-    share_left = log.mass_kg[:-1, np.newaxis] / log.mass_kg[0] - errors.firing.dry
+    share_left = log.mass_kg[:-1, np.newaxis] / log.mass_kg[0] - errors.firing.thrusters.dry
     found = np.where(is_commanded, DELAYED, found)
     found = np.where(is_due, np.where(share_left > EMPTY, BELOW_LEAST_IMPULSE, EMPTY_TANK), found)
     as_commanded = np.isin(due, (CLIPPED, SAFETY, REHEARSED)) & is_due

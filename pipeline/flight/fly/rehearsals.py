@@ -25,14 +25,10 @@ def rehearsed_openings(
 ) -> Floats | None:
     """Return the force of the first control period from each start for a controller that rehearses it.
 
-    All its first pushes are flown to the end from every start, as the deputy knows start and mission;
-    the one with the cheapest flight is chosen: inside the limits if any is, then by delta-v and a price for
-    each point missed beyond those that the controller itself accepts when it coasts.
-
-    Returns
-    -------
-    (m, 3) array or None
-        N, Hill axes; None for a controller that does not rehearse.
+    All its first pushes are flown to the end from every start, as the deputy knows start and mission; the one
+    with the cheapest flight is chosen: inside the limits if any is, then by delta-v and a price for each
+    point missed beyond those that the controller itself accepts when it coasts. The shape is (m, 3), N, Hill
+    axes; None for a controller that does not rehearse.
     """
     pushes = rehearsed_pushes(controller)
     if not len(pushes):
@@ -61,12 +57,8 @@ def rehearsed_tours(
 ) -> NDArray[np.int64]:
     """Return which image of its tour a controller follows from each start: that of the cheapest flight.
 
-    All are flown to the end, like first pushes, see `rehearsed_openings`.
-
-    Returns
-    -------
-    (m,) array
-        Places in `pipeline.flight.control.tours.IMAGES`.
+    All are flown to the end, like first pushes, see `rehearsed_openings`. The shape is (m,); places in
+    `pipeline.flight.control.tours.IMAGES`.
     """
     known, starts = as_believed(mission, scenarios)
     world, cases, law = pack_world(known), cases_of(known, starts), law_of(controller, known)

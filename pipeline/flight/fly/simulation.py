@@ -11,28 +11,28 @@ from fis_tools.engines.kernel import FEW_LANES, LANES
 from pipeline.array_types import Floats
 from pipeline.flight.cases.cases import cases_of
 from pipeline.flight.cases.dispersions import groups_of, mission_of_case
-from pipeline.flight.control.controller import (
-    Controller,
-    ControllerError,
-    law_of,
-    played,
-    rehearsed_pushes,
-)
+from pipeline.flight.control.controller import Controller, ControllerError, law_of, played, rehearsed_pushes
 from pipeline.flight.control.plans import planned, regulated
 from pipeline.flight.control.tours import tour_images
-from pipeline.flight.fly.inspectable import counted_points, inspectable_points
-from pipeline.flight.fly.many import fly_many
+from pipeline.flight.fly.many import Results, fly_many
 from pipeline.flight.fly.plain import fly_plainly
-from pipeline.flight.fly.population import NO_OPENINGS, check_finite, fly_population, lanes_for, outcomes_of
+from pipeline.flight.fly.population import (
+    NO_TRACKS,
+    check_finite,
+    flights_of,
+    fly_population,
+    lanes_for,
+    outcomes_of,
+)
 from pipeline.flight.fly.reasons import write_reasons
 from pipeline.flight.fly.rehearsals import rehearsed_openings, rehearsed_tours
-from pipeline.flight.fly.workspace import make_state, make_workspace, parts_in_use
+from pipeline.flight.fly.workspace import make_state, make_workspace
 from pipeline.flight.period.look.optics import note_inspectable
-from pipeline.flight.state import arrays
 from pipeline.flight.state.arrays import NUM_OUTCOMES, Law, Plans
 from pipeline.flight.state.log import FlightLog, Outcomes, Scenario, empty_log
+from pipeline.flight.world.chief import chief_attitudes
 from pipeline.flight.world.light import sun_shares
-from pipeline.flight.world.pack import chief_attitudes, pack_world
+from pipeline.flight.world.pack import pack_world
 from pipeline.physics.quaternion import dcm_b_from_h
 from pipeline.settings.dispersions import distributions
 from pipeline.settings.experiment import Mission
@@ -137,6 +137,11 @@ def fly_logged(mission: Mission, controller: Controller, scenario: Scenario) -> 
     FlightError
         If the flight's numbers are not finite.
     """
+    return _fly_and_log(mission, controller, scenario)[0]
+
+
+def _fly_and_log(mission: Mission, controller: Controller, scenario: Scenario) -> tuple[FlightLog, Floats]:
+    """Return the log of an episode and its row of outcomes, shape (1, NUM_OUTCOMES)."""
     mission = mission_of_case(mission, scenario)
     images = tour_images(controller)
     if is_interpreted(mission) and (images or len(rehearsed_pushes(controller))):
@@ -150,66 +155,36 @@ def fly_logged(mission: Mission, controller: Controller, scenario: Scenario) -> 
     law, numbers = law_for(controller, mission, [scenario], 1), controller.numbers
     log = empty_log(mission.num_controls, mission.num_attitude_steps, world.num_points, len(law.axes))
     log.mass_kg[:] = mission.deputy.mass_kg
-    inspectable = inspectable_points(world, cases.starts, sparingly(note_inspectable))
-    counted, parts = counted_points(world, cases.starts, inspectable), parts_in_use(world, law, cases)
-    openings = None
+    openings = None if is_interpreted(mission) else rehearsed_openings(mission, controller, [scenario], 1)
+    noted = sparingly(note_inspectable)
+    parts, flights, inspectable = flights_of(world, law, numbers, cases, openings, noted)
+    results = Results(log, NO_TRACKS, np.empty((1, NUM_OUTCOMES)))
     if is_interpreted(mission):
-        fly_plainly(world, parts, law, numbers.values[0], numbers.rules[0], cases, counted, log)
+        fly_plainly(parts, flights, results)
     else:
-        openings = rehearsed_openings(mission, controller, [scenario], 1)
-        sparingly(fly_many)(
-            world,
-            *parts,
-            law,
-            numbers.values,
-            numbers.rules,
-            cases.starts,
-            counted,
-            NO_OPENINGS if openings is None else openings,
-            make_state(world, parts[-1]),
-            make_workspace(world),
-            log,
-            np.empty((0, 0, 3), dtype=np.float32),
-            0,
-            1,
-            np.empty((1, NUM_OUTCOMES)),
-        )
-    num_counted = int(counted[0, : world.num_points].sum())
+        state, work = make_state(world, parts[-1]), make_workspace(world)
+        sparingly(fly_many)(*parts, flights, state, work, results, 0, 1)
+    num_counted = int(flights.counted[0, : world.num_points].sum())
     write_reasons(world, law, parts[-1], log, num_counted, openings is not None)
     log.quaternion_c_from_h[:] = chief_attitudes(mission)
     log.visible_sun_share[:] = sun_shares(mission, log.sun_angle_rad, log.sun_elevation_rad)
     log.is_inspectable[:] = inspectable[0, : world.num_points] > 0
-    check_finite(
-        log.position_m, log.velocity_m_s, log.quaternion_b_from_h, log.quaternion_c_from_h, log.force_hill_n
-    )
-    return log
+    attitudes = log.quaternion_b_from_h, log.quaternion_c_from_h
+    check_finite(log.position_m, log.velocity_m_s, *attitudes, log.force_hill_n)
+    return log, results.outcomes
 
 
 def _outcomes_of_logs(
-    mission: Mission,
-    controller: Controller,
-    scenarios: list[Scenario],
-    tracks: NDArray[np.float32] | None,
+    mission: Mission, controller: Controller, scenarios: list[Scenario], tracks: NDArray[np.float32] | None
 ) -> Outcomes:
-    rows, inspectable = np.empty((len(scenarios), NUM_OUTCOMES)), np.empty(len(scenarios), dtype=np.int64)
-    limits = mission.deputy
+    rows, inspectable = [], np.empty(len(scenarios), dtype=np.int64)
     for case, scenario in enumerate(scenarios):
-        log = fly_logged(mission, controller, scenario)
+        log, outcomes = _fly_and_log(mission, controller, scenario)
+        rows.append(outcomes[0])
+        inspectable[case] = log.is_inspectable.sum()
         if tracks is not None:
             tracks[case] = tracked(mission, log)[:, : tracks.shape[2]]
-        inspectable[case] = log.is_inspectable.sum()
-        distance = np.linalg.norm(log.position_m, axis=1)
-        outside = np.maximum(limits.min_distance_m - distance[1:], distance[1:] - limits.max_distance_m)
-        rows[case, arrays.DELTA_V] = log.delta_v_m_s[-1]
-        rows[case, arrays.INSPECTED] = log.is_inspected[-1].sum()
-        rows[case, arrays.MEAN_DISTANCE] = distance.mean()
-        rows[case, arrays.MIN_DISTANCE] = distance.min()
-        rows[case, arrays.MAX_DISTANCE] = distance.max()
-        rows[case, arrays.OUTSIDE] = max(0.0, float(outside.max()))
-        rows[case, arrays.SAFETY_PERIODS] = np.count_nonzero(log.safety_limit)
-        per_force = mission.control_period_s / limits.mass_kg
-        rows[case, arrays.SAFETY_DELTA_V] = np.abs(log.safety_force_hill_n).sum() * per_force
-    return outcomes_of(rows, inspectable)
+    return outcomes_of(np.array(rows), inspectable)
 
 
 def tracked(mission: Mission, log: FlightLog) -> Floats:

@@ -12,7 +12,7 @@ from pipeline.array_types import Bytes, Floats, Integers
 from pipeline.flight.fly.many import start_lanes
 from pipeline.flight.period.decide.thrust import command_given
 from pipeline.flight.period.steps import act, look
-from pipeline.flight.state.arrays import Beyond, Guard, Plans, State, Workspace, World
+from pipeline.flight.state.arrays import Beyond, Guard, Moment, Plans, State, Workspace, World
 from pipeline.flight.state.errors import ModelErrors
 
 #: columns of an observation: vectors in Hill axes
@@ -52,9 +52,9 @@ def write_three_at(row: Floats, first: int, a: Three) -> None:
 
 
 @compiled(error_model="numpy", forceinline=True)
-def write_observed(world: World, state: State, k: int, row: Floats) -> None:
-    """Write the observation of a flight at sample k."""
-    lanes, belief = state.lanes, state.belief
+def write_observed(now: Moment, row: Floats) -> None:
+    """Write the observation of a flight."""
+    lanes, belief = now.state.lanes, now.state.belief
     flat = lanes.sun_height[0, 0]
     write_three_at(row, POSITION, lane_of(belief.position, 0, 0))
     write_three_at(row, VELOCITY, lane_of(belief.velocity, 0, 0))
@@ -64,7 +64,7 @@ def write_observed(world: World, state: State, k: int, row: Floats) -> None:
     row[NUM_INSPECTED] = lanes.num_counted[0] - lanes.num_unseen[0]
     row[NUM_CANDIDATES] = lanes.num_candidates[0]
     row[SPENT] = lanes.spent[0]
-    row[LEFT] = (world.num_controls - k) * world.control_period
+    row[LEFT] = (now.world.num_controls - now.k) * now.world.control_period
     row[NUM_UNSEEN] = lanes.num_unseen[0]
     row[OUTSIDE] = lanes.beyond[0]
     row[NUM_ACTED] = lanes.num_acted[0]
@@ -89,28 +89,21 @@ def step_many(
 ) -> None:
     """Fly every flight by a control period, or start it; see `pipeline.flight.period.steps`.
 
-    Parameters
-    ----------
-    plans : Plans
-        Without plans.
-    cases : (n,) starts, of `CASE`
-    counted : (n, P padded) 1 for the points that a flight is about
-    states : State, with a further first axis of n
-    samples : (n,) sample of each flight, `NOT_STARTED` for those to be started; incremented
-    forces : (n, 3) N, Hill axes
-    observed : (n, NUM_OBSERVED), filled
+    Each of n flights has a start, of `CASE`, a row of `counted`, 1 for the points that it is about, of
+    `states`, and of `forces`, N, Hill axes. Its sample, `NOT_STARTED` for a flight to be started, is
+    incremented, and its row of `observed`, (n, NUM_OBSERVED), filled. There are no plans.
     """
     world, plans, cases, counted, states, work = borrowed((world, plans, cases, counted, states, work))
     for flight in range(len(samples)):
         own, k = state_of(states, flight), samples[flight]
+        now = Moment(world, own, work, flight, 1, k)
         if k == NOT_STARTED:
-            start_lanes(world, own, cases, counted, flight, 1)
+            start_lanes(now, cases, counted)
         else:
             width, force = width_of(own.lanes), forces[flight]
-            asked = Three(splat(force[0], width), splat(force[1], width), splat(force[2], width))
-            command_given(world, own, asked)
-            act(world, guard, errors, plans, own, work, flight, 1, k)
-        k += 1
-        look(world, optics, clusters, errors, plans, own, work, flight, 1, k)
-        write_observed(world, own, k, observed[flight])
-        samples[flight] = k
+            command_given(now, Three(splat(force[0], width), splat(force[1], width), splat(force[2], width)))
+            act(now, guard, errors, plans)
+        after = Moment(world, own, work, flight, 1, k + 1)
+        look(after, optics, clusters, errors, plans)
+        write_observed(after, observed[flight])
+        samples[flight] = k + 1

@@ -34,21 +34,9 @@ NUM_SEEN: Final = LEFT + 1
 class Flights:
     """Some flights in one mission, each at its own sample.
 
-    Parameters
-    ----------
-    mission : Mission
-    num_flights : int
-    is_tilted : bool
-        Whether any start has a Sun out of the orbit plane.
-
-    Attributes
-    ----------
-    observed : (n, NUM_OBSERVED) array
-        As `pipeline.flight.fly.stepped` writes it.
-    samples : (n,) int array
-        Control periods flown so far.
-    inspectable : (n,) int array
-        Points that are lit at some sample of the flight.
+    `observed` is as `pipeline.flight.fly.stepped` writes it, `samples` the control periods flown so far, and
+    `inspectable` the points that are lit at some sample of a flight, each for n flights. Where any start has
+    a Sun out of the orbit plane, `is_tilted` must be true.
 
     Raises
     ------
@@ -111,16 +99,10 @@ class Flights:
         counted = counted_points(world, cases.starts, found)
         self._counted[flight] = counted[0] if self._optics is not None else 1
         self.inspectable[flight] = found[0, : world.num_points].sum()
-        if self._errors is not None and cases.navigation is not None:
-            fixes, errors = self._errors.fixes, cases.navigation[1]
-            fixes.at_start[flight] = errors.at_start[0]
-            fixes.of_fixes[flight] = errors.of_fixes[0]
-            fixes.of_sight[flight] = errors.of_sight[0]
-            fixes.of_attitude[flight] = errors.of_attitude[0]
-        if self._errors is not None and cases.thrusters is not None:
-            firing, of_thrust = self._errors.firing, cases.thrusters[1]
-            firing.matrices[flight] = of_thrust.matrices[0]
-            firing.arms[flight] = of_thrust.arms[0]
+        if self._errors is not None:
+            every = (*self._errors.fixes.errors, *self._errors.firing.errors)
+            for drawn, own in zip((*cases.fixes.errors, *cases.firing.errors), every, strict=True):
+                own[flight : flight + 1] = drawn
         self.samples[flight] = NOT_STARTED
 
     def step(self, forces: Floats) -> None:

@@ -7,17 +7,7 @@ from fis_tools.engines.kernel import LANES, make_scratch
 from pipeline.flight.cases.cases import Cases, Starts
 from pipeline.flight.period.act.safety import MOST_CUTS
 from pipeline.flight.period.look.guidance import num_clusters
-from pipeline.flight.state.arrays import (
-    CARRIED,
-    MOVING,
-    TURNED,
-    Beyond,
-    Guard,
-    Law,
-    State,
-    Workspace,
-    World,
-)
+from pipeline.flight.state.arrays import CARRIED, MOVING, TURNED, Beyond, Guard, Law, State, Workspace, World
 from pipeline.flight.state.errors import ESTIMATED, THRUSTING, ModelErrors
 from pipeline.flight.state.signals import SETTING, SIGNALS
 
@@ -29,8 +19,8 @@ def make_states(world: World, errors: ModelErrors | None, lanes: int, count: int
     """Allocate states of `lanes` flights side by side; every array has a further first axis of `count`."""
     width, clusters = world.points.shape[2], num_clusters(world.num_points)
     truth = make_rows(MOVING, lanes, count)
-    num_fixes = 0 if errors is None else errors.fixes.of_fixes.shape[1]
-    num_thrusters = 0 if errors is None else len(errors.firing.table)
+    num_fixes = 0 if errors is None else errors.fixes.errors.of_fixes.shape[1]
+    num_thrusters = 0 if errors is None else len(errors.firing.thrusters.table)
     num_controls = 0 if errors is None else world.num_controls
     return State(
         truth=truth,

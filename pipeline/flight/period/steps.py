@@ -13,7 +13,6 @@ be present but off, so that fewer variants are compiled.
 
 from fis_tools.compiled.decorator import compiled
 from fis_tools.compiled.three import load_three, store_three
-from pipeline.array_types import Floats, Integers
 from pipeline.flight.period.act.actuators import burn, carry_out
 from pipeline.flight.period.act.aim import aim_at_once, aim_deputies
 from pipeline.flight.period.act.attitude import turn_deputies
@@ -27,131 +26,71 @@ from pipeline.flight.period.decide.tour import sense_tour
 from pipeline.flight.period.decide.urgency import sense_urgency
 from pipeline.flight.period.look.navigation import know_all, navigate, point_beside
 from pipeline.flight.period.look.sight import see
-from pipeline.flight.state.arrays import Beyond, Guard, Law, Plans, State, Workspace, World
+from pipeline.flight.state.arrays import Beyond, Control, Guard, Moment, Plans
 from pipeline.flight.state.errors import ModelErrors
 from pipeline.flight.state.signals import ANGLES, APPROACH, ORBIT, PREVIEW, SETTING, TOUR, URGENCY
 
 
 @compiled(error_model="numpy", forceinline=True)
 def look(
-    world: World,
-    optics: Beyond | None,
-    clusters: bool | None,
-    errors: ModelErrors | None,
-    plans: Plans,
-    state: State,
-    work: Workspace,
-    first: int,
-    num_lanes: int,
-    k: int,
+    now: Moment, optics: Beyond | None, clusters: bool | None, errors: ModelErrors | None, plans: Plans
 ) -> None:
-    """Inspect what is lit and in view at sample k, choose targets, and learn what the deputies then believe.
-
-    Parameters
-    ----------
-    world, plans, state, work
-    optics, clusters, errors
-        See above.
-    first : int
-        The lanes are flights from this one on.
-    num_lanes : int
-        Of these, so many are flown; the others repeat the last.
-    k : int
-    """
-    if world.is_attitude_ideal:
-        aim_at_once(world, plans, state, work, num_lanes, k)
+    """Inspect what is lit and in view, choose targets, and learn what the deputies then believe."""
+    if now.world.is_attitude_ideal:
+        aim_at_once(now, plans)
         if errors is not None and errors.fixes.is_on:
-            point_beside(errors.fixes, state, first, num_lanes, k)
-    see(world, optics, clusters, state, work, num_lanes, k)
+            point_beside(now, errors.fixes.errors)
+    see(now, optics, clusters)
     if errors is not None:
         if errors.fixes.is_on:
-            navigate(world, errors.fixes, state, first, num_lanes, k)
+            navigate(now, errors.fixes)
         else:
-            know_all(state)
+            know_all(now.state)
 
 
 @compiled(error_model="numpy", forceinline=True)
-def decide(
-    world: World,
-    optics: Beyond | None,
-    pushes: bool | None,
-    law: Law,
-    values: Floats,
-    rules: Integers,
-    state: State,
-    work: Workspace,
-    first: int,
-    num_lanes: int,
-    k: int,
-) -> None:
-    """Sense what the controller needs at sample k, and command a force.
-
-    Parameters
-    ----------
-    world, law, state, work, first, num_lanes, k
-        As in `look`.
-    optics, pushes
-        See above.
-    values, rules : arrays
-        Of one controller: rows of `fis_tools.engines.packing.Packed`.
-    """
-    sense_place(state, work)
+def decide(now: Moment, optics: Beyond | None, pushes: bool | None, control: Control) -> None:
+    """Sense what the controller needs, and command a force."""
+    law = control.law
+    sense_place(now)
     if law.needs & ANGLES:
-        sense_angles(state, work)
-    if is_decision(law, k):
+        sense_angles(now)
+    if is_decision(law, now.k):
         if law.needs & ORBIT:
-            sense_orbit(world, law, values, state, work)
+            sense_orbit(now, control)
         if law.needs & APPROACH:
-            sense_approach(world, state, work)
-        if law.needs & PREVIEW or may_coast(law, values):
-            preview(world, optics, state, work, num_lanes, k)
+            sense_approach(now)
+        if law.needs & PREVIEW or may_coast(control):
+            preview(now, optics)
         if not law.has_plan:
-            decide_to_coast(world, law, values, state, work)
+            decide_to_coast(now, control)
         if law.needs & URGENCY:
-            sense_urgency(world, optics, law, values, state, work, num_lanes, k)
+            sense_urgency(now, optics, control)
         if pushes is not None and law.needs & SETTING:
-            sense_push(world, optics, law, values, state, work, num_lanes, k)
+            sense_push(now, optics, control)
         if law.needs & TOUR:
-            sense_tour(world, law, values, state, work)
-    command(world, law, values, rules, state, work, first, num_lanes, k)
+            sense_tour(now, control)
+    command(now, control)
 
 
 @compiled(error_model="numpy", forceinline=True)
-def act(
-    world: World,
-    guard: Guard | None,
-    errors: ModelErrors | None,
-    plans: Plans,
-    state: State,
-    work: Workspace,
-    first: int,
-    num_lanes: int,
-    k: int,
-) -> None:
-    """Keep the commands safe, fire, turn and move over the control period that follows sample k.
-
-    Parameters
-    ----------
-    world, plans, state, work, first, num_lanes, k
-        As in `look`.
-    guard, errors
-        See above.
-    """
-    lanes = state.lanes
+def act(now: Moment, guard: Guard | None, errors: ModelErrors | None, plans: Plans) -> None:
+    """Keep the commands safe, fire, turn and move over the control period that follows."""
+    world, state, lanes = now.world, now.state, now.state.lanes
     if guard is not None and guard.is_on:
-        assure(world, state, work, num_lanes)
-    aim_deputies(world, plans, state, work, num_lanes, k)
+        assure(now)
+    aim_deputies(now, plans)
     force = load_three(lanes.commanded, 0)
     store_three(lanes.force, 0, force)
     if errors is not None:
-        carry_out(world, errors, state, work, first, num_lanes, k)
+        carry_out(now, errors)
         force = load_three(lanes.force, 0)
     if not world.is_attitude_ideal:
-        turn_deputies(world, plans, state, work, num_lanes, k)
+        turn_deputies(now, plans)
     if errors is not None and errors.firing.is_on:
         force = burn(world, errors.firing, state)
     spend(world, state, force)
     if errors is not None and errors.course.is_on:
-        move_about_earth(world, errors.course, state, force, first, num_lanes, k)
+        move_about_earth(now, errors.course, force)
     else:
         move(world, state, force)

@@ -8,9 +8,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from fis_tools.compiled.decorator import compiled
 from fis_tools.compiled.vectors import Rows
 from pipeline.array_types import Bytes, Floats, Integers
-from pipeline.physics.motion import Motion, Stop
+from pipeline.physics.motion import Motion
 from pipeline.physics.orbit import Course
 from pipeline.physics.reflection import Reflection
 from pipeline.physics.sight import Optics, Sight
@@ -27,7 +28,7 @@ SAFETY_PERIODS, SAFETY_DELTA_V, NUM_OUTCOMES = 6, 7, 8
 
 
 class Guard(NamedTuple):
-    """Parameters of the safety layer, see `kernel.safety`; empty where it is off."""
+    """Parameters of the safety layer, see `pipeline.flight.period.act.safety`; empty where it is off."""
 
     is_on: bool
     keep_out: float  # m
@@ -35,22 +36,17 @@ class Guard(NamedTuple):
     speed_at_chief: float  # v0 - v1 d0, m/s
     speed_slope: float  # v1, 1/s
     braking_force: float  # N
-    stop: Stop  # within a control period
+    stop: Floats  # (3, 6) gain of the law that stops within a control period
     places: Motion  # (2 + J) the state itself, stopped, and after 1 ... J periods of free drift
     num_kept_out: int  # rows of places that must stay outside the inner sphere
     num_kept_in: int  # and inside the outer one
 
 
 class Beyond(NamedTuple):
-    """Light or a camera other than the paper's.
+    """Light or a camera other than the paper's."""
 
-    Attributes
-    ----------
-    closely : bool or None
-        True where parts of the chief may hide one another, or a point must be bright enough to be seen;
-        otherwise None, which is known at compile time.
-    """
-
+    # True where parts of the chief may hide one another, or a point must be bright enough to be seen; else
+    # None, which is known at compile time
     closely: bool | None
 
 
@@ -103,6 +99,20 @@ class World(NamedTuple):
     course: Course  # of the chief about the Earth; off where motion is linear
 
 
+class Turns(NamedTuple):
+    """The rotation of a deputy that plays it from a table, one row per control period."""
+
+    # (K, 4) reference of the attitude law, or actual attitude with ideal pointing, Hill to body, scalar last;
+    # the last row stays. Without rows the camera is aimed at the chief
+    attitudes: Floats
+    # (K, 3) instead of the attitude law's, N m, body axes, zero after the last row. Without rows the law acts
+    torques: Floats
+
+
+#: turns of a deputy that aims its camera at the chief
+AIMED = Turns(np.zeros((0, 4)), np.zeros((0, 3)))
+
+
 class Plans(NamedTuple):
     """Planned forces, the feedback on deviations from the planned path, and planned rotation."""
 
@@ -111,12 +121,11 @@ class Plans(NamedTuple):
     gain: Floats  # (3, 6) from a deviation to the corrective force, N/m and N s/m
     least_answer: float  # a component smaller than this is not fired, N
     known: Floats  # (m, K, 6) filled with the states as the deputies know them; no rows to skip this
-    attitudes: Floats  # (k, 4) played instead of aiming, see `pipeline.flight.state.turns`; no rows to aim
-    torques: Floats  # (k, 3) played instead of the attitude law's, N m, body axes; no rows for the law
+    turns: Turns
 
 
 class Law(NamedTuple):
-    """What one controller commands, by fuzzy systems or by plans of forces."""
+    """What controllers of one structure command, by fuzzy systems or by plans of forces."""
 
     axes: Integers  # (F,) which component each system drives
     signals: Integers  # (F, 3) slots of the signals it senses
@@ -128,6 +137,20 @@ class Law(NamedTuple):
     force_axes: int
     has_plan: bool
     plans: Plans
+
+
+class Control(NamedTuple):
+    """One controller."""
+
+    law: Law
+    values: Floats  # rows of `fis_tools.engines.packing.Packed`
+    rules: Integers
+
+
+@compiled(error_model="numpy", forceinline=True)
+def constant_of(control: Control, which: int) -> float:
+    """Return a constant of a controller, of `pipeline.flight.state.signals.CONSTANTS`; zero without any."""
+    return control.values[control.law.constants + which] if control.law.constants >= 0 else 0.0
 
 
 #: A start: a flight's initial conditions. Hill axes, SI units.
@@ -188,44 +211,21 @@ TURNED: Rows = {"attitude": (4,), "rate": (3,)}
 
 
 class State(NamedTuple):
-    """What flights carry from one control period to the next, a lane each.
+    """What flights carry from one control period to the next, a lane each."""
 
-    Attributes
-    ----------
-    truth, belief : records of `MOVING`
-        What is so, and what the deputies know; the same record where they know it exactly.
-    lanes : record of `CARRIED`
-    unseen : (L, P padded)
-        1 where a point counts and is not inspected.
-    centres, num_centres : (L, C, 3), (L,) int
-        Of the clusters of the last sample, m, Hill axes.
-    clustered : (L, P padded)
-        The candidates that the centres belong to, 1 for each.
-    estimate : record of `pipeline.flight.state.errors.ESTIMATED`
-    thrusters : record of `pipeline.flight.state.errors.THRUSTING`
-    fixes : (F, 3, L)
-        Measured so far, m, Hill axes.
-    commands : (K, 3, L)
-        So far, N, Hill axes.
-    acting : (K, 3, L)
-        The same in the periods in which they act, as the filter knows them.
-    thrust : (N, L)
-        Of each thruster of a layout, N.
-    """
-
-    truth: Any
-    belief: Any
-    lanes: Any
-    unseen: Floats
-    centres: Floats
-    num_centres: Integers
-    clustered: Floats
-    estimate: Any
-    thrusters: Any
-    fixes: Floats
-    commands: Floats
-    acting: Floats
-    thrust: Floats
+    truth: Any  # record of `MOVING`: what is so
+    belief: Any  # and what the deputies know; the same record where they know it exactly
+    lanes: Any  # record of `CARRIED`
+    unseen: Floats  # (L, P padded) 1 where a point counts and is not inspected
+    centres: Floats  # (L, C, 3) of the clusters of the last sample, m, Hill axes
+    num_centres: Integers  # (L,)
+    clustered: Floats  # (L, P padded) the candidates that the centres belong to, 1 for each
+    estimate: Any  # record of `pipeline.flight.state.errors.ESTIMATED`
+    thrusters: Any  # record of `pipeline.flight.state.errors.THRUSTING`
+    fixes: Floats  # (F, 3, L) measured so far, m, Hill axes
+    commands: Floats  # (K, 3, L) so far, N, Hill axes
+    acting: Floats  # (K, 3, L) the same in the periods in which they act, as the filter knows them
+    thrust: Floats  # (N, L) of each thruster of a layout, N
 
 
 class Workspace(NamedTuple):
@@ -247,3 +247,14 @@ class Workspace(NamedTuple):
     distances: Floats  # (P padded,)
     sums: Floats  # (C, 4)
     cuts: Floats  # (MOST_CUTS, 4) half-spaces g . f >= b that the safety layer works with
+
+
+class Moment(NamedTuple):
+    """Flights side by side at a sample: what `look`, `decide` and `act` work on."""
+
+    world: World
+    state: State
+    work: Workspace  # of this thread
+    first: int  # the lanes are flights from this one on
+    num_lanes: int  # of these, so many are flown; the others repeat the last
+    k: int  # the sample

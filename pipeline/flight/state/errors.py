@@ -24,38 +24,64 @@ THRUSTING: Rows = {
 }
 
 
-class Fixes(NamedTuple):
-    """Navigation of some flights: see `pipeline.flight.cases.navigation.Filter` and `Errors`."""
+class Filter(NamedTuple):
+    """Parameters of the deputies' filter; covariances are in m and m/s."""
 
-    is_on: bool  # False where the deputy knows its state
-    stride: int
-    delay: int
-    start_covariance: Floats
-    process: Floats
-    process_per_force: Floats
-    fix: float
-    gate: float
-    range: float
-    bearing: float
-    at_start: Floats
-    of_fixes: Floats
+    stride: int  # control periods from one fix to the next
+    delay: int  # control periods from a fix to its use
+    at_start: Floats  # (6, 6) covariance of the first estimate
+    process: Floats  # (6, 6) added to the covariance in each control period
+    process_per_force: Floats  # (6, 6) added as well for each square newton commanded
+    fix: float  # variance of a fix along each axis, m^2
+    gate: float  # square of the number of standard deviations beyond which a fix is rejected
+    range: float  # further variance along the line of sight, m^2
+    bearing: float  # and of its direction about each axis, rad^2
+
+
+class Errors(NamedTuple):
+    """Navigation errors in some flights."""
+
+    at_start: Floats  # (m, 6) the first estimate minus the truth, m and m/s
+    of_fixes: Floats  # (m, F, 3) fixes minus the truth, without errors of range and bearing, m, Hill axes
+    # (m, F, 4) ranges minus the truth, m, and rotations of bearings, rad, Hill axes; no fixes if places
     of_sight: Floats
+    # (m, K+1, 3) rotation from the true to the sensed attitude, rad, body axes; no samples without this error
     of_attitude: Floats
 
 
+class Fixes(NamedTuple):
+    """Navigation of some flights."""
+
+    is_on: bool  # False where the deputy knows its state
+    law: Filter
+    errors: Errors
+
+
+class Thrusters(NamedTuple):
+    """Thruster properties that all flights of a mission share."""
+
+    delay: int  # control periods from a command to its force
+    step: float  # forces are multiples of this, N; 0 for any
+    least: float  # least force along an axis, N
+    exhaust_speed: float  # of propellant, m/s; infinite where the mass stays
+    dry: float  # share of the mass at the start that is not propellant; -1 where the mass stays
+    table: Floats  # (N, 6) forces per newton along +x, +y, +z, -x, -y, -z of the body; no rows for no layout
+    layout: Floats  # (N, 7) directions, torques per newton, m, body axes, and greatest forces, N
+
+
+class ThrustErrors(NamedTuple):
+    """Errors of the thrusters in some flights."""
+
+    matrices: Floats  # (m, K or 1, 3, 3) from a command to the force fired, before impulses and limits
+    arms: Floats  # (m, 3) point where the thrust acts, from the centre of mass, m, body axes
+
+
 class Firing(NamedTuple):
-    """Thrusters of some flights: see `pipeline.flight.cases.actuators.Thrusters` and `thrust_errors`."""
+    """Thrusters of some flights."""
 
     is_on: bool  # False for ideal thrusters
-    delay: int
-    step: float
-    least: float
-    exhaust_speed: float
-    dry: float
-    table: Floats
-    layout: Floats
-    matrices: Floats
-    arms: Floats
+    thrusters: Thrusters
+    errors: ThrustErrors
 
 
 class ModelErrors(NamedTuple):

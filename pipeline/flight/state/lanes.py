@@ -4,9 +4,16 @@ from fis_tools.compiled.decorator import compiled
 from fis_tools.compiled.three import Three
 from fis_tools.compiled.vectors import Vector, least, load, most, store, width_of
 from pipeline.array_types import Floats
+from pipeline.flight.state.arrays import Moment
 
 #: an attitude, Hill to body, scalar last
 Quaternion = tuple[Vector, Vector, Vector, Vector]
+
+
+@compiled(forceinline=True)
+def flight_of(now: Moment, lane: int) -> int:
+    """Return the flight of a lane; those without one of their own repeat the last."""
+    return now.first + min(lane, now.num_lanes - 1)
 
 
 @compiled(forceinline=True)

@@ -15,25 +15,15 @@ NOTHING, ANGLES, ORBIT, APPROACH, PREVIEW, URGENCY, SETTING, TOUR = 0, 1, 2, 4, 
 
 @dataclass(frozen=True)
 class Signal:
-    """A quantity that a controller may sense.
+    """A quantity that a controller may sense."""
 
-    Parameters
-    ----------
-    unit : str
-        Empty if dimensionless.
-    description : str
-    needs : int
-        What must be computed for it: `NOTHING` beyond what every flight computes, the relative `ANGLES`, free
-        motion, target and Sun (`ORBIT`), the closest `APPROACH`, the `PREVIEW` of coasting, `URGENCY`, the
-        push that shows `SETTING` points, or the one that leads onto the `TOUR`.
-    formula : str
-        In the symbols of ``docs/reference/signals.md``; empty where the description is enough.
-    """
-
-    unit: str
+    unit: str  # empty if dimensionless
     description: str
+    # what must be computed for it: `NOTHING` beyond what every flight computes, the relative `ANGLES`, free
+    # motion, target and Sun (`ORBIT`), the closest `APPROACH`, the `PREVIEW` of coasting, `URGENCY`, the push
+    # that shows `SETTING` points, or the one that leads onto the `TOUR`
     needs: int
-    formula: str = ""
+    formula: str = ""  # in the symbols of docs/reference/signals.md; empty where the description is enough
 
 
 SIGNALS = {
@@ -205,27 +195,13 @@ def needs_of(names: Iterable[str]) -> int:
 
 @dataclass(frozen=True)
 class Constant:
-    """A number that a controller may set besides its systems, as an attribute.
+    """A number that a controller may set besides its systems, as an attribute."""
 
-    Parameters
-    ----------
-    description : str
-        With its unit.
-    is_signed : bool
-        Whether it may be negative.
-    is_tuned : bool
-        Whether evolution may tune it: not counts of control periods, nor choices between alternatives.
-    needed_for : int
-        Flags of the signals that are not defined where it is zero.
-    such_as : str
-        A value to begin with, of one that is needed.
-    """
-
-    description: str
+    description: str  # with its unit
     is_signed: bool = False
-    is_tuned: bool = True
-    needed_for: int = NOTHING
-    such_as: str = ""
+    is_tuned: bool = True  # whether evolution may tune it: no count of control periods, no choice
+    needed_for: int = NOTHING  # flags of the signals that are not defined where it is zero
+    such_as: str = ""  # a value to begin with, of one that is needed
 
 
 #: components of the tour: along Hill axes, and the lift, added to the last times the sine of the elevation

@@ -1,10 +1,11 @@
-"""The number of integration steps of a tumbling chief."""
+"""How the chief turns: its attitude at every sample, and the integration of one that tumbles."""
 
 import math
 
 import numpy as np
 
-from pipeline.physics.rigid_body import longest_tumbling_step
+from pipeline.array_types import Floats
+from pipeline.physics.rigid_body import longest_tumbling_step, tumble
 from pipeline.settings.experiment import Mission, SettingError
 
 #: longest step of the chief's integrator, s
@@ -38,3 +39,20 @@ def num_chief_steps(mission: Mission) -> int:
             f"{MOST_STEPS:,}: lower one of them"
         )
     return steps
+
+
+def chief_attitudes(mission: Mission) -> Floats:
+    """Return the chief's attitude at every sample, Hill to chief, scalar last, shape (K+1, 4)."""
+    attitudes = np.zeros((mission.num_controls + 1, 4))
+    attitudes[:, 3] = 1.0
+    rate = mission.chief.initial_angular_velocity_rad_s
+    if rate is None:
+        return attitudes
+    inertia = np.array(mission.chief.inertia_kg_m2, dtype=np.float64)
+    inverse = np.linalg.inv(inertia).astype(np.float64)
+    quaternion, rate_c = attitudes[0].copy(), np.array(rate, dtype=np.float64)
+    steps, n = num_chief_steps(mission), mission.orbit.mean_motion_rad_s
+    for k in range(1, len(attitudes)):
+        quaternion, rate_c = tumble(quaternion, rate_c, inertia, inverse, n, mission.control_period_s, steps)
+        attitudes[k] = quaternion
+    return attitudes

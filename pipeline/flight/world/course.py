@@ -17,14 +17,8 @@ def chief_course(mission: Mission) -> Course:
     if dynamics.model == "cw":
         return NO_COURSE
     check_perigee(mission)
-    return course_of(
-        orbit.mean_motion_rad_s,
-        semi_major_axis(orbit),
-        dynamics,
-        mission.light.shadow != "none",
-        mission.control_period_s,
-        mission.num_controls,
-    )
+    chief = orbit.mean_motion_rad_s, semi_major_axis(orbit), dynamics
+    return course_of(*chief, mission.light.shadow != "none", mission.control_period_s, mission.num_controls)
 
 
 def semi_major_axis(orbit: Orbit) -> float:

@@ -57,9 +57,5 @@ def sun_shares(mission: Mission, angles: Floats, elevations: Floats) -> Floats:
     if mission.light.shadow == "none":
         return np.ones(len(angles))
     radius = shadowing_radius(mission.orbit, mission.light)
-    return np.array(
-        [
-            visible_share(sun_direction_h(angle, elevation), radius)
-            for angle, elevation in zip(angles.tolist(), elevations.tolist(), strict=True)
-        ]
-    )
+    places = zip(angles.tolist(), elevations.tolist(), strict=True)
+    return np.array([visible_share(sun_direction_h(*place), radius) for place in places])

@@ -91,12 +91,8 @@ def spread_points(corners: Floats, num_points: int) -> tuple[Floats, Floats]:
 
     Of many places, drawn by a sequence that fills each triangle evenly (M. Roberts' R2), each point is the
     one farthest from those before (T. Gonzalez, Theoretical Computer Science 38, 1985), with opposite faces a
-    mean spacing apart. The result is deterministic.
-
-    Returns
-    -------
-    points, normals : (P, 3)
-        m, and unit vectors; in the order in which they were chosen.
+    mean spacing apart. The result is deterministic: points (m) and normals, shape (P, 3), in the order in
+    which they were chosen.
     """
     crossed = _crossed(corners)
     areas = 0.5 * np.linalg.norm(crossed, axis=1)

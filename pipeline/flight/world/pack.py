@@ -8,8 +8,7 @@ from pipeline.array_types import Floats
 from pipeline.flight.period.act.safety import guard_of
 from pipeline.flight.period.look.guidance import POINTS
 from pipeline.flight.state.arrays import World
-from pipeline.flight.state.preview import look_stride, preview_stride
-from pipeline.flight.world.chief import num_chief_steps
+from pipeline.flight.world.chief import chief_attitudes
 from pipeline.flight.world.course import chief_course
 from pipeline.flight.world.light import (
     RIGHT_ANGLE_DEG,
@@ -22,9 +21,13 @@ from pipeline.flight.world.surface import Surface, surface_of
 from pipeline.physics.illumination import least_sun_height
 from pipeline.physics.motion import motion_over, orbit_parts
 from pipeline.physics.quaternion import dcm_b_from_h
-from pipeline.physics.rigid_body import tumble
 from pipeline.physics.sight import HEIGHT, NORMAL, NUM_SURFACE, SQUARE, Optics, sight_of
 from pipeline.settings.experiment import Mission
+
+#: from one place to the next of a preview of what coasting would show; the Sun turns by 8 deg
+PREVIEW_PERIOD_S = 120.0
+#: the same for the push that shows setting points; the Sun turns by 4 deg
+LOOK_PERIOD_S = 60.0
 
 
 def inspection_points(mission: Mission) -> Floats:
@@ -54,12 +57,7 @@ def optics_of(mission: Mission) -> Optics:
 def rows_of(surface: Surface, axes: Floats) -> Floats:
     """Return the surface at the points at each sample, shape (K+1 or 1, NUM_SURFACE, P padded), Hill axes, m.
 
-    Parameters
-    ----------
-    surface : Surface
-        In chief axes.
-    axes : (K+1 or 1, 3, 3)
-        From Hill to chief.
+    Axes, (K+1 or 1, 3, 3), lead from Hill to chief.
     """
     num_points = len(surface.points)
     rows: Floats = aligned((len(axes), NUM_SURFACE, padded(num_points, POINTS)))
@@ -68,31 +66,6 @@ def rows_of(surface: Surface, axes: Floats) -> Floats:
     rows[:, HEIGHT, :num_points] = np.sum(surface.points * surface.normals, axis=1)
     rows[:, SQUARE, :num_points] = np.sum(surface.points**2, axis=1)
     return rows
-
-
-def chief_attitudes(mission: Mission) -> Floats:
-    """Return the chief's attitude at every sample, Hill to chief, scalar last, shape (K+1, 4)."""
-    attitudes = np.zeros((mission.num_controls + 1, 4))
-    attitudes[:, 3] = 1.0
-    rate = mission.chief.initial_angular_velocity_rad_s
-    if rate is None:
-        return attitudes
-    inertia = np.array(mission.chief.inertia_kg_m2, dtype=np.float64)
-    inverse = np.linalg.inv(inertia).astype(np.float64)
-    quaternion, rate_c = attitudes[0].copy(), np.array(rate, dtype=np.float64)
-    steps = num_chief_steps(mission)
-    for k in range(1, len(attitudes)):
-        quaternion, rate_c = tumble(
-            quaternion,
-            rate_c,
-            inertia,
-            inverse,
-            mission.orbit.mean_motion_rad_s,
-            mission.control_period_s,
-            steps,
-        )
-        attitudes[k] = quaternion
-    return attitudes
 
 
 def hill_rate_b(mission: Mission) -> Floats:
@@ -143,7 +116,7 @@ def pack_world(mission: Mission) -> World:
     patches[:] = placed[:, :, order]
     axes = np.array([dcm_b_from_h(quaternion) for quaternion in attitudes])
     inertia = np.array(deputy.inertia_kg_m2, dtype=np.float64)
-    stride, look = preview_stride(mission), look_stride(mission)
+    stride, look = max(1, round(PREVIEW_PERIOD_S / period)), max(1, round(LOOK_PERIOD_S / period))
     return World(
         num_controls=mission.num_controls,
         num_attitude_steps=mission.num_attitude_steps,

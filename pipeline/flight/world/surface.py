@@ -16,22 +16,12 @@ LEAST_FREE = 0.01
 
 
 class Surface(NamedTuple):
-    """Inspection points, in chief axes.
+    """Inspection points, in chief axes, m."""
 
-    Attributes
-    ----------
-    points, normals : (P, 3)
-        m, and unit vectors out of the body.
-    occlusion : Occlusion
-        What parts of a mesh hide; empty for a sphere.
-    corners : (T, 3, 3)
-        Triangles of a mesh, m; no rows for a sphere.
-    """
-
-    points: Floats
-    normals: Floats
-    occlusion: Occlusion
-    corners: Floats
+    points: Floats  # (P, 3)
+    normals: Floats  # (P, 3) unit vectors out of the body
+    occlusion: Occlusion  # what parts of a mesh hide; empty for a sphere
+    corners: Floats  # (T, 3, 3) triangles of a mesh; no rows for a sphere
 
 
 def surface_of(mission: Mission) -> Surface:

@@ -7,6 +7,7 @@ from scipy.spatial.transform import Rotation
 from fis_tools.compiled.vectors import padded
 from pipeline.flight.period.look.guidance import (
     CENTRE_SHIFT_M,
+    Clusters,
     cluster_centres,
     nearest_centre,
     num_clusters,
@@ -27,7 +28,7 @@ def columns(candidates):
     return array
 
 
-class Clusters:
+class Carried:
     """What clustering carries from sample to sample."""
 
     def __init__(self, carried=()):
@@ -35,10 +36,12 @@ class Clusters:
         self.centres[: self.count] = np.reshape(carried, (-1, 3))
         self.scratch = np.zeros((2, width)), np.zeros(width), np.zeros((10, 4))
 
+    def of(self, candidates):
+        return Clusters(columns(candidates), len(candidates), self.centres, *self.scratch)
+
     def chosen(self, candidates, position):
         """The centre of the cluster nearest to a place."""
-        arguments = columns(candidates), len(candidates), np.asarray(position), self.centres
-        self.count = cluster_centres(*arguments, self.count, *self.scratch)
+        self.count = cluster_centres(self.of(candidates), np.asarray(position), self.count)
         return self.centres[nearest_centre(self.centres, self.count, np.asarray(position))].copy()
 
 
@@ -69,7 +72,7 @@ def flight_like_sequence(seed, num_steps=150):
 def test_clusters_are_scikit_learns_along_flights():
     numbers = set()
     for seed in range(8):
-        clusters, centres = Clusters(), np.empty((0, 3))
+        clusters, centres = Carried(), np.empty((0, 3))
         for position, candidates in flight_like_sequence(seed):
             chosen = clusters.chosen(candidates, position)
             centres = clustered(candidates, started(candidates, position, centres))
@@ -95,7 +98,7 @@ def test_empty_clusters_move_as_scikit_learn_moves_them():
         nearest = np.linalg.norm(candidates[:, None] - carried[None], axis=2).argmin(axis=1)
         num_empty.append(number - len(set(nearest)))
 
-        clusters = Clusters(carried)
+        clusters = Carried(carried)
         clusters.chosen(candidates, position)
         np.testing.assert_allclose(
             clusters.centres[:number], clustered(candidates, carried), rtol=0, atol=1e-9
@@ -109,17 +112,15 @@ def test_the_last_candidate_of_a_cluster_may_be_taken_from_it():
     candidates = np.vstack((cluster, [[-90.0, 5.0, 1.0]]))
     for order in ([0, 1, 2], [2, 1, 0], [1, 0, 2], [1, 2, 0]):
         carried = np.array([[0.0, 1.0, 0.5], [-70.0, 0.0, 0.0], [0.0, 500.0, 0.0]])[order]
-        clusters = Clusters(carried)
+        clusters = Carried(carried)
         clusters.chosen(candidates, [60.0, 0.0, 0.0])
         np.testing.assert_allclose(clusters.centres[:3], clustered(candidates, carried), rtol=0, atol=1e-9)
 
 
 def first_centres(candidates, position, carried):
     """The centres that clustering starts from."""
-    clusters = Clusters(carried)
-    labels, distances, _ = clusters.scratch
-    arguments = columns(candidates), len(candidates), np.asarray(position), clusters.centres, len(carried)
-    return clusters.centres[: start_centres(*arguments, labels[0], distances)]
+    clusters = Carried(carried)
+    return clusters.centres[: start_centres(clusters.of(candidates), np.asarray(position), len(carried))]
 
 
 def line(*places):
@@ -158,7 +159,7 @@ def test_up_to_ten_candidates_make_one_cluster_and_eleven_two():
     assert [num_clusters(m) for m in (0, 1, 10, 11, 20, 21, 99)] == [0, 1, 1, 2, 2, 3, 10]
     position = np.array([0.0, 60.0, 0.0])
     few = POINTS[:10]
-    np.testing.assert_allclose(Clusters().chosen(few, position), few.mean(axis=0), rtol=1e-14)
+    np.testing.assert_allclose(Carried().chosen(few, position), few.mean(axis=0), rtol=1e-14)
 
 
 def test_well_separated_clusters_are_found_and_the_nearest_is_chosen():
@@ -166,12 +167,12 @@ def test_well_separated_clusters_are_found_and_the_nearest_is_chosen():
     homes = np.array([[10.0, 0.0, 0.0], [-10.0, 0.0, 0.0], [0.0, 0.0, 10.0]])
     candidates = np.vstack([home + rng.normal(scale=0.3, size=(8, 3)) for home in homes])
     for home, members in zip(homes, np.split(candidates, 3), strict=True):
-        chosen = Clusters().chosen(candidates, 6.0 * home + 1.0)
+        chosen = Carried().chosen(candidates, 6.0 * home + 1.0)
         np.testing.assert_allclose(chosen, members.mean(axis=0), atol=1e-12)
 
 
 def test_unchanged_candidates_keep_their_centres_to_the_last_bit():
-    clusters = Clusters()
+    clusters = Carried()
     clusters.chosen(POINTS[20:75], [40.0, -30.0, 20.0])
     count, before = clusters.count, clusters.centres.copy()
     clusters.chosen(POINTS[20:75], [40.0, -30.0, 20.0])
@@ -180,8 +181,8 @@ def test_unchanged_candidates_keep_their_centres_to_the_last_bit():
 
 
 def test_without_candidates_there_is_no_centre():
-    clusters = Clusters(POINTS[:3])
-    assert cluster_centres(columns(()), 0, POINTS[0], clusters.centres, 3, *clusters.scratch) == 0
+    clusters = Carried(POINTS[:3])
+    assert cluster_centres(clusters.of(()), POINTS[0], 3) == 0
 
 
 def test_the_nearest_centre_is_the_first_of_equals():

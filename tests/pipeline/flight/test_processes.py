@@ -10,9 +10,8 @@ from scipy.stats import kstest, norm, truncnorm, uniform
 
 from pipeline.flight.cases.actuators import thrust_errors
 from pipeline.flight.cases.dispersions import groups_of, mission_of_case
-from pipeline.flight.cases.drag import drag_in_time
 from pipeline.flight.cases.navigation import errors_of
-from pipeline.flight.cases.processes import in_time
+from pipeline.flight.cases.processes import drag_in_time, in_time
 from pipeline.flight.control.controller import coast, open_loop
 from pipeline.flight.fly.simulation import fly_logged
 from pipeline.flight.state.log import Scenario

@@ -145,7 +145,7 @@ def test_forces_are_within_the_thrusters_and_counted(name: str) -> None:
 
 
 def test_the_stop_is_the_force_after_which_the_deputy_stands() -> None:
-    stop = guard_of(guarded()).stop.gain
+    stop = guard_of(guarded()).stop
     for state in random.normal(0.0, [60.0, 60.0, 60.0, 0.2, 0.2, 0.2], (20, 6)):
         stopped = step(PERIOD, state, stop @ state)
         np.testing.assert_allclose(stopped[3:], 0.0, atol=1e-12)
@@ -159,7 +159,7 @@ def test_the_stop_is_the_force_after_which_the_deputy_stands() -> None:
 @pytest.mark.parametrize("name", ["towards the chief", "away from the chief", "strong noise", "long pushes"])
 def test_every_sample_could_be_the_last(name: str) -> None:
     """At each sample one stop leads to a standstill between the spheres, with the force set aside for it."""
-    stop = guard_of(guarded()).stop.gain
+    stop = guard_of(guarded()).stop
     for start in starts_at_rest(3, 29):
         log = fly_logged(guarded(), HOSTILE[name], start)
         for state in np.hstack([log.position_m, log.velocity_m_s]):

@@ -12,8 +12,8 @@ from pipeline.flight.control.controller import coast, law_of
 from pipeline.flight.fly.population import FlightError, fly_population
 from pipeline.flight.fly.simulation import fly_all, fly_logged
 from pipeline.flight.state.log import Scenario
-from pipeline.flight.world.chief import num_chief_steps
-from pipeline.flight.world.pack import chief_attitudes, pack_world
+from pipeline.flight.world.chief import chief_attitudes, num_chief_steps
+from pipeline.flight.world.pack import pack_world
 from pipeline.settings.experiment import SettingError
 from tests.pipeline.flight.missions import MEAN_MOTION, PAPER
 

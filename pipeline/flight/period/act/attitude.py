@@ -29,7 +29,7 @@ from fis_tools.compiled.three import (
 )
 from fis_tools.compiled.vectors import Vector, select, some, store
 from pipeline.array_types import Floats
-from pipeline.flight.state.arrays import Plans, State, Workspace, World
+from pipeline.flight.state.arrays import Moment, Plans, State, World
 from pipeline.flight.state.lanes import Quaternion, clip_three, four, to_body, write_four
 from pipeline.flight.state.log import FlightLog
 
@@ -159,8 +159,9 @@ def relative_rate(q: Quaternion, rate: Three, n: float) -> Three:
 
 
 @compiled(error_model="numpy", forceinline=True)
-def turn_balls(world: World, state: State, work: Workspace) -> None:
+def turn_balls(now: Moment) -> None:
     """Turn all lanes over a control period, for spherical inertias and slow rotation."""
+    world, state, work = now.world, now.state, now.work
     n, h = world.mean_motion, world.attitude_period
     hill_sin, hill_cos = sin(0.5 * n * h), cos(0.5 * n * h)
     kp, kd = world.proportional_gain[0, 0], world.derivative_gain[0, 0]
@@ -189,13 +190,14 @@ def write_attitude(rows: Floats, lane: int, q: Quaternion) -> None:
 
 
 @compiled(error_model="numpy")
-def turn_any(world: World, plans: Plans, state: State, work: Workspace, lane: int, k: int) -> None:
+def turn_any(now: Moment, plans: Plans, lane: int) -> None:
     """Turn one lane over a control period, for any inertia and rate, from its first row of `passed`."""
+    world, state, work = now.world, now.state, now.work
     q, rate = attitude_of(work.passed[0].attitude, lane), lane_of(work.passed[0].rate, 0, lane)
     for j in range(world.num_attitude_steps):
         write_attitude(work.passed[j].attitude, lane, q)
         write_lane(work.passed[j].rate, 0, lane, rate)
-        torque = torque_at(world, plans, work, lane, j, k)
+        torque = torque_at(now, plans, lane, j)
         if world.turns_by_thrust:
             torque = plus(torque, thrust_torque(state, lane, q))
         q, rate = turn_body(world, q, rate, torque)
@@ -220,59 +222,60 @@ def control_torque(world: World, q: Quaternion, aim: Quaternion, rate: Three) ->
 
 
 @compiled(error_model="numpy")
-def torque_at(world: World, plans: Plans, work: Workspace, lane: int, instant: int, k: int) -> Three:
-    """Return one lane's torque at an instant already passed of the period after sample k, N m.
+def torque_at(now: Moment, plans: Plans, lane: int, instant: int) -> Three:
+    """Return one lane's torque at an instant already passed of the control period, N m.
 
     That of the attitude law, or the one that is played; none is after the last of those.
     """
-    if len(plans.torques) > 0:
+    if len(plans.turns.torques) > 0:
         played = Three(0.0, 0.0, 0.0)
-        if k < len(plans.torques):
-            played = clip_three(three_of(plans.torques[k]), world.max_torque)
+        if now.k < len(plans.turns.torques):
+            played = clip_three(three_of(plans.turns.torques[now.k]), now.world.max_torque)
         return played
-    passed, aim = work.passed[instant], attitude_of(work.aims[instant].attitude, lane)
-    return control_torque(world, attitude_of(passed.attitude, lane), aim, lane_of(passed.rate, 0, lane))
+    passed, aim = now.work.passed[instant], attitude_of(now.work.aims[instant].attitude, lane)
+    return control_torque(now.world, attitude_of(passed.attitude, lane), aim, lane_of(passed.rate, 0, lane))
 
 
 @compiled(error_model="numpy")
-def write_instants(world: World, plans: Plans, work: Workspace, log: FlightLog, k: int) -> None:
+def write_instants(now: Moment, plans: Plans, log: FlightLog) -> None:
     """Log attitudes, rates and torques of lane 0 at the instants of the attitude clock."""
+    world, work, k = now.world, now.work, now.k
     for j in range(world.num_attitude_steps):
         attitude = work.aims[j].attitude if world.is_attitude_ideal else work.passed[j].attitude
         for component in range(4):
             log.attitude_quaternion[k, j, component] = attitude[component, 0]
         if not world.is_attitude_ideal:
-            torque = torque_at(world, plans, work, 0, j, k)
-            passed = work.passed[j]
-            rate = relative_rate(
-                attitude_of(passed.attitude, 0), lane_of(passed.rate, 0, 0), world.mean_motion
-            )
+            torque, passed = torque_at(now, plans, 0, j), work.passed[j]
+            q, inertial = attitude_of(passed.attitude, 0), lane_of(passed.rate, 0, 0)
+            rate = relative_rate(q, inertial, world.mean_motion)
             for component in range(3):
                 log.torque_b_n_m[k, j, component] = torque[component]
                 log.attitude_rate_b_rad_s[k, j, component] = rate[component]
 
 
 @compiled(error_model="numpy", forceinline=True)
-def turn_deputies(world: World, plans: Plans, state: State, work: Workspace, num_lanes: int, k: int) -> None:
+def turn_deputies(now: Moment, plans: Plans) -> None:
     """Turn all lanes over the control period that they are aimed for."""
-    lanes, truth, h = state.lanes, state.truth, world.attitude_period
+    world, lanes, truth, h = now.world, now.state.lanes, now.state.truth, now.world.attitude_period
     rate = load_three(truth.rate, 0)
     # lanes that might turn too far for the series within this period take the general method
     gained = world.control_period * sqrt(3.0) * world.max_torque * world.inverse_inertia[0, 0]
     is_one_step_of_a_ball = world.is_spherical and h <= LONGEST_STEP_S * (1.0 + 1e-9)
-    is_one_step_of_a_ball = is_one_step_of_a_ball and not (world.turns_by_thrust or len(plans.torques) > 0)
+    is_one_step_of_a_ball = is_one_step_of_a_ball and not (
+        world.turns_by_thrust or len(plans.turns.torques) > 0
+    )
     slow = max(0.0, sqrt(LARGEST_SQUARE) / h - gained) if is_one_step_of_a_ball else 0.0
     is_fast = dot(rate, rate) >= slow * slow
     store(lanes.turns_fast, 0, select(is_fast, 1.0, 0.0))
     if slow > 0.0:
-        turn_balls(world, state, work)
+        turn_balls(now)
     else:
-        write_four(work.passed[0].attitude, four(truth.attitude))
-        store_three(work.passed[0].rate, 0, rate)
+        write_four(now.work.passed[0].attitude, four(truth.attitude))
+        store_three(now.work.passed[0].rate, 0, rate)
     if some(is_fast):
-        for lane in range(num_lanes):
+        for lane in range(now.num_lanes):
             if lanes.turns_fast[lane] > 0.0:
-                turn_any(world, plans, state, work, lane, k)
+                turn_any(now, plans, lane)
     # exponentials keep the norm except for rounding
     q1, q2, q3, q4 = four(truth.attitude)
     scale = 1.5 - 0.5 * (q1 * q1 + q2 * q2 + q3 * q3 + q4 * q4)

@@ -3,8 +3,8 @@
 from fis_tools.compiled.decorator import compiled
 from fis_tools.compiled.three import Three, load_three, plus, scaled, store_three, three_of, write_lane
 from fis_tools.compiled.vectors import splat, store, width_of
-from pipeline.flight.state.arrays import State, World
-from pipeline.flight.state.lanes import one, two
+from pipeline.flight.state.arrays import Moment, State, World
+from pipeline.flight.state.lanes import flight_of, one, two
 from pipeline.physics.illumination import share_at
 from pipeline.physics.motion import place_after, step_of, velocity_after
 from pipeline.physics.orbit import Course
@@ -56,16 +56,14 @@ def note_sunshine(course: Course, state: State, row: int) -> None:
 
 
 @compiled(error_model="numpy")
-def move_about_earth(
-    world: World, course: Course, state: State, force: Three, first: int, num_lanes: int, k: int
-) -> None:
-    """Move all lanes, which are flights from `first` on, by a control period under forces, N, Hill axes."""
-    lanes, truth, row = state.lanes, state.truth, 2 * course.num_steps * k
+def move_about_earth(now: Moment, course: Course, force: Three) -> None:
+    """Move all lanes by a control period under forces, N, Hill axes."""
+    state, lanes, truth, row = now.state, now.state.lanes, now.state.truth, 2 * course.num_steps * now.k
     place, velocity = entered(course, row, load_three(truth.position, 0), load_three(truth.velocity, 0))
-    pull = scaled(world.acceleration_per_force, force)
+    pull = scaled(now.world.acceleration_per_force, force)
     if len(course.varying) > 0:
         for lane in range(width_of(lanes)):
-            write_lane(lanes.drag, 0, lane, three_of(course.varying[first + min(lane, num_lanes - 1), k]))
+            write_lane(lanes.drag, 0, lane, three_of(course.varying[flight_of(now, lane), now.k]))
         pull = plus(pull, load_three(lanes.drag, 0))
     light = scaled(-course.radiation, suns(state))
     for _ in range(course.num_steps):

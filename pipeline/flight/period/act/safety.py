@@ -31,10 +31,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fis_tools.compiled.decorator import compiled
-from fis_tools.compiled.three import Three, dot, length, load_three, scaled, store_three, three_of
+from fis_tools.compiled.three import Three, dot, length, load_three, same, scaled, store_three, three_of
 from fis_tools.compiled.vectors import least, most, select, some, splat, store, width_of
 from pipeline.array_types import Floats
-from pipeline.flight.state.arrays import Guard, State, Workspace, World
+from pipeline.flight.state.arrays import Guard, Moment, State, World
 from pipeline.flight.state.log import KEEP_IN, KEEP_OUT, PASSIVE_SAFETY, SAFE, SPEED
 from pipeline.physics.motion import (
     Motion,
@@ -121,11 +121,8 @@ def most_exceeded(world: World, ahead: Floats, num_places: int) -> tuple[int, in
     for row in range(num_places):
         distance = length(position(guard.places, row, ahead))
         if row < guard.num_kept_out and guard.keep_out - distance > excess:
-            limit, place, excess = (
-                (KEEP_OUT if row < STANDING else PASSIVE_SAFETY),
-                row,
-                guard.keep_out - distance,
-            )
+            limit, place, excess = PASSIVE_SAFETY, row, guard.keep_out - distance
+            limit = KEEP_OUT if row < STANDING else limit
         if row < guard.num_kept_in and distance - guard.keep_in > excess:
             limit, place, excess = KEEP_IN, row, distance - guard.keep_in
     fastest = guard.speed_at_chief + guard.speed_slope * length(three_of(ahead[:3]))
@@ -152,7 +149,7 @@ def cut(world: World, free: Floats, ahead: Floats, limit: int, place: int, half_
     if limit == SPEED and place > 0:
         sign = -1.0 if stopping_force(guard.stop, place - 1, ahead) > 0.0 else 1.0
         for i in range(6):
-            l[i] = sign * guard.stop.gain[place - 1, i]
+            l[i] = sign * guard.stop[place - 1, i]
         level = SLACK / world.motion.control[0, 2, 2] - guard.braking_force
         level -= sign * stopping_force(guard.stop, place - 1, nothing)
     elif limit == SPEED:
@@ -290,23 +287,22 @@ def correct(world: World, state: Floats, asked: Floats, cuts: Floats, force: Flo
 
 
 @compiled(error_model="numpy")
-def assure(world: World, state: State, work: Workspace, num_lanes: int) -> None:
+def assure(now: Moment) -> None:
     """Correct the commands of all lanes that are not safe; the others stay bit-identical."""
-    lanes, belief = state.lanes, state.belief
-    nothing = splat(0.0, width_of(lanes))
-    store(lanes.limit, 0, nothing)
-    store_three(lanes.change, 0, Three(nothing, nothing, nothing))
-    if not look_ahead(world, state):
+    world, lanes, belief = now.world, now.state.lanes, now.state.belief
+    store(lanes.limit, 0, splat(0.0, width_of(lanes)))
+    store_three(lanes.change, 0, same(0.0, width_of(lanes)))
+    if not look_ahead(world, now.state):
         return
     known, asked, force = np.empty(6), np.empty(3), np.empty(3)
     per_force = world.control_period * world.acceleration_per_force
-    for lane in range(num_lanes):
+    for lane in range(now.num_lanes):
         if lanes.is_unsafe[lane] == 0.0:
             continue
         for j in range(3):
             known[j], known[3 + j] = belief.position[j, lane], belief.velocity[j, lane]
             asked[j] = lanes.commanded[j, lane]
-        limit = correct(world, known, asked, work.cuts, force)
+        limit = correct(world, known, asked, now.work.cuts, force)
         if limit == SAFE:
             continue  # by rounding
         lanes.num_acted[lane] += 1.0

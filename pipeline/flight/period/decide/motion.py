@@ -11,9 +11,8 @@ import numpy as np
 from fis_tools.compiled.decorator import compiled
 from fis_tools.compiled.three import Three, dot, length, load_three, minus, plus, scaled, store_three
 from fis_tools.compiled.vectors import Vector, least, most, select, store
-from pipeline.array_types import Floats
 from pipeline.flight.period.look.guidance import MIN_PROJECTION_M
-from pipeline.flight.state.arrays import Law, State, Workspace, World
+from pipeline.flight.state.arrays import Control, Moment, constant_of
 from pipeline.flight.state.elementary import arctangent
 from pipeline.flight.state.lanes import four, to_body, two, write_two
 from pipeline.flight.state.signals import constant, slot
@@ -45,9 +44,9 @@ def relative_angle(target_a: Vector, target_b: Vector, position_a: Vector, posit
 
 
 @compiled(error_model="numpy", forceinline=True)
-def sense_place(state: State, work: Workspace) -> None:
+def sense_place(now: Moment) -> None:
     """Write position and velocity of every lane, along Hill and body axes."""
-    belief, signals = state.belief, work.signals
+    belief, signals = now.state.belief, now.work.signals
     place, velocity = load_three(belief.position, 0), load_three(belief.velocity, 0)
     store(signals, DISTANCE, length(place))
     store_three(signals, POSITION_HILL, place)
@@ -56,23 +55,20 @@ def sense_place(state: State, work: Workspace) -> None:
 
 
 @compiled(error_model="numpy", forceinline=True)
-def sense_angles(state: State, work: Workspace) -> None:
+def sense_angles(now: Moment) -> None:
     """Write the angles from every lane to its target."""
-    place, target = load_three(state.belief.position, 0), load_three(state.lanes.target, 0)
-    store(work.signals, LAMBDA_U, relative_angle(target.x, target.y, place.x, place.y))
-    store(work.signals, ETA_U, relative_angle(target.x, target.z, place.x, place.z))
+    place, target = load_three(now.state.belief.position, 0), load_three(now.state.lanes.target, 0)
+    store(now.work.signals, LAMBDA_U, relative_angle(target.x, target.y, place.x, place.y))
+    store(now.work.signals, ETA_U, relative_angle(target.x, target.z, place.x, place.z))
 
 
 @compiled(error_model="numpy")
-def sense_orbit(world: World, law: Law, values: Floats, state: State, work: Workspace) -> None:
+def sense_orbit(now: Moment, control: Control) -> None:
     """Write the signals of free motion of every lane."""
-    n = world.mean_motion
-    size = values[law.constants + RING_SIZE] if law.constants >= 0 else 0.0
-    lead = values[law.constants + RING_LEAD] if law.constants >= 0 else 0.0
-    ahead_s = values[law.constants + PREDICTION_TIME] if law.constants >= 0 else 0.0
-    drift = 1.5 * n * ahead_s
+    state, signals, n = now.state, now.work.signals, now.world.mean_motion
+    size, lead = constant_of(control, RING_SIZE), constant_of(control, RING_LEAD)
+    drift = 1.5 * n * constant_of(control, PREDICTION_TIME)
     along, across = size * cos(lead), size * sin(lead)
-    signals = work.signals
     sun_cos, sun_sin = two(state.lanes.sun)
     rx, ry, _ = load_three(state.belief.position, 0)
     vx, vy, _ = load_three(state.belief.velocity, 0)
@@ -92,7 +88,7 @@ def sense_orbit(world: World, law: Law, values: Floats, state: State, work: Work
 
 
 @compiled(error_model="numpy")
-def sense_approach(world: World, state: State, work: Workspace) -> None:
+def sense_approach(now: Moment) -> None:
     """Write every lane's closest approach to the chief within an orbit of free drift.
 
     The path is divided at every ``360 / ORBIT_PARTS`` degrees of the orbit, and each part taken as straight.
@@ -101,14 +97,15 @@ def sense_approach(world: World, state: State, work: Workspace) -> None:
     ``n^2 sqrt(4 b^2 + c^2)``, with b the ellipse's height and c the cross-track amplitude: the distance
     is accurate to ``(2 pi / ORBIT_PARTS)^2 / 8 = 0.0038`` of ``sqrt(4 b^2 + c^2)``.
     """
-    place, velocity = load_three(state.belief.position, 0), load_three(state.belief.velocity, 0)
+    belief = now.state.belief
+    place, velocity = load_three(belief.position, 0), load_three(belief.velocity, 0)
     before, nearest = place, dot(place, place)
     for part in range(ORBIT_PARTS):
-        after = drifted_place(place_of(world.orbit_parts, part), place, velocity)
+        after = drifted_place(place_of(now.world.orbit_parts, part), place, velocity)
         chord = minus(after, before)
         square = dot(chord, chord)
         share = -dot(before, chord) / select(square > 0.0, square, 1.0)
         passed = plus(before, scaled(least(most(share, 0.0), 1.0), chord))
         nearest = least(dot(passed, passed), nearest)
         before = after
-    store(work.signals, CLOSEST_APPROACH, np.sqrt(nearest))
+    store(now.work.signals, CLOSEST_APPROACH, np.sqrt(nearest))

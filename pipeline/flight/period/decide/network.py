@@ -14,37 +14,20 @@ LINEAR, TANH, CLIPPED = range(3)
 
 
 class Network(NamedTuple):
-    """Layers, one after the other.
+    """Layers, one after the other."""
 
-    Attributes
-    ----------
-    widths : (L+1,) int
-        Inputs of each layer, and outputs of the last.
-    numbers : (n,)
-        For each layer the weights, a row per input, followed by the biases.
-    kinds : (L,) int
-        `LINEAR`, `TANH` or `CLIPPED`.
-    low, high : (L,)
-        Limits of the clipped layers.
-    """
-
-    widths: Integers
-    numbers: Floats
-    kinds: Integers
-    low: Floats
+    widths: Integers  # (L+1,) inputs of each layer, and outputs of the last
+    numbers: Floats  # (n,) for each layer the weights, a row per input, followed by the biases
+    kinds: Integers  # (L,) `LINEAR`, `TANH` or `CLIPPED`
+    low: Floats  # (L,) limits of the clipped layers
     high: Floats
 
 
 @compiled(nogil=True, error_model="numpy")
 def answer(network: Network, seen: Floats, work: Floats, found: Floats) -> None:
-    """Write the network's outputs for the observations of some flights.
+    """Write the network's outputs, (m, widths[-1]), for the observations of m flights, (m, widths[0]).
 
-    Parameters
-    ----------
-    network : Network
-    seen : (m, widths[0])
-    work : (2, w) for the widest layer, any content
-    found : (m, widths[-1]), filled
+    `work`, (2, w) for the widest layer, may have any content.
     """
     widths, numbers = network.widths, network.numbers
     for row in range(len(seen)):

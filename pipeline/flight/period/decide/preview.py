@@ -1,6 +1,6 @@
 """Preview for all lanes: the points that coasting to the flight's end would show.
 
-Places are previewed every `pipeline.flight.state.preview.PREVIEW_PERIOD_S`, with the camera aimed at the
+Places are previewed every `pipeline.flight.world.pack.PREVIEW_PERIOD_S`, with the camera aimed at the
 chief's centre.
 """
 
@@ -9,7 +9,7 @@ from math import cos, sin, sqrt
 from fis_tools.compiled.decorator import compiled
 from fis_tools.compiled.three import dot, lane_of
 from pipeline.flight.period.look.optics import beam_at, strike_out_seen
-from pipeline.flight.state.arrays import Beyond, State, Workspace, World
+from pipeline.flight.state.arrays import Beyond, Moment
 from pipeline.flight.state.signals import slot
 from pipeline.physics.motion import drifted_place, drifted_velocity, step_of
 
@@ -18,11 +18,10 @@ COASTING_NEAREST, COASTING_FARTHEST = slot("coasting_nearest"), slot("coasting_f
 
 
 @compiled(error_model="numpy")
-def preview(
-    world: World, optics: Beyond | None, state: State, work: Workspace, num_lanes: int, k: int
-) -> None:
+def preview(now: Moment, optics: Beyond | None) -> None:
     """Write for every lane the points missed by coasting, and the least and greatest distance on the way."""
-    lanes, belief, signals, ahead = state.lanes, state.belief, work.signals, work.ahead
+    world, state, lanes, belief, k = now.world, now.state, now.state.lanes, now.state.belief, now.k
+    signals, ahead = now.work.signals, now.work.ahead
     # neighbours are seen shortly after one another: in the paper's world, in the order of patches
     points = world.patches if optics is None else world.points
     stride = world.preview_stride
@@ -31,7 +30,7 @@ def preview(
     turn = world.mean_motion * world.control_period
     first_cos, first_sin = cos(turn * first), sin(turn * first)
     stride_cos, stride_sin = cos(turn * stride), sin(turn * stride)
-    for lane in range(num_lanes):
+    for lane in range(now.num_lanes):
         num_left = int(lanes.num_unseen[lane])
         sun_x, sun_y = lanes.sun[0, lane], lanes.sun[1, lane]
         place, velocity = lane_of(belief.position, 0, lane), lane_of(belief.velocity, 0, lane)
@@ -44,17 +43,15 @@ def preview(
         while sample < world.num_controls:
             sample += step
             leap = step_of(world.strides, step)
-            place, velocity = (
-                drifted_place(leap.place, place, velocity),
-                drifted_velocity(leap, place, velocity),
-            )
+            moved = drifted_place(leap.place, place, velocity)
+            place, velocity = moved, drifted_velocity(leap, place, velocity)
             sun_x, sun_y = sun_x * turn_cos + sun_y * turn_sin, sun_y * turn_cos - sun_x * turn_sin
             step, turn_cos, turn_sin = stride, stride_cos, stride_sin
             square = dot(place, place)
             nearest, farthest = min(nearest, square), max(farthest, square)
             if num_left > 0:
-                beam = beam_at(world, optics, state, lane, sample, (sun_x, sun_y))
-                num_left -= strike_out_seen(world, optics, work, points, sample, beam, place)
+                beam = beam_at(now, optics, lane, sample, (sun_x, sun_y))
+                num_left -= strike_out_seen(world, optics, now.work, points, beam, place)
         signals[MISSED, lane] = num_left
         signals[COASTING_NEAREST, lane] = sqrt(nearest)
         signals[COASTING_FARTHEST, lane] = sqrt(farthest)

@@ -10,15 +10,16 @@ move by move, relocation of empty clusters included; `pipeline.flight.fly.plain`
 agree to rounding unless two distances tie. Clustering is warm-started from the centres of the step
 before.
 
-Compiled functions take candidates as an array of shape (3, P), one row per axis, of which the first
-`num_candidates` columns count and P is a multiple of `POINTS`; they allocate only what they return.
+Positions are in m, Hill axes. Compiled functions allocate only what they return.
 """
 
 from math import sqrt
+from typing import NamedTuple
 
 import numpy as np
 
 from fis_tools.compiled.decorator import compiled
+from fis_tools.compiled.three import dot, lane_of, minus, plus, scaled, three_of
 from fis_tools.compiled.vectors import load, select, store
 from pipeline.array_types import Floats
 
@@ -41,18 +42,22 @@ def num_clusters(num_candidates: int) -> int:
     return (num_candidates + CLUSTER_SIZE - 1) // CLUSTER_SIZE
 
 
+class Clusters(NamedTuple):
+    """Candidates, the centres of their clusters, and what clustering overwrites."""
+
+    candidates: Floats  # (3, P) one row per axis; P is a multiple of `POINTS`
+    num_candidates: int  # m: so many columns count
+    centres: Floats  # (C, 3) in and out, C >= ceil(P/10)
+    labels: Floats  # (2, P)
+    distances: Floats  # (P,)
+    sums: Floats  # (C, 4)
+
+
 @compiled
-def _assign(
-    candidates: Floats,
-    num_candidates: int,
-    centres: Floats,
-    first: int,
-    last: int,
-    labels: Floats,
-    distances: Floats,
-) -> None:
+def _assign(clusters: Clusters, first: int, last: int, labels: Floats) -> None:
     """Assign candidates to centres `first` to `last - 1` where these are nearer than `distances`."""
-    for i in range(0, num_candidates, POINTS):
+    candidates, centres, distances = clusters.candidates, clusters.centres, clusters.distances
+    for i in range(0, clusters.num_candidates, POINTS):
         px = load(candidates, (0, i), POINTS)
         py = load(candidates, (1, i), POINTS)
         pz = load(candidates, (2, i), POINTS)
@@ -67,55 +72,27 @@ def _assign(
 
 
 @compiled
-def start_centres(
-    candidates: Floats,
-    num_candidates: int,
-    position_h: Floats,
-    centres: Floats,
-    num_centres: int,
-    labels: Floats,
-    distances: Floats,
-) -> int:
-    """Add the missing centres that clustering starts from, in place.
+def start_centres(clusters: Clusters, position_h: Floats, num_centres: int) -> int:
+    """Add the missing centres that clustering starts from; return the number of centres, ``ceil(m/10)``.
 
-    The first ``ceil(m/10)`` centres of the last step stay. Each missing one starts at the candidate farthest
-    from all centres so far (the very first: nearest the deputy; among equals the lowest index), moved towards
-    the deputy by `CENTRE_SHIFT_M`.
-
-    Parameters
-    ----------
-    candidates : array, shape (3, P)
-        m, Hill axes; the first `num_candidates` columns count.
-    num_candidates : int
-        m, at least 1.
-    position_h : array, shape (3,)
-        Of the deputy, m, Hill axes.
-    centres : array, shape (C, 3)
-        In and out, m, Hill axes.
-    num_centres : int
-        Number in the last step.
-    labels, distances : array, shape (P,)
-        Overwritten.
-
-    Returns
-    -------
-    int
-        The number of centres, ``ceil(m/10)``.
+    Of the centres of the last step the first ``ceil(m/10)`` stay. Each missing one starts at the candidate
+    farthest from all centres so far (the very first: nearest the deputy; among equals the lowest index),
+    moved towards the deputy by `CENTRE_SHIFT_M`.
     """
+    candidates, num_candidates, centres = clusters.candidates, clusters.num_candidates, clusters.centres
+    labels, distances = clusters.labels[0], clusters.distances
     wanted = num_clusters(num_candidates)
     ready = min(num_centres, wanted)
     if ready < wanted:
         distances[:] = np.inf
-        _assign(candidates, num_candidates, centres, 0, ready, labels, distances)
+        _assign(clusters, 0, ready, labels)
     for j in range(ready, wanted):
         chosen = 0
         if j == 0:
             nearest = np.inf
             for i in range(num_candidates):
-                dx = candidates[0, i] - position_h[0]
-                dy = candidates[1, i] - position_h[1]
-                dz = candidates[2, i] - position_h[2]
-                distance = dx * dx + dy * dy + dz * dz
+                apart = minus(lane_of(candidates, 0, i), three_of(position_h))
+                distance = dot(apart, apart)
                 if distance < nearest - TIE_M2:
                     nearest = distance
                     chosen = i
@@ -123,14 +100,11 @@ def start_centres(
             for i in range(1, num_candidates):
                 if distances[i] > distances[chosen] + TIE_M2:
                     chosen = i
-        dx = position_h[0] - candidates[0, chosen]
-        dy = position_h[1] - candidates[1, chosen]
-        dz = position_h[2] - candidates[2, chosen]
-        share = CENTRE_SHIFT_M / max(sqrt(dx * dx + dy * dy + dz * dz), 1e-300)
-        centres[j, 0] = candidates[0, chosen] + share * dx
-        centres[j, 1] = candidates[1, chosen] + share * dy
-        centres[j, 2] = candidates[2, chosen] + share * dz
-        _assign(candidates, num_candidates, centres, j, j + 1, labels, distances)
+        place = lane_of(candidates, 0, chosen)
+        towards = minus(three_of(position_h), place)
+        share = CENTRE_SHIFT_M / max(sqrt(dot(towards, towards)), 1e-300)
+        centres[j, 0], centres[j, 1], centres[j, 2] = plus(place, scaled(share, towards))
+        _assign(clusters, j, j + 1, labels)
     return wanted
 
 
@@ -144,8 +118,9 @@ def _is_same(labels: Floats, labels_before: Floats, num_candidates: int) -> bool
 
 
 @compiled
-def _sum_up(candidates: Floats, num_candidates: int, labels: Floats, sums: Floats, wanted: int) -> bool:
-    """Sum the coordinates of each cluster and count its members, in place; return whether one is empty."""
+def _sum_up(clusters: Clusters, labels: Floats, wanted: int) -> bool:
+    """Sum the coordinates of each cluster and count its members; return whether one is empty."""
+    candidates, num_candidates, sums = clusters.candidates, clusters.num_candidates, clusters.sums
     sums[:wanted] = 0.0
     for i in range(num_candidates):
         j = int(labels[i])
@@ -160,10 +135,10 @@ def _sum_up(candidates: Floats, num_candidates: int, labels: Floats, sums: Float
 
 
 @compiled
-def _relocate_empty_clusters(
-    candidates: Floats, num_candidates: int, labels: Floats, distances: Floats, sums: Floats, wanted: int
-) -> None:
-    """Move every empty cluster to the candidate farthest from its centre that is not yet taken, in place."""
+def _relocate_empty_clusters(clusters: Clusters, labels: Floats, wanted: int) -> None:
+    """Move every empty cluster to the candidate farthest from its centre that is not yet taken."""
+    candidates, num_candidates = clusters.candidates, clusters.num_candidates
+    distances, sums = clusters.distances, clusters.sums
     if distances[:num_candidates].max() == 0.0:
         return
     for j in range(wanted):  # those emptied below, by giving their last candidate away, stay empty
@@ -186,14 +161,13 @@ def _relocate_empty_clusters(
 
 
 @compiled
-def _average(
-    candidates: Floats, num_candidates: int, sums: Floats, centres: Floats, wanted: int, has_empty: bool
-) -> None:
-    """Put each centre at the mean of its cluster, in place.
+def _average(clusters: Clusters, wanted: int, has_empty: bool) -> None:
+    """Put each centre at the mean of its cluster.
 
     scikit-learn puts an empty cluster where the largest one is at that moment: at its mean if that comes
     earlier, at its sum relative to the mean of all candidates if it comes later.
     """
+    candidates, sums, centres = clusters.candidates, clusters.sums, clusters.centres
     for j in range(wanted):
         if sums[j, 3] > 0.0:
             share = 1.0 / sums[j, 3]
@@ -212,96 +186,48 @@ def _average(
             if j > largest:
                 centres[j, axis] = centres[largest, axis]
             else:
-                mean = candidates[axis, :num_candidates].mean()
+                mean = candidates[axis, : clusters.num_candidates].mean()
                 centres[j, axis] = sums[largest, axis] - (sums[largest, 3] - 1.0) * mean
 
 
 @compiled
-def cluster_centres(
-    candidates: Floats,
-    num_candidates: int,
-    position_h: Floats,
-    centres: Floats,
-    num_centres: int,
-    labels: Floats,
-    distances: Floats,
-    sums: Floats,
-) -> int:
-    """Cluster the candidates, starting from the last step's centres.
+def cluster_centres(clusters: Clusters, position_h: Floats, num_centres: int) -> int:
+    """Cluster the candidates, from the centres of the last step; return the number of centres.
 
     If the candidates are those of the last step, the centres stay bit-identical: the caller may then skip
     the call.
-
-    Parameters
-    ----------
-    candidates : array, shape (3, P)
-        m, Hill axes; the first `num_candidates` columns count.
-    num_candidates : int
-        m, zero included.
-    position_h : array, shape (3,)
-        Of the deputy, m, Hill axes.
-    centres : array, shape (C, 3)
-        In and out, m, Hill axes, ``C >= ceil(P/10)``.
-    num_centres : int
-        Number in the last step.
-    labels : array, shape (2, P)
-        Overwritten.
-    distances : array, shape (P,)
-        Overwritten.
-    sums : array, shape (C, 4)
-        Overwritten.
-
-    Returns
-    -------
-    int
-        The number of centres, ``ceil(m/10)``.
     """
+    num_candidates, labels = clusters.num_candidates, clusters.labels
     wanted = num_clusters(num_candidates)
     if wanted == 0:
         return 0
     if wanted == 1:  # the mean, wherever it starts
         labels[0, :num_candidates] = 0
-        _sum_up(candidates, num_candidates, labels[0], sums, 1)
-        _average(candidates, num_candidates, sums, centres, 1, False)
+        _sum_up(clusters, labels[0], 1)
+        _average(clusters, 1, False)
         return 1
-    start_centres(candidates, num_candidates, position_h, centres, num_centres, labels[0], distances)
+    start_centres(clusters, position_h, num_centres)
     for iteration in range(MAX_ITERATIONS):
         now = labels[iteration % 2]
-        distances[:] = np.inf
-        _assign(candidates, num_candidates, centres, 0, wanted, now, distances)
+        clusters.distances[:] = np.inf
+        _assign(clusters, 0, wanted, now)
         if iteration > 0 and _is_same(now, labels[1 - iteration % 2], num_candidates):
             break
-        has_empty = _sum_up(candidates, num_candidates, now, sums, wanted)
+        has_empty = _sum_up(clusters, now, wanted)
         if has_empty:
-            _relocate_empty_clusters(candidates, num_candidates, now, distances, sums, wanted)
-        _average(candidates, num_candidates, sums, centres, wanted, has_empty)
+            _relocate_empty_clusters(clusters, now, wanted)
+        _average(clusters, wanted, has_empty)
     return wanted
 
 
 @compiled
 def nearest_centre(centres: Floats, num_centres: int, position_h: Floats) -> int:
-    """Return the row of the centre nearest the deputy; among equals the lowest.
-
-    Parameters
-    ----------
-    centres : array, shape (C, 3)
-        m, Hill axes; the first `num_centres` rows count.
-    num_centres : int
-        At least 1.
-    position_h : array, shape (3,)
-        Of the deputy, m, Hill axes.
-
-    Returns
-    -------
-    int
-    """
+    """Return the row of the centre nearest the deputy, of some at least; among equals the lowest."""
     chosen = 0
     nearest = np.inf
     for j in range(num_centres):
-        dx = centres[j, 0] - position_h[0]
-        dy = centres[j, 1] - position_h[1]
-        dz = centres[j, 2] - position_h[2]
-        distance = dx * dx + dy * dy + dz * dz
+        apart = minus(three_of(centres[j]), three_of(position_h))
+        distance = dot(apart, apart)
         if distance < nearest - TIE_M2:
             nearest = distance
             chosen = j

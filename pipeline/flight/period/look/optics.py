@@ -17,7 +17,7 @@ from fis_tools.compiled.three import Three, dot, lane_of, minus, scaled, three_o
 from fis_tools.compiled.vectors import Mask, Vector, borrowed, count, load, select, some, store
 from pipeline.array_types import Bytes, Floats
 from pipeline.flight.period.look.guidance import POINTS
-from pipeline.flight.state.arrays import Beyond, State, Workspace, World
+from pipeline.flight.state.arrays import Beyond, Moment, Workspace, World
 from pipeline.physics.occlusion import cell_of
 from pipeline.physics.reflection import is_bright
 from pipeline.physics.sight import (
@@ -40,47 +40,25 @@ SPACINGS = (32, 8, 1)
 
 
 class Beam(NamedTuple):
-    """Sunlight at a sample.
+    """Sunlight at a sample."""
 
-    Attributes
-    ----------
-    sun : Three
-        Unit vector towards the Sun, Hill axes; zeros in the Earth's shadow.
-    cell : int
-        Of the chief's occlusion, in the Sun's direction.
-    shines : bool
-    """
-
-    sun: Three
-    cell: int
+    sun: Three  # unit vector towards the Sun, Hill axes; zeros in the Earth's shadow
     shines: bool
+    cell: int  # of the chief's occlusion, in the Sun's direction
+    sample: int  # row of the chief's points, and of its surface
 
 
 class Eye(NamedTuple):
-    """A camera at a place.
-
-    Attributes
-    ----------
-    place, boresight, sun : Three
-        m, and directions along which it looks and towards the Sun, Hill axes.
-    square, along : float
-        ``|r|^2`` and ``r . b`` of place r and boresight b, m^2 and m.
-    length : float
-        ``|b|^2``.
-    sees_all : bool
-        Whether the whole chief is in its field of view.
-    is_blind : bool
-        Whether the Sun blinds it.
-    """
+    """A camera at a place r that looks along b, m and Hill axes."""
 
     place: Three
     boresight: Three
-    sun: Three
-    square: float
-    along: float
-    length: float
-    sees_all: bool
-    is_blind: bool
+    beam: Beam
+    square: float  # ``|r|^2``
+    along: float  # ``r . b``
+    length: float  # ``|b|^2``
+    sees_all: bool  # whether the whole chief is in its field of view
+    is_blind: bool  # whether the Sun blinds it
 
 
 @compiled(error_model="numpy", forceinline=True)
@@ -108,30 +86,29 @@ def cell_towards(world: World, sample: int, direction: Three) -> int:
 
 
 @compiled(error_model="numpy", forceinline=True)
-def beam_from(
-    world: World,
-    optics: Beyond | None,
-    k: int,
-    sun: tuple[float, float],
-    height: tuple[float, float],
-) -> Beam:
+def beam_from(world: World, optics: Beyond | None, k: int, sun: Pair, height: Pair) -> Beam:
     """Return the sunlight at sample k from cosines and sines of the Sun's angle and elevation."""
+    sample, cell = (k if len(world.points) > 1 else 0), 0
     if optics is None:
-        return Beam(Three(sun[0], sun[1], 0.0), 0, True)
+        return Beam(Three(sun[0], sun[1], 0.0), True, cell, sample)
     towards = sunlight(world.optics, sun[0], sun[1], height[0], height[1])
-    cell = 0
     if optics.closely is not None and world.num_edge_cells > 0:
-        cell = cell_towards(world, k if len(world.points) > 1 else 0, towards)
-    return Beam(towards, cell, dot(towards, towards) > 0.0)
+        cell = cell_towards(world, sample, towards)
+    return Beam(towards, dot(towards, towards) > 0.0, cell, sample)
 
 
 @compiled(error_model="numpy", forceinline=True)
-def beam_at(
-    world: World, optics: Beyond | None, state: State, lane: int, k: int, sun: tuple[float, float]
-) -> Beam:
+def beam_at(now: Moment, optics: Beyond | None, lane: int, k: int, sun: Pair) -> Beam:
     """Return the sunlight of a lane at sample k from cosine and sine of the Sun's angle, as high as now."""
-    height = state.lanes.sun_height
-    return beam_from(world, optics, k, sun, (height[0, lane], height[1, lane]))
+    height = now.state.lanes.sun_height
+    return beam_from(now.world, optics, k, sun, (height[0, lane], height[1, lane]))
+
+
+@compiled(error_model="numpy", forceinline=True)
+def beam_now(now: Moment, optics: Beyond | None, lane: int) -> Beam:
+    """Return the sunlight of a lane now."""
+    sun = now.state.lanes.sun
+    return beam_at(now, optics, lane, now.k, (sun[0, lane], sun[1, lane]))
 
 
 @compiled(error_model="numpy", forceinline=True)
@@ -139,7 +116,7 @@ def eye_at(world: World, optics: Beyond | None, beam: Beam, place: Three, boresi
     """Return the camera at a place, with a unit vector as boresight."""
     is_blind = optics is not None and dot(boresight, beam.sun) > world.optics.most_sunward
     along = dot(place, boresight)
-    return Eye(place, boresight, beam.sun, dot(place, place), along, 1.0, False, is_blind)
+    return Eye(place, boresight, beam, dot(place, place), along, 1.0, False, is_blind)
 
 
 @compiled(error_model="numpy", forceinline=True)
@@ -150,47 +127,29 @@ def eye_on_chief(world: World, optics: Beyond | None, beam: Beam, place: Three) 
         return eye_at(world, optics, beam, place, scaled(-1.0 / sqrt(square), place))
     # any length of the boresight will do
     inward = Three(-place.x, -place.y, -place.z)
-    return Eye(place, inward, beam.sun, square, -square, square, square >= fits_from(world.sight), False)
+    return Eye(place, inward, beam, square, -square, square, square >= fits_from(world.sight), False)
 
 
 @compiled(error_model="numpy", forceinline=True)
-def surface_at(world: World, sample: int, row: int, j: int) -> Three:
-    """Return three rows of the surface at the points from j on, see `pipeline.physics.sight`."""
-    surface = world.surface
+def some_of(rows: Floats, sample: int, row: int, j: int) -> Three:
+    """Return three rows of an array, (samples, rows, P padded), at the points from j on."""
     return Three(
-        load(surface, (sample, row, j), POINTS),
-        load(surface, (sample, row + 1, j), POINTS),
-        load(surface, (sample, row + 2, j), POINTS),
-    )
-
-
-@compiled(error_model="numpy", forceinline=True)
-def points_at(points: Floats, sample: int, j: int) -> Three:
-    """Return the points from j on, m, Hill axes, of an array of shape (samples, 3, P padded)."""
-    return Three(
-        load(points, (sample, 0, j), POINTS),
-        load(points, (sample, 1, j), POINTS),
-        load(points, (sample, 2, j), POINTS),
+        load(rows, (sample, row, j), POINTS),
+        load(rows, (sample, row + 1, j), POINTS),
+        load(rows, (sample, row + 2, j), POINTS),
     )
 
 
 @compiled(error_model="numpy", forceinline=True)
 def lit_points(
-    world: World,
-    optics: Beyond | None,
-    work: Workspace,
-    sample: int,
-    j: int,
-    points: Three,
-    wanted: Mask,
-    beam: Beam,
+    world: World, optics: Beyond | None, work: Workspace, j: int, points: Three, wanted: Mask, beam: Beam
 ) -> Mask:
     """Return which of the wanted points from j on are lit."""
     if optics is None:
         return wanted & is_lit(world.sight, points.x, points.y, beam.sun.x, beam.sun.y)
-    along = dot(beam.sun, surface_at(world, sample, NORMAL, j))
+    along = dot(beam.sun, some_of(world.surface, beam.sample, NORMAL, j))
     along += world.optics.past_terminator if beam.shines else 0.0
-    lit = wanted & is_sunlit(along, load(world.surface, (sample, HEIGHT, j), POINTS))
+    lit = wanted & is_sunlit(along, load(world.surface, (beam.sample, HEIGHT, j), POINTS))
     if optics.closely is not None and world.num_edge_cells > 0:
         store(work.lit, j, select(lit, 1.0, 0.0))
         for i in range(j, min(j + POINTS, world.num_points)):
@@ -201,14 +160,7 @@ def lit_points(
 
 @compiled(error_model="numpy", forceinline=True)
 def seen_points(
-    world: World,
-    optics: Beyond | None,
-    work: Workspace,
-    sample: int,
-    j: int,
-    points: Three,
-    lit: Mask,
-    eye: Eye,
+    world: World, optics: Beyond | None, work: Workspace, j: int, points: Three, lit: Mask, eye: Eye
 ) -> Mask:
     """Return which of the lit points from j on a camera sees."""
     along, towards = dot(points, eye.place), dot(points, eye.boresight) - eye.along
@@ -217,22 +169,23 @@ def seen_points(
         squared = (world.sight.horizon + eye.square - 2.0 * along) * eye.length
         seen = lit & is_facing(world.sight, along)
         return seen if eye.sees_all else seen & is_in_cone(world.sight, towards, squared)
-    above = dot(eye.place, surface_at(world, sample, NORMAL, j))
-    above -= load(world.surface, (sample, HEIGHT, j), POINTS)
-    squared = load(world.surface, (sample, SQUARE, j), POINTS) + eye.square
+    above = dot(eye.place, some_of(world.surface, eye.beam.sample, NORMAL, j))
+    above -= load(world.surface, (eye.beam.sample, HEIGHT, j), POINTS)
+    squared = load(world.surface, (eye.beam.sample, SQUARE, j), POINTS) + eye.square
     squared -= 2.0 * along
     seen = lit & is_resolved(world.optics, above, towards, squared)
     if optics.closely is not None:
         store(work.seen, j, select(seen, 1.0, 0.0))
         if world.num_edge_cells > 0 or world.reflection.is_on:
-            leave_out_hidden_and_dim(world, work, sample, j, eye)
+            leave_out_hidden_and_dim(world, work, j, eye)
         seen = load(work.seen, j, POINTS) > 0.0
     return seen
 
 
 @compiled(error_model="numpy")
-def leave_out_hidden_and_dim(world: World, work: Workspace, sample: int, j: int, eye: Eye) -> None:
+def leave_out_hidden_and_dim(world: World, work: Workspace, j: int, eye: Eye) -> None:
     """Remove from `work.seen`, from j on, points that the chief hides, and those too dim or too bright."""
+    sample = eye.beam.sample
     for i in range(j, min(j + POINTS, world.num_points)):
         if work.seen[i] == 0.0:
             continue
@@ -241,35 +194,29 @@ def leave_out_hidden_and_dim(world: World, work: Workspace, sample: int, j: int,
             work.seen[i] = world.is_free[cell_towards(world, sample, to_camera), i]
         if world.reflection.is_on:
             normal = lane_of(world.surface[sample], NORMAL, i)
-            if not is_bright(world.reflection, normal, eye.sun, to_camera):
+            if not is_bright(world.reflection, normal, eye.beam.sun, to_camera):
                 work.seen[i] = 0.0
 
 
 @compiled(error_model="numpy", forceinline=True)
 def strike_out_seen(
-    world: World,
-    optics: Beyond | None,
-    work: Workspace,
-    points: Floats,
-    k: int,
-    beam: Beam,
-    place: Three,
+    world: World, optics: Beyond | None, work: Workspace, points: Floats, beam: Beam, place: Three
 ) -> int:
     """Remove the points that a camera aimed at the chief's centre sees from `work.ahead`; return how many.
 
     `points` are in the order of `work.ahead`. Vectors with none left are skipped.
     """
-    sample, num_seen = (k if len(points) > 1 else 0), 0
+    num_seen = 0
     eye = eye_on_chief(world, optics, beam, place)
     if beam.shines and not eye.is_blind:
         for j in range(0, len(work.ahead), POINTS):
             before = load(work.ahead, j, POINTS)
             wanted = before > 0.0
             if some(wanted):
-                some_points = points_at(points, sample, j)
-                lit = lit_points(world, optics, work, sample, j, some_points, wanted, beam)
+                near = some_of(points, beam.sample, 0, j)
+                lit = lit_points(world, optics, work, j, near, wanted, beam)
                 if optics is None or some(lit):
-                    seen = seen_points(world, optics, work, sample, j, some_points, lit, eye)
+                    seen = seen_points(world, optics, work, j, near, lit, eye)
                     store(work.ahead, j, select(seen, 0.0, before))
                     num_seen += count(seen)
     return num_seen
@@ -296,11 +243,10 @@ def note_lit(world: World, optics: Beyond | None, work: Workspace, case: Any, k:
 
     Returns the number of vectors of points with some left.
     """
-    sample, num_left = (k if len(world.points) > 1 else 0), 0
-    beam = beam_of_case(world, optics, case, k)
+    num_left, beam = 0, beam_of_case(world, optics, case, k)
     for j in range(0, len(work.ahead), POINTS):
-        wanted = load(work.ahead, j, POINTS) > 0.0
-        lit = lit_points(world, optics, work, sample, j, points_at(world.points, sample, j), wanted, beam)
+        wanted, points = load(work.ahead, j, POINTS) > 0.0, some_of(world.points, beam.sample, 0, j)
+        lit = lit_points(world, optics, work, j, points, wanted, beam)
         left = wanted ^ lit
         store(work.lit, j, select(lit, 1.0, 0.0))
         store(work.ahead, j, select(left, 1.0, 0.0))
@@ -350,28 +296,18 @@ def note_lit_and_seen(
 ) -> None:
     """Write which of the points left are lit at the samples of a flight, and which dark ones are in view.
 
-    Parameters
-    ----------
-    world, optics, work
-    suns : (K+1, 4)
-        Cosine and sine of the Sun's angle and of its elevation.
-    places, boresights : (K+1, 3)
-        Of the camera, m, and unit vectors, Hill axes.
-    left : (K+1, P padded)
-        1 for the points asked for.
-    lit, seen : (K+1, P padded)
-        Filled with 0 or 1.
+    Suns, (K+1, 4), are cosine and sine of the Sun's angle and of its elevation; places (m) and boresights of
+    the camera, (K+1, 3), are in Hill axes; `left`, `lit` and `seen`, (K+1, P padded), are 0 or 1.
     """
     for k in range(len(places)):
-        sample = k if len(world.points) > 1 else 0
         beam = beam_from(world, optics, k, (suns[k, 0], suns[k, 1]), (suns[k, 2], suns[k, 3]))
         eye = eye_at(world, optics, beam, three_of(places[k]), three_of(boresights[k]))
         for j in range(len(work.ahead)):
             work.ahead[j] = left[k, j]
         for j in range(0, len(work.ahead), POINTS):
-            wanted, points = load(work.ahead, j, POINTS) > 0.0, points_at(world.points, sample, j)
-            bright = lit_points(world, optics, work, sample, j, points, wanted, beam)
-            dark = seen_points(world, optics, work, sample, j, points, wanted ^ bright, eye)
+            wanted, points = load(work.ahead, j, POINTS) > 0.0, some_of(world.points, beam.sample, 0, j)
+            bright = lit_points(world, optics, work, j, points, wanted, beam)
+            dark = seen_points(world, optics, work, j, points, wanted ^ bright, eye)
             store(work.lit, j, select(bright, 1.0, 0.0))
             store(work.ahead, j, select(dark, 1.0, 0.0))
         for j in range(len(work.ahead)):
@@ -398,5 +334,5 @@ def note_seen_along(
         for place in range(paths.shape[1]):
             k = place * stride
             beam = beam_of_case(world, optics, cases[0], k)
-            at = Three(paths[path, place, 0], paths[path, place, 1], paths[path, place, 2])
-            counts[path] += strike_out_seen(world, optics, work, world.points, k, beam, at)
+            at = three_of(paths[path, place])
+            counts[path] += strike_out_seen(world, optics, work, world.points, beam, at)

@@ -5,6 +5,7 @@ import numpy as np
 from fis_tools.compiled.decorator import compiled
 from fis_tools.compiled.three import (
     Three,
+    chosen,
     lane_of,
     length,
     load_three,
@@ -15,17 +16,17 @@ from fis_tools.compiled.three import (
     write_lane,
 )
 from fis_tools.compiled.vectors import count, least, load, most, select, some, splat, store, total
-from pipeline.flight.period.look.guidance import POINTS, cluster_centres, nearest_centre
-from pipeline.flight.period.look.optics import beam_at, eye_at, lit_points, points_at, seen_points, sun_after
-from pipeline.flight.state.arrays import Beyond, State, Workspace, World
+from pipeline.flight.period.look.guidance import POINTS, Clusters, cluster_centres, nearest_centre
+from pipeline.flight.period.look.optics import beam_now, eye_at, lit_points, seen_points, some_of, sun_after
+from pipeline.flight.state.arrays import Beyond, Moment, State, Workspace
 from pipeline.flight.state.lanes import four, one, to_hill, two, write_two
 
 
 @compiled(error_model="numpy", forceinline=True)
-def inspect(world: World, optics: Beyond | None, state: State, work: Workspace, lane: int, k: int) -> None:
+def inspect(now: Moment, optics: Beyond | None, lane: int) -> None:
     """Inspect what is lit and in view of a lane's camera; the target is the mean of the other lit points."""
-    lanes, sample = state.lanes, (k if len(world.points) > 1 else 0)
-    beam = beam_at(world, optics, state, lane, k, (lanes.sun[0, lane], lanes.sun[1, lane]))
+    world, state, work, lanes = now.world, now.state, now.work, now.state.lanes
+    beam = beam_now(now, optics, lane)
     place, boresight = lane_of(state.truth.position, 0, lane), lane_of(state.truth.boresight, 0, lane)
     eye = eye_at(world, optics, beam, place, boresight)
     num_seen, num_left = 0, 0
@@ -37,24 +38,19 @@ def inspect(world: World, optics: Beyond | None, state: State, work: Workspace, 
         if not (beam.shines and some(wanted)):
             store(work.candidate, j, nothing)
             continue
-        points = points_at(world.points, sample, j)
-        left = lit_points(world, optics, work, sample, j, points, wanted, beam)
+        points = some_of(world.points, beam.sample, 0, j)
+        left = lit_points(world, optics, work, j, points, wanted, beam)
         if not some(left):
             store(work.candidate, j, nothing)
             continue
         if not eye.is_blind:
-            seen = seen_points(world, optics, work, sample, j, points, left, eye)
+            seen = seen_points(world, optics, work, j, points, left, eye)
             left = left ^ seen
             store(state.unseen, (lane, j), select(seen, nothing, before))
             num_seen += count(seen)
         store(work.candidate, j, select(left, 1.0, nothing))
         num_left += count(left)
-        kept = Three(
-            select(left, points.x, nothing),
-            select(left, points.y, nothing),
-            select(left, points.z, nothing),
-        )
-        centre = plus(centre, kept)
+        centre = plus(centre, chosen(left, points, same(0.0, POINTS)))
     lanes.num_unseen[lane] -= num_seen
     lanes.num_candidates[lane] = num_left
     divisor = max(num_left, 1)
@@ -74,12 +70,13 @@ def are_new(state: State, work: Workspace, lane: int) -> bool:
 
 
 @compiled(error_model="numpy")
-def choose_cluster(world: World, state: State, work: Workspace, lane: int, sample: int) -> None:
+def choose_cluster(now: Moment, lane: int) -> None:
     """Cluster the candidates of a lane, and make the centre nearest to the deputy its target.
 
     Centres stay unchanged if the candidates are not new.
     """
-    lanes, position, centres = state.lanes, np.empty(3), state.centres[lane]
+    world, state, work, lanes = now.world, now.state, now.work, now.state.lanes
+    position, centres = np.empty(3), state.centres[lane]
     num_candidates = int(lanes.num_candidates[lane])
     if num_candidates == 0:
         state.num_centres[lane] = 0
@@ -88,38 +85,22 @@ def choose_cluster(world: World, state: State, work: Workspace, lane: int, sampl
     for axis in range(3):
         position[axis] = state.truth.position[axis, lane]
     if are_new(state, work, lane) or len(world.points) > 1:
-        filled = 0
+        filled, sample = 0, (now.k if len(world.points) > 1 else 0)
         for j in range(world.num_points):  # without a branch, which processors cannot predict
             for axis in range(3):
                 work.candidates[axis, filled] = world.points[sample, axis, j]
             filled += int(work.candidate[j])
-        state.num_centres[lane] = cluster_centres(
-            work.candidates,
-            num_candidates,
-            position,
-            centres,
-            state.num_centres[lane],
-            work.labels,
-            work.distances,
-            work.sums,
-        )
-    chosen = nearest_centre(centres, state.num_centres[lane], position)
+        clusters = Clusters(work.candidates, num_candidates, centres, work.labels, work.distances, work.sums)
+        state.num_centres[lane] = cluster_centres(clusters, position, state.num_centres[lane])
+    nearest = nearest_centre(centres, state.num_centres[lane], position)
     for axis in range(3):
-        lanes.target[axis, lane] = centres[chosen, axis]
+        lanes.target[axis, lane] = centres[nearest, axis]
 
 
 @compiled(error_model="numpy", forceinline=True)
-def see(
-    world: World,
-    optics: Beyond | None,
-    clusters: bool | None,
-    state: State,
-    work: Workspace,
-    num_lanes: int,
-    k: int,
-) -> None:
+def see(now: Moment, optics: Beyond | None, clusters: bool | None) -> None:
     """Inspect, and choose the target, of every lane; add up distances."""
-    lanes, truth = state.lanes, state.truth
+    world, lanes, truth, k = now.world, now.state.lanes, now.state.truth, now.k
     sun, height = sun_after(world, two(lanes.sun_at_start), two(lanes.height_at_start), k)
     write_two(lanes.sun, 0, sun[0], sun[1])
     write_two(lanes.sun_height, 0, height[0], height[1])
@@ -131,7 +112,7 @@ def see(
         beyond = most(world.min_distance - distance, distance - world.max_distance)
         store(lanes.beyond, 0, most(beyond, one(lanes.beyond)))
     store_three(truth.boresight, 0, to_hill(four(truth.attitude), three_of(world.boresight)))
-    for lane in range(num_lanes):
-        inspect(world, optics, state, work, lane, k)
+    for lane in range(now.num_lanes):
+        inspect(now, optics, lane)
         if clusters is not None:
-            choose_cluster(world, state, work, lane, k if len(world.points) > 1 else 0)
+            choose_cluster(now, lane)
