@@ -67,7 +67,7 @@ class FlightLog(NamedTuple):
     # commanded by the controller's systems or plan, in the controller's own axes, before dead bands, clip and
     # safety layer; zero without a command
     force_asked_n: Annotated[Floats, "K", 3]
-    # why each of these components was, or was not, commanded: `FIRED` for as it was asked for, and so on. Clip
+    # why each of these components was, or was not, commanded: `FIRED` for as asked for, and so on. Clip
     # and safety layer act along Hill axes; if the controller's axes are the body's, they mark all three
     command_reason: Annotated[Integers, "K", 3]
     # of ideal thrusters the same; else why something was, or was not, fired along each of Hill's axes: the
