@@ -56,6 +56,10 @@ MORE_WAYS: tuple[tuple[str, ...], ...] = (
     ("world=leo", "guidance=clusters", "attitude=ideal"),
 )
 PAIR = ("champion_27", "paper_champion")
+#: of a log, what follows from the rest and so is left out of its hash, and what is hashed by another name: so
+#: hashes stay those of revisions that did not tell commands from what is fired
+FOLLOWING = ("force_commanded_n", "reason")
+KNOWN_AS = {"command_reason": "reason"}
 
 
 def kinds() -> list[tuple[str, ...]]:
@@ -85,9 +89,9 @@ def hash_of(settings: Sequence[str]) -> str:
 
 
 def _add(found: Any, arrays: Any) -> None:
-    for name, values in sorted(
-        vars(arrays).items() if hasattr(arrays, "__dict__") else arrays._asdict().items()
-    ):
+    fields = vars(arrays) if hasattr(arrays, "__dict__") else arrays._asdict()
+    hashed = {KNOWN_AS.get(name, name): values for name, values in fields.items() if name not in FOLLOWING}
+    for name, values in sorted(hashed.items()):
         found.update(name.encode())
         found.update(np.ascontiguousarray(values).tobytes())
 
