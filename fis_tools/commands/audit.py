@@ -46,6 +46,7 @@ def run(
     - zero (0.8): how much 0 should belong to a term called zero
     - jump (0.55): neighbouring rules should differ by no more of the output's range
     - against (0.25): up to this share of steps against the rest, an input counts as meant to act one way
+    - asymmetry (0.1): no more of the pairs of rules should break a symmetry that the others have
     - reversal (0.1): the least way back of an output that counts, of its range
     - consistency (0.3): the least consistency of a rule
     - reach (0.5): an output should reach this much of its range

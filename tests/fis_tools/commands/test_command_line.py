@@ -225,7 +225,7 @@ def test_firing_lists_the_rules_by_use(tmp_path: Path, capsys: pytest.CaptureFix
     ("words", "sentence"),
     [
         (["show", "missing.yaml"], "cannot be read (no such file or directory)"),
-        (["show", "missing"], "such as FOLDER/missing.yaml, of a run's folder or of a logged flight (.mcap)"),
+        (["show", "missing"], "no controller of that name; give the path of a controller file"),
         (["show", "FOLDER"], "folder without champion.json"),
         (["show", "missing.mcap"], "cannot be opened"),
         (["show", "PAPER", "--system", "force"], "did you mean 'force_"),
