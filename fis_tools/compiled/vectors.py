@@ -65,19 +65,15 @@ def splat(value: float, width: int) -> Vector:
 
 
 def load(array: Floats, at: Place, width: int) -> Vector:
-    """Return consecutive elements of an array, from an index on.
+    """Return consecutive elements of an array from an index on, or from the start of a row.
 
-    The index has one number per dimension of the array; for an array of shape (n, m) a row number is enough.
-    Compiled code does not check that the elements lie inside the row, and does not support negative indices.
+    Compiled code does not check that they lie inside the row, and does not support negative indices.
     """
     return np.array(_row_from(array, at)[:width]).view(Lanes)
 
 
 def spread(array: Floats, at: int, width: int) -> Vector:
-    """Return a vector with one element of an array of shape (n,) in each of its lanes.
-
-    Compiled code does not check that it lies inside the array, and does not support negative indices.
-    """
+    """Return a vector with one element of an array of shape (n,) in each of its lanes; see `load`."""
     return splat(array[at], width)
 
 
@@ -93,10 +89,7 @@ def _row_from(array: Floats, at: Place) -> Floats:
 
 
 def gather(array: Floats, at: int, offsets: Vector) -> Vector:
-    """Return the elements of an array of shape (n,) at offsets from an index; fractional parts are cut off.
-
-    Compiled code does not check that they lie inside the array.
-    """
+    """Return elements of an array, shape (n,), at offsets from an index, cut to whole ones; see `load`."""
     whole: NDArray[np.int64] = np.trunc(offsets).astype(np.int64)
     return array[at + whole].view(Lanes)
 

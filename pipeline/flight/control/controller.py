@@ -298,13 +298,7 @@ def decision_stride(controller: Controller, mission: Mission) -> int:
 
 
 def check_tour(controller: Controller, mission: Mission) -> None:
-    """Check the times of the tour: from half an orbit on, no push across the track leads onto it.
-
-    Raises
-    ------
-    ControllerError
-        If ``tour_time_s`` or ``tour_wait_s`` is half an orbit or more.
-    """
+    """Raise ControllerError for times from half an orbit on: no push across the track leads onto the tour."""
     half = pi / mission.orbit.mean_motion_rad_s
     for name in ("tour_time_s", "tour_wait_s"):
         time = float(controller.constants[constant(name)])

@@ -14,30 +14,8 @@ from pipeline.flight.fly.logged import is_logged, write_period, write_sample
 from pipeline.flight.period.act.attitude import attitude_of, relative_rate
 from pipeline.flight.period.decide.urgency import note_deadlines
 from pipeline.flight.period.steps import act, decide, look
-from pipeline.flight.state.arrays import (
-    DELTA_V,
-    INSPECTED,
-    MAX_DISTANCE,
-    MEAN_DISTANCE,
-    MIN_DISTANCE,
-    NUM_TRACKED,
-    OUTSIDE,
-    SAFETY_DELTA_V,
-    SAFETY_PERIODS,
-    TRACK_BORESIGHT,
-    TRACK_FORCE,
-    TRACK_LEFT,
-    TRACK_SPENT,
-    TRACK_TURN_RATE,
-    Beyond,
-    Control,
-    Guard,
-    Law,
-    Moment,
-    State,
-    Workspace,
-    World,
-)
+from pipeline.flight.state import arrays
+from pipeline.flight.state.arrays import Beyond, Control, Guard, Law, Moment, State, Workspace, World
 from pipeline.flight.state.errors import ModelErrors
 from pipeline.flight.state.lanes import flight_of
 from pipeline.flight.state.log import FlightLog
@@ -111,17 +89,17 @@ def write_outcomes(now: Moment, flight: int, outcomes: Floats) -> None:
     world, state, lanes = now.world, now.state, now.state.lanes
     for lane in range(now.num_lanes):
         row = outcomes[flight + lane]
-        row[DELTA_V] = lanes.spent[lane]
+        row[arrays.DELTA_V] = lanes.spent[lane]
         for component in range(4):
             if not np.isfinite(state.truth.attitude[component, lane]):
-                row[DELTA_V] = np.nan
-        row[INSPECTED] = lanes.num_counted[lane] - lanes.num_unseen[lane]
-        row[MEAN_DISTANCE] = lanes.travelled[lane] / (world.num_controls + 1)
-        row[MIN_DISTANCE] = lanes.nearest[lane]
-        row[MAX_DISTANCE] = lanes.farthest[lane]
-        row[OUTSIDE] = lanes.beyond[lane]
-        row[SAFETY_PERIODS] = lanes.num_acted[lane]
-        row[SAFETY_DELTA_V] = lanes.corrected[lane]
+                row[arrays.DELTA_V] = np.nan
+        row[arrays.INSPECTED] = lanes.num_counted[lane] - lanes.num_unseen[lane]
+        row[arrays.MEAN_DISTANCE] = lanes.travelled[lane] / (world.num_controls + 1)
+        row[arrays.MIN_DISTANCE] = lanes.nearest[lane]
+        row[arrays.MAX_DISTANCE] = lanes.farthest[lane]
+        row[arrays.OUTSIDE] = lanes.beyond[lane]
+        row[arrays.SAFETY_PERIODS] = lanes.num_acted[lane]
+        row[arrays.SAFETY_DELTA_V] = lanes.corrected[lane]
 
 
 @compiled(error_model="numpy", inline="always")
@@ -130,14 +108,14 @@ def write_track(now: Moment, lane: int, row: NDArray[np.float32]) -> None:
     world, lanes, truth = now.world, now.state.lanes, now.state.truth
     for component in range(3):
         row[component] = truth.position[component, lane]
-    if len(row) == NUM_TRACKED:
+    if len(row) == arrays.NUM_TRACKED:
         for component in range(3):
             row[3 + component] = truth.velocity[component, lane]
-            row[TRACK_FORCE + component] = 0.0
-            row[TRACK_BORESIGHT + component] = truth.boresight[component, lane]
-        row[TRACK_SPENT] = lanes.spent[lane]
-        row[TRACK_LEFT] = world.num_points - lanes.num_counted[lane] + lanes.num_unseen[lane]
-        row[TRACK_TURN_RATE] = 0.0 if world.is_attitude_ideal else turn_rate(world, now.state, lane)
+            row[arrays.TRACK_FORCE + component] = 0.0
+            row[arrays.TRACK_BORESIGHT + component] = truth.boresight[component, lane]
+        row[arrays.TRACK_SPENT] = lanes.spent[lane]
+        row[arrays.TRACK_LEFT] = world.num_points - lanes.num_counted[lane] + lanes.num_unseen[lane]
+        row[arrays.TRACK_TURN_RATE] = 0.0 if world.is_attitude_ideal else turn_rate(world, now.state, lane)
 
 
 @compiled(error_model="numpy")
@@ -151,9 +129,9 @@ def turn_rate(world: World, state: State, lane: int) -> float:
 @compiled(error_model="numpy", inline="always")
 def write_fired(state: State, lane: int, row: NDArray[np.float32]) -> None:
     """Write what a lane fires, if the row has room."""
-    if len(row) == NUM_TRACKED:
+    if len(row) == arrays.NUM_TRACKED:
         for component in range(3):
-            row[TRACK_FORCE + component] = state.lanes.force[component, lane]
+            row[arrays.TRACK_FORCE + component] = state.lanes.force[component, lane]
 
 
 @compiled(error_model="numpy")
