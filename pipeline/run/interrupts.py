@@ -5,9 +5,11 @@ Python raises there.
 """
 
 import signal
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
+from typing import Any
 
 _came: list[int] = []
 
@@ -16,6 +18,13 @@ def remember() -> None:
     """Remember from now on each interrupt of this process, unless it ignores them."""
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, _raise)
+        sys.unraisablehook = _tell_others
+
+
+def _tell_others(unraisable: Any) -> None:
+    """Print what could not be raised, but no interrupt, which is remembered."""
+    if not (_came and issubclass(unraisable.exc_type, KeyboardInterrupt)):
+        sys.__unraisablehook__(unraisable)
 
 
 def _raise(number: int, frame: FrameType | None) -> None:
