@@ -14,12 +14,12 @@ from cyclopts import Parameter
 from fis_tools.analysis import arrays, flights
 from fis_tools.analysis.contribution import importance
 from fis_tools.array_types import Floats
-from fis_tools.compiled.waiting import waiting
 from fis_tools.engines.compiler import compile as compiled
 from fis_tools.formats import serialize
 from fis_tools.model import FuzzyController, FuzzySystem
 from fis_tools.model.validate import nearest
 from fis_tools.source import read_controller
+from fis_tools.waiting import waiting
 
 #: Rules of a system, and points of its output, beyond which analyses take more than seconds.
 MANY_RULES, MANY_POINTS = 1_000, 10_000

@@ -19,7 +19,7 @@ from typing import Any
 
 from fis_tools.compiled import cache
 from fis_tools.compiled.numba_parts import event
-from fis_tools.compiled.waiting import waiting
+from fis_tools.waiting import waiting
 
 #: Compilations shorter than this are not announced.
 SHORTEST_S = 0.5
