@@ -296,9 +296,9 @@ def _named(
         return names[function]
     name = getattr(function, "__name__", type(function).__name__)
     cure = f"pass a function of fis_tools.model.operators: {', '.join(operators)}"
-    for name, known in operators.items():
+    for same, known in operators.items():
         if _agrees(function, known):
-            cure = f"it gives the numbers of {name!r}, so pass that: {_path(known)}"
+            cure = f"it gives the numbers of {same!r}, so pass that: {_path(known)}"
     raise UnreadableControlSystem(f"the {what} is {name}, which is not known; {cure}")
 
 

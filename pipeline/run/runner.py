@@ -10,9 +10,6 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from fis_tools.errors import ControllerFileError
-from fis_tools.formats import serialize
-from fis_tools.formats.provenance import edited
 from pipeline.run import artifacts, interrupts, reproducible
 from pipeline.run.maker import present_maker, unlike
 from pipeline.settings.experiment import STAGES, Experiment, Mission
@@ -142,6 +139,10 @@ def _begin(made_by: dict[str, list[int]], stage: str, maker: int, *, is_resumed:
 
 def _edited(source: Mapping[str, Any]) -> str | None:
     """Return how the configured controller differs from what its provenance tells of; None if it does not."""
+    from fis_tools.errors import ControllerFileError  # noqa: PLC0415 - only runs need them
+    from fis_tools.formats import serialize  # noqa: PLC0415 - as above
+    from fis_tools.formats.provenance import edited  # noqa: PLC0415 - as above
+
     with suppress(ControllerFileError):
         if "systems" in source:
             return edited(serialize.from_mapping(source))

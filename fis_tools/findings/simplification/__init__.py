@@ -8,7 +8,7 @@ from fis_tools.findings.simplification.budget import Budget, Change, bench_for
 from fis_tools.findings.simplification.draft import Draft
 from fis_tools.findings.simplification.report import Simplification, SimplifiedSystem, Step, budget_words
 from fis_tools.findings.simplification.search import CAREFUL_DIGITS, Progress, Search
-from fis_tools.formats.provenance import SIMPLIFIED
+from fis_tools.formats.provenance import SIMPLIFIED, checked
 from fis_tools.model import FuzzyController, FuzzySystem
 from fis_tools.model.validate import nearest, validate
 from fis_tools.model.weighing import require_mamdani
@@ -65,7 +65,7 @@ def simplify(
         systems=tuple(system.simplified for system in found),
         provenance=_provenance(controller, budget, found),
     )
-    return Simplification(controller, simpler, budget, tuple(found))
+    return Simplification(controller, checked(simpler), budget, tuple(found))
 
 
 def _provenance(

@@ -95,7 +95,7 @@ def test_no_ghosts(name: str, is_guarded: bool, tmp_path: Path, monkeypatch: pyt
             for one in instants(asked, controller.fuzzy):
                 axis = COMPONENTS.index(one.system.outputs[0].name)
                 assert (one.inputs is not None) == (reason[k, axis] in COUNTED)
-                assert (one.told == "") == (reason[k, axis] == "fired")
+                assert (one.note == "") == (reason[k, axis] == "fired")
 
 
 @pytest.mark.slow

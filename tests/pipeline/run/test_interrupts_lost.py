@@ -12,6 +12,7 @@ class Lost:
     def __del__(self):
         os.kill(os.getpid(), signal.SIGINT)
         sum(range(1000))
+signal.signal(signal.SIGINT, signal.default_int_handler)  # one that runs in the background ignores it
 interrupts.remember()
 try:
     with interrupts.heeded():

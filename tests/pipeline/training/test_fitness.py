@@ -102,6 +102,7 @@ def test_the_fitness_of_a_controller_is_the_mean_over_its_flights_and_its_parts_
         "outside": [1.0],
         "outside_m": [1.0],
         "short": [1.0],
+        "failed": [1.0],
     }
 
 

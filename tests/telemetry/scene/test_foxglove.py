@@ -113,7 +113,7 @@ def test_our_messages_say_the_same_there(seen: dict[str, Any], recording: Record
                     told = [[topics.Reason(one).name.lower() for one in row] for row in told]
                 np.testing.assert_array_equal(np.array(told).reshape(values.shape), values)
                 num_fields += 1
-    assert num_fields == 4 + 4 + 8 + 6 + 5 + 9 + 3 * 4
+    assert num_fields == 4 + 4 + 11 + 6 + 5 + 9 + 3 * 4
 
 
 def test_foxgloves_messages_say_the_same_there(seen: dict[str, Any], recording: Recording) -> None:
