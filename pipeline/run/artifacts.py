@@ -344,9 +344,20 @@ def parse_config(content: bytes) -> Any:
     loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # the first is ten times as fast
     try:
         _check_events(content, loader)
-        return plain(yaml.load(content, loader))  # noqa: S506 - a safe one
+        found = plain(yaml.load(content, loader))  # noqa: S506 - a safe one
     except yaml.YAMLError as error:
         raise ValueError(str(error)) from error
+    _check_keys(found)
+    return found
+
+
+def _check_keys(value: Any) -> None:
+    """Raise ValueError for a key that is no text: JSON, and with it the hash, knows no other."""
+    for key in value if isinstance(value, dict) else ():
+        if not isinstance(key, str):
+            raise ValueError(f"the key {key!r} is no text; write it in quotes")
+    for one in value.values() if isinstance(value, dict) else value if isinstance(value, list) else ():
+        _check_keys(one)
 
 
 def write_config(folder: Path, config: Mapping[str, Any]) -> None:

@@ -120,3 +120,9 @@ def test_numbers_that_json_does_not_have_are_refused(tmp_path):
     with pytest.raises(ArtifactError, match=r"x\.json is not written, for cases\[1\]\.mean is not finite"):
         artifacts.write_json(tmp_path / "x.json", content)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_key_that_is_no_text_is_refused():
+    for content in (b"1: 2\na: 3", b"a: [{on: 3}]"):
+        with pytest.raises(ValueError, match="is no text; write it in quotes"):
+            artifacts.parse_config(content)
