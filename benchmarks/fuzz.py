@@ -10,7 +10,7 @@ import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from tests.hostile.attack import BrokenError, attack, survives_apart
+from tests.hostile.attack import BrokenError, assert_survives_apart, attack
 from tests.hostile.giants import GIANTS
 from tests.hostile.readers import Reader, all_readers
 
@@ -24,7 +24,7 @@ def campaign(readers: Mapping[str, Reader], minutes: float, first: int, kept: Pa
             if name in readers:
                 counts[name] += 1
                 try:
-                    survives_apart(readers[name], make(readers[name].samples[0]), Path(root))
+                    assert_survives_apart(readers[name], make(readers[name].samples[0]), Path(root))
                 except BrokenError as error:
                     found.append(f"{name}: {what}: {error}"[:400])
         while time.monotonic() < until:

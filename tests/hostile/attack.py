@@ -100,7 +100,7 @@ def attack(reader: Reader, examples: int, number: int, folder: Path) -> int:
     return tried
 
 
-def survives_apart(reader: Reader, content: bytes, folder: Path) -> None:
+def assert_survives_apart(reader: Reader, content: bytes, folder: Path) -> None:
     """Read something in a process of its own; raise BrokenError for what must not be."""
     _apart(lambda: survives(reader, content, folder))
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from tests.hostile.attack import survives_apart
+from tests.hostile.attack import assert_survives_apart
 from tests.hostile.giants import GIANTS, SIZE
 from tests.hostile.readers import all_readers
 from tests.places import PROJECT
@@ -20,9 +20,9 @@ def readers():
 def test_a_giant_is_read_or_refused_soon_and_in_little_memory(reader, name, readers, tmp_path):
     content = GIANTS[reader, name](readers[reader].samples[0])
     assert len(content) <= SIZE
-    survives_apart(readers[reader], content, tmp_path)
+    assert_survives_apart(readers[reader], content, tmp_path)
 
 
 @pytest.mark.parametrize("path", CORPUS, ids=lambda path: path.name)
 def test_what_once_broke_a_reader_is_refused(path, readers, tmp_path):
-    survives_apart(readers[path.name.partition("-")[0]], path.read_bytes(), tmp_path)
+    assert_survives_apart(readers[path.name.partition("-")[0]], path.read_bytes(), tmp_path)

@@ -90,7 +90,7 @@ def test_shares_are_those_of_all_coalitions_enumerated() -> None:
     assert several > 20
 
 
-def adds_up(system: FuzzySystem, rows: np.ndarray) -> shapley.Shares:
+def assert_adds_up(system: FuzzySystem, rows: np.ndarray) -> shapley.Shares:
     compiled = compile(system)
     found = shapley.shares(compiled, rows)
     silent = np.array([output.default for output in system.outputs])
@@ -104,17 +104,17 @@ def adds_up(system: FuzzySystem, rows: np.ndarray) -> shapley.Shares:
 @pytest.mark.parametrize("path", CONTROLLERS, ids=lambda path: path.stem)
 def test_shares_add_up_for_every_controller_that_ships(path) -> None:
     for system in serialize.load(path).systems:
-        found = adds_up(system, spread_inputs(system, 40))
+        found = assert_adds_up(system, spread_inputs(system, 40))
         assert not found.error.any()
         assert np.count_nonzero(found.values) > 40
 
 
 def test_samples_of_one_structure_get_the_shares_that_each_gets_alone(monkeypatch) -> None:
     systems = [system for path in CONTROLLERS for system in serialize.load(path).systems]
-    together = [adds_up(system, spread_inputs(system, 12)).values for system in systems]
+    together = [assert_adds_up(system, spread_inputs(system, 12)).values for system in systems]
     monkeypatch.setattr(shapley, "_games_by_level", lambda match: iter(()))
     for system, found in zip(systems, together, strict=True):
-        alone = adds_up(system, spread_inputs(system, 12)).values
+        alone = assert_adds_up(system, spread_inputs(system, 12)).values
         span = system.outputs[0].maximum - system.outputs[0].minimum
         np.testing.assert_allclose(found, alone, rtol=0, atol=1e-12 * span)
 
@@ -123,15 +123,15 @@ def test_shares_add_up_for_random_systems() -> None:
     generator = np.random.default_rng(21)
     for number in range(60):
         system = (random_general_system if number % 3 else full_table_system)(generator)
-        adds_up(system, inputs_for(system, generator, 5))
+        assert_adds_up(system, inputs_for(system, generator, 5))
 
 
 def test_sampled_shares_add_up_and_are_as_near_as_they_say(monkeypatch) -> None:
     system = force_x_system()
     rows = spread_inputs(system, 30)
-    exact = adds_up(system, rows)
+    exact = assert_adds_up(system, rows)
     monkeypatch.setattr(shapley, "MOST_COALITIONS", 1)
-    drawn = adds_up(system, rows)
+    drawn = assert_adds_up(system, rows)
     assert np.all(drawn.error[np.count_nonzero(exact.values[:, :, 0], axis=1) > 2] > 0)
     apart = np.abs(drawn.values - exact.values).max(axis=1)
     assert apart.max() > 0
@@ -190,4 +190,4 @@ def test_where_no_rule_fires_there_is_nothing_to_share() -> None:
 
 def test_shares_of_several_outputs_are_each_their_own() -> None:
     (room,) = general_controller().systems
-    adds_up(room, spread_inputs(room, 30))
+    assert_adds_up(room, spread_inputs(room, 30))

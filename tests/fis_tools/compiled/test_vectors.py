@@ -55,7 +55,7 @@ when_compiled = pytest.mark.skipif(
 )
 
 
-def same(found: Floats, expected: Floats) -> None:
+def assert_same(found: Floats, expected: Floats) -> None:
     """Equal to the last bit, signs of zeros included; any NaN is like any other."""
     np.testing.assert_array_equal(found, expected)
     is_number = ~np.isnan(expected)
@@ -115,7 +115,7 @@ def test_arithmetic_is_that_of_numpy(width: int) -> None:
                 np.where(x < 0.0, 0.0, x),
             ]
         for found, truth in zip(out, expected, strict=True):
-            same(found, truth)
+            assert_same(found, truth)
 
     check()
 
@@ -162,7 +162,7 @@ def test_comparisons_logic_and_choice_are_those_of_numpy(width: int) -> None:
         ]
         masks = [mask.astype(np.float64) for mask in truths]
         for found, truth in zip(out, [*chosen, *masks, np.fmax(np.fmax(abs(x), abs(y)), 0.0)], strict=True):
-            same(found, truth)
+            assert_same(found, truth)
         assert whole.tolist() == [(x < y).sum(), (x < y).any()]
 
     check()
@@ -227,15 +227,15 @@ def test_vectors_are_read_and_written_where_one_says(width: int) -> None:
     for size in range(ROW, -1, -1):
         rows = np.full((size + 1, width), np.nan)
         places(width)(flat := before.copy(), table, 3, offsets, out, rows)
-        same(rows[:size], before[3 + np.trunc(offsets).astype(int) + np.arange(size)[:, np.newaxis]])
+        assert_same(rows[:size], before[3 + np.trunc(offsets).astype(int) + np.arange(size)[:, np.newaxis]])
         assert np.isnan(rows[size]).all()
-    same(out[0], np.full(width, 7.0))
-    same(out[1], table[3, :width])
-    same(out[2], np.full(width, before[3]))
-    same(out[3], before[3 + np.trunc(offsets).astype(int)])
+    assert_same(out[0], np.full(width, 7.0))
+    assert_same(out[1], table[3, :width])
+    assert_same(out[2], np.full(width, before[3]))
+    assert_same(out[3], before[3 + np.trunc(offsets).astype(int)])
     expected = before.copy()
     expected[4 : 4 + width] = before[3 : 3 + width]
-    same(flat, expected)
+    assert_same(flat, expected)
 
 
 def test_powers_of_two_are_exact_over_all_normal_numbers() -> None:
@@ -249,7 +249,7 @@ def test_powers_of_two_are_exact_over_all_normal_numbers() -> None:
 
     out = np.zeros(len(exponents))
     run(exponents, out)
-    same(out, np.ldexp(1.0, exponents.astype(int)))
+    assert_same(out, np.ldexp(1.0, exponents.astype(int)))
 
 
 @njit(error_model="numpy")
@@ -267,7 +267,7 @@ def roots(a: Floats, out: Floats) -> None:
 def test_a_function_for_floats_works_on_vectors() -> None:
     a, out = np.array([-1.0, 0.0, 0.25, 1.0, 2.0, 4.0, 9.0, np.inf]), np.zeros(9)
     roots(a, out)
-    same(out, np.array([-1.5, -1.5, 0.5, 1.0, math.sqrt(2.0), 1.5, 1.5, 1.5, 1.0]))
+    assert_same(out, np.array([-1.5, -1.5, 0.5, 1.0, math.sqrt(2.0), 1.5, 1.5, 1.5, 1.0]))
 
 
 @njit(error_model="numpy")
@@ -286,7 +286,7 @@ def test_the_type_of_a_record_tells_how_wide_its_rows_are(width: int) -> None:
     assert (room.shape, room.row.shape, room.square.shape) == ((3,), (3, width), (3, 2, 2, width))
     room[0].square[0, 1] = np.arange(float(width))
     assert record_total(room) == 1.5 * width * (width - 1)
-    same(room[0].square[1, 1], 2.0 * np.arange(width))
+    assert_same(room[0].square[1, 1], 2.0 * np.arange(width))
 
 
 @when_compiled
@@ -366,7 +366,7 @@ def test_vectors_are_read_and_written_anywhere_in_a_row() -> None:
     expected[1, 1, 3:7] = room[1, 0, 2:6]
     expected[0, 0, 4:8] = room[1, 1, :4]
     run(room, 1, found)
-    same(found, expected)
+    assert_same(found, expected)
 
 
 def test_borrowed_arrays_are_the_same_and_still_their_owners() -> None:
