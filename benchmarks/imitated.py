@@ -24,11 +24,9 @@ from pipeline.command_line.config import compose_experiment
 from pipeline.controllers.source import named
 from pipeline.flight.cases.starts import evaluation_scenarios, validation_scenarios
 from pipeline.flight.control.controller import Controller, from_fuzzy
-from pipeline.flight.fly.policy import Policy
+from pipeline.flight.fly.policy import Policy, answer
 from pipeline.flight.fly.simulation import fly_all
-from pipeline.flight.fly.stepped import NUM_UNSEEN, POSITION, SUN, TARGET, VELOCITY
-from pipeline.flight.fly.stepping import NUM_SEEN, Flights
-from pipeline.flight.period.decide.network import answer
+from pipeline.flight.fly.stepping import NUM_SEEN, NUM_UNSEEN, POSITION, SUN, TARGET, VELOCITY, Flights
 from pipeline.flight.state.arrays import NUM_TRACKED, TRACK_FORCE
 from pipeline.flight.state.log import Scenario
 from pipeline.settings.experiment import Mission

@@ -231,8 +231,8 @@ def _experiment_of(folder: Path, config: dict[str, Any]) -> Experiment:
 
 def check_before(experiment: Experiment) -> None:
     """Raise the errors that a stage would raise, before any folder is made."""
-    from pipeline.flight.world.chief import num_chief_steps  # noqa: PLC0415 - NumPy, needed once the settings are right
-    from pipeline.flight.world.course import check_perigee  # noqa: PLC0415 - the same
+    # NumPy, needed once the settings are right
+    from pipeline.flight.world.chief import check_perigee, num_chief_steps  # noqa: PLC0415
 
     if experiment.reproducible:
         reproducible.require()

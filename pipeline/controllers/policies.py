@@ -13,9 +13,8 @@ import numpy as np
 
 from pipeline.array_types import Floats
 from pipeline.flight.control.controller import Controller, ControllerError
-from pipeline.flight.fly.policy import Policy
+from pipeline.flight.fly.policy import CLIPPED, LINEAR, TANH, Network, Policy
 from pipeline.flight.fly.stepping import NUM_SEEN
-from pipeline.flight.period.decide.network import CLIPPED, LINEAR, TANH, Network
 
 MOST_BYTES = 16 << 20
 #: limits of a network, counted before anything is allocated: operators and constants, numbers in its layers,

@@ -10,8 +10,15 @@ from pipeline.array_types import Floats
 from pipeline.flight.cases.starts import draw
 from pipeline.flight.control.controller import open_loop
 from pipeline.flight.fly.simulation import fly_logged
-from pipeline.flight.fly.stepped import CORRECTED, NUM_ACTED, NUM_INSPECTED, NUM_UNSEEN, OUTSIDE, SPENT
-from pipeline.flight.fly.stepping import Flights
+from pipeline.flight.fly.stepping import (
+    CORRECTED,
+    NUM_ACTED,
+    NUM_INSPECTED,
+    NUM_UNSEEN,
+    OUTSIDE,
+    SPENT,
+    Flights,
+)
 from pipeline.flight.state.log import FlightLog, Scenario, points_needed
 from pipeline.gym.task import Task
 from pipeline.recording.recorder import FlightRecorder
@@ -91,7 +98,7 @@ class Episodes:
 
     @property
     def facts(self) -> dict[str, NDArray[Any]]:
-        """What is told beside observations: see `pipeline.flight.fly.stepped`."""
+        """What is told beside observations: see `pipeline.flight.fly.stepping`."""
         now = self._flights.observed
         return {
             "delta_v_m_s": now[:, SPENT].copy(),

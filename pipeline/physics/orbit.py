@@ -17,7 +17,7 @@ import numpy as np
 from fis_tools.compiled.decorator import compiled
 from pipeline.array_types import Floats
 from pipeline.physics.illumination import EARTH_RADIUS_M
-from pipeline.physics.vectors import assign, cross, dot, norm
+from pipeline.physics.quaternion import assign, cross, dot, norm
 
 #: largest angle per step of the integration, on the fastest orbit through the perigee, rad
 LONGEST_STEP_RAD = 0.02

@@ -81,7 +81,7 @@ class Deputy:
     """Where a single flight starts, relative to the chief, Hill axes."""
     initial_velocity_m_s: Vector = (0.0, 0.0, 0.0)
     """Its velocity there, relative to the chief, Hill axes."""
-    max_force_n: Positive = 1.0
+    max_force_n: Annotated[Positive, Field(le=1000)] = 1.0
     """Greatest force along each Hill axis."""
     max_torque_n_m: Positive = 0.01
     """Greatest torque about each body axis."""

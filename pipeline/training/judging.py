@@ -11,8 +11,8 @@ from pipeline.array_types import Floats
 from pipeline.flight.cases.cases import cases_of
 from pipeline.flight.cases.starts import hard_candidates, training_scenarios, validation_scenarios
 from pipeline.flight.control.controller import from_fuzzy, law_of
-from pipeline.flight.control.tours import tour_images
 from pipeline.flight.fly.population import fly_population, lanes_for
+from pipeline.flight.fly.rehearsals import tour_images
 from pipeline.flight.fly.simulation import fly_all
 from pipeline.flight.state.log import Outcomes, Scenario
 from pipeline.flight.world.pack import pack_world

@@ -20,7 +20,7 @@ import numpy as np
 
 from pipeline.array_types import Floats
 from pipeline.flight.state.log import Scenario
-from pipeline.flight.world.course import chief_course
+from pipeline.flight.world.chief import chief_course
 from pipeline.settings.dispersions import IN_TIME, Distribution
 from pipeline.settings.experiment import Mission
 

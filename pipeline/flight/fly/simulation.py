@@ -13,7 +13,7 @@ from pipeline.flight.cases.cases import cases_of
 from pipeline.flight.cases.dispersions import groups_of, mission_of_case
 from pipeline.flight.control.controller import Controller, ControllerError, law_of, played, rehearsed_pushes
 from pipeline.flight.control.plans import planned, regulated
-from pipeline.flight.control.tours import tour_images
+from pipeline.flight.fly.logged import write_reasons
 from pipeline.flight.fly.many import Results, fly_many
 from pipeline.flight.fly.plain import fly_plainly
 from pipeline.flight.fly.population import (
@@ -24,15 +24,13 @@ from pipeline.flight.fly.population import (
     lanes_for,
     outcomes_of,
 )
-from pipeline.flight.fly.reasons import write_reasons
-from pipeline.flight.fly.rehearsals import rehearsed_openings, rehearsed_tours
+from pipeline.flight.fly.rehearsals import rehearsed_openings, rehearsed_tours, tour_images
 from pipeline.flight.fly.workspace import make_state, make_workspace
 from pipeline.flight.period.look.optics import note_inspectable
 from pipeline.flight.state.arrays import NUM_OUTCOMES, Law, Plans
 from pipeline.flight.state.log import FlightLog, Outcomes, Scenario, empty_log
 from pipeline.flight.world.chief import chief_attitudes
-from pipeline.flight.world.light import sun_shares
-from pipeline.flight.world.pack import pack_world
+from pipeline.flight.world.pack import pack_world, sun_shares
 from pipeline.physics.quaternion import dcm_b_from_h
 from pipeline.settings.dispersions import distributions
 from pipeline.settings.experiment import Mission

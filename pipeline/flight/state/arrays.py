@@ -11,9 +11,9 @@ import numpy as np
 from fis_tools.compiled.decorator import compiled
 from fis_tools.compiled.vectors import Rows
 from pipeline.array_types import Bytes, Floats, Integers
+from pipeline.physics.illumination import Reflection
 from pipeline.physics.motion import Motion
 from pipeline.physics.orbit import Course
-from pipeline.physics.reflection import Reflection
 from pipeline.physics.sight import Optics, Sight
 
 #: columns of a track: position, or these

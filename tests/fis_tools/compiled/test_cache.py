@@ -15,7 +15,7 @@ import fis_tools
 from fis_tools.compiled import borrowed_code, cache  # noqa: F401 - as the decorator loads it
 from pipeline.flight.fly import many
 from pipeline.flight.period.act import attitude, safety
-from pipeline.physics import vectors
+from pipeline.physics import quaternion
 
 DAY_S = 86400.0
 FOLDER = Path(fis_tools.__file__).parent
@@ -31,9 +31,10 @@ def sources(function: Callable[..., object]) -> set[str]:
 def test_a_kernel_depends_on_its_file_and_on_all_that_it_imports_and_on_nothing_else() -> None:
     names = ("__init__", "borrowed_code", "cache", "decorator", "numba_parts", "vector_code", "vectors")
     decorator = {f"fis_tools/compiled/{name}.py" for name in names}
-    assert sources(vectors.dot) == {"pipeline/physics/vectors.py", "pipeline/array_types.py", *decorator}
+    own = {"pipeline/physics/quaternion.py", "pipeline/array_types.py"}
+    assert sources(quaternion.dot) == own | decorator
     flight = sources(many.fly_many)
-    assert flight > sources(attitude.turn_deputies) | sources(safety.assure) | sources(vectors.dot)
+    assert flight > sources(attitude.turn_deputies) | sources(safety.assure) | sources(quaternion.dot)
     assert "fis_tools/engines/kernel.py" in flight
     assert not {file for file in flight if "reference" in file or "formats" in file or "notice" in file}
 
@@ -131,10 +132,10 @@ def root(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_a_new_cache_is_closed_to_others(root: Path) -> None:
-    place = cache.place_for(vectors.dot.py_func)  # type: ignore[attr-defined]
+    place = cache.place_for(quaternion.dot.py_func)  # type: ignore[attr-defined]
     assert isinstance(place, Path)
     assert place.parent == root
-    assert place.name.startswith("pipeline.physics.vectors-")
+    assert place.name.startswith("pipeline.physics.quaternion-")
     for folder in (root, place):
         assert stat.S_IMODE(folder.stat().st_mode) == 0o700
 
@@ -143,7 +144,7 @@ posix = pytest.mark.skipif(not hasattr(os, "getuid"), reason="owners and modes a
 
 
 def refused() -> str:
-    place = cache.place_for(vectors.dot.py_func)  # type: ignore[attr-defined]
+    place = cache.place_for(quaternion.dot.py_func)  # type: ignore[attr-defined]
     assert isinstance(place, cache.Refused)
     assert "set NUMBA_CACHE_DIR to a folder of your own" in place.reason
     return place.reason
@@ -159,7 +160,7 @@ def test_a_folder_that_others_may_write_to_is_refused(root: Path, mode: int) -> 
     root.parent.chmod(mode)
     assert f"others may write to {root.parent}" in refused()
     root.parent.chmod(mode | stat.S_ISVTX)  # as /tmp is: nobody can replace what belongs to another
-    assert isinstance(cache.place_for(vectors.dot.py_func), Path)  # type: ignore[attr-defined]
+    assert isinstance(cache.place_for(quaternion.dot.py_func), Path)  # type: ignore[attr-defined]
 
 
 @posix
@@ -176,7 +177,7 @@ def test_a_group_may_write_where_nobody_else_is_in_it(
     root.mkdir(parents=True)
     root.chmod(0o770)
     if is_private:
-        assert isinstance(cache.place_for(vectors.dot.py_func), Path)  # type: ignore[attr-defined]
+        assert isinstance(cache.place_for(quaternion.dot.py_func), Path)  # type: ignore[attr-defined]
     else:
         assert f"others may write to {root}" in refused()
 
@@ -204,9 +205,9 @@ def test_a_source_that_is_newer_than_the_process_is_not_kept(
     root: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(cache, "_loaded_ns", 0)
-    place = cache.place_for(vectors.dot.py_func)  # type: ignore[attr-defined]
+    place = cache.place_for(quaternion.dot.py_func)  # type: ignore[attr-defined]
     assert isinstance(place, cache.Refused)
-    assert "vectors.py has changed since it was loaded" in place.reason
+    assert "quaternion.py has changed since it was loaded" in place.reason
 
 
 def test_caches_that_nobody_has_used_for_a_month_are_dropped(root: Path) -> None:
@@ -218,16 +219,16 @@ def test_caches_that_nobody_has_used_for_a_month_are_dropped(root: Path) -> None
     (root / "note.txt").write_text("not a cache")
     os.utime(root / "note.txt", (0.0, 0.0))
     root.chmod(0o700)
-    used = cache.place_for(vectors.dot.py_func)  # type: ignore[attr-defined]
+    used = cache.place_for(quaternion.dot.py_func)  # type: ignore[attr-defined]
     assert isinstance(used, Path)
     assert sorted(path.name for path in root.iterdir()) == ["note.txt", used.name, "recent"]
 
 
 def test_using_a_cache_keeps_it(root: Path) -> None:
-    used = cache.place_for(vectors.dot.py_func)  # type: ignore[attr-defined]
+    used = cache.place_for(quaternion.dot.py_func)  # type: ignore[attr-defined]
     assert isinstance(used, Path)
     os.utime(used, (0.0, 0.0))
-    cache.place_for(vectors.dot.py_func)  # type: ignore[attr-defined]
+    cache.place_for(quaternion.dot.py_func)  # type: ignore[attr-defined]
     cache.drop_old_caches(root)
     assert used.is_dir()
 

@@ -15,9 +15,9 @@ from pipeline.controllers.source import named
 from pipeline.flight.cases.starts import evaluation_scenarios
 from pipeline.flight.control.controller import Controller, ControllerError
 from pipeline.flight.fly import policy
+from pipeline.flight.fly.policy import answer
 from pipeline.flight.fly.simulation import fly_all, fly_logged
 from pipeline.flight.fly.stepping import NUM_SEEN, OBSERVED
-from pipeline.flight.period.decide.network import answer
 from pipeline.flight.state.log import FlightLog
 from pipeline.gym import InspectionEnv, task_of
 from pipeline.recording.recorder import FlightRecorder

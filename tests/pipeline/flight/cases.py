@@ -8,7 +8,7 @@ import numpy as np
 from fis_tools.model import FuzzyController, FuzzySystem, Gaussian, Term, Triangular, Variable, table_rules
 from pipeline.flight.control.controller import Controller, from_fuzzy
 from pipeline.flight.state.log import Scenario
-from pipeline.physics.clohessy_wiltshire import state_transition
+from pipeline.physics.motion import state_transition
 from pipeline.settings.experiment import Mission
 from tests.pipeline.flight.missions import (
     MEAN_MOTION,

@@ -14,7 +14,7 @@ from pipeline.flight.period.look.guidance import (
     start_centres,
 )
 from pipeline.flight.period.look.guidance import POINTS as LOOKED_AT_TOGETHER
-from pipeline.physics.inspection_points import regular_placement
+from pipeline.flight.world.surface import regular_placement
 from tests.pipeline.physics.conditions import is_in_view
 from tests.readable_flight.guidance import clustered, relative_angle, started
 

@@ -15,7 +15,7 @@ import pytest
 from pipeline.flight.control.controller import coast
 from pipeline.flight.fly.simulation import fly_logged
 from pipeline.flight.state.log import Scenario
-from pipeline.physics.inspection_points import regular_placement
+from pipeline.flight.world.surface import regular_placement
 from tests.pipeline.flight.missions import IDEAL, MEAN_MOTION, PAPER
 
 AHEAD = np.array([0.0, 20.0, 0.0])

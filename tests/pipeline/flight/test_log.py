@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from pipeline.flight.control.controller import coast
 from pipeline.flight.fly.simulation import fly_logged
 from pipeline.flight.state.log import Scenario
-from pipeline.physics.inspection_points import regular_placement
+from pipeline.flight.world.surface import regular_placement
 from tests.pipeline.flight.cases import STEERING
 from tests.pipeline.flight.missions import (
     BEHIND,

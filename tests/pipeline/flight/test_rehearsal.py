@@ -15,9 +15,8 @@ from pipeline.flight.control.controller import (
     law_of,
     rehearsed_pushes,
 )
-from pipeline.flight.control.tours import IMAGES, tour_images
 from pipeline.flight.fly.population import fly_population
-from pipeline.flight.fly.rehearsals import rehearsed_openings
+from pipeline.flight.fly.rehearsals import IMAGES, rehearsed_openings, tour_images
 from pipeline.flight.fly.simulation import fly_all, fly_logged
 from pipeline.flight.state.signals import CONSTANTS
 from pipeline.flight.world.pack import pack_world

@@ -11,7 +11,7 @@ from pipeline.flight.control.controller import ControllerError, from_fuzzy
 from pipeline.flight.fly.simulation import fly_all, fly_logged
 from pipeline.flight.state.log import FlightLog, Scenario
 from pipeline.flight.state.signals import constant
-from pipeline.physics.inspection_points import regular_placement
+from pipeline.flight.world.surface import regular_placement
 from tests.pipeline.flight.cases import SEEING, STARTS, mission
 from tests.pipeline.flight.missions import MEAN_MOTION as N
 

@@ -8,7 +8,7 @@ from scipy.integrate import solve_ivp
 
 from fis_tools.compiled.decorator import plainly
 from pipeline.flight.period.look.optics import sun_after
-from pipeline.flight.world.course import semi_major_axis
+from pipeline.flight.world.chief import semi_major_axis
 from pipeline.flight.world.pack import pack_world
 from pipeline.physics.illumination import EARTH_RADIUS_M
 from pipeline.settings.experiment import Dynamics

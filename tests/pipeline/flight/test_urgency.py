@@ -10,7 +10,7 @@ from pipeline.flight.control.controller import Controller, ControllerError, from
 from pipeline.flight.fly.simulation import fly_all, fly_logged
 from pipeline.flight.state.log import FlightLog
 from pipeline.flight.state.signals import constant
-from pipeline.physics.inspection_points import regular_placement
+from pipeline.flight.world.surface import regular_placement
 from tests.pipeline.flight.cases import HURRYING, STARTS, mission
 
 IDEAL = {"mode": "ideal"}

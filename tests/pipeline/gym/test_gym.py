@@ -12,8 +12,16 @@ import telemetry
 from pipeline.controllers.source import load
 from pipeline.flight.cases.starts import evaluation_scenarios
 from pipeline.flight.fly.simulation import fly_logged
-from pipeline.flight.fly.stepped import CORRECTED, NUM_ACTED, NUM_CANDIDATES, NUM_INSPECTED, SPENT
-from pipeline.flight.fly.stepping import NUM_SEEN, OBSERVED, Flights
+from pipeline.flight.fly.stepping import (
+    CORRECTED,
+    NUM_ACTED,
+    NUM_CANDIDATES,
+    NUM_INSPECTED,
+    NUM_SEEN,
+    OBSERVED,
+    SPENT,
+    Flights,
+)
 from pipeline.flight.state.log import FlightLog
 from pipeline.gym import (
     InspectionEnv,

@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pipeline.physics.clohessy_wiltshire import input_matrix, state_transition
-from pipeline.physics.motion import Motion
+from pipeline.physics.motion import Motion, input_matrix, state_transition
 from pipeline.physics.quaternion import dcm_b_from_h
 from tests.pipeline.physics import what_flies
 from tests.pipeline.physics.what_flies import propagate

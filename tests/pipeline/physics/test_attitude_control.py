@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from pipeline.physics.attitude_control import (
+from pipeline.physics.attitude import (
     FIRST_Y,
     RETURN_RATE,
     blended_y,

@@ -2,8 +2,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from pipeline.physics.clohessy_wiltshire import input_matrix, state_transition
-from pipeline.physics.motion import Motion
+from pipeline.physics.motion import Motion, input_matrix, state_transition
 from tests.pipeline.physics.what_flies import propagate
 
 MEAN_MOTION = 0.0011068

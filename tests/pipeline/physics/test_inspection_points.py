@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from pipeline.physics.inspection_points import fibonacci_placement, regular_placement
+from pipeline.flight.world.surface import fibonacci_placement, regular_placement
 
 RINGS = [3, 9, 13, 16, 17, 16, 13, 9, 3]
 

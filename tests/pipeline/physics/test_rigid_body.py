@@ -4,14 +4,14 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
-from pipeline.physics.quaternion import dcm_b_from_h
-from pipeline.physics.rigid_body import (
+from pipeline.physics.attitude import (
     TUMBLING_TOLERANCE_RAD,
     euler_angular_acceleration,
     longest_tumbling_step,
     tumble,
     tumbling_step,
 )
+from pipeline.physics.quaternion import dcm_b_from_h
 from tests.pipeline.physics.what_flies import turned
 
 MEAN_MOTION = 0.0011068

@@ -13,7 +13,7 @@ from fis_tools.compiled.vectors import most, select, some, splat, store, width_o
 from pipeline.array_types import Floats
 from pipeline.flight.state.arrays import Moment, Plans
 from pipeline.flight.state.lanes import four, one, write_four
-from pipeline.physics.attitude_control import POLE, blended_y, desired_dcm, desired_y
+from pipeline.physics.attitude import POLE, blended_y, desired_dcm, desired_y
 from pipeline.physics.motion import place_after, step_of
 from pipeline.physics.quaternion import from_dcm
 

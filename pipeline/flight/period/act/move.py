@@ -8,8 +8,8 @@ from pipeline.flight.state.lanes import flight_of, one, two
 from pipeline.physics.illumination import share_at
 from pipeline.physics.motion import place_after, step_of, velocity_after
 from pipeline.physics.orbit import Course
+from pipeline.physics.quaternion import norm
 from pipeline.physics.two_body import entered, left, stepped
-from pipeline.physics.vectors import norm
 
 
 @compiled(error_model="numpy", forceinline=True)

@@ -53,7 +53,7 @@ from pipeline.physics.motion import (
     stopping_forces,
     velocity_after,
 )
-from pipeline.physics.vectors import assign
+from pipeline.physics.quaternion import assign
 
 if TYPE_CHECKING:  # as in `pipeline.flight.period.look.guidance`
     from pipeline.settings.experiment import Mission

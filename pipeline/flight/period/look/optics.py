@@ -18,8 +18,8 @@ from fis_tools.compiled.vectors import Mask, Vector, borrowed, count, load, sele
 from pipeline.array_types import Bytes, Floats
 from pipeline.flight.period.look.guidance import POINTS
 from pipeline.flight.state.arrays import Beyond, Moment, Workspace, World
+from pipeline.physics.illumination import is_bright
 from pipeline.physics.occlusion import cell_of
-from pipeline.physics.reflection import is_bright
 from pipeline.physics.sight import (
     HEIGHT,
     NORMAL,
