@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 from cyclopts import App, CycloptsError, Parameter
 
-from fis_tools.commands import SUMMARIES
+from fis_tools.commands import COMMANDS
 
 HELP = """\
 Review a fuzzy controller: look at it, draw it, and ask why it does what it does.
@@ -48,11 +48,11 @@ def command_line(asked: str | None) -> App:
         suppress_keyboard_interrupt=False,
         default_parameter=Parameter(negative=(), show_default=_shown),
     )
-    for place, (name, summary) in enumerate(SUMMARIES.items()):
-        # a keyword of Python cannot name a module
-        module = "import_" if name == "import" else name
+    for place, (name, (module, summary)) in enumerate(COMMANDS.items()):
+        # a keyword of Python cannot name a function
+        function = "import_" if name == "import" else name
         description = None if name == asked else summary
-        app.command(f"fis_tools.commands.{module}:run", name=name, help=description, sort_key=place)
+        app.command(f"fis_tools.commands.{module}:{function}", name=name, help=description, sort_key=place)
     return app
 
 
@@ -91,9 +91,7 @@ def main(words: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except CycloptsError as mistake:
-        command = (
-            f"python -m fis_tools {asked} --help" if asked in SUMMARIES else "python -m fis_tools --help"
-        )
+        command = f"python -m fis_tools {asked} --help" if asked in COMMANDS else "python -m fis_tools --help"
         print(f"error: {mistake} `{command}` tells more.", file=sys.stderr)
         return MISTAKE
     except OSError as mistake:

@@ -62,7 +62,7 @@ FORMS = {
 }
 
 
-def run(
+def export(
     asked: AskedInOrder,
     *,
     format: Annotated[str, Parameter(choices=tuple(FORMS))],

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from fis_tools.__main__ import main
-from fis_tools.commands import SUMMARIES
+from fis_tools.commands import COMMANDS
 from tests.places import PROJECT
 
 TIPPING = PROJECT / "docs" / "examples" / "tipping.py"
@@ -39,7 +39,7 @@ NEEDED: dict[str, tuple[str, ...]] = {
 }
 
 
-@pytest.mark.parametrize("command", [name for name in SUMMARIES if name not in {"domain", "learn"}])
+@pytest.mark.parametrize("command", [name for name in COMMANDS if name not in {"domain", "learn"}])
 def test_every_command_takes_a_program_that_is_trusted(
     command: str, program: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

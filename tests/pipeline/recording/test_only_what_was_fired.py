@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 import telemetry
 from fis_tools.analysis.flights import inputs_along, read_flight, usage_along
-from fis_tools.commands.instant import AskedInstant, instants
+from fis_tools.commands.arguments import AskedInstant, instants
 from fis_tools.model.thrust import COMPONENTS, COUNTED
 from pipeline.controllers.source import WITH_PATHS, named
 from pipeline.flight.control.controller import Controller

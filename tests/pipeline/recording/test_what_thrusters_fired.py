@@ -8,7 +8,7 @@ import pytest
 
 import telemetry
 from fis_tools.analysis.flights import inputs_along, read_flight
-from fis_tools.commands.instant import AskedInstant, instants
+from fis_tools.commands.arguments import AskedInstant, instants
 from fis_tools.model.thrust import COMPONENTS
 from pipeline.controllers.source import WITH_PATHS, named
 from pipeline.flight.cases.actuators import thrust_errors

@@ -1,0 +1,237 @@
+"""`firing`, `bounds`, `domain`: what its rules and outputs do along flights and in a region."""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+from cyclopts import Parameter
+
+from fis_tools.analysis import arrays, tables
+from fis_tools.analysis import flights as logged
+from fis_tools.analysis.bounds import NUM_BOXES, ask, output_ranges
+from fis_tools.analysis.domain import Box, Departure, departures, from_mapping
+from fis_tools.commands.arguments import (
+    Asked,
+    UserMistake,
+    analysing,
+    chosen,
+    expected,
+    flown_inputs,
+    the_system,
+)
+from fis_tools.document import Block, Document, Heading, Paragraph, Table, text
+from fis_tools.errors import ControllerFileError
+from fis_tools.model import FuzzyController, FuzzySystem
+from fis_tools.source import read_controller
+from fis_tools.words.text import sentence
+
+
+def firing(
+    flights: tuple[str, ...],
+    /,
+    *,
+    controller: str | None = None,
+    trust: bool = False,
+    system: str | None = None,
+    threshold: Annotated[
+        float, expected("a strength above 0 and up to 1, such as 0.05", lambda share: 0.0 < share <= 1.0)
+    ] = arrays.FIRED,
+    all_periods: bool = False,
+) -> None:
+    """Print which rules fired along logged flights, those that fired most often first.
+
+    Counted are the rows of tables, and along flights the inferences whose force was fired; with
+    --all-periods, all that were logged. Flights carry their controller along, tables do not. Fired: in how
+    many of them the rule fired at the threshold or more; leading: in how many no rule fired more strongly;
+    mean, max: its strength over all of them.
+
+    For example:
+
+        python -m fis_tools firing episodes/*.mcap
+        python -m fis_tools firing episodes/best.mcap --system force_x --threshold 0.2
+        python -m fis_tools firing room.csv --controller fan.yaml
+
+    Parameters
+    ----------
+    flights
+        logged data of one controller: tables (.csv, .parquet) with a column for each input, by its name, or
+        flights (.mcap)
+    controller
+        whose rules [default: those of the flights]
+    trust
+        run the Python program that a controller is read from
+    system
+        only this system
+    threshold
+        a rule counts as fired from this strength on
+    all_periods
+        along flights, count every inference, not only those whose force was fired
+    """
+    if controller is None:
+        tables = [path for path in flights if not logged.is_flight(path)]
+        if tables:
+            raise UserMistake(f"{tables[0]} is no flight (.mcap) with a controller in it; add --controller")
+        usages = logged.usage_along(flights, threshold, all_periods)
+        asked = chosen(logged.read_controller(flights[0]), system)
+    else:
+        asked = chosen(read_controller(controller, trust), system)
+        usages = _used(asked, flights, threshold, all_periods)
+    blocks = [block for one in asked.systems for block in _blocks(one, usages.get(one.name), threshold)]
+    print(text.write(Document(blocks)), end="")
+
+
+def _used(
+    controller: FuzzyController, flights: Sequence[str], threshold: float, all_periods: bool
+) -> dict[str, arrays.RuleUsage]:
+    """Return how the rules of a controller fired along flights of another, or over tables."""
+    sensed = flown_inputs(flights, controller, all_periods) or {}
+    return {
+        system.name: arrays.rule_usage(arrays.firing(system, sensed[system.name]), threshold)
+        for system in controller.systems
+        if len(sensed.get(system.name, ()))
+    }
+
+
+def _blocks(system: FuzzySystem, usage: arrays.RuleUsage | None, threshold: float) -> list[Block]:
+    if usage is None:
+        return [Heading(system.name), Paragraph("It never fired anything on these flights.")]
+    idle = int(np.count_nonzero(usage.fired == 0))
+    rows = [
+        [
+            *(f"{100 * share[place]:.1f} %" for share in (usage.fired, usage.leading)),
+            *(f"{strength[place]:.2f}" for strength in (usage.mean_strength, usage.max_strength)),
+            f"{place + 1}. {sentence(system.rules[place])}",
+        ]
+        for place in np.argsort(-usage.fired, kind="stable")
+    ]
+    head = (
+        f"{system.name}: {usage.num_samples} inferences; {idle} of {len(system.rules)} rules never fire "
+        f"at {threshold:g} or more"
+    )
+    return [Heading(head), Table(["fired", "leading", "mean", "max", "rule"], rows, numbers=range(4))]
+
+
+def bounds(
+    asked: Asked,
+    *,
+    where: str = "",
+    question: Annotated[str | None, Parameter(name="--ask")] = None,
+    boxes: Annotated[int, expected("a whole number above 0", lambda count: count > 0)] = NUM_BOXES,
+    expect: Literal["yes", "no"] | None = None,
+) -> int:
+    """Prove what the outputs can and cannot be in a region.
+
+    Conditions are written NAME > NUMBER, NAME in [NUMBER, NUMBER] or 2 NAME - OTHER <= NUMBER; several, with
+    commas between, hold together. An input beyond its range is taken as the end of it; conditions on several
+    inputs together are about values inside their ranges. A yes comes with inputs and outputs that were
+    evaluated. A no is proved: no inputs of the region, of any number, can do it.
+
+    The exit status is 0; with --expect it is 1 where the answer is another one; a mistake gives 2.
+
+    For example:
+
+        python -m fis_tools bounds controller.yaml
+        python -m fis_tools bounds controller.yaml --system force_x --where "distance > 150"
+        python -m fis_tools bounds controller.yaml --system force_x --ask "force_x > 0" --expect no
+
+    Parameters
+    ----------
+    where
+        conditions on inputs [default: all that their ranges hold]
+    question
+        conditions on outputs: can they hold? [default: how far the outputs go]
+    boxes
+        give up after so many boxes
+    expect
+        with --ask: end with status 1 at any other answer
+    """
+    if expect is not None and question is None:
+        raise UserMistake("--expect is about the answer to a question; add --ask")
+    controller = asked.read()
+    systems = (the_system(controller),) if where or question is not None else controller.systems
+    sentences, verdict = [], None
+    try:
+        with analysing(controller) as tell:
+
+            def progress(num_boxes: int, num_open: int) -> None:
+                tell(f"{num_boxes} boxes, {num_open} open")
+
+            for system in systems:
+                if question is None:
+                    found = output_ranges(system, where, max_boxes=boxes, progress=progress)
+                    sentences += [one.sentence for one in found]
+                else:
+                    answer = ask(system, question, where, max_boxes=boxes, progress=progress)
+                    sentences, verdict = [answer.sentence], answer.verdict
+    except ValueError as error:
+        raise UserMistake(str(error)) from error
+    print("\n".join(sentences))
+    return int(expect not in (None, verdict))
+
+
+def domain(domain: str, flights: tuple[str, ...], /) -> int:
+    """Tell when logged flights left the inputs that an evaluation met.
+
+    DOMAIN is a domain.json of `python -m pipeline +experiment=assure`: the least and the greatest of each
+    input that the flights of an evaluation met. What a controller does beyond is not covered by them.
+
+    The exit status is 0 where all flights stayed inside, 1 where one left, 2 for a mistake.
+
+    For example:
+
+        python -m fis_tools domain outputs/assure/TIME/assure/domain.json episodes/*.mcap
+
+    Parameters
+    ----------
+    domain
+        an operational domain (.json)
+    flights
+        logged data: tables (.csv, .parquet) with a column for each input, by its name, or flights (.mcap)
+    """
+    boxes = {box.system: box for box in _read(Path(domain))}
+    num_left = 0
+    for path in flights:
+        found = _departures(path, boxes)
+        num_left += bool(found)
+        print(f"{path}: {'stayed inside' if not found else ''}".rstrip())
+        for one in found:
+            print(f"  {_sentence(one)}")
+    return int(num_left > 0)
+
+
+def _read(path: Path) -> tuple[Box, ...]:
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError) as error:
+        raise ControllerFileError(f"{path} cannot be read ({error}); give a domain.json") from error
+    return from_mapping(content, str(path))
+
+
+def _departures(path: str, boxes: dict[str, Box]) -> list[Departure]:
+    """Return when a flight left the boxes of its systems, in order of time."""
+    found: list[Departure] = []
+    if tables.is_table(path):
+        for each in boxes.values():
+            sensed, time_s = tables.read(path, each.inputs)
+            found += departures(each, np.arange(1.0, len(sensed) + 1.0) if time_s is None else time_s, sensed)
+        return sorted(found, key=lambda one: one.first_s)
+    for flown in logged.read_flight(path):
+        box, inputs = boxes.get(flown.system.name), tuple(one.name for one in flown.system.inputs)
+        if box is None or box.inputs != inputs:
+            raise ControllerFileError(
+                f"{path} was flown with a system {flown.system.name} of {', '.join(inputs)}, which the "
+                "domain does not have; give flights of the controller that it was made with"
+            )
+        found += departures(box, flown.time_s, flown.inputs)
+    return sorted(found, key=lambda one: one.first_s)
+
+
+def _sentence(one: Departure) -> str:
+    unit = f" {one.unit}" if one.unit else ""
+    when = f"at {one.first_s:g} s" if one.first_s == one.last_s else f"{one.first_s:g} to {one.last_s:g} s"
+    return (
+        f"{when}: {one.system} senses {one.name} = {one.value:.6g}{unit}, outside {one.low:.6g} to "
+        f"{one.high:.6g}{unit}"
+    )

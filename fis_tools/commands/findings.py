@@ -1,0 +1,350 @@
+"""`audit`, `explain`, `diff`, `simplify`: what is found in a controller, reported."""
+
+import math
+import shutil
+from collections.abc import Sequence
+from dataclasses import fields, replace
+from importlib import import_module
+from pathlib import Path
+from typing import Annotated, Literal
+
+from cyclopts import Parameter, Token
+
+from fis_tools.commands.arguments import (
+    AskedAlong,
+    AskedInstant,
+    Output,
+    UserMistake,
+    analysing,
+    assignments,
+    chosen,
+    expected,
+    flown_inputs,
+    form_of,
+    instants,
+    write,
+)
+from fis_tools.document import data, text
+from fis_tools.engines.inference import infer
+from fis_tools.findings import audit as faults
+from fis_tools.findings import explanation, simplification
+from fis_tools.findings.audit import Severity, Thresholds, report
+from fis_tools.findings.difference import difference
+from fis_tools.findings.simplification import Budget
+from fis_tools.model import FuzzyController
+from fis_tools.model.validate import nearest
+from fis_tools.source import read_controller
+from fis_tools.words import text as wording
+
+#: A terminal of another width than this is taken as this.
+NARROWEST, WIDEST = 60, 120
+
+
+def audit(
+    asked: AskedAlong,
+    *,
+    reference: str | None = None,
+    json: bool = False,
+    fail_on: Literal["note", "warning", "serious"] | None = None,
+    thresholds: str = "",
+) -> int:
+    """List what a reviewer should know: gaps, slips, idle rules.
+
+    The exit status is 0; with --fail-on it is 1 where there is a finding so severe or worse; a mistake
+    gives 2.
+
+    For example:
+
+        python -m fis_tools audit controller.yaml
+        python -m fis_tools audit controller.yaml --flights episodes/*.mcap --fail-on serious
+        python -m fis_tools audit episodes/best.mcap --json > audit.json
+        python -m fis_tools audit tuned.yaml --reference untuned.yaml
+        python -m fis_tools audit controller.yaml --thresholds coverage=0.5,look_alike=0.6
+
+    Thresholds, most of them shares from 0 to 1:
+
+    - fired (0.05): a rule counts as fired, and a value as covered at all, from this strength on
+    - coverage (0.2): each value should belong to a term, and each input to a rule, this much
+    - look_alike (0.7): terms that share more of their areas mean the same
+    - possibility (0.85): terms that hold together by more are hard to tell apart
+    - inside (0.9): a term of which more lies under another one says little of its own
+    - zero (0.8): how much 0 should belong to a term called zero
+    - jump (0.55): neighbouring rules should differ by no more of the output's range
+    - against (0.25): up to this share of steps against the rest, an input counts as meant to act one way
+    - asymmetry (0.1): no more of the pairs of rules should break a symmetry that the others have
+    - reversal (0.1): the least way back of an output that counts, of its range
+    - consistency (0.3): the least consistency of a rule
+    - reach (0.5): an output should reach this much of its range
+    - partition (0.3): the least GM3M of a variable, against --reference or an even partition
+    - clipped (0.05): an input should lie outside its range in no more of the inferences
+    - dead (0.5): no more of the rules should never fire on flights
+    - dominant (0.6): no rule should lead, or matter, by more
+    - idle (0.001): a rule should move an output by more of its range on average
+    - rules (60): the most rules of a system
+    - terms (9): the most terms of a variable
+
+    Parameters
+    ----------
+    reference
+        compare terms with those of this controller, such as before tuning [default: an even partition]
+    json
+        print it for programs (schema fuzzy-audit, version 2)
+    fail_on
+        end with status 1 if there is a finding so severe or worse
+    thresholds
+        from where on something is a finding: NAME=NUMBER,NAME=NUMBER
+    """
+    controller = asked.read()
+    compared = None if reference is None else read_controller(reference, asked.trust)
+    limits = _thresholds(thresholds)
+    try:
+        with analysing(controller):
+            found = faults.audit(controller, asked.flown(controller), limits, compared)
+    except UserMistake:
+        raise
+    except ValueError as error:
+        raise UserMistake(f"{error}; give a --reference of the same systems") from error
+    if json:
+        print(data.write(report.SCHEMA, report.SCHEMA_VERSION, found.plain()), end="")
+    else:
+        width = min(WIDEST, max(NARROWEST, shutil.get_terminal_size((text.WIDTH, 24)).columns))
+        print(text.write(found.document(), width), end="")
+    return 0 if fail_on is None else int(bool(found.at_least(Severity[fail_on.upper()])))
+
+
+def _thresholds(words: str) -> Thresholds:
+    values = assignments(words)
+    defaults = {field.name: field.default for field in fields(Thresholds)}
+    for name in values:
+        if name not in defaults:
+            raise UserMistake(f"there is no threshold {name!r}; {nearest(name, defaults)}")
+        if values[name] < 0.0:
+            raise UserMistake(f"the threshold {name!r} is below 0; give one that is not")
+    return replace(Thresholds(), **values)  # type: ignore[arg-type]
+
+
+EXPLANATION = ("fuzzy-explanation", 2)
+
+
+def explain(
+    asked: AskedInstant,
+    *,
+    crossing: Annotated[float | None, expected("a finite number", math.isfinite)] = None,
+    steps: bool = False,
+    all: bool = False,
+    json: bool = False,
+) -> None:
+    """Tell why: which rules moved the output, what would flip it.
+
+    With --inputs or --time it tells of one inference the share of each rule in the output (Shapley values:
+    they add up to its way from the output of no rule), what would be missing without the rule ("needed":
+    nothing where others say the same), and the smallest change of one input that flips the output's sign.
+    With --flights (or a flight as CONTROLLER) it tells the shares over them. Of a flight it tells about
+    forces that were fired; where none was, it says why. --all-periods tells about every inference.
+
+    For example:
+
+        python -m fis_tools explain controller.yaml --inputs distance=80,velocity_body_x=0.05
+        python -m fis_tools explain episodes/best.mcap --time 600 --system force_x --crossing=-0.01
+        python -m fis_tools explain episodes/best.mcap
+        python -m fis_tools explain controller.yaml --flights episodes/*.mcap --all
+        python -m fis_tools explain fan.yaml --data room.csv --time 60
+
+    Parameters
+    ----------
+    crossing
+        look for what takes the output across this value, in its unit [default: 0, its sign]
+    steps
+        tell the inference step by step instead
+    all
+        tell also the rules that hardly moved anything
+    json
+        print it for programs (schema fuzzy-explanation, version 2)
+    """
+    if asked.inputs is not None and asked.flights:
+        raise UserMistake("--flights are for the share of each rule over them; drop --inputs, or the flights")
+    if steps and (json or crossing is not None):
+        raise UserMistake("--steps go without --json and --crossing; drop one of them")
+    controller = asked.read()
+    if asked.is_instant or not asked.paths:
+        print(_of_instants(asked, controller, crossing or 0.0, steps, all, json), end="")
+        return
+    if steps or crossing is not None:
+        raise UserMistake("--steps and --crossing are about one inference; add --time SECONDS or --inputs")
+    print(_over_flights(asked, controller, all, json), end="")
+
+
+def _of_instants(
+    asked: AskedInstant, controller: FuzzyController, crossing: float, steps: bool, all: bool, json: bool
+) -> str:
+    found = list(instants(asked, controller))
+    silent = [f"{one.note}\n" for one in found if one.note]
+    if steps:
+        steps_of = [wording.explain(infer(one.system, one.inputs)) for one in found if one.inputs is not None]
+        return "\n".join([*steps_of, *silent])
+    try:
+        with analysing(controller):
+            explained = [
+                explanation.explain(one.system, one.inputs, crossing)
+                for one in found
+                if one.inputs is not None
+            ]
+    except ValueError as error:
+        raise UserMistake(str(error)) from error
+    if json:
+        plain = [one.plain() for one in explained]
+        idle = [{"system": one.system.name, "words": one.note} for one in found if one.inputs is None]
+        return data.write(*EXPLANATION, {"explanations": plain, "not_fired": idle})
+    return "\n".join([*(one.text(everything=all) for one in explained), *silent])
+
+
+def _over_flights(asked: AskedInstant, controller: FuzzyController, all: bool, json: bool) -> str:
+    flown = asked.flown(controller) or {}
+    with analysing(controller):
+        found = {
+            system.name: explanation.shares(system, flown[system.name])
+            if len(flown.get(system.name, ()))
+            else None
+            for system in controller.systems
+        }
+    if json:
+        plain = [one.plain() for one in found.values() if one is not None]
+        return data.write(*EXPLANATION, {"shares": plain})
+    return "\n".join(
+        f"{name}: it never fired anything on these flights\n" if one is None else one.text(everything=all)
+        for name, one in found.items()
+    )
+
+
+def diff(
+    asked: AskedAlong, after: str, *, json: bool = False, exit_code: bool = False, output: Output = None
+) -> int:
+    """Tell what changed from one controller to another.
+
+    Terms are told with how far they moved and how much of their area is still shared; rules are compared by
+    what they ask for, whatever their order; outputs are compared over 4096 inputs spread over the ranges
+    (fewer for outputs of more than 48,000 points), and along --flights.
+
+    The exit status is 0; with --exit-code it is 1 where something changed; a mistake gives 2.
+
+    For example:
+
+        python -m fis_tools diff before.yaml after.yaml
+        python -m fis_tools diff before.yaml outputs/train/20250101-120000-000000 --flights episodes/*.mcap
+        python -m fis_tools diff before.yaml after.fis --exit-code
+        python -m fis_tools diff before.yaml after.yaml -o diff.html
+
+    Parameters
+    ----------
+    after
+        the controller that CONTROLLER is compared with
+    json
+        print it for programs (schema fuzzy-difference, version 1)
+    exit_code
+        end with status 1 if anything changed
+    output
+        a page (.html), or the same as is printed [default: printed]
+    """
+    is_page = not json and Path(output or "").suffix.lower() in {".html", ".htm"}
+    if is_page:  # what pictures need is missed before anything is computed
+        import_module("fis_tools.render")
+    old, new = (read_controller(path, asked.trust) for path in (asked.controller, after))
+    old, new = _limited(old, new, asked.system)
+    samples = flown_inputs(asked.flights, new, asked.all_periods)
+    with analysing(old, new):
+        found = difference(old, new, samples, (asked.controller, after))
+    if json:
+        content = data.write("fuzzy-difference", 1, found.plain())
+    else:
+        content = found.html() if is_page else found.text()
+    write(output, content)
+    return int(exit_code and not found.is_empty)
+
+
+def _limited(
+    before: FuzzyController, after: FuzzyController, name: str | None
+) -> tuple[FuzzyController, FuzzyController]:
+    """Keep the system that is asked for in both, where one is."""
+    if name is None:
+        return before, after
+    has = [any(system.name == name for system in one.systems) for one in (before, after)]
+    if any(has) and not all(has):
+        which = after if has[0] else before
+        raise UserMistake(
+            f"controller {which.name!r} has no system {name!r}; leave --system out to see all changes"
+        )
+    return chosen(before, name), chosen(after, name)
+
+
+DEFAULTS = Budget()
+
+
+def _share(_kind: object, tokens: Sequence[Token]) -> float:
+    """Read ``5%`` or ``0.05``."""
+    word = tokens[0].value.strip()
+    try:
+        value = float(word.removesuffix("%")) / (100.0 if word.endswith("%") else 1.0)
+    except ValueError:
+        value = -1.0
+    if not 0.0 <= value <= 1.0:
+        raise ValueError(f"{word!r} is no share from 0% to 100%; write 5% or 0.05")
+    return value
+
+
+Share = Annotated[float, Parameter(converter=_share)]
+
+
+def simplify(
+    asked: AskedAlong,
+    *,
+    max_change: Share = DEFAULTS.max_change,
+    mean_change: Share = DEFAULTS.mean_change,
+    look_alike: Share = DEFAULTS.look_alike,
+    flights_only: bool = False,
+    output: Output = None,
+    json: bool = False,
+) -> None:
+    """Make a simpler controller that answers nearly the same.
+
+    Steps leave out inputs, drop rules, merge terms that look alike, and round numbers. Each is measured
+    against the original; what changes least goes first, until nothing more fits the budget. It holds along
+    the flights that are given, and at 4,096 points spread over the whole ranges of the inputs; between them a
+    change can be a little larger. With --flights-only far more can go, but what was not flown changes at
+    will, and other starts are flown worse. What comes out is an ordinary controller: fly it before you trust
+    it.
+
+    For example:
+
+        python -m fis_tools simplify controller.yaml -o simpler.yaml
+        python -m fis_tools simplify controller.yaml --flights episodes/*.mcap --max-change 2%
+        python -m fis_tools simplify controller.yaml --flights episodes/*.mcap --flights-only
+
+    Parameters
+    ----------
+    max_change
+        the largest change of an output that is allowed, of its range: 5% or 0.05
+    mean_change
+        the mean change that is allowed, likewise
+    look_alike
+        merge terms that share so much of their areas
+    flights_only
+        keep the budget along the flights alone
+    output
+        write the simpler controller (.json, .yaml)
+    json
+        print the steps for programs (schema fuzzy-simplification, version 1)
+    """
+    form = form_of(output)
+    controller = asked.read()
+    samples = asked.flown(controller)
+    if samples is None and flights_only:
+        raise UserMistake("--flights-only needs flights; add --flights, or leave it out")
+    try:
+        budget = Budget(max_change, mean_change, flights_only, look_alike)
+    except ValueError as error:
+        raise UserMistake(str(error)) from error
+    with analysing(controller) as tell:
+        found = simplification.simplify(controller, samples, budget, tell)
+    if form is not None:
+        write(output, form(found.controller))
+    print(data.write("fuzzy-simplification", 1, found.plain()) if json else found.text(), end="")

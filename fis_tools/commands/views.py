@@ -1,0 +1,314 @@
+"""`show`, `plot`, `surface`, `review`: a controller in words, in pictures, on a page."""
+
+import sys
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
+
+import numpy as np
+from cyclopts import Parameter
+
+from fis_tools.analysis import arrays, flights
+from fis_tools.array_types import Floats
+from fis_tools.commands.arguments import (
+    AskedAlong,
+    AskedInOrder,
+    AskedInstant,
+    Output,
+    UserMistake,
+    analysing,
+    assignments,
+    chosen,
+    expected,
+    file_name,
+    flown_inputs,
+    instants,
+    place_for,
+    the_system,
+    write,
+)
+from fis_tools.document import text
+from fis_tools.engines.inference import infer
+from fis_tools.formats.csv import rows_as_text
+from fis_tools.model import FuzzyController, FuzzySystem
+from fis_tools.source import read_controller
+from fis_tools.words.outline import outline
+
+if TYPE_CHECKING:
+    from fis_tools.render import Figure, Theme
+
+    Pictures: TypeAlias = Iterator[tuple[FuzzySystem, str, Figure]]
+
+KINDS = ("memberships", "rules", "surfaces", "inference", "firing")
+
+
+def show(asked: AskedInOrder) -> None:
+    """Print variables, terms and rule tables.
+
+    For example:
+
+        python -m fis_tools show controller.yaml
+        python -m fis_tools show tipper.fis
+        python -m fis_tools show outputs/train/20250101-120000-000000 --system force_x
+        python -m fis_tools show controller.yaml --by importance --flights episodes/*.mcap
+    """
+    controller = asked.read()
+    print(text.write(outline(controller, asked.importance(controller))), end="")
+
+
+def plot(
+    asked: AskedInstant,
+    *,
+    output: Annotated[str, Parameter(name=("--output", "-o"))] = ".",
+    format: Literal["png", "svg", "pdf"] = "png",
+    theme: Literal["light", "dark"] = "light",
+    only: tuple[Literal["memberships", "rules", "surfaces", "inference", "firing"], ...] = (),
+) -> None:
+    """Draw membership functions, rules, surfaces and inferences into a folder.
+
+    Names of files begin with that of the system: force_x-memberships.png, force_x-rules.png,
+    force_x-surface.png, force_x-surface-3d.png (force_x-curve.png for a single input), …
+
+    For example:
+
+        python -m fis_tools plot controller.yaml -o figures
+        python -m fis_tools plot controller.yaml --system force_x --only rules --theme dark --format svg
+        python -m fis_tools plot controller.yaml --only inference --inputs distance=80,velocity_body_x=0.05
+        python -m fis_tools plot episodes/best.mcap --time 600 -o figures
+        python -m fis_tools plot fan.yaml --data room.csv --only firing
+
+    Parameters
+    ----------
+    output
+        folder for the pictures
+    format
+        of the files
+    theme
+        of the pictures
+    only
+        draw only this; may be given several times [default: all; an inference when --inputs or --time say
+        which; firing with flights]
+    """
+    from fis_tools.render import THEMES, save  # noqa: PLC0415 - the other commands start without matplotlib
+
+    colours, kinds = THEMES[theme], _kinds(asked, only)
+    controller = asked.read()
+    inferences = _fired(asked, controller) if "inference" in kinds else []
+    taken: Counter[str] = Counter()
+    for drawn in (
+        _of_systems(asked, controller, kinds, colours),
+        _of_instants(inferences, colours),
+        _of_flights(asked, controller, kinds, colours),
+    ):
+        for system, name, figure in drawn:
+            picture = f"{file_name(system.name)}-{file_name(name)}"
+            taken[picture.casefold()] += 1  # other names may come to the same file's
+            if taken[picture.casefold()] > 1:
+                picture += f"-{taken[picture.casefold()]}"
+            path = place_for(Path(output) / f"{picture}.{format}")
+            save(figure, path)
+            print(path)
+
+
+def _fired(asked: AskedInstant, controller: FuzzyController) -> list[tuple[FuzzySystem, Floats]]:
+    """Return the inferences that there are to draw."""
+    found = list(instants(asked, controller))
+    drawn = [(one.system, one.inputs) for one in found if one.inputs is not None]
+    if not drawn:
+        raise UserMistake("; ".join(one.note for one in found))
+    return drawn
+
+
+def _kinds(asked: AskedInstant, only: Sequence[str]) -> Sequence[str]:
+    """Return what to draw: what is asked for, or all there is."""
+    if not only:
+        return [
+            *KINDS[:3],
+            *(["inference"] if asked.is_instant else []),
+            *(["firing"] if asked.paths else []),
+        ]
+    if asked.is_instant and "inference" not in only:
+        raise UserMistake("--inputs and --time are for an inference; add --only inference, or leave them out")
+    if "firing" in only and not asked.paths:
+        raise UserMistake("--only firing is for logged data; give a flight (.mcap), or add --flights FILE")
+    return only
+
+
+def _of_systems(
+    asked: AskedInstant, controller: FuzzyController, kinds: Sequence[str], theme: "Theme"
+) -> "Pictures":
+    from fis_tools import render  # noqa: PLC0415 - as above
+
+    sensed = asked.flown(controller) or {}
+    for system in controller.systems:
+        if "memberships" in kinds:
+            yield system, "memberships", render.memberships_figure(system, theme=theme)
+        if "rules" in kinds:
+            yield from ((system, *named) for named in render.rules_figures(system, theme=theme))
+        for in_space in (False, True) if "surfaces" in kinds else ():
+            flown = sensed.get(system.name)
+            drawn = render.surface_figures(system, in_space=in_space, samples=flown, theme=theme)
+            yield from ((system, *named) for named in drawn)
+
+
+def _of_instants(inferences: list[tuple[FuzzySystem, Floats]], theme: "Theme") -> "Pictures":
+    from fis_tools import render  # noqa: PLC0415 - as above
+
+    for system, inputs in inferences:
+        yield system, "inference", render.inference_figure(infer(system, inputs), theme=theme)
+
+
+def _of_flights(
+    asked: AskedInstant, controller: FuzzyController, kinds: Sequence[str], theme: "Theme"
+) -> "Pictures":
+    from fis_tools import render  # noqa: PLC0415 - as above
+
+    for path in asked.paths if "firing" in kinds else ():
+        for flown in flights.read_flight(path, asked.all_periods, controller):
+            if asked.system in (None, flown.system.name) and len(flown.time_s):
+                figure = render.firing_figure(
+                    flown.system,
+                    flown.time_s,
+                    flown.firing_strengths,
+                    is_timed=flown.is_timed,
+                    theme=theme,
+                )
+                yield flown.system, "firing", figure
+
+
+MOST_POINTS = 1000
+PICTURES = (".png", ".svg", ".pdf")
+
+
+def surface(
+    asked: AskedAlong,
+    *,
+    x: str | None = None,
+    y: str | None = None,
+    of: str | None = None,
+    fixed: str = "",
+    points: Annotated[
+        int, expected("a whole number from 2 to 1000", lambda count: 2 <= count <= MOST_POINTS)
+    ] = 61,
+    in_space: Annotated[bool, Parameter(name="--3d")] = False,
+    theme: Literal["light", "dark"] = "light",
+    output: Output = None,
+) -> None:
+    """Evaluate an output over two inputs, as numbers or a picture.
+
+    The two inputs that are not named by --x, --y or --fixed go along the axes. Numbers are printed as CSV, a
+    row a point.
+
+    For example:
+
+        python -m fis_tools surface controller.yaml --system force_x -o force_x.png
+        python -m fis_tools surface controller.yaml --system force_x --3d --theme dark -o force_x.svg
+        python -m fis_tools surface controller.yaml --x a --y b --fixed c=80 --points 21 > surface.csv
+        python -m fis_tools surface controller.yaml --system force_x --flights episodes/*.mcap -o flown.pdf
+
+    Parameters
+    ----------
+    x
+        the input along x [default: the first that is free]
+    y
+        the input along y [default: the next that is free]
+    of
+        which output [default: the first]
+    fixed
+        other inputs, NAME=NUMBER,NAME=NUMBER [default: the middle of their ranges]
+    points
+        along each axis
+    in_space
+        draw it in space
+    theme
+        of the picture
+    output
+        .png, .svg, .pdf, or CSV [default: CSV, printed]
+    """
+    controller = read_controller(asked.controller, asked.trust)
+    system = the_system(chosen(controller, asked.system))
+    ending = Path(output or "").suffix.lower()
+    if ending not in (*PICTURES, ".csv") and output is not None:
+        raise UserMistake(f"{output} ends in none of {', '.join(PICTURES)}, .csv; name the file so")
+    if ending in PICTURES:  # what pictures need is missed before anything is computed
+        import_module("fis_tools.render")
+    elif in_space or asked.flights:
+        raise UserMistake("--3d and --flights are for pictures; add -o FILE.png, .svg or .pdf")
+    held = assignments(fixed)
+    try:
+        result = arrays.surface(system, x, y, fixed=held, output=of, num_points=points)
+    except ValueError as error:
+        raise UserMistake(str(error)) from error
+    if output is None or ending not in PICTURES:
+        write(output, _surface_csv(result))
+        return
+    flown = flown_inputs(asked.flights, controller, asked.all_periods) or {}
+    _draw(system, result, flown.get(system.name), in_space, theme, Path(output))
+
+
+def _draw(
+    system: FuzzySystem,
+    result: arrays.Surface,
+    samples: Floats | None,
+    in_space: bool,
+    theme: str,
+    place: Path,
+) -> None:
+    from fis_tools import render  # noqa: PLC0415 - as in `plot`
+
+    colours = render.THEMES[theme]
+    points = None if samples is None else render.over_axes(system, result, samples)
+    words = render.held_words(system, result.fixed)
+    figure, ax = render.one_panel(system.name, theme=colours, in_space=in_space)
+    draw = render.surface_space if in_space else render.draw_surface
+    draw(result, ax, points=points, title=words, theme=colours)
+    render.save(figure, place_for(place))
+
+
+def _surface_csv(result: arrays.Surface) -> str:
+    rows = [[result.x_variable.name, result.y_variable.name, result.output.name]]
+    for (row, column), value in np.ndenumerate(result.values):
+        rows.append([repr(float(number)) for number in (result.x[column], result.y[row], value)])
+    return rows_as_text(rows)
+
+
+def review(
+    asked: AskedAlong,
+    *,
+    evidence: str | None = None,
+    output: Annotated[str, Parameter(name=("--output", "-o"))] = "review.html",
+) -> None:
+    """Write one HTML page to review a controller and sign it off.
+
+    The page is one HTML file that needs no network: what the controller is for, verdicts, its rule tables,
+    how often it fails, what is not covered, findings, constants, then each system with an inference whose
+    sliders compute in the page what Python computes. Findings are accepted or waived on it, checks ticked, a
+    name and a date entered; it saves these as JSON tied to the controller's SHA-256 (that of `python -m
+    fis_tools export CONTROLLER --format json`), and prints whole, or a summary. --flights may also be the
+    folder of a run: then failures are counted over all flights of its evaluation.
+
+    For example:
+
+        python -m fis_tools review controller.yaml
+        python -m fis_tools review outputs/train/TIME --flights outputs/train/TIME
+        python -m fis_tools review episodes/best.mcap -o best.html
+        python -m fis_tools review controller.yaml --flights RUN --evidence RUN/assure/evidence.json
+
+    Parameters
+    ----------
+    evidence
+        the evidence.json that tells what became of the requirements
+    output
+        where to
+    """
+    from fis_tools.review import page  # noqa: PLC0415 - the other commands start without templates
+
+    controller = asked.read()
+    print(f"reviewing {controller.name}", file=sys.stderr)
+    with analysing(controller):
+        text = page.write(controller, asked.paths, asked.system, evidence, all_periods=asked.all_periods)
+    path = place_for(Path(output))
+    path.write_text(text, encoding="utf-8")
+    print(f"{path}: {len(text.encode()) / 1e6:.2f} MB; open it in a browser", file=sys.stderr)
