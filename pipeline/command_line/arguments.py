@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from pipeline.command_line.job import ConfigError
-from pipeline.settings.nearest import did_you_mean
+from pipeline.settings.keys import did_you_mean
 from pipeline.settings.places import conf_folder
 
 #: options that Hydra programs usually have, and why this one lacks them

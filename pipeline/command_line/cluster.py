@@ -24,7 +24,7 @@ from pipeline.command_line.overrides import check_overrides, parse, quoted, rewr
 from pipeline.run import artifacts, sweep
 from pipeline.run.lock import held
 from pipeline.run.sweep import DONE, state_of
-from pipeline.settings.scopes import reached_outside
+from pipeline.settings.schema import reached_outside
 
 OK: Final = 0
 #: in a sweep's folder

@@ -20,8 +20,8 @@ from pipeline.command_line.job import EXPERIMENT, ConfigError, Job
 from pipeline.command_line.overrides import first_line, parse, quoted
 from pipeline.settings import start_table
 from pipeline.settings.checks import SettingError
-from pipeline.settings.conditions import value_at
-from pipeline.settings.nearest import did_you_mean
+from pipeline.settings.groups import value_at
+from pipeline.settings.keys import did_you_mean
 from pipeline.settings.places import conf_folder
 from pipeline.settings.schema import completed, defaults, experiment_from, idle, schema
 

@@ -9,10 +9,10 @@ from omegaconf import OmegaConf
 from pipeline.command_line.config import compose_node, job_of, options
 from pipeline.command_line.job import ConfigError
 from pipeline.settings import reference
-from pipeline.settings.conditions import value_at
+from pipeline.settings.groups import value_at
 from pipeline.settings.keys import unknown
-from pipeline.settings.meanings import descriptions
 from pipeline.settings.places import conf_folder
+from pipeline.settings.reference import descriptions
 from pipeline.settings.schema import idle
 
 USAGE = """\

@@ -9,8 +9,7 @@ from hydra.core.override_parser.types import Glob, Override, OverrideType
 from hydra.errors import HydraException
 
 from pipeline.command_line.job import EXPERIMENT, ConfigError
-from pipeline.settings.keys import all_keys, is_key, renamed, unknown
-from pipeline.settings.nearest import choices_of, did_you_mean, nearest
+from pipeline.settings.keys import all_keys, choices_of, did_you_mean, is_key, nearest, renamed, unknown
 
 CONTROLLER = "controller"
 TABLE_SUFFIX = ".csv"

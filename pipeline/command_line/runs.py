@@ -15,8 +15,15 @@ from pipeline.run.runner import finished_stages, run_stages
 from pipeline.settings.checks import Scope
 from pipeline.settings.experiment import Experiment
 from pipeline.settings.places import requirements_path
-from pipeline.settings.schema import experiment_from, present
-from pipeline.settings.scopes import keys_in, only_results, reached_outside, with_command, without_outside
+from pipeline.settings.schema import (
+    experiment_from,
+    keys_in,
+    only_results,
+    present,
+    reached_outside,
+    with_values,
+    without_outside,
+)
 
 if TYPE_CHECKING:
     from hydra.core.override_parser.types import Override
@@ -123,7 +130,7 @@ def _resume(folder: Path, overrides: Sequence["Override"], command: Sequence[str
     stored = _stored(folder)
     name = _experiment_of(folder, without_outside(stored)).name
     given = _given_again(overrides, name)
-    config = with_command(_taken_over(folder, stored, given), given)
+    config = with_values(_taken_over(folder, stored, given), given)
     experiment = _experiment_of(folder, config)
     finished = finished_stages(folder)
     left = [stage for stage in experiment.stages if stage not in finished]

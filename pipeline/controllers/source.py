@@ -15,7 +15,7 @@ from pipeline.flight.control.controller import Controller, ControllerError, coas
 from pipeline.run.artifacts import parse_config
 from pipeline.settings.controllers import PLANNED, check_controller, planned_settings
 from pipeline.settings.experiment import Mission
-from pipeline.settings.nearest import choices_of
+from pipeline.settings.keys import choices_of
 from pipeline.settings.places import conf_folder
 
 CONTROLLER_SUFFIXES = (".json", ".yaml", ".yml")

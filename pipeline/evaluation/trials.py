@@ -27,7 +27,7 @@ from optuna.trial import FrozenTrial, Trial, TrialState
 from pipeline.run import artifacts
 from pipeline.settings.checks import SettingError
 from pipeline.settings.experiment import HparamsSearch
-from pipeline.settings.space import Dimension, dimensions
+from pipeline.settings.training import Dimension, dimensions
 
 #: values to try -> mean costs of successive blocks of flights
 Judge = Callable[[Mapping[str, Any]], Iterator[float]]

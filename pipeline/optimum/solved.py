@@ -13,7 +13,8 @@ from pipeline.array_types import Floats
 from pipeline.flight.cases.starts import starts_in
 from pipeline.flight.state.log import Scenario
 from pipeline.run import artifacts, tables
-from pipeline.settings.experiment import SHIPPED, Dynamics, Experiment, Mission, Sun
+from pipeline.settings.experiment import SHIPPED, Experiment, Mission, Sun
+from pipeline.settings.mission_parts import Dynamics
 
 Column = NDArray[Any]
 

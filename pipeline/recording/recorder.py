@@ -39,7 +39,7 @@ from pipeline.physics.quaternion import dcm_b_from_h
 from pipeline.recording.events import events
 from pipeline.run import artifacts, maker
 from pipeline.settings.experiment import Mission
-from pipeline.settings.scopes import only_results
+from pipeline.settings.schema import only_results
 from telemetry import EpisodeWriter
 from telemetry.file.metadata import EpisodeDescription, FisDescription
 from telemetry.file.topics import (

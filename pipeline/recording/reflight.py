@@ -21,8 +21,7 @@ from pipeline.flight.state.log import Scenario
 from pipeline.recording.recorder import CONFIG_ATTACHMENT, CONTROLLER_ATTACHMENT, FlightRecorder
 from pipeline.run import artifacts
 from pipeline.settings.experiment import Experiment
-from pipeline.settings.schema import experiment_from
-from pipeline.settings.scopes import without_outside
+from pipeline.settings.schema import experiment_from, without_outside
 from telemetry import RecordingError
 from telemetry.file.compare import Comparison, compare
 from telemetry.file.reader import Recording

@@ -20,7 +20,7 @@ from typing import Any, BinaryIO, Final
 import yaml
 
 from fis_tools.plain_text import plain
-from pipeline.settings.scopes import only_results, without_outside
+from pipeline.settings.schema import only_results, without_outside
 
 CONFIG: Final = "config.yaml"
 MANIFEST: Final = "manifest.json"

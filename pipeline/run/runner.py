@@ -13,7 +13,7 @@ from typing import Any
 from pipeline.run import artifacts, interrupts, reproducible
 from pipeline.run.maker import present_maker, unlike
 from pipeline.settings.experiment import STAGES, Experiment, Mission
-from pipeline.settings.scopes import reached_outside
+from pipeline.settings.schema import reached_outside
 
 Stage = Callable[[Experiment, Path], None]
 

@@ -21,7 +21,7 @@ class SettingError(ValueError):
 
 
 class Scope(Enum):
-    """Marks settings that no result depends on, see `pipeline.settings.scopes`."""
+    """Marks settings that no result depends on, see `pipeline.settings.schema`."""
 
     MACHINE = "how a command shares out its work"
     OUTSIDE = "what a command reaches outside its run's folder"

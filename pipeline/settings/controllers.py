@@ -9,8 +9,7 @@ from pydantic import Field
 
 from pipeline.settings.checks import Count, NotNegative, Number, Positive, SettingError
 from pipeline.settings.groups import settings
-from pipeline.settings.keys import FREE
-from pipeline.settings.nearest import did_you_mean
+from pipeline.settings.keys import FREE, did_you_mean
 
 Angle = Annotated[Number, Field(ge=-math.pi, le=math.pi)]
 

@@ -11,7 +11,7 @@ from statistics import NormalDist
 from typing import Any, Literal
 
 from pipeline.settings.checks import SettingError
-from pipeline.settings.nearest import did_you_mean
+from pipeline.settings.keys import did_you_mean
 
 #: keys that define each kind; low and high truncate a normal one
 KINDS: Mapping[str, tuple[set[str], set[str]]] = {

@@ -29,59 +29,15 @@ from pipeline.settings.checks import (
     Whole,
     Workers,
 )
-from pipeline.settings.conditions import Only
 from pipeline.settings.controllers import check_controller
-from pipeline.settings.groups import settings
+from pipeline.settings.groups import Only, settings
+from pipeline.settings.keys import choices_of, did_you_mean
 from pipeline.settings.mission import Mission
-from pipeline.settings.mission_parts import (
-    Actuators,
-    Attitude,
-    Chief,
-    Deputy,
-    Dynamics,
-    Guidance,
-    Light,
-    Navigation,
-    Orbit,
-    Safety,
-    Sensor,
-    Sun,
-)
-from pipeline.settings.nearest import choices_of, did_you_mean
-from pipeline.settings.space import dimensions
-from pipeline.settings.training import Encoding, Optimizer, Penalty, Starts
+from pipeline.settings.mission_parts import Safety, Sun
+from pipeline.settings.training import Optimizer, Starts, dimensions
 
-__all__ = [
-    "SHIPPED",
-    "STAGES",
-    "Actuators",
-    "Assurance",
-    "Attitude",
-    "Chief",
-    "Compare",
-    "Deputy",
-    "Dynamics",
-    "Encoding",
-    "Experiment",
-    "Guidance",
-    "HparamsSearch",
-    "Light",
-    "Logger",
-    "Mission",
-    "MonteCarlo",
-    "Navigation",
-    "Optimizer",
-    "Optimum",
-    "Orbit",
-    "Penalty",
-    "Report",
-    "Safety",
-    "Sensor",
-    "SettingError",
-    "Starts",
-    "Sun",
-    "Telemetry",
-]
+#: names of other modules that are imported from here
+__all__ = ["Experiment", "Mission", "Optimizer", "Safety", "SettingError", "Sun"]
 
 #: in the order in which they run: each reads the files of those before it
 STAGES = ("scenario", "search", "train", "evaluate", "record", "optimum", "compare", "assure", "report")

@@ -1,10 +1,9 @@
 """The dotted keys of the configuration, their units, and their earlier names."""
 
 import copy
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
+from difflib import get_close_matches
 from typing import Any
-
-from pipeline.settings.nearest import did_you_mean
 
 #: the group whose keys depend on its kind; they are checked when the controller is read
 FREE = "controller"
@@ -101,3 +100,43 @@ def unit_of(key: str) -> str:
     """Return the unit of a key, or nothing."""
     name = key.partition("[")[0]
     return next((unit for end, unit in UNITS.items() if name.endswith(end)), "")
+
+
+#: this many equal letters at the beginning count as similar
+COMMON = 3
+
+
+def nearest(word: str, known: Iterable[str]) -> str | None:
+    """Return the known word most like an unknown one, or None if none is similar.
+
+    In a group that exists, its keys come first; else a dotted key is also compared by its last name, so that
+    a key in the wrong group finds the right one.
+    """
+    candidates = sorted(known)
+    group, dot, last = word.lower().rpartition(".")
+    names = {key: key.lower().rpartition(".") for key in candidates}
+    siblings = {name[2]: key for key, name in names.items() if dot and name[0] == group}
+    if found := get_close_matches(last, siblings, n=1):
+        return siblings[found[0]]
+    if begun := [
+        key for name, key in siblings.items() if len(last) >= COMMON and name[:COMMON] == last[:COMMON]
+    ]:
+        return begun[0]
+    lower = {key.lower(): key for key in candidates}
+    if found := get_close_matches(word.lower(), lower, n=1):
+        return lower[found[0]]
+    lasts = {name[2]: key for key, name in names.items()}
+    found = get_close_matches(last, lasts, n=1)
+    return lasts[found[0]] if found else None
+
+
+def choices_of(word: str, known: Sequence[str], plural: str = "choices") -> str:
+    """Return ``; did you mean …? The choices are …``; the choices may be called something else."""
+    guess = did_you_mean(word, known)
+    return (f"{guess} The" if guess else "; the") + f" {plural} are {', '.join(known)}"
+
+
+def did_you_mean(word: str, known: Iterable[str]) -> str:
+    """Return ``; did you mean …?``, or nothing if no known word is similar."""
+    found = nearest(word, known)
+    return f"; did you mean {found}?" if found else ""

@@ -22,8 +22,7 @@ from pipeline.settings.checks import (
     UnitVector,
     Vector,
 )
-from pipeline.settings.conditions import Only
-from pipeline.settings.groups import settings
+from pipeline.settings.groups import Only, settings
 
 #: beyond this many points a flight fills a computer's memory
 MOST_POINTS = 10_000

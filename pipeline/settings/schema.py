@@ -1,17 +1,24 @@
-"""The schema: every key of the configuration, and experiments from plain data."""
+"""The schema: every key of the configuration, and experiments from plain data.
+
+Settings that no result depends on, how a command shares out its work and what it reaches outside a run,
+belong to the command that gives them. A configuration that is read from a file is data about the past: of
+what it reaches outside the run's folder, nothing is taken over.
+"""
 
 import copy
 from collections.abc import Iterator, Mapping
-from dataclasses import MISSING, dataclass, fields, is_dataclass
+from dataclasses import MISSING, asdict, dataclass, fields, is_dataclass, replace
 from functools import cache
 from itertools import chain
-from typing import Any, get_type_hints
+from typing import Any, Final, get_type_hints
 
-from pipeline.settings.conditions import Only, value_at
-from pipeline.settings.experiment import Experiment, Mission, SettingError
-from pipeline.settings.groups import GROUPS
-from pipeline.settings.keys import DISPERSIONS, FREE, dotted, in_todays_words, unknown
-from pipeline.settings.sentences import names_of
+from pipeline.settings.checks import Scope, SettingError
+from pipeline.settings.experiment import Experiment, Mission, Sun
+from pipeline.settings.groups import GROUPS, Only, names_of, value_at
+from pipeline.settings.keys import DISPERSIONS, FREE, did_you_mean, dotted, in_todays_words, unknown
+
+#: stands for a value that a configuration does not have
+ABSENT: Final = object()
 
 
 @dataclass(frozen=True)
@@ -68,21 +75,43 @@ def _plain(value: Any) -> Any:
 
 def defaults() -> dict[str, Any]:
     """Return the configuration of all defaults, with the keys that only some of them make exist."""
-    made: dict[str, Any] = {}
-    for key in schema().values():
-        if key.default is not MISSING:
-            group, _, name = key.name.rpartition(".")
-            group_in(made, group)[name] = copy.deepcopy(key.default)
-    return made
+    return with_values({}, {key.name: key.default for key in schema().values() if key.default is not MISSING})
 
 
-def group_in(config: dict[str, Any], group: str) -> dict[str, Any]:
-    """Return a group of a configuration, made if missing; a new one if its place is taken by a value."""
+def with_values(config: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a configuration with some dotted keys set; groups are made where they are missing."""
+    changed = copy.deepcopy(dict(config))
+    for key, value in values.items():
+        node, name = _place(changed, key)
+        node[name] = copy.deepcopy(value)
+    return changed
+
+
+def with_tried(config: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a configuration with the values of a trial of a search.
+
+    Raises
+    ------
+    SettingError
+        If a key is not in this configuration.
+    """
+    for key in values:
+        if value_at(config, key, ABSENT) is ABSENT:
+            raise SettingError(f"hparams_search.space.{key} is no key of this experiment; leave it out")
+    return with_values(config, values)
+
+
+def _place(config: dict[str, Any], key: str) -> tuple[dict[str, Any], str]:
+    """Return the group of a key, made if missing, and the key's name in it.
+
+    The group is a new one if its place is taken by a value.
+    """
+    *groups, name = key.split(".")
     node = config
-    for name in filter(None, group.split(".")):
-        below = node.setdefault(name, {})
+    for group in groups:
+        below = node.setdefault(group, {})
         node = below if isinstance(below, dict) else {}
-    return node
+    return node, name
 
 
 def completed(config: Mapping[str, Any]) -> dict[str, Any]:
@@ -90,8 +119,8 @@ def completed(config: Mapping[str, Any]) -> dict[str, Any]:
     whole = _merged(defaults(), config)
     for key in schema().values():
         if not key.exists(whole):
-            group, _, name = key.name.rpartition(".")
-            group_in(whole, group).pop(name, None)
+            node, name = _place(whole, key.name)
+            node.pop(name, None)
     return whole
 
 
@@ -121,7 +150,7 @@ def idle(config: Mapping[str, Any], *, stages: bool = False) -> dict[str, Only]:
         Whether also those that no stage of the run reads.
     """
     found: dict[str, Only] = {}
-    set_here = {name: name for name in schema() if value_at(config, name, schema) is not schema}
+    set_here = {name: name for name in schema() if value_at(config, name, ABSENT) is not ABSENT}
     dispersed = {f"{DISPERSIONS}.{name}": name for name in _dispersed(config.get(DISPERSIONS))}
     for place, name in (set_here | dispersed).items():
         for mark in schema()[name].only if name in schema() else ():
@@ -155,3 +184,72 @@ def experiment_from(config: Mapping[str, Any]) -> Experiment:
             raise SettingError(unknown(name))
     mission = Mission(**{name: config[name] for name in of_mission if name in config})
     return Experiment(mission=mission, **{name: config[name] for name in own if name in config})
+
+
+@cache
+def keys_in(*scopes: Scope) -> Mapping[str, Any]:
+    """Return the dotted keys of the configuration that are marked with one of some scopes, and defaults."""
+    return {
+        key.name: key.default
+        for key in schema().values()
+        if any(mark in scopes for mark in getattr(key.hint, "__metadata__", ()))
+    }
+
+
+def reached_outside(config: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what a configuration reaches outside its run: dotted keys to values."""
+    neutral, config = keys_in(Scope.OUTSIDE), in_todays_words(config)
+    found = {key: value_at(config, key, ABSENT) for key in neutral}
+    return {key: value for key, value in found.items() if value not in (ABSENT, neutral[key])}
+
+
+def without_outside(config: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a configuration of the past: one that reaches nothing outside its run."""
+    neutral = {key: keys_in(Scope.OUTSIDE)[key] for key in reached_outside(config)}
+    return with_values(in_todays_words(config), neutral)
+
+
+def only_results(config: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a configuration without the settings that no result depends on."""
+    told = in_todays_words(config)
+    for key in keys_in(*Scope):
+        group, _, name = key.rpartition(".")
+        node = value_at(told, group)
+        if isinstance(node, dict):
+            node.pop(name, None)
+    return told
+
+
+def in_world(experiment: Experiment, name: str) -> Experiment:
+    """Return an experiment in one of the worlds of ``compare.worlds``; "" is its own.
+
+    Raises
+    ------
+    SettingError
+        If the world changes keys that are not part of a world, or sets a value that is not allowed.
+    """
+    changes = experiment.compare.worlds.get(name, {})
+    mission, sun = asdict(experiment.mission), asdict(experiment.sun)
+    for group, values in changes.items():
+        if group != "sun" and group not in mission:
+            guess = did_you_mean(group, ["sun", *mission])
+            raise SettingError(f"compare.worlds.{name} changes {group}, which is no part of a world{guess}")
+        target = sun if group == "sun" else mission[group]
+        if not isinstance(target, dict):
+            mission[group] = values
+        elif not isinstance(values, Mapping):
+            raise SettingError(
+                f"compare.worlds.{name}.{group} is {values}; give its keys, as in {group}: {{...}}"
+            )
+        else:
+            for key in values:
+                if key not in target:
+                    raise SettingError(f"compare.worlds.{name}: {unknown(f'{group}.{key}')}")
+            target.update(values)
+    there = {**mission, "sun": sun}
+    for key, mark in idle(there).items():
+        group, _, last = key.rpartition(".")
+        # the Sun's mode is that of compare.suns
+        if group != "sun" and last in changes.get(group, {}):
+            raise SettingError(f"compare.worlds.{name}: {mark.refusal(key, there)}")
+    return replace(experiment, mission=Mission(**mission), sun=Sun(**sun))

@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from pipeline.settings.checks import SettingError
-from pipeline.settings.nearest import did_you_mean
+from pipeline.settings.keys import did_you_mean
 
 if TYPE_CHECKING:
     import numpy as np

@@ -1,8 +1,9 @@
 """How a controller is trained: starts, what is tuned, prices, and the search."""
 
 import math
-from dataclasses import field, replace
-from typing import Annotated, Literal
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
@@ -24,8 +25,8 @@ from pipeline.settings.checks import (
     Whole,
     Workers,
 )
-from pipeline.settings.conditions import Only
-from pipeline.settings.groups import settings
+from pipeline.settings.groups import Only, settings
+from pipeline.settings.keys import is_key, unknown
 
 #: of a population, or a tournament
 MOST_INDIVIDUALS = 100_000
@@ -298,3 +299,62 @@ class Optimizer:
     def step_of_round(self, round_index: int) -> float:
         """Return the step with which a round begins, counted from 0, in genes."""
         return 1.0 if self.mutation == "adaptive_feasible" else self.initial_step * self.cooling**round_index
+
+
+@dataclass(frozen=True)
+class Dimension:
+    """A key and its possible values.
+
+    Parameters
+    ----------
+    key : str
+        Dotted, such as ``optimizer.initial_step``.
+    low, high : float or int
+        Of a range; whole numbers if both are.
+    is_log : bool
+        Whether values are uniform in the logarithm.
+    choices : tuple
+        Instead of a range.
+    """
+
+    key: str
+    low: float = 0.0
+    high: float = 0.0
+    is_log: bool = False
+    choices: tuple[Any, ...] = ()
+
+
+def dimensions(space: Mapping[str, Any]) -> tuple[Dimension, ...]:
+    """Read a space: keys, each with ``{low:, high:}``, and ``log: true``, or with ``{choices: []}``.
+
+    Raises
+    ------
+    SettingError
+        If a key is unknown, or its entry has another form.
+    """
+    return tuple(_dimension(key, told) for key, told in sorted(_leaves(space, ())))
+
+
+def _leaves(node: Mapping[str, Any], above: tuple[str, ...]) -> Iterator[tuple[str, Any]]:
+    for name, told in node.items():
+        if isinstance(told, Mapping) and told and not set(told) & {"low", "high", "choices"}:
+            yield from _leaves(told, (*above, str(name)))
+        else:
+            yield ".".join((*above, str(name))), told
+
+
+def _dimension(key: str, told: Any) -> Dimension:
+    if not is_key(key):
+        raise SettingError(f"hparams_search.space: {unknown(key)}")
+    if isinstance(told, Mapping) and set(told) == {"choices"} and isinstance(told["choices"], list):
+        if len(told["choices"]) > 1:
+            return Dimension(key, choices=tuple(told["choices"]))
+    elif isinstance(told, Mapping) and {"low", "high"} <= set(told) <= {"low", "high", "log"}:
+        low, high, is_log = told["low"], told["high"], told.get("log", False)
+        are_numbers = all(type(value) in (int, float) and math.isfinite(value) for value in (low, high))
+        if are_numbers and low < high and isinstance(is_log, bool) and (low > 0 or not is_log):
+            return Dimension(key, low, high, is_log)
+    raise SettingError(
+        f"hparams_search.space.{key} is {told}; give a range, {{low: 0.1, high: 10.0, log: true}}, the lower "
+        "end less than the upper and with log positive, or {choices: [a, b]}, two or more"
+    )

@@ -39,7 +39,7 @@ from pipeline.optimum.solved import IncomparableError, Solved, solved_for
 from pipeline.run import artifacts, tables
 from pipeline.run.progress import Progress
 from pipeline.settings.experiment import Experiment, Mission, Safety
-from pipeline.settings.worlds import in_world
+from pipeline.settings.schema import in_world
 
 Row = tuple[ComparisonRow, dict[str, Column]]
 

@@ -18,8 +18,7 @@ from pipeline.run import artifacts
 from pipeline.run.progress import Progress
 from pipeline.settings.checks import SettingError
 from pipeline.settings.experiment import Experiment
-from pipeline.settings.schema import experiment_from
-from pipeline.settings.space import with_values
+from pipeline.settings.schema import experiment_from, with_tried
 from pipeline.training.fitness import costs
 from pipeline.training.genome import genome_of
 from pipeline.training.judging import choose, evolved
@@ -64,7 +63,7 @@ def _judge(
 ) -> Iterator[float]:
     """Fly a trial's controller, trained if requested, block by block; yield mean costs, m/s."""
     search, mission = experiment.hparams_search, experiment.mission
-    tried = experiment_from(with_values(config, values))
+    tried = experiment_from(with_tried(config, values))
     controller = _trained(tried) if search.trains else source.load(tried.controller, tried.mission)
     made["last"] = controller
     scenarios = validation_scenarios(experiment.starts, experiment.sun, experiment.seed, search.num_cases)

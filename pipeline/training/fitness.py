@@ -20,7 +20,7 @@ import numpy as np
 
 from pipeline.array_types import Floats
 from pipeline.flight.state.log import Outcomes, points_needed
-from pipeline.settings.experiment import Penalty
+from pipeline.settings.training import Penalty
 
 
 def fitness_parts(

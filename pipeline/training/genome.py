@@ -12,7 +12,7 @@ from fis_tools.model import FuzzyController
 from pipeline.array_types import Floats
 from pipeline.flight.control.controller import Controller, ControllerError, from_fuzzy, has_constants
 from pipeline.flight.state.signals import CONSTANTS, TOUR_PLACES
-from pipeline.settings.experiment import Encoding
+from pipeline.settings.training import Encoding
 
 
 @dataclass(frozen=True)

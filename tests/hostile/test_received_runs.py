@@ -17,7 +17,7 @@ from pipeline.run.engine import crew
 from pipeline.run.processes import EngineError
 from pipeline.settings.checks import Scope
 from pipeline.settings.experiment import Engine
-from pipeline.settings.scopes import keys_in
+from pipeline.settings.schema import keys_in
 from tests.pipeline.command_line.cases import plain_config, use_stages
 
 EVALUATE = ["+experiment=evaluate", "controller=coast"]

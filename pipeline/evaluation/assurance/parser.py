@@ -27,7 +27,7 @@ from pipeline.evaluation.assurance.formula import (
     Until,
     Window,
 )
-from pipeline.settings.nearest import did_you_mean
+from pipeline.settings.keys import did_you_mean
 
 KEYWORDS: Final = ("always", "eventually", "until", "and", "or", "not")
 _TOKEN: Final = re.compile(

@@ -9,7 +9,7 @@ from pipeline.evaluation.assurance.parser import FormulaError, parse
 from pipeline.evaluation.assurance.quantities import UNITS
 from pipeline.evaluation.assurance.robustness import idle_window
 from pipeline.run.artifacts import parse_config
-from pipeline.settings.nearest import choices_of, did_you_mean
+from pipeline.settings.keys import choices_of, did_you_mean
 
 SCHEMA: Final = ("requirements", 2)
 #: methods of verification: many flights, a search for the worst case, boxes of inputs that bound the

@@ -26,7 +26,8 @@ from pipeline.flight.cases.processes import in_time, varies
 from pipeline.flight.state.errors import Errors, Filter, Fixes
 from pipeline.flight.state.log import Scenario
 from pipeline.physics.motion import motion_over
-from pipeline.settings.experiment import Actuators, Dynamics, Mission, Navigation
+from pipeline.settings.experiment import Mission
+from pipeline.settings.mission_parts import Actuators, Dynamics, Navigation
 
 #: place in the spawn key of the random numbers for navigation, after the case
 FIXES = 1

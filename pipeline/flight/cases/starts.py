@@ -14,8 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.flight.state.log import Scenario
-from pipeline.settings.experiment import Deputy, Experiment, MonteCarlo, Starts, Sun
+from pipeline.settings.experiment import Experiment, MonteCarlo, Sun
+from pipeline.settings.mission_parts import Deputy
 from pipeline.settings.start_table import numbers
+from pipeline.settings.training import Starts
 
 #: first part of the spawn key: evaluation; training round r as ``TRAINING + r``; the candidates for its hard
 #: starts, ``HARD + r``; and those on which the champion is chosen

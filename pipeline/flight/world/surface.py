@@ -9,7 +9,8 @@ import numpy as np
 from pipeline.array_types import Floats
 from pipeline.flight.world.mesh import read_mesh, spread_points
 from pipeline.physics.occlusion import Occlusion, nothing_hidden, occlusion_of
-from pipeline.settings.experiment import Chief, Mission, SettingError
+from pipeline.settings.experiment import Mission, SettingError
+from pipeline.settings.mission_parts import Chief
 
 
 def regular_placement(num_points: int, radius_m: float) -> Floats:

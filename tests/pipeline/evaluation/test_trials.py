@@ -6,7 +6,8 @@ import pytest
 from pipeline.evaluation.trials import trials
 from pipeline.settings.checks import SettingError
 from pipeline.settings.experiment import HparamsSearch
-from pipeline.settings.space import dimensions, with_values
+from pipeline.settings.schema import with_tried
+from pipeline.settings.training import dimensions
 
 SPACE = {
     "optimizer": {"initial_step": {"low": 0.001, "high": 1.0, "log": True}, "rounds": {"low": 1, "high": 9}},
@@ -93,12 +94,12 @@ def test_spaces_that_cannot_be_are_refused(space, told):
 
 def test_values_are_set_where_they_stand():
     config = {"seed": 1, "sun": {"mode": "fixed"}}
-    assert with_values(config, {"sun.mode": "random"}) == {"seed": 1, "sun": {"mode": "random"}}
+    assert with_tried(config, {"sun.mode": "random"}) == {"seed": 1, "sun": {"mode": "random"}}
     assert config["sun"]["mode"] == "fixed"
     with pytest.raises(
         SettingError, match=r"hparams_search.space.controller.gain is no key of this experiment"
     ):
-        with_values(config, {"controller.gain": 1.0})
+        with_tried(config, {"controller.gain": 1.0})
     assert [one.key for one in dimensions(SPACE)] == [
         "optimizer.initial_step",
         "optimizer.rounds",

@@ -17,7 +17,7 @@ from pipeline.flight.world.pack import inspection_points
 from pipeline.report.comparison_tables import squares_of
 from pipeline.report.figures.by_world import by_world
 from pipeline.settings.experiment import SettingError
-from pipeline.settings.worlds import in_world
+from pipeline.settings.schema import in_world
 
 
 def row(controller: str, world: str, successes: int, outside: int, spent: float) -> ComparisonRow:

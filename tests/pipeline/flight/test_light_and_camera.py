@@ -11,7 +11,8 @@ from pipeline.flight.fly.inspectable import inspectable_points
 from pipeline.flight.fly.simulation import fly_all, fly_logged
 from pipeline.flight.state.log import FlightLog, Scenario
 from pipeline.flight.world.pack import inspection_points, pack_world
-from pipeline.settings.experiment import Light, Mission
+from pipeline.settings.experiment import Mission
+from pipeline.settings.mission_parts import Light
 from tests.pipeline.flight.as_written import assert_as_written
 from tests.pipeline.flight.cases import SEEING, STARTS, mission
 from tests.pipeline.flight.missions import IDEAL, MEAN_MOTION

@@ -13,7 +13,8 @@ from pipeline.flight.control.controller import coast
 from pipeline.flight.fly.simulation import fly_logged
 from pipeline.flight.world.surface import Surface, surface_of
 from pipeline.physics.occlusion import EDGE_CELLS, cell_of, centre_of
-from pipeline.settings.experiment import Light, Mission, SettingError
+from pipeline.settings.experiment import Mission, SettingError
+from pipeline.settings.mission_parts import Light
 from tests.pipeline.flight.as_written import assert_as_written
 from tests.pipeline.flight.cases import SEEING, mission
 from tests.pipeline.flight.missions import IDEAL

@@ -8,7 +8,8 @@ from scipy import stats
 
 from pipeline.flight.cases.starts import EVALUATION, draw, evaluation_scenarios, training_scenarios
 from pipeline.flight.state.log import Scenario
-from pipeline.settings.experiment import MonteCarlo, Starts, Sun
+from pipeline.settings.experiment import MonteCarlo, Sun
+from pipeline.settings.training import Starts
 
 FIXED = Sun(mode="fixed", angle_deg=30.0)
 RANDOM = Sun(mode="random", angle_deg=30.0)

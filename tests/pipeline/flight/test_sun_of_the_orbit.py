@@ -11,7 +11,7 @@ from pipeline.flight.period.look.optics import sun_after
 from pipeline.flight.world.chief import semi_major_axis
 from pipeline.flight.world.pack import pack_world
 from pipeline.physics.illumination import EARTH_RADIUS_M
-from pipeline.settings.experiment import Dynamics
+from pipeline.settings.mission_parts import Dynamics
 from tests.pipeline.flight.missions import IDEAL
 
 ABOUT_EARTH = Dynamics(model="two_body", inclination_deg=0.0)

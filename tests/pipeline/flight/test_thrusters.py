@@ -11,8 +11,8 @@ from pipeline.flight.cases.actuators import thrust_errors
 from pipeline.flight.control.controller import open_loop
 from pipeline.flight.fly.simulation import fly_logged
 from pipeline.flight.state.log import Scenario
-from pipeline.settings.experiment import Actuators
 from pipeline.settings.mission import STANDARD_GRAVITY_M_S2
+from pipeline.settings.mission_parts import Actuators
 from tests.pipeline.flight.missions import IDEAL
 
 START = Scenario(np.array([60.0, 20.0, 10.0]), np.zeros(3), 0.3, 0.0, (1, 0, 0))

@@ -19,7 +19,7 @@ from pipeline.flight.state.log import FlightLog
 from pipeline.flight.world.pack import inspection_points
 from pipeline.run import maker
 from pipeline.run.runner import run_stages
-from pipeline.settings.scopes import only_results
+from pipeline.settings.schema import only_results
 from tests.pipeline.recording import cases
 from tests.pipeline.recording.cases import Contents
 

@@ -7,9 +7,8 @@ import yaml
 
 from pipeline.command_line.cli import main
 from pipeline.command_line.config import compose_experiment
-from pipeline.settings.conditions import value_at
-from pipeline.settings.meanings import descriptions
-from pipeline.settings.reference import commented, sections, tables
+from pipeline.settings.groups import value_at
+from pipeline.settings.reference import commented, descriptions, sections, tables
 from pipeline.settings.schema import schema
 from tests.pipeline.command_line.cases import plain_config
 

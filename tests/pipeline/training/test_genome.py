@@ -15,7 +15,7 @@ from pipeline.flight.control.controller import (
     from_fuzzy,
 )
 from pipeline.flight.state.signals import CONSTANTS
-from pipeline.settings.experiment import Encoding
+from pipeline.settings.training import Encoding
 from pipeline.training.genome import genome_of
 from tests.pipeline.training.evolution.cases import ENCODING
 from tests.places import PROJECT

@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.settings.experiment import Encoding, Optimizer, Penalty
+from pipeline.settings.experiment import Optimizer
+from pipeline.settings.training import Encoding, Penalty
 from pipeline.training.evolution import Evaluate, Evolution, evolve_rounds
 from pipeline.training.evolution.state import Generation
 
