@@ -1,12 +1,17 @@
 """What somebody meets who types the first command of the README."""
 
+import os
 import re
 import shlex
+import subprocess
+import sys
+from pathlib import Path
 
 import pytest
 
 import fis_tools.__main__ as review
 from telemetry import commands
+from tests.places import PROJECT
 from tests.smoke.command_line import run_module, run_pipeline
 
 pytestmark = pytest.mark.slow
@@ -27,3 +32,19 @@ def test_a_flown_controller_can_be_reviewed_from_its_recording(tmp_path, capsys)
         assert "force_x" in capsys.readouterr().out
     assert commands.main(["info", flight]) == 0
     assert "delta-v" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("steps", [("flight", "start", "rule"), ("sweep", "evidence"), ("review", "learn")])
+def test_the_first_hour_goes_as_its_script_plays_it(steps, tmp_path):
+    environment = os.environ | {
+        "FIRST_HOUR": str(tmp_path),
+        "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}",
+    }
+    script = [str(PROJECT / "docs" / "first_hour.sh"), *steps]
+    done = subprocess.run(script, env=environment, capture_output=True, text=True, check=False)  # noqa: S603
+    assert done.returncode == 0, done.stderr
+    assert "Traceback" not in done.stderr
+    measured = re.findall(
+        r"^== .+: [\d.]+ s of processor time, \d+ MB of memory, [\d.]+ MB written$", done.stdout, re.M
+    )
+    assert len(measured) >= len(steps)
