@@ -12,7 +12,7 @@ from cyclopts import Parameter
 from fis_tools import source
 from fis_tools.commands.arguments import Output, UserMistake, expected, form_of, write
 from fis_tools.formats import serialize
-from fis_tools.formats.own.mapping import MOST_POINTS
+from fis_tools.formats.mapping import MOST_POINTS
 from fis_tools.learning.learner import Recipe, Unlearnable, cross_validated, learn_table
 from fis_tools.learning.table import Table, UnreadableTable, as_table, read
 from fis_tools.model import FuzzyController, FuzzySystem, Sampled, Variable

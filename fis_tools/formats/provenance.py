@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, Final
 
-from fis_tools.formats.own.mapping import to_mapping
+from fis_tools.formats.mapping import to_mapping
 from fis_tools.model import FuzzyController
 
 #: the fact that holds the hash of the content that the others are about

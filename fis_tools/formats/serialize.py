@@ -1,6 +1,6 @@
 """Controllers as text: every kind of file that is read, and our own JSON and YAML, which hold everything.
 
-`fis_tools.formats.own.mapping` says what a JSON or YAML file contains. Files of other programs hold one
+`fis_tools.formats.mapping` says what a JSON or YAML file contains. Files of other programs hold one
 system each; what they do not state is assumed, and listed. Reading any file executes nothing.
 """
 
@@ -8,35 +8,89 @@ import hashlib
 import math
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 from fis_tools.errors import ControllerFileError
-from fis_tools.formats import provenance
-from fis_tools.formats.forms import FORMS, Reading, reader
-from fis_tools.formats.own import json, mapping, yaml
-from fis_tools.formats.own.json import MAX_FILE_BYTES, MAX_JSON_BYTES, Unreadable
-from fis_tools.formats.own.mapping import SCHEMA, SCHEMA_VERSION, to_mapping
+from fis_tools.formats import mapping, provenance
+from fis_tools.formats.mapping import to_mapping
+from fis_tools.formats.notation import (
+    MAX_FILE_BYTES,
+    MAX_JSON_BYTES,
+    Unreadable,
+    read_json,
+    read_yaml,
+    write_json,
+    write_yaml,
+)
 from fis_tools.model import FuzzyController
 
-__all__ = [
-    "ENDINGS",
-    "SCHEMA",
-    "SCHEMA_VERSION",
-    "ControllerFileError",
-    "Reading",
-    "dump_json",
-    "dump_yaml",
-    "from_mapping",
-    "load",
-    "loads",
-    "read",
-    "reads",
-    "to_mapping",
-]
 
-#: A kind of file: "json", "yaml", or one of other programs, see `fis_tools.formats.forms`.
+@dataclass(frozen=True)
+class Written:
+    """A file, and what it cannot hold.
+
+    Parameters
+    ----------
+    text : str
+        The whole file.
+    losses : tuple of str
+        What the format has no place for, one sentence each.
+    """
+
+    text: str
+    losses: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Reading:
+    """A controller, and what was assumed to read it.
+
+    Parameters
+    ----------
+    controller : FuzzyController
+        It has no problems.
+    assumptions : tuple of str
+        What the file did not state, one sentence each.
+    """
+
+    controller: FuzzyController
+    assumptions: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Form:
+    """A kind of file that holds one system.
+
+    Parameters
+    ----------
+    program : str
+        What it is a file of.
+    endings : tuple of str
+        How its names end; the first is written.
+    is_read : bool
+        Whether it is read as well as written.
+    is_latin : bool
+        Whether text that is not UTF-8 is Latin-1, which old programs write.
+    """
+
+    program: str
+    endings: tuple[str, ...]
+    is_read: bool = True
+    is_latin: bool = True
+
+
+#: The kinds of files of other programs; the module of `exchange` named after a kind writes and reads it.
+FORMS = {
+    "fis": Form("MATLAB and Octave", (".fis",)),
+    "fll": Form("fuzzylite", (".fll",)),
+    "fml": Form("IEEE 1855", (".fml", ".xml"), is_latin=False),
+    "fcl": Form("IEC 61131-7", (".fcl",)),
+}
+
+#: A kind of file: "json", "yaml", or one of other programs, see `FORMS`.
 Kind = str
 _KINDS: dict[str, Kind] = {
     ".json": "json",
@@ -47,7 +101,7 @@ _KINDS: dict[str, Kind] = {
 #: How the names of the files end that are read.
 ENDINGS = tuple(_KINDS)
 
-_PLAIN_READERS: dict[Kind, Callable[[str], Any]] = {"json": json.read, "yaml": yaml.read}
+_PLAIN_READERS: dict[Kind, Callable[[str], Any]] = {"json": read_json, "yaml": read_yaml}
 #: characters of an attribute that is written as a number; a double needs 24
 LONGEST_NUMBER = 32
 
@@ -58,14 +112,14 @@ def from_mapping(content: Any) -> FuzzyController:
     Raises
     ------
     ControllerFileError
-        As `fis_tools.formats.own.mapping.from_mapping` does.
+        As `fis_tools.formats.mapping.from_mapping` does.
     """
     return provenance.checked(mapping.from_mapping(content))
 
 
 def dump_json(controller: FuzzyController) -> str:
     """Write a controller as JSON text; see `to_mapping` for what is refused."""
-    return json.write(to_mapping(controller))
+    return write_json(to_mapping(controller))
 
 
 def fingerprint(controller: FuzzyController) -> str:
@@ -88,7 +142,7 @@ def dump_yaml(controller: FuzzyController) -> str:
     """
     content = to_mapping(controller)
     content["attributes"] = {name: _number_or_text(text) for name, text in controller.attributes}
-    text = yaml.write(content)
+    text = write_yaml(content)
     if len(text) > MAX_FILE_BYTES:
         raise ControllerFileError(
             f"{controller.name!r} comes to {len(text)} bytes of YAML, and {MAX_FILE_BYTES} are read; "
@@ -184,9 +238,21 @@ def loads(text: str, kind: Kind) -> FuzzyController:
 def reads(text: str, kind: Kind) -> Reading:
     """Read a controller from text, and tell what the text does not state; parameters as for `loads`."""
     if kind not in _PLAIN_READERS:
-        return reader(kind)(text)
+        reading: Reading = _module(kind).read(text)
+        return reading
     try:
         content = _PLAIN_READERS[kind](text)
     except Unreadable as error:
         raise ControllerFileError(str(error)) from error
     return Reading(from_mapping(content), ())
+
+
+def writer(name: str) -> Callable[[FuzzyController], Written]:
+    """Return what writes a kind of file of another program."""
+    write: Callable[[FuzzyController], Written] = _module(name).write
+    return write
+
+
+def _module(name: str) -> Any:
+    """Import a kind's module, which few files need."""
+    return import_module(f"fis_tools.formats.exchange.{name}")

@@ -12,7 +12,7 @@ from textwrap import wrap
 
 from fis_tools import model
 from fis_tools.engines.program import Conclusion, assemble
-from fis_tools.formats.c import parts, thrust
+from fis_tools.formats.c import parts
 from fis_tools.model.thrust import ThrustLogic, thrust_logic
 from fis_tools.model.variables import sample
 from fis_tools.words.text import number, sentence, shape_words, summary, with_unit
@@ -71,8 +71,8 @@ def write(controller: model.FuzzyController, bare: bool = False) -> str:
     declared = [f"{part.signature};" for part in written]
     if logic is not None and not bare:
         infer = {part.system.name: part.function_name for part in written}
-        own.append(thrust.functions(controller, logic, infer))
-        declared.insert(0, thrust.structures(controller, logic).rstrip())
+        own.append(parts.step_functions(controller, logic, infer))
+        declared.insert(0, parts.step_structures(controller, logic).rstrip())
     shared = parts.called("".join(own))
     header = _header(controller, logic, has_step=logic is not None and not bare)
     return "\n".join([header, _OPENING, *declared, "", *shared, *own])
@@ -87,7 +87,7 @@ def _header(controller: model.FuzzyController, logic: ThrustLogic | None, *, has
     facts = [f"{key}: {value}" for key, value in (*controller.attributes, *controller.provenance)]
     about: tuple[str, ...] = ()
     if has_step:
-        title, about = f"Fuzzy controller {controller.name} with its thrust logic, in C99.", thrust.ABOUT
+        title, about = f"Fuzzy controller {controller.name} with its thrust logic, in C99.", parts.ABOUT
     elif logic is not None:
         title = f"BARE INFERENCE of fuzzy controller {controller.name}, in C99."
         about = (
@@ -107,7 +107,7 @@ def _header(controller: model.FuzzyController, logic: ThrustLogic | None, *, has
         "number from each rule. Inputs are clipped to their universes; if one is "
         "NaN, so is every output. Tables are constant, and the functions may run in several threads.",
         "",
-        thrust.RULES,
+        parts.RULES,
         "",
         f"To infer every system once takes at most {_operations_in_words(controller)} of doubles.",
         "",
@@ -138,7 +138,7 @@ def _comment(*paragraphs: str, indent: str = "") -> str:
 def _plain(text: str) -> str:
     """Keep a text from ending its comment, from opening another and from spelling a trigraph."""
     printable = "".join(letter if letter.isprintable() else " " for letter in text)
-    return printable.replace("*/", "* /").replace("/*", "/ *").replace("??", "? ?")
+    return parts.plain(printable)
 
 
 def _identifiers(names: Iterable[str]) -> list[str]:

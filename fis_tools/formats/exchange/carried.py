@@ -1,7 +1,7 @@
 """The comment by which a foreign file carries what its format has no place for, and how it is read back.
 
 The comment is one line: a mark with a version, then the whole controller as JSON, as
-`fis_tools.formats.own.mapping` describes it. It counts only as far as the file still shows what the
+`fis_tools.formats.mapping` describes it. It counts only as far as the file still shows what the
 controller looks like in this format. Where a person has changed the file, what can be seen counts, and the
 comment gives only what the change did not touch. Reading it executes nothing.
 """
@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 from fis_tools.errors import ControllerFileError
-from fis_tools.formats import provenance
+from fis_tools.formats import notation, provenance
 from fis_tools.formats.exchange.antecedents import ANY, NotExpressible, Statement, any_term, mentions, renamed
 from fis_tools.formats.exchange.dialect import (
     INPUT_POINTS,
@@ -23,10 +23,9 @@ from fis_tools.formats.exchange.dialect import (
     middle,
     refuse_joined,
 )
-from fis_tools.formats.forms import Reading
-from fis_tools.formats.own import json as strict_json
-from fis_tools.formats.own.json import Unreadable
-from fis_tools.formats.own.mapping import MOST_PROBLEMS, from_mapping, to_mapping
+from fis_tools.formats.mapping import MOST_PROBLEMS, from_mapping, to_mapping
+from fis_tools.formats.notation import Unreadable
+from fis_tools.formats.serialize import Reading
 from fis_tools.model import FuzzyController, FuzzySystem, Rule, Sampled, Term, Variable
 from fis_tools.model.validate import controller_problems
 from fis_tools.model.variables import sample
@@ -114,7 +113,7 @@ def _find(comments: Iterable[tuple[int, str]]) -> FuzzyController | None:
             "program that wrote it, or delete this comment to read what the file shows"
         )
     try:
-        controller = from_mapping(strict_json.read(text.removeprefix(MARK)))
+        controller = from_mapping(notation.read_json(text.removeprefix(MARK)))
     except (Unreadable, ControllerFileError) as error:
         raise ControllerFileError(f"line {line}: the comment is damaged ({error}); {cure}") from error
     if len(controller.systems) != 1:

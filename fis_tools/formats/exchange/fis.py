@@ -46,7 +46,7 @@ from fis_tools.formats.exchange.vocabulary import (
     meanings,
 )
 from fis_tools.formats.exchange.writing import term_words, written
-from fis_tools.formats.forms import Reading, Written
+from fis_tools.formats.serialize import Reading, Written
 from fis_tools.model.operators import WEIGHING
 from fis_tools.model.weighing import has_sets
 

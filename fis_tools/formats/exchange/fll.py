@@ -27,8 +27,8 @@ from fis_tools.formats.exchange.vocabulary import (
     meanings,
 )
 from fis_tools.formats.exchange.writing import term_words, written
-from fis_tools.formats.forms import Reading, Written
-from fis_tools.formats.own.mapping import MOST_POINTS
+from fis_tools.formats.mapping import MOST_POINTS
+from fis_tools.formats.serialize import Reading, Written
 from fis_tools.model.operators import WEIGHING
 from fis_tools.model.shape import words_of
 from fis_tools.model.weighing import has_sets

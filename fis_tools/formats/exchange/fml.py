@@ -21,7 +21,7 @@ from fis_tools.formats.exchange.foreign import Extent, Table
 from fis_tools.formats.exchange.vocabulary import AGGREGATIONS, AND, DEFUZZIFIERS, HEDGES, OR, meanings
 from fis_tools.formats.exchange.writing import written
 from fis_tools.formats.exchange.xml import Element
-from fis_tools.formats.forms import Reading, Written
+from fis_tools.formats.serialize import Reading, Written
 from fis_tools.model.operators import WEIGHING
 from fis_tools.model.shape import SHAPES, words_of
 from fis_tools.model.weighing import has_sets

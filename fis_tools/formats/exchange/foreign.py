@@ -16,7 +16,7 @@ from fis_tools import model
 from fis_tools.errors import ControllerFileError
 from fis_tools.formats.exchange.dialect import INPUT_POINTS, OUTPUT_POINTS, input_universe, universe_of
 from fis_tools.formats.exchange.vocabulary import HEDGES
-from fis_tools.formats.own.mapping import MOST_POINTS
+from fis_tools.formats.mapping import MOST_POINTS
 from fis_tools.model.numbers import FUNCTIONS, NotAFormula, linear
 from fis_tools.model.shape import Format, words_of
 from fis_tools.model.validate import nearest

@@ -15,12 +15,12 @@ import numpy as np
 from fis_tools import model
 from fis_tools.array_types import Floats
 from fis_tools.engines import inference
+from fis_tools.formats import rendered
 from fis_tools.formats.exchange import vocabulary
 from fis_tools.formats.exchange.carried import comment
 from fis_tools.formats.exchange.dialect import Dialect, Expressed, express, only_system
 from fis_tools.formats.exchange.foreign import RAMPS, TABLES
-from fis_tools.formats.forms import Written
-from fis_tools.formats.templates import rendered
+from fis_tools.formats.serialize import Written
 from fis_tools.model.operators import AGGREGATIONS, AND_OPERATORS
 from fis_tools.model.shape import Format
 from fis_tools.model.variables import shape_values

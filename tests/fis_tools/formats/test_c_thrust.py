@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from fis_tools.formats.c import parts, source, thrust
+from fis_tools.formats.c import parts, source
 from fis_tools.model import FuzzyController
 from fis_tools.model.thrust import thrust_logic
 from fis_tools.source import read_controller
@@ -173,7 +173,7 @@ def test_no_step_takes_more_operations_than_stated(name: str, tmp_path: Path) ->
     assert logic is not None
     ranges = {v.name: (v.minimum, v.maximum) for system in controller.systems for v in system.inputs}
     lines = []
-    for sensed, (word, _, _) in thrust.members(controller, logic).items():
+    for sensed, (word, _, _) in parts.members(controller, logic).items():
         low, high = ranges.get(sensed, (0.0, 100.0))
         lines.append(f"signals.{word} = {low!r} + {high - low!r} * (1.2 * rand() / RAND_MAX - 0.1);")
     if logic.force_axes == "body":

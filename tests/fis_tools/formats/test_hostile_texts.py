@@ -8,8 +8,7 @@ import pytest
 from fis_tools.errors import ControllerFileError
 from fis_tools.formats import serialize
 from fis_tools.formats.exchange import foreign
-from fis_tools.formats.own import json as own_json
-from fis_tools.formats.own.json import Unreadable
+from fis_tools.formats.notation import Unreadable, read_json
 from fis_tools.model import validate
 
 
@@ -42,7 +41,7 @@ def test_a_number_of_a_million_digits_with_a_letter_behind_it_takes_no_time():
 def test_the_last_of_many_keys_repeated_takes_no_time():
     text = "{" + ", ".join(f'"k{i}": 0' for i in range(200_000)) + ', "k199999": 0}'
     with pytest.raises(Unreadable, match="the key 'k199999' appears twice"):
-        own_json.read(text)
+        read_json(text)
 
 
 def test_of_very_many_problems_the_first_are_told():

@@ -13,8 +13,8 @@ import yaml
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from fis_tools.formats.own import yaml as own_yaml
-from fis_tools.formats.own.json import Unreadable
+from fis_tools.formats import notation
+from fis_tools.formats.notation import Unreadable
 from fis_tools.formats.serialize import (
     ControllerFileError,
     dump_json,
@@ -506,17 +506,17 @@ def test_bad_yaml_is_refused_with_a_sentence(text: str, words: str) -> None:
 
 def test_without_libyaml_the_same_is_read(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(yaml, "__with_libyaml__", False)
-    spec = spec_from_file_location("without_libyaml", own_yaml.__file__)
+    spec = spec_from_file_location("without_libyaml", notation.__file__)
     assert spec is not None
     assert spec.loader is not None
     slow = module_from_spec(spec)
     spec.loader.exec_module(slow)
     assert not issubclass(slow._Loader, yaml.CSafeLoader)
-    assert issubclass(own_yaml._Loader, yaml.CSafeLoader)
+    assert issubclass(notation._Loader, yaml.CSafeLoader)
     for text in (HAND_WRITTEN, dump_yaml(general_controller())):
-        assert slow.read(text) == own_yaml.read(text)
+        assert slow.read_yaml(text) == notation.read_yaml(text)
     with pytest.raises(Unreadable, match="line 1 uses an anchor"):
-        slow.read(BOMB)
+        slow.read_yaml(BOMB)
 
 
 @pytest.mark.parametrize("number", [".nan", ".inf", "-.Inf", "1e999"])

@@ -1,24 +1,168 @@
-"""YAML text to plain data and back: nothing is executed, and only what a controller needs is read.
+"""JSON and YAML text to plain data and back: strict when reading, laid out for people when writing.
 
-Plain scalars follow YAML 1.2: ``no`` and ``2026-01-01`` are words, ``1e-3`` is a number. Anchors, aliases,
-tags, merge keys and repeated keys are refused. What is written reads the same under YAML 1.1.
+Nothing is executed, and only what a controller needs is read. Plain scalars of YAML follow YAML 1.2: ``no``
+and ``2026-01-01`` are words, ``1e-3`` is a number. Anchors, aliases, tags, merge keys and repeated keys are
+refused. What is written reads the same under YAML 1.1.
 
-Written files open with ``---`` and close with ``...``, and a file that has the one must have the other: this
+Written YAML opens with ``---`` and closes with ``...``, and a file that has the one must have the other: this
 is how a copy cut between two rules is told from a whole one.
 """
 
+import json
 import re
-from collections.abc import Hashable, Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 import yaml
 from yaml.composer import Composer
 
-from fis_tools.formats.own.json import LINE_WIDTH, MAX_DEPTH, Unreadable, is_scalar, rule_rows
-
+#: Levels of lists and mappings in a file.
+MAX_DEPTH = 64
+#: Bytes of a file; of JSON so many that every system that can be compiled can be read.
+MAX_FILE_BYTES = 10 * 1024 * 1024
+MAX_JSON_BYTES = 128 * 1024 * 1024
 #: Without libyaml the reader is written in Python; this much takes it some seconds.
 MAX_YAML_BYTES = 256 * 1024
+#: Characters of a written line, where it can be kept.
+LINE_WIDTH = 110
 
+
+class Unreadable(ValueError):  # noqa: N818
+    """Raised for a text that is not acceptable JSON or YAML; says why in a sentence."""
+
+
+@contextmanager
+def _refusing() -> Iterator[None]:
+    """Refuse what no reader of plain data takes, whichever the notation."""
+    try:
+        yield
+    except Unreadable:
+        raise
+    except RecursionError as error:
+        raise Unreadable(f"it is nested more than {MAX_DEPTH} deep; flatten it") from error
+    except ValueError as error:
+        raise Unreadable(f"a number is too long: {error}") from error
+
+
+def is_scalar(value: object) -> bool:
+    """Return whether a value has no parts."""
+    return value is None or isinstance(value, str | int | float)
+
+
+def _inline(value: Any, scalar: Callable[[Any], str]) -> str:
+    """Write plain data in one line, as both notations have it; `scalar` writes what has no parts."""
+    if isinstance(value, Mapping):
+        items = (f"{scalar(key)}: {_inline(item, scalar)}" for key, item in value.items())
+        return "{" + ", ".join(items) + "}"
+    if is_scalar(value):
+        return scalar(value)
+    return "[" + ", ".join(_inline(item, scalar) for item in value) + "]"
+
+
+def rule_rows(system: Mapping[str, Any]) -> list[Sequence[str]]:
+    """Cut a system's rule table into rows, one term of the last input after the other in each.
+
+    Parameters
+    ----------
+    system : mapping
+        Any mapping; only a fuzzy system whose `rules` are output terms has rows.
+
+    Returns
+    -------
+    list
+        The rows; empty where there is no rule table.
+    """
+    rules, inputs = system.get("rules"), system.get("inputs")
+    if not rules or not inputs or not all(isinstance(rule, str) for rule in rules):
+        return []
+    width = len(inputs[-1]["terms"])
+    return [rules[start : start + width] for start in range(0, len(rules), width)]
+
+
+# JSON.
+
+
+def read_json(text: str) -> Any:
+    """Turn JSON into plain data, refusing what JSON leaves open: repeated keys, NaN, bottomless nesting.
+
+    Raises
+    ------
+    Unreadable
+        With a sentence.
+    """
+    with _refusing():
+        try:
+            return json.loads(text, object_pairs_hook=_unique_keys, parse_constant=_refuse_constant)
+        except json.JSONDecodeError as error:
+            if not text[error.pos :].strip():
+                raise Unreadable(
+                    f"the JSON ends in the middle of a value (line {error.lineno}); the file is cut short: "
+                    "get a whole copy"
+                ) from error
+            raise Unreadable(
+                f"it is not JSON: {error.msg} in line {error.lineno}, column {error.colno}; correct it there"
+            ) from error
+
+
+def write_json(mapping: Mapping[str, Any]) -> str:
+    """Write plain data as JSON: short things on one line, rule tables in rows.
+
+    Parameters
+    ----------
+    mapping : mapping
+        Strings, finite floats, ints, lists and mappings.
+    """
+    return _block(mapping, 0) + "\n"
+
+
+def _unique_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    mapping = dict(pairs)
+    if len(mapping) != len(pairs):
+        times = Counter(key for key, _ in pairs)
+        repeated = next(key for key, _ in pairs if times[key] > 1)
+        raise Unreadable(f"the key {repeated!r} appears twice in one place; keep one of them")
+    return mapping
+
+
+def _refuse_constant(name: str) -> None:
+    raise Unreadable(f"it contains {name}; every number must be finite")
+
+
+def _json_scalar(value: Any) -> str:
+    is_plain = not isinstance(value, str) or value.isprintable()
+    return json.dumps(value, ensure_ascii=not is_plain, allow_nan=False)
+
+
+def _block(value: Any, depth: int) -> str:
+    inner, outer = "  " * (depth + 1), "  " * depth
+    if isinstance(value, Mapping):
+        rows = rule_rows(value)
+        lines = [
+            f"{inner}{_inline(key, _json_scalar)}: "
+            + (_table(rows, depth + 1) if key == "rules" and rows else _fitted(item, depth + 1, len(key) + 4))
+            for key, item in value.items()
+        ]
+        return "{\n" + ",\n".join(lines) + f"\n{outer}}}"
+    return "[\n" + ",\n".join(inner + _fitted(item, depth + 1, 0) for item in value) + f"\n{outer}]"
+
+
+def _fitted(value: Any, depth: int, used: int) -> str:
+    inline = _inline(value, _json_scalar)
+    has_mappings = isinstance(value, Sequence) and any(isinstance(item, Mapping) for item in value)
+    if is_scalar(value) or (not has_mappings and 2 * depth + used + len(inline) <= LINE_WIDTH):
+        return inline
+    return _block(value, depth)
+
+
+def _table(rows: Sequence[Sequence[str]], depth: int) -> str:
+    inner, outer = "  " * (depth + 1), "  " * depth
+    lines = [inner + ", ".join(_inline(term, _json_scalar) for term in row) for row in rows]
+    return "[\n" + ",\n".join(lines) + f"\n{outer}]"
+
+
+# YAML.
 
 #: libyaml tells what is in a text six times as fast as Python; it is put together and checked in Python
 _BASES: tuple[Any, ...] = (Composer, yaml.CSafeLoader) if yaml.__with_libyaml__ else (yaml.SafeLoader,)
@@ -94,7 +238,7 @@ _Loader.add_constructor("tag:yaml.org,2002:int", _construct_int)
 _Loader.add_constructor("tag:yaml.org,2002:float", _construct_float)
 
 
-def read(text: str) -> Any:
+def read_yaml(text: str) -> Any:
     """Turn a YAML document into plain data.
 
     Raises
@@ -104,19 +248,14 @@ def read(text: str) -> Any:
     """
     if len(text) > MAX_YAML_BYTES:
         raise Unreadable(f"it is longer than {MAX_YAML_BYTES} characters; keep so much data as JSON")
-    try:
-        loader = _Loader(text)
-        data = loader.get_single_data()
-    except yaml.MarkedYAMLError as error:
-        raise Unreadable(_problem(error)) from error
-    except (yaml.YAMLError, UnicodeEncodeError) as error:
-        raise Unreadable(f"it is not YAML: {' '.join(str(error).split())}") from error
-    except RecursionError as error:
-        raise Unreadable(f"it is nested more than {MAX_DEPTH} deep; flatten it") from error
-    except ValueError as error:
-        raise (
-            error if isinstance(error, Unreadable) else Unreadable(f"a number is too long: {error}")
-        ) from error
+    with _refusing():
+        try:
+            loader = _Loader(text)
+            data = loader.get_single_data()
+        except yaml.MarkedYAMLError as error:
+            raise Unreadable(_problem(error)) from error
+        except (yaml.YAMLError, UnicodeEncodeError) as error:
+            raise Unreadable(f"it is not YAML: {' '.join(str(error).split())}") from error
     if loader.is_opened and not loader.is_closed:
         raise Unreadable(
             "it opens with '---' but does not close with '...', so its end may be missing; get a whole copy, "
@@ -134,7 +273,7 @@ def _problem(error: yaml.MarkedYAMLError) -> str:
     return f"it is not YAML: {problem} in {place}; correct it there, or get a whole copy if the file is cut"
 
 
-def write(mapping: Mapping[str, Any]) -> str:
+def write_yaml(mapping: Mapping[str, Any]) -> str:
     """Write plain data as YAML: short things on one line, rule tables in rows.
 
     Parameters
@@ -165,20 +304,11 @@ def _escaped(character: str) -> str:
     return f"\\x{code:02x}" if code < 0x100 else f"\\u{code:04x}" if code < 0x10000 else f"\\U{code:08x}"
 
 
-def _inline(value: Any) -> str:
-    match value:
-        case str():
-            return _string(value)
-        case None | bool():
-            return {None: "null", True: "true", False: "false"}[value]
-        case int():
-            return str(value)
-        case float():
-            number = repr(value)
-            return number if "." in number else number.replace("e", ".0e")
-        case Mapping():
-            return "{" + ", ".join(f"{_string(key)}: {_inline(item)}" for key, item in value.items()) + "}"
-    return "[" + ", ".join(_inline(item) for item in value) + "]"
+def _yaml_scalar(value: Any) -> str:
+    if isinstance(value, str):
+        return _string(value)
+    text = json.dumps(value)
+    return text.replace("e", ".0e") if isinstance(value, float) and "." not in text else text
 
 
 def _mapping_lines(mapping: Mapping[str, Any], indent: int) -> list[str]:
@@ -189,7 +319,7 @@ def _mapping_lines(mapping: Mapping[str, Any], indent: int) -> list[str]:
         if key == "rules" and rows:
             lines += _table_lines(mapping, rows, indent)
         elif _fits(value, len(head) + 1):
-            lines.append(f"{head} {_inline(value)}")
+            lines.append(f"{head} {_inline(value, _yaml_scalar)}")
         elif isinstance(value, Mapping):
             lines += [head, *_mapping_lines(value, indent + 2)]
         else:
@@ -201,7 +331,7 @@ def _sequence_lines(items: Sequence[Any], indent: int) -> list[str]:
     lines: list[str] = []
     for item in items:
         if _fits(item, indent + 2):
-            lines.append(" " * indent + "- " + _inline(item))
+            lines.append(" " * indent + "- " + _inline(item, _yaml_scalar))
         elif isinstance(item, Mapping):
             first, *rest = _mapping_lines(item, indent + 2)
             lines += [" " * indent + "- " + first.lstrip(), *rest]
@@ -216,7 +346,7 @@ def _fits(value: Any, used: int) -> bool:
         return True
     if not isinstance(value, Mapping) and any(isinstance(item, Mapping) for item in value):
         return False
-    return used + len(_inline(value)) <= LINE_WIDTH
+    return used + len(_inline(value, _yaml_scalar)) <= LINE_WIDTH
 
 
 def _table_lines(system: Mapping[str, Any], rows: Sequence[Sequence[str]], indent: int) -> list[str]:

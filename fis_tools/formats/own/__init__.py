@@ -1,1 +1,0 @@
-"""Our own controller files, JSON and YAML: read without executing anything."""
