@@ -1,15 +1,14 @@
 """Further membership shapes of fuzzylite: formulas, wording and names as in its version 6."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from fis_tools.array_types import Floats
 from fis_tools.model.shape import MembershipFunction, MonotoneFunction, Place, Width, shape
 
 
-@shape("spike", "spike, centre {centre}, width {width}", fll=("Spike",), fis=("spikemf",))
-@dataclass(frozen=True, slots=True)
+@shape(
+    "spike", "spike, centre {centre}, width {width}", fll=("Spike",), fis=("spikemf",), corners=("centre",)
+)
 class Spike(MembershipFunction):
     """``exp(-10 |x - centre| / width)``."""
 
@@ -21,14 +20,8 @@ class Spike(MembershipFunction):
         values: Floats = np.exp(-np.abs(10.0 / self.width * (x - self.centre)))
         return values
 
-    @property
-    def corners(self) -> tuple[float, ...]:
-        """The centre."""
-        return (self.centre,)
-
 
 @shape("cosine", "cosine, centre {centre}, width {width}", fll=("Cosine",), fis=("cosinemf",))
-@dataclass(frozen=True, slots=True)
 class Cosine(MembershipFunction):
     """One period of a cosine between 0 and 1 over `width`, with the crest at the `centre`; zero beyond."""
 
@@ -42,9 +35,12 @@ class Cosine(MembershipFunction):
 
 
 @shape(
-    "concave", "concave, one half at {inflection}, one from {end} on", fll=("Concave",), fis=("concavemf",)
+    "concave",
+    "concave, one half at {inflection}, one from {end} on",
+    fll=("Concave",),
+    fis=("concavemf",),
+    corners=("end",),
 )
-@dataclass(frozen=True, slots=True)
 class Concave(MonotoneFunction):
     """``(end - inflection) / (2 end - inflection - x)`` up to `end`, one beyond; falls if `end` is left."""
 
@@ -61,11 +57,6 @@ class Concave(MonotoneFunction):
         """Return the points with these degrees."""
         return 2.0 * self.end - self.inflection + (self.inflection - self.end) / degrees
 
-    @property
-    def corners(self) -> tuple[float, ...]:
-        """The point where it reaches one."""
-        return (self.end,)
-
 
 @shape(
     "semi_ellipse",
@@ -73,8 +64,8 @@ class Concave(MonotoneFunction):
     ascending=("start", "end"),
     flanks=(("start", "end"),),
     fll=("SemiEllipse",),
+    corners=("start", "end"),
 )
-@dataclass(frozen=True, slots=True)
 class SemiEllipse(MembershipFunction):
     """``sqrt(r^2 - (x - centre)^2) / r`` between `start` and `end`, r half of their distance; zero beyond."""
 
@@ -86,14 +77,8 @@ class SemiEllipse(MembershipFunction):
         radius = 0.5 * (self.end - self.start)
         return _circle(x, self.start + radius, radius)
 
-    @property
-    def corners(self) -> tuple[float, ...]:
-        """Its feet, where the slope is infinite."""
-        return self.start, self.end
 
-
-@shape("arc", "arc from zero at {start} to one at {end}", fll=("Arc",))
-@dataclass(frozen=True, slots=True)
+@shape("arc", "arc from zero at {start} to one at {end}", fll=("Arc",), corners=("start", "end"))
 class Arc(MonotoneFunction):
     """A quarter of an ellipse from zero at `start` to one at `end`, one beyond; falls if `end` is left."""
 
@@ -110,14 +95,8 @@ class Arc(MonotoneFunction):
         """Return the points with these degrees."""
         return self.end + (self.start - self.end) * np.sqrt(1.0 - np.square(degrees))
 
-    @property
-    def corners(self) -> tuple[float, ...]:
-        """Its ends."""
-        return tuple(sorted((self.start, self.end)))
 
-
-@shape("ramp", "ramp from zero at {start} to one at {end}")
-@dataclass(frozen=True, slots=True)
+@shape("ramp", "ramp from zero at {start} to one at {end}", corners=("start", "end"))
 class Ramp(MonotoneFunction):
     """A straight line from zero at `start` to one at `end`, level beyond; falls if `end` is left."""
 
@@ -131,11 +110,6 @@ class Ramp(MonotoneFunction):
     def inverse(self, degrees: Floats) -> Floats:
         """Return the points with these degrees."""
         return self.start + (self.end - self.start) * degrees
-
-    @property
-    def corners(self) -> tuple[float, ...]:
-        """Its ends."""
-        return tuple(sorted((self.start, self.end)))
 
 
 def _circle(x: Floats, centre: float, radius: float) -> Floats:

@@ -40,7 +40,6 @@ class Number(MembershipFunction):
 
 
 @shape("constant", "{value}", fll=("Constant",), fis=("constant",))
-@dataclass(frozen=True, slots=True)
 class Constant(Number):
     """The number `value`, in the unit of the output."""
 
@@ -52,7 +51,6 @@ class Constant(Number):
 
 
 @shape("linear", "{coefficients} times the inputs plus {constant}", fll=("Linear",), fis=("linear",))
-@dataclass(frozen=True, slots=True)
 class Linear(Number):
     """The inputs, clipped to their universes, times `coefficients`, in their order, plus `constant`."""
 
@@ -153,7 +151,6 @@ class Part:
 
 
 @shape("formula", "{text}", fll=("Function",))
-@dataclass(frozen=True, slots=True)
 class Formula(Number):
     """The value of a formula of the inputs, clipped to their universes, and of earlier outputs."""
 

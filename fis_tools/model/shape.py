@@ -7,7 +7,7 @@ its formula, its numbers and their relations, its wording, and its names in file
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
-from typing import Annotated, ClassVar, Literal, TypeVar, get_args
+from typing import Annotated, ClassVar, Literal, TypeVar, dataclass_transform, get_args
 
 from fis_tools.array_types import Floats
 
@@ -43,6 +43,8 @@ class Entry:
         Numbers that must not decrease from one to the next.
     flanks : tuple of (str, str)
         Pairs of these of which the second must be greater than the first.
+    corners : tuple of str
+        Numbers that are its corners, where the slope changes abruptly.
     words : mapping of str to tuple of str
         For each format that has the shape, its name there, then its numbers in the format's order, if
         that differs.
@@ -53,6 +55,7 @@ class Entry:
     kinds: Mapping[str, str]
     ascending: tuple[str, ...]
     flanks: tuple[tuple[str, str], ...]
+    corners: tuple[str, ...]
     words: Mapping[str, tuple[str, ...]]
 
 
@@ -69,7 +72,7 @@ class MembershipFunction(ABC):
     @property
     def corners(self) -> tuple[float, ...]:
         """Its corners, ascending, jumps twice: points that the universe needs for an exact result."""
-        return ()
+        return tuple(sorted(getattr(self, name) for name in self.entry.corners))
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,23 +89,26 @@ SHAPES: dict[str, type[MembershipFunction]] = {}
 _Shape = TypeVar("_Shape", bound=MembershipFunction)
 
 
+@dataclass_transform(frozen_default=True)
 def shape(
     name: str,
     phrase: str,
     *,
     ascending: tuple[str, ...] = (),
     flanks: tuple[tuple[str, str], ...] = (),
+    corners: tuple[str, ...] = (),
     **words: tuple[str, ...],
 ) -> Callable[[type[_Shape]], type[_Shape]]:
-    """Add a dataclass to the registry; see `Entry` for the parameters.
+    """Make a class a dataclass, and add it to the registry; see `Entry` for the parameters.
 
     A format that lacks a shape gets it as a table of points, FML as a custom shape.
     """
 
     def enter(kind: type[_Shape]) -> type[_Shape]:
+        kind = dataclass(frozen=True, slots=True)(kind)
         marks = {each.name: get_args(each.type)[1] for each in fields(kind)}
         kinds = {key: mark for key, mark in marks.items() if isinstance(mark, str)}
-        kind.entry = Entry(name, phrase, kinds, ascending, flanks, words)
+        kind.entry = Entry(name, phrase, kinds, ascending, flanks, corners, words)
         SHAPES[name] = kind
         return kind
 

@@ -47,7 +47,6 @@ def gaussian(x: Floats, mean: Floats, standard_deviation: Floats) -> Floats:
     fll=("Gaussian",),
     fml=("gaussianShape",),
 )
-@dataclass(frozen=True, slots=True)
 class Gaussian(MembershipFunction):
     """``exp(-(x - mean)^2 / (2 standard_deviation^2))``, in units of the variable."""
 
@@ -66,8 +65,8 @@ class Gaussian(MembershipFunction):
     fis=("trimf",),
     fll=("Triangle",),
     fml=("triangularShape",),
+    corners=("left", "peak", "right"),
 )
-@dataclass(frozen=True, slots=True)
 class Triangular(MembershipFunction):
     """Zero at `left` and `right`, one at `peak`."""
 
@@ -87,11 +86,6 @@ class Triangular(MembershipFunction):
         values[x == self.peak] = 1.0
         return values
 
-    @property
-    def corners(self) -> tuple[float, ...]:
-        """Its three points."""
-        return self.left, self.peak, self.right
-
 
 @shape(
     "trapezoidal",
@@ -101,7 +95,6 @@ class Triangular(MembershipFunction):
     fll=("Trapezoid",),
     fml=("trapezoidShape",),
 )
-@dataclass(frozen=True, slots=True)
 class Trapezoidal(MembershipFunction):
     """Zero at `left` and `right`, one from `left_top` to `right_top`."""
 
@@ -137,7 +130,6 @@ class Trapezoidal(MembershipFunction):
     fis=("gauss2mf", "left_standard_deviation", "left_mean", "right_standard_deviation", "right_mean"),
     fll=("GaussianProduct",),
 )
-@dataclass(frozen=True, slots=True)
 class TwoSidedGaussian(MembershipFunction):
     """A Gaussian up to `left_mean`, one from there to `right_mean`, another Gaussian beyond.
 
@@ -164,7 +156,6 @@ class TwoSidedGaussian(MembershipFunction):
     fis=("gbellmf",),
     fll=("Bell", "centre", "width", "slope"),
 )
-@dataclass(frozen=True, slots=True)
 class GeneralizedBell(MembershipFunction):
     """``1 / (1 + |(x - centre) / width|^(2 slope))``: one half at `width` from the `centre`."""
 
@@ -184,7 +175,6 @@ class GeneralizedBell(MembershipFunction):
     fis=("sigmf", "slope", "inflection"),
     fll=("Sigmoid",),
 )
-@dataclass(frozen=True, slots=True)
 class Sigmoid(MonotoneFunction):
     """``1 / (1 + exp(-slope (x - inflection)))``: 1/2 at the `inflection`; a negative `slope` falls."""
 
@@ -222,7 +212,6 @@ class _TwoSigmoids(MembershipFunction):
     fis=("dsigmf", "first_slope", "first_inflection", "second_slope", "second_inflection"),
     fll=("SigmoidDifference", "first_inflection", "first_slope", "second_slope", "second_inflection"),
 )
-@dataclass(frozen=True, slots=True)
 class SigmoidDifference(_TwoSigmoids):
     """The absolute difference of two sigmoids, each as in `Sigmoid`."""
 
@@ -239,7 +228,6 @@ class SigmoidDifference(_TwoSigmoids):
     fis=("psigmf", "first_slope", "first_inflection", "second_slope", "second_inflection"),
     fll=("SigmoidProduct", "first_inflection", "first_slope", "second_slope", "second_inflection"),
 )
-@dataclass(frozen=True, slots=True)
 class SigmoidProduct(_TwoSigmoids):
     """The product of two sigmoids, each as in `Sigmoid`."""
 
@@ -258,7 +246,6 @@ class SigmoidProduct(_TwoSigmoids):
     fll=("SShape",),
     fml=("sShape",),
 )
-@dataclass(frozen=True, slots=True)
 class SShape(MonotoneFunction):
     """Two parabolas that rise from zero at `foot` over one half in the middle to one at `top`."""
 
@@ -283,7 +270,6 @@ class SShape(MonotoneFunction):
     fll=("ZShape",),
     fml=("zShape",),
 )
-@dataclass(frozen=True, slots=True)
 class ZShape(MonotoneFunction):
     """Two parabolas that fall from one at `top` over one half in the middle to zero at `foot`."""
 
@@ -307,7 +293,6 @@ class ZShape(MonotoneFunction):
     fis=("pimf",),
     fll=("PiShape",),
 )
-@dataclass(frozen=True, slots=True)
 class PiShape(MembershipFunction):
     """An S from `left` to `left_top`, one to `right_top`, a Z from there to `right`."""
 
@@ -324,7 +309,6 @@ class PiShape(MembershipFunction):
 
 
 @shape("sampled", "sampled")
-@dataclass(frozen=True, slots=True)
 class Sampled(MembershipFunction):
     """Any shape: one membership value in [0, 1] for each point of the variable's universe."""
 

@@ -1,7 +1,7 @@
 """An entry in the registry is all it takes for a shape to be checked, worded, written, read and inferred."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from types import ModuleType
 
 import numpy as np
@@ -32,7 +32,7 @@ from fis_tools.words.outline import outline
 from fis_tools.words.text import shape_words
 
 
-@dataclass(frozen=True, slots=True)
+@shape("cosine_bump", "cosine bump, centre {centre}, half width {width}", fll=("Bump", "width", "centre"))
 class CosineBump(MembershipFunction):
     """``(1 + cos(pi (x - centre) / width)) / 2`` within `width` of the `centre`, zero beyond."""
 
@@ -46,10 +46,12 @@ class CosineBump(MembershipFunction):
         return values
 
 
+del SHAPES["cosine_bump"]  # it is there for these tests alone
+
+
 @pytest.fixture(autouse=True)
 def _entered() -> Iterator[None]:
-    phrase = "cosine bump, centre {centre}, half width {width}"
-    shape("cosine_bump", phrase, fll=("Bump", "width", "centre"))(CosineBump)
+    SHAPES["cosine_bump"] = CosineBump
     yield
     del SHAPES["cosine_bump"]
 
