@@ -15,7 +15,7 @@ from fis_tools.engines import packing
 from fis_tools.engines.packing import Packed
 from fis_tools.model import FuzzySystem, Gaussian, Term, Variable, rule_table, table_cells, table_rules
 from fis_tools.model.shapes import gaussian
-from fis_tools.model.weighing import require_mamdani
+from fis_tools.model.systems import require_mamdani
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -3,19 +3,6 @@
 from fis_tools.model.fuzzylite_shapes import Arc, Concave, Cosine, Ramp, SemiEllipse, Spike
 from fis_tools.model.numbers import Constant, Formula, Linear, Number
 from fis_tools.model.operators import Accumulation, Aggregation, AndOperator, Defuzzifier, Hedge, OrOperator
-from fis_tools.model.rules import (
-    And,
-    Consequent,
-    Expression,
-    Hedged,
-    Is,
-    Not,
-    Or,
-    Rule,
-    parts_of,
-    statements_of,
-    with_statements,
-)
 from fis_tools.model.shape import MembershipFunction, MonotoneFunction
 from fis_tools.model.shapes import (
     Gaussian,
@@ -32,12 +19,23 @@ from fis_tools.model.shapes import (
     ZShape,
 )
 from fis_tools.model.systems import (
+    And,
+    Consequent,
+    Expression,
     FuzzyController,
     FuzzySystem,
+    Hedged,
+    Is,
+    Not,
+    Or,
+    Rule,
     conjunctions,
+    parts_of,
     rule_table,
+    statements_of,
     table_antecedents,
     table_cells,
     table_rules,
+    with_statements,
 )
 from fis_tools.model.variables import Term, Variable

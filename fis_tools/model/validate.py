@@ -9,14 +9,20 @@ from typing import get_args
 
 import numpy as np
 
-from fis_tools.model.numbers import Linear, Number
-from fis_tools.model.operators import HEDGES, Accumulation, Aggregation, AndOperator, Defuzzifier, OrOperator
-from fis_tools.model.rules import And, Expression, Hedged, Is, Not, Or, Rule
-from fis_tools.model.shape import SHAPES, MembershipFunction
+from fis_tools.model.numbers import Formula, Linear, NotAFormula, Number
+from fis_tools.model.operators import (
+    HEDGES,
+    WEIGHING,
+    Accumulation,
+    Aggregation,
+    AndOperator,
+    Defuzzifier,
+    OrOperator,
+)
+from fis_tools.model.shape import SHAPES, MembershipFunction, MonotoneFunction
 from fis_tools.model.shapes import Sampled
-from fis_tools.model.systems import FuzzyController, FuzzySystem
+from fis_tools.model.systems import And, Expression, FuzzyController, FuzzySystem, Hedged, Is, Not, Or, Rule
 from fis_tools.model.variables import Term, Variable, shape_values
-from fis_tools.model.weighing import number_problems, output_problems
 
 #: Kinds of numbers that must be positive; see `fis_tools.model.shape`.
 POSITIVE = frozenset({"width", "deviation", "exponent"})
@@ -277,14 +283,14 @@ def _output_problems(system: FuzzySystem) -> Iterator[str]:
         elif not _is_finite(variable.default):
             yield f"output {variable.name!r}: default {variable.default} must be a finite number"
         yield from (f"output {variable.name!r}: {problem}" for problem in _choice_problems(variable))
-        yield from output_problems(system, variable)
+        yield from _kind_problems(system, variable)
         if variable.accumulation != "max" and not system.cuts(variable):
             yield (
                 f"output {variable.name!r} has the accumulation {variable.accumulation}, which is for terms "
                 "cut by min and aggregated by max; drop it, or the other implication and aggregation"
             )
     for variable in system.inputs:
-        yield from number_problems(variable)
+        yield from _number_problems(variable)
         for key, unset in (
             ("default", None),
             ("defuzzifier", None),
@@ -294,6 +300,74 @@ def _output_problems(system: FuzzySystem) -> Iterator[str]:
             if getattr(variable, key) != unset:
                 article = "an" if key[0] == "a" else "a"
                 yield f"input {variable.name!r} has {article} {key}; only outputs have one, so drop it"
+
+
+def _kind_problems(system: FuzzySystem, output: Variable) -> Iterator[str]:
+    """Yield the conflicts between the terms of an output and its defuzzifier."""
+    where = f"output {output.name!r}"
+    numbers = [term.name for term in output.terms if isinstance(term.membership, Number)]
+    if not system.weighs(output):
+        if numbers:
+            yield (
+                f"{where}, term {numbers[0]!r} is a number, and the defuzzifier "
+                f"{system.defuzzifier_of(output)} needs fuzzy sets; choose {' or '.join(WEIGHING)}"
+            )
+        return
+    way = system.defuzzifier_of(output)
+    if output.aggregation != "unbounded_sum":
+        yield (
+            f"{where} is a {way}, to which every rule counts by itself, but it has the aggregation "
+            f"{output.aggregation}; set aggregation to unbounded_sum"
+        )
+    if numbers and len(numbers) < len(output.terms):
+        yield f"{where} has numbers and fuzzy sets among its terms; make all of them one or the other"
+    for term in output.terms:
+        match term.membership:
+            case Linear(coefficients, _) if len(coefficients) != len(system.inputs):
+                yield (
+                    f"{where}, term {term.name!r} has {len(coefficients)} coefficients for "
+                    f"{len(system.inputs)} inputs; give one for each input, and the constant"
+                )
+            case Formula() as formula:
+                yield from (
+                    f"{where}, term {term.name!r}: {fault}"
+                    for fault in _formula_problems(system, output, formula)
+                )
+            case Number() | MonotoneFunction():
+                pass
+            case shape:
+                yield (
+                    f"{where}, term {term.name!r} is {shape.entry.name}, but a {way} needs numbers (constant "
+                    "or linear) or shapes that only rise or fall (ramp, sigmoid, s_shape, z_shape, concave "
+                    "or arc)"
+                )
+
+
+def _formula_problems(system: FuzzySystem, output: Variable, formula: Formula) -> Iterator[str]:
+    """Yield the problems of a formula: it may use inputs, and outputs before its own."""
+    try:
+        names = dict.fromkeys(formula.parsed.names())
+    except NotAFormula as error:
+        yield f"{error}; correct it"
+        return
+    before = system.outputs[: system.outputs.index(output)]
+    known = [variable.name for variable in (*system.inputs, *before)]
+    for name in names:
+        if name not in known:
+            yield (
+                f"the formula {formula.text[:40]!r} speaks of {name!r}, no input and no output before "
+                f"this one; choose of {', '.join(known)}"
+            )
+
+
+def _number_problems(variable: Variable) -> Iterator[str]:
+    """Yield the terms of an input that are numbers."""
+    for term in variable.terms:
+        if isinstance(term.membership, Number):
+            yield (
+                f"input {variable.name!r}, term {term.name!r} is a number; terms of inputs are fuzzy sets, "
+                "so give it a shape"
+            )
 
 
 def _rule_base_problems(system: FuzzySystem) -> Iterator[str]:

@@ -14,8 +14,8 @@ from matplotlib.figure import Figure
 from fis_tools.analysis.arrays import Surface, surface
 from fis_tools.array_types import Floats
 from fis_tools.model import FuzzySystem, Term, Variable
+from fis_tools.model.systems import has_sets
 from fis_tools.model.variables import sample
-from fis_tools.model.weighing import has_sets
 from fis_tools.render import lettering
 from fis_tools.render.curves import memberships, named, output_curve, peak
 from fis_tools.render.rule_lists import firing_map, firing_shares, list_height, rule_bars, rule_list

@@ -9,8 +9,8 @@ from matplotlib.figure import Figure
 from fis_tools.engines.inference import Inference, OutputInference
 from fis_tools.model import And, AndOperator, Consequent, Expression, Hedged, Is, Not, Or, Rule, Variable
 from fis_tools.model.operators import AND_OPERATORS
+from fis_tools.model.systems import require_mamdani
 from fis_tools.model.variables import sample, sample_terms
-from fis_tools.model.weighing import require_mamdani
 from fis_tools.render import lettering
 from fis_tools.render.curves import memberships
 from fis_tools.render.theme import LARGE, LIGHT, MEDIUM, SMALL, Theme, dress

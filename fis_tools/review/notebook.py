@@ -6,7 +6,7 @@ The nouns of `fis_tools.model` know nothing of pages and pictures; `fis_tools.sh
 from fis_tools.document import html
 from fis_tools.errors import MissingExtra
 from fis_tools.model import FuzzyController, FuzzySystem, Variable
-from fis_tools.model.weighing import has_sets
+from fis_tools.model.systems import has_sets
 from fis_tools.words.outline import outline
 
 

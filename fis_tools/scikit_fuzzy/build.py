@@ -15,9 +15,9 @@ from skfuzzy import control
 
 from fis_tools.model import And, Consequent, Expression, FuzzySystem, Hedged, Is, Not, Or, Rule, Variable
 from fis_tools.model.operators import ACCUMULATIONS, AND_OPERATORS, OR_OPERATORS
+from fis_tools.model.systems import require_mamdani
 from fis_tools.model.validate import validate
 from fis_tools.model.variables import sample
-from fis_tools.model.weighing import require_mamdani
 
 
 def build_control_system(system: FuzzySystem) -> control.ControlSystem:

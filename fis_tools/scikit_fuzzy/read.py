@@ -21,7 +21,7 @@ from skfuzzy.control.term import TermAggregate
 from fis_tools import model
 from fis_tools.array_types import Floats
 from fis_tools.model.operators import ACCUMULATIONS, AND_OPERATORS, OR_OPERATORS, Operator
-from fis_tools.model.rules import Named, NotResolvable, unchained
+from fis_tools.model.systems import Named, NotResolvable, unchained
 from fis_tools.model.validate import MAX_NESTING, nearest, problems
 from fis_tools.scikit_fuzzy.recognition import recognise
 

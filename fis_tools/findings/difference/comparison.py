@@ -7,8 +7,8 @@ import numpy as np
 
 from fis_tools import model
 from fis_tools.findings.difference.change import Fact, RuleChange, TermChange, VariableChange
+from fis_tools.model.systems import has_sets
 from fis_tools.model.variables import sample
-from fis_tools.model.weighing import has_sets
 from fis_tools.words.text import antecedent_words, number
 
 #: How a number is written.

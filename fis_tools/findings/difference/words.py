@@ -17,7 +17,7 @@ from fis_tools.findings.difference.change import (
 from fis_tools.findings.difference.comparison import new_names, renamed
 from fis_tools.findings.difference.pictures import draw as terms_picture
 from fis_tools.model import Formula, Rule, Sampled, Term
-from fis_tools.model.weighing import has_sets
+from fis_tools.model.systems import has_sets
 from fis_tools.words.text import (
     NEGLIGIBLE,
     antecedent_words,

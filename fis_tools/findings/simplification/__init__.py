@@ -10,8 +10,8 @@ from fis_tools.findings.simplification.report import Simplification, SimplifiedS
 from fis_tools.findings.simplification.search import CAREFUL_DIGITS, Progress, Search
 from fis_tools.formats.provenance import SIMPLIFIED, checked
 from fis_tools.model import FuzzyController, FuzzySystem
+from fis_tools.model.systems import require_mamdani
 from fis_tools.model.validate import nearest, validate
-from fis_tools.model.weighing import require_mamdani
 
 __all__ = ["Budget", "Change", "Simplification", "SimplifiedSystem", "Step", "simplify"]
 

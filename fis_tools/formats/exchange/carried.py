@@ -27,9 +27,9 @@ from fis_tools.formats.mapping import MOST_PROBLEMS, from_mapping, to_mapping
 from fis_tools.formats.notation import Unreadable
 from fis_tools.formats.serialize import Reading
 from fis_tools.model import FuzzyController, FuzzySystem, Rule, Sampled, Term, Variable
+from fis_tools.model.systems import reach
 from fis_tools.model.validate import controller_problems
 from fis_tools.model.variables import sample
-from fis_tools.model.weighing import reach
 from fis_tools.words.text import number
 
 #: What the comment begins with; the number is the version of this way of carrying.

@@ -52,8 +52,8 @@ from fis_tools.model import (
     parts_of,
 )
 from fis_tools.model.shape import Format
+from fis_tools.model.systems import has_sets, reach
 from fis_tools.model.variables import sample
-from fis_tools.model.weighing import has_sets, reach
 from fis_tools.words.text import before
 
 #: Points of an output's universe where a file states none: as many as MATLAB's evalfis takes.

@@ -48,7 +48,7 @@ from fis_tools.formats.exchange.vocabulary import (
 from fis_tools.formats.exchange.writing import term_words, written
 from fis_tools.formats.serialize import Reading, Written
 from fis_tools.model.operators import WEIGHING
-from fis_tools.model.weighing import has_sets
+from fis_tools.model.systems import has_sets
 
 DIALECT = Dialect(
     title="a .fis file",

@@ -31,7 +31,7 @@ from fis_tools.formats.mapping import MOST_POINTS
 from fis_tools.formats.serialize import Reading, Written
 from fis_tools.model.operators import WEIGHING
 from fis_tools.model.shape import words_of
-from fis_tools.model.weighing import has_sets
+from fis_tools.model.systems import has_sets
 
 #: Intervals where a defuzzifier states none: fuzzylite leaves its own number out, this one since version 8.
 RESOLUTION = 1000

@@ -8,7 +8,7 @@ from fis_tools import model
 from fis_tools.errors import ControllerFileError
 from fis_tools.formats.exchange import foreign
 from fis_tools.formats.exchange.antecedents import ANY, FUZZYLITES, hedged, joined
-from fis_tools.model.rules import Named, NotResolvable, unchained
+from fis_tools.model.systems import Named, NotResolvable, unchained
 from fis_tools.model.validate import MAX_NESTING
 
 #: The operators of a block of rules; None where it has none.

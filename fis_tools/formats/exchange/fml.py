@@ -24,7 +24,7 @@ from fis_tools.formats.exchange.xml import Element
 from fis_tools.formats.serialize import Reading, Written
 from fis_tools.model.operators import WEIGHING
 from fis_tools.model.shape import SHAPES, words_of
-from fis_tools.model.weighing import has_sets
+from fis_tools.model.systems import has_sets
 
 DIALECT = Dialect(
     title="an FML file", holds_units=True, has_unique_names=True, weighs_one_kind=True, hedges="fml"
