@@ -22,8 +22,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from fis_tools.engines.compiler import CompiledSystem, compile
     from fis_tools.errors import MissingExtra
-    from fis_tools.learning.imitation import imitate
-    from fis_tools.learning.learner import learn
+    from fis_tools.learning.learner import imitate, learn
     from fis_tools.shortcuts import audit, explain, export_c, plot, surface
     from fis_tools.source import read_controller
 

@@ -7,8 +7,7 @@ does not.
 
 from typing import TYPE_CHECKING, Any
 
-from fis_tools.learning.imitation import Imitation, imitate
-from fis_tools.learning.learner import Recipe, learn
+from fis_tools.learning.learner import Imitation, Recipe, imitate, learn
 
 if TYPE_CHECKING:
     from fis_tools.learning.estimators import FuzzyClassifier, FuzzyRegressor

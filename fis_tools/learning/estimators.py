@@ -9,7 +9,7 @@ from fis_tools.array_types import Floats
 from fis_tools.engines.compiler import compile
 from fis_tools.errors import MissingExtra
 from fis_tools.learning.learner import Consequents, Learned, Recipe, learn_classes, learn_number
-from fis_tools.learning.partition import range_of
+from fis_tools.learning.rules import range_of
 from fis_tools.learning.table import Column, columns_over, distinct
 from fis_tools.model import FuzzySystem
 

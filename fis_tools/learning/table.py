@@ -15,7 +15,7 @@ from fis_tools.analysis import tables
 from fis_tools.array_types import Floats
 from fis_tools.engines.rows import columns_of
 from fis_tools.errors import ControllerFileError
-from fis_tools.learning.partition import range_of
+from fis_tools.learning.rules import range_of
 from fis_tools.model.validate import nearest
 
 

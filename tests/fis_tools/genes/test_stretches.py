@@ -7,7 +7,7 @@ import pytest
 
 from fis_tools.analysis.measures import measure
 from fis_tools.engines.packing import pack
-from fis_tools.genes.stretches import GREATEST_GAIN, Stretches
+from fis_tools.genes.reduction import READABLE_GAIN, Stretches
 from fis_tools.model import (
     FuzzySystem,
     Gaussian,
@@ -78,7 +78,7 @@ def test_a_population_is_packed_as_its_controllers_are() -> None:
 def test_gains_lay_tables_out_and_are_found_again() -> None:
     stretches = Stretches((drawn(),), (0.5, 2.0), True)
     genome = np.full(5, 0.5)
-    genome[:2] = 0.5 + 0.5 * np.array([1.0, -0.5]) / GREATEST_GAIN
+    genome[:2] = 0.5 + 0.5 * np.array([1.0, -0.5]) / READABLE_GAIN
     (system,) = stretches.decode(genome)
     np.testing.assert_array_equal(rule_table(system).reshape(3, 3), [[1, 0, 0], [3, 2, 1], [4, 4, 3]])
     np.testing.assert_allclose(stretches.encode((system,)), genome, atol=0.1)

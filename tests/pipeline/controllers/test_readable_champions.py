@@ -7,7 +7,7 @@ import pytest
 from fis_tools.analysis.measures import measure
 from fis_tools.findings.audit import audit
 from fis_tools.formats import serialize
-from fis_tools.genes.stretches import rounded
+from fis_tools.genes.reduction import rounded
 from fis_tools.model import FuzzyController
 from tests.places import PROJECT
 
