@@ -13,27 +13,8 @@ from functools import reduce
 from itertools import product
 from math import prod
 
+from fis_tools import model
 from fis_tools.formats.exchange.vocabulary import HEDGES, meanings
-from fis_tools.model import (
-    And,
-    AndOperator,
-    Consequent,
-    Expression,
-    FuzzySystem,
-    Hedge,
-    Hedged,
-    Is,
-    Not,
-    Or,
-    OrOperator,
-    Rule,
-    Sampled,
-    Term,
-    Trapezoidal,
-    Variable,
-    parts_of,
-    with_statements,
-)
 from fis_tools.model import operators as model_operators
 from fis_tools.model.variables import sample
 from fis_tools.words.text import before
@@ -59,7 +40,9 @@ class NotExpressible(ValueError):  # noqa: N818
     """What a format cannot express without changing its meaning, told in a sentence."""
 
 
-def with_plain_not(expression: Expression, and_operator: AndOperator, or_operator: OrOperator) -> Expression:
+def with_plain_not(
+    expression: model.Expression, and_operator: model.AndOperator, or_operator: model.OrOperator
+) -> model.Expression:
     """Move every `not` to a statement, and join nested conjunctions and disjunctions of one kind.
 
     Raises
@@ -68,13 +51,13 @@ def with_plain_not(expression: Expression, and_operator: AndOperator, or_operato
         If a complement of several statements would have to move through operators that are not duals.
     """
 
-    def moved(part: Expression, is_negated: bool) -> Expression:
+    def moved(part: model.Expression, is_negated: bool) -> model.Expression:
         match part:
-            case Is() | Hedged():
-                return Not(part) if is_negated else part
-            case Not(operand):
+            case model.Is() | model.Hedged():
+                return model.Not(part) if is_negated else part
+            case model.Not(operand):
                 return moved(operand, not is_negated)
-            case And(operands) | Or(operands):
+            case model.And(operands) | model.Or(operands):
                 if len(operands) == 1:
                     return moved(operands[0], is_negated)
                 if is_negated and (and_operator, or_operator) not in _DUALS:
@@ -82,13 +65,15 @@ def with_plain_not(expression: Expression, and_operator: AndOperator, or_operato
                         f"'not' stands before several statements, and {and_operator} and {or_operator} are "
                         "no duals, so it cannot be moved to each of them"
                     )
-                kind = And if isinstance(part, And) is not is_negated else Or
+                kind = model.And if isinstance(part, model.And) is not is_negated else model.Or
                 return kind(tuple(joined(kind, [moved(operand, is_negated) for operand in operands])))
 
     return moved(expression, False)
 
 
-def joined(kind: type[And | Or], operands: Sequence[Expression]) -> Iterator[Expression]:
+def joined(
+    kind: type[model.And | model.Or], operands: Sequence[model.Expression]
+) -> Iterator[model.Expression]:
     """Yield operands; of one that joins by the same kind, what it joins."""
     for operand in operands:
         if isinstance(operand, kind):
@@ -98,8 +83,12 @@ def joined(kind: type[And | Or], operands: Sequence[Expression]) -> Iterator[Exp
 
 
 def flat_antecedents(
-    expression: Expression, and_operator: AndOperator, or_operator: OrOperator, *, repeats_inputs: bool
-) -> list[Expression]:
+    expression: model.Expression,
+    and_operator: model.AndOperator,
+    or_operator: model.OrOperator,
+    *,
+    repeats_inputs: bool,
+) -> list[model.Expression]:
     """Say an antecedent as one or several without nesting; the strongest of them is the antecedent.
 
     Parameters
@@ -125,7 +114,7 @@ def flat_antecedents(
     is_flat = all(map(is_leaf, operands_of(plain)))
     if is_flat and (repeats_inputs or not _has_repeated_input(operands_of(plain))):
         return [plain]
-    if or_operator != "max" and any(isinstance(part, Or) for part in parts_of(plain)):
+    if or_operator != "max" and any(isinstance(part, model.Or) for part in model.parts_of(plain)):
         raise NotExpressible(f"'and' and 'or' are nested, and {or_operator} does not distribute")
     found = [_conjunction(leaves, and_operator) for leaves in _alternatives(plain)]
     if not repeats_inputs and any(_has_repeated_input(operands_of(part)) for part in found):
@@ -133,54 +122,54 @@ def flat_antecedents(
     return list(dict.fromkeys(found))
 
 
-def in_order(expression: Expression, inputs: Sequence[str]) -> Expression:
+def in_order(expression: model.Expression, inputs: Sequence[str]) -> model.Expression:
     """Put the statements of a flat antecedent, one of each input, in the order of the inputs."""
-    if isinstance(expression, And | Or):
+    if isinstance(expression, model.And | model.Or):
         places = {name: place for place, name in enumerate(inputs)}
         kind = type(expression)
         return kind(tuple(sorted(expression.operands, key=lambda leaf: places[statement_of(leaf).variable])))
     return expression
 
 
-def _has_repeated_input(leaves: Sequence[Expression]) -> bool:
+def _has_repeated_input(leaves: Sequence[model.Expression]) -> bool:
     names = [statement_of(leaf).variable for leaf in leaves if is_leaf(leaf)]
     return len(set(names)) != len(names)
 
 
-def statement_of(leaf: Expression) -> Is:
+def statement_of(leaf: model.Expression) -> model.Is:
     """Return the statement that an antecedent makes, denies or hedges, which must be one."""
     match leaf:
-        case Is():
+        case model.Is():
             return leaf
-        case Not(operand) | Hedged(_, operand):
+        case model.Not(operand) | model.Hedged(_, operand):
             return statement_of(operand)
     raise TypeError(f"{leaf} is made of several statements; expected one")
 
 
-def is_leaf(expression: Expression) -> bool:
+def is_leaf(expression: model.Expression) -> bool:
     """Return whether an antecedent makes one statement, denied or hedged or as it is."""
     match expression:
-        case Not(operand) | Hedged(_, operand):
+        case model.Not(operand) | model.Hedged(_, operand):
             return is_leaf(operand)
-    return isinstance(expression, Is)
+    return isinstance(expression, model.Is)
 
 
-def operands_of(expression: Expression) -> tuple[Expression, ...]:
+def operands_of(expression: model.Expression) -> tuple[model.Expression, ...]:
     """Return what a conjunction or disjunction joins; of anything else, itself."""
-    return expression.operands if isinstance(expression, And | Or) else (expression,)
+    return expression.operands if isinstance(expression, model.And | model.Or) else (expression,)
 
 
-def _conjunction(leaves: tuple[Expression, ...], and_operator: AndOperator) -> Expression:
+def _conjunction(leaves: tuple[model.Expression, ...], and_operator: model.AndOperator) -> model.Expression:
     kept = tuple(dict.fromkeys(leaves)) if and_operator == "min" else leaves
-    return kept[0] if len(kept) == 1 else And(kept)
+    return kept[0] if len(kept) == 1 else model.And(kept)
 
 
-def _alternatives(expression: Expression) -> list[tuple[Expression, ...]]:
+def _alternatives(expression: model.Expression) -> list[tuple[model.Expression, ...]]:
     """List the conjunctions whose disjunction an antecedent is."""
     match expression:
-        case Or(operands):
+        case model.Or(operands):
             found = [leaves for operand in operands for leaves in _alternatives(operand)]
-        case And(operands):
+        case model.And(operands):
             choices = [_alternatives(operand) for operand in operands]
             if prod(map(len, choices)) > MOST_ALTERNATIVES:
                 raise NotExpressible(f"it would become more than {MOST_ALTERNATIVES} rules")
@@ -192,7 +181,7 @@ def _alternatives(expression: Expression) -> list[tuple[Expression, ...]]:
     return found
 
 
-def renamed(rule: Rule, names: Mapping[Statement, Statement]) -> Rule:
+def renamed(rule: model.Rule, names: Mapping[Statement, Statement]) -> model.Rule:
     """Return a rule that speaks of other variables and terms.
 
     Parameters
@@ -203,31 +192,33 @@ def renamed(rule: Rule, names: Mapping[Statement, Statement]) -> Rule:
         Each variable and term that it mentions, with what stands in their place.
     """
 
-    def expressed(statement: Is) -> Is:
-        return Is(*names[statement.variable, statement.term])
+    def expressed(statement: model.Is) -> model.Is:
+        return model.Is(*names[statement.variable, statement.term])
 
-    consequents = tuple(Consequent(*names[c.variable, c.term], c.weight) for c in rule.consequents)
-    return replace(rule, antecedent=with_statements(rule.antecedent, expressed), consequents=consequents)
+    consequents = tuple(model.Consequent(*names[c.variable, c.term], c.weight) for c in rule.consequents)
+    return replace(
+        rule, antecedent=model.with_statements(rule.antecedent, expressed), consequents=consequents
+    )
 
 
-def mentions(rule: Rule) -> Iterator[Statement]:
+def mentions(rule: model.Rule) -> Iterator[Statement]:
     """Yield each variable and term that a rule speaks of."""
-    for part in parts_of(rule.antecedent):
-        if isinstance(part, Is):
+    for part in model.parts_of(rule.antecedent):
+        if isinstance(part, model.Is):
             yield part.variable, part.term
     for consequent in rule.consequents:
         yield consequent.variable, consequent.term
 
 
 #: Behind the number of a term in a `.fis` file, as MATLAB's and Octave's powers have them.
-FRACTIONS: dict[float, tuple[Hedge, ...]] = {
+FRACTIONS: dict[float, tuple[model.Hedge, ...]] = {
     0.05: ("somewhat",),
     0.2: ("very",),
     0.3: ("extremely",),
     0.4: ("very", "very"),
 }
 #: As fuzzylite writes them, which has formulas of its own.
-FUZZYLITES_FRACTIONS: dict[float, tuple[Hedge, ...]] = {
+FUZZYLITES_FRACTIONS: dict[float, tuple[model.Hedge, ...]] = {
     **FRACTIONS,
     0.01: ("seldom",),
     0.3: ("intensely",),
@@ -238,18 +229,18 @@ ANY = "any"
 FUZZYLITES = {word: hedge for word, hedge in meanings(HEDGES, "fll").items() if word}
 
 
-def hedged(hedges: Sequence[Hedge], expression: Expression) -> Expression:
+def hedged(hedges: Sequence[model.Hedge], expression: model.Expression) -> model.Expression:
     """Put hedges before a statement, the first of them outermost."""
-    return reduce(lambda inside, hedge: Hedged(hedge, inside), reversed(hedges), expression)
+    return reduce(lambda inside, hedge: model.Hedged(hedge, inside), reversed(hedges), expression)
 
 
-def any_term(variable: Variable) -> Term:
+def any_term(variable: model.Variable) -> model.Term:
     """Return the term that every value of a variable belongs to."""
     low, high = variable.minimum, variable.maximum
-    return Term(ANY, Trapezoidal(low, low, high, high))
+    return model.Term(ANY, model.Trapezoidal(low, low, high, high))
 
 
-def with_any(variables: Iterable[Variable], rules: Sequence[Rule]) -> tuple[Variable, ...]:
+def with_any(variables: Iterable[model.Variable], rules: Sequence[model.Rule]) -> tuple[model.Variable, ...]:
     """Give variables that rules call `any` a term of this name, which every value belongs to."""
     asked = {owner for rule in rules for owner, name in mentions(rule) if name == ANY}
     return tuple(
@@ -260,7 +251,9 @@ def with_any(variables: Iterable[Variable], rules: Sequence[Rule]) -> tuple[Vari
     )
 
 
-def on_statements(expression: Expression, and_operator: AndOperator, or_operator: OrOperator) -> Expression:
+def on_statements(
+    expression: model.Expression, and_operator: model.AndOperator, or_operator: model.OrOperator
+) -> model.Expression:
     """Move every hedge to a statement; minimum and maximum hand it on, because it grows.
 
     Raises
@@ -269,12 +262,12 @@ def on_statements(expression: Expression, and_operator: AndOperator, or_operator
         If a hedge stands before several statements that other operators join.
     """
 
-    def moved(hedge: Hedge, part: Expression) -> Expression:
+    def moved(hedge: model.Hedge, part: model.Expression) -> model.Expression:
         if is_leaf(part):
-            return Hedged(hedge, part)
+            return model.Hedged(hedge, part)
         match part:
-            case And(operands) | Or(operands):
-                operator = and_operator if isinstance(part, And) else or_operator
+            case model.And(operands) | model.Or(operands):
+                operator = and_operator if isinstance(part, model.And) else or_operator
                 if operator not in {"min", "max"} and len(operands) > 1:
                     raise NotExpressible(
                         f"{hedge!r} stands before several statements, and {operator} does not hand it on to "
@@ -284,11 +277,11 @@ def on_statements(expression: Expression, and_operator: AndOperator, or_operator
         return moved(hedge, with_plain_not(part, and_operator, or_operator))
 
     match expression:
-        case Hedged(hedge, operand):
+        case model.Hedged(hedge, operand):
             return moved(hedge, on_statements(operand, and_operator, or_operator))
-        case Not(operand):
-            return Not(on_statements(operand, and_operator, or_operator))
-        case And(operands) | Or(operands):
+        case model.Not(operand):
+            return model.Not(on_statements(operand, and_operator, or_operator))
+        case model.And(operands) | model.Or(operands):
             found = (on_statements(operand, and_operator, or_operator) for operand in operands)
             return type(expression)(tuple(found))
     return expression
@@ -307,27 +300,27 @@ class Terms:
         How many words it can have before a term, with `not`.
     """
 
-    def __init__(self, system: FuzzySystem, words: Iterable[Hedge], most_words: int) -> None:
+    def __init__(self, system: model.FuzzySystem, words: Iterable[model.Hedge], most_words: int) -> None:
         self.inputs = {variable.name: variable for variable in system.inputs}
         self.words = frozenset(words)
         self.most_words = most_words
         self._made: dict[tuple[str, ...], str] = {}
 
-    def expressed(self, expression: Expression) -> Expression:
+    def expressed(self, expression: model.Expression) -> model.Expression:
         """Return an antecedent, whose hedges stand before statements, in the words of the format."""
         match expression:
-            case And(operands) | Or(operands):
+            case model.And(operands) | model.Or(operands):
                 return type(expression)(tuple(map(self.expressed, operands)))
         words, statement = before(expression)
-        if not isinstance(statement, Is) or not set(words) - {"not"}:
+        if not isinstance(statement, model.Is) or not set(words) - {"not"}:
             return expression
         if len(words) <= self.most_words and set(words) <= {*self.words, "not"}:
             return expression
-        if isinstance(expression, Not):
-            return Not(Is(statement.variable, self._term(words[1:], statement)))
-        return Is(statement.variable, self._term(words, statement))
+        if isinstance(expression, model.Not):
+            return model.Not(model.Is(statement.variable, self._term(words[1:], statement)))
+        return model.Is(statement.variable, self._term(words, statement))
 
-    def _term(self, words: Sequence[str], statement: Is) -> str:
+    def _term(self, words: Sequence[str], statement: model.Is) -> str:
         """Return the name of a term that says what a hedged statement does, made if need be."""
         variable, expressed = self.inputs[statement.variable], (*words, statement.term)
         if (variable.name, *expressed) not in self._made:
@@ -337,7 +330,7 @@ class Terms:
             degrees = sample(variable, variable.terms[variable.term_index(statement.term)])
             for word in reversed(words):
                 degrees = 1.0 - degrees if word == "not" else _CHANGES[word](degrees)
-            made = Term(name, Sampled(tuple(degrees.tolist())))
+            made = model.Term(name, model.Sampled(tuple(degrees.tolist())))
             self.inputs[variable.name] = replace(variable, terms=(*variable.terms, made))
             self._made[variable.name, *expressed] = name
         return self._made[variable.name, *expressed]

@@ -12,6 +12,7 @@ from typing import Literal, cast
 
 import numpy as np
 
+from fis_tools import model
 from fis_tools.array_types import Floats
 from fis_tools.formats.exchange.antecedents import (
     NotExpressible,
@@ -25,32 +26,6 @@ from fis_tools.formats.exchange.antecedents import (
     with_plain_not,
 )
 from fis_tools.formats.exchange.vocabulary import HEDGES, Names
-from fis_tools.model import (
-    And,
-    AndOperator,
-    Consequent,
-    Constant,
-    Formula,
-    FuzzyController,
-    FuzzySystem,
-    Hedge,
-    Hedged,
-    Linear,
-    MembershipFunction,
-    MonotoneFunction,
-    Or,
-    OrOperator,
-    Ramp,
-    Rule,
-    Sampled,
-    SShape,
-    Term,
-    Trapezoidal,
-    Triangular,
-    Variable,
-    ZShape,
-    parts_of,
-)
 from fis_tools.model.shape import Format
 from fis_tools.model.systems import has_sets, reach
 from fis_tools.model.variables import sample
@@ -67,7 +42,7 @@ FINE_INPUT_POINTS = 10_001
 ON_POINT = 1e-9
 
 #: What all terms are of outputs that are weighed where a format knows them by their kind.
-_ONE_KIND = (Constant | Linear, Ramp | SShape | ZShape)
+_ONE_KIND = (model.Constant | model.Linear, model.Ramp | model.SShape | model.ZShape)
 
 
 @dataclass(frozen=True)
@@ -149,12 +124,12 @@ class Expressed:
         The original, with a term more for each hedged statement that became one.
     """
 
-    system: FuzzySystem
-    rules: tuple[tuple[Rule, ...], ...]
-    source: FuzzySystem
+    system: model.FuzzySystem
+    rules: tuple[tuple[model.Rule, ...], ...]
+    source: model.FuzzySystem
 
 
-def only_system(controller: FuzzyController, dialect: Dialect) -> FuzzySystem:
+def only_system(controller: model.FuzzyController, dialect: Dialect) -> model.FuzzySystem:
     """Return the one system of a controller.
 
     Raises
@@ -170,7 +145,7 @@ def only_system(controller: FuzzyController, dialect: Dialect) -> FuzzySystem:
     return controller.systems[0]
 
 
-def express(system: FuzzySystem, dialect: Dialect) -> Expressed:
+def express(system: model.FuzzySystem, dialect: Dialect) -> Expressed:
     """Turn a valid system into what a format says of it.
 
     Raises
@@ -212,7 +187,7 @@ def express(system: FuzzySystem, dialect: Dialect) -> Expressed:
         for variable in system.outputs
     )
     expressed = settle(
-        FuzzySystem(
+        model.FuzzySystem(
             name=names.system,
             inputs=tuple(_expressed_variable(v, names, dialect, is_output=False) for v in system.inputs),
             outputs=tuple(replace(o, defuzzifier=way) for o, way in zip(outputs, own_ways, strict=True)),
@@ -231,7 +206,7 @@ def express(system: FuzzySystem, dialect: Dialect) -> Expressed:
     return Expressed(expressed, tuple(expressed.rules[start:end] for start, end in pairwise(ends)), system)
 
 
-def _require_one_kind(system: FuzzySystem, dialect: Dialect) -> None:
+def _require_one_kind(system: model.FuzzySystem, dialect: Dialect) -> None:
     """Refuse outputs that are weighed beside others, or of terms that IEEE 1855 has no rule base for."""
     shapes = [term.membership for output in system.outputs for term in output.terms]
     is_all = len(system.weighed) == len(system.outputs)
@@ -242,7 +217,7 @@ def _require_one_kind(system: FuzzySystem, dialect: Dialect) -> None:
         )
 
 
-def refuse_joined(system: FuzzySystem) -> None:
+def refuse_joined(system: model.FuzzySystem) -> None:
     """Refuse rules that conclude one of Tsukamoto's terms together, which fuzzylite sees as one rule.
 
     Raises
@@ -255,7 +230,7 @@ def refuse_joined(system: FuzzySystem) -> None:
         for place, rule in enumerate(system.rules, start=1):
             for term in [c.term for c in rule.consequents if c.variable == output.name]:
                 shape = output.terms[output.term_index(term)].membership
-                if isinstance(shape, MonotoneFunction) and seen.setdefault(term, place) != place:
+                if isinstance(shape, model.MonotoneFunction) and seen.setdefault(term, place) != place:
                     raise NotExpressible(
                         f"rules {seen[term]} and {place} conclude {term!r} of {output.name!r}: other "
                         "programs add their strengths up before they look where the term has them, here "
@@ -263,7 +238,7 @@ def refuse_joined(system: FuzzySystem) -> None:
                     )
 
 
-def settle(system: FuzzySystem) -> FuzzySystem:
+def settle(system: model.FuzzySystem) -> model.FuzzySystem:
     """Move operators and defuzzifiers to the system, and leave to rules and outputs what differs from it.
 
     The system takes an operator from the first rule that uses it, and the defuzzifier of its first output.
@@ -297,9 +272,9 @@ def settle(system: FuzzySystem) -> FuzzySystem:
     )
 
 
-def _finer(variable: Variable) -> Variable:
+def _finer(variable: model.Variable) -> model.Variable:
     shapes = [term.membership for term in variable.terms]
-    if not shapes or any(isinstance(shape, Sampled) for shape in shapes):
+    if not shapes or any(isinstance(shape, model.Sampled) for shape in shapes):
         return variable
     low, high = float(variable.minimum), float(variable.maximum)
     if not (low < high and np.isfinite(high - low)):
@@ -308,21 +283,23 @@ def _finer(variable: Variable) -> Variable:
     return replace(variable, num_points=num_points, points=points)
 
 
-def _used_operators(system: FuzzySystem, rule: Rule) -> tuple[AndOperator | None, OrOperator | None]:
-    kinds = {type(part) for part in parts_of(rule.antecedent)}
+def _used_operators(
+    system: model.FuzzySystem, rule: model.Rule
+) -> tuple[model.AndOperator | None, model.OrOperator | None]:
+    kinds = {type(part) for part in model.parts_of(rule.antecedent)}
     return (
-        system.and_operator_of(rule) if And in kinds else None,
-        system.or_operator_of(rule) if Or in kinds else None,
+        system.and_operator_of(rule) if model.And in kinds else None,
+        system.or_operator_of(rule) if model.Or in kinds else None,
     )
 
 
-def _with_known_hedges(system: FuzzySystem, dialect: Dialect) -> FuzzySystem:
+def _with_known_hedges(system: model.FuzzySystem, dialect: Dialect) -> model.FuzzySystem:
     """Put every hedge before a statement, and turn those that a format has no word for into terms."""
     known = {hedge for hedge, words in HEDGES.items() if dialect.hedges and getattr(words, dialect.hedges)}
     terms = Terms(system, known, dialect.most_words)
 
-    def expressed(place: int, rule: Rule) -> Rule:
-        if not any(isinstance(part, Hedged) for part in parts_of(rule.antecedent)):
+    def expressed(place: int, rule: model.Rule) -> model.Rule:
+        if not any(isinstance(part, model.Hedged) for part in model.parts_of(rule.antecedent)):
             return rule
         outside, asked = before(rule.antecedent)
         concludes = set(outside) <= known and all(c.weight == 1.0 for c in rule.consequents)
@@ -333,7 +310,7 @@ def _with_known_hedges(system: FuzzySystem, dialect: Dialect) -> FuzzySystem:
             moved = with_plain_not(on_statements(asked, *operators), *operators)
         except NotExpressible as reason:
             raise _not_expressible(place, dialect, reason) from reason
-        return replace(rule, antecedent=hedged(cast(list[Hedge], outside), terms.expressed(moved)))
+        return replace(rule, antecedent=hedged(cast(list[model.Hedge], outside), terms.expressed(moved)))
 
     rules = tuple(expressed(place, rule) for place, rule in enumerate(system.rules, start=1))
     return replace(system, inputs=tuple(terms.inputs.values()), rules=rules)
@@ -346,7 +323,9 @@ def _not_expressible(place: int, dialect: Dialect, reason: NotExpressible) -> No
     )
 
 
-def _expressed_rules(place: int, rule: Rule, system: FuzzySystem, dialect: Dialect) -> list[Rule]:
+def _expressed_rules(
+    place: int, rule: model.Rule, system: model.FuzzySystem, dialect: Dialect
+) -> list[model.Rule]:
     """Say a rule as one or several, with the names of the original."""
     operators = system.and_operator_of(rule), system.or_operator_of(rule)
     try:
@@ -367,16 +346,16 @@ def _expressed_rules(place: int, rule: Rule, system: FuzzySystem, dialect: Diale
         antecedents = [in_order(antecedent, inputs) for antecedent in antecedents]
     outputs = [output.name for output in system.outputs]
     groups = list(_consequent_groups(rule.consequents, outputs, dialect))
-    if isinstance(rule.antecedent, Hedged) and not is_leaf(rule.antecedent):
+    if isinstance(rule.antecedent, model.Hedged) and not is_leaf(rule.antecedent):
         groups = [(each,) for each in rule.consequents]  # fuzzylite carries a hedge on to those behind it
-    return [Rule(antecedent, group, "", *operators) for antecedent in antecedents for group in groups]
+    return [model.Rule(antecedent, group, "", *operators) for antecedent in antecedents for group in groups]
 
 
 def _consequent_groups(
-    consequents: Sequence[Consequent], outputs: Sequence[str], dialect: Dialect
-) -> Iterator[tuple[Consequent, ...]]:
+    consequents: Sequence[model.Consequent], outputs: Sequence[str], dialect: Dialect
+) -> Iterator[tuple[model.Consequent, ...]]:
     """Part consequents into groups of one weight, and of different outputs where they may not repeat."""
-    groups: list[list[Consequent]] = []
+    groups: list[list[model.Consequent]] = []
     for consequent in consequents:
         for group in groups:
             is_repeated = any(other.variable == consequent.variable for other in group)
@@ -392,12 +371,14 @@ def _consequent_groups(
             yield tuple(sorted(group, key=lambda consequent: outputs.index(consequent.variable)))
 
 
-def _expressed_variable(variable: Variable, names: Names, dialect: Dialect, *, is_output: bool) -> Variable:
+def _expressed_variable(
+    variable: model.Variable, names: Names, dialect: Dialect, *, is_output: bool
+) -> model.Variable:
     terms = tuple(
-        Term(names.terms[variable.name, term.name], _expressed_membership(variable, term, dialect))
+        model.Term(names.terms[variable.name, term.name], _expressed_membership(variable, term, dialect))
         for term in variable.terms
     )
-    if any(isinstance(term.membership, Sampled) for term in terms):
+    if any(isinstance(term.membership, model.Sampled) for term in terms):
         num_points, points = universe_of(variable.minimum, variable.maximum, variable.universe.tolist())
     elif is_output:
         num_points, points = (variable.num_points if dialect.holds_resolution else OUTPUT_POINTS), None
@@ -405,7 +386,7 @@ def _expressed_variable(variable: Variable, names: Names, dialect: Dialect, *, i
         shapes = [term.membership for term in terms]
         num_points, points = input_universe(float(variable.minimum), float(variable.maximum), shapes)
     default = variable.default if dialect.holds_defaults else middle(variable.minimum, variable.maximum)
-    return Variable(
+    return model.Variable(
         name=names.variables[variable.name],
         unit=one_line(variable.unit) if dialect.holds_units else "",
         minimum=float(variable.minimum),
@@ -419,11 +400,13 @@ def _expressed_variable(variable: Variable, names: Names, dialect: Dialect, *, i
     )
 
 
-def _expressed_weighed(system: FuzzySystem, output: Variable, names: Names, dialect: Dialect) -> Variable:
+def _expressed_weighed(
+    system: model.FuzzySystem, output: model.Variable, names: Names, dialect: Dialect
+) -> model.Variable:
     """Say an output that is weighed: its universe is of no account, its terms have words of their own."""
     for term in output.terms:
         shape = term.membership
-        if dialect.words and not isinstance(shape, Ramp) and dialect.words not in shape.entry.words:
+        if dialect.words and not isinstance(shape, model.Ramp) and dialect.words not in shape.entry.words:
             raise NotExpressible(
                 f"output {output.name!r} concludes {term.name!r}, for whose shape, {shape.entry.name}, "
                 f"{dialect.title} has no word; export as fll or json"
@@ -431,7 +414,7 @@ def _expressed_weighed(system: FuzzySystem, output: Variable, names: Names, dial
     plain = replace(output, terms=(), num_points=OUTPUT_POINTS, points=None)
     expressed = _expressed_variable(plain, names, dialect, is_output=True)
     terms = (
-        Term(names.terms[output.name, term.name], _expressed_number(term.membership, names))
+        model.Term(names.terms[output.name, term.name], _expressed_number(term.membership, names))
         for term in output.terms
     )
     low, high = (output.minimum, output.maximum)
@@ -440,32 +423,34 @@ def _expressed_weighed(system: FuzzySystem, output: Variable, names: Names, dial
     return replace(expressed, minimum=low, maximum=high, terms=tuple(terms), num_points=OUTPUT_POINTS)
 
 
-def _expressed_number(shape: MembershipFunction, names: Names) -> MembershipFunction:
-    return Formula(shape.parsed.text(names.variables)) if isinstance(shape, Formula) else shape
+def _expressed_number(shape: model.MembershipFunction, names: Names) -> model.MembershipFunction:
+    return model.Formula(shape.parsed.text(names.variables)) if isinstance(shape, model.Formula) else shape
 
 
-def _expressed_membership(variable: Variable, term: Term, dialect: Dialect) -> MembershipFunction:
+def _expressed_membership(
+    variable: model.Variable, term: model.Term, dialect: Dialect
+) -> model.MembershipFunction:
     shape = term.membership
-    if dialect.words and dialect.words not in shape.entry.words and not isinstance(shape, Sampled):
-        return Sampled(tuple(sample(variable, term).tolist()))
+    if dialect.words and dialect.words not in shape.entry.words and not isinstance(shape, model.Sampled):
+        return model.Sampled(tuple(sample(variable, term).tolist()))
     return shape if dialect.has_walls else without_walls(variable, shape)
 
 
-def without_walls(variable: Variable, membership: MembershipFunction) -> MembershipFunction:
+def without_walls(variable: model.Variable, membership: model.MembershipFunction) -> model.MembershipFunction:
     """Turn the walls of a triangle or trapezoid at the ends of a range into flanks outside of it."""
     width = variable.maximum - variable.minimum
     match membership:
-        case Triangular(left, peak, right):
+        case model.Triangular(left, peak, right):
             low, high = _feet(variable, (left, peak, peak, right), width)
-            return Triangular(low, peak, high)
-        case Trapezoidal(left, left_top, right_top, right):
+            return model.Triangular(low, peak, high)
+        case model.Trapezoidal(left, left_top, right_top, right):
             low, high = _feet(variable, (left, left_top, right_top, right), width)
-            return Trapezoidal(low, left_top, right_top, high)
+            return model.Trapezoidal(low, left_top, right_top, high)
     return membership
 
 
 def _feet(
-    variable: Variable, corners: tuple[float, float, float, float], width: float
+    variable: model.Variable, corners: tuple[float, float, float, float], width: float
 ) -> tuple[float, float]:
     left, left_top, right_top, right = corners
     return (
@@ -475,7 +460,7 @@ def _feet(
 
 
 def input_universe(
-    minimum: float, maximum: float, shapes: Sequence[MembershipFunction], fewest: int = INPUT_POINTS
+    minimum: float, maximum: float, shapes: Sequence[model.MembershipFunction], fewest: int = INPUT_POINTS
 ) -> tuple[int, tuple[float, ...] | None]:
     """Choose points on which straight lines are what other programs compute from the formulas of an input.
 
@@ -503,7 +488,9 @@ def input_universe(
     return len(points), tuple(points.tolist())
 
 
-def corners_of(minimum: float, maximum: float, shapes: Sequence[MembershipFunction]) -> tuple[Floats, Floats]:
+def corners_of(
+    minimum: float, maximum: float, shapes: Sequence[model.MembershipFunction]
+) -> tuple[Floats, Floats]:
     """Return the corners of shapes inside a range, and those of them at which one jumps, ascending."""
     inside = [[x for x in shape.corners if minimum < x < maximum] for shape in shapes]
     jumps = [x for corners in inside for x, other in pairwise(corners) if x == other]
