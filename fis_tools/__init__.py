@@ -15,15 +15,16 @@ show themselves.
 """
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from importlib import import_module
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from fis_tools.engines.compiler import CompiledSystem, compile
     from fis_tools.errors import MissingExtra
     from fis_tools.learning.learner import imitate, learn
-    from fis_tools.shortcuts import audit, explain, export_c, plot, surface
+    from fis_tools.model import FuzzyController, FuzzySystem
     from fis_tools.source import read_controller
 
 __all__ = [
@@ -46,10 +47,9 @@ _PLACES = {
     "CompiledSystem": "engines.compiler",
     "MissingExtra": "errors",
     "compile": "engines.compiler",
-    "imitate": "learning.imitation",
+    "imitate": "learning.learner",
     "learn": "learning.learner",
     "read_controller": "source",
-    **dict.fromkeys(("audit", "explain", "export_c", "plot", "surface"), "shortcuts"),
 }
 
 
@@ -60,6 +60,69 @@ def __getattr__(name: str) -> Any:
     if name not in _PLACES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     return getattr(import_module(f"{__name__}.{_PLACES[name]}"), name)
+
+
+def _controller(thing: object) -> "FuzzyController":
+    from fis_tools.source import as_controller  # noqa: PLC0415 - each line imports what it needs
+
+    return as_controller(thing)
+
+
+def _only_system(thing: object) -> "FuzzySystem":
+    """Return the one system of something.
+
+    Raises
+    ------
+    ValueError
+        If it has several.
+    """
+    controller = _controller(thing)
+    if len(controller.systems) != 1:
+        names = ", ".join(system.name for system in controller.systems)
+        raise ValueError(f"controller {controller.name!r} has several systems; pass one of {names}")
+    return controller.systems[0]
+
+
+def audit(thing: object) -> Any:
+    """List what a reviewer should know; see `fis_tools.findings.audit.audit`."""
+    from fis_tools.findings import audit as findings  # noqa: PLC0415
+
+    return findings.audit(_controller(thing))
+
+
+def explain(thing: object, inputs: Mapping[str, float]) -> Any:
+    """Tell which rules moved the outputs; see `fis_tools.findings.explanation.explain`."""
+    from fis_tools.findings import explanation  # noqa: PLC0415
+
+    return explanation.explain(_only_system(thing), inputs)
+
+
+def surface(thing: object, x: str | None = None, y: str | None = None, **options: Any) -> Any:
+    """Evaluate an output over two inputs; see `fis_tools.analysis.arrays.surface`."""
+    from fis_tools.analysis import arrays  # noqa: PLC0415
+
+    return arrays.surface(_only_system(thing), x, y, **options)
+
+
+def plot(thing: object, folder: Path | str = "figures", form: str = "png") -> list[Path]:
+    """Draw terms, rules and surfaces of every system into a folder; return the files."""
+    from fis_tools import render  # noqa: PLC0415
+
+    Path(folder).mkdir(parents=True, exist_ok=True)
+    found = []
+    for system in _controller(thing).systems:
+        for name, figure in render.system_figures(system):
+            found.append(Path(folder) / f"{system.name}-{name}.{form}".replace("/", "_"))
+            render.save(figure, found[-1])
+    return found
+
+
+def export_c(thing: object, path: Path | str) -> Path:
+    """Write one C99 file that infers as Python does; see `fis_tools.formats.c.source.write`."""
+    from fis_tools.formats.c import source  # noqa: PLC0415
+
+    Path(path).write_text(source.write(_controller(thing)), encoding="utf-8")
+    return Path(path)
 
 
 def __dir__() -> list[str]:
