@@ -254,8 +254,8 @@ def check_before(experiment: Experiment) -> None:
     if "assure" in experiment.stages:
         _check_requirements(experiment)
     if "optimum" in experiment.stages:
-        from pipeline.optimum.account import check_points  # noqa: PLC0415 - compiled code, like the controller's
         from pipeline.optimum.problem import check_light  # noqa: PLC0415 - the same
+        from pipeline.optimum.solved import check_points  # noqa: PLC0415 - compiled code, like the controller's
 
         check_light(experiment.mission)
         check_points(experiment.mission, experiment.optimum.points)

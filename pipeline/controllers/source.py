@@ -3,22 +3,39 @@
 Reading one executes no code from it.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from fis_tools.formats import serialize
-from pipeline.controllers.planned.planner import controller_of_kind
 from pipeline.controllers.played import read_played
 from pipeline.controllers.policies import read_policy
-from pipeline.flight.control.controller import Controller, ControllerError, coast, decision_stride, from_fuzzy
-from pipeline.run.artifacts import parse_config
-from pipeline.settings.controllers import PLANNED, check_controller, planned_settings
-from pipeline.settings.experiment import Mission
+from pipeline.flight.control.controller import (
+    Controller,
+    ControllerError,
+    Planner,
+    coast,
+    decision_stride,
+    from_fuzzy,
+)
+from pipeline.flight.state.log import Scenario
+from pipeline.run import artifacts
+from pipeline.settings.controllers import PLANNED, Planned, check_controller, planned_settings
+from pipeline.settings.experiment import Experiment, Mission
 from pipeline.settings.keys import choices_of
 from pipeline.settings.places import conf_folder
 
-CONTROLLER_SUFFIXES = (".json", ".yaml", ".yml")
+#: endings of files, to what the group ``controller`` says of them besides the path
+FILES: Mapping[str, Mapping[str, str]] = {
+    ".csv": {"kind": "open_loop"},
+    ".onnx": {"kind": "policy"},
+    **{suffix: {} for suffix in (".json", ".yaml", ".yml")},
+}
 #: options of the group ``controller`` that need only a path
 WITH_PATHS = ("file", "open_loop", "policy")
 
@@ -43,23 +60,19 @@ def load(source: Mapping[str, Any], mission: Mission) -> Controller:
     fis_tools.formats.serialize.ControllerFileError
         If it cannot be read or cannot fly.
     """
-    if "systems" in source:
-        return _in_time(from_fuzzy(serialize.from_mapping(source)), mission)
-    if source.get("kind") == "coast":
+    kind = "" if "systems" in source else source.get("kind", "")
+    if kind == "coast":
         return coast()
-    if source.get("kind") in PLANNED:
-        return controller_of_kind(source["kind"], planned_settings(source), mission)
-    path = Path(str(source["path"]))
-    if source.get("kind") == "open_loop":
-        return read_played(path, mission)
-    if source.get("kind") == "policy":
-        return read_policy(path)
-    return _in_time(from_fuzzy(serialize.load(path)), mission)
-
-
-def _in_time(controller: Controller, mission: Mission) -> Controller:
-    """Return a controller after checking that its decisions fit the mission's clock."""
-    decision_stride(controller, mission)
+    if kind in PLANNED:
+        return controller_of_kind(kind, planned_settings(source), mission)
+    if kind == "open_loop":
+        return read_played(Path(str(source["path"])), mission)
+    if kind == "policy":
+        return read_policy(Path(str(source["path"])))
+    is_written_out = "systems" in source
+    fuzzy = serialize.from_mapping(source) if is_written_out else serialize.load(Path(str(source["path"])))
+    controller = from_fuzzy(fuzzy)
+    decision_stride(controller, mission)  # its decisions must fit the mission's clock
     return controller
 
 
@@ -73,12 +86,8 @@ def named(name: str, mission: Mission) -> Controller:
         If there is none, or it cannot be read or cannot fly.
     """
     suffix = Path(name).suffix.lower()
-    if suffix == ".csv":
-        return load({"kind": "open_loop", "path": name}, mission)
-    if suffix == ".onnx":
-        return load({"kind": "policy", "path": name}, mission)
-    if suffix in CONTROLLER_SUFFIXES:
-        return load({"path": name}, mission)
+    if suffix in FILES:
+        return load({**FILES[suffix], "path": name}, mission)
     known = sorted(path.stem for path in (conf_folder() / "controller").glob("*.yaml"))
     known = [other for other in known if other not in WITH_PATHS]
     if name not in known:
@@ -87,8 +96,76 @@ def named(name: str, mission: Mission) -> Controller:
             "path of its file, .json, .yaml, .onnx or a .csv of forces"
         )
     path = conf_folder() / "controller" / f"{name}.yaml"
-    source = parse_config(path.read_bytes())
+    source = artifacts.parse_config(path.read_bytes())
     if "kind" not in source:
         return load({"path": str(path)}, mission)
     check_controller(source)
     return load(source, mission)
+
+
+def controller_of_run(experiment: Experiment, folder: Path) -> Controller:
+    """Return the controller that a run's later stages fly.
+
+    A fuzzy controller from a file is copied into the run's folder when it is first flown, so that later
+    stages fly the same one even if the file changes.
+
+    Raises
+    ------
+    pipeline.run.artifacts.ArtifactError
+        If the run trains but has no champion yet.
+    """
+    if "train" in experiment.stages or (folder / artifacts.CHAMPION).exists():
+        return from_fuzzy(serialize.load(artifacts.require(folder, artifacts.CHAMPION)))
+    kept = folder / artifacts.CONTROLLER
+    if kept.exists():
+        return from_fuzzy(serialize.load(kept))
+    controller = load(experiment.controller, experiment.mission)
+    if controller.fuzzy is not None and "path" in experiment.controller:
+        artifacts.write_atomically(kept, serialize.dump_json(controller.fuzzy) + "\n")
+    return controller
+
+
+def controller_of_kind(kind: str, settings: Planned, mission: Mission) -> Controller:
+    """Return the controller of a planning kind, made by the module that has its name.
+
+    The module is imported on request: two of them need scipy, which takes longer to import than a flight
+    takes.
+
+    Raises
+    ------
+    SettingError
+        If the settings do not fit the mission.
+    """
+    made: Controller = import_module(f"pipeline.controllers.planned.{kind}").controller(settings, mission)
+    return made
+
+
+def remembering(controller: Controller) -> Controller:
+    """Return the controller with a planner, if any, that caches its plans.
+
+    Flights from the same start with several safety layers are the same until a layer intervenes.
+    """
+    if controller.planner is None:
+        return controller
+    return replace(controller, planner=_Remembering(controller.planner))
+
+
+class _Remembering:
+    """A planner that caches the forces of every decision."""
+
+    def __init__(self, planner: Planner) -> None:
+        self._planner = planner
+        self._known: dict[tuple[object, ...], NDArray[np.float64]] = {}
+
+    @property
+    def decisions(self) -> Sequence[int]:
+        return self._planner.decisions
+
+    def __call__(self, scenario: Scenario, decision: int, state: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the forces from a decision on; see `Planner`."""
+        place, velocity = scenario.position_m.tobytes(), scenario.velocity_m_s.tobytes()
+        sun = scenario.sun_angle_rad, scenario.sun_elevation_rad
+        asked = (place, velocity, *sun, scenario.noise, scenario.settings, decision, state.tobytes())
+        if asked not in self._known:
+            self._known[asked] = self._planner(scenario, decision, state)
+        return self._known[asked]

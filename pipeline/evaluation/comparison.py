@@ -58,7 +58,7 @@ class ComparisonRow:
     summary : mapping
         Of `pipeline.evaluation.monte_carlo.summarise`, or the known part of it.
     times : mapping, optional
-        Of `pipeline.optimum.account.summarise_times`.
+        Of `pipeline.optimum.solved.summarise_times`.
     world : str
         Its name in ``compare.worlds``; empty for the experiment's own.
     """

@@ -12,9 +12,12 @@ except ModuleNotFoundError as error:
     ) from error
 
 from pipeline.flight.fly.stepping import OBSERVED
-from pipeline.gym.env import InspectionEnv
-from pipeline.gym.many import InspectionVectorEnv
-from pipeline.gym.normalized import NormalizedObservation, NormalizedVectorObservation
+from pipeline.gym.env import (
+    InspectionEnv,
+    InspectionVectorEnv,
+    NormalizedObservation,
+    NormalizedVectorObservation,
+)
 from pipeline.gym.task import Reward, Task, task_of
 
 __all__ = [
@@ -31,5 +34,5 @@ __all__ = [
 gymnasium.register(
     "Inspection-v0",
     entry_point="pipeline.gym.env:InspectionEnv",
-    vector_entry_point="pipeline.gym.many:InspectionVectorEnv",
+    vector_entry_point="pipeline.gym.env:InspectionVectorEnv",
 )

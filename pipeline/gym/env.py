@@ -1,4 +1,4 @@
-"""One flight as an environment."""
+"""Environments: one flight, many at once stepped by one compiled call, and the same normalised."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -6,6 +6,9 @@ from typing import Any
 
 import gymnasium
 import numpy as np
+from gymnasium.spaces import Box
+from gymnasium.vector import AutoresetMode, VectorEnv, VectorObservationWrapper
+from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from pipeline.flight.state.log import FlightLog
@@ -69,3 +72,106 @@ class InspectionEnv(gymnasium.Env[Observation, NDArray[Any]]):
     def record(self, path: Path) -> None:
         """Record the episode so far as MCAP; what is left of its time is flown without force."""
         self._episodes.record(0, Path(path))
+
+
+class InspectionVectorEnv(VectorEnv[Observation, NDArray[Any], NDArray[Any]]):
+    """Flights side by side, see `pipeline.gym.env.InspectionEnv`.
+
+    Flight i of a seed is that of seed + i alone.
+    The step after an episode's last starts the next: its action is ignored, its reward zero
+    (`AutoresetMode.NEXT_STEP`).
+
+    Parameters
+    ----------
+    num_envs : int
+    overrides, reward, levels_n
+        As for one.
+    """
+
+    metadata = {"autoreset_mode": AutoresetMode.NEXT_STEP, "render_modes": []}  # noqa: RUF012 - as above
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        overrides: Sequence[str] = (),
+        reward: Reward | None = None,
+        levels_n: float | None = None,
+    ) -> None:
+        self.num_envs = num_envs
+        self.task: Task = task_of(overrides, reward, levels_n)
+        self.single_observation_space = self.task.observation_space()
+        self.single_action_space = self.task.action_space()
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.action_space = batch_space(self.single_action_space, num_envs)
+        self._episodes = Episodes(self.task, num_envs)
+        self._generators: list[np.random.Generator] = []
+        self._has_ended = np.zeros(num_envs, dtype=np.bool_)
+        self._all = np.ones(num_envs, dtype=np.bool_)
+
+    def reset(
+        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observation, dict[str, Any]]:
+        """Start all episodes."""
+        if seed is not None or not self._generators:
+            seeds = [seed] * self.num_envs if seed is None else seed
+            if isinstance(seeds, int):
+                seeds = range(seeds, seeds + self.num_envs)
+            self._generators = [np.random.default_rng(one) for one in seeds]
+        for flight in range(self.num_envs):
+            self._start(flight)
+        self._has_ended[:] = False
+        self._episodes.step(None)
+        return self._episodes.observations, self._told()
+
+    def _start(self, flight: int) -> None:
+        self._episodes.start(flight, self._episodes.draw(self._generators[flight]))
+
+    def step(
+        self, actions: NDArray[Any]
+    ) -> tuple[Observation, NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
+        """Fly a control period in all, or start the next episode of those that ended with the last step."""
+        for flight in np.flatnonzero(self._has_ended):
+            self._start(int(flight))
+        rewards, terminated, truncated = self._episodes.step(actions)
+        self._has_ended = terminated | truncated
+        return self._episodes.observations, rewards, terminated, truncated, self._told()
+
+    def _told(self) -> dict[str, NDArray[Any]]:
+        """Return facts as vector environments tell them: an array each, and where it is known."""
+        facts = self._episodes.facts
+        return facts | {f"_{name}": self._all for name in facts}
+
+    def record(self, flight: int, path: Path) -> None:
+        """Record the episode of a flight so far as MCAP."""
+        self._episodes.record(flight, Path(path))
+
+
+def _scaled(space: "Box[np.float32]", scales: NDArray[np.float32]) -> "Box[np.float32]":
+    return Box(space.low / scales, space.high / scales, dtype=np.float32)
+
+
+class NormalizedObservation(gymnasium.ObservationWrapper):
+    """Divides observations by `pipeline.gym.task.Task.scales`."""
+
+    def __init__(self, env: InspectionEnv) -> None:
+        super().__init__(env)
+        self._scales = env.task.scales.astype(np.float32)
+        self.observation_space = _scaled(env.task.observation_space(), self._scales)
+
+    def observation(self, observation: Observation) -> Observation:
+        """Return an observation, divided."""
+        return observation / self._scales
+
+
+class NormalizedVectorObservation(VectorObservationWrapper):
+    """The same for many flights."""
+
+    def __init__(self, env: InspectionVectorEnv) -> None:
+        super().__init__(env)
+        self._scales = env.task.scales.astype(np.float32)
+        self.single_observation_space = _scaled(env.task.observation_space(), self._scales)
+        self.observation_space = batch_space(self.single_observation_space, env.num_envs)
+
+    def observations(self, observations: Observation) -> Observation:
+        """Return observations, divided."""
+        return observations / self._scales

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from pipeline.flight.control.controller import Controller, open_loop
 from pipeline.flight.fly.simulation import fly_logged
 from pipeline.flight.state.log import FlightLog
-from pipeline.optimum.account import summarise_times
-from pipeline.optimum.solved import IncomparableError, solved_for
+from pipeline.optimum.solved import IncomparableError, solved_for, summarise_times
 from pipeline.run import artifacts, tables
 from pipeline.settings.experiment import Experiment, Safety
 
@@ -36,7 +35,7 @@ class BesideOptimum:
     columns : mapping of (n,) arrays, optional
         Those of ``evaluate/optimum.parquet``.
     summary : mapping
-        Of `pipeline.optimum.account.summarise_times`; empty without columns.
+        Of `pipeline.optimum.solved.summarise_times`; empty without columns.
     reason : str
         Why nothing was compared; empty where it was, or where the run did not say.
     """

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.controllers.of_run import controller_of_run
+from pipeline.controllers.source import controller_of_run
 from pipeline.evaluation.comparison import ComparisonRow
 from pipeline.evaluation.monte_carlo import SUCCESS, fly_cases, rank, summarise
 from pipeline.evaluation.statistics import Fraction, Statistic

@@ -12,7 +12,7 @@ import numpy as np
 
 from fis_tools.analysis.domain import as_mapping
 from fis_tools.formats.serialize import fingerprint
-from pipeline.controllers.of_run import controller_of_run
+from pipeline.controllers.source import controller_of_run
 from pipeline.evaluation.assurance import columns, evidence
 from pipeline.evaluation.assurance.campaign import Flights, Outcome, judged
 from pipeline.evaluation.assurance.claims import Judgement, cases_needed, failures_allowed, judge

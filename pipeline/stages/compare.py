@@ -11,8 +11,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from pipeline.controllers.planned.planner import remembering
-from pipeline.controllers.source import named
+from pipeline.controllers.source import named, remembering
 from pipeline.evaluation import published
 from pipeline.evaluation.comparison import (
     FLOWN,
@@ -34,8 +33,7 @@ from pipeline.flight.control.controller import Controller
 from pipeline.flight.fly.simulation import fly_all
 from pipeline.flight.state.log import Outcomes, Scenario
 from pipeline.flight.world.pack import inspection_points
-from pipeline.optimum.account import beside_optimum, summarise_times
-from pipeline.optimum.solved import IncomparableError, Solved, solved_for
+from pipeline.optimum.solved import IncomparableError, Solved, beside_optimum, solved_for, summarise_times
 from pipeline.run import artifacts, tables
 from pipeline.run.progress import Progress
 from pipeline.settings.experiment import Experiment, Mission, Safety

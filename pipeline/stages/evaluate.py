@@ -11,14 +11,13 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.controllers.of_run import controller_of_run
+from pipeline.controllers.source import controller_of_run
 from pipeline.evaluation.monte_carlo import SUCCESS, Column, episode_columns, fly_cases, summarise
 from pipeline.evaluation.sensitivity import RANKED, percentiles, sensitivity
 from pipeline.flight.cases.starts import evaluation_scenarios
 from pipeline.flight.control.controller import Controller
 from pipeline.flight.fly.simulation import fly_all
-from pipeline.optimum.account import beside_optimum, summarise_times
-from pipeline.optimum.solved import IncomparableError, solved_for
+from pipeline.optimum.solved import IncomparableError, beside_optimum, solved_for, summarise_times
 from pipeline.run import artifacts, tables
 from pipeline.run.engine import each
 from pipeline.run.progress import Progress

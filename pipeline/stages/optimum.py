@@ -13,9 +13,8 @@ from pipeline.controllers.played import COLUMNS, read_played
 from pipeline.flight.cases.starts import EVALUATION, evaluation_scenarios, given_start
 from pipeline.flight.state.log import Scenario
 from pipeline.flight.world.pack import inspection_points
-from pipeline.optimum.account import case_row, summarise
 from pipeline.optimum.plan import CasePlan, solve
-from pipeline.optimum.solved import terms_of
+from pipeline.optimum.solved import case_row, summarise, terms_of
 from pipeline.run import artifacts, tables
 from pipeline.run.progress import Progress
 from pipeline.settings.experiment import Experiment

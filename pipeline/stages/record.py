@@ -11,7 +11,7 @@ from typing import Any, Final
 
 from numpy.typing import NDArray
 
-from pipeline.controllers.of_run import controller_of_run
+from pipeline.controllers.source import controller_of_run
 from pipeline.evaluation.monte_carlo import rank
 from pipeline.flight.cases.starts import evaluation_scenarios, start_shown, training_scenarios
 from pipeline.flight.fly.simulation import fly_logged

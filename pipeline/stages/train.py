@@ -19,14 +19,13 @@ from pipeline.flight.fly.simulation import is_interpreted
 from pipeline.flight.world.pack import inspection_points
 from pipeline.run import artifacts, maker, tables
 from pipeline.settings.experiment import Experiment
-from pipeline.training.champion_flights import ChampionFlights
-from pipeline.training.evolution import Evolution, Front
+from pipeline.training.evolution.nsga2 import Front
+from pipeline.training.evolution.rounds import Evolution
 from pipeline.training.evolution.state import Generation
 from pipeline.training.front import judged_front, write_front
 from pipeline.training.genome import Genome, genome_of
 from pipeline.training.judging import Choice, choose, evolved, fitness_from
-from pipeline.training.logger import Log, logged, name_of
-from pipeline.training.progress import TrainingProgress
+from pipeline.training.progress import ChampionFlights, Log, TrainingProgress, logged, name_of
 
 #: the history is written at most once in this many seconds, because each writing waits for the disk; the
 #: checkpoint, from which a training resumes, is written after every generation

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from fis_tools.analysis.measures import rule_consistency
 from pipeline.array_types import Floats
 from pipeline.flight.cases.cases import cases_of
 from pipeline.flight.cases.starts import hard_candidates, training_scenarios, validation_scenarios
@@ -17,11 +18,15 @@ from pipeline.flight.fly.simulation import fly_all
 from pipeline.flight.state.log import Outcomes, Scenario
 from pipeline.flight.world.pack import pack_world
 from pipeline.settings.experiment import Experiment, Mission
-from pipeline.training.evolution import OBJECTIVE, Evaluate, Evolution, evolve_rounds
+from pipeline.training.evolution.generations import Evaluate
+from pipeline.training.evolution.nsga2 import OBJECTIVE
+from pipeline.training.evolution.rounds import Evolution, evolve_rounds
 from pipeline.training.evolution.state import Generation
 from pipeline.training.fitness import costs, fitness_parts, objectives
 from pipeline.training.genome import Genome
-from pipeline.training.readability import INCONSISTENCY, inconsistency
+
+#: the third objective of a front, which needs no flight
+INCONSISTENCY = OBJECTIVE + "inconsistency"
 
 
 def fitness_of_round(
@@ -67,6 +72,22 @@ def fitness_from(
         return parts
 
     return evaluate
+
+
+def inconsistency(genome: Genome, genomes: Floats) -> Floats:
+    """Return 1 minus the mean rule consistency of each controller, shape (n,).
+
+    0 if every rule, where it holds most, gives the output that it would give alone
+    (`fis_tools.analysis.measures.rule_consistency`).
+
+    Parameters
+    ----------
+    genome : Genome
+        Meaning of the genes.
+    genomes : (n, num_genes) array
+    """
+    rows = ([rule_consistency(one).values for one in genome.decode(genes).systems] for genes in genomes)
+    return np.array([1.0 - np.concatenate(row).mean() for row in rows])
 
 
 def costs_of(

@@ -39,7 +39,7 @@ from pipeline.settings import start_table
 from pipeline.settings.experiment import HparamsSearch, Mission
 from pipeline.settings.places import conf_folder, requirements_path
 from pipeline.settings.schema import experiment_from
-from pipeline.training.evolution.checkpoint import CheckpointError, load
+from pipeline.training.evolution.state import CheckpointError, load
 from telemetry.file.recover import recover
 from telemetry.file.summary import in_words, summarize
 from telemetry.scene import runs
@@ -279,7 +279,7 @@ def _tried_journal(folder: Path) -> bytes:
 
 
 def _saved_checkpoint(folder: Path) -> bytes:
-    from pipeline.training.evolution import evolve_rounds  # noqa: PLC0415 - brings DEAP
+    from pipeline.training.evolution.rounds import evolve_rounds  # noqa: PLC0415 - brings DEAP
 
     optimizer = compose_experiment(["+experiment=train"]).experiment.optimizer
     small = replace(optimizer, population_size=6, generations=2)

@@ -11,17 +11,21 @@ number of points; if there is none, the one that inspects most.
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pipeline.array_types import Floats
-from pipeline.controllers.planned.coverage import count_seen
-from pipeline.controllers.planned.free_motion import (
+from pipeline.controllers.planned.paths import (
     CENTRE_ALONG_TRACK,
     CENTRE_RADIAL,
     RING_ALONG_TRACK,
     RING_RADIAL,
     elements_matrix,
 )
+from pipeline.flight.cases.cases import starts_of
 from pipeline.flight.control.controller import Controller
+from pipeline.flight.fly.workspace import make_workspace, optics_in_use
+from pipeline.flight.period.look.optics import note_seen_along
+from pipeline.flight.state.arrays import World
 from pipeline.flight.state.log import Scenario
 from pipeline.flight.world.pack import pack_world
 from pipeline.physics.motion import free_path
@@ -125,3 +129,37 @@ class NaturalMotionPlanner:
         short = np.maximum(self.limits[0] - nearest, 0.0) + np.maximum(farthest - self.limits[1], 0.0)
         outside: Floats = short + np.maximum(off, 0.0)
         return outside
+
+
+def count_seen(world: World, scenario: Scenario, paths: Floats, stride: int = 1) -> NDArray[np.int64]:
+    """Return the number of points that are lit and in view at some sample of each path, without a flight.
+
+    The camera is taken to look at the chief's centre.
+
+    Parameters
+    ----------
+    world : World
+        Of the mission.
+    scenario : Scenario
+        Gives the Sun's direction.
+    paths : (n, samples, 3)
+        Positions, m, Hill axes.
+    stride : int
+        Control periods between two positions.
+
+    Returns
+    -------
+    (n,) array of int
+    """
+    starts = starts_of([scenario])
+    counts = np.zeros(len(paths), dtype=np.int64)
+    note_seen_along(
+        world,
+        optics_in_use(world, starts),
+        make_workspace(world),
+        starts,
+        np.ascontiguousarray(paths),
+        stride,
+        counts,
+    )
+    return counts

@@ -18,9 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.array_types import Floats
-from pipeline.controllers.planned.free_motion import elements_matrix
-from pipeline.controllers.planned.ring import check_within_limits, ring_elements
-from pipeline.controllers.planned.route import Routes
+from pipeline.controllers.planned.paths import Routes, check_within_limits, elements_matrix, ring_elements
 from pipeline.flight.control.controller import Controller
 from pipeline.flight.state.arrays import World
 from pipeline.flight.state.log import Scenario

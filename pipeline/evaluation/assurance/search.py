@@ -16,7 +16,7 @@ from pipeline.evaluation.assurance.requirements import Requirement
 from pipeline.flight.state.log import Scenario
 from pipeline.settings.dispersions import Distribution, distributions
 from pipeline.settings.experiment import Assurance, Mission, MonteCarlo, Optimizer, Sun
-from pipeline.training.evolution import evolve_rounds
+from pipeline.training.evolution.rounds import evolve_rounds
 
 #: separates the random numbers of searches from all others with the same seed
 SPAWN_KEY = 0x5EA

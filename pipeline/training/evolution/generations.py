@@ -14,8 +14,7 @@ import numpy as np
 from pipeline.array_types import Floats
 from pipeline.settings.experiment import Optimizer
 from pipeline.training.evolution import cma_es, nsga2
-from pipeline.training.evolution.genetic import breed, scatter, split_population
-from pipeline.training.evolution.mutation import adapt_step_size
+from pipeline.training.evolution.genetic import adapt_step_size, breed, scatter, split_population
 from pipeline.training.evolution.state import Generation, State
 
 #: genomes (n, num_genes) in [0, 1] -> arrays of shape (n,): ``fitness`` and, by any other name, its parts

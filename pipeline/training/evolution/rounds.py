@@ -1,28 +1,30 @@
 """Rounds of evolution: from fitness functions to a champion of each generation.
 
-Smaller fitness is better. One population (`pipeline.training.evolution.generations`) or several
-(`pipeline.training.evolution.islands`) evolve for a round, which has its own fitness function; the next
-one starts from the champion, or continues with the population, evaluated again.
-All randomness comes from one seed.
+Smaller fitness is better. One population (`pipeline.training.evolution.generations`) or several, the islands,
+evolve for a round, which has its own fitness function; the next one starts from the champion, or continues
+with the population, evaluated again. All randomness comes from one seed.
+
+Islands are populations that evolve separately and periodically send their best to the next: the island model
+(Cohoon, Hegde, Martin and Richards, "Punctuated equilibria: a parallel genetic algorithm", ICGA 1987) on a
+ring. An island's work between two migrations depends only on its `Leg`, so that it is the same wherever it
+runs, and on however many processes. All islands together are one `State`: their populations one after the
+other, and the step of each island's mutation under `STEPS`.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
-from deap import tools
 
 from pipeline.array_types import Floats
-from pipeline.run.engine import crew
+from pipeline.run.engine import Each, crew
 from pipeline.settings.experiment import Engine, Optimizer
 from pipeline.training.evolution import generations, nsga2
-from pipeline.training.evolution.checkpoint import load, save
 from pipeline.training.evolution.generations import EvaluateForRound
-from pipeline.training.evolution.islands import Islands
-from pipeline.training.evolution.state import Generation, State
+from pipeline.training.evolution.state import Generation, State, load, save
 
 #: called with the history so far, after each generation or, with islands, after each migration
 OnGeneration = Callable[[Sequence[Generation]], None]
@@ -34,45 +36,17 @@ class Evolution:
 
     Parameters
     ----------
-    champion : (num_genes,) array
-        The best genome of the last round that was evaluated.
-    fitness : float
-        Its fitness in that round.
-    parts : mapping of str to float
-        The parts of that fitness.
-    round_champions : (rounds begun, num_genes) array
-        The best genome of each round.
     history : tuple of Generation
         One for each generation of each round.
-    logbook : deap.tools.Logbook
-        The same as rows of plain numbers.
     front : Front, optional
         Of the last population, if there are two objectives (NSGA-II).
     interrupted : bool
         Whether it was interrupted from the keyboard.
     """
 
-    champion: Floats
-    fitness: float
-    parts: Mapping[str, float]
-    round_champions: Floats
     history: tuple[Generation, ...]
-    logbook: Any
     front: nsga2.Front | None
     interrupted: bool
-
-
-class _Way(Protocol):
-    """How a round runs: with one population, or with islands."""
-
-    def enter(self, round_index: int, champion: Floats | None) -> None:
-        """Prepare for a round, given the champion of the one before."""
-
-    def begin(self, round_index: int, seeds: Floats, before: State | None) -> State:
-        """Return the first population of a round, with its history entry."""
-
-    def advance(self, state: State) -> None:
-        """Replace a population by the next, and add it to the history."""
 
 
 class _OnePopulation:
@@ -98,10 +72,172 @@ class _OnePopulation:
         generations.record(state)
 
 
+#: key in a state's strategy
+STEPS = "island_step_sizes"
+
+
+@dataclass(frozen=True)
+class Leg:
+    """An island's work between two migrations; plain data.
+
+    Parameters
+    ----------
+    settings : Optimizer
+        Of the island: its share of the population.
+    seed, number, round, generation : int
+        Of the training; of the island; the round, and the generation before its first.
+    generations : int
+        Number of generations; zero for the first population of a round.
+    champion : (num_genes,) array, optional
+        Of the round before.
+    seeds : (k, num_genes) array
+        Genomes to start a first population with.
+    genomes, fitness, parts, step_size
+        The island as the last migration left it; no genomes if it is to be drawn.
+    """
+
+    settings: Optimizer
+    seed: int
+    number: int
+    round: int
+    generation: int
+    generations: int
+    champion: Floats | None
+    seeds: Floats
+    genomes: Floats
+    fitness: Floats
+    parts: dict[str, Floats]
+    step_size: float
+
+
+def travel(evaluate_for_round: EvaluateForRound, leg: Leg) -> State:
+    """Evolve an island for a leg; the history of the returned state is that of the leg."""
+    evaluate = evaluate_for_round(leg.round, leg.champion)
+    key = (leg.round, leg.generation, leg.number)
+    state = generations.unpopulated(leg.seed, key, leg.round, leg.seeds.shape[1], leg.step_size)
+    before = replace(state, genomes=leg.genomes) if len(leg.genomes) else None
+    if leg.generations == 0:
+        generations.begin(state, evaluate, leg.seeds, leg.settings, before)
+        generations.record(state)
+        return state
+    state.genomes, state.fitness, state.parts = leg.genomes, leg.fitness, leg.parts
+    generations.record(state)
+    for _ in range(leg.generations):
+        generations.advance(state, evaluate, leg.settings)
+        generations.record(state)
+    del state.history[0]  # the generation it was sent with
+    return state
+
+
+class Islands:
+    """All islands of a training, run like one population.
+
+    Parameters
+    ----------
+    evaluate_for_round : callable
+        At module level, or a partial of such a function: it may be sent to other processes.
+    settings : Optimizer
+    seed : int
+    do_all : callable
+        Runs the legs of all islands (`pipeline.run.engine.crew`).
+    """
+
+    def __init__(
+        self, evaluate_for_round: EvaluateForRound, settings: Optimizer, seed: int, do_all: Each
+    ) -> None:
+        self._evaluate_for_round, self._seed, self._do_all = evaluate_for_round, seed, do_all
+        self._whole, self._num = settings, settings.islands
+        self._own = replace(settings, population_size=settings.population_size // settings.islands, islands=1)
+        self._champion: Floats | None = None
+
+    def enter(self, _round_index: int, champion: Floats | None) -> None:
+        """Prepare for a round, given the champion of the one before."""
+        self._champion = champion
+
+    def begin(self, round_index: int, seeds: Floats, before: State | None) -> State:
+        """Draw all islands' populations, or evaluate those of the round before again."""
+        step = self._whole.step_of_round(round_index)
+        state = generations.unpopulated(self._seed, (round_index,), round_index, seeds.shape[1], step)
+        state.strategy = {STEPS: np.full(self._num, step)}
+        if before and self._whole.next_round == "carried":
+            state.genomes, state.fitness, state.parts = before.genomes, before.fitness, before.parts
+        if before:
+            state.evaluations, state.history = before.evaluations, before.history
+        self._travel(state, seeds, 0)
+        return state
+
+    def advance(self, state: State) -> None:
+        """Migrate the best of each island, then evolve all islands."""
+        migrate(state, self._num, self._whole.migrants)
+        left = self._whole.generations - state.generation
+        self._travel(state, state.genomes[:0], min(self._whole.migrate_every, left))
+
+    def _travel(self, state: State, seeds: Floats, num_generations: int) -> None:
+        """Run a leg of every island, and combine the results."""
+        legs = [self._leg(state, island, seeds, num_generations) for island in range(self._num)]
+        done = dict(self._do_all(travel, [(self._evaluate_for_round, leg) for leg in legs]))
+        islands: list[State] = [done[place] for place in range(self._num)]
+        for rows in zip(*(island.history for island in islands), strict=True):
+            offset = state.generation if num_generations else 0
+            state.history.append(_together(rows, self._own.population_size, state.evaluations, offset))
+        state.generation += num_generations
+        state.evaluations = state.history[-1].evaluations
+        state.step_size = state.history[-1].step_size
+        state.genomes = np.concatenate([island.genomes for island in islands])
+        state.fitness = np.concatenate([island.fitness for island in islands])
+        state.parts = {name: np.concatenate([i.parts[name] for i in islands]) for name in islands[0].parts}
+        state.strategy = {STEPS: np.array([island.step_size for island in islands])}
+
+    def _leg(self, state: State, island: int, seeds: Floats, num_generations: int) -> Leg:
+        size = self._own.population_size
+        own = slice(island * size, (island + 1) * size)
+        return Leg(
+            self._own,
+            self._seed,
+            island,
+            state.round,
+            state.generation,
+            num_generations,
+            self._champion,
+            seeds,
+            state.genomes[own],
+            state.fitness[own],
+            {name: values[own] for name, values in state.parts.items()},
+            float(state.strategy[STEPS][island]),
+        )
+
+
+def migrate(state: State, num_islands: int, migrants: int) -> None:
+    """Replace the worst of each island by copies of the best of the previous island on a ring."""
+    if migrants == 0:
+        return
+    order = np.argsort(state.fitness.reshape(num_islands, -1), axis=1, kind="stable")
+    first = np.arange(num_islands)[:, np.newaxis] * order.shape[1]
+    best = np.roll(order[:, :migrants] + first, 1, axis=0).ravel()
+    worst = (order[:, -migrants:] + first).ravel()
+    for values in (state.genomes, state.fitness, *state.parts.values()):
+        values[worst] = values[best]
+
+
+def _together(rows: Sequence[Generation], size: int, evaluations: int, generation: int) -> Generation:
+    """Return a generation of all islands from those of each, whose counts are within the leg."""
+    best = min(rows, key=lambda row: row.best)
+    means, deviations = (np.array([getattr(row, name) for row in rows]) for name in ("mean", "std"))
+    # the sum of squares within islands and between them
+    squares = (size - 1) * np.sum(deviations**2) + size * np.sum((means - means.mean()) ** 2)
+    return replace(
+        best,
+        generation=generation + best.generation,
+        evaluations=evaluations + sum(row.evaluations for row in rows),
+        mean=float(means.mean()),
+        std=float(np.sqrt(squares / (size * len(rows) - 1))),
+    )
+
+
 @contextmanager
 def _way(
     evaluate_for_round: EvaluateForRound, settings: Optimizer, seed: int, engine: Engine
-) -> Iterator[_Way]:
+) -> Iterator[_OnePopulation | Islands]:
     if settings.islands == 1:
         yield _OnePopulation(evaluate_for_round, settings, seed)
         return
@@ -117,25 +253,6 @@ def _is_finished(state: State, settings: Optimizer) -> bool:
     if patience is None or state.generation < patience:
         return False
     return state.history[-1].best >= state.history[-1 - patience].best
-
-
-def _outcome(history: Sequence[Generation], front: nsga2.Front | None, interrupted: bool) -> Evolution:
-    """Return the result of an evolution from its history."""
-    logbook = tools.Logbook()
-    for generation in history:
-        logbook.record(**generation.row(), **generation.parts)
-    logbook.header = list(logbook[0])
-    last_of_round = {generation.round: generation.champion for generation in history}
-    return Evolution(
-        champion=history[-1].champion,
-        fitness=history[-1].best,
-        parts=history[-1].parts,
-        round_champions=np.array([last_of_round[index] for index in sorted(last_of_round)]),
-        history=tuple(history),
-        logbook=logbook,
-        front=front,
-        interrupted=interrupted,
-    )
 
 
 def _checked_seeds(initial: Floats | None, num_genes: int, population_size: int) -> Floats:
@@ -276,4 +393,4 @@ def evolve_rounds(
             raise
         interrupted = True
     front = nsga2.front_of(state) if state and settings.algorithm == "nsga2" else None
-    return _outcome(history, front, interrupted)
+    return Evolution(tuple(history), front, interrupted)

@@ -1,12 +1,23 @@
-"""The results of a generation, and everything that the next one depends on."""
+"""The state of an evolution: the results of a generation, and everything that the next one depends on.
 
+Between two generations it is on disk, without pickle, written atomically.
+"""
+
+import io
+import json
+import random
+import tokenize
+import zipfile
+import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from pipeline.array_types import Floats
+from pipeline.run.artifacts import write_atomically
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,3 +92,133 @@ class State:
     generator: np.random.Generator
     strategy: dict[str, Floats] = field(default_factory=dict)
     history: list[Generation] = field(default_factory=list)
+
+
+VERSION = 2
+
+_ARRAYS = ("genomes", "fitness", "parts", "champions")
+#: prefix of the arrays with CMA-ES's state
+_STRATEGY = "strategy_"
+_AFRESH = "delete it to start the training afresh"
+
+
+class CheckpointError(ValueError):
+    """Raised for a checkpoint that cannot be resumed."""
+
+
+def save(path: Path, state: State, fingerprint: Mapping[str, Any]) -> None:
+    """Write a state: arrays and one JSON text in an .npz.
+
+    Parameters
+    ----------
+    path : Path
+    state : State
+    fingerprint : mapping
+        Values that must not change when the evolution is resumed.
+    """
+    note = {
+        "version": VERSION,
+        "fingerprint": dict(fingerprint),
+        "round": state.round,
+        "generation": state.generation,
+        "evaluations": state.evaluations,
+        "step_size": state.step_size,
+        "parts": list(state.parts),
+        "strategy": list(state.strategy),
+        "python_state": state.python_state,
+        "numpy_state": state.generator.bit_generator.state,
+        "history": [{**g.row(), "parts": dict(g.parts)} for g in state.history],
+    }
+    stream = io.BytesIO()
+    arrays: dict[str, Any] = {
+        "note": np.frombuffer(json.dumps(note).encode(), dtype=np.uint8),
+        "genomes": state.genomes,
+        "fitness": state.fitness,
+        "parts": np.array(list(state.parts.values())).reshape(len(state.parts), len(state.fitness)),
+        "champions": np.array([g.champion for g in state.history]),
+        **{_STRATEGY + name: values for name, values in state.strategy.items()},
+    }
+    np.savez(stream, **arrays)
+    write_atomically(path, stream.getvalue())
+
+
+def load(path: Path, fingerprint: Mapping[str, Any]) -> State:
+    """Read a state that `save` wrote.
+
+    Raises
+    ------
+    CheckpointError
+        If the file is damaged, of another version, or its fingerprint differs.
+    """
+    note, arrays = _read(path)
+    if note.get("version") != VERSION:
+        raise CheckpointError(
+            f"{path} has checkpoint version {note.get('version')}, this program reads {VERSION}; {_AFRESH}"
+        )
+    written = note.get("fingerprint")
+    if not isinstance(written, dict):
+        raise _damaged(path)
+    for name, value in fingerprint.items():
+        if written.get(name) != value:
+            raise CheckpointError(
+                f"{path} was written with {name} = {written.get(name)}, now it is {value}; "
+                "resume with the configuration of that run, or start a new one"
+            )
+    try:
+        return _state_from(note, arrays)
+    except (KeyError, ValueError, TypeError, AttributeError, OverflowError) as error:
+        raise _damaged(path) from error
+
+
+#: errors that NumPy raises for a damaged archive; it parses array headers as Python
+_UNREADABLE = (
+    *(OSError, ValueError, KeyError, EOFError, RuntimeError, SyntaxError),
+    *(zipfile.BadZipFile, zlib.error, tokenize.TokenError),
+)
+
+
+def _damaged(path: Path) -> CheckpointError:
+    return CheckpointError(f"{path} is not a readable checkpoint (damaged, or cut short); {_AFRESH}")
+
+
+def _read(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Read the note and the arrays of a file that `save` wrote."""
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise CheckpointError(f"{path} cannot be read ({error.strerror}); {_AFRESH}") from error
+    if not content.startswith(b"PK"):  # not an archive; numpy's message would be about pickles
+        raise _damaged(path)
+    try:
+        with np.load(io.BytesIO(content), allow_pickle=False) as archive:
+            note = json.loads(archive["note"].tobytes())
+            learnt = [name for name in archive.files if name.startswith(_STRATEGY)]
+            arrays = {name: archive[name] for name in (*_ARRAYS, *learnt)}
+    except _UNREADABLE as error:
+        raise _damaged(path) from error
+    if not isinstance(note, dict):
+        raise _damaged(path)
+    return note, arrays
+
+
+def _state_from(note: Mapping[str, Any], arrays: Mapping[str, Any]) -> State:
+    """Return the state, after testing its random generators."""
+    generator = np.random.default_rng()
+    generator.bit_generator.state = note["numpy_state"]
+    version, internal, gauss = note["python_state"]
+    python_state = (version, tuple(internal), gauss)
+    random.Random().setstate(python_state)  # noqa: S311 - a test, nothing is drawn
+    rows = zip(note["history"], arrays["champions"], strict=True)
+    return State(
+        round=note["round"],
+        generation=note["generation"],
+        evaluations=note["evaluations"],
+        step_size=note["step_size"],
+        genomes=arrays["genomes"],
+        fitness=arrays["fitness"],
+        parts=dict(zip(note["parts"], arrays["parts"], strict=True)),
+        python_state=python_state,
+        generator=generator,
+        strategy={name: arrays[_STRATEGY + name] for name in note["strategy"]},
+        history=[Generation(champion=champion, **row) for row, champion in rows],
+    )

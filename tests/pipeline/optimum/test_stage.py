@@ -9,7 +9,7 @@ from pipeline.command_line.cli import main
 from pipeline.controllers import source
 from pipeline.evaluation.monte_carlo import fly_cases
 from pipeline.flight.cases.starts import evaluation_scenarios, given_start
-from pipeline.optimum.account import summarise
+from pipeline.optimum.solved import summarise
 from pipeline.run import artifacts, tables
 from pipeline.run.runner import run_stages
 from pipeline.settings.experiment import SettingError

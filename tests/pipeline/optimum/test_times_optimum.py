@@ -10,8 +10,14 @@ from pipeline.command_line.config import compose_experiment
 from pipeline.evaluation.monte_carlo import fly_cases
 from pipeline.flight.cases.starts import evaluation_scenarios
 from pipeline.flight.control.controller import open_loop
-from pipeline.optimum.account import beside_optimum, summarise_times
-from pipeline.optimum.solved import SHIPPED_FOLDERS, IncomparableError, read_solved, solved_for
+from pipeline.optimum.solved import (
+    SHIPPED_FOLDERS,
+    IncomparableError,
+    beside_optimum,
+    read_solved,
+    solved_for,
+    summarise_times,
+)
 from pipeline.run import artifacts, tables
 from pipeline.run.runner import run_stages
 from tests.pipeline.optimum.cases import composed

@@ -15,7 +15,7 @@ from mcap_protobuf.decoder import DecoderFactory
 
 from fis_tools.formats import serialize
 from pipeline.command_line.config import Composed, compose_experiment
-from pipeline.controllers.of_run import controller_of_run
+from pipeline.controllers.source import controller_of_run
 from pipeline.flight.control.controller import Controller, from_fuzzy
 from pipeline.flight.fly.simulation import fly_logged
 from pipeline.flight.state.log import FlightLog, Scenario

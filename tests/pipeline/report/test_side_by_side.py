@@ -11,8 +11,7 @@ from pipeline.evaluation.monte_carlo import fly_cases
 from pipeline.flight.control.controller import coast, open_loop
 from pipeline.flight.fly.simulation import fly_logged
 from pipeline.flight.state.log import Scenario
-from pipeline.optimum.account import beside_optimum
-from pipeline.optimum.solved import solved_for
+from pipeline.optimum.solved import beside_optimum, solved_for
 from pipeline.report.beside_optimum import fly_pairs, read_beside
 from pipeline.report.figures.side_by_side import LARGEST, side_by_side
 from pipeline.report.figures.style import style

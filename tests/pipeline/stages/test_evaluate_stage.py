@@ -11,7 +11,7 @@ import pytest
 from fis_tools.formats import serialize
 from pipeline.command_line.config import Composed
 from pipeline.controllers import source as controller_source
-from pipeline.controllers.of_run import controller_of_run
+from pipeline.controllers.source import controller_of_run
 from pipeline.evaluation.monte_carlo import summarise
 from pipeline.flight.cases.starts import evaluation_scenarios
 from pipeline.flight.fly.simulation import fly_logged

@@ -25,8 +25,7 @@ from pipeline.flight.fly.simulation import fly_all, fly_logged
 from pipeline.run import artifacts
 from pipeline.stages import train
 from pipeline.training import judging
-from pipeline.training.evolution.checkpoint import CheckpointError
-from pipeline.training.evolution.state import Generation
+from pipeline.training.evolution.state import CheckpointError, Generation
 from pipeline.training.fitness import costs
 from pipeline.training.genome import genome_of
 from pipeline.training.judging import fitness_of_round

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from pipeline.controllers import source
-from pipeline.training.champion_flights import ChampionFlights
 from pipeline.training.evolution.state import Generation
 from pipeline.training.genome import genome_of
+from pipeline.training.progress import ChampionFlights
 from tests.pipeline.stages.cases import prepared
 
 

@@ -12,7 +12,7 @@ import pytest
 from pipeline.run import artifacts
 from pipeline.settings.experiment import Logger, SettingError
 from pipeline.stages import train
-from pipeline.training.logger import logged, name_of
+from pipeline.training.progress import logged, name_of
 from tests.pipeline.stages.cases import prepared
 
 ROWS = [{"generation": float(n), "best": 1.0 / (n + 3), "points": 90.0 + n} for n in range(5)]

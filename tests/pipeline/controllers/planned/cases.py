@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 from pipeline.command_line.config import Composed, compose_experiment
-from pipeline.controllers.planned.planner import controller_of_kind
+from pipeline.controllers.source import controller_of_kind
 from pipeline.flight.cases.starts import evaluation_scenarios
 from pipeline.flight.state.log import Scenario
 from pipeline.settings.controllers import planned_settings

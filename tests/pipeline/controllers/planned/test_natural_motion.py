@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipeline.controllers.planned.coverage import count_seen
+from pipeline.controllers.planned.natural_motion import count_seen
 from pipeline.flight.control.controller import open_loop
 from pipeline.flight.fly.simulation import fly_all
 from pipeline.flight.world.pack import pack_world

@@ -5,8 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from pipeline.controllers.planned.free_motion import elements_matrix
-from pipeline.controllers.planned.ring import ring_elements
+from pipeline.controllers.planned.paths import elements_matrix, ring_elements
 from pipeline.controllers.source import load
 from pipeline.flight.control.controller import open_loop
 from pipeline.flight.fly.simulation import fly_all, fly_logged

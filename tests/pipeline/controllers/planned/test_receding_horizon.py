@@ -5,9 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipeline.controllers.planned.free_motion import elements_matrix
-from pipeline.controllers.planned.planner import remembering
-from pipeline.controllers.source import load
+from pipeline.controllers.planned.paths import elements_matrix
+from pipeline.controllers.source import load, remembering
 from pipeline.flight.fly.simulation import fly_all
 from pipeline.settings.experiment import SettingError
 from tests.pipeline.controllers.planned.cases import (

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from pipeline.controllers.planned.coverage import count_seen
-from pipeline.controllers.planned.route import SPARE_POINTS, Route, Routes
+from pipeline.controllers.planned.natural_motion import count_seen
+from pipeline.controllers.planned.paths import SPARE_POINTS, Route, Routes
 from pipeline.controllers.source import load
 from pipeline.flight.fly.simulation import fly_logged
 from pipeline.flight.state.log import points_needed

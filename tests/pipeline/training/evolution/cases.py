@@ -8,7 +8,8 @@ import numpy as np
 
 from pipeline.settings.experiment import Optimizer
 from pipeline.settings.training import Encoding, Penalty
-from pipeline.training.evolution import Evaluate, Evolution, evolve_rounds
+from pipeline.training.evolution.generations import Evaluate
+from pipeline.training.evolution.rounds import Evolution, evolve_rounds
 from pipeline.training.evolution.state import Generation
 
 PENALTY = Penalty(
@@ -73,6 +74,22 @@ def optimizer(**changes: Any) -> Optimizer:
 def evolve(evaluate: Evaluate, num_genes: int, settings: Optimizer, seed: int, **how: Any) -> Evolution:
     """Evolve with one fitness function for all rounds."""
     return evolve_rounds(lambda _round, _champion: evaluate, num_genes, settings, seed, **how)
+
+
+def rows_of(evolution: Evolution) -> list[dict[str, Any]]:
+    """Return each generation as plain numbers, with the parts of its champion's fitness."""
+    return [{**generation.row(), **generation.parts} for generation in evolution.history]
+
+
+def column(evolution: Evolution, name: str) -> list[Any]:
+    """Return one number of each generation."""
+    return [row[name] for row in rows_of(evolution)]
+
+
+def round_champions(evolution: Evolution) -> np.ndarray:
+    """Return the last champion of each round."""
+    last = {generation.round: generation.champion for generation in evolution.history}
+    return np.array([last[index] for index in sorted(last)])
 
 
 class Sphere:

@@ -3,8 +3,15 @@
 import numpy as np
 import pytest
 
-from pipeline.training.evolution import evolve_rounds
-from tests.pipeline.training.evolution.cases import Sphere, broken_and_resumed, evolve, optimizer
+from pipeline.training.evolution.rounds import evolve_rounds
+from tests.pipeline.training.evolution.cases import (
+    Sphere,
+    broken_and_resumed,
+    column,
+    evolve,
+    optimizer,
+    rows_of,
+)
 
 NUM_GENES = 10
 
@@ -23,7 +30,7 @@ def ellipsoid(genomes: np.ndarray) -> dict[str, np.ndarray]:
 def test_it_learns_the_covariance_of_a_turned_ellipsoid() -> None:
     begun = np.full((1, NUM_GENES), 0.6)
     learnt = evolve(ellipsoid, NUM_GENES, cma(generations=600), seed=1, initial=begun)
-    np.testing.assert_allclose(learnt.champion, 0.4, atol=1e-6)
+    np.testing.assert_allclose(learnt.history[-1].champion, 0.4, atol=1e-6)
 
 
 def test_the_centre_comes_first_and_is_the_champion() -> None:
@@ -33,7 +40,7 @@ def test_the_centre_comes_first_and_is_the_champion() -> None:
     for generation, batch in zip(result.history, sphere.batches, strict=True):
         assert batch.shape == (13, NUM_GENES)
         np.testing.assert_array_equal(generation.champion, batch[0])
-    assert result.fitness < 1e-3 * result.history[0].best
+    assert result.history[-1].best < 1e-3 * result.history[0].best
 
 
 def test_what_is_judged_stays_in_the_box_and_an_optimum_on_its_edge_is_found() -> None:
@@ -42,7 +49,7 @@ def test_what_is_judged_stays_in_the_box_and_an_optimum_on_its_edge_is_found() -
     judged = np.concatenate(sphere.batches)
     assert judged.min() >= 0.0
     assert judged.max() <= 1.0
-    np.testing.assert_allclose(result.champion, 0.0, atol=0.02)
+    np.testing.assert_allclose(result.history[-1].champion, 0.0, atol=0.02)
 
 
 def test_the_caller_keeps_his_random_numbers_and_ours_do_not_depend_on_them() -> None:
@@ -53,7 +60,7 @@ def test_the_caller_keeps_his_random_numbers_and_ours_do_not_depend_on_them() ->
         after = np.random.random()  # noqa: NPY002
         np.random.seed(seed)  # noqa: NPY002
         assert after == np.random.random()  # noqa: NPY002
-    np.testing.assert_array_equal(results[0].champion, results[1].champion)
+    np.testing.assert_array_equal(results[0].history[-1].champion, results[1].history[-1].champion)
 
 
 @pytest.mark.parametrize("next_round", ["afresh", "carried"])
@@ -71,18 +78,18 @@ def test_interrupted_anywhere_and_resumed_it_equals_the_whole(next_round: str, t
             fitness, settings, begun, num_generations, tmp_path / f"{num_generations}.npz"
         )
         assert first.interrupted
-        assert list(rest.logbook) == list(whole.logbook)
-        np.testing.assert_array_equal(rest.champion, whole.champion)
+        assert rows_of(rest) == rows_of(whole)
+        np.testing.assert_array_equal(rest.history[-1].champion, whole.history[-1].champion)
 
 
 def test_a_carried_round_goes_on_with_its_steps_and_a_fresh_one_begins_anew() -> None:
     begun = np.full((1, NUM_GENES), 0.5)
     settings = cma(generations=40, rounds=2)
-    fresh = evolve(Sphere(), NUM_GENES, settings, seed=8, initial=begun).logbook
+    fresh = evolve(Sphere(), NUM_GENES, settings, seed=8, initial=begun)
     carried = evolve(
         Sphere(), NUM_GENES, cma(generations=40, rounds=2, next_round="carried"), 8, initial=begun
     )
-    assert fresh.select("step_size")[41] == 0.2
-    steps = carried.logbook.select("step_size")
+    assert column(fresh, "step_size")[41] == 0.2
+    steps = column(carried, "step_size")
     assert steps[41] < 0.5 * 0.2
     assert 0.5 < steps[41] / steps[40] < 2.0

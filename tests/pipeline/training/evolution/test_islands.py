@@ -11,10 +11,10 @@ import pytest
 
 from pipeline.run.engine import crew
 from pipeline.settings.experiment import Engine, SettingError
-from pipeline.training.evolution import evolve_rounds, rounds
-from pipeline.training.evolution.checkpoint import CheckpointError
+from pipeline.training.evolution import rounds
 from pipeline.training.evolution.generations import unpopulated
-from pipeline.training.evolution.islands import migrate
+from pipeline.training.evolution.rounds import evolve_rounds, migrate
+from pipeline.training.evolution.state import CheckpointError
 from tests.pipeline.training.evolution.cases import Sphere, broken_and_resumed, evolve, optimizer
 from tests.pipeline.training.evolution.test_evolution import assert_same
 
@@ -61,7 +61,7 @@ def test_what_is_told_of_a_generation_is_told_of_all_islands(tmp_path):
 def test_islands_converge_and_migration_spreads_the_best():
     settings = optimizer(population_size=100, generations=120, islands=5)
     result = evolve(Sphere(), NUM_GENES, settings, seed=1)
-    assert result.fitness < 1e-3
+    assert result.history[-1].best < 1e-3
     apart = evolve(Sphere(), NUM_GENES, optimizer(**FOUR, migrants=0), seed=1)
     together = evolve(Sphere(), NUM_GENES, optimizer(**FOUR), seed=1)
     assert [row.best for row in apart.history[:5]] == [row.best for row in together.history[:5]]

@@ -5,9 +5,17 @@ import random
 import numpy as np
 import pytest
 
-from pipeline.training.evolution import evolve_rounds
 from pipeline.training.evolution.genetic import local_mutation
-from tests.pipeline.training.evolution.cases import Sphere, broken_and_resumed, evolve, optimizer
+from pipeline.training.evolution.rounds import evolve_rounds
+from tests.pipeline.training.evolution.cases import (
+    Sphere,
+    broken_and_resumed,
+    column,
+    evolve,
+    optimizer,
+    round_champions,
+    rows_of,
+)
 
 NUM_GENES = 10
 
@@ -46,7 +54,7 @@ def test_the_first_population_lies_near_the_seed() -> None:
 def test_it_converges_and_children_of_crossover_mutate_too() -> None:
     sphere = Sphere()
     result = evolve(sphere, NUM_GENES, local(generations=300), seed=2, initial=BEGUN)
-    assert result.fitness < 1e-3
+    assert result.history[-1].best < 1e-3
     known = np.unique(np.concatenate(sphere.batches[:1]))
     assert not np.isin(sphere.batches[1][:8], known).all()
 
@@ -63,7 +71,7 @@ def test_a_carried_round_judges_the_population_anew_by_its_own_fitness() -> None
     begins = result.history[11]
     assert (begins.round, begins.generation) == (1, 0)
     assert begins.best == pytest.approx(squares.min(), rel=1e-12)
-    steps = result.logbook.select("step_size")
+    steps = column(result, "step_size")
     assert (steps[0], steps[11]) == (0.05, 0.025)
 
 
@@ -78,7 +86,7 @@ def test_the_champion_of_the_round_before_is_handed_to_the_next() -> None:
     result = evolve_rounds(fitness, NUM_GENES, settings, seed=4, initial=BEGUN)
     assert handed[0] == (0, None)
     for index in (1, 2):
-        np.testing.assert_array_equal(handed[index][1], result.round_champions[index - 1])
+        np.testing.assert_array_equal(handed[index][1], round_champions(result)[index - 1])
 
 
 def test_interrupted_anywhere_and_resumed_it_equals_the_whole(tmp_path) -> None:
@@ -93,8 +101,8 @@ def test_interrupted_anywhere_and_resumed_it_equals_the_whole(tmp_path) -> None:
             fitness, settings, BEGUN, num_generations, tmp_path / f"{num_generations}.npz"
         )
         assert first.interrupted
-        assert list(rest.logbook) == list(whole.logbook)
-        np.testing.assert_array_equal(rest.champion, whole.champion)
+        assert rows_of(rest) == rows_of(whole)
+        np.testing.assert_array_equal(rest.history[-1].champion, whole.history[-1].champion)
 
 
 @pytest.mark.parametrize("changes", [{}, {"algorithm": "cma_es"}])

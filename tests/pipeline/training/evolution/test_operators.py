@@ -10,16 +10,14 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from pipeline.training.evolution.genetic import (
-    Individual,
-    scattered_crossover,
-    select_parents,
-    split_population,
-)
-from pipeline.training.evolution.mutation import (
     SMALLEST_STEP,
+    Individual,
     adapt_step_size,
     adaptive_feasible_mutation,
     poll_directions,
+    scattered_crossover,
+    select_parents,
+    split_population,
 )
 from tests.pipeline.training.evolution.cases import optimizer
 
