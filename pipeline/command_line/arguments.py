@@ -7,10 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NoReturn
 
-from pipeline.command_line.job import ConfigError
 from pipeline.settings.keys import did_you_mean
 from pipeline.settings.places import conf_folder
 
+#: the group that experiments are chosen from
+EXPERIMENT = "experiment"
 #: options that Hydra programs usually have, and why this one lacks them
 REFUSED = {
     "--config-path": "would replace our configuration; add to it with --config-dir",
@@ -27,6 +28,10 @@ OPTIONS: Mapping[tuple[str, ...], Mapping[str, Any]] = {
     ("--config-dir", "-cd"): {"type": Path},
 }
 RESUME, COMPARE = "resume=", "compare="
+
+
+class ConfigError(ValueError):
+    """A command line or a configuration that cannot be used."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +70,12 @@ class Asked:
     @property
     def folders(self) -> list[Path]:
         """The configuration folders, ours and the user's."""
-        return [conf_folder(), *([self.config_dir] if self.config_dir else [])]
+        return folders_with(self.config_dir)
+
+
+def folders_with(config_dir: Path | None) -> list[Path]:
+    """Return the configuration folders, ours and the user's."""
+    return [conf_folder(), *([config_dir] if config_dir else [])]
 
 
 class _Parser(argparse.ArgumentParser):

@@ -5,19 +5,34 @@ on standard error), 130 interrupted from the keyboard.
 """
 
 import os
+import subprocess
 import sys
+import tempfile
 from collections.abc import Callable, Sequence
 from importlib import import_module
+from pathlib import Path
+from typing import Final
 
 from pipeline.command_line import runs
-from pipeline.command_line.arguments import read_arguments
+from pipeline.command_line.arguments import ConfigError, read_arguments
 from pipeline.command_line.runs import MISTAKE, OK
-from pipeline.run import interrupts, maker, reproducible
+from pipeline.run import interrupts, maker
 from pipeline.run.runner import Interrupted
 
 INTERRUPTED = 130
-#: other commands, by the modules with a function of that name; few runs need them
-COMMANDS = {name: f"pipeline.command_line.{name}" for name in ("cluster", "summary", "verify", "warm")}
+#: other commands, to the modules with a function of that name; few runs need them
+COMMANDS = {"cluster": "cluster", "summary": "results", "verify": "results", "warm": "cli"}
+#: what short runs are given
+FEW: Final = ("duration_s=600", "monte_carlo.num_cases=8")
+SMALL: Final = ("optimizer.population_size=8", "optimizer.generations=2")
+#: short runs, whose kinds of flight are those of the shipped experiments
+WARMED: Final[Sequence[Sequence[str]]] = (
+    ("+experiment=fly", "controller=champion_27"),
+    ("+experiment=evaluate", "controller=champion_27", "stages=[scenario,evaluate]", *FEW),
+    ("+experiment=train", "stages=[scenario,train]", *SMALL),
+    ("+experiment=fly", "controller=lqr"),
+    ("+experiment=fly", "controller=champion_leo", "world=leo"),
+)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -37,8 +52,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     arguments = list(sys.argv[1:] if arguments is None else arguments)
     try:
         return _dispatch(arguments)
-    except reproducible.NotInForce:
-        return reproducible.start_anew(words)
+    except maker.NotInForce:
+        return maker.start_anew(words)
     except Interrupted as interrupt:
         sys.stderr.write(f"\n{interrupt}\n")
         return INTERRUPTED
@@ -54,8 +69,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _dispatch(arguments: Sequence[str]) -> int:
     """Print what is only printed, or run the rest."""
-    if arguments and (module := COMMANDS.get(arguments[0])):
-        run: Callable[[Sequence[str]], int] = getattr(import_module(module), arguments[0])
+    if arguments and arguments[0] in COMMANDS:
+        module = import_module(f"pipeline.command_line.{COMMANDS[arguments[0]]}")
+        run: Callable[[Sequence[str]], int] = getattr(module, arguments[0])
         return run(arguments[1:])
     asked = read_arguments(arguments)
     if asked.version:
@@ -69,7 +85,7 @@ def _dispatch(arguments: Sequence[str]) -> int:
         )
         return OK if asked.help else MISTAKE
     if asked.compare is not None:
-        from pipeline.command_line.summary import compare  # noqa: PLC0415 - as above
+        from pipeline.command_line.results import compare  # noqa: PLC0415 - as above
 
         return compare(*asked.compare)
     from pipeline.command_line.experiments import plan  # noqa: PLC0415 - Hydra, which the others do without
@@ -77,3 +93,27 @@ def _dispatch(arguments: Sequence[str]) -> int:
     with interrupts.heeded():
         carry_out = plan(asked)
     return carry_out()
+
+
+def warm(given: Sequence[str]) -> int:
+    """Run each of `WARMED` twice in a folder of its own, for what is wanted once is not compiled yet.
+
+    Return the exit code of the first that fails, else 0.
+
+    Raises
+    ------
+    ConfigError
+        If anything is given.
+    """
+    if given:
+        raise ConfigError("warm takes no arguments; python -m pipeline warm & does it in the background")
+    with tempfile.TemporaryDirectory() as folder:
+        for number, words in enumerate(WARMED):
+            sys.stderr.write(f"[{number + 1}/{len(WARMED)}] {' '.join(words)}\n")
+            for turn in ("first", "second"):
+                place = f"hydra.run.dir={Path(folder, f'{number}-{turn}')}"
+                command = [sys.executable, "-m", "pipeline", *words, place]
+                done = subprocess.run(command, check=False, stdout=subprocess.DEVNULL)  # noqa: S603
+                if done.returncode:
+                    return done.returncode
+    return OK

@@ -16,10 +16,9 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Final, NoReturn
 
-from pipeline.command_line import runs, sweeps
-from pipeline.command_line.arguments import read_arguments
-from pipeline.command_line.config import Composed, options
-from pipeline.command_line.job import ConfigError
+from pipeline.command_line import experiments, runs
+from pipeline.command_line.arguments import ConfigError, read_arguments
+from pipeline.command_line.config import Job, options
 from pipeline.command_line.overrides import check_overrides, parse, quoted, rewrite_paths
 from pipeline.run import artifacts, sweep
 from pipeline.run.lock import held
@@ -76,9 +75,9 @@ def _slurm(arguments: Sequence[str]) -> int:
     threads = [f"{key}={chosen.cpus}" for key in THREADS if key not in keys]
     overrides = [*given, *parse(threads)]
     check_overrides(overrides, options(asked.folders))
-    jobs, swept, folder = sweeps.composed(asked, overrides)
+    jobs, swept, folder = experiments.composed_sweep(asked, overrides)
     with held(folder):
-        known = sweeps.announce(jobs, swept, folder)
+        known = experiments.announce(jobs, swept, folder)
         left = [number for number, run in enumerate(known) if state_of(folder, run) != DONE]
         if not left:
             sys.stderr.write(f"nothing is left to do: all {len(known)} runs are finished\n")
@@ -93,7 +92,7 @@ def _slurm(arguments: Sequence[str]) -> int:
     return OK
 
 
-def _outside(jobs: Sequence[Composed]) -> list[str]:
+def _outside(jobs: Sequence[Job]) -> list[str]:
     """Return the overrides of what the runs reach outside their folders, for the tasks to be given again."""
     reached = [reached_outside(job.config) for job in jobs]
     if any(one != reached[0] for one in reached):
@@ -178,7 +177,9 @@ def _run(arguments: Sequence[str]) -> int:
             f"{chosen.folder} has no run {chosen.number}; its {len(known)} runs are counted from 0"
         )
     run = known[chosen.number]
-    code, failure = sweeps.attempt(lambda: runs.resume(chosen.folder / run.folder, overrides, run.command))
+    code, failure = experiments.attempt(
+        lambda: runs.resume(chosen.folder / run.folder, overrides, run.command)
+    )
     sweep.note_failure(chosen.folder, run, failure)
     return code
 

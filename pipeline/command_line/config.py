@@ -16,10 +16,11 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 from yaml import YAMLError
 
-from pipeline.command_line.job import EXPERIMENT, ConfigError, Job
+from pipeline.command_line.arguments import EXPERIMENT, ConfigError, folders_with
 from pipeline.command_line.overrides import first_line, parse, quoted
 from pipeline.settings import start_table
 from pipeline.settings.checks import SettingError
+from pipeline.settings.experiment import Experiment
 from pipeline.settings.groups import value_at
 from pipeline.settings.keys import did_you_mean
 from pipeline.settings.places import conf_folder
@@ -33,15 +34,24 @@ NOT_CHOSEN = ("hydra", "requirements")
 
 
 @dataclass(frozen=True)
-class Composed(Job):
-    """A run with its full configuration.
+class Job:
+    """A run to be started.
 
     Parameters
     ----------
+    config : dict
+        Plain data, resolved, without Hydra's own.
+    experiment : Experiment
+        The experiment it describes.
+    folder : Path
+        The run's folder.
     node : DictConfig
         The configuration with Hydra's own.
     """
 
+    config: dict[str, Any]
+    experiment: Experiment
+    folder: Path
     node: DictConfig = field(repr=False)
 
     @property
@@ -74,7 +84,7 @@ def options(folders: Sequence[Path]) -> dict[str, list[str]]:
     }
 
 
-def compose_experiment(overrides: Sequence[str], config_dir: Path | None = None) -> Composed:
+def compose_experiment(overrides: Sequence[str], config_dir: Path | None = None) -> Job:
     """Compose, resolve and check the configuration of one run.
 
     Parameters
@@ -93,7 +103,7 @@ def compose_experiment(overrides: Sequence[str], config_dir: Path | None = None)
 
 def compose_jobs(
     jobs: Sequence[Sequence[str]], config_dir: Path | None = None, names: Sequence[str] | None = None
-) -> list[Composed]:
+) -> list[Job]:
     """Compose the configurations of several runs, see `compose_experiment`.
 
     Runs of a sweep have names, which become their folders inside the sweep's.
@@ -102,7 +112,7 @@ def compose_jobs(
     ------
     ConfigError, SettingError
     """
-    composed: list[Composed] = []
+    composed: list[Job] = []
     for index, overrides in enumerate(jobs):
         own = [f"hydra.job.num={index}", f"hydra.sweep.subdir={quoted(names[index])}"] if names else []
         node = compose_node([*own, *overrides], config_dir)
@@ -112,7 +122,7 @@ def compose_jobs(
         config = _resolved(node, overrides, config_dir)
         sweep = node.hydra.sweep
         folder = Path(sweep.dir, str(sweep.subdir)) if names else Path(node.hydra.run.dir)
-        composed.append(Composed(config, experiment_from(config), folder, node))
+        composed.append(Job(config, experiment_from(config), folder, node))
     return composed
 
 
@@ -132,7 +142,7 @@ def compose_node(overrides: Sequence[str], config_dir: Path | None = None) -> Di
     except YAMLError as error:
         raise ConfigError(f"no YAML: {' '.join(str(error).split())}; correct the file") from error
     except (HydraException, OmegaConfBaseException) as error:
-        raise ConfigError(_in_words(error, folders_of(config_dir))) from error
+        raise ConfigError(_in_words(error, folders_with(config_dir))) from error
     return cast(DictConfig, OmegaConf.merge(OmegaConf.create(defaults()), node))
 
 
@@ -141,11 +151,6 @@ def _forced(overrides: Sequence[str]) -> Iterator[str]:
     for override in parse(overrides):
         is_key = override.type == OverrideType.CHANGE and override.key_or_group in schema()
         yield f"{'++' if is_key else ''}{override.input_line}"
-
-
-def folders_of(config_dir: Path | None) -> list[Path]:
-    """Return the configuration folders, ours and the user's."""
-    return [conf_folder(), *([config_dir] if config_dir else [])]
 
 
 def job_of(node: DictConfig) -> DictConfig:
@@ -161,7 +166,7 @@ def _resolved(node: DictConfig, overrides: Sequence[str], config_dir: Path | Non
     ConfigError, SettingError
         If a value is missing, or an override sets a key that another setting makes idle.
     """
-    folders = folders_of(config_dir)
+    folders = folders_with(config_dir)
     try:
         job = job_of(node)
         if missing := sorted(OmegaConf.missing_keys(job)):

@@ -1,6 +1,9 @@
 """Experiments from the command line: checked, then run, resumed, repeated, or printed."""
 
+import os
 import sys
+import time
+import traceback
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
@@ -9,20 +12,31 @@ from hydra.core.override_parser.types import Override
 from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-from pipeline.command_line import runs, sweeps
-from pipeline.command_line.arguments import Asked
-from pipeline.command_line.config import check_stages, compose_experiment, compose_node, options
-from pipeline.command_line.job import EXPERIMENT, ConfigError, Job
+from pipeline.command_line import runs
+from pipeline.command_line.arguments import EXPERIMENT, Asked, ConfigError
+from pipeline.command_line.config import (
+    Job,
+    check_stages,
+    compose_experiment,
+    compose_jobs,
+    compose_node,
+    options,
+)
 from pipeline.command_line.overrides import (
     check_overrides,
     check_sweeps,
+    differences_of,
     first_line,
+    folder_names,
     parse,
     rewrite_paths,
     single_runs,
 )
-from pipeline.run import artifacts
-from pipeline.run.sweep import SWEEP
+from pipeline.command_line.runs import FAULT, MISTAKE, OK, sentence
+from pipeline.run import artifacts, sweep
+from pipeline.run.lock import held
+from pipeline.run.runner import Interrupted
+from pipeline.run.sweep import DONE, SWEEP, SweptRun, state_of
 from pipeline.settings.reference import commented
 
 
@@ -39,12 +53,12 @@ def plan(asked: Asked) -> Callable[[], int]:
     check_sweeps(overrides, asked.multirun)
     if asked.resume is not None:
         if (asked.resume / SWEEP).exists():
-            return partial(sweeps.resume, asked.resume, overrides)
+            return partial(resume_sweep, asked.resume, overrides)
         return partial(runs.resume, asked.resume, overrides)
     folder = None if asked.multirun else _run_folder(overrides)
     if folder is not None:
         if (folder / artifacts.MANIFEST).exists():
-            return partial(runs.repeat, folder, overrides, asked)
+            return partial(runs.repeat, folder, overrides, asked.config_dir)
         keys = {override.key_or_group for override in overrides}
         if "stages" in keys and EXPERIMENT not in keys:
             raise ConfigError(
@@ -55,11 +69,11 @@ def plan(asked: Asked) -> Callable[[], int]:
     if asked.cfg:
         return partial(_print, words, asked)
     if asked.multirun:
-        return partial(sweeps.start, *sweeps.composed(asked, overrides))
+        return partial(start_sweep, *composed_sweep(asked, overrides))
     own = ["--config-dir", str(asked.config_dir.resolve())] if asked.config_dir else []
     job = compose_experiment(words, asked.config_dir)
     check_stages(job.config, words)
-    return partial(runs.start_new, Job(job.config, job.experiment, job.folder), [*own, *words])
+    return partial(runs.start_new, job, [*own, *words])
 
 
 def _run_folder(overrides: Sequence[Override]) -> Path | None:
@@ -83,3 +97,126 @@ def _print(words: Sequence[str], asked: Asked) -> int:
     except OmegaConfBaseException as error:
         raise ConfigError(first_line(error)) from error
     return runs.OK
+
+
+#: the runs of a sweep, their entries in its file, and its folder
+Sweep = tuple[list[Job], list[SweptRun], Path]
+
+
+def composed_sweep(asked: Asked, overrides: Sequence[Override]) -> Sweep:
+    """Compose every combination of values, each in a folder named after them, and check them.
+
+    Raises
+    ------
+    ValueError
+        Errors that can be found before any folder is made.
+    """
+    groups = options(asked.folders)
+    words = list(single_runs(overrides, groups))
+    differing = differences_of(overrides, groups)
+    jobs = compose_jobs(words, asked.config_dir, names=folder_names(differing))
+    folder = jobs[0].sweep_folder
+    own = ["--config-dir", str(asked.config_dir.resolve())] if asked.config_dir else []
+    swept = [
+        SweptRun(job.folder.relative_to(folder).as_posix(), differs, (*own, *chosen))
+        for job, differs, chosen in zip(jobs, differing, words, strict=True)
+    ]
+    for job, chosen in zip(jobs, words, strict=True):
+        check_stages(job.config, chosen)
+        runs.check_before(job.experiment)
+    return jobs, swept, folder
+
+
+def announce(jobs: Sequence[Job], swept: Sequence[SweptRun], folder: Path) -> list[SweptRun]:
+    """Write the runs of a sweep, whose lock is held, into its file; return all runs, old and new."""
+    known = sweep.read(folder) if (folder / sweep.SWEEP).exists() else []
+    known = sweep.merged(known, swept)
+    for job in jobs:
+        _announce(job)
+    # last: what is in its file can be resumed
+    sweep.write(folder, known)
+    return known
+
+
+def start_sweep(jobs: Sequence[Job], swept: Sequence[SweptRun], folder: Path) -> int:
+    """Run the runs of a new or extended sweep, as `composed_sweep`; return the exit code."""
+
+    def begin(job: Job, run: SweptRun) -> Callable[[], int]:
+        return lambda: runs.start(job, run.command)
+
+    with held(folder):
+        known = announce(jobs, swept, folder)
+        begun = [(run, begin(job, run)) for job, run in zip(jobs, swept, strict=True)]
+        return _run_all(folder, known, begun)
+
+
+def resume_sweep(folder: Path, overrides: Sequence[Override]) -> int:
+    """Resume the unfinished runs of a sweep, each as `runs.resume`; return the exit code."""
+    with held(folder):
+        known = sweep.read(folder)
+        left = [run for run in known if state_of(folder, run) != DONE]
+
+        def go_on(run: SweptRun) -> Callable[[], int]:
+            return lambda: runs.resume(folder / run.folder, overrides, run.command)
+
+        if not left:
+            sys.stderr.write(f"nothing is left to do: all {len(known)} runs are finished\n")
+            return OK
+        return _run_all(folder, known, [(run, go_on(run)) for run in left])
+
+
+def _announce(job: Job) -> None:
+    """Put a configuration into its run's folder, so that the run can be resumed; keep what is there."""
+    if not (job.folder / artifacts.CONFIG).exists():
+        artifacts.write_config(job.folder, job.config)
+
+
+def _run_all(folder: Path, known: list[SweptRun], begun: Sequence[tuple[SweptRun, Callable[[], int]]]) -> int:
+    """Run all given runs, with a line each; at the end list those that failed."""
+    started, codes = time.perf_counter(), [OK]
+    for number, (run, begin) in enumerate(begun, 1):
+        try:
+            code, failure = attempt(begin)
+        except Interrupted as interrupt:
+            left = len(begun) - number + 1
+            raise Interrupted(
+                f"{interrupt}\n{left} runs of the sweep are left. To go on with all: "
+                f"python -m pipeline resume={folder}"
+            ) from interrupt
+        codes.append(code)
+        known = sweep.with_failure(known, run.folder, failure)
+        sweep.write(folder, known)
+        sweep.note_failure(folder, run, "")  # of an earlier attempt as a job
+        per_run = (time.perf_counter() - started) / number
+        word = f"FAILED: {failure}" if failure else "done"
+        sys.stderr.write(
+            f"[{number}/{len(begun)}] {run.folder}: {word}; {per_run * (len(begun) - number):.0f} s left\n"
+        )
+    _tell(folder, known)
+    return max(codes)
+
+
+def attempt(begin: Callable[[], int]) -> tuple[int, str]:
+    """Run one; return its exit code and why it failed, or nothing."""
+    if os.environ.get("HYDRA_FULL_ERROR") == "1":
+        return begin(), ""
+    try:
+        return begin(), ""
+    except (ValueError, OSError, MemoryError) as error:
+        sys.stderr.write(runs.told(error))
+        return MISTAKE, sentence(error)
+    except Exception as error:  # noqa: BLE001 - the failure of one run must not lose the others
+        traceback.print_exc()
+        return FAULT, f"a fault of the program: {type(error).__name__}: {error}"
+
+
+def _tell(folder: Path, known: Sequence[SweptRun]) -> None:
+    """Print the results of a sweep, and how to see its summary."""
+    failed = [run for run in known if run.failure]
+    for run in failed:
+        sys.stderr.write(f"failed: {run.folder}: {run.failure}\n")
+    sys.stderr.write(
+        f"{len(known) - len(failed)} of {len(known)} runs are done"
+        + (f"; to try the others again: python -m pipeline resume={folder}" if failed else "")
+        + f"\nto see what came out: python -m pipeline summary {folder}\n"
+    )

@@ -6,8 +6,8 @@ from typing import Any
 
 from omegaconf import OmegaConf
 
+from pipeline.command_line.arguments import ConfigError
 from pipeline.command_line.config import compose_node, job_of, options
-from pipeline.command_line.job import ConfigError
 from pipeline.settings import reference
 from pipeline.settings.groups import value_at
 from pipeline.settings.keys import unknown

@@ -8,7 +8,7 @@ from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.core.override_parser.types import Glob, Override, OverrideType
 from hydra.errors import HydraException
 
-from pipeline.command_line.job import EXPERIMENT, ConfigError
+from pipeline.command_line.arguments import EXPERIMENT, ConfigError
 from pipeline.settings.keys import all_keys, choices_of, did_you_mean, is_key, nearest, renamed, unknown
 
 CONTROLLER = "controller"

@@ -8,14 +8,15 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pipeline.command_line.job import EXPERIMENT, ConfigError, Job, differences
-from pipeline.run import artifacts, reproducible
+from pipeline.command_line.arguments import EXPERIMENT, ConfigError
+from pipeline.run import artifacts, maker
 from pipeline.run.lock import held
 from pipeline.run.runner import finished_stages, run_stages
 from pipeline.settings.checks import Scope
 from pipeline.settings.experiment import Experiment
 from pipeline.settings.places import requirements_path
 from pipeline.settings.schema import (
+    differences,
     experiment_from,
     keys_in,
     only_results,
@@ -28,7 +29,7 @@ from pipeline.settings.schema import (
 if TYPE_CHECKING:
     from hydra.core.override_parser.types import Override
 
-    from pipeline.command_line.arguments import Asked
+    from pipeline.command_line.config import Job
 
 OK, FAULT, MISTAKE = 0, 1, 2
 
@@ -51,13 +52,13 @@ def told(error: Exception) -> str:
     return "\n".join([f"error: {sentence(error)}", *getattr(error, "__notes__", ())]) + "\n"
 
 
-def start_new(job: Job, command: Sequence[str]) -> int:
+def start_new(job: "Job", command: Sequence[str]) -> int:
     """Check a new run before any folder is made, and run it; see `start`."""
     check_before(job.experiment)
     return start(job, command)
 
 
-def start(job: Job, command: Sequence[str]) -> int:
+def start(job: "Job", command: Sequence[str]) -> int:
     """Run a new experiment; return the exit code.
 
     Parameters
@@ -71,7 +72,7 @@ def start(job: Job, command: Sequence[str]) -> int:
         return _run(job.config, job.experiment, job.folder, command=command)
 
 
-def _check_vacant(job: Job) -> None:
+def _check_vacant(job: "Job") -> None:
     """Raise ConfigError if the folder holds another run; the same run may be repeated."""
     if not (job.folder / artifacts.MANIFEST).exists():
         if (job.folder / artifacts.CONFIG).exists():
@@ -143,11 +144,11 @@ def _resume(folder: Path, overrides: Sequence["Override"], command: Sequence[str
     return _run(config, replace(experiment, resume=True), folder, left, command)
 
 
-def repeat(folder: Path, overrides: Sequence["Override"], asked: "Asked") -> int:
+def repeat(folder: Path, overrides: Sequence["Override"], config_dir: Path | None) -> int:
     """Repeat stages on the files of an earlier run, with its configuration; return the exit code."""
     artifacts.read_config(folder)
     with held(folder):
-        return _repeat(folder, overrides, asked)
+        return _repeat(folder, overrides, config_dir)
 
 
 def _given_again(overrides: Sequence["Override"], name: str) -> dict[str, Any]:
@@ -164,7 +165,7 @@ def _given_again(overrides: Sequence["Override"], name: str) -> dict[str, Any]:
     return given
 
 
-def _repeat(folder: Path, overrides: Sequence["Override"], asked: "Asked") -> int:
+def _repeat(folder: Path, overrides: Sequence["Override"], config_dir: Path | None) -> int:
     given = {override.key_or_group for override in overrides}
     known = {key for key in keys_in(Scope.OUTSIDE) if {key, key.partition(".")[0]} & given}
     config = _taken_over(folder, _stored(folder), known)
@@ -179,7 +180,7 @@ def _repeat(folder: Path, overrides: Sequence["Override"], asked: "Asked") -> in
     from pipeline.command_line.config import compose_experiment  # noqa: PLC0415 - Hydra, which few runs need
 
     if any(not o.key_or_group.startswith("hydra.") and o.key_or_group != "stages" for o in overrides):
-        new = compose_experiment([o.input_line or "" for o in overrides], asked.config_dir)
+        new = compose_experiment([o.input_line or "" for o in overrides], config_dir)
         own = {group for stage in asked_for for group in OWN_GROUPS.get(stage, ())}
         then, now = only_results(present(config)), only_results(new.config)
         if changed := differences(then, now, {*own, "stages"}):
@@ -242,7 +243,7 @@ def check_before(experiment: Experiment) -> None:
     from pipeline.flight.world.chief import check_perigee, num_chief_steps  # noqa: PLC0415
 
     if experiment.reproducible:
-        reproducible.require()
+        maker.require_reproducible()
     num_chief_steps(experiment.mission)
     check_perigee(experiment.mission)
     guidance = experiment.mission.guidance
@@ -252,10 +253,14 @@ def check_before(experiment: Experiment) -> None:
             "train with guidance.engine=compiled"
         )
     if "assure" in experiment.stages:
-        _check_requirements(experiment)
+        from pipeline.evaluation.assurance.requirements import read, require_heard  # noqa: PLC0415 - as above
+
+        name, mission = experiment.assurance.requirements, experiment.mission
+        found = read(requirements_path(name).read_text(encoding="utf-8"), name).requirements
+        require_heard(found, mission.duration_s, mission.control_period_s)
     if "optimum" in experiment.stages:
-        from pipeline.optimum.problem import check_light  # noqa: PLC0415 - the same
-        from pipeline.optimum.solved import check_points  # noqa: PLC0415 - compiled code, like the controller's
+        from pipeline.optimum.problem import check_light  # noqa: PLC0415 - compiled code, like the controller's
+        from pipeline.optimum.solved import check_points  # noqa: PLC0415 - the same
 
         check_light(experiment.mission)
         check_points(experiment.mission, experiment.optimum.points)
@@ -264,30 +269,8 @@ def check_before(experiment: Experiment) -> None:
 
         with suppress(IncomparableError):
             solved_for(experiment)
-    _check_controller(experiment)
-    if "compare" in experiment.stages:
-        _check_compared(experiment)
-
-
-def _check_requirements(experiment: Experiment) -> None:
-    """Read the requirements to report their errors."""
-    from pipeline.evaluation.assurance.requirements import read, require_heard  # noqa: PLC0415 - as above
-
-    name, mission = experiment.assurance.requirements, experiment.mission
-    found = read(requirements_path(name).read_text(encoding="utf-8"), name).requirements
-    require_heard(found, mission.duration_s, mission.control_period_s)
-
-
-def _check_compared(experiment: Experiment) -> None:
-    """Read the controllers to compare."""
-    from pipeline.controllers.source import named  # noqa: PLC0415 - compiled code, as above
-
-    for name in experiment.compare.controllers:
-        named(name, experiment.mission)
-
-
-def _check_controller(experiment: Experiment) -> None:
-    """Read the controller before any folder is made, so that its mistakes are reported first."""
-    from pipeline.controllers.source import load  # noqa: PLC0415 - compiled code, needed once the rest is right
+    from pipeline.controllers.source import load, named  # noqa: PLC0415 - compiled code, needed once the rest is right
 
     load(experiment.controller, experiment.mission)
+    for name in experiment.compare.controllers if "compare" in experiment.stages else ():
+        named(name, experiment.mission)

@@ -72,38 +72,28 @@ UNFINISHED: Final = ".unfinished"
 MOST_CONFIG_BYTES: Final = 2 * 1024 * 1024
 MOST_DEEP: Final = 64
 
-#: the stage that writes each file that another may miss
-WRITTEN_BY: Final[Mapping[str, str]] = {
-    SCENARIOS: "scenario",
-    LOGBOOK: "train",
-    HISTORY: "train",
-    CHAMPION_TRAJECTORIES: "train",
-    CHECKPOINT: "train",
-    CHAMPION: "train",
-    EPISODES: "evaluate",
-    TRAJECTORIES: "evaluate",
-    SUMMARY: "evaluate",
-    BESIDE_OPTIMUM: "evaluate",
-    OPTIMUM_CASES: "optimum",
-    OPTIMUM_PLANS: "optimum",
-    OPTIMUM_FORCES: "optimum",
-    OPTIMUM_SUMMARY: "optimum",
-    COMPARISON_TABLE: "compare",
-    COMPARISON_EPISODES: "compare",
-    COMPARISON: "compare",
-    REQUIREMENTS: "assure",
-    ASSURED_CASES: "assure",
-    SEARCHED: "assure",
-    WORST_FLIGHTS: "assure",
-    PROOF_BOXES: "assure",
-    DOMAIN: "assure",
-    EVIDENCE: "assure",
-    EVIDENCE_PAGE: "assure",
-    RECORDINGS: "record",
-    FIGURES: "report",
-    REPORT: "report",
-    REVIEW: "report",
+#: the files of each stage that another may miss
+FILES_OF: Final[Mapping[str, Sequence[str]]] = {
+    "scenario": (SCENARIOS,),
+    "train": (LOGBOOK, HISTORY, CHAMPION_TRAJECTORIES, CHECKPOINT, CHAMPION),
+    "evaluate": (EPISODES, TRAJECTORIES, SUMMARY, BESIDE_OPTIMUM),
+    "optimum": (OPTIMUM_CASES, OPTIMUM_PLANS, OPTIMUM_FORCES, OPTIMUM_SUMMARY),
+    "compare": (COMPARISON_TABLE, COMPARISON_EPISODES, COMPARISON),
+    "assure": (
+        REQUIREMENTS,
+        ASSURED_CASES,
+        SEARCHED,
+        WORST_FLIGHTS,
+        PROOF_BOXES,
+        DOMAIN,
+        EVIDENCE,
+        EVIDENCE_PAGE,
+    ),
+    "record": (RECORDINGS,),
+    "report": (FIGURES, REPORT, REVIEW),
 }
+#: the stage that writes each of them
+WRITTEN_BY: Final = {name: stage for stage, names in FILES_OF.items() for name in names}
 
 #: 2 added the roles of files, the scene and the command; runs of version 1 are read and resumed
 MANIFEST_VERSION: Final = 2

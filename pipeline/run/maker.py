@@ -1,21 +1,24 @@
 """What produces a run's files: this product, its libraries, and the processor they are compiled for.
 
 Two equal makers produce the same files from the same configuration, bit for bit. Our compiled code
-rounds alike on all processors; libraries may not, unless `pipeline.run.reproducible` makes them.
+rounds each operation separately (IEEE 754), and so gives the same bits on all processors.
+
+Libraries choose among variants by the processor's features, and these differ in their last digits. With the
+setting ``reproducible`` they use the same mathematics on all x86-64 processors. They choose when loaded, so
+that a process must be started with the right environment.
 """
 
 import hashlib
 import os
 import platform
 import subprocess
+import sys
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cache
 from importlib import metadata
 from pathlib import Path
-from typing import Any, Final
-
-from pipeline.run import reproducible
+from typing import Any, Final, NoReturn
 
 DISTRIBUTION: Final = "fuzzy-spacecraft-inspection"
 SOURCES: Final = Path(__file__).resolve().parents[2]
@@ -97,7 +100,7 @@ def processor() -> dict[str, Any]:
     features = os.environ.get("NUMBA_CPU_FEATURES")
     if features is None:
         features = own.flatten()
-    has_fma = own.get("fma", False) and own.get("avx2", False) and not reproducible.is_libm_fixed()
+    has_fma = own.get("fma", False) and own.get("avx2", False) and not is_libm_fixed()
     blas = {
         f"{one.get('architecture')} x{one['num_threads']}"
         for one in threadpool_info()
@@ -108,9 +111,9 @@ def processor() -> dict[str, Any]:
         "compiled_for": os.environ.get("NUMBA_CPU_NAME") or binding.get_host_cpu_name(),
         "features": ",".join(sorted(word for word in features.split(",") if word.startswith("+"))),
         "libm": " ".join((*platform.libc_ver(), "with fma" if has_fma else "without fma")).strip(),
-        "numpy": " ".join(reproducible.numpy_variants()) or "baseline",
+        "numpy": " ".join(numpy_variants()) or "baseline",
         "blas": ", ".join(sorted(blas)) or "unknown",
-        "reproducible": reproducible.is_in_force(),
+        "reproducible": is_in_force(),
     }
 
 
@@ -159,3 +162,66 @@ def git_revision() -> str | None:
     if revision == "(initial)":
         return None
     return revision + "+changes" * any(not line.startswith("#") for line in lines)
+
+
+#: OpenBLAS's kernels for the oldest processor that NumPy supports, with an order of sums independent of the
+#: number of threads; numba without Intel's vector mathematics, which it calls if installed
+FIXED: Final = {"OPENBLAS_CORETYPE": "Nehalem", "OPENBLAS_NUM_THREADS": "1", "NUMBA_DISABLE_INTEL_SVML": "1"}
+#: glibc's elementary functions without fused multiply-add
+LIBM: Final = "glibc.cpu.hwcaps=-AVX2,-FMA,-FMA4"
+TUNABLES: Final = "GLIBC_TUNABLES"
+DISABLED: Final = "NPY_DISABLE_CPU_FEATURES"
+
+
+class NotInForce(RuntimeError):  # noqa: N818 - the command line handles it by restarting
+    """Reproducible results were requested of a process whose libraries chose their own variants."""
+
+
+def numpy_variants() -> list[str]:
+    """Return the processor features that NumPy uses beyond those that it requires."""
+    import numpy as np  # noqa: PLC0415 - slow to import, and most commands do without
+
+    return list(np.show_config(mode="dicts").get("SIMD Extensions", {}).get("found", []))
+
+
+def environment() -> dict[str, str]:
+    """Return the environment variables for a reproducible process; in such a process, those that it has."""
+    tunables = [word for word in os.environ.get(TUNABLES, "").split(":") if word and word != LIBM]
+    disabled = os.environ.get(DISABLED, "").split()
+    disabled += [name for name in numpy_variants() if name not in disabled]
+    return {**FIXED, TUNABLES: ":".join((*tunables, LIBM)), DISABLED: " ".join(disabled)}
+
+
+def is_libm_fixed() -> bool:
+    """Return whether this process was started with the libm setting of `environment`."""
+    return LIBM in os.environ.get(TUNABLES, "").split(":")
+
+
+def is_in_force() -> bool:
+    """Return whether this process was started with the `environment`."""
+    return all(os.environ.get(name, "") == value for name, value in environment().items())
+
+
+def require_reproducible() -> None:
+    """Raise NotInForce unless this process was started with the `environment`.
+
+    Raises
+    ------
+    NotInForce
+    """
+    if not is_in_force():
+        told = " ".join(f"{name}='{value}'" for name, value in environment().items())
+        raise NotInForce(f"reproducible is true, and Python was not started for it; start it with {told}")
+
+
+def start_anew(words: Sequence[str]) -> NoReturn:
+    """Replace this process by one with the `environment`.
+
+    Parameters
+    ----------
+    words : sequence of str
+        The command line after Python's own name.
+    """
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os.execve(sys.executable, [sys.executable, *words], {**os.environ, **environment()})  # noqa: S606

@@ -10,7 +10,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from pipeline.run import artifacts, interrupts, reproducible
+from pipeline.run import artifacts, interrupts, maker
 from pipeline.run.maker import present_maker, unlike
 from pipeline.settings.experiment import STAGES, Experiment, Mission
 from pipeline.settings.schema import reached_outside
@@ -64,13 +64,13 @@ def run_stages(
 
     Raises
     ------
-    pipeline.run.reproducible.NotInForce
+    pipeline.run.maker.NotInForce
         If the experiment is to be reproducible, and this process is not.
     Interrupted
         After an interrupt from the keyboard; the manifest then says what is finished.
     """
     if experiment.reproducible:
-        reproducible.require()
+        maker.require_reproducible()
     stages = experiment.stages if stages is None else tuple(stages)
     folder.mkdir(parents=True, exist_ok=True)
     earlier = artifacts.read_manifest(folder) if (folder / artifacts.MANIFEST).exists() else {}

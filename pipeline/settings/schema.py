@@ -6,7 +6,7 @@ what it reaches outside the run's folder, nothing is taken over.
 """
 
 import copy
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import MISSING, asdict, dataclass, fields, is_dataclass, replace
 from functools import cache
 from itertools import chain
@@ -17,6 +17,8 @@ from pipeline.settings.experiment import Experiment, Mission, Sun
 from pipeline.settings.groups import GROUPS, Only, names_of, value_at
 from pipeline.settings.keys import DISPERSIONS, FREE, did_you_mean, dotted, in_todays_words, unknown
 
+#: characters of a value in a message
+MOST_SHOWN = 60
 #: stands for a value that a configuration does not have
 ABSENT: Final = object()
 
@@ -253,3 +255,46 @@ def in_world(experiment: Experiment, name: str) -> Experiment:
         if group != "sun" and last in changes.get(group, {}):
             raise SettingError(f"compare.worlds.{name}: {mark.refusal(key, there)}")
     return replace(experiment, mission=Mission(**mission), sun=Sun(**sun))
+
+
+def differences(
+    then: Mapping[str, Any],
+    now: Mapping[str, Any],
+    but: Collection[str],
+    words: tuple[str, str] = ("then", "now"),
+) -> list[str]:
+    """Return the keys in which two configurations differ, each with both values shortened.
+
+    Parameters
+    ----------
+    then, now : mapping
+        Plain data.
+    but : collection of str
+        Top-level keys to ignore.
+    words : (str, str)
+        Names of the two.
+
+    Returns
+    -------
+    list of str
+        Such as ``seed (then 1, now 2)``; a controller counts as one value.
+    """
+
+    def walk(one: Any, other: Any, key: str) -> Iterator[str]:
+        if one == other:
+            return
+        if isinstance(one, Mapping) and isinstance(other, Mapping) and key != FREE:
+            for name in sorted({*one, *other}):
+                yield from walk(one.get(name), other.get(name), f"{key}.{name}" if key else name)
+        else:
+            yield f"{key} ({words[0]} {_short(one)}, {words[1]} {_short(other)})"
+
+    first, second = (
+        {key: value for key, value in config.items() if key not in but} for config in (then, now)
+    )
+    return list(walk(first, second, ""))
+
+
+def _short(value: Any) -> str:
+    text = " ".join(str(value).split())
+    return text if len(text) <= MOST_SHOWN else f"{text[: MOST_SHOWN - 3]}..."

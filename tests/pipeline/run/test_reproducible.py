@@ -9,7 +9,7 @@ import pytest
 
 from pipeline.command_line.cli import main
 from pipeline.command_line.config import compose_experiment
-from pipeline.run import artifacts, reproducible
+from pipeline.run import artifacts, maker
 from pipeline.run.runner import run_stages
 from tests.places import PROJECT
 
@@ -69,13 +69,13 @@ def test_a_run_starts_anew_with_what_it_asks_of_libraries(tmp_path):
 def test_settings_of_the_user_are_kept(monkeypatch):
     monkeypatch.setenv("GLIBC_TUNABLES", "glibc.malloc.check=1")
     monkeypatch.setenv("NPY_DISABLE_CPU_FEATURES", "AVX512F")
-    assert not reproducible.is_in_force()
-    told = reproducible.environment()
-    assert told["GLIBC_TUNABLES"] == f"glibc.malloc.check=1:{reproducible.LIBM}"
+    assert not maker.is_in_force()
+    told = maker.environment()
+    assert told["GLIBC_TUNABLES"] == f"glibc.malloc.check=1:{maker.LIBM}"
     assert told["NPY_DISABLE_CPU_FEATURES"].startswith("AVX512F")
     for name, value in told.items():
         monkeypatch.setenv(name, value)
-    assert reproducible.is_in_force()
+    assert maker.is_in_force()
 
 
 def test_only_a_process_started_for_it_runs_it(tmp_path, monkeypatch):
@@ -91,8 +91,8 @@ def test_only_a_process_started_for_it_runs_it(tmp_path, monkeypatch):
         main([*WORDS, f"hydra.run.dir={folder}"])
     ((path, words, env),) = started
     assert (path, words[:3], words[3:7]) == (sys.executable, [sys.executable, "-m", "pipeline"], WORDS)
-    assert reproducible.environment().items() <= env.items()
+    assert maker.environment().items() <= env.items()
     run = compose_experiment(WORDS)
-    with pytest.raises(reproducible.NotInForce, match="start it with OPENBLAS_CORETYPE='Nehalem' "):
+    with pytest.raises(maker.NotInForce, match="start it with OPENBLAS_CORETYPE='Nehalem' "):
         run_stages(run.experiment, run.config, folder)
     assert not folder.exists()

@@ -1,0 +1,198 @@
+"""Commands about runs that are there: ``verify RUN``, ``summary SWEEP`` and ``compare=RUN_A,RUN_B``.
+
+The first checks whether a run's files are intact and its flights repeat; for two runs, whether they made the
+same files, and if not, whether they should have. The others summarise several runs.
+"""
+
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from functools import partial
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+from fis_tools.document import Block, Document, text
+from pipeline.command_line.arguments import ConfigError
+from pipeline.evaluation import paired
+from pipeline.report.swept import contents, page, words
+from pipeline.run import artifacts, tables
+from pipeline.run.maker import present_maker, require_reproducible, unlike
+from pipeline.settings.schema import differences, present
+from telemetry import RecordingError
+
+OK, DIFFERENT = 0, 1
+#: files that `summary` writes into a sweep's folder
+PAGE, RUNS, EFFECTS = "summary.html", "summary.parquet", "effects.parquet"
+#: number of runs whose failures, or commands, are printed
+MOST_PRINTED = 20
+
+
+def verify(given: Sequence[str]) -> int:
+    """Check a run, or compare two; print the findings and return the exit code: 1 if something differs.
+
+    Raises
+    ------
+    ConfigError, pipeline.run.artifacts.ArtifactError
+        If no run is given.
+    pipeline.run.maker.NotInForce
+        If the run is reproducible, and this process is not.
+    """
+    if len(given) not in (1, 2):
+        raise ConfigError(
+            "verify takes the folder of a run, and of another one to compare it with: "
+            "python -m pipeline verify outputs/NAME/TIME"
+        )
+    folder, *others = (Path(word).expanduser() for word in given)
+    if others:
+        return OK if _checked("comparison", lambda: _compare_files(folder, others[0])) else DIFFERENT
+    if not (folder / artifacts.MANIFEST).exists():
+        artifacts.read_config(folder)  # says why, of a folder that is none of a run
+    with suppress(artifacts.ArtifactError):  # told below, as a file that is missing or changed
+        if artifacts.read_config(folder).get("reproducible") is True:
+            require_reproducible()
+    checks = {"files": _check_files, "makers": _tell_makers, "flights": _fly_again}
+    are_right = [_checked(what, partial(check, folder)) for what, check in checks.items()]
+    return OK if all(are_right) else DIFFERENT
+
+
+def _checked(what: str, check: Callable[[], bool]) -> bool:
+    """Return the result of a check; False, with a sentence, for whatever it raises of a damaged file."""
+    try:
+        return check()
+    except Exception as error:  # noqa: BLE001 - reporting damage is what this command is for
+        told = str(error) if isinstance(error, ValueError | OSError | RecordingError) else ""
+        sys.stdout.write(f"{what}: CANNOT BE CHECKED: {told or type(error).__name__}\n")
+        return False
+
+
+def _check_files(folder: Path) -> bool:
+    """Hash the files of a run again; print those that are not as they were written, return whether all are.
+
+    The configuration is also compared by content.
+    """
+    manifest = artifacts.read_manifest(folder)
+    told: dict[str, str] = manifest.get("sha256", {})
+    there = set(artifacts.list_artifacts(folder))
+    changed = {name for name in there & set(told) if artifacts.file_hash(folder / name) != told[name]}
+    if artifacts.CONFIG in there and not _is_own_config(folder, manifest):
+        changed.add(artifacts.CONFIG)
+    missing, strangers = sorted(set(told) - there), list(artifacts.strangers(folder))
+    lines = [f"files: {len((there & set(told)) - changed)} as they were written"]
+    lines += [f"  {name} has CHANGED since it was written" for name in sorted(changed)]
+    lines += [f"  {name} is MISSING" for name in missing]
+    lines += [f"  {name} is not in the manifest" for name in sorted(there - set(told))]
+    lines += [f"  {stranger}, which is not followed" for stranger in strangers]
+    sys.stdout.write("\n".join(lines) + "\n")
+    return not (changed or missing or strangers)
+
+
+def _is_own_config(folder: Path, manifest: Mapping[str, Any]) -> bool:
+    try:
+        return artifacts.is_config_of(artifacts.stored_config(folder), manifest)
+    except artifacts.ArtifactError:
+        return False
+
+
+def _tell_makers(folder: Path) -> bool:
+    """Print how the makers of a run differ from the present one; return True, for that is no damage."""
+    for maker in artifacts.read_manifest(folder).get("makers", []):
+        _tell_unlike("made by another maker", unlike(maker, present_maker()))
+    return True
+
+
+def _compare_files(folder: Path, other: Path) -> bool:
+    """Print how two runs differ, and whether that is to be expected; return whether they are equal."""
+    manifests = [artifacts.read_manifest(place) for place in (folder, other)]
+    one, two = (manifest.get("sha256", {}) for manifest in manifests)
+    names = sorted({*one, *two} - {artifacts.CONFIG})
+    shared = [name for name in names if name in one and name in two]
+    different = [name for name in shared if one[name] != two[name]]
+    configs = artifacts.stored_config(folder), artifacts.stored_config(other)
+    for told in differences(*configs, but=("hydra",), words=("here", "there")):
+        sys.stdout.write(f"configuration: {told}\n")
+    sys.stdout.write(f"files: {len(shared) - len(different)} equal to the last bit\n")
+    sys.stdout.writelines(f"  {name} differs\n" for name in different)
+    sys.stdout.writelines(f"  {name} is in one of them alone\n" for name in names if name not in shared)
+    for here, there in product(*(manifest.get("makers", []) for manifest in manifests)):
+        _tell_unlike("makers differ", unlike(here, there))
+    return len(different) == 0 and names == shared
+
+
+def _tell_unlike(what: str, differing: Sequence[str]) -> None:
+    if differing:
+        sys.stdout.write(f"{what} ({'; '.join(differing)}): results may differ in the last digits\n")
+
+
+def _fly_again(folder: Path) -> bool:
+    """Fly the recorded flights again; return whether each agrees."""
+    places = (artifacts.RECORDINGS, artifacts.WORST_FLIGHTS)
+    paths = [path for place in places for path in sorted((folder / place).glob("*.mcap"))]
+    if not paths:
+        sys.stdout.write("flights: none is recorded\n")
+        return True
+    sys.stdout.write(f"flights: {len(paths)} recorded\n")
+    agree = [_checked(f"  {path.name}", partial(_flies_again, path)) for path in paths]
+    return all(agree)
+
+
+def _flies_again(path: Path) -> bool:
+    """Print whether a recorded flight repeats, and return it."""
+    from pipeline.recording.reflight import fly_again  # noqa: PLC0415 - compiled code, only if there are flights
+
+    again = fly_again(path)
+    told = "equal to the last bit"
+    if not again.is_equal:
+        how = "equal but for the last digits" if again.is_close else "DIFFERENT"
+        told = f"{how}: by {again.greatest:.3g} in {again.where}"
+    sys.stdout.write(f"  {path.name}: flown again, {told}\n")
+    return again.is_close
+
+
+def summary(given: Sequence[str]) -> int:
+    """Print the results of a sweep, and write them as Parquet and HTML into its folder.
+
+    Raises
+    ------
+    ConfigError, ValueError, OSError
+        If no sweep is given, or it cannot be read.
+    """
+    if len(given) != 1:
+        raise ConfigError(
+            "summary takes the folder of one sweep: python -m pipeline summary outputs/NAME-sweep/TIME"
+        )
+    folder = Path(given[0]).expanduser()
+    swept = contents.gather(folder)
+    tables.write_parquet(folder / RUNS, contents.columns_of(swept))
+    tables.write_parquet(folder / EFFECTS, contents.effect_columns(swept))
+    artifacts.write_atomically(folder / PAGE, page.write(swept))
+    _print([*words.runs_table(swept), *words.effects_table(swept)])
+    for run in swept.offered:
+        sys.stdout.write(f"to fly {run.name}: {run.fly}\n")
+    for run in words.failures_of(swept)[:MOST_PRINTED]:
+        sys.stdout.write(f"failed: {run.name}: {run.failure}\n")
+    sys.stdout.write(f"written: {', '.join(str(folder / name) for name in (PAGE, RUNS, EFFECTS))}\n")
+    return OK
+
+
+def compare(first: Path, second: Path) -> int:
+    """Print two runs side by side on the cases that they share.
+
+    Raises
+    ------
+    ValueError, OSError
+        If one cannot be read, was not evaluated, or they share no case.
+    """
+    configs = [artifacts.stored_config(folder) for folder in (first, second)]
+    confidence = float(artifacts.read_json(first, artifacts.SUMMARY)["confidence_percent"])
+    one, other = (tables.read_parquet(folder, artifacts.EPISODES) for folder in (first, second))
+    compared = paired.compare(one, other, confidence)
+    _print(words.compared_table(first.name, second.name, compared, confidence))
+    sys.stdout.write("p: Wilcoxon's signed ranks; for shares of flights McNemar's exact test\n")
+    for told in differences(present(configs[0]), present(configs[1]), ()):
+        sys.stdout.write(f"they differ in {told.replace('(then ', '(A ').replace(', now ', ', B ')}\n")
+    return OK
+
+
+def _print(blocks: Sequence[Block]) -> None:
+    sys.stdout.write(text.write(Document(blocks)))
