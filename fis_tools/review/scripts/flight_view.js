@@ -157,7 +157,7 @@ function stripWords({ fired, times, numInferences }, left, noun) {
   return [
     `${silent} of ${fired.length} rules never fire at ${FIRED} or more on this ${noun}.`,
     times.length < numInferences ? `Of its ${numInferences} inferences ${times.length} are shown.` : "",
-    left ? `The ${left} that fire least often have no row.` : "",
+    left ? `The ${left === 1 ? "one that fires" : `${left} that fire`} least often ${left === 1 ? "has" : "have"} no row.` : "",
     "The brighter, the stronger. The time sets the inputs of every system.",
   ].filter(Boolean).join(" ");
 }
