@@ -11,7 +11,7 @@ from mcap.writer import Writer
 import telemetry
 from benchmarks.timing import best_cpu_seconds, best_wall_seconds, line
 from fis_tools.model import FuzzyController, FuzzySystem, rule_table, table_rules
-from pipeline.command_line.config import Composed, compose_experiment
+from pipeline.command_line.config import Job, compose_experiment
 from pipeline.controllers import source as controller_source
 from pipeline.flight.cases.starts import evaluation_scenarios
 from pipeline.flight.control.controller import Controller, from_fuzzy
@@ -36,7 +36,7 @@ def run(controller: str) -> None:
         time_reading(long_file, num_messages)
 
 
-def time_recording(composed: Composed, flown: Controller, path: Path) -> None:
+def time_recording(composed: Job, flown: Controller, path: Path) -> None:
     """Fly and record once; print milliseconds and KiB."""
     experiment = composed.experiment
     scenario = evaluation_scenarios(experiment.monte_carlo, experiment.sun, experiment.seed)[0]

@@ -97,10 +97,7 @@ def help_text(folders: Sequence[Path]) -> str:
             *_table(signals),
             "\nconstants that a controller may set as attributes; 0 switches what they do off",
             *_table(
-                [
-                    *constants,
-                    ("tour_*_m", "mean and waves of the tour along each axis, and of its lift, m"),
-                ]
+                [*constants, ("tour_*_m", "mean and waves of the tour along each axis, and of its lift, m")]
             ),
             "\nother choices (GROUP=NAME)",
             *_table(list(others.items())),

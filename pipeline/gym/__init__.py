@@ -18,7 +18,7 @@ from pipeline.gym.env import (
     NormalizedObservation,
     NormalizedVectorObservation,
 )
-from pipeline.gym.task import Reward, Task, task_of
+from pipeline.gym.episodes import Reward, Task, task_of
 
 __all__ = [
     "OBSERVED",

@@ -12,8 +12,7 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from pipeline.flight.state.log import FlightLog
-from pipeline.gym.episodes import Episodes
-from pipeline.gym.task import Reward, Task, task_of
+from pipeline.gym.episodes import Episodes, Reward, Task, task_of
 
 Observation = NDArray[np.float32]
 
@@ -151,7 +150,7 @@ def _scaled(space: "Box[np.float32]", scales: NDArray[np.float32]) -> "Box[np.fl
 
 
 class NormalizedObservation(gymnasium.ObservationWrapper):
-    """Divides observations by `pipeline.gym.task.Task.scales`."""
+    """Divides observations by `pipeline.gym.episodes.Task.scales`."""
 
     def __init__(self, env: InspectionEnv) -> None:
         super().__init__(env)

@@ -161,22 +161,10 @@ def search(problem: Problem, needed: int, num_burns: int, generator: np.random.G
         columns = np.ascontiguousarray(genes.reshape(len(lowest), -1))
         costs = np.empty(columns.shape[1])
         price_burns(
-            columns,
-            num_burns,
-            needed,
-            problem.free,
-            problem.gain,
-            problem.normals,
-            problem.is_lit,
-            problem.sight,
-            problem.heights,
-            problem.points,
-            problem.cos_incidence,
-            problem.max_range,
-            (deputy.min_distance_m, deputy.max_distance_m),
-            problem.delta_v_per_force,
-            costs,
-        )
+            columns, num_burns, needed, problem.free, problem.gain, problem.normals, problem.is_lit,
+            problem.sight, problem.heights, problem.points, problem.cos_incidence, problem.max_range,
+            (deputy.min_distance_m, deputy.max_distance_m), problem.delta_v_per_force, costs,
+        )  # fmt: skip
         return costs
 
     found = differential_evolution(

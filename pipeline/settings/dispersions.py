@@ -56,10 +56,10 @@ class Distribution:
 
     key: str
     kind: str
-    mean: float
-    std: float
-    low: float
-    high: float
+    mean: float = 0.0
+    std: float = 0.0
+    low: float = -math.inf
+    high: float = math.inf
     correlation_s: float | None = None
 
     def value(self, share: float) -> float:
@@ -141,15 +141,7 @@ def _distribution(key: str, told: Mapping[str, Any]) -> Distribution:
         number = told[name]
         if isinstance(number, bool) or not isinstance(number, int | float) or not math.isfinite(number):
             raise SettingError(f"{where}.{name} is {number!r}; it must be a finite number")
-    found = Distribution(
-        key,
-        kind,
-        float(told.get("mean", 0.0)),
-        float(told.get("std", 0.0)),
-        float(told.get("low", -math.inf)),
-        float(told.get("high", math.inf)),
-        float(told["correlation_s"]) if "correlation_s" in told else None,
-    )
+    found = Distribution(key, kind, **{name: float(told[name]) for name in names})
     if not found.low < found.high:
         raise SettingError(
             f"{where}.low is {found.low:g} and {where}.high {found.high:g}; the first must be less"

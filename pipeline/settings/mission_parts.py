@@ -136,11 +136,7 @@ class Sensor:
 
     half_angle_deg: Annotated[Positive, Field(le=180)] = 15.0
     """Half angle of the field of view."""
-    boresight: UnitVector = (
-        -1.0,
-        0.0,
-        0.0,
-    )
+    boresight: UnitVector = (-1.0, 0.0, 0.0)
     """Where the camera looks, body axes."""
     max_incidence_deg: Annotated[Positive, Field(le=90)] = 90.0
     """Greatest angle between a point's normal and the direction to the deputy."""

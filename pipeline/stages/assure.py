@@ -255,10 +255,7 @@ def _provenance(
         "schema": evidence.SCHEMA,
         "schema_version": evidence.SCHEMA_VERSION,
         "name": requirements.name,
-        "controller": {
-            "name": controller.name,
-            "sha256": _fingerprint(controller),
-        },
+        "controller": {"name": controller.name, "sha256": _fingerprint(controller)},
         "conditions": {
             "num_cases": experiment.assurance.num_cases,
             "seed": experiment.seed,

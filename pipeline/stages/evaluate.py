@@ -159,10 +159,7 @@ def _dispersed(
         return {}
     keys = [one.key for one in distributions(mission.dispersions)]
     nominal = _nominal(experiment, controller, folder)
-    return {
-        "sensitivity": sensitivity(episodes, keys, confidence),
-        "nominal": summarise(nominal, confidence),
-    }
+    return {"sensitivity": sensitivity(episodes, keys, confidence), "nominal": summarise(nominal, confidence)}
 
 
 def _nominal(experiment: Experiment, controller: Controller, folder: Path) -> Mapping[str, Column]:

@@ -114,11 +114,7 @@ def _evaluated_flight(name: str, episodes: Columns, row: int, scenarios: list[Sc
     # earlier versions had no elevation
     start = [float(episodes[column][row]) if column in episodes else 0.0 for column in _START]
     drawn = scenarios[case] if case < len(scenarios) else None
-    if drawn is None or start != [
-        *drawn.position_m.tolist(),
-        drawn.sun_angle_rad,
-        drawn.sun_elevation_rad,
-    ]:
+    if drawn is None or start != [*drawn.position_m.tolist(), drawn.sun_angle_rad, drawn.sun_elevation_rad]:
         raise artifacts.ArtifactError(
             f"case {case} of {artifacts.EPISODES} did not start where this configuration's does; repeat the "
             "stage evaluate"

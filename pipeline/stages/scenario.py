@@ -1,9 +1,8 @@
 """Write the starts of all flights of the experiment: scenarios.csv."""
 
-import csv
-import io
 from pathlib import Path
 
+from fis_tools.formats.csv import rows_as_text
 from pipeline.flight.cases.starts import evaluation_scenarios, training_scenarios
 from pipeline.flight.state.log import Scenario
 from pipeline.run import artifacts
@@ -17,24 +16,20 @@ def run(experiment: Experiment, folder: Path) -> None:
     sets: dict[str, list[Scenario]] = {}
     if "train" in experiment.stages or experiment.telemetry.record_training:
         for index in range(rounds):
-            sets[f"training-{index}"] = training_scenarios(
-                experiment.starts, experiment.sun, experiment.seed, index
-            )
+            starts = training_scenarios(experiment.starts, experiment.sun, experiment.seed, index)
+            sets[f"training-{index}"] = starts
     if "evaluate" in experiment.stages:
         sets["evaluation"] = evaluation_scenarios(experiment.monte_carlo, experiment.sun, experiment.seed)
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(COLUMNS)
-    for name, scenarios in sets.items():
-        for case, start in enumerate(scenarios):
-            writer.writerow(
-                [
-                    name,
-                    case,
-                    *start.position_m.tolist(),
-                    *start.velocity_m_s.tolist(),
-                    start.sun_angle_rad,
-                    start.sun_elevation_rad,
-                ]
-            )
-    artifacts.write_atomically(folder / artifacts.SCENARIOS, text.getvalue())
+    rows = [
+        [
+            name,
+            case,
+            *at.position_m.tolist(),
+            *at.velocity_m_s.tolist(),
+            at.sun_angle_rad,
+            at.sun_elevation_rad,
+        ]
+        for name, scenarios in sets.items()
+        for case, at in enumerate(scenarios)
+    ]
+    artifacts.write_atomically(folder / artifacts.SCENARIOS, rows_as_text([COLUMNS, *rows]))

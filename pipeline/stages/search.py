@@ -1,7 +1,5 @@
 """Try settings of the experiment and keep the best: trials, the command for the best, its champion."""
 
-import csv
-import io
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -10,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from fis_tools.formats import serialize
+from fis_tools.formats.csv import rows_as_text
 from pipeline.controllers import source
 from pipeline.flight.cases.starts import validation_scenarios
 from pipeline.flight.control.controller import Controller, from_fuzzy
@@ -62,17 +61,15 @@ def _judge(
     experiment: Experiment, config: Mapping[str, Any], made: dict[str, Controller], values: Mapping[str, Any]
 ) -> Iterator[float]:
     """Fly a trial's controller, trained if requested, block by block; yield mean costs, m/s."""
-    search, mission = experiment.hparams_search, experiment.mission
+    search = experiment.hparams_search
     tried = experiment_from(with_tried(config, values))
     controller = _trained(tried) if search.trains else source.load(tried.controller, tried.mission)
     made["last"] = controller
     scenarios = validation_scenarios(experiment.starts, experiment.sun, experiment.seed, search.num_cases)
-    limits = mission.deputy.min_distance_m, mission.deputy.max_distance_m
     for first in range(0, len(scenarios), search.block_cases):
         block = scenarios[first : first + search.block_cases]
         outcomes = fly_all(tried.mission, controller, block, experiment.monte_carlo.workers)
-        threshold = mission.inspection_threshold_percent
-        yield float(costs(outcomes, experiment.optimizer.penalty, limits, threshold).mean())
+        yield float(costs(outcomes, experiment.optimizer.penalty, experiment.mission).mean())
 
 
 def _trained(experiment: Experiment) -> Controller:
@@ -95,8 +92,5 @@ def _keep(experiment: Experiment, folder: Path, made: Mapping[str, Controller]) 
 
 
 def _write_table(folder: Path, keys: Sequence[str], rows: Sequence[tuple[Any, ...]]) -> None:
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(["trial", "state", "cost_m_s", "blocks", *keys])
-    writer.writerows(rows)
-    artifacts.write_atomically(folder / artifacts.SEARCH_TRIALS, text.getvalue())
+    text = rows_as_text([["trial", "state", "cost_m_s", "blocks", *keys], *rows])
+    artifacts.write_atomically(folder / artifacts.SEARCH_TRIALS, text)

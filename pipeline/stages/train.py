@@ -19,7 +19,7 @@ from pipeline.flight.fly.simulation import is_interpreted
 from pipeline.flight.world.pack import inspection_points
 from pipeline.run import artifacts, maker, tables
 from pipeline.settings.experiment import Experiment
-from pipeline.training.evolution.nsga2 import Front
+from pipeline.training.evolution.genetic import Front
 from pipeline.training.evolution.rounds import Evolution
 from pipeline.training.evolution.state import Generation
 from pipeline.training.front import judged_front, write_front
@@ -183,18 +183,11 @@ def _provenance(
 ) -> dict[str, str]:
     """Return the provenance of a training's controllers."""
     return {
-        **_origin(folder, experiment),
-        "generations": str(len(history)),
-        "interrupted": str(interrupted).lower(),
-    }
-
-
-def _origin(folder: Path, experiment: Experiment) -> dict[str, str]:
-    """Return which training it is."""
-    return {
         "experiment": experiment.name,
         "seed": str(experiment.seed),
         "config_hash": artifacts.config_hash(artifacts.read_config(folder)),
         "product_version": maker.product_version(),
         "git_revision": maker.git_revision() or "none",
+        "generations": str(len(history)),
+        "interrupted": str(interrupted).lower(),
     }

@@ -20,12 +20,11 @@ import numpy as np
 
 from pipeline.array_types import Floats
 from pipeline.flight.state.log import Outcomes, points_needed
+from pipeline.settings.experiment import Mission
 from pipeline.settings.training import Penalty
 
 
-def fitness_parts(
-    outcomes: Outcomes, penalty: Penalty, limits_m: tuple[float, float], threshold_percent: float
-) -> dict[str, Floats]:
+def fitness_parts(outcomes: Outcomes, penalty: Penalty, mission: Mission) -> dict[str, Floats]:
     """Return the fitness of a population, in parts.
 
     Parameters
@@ -33,9 +32,8 @@ def fitness_parts(
     outcomes : Outcomes
         Arrays of shape (n, m): n controllers, m flights each.
     penalty : Penalty
-    limits_m : (float, float)
-        Least and greatest distance.
-    threshold_percent : float
+    mission : Mission
+        Has the distance limits and the threshold of success.
 
     Returns
     -------
@@ -45,9 +43,9 @@ def fitness_parts(
         (flights that did either).
     """
     points = outcomes.inspected_count
-    is_short = ~outcomes.is_success(threshold_percent)
+    is_short = ~outcomes.is_success(mission.inspection_threshold_percent)
     return {
-        "fitness": costs(outcomes, penalty, limits_m, threshold_percent).mean(axis=-1),
+        "fitness": costs(outcomes, penalty, mission).mean(axis=-1),
         "delta_v_m_s": outcomes.delta_v_m_s.mean(axis=-1),
         "points": points.mean(axis=-1),
         "outside": outcomes.is_violated.sum(axis=-1).astype(np.float64),
@@ -57,17 +55,13 @@ def fitness_parts(
     }
 
 
-def costs(
-    outcomes: Outcomes, penalty: Penalty, limits_m: tuple[float, float], threshold_percent: float
-) -> Floats:
+def costs(outcomes: Outcomes, penalty: Penalty, mission: Mission) -> Floats:
     """Return delta-v plus zeta of each flight, m/s, of the shape of the outcomes; see `fitness_parts`."""
-    outside, short, missed = _prices(outcomes, penalty, limits_m, threshold_percent)
+    outside, short, missed = _prices(outcomes, penalty, mission)
     return np.asarray(outcomes.delta_v_m_s + (outside + short + missed))
 
 
-def objectives(
-    outcomes: Outcomes, penalty: Penalty, limits_m: tuple[float, float], threshold_percent: float
-) -> dict[str, Floats]:
+def objectives(outcomes: Outcomes, penalty: Penalty, mission: Mission) -> dict[str, Floats]:
     """Split the fitness of a population into two objectives; see `fitness_parts`.
 
     Returns
@@ -76,24 +70,22 @@ def objectives(
         ``spent``, delta-v and half the price of faults, and ``missed``, the price of all points missed and
         the other half; means over the flights, m/s.
     """
-    outside, short, missed = _prices(outcomes, penalty, limits_m, threshold_percent)
+    outside, short, missed = _prices(outcomes, penalty, mission)
     faults = 0.5 * (outside + short)
     return {"spent": (outcomes.delta_v_m_s + faults).mean(axis=-1), "missed": (missed + faults).mean(axis=-1)}
 
 
-def _prices(
-    outcomes: Outcomes, penalty: Penalty, limits_m: tuple[float, float], threshold_percent: float
-) -> tuple[Floats, Floats, Floats]:
+def _prices(outcomes: Outcomes, penalty: Penalty, mission: Mission) -> tuple[Floats, Floats, Floats]:
     """Return the prices of each flight for being outside, falling short and missing points, m/s."""
     points = outcomes.inspected_count
     outside_m = outcomes.outside_m
     if penalty.near_margin_m > 0.0 or penalty.far_margin_m > 0.0:
-        too_near = limits_m[0] + penalty.near_margin_m - outcomes.min_distance_m
-        too_far = outcomes.max_distance_m - (limits_m[1] - penalty.far_margin_m)
+        too_near = mission.deputy.min_distance_m + penalty.near_margin_m - outcomes.min_distance_m
+        too_far = outcomes.max_distance_m - (mission.deputy.max_distance_m - penalty.far_margin_m)
         outside_m = np.maximum(outside_m, np.maximum(too_near, too_far))
     paid_m = outside_m if penalty.outside_most_m is None else np.minimum(outside_m, penalty.outside_most_m)
     inspectable = outcomes.inspectable_count
-    short = np.maximum(0, points_needed(inspectable, threshold_percent) - points)
+    short = np.maximum(0, points_needed(inspectable, mission.inspection_threshold_percent) - points)
     return (
         penalty.outside_m_s * (outside_m > 0.0) * (1.0 + paid_m),
         penalty.short_point_m_s * short,

@@ -20,7 +20,7 @@ from fis_tools.formats.provenance import described
 from fis_tools.model import FuzzyController
 from pipeline.array_types import Floats
 from pipeline.run import artifacts, tables
-from pipeline.training.evolution.nsga2 import OBJECTIVE, Front, objectives_of
+from pipeline.training.evolution.genetic import OBJECTIVE, Front, objectives_of
 from pipeline.training.judging import INCONSISTENCY
 
 Columns = dict[str, NDArray[Any]]

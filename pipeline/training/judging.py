@@ -19,7 +19,7 @@ from pipeline.flight.state.log import Outcomes, Scenario
 from pipeline.flight.world.pack import pack_world
 from pipeline.settings.experiment import Experiment, Mission
 from pipeline.training.evolution.generations import Evaluate
-from pipeline.training.evolution.nsga2 import OBJECTIVE
+from pipeline.training.evolution.genetic import OBJECTIVE
 from pipeline.training.evolution.rounds import Evolution, evolve_rounds
 from pipeline.training.evolution.state import Generation
 from pipeline.training.fitness import costs, fitness_parts, objectives
@@ -60,13 +60,13 @@ def fitness_from(
     mission, optimizer = experiment.mission, experiment.optimizer
     penalty = optimizer.penalty.of_round(round_index)
     fly = _flights_from(mission, genome, scenarios, optimizer.workers)
-    weighed = (penalty, _limits(mission), mission.inspection_threshold_percent)
 
     def evaluate(genomes: Floats) -> Mapping[str, Floats]:
         outcomes = fly(genomes)
-        parts = fitness_parts(outcomes, *weighed)
+        parts = fitness_parts(outcomes, penalty, mission)
         if optimizer.algorithm == "nsga2":
-            parts |= {OBJECTIVE + name: values for name, values in objectives(outcomes, *weighed).items()}
+            split = objectives(outcomes, penalty, mission)
+            parts |= {OBJECTIVE + name: values for name, values in split.items()}
             if optimizer.consistency:
                 parts[INCONSISTENCY] = inconsistency(genome, genomes)
         return parts
@@ -96,9 +96,7 @@ def costs_of(
     """Return the cost of each flight of a champion with the prices of a round, shape (scenarios,)."""
     mission, optimizer = experiment.mission, experiment.optimizer
     outcomes = _flights_from(mission, genome, scenarios, optimizer.workers)(champion[np.newaxis])
-    penalty = optimizer.penalty.of_round(round_index)
-    limits, threshold = _limits(mission), mission.inspection_threshold_percent
-    return costs(outcomes, penalty, limits, threshold).reshape(-1)
+    return costs(outcomes, optimizer.penalty.of_round(round_index), mission).reshape(-1)
 
 
 def _flights_from(
@@ -121,10 +119,6 @@ def _flights_from(
     world, law, cases = pack_world(mission), law_of(genome.template, mission), cases_of(mission, scenarios)
     lanes = lanes_for(len(scenarios))
     return lambda genomes: fly_population(world, law, genome.pack(genomes), cases, workers, lanes=lanes)
-
-
-def _limits(mission: Mission) -> tuple[float, float]:
-    return mission.deputy.min_distance_m, mission.deputy.max_distance_m
 
 
 def evolved(experiment: Experiment, genome: Genome, **kept: Any) -> Evolution:

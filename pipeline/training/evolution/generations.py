@@ -1,9 +1,9 @@
 """Generations of one population: the first of a round, and each from the one before.
 
 Smaller fitness is better. The genetic algorithm keeps each generation's elite as it is and fills the rest
-with children (`pipeline.training.evolution.genetic`); CMA-ES draws each generation anew
-(`pipeline.training.evolution.cma_es`); NSGA-II keeps the best of parents and children by two objectives
-(`pipeline.training.evolution.nsga2`).
+with children, and NSGA-II keeps the best of parents and children by two objectives
+(`pipeline.training.evolution.genetic`); CMA-ES draws each generation anew
+(`pipeline.training.evolution.cma_es`).
 """
 
 import random
@@ -13,7 +13,7 @@ import numpy as np
 
 from pipeline.array_types import Floats
 from pipeline.settings.experiment import Optimizer
-from pipeline.training.evolution import cma_es, nsga2
+from pipeline.training.evolution import cma_es, genetic
 from pipeline.training.evolution.genetic import adapt_step_size, breed, scatter, split_population
 from pipeline.training.evolution.state import Generation, State
 
@@ -127,11 +127,11 @@ def record(state: State) -> None:
 
 def _select_generation(state: State, evaluate: Evaluate, settings: Optimizer) -> None:
     """Evaluate as many children as there are parents, and keep the best of both by their objectives."""
-    children = nsga2.breed(state, settings)
+    children = genetic.breed_front(state, settings)
     fitness, parts = _evaluated_once(evaluate, children, state)
     fitness = np.concatenate((state.fitness, fitness))
     parts = {name: np.concatenate((old, parts[name])) for name, old in state.parts.items()}
-    kept = nsga2.survivors(nsga2.objectives_of(parts), fitness, settings.population_size)
+    kept = genetic.survivors(genetic.objectives_of(parts), fitness, settings.population_size)
     state.genomes = np.concatenate((state.genomes, children))[kept]
     state.fitness, state.parts = fitness[kept], {name: values[kept] for name, values in parts.items()}
     state.evaluations += len(children)

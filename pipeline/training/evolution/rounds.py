@@ -22,7 +22,7 @@ import numpy as np
 from pipeline.array_types import Floats
 from pipeline.run.engine import Each, crew
 from pipeline.settings.experiment import Engine, Optimizer
-from pipeline.training.evolution import generations, nsga2
+from pipeline.training.evolution import generations, genetic
 from pipeline.training.evolution.generations import EvaluateForRound
 from pipeline.training.evolution.state import Generation, State, load, save
 
@@ -45,7 +45,7 @@ class Evolution:
     """
 
     history: tuple[Generation, ...]
-    front: nsga2.Front | None
+    front: genetic.Front | None
     interrupted: bool
 
 
@@ -191,20 +191,11 @@ class Islands:
     def _leg(self, state: State, island: int, seeds: Floats, num_generations: int) -> Leg:
         size = self._own.population_size
         own = slice(island * size, (island + 1) * size)
-        return Leg(
-            self._own,
-            self._seed,
-            island,
-            state.round,
-            state.generation,
-            num_generations,
-            self._champion,
-            seeds,
-            state.genomes[own],
-            state.fitness[own],
-            {name: values[own] for name, values in state.parts.items()},
-            float(state.strategy[STEPS][island]),
-        )
+        parts = {name: values[own] for name, values in state.parts.items()}
+        step_size = float(state.strategy[STEPS][island])
+        place = (self._own, self._seed, island, state.round, state.generation, num_generations)
+        begun = (self._champion, seeds, state.genomes[own], state.fitness[own], parts, step_size)
+        return Leg(*place, *begun)
 
 
 def migrate(state: State, num_islands: int, migrants: int) -> None:
@@ -253,26 +244,6 @@ def _is_finished(state: State, settings: Optimizer) -> bool:
     if patience is None or state.generation < patience:
         return False
     return state.history[-1].best >= state.history[-1 - patience].best
-
-
-def _checked_seeds(initial: Floats | None, num_genes: int, population_size: int) -> Floats:
-    """Return the initial genomes as an array of shape (k, num_genes)."""
-    if initial is None:
-        return np.empty((0, num_genes))
-    seeds = np.asarray(initial, dtype=np.float64)
-    is_shaped = seeds.ndim == 2 and seeds.shape[1] == num_genes and len(seeds) <= population_size
-    if not is_shaped or not np.all((seeds >= 0.0) & (seeds <= 1.0)):
-        raise ValueError(
-            f"the initial genomes have shape {seeds.shape}; they must be at most {population_size} rows "
-            f"of {num_genes} genes in [0, 1]"
-        )
-    return seeds
-
-
-def _check_that_there_is_a_beginning(seeds: Floats, settings: Optimizer) -> None:
-    is_local = settings.algorithm == "cma_es" or settings.first_population == "near"
-    if is_local and not len(seeds):
-        raise ValueError("this search begins near a genome, but there is no initial one; give at least one")
 
 
 def _fingerprint(settings: Optimizer, seed: int, num_genes: int) -> dict[str, Any]:
@@ -330,7 +301,8 @@ def evolve_rounds(
     seed : int
         Of all randomness here.
     initial : (k, num_genes) array, optional
-        Genomes that the first round's population starts with; CMA-ES starts around the last of them.
+        Genomes in [0, 1] that the first round's population starts with. CMA-ES starts around the last of
+        them, and needs one, as a first population near a genome does.
     checkpoint : Path, optional
         File for the state after every generation (.npz).
     resume : bool
@@ -353,13 +325,11 @@ def evolve_rounds(
     pipeline.run.processes.EngineError
         If the engine is not available, or disappears.
     ValueError
-        If initial genomes are missing where the search is local, or they or the results of the fitness
-        function have the wrong shape or are not finite.
+        If the results of the fitness function have the wrong shape or are not finite.
     KeyboardInterrupt
         If there is no champion yet.
     """
-    seeds = _checked_seeds(initial, num_genes, settings.population_size)
-    _check_that_there_is_a_beginning(seeds, settings)
+    seeds = np.empty((0, num_genes)) if initial is None else initial
     fingerprint = _fingerprint(settings, seed, num_genes)
     state: State | None = None
     if resume and checkpoint is not None and checkpoint.exists():
@@ -392,5 +362,5 @@ def evolve_rounds(
         if not history:
             raise
         interrupted = True
-    front = nsga2.front_of(state) if state and settings.algorithm == "nsga2" else None
+    front = genetic.front_of(state) if state and settings.algorithm == "nsga2" else None
     return Evolution(tuple(history), front, interrupted)

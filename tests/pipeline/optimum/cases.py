@@ -5,7 +5,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.command_line.config import Composed, compose_experiment
+from pipeline.command_line.config import Job, compose_experiment
 from pipeline.flight.cases.starts import evaluation_scenarios
 from pipeline.optimum.problem import Problem, problem_of
 
@@ -13,7 +13,7 @@ Floats = NDArray[np.float64]
 
 
 @cache
-def composed(*overrides: str) -> Composed:
+def composed(*overrides: str) -> Job:
     return compose_experiment(["+experiment=optimum", "monte_carlo.num_cases=2", *overrides])
 
 

@@ -14,7 +14,7 @@ from mcap.stream_reader import StreamReader
 from mcap_protobuf.decoder import DecoderFactory
 
 from fis_tools.formats import serialize
-from pipeline.command_line.config import Composed, compose_experiment
+from pipeline.command_line.config import Job, compose_experiment
 from pipeline.controllers.source import controller_of_run
 from pipeline.flight.control.controller import Controller, from_fuzzy
 from pipeline.flight.fly.simulation import fly_logged
@@ -72,7 +72,7 @@ def contents(path: Path) -> Contents:
 
 
 @cache
-def composed(*overrides: str) -> Composed:
+def composed(*overrides: str) -> Job:
     return compose_experiment(["+experiment=fly", *overrides])
 
 

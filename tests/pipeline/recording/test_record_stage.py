@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from fis_tools.formats import serialize
-from pipeline.command_line.config import Composed, compose_experiment
+from pipeline.command_line.config import Job, compose_experiment
 from pipeline.evaluation.monte_carlo import rank
 from pipeline.flight.cases.dispersions import mission_of_case
 from pipeline.flight.cases.starts import evaluation_scenarios, training_scenarios
@@ -23,7 +23,7 @@ pytestmark = pytest.mark.slow
 MINIATURE = ("duration_s=200.0", "monte_carlo.num_cases=6", "sun=random", "seed=4")
 
 
-def evaluated(*overrides: str) -> Composed:
+def evaluated(*overrides: str) -> Job:
     return compose_experiment(["+experiment=evaluate", *MINIATURE, *overrides])
 
 

@@ -3,7 +3,7 @@
 from functools import cache
 from pathlib import Path
 
-from pipeline.command_line.config import Composed, compose_experiment
+from pipeline.command_line.config import Job, compose_experiment
 from pipeline.run import artifacts
 
 MINIATURE = (
@@ -17,11 +17,11 @@ MINIATURE = (
 
 
 @cache
-def composed(*overrides: str, experiment: str = "train") -> Composed:
+def composed(*overrides: str, experiment: str = "train") -> Job:
     return compose_experiment([f"+experiment={experiment}", *MINIATURE, *overrides])
 
 
-def prepared(folder: Path, *overrides: str, experiment: str = "train") -> Composed:
+def prepared(folder: Path, *overrides: str, experiment: str = "train") -> Job:
     """A run's folder as the stages find it, and what they are to do there."""
     run = composed(*overrides, experiment=experiment)
     artifacts.write_config(folder, run.config)

@@ -9,7 +9,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from fis_tools.formats import serialize
-from pipeline.command_line.config import Composed
+from pipeline.command_line.config import Job
 from pipeline.controllers import source as controller_source
 from pipeline.controllers.source import controller_of_run
 from pipeline.evaluation.monte_carlo import summarise
@@ -24,14 +24,14 @@ SUN = ("sun=random", "monte_carlo.confidence_percent=90.0")
 
 
 @pytest.fixture(scope="module")
-def evaluated(tmp_path_factory: pytest.TempPathFactory) -> tuple[Composed, Path]:
+def evaluated(tmp_path_factory: pytest.TempPathFactory) -> tuple[Job, Path]:
     folder = tmp_path_factory.mktemp("evaluated")
     run = prepared(folder, *SUN, experiment="evaluate")
     evaluate.run(run.experiment, folder)
     return run, folder
 
 
-def test_episodes_have_a_row_a_case_and_the_promised_columns(evaluated: tuple[Composed, Path]) -> None:
+def test_episodes_have_a_row_a_case_and_the_promised_columns(evaluated: tuple[Job, Path]) -> None:
     _, folder = evaluated
     table = pq.read_table(folder / artifacts.EPISODES)
     number = pa.float64()
@@ -59,7 +59,7 @@ def test_episodes_have_a_row_a_case_and_the_promised_columns(evaluated: tuple[Co
     assert all(column.null_count == 0 for column in table.columns)
 
 
-def test_trajectories_have_a_row_a_sample_in_single_precision(evaluated: tuple[Composed, Path]) -> None:
+def test_trajectories_have_a_row_a_sample_in_single_precision(evaluated: tuple[Job, Path]) -> None:
     _, folder = evaluated
     table = pq.read_table(folder / artifacts.TRAJECTORIES)
     assert {field.name: field.type for field in table.schema} == {
@@ -73,7 +73,7 @@ def test_trajectories_have_a_row_a_sample_in_single_precision(evaluated: tuple[C
     assert table["sample"].to_pylist() == list(range(31)) * 5
 
 
-def test_rows_are_the_flights_from_the_runs_starts(evaluated: tuple[Composed, Path]) -> None:
+def test_rows_are_the_flights_from_the_runs_starts(evaluated: tuple[Job, Path]) -> None:
     run, folder = evaluated
     experiment = run.experiment
     episodes = tables.read_parquet(folder, artifacts.EPISODES)
@@ -91,7 +91,7 @@ def test_rows_are_the_flights_from_the_runs_starts(evaluated: tuple[Composed, Pa
 
 
 def test_the_summary_tells_what_flew_and_how_well(
-    evaluated: tuple[Composed, Path], capsys: pytest.CaptureFixture[str]
+    evaluated: tuple[Job, Path], capsys: pytest.CaptureFixture[str]
 ) -> None:
     run, folder = evaluated
     evaluate.run(run.experiment, folder)

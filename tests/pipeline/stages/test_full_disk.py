@@ -13,7 +13,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from fis_tools.formats import serialize
-from pipeline.command_line.config import Composed
+from pipeline.command_line.config import Job
 from pipeline.run import artifacts
 from pipeline.stages import record, train
 from telemetry.file import partial_file
@@ -41,7 +41,7 @@ class Disk:
 
 
 @pytest.fixture(scope="module")
-def trained(tmp_path_factory: pytest.TempPathFactory) -> tuple[Composed, Path]:
+def trained(tmp_path_factory: pytest.TempPathFactory) -> tuple[Job, Path]:
     folder = tmp_path_factory.mktemp("trained")
     run = prepared(folder)
     train.run(run.experiment, folder)
@@ -55,7 +55,7 @@ def genomes(folder: Path) -> np.ndarray:
 # a generation writes its checkpoint, its champion's flight if that is new, the logbook and the history
 @pytest.mark.parametrize(("num_files", "num_generations"), [(1, 1), (7, 2), (8, 3), (9, 3)])
 def test_training_stops_with_its_champion_and_goes_on_once_there_is_room(
-    trained: tuple[Composed, Path],
+    trained: tuple[Job, Path],
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     num_files: int,
@@ -76,7 +76,7 @@ def test_training_stops_with_its_champion_and_goes_on_once_there_is_room(
 
 
 def test_without_room_for_the_champion_the_checkpoint_keeps_it(
-    trained: tuple[Composed, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    trained: tuple[Job, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     run = prepared(tmp_path).experiment
     with monkeypatch.context() as patched:
@@ -99,7 +99,7 @@ def test_before_the_first_generation_the_file_is_named(
 
 
 def test_a_disk_that_fills_up_while_flights_are_recorded_leaves_the_champion(
-    trained: tuple[Composed, Path], monkeypatch: pytest.MonkeyPatch
+    trained: tuple[Job, Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     run, folder = trained
     before = (folder / artifacts.CHAMPION).read_bytes()

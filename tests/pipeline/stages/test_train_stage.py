@@ -12,7 +12,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from fis_tools.formats import serialize
-from pipeline.command_line.config import Composed
+from pipeline.command_line.config import Job
 from pipeline.controllers import source
 from pipeline.flight.cases.starts import (
     given_start,
@@ -39,7 +39,7 @@ COLUMNS = [
 
 
 @pytest.fixture(scope="module")
-def trained(tmp_path_factory: pytest.TempPathFactory) -> tuple[Composed, Path]:
+def trained(tmp_path_factory: pytest.TempPathFactory) -> tuple[Job, Path]:
     folder = tmp_path_factory.mktemp("trained")
     run = prepared(folder)
     train.run(run.experiment, folder)
@@ -58,7 +58,7 @@ def genomes(folder: Path) -> np.ndarray:
 
 
 def test_the_logbook_and_the_history_hold_every_generation_with_its_parts(
-    trained: tuple[Composed, Path],
+    trained: tuple[Job, Path],
 ) -> None:
     _, folder = trained
     rows = logbook(folder)
@@ -75,7 +75,7 @@ def test_the_logbook_and_the_history_hold_every_generation_with_its_parts(
     assert not list(folder.glob("train/.*"))
 
 
-def test_each_champions_fitness_is_found_again_from_its_genome(trained: tuple[Composed, Path]) -> None:
+def test_each_champions_fitness_is_found_again_from_its_genome(trained: tuple[Job, Path]) -> None:
     run, folder = trained
     experiment = run.experiment
     template = source.load(experiment.controller, experiment.mission)
@@ -87,7 +87,7 @@ def test_each_champions_fitness_is_found_again_from_its_genome(trained: tuple[Co
             assert row[name] == found[name][index]
 
 
-def test_the_first_population_holds_the_configured_controller(trained: tuple[Composed, Path]) -> None:
+def test_the_first_population_holds_the_configured_controller(trained: tuple[Job, Path]) -> None:
     run, folder = trained
     experiment = run.experiment
     template = source.load(experiment.controller, experiment.mission)
@@ -97,7 +97,7 @@ def test_the_first_population_holds_the_configured_controller(trained: tuple[Com
     assert logbook(folder)[0]["best"] <= configured
 
 
-def test_the_champion_is_the_last_genome_and_says_where_it_comes_from(trained: tuple[Composed, Path]) -> None:
+def test_the_champion_is_the_last_genome_and_says_where_it_comes_from(trained: tuple[Job, Path]) -> None:
     run, folder = trained
     experiment = run.experiment
     template = source.load(experiment.controller, experiment.mission)
@@ -116,7 +116,7 @@ def test_the_champion_is_the_last_genome_and_says_where_it_comes_from(trained: t
     assert (provenance["generations"], provenance["interrupted"]) == ("4", "false")
 
 
-def test_each_new_champion_is_flown_from_the_given_start(trained: tuple[Composed, Path]) -> None:
+def test_each_new_champion_is_flown_from_the_given_start(trained: tuple[Job, Path]) -> None:
     run, folder = trained
     mission = run.experiment.mission
     template = source.load(run.experiment.controller, mission)
@@ -148,7 +148,7 @@ def same_result(folder: Path, other: Path) -> None:
 
 
 def test_training_goes_on_from_its_checkpoint_to_the_same_champion(
-    trained: tuple[Composed, Path], tmp_path: Path
+    trained: tuple[Job, Path], tmp_path: Path
 ) -> None:
     short = prepared(tmp_path, "optimizer.generations=1").experiment
     train.run(short, tmp_path)
@@ -159,7 +159,7 @@ def test_training_goes_on_from_its_checkpoint_to_the_same_champion(
 
 
 def test_a_generation_that_only_the_checkpoint_knows_is_written_down(
-    trained: tuple[Composed, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    trained: tuple[Job, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Killed after the last checkpoint and before the logbook."""
     run = prepared(tmp_path).experiment
@@ -182,7 +182,7 @@ def test_a_generation_that_only_the_checkpoint_knows_is_written_down(
 
 
 def test_an_interrupt_leaves_the_champion_so_far(
-    trained: tuple[Composed, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    trained: tuple[Job, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def interrupt(_progress: TrainingProgress, generation: Generation) -> None:
         if generation.generation == 2:
@@ -229,7 +229,7 @@ def test_rounds_draw_starts_of_their_own_and_hand_the_champion_on(tmp_path: Path
     assert rows[2]["best"] <= judged[1]
 
 
-def test_a_checkpoint_of_another_seed_is_refused(trained: tuple[Composed, Path], tmp_path: Path) -> None:
+def test_a_checkpoint_of_another_seed_is_refused(trained: tuple[Job, Path], tmp_path: Path) -> None:
     run = prepared(tmp_path, "seed=2").experiment
     artifacts.write_atomically(
         tmp_path / artifacts.CHECKPOINT, (trained[1] / artifacts.CHECKPOINT).read_bytes()
@@ -273,8 +273,7 @@ def test_from_the_second_round_on_the_starts_that_the_champion_flies_worst_join(
     mined = fitness_of_round(run, genome, 1, champion)(champion[np.newaxis])
     candidates = hard_candidates(run.starts, run.sun, run.seed, 1)
     outcomes = fly_all(run.mission, template, candidates)
-    limits = (run.mission.deputy.min_distance_m, run.mission.deputy.max_distance_m)
-    each = np.sort(costs(outcomes, run.optimizer.penalty.of_round(1), limits, 95.0))
+    each = np.sort(costs(outcomes, run.optimizer.penalty.of_round(1), run.mission))
     expected = (4 * plain["fitness"][0] + each[-3:].sum()) / 7
     assert mined["fitness"][0] == pytest.approx(expected, rel=1e-9)
     assert expected > plain["fitness"][0]
@@ -306,8 +305,7 @@ def test_the_champion_is_the_rounds_best_on_starts_of_its_own(tmp_path: Path) ->
     }
     assert not flown & {tuple(s.position_m) for s in starts}
     outcomes = fly_all(run.mission, from_fuzzy(champion), starts)
-    limits = (run.mission.deputy.min_distance_m, run.mission.deputy.max_distance_m)
-    found = costs(outcomes, run.optimizer.penalty.of_round(2), limits, 95.0).mean()
+    found = costs(outcomes, run.optimizer.penalty.of_round(2), run.mission).mean()
     assert found == pytest.approx(best["validation"], rel=1e-9)
 
 

@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 
 from pipeline.flight.state.log import Outcomes, points_needed
+from pipeline.settings.experiment import Mission
 from pipeline.training.fitness import fitness_parts, objectives
 from tests.pipeline.training.evolution import cases
 
-LIMITS_M = (15.0, 200.0)
+#: from 15 to 200 m, with a success at 95 %
+MISSION = Mission()
 PENALTY = replace(cases.PENALTY, outside_m_s=1000.0, short_point_m_s=10.0, missed_point_m_s=0.5)
 
 
@@ -60,14 +62,14 @@ def test_the_least_number_of_points_that_reaches_the_threshold(
     ],
 )
 def test_the_fitness_of_a_flight(delta_v: float, points: int, outside_m: float, fitness: float) -> None:
-    parts = fitness_parts(outcomes([delta_v], [points], [outside_m]), PENALTY, LIMITS_M, 95.0)
+    parts = fitness_parts(outcomes([delta_v], [points], [outside_m]), PENALTY, MISSION)
     assert parts["fitness"].tolist() == [pytest.approx(fitness, rel=1e-14)]
 
 
 def test_at_most_so_many_metres_outside_are_paid_for() -> None:
     capped = replace(PENALTY, outside_most_m=2.0)
     for outside_m, fitness in ((0.0, 0.0), (1.0, 2000.0), (2.0, 3000.0), (40.0, 3000.0)):
-        parts = fitness_parts(outcomes([0.0], [99], [outside_m]), capped, LIMITS_M, 95.0)
+        parts = fitness_parts(outcomes([0.0], [99], [outside_m]), capped, MISSION)
         assert parts["fitness"].tolist() == [fitness]
         assert parts["outside_m"].tolist() == [outside_m]
 
@@ -86,15 +88,15 @@ def test_the_objectives_share_the_price_of_faults(
 ) -> None:
     # beside it a flight without fault
     flights = outcomes([delta_v, 0.0], [points, 99], [outside_m, 0.0])
-    found = objectives(flights, PENALTY, LIMITS_M, 95.0)
+    found = objectives(flights, PENALTY, MISSION)
     assert found["spent"] == pytest.approx([spent / 2])
     assert found["missed"] == pytest.approx([missed / 2])
-    fitness = fitness_parts(flights, PENALTY, LIMITS_M, 95.0)["fitness"]
+    fitness = fitness_parts(flights, PENALTY, MISSION)["fitness"]
     assert fitness == pytest.approx(found["spent"] + found["missed"])
 
 
 def test_the_fitness_of_a_controller_is_the_mean_over_its_flights_and_its_parts_add_up() -> None:
-    parts = fitness_parts(outcomes([1.0, 3.0], [99, 94], [0.0, 2.0]), PENALTY, LIMITS_M, 95.0)
+    parts = fitness_parts(outcomes([1.0, 3.0], [99, 94], [0.0, 2.0]), PENALTY, MISSION)
     assert {name: values.tolist() for name, values in parts.items()} == {
         "fitness": [(1.0 + 3.0 + 3000.0 + 10.0 + 2.5) / 2],
         "delta_v_m_s": [2.0],
@@ -112,9 +114,9 @@ def test_each_controller_of_a_population_is_judged_for_itself() -> None:
     both = Outcomes(
         **{name: np.concatenate([getattr(one, name) for one in alone]) for name in vars(alone[0])}
     )
-    together = fitness_parts(both, PENALTY, LIMITS_M, 95.0)
+    together = fitness_parts(both, PENALTY, MISSION)
     for index, one in enumerate(alone):
-        for name, values in fitness_parts(one, PENALTY, LIMITS_M, 95.0).items():
+        for name, values in fitness_parts(one, PENALTY, MISSION).items():
             assert together[name][index] == values[0]
 
 
@@ -126,9 +128,7 @@ def test_with_the_papers_weights_no_controller_that_breaks_a_limit_beats_one_tha
     inside = outcomes([most] * 8, [0] * 8, [0.0] * 8)
     short = outcomes([0.0] * 8, [99] * 7 + [94], [0.0] * 8)
     dear = outcomes([most] * 8, [95] * 8, [0.0] * 8)
-    fitness = [
-        fitness_parts(one, paper, LIMITS_M, 95.0)["fitness"][0] for one in (dear, short, inside, outside)
-    ]
+    fitness = [fitness_parts(one, paper, MISSION)["fitness"][0] for one in (dear, short, inside, outside)]
     assert fitness == sorted(fitness)
     assert len(set(fitness)) == 4
 

@@ -10,7 +10,7 @@ import pytest
 
 from fis_tools.analysis.measures import rule_consistency
 from fis_tools.formats import serialize
-from pipeline.command_line.config import Composed
+from pipeline.command_line.config import Job
 from pipeline.flight.cases.starts import validation_scenarios
 from pipeline.flight.control.controller import from_fuzzy
 from pipeline.flight.fly.simulation import fly_all
@@ -26,12 +26,12 @@ WORDS = (
 )  # fmt: skip
 
 
-def prepared_front(folder: Path, *words: str) -> Composed:
+def prepared_front(folder: Path, *words: str) -> Job:
     return prepared(folder, *WORDS, *words, experiment="train_front")
 
 
 @pytest.fixture(scope="module")
-def trained(tmp_path_factory: pytest.TempPathFactory) -> tuple[Composed, Path]:
+def trained(tmp_path_factory: pytest.TempPathFactory) -> tuple[Job, Path]:
     folder = tmp_path_factory.mktemp("front")
     stale = folder / artifacts.FRONT_CONTROLLERS / "77.json"
     artifacts.write_atomically(stale, "of an earlier training")
@@ -54,7 +54,7 @@ def rows(folder: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(stream))
 
 
-def test_each_controller_flies_as_the_table_says(trained: tuple[Composed, Path]) -> None:
+def test_each_controller_flies_as_the_table_says(trained: tuple[Job, Path]) -> None:
     run, folder = trained
     experiment = run.experiment
     table = rows(folder)
@@ -80,7 +80,7 @@ def test_each_controller_flies_as_the_table_says(trained: tuple[Composed, Path])
 
 
 def test_the_cheapest_comes_first_and_what_is_dominated_does_not_stand(
-    trained: tuple[Composed, Path],
+    trained: tuple[Job, Path],
 ) -> None:
     table = rows(trained[1])
     delta_v = [float(row["validation_delta_v_m_s"]) for row in table]
@@ -109,7 +109,7 @@ def test_rule_consistency_is_an_objective(read: Path) -> None:
     assert any(np.any(np.all(training[:, :2] < objectives[:2], axis=1)) for objectives in training)
 
 
-def test_the_champion_is_the_fronts_best_on_the_validation_starts(trained: tuple[Composed, Path]) -> None:
+def test_the_champion_is_the_fronts_best_on_the_validation_starts(trained: tuple[Job, Path]) -> None:
     _, folder = trained
     table = rows(folder)
     best = min(table, key=lambda row: float(row["validation_fitness_m_s"]))
@@ -125,7 +125,7 @@ def test_the_champion_is_the_fronts_best_on_the_validation_starts(trained: tuple
 
 
 def test_a_training_goes_on_to_the_same_front_on_any_number_of_workers(
-    trained: tuple[Composed, Path], tmp_path: Path
+    trained: tuple[Job, Path], tmp_path: Path
 ) -> None:
     whole = prepared_front(tmp_path, "optimizer.workers=2").experiment
     # ends after the first round; composed with optimizer.rounds=1, it would have no optimizer.next_round

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from fis_tools import source
-from pipeline.command_line.config import Composed
+from pipeline.command_line.config import Job
 from pipeline.run import artifacts
 from pipeline.run.runner import scene_of
 from pipeline.stages import evaluate, train
@@ -19,7 +19,7 @@ from tests.pipeline.stages.cases import prepared
 
 
 @pytest.fixture(scope="module")
-def run(tmp_path_factory: pytest.TempPathFactory) -> tuple[Composed, Path]:
+def run(tmp_path_factory: pytest.TempPathFactory) -> tuple[Job, Path]:
     folder = tmp_path_factory.mktemp("run")
     run = prepared(folder)
     train.run(run.experiment, folder)
@@ -33,7 +33,7 @@ def test_both_call_the_files_the_same() -> None:
     assert artifacts.ROLES["champion"] == source.CHAMPION
 
 
-def test_files_and_scene_are_what_the_manifest_says(run: tuple[Composed, Path], tmp_path: Path) -> None:
+def test_files_and_scene_are_what_the_manifest_says(run: tuple[Job, Path], tmp_path: Path) -> None:
     composed, folder = run
     moved = shutil.copytree(folder, tmp_path / "moved")
     (moved / artifacts.HISTORY).rename(moved / "learning.parquet")
@@ -67,7 +67,7 @@ def test_a_manifest_that_cannot_be_read_is_told(tmp_path: Path) -> None:
         runs.has_training(tmp_path)
 
 
-def test_an_evaluation_is_read_with_its_surroundings(run: tuple[Composed, Path]) -> None:
+def test_an_evaluation_is_read_with_its_surroundings(run: tuple[Job, Path]) -> None:
     composed, folder = run
     mission, evaluation = composed.experiment.mission, runs.read_evaluation(folder)
     assert evaluation.position_m.shape == (5, mission.num_controls + 1, 3)
@@ -79,7 +79,7 @@ def test_an_evaluation_is_read_with_its_surroundings(run: tuple[Composed, Path])
     assert around.chief_radius_m == mission.chief.inspection_radius_m
 
 
-def test_a_training_is_read_with_its_champions_flights(run: tuple[Composed, Path]) -> None:
+def test_a_training_is_read_with_its_champions_flights(run: tuple[Job, Path]) -> None:
     composed, folder = run
     read = runs.read_training(folder)
     assert len(read) == 4
@@ -89,7 +89,7 @@ def test_a_training_is_read_with_its_champions_flights(run: tuple[Composed, Path
     assert runs.is_finished(folder)
 
 
-def test_both_are_shown(run: tuple[Composed, Path], tmp_path: Path) -> None:
+def test_both_are_shown(run: tuple[Job, Path], tmp_path: Path) -> None:
     for scene in (campaign.scene(run[1]), training.scene(run[1])):
         viewer.save(scene, tmp_path / "x.rrd")
         assert (tmp_path / "x.rrd").stat().st_size > 10_000

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
-from pipeline.command_line.config import Composed, compose_experiment
+from pipeline.command_line.config import Job, compose_experiment
 from pipeline.controllers.source import controller_of_kind
 from pipeline.flight.cases.starts import evaluation_scenarios
 from pipeline.flight.state.log import Scenario
@@ -28,7 +28,7 @@ DERIVATIVE[4, 3], DERIVATIVE[5, 2] = -2.0 * MEAN_MOTION, -(MEAN_MOTION**2)
 
 
 @cache
-def composed(controller: str, *overrides: str) -> Composed:
+def composed(controller: str, *overrides: str) -> Job:
     return compose_experiment(
         ["+experiment=evaluate", f"controller={controller}", "monte_carlo.num_cases=8", *overrides]
     )

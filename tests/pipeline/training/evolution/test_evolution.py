@@ -122,15 +122,6 @@ def test_initial_genomes_take_part():
     np.testing.assert_array_equal(result.history[-1].champion, known[0])
 
 
-@pytest.mark.parametrize(
-    "initial",
-    [np.zeros((1, 3)), np.zeros(NUM_GENES), np.full((1, NUM_GENES), 1.5), np.zeros((41, NUM_GENES))],
-)
-def test_initial_genomes_that_do_not_fit_are_refused(initial):
-    with pytest.raises(ValueError, match=r"at most 40 rows of 10 genes in \[0, 1\]"):
-        evolve(Sphere(), NUM_GENES, optimizer(), seed=1, initial=initial)
-
-
 def test_rounds_start_afresh_from_the_last_champion():
     spheres = [Sphere(0.3), Sphere(0.6), Sphere(0.6)]
     result = evolve_rounds(

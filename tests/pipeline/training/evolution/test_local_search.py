@@ -103,9 +103,3 @@ def test_interrupted_anywhere_and_resumed_it_equals_the_whole(tmp_path) -> None:
         assert first.interrupted
         assert rows_of(rest) == rows_of(whole)
         np.testing.assert_array_equal(rest.history[-1].champion, whole.history[-1].champion)
-
-
-@pytest.mark.parametrize("changes", [{}, {"algorithm": "cma_es"}])
-def test_a_local_search_without_a_beginning_is_refused(changes: dict[str, str]) -> None:
-    with pytest.raises(ValueError, match="no initial one"):
-        evolve(Sphere(), NUM_GENES, local(**changes), seed=1)

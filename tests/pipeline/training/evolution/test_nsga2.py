@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pipeline.settings.checks import SettingError
-from pipeline.training.evolution.nsga2 import OBJECTIVE, survivors
+from pipeline.training.evolution.genetic import OBJECTIVE, survivors
 from pipeline.training.evolution.rounds import evolve_rounds
 from tests.pipeline.training.evolution.cases import (
     broken_and_resumed,
