@@ -130,7 +130,7 @@ def __dir__() -> list[str]:
     return sorted({*globals(), *__all__})
 
 
-#: For each kind of content, which function of `fis_tools.review.notebook` shows which noun.
+#: For each kind of content, which function of `fis_tools.review` shows which noun.
 _SHOWN = {
     "text/html": {"systems.FuzzyController": "controller_tables", "systems.FuzzySystem": "system_tables"},
     "image/svg+xml": {"variables.Variable": "variable_picture"},
@@ -148,7 +148,7 @@ def show_in(shell: Any) -> None:
 
 def _shown_by(way: str) -> Callable[[Any], str | None]:
     def show(thing: Any) -> str | None:
-        shown: str | None = getattr(import_module(f"{__name__}.review.notebook"), way)(thing)
+        shown: str | None = getattr(import_module(f"{__name__}.review"), way)(thing)
         return shown
 
     return show

@@ -26,7 +26,7 @@ from fis_tools.formats.serialize import Written
 from fis_tools.model import FuzzyController
 from fis_tools.model.thrust import thrust_logic
 from fis_tools.model.validate import InvalidSystem
-from fis_tools.words.outline import outline, rule_list
+from fis_tools.words.text import outline, rule_list
 
 
 @dataclass(frozen=True)

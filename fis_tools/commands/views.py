@@ -34,7 +34,7 @@ from fis_tools.engines.inference import infer
 from fis_tools.formats.csv import rows_as_text
 from fis_tools.model import FuzzyController, FuzzySystem
 from fis_tools.source import read_controller
-from fis_tools.words.outline import outline
+from fis_tools.words.text import outline
 
 if TYPE_CHECKING:
     from fis_tools.render import Figure, Theme

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from fis_tools.array_types import Booleans, Floats
 from fis_tools.compiled.decorator import advise_numba
 from fis_tools.engines import interpreter, kernel, packing
+from fis_tools.engines.inference import as_rows, columns_of, pick
 from fis_tools.engines.packing import NotCompilable, Packed
 from fis_tools.engines.program import (
     CENTROID,
@@ -30,12 +31,11 @@ from fis_tools.engines.program import (
     Weighing,
     assemble,
 )
-from fis_tools.engines.rows import as_rows, columns_of, pick
 from fis_tools.model import FuzzySystem
 from fis_tools.model.validate import validate
 from fis_tools.model.variables import sample_terms
 
-#: Inputs that are identified by column names; see `fis_tools.engines.rows.columns_of`.
+#: Inputs that are identified by column names; see `fis_tools.engines.inference.columns_of`.
 Table = Any
 OnNoFire = Literal["default", "nan", "hold", "raise"]
 

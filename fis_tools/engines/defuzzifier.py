@@ -7,7 +7,6 @@ import numpy as np
 
 from fis_tools.array_types import Floats, Integers
 from fis_tools.compiled.decorator import compiled
-from fis_tools.engines.operators import combine
 from fis_tools.engines.program import (
     ARC,
     BISECTOR,
@@ -22,6 +21,7 @@ from fis_tools.engines.program import (
     SMALLEST_OF_MAXIMUM,
     WEIGHTED_SUM,
     Weighing,
+    combine,
 )
 
 #: scikit-fuzzy divides by the larger of the area and this

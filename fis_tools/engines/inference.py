@@ -11,11 +11,13 @@ from functools import reduce
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from fis_tools import model
 from fis_tools.array_types import Floats, Integers
-from fis_tools.engines.rows import as_rows
+from fis_tools.model import FuzzySystem
 from fis_tools.model.operators import ACCUMULATIONS, AGGREGATIONS, AND_OPERATORS, HEDGES, OR_OPERATORS
+from fis_tools.model.validate import nearest
 from fis_tools.model.variables import sample_terms
 
 #: The centroid divides by the area, but by at least this.
@@ -438,3 +440,60 @@ _DEFUZZIFIERS: dict[str, Callable[[Floats, Floats], float]] = {
     "som": _smallest_of_maximum,
     "lom": _largest_of_maximum,
 }
+
+
+def columns_of(inputs: Any) -> tuple[str, ...] | None:
+    """Return the column names of a mapping or a table; None for a plain array, which has positions only.
+
+    Mappings, structured arrays, and objects with keys or columns like the tables and rows of pandas,
+    polars and Arrow are recognised. A table's row without names for its numbers is a plain array.
+    """
+    found = getattr(getattr(inputs, "dtype", None), "names", None)
+    for attribute in ("column_names", "keys", "columns"):
+        if found is None:
+            found = getattr(inputs, attribute, None)
+    if found is None:
+        return None
+    names = tuple(found() if callable(found) else found)
+    if getattr(inputs, "ndim", 2) == 1 and not any(isinstance(name, str) for name in names):
+        return None
+    return names
+
+
+def pick(system: FuzzySystem, inputs: Any, names: tuple[str, ...]) -> list[Floats]:
+    """Return each input of a system by its name, broadcast to one shape.
+
+    A table may have other columns; a mapping is written for this call, so unknown names are
+    errors.
+
+    Raises
+    ------
+    ValueError
+        If an input is missing, or a mapping names one that the system does not have.
+    """
+    wanted = [variable.name for variable in system.inputs]
+    if isinstance(inputs, Mapping):
+        for name in names:
+            if name not in wanted:
+                raise ValueError(f"system {system.name!r} has no input {name!r}; {nearest(name, wanted)}")
+    for name in wanted:
+        if name not in names:
+            kind = "column" if not isinstance(inputs, Mapping) else "input"
+            raise ValueError(f"{kind} {name!r} is missing; pass {', '.join(wanted)}")
+    return list(np.broadcast_arrays(*(np.asarray(inputs[name], dtype=np.float64) for name in wanted)))
+
+
+def as_rows(system: FuzzySystem, inputs: ArrayLike | Any) -> Floats:
+    """Return inputs as an array, the last axis in the order of the system's inputs.
+
+    A plain array is returned unchanged; a mapping or table as (n, num_inputs), or (num_inputs,) for numbers.
+
+    Raises
+    ------
+    ValueError
+        As in `pick`.
+    """
+    names = columns_of(inputs)
+    if names is None:
+        return np.asarray(inputs, dtype=np.float64)
+    return np.stack(pick(system, inputs, names), axis=-1)

@@ -16,8 +16,16 @@ from fis_tools.array_types import Floats, Integers
 from fis_tools.compiled.decorator import compiled
 from fis_tools.compiled.vectors import borrowed, gather, least, load, most, select, some, splat, store
 from fis_tools.engines.defuzzifier import conclude_by_rule, conclude_by_term, weigh
-from fis_tools.engines.operators import MIN, PRODUCT, combine
-from fis_tools.engines.program import NUMBER, WEIGHTED_SUM, Conclusion, Program, Weighing
+from fis_tools.engines.program import (
+    MIN,
+    NUMBER,
+    PRODUCT,
+    WEIGHTED_SUM,
+    Conclusion,
+    Program,
+    Weighing,
+    combine,
+)
 
 #: samples whose rules are evaluated side by side: a constant, so that the compiler vectorises
 LANES = 16

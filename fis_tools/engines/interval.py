@@ -14,10 +14,13 @@ import numpy as np
 from fis_tools.array_types import Floats
 from fis_tools.compiled.decorator import advise_numba, compiled
 from fis_tools.engines.defuzzifier import SMALLEST_AREA, invert
-from fis_tools.engines.operators import DRASTIC_PRODUCT, MAX, MIN, NOT, combine
 from fis_tools.engines.program import (
     CENTROID,
+    DRASTIC_PRODUCT,
     MANY_RULES,
+    MAX,
+    MIN,
+    NOT,
     NUMBER,
     WEIGHTED_SUM,
     Antecedents,
@@ -25,6 +28,7 @@ from fis_tools.engines.program import (
     Program,
     Weighing,
     assemble,
+    combine,
 )
 from fis_tools.model import Concave, Formula, FuzzySystem, Sigmoid, Variable
 from fis_tools.model.validate import validate

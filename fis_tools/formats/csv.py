@@ -11,8 +11,7 @@ from typing import Any
 
 from fis_tools.array_types import Floats
 from fis_tools.model import And, Expression, FuzzyController, Is
-from fis_tools.words.outline import ranked
-from fis_tools.words.text import antecedent_words
+from fis_tools.words.text import antecedent_words, ranked
 
 #: what a spreadsheet may take for the beginning of a formula
 FORMULA = ("=", "+", "-", "@", "\t", "\r")
@@ -49,7 +48,7 @@ def write(controller: FuzzyController, importance: Mapping[str, Floats] | None =
     controller : FuzzyController
         A controller without problems.
     importance : mapping, optional
-        How much each rule matters, as for `fis_tools.words.outline.ranked`: a last column, and the order of
+        How much each rule matters, as for `fis_tools.words.text.ranked`: a last column, and the order of
         the rules of each system.
     """
     inputs = list(dict.fromkeys(v.name for system in controller.systems for v in system.inputs))

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from fis_tools.analysis import tables
 from fis_tools.array_types import Floats
-from fis_tools.engines.rows import columns_of
+from fis_tools.engines.inference import columns_of
 from fis_tools.errors import ControllerFileError
 from fis_tools.learning.rules import range_of
 from fis_tools.model.validate import nearest

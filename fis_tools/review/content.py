@@ -1,21 +1,50 @@
 """What a review page says of a controller and its systems, in words and tables."""
 
-from collections.abc import Iterator, Sequence
+import json
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import count
 from typing import Any
 
 import numpy as np
 
-from fis_tools.analysis import arrays, contribution, shapley
+from fis_tools.analysis import arrays, bounds, contribution, shapley
 from fis_tools.analysis.measures import Measures
 from fis_tools.array_types import Floats
 from fis_tools.engines.compiler import compile
+from fis_tools.engines.interval import NotBounded
+from fis_tools.findings.audit import Audit, Finding
 from fis_tools.model import FuzzyController, FuzzySystem, Variable
-from fis_tools.review.colours import level
 from fis_tools.review.flown import Samples
-from fis_tools.review.ranges import range_rows
-from fis_tools.words.text import number, rule_tables, sentence, shape_words, summary, with_unit
+from fis_tools.words.text import amount, number, rule_tables, sentence, shape_words, summary, with_unit
+
+#: cividis (J. R. Nuñez, C. R. Anderton, R. S. Renslow, PLoS ONE 13, 2018) from its lowest to its highest,
+#: stated here so that a page is made without matplotlib
+BRIGHTNESS = (
+    *("#00224e", "#00285b", "#002e6a", "#053371", "#1a386f", "#273e6e", "#32436d", "#3b496c", "#434e6c"),
+    *("#4b546c", "#535a6d", "#5a5f6e", "#61656f", "#686a71", "#6f7073", "#767676", "#7d7c78", "#848279"),
+    *("#8c8878", "#938e78", "#9b9476", "#a39a74", "#aba072", "#b4a76f", "#bcae6c", "#c4b468", "#cdbb63"),
+    *("#d5c25e", "#dec958", "#e7d150", "#f0d846", "#f9e03a", "#fee838"),
+)
+#: The first of them on which black letters stand out more than white ones.
+FIRST_BRIGHT = 15
+
+
+def level(place: int, count: int) -> int:
+    """Return which of the levels of `BRIGHTNESS` the thing at a place among some ordered things has."""
+    last = len(BRIGHTNESS) - 1
+    return round((0.08 + 0.9 * (place / (count - 1) if count > 1 else 0.7)) * last)
+
+
+def level_styles() -> str:
+    """Return the rules of a style sheet that give each level its ground and a readable ink."""
+    inks = ["#ffffff"] * FIRST_BRIGHT + ["#000000"] * (len(BRIGHTNESS) - FIRST_BRIGHT)
+    rules = [
+        f".level-{place} {{ background: {colour}; color: {ink}; }}"
+        for place, (colour, ink) in enumerate(zip(BRIGHTNESS, inks, strict=True))
+    ]
+    return "\n".join(rules) + "\n"
 
 
 @dataclass(frozen=True)
@@ -150,3 +179,113 @@ def _rules(
             "strongest": float(usage.max_strength[place]),
             "consistency": float(consistency[place]),
         }
+
+
+#: of many rules only so many are linked
+MOST_LINKS = 6
+
+
+def finding_rows(audit: Audit, controller: FuzzyController) -> list[dict[str, Any]]:
+    """Return a row for each finding, the most serious first.
+
+    A row holds a key that tells it from the others, its severity as a word and as a number, the system's
+    name, sentence and cure, links as (words, id on the page), and in ``point`` the inputs at which it can be
+    seen, as JSON; empty where there are none.
+    """
+    places = {system.name: place for place, system in enumerate(controller.systems, start=1)}
+    rows = []
+    for finding in audit.findings:
+        place = places[finding.system]
+        system = controller.systems[place - 1]
+        rows.append(
+            {
+                "key": "/".join(
+                    (finding.id, finding.system, finding.variable, *finding.terms, *map(str, finding.rules))
+                ),
+                "severity": finding.severity.word,
+                "weight": int(finding.severity),
+                "system": finding.system,
+                "place": place,
+                "sentence": finding.sentence,
+                "cure": finding.cure,
+                "links": _links(finding, system, f"s{place}"),
+                "point": _point(finding, system),
+            }
+        )
+    return rows
+
+
+def finding_counts(audit: Audit, system: str = "") -> str:
+    """Say how many findings of each severity there are, maybe of one system: ``1 serious, 2 warnings``."""
+    counts = Counter(finding.severity for finding in audit.findings if system in ("", finding.system))
+    return ", ".join(one.counted(counts[one]) for one in sorted(counts, reverse=True)) or "none"
+
+
+def _links(finding: Finding, system: FuzzySystem, system_id: str) -> list[tuple[str, str]]:
+    links = []
+    for kind, variables in (("i", system.inputs), ("o", system.outputs)):
+        for place, variable in enumerate(variables, start=1):
+            if variable.name == finding.variable:
+                links.append((variable.name, f"{system_id}-{kind}{place}"))
+    links += [(f"rule {number}", f"{system_id}-r{number}") for number in finding.rules[:MOST_LINKS]]
+    return links or [(system.name, system_id)]
+
+
+def _point(finding: Finding, system: FuzzySystem) -> str:
+    """Return inputs, or some of them, at which a finding can be seen."""
+    evidence: Mapping[str, Any] = finding.evidence
+    inputs = {variable.name for variable in system.inputs}
+    point: dict[str, float] = {}
+    at = evidence.get("at")
+    if isinstance(at, Sequence) and len(at) == len(system.inputs):
+        point = {variable.name: value for variable, value in zip(system.inputs, at, strict=True)}
+    elif isinstance(at, float) and finding.variable in inputs:
+        point = {finding.variable: at}
+    elif "held" in evidence and finding.variable in inputs:
+        point = {**evidence["held"], finding.variable: evidence["from"]}
+    return json.dumps(point) if point else ""
+
+
+#: how near proved and attained ends are brought, as a fraction of the output's range
+TOLERANCE = 0.01
+#: for each end of each output
+MOST_BOXES = 5_000
+
+
+def range_rows(system: FuzzySystem) -> tuple[list[dict[str, Any]], str]:
+    """Return a row for each output; none, and why, where they cannot be bounded."""
+    try:
+        ranges = bounds.output_ranges(system, tolerance=TOLERANCE, max_boxes=MOST_BOXES)
+    except NotBounded as error:
+        return [], str(error)
+    return list(_ranges(system, ranges)), ""
+
+
+def _ranges(system: FuzzySystem, ranges: tuple[bounds.Range, ...]) -> Iterator[dict[str, Any]]:
+    for found in ranges:
+        output = found.output
+        yield {
+            "output": output.name,
+            "declared": _interval(output, output.minimum, output.maximum),
+            "proved": _interval(output, found.outer.low, found.outer.high),
+            "ends": [
+                (shown(output, value), _place(system, point), json.dumps(point))
+                for value, point in (
+                    (found.inner.low, found.least_at),
+                    (found.inner.high, found.greatest_at),
+                )
+            ],
+        }
+
+
+def _interval(variable: Variable, low: float, high: float) -> str:
+    return f"{shown(variable, low)} to {shown(variable, high)}"
+
+
+def _place(system: FuzzySystem, point: dict[str, float]) -> str:
+    return ", ".join(f"{name} = {shown(system.variable(name), value)}" for name, value in point.items())
+
+
+def shown(variable: Variable, value: float) -> str:
+    """Format a value with its unit and a minus sign as print has it."""
+    return amount(variable, value).replace("-", "−", 1)

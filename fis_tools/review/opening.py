@@ -1,6 +1,8 @@
 """What a review page begins with: what a controller does, verdicts, how it flew, what is not covered."""
 
+import json
 from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -8,11 +10,12 @@ import numpy as np
 from fis_tools.analysis import arrays
 from fis_tools.array_types import Floats
 from fis_tools.document import Block, Heading, Items, Paragraph, Table
+from fis_tools.errors import ControllerFileError
 from fis_tools.model import FuzzyController, FuzzySystem, Term, Variable
 from fis_tools.model.variables import sample
-from fis_tools.review.flown import Flight, Samples
-from fis_tools.review.outcomes import HEADS, Evaluation
-from fis_tools.words.text import amount, percent, rule_tables, sentences
+from fis_tools.review.content import shown
+from fis_tools.review.flown import HEADS, Evaluation, Flight, Samples
+from fis_tools.words.text import percent, rule_tables, sentences
 
 #: rules that are no table are listed at the top up to so many
 FEW_RULES = 12
@@ -56,7 +59,7 @@ def _placed(system: FuzzySystem, rows: Sequence[Sequence[str]]) -> Table:
         [_head(system.inputs[0], place) for place in range(len(lines))] if len(places) > 1 else [output.name]
     )
     cells = [
-        [head, *(f"{term}: {_amount(output, value)}" for term, value in zip(line[1:], row, strict=True))]
+        [head, *(f"{term}: {shown(output, value)}" for term, value in zip(line[1:], row, strict=True))]
         for head, line, row in zip(down, lines, answers, strict=True)
     ]
     caption = f"{output.name} where each term holds most; in between it changes gradually."
@@ -65,7 +68,7 @@ def _placed(system: FuzzySystem, rows: Sequence[Sequence[str]]) -> Table:
 
 def _head(variable: Variable, place: int) -> str:
     term = variable.terms[place]
-    return f"{term.name}, {_amount(variable, _peak(variable, term))}"
+    return f"{term.name}, {shown(variable, _peak(variable, term))}"
 
 
 def _peak(variable: Variable, term: Term) -> float:
@@ -89,7 +92,7 @@ def _met(variable: Variable, values: Floats) -> str:
     low, high = float(values.min()), float(values.max())
     outside = float(np.mean((values < variable.minimum) | (values > variable.maximum)))
     beyond = f"; {percent(outside)} beyond its range, and taken as its end" if outside else ""
-    return f"{_amount(variable, low)} to {_amount(variable, high)}{beyond}"
+    return f"{shown(variable, low)} to {shown(variable, high)}{beyond}"
 
 
 def flown_table(rows: Sequence[Sequence[str]]) -> Iterator[Table]:
@@ -151,8 +154,40 @@ def not_covered(
 
 
 def _extent(variable: Variable) -> str:
-    return f"{_amount(variable, variable.minimum)} to {_amount(variable, variable.maximum)}"
+    return f"{shown(variable, variable.minimum)} to {shown(variable, variable.maximum)}"
 
 
-def _amount(variable: Variable, value: float) -> str:
-    return amount(variable, value).replace("-", "−", 1)
+SCHEMA = "evidence"
+
+
+def read_evidence(path: Path | str, fingerprint: str) -> tuple[dict[str, Any], list[dict[str, str]]]:
+    """Return evidence, and of each requirement its name and its verdict in words.
+
+    Raises
+    ------
+    ControllerFileError
+        If the file cannot be read, is no evidence, or is about another controller.
+    """
+    try:
+        content = json.loads(Path(path).read_text(encoding="utf-8"))
+        if content["schema"] != SCHEMA:
+            raise ValueError(content["schema"])
+        about = content["controller"]
+        found = [
+            {
+                "name": " ".join(str(one[key]) for key in ("id", "title") if key in one),
+                "words": str(one.get("sentence") or f"{one['verdict']}: {one['text']} {one['why']}"),
+            }
+            for one in content["requirements"]
+        ]
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise ControllerFileError(
+            f"{path} is no evidence that can be read ({error}); give the evidence.json that "
+            "`python -m pipeline assure RUN` writes"
+        ) from error
+    if about.get("sha256") != fingerprint:
+        raise ControllerFileError(
+            f"{path} is about the controller {about.get('name')!r} with the SHA-256 {about.get('sha256')}, "
+            f"but this one has {fingerprint}; give the evidence of this controller"
+        )
+    return content, found

@@ -1,24 +1,36 @@
 """The page itself: words, systems and flights put into one file that needs no other."""
 
-from collections.abc import Sequence
+import base64
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import compress
 from pathlib import Path
 
 from markupsafe import Markup
 
-from fis_tools.analysis import flights
-from fis_tools.analysis.flights import read_outcome
-from fis_tools.document import Document, Heading, Items, Paragraph, html
-from fis_tools.document.page import read, source_hash, template
-from fis_tools.findings.audit import audit, report
+from fis_tools.analysis import arrays, flights, shapley
+from fis_tools.document import Block, Document, Figure, Fold, Heading, Items, Paragraph, Table, html
+from fis_tools.document.html import element, read, source_hash, template, void
+from fis_tools.engines.compiler import compile
+from fis_tools.errors import MissingExtra
+from fis_tools.findings.audit import Audit, audit, report
 from fis_tools.formats import serialize
-from fis_tools.model import FuzzyController
-from fis_tools.review import carried, content, opening, outcomes, plain
-from fis_tools.review.colours import BRIGHTNESS, level_styles
+from fis_tools.model import FuzzyController, FuzzySystem
+from fis_tools.review import carried, content, opening
 from fis_tools.review.constants import constants
-from fis_tools.review.findings import finding_counts, finding_rows
-from fis_tools.review.flown import noun_of, read_flights, samples_of, unique
-from fis_tools.review.requirements import read_evidence
+from fis_tools.review.content import BRIGHTNESS, finding_counts, finding_rows, level_styles
+from fis_tools.review.flown import (
+    Samples,
+    evaluations,
+    failures,
+    noun_of,
+    outcome_rows,
+    read_flights,
+    recordings,
+    samples_of,
+    unique,
+)
+from fis_tools.review.opening import read_evidence
+from fis_tools.words.text import ranked, sentences, shape_words, summary
 
 #: what the reviewer ticks before signing, by key
 CHECKS = {
@@ -86,16 +98,16 @@ def write(
         cannot be read, or is about another controller.
     """
     systems = controller.systems
-    paths = unique(outcomes.recordings(flight_paths))
+    paths = unique(recordings(flight_paths))
     flown = read_flights(paths, controller, all_periods)
     noun, is_flight = noun_of(paths), [flights.is_flight(path) for path in paths]
-    went = [read_outcome(path) for path in compress(paths, is_flight)]
+    went = [flights.read_outcome(path) for path in compress(paths, is_flight)]
     meanings = {name: meaning for one in went for name, meaning in one.constants.items()}
     fingerprint = serialize.fingerprint(controller)
     samples = {system.name: samples_of(system, flown, noun) for system in systems}
     sensed = {name: some.inputs for name, some in samples.items() if some.are_flown}
     audited = audit(controller, sensed if flown else None)
-    evaluated = outcomes.evaluations(flight_paths)
+    evaluated = evaluations(flight_paths)
     names = [flight.name for flight in compress(flown, is_flight)]
     told, requirements = (None, []) if evidence is None else read_evidence(evidence, fingerprint)
     title = "How it flew" if noun == "flight" else "How it answered"
@@ -106,15 +118,15 @@ def write(
         Heading("Inputs", 3),
         opening.inputs(controller, samples),
         Heading(title, id="logged"),
-        *(Paragraph(outcomes.failures(one)) for one in evaluated),
-        *opening.flown_table(outcomes.rows(evaluated, names, went)),
+        *(Paragraph(failures(one)) for one in evaluated),
+        *opening.flown_table(outcome_rows(evaluated, names, went)),
         Paragraph(opening.along(flown, noun)),
         Heading("What is not covered", id="uncovered"),
         Items(opening.not_covered(told, evaluated, samples, noun)),
     ]
     lead = opening.lead(controller)
     if any(system.weighed for system in systems):
-        return plain.write(controller, opening_blocks, lead, samples, audited)
+        return _without_scripts(controller, opening_blocks, lead, samples, audited)
     data = {
         "brightness": BRIGHTNESS,
         "sha256": fingerprint,
@@ -167,3 +179,85 @@ def _script() -> str:
     """Join the scripts into one that leaves nothing of its own behind."""
     parts = [read(f"scripts/{name}.js", __package__) for name in SCRIPTS]
     return '\n"use strict";\n(() => {\n' + "\n".join(parts) + "})();\n"
+
+
+_SHARES = (
+    "share: by how much a rule moves an output on average, in parts of the output's range (a Shapley value); "
+    "fires: in what part of the samples with a strength of 0.05 or more."
+)
+
+
+def _without_scripts(
+    controller: FuzzyController,
+    opening: Sequence[Block],
+    lead: str,
+    samples: Mapping[str, Samples],
+    audited: Audit,
+) -> str:
+    """Write the page: ``opening`` is what every review page begins with, ``lead`` its first sentences."""
+    findings = [f"{one.severity.word}, {one.system}: {one.sentence} {one.cure}" for one in audited.findings]
+    blocks: list[Block] = [
+        Heading(f"Review: {controller.name}", 1),
+        Paragraph(lead),
+        Paragraph(f"SHA-256 {serialize.fingerprint(controller)}"),
+        *opening,
+        Heading("Findings", id="findings"),
+        Fold(finding_counts(audited), [Items(findings)])
+        if findings
+        else Paragraph("The audit found nothing."),
+        Heading("Where it comes from", id="provenance"),
+        _facts(controller),
+    ]
+    for system in controller.systems:
+        blocks += [
+            Heading(system.name, id=f"system-{system.name}"),
+            *_blocks(system, samples[system.name]),
+        ]
+    return html.page(Document(blocks))
+
+
+def _facts(controller: FuzzyController) -> Block:
+    told = [[key.replace("_", " "), value] for key, value in (*controller.provenance, *controller.attributes)]
+    return Table([], told) if told else Paragraph("Its file does not say: no data, no errors, no author.")
+
+
+def _blocks(system: FuzzySystem, samples: Samples) -> Iterator[Block]:
+    yield Paragraph(f"{summary(system)}.")
+    terms = [
+        [variable.name, term.name, shape_words(term)]
+        for variable in (*system.inputs, *system.outputs)
+        for term in variable.terms
+    ]
+    yield Fold("Terms, and what rules conclude", [Table(["variable", "term", "function or formula"], terms)])
+    yield Fold("Surfaces", [*_pictures(system)])
+    usage = arrays.rule_usage(arrays.firing(system, samples.inputs))
+    shares = shapley.importance(compile(system), samples.inputs)
+    lines = sentences(system)
+    rows = [
+        [
+            str(one.number),
+            lines[one.number - 1],
+            one.importance_words,
+            f"{100 * usage.fired[one.number - 1]:.1f} %",
+        ]
+        for one in ranked(system, {system.name: shares})
+    ]
+    caption = f"{samples.words[0].upper()}{samples.words[1:]}. {_SHARES}"
+    yield Fold(
+        "Rules and their shares", [Table(["no.", "rule", "share", "fires"], rows, (2, 3), caption=caption)]
+    )
+
+
+def _pictures(system: FuzzySystem) -> Iterator[Block]:
+    try:
+        from fis_tools import render  # noqa: PLC0415 - the page is made without matplotlib
+    except MissingExtra as error:
+        yield Paragraph(str(error))
+        return
+    for name, figure in render.surface_figures(system):
+        picture = render.encode(figure, "png", 90)
+        yield Figure(element("figure", void("img", src=_address(picture), alt=f"{system.name}: {name}")))
+
+
+def _address(png: bytes) -> str:
+    return f"data:image/png;base64,{base64.b64encode(png).decode()}"

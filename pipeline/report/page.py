@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from fis_tools.document.page import policy, template
+from fis_tools.document.html import policy, template
 from fis_tools.words.text import summary
 from pipeline.evaluation import published
 from pipeline.evaluation.comparison import FLOWN

@@ -8,7 +8,7 @@ import numpy as np
 
 from fis_tools.analysis.arrays import Surface, spread_inputs, surface
 from fis_tools.array_types import Floats
-from fis_tools.document.element import element, void
+from fis_tools.document.html import element, void
 from fis_tools.engines.compiler import compile as compiled
 from fis_tools.findings.difference.change import OutputChange, SystemDifference
 from fis_tools.model import FuzzySystem, Variable

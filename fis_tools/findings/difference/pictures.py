@@ -3,7 +3,7 @@
 import numpy as np
 from markupsafe import Markup
 
-from fis_tools.document.element import element
+from fis_tools.document.html import element
 from fis_tools.findings.difference.change import VariableChange
 from fis_tools.model import Term, Variable
 from fis_tools.model.variables import sample

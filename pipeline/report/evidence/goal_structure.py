@@ -11,7 +11,7 @@ from typing import Any
 
 from markupsafe import Markup
 
-from fis_tools.document.element import element
+from fis_tools.document.html import element
 
 #: of the drawing, in its own units; text is about half as wide as high
 WIDTH, LINE, SIZE = 960, 17, 14

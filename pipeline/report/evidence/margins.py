@@ -5,7 +5,7 @@ from typing import Any
 
 from markupsafe import Markup
 
-from fis_tools.document.element import element
+from fis_tools.document.html import element
 
 WIDTH, HEIGHT, BASE, LEFT = 640, 150, 112, 10
 #: a number nearer to the zero than this would stand on it

@@ -17,9 +17,7 @@ from fis_tools.document import (
     Paragraph,
     Table,
 )
-from fis_tools.document.element import element
-from fis_tools.document.html import page
-from fis_tools.document.page import read
+from fis_tools.document.html import element, page, read
 from pipeline.evaluation.assurance.requirements import SEVERITIES
 from pipeline.report.evidence import goal_structure, margins
 from pipeline.report.evidence.credibility import factors, uncertain

@@ -5,8 +5,7 @@ from collections.abc import Iterator
 from markupsafe import Markup
 
 from fis_tools.document import Block, Code, Document, Figure, Heading, Items, Paragraph, html
-from fis_tools.document.element import element
-from fis_tools.document.page import read
+from fis_tools.document.html import element, read
 from pipeline.evaluation.paired import METRICS
 from pipeline.report.figures.style import save, style
 from pipeline.report.figures.sweep import Line, Point, front_of_runs, parallel_coordinates

@@ -20,7 +20,7 @@ from fis_tools.findings.audit import Thresholds
 from fis_tools.findings.explanation import explain, shares
 from fis_tools.formats.serialize import dump_json, dump_yaml, load, loads
 from fis_tools.model import FuzzyController
-from fis_tools.words.outline import outline
+from fis_tools.words.text import outline
 from tests.fis_tools.analysis.test_flights import log_flight
 from tests.fis_tools.sample_controllers import force_x_system, general_controller, paper_like_controller
 

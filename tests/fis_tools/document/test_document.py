@@ -25,7 +25,7 @@ from fis_tools.document import (
     markdown,
     text,
 )
-from fis_tools.document.element import element
+from fis_tools.document.html import element
 from tests.policies import check_policy
 
 NASTY = 'a|b <i>&"_c_ \\d{e} 5 % #f $g ^h ~j [k] *l*'

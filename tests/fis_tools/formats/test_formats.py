@@ -34,7 +34,7 @@ from fis_tools.model import (
     table_rules,
 )
 from fis_tools.words import text
-from fis_tools.words.outline import outline, rule_list
+from fis_tools.words.text import outline, rule_list
 from tests.fis_tools.sample_controllers import (
     force_x_system,
     force_z_system,

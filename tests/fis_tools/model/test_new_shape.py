@@ -28,8 +28,7 @@ from fis_tools.model import (
 )
 from fis_tools.model.shape import SHAPES, Floats, Place, Width, shape
 from fis_tools.model.validate import problems
-from fis_tools.words.outline import outline
-from fis_tools.words.text import shape_words
+from fis_tools.words.text import outline, shape_words
 
 
 @shape("cosine_bump", "cosine bump, centre {centre}, half width {width}", fll=("Bump", "width", "centre"))

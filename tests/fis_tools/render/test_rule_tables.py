@@ -18,7 +18,7 @@ from fis_tools.engines.compiler import compile as compiled
 from fis_tools.formats import csv as csv_format
 from fis_tools.formats.serialize import dump_yaml
 from fis_tools.model import FuzzyController
-from fis_tools.words.outline import outline, ranked, rule_list
+from fis_tools.words.text import outline, ranked, rule_list
 from tests.fis_tools.analysis.test_flights import log_flight
 from tests.fis_tools.sample_controllers import force_x_system, general_controller, paper_like_controller
 from tests.policies import check_policy

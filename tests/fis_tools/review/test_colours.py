@@ -9,7 +9,7 @@ import pytest
 from matplotlib.colors import to_hex
 
 from fis_tools.render import BRIGHTNESS_MAP, readable_on
-from fis_tools.review.colours import BRIGHTNESS, level, level_styles
+from fis_tools.review.content import BRIGHTNESS, level, level_styles
 
 
 def luminance(colour: str) -> float:

@@ -15,7 +15,7 @@ from fis_tools.document import Paragraph, Table
 from fis_tools.engines.inference import infer
 from fis_tools.findings.explanation import explain
 from fis_tools.formats import serialize
-from fis_tools.review import opening, outcomes, page
+from fis_tools.review import flown, opening, page
 from fis_tools.review.flown import Samples
 from tests.places import PROJECT
 from tests.policies import check_policy
@@ -82,12 +82,12 @@ def test_failures_are_counted_over_all_flights_of_the_run_of_a_recording(tmp_pat
         "inspection_rate_percent": [99.0, 71.0, 97.0, 99.0],
     }
     pq.write_table(pa.table(columns), tmp_path / "evaluate" / "episodes.parquet")
-    found = outcomes.evaluations([tmp_path / "episodes" / "best.mcap", tmp_path])
+    found = flown.evaluations([tmp_path / "episodes" / "best.mcap", tmp_path])
     assert len(found) == 1
-    told = outcomes.failures(found[0])
+    told = flown.failures(found[0])
     assert "1 of 4: 25.0 %" in told
     assert told.endswith("The worst: case 1 (71.0 %), case 2 (97.0 %, outside).")
-    assert outcomes.evaluations([tmp_path / "elsewhere" / "episodes" / "best.mcap"]) == []
+    assert flown.evaluations([tmp_path / "elsewhere" / "episodes" / "best.mcap"]) == []
 
 
 def test_a_learned_system_has_a_page_with_its_data_errors_and_formulas(tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ from fis_tools.document import markdown
 from fis_tools.formats.exchange import fis
 from fis_tools.formats.serialize import dump_yaml, load
 from fis_tools.model import FuzzyController
-from fis_tools.words.outline import outline
+from fis_tools.words.text import outline
 from tests.fis_tools.formats.exchange.systems import alone, flat_system, nested_system
 from tests.fis_tools.sample_controllers import general_controller, paper_like_controller
 from tests.places import PROJECT
