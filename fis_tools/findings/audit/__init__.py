@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping
 
 from fis_tools.analysis.measures import measure
 from fis_tools.array_types import Floats
-from fis_tools.findings.audit import answers, rules, terms, usage
+from fis_tools.findings.audit import answers, rules, terms
 from fis_tools.findings.audit.report import Audit, AuditedSystem, Finding, Severity, Thresholds
 from fis_tools.formats.provenance import edited
 from fis_tools.model import FuzzyController, FuzzySystem
@@ -88,7 +88,7 @@ def _counterpart(system: FuzzySystem, reference: FuzzyController) -> tuple[str, 
 
 def _used(system: FuzzySystem, rows: Floats | None, thresholds: Thresholds) -> Iterator[Finding]:
     if rows is not None and len(rows):
-        yield from usage.find(system, rows, thresholds)
+        yield from answers.find_along(system, rows, thresholds)
         return
     yield Finding(
         "never-asked",

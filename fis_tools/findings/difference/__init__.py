@@ -1,81 +1,16 @@
 """The differences between two fuzzy controllers: variables, terms, rules, and outputs."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 from fis_tools.array_types import Floats
-from fis_tools.document import Document, Result
-from fis_tools.findings.difference import words
-from fis_tools.findings.difference.change import (
-    Fact,
-    OutputChange,
-    RuleChange,
-    Source,
-    SystemDifference,
-    TermChange,
-    VariableChange,
-)
-from fis_tools.findings.difference.comparison import compare_rules, compare_variables, new_names, system_facts
-from fis_tools.findings.difference.outputs import compare_outputs
+from fis_tools.findings.difference import comparison
+from fis_tools.findings.difference.comparison import Fact, Source, SystemDifference
+from fis_tools.findings.difference.report import Difference
 from fis_tools.formats.serialize import fingerprint
 from fis_tools.model import FuzzyController, FuzzySystem
 from fis_tools.model.validate import validate
 
-__all__ = [
-    "Difference",
-    "Fact",
-    "OutputChange",
-    "RuleChange",
-    "Source",
-    "SystemDifference",
-    "TermChange",
-    "VariableChange",
-    "difference",
-]
-
-
-@dataclass(frozen=True, repr=False)
-class Difference(Result):
-    """The differences between two controllers.
-
-    Parameters
-    ----------
-    before, after : Source
-        What was compared.
-    facts : tuple of Fact
-        Attributes that changed, and the name.
-    systems : tuple of SystemDifference
-        In their present order, removed systems last; unchanged systems are included.
-    """
-
-    before: Source
-    after: Source
-    facts: tuple[Fact, ...]
-    systems: tuple[SystemDifference, ...]
-
-    @property
-    def is_empty(self) -> bool:
-        """Whether the controllers are the same apart from their provenance."""
-        return not self.facts and all(system.is_empty for system in self.systems)
-
-    def document(self, *, pictures: bool = False) -> Document:
-        """Say what changed; on demand with pictures of terms and surfaces, for pages."""
-        return words.document((self.before, self.after), self.facts, self.systems, pictures=pictures)
-
-    def plain(self) -> dict[str, object]:
-        """Return it as plain data, for the schema fuzzy-difference, version 1."""
-        return words.plain((self.before, self.after), self.facts, self.systems)
-
-    def html(self) -> str:
-        """Write it as a page that needs no other file, with pictures."""
-        from fis_tools.document import html  # noqa: PLC0415 - as in `Result`
-
-        return html.page(self.document(pictures=True))
-
-    def _repr_html_(self) -> str:
-        from fis_tools.document import html  # noqa: PLC0415 - as in `Result`
-
-        return html.fragment(self.document(pictures=True))
+__all__ = ["Difference", "SystemDifference", "difference"]
 
 
 def difference(
@@ -109,8 +44,7 @@ def difference(
         validate(system)
     compared = [_compare(old.pop(name, None), system, samples) for name, system in new.items()]
     gone = [SystemDifference(system, None) for system in old.values()]
-    sources = [_source(one, file) for one, file in zip((before, after), files, strict=True)]
-    return Difference(sources[0], sources[1], facts, (*compared, *gone))
+    return Difference(_source(before, files[0]), _source(after, files[1]), facts, (*compared, *gone))
 
 
 def _source(controller: FuzzyController | FuzzySystem, file: str) -> Source:
@@ -139,7 +73,7 @@ def _compare(
 ) -> SystemDifference:
     if before is None:
         return SystemDifference(None, after)
-    variables = compare_variables(before, after)
-    rules = compare_rules(before, after, new_names(variables))
-    outputs = compare_outputs(before, after, None if samples is None else samples.get(after.name))
-    return SystemDifference(before, after, system_facts(before, after), variables, rules, outputs)
+    variables = comparison.compare_variables(before, after)
+    rules = comparison.compare_rules(before, after, comparison.new_names(variables))
+    outputs = comparison.compare_outputs(before, after, None if samples is None else samples.get(after.name))
+    return SystemDifference(before, after, comparison.system_facts(before, after), variables, rules, outputs)

@@ -1,21 +1,203 @@
-"""Comparison of two systems: variables, terms, rules."""
+"""Two systems compared: what changed in variables, terms, rules and outputs."""
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
 from fis_tools import model
-from fis_tools.findings.difference.change import Fact, RuleChange, TermChange, VariableChange
-from fis_tools.model.systems import has_sets
+from fis_tools.analysis.arrays import spread_inputs
+from fis_tools.array_types import Floats
+from fis_tools.engines.compiler import compile as compiled
+from fis_tools.model import FuzzySystem, Rule, Term, Variable
 from fis_tools.model.variables import sample
+from fis_tools.model.systems import has_sets
 from fis_tools.words.text import antecedent_words, number
+
+
+class Source(NamedTuple):
+    """One of the two controllers that are compared.
+
+    Attributes
+    ----------
+    name, file, sha256 : str
+        Its name, where it was read from (empty if from no file), and its fingerprint, as of what is signed.
+    """
+
+    name: str
+    file: str
+    sha256: str
+
+
+@dataclass(frozen=True)
+class Fact:
+    """A property whose value changed.
+
+    Parameters
+    ----------
+    what : str
+        Such as ``and operator``.
+    before, after : str
+        Its values, in words.
+    """
+
+    what: str
+    before: str
+    after: str
+
+
+@dataclass(frozen=True)
+class TermChange:
+    """A term that was added, removed, renamed, or redefined.
+
+    Parameters
+    ----------
+    before, after : Term or None
+        None if it did not exist, or no longer exists.
+    moved : float
+        How far the middle of its highest points moved, in units of the variable; 0 for a term that was
+        added or removed.
+    share : float
+        The same as a fraction of the width of the wider universe.
+    similarity : float
+        Jaccard: the area under the lower of the two functions over that under the higher.
+    """
+
+    before: Term | None
+    after: Term | None
+    moved: float = 0.0
+    share: float = 0.0
+    similarity: float = 0.0
+
+
+@dataclass(frozen=True)
+class VariableChange:
+    """A variable that was added or removed, or in which something changed.
+
+    Parameters
+    ----------
+    kind : str
+        ``input`` or ``output``.
+    before, after : Variable or None
+        None if it did not exist, or no longer exists.
+    facts : tuple of Fact
+        Its unit, universe, default and the like.
+    terms : tuple of TermChange
+        Those that changed, in their present order.
+    """
+
+    kind: str
+    before: Variable | None
+    after: Variable | None
+    facts: tuple[Fact, ...] = ()
+    terms: tuple[TermChange, ...] = ()
+
+    @property
+    def variable(self) -> Variable:
+        """The present variable, or the former one if it was removed."""
+        variable = self.after or self.before
+        assert variable is not None  # noqa: S101 - one of them stands
+        return variable
+
+
+@dataclass(frozen=True)
+class RuleChange:
+    """A rule that was added or removed, or concludes something else.
+
+    Parameters
+    ----------
+    before, after : Rule or None
+        None if it did not exist, or no longer exists.
+    number : int
+        Its number, from 1: the present one, or the former one of a removed rule.
+    """
+
+    before: Rule | None
+    after: Rule | None
+    number: int
+
+
+@dataclass(frozen=True)
+class OutputChange:
+    """How far an output changed, over some samples.
+
+    Parameters
+    ----------
+    output : Variable
+        Its present form.
+    where : str
+        Which samples: ``the ranges`` or ``the flights``.
+    num_samples : int
+        How many.
+    mean, largest : float
+        Size of the change, in the output's unit.
+    mean_share, largest_share : float
+        The same as a fraction of the wider range of the output.
+    inputs : dict
+        Where it is largest, by the inputs' names.
+    before, after : float
+        The outputs there.
+    """
+
+    output: Variable
+    where: str
+    num_samples: int
+    mean: float
+    largest: float
+    mean_share: float
+    largest_share: float
+    inputs: dict[str, float]
+    before: float
+    after: float
+
+
+@dataclass(frozen=True)
+class SystemDifference:
+    """The differences between two systems of the same name.
+
+    Parameters
+    ----------
+    before, after : FuzzySystem or None
+        None if it did not exist, or no longer exists.
+    facts : tuple of Fact
+        Operators, defuzzifier, and the order of the inputs.
+    variables : tuple of VariableChange
+        Those that changed.
+    rules : tuple of RuleChange
+        Those that changed.
+    outputs : tuple of OutputChange
+        Of each output that both have, over each kind of samples; empty where the inputs are not the same.
+    """
+
+    before: FuzzySystem | None
+    after: FuzzySystem | None
+    facts: tuple[Fact, ...] = ()
+    variables: tuple[VariableChange, ...] = ()
+    rules: tuple[RuleChange, ...] = ()
+    outputs: tuple[OutputChange, ...] = ()
+
+    @property
+    def name(self) -> str:
+        """The name of the system."""
+        system = self.after or self.before
+        assert system is not None  # noqa: S101 - one of them stands
+        return system.name
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether nothing changed."""
+        is_kept = self.before is not None and self.after is not None
+        return is_kept and not (self.facts or self.variables or self.rules)
+
 
 #: How a number is written.
 Write = Callable[[float], str]
 
 #: The similarity from which a removed and an added term count as one that was renamed.
 RENAMED_FROM = 0.7
+#: Inputs spread over the ranges.
+NUM_SPREAD = 4096
 #: New names of terms, by variable and old name.
 Names = dict[tuple[str, str], str]
 
@@ -212,3 +394,72 @@ def _meaning(rule: model.Rule) -> tuple[object, ...]:
     """Return what rules with one antecedent must share to be the same."""
     consequents = sorted((c.variable, c.term, c.weight) for c in rule.consequents)
     return consequents, rule.label, rule.and_operator, rule.or_operator
+
+
+def compare_outputs(
+    before: model.FuzzySystem, after: model.FuzzySystem, samples: Floats | None = None
+) -> tuple[OutputChange, ...]:
+    """Compare the common outputs of two systems, over the input ranges and over samples.
+
+    Parameters
+    ----------
+    before, after : model.FuzzySystem
+        Of inputs of the same names, in any order; without these nothing is compared.
+    samples : (n, num_inputs), optional
+        Inputs in the order of `after`.
+    """
+    names = [variable.name for variable in after.inputs]
+    if sorted(names) != sorted(variable.name for variable in before.inputs):
+        return ()
+    spread = spread_inputs(over_both_ranges(before, after), NUM_SPREAD)
+    columns = [names.index(variable.name) for variable in before.inputs]
+    common = [output for output in after.outputs if output.name in {v.name for v in before.outputs}]
+    changes = []
+    for where, inputs in (("the ranges", spread), ("the flights", samples)):
+        if inputs is not None and len(inputs):
+            old = compiled(before)(np.ascontiguousarray(inputs[:, columns]))
+            new = compiled(after)(inputs)
+            for output in common:
+                old_place = [variable.name for variable in before.outputs].index(output.name)
+                pair = np.array((old[:, old_place], new[:, after.outputs.index(output)]))
+                has_value = np.isfinite(pair).all(axis=0)  # a formula may have none
+                rows, pair = inputs[has_value], pair[:, has_value]
+                if len(rows):
+                    changes.append(_change(before.outputs[old_place], output, where, names, rows, pair))
+    return tuple(changes)
+
+
+def over_both_ranges(before: model.FuzzySystem, after: model.FuzzySystem) -> model.FuzzySystem:
+    """Return a system whose inputs have ranges as wide as in both; for their ranges only."""
+    wider = []
+    for variable in after.inputs:
+        old = before.variable(variable.name)
+        low, high = min(old.minimum, variable.minimum), max(old.maximum, variable.maximum)
+        wider.append(replace(variable, minimum=low, maximum=high))
+    return replace(after, inputs=tuple(wider))
+
+
+def _change(
+    before: model.Variable,
+    output: model.Variable,
+    where: str,
+    names: list[str],
+    inputs: Floats,
+    values: Floats,
+) -> OutputChange:
+    sizes = np.abs(values[1] - values[0])
+    worst = int(np.argmax(sizes))
+    width = max(variable.maximum - variable.minimum for variable in (before, output))
+    mean, largest = float(sizes.mean()), float(sizes[worst])
+    return OutputChange(
+        output=output,
+        where=where,
+        num_samples=len(inputs),
+        mean=mean,
+        largest=largest,
+        mean_share=mean / width,
+        largest_share=largest / width,
+        inputs={name: float(value) for name, value in zip(names, inputs[worst], strict=True)},
+        before=float(values[0][worst]),
+        after=float(values[1][worst]),
+    )

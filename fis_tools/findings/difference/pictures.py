@@ -1,20 +1,32 @@
-"""The terms of a variable before and after, superimposed, as an SVG inside a page."""
+"""Pictures of a difference for pages: the terms of a variable superimposed, and outputs side by side."""
+
+import base64
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from markupsafe import Markup
 
-from fis_tools.document.html import element
-from fis_tools.findings.difference.change import VariableChange
-from fis_tools.model import Term, Variable
+from fis_tools.analysis.arrays import Surface, surface
+from fis_tools.document.html import element, void
+from fis_tools.engines.compiler import compile as compiled
+from fis_tools.findings.difference.comparison import SystemDifference, VariableChange, over_both_ranges
+from fis_tools.model import FuzzySystem, Term, Variable
 from fis_tools.model.variables import sample
 from fis_tools.words.text import number, with_unit
+
+if TYPE_CHECKING:
+    from fis_tools.render import Figure, Theme
 
 WIDTH, SIDE, LINE, CURVES, BELOW = 720.0, 34.0, 17.0, 130.0, 40.0
 CHARACTER = 7.2
 NUM_COLOURS = 7
+#: Points along each axis of a surface.
+NUM_POINTS = 61
+_DARK = "(prefers-color-scheme: dark)"
 
 
-def draw(change: VariableChange) -> Markup:
+def draw_terms(change: VariableChange) -> Markup:
     """Draw the terms of a variable before (dashed) and after (solid).
 
     Terms that did not change are thin.
@@ -58,7 +70,7 @@ def _curves(
     """Return what to draw, unchanged terms first, and where which name belongs."""
     curves: list[tuple[Variable, Term, str]] = []
     labels = []
-    assert change.before is not None  # noqa: S101 - see `draw`
+    assert change.before is not None  # noqa: S101 - see `draw_terms`
     assert change.after is not None  # noqa: S101
     changed = {term.after.name: term for term in change.terms if term.after is not None}
     for place, term in enumerate(change.after.terms):
@@ -122,3 +134,78 @@ def _axes(variable: Variable, low: float, high: float, top: float) -> list[Marku
             _label(number(round(value, 12)), anchor, x, bottom + 18.0),
         ]
     return [*parts, _label(with_unit(variable), "middle", WIDTH / 2.0, bottom + 35.0)]
+
+
+def draw_surfaces(system: SystemDifference) -> list[str]:
+    """Draw each output that moved, over the last two inputs, the others in the middle of their ranges.
+
+    Nothing is drawn if the inputs changed, or are fewer than two.
+    """
+    if system.before is None or system.after is None or len(system.after.inputs) < 2:
+        return []
+    moved = {change.output.name for change in system.outputs if change.largest > 0.0}
+    return [
+        _picture(system.before, system.after, output)
+        for output in system.after.outputs
+        if output.name in moved
+    ]
+
+
+def changed_surfaces(
+    before: FuzzySystem, after: FuzzySystem, output: str
+) -> tuple[Surface, Surface, Surface]:
+    """Evaluate an output of two systems over the ranges of both: as it was, as it is, and what it changed by.
+
+    Parameters
+    ----------
+    before, after : FuzzySystem
+        Of inputs of the same names, two or more, and with this output.
+    output : str
+        Which output.
+    """
+    y, x = (variable.name for variable in after.inputs[-2:])
+    grid = surface(over_both_ranges(before, after), x, y, output=output, num_points=NUM_POINTS)
+    across, along = np.meshgrid(grid.x, grid.y)
+    inputs = {name: np.full(across.size, value) for name, value in grid.fixed.items()}
+    inputs |= {x: across.ravel(), y: along.ravel()}
+    old, new = (
+        np.asarray(compiled(one)(inputs)[output]).reshape(grid.values.shape) for one in (before, after)
+    )
+    old, new = (np.where(np.isfinite(values), values, np.nan) for values in (old, new))
+    change = replace(grid.output, name=f"change of {output}")
+    return (
+        replace(grid, values=old),
+        replace(grid, values=new),
+        replace(grid, values=new - old, output=change),
+    )
+
+
+def _figure(surfaces: tuple[Surface, Surface, Surface], theme: "Theme") -> "Figure":
+    """Draw both with one scale, and the change with one whose middle is zero."""
+    from fis_tools import render  # noqa: PLC0415 - differences are told without matplotlib
+
+    shown = np.concatenate([one.values.ravel() for one in surfaces[:2]])
+    limits = (float(np.nanmin(shown)), float(np.nanmax(shown)))
+    figure = render.Figure(figsize=(12.6, 3.7), layout="constrained")
+    *axes, last = figure.subplots(1, 3)
+    for one, words, ax in zip(surfaces[:2], ("before", "after"), axes, strict=True):
+        render.draw_surface(one, ax, None if limits[0] == limits[1] else limits, title=words, theme=theme)
+    render.draw_surface(surfaces[2], last, title="after less before", is_change=True, theme=theme)
+    return figure
+
+
+def _picture(before: FuzzySystem, after: FuzzySystem, output: Variable) -> str:
+    from fis_tools import render  # noqa: PLC0415 - differences are told without matplotlib
+
+    surfaces = changed_surfaces(before, after, output.name)
+    light, dark = (
+        base64.b64encode(render.encode(_figure(surfaces, theme), "png", 100)).decode("ascii")
+        for theme in (render.LIGHT, render.DARK)
+    )
+    held = render.held_words(after, surfaces[0].fixed)
+    caption = f"{output.name}, before, after and the difference" + (f", where {held}" if held else "")
+    source, image = f"data:image/png;base64,{dark}", f"data:image/png;base64,{light}"
+    picture = element(
+        "picture", void("source", media=_DARK, srcset=source), void("img", alt=caption, src=image)
+    )
+    return element("figure", picture, element("figcaption", caption))

@@ -1,28 +1,337 @@
 """Explanations: the share of each rule in an output, what would flip it, and the shares over a flight."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from fis_tools.analysis import shapley
 from fis_tools.analysis.contribution import contributions, holding_back
+from fis_tools.document import Block, Document, Heading, Items, Paragraph, Result, Table
+from fis_tools.document.data import plain
 from fis_tools.engines.inference import infer
-from fis_tools.findings.explanation.flips import Flip, class_flips, compiled_once, flips, is_classifier, row
-from fis_tools.findings.explanation.report import ExplainedOutput, Explanation, Move
-from fis_tools.findings.explanation.shares import RuleShare, Shares, shares
+from fis_tools.findings.explanation.flips import (
+    ClassFlip,
+    Flip,
+    class_flips,
+    compiled_once,
+    flips,
+    is_classifier,
+    row,
+)
+from fis_tools.findings.explanation.shares import shares
+from fis_tools.model import FuzzySystem, Variable
+from fis_tools.words.text import NEGLIGIBLE, amount, listed, percent, sentence, span
 
-__all__ = [
-    "ExplainedOutput",
-    "Explanation",
-    "Flip",
-    "Move",
-    "RuleShare",
-    "Shares",
-    "explain",
-    "flips",
-    "shares",
-]
+__all__ = ["Explanation", "Flip", "explain", "flips", "shares"]
+
+#: Rules that moved an output by less than this fraction of its range, or beyond so many, are told on demand.
+WORTH_TELLING = 0.01
+MOST_RULES = 8
+#: Of an output nearer to its default than this fraction of its range, shares are told as amounts alone.
+SMALL = 1e-3
+#: An output that changes by more than this share of its range at a flip jumps there.
+JUMP = 1e-3
+#: A change of less than this share of an input's range is any change at all.
+ANY_CHANGE = 1e-7
+
+
+@dataclass(frozen=True)
+class Move:
+    """The effect of one rule on one output.
+
+    Parameters
+    ----------
+    rule : int
+        The rule's number, from 1 as in every listing.
+    strength : float
+        How strongly it fires, before weights.
+    share : float
+        Its part of the output's way from its default, in the output's unit; the parts of all rules add up.
+    needed : float
+        What would be missing without it: the output minus the output without the rule, in the output's unit.
+    """
+
+    rule: int
+    strength: float
+    share: float
+    needed: float
+
+
+@dataclass(frozen=True)
+class ExplainedOutput:
+    """Why one output is what it is.
+
+    Parameters
+    ----------
+    variable : Variable
+    value : float
+    is_default : bool
+        Whether no rule that concludes on it fires.
+    moves : tuple of Move
+        The rules that fire and conclude on it, the largest share first.
+    error : float
+        The largest standard error of the shares; 0 where they are exact.
+    holding : frozenset of int
+        The numbers of the rules that conclude the default, and so hold back whatever their shares.
+    crossing : float
+        The value that the flips are about.
+    flips : tuple of Flip
+        The smallest changes first.
+    """
+
+    variable: Variable
+    value: float
+    is_default: bool
+    moves: tuple[Move, ...]
+    error: float
+    holding: frozenset[int]
+    crossing: float
+    flips: tuple[Flip, ...]
+
+
+@dataclass(frozen=True, repr=False)
+class Explanation(Result):
+    """Why a system gives its outputs.
+
+    Parameters
+    ----------
+    system : FuzzySystem
+    inputs : tuple of float
+        As given, in the order of the system's inputs.
+    outputs : tuple of ExplainedOutput
+    class_flips : tuple of ClassFlip
+        What flips the class that a classifier says, the smallest changes first.
+    """
+
+    system: FuzzySystem
+    inputs: tuple[float, ...]
+    outputs: tuple[ExplainedOutput, ...]
+    class_flips: tuple[ClassFlip, ...] = ()
+
+    def document(self, *, everything: bool = False) -> Document:
+        """Say it, the most important first; `everything` adds the rules that hardly moved an output."""
+        blocks: list[Block] = [Heading(f"{self.system.name} at {self._place()}")]
+        for output in self.outputs:
+            rows, rest = self._moves(output, everything)
+            blocks += [Paragraph(_value(output)), Items(self.conclusions(output))]
+            blocks += (
+                [Table(["share", "needed", "strength", "rule"], rows, numbers=(0, 1, 2))] if rows else []
+            )
+            blocks += [Paragraph(rest)] if rest else []
+            if not is_classifier(self.system):
+                blocks += [Paragraph(f"{_question(output)}:"), Items(list(_flip_words(output)))]
+        if is_classifier(self.system):
+            blocks += self._class_words()
+        return Document([block for block in blocks if block != Items([])])
+
+    def _class_words(self) -> Iterator[Block]:
+        """Say which class has the greatest share, and what would flip that."""
+        said = max(self.outputs, key=lambda output: output.value).variable.name
+        if not self.class_flips:
+            yield Paragraph(f"Class: {said}. No change of one input alone flips it.")
+            return
+        yield Paragraph(f"Class: {said}. What would flip it, one input changed alone:")
+        yield Items(
+            [
+                f"{flip.other.name}: {flip.input.name} {'above' if flip.first > flip.given else 'below'} "
+                f"{amount(flip.input, flip.first)}, a change of {percent(flip.share)} of its range"
+                for flip in self.class_flips
+            ]
+        )
+
+    def plain(self) -> dict[str, Any]:
+        """Return the explanation as plain JSON data; numbers are in the units of their variables.
+
+        Keys are ``system``, ``inputs`` (by name, as given) and ``outputs``; of each ``output`` its ``unit``,
+        ``value``, whether that is its ``default``, the ``rules`` that fire, the greatest share first (number,
+        ``sentence``, ``strength``, ``share``, ``needed``, and whether it concludes the default and so
+        ``holds_back``), the ``error`` of the shares (0 where they are exact), the ``silent`` value that they
+        count from, and what takes it across ``crossing``: ``flips``, an entry for each ``input`` and ``way``
+        (``up``, ``down``), the smallest first, with the ``change``,
+        the inputs ``last`` before and ``first`` after it and the outputs there (null where no value does it),
+        and whether no rule fires there (``takes_default``).
+        """
+        names = [variable.name for variable in self.system.inputs]
+        return {
+            "system": self.system.name,
+            "inputs": dict(zip(names, self.inputs, strict=True)),
+            "outputs": [
+                {
+                    "output": output.variable.name,
+                    "unit": output.variable.unit,
+                    "value": output.value,
+                    "default": output.is_default,
+                    "rules": [
+                        plain(move)
+                        | {"sentence": sentence(self.system.rules[move.rule - 1])}
+                        | {"holds_back": move.rule in output.holding}
+                        for move in output.moves
+                    ],
+                    "error": output.error,
+                    "silent": output.variable.default,
+                    "crossing": output.crossing,
+                    "flips": [_plain_flip(flip) for flip in output.flips],
+                }
+                for output in self.outputs
+            ],
+            **(
+                {"class_flips": [_plain_class_flip(flip) for flip in self.class_flips]}
+                if self.class_flips
+                else {}
+            ),
+        }
+
+    def _place(self) -> str:
+        words = []
+        for variable, given in zip(self.system.inputs, self.inputs, strict=True):
+            end = min(max(given, variable.minimum), variable.maximum)
+            note = f" (taken as {amount(variable, end)}, the end of its range)" if end != given else ""
+            words.append(f"{variable.name} = {amount(variable, given)}{note}")
+        return ", ".join(words)
+
+    def conclusions(self, output: ExplainedOutput) -> list[str]:
+        """Say what share each conclusion has, and which rules come to it, the greatest share first."""
+        name = output.variable.name
+        groups: dict[str, list[Move]] = {}
+        for move in output.moves:
+            consequents = self.system.rules[move.rule - 1].consequents
+            terms = dict.fromkeys(c.term for c in consequents if c.variable == name and c.weight > 0.0)
+            groups.setdefault(" and ".join(terms), []).append(move)
+        whole = output.value - (output.variable.default or 0.0)
+        shared = {term: sum(move.share for move in moves) for term, moves in groups.items()}
+        sentences = []
+        for term in sorted(groups, key=lambda term: -abs(shared[term])):
+            who = [
+                str(move.rule)
+                for move in groups[term]
+                if abs(move.share) > NEGLIGIBLE * span(output.variable)
+            ]
+            if who:
+                alone, together = ("says so", "say so together")
+                if all(move.rule in output.holding for move in groups[term]):
+                    alone, together = ("holds back", "hold back together")
+                words = (
+                    f"rules {listed(who, MOST_RULES)} {together}"
+                    if len(who) > 1
+                    else f"rule {who[0]} {alone}"
+                )
+                of_all = f", {shared[term] / whole:.2f}" if abs(whole) > SMALL * span(output.variable) else ""
+                sentences.append(f"{term}{of_all} ({_signed(output.variable, shared[term])}): {words}")
+        return sentences
+
+    def _moves(self, output: ExplainedOutput, everything: bool) -> tuple[list[list[str]], str]:
+        """Return the listed rules as cells, and a sentence on the others."""
+        variable, moves = output.variable, output.moves
+        shown = [move for move in moves if abs(move.share) >= WORTH_TELLING * span(variable)][:MOST_RULES]
+        shown = list(moves) if everything else shown or list(moves[:1])
+        rows = [
+            [
+                _signed(variable, move.share),
+                _signed(variable, move.needed),
+                f"{move.strength:.2f}",
+                f"{move.rule}. {sentence(self.system.rules[move.rule - 1])}",
+            ]
+            for move in shown
+        ]
+        rest = moves[len(shown) :]
+        if not rest:
+            return rows, ""
+        fire = "1 more rule fires, with" if len(rest) == 1 else f"{len(rest)} more rules fire, each with"
+        most = abs(rest[0].share)
+        share = f"{amount(variable, most)} at most" if most > NEGLIGIBLE * span(variable) else "no share"
+        return rows, f"{fire} {share}"
+
+
+def _plain_class_flip(flip: ClassFlip) -> dict[str, Any]:
+    return {"input": flip.input.name, "first": flip.first, "class": flip.other.name}
+
+
+def _question(output: ExplainedOutput) -> str:
+    variable, side = output.variable, output.flips[0].side
+    value = amount(variable, output.crossing)
+    if side == 0:
+        return f"What would move {variable.name} away from {value}, one input changed alone"
+    if output.crossing == 0.0:
+        sign = "negative" if side > 0 else "positive"
+        return f"What would make {variable.name} {sign}, one input changed alone"
+    return (
+        f"What would take {variable.name} {'below' if side > 0 else 'above'} {value}, one input changed alone"
+    )
+
+
+def _signed(variable: Variable, value: float) -> str:
+    words = amount(variable, value)
+    return words if words.startswith(("-", "0 ")) or words == "0" else f"+{words}"
+
+
+def _value(output: ExplainedOutput) -> str:
+    value = f"{output.variable.name} = {amount(output.variable, output.value)}"
+    if output.is_default:
+        return f"{value}, its default: no rule that concludes on it fires"
+    variable, silent = output.variable, output.variable.default or 0.0
+    way = f"{_signed(variable, output.value - silent)} from {amount(variable, silent)}, where no rule fires"
+    error = (
+        f", sampled with a standard error of {amount(variable, output.error)} at most" if output.error else ""
+    )
+    return f"{value}: {way}. By shares{error}:"
+
+
+def _flip_words(output: ExplainedOutput) -> Iterator[str]:
+    """Yield the flips in words, the smallest change first, then the inputs that cannot cause one."""
+    variable, crossing = output.variable, output.crossing
+    if not variable.minimum < crossing < variable.maximum and all(f.change is None for f in output.flips):
+        yield (
+            f"nothing can: {variable.name} lies between {amount(variable, variable.minimum)} and "
+            f"{amount(variable, variable.maximum)}, on one side of {amount(variable, crossing)}"
+        )
+        return
+    for flip in output.flips:
+        if flip.change is None or flip.first is None:
+            continue
+        way = "up" if flip.way > 0 else "down"
+        if flip.share <= ANY_CHANGE:
+            words = f"{flip.input.name} {way} by any change"
+        else:
+            words = (
+                f"{flip.input.name} {way} by {amount(flip.input, abs(flip.change))}, to "
+                f"{amount(flip.input, flip.first)} ({percent(flip.share)} of its range)"
+            )
+        yield words + _landing(flip)
+    for name in dict.fromkeys(flip.input.name for flip in output.flips):
+        stuck = [flip for flip in output.flips if flip.input.name == name and flip.change is None]
+        if len(stuck) == 2:
+            variable = stuck[0].input
+            extent = f"from {amount(variable, variable.minimum)} to {amount(variable, variable.maximum)}"
+            yield f"{name} alone cannot: no value {extent} does"
+        elif stuck:
+            flip, word = stuck[0], "up" if stuck[0].way > 0 else "down"
+            end = flip.input.maximum if flip.way > 0 else flip.input.minimum
+            if (end - flip.given) * flip.way > 0.0:
+                yield f"{name} {word}: no value does, up to {amount(flip.input, end)}"
+
+
+def _landing(flip: Flip) -> str:
+    if flip.output_at_first is None or flip.output_at_last is None:
+        return ""
+    if flip.takes_default:
+        return f"; there no rule fires, and it takes its default, {amount(flip.output, flip.output_at_first)}"
+    if abs(flip.output_at_first - flip.output_at_last) > JUMP * span(flip.output):
+        jump = f"{amount(flip.output, flip.output_at_last)} to {amount(flip.output, flip.output_at_first)}"
+        return f"; there it jumps from {jump}"
+    return ""
+
+
+def _plain_flip(flip: Flip) -> dict[str, Any]:
+    keys = ("last", "first", "output_at_last", "output_at_first", "takes_default", "change")
+    return {
+        "input": flip.input.name,
+        "unit": flip.input.unit,
+        "way": "up" if flip.way > 0 else "down",
+        **{name: getattr(flip, name) for name in keys},
+    }
 
 
 def explain(system: object, inputs: ArrayLike | Mapping[str, float], crossing: float = 0.0) -> Explanation:

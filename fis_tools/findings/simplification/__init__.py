@@ -1,19 +1,199 @@
-"""Simplification: rules, terms and digits are removed while the outputs stay within a budget."""
+"""Simplification: rules, terms and digits are removed while the outputs stay within a budget.
 
-from collections.abc import Mapping
+The search takes the cheapest step first, while the budget lasts.
+"""
+
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 
 from fis_tools.array_types import Floats
-from fis_tools.findings.simplification.budget import Budget, Change, bench_for
-from fis_tools.findings.simplification.draft import Draft
-from fis_tools.findings.simplification.report import Simplification, SimplifiedSystem, Step, budget_words
-from fis_tools.findings.simplification.search import CAREFUL_DIGITS, Progress, Search
+from fis_tools.findings.simplification.draft import (
+    MOST_DIGITS,
+    Draft,
+    Proposal,
+    cleaned,
+    proposals,
+    rounded_draft,
+    units,
+    unused_words,
+    without_input,
+)
+from fis_tools.findings.simplification.report import (
+    FLOWN,
+    ROUNDING_ERROR,
+    Bench,
+    Budget,
+    Kind,
+    Simplification,
+    SimplifiedSystem,
+    Step,
+    bench_for,
+    budget_words,
+    num_terms,
+)
 from fis_tools.formats.provenance import SIMPLIFIED, checked
 from fis_tools.model import FuzzyController, FuzzySystem
-from fis_tools.model.systems import require_mamdani
 from fis_tools.model.validate import nearest, validate
+from fis_tools.model.systems import require_mamdani
+from fis_tools.words.text import listed
 
-__all__ = ["Budget", "Change", "Simplification", "SimplifiedSystem", "Step", "simplify"]
+__all__ = ["Budget", "Simplification", "SimplifiedSystem", "simplify"]
+
+#: All numbers are rounded to this many digits together, then to one less, and so on: down to so many while
+#: rules and terms can still go, which matter more to a reader than digits do.
+FIRST_DIGITS, CAREFUL_DIGITS = 4, 3
+
+Progress = Callable[[str], None]
+
+
+class Search:
+    """The draft, and the steps taken so far.
+
+    Parameters
+    ----------
+    bench : Bench
+        The outputs of the original.
+    draft : Draft
+        The original.
+    progress : callable, optional
+        Called now and then with the progress in a few words.
+    """
+
+    def __init__(self, bench: Bench, draft: Draft, progress: Progress | None) -> None:
+        self.bench = bench
+        self.ranking = bench.thinned()
+        self.draft = draft
+        self.steps: list[Step] = []
+        self.digits = FIRST_DIGITS
+        self._progress = progress
+        self._refused: set[tuple[str, ...]] = set()
+        self._last_changed = True
+
+    def leave_out_inputs(self) -> None:
+        """Leave out inputs that hardly matter, as though they always were one of their terms."""
+        while trials := list(self._shorter()):
+            cost, bench, draft, words = min(trials, key=lambda trial: trial[0])
+            if cost > 1.0:
+                return
+            before, self.bench, self.ranking, self.draft = self.draft, bench, bench.thinned(), draft
+            gone = tuple(number for number in before.numbers if number not in draft.numbers)
+            changes = bench.measure(draft.system)
+            terms = num_terms(draft.system)
+            self.steps.append(Step("input", words, gone, len(draft.numbers), terms, changes))
+
+    def _shorter(self) -> Iterator[tuple[float, Bench, Draft, str]]:
+        """Yield each system without one input: its cost, its bench, itself, and the step in words."""
+        system = self.draft.exact
+        for place, variable in enumerate(system.inputs):
+            bench = self.bench.without_input(place)
+            for term in variable.terms:
+                self._report_progress()
+                shorter = without_input(system, variable.name, term.name)
+                if shorter is not None:
+                    numbers = tuple(self.draft.numbers[rule] for rule in shorter[1])
+                    words = f"leave out {variable.name}, as though it always were {term.name}"
+                    yield bench.cost(bench.measure(shorter[0])), bench, Draft(shorter[0], numbers), words
+
+    def drop_unused_terms(self) -> None:
+        """Remove unused terms, which changes nothing."""
+        clean = cleaned(self.draft)
+        gone = unused_words(self.draft.exact, clean.exact)
+        if gone:
+            self._try(Proposal(("terms",), "terms", f"drop {gone}, which no rule uses", clean))
+
+    def go_greedily(self, least_digits: int) -> None:
+        """Take the cheapest step that fits the budget, until none does."""
+        while any(self._try(proposal) for proposal in self._next(least_digits)):
+            pass
+
+    def _next(self, least_digits: int) -> list[Proposal]:
+        found = proposals(self.draft, self.ranking)
+        if self.digits >= least_digits:
+            coarser = rounded_draft(self.draft, self.digits)
+            words = f"round all numbers to {self.digits} digit{'s' if self.digits > 1 else ''}"
+            rounding = Proposal(("round", str(self.digits)), "round", words, coarser)
+            found.append((self.ranking.cost(self.ranking.measure(coarser.system)), rounding))
+            found.sort(key=lambda entry: entry[0])
+        return [proposal for _, proposal in found if proposal.key not in self._refused]
+
+    def round_one_by_one(self) -> None:
+        """Round the numbers that can still be rounded, a term at a time, the finest first."""
+        before = self.draft
+        for digits in range(MOST_DIGITS, 0, -1):
+            trials = []
+            for unit in units(self.draft.exact):
+                draft = rounded_draft(self.draft, digits, unit)
+                if draft.system != self.draft.system:
+                    trials.append((self.ranking.cost(self.ranking.measure(draft.system)), unit))
+            for _, unit in sorted(trials, key=lambda trial: trial[0]):
+                draft = rounded_draft(self.draft, digits, unit)
+                if self.bench.cost(self.bench.measure(draft.system)) <= 1.0:
+                    self.draft = draft
+            self._report_progress()
+        if self.draft.system != before.system:
+            now = [d for unit, d in self.draft.digits.items() if before.digits.get(unit) != d]
+            roundings = [
+                f"{now.count(digits)} to {digits} digit{'s' if digits > 1 else ''}"
+                for digits in sorted(set(now), reverse=True)
+            ]
+            count = len(units(self.draft.exact))
+            words = f"of {count} terms and ranges round {listed(roundings, len(roundings))}"
+            self._record("round", words, before)
+
+    def _try(self, proposal: Proposal) -> bool:
+        """Take a step if it fits the budget."""
+        self._report_progress()
+        if self.bench.cost(self.bench.measure(proposal.draft.system)) > 1.0:
+            self._refused.add(proposal.key)
+            return False
+        before, self.draft = self.draft, proposal.draft
+        if proposal.kind == "round":
+            self.digits -= 1
+            if self.draft.system == before.system:
+                return True
+        self._record(proposal.kind, proposal.words, before)
+        return True
+
+    def _record(self, kind: Kind, words: str, before: Draft) -> None:
+        after = self.draft
+        rules = tuple(number for number in before.numbers if number not in after.numbers)
+        gone = unused_words(before.exact, after.exact)
+        if gone and kind == "drop":
+            words += f"; {gone} {'goes' if ' and ' not in gone else 'go'} with it"
+        step = Step(
+            kind,
+            words,
+            rules,
+            len(after.numbers),
+            num_terms(after.system),
+            self.bench.measure(after.system),
+        )
+        changed = self._changes_more(step)
+        last = self.steps[-1] if self.steps else None
+        if last is not None and kind == last.kind == "drop" and not (changed or self._last_changed):
+            self.steps.pop()
+            rules = (*last.rules, *rules)
+            numbers = [str(number) for number in sorted(rules)]
+            where = " along the logs" if self.bench.governing == (FLOWN,) else ""
+            words = f"drop rules {listed(numbers, len(numbers))}, without which nothing changes{where}"
+            step = replace(step, sentence=words, rules=rules)
+        self._last_changed = changed
+        self.steps.append(step)
+
+    def _changes_more(self, step: Step) -> bool:
+        """Return whether a step changes what the budget holds on, beyond what was changed before."""
+        for name in self.bench.governing:
+            now = (*step.changes[name].largest, *step.changes[name].mean)
+            last = self.steps[-1].changes[name] if self.steps else None
+            then = (*last.largest, *last.mean) if last is not None else (0.0,) * len(now)
+            if any(abs(a - b) > ROUNDING_ERROR for a, b in zip(now, then, strict=True)):
+                return True
+        return False
+
+    def _report_progress(self) -> None:
+        if self._progress is not None:
+            system = self.draft.exact
+            self._progress(f"{system.name}: {len(system.rules)} rules, {num_terms(system)} terms")
 
 
 def simplify(

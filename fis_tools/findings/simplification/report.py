@@ -1,14 +1,155 @@
-"""A simplified controller, the steps that led to it, and their report."""
+"""A simplified controller, the steps that led to it and what they may change, and their report."""
 
+import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
+import numpy as np
+
+from fis_tools.analysis.arrays import spread_inputs
+from fis_tools.array_types import Floats
 from fis_tools.document import Block, Document, Heading, Paragraph, Result, Table
 from fis_tools.document.data import plain
-from fis_tools.findings.simplification.budget import FLOWN, SPREAD, Budget, Change
+from fis_tools.engines.compiler import compile
 from fis_tools.model import FuzzyController, FuzzySystem
 from fis_tools.words.text import amount, span
+
+#: Samples of the whole ranges of the inputs.
+NUM_SPREAD = 4096
+#: Samples on which candidates are ranked; the step that is taken is measured on all.
+NUM_RANKING = 4096
+#: Changes below this share of a range are rounding errors.
+ROUNDING_ERROR = 1e-12
+
+FLOWN, SPREAD = "flights", "ranges"
+
+
+@dataclass(frozen=True)
+class Budget:
+    """The largest deviation of every output from the original's, as fractions of its range.
+
+    Parameters
+    ----------
+    max_change, mean_change : float
+        The largest and the mean size of the change over the samples, from 0 to 1. Between samples of the
+        whole ranges a change can be a little larger than the largest.
+    flights_only : bool
+        Whether the budget holds along the flights alone, if there are any, and not over the whole ranges of
+        the inputs too. Outputs for inputs that were not flown may then change without limit.
+    look_alike : float
+        Terms of this similarity (Jaccard: shared over joint area) or more may be merged; above 0, up to 1.
+
+    Raises
+    ------
+    ValueError
+        If a number is out of range.
+    """
+
+    max_change: float = 0.05
+    mean_change: float = 0.01
+    flights_only: bool = False
+    look_alike: float = 0.7
+
+    def __post_init__(self) -> None:
+        """Raise ValueError if a number is out of range."""
+        for name in ("max_change", "mean_change"):
+            value = getattr(self, name)
+            if not 0.0 <= value <= 1.0:
+                raise ValueError(f"{name} is {value:g}; give a share of the output's range from 0 to 1")
+        if not 0.0 < self.look_alike <= 1.0:
+            raise ValueError(f"look_alike is {self.look_alike:g}; give a likeness above 0 and up to 1")
+
+
+@dataclass(frozen=True)
+class Change:
+    """How far outputs deviate from the original's over some samples.
+
+    Parameters
+    ----------
+    largest, mean : tuple of float
+        For each output, as shares of its range in the original.
+    """
+
+    largest: tuple[float, ...]
+    mean: tuple[float, ...]
+
+    def cost(self, budget: Budget) -> float:
+        """Return which share of a budget is used up; infinite where a budget of zero is."""
+        return max(_used(max(self.largest), budget.max_change), _used(max(self.mean), budget.mean_change))
+
+
+def _used(change: float, allowed: float) -> float:
+    if change <= ROUNDING_ERROR:
+        return 0.0
+    return change / allowed if allowed > 0.0 else math.inf
+
+
+@dataclass(frozen=True, eq=False)
+class Bench:
+    """The outputs of a system before it was simplified.
+
+    Parameters
+    ----------
+    budget : Budget
+    samples : dict of str to (n, num_inputs)
+        The inputs, by `FLOWN` (if there are any) and `SPREAD`.
+    outputs : dict of str to (n, num_outputs)
+        The outputs of the original.
+    spans : (num_outputs,)
+        Widths of the outputs' ranges.
+    """
+
+    budget: Budget
+    samples: Mapping[str, Floats]
+    outputs: Mapping[str, Floats]
+    spans: Floats
+
+    @property
+    def governing(self) -> tuple[str, ...]:
+        """Which samples the budget holds on."""
+        if FLOWN not in self.samples:
+            return (SPREAD,)
+        return (FLOWN,) if self.budget.flights_only else (FLOWN, SPREAD)
+
+    def measure(self, system: FuzzySystem) -> dict[str, Change]:
+        """Measure how far a system deviates from the original."""
+        compiled = compile(system)
+        return {name: self.change(name, compiled(rows)) for name, rows in self.samples.items()}
+
+    def change(self, name: str, outputs: Floats) -> Change:
+        """Measure how far outputs, (n, num_outputs), deviate from the original's on some samples."""
+        departures = np.abs(outputs - self.outputs[name]) / self.spans
+        return Change(tuple(departures.max(axis=0).tolist()), tuple(departures.mean(axis=0).tolist()))
+
+    def cost(self, changes: Mapping[str, Change]) -> float:
+        """Return which share of the budget changes use up."""
+        return max(changes[name].cost(self.budget) for name in self.governing)
+
+    def without_input(self, place: int) -> "Bench":
+        """Return the bench of a system that has one input less; what the original answered stays."""
+        fewer = {name: np.delete(rows, place, axis=1) for name, rows in self.samples.items()}
+        return replace(self, samples=fewer)
+
+    def thinned(self) -> "Bench":
+        """Return a bench of fewer samples, evenly picked, of those that the budget holds on."""
+        steps = {name: -(-len(self.samples[name]) // NUM_RANKING) for name in self.governing}
+        return Bench(
+            self.budget,
+            {name: self.samples[name][::step] for name, step in steps.items()},
+            {name: self.outputs[name][::step] for name, step in steps.items()},
+            self.spans,
+        )
+
+
+def bench_for(system: FuzzySystem, flown: Floats | None, budget: Budget) -> Bench:
+    """Evaluate a system along its flights, if there are any, and over the whole ranges of its inputs."""
+    samples = {FLOWN: flown} if flown is not None and len(flown) else {}
+    samples[SPREAD] = spread_inputs(system, NUM_SPREAD)
+    compiled = compile(system)
+    outputs = {name: compiled(rows) for name, rows in samples.items()}
+    return Bench(budget, samples, outputs, np.array([span(variable) for variable in system.outputs]))
+
 
 Kind = Literal["input", "drop", "merge", "terms", "round"]
 

@@ -10,8 +10,9 @@ import pytest
 
 from fis_tools.__main__ import main
 from fis_tools.document import data, text
-from fis_tools.findings.audit import Finding, Severity, Thresholds, audit, names
+from fis_tools.findings.audit import Finding, Severity, Thresholds, audit
 from fis_tools.findings.audit.report import SCHEMA, SCHEMA_VERSION
+from fis_tools.findings.audit.terms import read_names
 from fis_tools.formats.serialize import dump_yaml
 from fis_tools.model import (
     And,
@@ -412,7 +413,7 @@ def test_samples_that_do_not_fit_are_refused() -> None:
     ],
 )
 def test_names_are_read(words: tuple[str, ...], ranks: list[float | None]) -> None:
-    assert [None if reading is None else reading.rank for reading in names.read(list(words))] == ranks
+    assert [None if reading is None else reading.rank for reading in read_names(list(words))] == ranks
 
 
 def test_an_audit_is_told_as_text_and_as_data() -> None:

@@ -15,7 +15,7 @@ from fis_tools.document import text
 from fis_tools.engines import inference
 from fis_tools.engines.inference import infer
 from fis_tools.findings.difference import Difference, SystemDifference, difference
-from fis_tools.findings.difference.outputs import changed_surfaces
+from fis_tools.findings.difference.pictures import changed_surfaces
 from fis_tools.formats.serialize import dump_yaml
 from fis_tools.model import (
     And,

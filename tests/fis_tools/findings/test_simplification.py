@@ -11,9 +11,8 @@ from fis_tools.__main__ import main
 from fis_tools.analysis.arrays import spread_inputs
 from fis_tools.engines.packing import pack
 from fis_tools.findings.simplification import Budget, SimplifiedSystem, simplify
-from fis_tools.findings.simplification.budget import NUM_SPREAD
-from fis_tools.findings.simplification.draft import rounded, units
-from fis_tools.findings.simplification.rewriting import Merger, merged, without_input
+from fis_tools.findings.simplification.draft import Merger, merged, rounded, units, without_input
+from fis_tools.findings.simplification.report import NUM_SPREAD
 from fis_tools.formats.serialize import dump_yaml, load, loads
 from fis_tools.model import (
     And,

@@ -1,11 +1,11 @@
-"""A difference in words, and as plain data."""
+"""A difference: what there is to say of it, and as plain data."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import fields
+from dataclasses import dataclass, fields
 
-from fis_tools.document import Block, Cell, Change, Document, Figure, Heading, Paragraph, Table, data
-from fis_tools.findings.difference import outputs
-from fis_tools.findings.difference.change import (
+from fis_tools.document import Block, Cell, Change, Document, Figure, Heading, Paragraph, Result, Table, data
+from fis_tools.document.html import fragment, page
+from fis_tools.findings.difference.comparison import (
     Fact,
     OutputChange,
     RuleChange,
@@ -13,9 +13,10 @@ from fis_tools.findings.difference.change import (
     SystemDifference,
     TermChange,
     VariableChange,
+    new_names,
+    renamed,
 )
-from fis_tools.findings.difference.comparison import new_names, renamed
-from fis_tools.findings.difference.pictures import draw as terms_picture
+from fis_tools.findings.difference.pictures import draw_surfaces, draw_terms
 from fis_tools.model import Formula, Rule, Sampled, Term
 from fis_tools.model.systems import has_sets
 from fis_tools.words.text import (
@@ -40,28 +41,62 @@ MOST_POINTS = 12
 _LEGEND = "In the pictures terms are dashed as they were, solid as they are, thin where nothing changed."
 
 
-def document(
-    sources: tuple[Source, Source],
-    facts: Sequence[Fact],
-    systems: Sequence[SystemDifference],
-    *,
-    pictures: bool = False,
-) -> Document:
-    """Describe the differences between two controllers; on demand with pictures of terms and surfaces."""
-    rows = [
-        [word, source.file or source.name, f"SHA-256 {source.sha256}"]
-        for word, source in zip(("before", "after"), sources, strict=True)
-    ]
-    blocks: list[Block] = [
-        Heading(f" {TO} ".join(source.name for source in sources), 1),
-        Table([], rows),
-        *_fact_table(facts),
-    ]
-    if not facts and all(system.is_empty for system in systems):
-        blocks.append(Paragraph("Nothing changed."))
-    for system in systems:
-        blocks += [Heading(system.name), *_system(system, pictures)]
-    return Document(blocks)
+@dataclass(frozen=True, repr=False)
+class Difference(Result):
+    """The differences between two controllers.
+
+    Parameters
+    ----------
+    before, after : Source
+        What was compared.
+    facts : tuple of Fact
+        Attributes that changed, and the name.
+    systems : tuple of SystemDifference
+        In their present order, removed systems last; unchanged systems are included.
+    """
+
+    before: Source
+    after: Source
+    facts: tuple[Fact, ...]
+    systems: tuple[SystemDifference, ...]
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether the controllers are the same apart from their provenance."""
+        return not self.facts and all(system.is_empty for system in self.systems)
+
+    def document(self, *, pictures: bool = False) -> Document:
+        """Say what changed; on demand with pictures of terms and surfaces, for pages."""
+        rows = [
+            [word, source.file or source.name, f"SHA-256 {source.sha256}"]
+            for word, source in (("before", self.before), ("after", self.after))
+        ]
+        blocks: list[Block] = [
+            Heading(f"{self.before.name} {TO} {self.after.name}", 1),
+            Table([], rows),
+            *_fact_table(self.facts),
+        ]
+        if self.is_empty:
+            blocks.append(Paragraph("Nothing changed."))
+        for system in self.systems:
+            blocks += [Heading(system.name), *_system(system, pictures)]
+        return Document(blocks)
+
+    def plain(self) -> dict[str, object]:
+        """Return it as plain data, for the schema fuzzy-difference, version 1."""
+        return {
+            "before": self.before._asdict(),
+            "after": self.after._asdict(),
+            "facts": data.plain(self.facts),
+            "systems": [_plain_system(system) for system in self.systems],
+        }
+
+    def html(self) -> str:
+        """Write it as a page that needs no other file, with pictures."""
+        return page(self.document(pictures=True))
+
+    def _repr_html_(self) -> str:
+        return fragment(self.document(pictures=True))
 
 
 def _fact_table(facts: Sequence[Fact]) -> list[Table]:
@@ -92,7 +127,7 @@ def _system(system: SystemDifference, pictures: bool) -> Iterator[Block]:
     yield from _fact_table(system.facts)
     yield from _outputs(system.outputs)
     if pictures:
-        yield from map(Figure, outputs.draw(system))
+        yield from map(Figure, draw_surfaces(system))
         if any(change.terms for change in system.variables):
             yield Paragraph(_LEGEND)
     for change in system.variables:
@@ -179,7 +214,7 @@ def _variable(change: VariableChange, pictures: bool) -> Iterator[Block]:
     yield from _fact_table(change.facts)
     if change.terms:
         if pictures and has_sets(change.before) and has_sets(change.after):
-            yield Figure(terms_picture(change))
+            yield Figure(draw_terms(change))
         rows = [[term_name(term), *term_words(change, term)] for term in change.terms]
         yield Table(["term", f"membership function, before {TO} after", "how far"], rows)
 
@@ -280,18 +315,6 @@ def _rule_words(rule: Rule | None) -> str:
     if rule is None:
         return "none"
     return (f"[{rule.label}] " if rule.label else "") + sentence(rule)
-
-
-def plain(
-    sources: tuple[Source, Source], facts: Sequence[Fact], systems: Sequence[SystemDifference]
-) -> dict[str, object]:
-    """Return a difference as plain data, for the schema fuzzy-difference."""
-    return {
-        "before": sources[0]._asdict(),
-        "after": sources[1]._asdict(),
-        "facts": data.plain(facts),
-        "systems": [_plain_system(system) for system in systems],
-    }
 
 
 def _plain_system(system: SystemDifference) -> dict[str, object]:
