@@ -24,7 +24,7 @@ from fis_tools.commands.arguments import (
     instants,
     write,
 )
-from fis_tools.document import data, text
+from fis_tools.document import as_json, text
 from fis_tools.engines.inference import infer
 from fis_tools.findings import audit as faults
 from fis_tools.findings import explanation, simplification
@@ -105,7 +105,7 @@ def audit(
     except ValueError as error:
         raise UserMistake(f"{error}; give a --reference of the same systems") from error
     if json:
-        print(data.write(report.SCHEMA, report.SCHEMA_VERSION, found.plain()), end="")
+        print(as_json(report.SCHEMA, report.SCHEMA_VERSION, found.plain()), end="")
     else:
         width = min(WIDEST, max(NARROWEST, shutil.get_terminal_size((text.WIDTH, 24)).columns))
         print(text.write(found.document(), width), end="")
@@ -194,7 +194,7 @@ def _of_instants(
     if json:
         plain = [one.plain() for one in explained]
         idle = [{"system": one.system.name, "words": one.note} for one in found if one.inputs is None]
-        return data.write(*EXPLANATION, {"explanations": plain, "not_fired": idle})
+        return as_json(*EXPLANATION, {"explanations": plain, "not_fired": idle})
     return "\n".join([*(one.text(everything=all) for one in explained), *silent])
 
 
@@ -209,7 +209,7 @@ def _over_flights(asked: AskedInstant, controller: FuzzyController, all: bool, j
         }
     if json:
         plain = [one.plain() for one in found.values() if one is not None]
-        return data.write(*EXPLANATION, {"shares": plain})
+        return as_json(*EXPLANATION, {"shares": plain})
     return "\n".join(
         f"{name}: it never fired anything on these flights\n" if one is None else one.text(everything=all)
         for name, one in found.items()
@@ -254,7 +254,7 @@ def diff(
     with analysing(old, new):
         found = difference(old, new, samples, (asked.controller, after))
     if json:
-        content = data.write("fuzzy-difference", 1, found.plain())
+        content = as_json("fuzzy-difference", 1, found.plain())
     else:
         content = found.html() if is_page else found.text()
     write(output, content)
@@ -347,4 +347,4 @@ def simplify(
         found = simplification.simplify(controller, samples, budget, tell)
     if form is not None:
         write(output, form(found.controller))
-    print(data.write("fuzzy-simplification", 1, found.plain()) if json else found.text(), end="")
+    print(as_json("fuzzy-simplification", 1, found.plain()) if json else found.text(), end="")

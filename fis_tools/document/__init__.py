@@ -1,11 +1,13 @@
 """A document: what a result has to say, in blocks, whatever it is written as.
 
-`text`, `markdown`, `html` and `latex` each write any document; `data` writes results as JSON.
+`text` writes any document as plain text, Markdown or LaTeX, `html` as a page; `as_json` writes results.
 """
 
+import json
 from abc import ABC, abstractmethod
-from collections.abc import Collection, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields, is_dataclass
+from enum import Enum
 from typing import Any, TypeAlias
 
 
@@ -144,6 +146,25 @@ class Document:
         return next((one.words for one in self.blocks if isinstance(one, Heading | Paragraph)), "")
 
 
+def plain(value: Any) -> Any:
+    """Return data that JSON holds: objects of data classes by the names of their fields, arrays as lists."""
+    if is_dataclass(value):
+        return {field.name: plain(getattr(value, field.name)) for field in fields(value)}
+    if isinstance(value, Enum):
+        return value.name.lower()
+    if isinstance(value, Mapping):
+        return {key: plain(one) for key, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(one) for one in value]
+    return value.tolist() if hasattr(value, "tolist") else value
+
+
+def as_json(schema: str, version: int, content: Mapping[str, Any]) -> str:
+    """Write data as JSON that says which schema it follows; keys may be added to a version, not changed."""
+    told = {"schema": schema, "schema_version": version, **content}
+    return json.dumps(told, indent=2, allow_nan=False, ensure_ascii=False) + "\n"
+
+
 class Result(ABC):
     """Something that was found out, and shows itself in a terminal and in notebooks."""
 
@@ -161,6 +182,6 @@ class Result(ABC):
         return self.text()
 
     def _repr_markdown_(self) -> str:
-        from fis_tools.document import markdown  # noqa: PLC0415
+        from fis_tools.document import text  # noqa: PLC0415
 
-        return markdown.write(self.document())
+        return text.write_markdown(self.document())

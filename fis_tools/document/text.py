@@ -1,5 +1,6 @@
-"""Documents as plain text: what stands below a heading is indented, tables are aligned."""
+"""Documents as plain text, as Markdown and as LaTeX."""
 
+import re
 import textwrap
 from collections.abc import Collection, Iterator, Sequence
 
@@ -13,7 +14,7 @@ SAME = "·"
 
 
 def write(document: Document, width: int = WIDTH) -> str:
-    """Write a document; sentences are wrapped, rows of tables are not."""
+    """Write a document as plain text; what stands below a heading is indented, sentences are wrapped."""
     lines: list[str] = []
     indent, goes_on = 0, True
     for block in document.unfolded:
@@ -89,3 +90,141 @@ def aligned(rows: Sequence[Sequence[str]], numbers: Collection[int] = (), betwee
         )
         for row in rows
     ]
+
+
+# What Markdown would take for markup; an underscore inside a word is none.
+_MARKUP = re.compile(r"[\\|*`<\[#]|(?<!\w)_|_(?!\w)")
+
+
+def write_markdown(document: Document) -> str:
+    """Write a document as Markdown; tables have a row of heads, which may be empty."""
+    blocks = ("\n".join(_markdown_lines(block)) for block in document.unfolded)
+    return "\n\n".join(blocks) + "\n"
+
+
+def _markdown_lines(block: Block) -> Iterator[str]:
+    match block:
+        case Heading(words, level):
+            yield f"{'#' * level} {_markdown(words)}"
+        case Paragraph(words):
+            yield _markdown(words)
+        case Items(items):
+            for item in items:
+                yield "- " + "  \n  ".join(map(_markdown, item.split("\n")))
+        case Code(words):
+            yield from ("```", words, "```")
+        case Table(heads, rows, numbers, _, caption):
+            if caption:
+                yield from (_markdown(caption), "")
+            width = len(heads or rows[0])
+            rule = ["--:" if place in numbers else "---" for place in range(width)]
+            cells = [[_markdown_cell(cell) for cell in row] for row in (heads or [""] * width, *rows)]
+            yield from (f"| {line} |" for line in aligned([cells[0], rule, *cells[1:]], numbers, " | "))
+
+
+def _markdown_cell(cell: Cell) -> str:
+    if not isinstance(cell, Change):
+        return _markdown(str(cell))
+    before, after = map(_markdown, (cell.before, cell.after))
+    return after if before == after else f"~~{before}~~ → {after}"
+
+
+def _markdown(words: str) -> str:
+    return _MARKUP.sub(lambda match: f"\\{match[0]}", words)
+
+
+#: A table with more rows than this may break across pages.
+LONG = 30
+#: A table whose columns but the first have more letters than this is set in small print.
+WIDE = 50
+#: A last column with more letters than this in a cell is set in lines.
+SENTENCE = 40
+
+_PREAMBLE = r"""% Put this file into a document by \input; its preamble needs
+%   \usepackage{booktabs, longtable}
+"""
+_SECTIONS = {1: "section", 2: "subsection", 3: "subsubsection", 4: "paragraph"}
+_SPECIAL = {
+    "\\": r"\textbackslash{}",
+    "{": r"\{",
+    "}": r"\}",
+    "$": r"\$",
+    "&": r"\&",
+    "#": r"\#",
+    "%": r"\%",
+    "_": r"\_",
+    "^": r"\textasciicircum{}",
+    "~": r"\textasciitilde{}",
+    "<": r"\textless{}",
+    ">": r"\textgreater{}",
+    "|": r"\textbar{}",
+    '"': "''",
+}
+_TO_ESCAPE = re.compile("[" + re.escape("".join(_SPECIAL)) + "]")
+
+
+def write_latex(document: Document) -> str:
+    r"""Write a document as LaTeX with booktabs, to be put into another by ``\input``."""
+    lines = [line for block in document.unfolded for line in ("", *_latex_lines(block))]
+    return "\n".join([_PREAMBLE, *lines[1:]]) + "\n"
+
+
+def _latex_lines(block: Block) -> Iterator[str]:
+    match block:
+        case Heading(words, level):
+            yield rf"\{_SECTIONS[level]}*{{{_latex(words)}}}"
+        case Paragraph(words):
+            yield _latex(words)
+        case Items(items):
+            yield r"\begin{itemize}"
+            yield from (r"\item " + r" \\ ".join(map(_latex, item.split("\n"))) for item in items)
+            yield r"\end{itemize}"
+        case Code(words):
+            yield from (r"\begin{verbatim}", words, r"\end{verbatim}")
+        case Table():
+            yield from ([_latex(block.caption), ""] if block.caption else [])
+            yield from _latex_table(block)
+
+
+def _latex_table(table: Table) -> list[str]:
+    """Set rows between rules; those of a long table break across pages below a repeated head."""
+    rows = [[_latex_cell(cell) for cell in row] for row in table.rows]
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    columns = ["r" if place in table.numbers else "l" for place in range(len(widths))]
+    if widths[-1] > SENTENCE and not table.across:
+        columns[-1] = rf"p{{{max(0.4, 0.95 - 0.1 * len(widths)):.2f}\linewidth}}"
+    top = [r"\toprule", *_latex_heads(table), *([r"\midrule"] if table.heads else [])]
+    body = [_latex_row(row) for row in rows]
+    spec = "".join(columns)
+    if len(rows) > LONG:
+        end = [r"\endhead", r"\bottomrule", r"\endlastfoot"]
+        return [rf"\begin{{longtable}}{{{spec}}}", *top, *end, *body, r"\end{longtable}"]
+    size = "scriptsize" if table.across and sum(widths[1:]) > WIDE else "small"
+    tabular = [rf"\begin{{tabular}}{{{spec}}}", *top, *body, r"\bottomrule", r"\end{tabular}"]
+    return [rf"\begin{{center}}\{size}", *tabular, r"\end{center}"]
+
+
+def _latex_heads(table: Table) -> list[str]:
+    """Return the row of heads, what all columns stand for above them."""
+    heads = [_latex_row(table.heads)] if table.heads else []
+    if not table.across:
+        return heads
+    last = len(table.heads)
+    above = rf" & \multicolumn{{{last - 1}}}{{c}}{{{_latex(table.across)}}} \\"
+    return [above, rf"\cmidrule(l){{2-{last}}}", *heads]
+
+
+def _latex_row(cells: Sequence[str]) -> str:
+    # braces keep a cell that begins with [ or * from being read as an option of the line before
+    texts = [f"{{{text}}}" if text.startswith(("[", "*")) else text for text in map(_latex, cells)]
+    return " & ".join(texts) + r" \\"
+
+
+def _latex_cell(cell: Cell) -> str:
+    if not isinstance(cell, Change):
+        return str(cell)
+    return cell.after if cell.before == cell.after else f"{cell.before} → {cell.after}"
+
+
+def _latex(words: str) -> str:
+    return _TO_ESCAPE.sub(lambda match: _SPECIAL[match[0]], words)

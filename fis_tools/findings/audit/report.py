@@ -6,8 +6,7 @@ from enum import IntEnum
 from typing import Any
 
 from fis_tools.analysis.measures import Measures
-from fis_tools.document import Block, Document, Heading, Items, Paragraph, Result, Table
-from fis_tools.document.data import plain
+from fis_tools.document import Block, Document, Heading, Items, Paragraph, Result, Table, plain
 
 
 class Severity(IntEnum):

@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
 
-from fis_tools.document import Block, Cell, Change, Document, Figure, Heading, Paragraph, Result, Table, data
+from fis_tools.document import Block, Cell, Change, Document, Figure, Heading, Paragraph, Result, Table, plain
 from fis_tools.document.html import fragment, page
 from fis_tools.findings.difference.comparison import (
     Fact,
@@ -87,7 +87,7 @@ class Difference(Result):
         return {
             "before": self.before._asdict(),
             "after": self.after._asdict(),
-            "facts": data.plain(self.facts),
+            "facts": plain(self.facts),
             "systems": [_plain_system(system) for system in self.systems],
         }
 
@@ -321,7 +321,7 @@ def _plain_system(system: SystemDifference) -> dict[str, object]:
     return {
         "name": system.name,
         "state": _state(system.before, system.after, is_empty=system.is_empty),
-        "facts": data.plain(system.facts),
+        "facts": plain(system.facts),
         "variables": [_plain_variable(change) for change in system.variables],
         "rules": [
             {
@@ -348,7 +348,7 @@ def _plain_variable(change: VariableChange) -> dict[str, object]:
         "name": change.variable.name,
         "kind": change.kind,
         "state": _state(change.before, change.after),
-        "facts": data.plain(change.facts),
+        "facts": plain(change.facts),
         "terms": [
             {
                 "before": None if term.before is None else term.before.name,

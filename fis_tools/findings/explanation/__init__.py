@@ -9,8 +9,7 @@ from numpy.typing import ArrayLike
 
 from fis_tools.analysis import shapley
 from fis_tools.analysis.contribution import contributions, holding_back
-from fis_tools.document import Block, Document, Heading, Items, Paragraph, Result, Table
-from fis_tools.document.data import plain
+from fis_tools.document import Block, Document, Heading, Items, Paragraph, Result, Table, plain
 from fis_tools.engines.inference import infer
 from fis_tools.findings.explanation.flips import (
     ClassFlip,

@@ -9,8 +9,7 @@ from fis_tools.analysis import shapley
 from fis_tools.analysis.arrays import FIRED, rule_usage
 from fis_tools.analysis.contribution import importance
 from fis_tools.array_types import Floats
-from fis_tools.document import Block, Document, Heading, Paragraph, Result, Table
-from fis_tools.document.data import plain
+from fis_tools.document import Block, Document, Heading, Paragraph, Result, Table, plain
 from fis_tools.findings.explanation.flips import compiled_once
 from fis_tools.model import FuzzySystem
 from fis_tools.words.text import amount, percent, sentence, with_unit

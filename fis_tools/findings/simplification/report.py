@@ -9,8 +9,7 @@ import numpy as np
 
 from fis_tools.analysis.arrays import spread_inputs
 from fis_tools.array_types import Floats
-from fis_tools.document import Block, Document, Heading, Paragraph, Result, Table
-from fis_tools.document.data import plain
+from fis_tools.document import Block, Document, Heading, Paragraph, Result, Table, plain
 from fis_tools.engines.compiler import compile
 from fis_tools.model import FuzzyController, FuzzySystem
 from fis_tools.words.text import amount, span

@@ -14,7 +14,7 @@ import pytest
 from fis_tools.__main__ import main
 from fis_tools.analysis.domain import as_mapping, box_of
 from fis_tools.analysis.flights import inputs_along
-from fis_tools.document import markdown, text
+from fis_tools.document import text
 from fis_tools.engines.inference import infer
 from fis_tools.findings.audit import Thresholds
 from fis_tools.findings.explanation import explain, shares
@@ -143,7 +143,7 @@ def test_surface_prints_numbers_or_draws(
 def test_export_writes_every_form(
     tmp_path: Path, controller_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert run(capsys, "export", controller_path, "--format", "markdown")[1] == markdown.write(
+    assert run(capsys, "export", controller_path, "--format", "markdown")[1] == text.write_markdown(
         outline(paper_like_controller())
     )
     for form in ("json", "yaml"):

@@ -19,10 +19,8 @@ from fis_tools.document import (
     Paragraph,
     Result,
     Table,
-    data,
+    as_json,
     html,
-    latex,
-    markdown,
     text,
 )
 from fis_tools.document.html import element
@@ -82,7 +80,7 @@ def test_text_wraps_sentences_but_not_before_a_per_cent_sign() -> None:
 
 
 def test_markdown_escapes_what_would_be_markup_and_keeps_tables_whole() -> None:
-    written = markdown.write(DOCUMENT)
+    written = text.write_markdown(DOCUMENT)
     assert written.startswith('# a\\|b \\<i>&"\\_c\\_ \\\\d{e} 5 % \\#f $g ^h ~j \\[k] \\*l\\*\n')
     (table, changes) = (block for block in written.split("\n\n") if block.startswith("|"))
     bars = [len(re.findall(r"(?<!\\)\|", line)) for line in table.splitlines()]
@@ -93,7 +91,7 @@ def test_markdown_escapes_what_would_be_markup_and_keeps_tables_whole() -> None:
 
 
 def test_latex_has_no_command_from_a_name() -> None:
-    written = latex.write(DOCUMENT)
+    written = text.write_latex(DOCUMENT)
     assert r"\textbackslash{}d\{e\} 5 \% \#f \$g \textasciicircum{}h \textasciitilde{}j" in written
     assert r"\multicolumn{2}{c}{y}" in written
     assert written.count(r"\begin{") == written.count(r"\end{")
@@ -137,8 +135,8 @@ def test_a_result_shows_itself_everywhere() -> None:
 
 def test_data_are_plain_and_say_their_schema() -> None:
     found = Found(Grade.GOOD, np.array([1.5]), (Found(Grade.GOOD, np.array([])),))
-    plain = {"grade": "good", "values": [1.5], "parts": [{"grade": "good", "values": [], "parts": []}]}
-    assert data.plain(found) == plain
-    assert json.loads(data.write("s", 2, plain)) == {"schema": "s", "schema_version": 2, **plain}
+    content = {"grade": "good", "values": [1.5], "parts": [{"grade": "good", "values": [], "parts": []}]}
+    assert plain(found) == content
+    assert json.loads(as_json("s", 2, content)) == {"schema": "s", "schema_version": 2, **content}
     with pytest.raises(ValueError, match="JSON"):
-        data.write("s", 2, {"value": float("nan")})
+        as_json("s", 2, {"value": float("nan")})

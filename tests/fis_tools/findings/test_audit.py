@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from fis_tools.__main__ import main
-from fis_tools.document import data, text
+from fis_tools.document import as_json, text
 from fis_tools.findings.audit import Finding, Severity, Thresholds, audit
 from fis_tools.findings.audit.report import SCHEMA, SCHEMA_VERSION
 from fis_tools.findings.audit.terms import read_names
@@ -424,7 +424,7 @@ def test_an_audit_is_told_as_text_and_as_data() -> None:
     assert told.index("SERIOUS") < told.index("NOTE") < told.index("MEASURES")
     assert all(len(line) <= 90 for line in told.splitlines())
     assert "error has a gap" in told
-    held = json.loads(data.write(SCHEMA, SCHEMA_VERSION, result.plain()))
+    held = json.loads(as_json(SCHEMA, SCHEMA_VERSION, result.plain()))
     assert (held["schema"], held["schema_version"]) == ("fuzzy-audit", 2)
     assert sum(held["summary"].values()) == len(held["findings"])
     severities = [Severity[finding["severity"].upper()] for finding in held["findings"]]

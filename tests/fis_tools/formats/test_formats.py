@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fis_tools.document import markdown
 from fis_tools.document import text as plain_text
 from fis_tools.engines.inference import infer
 from fis_tools.formats import csv as csv_format
@@ -170,7 +169,7 @@ def test_an_inference_in_which_nothing_fires_is_explained() -> None:
 
 
 def test_markdown_tables_are_whole() -> None:
-    written = markdown.write(outline(paper_like_controller()))
+    written = plain_text.write_markdown(outline(paper_like_controller()))
     assert "## force_x\n" in written
     assert re.search(r"\| far +\| PL +\| PS +\| PS +\| ZE +\| NS +\|", written)
     assert "Where eta_u is right:" in written
@@ -183,7 +182,7 @@ def test_markdown_tables_are_whole() -> None:
 
 def test_markdown_takes_no_name_for_markup() -> None:
     controller = general_controller()
-    written = markdown.write(outline(replace(controller, name="a|b *c* _d_ e_f <g>")))
+    written = plain_text.write_markdown(outline(replace(controller, name="a|b *c* _d_ e_f <g>")))
     assert written.startswith("# a\\|b \\*c\\* \\_d\\_ e_f \\<g>\n")
     assert "| \\[warm up] If temperature is cold" in written
 

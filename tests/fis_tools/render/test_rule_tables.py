@@ -13,7 +13,7 @@ import pytest
 from fis_tools.__main__ import main
 from fis_tools.analysis.contribution import importance
 from fis_tools.analysis.flights import inputs_along
-from fis_tools.document import html, latex, markdown, text
+from fis_tools.document import html, text
 from fis_tools.engines.compiler import compile as compiled
 from fis_tools.formats import csv as csv_format
 from fis_tools.formats.serialize import dump_yaml
@@ -111,7 +111,7 @@ def test_text_and_markdown_list_rules_by_importance() -> None:
     told = text.write(rule_list(paper_like_controller(), shares()))
     assert re.search(r"sentence\n +12.00 %    25  If distance is very far and velocity_body_x is to", told)
     assert "   1  If eta_u is left" in told
-    written = markdown.write(outline(paper_like_controller(), shares()))
+    written = text.write_markdown(outline(paper_like_controller(), shares()))
     rows = [line for line in written.splitlines() if re.match(r"\| +[\d.]+ %", line)]
     assert len(rows) == 25
     assert re.match(r"\| +12.00 % \| +25 \|", rows[0])
@@ -181,16 +181,16 @@ def assert_is_latex(source: str) -> None:
 
 
 def test_latex_is_whole() -> None:
-    written = latex.write(outline(paper_like_controller()))
+    written = text.write_latex(outline(paper_like_controller()))
     assert_is_latex(written)
     assert r" & \multicolumn{5}{c}{velocity\_body\_x} \\" in written
     assert "\nfar & PL & PS & PS & ZE & NS \\\\\n" in written
     assert "longtable}{" not in written
-    assert_is_latex(latex.write(outline(nasty_controller(), {"room": np.array([0.1, 0.2])})))
+    assert_is_latex(text.write_latex(outline(nasty_controller(), {"room": np.array([0.1, 0.2])})))
 
 
 def test_long_latex_tables_break_across_pages() -> None:
-    written = latex.write(outline(paper_like_controller(), {"force_z": np.linspace(0.0, 1.0, 45)}))
+    written = text.write_latex(outline(paper_like_controller(), {"force_z": np.linspace(0.0, 1.0, 45)}))
     assert_is_latex(written)
     start = written.index(r"\begin{longtable}")
     assert written.index(r"\endhead", start) < written.index(r"100.00 \% & 45 &", start)
@@ -200,7 +200,7 @@ def test_long_latex_tables_break_across_pages() -> None:
 def test_latex_rows_that_begin_like_an_option_are_kept() -> None:
     system = general_controller().systems[0]
     starred = replace(system.inputs[0], terms=(replace(system.inputs[0].terms[0], name="*"),))
-    written = latex.write(
+    written = text.write_latex(
         outline(FuzzyController("c", (replace(system, inputs=(starred, system.inputs[1])),)))
     )
     assert "\n{*} & trapezoid" in written
@@ -236,7 +236,7 @@ def test_export_orders_by_importance(tmp_path: Path, capsys: pytest.CaptureFixtu
     told = outline(controller, along)
     for form, expected in (
         ("csv", csv_format.write(controller, along)),
-        ("latex", latex.write(told)),
+        ("latex", text.write_latex(told)),
         ("html", html.page(told)),
     ):
         words = ["export", str(path), "--format", form, "--by", "importance", "--flights", str(flight)]
@@ -249,5 +249,5 @@ def test_an_uneven_universe_is_told_as_one() -> None:
     points = (0.0, 10.0, 50.0, 200.0)
     uneven = replace(system.inputs[0], points=points, num_points=4)
     controller = FuzzyController("uneven", (replace(system, inputs=(uneven, *system.inputs[1:])),))
-    for write in (text.write, markdown.write, html.page, latex.write):
+    for write in (text.write, text.write_markdown, html.page, text.write_latex):
         assert write(outline(controller)).count("From 0 to 200, 4 uneven points.") == 1

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from fis_tools.__main__ import main
-from fis_tools.document import markdown
+from fis_tools.document import text
 from fis_tools.formats.exchange import fis
 from fis_tools.formats.serialize import dump_yaml, load
 from fis_tools.model import FuzzyController
@@ -93,7 +93,7 @@ def test_tables_can_be_sorted_by_importance(tmp_path: Path, capsys: pytest.Captu
     assert plain != ranked
     assert plain.count("\n") == ranked.count("\n")
     _, printed, _ = run(capsys, "export", source, "--format", "markdown")
-    assert printed == markdown.write(outline(alone(flat_system())))
+    assert printed == text.write_markdown(outline(alone(flat_system())))
     for form, start in (("html", "<!"), ("latex", "%"), ("c", "/*")):
         assert run(capsys, "export", source, "--format", form)[1].startswith(start)
 
