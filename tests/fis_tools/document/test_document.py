@@ -21,6 +21,7 @@ from fis_tools.document import (
     Table,
     as_json,
     html,
+    plain,
     text,
 )
 from fis_tools.document.html import element
