@@ -23,68 +23,39 @@ from fis_tools.render.figures import (
     one_panel,
     rules_figures,
     save,
-    surface_figure,
     surface_figures,
     system_figures,
 )
-from fis_tools.render.inference import conclusion_panel, inference_figure, output_panel, statement_panel
-from fis_tools.render.rule_lists import firing_map, firing_shares, rule_bars, rule_list
+from fis_tools.render.inference import inference_figure
+from fis_tools.render.rule_lists import firing_map, rule_bars, rule_list
 from fis_tools.render.rule_tables import rule_matrix
-from fis_tools.render.surfaces import (
-    draw_surface,
-    evaluated,
-    held_words,
-    over_axes,
-    surface_map,
-    surface_space,
-)
-from fis_tools.render.theme import (
-    BRIGHTNESS_MAP,
-    DARK,
-    LIGHT,
-    THEMES,
-    Theme,
-    contrast,
-    luminance,
-    readable_on,
-    term_colours,
-)
+from fis_tools.render.surfaces import draw_surface, held_words, over_axes, surface_map, surface_space
+from fis_tools.render.theme import DARK, LIGHT, THEMES, Theme
 
 __all__ = [
-    "BRIGHTNESS_MAP",
     "DARK",
     "LIGHT",
     "THEMES",
     "Figure",
     "Theme",
-    "conclusion_panel",
-    "contrast",
     "draw_surface",
     "encode",
-    "evaluated",
     "firing_figure",
     "firing_map",
-    "firing_shares",
     "held_words",
     "inference_figure",
-    "luminance",
     "memberships",
     "memberships_figure",
     "one_panel",
     "output_curve",
-    "output_panel",
     "over_axes",
-    "readable_on",
     "rule_bars",
     "rule_list",
     "rule_matrix",
     "rules_figures",
     "save",
-    "statement_panel",
-    "surface_figure",
     "surface_figures",
     "surface_map",
     "surface_space",
     "system_figures",
-    "term_colours",
 ]

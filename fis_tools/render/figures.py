@@ -30,18 +30,6 @@ from fis_tools.render.surfaces import (
 )
 from fis_tools.render.theme import LIGHT, MEDIUM, SMALL, Theme, head
 
-__all__ = [
-    "MOST_PANELS",
-    "Figure",
-    "firing_figure",
-    "memberships_figure",
-    "one_panel",
-    "rules_figures",
-    "surface_figure",
-    "surface_figures",
-    "system_figures",
-]
-
 #: A figure has panels for so many combinations of outer terms; the others are left to `surface` and `show`.
 MOST_PANELS = 30
 _LIST_WIDTH, _LIST_HEIGHT = 8.0, 10.5

@@ -184,6 +184,7 @@ def _write(ax: Axes, entry: _Entry, place: tuple[float, float, float], size: flo
 _BAR_SIZES = (6.5, SMALL)
 #: Rules with a smaller share that never fire are not drawn along a flight.
 _LEAST_SHARE = 0.005
+_MOST_BARS = 15
 
 
 def firing_shares(strengths: Floats) -> Floats:
@@ -270,16 +271,8 @@ def firing_map(
     return ax
 
 
-def rule_bars(
-    system: FuzzySystem,
-    values: Floats,
-    ax: Axes,
-    *,
-    label: str = "share of all firing",
-    most_rules: int = 15,
-    theme: Theme = LIGHT,
-) -> Axes:
-    """Draw a measure of the rules, such as a share or an importance, as bars, the longest at the top.
+def rule_bars(system: FuzzySystem, values: Floats, ax: Axes, *, theme: Theme = LIGHT) -> Axes:
+    """Draw the shares of rules in all firing as bars, the longest at the top, the others counted.
 
     Parameters
     ----------
@@ -289,10 +282,6 @@ def rule_bars(
         Zero or more; written as per cent.
     ax : Axes
         Where to draw.
-    label : str
-        What the values are.
-    most_rules : int
-        How many bars are drawn; the others are counted below.
     theme : Theme
         Colours.
 
@@ -305,7 +294,7 @@ def rule_bars(
         raise ValueError(
             f"values have shape {np.shape(values)}; pass one for each of {len(system.rules)} rules"
         )
-    order = np.argsort(-values, kind="stable")[:most_rules]
+    order = np.argsort(-values, kind="stable")[:_MOST_BARS]
     names = rule_names(system)
     size = _name_rows(ax, system, [names[place] for place in order])
     ax.barh(range(len(order)), 100 * values[order], height=0.7, color=theme.lines[0])
@@ -323,7 +312,7 @@ def rule_bars(
     if left:
         ax.set_title(f"{left} more rules have {_greatest_left(values, order)} at most", loc="right")
     ax.set_xlim(0.0, 112 * max(float(values.max()), 1e-12))
-    ax.set_xlabel(f"{label} (%)")
+    ax.set_xlabel("share of all firing (%)")
     ax.spines[["top", "right"]].set_visible(False)
     dress(ax, theme, y_size=size)
     return ax

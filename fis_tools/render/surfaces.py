@@ -21,22 +21,6 @@ from fis_tools.words.text import number, quantity, with_unit
 _SAME = 1e-9
 
 
-def evaluated(
-    system: FuzzySystem,
-    x: str | None = None,
-    y: str | None = None,
-    *,
-    fixed: Mapping[str, float] | None = None,
-    output: str | None = None,
-    num_points: int = 81,
-) -> Surface:
-    """Evaluate as `analysis.arrays.surface`, by default over the last two free inputs, the last as x."""
-    if x is None and y is None:
-        free = [variable.name for variable in system.inputs if variable.name not in (fixed or {})]
-        x, y = (free[-1], free[-2]) if len(free) > 1 else (None, None)
-    return surface(system, x, y, fixed=fixed, output=output, num_points=num_points)
-
-
 def held_words(system: FuzzySystem, fixed: Mapping[str, float]) -> str:
     """Say what is held, with units: ``distance = 80 m, eta_u = 0 rad``."""
     return ", ".join(f"{name} = {quantity(system.variable(name), value)}" for name, value in fixed.items())
@@ -61,11 +45,6 @@ def over_axes(system: FuzzySystem, result: Surface, samples: Floats) -> Floats:
         for variable in (result.x_variable, result.y_variable)
     ]
     return np.stack(columns, axis=1)
-
-
-def held_without_units(result: Surface) -> str:
-    """Say what is held: ``distance = 80``."""
-    return ", ".join(f"{name} = {number(value)}" for name, value in result.fixed.items())
 
 
 def value_limits(results: Sequence[Surface]) -> tuple[float, float]:
@@ -109,29 +88,16 @@ _EDGE = 0.07
 
 
 def surface_map(
-    system: FuzzySystem,
-    ax: Axes,
-    x: str | None = None,
-    y: str | None = None,
-    *,
-    fixed: Mapping[str, float] | None = None,
-    output: str | None = None,
-    num_points: int = 81,
-    samples: Floats | None = None,
-    theme: Theme = LIGHT,
+    system: FuzzySystem, ax: Axes, *, samples: Floats | None = None, theme: Theme = LIGHT
 ) -> Axes:
-    """Evaluate an output over two inputs and draw it as a map, see `draw_surface`.
+    """Evaluate the first output over the last two inputs and draw it as a map, see `draw_surface`.
 
     Parameters
     ----------
     system : FuzzySystem
-        A system without problems, with two inputs or more.
+        A system without problems, with two inputs or more; the last lies along x, as in `rule_matrix`.
     ax : Axes
         Where to draw.
-    x, y : str, optional
-        The inputs along the axes; by default the last free one and the one before it, as in `rule_matrix`.
-    fixed, output, num_points
-        As in `fis_tools.analysis.arrays.surface`; what is held is told in the title.
     samples : (n, num_inputs), optional
         Inputs, such as those of a flight, to lay over the map, whatever their other inputs are.
     theme : Theme
@@ -140,9 +106,9 @@ def surface_map(
     Raises
     ------
     ValueError
-        As `fis_tools.analysis.arrays.surface` does, or if the samples have another number of inputs.
+        If there is one input, or the samples have another number of inputs.
     """
-    result = evaluated(system, x, y, fixed=fixed, output=output, num_points=num_points)
+    result = surface(system, *(variable.name for variable in system.inputs[:-3:-1]), num_points=81)
     points = None if samples is None else over_axes(system, result, samples)
     return draw_surface(result, ax, points=points, title=held_words(system, result.fixed), theme=theme)
 
@@ -153,7 +119,7 @@ def draw_surface(
     limits: tuple[float, float] | None = None,
     *,
     points: Floats | None = None,
-    title: str | None = None,
+    title: str = "",
     has_colour_bar: bool = True,
     is_change: bool = False,
     theme: Theme = LIGHT,
@@ -170,8 +136,8 @@ def draw_surface(
         Outputs drawn darkest and brightest; by default the least and the greatest there is.
     points : (n, 2), optional
         Values of the two inputs to mark.
-    title : str, optional
-        By default the values that are held.
+    title : str
+        Such as what is held.
     has_colour_bar : bool
         Whether to put a colour bar beside the axes.
     is_change : bool
@@ -200,7 +166,7 @@ def draw_surface(
     if points is not None:
         ax.plot(*points.T, "o", color="white", mec="black", mew=0.5, ms=3, clip_on=False)
     ax.set(xlabel=with_unit(result.x_variable), ylabel=with_unit(result.y_variable))
-    entitle(ax, held_without_units(result) if title is None else title)
+    entitle(ax, title)
     ax.grid(visible=False)
     dress(ax, theme)
     if has_colour_bar:
@@ -259,7 +225,7 @@ def surface_space(
     limits: tuple[float, float] | None = None,
     *,
     points: Floats | None = None,
-    title: str | None = None,
+    title: str = "",
     theme: Theme = LIGHT,
 ) -> Any:
     """Draw an output over two inputs in three dimensions, coloured as the map is, over a floor with contours.
@@ -276,8 +242,8 @@ def surface_space(
         As in `draw_surface`.
     points : (n, 2), optional
         Values of the two inputs, to mark on the floor.
-    title : str, optional
-        By default the values that are held.
+    title : str
+        Such as what is held.
     theme : Theme
         Colours.
     """
@@ -292,7 +258,7 @@ def surface_space(
     ax.set(xlim=(result.x[0], result.x[-1]), ylim=(result.y[0], result.y[-1]), zlim=(floor, high))
     ax.set(xlabel=with_unit(result.x_variable), ylabel=with_unit(result.y_variable))
     ax.set_zlabel(with_unit(result.output))
-    entitle(ax, held_without_units(result) if title is None else title)
+    entitle(ax, title)
     dress(ax, theme)
     ax.zaxis.label.set(color=theme.ink, size=MEDIUM)
     for axis in (ax.xaxis, ax.yaxis, ax.zaxis):

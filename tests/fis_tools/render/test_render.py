@@ -12,6 +12,7 @@ from fis_tools.engines.inference import infer
 from fis_tools.model import FuzzySystem, Gaussian, Term, Variable
 from fis_tools.model.variables import sample_terms
 from fis_tools.render import DARK, LIGHT, Theme, memberships, system_figures
+from fis_tools.render.theme import contrast
 from tests.fis_tools.render.picture_systems import (
     autopilot_system,
     collisions,
@@ -101,8 +102,8 @@ def test_no_word_runs_into_another_on_axes_of_the_usual_size(kind: str, layout: 
         lambda ax: render.rule_list(system, ax),
         lambda ax: render.rule_bars(system, values, ax),
         lambda ax: render.firing_map(system, times, strengths, ax),
-        lambda ax: render.surface_map(system, ax, num_points=21),
-        lambda ax: render.output_curve(system, ax),
+        lambda ax: render.surface_map(system, ax),
+        lambda ax: render.output_curve(one_input_system(), ax),
     ):
         figure = Figure(figsize=(6.4, 4.8), layout=layout)
         draw(figure.subplots())
@@ -154,4 +155,4 @@ def test_every_word_can_be_read_on_the_paper_of_a_theme(theme: Theme) -> None:
         for text, _ in seen_words(figure):
             is_on_picture = text.get_path_effects() or text.get_bbox_patch() is not None
             if not is_on_picture:
-                assert render.contrast(text.get_color(), theme.paper) >= 4.5, text.get_text()
+                assert contrast(text.get_color(), theme.paper) >= 4.5, text.get_text()

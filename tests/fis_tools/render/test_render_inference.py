@@ -6,7 +6,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from fis_tools.engines.inference import infer
-from fis_tools.render import conclusion_panel, inference_figure, output_panel, statement_panel
+from fis_tools.render.inference import conclusion_panel, inference_figure, output_panel, statement_panel
 from tests.fis_tools.render.picture_systems import autopilot_system, room_system, seen_words
 from tests.fis_tools.sample_controllers import force_x_system
 

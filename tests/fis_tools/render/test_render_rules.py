@@ -9,17 +9,9 @@ from matplotlib.figure import Figure
 
 from fis_tools.analysis.flights import read_flight
 from fis_tools.model import And, Consequent, FuzzySystem, Is, Rule
-from fis_tools.render import (
-    contrast,
-    firing_map,
-    firing_shares,
-    luminance,
-    rule_bars,
-    rule_list,
-    rule_matrix,
-    rules_figures,
-    term_colours,
-)
+from fis_tools.render import firing_map, rule_bars, rule_list, rule_matrix, rules_figures
+from fis_tools.render.rule_lists import firing_shares
+from fis_tools.render.theme import contrast, luminance, term_colours
 from tests.fis_tools.analysis.test_flights import log_flight
 from tests.fis_tools.render.picture_systems import (
     autopilot_system,
@@ -217,12 +209,12 @@ def test_a_flight_on_which_nothing_fires_is_drawn_empty() -> None:
 def test_bars_are_as_long_as_their_values_the_longest_first() -> None:
     system = force_x_system()
     values = np.random.default_rng(1).uniform(0, 1, 25)
-    ax = rule_bars(system, values, Figure().subplots(), label="importance", most_rules=6)
+    ax = rule_bars(system, values, Figure().subplots())
     order = np.argsort(-values)
-    np.testing.assert_allclose([bar.get_width() for bar in ax.patches], 100 * values[order[:6]])  # type: ignore[attr-defined]
-    assert [text.get_text() for text in ax.texts] == [f"{100 * values[place]:.1f}" for place in order[:6]]
-    assert ax.get_xlabel() == "importance (%)"
-    assert ax.get_title(loc="right") == f"19 more rules have {100 * values[order[6]]:.1f} % at most"
+    np.testing.assert_allclose([bar.get_width() for bar in ax.patches], 100 * values[order[:15]])  # type: ignore[attr-defined]
+    assert [text.get_text() for text in ax.texts] == [f"{100 * values[place]:.1f}" for place in order[:15]]
+    assert ax.get_xlabel() == "share of all firing (%)"
+    assert ax.get_title(loc="right") == f"10 more rules have {100 * values[order[15]]:.1f} % at most"
     assert any(text.get_text().startswith(f"{order[0] + 1}: ") for text in words_of(ax))
 
 

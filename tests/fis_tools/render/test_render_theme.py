@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_rgb
 
-from fis_tools.render import DARK, LIGHT, THEMES, Theme, contrast, readable_on, term_colours
+from fis_tools.render.theme import DARK, LIGHT, THEMES, Theme, contrast, readable_on, term_colours
 
 Matrix = tuple[tuple[float, float, float], ...]
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_hex
 
-from fis_tools.render import BRIGHTNESS_MAP, readable_on
+from fis_tools.render.theme import BRIGHTNESS_MAP, readable_on
 from fis_tools.review.content import BRIGHTNESS, level, level_styles
 
 
