@@ -7,6 +7,7 @@ import numpy as np
 
 from fis_tools.array_types import Floats, Integers
 from fis_tools.compiled.decorator import compiled
+from fis_tools.engines.inference import SMALLEST_AREA
 from fis_tools.engines.program import (
     ARC,
     BISECTOR,
@@ -24,8 +25,6 @@ from fis_tools.engines.program import (
     combine,
 )
 
-#: scikit-fuzzy divides by the larger of the area and this
-SMALLEST_AREA = float(np.finfo(np.float64).eps)
 #: The smallest positive number: a cut of zero crosses where memberships become positive.
 SMALLEST = float(np.nextafter(0.0, 1.0))
 

@@ -11,16 +11,14 @@ from functools import reduce
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from fis_tools import model
 from fis_tools.array_types import Floats, Integers
-from fis_tools.model import FuzzySystem
 from fis_tools.model.operators import ACCUMULATIONS, AGGREGATIONS, AND_OPERATORS, HEDGES, OR_OPERATORS
 from fis_tools.model.validate import nearest
 from fis_tools.model.variables import sample_terms
 
-#: The centroid divides by the area, but by at least this.
+#: scikit-fuzzy divides by the larger of the area and this.
 SMALLEST_AREA = float(np.finfo(np.float64).eps)
 
 
@@ -421,24 +419,12 @@ def _bisector(x: Floats, y: Floats) -> float:
         return float(x1 - (y1 - np.sqrt(y1 * y1 + 2.0 * slope * rest)) / slope)
 
 
-def _mean_of_maximum(x: Floats, y: Floats) -> float:
-    return float(np.mean(x[y == y.max()]))
-
-
-def _smallest_of_maximum(x: Floats, y: Floats) -> float:
-    return float(np.min(x[y == y.max()]))
-
-
-def _largest_of_maximum(x: Floats, y: Floats) -> float:
-    return float(np.max(x[y == y.max()]))
-
-
 _DEFUZZIFIERS: dict[str, Callable[[Floats, Floats], float]] = {
     "centroid": _centroid,
     "bisector": _bisector,
-    "mom": _mean_of_maximum,
-    "som": _smallest_of_maximum,
-    "lom": _largest_of_maximum,
+    "mom": lambda x, y: float(np.mean(x[y == y.max()])),
+    "som": lambda x, y: float(np.min(x[y == y.max()])),
+    "lom": lambda x, y: float(np.max(x[y == y.max()])),
 }
 
 
@@ -460,7 +446,7 @@ def columns_of(inputs: Any) -> tuple[str, ...] | None:
     return names
 
 
-def pick(system: FuzzySystem, inputs: Any, names: tuple[str, ...]) -> list[Floats]:
+def pick(system: model.FuzzySystem, inputs: Any, names: tuple[str, ...]) -> list[Floats]:
     """Return each input of a system by its name, broadcast to one shape.
 
     A table may have other columns; a mapping is written for this call, so unknown names are
@@ -483,7 +469,7 @@ def pick(system: FuzzySystem, inputs: Any, names: tuple[str, ...]) -> list[Float
     return list(np.broadcast_arrays(*(np.asarray(inputs[name], dtype=np.float64) for name in wanted)))
 
 
-def as_rows(system: FuzzySystem, inputs: ArrayLike | Any) -> Floats:
+def as_rows(system: model.FuzzySystem, inputs: Any) -> Floats:
     """Return inputs as an array, the last axis in the order of the system's inputs.
 
     A plain array is returned unchanged; a mapping or table as (n, num_inputs), or (num_inputs,) for numbers.

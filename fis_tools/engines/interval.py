@@ -13,7 +13,8 @@ import numpy as np
 
 from fis_tools.array_types import Floats
 from fis_tools.compiled.decorator import advise_numba, compiled
-from fis_tools.engines.defuzzifier import SMALLEST_AREA, invert
+from fis_tools.engines.defuzzifier import invert
+from fis_tools.engines.inference import SMALLEST_AREA
 from fis_tools.engines.program import (
     CENTROID,
     DRASTIC_PRODUCT,
@@ -41,6 +42,9 @@ INTERPOLATION_ERROR = 16 * EPSILON
 # of the one above, then the ends of a line below the one and of a line above the other.
 AREA_LOW, MOMENT_LOW, AREA_HIGH, MOMENT_HIGH, LEFT_LOW, RIGHT_LOW, LEFT_HIGH, RIGHT_HIGH = range(8)
 NUM_COLUMNS = 8
+
+#: The width of a segment; the lower line at its left and right end; the upper one.
+Lines = tuple[float, float, float, float, float]
 
 
 class NotBounded(ValueError):  # noqa: N818
@@ -533,11 +537,10 @@ def _least_centroid(
             low_left, low_right, high_left, high_right = row[LEFT_LOW:]
         else:
             low_right, low_left, high_right, high_left = row[LEFT_LOW:]
+        lines = (width, low_left, low_right, high_left, high_right)
         all_area, all_moment = area + sums[place, 0], moment + sums[place, 1]
         error = relative_error * (all_area + row[AREA_HIGH])
-        distance = _zero_crossing(
-            all_area, all_moment - start * all_area - error, width, low_left, low_right, high_left, high_right
-        )
+        distance = _zero_crossing(all_area, all_moment - start * all_area - error, lines)
         if distance < 0.0:
             break
         best = max(best, start + distance)
@@ -549,21 +552,13 @@ def _least_centroid(
 
 
 @compiled(error_model="numpy", nogil=True)
-def _balance(
-    at: float,
-    area: float,
-    moment: float,
-    width: float,
-    low_left: float,
-    low_right: float,
-    high_left: float,
-    high_right: float,
-) -> tuple[float, float]:
+def _balance(at: float, area: float, moment: float, lines: Lines) -> tuple[float, float]:
     """Return the integral of (x - t) times the extremal function, and its slope, for t in one segment.
 
     `area` and `moment`, about the segment's start, are those of the other segments; `at` is t's distance from
     there.
     """
+    width, low_left, low_right, high_left, high_right = lines
     rest = width - at
     rise_low, rise_high = (low_right - low_left) / width, (high_right - high_left) / width
     here = low_left + rise_low * at
@@ -574,36 +569,27 @@ def _balance(
 
 
 @compiled(error_model="numpy", nogil=True)
-def _zero_crossing(
-    area: float,
-    moment: float,
-    width: float,
-    low_left: float,
-    low_right: float,
-    high_left: float,
-    high_right: float,
-) -> float:
+def _zero_crossing(area: float, moment: float, lines: Lines) -> float:
     """Return the largest distance at which `_balance` is not negative, or less; -1 if there is none.
 
     The balance falls with increasing steepness, so that Newton's steps come from above and secants from
     below, except for rounding, which `moment` makes up for.
     """
-    lines = (width, low_left, low_right, high_left, high_right)
-    left, right = 0.0, width
-    value, _ = _balance(left, area, moment, *lines)
+    left, right = 0.0, lines[0]
+    value, _ = _balance(left, area, moment, lines)
     if value < 0.0:
         return -1.0
-    beyond, slope = _balance(right, area, moment, *lines)
+    beyond, slope = _balance(right, area, moment, lines)
     if beyond >= 0.0:
         return right
     for _ in range(5):
         secant = left + (right - left) * value / (value - beyond)
         newton = right - beyond / slope
         left = secant
-        value, _ = _balance(left, area, moment, *lines)
+        value, _ = _balance(left, area, moment, lines)
         if value <= 0.0 or newton <= left:
             break
-        beyond, slope = _balance(newton, area, moment, *lines)
+        beyond, slope = _balance(newton, area, moment, lines)
         right = newton
         if beyond >= 0.0:
             break

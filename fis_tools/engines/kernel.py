@@ -35,6 +35,7 @@ from fis_tools.compiled.vectors import (
     store,
     width_of,
 )
+from fis_tools.engines.inference import SMALLEST_AREA
 from fis_tools.engines.packing import (
     ANY,
     CENTRE,
@@ -50,9 +51,6 @@ from fis_tools.engines.packing import (
     WIDTH_OF_STEP,
     Packed,
 )
-
-#: scikit-fuzzy divides by the larger of the area and this
-SMALLEST_AREA = float(np.finfo(np.float64).eps)
 
 #: samples that are inferred side by side, and where there are at most half as many; both are constants
 LANES, FEW_LANES = 16, 8

@@ -10,7 +10,6 @@ import numpy as np
 from fis_tools import model
 from fis_tools.array_types import Floats, Integers
 from fis_tools.compiled.decorator import compiled
-from fis_tools.model import AndOperator, Hedge, OrOperator
 from fis_tools.model.variables import sample_terms
 
 #: Operations as numbers, since compiled functions have no strings.
@@ -25,10 +24,10 @@ MIN, PRODUCT, BOUNDED_DIFFERENCE, EINSTEIN_PRODUCT, HAMACHER_PRODUCT, DRASTIC_PR
 MAX, PROBABILISTIC_SUM, BOUNDED_SUM, EINSTEIN_SUM, HAMACHER_SUM, DRASTIC_SUM, NILPOTENT_MAXIMUM = OR_CODES
 VERY, SOMEWHAT, EXTREMELY, INTENSELY, SELDOM = HEDGE_CODES
 OPERATORS: dict[str, int] = {
-    **dict(zip(get_args(AndOperator), AND_CODES, strict=True)),
-    **dict(zip(get_args(OrOperator), OR_CODES, strict=True)),
+    **dict(zip(get_args(model.AndOperator), AND_CODES, strict=True)),
+    **dict(zip(get_args(model.OrOperator), OR_CODES, strict=True)),
     "unbounded_sum": UNBOUNDED_SUM,
-    **dict(zip(get_args(Hedge), HEDGE_CODES, strict=True)),
+    **dict(zip(get_args(model.Hedge), HEDGE_CODES, strict=True)),
 }
 
 

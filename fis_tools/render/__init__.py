@@ -14,9 +14,9 @@ from fis_tools.errors import MissingExtra
 if find_spec("matplotlib") is None:
     raise MissingExtra("drawing", "matplotlib", "matplotlib")
 
-from fis_tools.render.curves import memberships, output_curve
+from matplotlib.figure import Figure
+
 from fis_tools.render.figures import (
-    Figure,
     encode,
     firing_figure,
     memberships_figure,
@@ -26,10 +26,17 @@ from fis_tools.render.figures import (
     surface_figures,
     system_figures,
 )
-from fis_tools.render.inference import inference_figure
+from fis_tools.render.inference import inference_figure, memberships
 from fis_tools.render.rule_lists import firing_map, rule_bars, rule_list
 from fis_tools.render.rule_tables import rule_matrix
-from fis_tools.render.surfaces import draw_surface, held_words, over_axes, surface_map, surface_space
+from fis_tools.render.surfaces import (
+    draw_surface,
+    held_words,
+    output_curve,
+    over_axes,
+    surface_map,
+    surface_space,
+)
 from fis_tools.render.theme import DARK, LIGHT, THEMES, Theme
 
 __all__ = [

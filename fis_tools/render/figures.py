@@ -17,13 +17,15 @@ from fis_tools.model import FuzzySystem, Term, Variable
 from fis_tools.model.systems import has_sets
 from fis_tools.model.variables import sample
 from fis_tools.render import lettering
-from fis_tools.render.curves import memberships, named, output_curve, peak
+from fis_tools.render.inference import memberships, peak
 from fis_tools.render.rule_lists import firing_map, firing_shares, list_height, rule_bars, rule_list
 from fis_tools.render.rule_tables import rule_cells, rule_matrix
 from fis_tools.render.surfaces import (
     colour_bar,
     draw_surface,
     held_words,
+    named,
+    output_curve,
     over_axes,
     surface_space,
     value_limits,

@@ -154,8 +154,7 @@ def _entries(system: FuzzySystem, rules: Sequence[int], across: float, size: flo
 
 
 def _words(consequent: Consequent) -> str:
-    weight = "" if consequent.weight == 1.0 else f" × {number(consequent.weight)}"
-    return f"{consequent.variable} is {consequent.term}{weight}"
+    return f"{consequent.variable} is {conclusion(consequent)}"
 
 
 def _write(ax: Axes, entry: _Entry, place: tuple[float, float, float], size: float, theme: Theme) -> None:

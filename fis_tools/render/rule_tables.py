@@ -12,8 +12,8 @@ from fis_tools.array_types import Floats, Integers
 from fis_tools.model import FuzzySystem, Variable
 from fis_tools.model.validate import nearest
 from fis_tools.render import lettering
-from fis_tools.render.curves import named
 from fis_tools.render.rule_lists import plain_statements
+from fis_tools.render.surfaces import named
 from fis_tools.render.theme import LIGHT, SMALL, Theme, dress, readable_on, term_colours
 from fis_tools.words.text import number
 

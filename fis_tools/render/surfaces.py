@@ -1,7 +1,7 @@
-"""An output over two inputs: as a map with contours, and as a surface in three dimensions."""
+"""An output over one input as a curve; over two as a map with contours, and as a surface in space."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -10,9 +10,10 @@ from matplotlib.contour import QuadContourSet
 from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator
 
-from fis_tools.analysis.arrays import Surface, surface
+from fis_tools.analysis.arrays import Surface, evaluate, surface
 from fis_tools.array_types import Floats
-from fis_tools.model import FuzzySystem
+from fis_tools.model import FuzzySystem, Variable
+from fis_tools.model.validate import nearest
 from fis_tools.render import lettering
 from fis_tools.render.theme import BRIGHTNESS_MAP, LIGHT, MEDIUM, SMALL, Theme, dress, readable_on
 from fis_tools.words.text import number, quantity, with_unit
@@ -81,6 +82,65 @@ def entitle(ax: Any, words: str) -> None:
     """Write a title in as many lines as it takes."""
     if words:
         ax.set_title(lettering.broken(words, lettering.inches(ax)[0], MEDIUM))
+
+
+def named(system: FuzzySystem, role: Literal["input", "output"], name: str | None) -> Variable:
+    """Return the input or the output of a name, without one the first.
+
+    Raises
+    ------
+    ValueError
+        If there is none of this name.
+    """
+    variables = system.inputs if role == "input" else system.outputs
+    names = [variable.name for variable in variables]
+    if name is not None and name not in names:
+        raise ValueError(f"system {system.name!r} has no {role} {name!r}; {nearest(name, names)}")
+    return variables[0 if name is None else names.index(name)]
+
+
+def output_curve(
+    system: FuzzySystem,
+    ax: Axes,
+    *,
+    output: str | None = None,
+    samples: Floats | None = None,
+    theme: Theme = LIGHT,
+) -> Axes:
+    """Draw an output of a system with one input over this input.
+
+    Parameters
+    ----------
+    system : FuzzySystem
+        A system without problems.
+    ax : Axes
+        Where to draw.
+    output : str, optional
+        Which output; by default the first.
+    samples : (n, 1), optional
+        Inputs, such as those of a flight, to mark along the axis.
+    theme : Theme
+        Colours.
+
+    Raises
+    ------
+    ValueError
+        If the output is unknown, or there are several inputs.
+    """
+    (along,), concluded = system.inputs, named(system, "output", output)
+    values = np.linspace(along.minimum, along.maximum, 401)
+    outputs = evaluate(system, values[:, np.newaxis])[:, system.outputs.index(concluded)]
+    if concluded.minimum < 0.0 < concluded.maximum:
+        ax.axhline(0.0, color=theme.grid, linewidth=1.0)
+    ax.plot(values, outputs, color=theme.lines[0], linewidth=1.8)
+    if samples is not None:
+        flown = np.clip(samples[:, 0], along.minimum, along.maximum)
+        heights = np.interp(flown, values, outputs)
+        ax.plot(flown, heights, "o", color=theme.ink, mec=theme.paper, mew=0.5, ms=4)
+    ax.set(xlim=(along.minimum, along.maximum), xlabel=with_unit(along), ylabel=with_unit(concluded))
+    ax.spines[["top", "right"]].set_visible(False)
+    dress(ax, theme)
+    return ax
 
 
 #: Labels nearer to the edge than this part of the axes would be cut.
