@@ -259,7 +259,7 @@ def coverage(variable: Variable) -> Coverage:
     A variable is well covered where each value has a membership of, say, 0.5 in some term.
     """
     functions = sample_terms(variable)
-    points = _with_crossings(variable.universe, functions)
+    points = np.union1d(variable.universe, crossings(variable.universe, functions))
     highest = np.max([np.interp(points, variable.universe, function) for function in functions], axis=0)
     worst = int(np.argmin(highest))
     return Coverage(float(highest[worst]), float(points[worst]))
@@ -271,7 +271,7 @@ def distinguishability(variable: Variable) -> Distinguishability:
     A term whose sampled membership is zero everywhere is like no other, itself included.
     """
     functions = sample_terms(variable)
-    points = _with_crossings(variable.universe, functions)
+    points = np.union1d(variable.universe, crossings(variable.universe, functions))
     fine = np.stack([np.interp(points, variable.universe, function) for function in functions])
     lower = np.minimum(fine[:, np.newaxis], fine)
     higher = np.maximum(fine[:, np.newaxis], fine)
@@ -280,16 +280,16 @@ def distinguishability(variable: Variable) -> Distinguishability:
     return Distinguishability(similarity, lower.max(axis=2))
 
 
-def _with_crossings(universe: Floats, functions: Floats) -> Floats:
-    """Add to a universe every point where two sampled functions cross between two of its points."""
-    crossings = [universe]
+def crossings(universe: Floats, functions: Floats) -> Floats:
+    """Return where two sampled functions cross between two points of a universe."""
+    found = [np.empty(0)]
     for index, function in enumerate(functions):
         difference = functions[index + 1 :] - function
         left, right = difference[:, :-1], difference[:, 1:]
         pair, segment = np.nonzero(left * right < 0)
         fraction = left[pair, segment] / (left[pair, segment] - right[pair, segment])
-        crossings.append(universe[segment] + fraction * (universe[segment + 1] - universe[segment]))
-    return np.unique(np.concatenate(crossings))
+        found.append(universe[segment] + fraction * (universe[segment + 1] - universe[segment]))
+    return np.concatenate(found)
 
 
 def rule_usage(strengths: Floats, threshold: float = FIRED) -> RuleUsage:

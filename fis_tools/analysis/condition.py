@@ -202,9 +202,7 @@ def _condition(words: list[str], names: Sequence[str], text: str) -> Condition:
 def _linear_form(words: list[str], names: Sequence[str], text: str) -> dict[str, float]:
     coefficients: dict[str, float] = {}
     while True:
-        sign = 1.0
-        while words and words[0] in {"+", "-"}:
-            sign *= -1.0 if words.pop(0) == "-" else 1.0
+        sign = _sign(words)
         if words and words[0] not in names and re.fullmatch(NUMBER, words[0]):
             sign *= float(words.pop(0))
             if words and words[0] == "*":
@@ -219,10 +217,15 @@ def _linear_form(words: list[str], names: Sequence[str], text: str) -> dict[str,
             return coefficients
 
 
-def _number(words: list[str], text: str) -> float:
+def _sign(words: list[str]) -> float:
     sign = 1.0
     while words and words[0] in {"+", "-"}:
         sign *= -1.0 if words.pop(0) == "-" else 1.0
+    return sign
+
+
+def _number(words: list[str], text: str) -> float:
+    sign = _sign(words)
     word = words.pop(0) if words else ""
     if not re.fullmatch(NUMBER, word) or not np.isfinite(float(word)):
         raise ValueError(f"{word or 'the end'!r} in {text!r} stands where a number should; {GRAMMAR}")

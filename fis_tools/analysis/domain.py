@@ -15,6 +15,8 @@ from fis_tools.errors import ControllerFileError
 from fis_tools.model import FuzzySystem
 
 SCHEMA, SCHEMA_VERSION = "operational-domain", 1
+#: what is told of each input, and what it is
+_COLUMNS: dict[str, type] = {"name": str, "unit": str, "low": float, "high": float}
 
 
 @dataclass(frozen=True)
@@ -123,8 +125,8 @@ def as_mapping(boxes: Iterable[Box]) -> dict[str, Any]:
             "system": box.system,
             "num_samples": box.num_samples,
             "inputs": [
-                {"name": name, "unit": unit, "low": low, "high": high}
-                for name, unit, low, high in zip(box.inputs, box.units, box.low, box.high, strict=True)
+                dict(zip(_COLUMNS, one, strict=True))
+                for one in zip(box.inputs, box.units, box.low, box.high, strict=True)
             ],
         }
         for box in boxes
@@ -151,12 +153,7 @@ def from_mapping(mapping: Any, source: str) -> tuple[Box, ...]:
 
 
 def _box(mapping: Mapping[str, Any]) -> Box:
-    columns = {key: tuple(one[key] for one in mapping["inputs"]) for key in ("name", "unit", "low", "high")}
-    return Box(
-        str(mapping["system"]),
-        tuple(map(str, columns["name"])),
-        tuple(map(str, columns["unit"])),
-        tuple(map(float, columns["low"])),
-        tuple(map(float, columns["high"])),
-        int(mapping["num_samples"]),
-    )
+    columns: list[Any] = [
+        tuple(kind(one[key]) for one in mapping["inputs"]) for key, kind in _COLUMNS.items()
+    ]
+    return Box(str(mapping["system"]), *columns, num_samples=int(mapping["num_samples"]))

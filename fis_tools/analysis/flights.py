@@ -77,14 +77,8 @@ class FlownSystem:
 
     def at(self, rows: Booleans) -> "FlownSystem":
         """Return what the system did at some of its inferences."""
-        return replace(
-            self,
-            time_s=self.time_s[rows],
-            inputs=self.inputs[rows],
-            firing_strengths=self.firing_strengths[rows],
-            output=self.output[rows],
-            reason=self.reason[rows],
-        )
+        columns = ("time_s", "inputs", "firing_strengths", "output", "reason")
+        return replace(self, **{name: getattr(self, name)[rows] for name in columns})
 
 
 @dataclass(frozen=True)
@@ -156,11 +150,6 @@ class Outcome(NamedTuple):
     limits_m: tuple[float | None, float | None] = (None, None)
 
 
-def is_logged(path: Path | str) -> bool:
-    """Return, from its name, whether a file is a logged flight or a table."""
-    return is_flight(path) or tables.is_table(path)
-
-
 def is_flight(path: Path | str) -> bool:
     """Return, from its name, whether a file is a logged flight."""
     return Path(path).suffix.lower() == ".mcap"
@@ -198,7 +187,12 @@ def read_flight(
         for each input.
     """
     if tables.is_table(path):
-        return tuple(_tabled(path, system) for system in _controller_for(path, controller).systems)
+        if controller is None:
+            raise ControllerFileError(
+                f"{path} is a table, which carries no controller; say whose inputs it holds, as a controller "
+                "file"
+            )
+        return tuple(_tabled(path, system) for system in controller.systems)
     recording = _read(path, topics=(f"{TOPIC_PREFIX}*", CONTROL_TOPICS))
     flown_systems = _all_flown(recording)
     return tuple(flown if all_periods else flown.at(flown.is_counted) for flown in flown_systems)
@@ -387,15 +381,6 @@ def _gather(
                 )
             rows.setdefault(name, []).append(getattr(flown, column))
     return {name: np.concatenate(parts) for name, parts in rows.items()}
-
-
-def _controller_for(path: Path | str, controller: FuzzyController | None) -> FuzzyController:
-    """Return the controller that a table is read for."""
-    if controller is None:
-        raise ControllerFileError(
-            f"{path} is a table, which carries no controller; say whose inputs it holds, as a controller file"
-        )
-    return controller
 
 
 def _tabled(path: Path | str, system: FuzzySystem) -> FlownSystem:

@@ -12,7 +12,7 @@ import numpy as np
 
 from fis_tools import model
 from fis_tools.analysis import arrays
-from fis_tools.analysis.arrays import Coverage, coverage
+from fis_tools.analysis.arrays import Coverage, coverage, crossings
 from fis_tools.array_types import Floats
 from fis_tools.engines.inference import infer
 from fis_tools.model.validate import nearest
@@ -228,11 +228,7 @@ def nauck(system: model.FuzzySystem) -> Nauck:
 def _evenness(variable: model.Variable) -> float:
     x = variable.universe
     total = sample_terms(variable).sum(axis=0)
-    above = total - 1.0
-    left, right = above[:-1], above[1:]
-    crossed = np.flatnonzero(left * right < 0)
-    crossings = x[crossed] + left[crossed] / (left[crossed] - right[crossed]) * np.diff(x)[crossed]
-    points = np.union1d(x, crossings)
+    points = np.union1d(x, crossings(x, np.stack([total, np.ones_like(total)])))
     h = np.interp(points, x, total)
     num_terms = max(2, len(variable.terms))
     covered = np.where(h <= 1.0, h, (num_terms - h) / (num_terms - 1))
@@ -379,8 +375,7 @@ def rule_consistency(system: model.FuzzySystem) -> RuleConsistency:
     grid = _grid([_landmarks(variable) for variable in system.inputs])
     if grid is None:
         grid = arrays.spread_inputs(system)
-    strengths = arrays.firing(system, grid)
-    answers = arrays.evaluate(system, grid)
+    strengths, answers = arrays.firing(system, grid), arrays.evaluate(system, grid)
     has_value = ~np.isnan(answers).any(axis=1)  # a formula may have none
     grid, strengths, answers = grid[has_value], strengths[has_value], answers[has_value]
     points, outputs, alone, values = [], [], [], []
@@ -477,14 +472,9 @@ def _turning_points(variable: model.Variable) -> Floats:
     terms = sample_terms(variable)
     functions = np.concatenate([terms, 1.0 - terms])
     turns = np.sign(np.diff(terms))
-    found = [x[[0, -1]], x[1:-1][np.any(turns[:, 1:] != turns[:, :-1], axis=0)]]
+    found = [x[[0, -1]], x[1:-1][np.any(turns[:, 1:] != turns[:, :-1], axis=0)], crossings(x, functions)]
     for index, function in enumerate(functions):
-        difference = functions[index + 1 :] - function
-        left, right = difference[:, :-1], difference[:, 1:]
-        pair, segment = np.nonzero(left * right < 0)
-        fraction = left[pair, segment] / (left[pair, segment] - right[pair, segment])
-        found.append(x[segment] + fraction * (x[segment + 1] - x[segment]))
-        equal = np.pad(difference == 0.0, ((0, 0), (1, 1)), constant_values=True)
+        equal = np.pad(functions[index + 1 :] == function, ((0, 0), (1, 1)), constant_values=True)
         parting = equal[:, 1:-1] & ~(equal[:, :-2] & equal[:, 2:])
         found.append(x[np.any(parting, axis=0)])
     return np.unique(np.concatenate(found))

@@ -1,6 +1,6 @@
 """The smallest change of one input that takes an output to the other side of a value."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -149,13 +149,13 @@ def class_flips(compiled: CompiledSystem, given: Floats) -> tuple[ClassFlip, ...
         across = np.flatnonzero(classes != classes[0])
         if not len(across):
             continue
-        last, first = rows[across[0] - 1 : across[0] + 1].copy()
         variable = compiled.system.inputs[index]
-        while abs(first[index] - last[index]) > LOCATED * span(variable):
-            middle = last.copy()
-            middle[index] = 0.5 * (last[index] + first[index])
-            is_same = compiled(middle[np.newaxis])[0].argmax() == classes[0]
-            last, first = (middle, first) if is_same else (last, middle)
+        bracket = rows[across[0] - 1 : across[0] + 1]
+
+        def is_another(row: Floats, said: int = int(classes[0])) -> bool:
+            return int(compiled(row)[0].argmax()) != said
+
+        _, first = _halved(bracket, index, variable, is_another)
         other = compiled.system.outputs[int(compiled(first[np.newaxis])[0].argmax())]
         found.append(ClassFlip(variable, float(given[index]), float(first[index]), other))
     return tuple(sorted(found, key=lambda flip: flip.share))
@@ -216,26 +216,24 @@ def _is_across(sides: Floats, start: float) -> Booleans:
 def _located(
     compiled: CompiledSystem, place: int, start: Flip, bracket: Floats, index: int, value: float
 ) -> Flip:
-    """Halve a bracket of two rows until the flip is located, and evaluate both sides step by step."""
+    """Locate the flip in a bracket of two rows, and evaluate both sides step by step."""
+
+    def is_across(row: Floats) -> bool:
+        return bool(_is_across(_sides(start.output, compiled(row)[:, place] - value), start.side)[0])
+
+    last, first = _halved(bracket, index, start.input, is_across)
+    before, after = (infer(compiled.system, one).outputs[place] for one in (last, first))
+    ends = (float(last[index]), float(first[index]), before.value, after.value, after.is_default)
+    return Flip(start.output, start.input, start.way, start.given, start.side, *ends)
+
+
+def _halved(
+    bracket: Floats, index: int, variable: Variable, is_across: Callable[[Floats], bool]
+) -> tuple[Floats, Floats]:
+    """Halve a bracket of two rows until what changes between them is located."""
     last, first = bracket.copy()
-    while abs(first[index] - last[index]) > LOCATED * span(start.input):
+    while abs(first[index] - last[index]) > LOCATED * span(variable):
         middle = last.copy()
         middle[index] = 0.5 * (last[index] + first[index])
-        side = _sides(start.output, compiled(middle[np.newaxis])[:, place] - value)
-        if _is_across(side, start.side)[0]:
-            first = middle
-        else:
-            last = middle
-    before, after = (infer(compiled.system, one).outputs[place] for one in (last, first))
-    return Flip(
-        start.output,
-        start.input,
-        start.way,
-        start.given,
-        start.side,
-        float(last[index]),
-        float(first[index]),
-        before.value,
-        after.value,
-        after.is_default,
-    )
+        last, first = (last, middle) if is_across(middle[np.newaxis]) else (middle, first)
+    return last, first
