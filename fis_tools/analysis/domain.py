@@ -153,7 +153,7 @@ def from_mapping(mapping: Any, source: str) -> tuple[Box, ...]:
 
 
 def _box(mapping: Mapping[str, Any]) -> Box:
-    columns: list[Any] = [
+    names, units, low, high = (
         tuple(kind(one[key]) for one in mapping["inputs"]) for key, kind in _COLUMNS.items()
-    ]
-    return Box(str(mapping["system"]), *columns, num_samples=int(mapping["num_samples"]))
+    )
+    return Box(str(mapping["system"]), names, units, low, high, int(mapping["num_samples"]))
