@@ -105,7 +105,7 @@ def system_words(place: int, system: FuzzySystem, samples: Samples, measures: Me
         "inputs": ", ".join(with_unit(variable) for variable in system.inputs),
         "outputs": ", ".join(with_unit(variable) for variable in system.outputs),
         "samples": samples.words,
-        "leaders": _leaders(system, importance),
+        "leaders": _leaders(importance),
         "never": int((usage.fired == 0).sum()),
         "completeness": measures.completeness.least,
         "gm3m": measures.gm3m,
@@ -118,7 +118,7 @@ def system_words(place: int, system: FuzzySystem, samples: Samples, measures: Me
     }
 
 
-def _leaders(system: FuzzySystem, importance: Floats, most: int = 3) -> str:
+def _leaders(importance: Floats, most: int = 3) -> str:
     """Say which rules matter most: ``rule 14 (4.1 %), rule 13 (2.0 %)``; empty where none does."""
     order = np.argsort(-importance, kind="stable")[:most]
     return ", ".join(

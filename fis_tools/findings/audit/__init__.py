@@ -1,6 +1,10 @@
 """Audits of fuzzy controllers: what a reviewer should look at before signing, with the numbers behind it."""
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from itertools import chain
+
+import numpy as np
 
 from fis_tools.analysis.measures import measure
 from fis_tools.array_types import Floats
@@ -42,28 +46,24 @@ def audit(
         If samples are given for an unknown system, or their number of columns is not its number of inputs; if
         the reference lacks a system, variable or term.
     """
-    alone = isinstance(controller, FuzzySystem)
     systems = (controller,) if isinstance(controller, FuzzySystem) else controller.systems
     thresholds = thresholds or Thresholds()
     _check(systems, samples or {})
-    findings: list[Finding] = [] if isinstance(controller, FuzzySystem) else [*_edited(controller)]
+    name, findings = "", list[Finding]()
+    if isinstance(controller, FuzzyController):
+        name, findings = controller.name, [*_edited(controller)]
     audited = []
     for system in systems:
         validate(system)
         measures = measure(system, None if reference is None else _counterpart(system, reference))
-        rows = None if samples is None else samples.get(system.name)
-        audited.append(
-            AuditedSystem(
-                system.name, measures, None if samples is None else 0 if rows is None else len(rows)
-            )
-        )
-        findings += terms.find(system, measures, thresholds)
-        findings += rules.find(system, measures, thresholds)
-        findings += answers.find(system, measures, thresholds)
-        if samples is not None:
-            findings += _used(system, rows, thresholds)
+        found = [check.find(system, measures, thresholds) for check in (terms, rules, answers)]
+        rows = None if samples is None else samples.get(system.name, np.empty((0, len(system.inputs))))
+        if rows is not None:
+            found.append(answers.find_along(system, rows, thresholds))
+        audited.append(AuditedSystem(system.name, measures, None if rows is None else len(rows)))
+        findings += (replace(finding, system=system.name) for finding in chain(*found))
     findings.sort(key=lambda finding: -finding.severity)
-    return Audit("" if alone else controller.name, tuple(audited), tuple(findings))
+    return Audit(name, tuple(audited), tuple(findings))
 
 
 def _edited(controller: FuzzyController) -> Iterator[Finding]:
@@ -72,9 +72,9 @@ def _edited(controller: FuzzyController) -> Iterator[Finding]:
         yield Finding(
             "edited",
             Severity.WARNING,
-            controller.name,
             f"{controller.name} was edited {how}.",
             "Measure it anew, or take the controller that the figures are of.",
+            system=controller.name,
         )
 
 
@@ -84,19 +84,6 @@ def _counterpart(system: FuzzySystem, reference: FuzzyController) -> tuple[str, 
     if system.name not in systems:
         raise ValueError(f"the reference has no system {system.name!r}; {nearest(system.name, systems)}")
     return f"those of {reference.name}", systems[system.name]
-
-
-def _used(system: FuzzySystem, rows: Floats | None, thresholds: Thresholds) -> Iterator[Finding]:
-    if rows is not None and len(rows):
-        yield from answers.find_along(system, rows, thresholds)
-        return
-    yield Finding(
-        "never-asked",
-        Severity.NOTE,
-        system.name,
-        f"{system.name} made no inference in these logs.",
-        "Log inputs at which it is used.",
-    )
 
 
 def _check(systems: tuple[FuzzySystem, ...], samples: Mapping[str, Floats]) -> None:

@@ -64,7 +64,6 @@ def _complete(system: FuzzySystem, measures: Measures, thresholds: Thresholds) -
     yield Finding(
         "completeness",
         Severity.SERIOUS if found.least < thresholds.fired else Severity.WARNING,
-        system.name,
         sentence,
         "Add rules for this region, or widen the terms around it.",
         evidence={"least": found.least, "at": found.at.tolist(), "exact": found.is_exact},
@@ -86,7 +85,6 @@ def _reach(system: FuzzySystem, which: int, values: Floats, thresholds: Threshol
     yield Finding(
         "output-reach",
         Severity.SERIOUS if is_constant else Severity.WARNING,
-        system.name,
         f"{output.name} {reached} at {values.size} points over the input ranges ({extent} is declared).",
         f"Narrow the range to what is used, or narrow the outer terms{by_area} (fis_tools bounds proves what "
         "is reached).",
@@ -121,7 +119,6 @@ def _ways_back(
     yield Finding(
         "monotonicity-surface",
         Severity.WARNING,
-        system.name,
         f"{output.name} mostly {ways[0]} with {variable.name}, but {ways[1]} by {by} from {variable.name} = "
         f"{amount(variable, axes[axis][start])} to {amount(variable, axes[axis][end])}"
         + (f", where {', '.join(held)}." if held else "."),
@@ -146,15 +143,23 @@ MOST_SAMPLES = 2_000
 
 def find_along(system: FuzzySystem, samples: Floats, thresholds: Thresholds) -> Iterator[Finding]:
     """Yield the findings on a system at the inputs that it was given, shape (n, num_inputs)."""
+    if not len(samples):
+        yield Finding(
+            "never-asked",
+            Severity.NOTE,
+            f"{system.name} made no inference in these logs.",
+            "Log inputs at which it is used.",
+        )
+        return
     yield from _clipped(system, samples, thresholds)
     strengths = firing(system, samples)
     usage = rule_usage(strengths, thresholds.fired)
-    yield from _silent(system, strengths)
-    yield from _dead(system, usage.fired, len(samples), thresholds)
+    yield from _silent(strengths)
+    yield from _dead(usage.fired, len(samples), thresholds)
     step = max(1, -(-len(samples) // MOST_SAMPLES))
     matters = importance(compiled(system), samples[::step]).max(axis=1)
     yield from _dominant(system, usage.leading, matters, thresholds)
-    yield from _idle(system, usage.fired, matters, thresholds)
+    yield from _idle(usage.fired, matters, thresholds)
 
 
 def _clipped(system: FuzzySystem, samples: Floats, thresholds: Thresholds) -> Iterator[Finding]:
@@ -173,7 +178,6 @@ def _clipped(system: FuzzySystem, samples: Floats, thresholds: Thresholds) -> It
         yield Finding(
             "input-clipped",
             Severity.WARNING if part > thresholds.clipped else Severity.NOTE,
-            system.name,
             f"{variable.name} was outside its range of {extent} in {percent(part)} of {len(column)} "
             f"inferences, up to {' and '.join(beyond)}: there the system saw only the end of its range.",
             "Widen the range to the values that occur, if the output should change there.",
@@ -182,20 +186,19 @@ def _clipped(system: FuzzySystem, samples: Floats, thresholds: Thresholds) -> It
         )
 
 
-def _silent(system: FuzzySystem, strengths: Floats) -> Iterator[Finding]:
+def _silent(strengths: Floats) -> Iterator[Finding]:
     part = float(np.mean(strengths.max(axis=1) == 0.0))
     if part > 0:
         yield Finding(
             "default-taken",
             Severity.SERIOUS,
-            system.name,
             f"No rule fired in {percent(part)} of {len(strengths)} inferences: the defaults applied.",
             "Add rules for these inputs, or widen the terms.",
             evidence={"part": part, "first": int(np.argmax(strengths.max(axis=1) == 0.0))},
         )
 
 
-def _dead(system: FuzzySystem, fired: Floats, num_samples: int, thresholds: Thresholds) -> Iterator[Finding]:
+def _dead(fired: Floats, num_samples: int, thresholds: Thresholds) -> Iterator[Finding]:
     dead = [int(index) + 1 for index in np.flatnonzero(fired == 0.0)]
     if not dead:
         return
@@ -203,7 +206,6 @@ def _dead(system: FuzzySystem, fired: Floats, num_samples: int, thresholds: Thre
     yield Finding(
         "dead-rules",
         Severity.WARNING if part > thresholds.dead else Severity.NOTE,
-        system.name,
         f"{len(dead)} of {len(fired)} rules never reached a firing strength of {thresholds.fired:g} in "
         f"{num_samples} inferences: {listed([str(number) for number in dead], 12)}.",
         "Log inputs that need them, or remove them; a rule that never fired is untested.",
@@ -232,7 +234,6 @@ def _dominant(
         yield Finding(
             "dominant-rule",
             Severity.NOTE,
-            system.name,
             f"Rule {index + 1} (if {antecedent_words(rule.antecedent)} then "
             f"{consequent_words(rule.consequents)}) {' and '.join(ways)}.",
             "Split its terms where most inputs lie, or accept that this one rule decides.",
@@ -241,13 +242,12 @@ def _dominant(
         )
 
 
-def _idle(system: FuzzySystem, fired: Floats, matters: Floats, thresholds: Thresholds) -> Iterator[Finding]:
+def _idle(fired: Floats, matters: Floats, thresholds: Thresholds) -> Iterator[Finding]:
     idle = [int(i) + 1 for i in np.flatnonzero((fired > 0.0) & (matters < thresholds.idle))]
     if idle:
         yield Finding(
             "idle-rules",
             Severity.NOTE,
-            system.name,
             f"{len(idle)} rule{'s' if len(idle) > 1 else ''} fired, but without "
             f"{'them' if len(idle) > 1 else 'it'} the outputs would differ by less than "
             f"{percent(thresholds.idle)} of their range on average: {listed([str(n) for n in idle], 12)}.",

@@ -1,6 +1,6 @@
 """An audit: findings with their severity, the thresholds behind them, and what there is to say of it."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Any
@@ -53,7 +53,7 @@ class Finding:
 
     id: str
     severity: Severity
-    system: str
+    system: str = field(default="", kw_only=True)
     sentence: str
     cure: str
     variable: str = ""
@@ -192,8 +192,7 @@ class Audit(Result):
                 if finding.severity == severity
             ]
             blocks += [Heading(severity.word.upper()), Items(found)] if found else []
-        heads, *rows = _measure_rows(self)
-        table = Table(heads, rows, numbers=range(1, len(heads)))
+        table = _measure_table(self.systems)
         return Document([*blocks, Heading("MEASURES"), table, Items(measure_words(self))])
 
     def plain(self) -> dict[str, Any]:
@@ -228,27 +227,29 @@ def measure_words(audit: Audit) -> tuple[str, ...]:
     )
 
 
-def _measure_rows(audit: Audit) -> list[list[str]]:
-    """Return the measures as a table with one column per system."""
-    rows = [["", *(system.name for system in audit.systems)]]
-    measured = [system.measures for system in audit.systems]
-    rows.append(["rules", *(str(m.complexity.rules) for m in measured)])
-    rows.append(["premises", *(str(m.complexity.premises) for m in measured)])
-    rows.append(
-        ["terms in, out", *(f"{m.complexity.input_terms}, {m.complexity.output_terms}" for m in measured)]
-    )
-    rows.append(["completeness (lowest maximum strength)", *(_completeness(m) for m in measured)])
-    rows.append(["Nauck index", *(f"{m.nauck.index:.4f}" for m in measured)])
-    rows.append(["GM3M", *(f"{m.gm3m:.2f}" for m in measured)])
-    rows.append(["rule consistency (lowest)", *(f"{m.rule_consistency.index:.2f}" for m in measured)])
-    if any(system.num_samples is not None for system in audit.systems):
-        rows.append(["logged inferences", *(str(system.num_samples) for system in audit.systems)])
-    return rows
-
-
 def _completeness(measures: Measures) -> str:
     found = measures.completeness
     return f"{found.least:.2f}" if found.is_exact else f"{found.least:.2f} (of samples)"
+
+
+#: What the table of measures says of a system, row by row.
+_ROWS: dict[str, Callable[[Measures], str]] = {
+    "rules": lambda m: str(m.complexity.rules),
+    "premises": lambda m: str(m.complexity.premises),
+    "terms in, out": lambda m: f"{m.complexity.input_terms}, {m.complexity.output_terms}",
+    "completeness (lowest maximum strength)": _completeness,
+    "Nauck index": lambda m: f"{m.nauck.index:.4f}",
+    "GM3M": lambda m: f"{m.gm3m:.2f}",
+    "rule consistency (lowest)": lambda m: f"{m.rule_consistency.index:.2f}",
+}
+
+
+def _measure_table(systems: tuple[AuditedSystem, ...]) -> Table:
+    """Return the measures with one column per system."""
+    rows = [[words, *(told(system.measures) for system in systems)] for words, told in _ROWS.items()]
+    if any(system.num_samples is not None for system in systems):
+        rows.append(["logged inferences", *(str(system.num_samples) for system in systems)])
+    return Table(["", *(system.name for system in systems)], rows, numbers=range(1, 1 + len(systems)))
 
 
 def _plain_measures(measures: Measures) -> dict[str, Any]:

@@ -47,7 +47,7 @@ def find(system: FuzzySystem, measures: Measures, thresholds: Thresholds) -> Ite
         yield from _turns(system, axis, steps, thresholds)
     yield from _symmetry(system, thresholds)
     yield from _consistency(system, measures, thresholds)
-    yield from _many(system, measures, thresholds)
+    yield from _many(measures, thresholds)
 
 
 def _canonical(expression: Expression) -> tuple[Any, ...]:
@@ -82,7 +82,6 @@ def _weightless(system: FuzzySystem) -> Iterator[Finding]:
             yield Finding(
                 "no-weight",
                 Severity.WARNING,
-                system.name,
                 f"Rule {number} concludes {words} with weight 0, which changes nothing.",
                 "Remove the conclusion, or give it the intended weight.",
                 rules=(number,),
@@ -108,7 +107,6 @@ def _repeated(system: FuzzySystem) -> Iterator[Finding]:
             yield Finding(
                 "contradicting-rules" if differ else "duplicate-rules",
                 Severity.SERIOUS if differ else Severity.WARNING,
-                system.name,
                 f"Rules {first} and {second} both begin “If {words}”, but one concludes {conclusions[0]}, "
                 f"the other {conclusions[1]}."
                 if differ
@@ -141,7 +139,6 @@ def _overlapping(system: FuzzySystem) -> Iterator[Finding]:
             yield Finding(
                 "overlapping-rules",
                 Severity.WARNING,
-                system.name,
                 f"Rule {wide + 1} (if {antecedent_words(rule.antecedent)} then "
                 f"{consequent_words(rule.consequents)}) holds wherever {listed(narrower_rules)} does, which "
                 "says otherwise: the output lies between the two.",
@@ -211,7 +208,6 @@ def _jumps(system: FuzzySystem, axis: int, steps: list[Step], thresholds: Thresh
     yield Finding(
         "contradicting-neighbours",
         Severity.WARNING if len(far) > thresholds.against * len(steps) else Severity.NOTE,
-        system.name,
         f"Along {variable.name}, {len(far)} of {len(steps)} steps between neighbouring rules "
         f"{'is' if len(far) == 1 else 'are'} more than "
         f"{percent(thresholds.jump)} of the range of {output.name}; the largest goes "
@@ -253,7 +249,6 @@ def _turns(system: FuzzySystem, axis: int, steps: list[Step], thresholds: Thresh
     yield Finding(
         "monotonicity-table",
         severity,
-        system.name,
         sentence,
         cure,
         variable.name,
@@ -287,7 +282,6 @@ def _symmetry(system: FuzzySystem, thresholds: Thresholds) -> Iterator[Finding]:
         yield Finding(
             "broken-symmetry",
             Severity.WARNING,
-            system.name,
             f"With {listed([system.inputs[axis].name for axis in axes])} mirrored, {output.name} is "
             f"{'mirrored too' if is_odd else 'the same'} in {kept} of {len(pairs)} pairs of rules, but not "
             f"in {listed(told, 2 * FEWEST_PAIRS)}.",
@@ -316,7 +310,6 @@ def _consistency(system: FuzzySystem, measures: Measures, thresholds: Thresholds
     yield Finding(
         "rule-consistency",
         Severity.WARNING if len(weak) > thresholds.against * len(system.rules) else Severity.NOTE,
-        system.name,
         f"{len(weak)} of {len(system.rules)} rules {'is' if len(weak) == 1 else 'are'} outvoted even where "
         f"{'it fires' if len(weak) == 1 else 'they fire'} most strongly. The worst is "
         f"rule {worst + 1} (consistency {found.values[worst]:.2f}): it concludes "
@@ -328,13 +321,12 @@ def _consistency(system: FuzzySystem, measures: Measures, thresholds: Thresholds
     )
 
 
-def _many(system: FuzzySystem, measures: Measures, thresholds: Thresholds) -> Iterator[Finding]:
+def _many(measures: Measures, thresholds: Thresholds) -> Iterator[Finding]:
     counted = measures.complexity
     if counted.rules > thresholds.rules:
         yield Finding(
             "complexity",
             Severity.NOTE,
-            system.name,
             f"{counted.rules} rules with {counted.premises} premises over {counted.input_terms} terms are "
             f"more than a person can keep in mind (Nauck index {measures.nauck.index:.4f}).",
             "Remove rules that never matter and merge terms (fis_tools simplify proposes which).",

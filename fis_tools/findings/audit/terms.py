@@ -107,14 +107,15 @@ def find(system: FuzzySystem, measures: Measures, thresholds: Thresholds) -> Ite
     for variable in (*system.inputs, *system.outputs):
         if variable in system.weighed:
             continue
-        yield from _low(system, variable)
+        yield from _low(variable)
         yield from _covered(system, variable, measures, thresholds)
-        yield from _alike(system, variable, thresholds)
-        yield from _ordered(system, variable)
-        yield from _named(system, variable)
-        yield from _signs(system, variable)
-        yield from _zero(system, variable, thresholds)
-        yield from _even(system, variable, measures, thresholds)
+        yield from _alike(variable, thresholds)
+        yield from _ordered(variable)
+        readings = read_names([term.name for term in variable.terms])
+        yield from _named(variable, readings)
+        yield from _signs(variable, readings)
+        yield from _zero(variable, readings, thresholds)
+        yield from _even(variable, measures, thresholds)
 
 
 def _weighed(system: FuzzySystem) -> Iterator[Finding]:
@@ -122,7 +123,6 @@ def _weighed(system: FuzzySystem) -> Iterator[Finding]:
         yield Finding(
             "weighed-output",
             Severity.NOTE,
-            system.name,
             f"{output.name} is a {system.defuzzifier_of(output).replace('_', ' ')}: how its terms cover the "
             "range, overlap and are ordered says nothing, and is not looked at.",
             f"Read the numbers of {output.name} one by one.",
@@ -141,7 +141,6 @@ def _unused(system: FuzzySystem) -> Iterator[Finding]:
             yield Finding(
                 "unused-variable",
                 Severity.SERIOUS,
-                system.name,
                 f"{variable.name} is declared, but {does}.",
                 f"Write rules that use {variable.name}, or remove it.",
                 variable.name,
@@ -152,7 +151,6 @@ def _unused(system: FuzzySystem) -> Iterator[Finding]:
             yield Finding(
                 "unused-term",
                 Severity.WARNING if is_input else Severity.NOTE,
-                system.name,
                 f"{terms} {'is' if len(idle) == 1 else 'are'} {does}.",
                 "Drop the term, or write the rule that is missing.",
                 variable.name,
@@ -160,13 +158,12 @@ def _unused(system: FuzzySystem) -> Iterator[Finding]:
             )
 
 
-def _low(system: FuzzySystem, variable: Variable) -> Iterator[Finding]:
+def _low(variable: Variable) -> Iterator[Finding]:
     for term, highest in zip(variable.terms, sample_terms(variable).max(axis=1), strict=True):
         if highest < 0.5:
             yield Finding(
                 "term-height",
                 Severity.SERIOUS if highest == 0 else Severity.WARNING,
-                system.name,
                 f"No value of {variable.name} belongs to {term.name} with a degree above "
                 f"{number(round(highest, 3))}: its peak lies outside the range or between the "
                 f"{variable.num_points} points of the universe.",
@@ -189,7 +186,6 @@ def _covered(
     yield Finding(
         "coverage",
         Severity.SERIOUS if fired < thresholds.fired else severity,
-        system.name,
         f"{variable.name} has a gap from {amount(variable, low)} to {amount(variable, high)}: no term "
         f"reaches a membership of {thresholds.coverage:g} there, and at {amount(variable, worst.at)} the "
         f"best one reaches {least}.",
@@ -218,7 +214,7 @@ def _covered_up_to(x: Floats, terms: Floats, at: float, level: float) -> float:
     return float(x[last] + way * (x[last + 1] - x[last]))
 
 
-def _alike(system: FuzzySystem, variable: Variable, thresholds: Thresholds) -> Iterator[Finding]:
+def _alike(variable: Variable, thresholds: Thresholds) -> Iterator[Finding]:
     likeness = distinguishability(variable)
     areas = np.asarray(np.trapezoid(sample_terms(variable), variable.universe))
     for a, b in combinations(range(len(variable.terms)), 2):
@@ -249,12 +245,10 @@ def _alike(system: FuzzySystem, variable: Variable, thresholds: Thresholds) -> I
         else:
             continue
         names_of_both = (variable.terms[a].name, variable.terms[b].name)
-        yield Finding(
-            kind, severity, system.name, sentence, cure, variable.name, names_of_both, evidence=evidence
-        )
+        yield Finding(kind, severity, sentence, cure, variable.name, names_of_both, evidence=evidence)
 
 
-def _ordered(system: FuzzySystem, variable: Variable) -> Iterator[Finding]:
+def _ordered(variable: Variable) -> Iterator[Finding]:
     centres = [centre(variable, term) for term in variable.terms]
     for place in range(len(centres) - 1):
         if centres[place] > centres[place + 1]:
@@ -262,7 +256,6 @@ def _ordered(system: FuzzySystem, variable: Variable) -> Iterator[Finding]:
             yield Finding(
                 "term-order",
                 Severity.WARNING,
-                system.name,
                 f"{before} of {variable.name} is listed before {after}, but lies higher "
                 f"({amount(variable, centres[place])} against {amount(variable, centres[place + 1])}).",
                 "List terms from the lowest to the highest: tables and neighbours are read in this order.",
@@ -272,8 +265,7 @@ def _ordered(system: FuzzySystem, variable: Variable) -> Iterator[Finding]:
             )
 
 
-def _named(system: FuzzySystem, variable: Variable) -> Iterator[Finding]:
-    readings = read_names([term.name for term in variable.terms])
+def _named(variable: Variable, readings: list[Reading | None]) -> Iterator[Finding]:
     read = [
         (r, t, centre(variable, t)) for r, t in zip(readings, variable.terms, strict=True) if r is not None
     ]
@@ -289,7 +281,6 @@ def _named(system: FuzzySystem, variable: Variable) -> Iterator[Finding]:
         yield Finding(
             "name-order",
             Severity.WARNING if falling else Severity.SERIOUS,
-            system.name,
             f"{low.name} of {variable.name} lies at {amount(variable, low_at)}, above {high.name} at "
             f"{amount(variable, high_at)}"
             + ("; all its terms are named from high to low." if falling else "."),
@@ -300,15 +291,13 @@ def _named(system: FuzzySystem, variable: Variable) -> Iterator[Finding]:
         )
 
 
-def _signs(system: FuzzySystem, variable: Variable) -> Iterator[Finding]:
-    readings = read_names([term.name for term in variable.terms])
+def _signs(variable: Variable, readings: list[Reading | None]) -> Iterator[Finding]:
     for reading, term in zip(readings, variable.terms, strict=True):
         here = centre(variable, term)
         if reading is not None and reading.sign and reading.sign * here < 0:
             yield Finding(
                 "name-sign",
                 Severity.SERIOUS,
-                system.name,
                 f"{term.name} of {variable.name} peaks at {amount(variable, here)}, on the other side of 0.",
                 "Rename the term, or move it to the side that its name implies.",
                 variable.name,
@@ -317,10 +306,9 @@ def _signs(system: FuzzySystem, variable: Variable) -> Iterator[Finding]:
             )
 
 
-def _zero(system: FuzzySystem, variable: Variable, thresholds: Thresholds) -> Iterator[Finding]:
+def _zero(variable: Variable, readings: list[Reading | None], thresholds: Thresholds) -> Iterator[Finding]:
     if not variable.minimum <= 0.0 <= variable.maximum:
         return
-    readings = read_names([term.name for term in variable.terms])
     at_zero = [float(np.interp(0.0, variable.universe, function)) for function in sample_terms(variable)]
     for place, (reading, term) in enumerate(zip(readings, variable.terms, strict=True)):
         if reading is None or reading.sign != 0 or at_zero[place] >= thresholds.zero:
@@ -330,7 +318,6 @@ def _zero(system: FuzzySystem, variable: Variable, thresholds: Thresholds) -> It
         yield Finding(
             "zero-off-zero",
             Severity.SERIOUS if best != place and at_zero[place] < 0.5 else Severity.WARNING,
-            system.name,
             f"{term.name} of {variable.name} peaks at {amount(variable, here)}, "
             f"{percent(abs(here) / span(variable))} of the range away from 0: 0 has a membership "
             f"of only {at_zero[place]:.2f} in it{instead}.",
@@ -341,15 +328,12 @@ def _zero(system: FuzzySystem, variable: Variable, thresholds: Thresholds) -> It
         )
 
 
-def _even(
-    system: FuzzySystem, variable: Variable, measures: Measures, thresholds: Thresholds
-) -> Iterator[Finding]:
+def _even(variable: Variable, measures: Measures, thresholds: Thresholds) -> Iterator[Finding]:
     found = measures.integrity.get(variable.name)
     if len(variable.terms) > thresholds.terms:
         yield Finding(
             "many-terms",
             Severity.NOTE,
-            system.name,
             f"{variable.name} has {len(variable.terms)} terms; people tell about {thresholds.terms} apart.",
             "Merge terms that act alike (fis_tools simplify proposes some).",
             variable.name,
@@ -366,7 +350,6 @@ def _even(
     yield Finding(
         "uneven-partition",
         Severity.NOTE,
-        system.name,
         f"The terms of {variable.name} are far from {measures.reference}, GM3M {found.gm3m:.2f}: "
         f"{' and '.join(parts)}.",
         "Judge the terms by their pictures, not by their names, or tune within narrower bounds.",
