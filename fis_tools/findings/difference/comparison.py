@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -14,6 +14,8 @@ from fis_tools.model import FuzzySystem, Rule, Term, Variable
 from fis_tools.model.variables import sample
 from fis_tools.model.systems import has_sets
 from fis_tools.words.text import antecedent_words, number
+
+Thing = TypeVar("Thing")
 
 
 class Source(NamedTuple):
@@ -48,7 +50,29 @@ class Fact:
 
 
 @dataclass(frozen=True)
-class TermChange:
+class Pair(Generic[Thing]):
+    """A thing before and after; None where it did not exist, or no longer exists."""
+
+    before: Thing | None
+    after: Thing | None
+
+    @property
+    def present(self) -> Thing:
+        """What stands now, or stood before it was removed."""
+        present = self.after or self.before
+        assert present is not None  # noqa: S101 - one of them stands
+        return present
+
+    @property
+    def state(self) -> str:
+        """``added``, ``removed`` or ``changed``."""
+        if self.before is None:
+            return "added"
+        return "removed" if self.after is None else "changed"
+
+
+@dataclass(frozen=True)
+class TermChange(Pair[Term]):
     """A term that was added, removed, renamed, or redefined.
 
     Parameters
@@ -64,23 +88,21 @@ class TermChange:
         Jaccard: the area under the lower of the two functions over that under the higher.
     """
 
-    before: Term | None
-    after: Term | None
     moved: float = 0.0
     share: float = 0.0
     similarity: float = 0.0
 
 
 @dataclass(frozen=True)
-class VariableChange:
+class VariableChange(Pair[Variable]):
     """A variable that was added or removed, or in which something changed.
 
     Parameters
     ----------
-    kind : str
-        ``input`` or ``output``.
     before, after : Variable or None
         None if it did not exist, or no longer exists.
+    kind : str
+        ``input`` or ``output``.
     facts : tuple of Fact
         Its unit, universe, default and the like.
     terms : tuple of TermChange
@@ -88,21 +110,12 @@ class VariableChange:
     """
 
     kind: str
-    before: Variable | None
-    after: Variable | None
     facts: tuple[Fact, ...] = ()
     terms: tuple[TermChange, ...] = ()
 
-    @property
-    def variable(self) -> Variable:
-        """The present variable, or the former one if it was removed."""
-        variable = self.after or self.before
-        assert variable is not None  # noqa: S101 - one of them stands
-        return variable
-
 
 @dataclass(frozen=True)
-class RuleChange:
+class RuleChange(Pair[Rule]):
     """A rule that was added or removed, or concludes something else.
 
     Parameters
@@ -113,8 +126,6 @@ class RuleChange:
         Its number, from 1: the present one, or the former one of a removed rule.
     """
 
-    before: Rule | None
-    after: Rule | None
     number: int
 
 
@@ -153,7 +164,7 @@ class OutputChange:
 
 
 @dataclass(frozen=True)
-class SystemDifference:
+class SystemDifference(Pair[FuzzySystem]):
     """The differences between two systems of the same name.
 
     Parameters
@@ -170,8 +181,6 @@ class SystemDifference:
         Of each output that both have, over each kind of samples; empty where the inputs are not the same.
     """
 
-    before: FuzzySystem | None
-    after: FuzzySystem | None
     facts: tuple[Fact, ...] = ()
     variables: tuple[VariableChange, ...] = ()
     rules: tuple[RuleChange, ...] = ()
@@ -180,9 +189,7 @@ class SystemDifference:
     @property
     def name(self) -> str:
         """The name of the system."""
-        system = self.after or self.before
-        assert system is not None  # noqa: S101 - one of them stands
-        return system.name
+        return self.present.name
 
     @property
     def is_empty(self) -> bool:
@@ -231,11 +238,11 @@ def compare_variables(before: model.FuzzySystem, after: model.FuzzySystem) -> tu
         for variable in new:
             same = gone.pop(variable.name, None)
             if same is None:
-                changes.append(VariableChange(kind, None, variable))
+                changes.append(VariableChange(None, variable, kind))
             elif same != variable:
                 facts, terms = tuple(_variable_facts(same, variable)), tuple(_compare_terms(same, variable))
-                changes.append(VariableChange(kind, same, variable, facts, terms))
-        changes += [VariableChange(kind, variable, None) for variable in gone.values()]
+                changes.append(VariableChange(same, variable, kind, facts, terms))
+        changes += [VariableChange(variable, None, kind) for variable in gone.values()]
     return tuple(changes)
 
 
@@ -327,7 +334,7 @@ def _similarity(before: model.Variable, old: model.Term, after: model.Variable, 
 def new_names(variables: Sequence[VariableChange]) -> Names:
     """Return the new names of renamed terms."""
     return {
-        (change.variable.name, term.before.name): term.after.name
+        (change.present.name, term.before.name): term.after.name
         for change in variables
         for term in change.terms
         if term.before is not None and term.after is not None

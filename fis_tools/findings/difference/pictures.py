@@ -36,7 +36,7 @@ def draw_terms(change: VariableChange) -> Markup:
     curves, labels = _curves(change)
     levels = _levels([(name, _across(peak, low, high)) for name, peak, _ in labels])
     top = LINE * (max(levels, default=0) + 1) + 9.0
-    parts = _axes(change.variable, low, high, top)
+    parts = _axes(change.present, low, high, top)
     for variable, term, style in curves:
         points = " ".join(
             f"{_across(x, low, high):.1f},{top + CURVES * (1.0 - y):.1f}"
@@ -52,7 +52,7 @@ def draw_terms(change: VariableChange) -> Markup:
         class_="terms",
         viewBox=f"0 0 {WIDTH:g} {top + CURVES + BELOW:g}",
         role="img",
-        aria_label=f"terms of {change.variable.name}, before and after",
+        aria_label=f"terms of {change.present.name}, before and after",
     )
 
 

@@ -2,13 +2,14 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
+from typing import Any
 
 from fis_tools.document import Block, Cell, Change, Document, Figure, Heading, Paragraph, Result, Table, plain
 from fis_tools.document.html import fragment, page
 from fis_tools.findings.difference.comparison import (
     Fact,
     OutputChange,
-    RuleChange,
+    Pair,
     Source,
     SystemDifference,
     TermChange,
@@ -19,18 +20,7 @@ from fis_tools.findings.difference.comparison import (
 from fis_tools.findings.difference.pictures import draw_surfaces, draw_terms
 from fis_tools.model import Formula, Rule, Sampled, Term
 from fis_tools.model.systems import has_sets
-from fis_tools.words.text import (
-    NEGLIGIBLE,
-    antecedent_words,
-    consequent_words,
-    number,
-    quantity,
-    rule_tables,
-    sentence,
-    shape_words,
-    summary,
-    with_unit,
-)
+from fis_tools.words import text
 
 #: Between the old and the new value.
 TO = "→"
@@ -118,7 +108,8 @@ def _few_points(words: str) -> str:
 
 def _system(system: SystemDifference, pictures: bool) -> Iterator[Block]:
     if system.before is None or system.after is None:
-        yield Paragraph(f"{presence(system).capitalize()}.")
+        had = "it had " if system.state == "removed" else ""
+        yield Paragraph(f"{system.state.capitalize()}; {had}{text.summary(system.present)}.")
         return
     if system.is_empty:
         yield Paragraph("Nothing changed.")
@@ -136,20 +127,13 @@ def _system(system: SystemDifference, pictures: bool) -> Iterator[Block]:
         yield from _rules(system)
 
 
-def presence(system: SystemDifference) -> str:
-    """Return in words that a system was added or removed."""
-    if system.before is None and system.after is not None:
-        return f"added; {summary(system.after)}"
-    return f"removed; it had {summary(system.before)}" if system.before is not None else ""
-
-
 def headline(system: SystemDifference) -> str:
     """Count what changed in a system: ``3 terms changed; 12 of 25 rules changed, 1 added``."""
     terms = [term for change in system.variables for term in change.terms]
     parts = [
         _counts(changes, noun, total)
         for changes, noun, total in (
-            ([c for c in system.variables if c.before is None or c.after is None], "variable", None),
+            ([c for c in system.variables if c.state != "changed"], "variable", None),
             (terms, "term", None),
             (system.rules, "rule", None if system.before is None else len(system.before.rules)),
         )
@@ -158,13 +142,9 @@ def headline(system: SystemDifference) -> str:
     return "; ".join(parts) or "what follows changed"
 
 
-def _counts(
-    changes: Sequence[VariableChange] | Sequence[TermChange] | Sequence[RuleChange],
-    noun: str,
-    total: int | None,
-) -> str:
+def _counts(changes: Sequence[Pair[Any]], noun: str, total: int | None) -> str:
     """Count changes by their kind."""
-    states = [_state(change.before, change.after) for change in changes]
+    states = [change.state for change in changes]
     counts = {state: states.count(state) for state in ("changed", "added", "removed") if state in states}
     (first, count), *others = counts.items()
     of = f" of {total}" if total is not None and first != "added" else ""
@@ -176,10 +156,10 @@ def _outputs(changes: Sequence[OutputChange]) -> Iterator[Table]:
     """Tell how far the outputs moved: in their unit, and as a share of their range."""
     rows = [
         [
-            with_unit(change.output),
+            text.with_unit(change.output),
             f"{change.where}, {change.num_samples} inputs",
-            f"{number(change.mean)} ({percent(change.mean_share)})",
-            f"{number(change.largest)} ({percent(change.largest_share)})",
+            f"{text.number(change.mean)} ({percent(change.mean_share)})",
+            f"{text.number(change.largest)} ({percent(change.largest_share)})",
             largest_words(change) if change.largest > 0.0 else "nowhere",
         ]
         for change in changes
@@ -194,8 +174,8 @@ def largest_words(change: OutputChange) -> str:
     output = change.output
     noise = 1e-12 * (output.maximum - output.minimum)
     before, after = (value if abs(value) > noise else 0.0 for value in (change.before, change.after))
-    at = ", ".join(f"{name} = {number(value)}" for name, value in change.inputs.items())
-    return f"from {number(before)} to {quantity(output, after)} at {at}"
+    at = ", ".join(f"{name} = {text.number(value)}" for name, value in change.inputs.items())
+    return f"from {text.number(before)} to {text.quantity(output, after)} at {at}"
 
 
 def percent(share: float) -> str:
@@ -204,10 +184,10 @@ def percent(share: float) -> str:
 
 
 def _variable(change: VariableChange, pictures: bool) -> Iterator[Block]:
-    head = f"{change.kind.capitalize()} {with_unit(change.variable)}"
+    head = f"{change.kind.capitalize()} {text.with_unit(change.present)}"
     if change.before is None or change.after is None:
-        yield Heading(f"{head}: {'added' if change.before is None else 'removed'}", 3)
-        rows = [[term.name, shape_words(term)] for term in change.variable.terms]
+        yield Heading(f"{head}: {change.state}", 3)
+        rows = [[term.name, text.shape_words(term)] for term in change.present.terms]
         yield Table(["term", "membership function"], rows)
         return
     yield Heading(head, 3)
@@ -228,11 +208,10 @@ def term_name(change: TermChange) -> str:
 def term_words(variable: VariableChange, change: TermChange) -> tuple[str, str]:
     """Describe a term before and after, and how far it moved."""
     if change.before is None or change.after is None:
-        term, word = (change.after, "added") if change.before is None else (change.before, "removed")
-        return shape_words(term) if term is not None else "", word
-    far = f"moved by {quantity(variable.variable, change.moved)} ({percent(change.share)})"
+        return text.shape_words(change.present), change.state
+    far = f"moved by {text.quantity(variable.present, change.moved)} ({percent(change.share)})"
     return shape_change(change.before, change.after), (
-        f"{far if change.share > NEGLIGIBLE else 'stays'}, {percent(change.similarity)} alike"
+        f"{far if change.share > text.NEGLIGIBLE else 'stays'}, {percent(change.similarity)} alike"
     )
 
 
@@ -243,16 +222,16 @@ def shape_change(before: Term, after: Term) -> str:
     """
     old, new = before.membership, after.membership
     if type(old) is not type(new) or isinstance(old, Formula | Sampled):
-        return f" {TO} ".join(dict.fromkeys(shape_words(term) for term in (before, after)))
+        return f" {TO} ".join(dict.fromkeys(text.shape_words(term) for term in (before, after)))
     changed = {
         field.name.replace("_", " "): (getattr(old, field.name), getattr(new, field.name))
         for field in fields(old)
         if getattr(old, field.name) != getattr(new, field.name)
     }
-    seen = {name: values for name, values in changed.items() if number(values[0]) != number(values[1])}
-    write = number if seen else repr
+    seen = {name: pair for name, pair in changed.items() if len(set(map(text.number, pair))) > 1}
+    write = text.number if seen else repr
     changes = [f"{name} {f' {TO} '.join(map(write, values))}" for name, values in (seen or changed).items()]
-    return ", ".join(changes) or shape_words(after)
+    return ", ".join(changes) or text.shape_words(after)
 
 
 def changed_tables(system: SystemDifference) -> list[tuple[str, Table]] | None:
@@ -267,22 +246,18 @@ def changed_tables(system: SystemDifference) -> list[tuple[str, Table]] | None:
     if system.before is None or system.after is None:
         return None
     names = new_names(system.variables)
-    old, new = rule_tables(system.before), rule_tables(system.after)
-    if (
-        old is None
-        or new is None
-        or any(change.before is None or change.after is None for change in system.rules)
-    ):
+    old, new = text.rule_tables(system.before), text.rule_tables(system.after)
+    if old is None or new is None or any(change.state != "changed" for change in system.rules):
         return None
     concluded = {
-        antecedent_words(rule.antecedent): consequent_words(rule.consequents)
+        text.antecedent_words(rule.antecedent): text.consequent_words(rule.consequents)
         for rule in (renamed(rule, names) for rule in system.before.rules)
     }
-    is_same_table = all(antecedent_words(rule.antecedent) in concluded for rule in system.after.rules)
+    is_same_table = all(text.antecedent_words(rule.antecedent) in concluded for rule in system.after.rules)
     if not is_same_table or len(system.before.rules) != len(system.after.rules):
         return None
     output = system.after.outputs[0].name
-    before = iter(concluded[antecedent_words(rule.antecedent)] for rule in system.after.rules)
+    before = iter(concluded[text.antecedent_words(rule.antecedent)] for rule in system.after.rules)
     across = system.after.inputs[-1].name
     tables = []
     for title, (heads, *rows) in new:
@@ -314,21 +289,21 @@ def _rules(system: SystemDifference) -> Iterator[Block]:
 def _rule_words(rule: Rule | None) -> str:
     if rule is None:
         return "none"
-    return (f"[{rule.label}] " if rule.label else "") + sentence(rule)
+    return (f"[{rule.label}] " if rule.label else "") + text.sentence(rule)
 
 
 def _plain_system(system: SystemDifference) -> dict[str, object]:
     return {
         "name": system.name,
-        "state": _state(system.before, system.after, is_empty=system.is_empty),
+        "state": system.state,
         "facts": plain(system.facts),
         "variables": [_plain_variable(change) for change in system.variables],
         "rules": [
             {
                 "number": change.number,
-                "state": _state(change.before, change.after),
-                "before": None if change.before is None else sentence(change.before),
-                "after": None if change.after is None else sentence(change.after),
+                "state": change.state,
+                "before": None if change.before is None else text.sentence(change.before),
+                "after": None if change.after is None else text.sentence(change.after),
             }
             for change in system.rules
         ],
@@ -345,15 +320,15 @@ _OUTPUT_KEYS = ("where", "num_samples", "mean", "largest", "mean_share", "larges
 
 def _plain_variable(change: VariableChange) -> dict[str, object]:
     return {
-        "name": change.variable.name,
+        "name": change.present.name,
         "kind": change.kind,
-        "state": _state(change.before, change.after),
+        "state": change.state,
         "facts": plain(change.facts),
         "terms": [
             {
                 "before": None if term.before is None else term.before.name,
                 "after": None if term.after is None else term.after.name,
-                "state": _state(term.before, term.after),
+                "state": term.state,
                 "moved": term.moved,
                 "share": term.share,
                 "similarity": term.similarity,
@@ -361,9 +336,3 @@ def _plain_variable(change: VariableChange) -> dict[str, object]:
             for term in change.terms
         ],
     }
-
-
-def _state(before: object, after: object, *, is_empty: bool = False) -> str:
-    if before is None:
-        return "added"
-    return "removed" if after is None else "same" if is_empty else "changed"

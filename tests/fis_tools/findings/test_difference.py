@@ -82,7 +82,7 @@ def test_a_moved_term_is_told_in_units_and_as_a_share() -> None:
     found = _only(difference(system, _with_input(system, 0, _with_term(system.inputs[0], 1, moved))))
     (variable,) = found.variables
     (term,) = variable.terms
-    assert (variable.kind, variable.variable.name, variable.facts) == ("input", "distance", ())
+    assert (variable.kind, variable.present.name, variable.facts) == ("input", "distance", ())
     assert term.moved == pytest.approx(8.0)
     assert term.share == pytest.approx(8.0 / 200.0)
     assert not found.rules
@@ -294,7 +294,7 @@ def test_systems_and_variables_come_and_go() -> None:
     assert "force_z\n  Removed; it had 45 rules" in difference(controller, less).text()
     assert "force_z\n  Added; 45 rules" in difference(less, controller).text()
     found = _only(difference(force_z_system(), force_x_system()))
-    assert {(c.variable.name, c.before is None) for c in found.variables} >= {
+    assert {(c.present.name, c.before is None) for c in found.variables} >= {
         ("eta_u", False),
         ("force_x", True),
     }
