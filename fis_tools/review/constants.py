@@ -61,23 +61,22 @@ def constants(
     """
     found, attributes = [], dict(controller.attributes)
     for name, text in attributes.items():
-        try:
-            value = float(text)
-        except ValueError:
+        value = number_of(text)
+        if value is None:
             continue
         unit = next((unit for end, unit in UNITS.items() if name.endswith(end)), "")
         meaning = meanings.get(name, "").removesuffix(f", {unit}")
-        found.append(
-            Constant(
-                name,
-                f"{value:.4g}",
-                text,
-                unit,
-                meaning,
-                _digits(name, value, went, dict(controller.attributes)),
-            )
-        )
+        digits = _digits(name, value, went, attributes)
+        found.append(Constant(name, f"{value:.4g}", text, unit, meaning, digits))
     return found
+
+
+def number_of(text: str) -> float | None:
+    """Return the number that an attribute is, if it is one."""
+    try:
+        return float(text)
+    except ValueError:
+        return None
 
 
 def _digits(name: str, value: float, went: Sequence[Outcome], attributes: Mapping[str, str]) -> str:

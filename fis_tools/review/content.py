@@ -16,6 +16,7 @@ from fis_tools.engines.compiler import compile
 from fis_tools.engines.interval import NotBounded
 from fis_tools.findings.audit import Audit, Finding
 from fis_tools.model import FuzzyController, FuzzySystem, Variable
+from fis_tools.review.constants import number_of
 from fis_tools.review.flown import Samples
 from fis_tools.words.text import amount, number, rule_tables, sentence, shape_words, summary, with_unit
 
@@ -58,15 +59,7 @@ class Cell:
 
 def texts(controller: FuzzyController) -> list[tuple[str, str]]:
     """Return the attributes of a controller that are no numbers."""
-
-    def is_number(text: str) -> bool:
-        try:
-            float(text)
-        except ValueError:
-            return False
-        return True
-
-    return [(name, text) for name, text in controller.attributes if not is_number(text)]
+    return [(name, text) for name, text in controller.attributes if number_of(text) is None]
 
 
 def facts(pairs: Sequence[tuple[str, str]]) -> list[tuple[str, str]]:
@@ -114,13 +107,18 @@ def system_words(place: int, system: FuzzySystem, samples: Samples, measures: Me
         "matrices": _matrices(system),
         "ranges": ranges,
         "unbounded": unbounded,
-        "rules": list(_rules(system, usage, importance, needed, measures.rule_consistency.values)),
+        "order": np.argsort(-importance, kind="stable").tolist(),
+        "rules": list(zip(system.rules, map(sentence, system.rules), strict=True)),
+        "usage": usage,
+        "importance": importance,
+        "needed": needed,
+        "consistencies": measures.rule_consistency.values,
     }
 
 
-def _leaders(importance: Floats, most: int = 3) -> str:
+def _leaders(importance: Floats) -> str:
     """Say which rules matter most: ``rule 14 (4.1 %), rule 13 (2.0 %)``; empty where none does."""
-    order = np.argsort(-importance, kind="stable")[:most]
+    order = np.argsort(-importance, kind="stable")[:3]
     return ", ".join(
         f"rule {rule + 1} ({100 * importance[rule]:.2g} %)" for rule in order if importance[rule]
     )
@@ -162,25 +160,6 @@ def _matrices(system: FuzzySystem) -> list[tuple[str, list[str], list[tuple[str,
     ]
 
 
-def _rules(
-    system: FuzzySystem, usage: arrays.RuleUsage, importance: Floats, needed: Floats, consistency: Floats
-) -> Iterator[dict[str, Any]]:
-    """Yield what is told of each rule, the one with the greatest share first."""
-    for place in np.argsort(-importance, kind="stable").tolist():
-        rule = system.rules[place]
-        yield {
-            "place": place,
-            "words": sentence(rule),
-            "label": rule.label,
-            "importance": float(importance[place]),
-            "needed": float(needed[place]),
-            "fired": float(usage.fired[place]),
-            "leading": float(usage.leading[place]),
-            "strongest": float(usage.max_strength[place]),
-            "consistency": float(consistency[place]),
-        }
-
-
 #: of many rules only so many are linked
 MOST_LINKS = 6
 
@@ -188,9 +167,8 @@ MOST_LINKS = 6
 def finding_rows(audit: Audit, controller: FuzzyController) -> list[dict[str, Any]]:
     """Return a row for each finding, the most serious first.
 
-    A row holds a key that tells it from the others, its severity as a word and as a number, the system's
-    name, sentence and cure, links as (words, id on the page), and in ``point`` the inputs at which it can be
-    seen, as JSON; empty where there are none.
+    A row holds the finding, a key that tells it from the others, the place of its system, links as (words,
+    id on the page), and in ``point`` the inputs at which it can be seen, as JSON; empty where there are none.
     """
     places = {system.name: place for place, system in enumerate(controller.systems, start=1)}
     rows = []
@@ -202,12 +180,8 @@ def finding_rows(audit: Audit, controller: FuzzyController) -> list[dict[str, An
                 "key": "/".join(
                     (finding.id, finding.system, finding.variable, *finding.terms, *map(str, finding.rules))
                 ),
-                "severity": finding.severity.word,
-                "weight": int(finding.severity),
-                "system": finding.system,
+                "finding": finding,
                 "place": place,
-                "sentence": finding.sentence,
-                "cure": finding.cure,
                 "links": _links(finding, system, f"s{place}"),
                 "point": _point(finding, system),
             }
@@ -266,7 +240,7 @@ def _ranges(system: FuzzySystem, ranges: tuple[bounds.Range, ...]) -> Iterator[d
         output = found.output
         yield {
             "output": output.name,
-            "declared": _interval(output, output.minimum, output.maximum),
+            "declared": extent(output),
             "proved": _interval(output, found.outer.low, found.outer.high),
             "ends": [
                 (shown(output, value), _place(system, point), json.dumps(point))
@@ -276,6 +250,11 @@ def _ranges(system: FuzzySystem, ranges: tuple[bounds.Range, ...]) -> Iterator[d
                 )
             ],
         }
+
+
+def extent(variable: Variable) -> str:
+    """Say between which numbers a variable lies, as it is declared."""
+    return _interval(variable, variable.minimum, variable.maximum)
 
 
 def _interval(variable: Variable, low: float, high: float) -> str:

@@ -13,7 +13,7 @@ from fis_tools.document import Block, Heading, Items, Paragraph, Table
 from fis_tools.errors import ControllerFileError
 from fis_tools.model import FuzzyController, FuzzySystem, Term, Variable
 from fis_tools.model.variables import sample
-from fis_tools.review.content import shown
+from fis_tools.review.content import extent, shown
 from fis_tools.review.flown import HEADS, Evaluation, Flight, Samples
 from fis_tools.words.text import percent, rule_tables, sentences
 
@@ -26,7 +26,7 @@ def lead(controller: FuzzyController) -> str:
     purpose = controller.purpose or "What it is for, nobody has written: its file has no purpose."
     number = sum(len(system.rules) for system in controller.systems)
     outputs = [
-        f"{output.name} ({_extent(output)})" for system in controller.systems for output in system.outputs
+        f"{output.name} ({extent(output)})" for system in controller.systems for output in system.outputs
     ]
     systems = len(controller.systems)
     made = f"{number} rules{f' in {systems} systems' if systems > 1 else ''} set {', '.join(outputs)}"
@@ -84,7 +84,7 @@ def inputs(controller: FuzzyController, samples: Mapping[str, Samples]) -> Table
         some = samples[system.name]
         for place, variable in enumerate(system.inputs):
             met = _met(variable, some.inputs[:, place]) if some.are_flown else "unknown: nothing was logged"
-            rows.append([variable.name, variable.description or "not described", _extent(variable), met])
+            rows.append([variable.name, variable.description or "not described", extent(variable), met])
     return Table(["input", "meaning", "range", "met"], rows)
 
 
@@ -151,10 +151,6 @@ def not_covered(
         told.append("Inputs that come together in use: rules are counted over all inputs alike.")
     told.append("What happens between decisions, and whether a real system behaves as the simulated one.")
     return told
-
-
-def _extent(variable: Variable) -> str:
-    return f"{shown(variable, variable.minimum)} to {shown(variable, variable.maximum)}"
 
 
 SCHEMA = "evidence"
