@@ -154,6 +154,10 @@ class Explanation(Result):
         and whether no rule fires there (``takes_default``).
         """
         names = [variable.name for variable in self.system.inputs]
+        class_flips = [
+            {"input": flip.input.name, "first": flip.first, "class": flip.other.name}
+            for flip in self.class_flips
+        ]
         return {
             "system": self.system.name,
             "inputs": dict(zip(names, self.inputs, strict=True)),
@@ -176,11 +180,7 @@ class Explanation(Result):
                 }
                 for output in self.outputs
             ],
-            **(
-                {"class_flips": [_plain_class_flip(flip) for flip in self.class_flips]}
-                if self.class_flips
-                else {}
-            ),
+            **({"class_flips": class_flips} if class_flips else {}),
         }
 
     def _place(self) -> str:
@@ -242,10 +242,6 @@ class Explanation(Result):
         most = abs(rest[0].share)
         share = f"{amount(variable, most)} at most" if most > NEGLIGIBLE * span(variable) else "no share"
         return rows, f"{fire} {share}"
-
-
-def _plain_class_flip(flip: ClassFlip) -> dict[str, Any]:
-    return {"input": flip.input.name, "first": flip.first, "class": flip.other.name}
 
 
 def _question(output: ExplainedOutput) -> str:
@@ -370,15 +366,8 @@ def explain(system: object, inputs: ArrayLike | Mapping[str, float], crossing: f
             if strengths[number] > 0.0
             and any(c.variable == output.variable.name and c.weight > 0.0 for c in rule.consequents)
         ]
-        moves = [
-            Move(
-                number + 1,
-                float(strengths[number]),
-                float(shared[0, number, place]),
-                float(needed[0, number, place]),
-            )
-            for number in concluding
-        ]
+        numbers = np.column_stack([strengths, shared[0, :, place], needed[0, :, place]])
+        moves = [Move(number + 1, *numbers[number].tolist()) for number in concluding]
         moves.sort(key=lambda move: (-abs(move.share), -move.strength))
         of_output = tuple(flip for flip in found if flip.output == output.variable)
         outputs.append(
