@@ -195,15 +195,6 @@ class Interval:
     low: float
     high: float
 
-    def __contains__(self, value: float) -> bool:
-        """Return whether a number lies inside, or at an end."""
-        return self.low <= value <= self.high
-
-    @property
-    def width(self) -> float:
-        """From end to end."""
-        return self.high - self.low
-
 
 @dataclass(frozen=True, repr=False)
 class Answer(Result):

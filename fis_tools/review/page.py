@@ -16,8 +16,7 @@ from fis_tools.findings.audit import Audit, audit, report
 from fis_tools.formats import serialize
 from fis_tools.model import FuzzyController, FuzzySystem
 from fis_tools.review import carried, content, opening
-from fis_tools.review.constants import constants
-from fis_tools.review.content import BRIGHTNESS, finding_counts, finding_rows, level_styles
+from fis_tools.review.content import BRIGHTNESS, constants, finding_counts, finding_rows, level_styles
 from fis_tools.review.flown import (
     Samples,
     evaluations,

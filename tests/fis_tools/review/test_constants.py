@@ -4,7 +4,7 @@ import numpy as np
 
 from fis_tools.analysis.flights import Outcome
 from fis_tools.model import FuzzyController
-from fis_tools.review.constants import constants
+from fis_tools.review.content import constants
 from tests.fis_tools.sample_controllers import paper_like_controller
 
 
