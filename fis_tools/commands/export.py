@@ -19,10 +19,10 @@ from fis_tools.commands.arguments import (
     write,
 )
 from fis_tools.document import html, text
-from fis_tools.formats import csv, forms, serialize
+from fis_tools.formats import csv, serialize
 from fis_tools.formats.c import fmu, parts, source
 from fis_tools.formats.exchange.antecedents import NotExpressible
-from fis_tools.formats.forms import Written
+from fis_tools.formats.serialize import Written
 from fis_tools.model import FuzzyController
 from fis_tools.model.thrust import thrust_logic
 from fis_tools.model.validate import InvalidSystem
@@ -56,7 +56,7 @@ FORMS = {
     "latex": Form(".tex", write_ranked=lambda *content: text.write_latex(outline(*content))),
     "json": Form(".json", write=serialize.dump_json),
     "yaml": Form(".yaml", write=serialize.dump_yaml),
-    **{name: Form(form.endings[0]) for name, form in forms.FORMS.items()},
+    **{name: Form(form.endings[0]) for name, form in serialize.FORMS.items()},
     "c": Form(".c"),
     "fmu": Form(".fmu"),
 }
@@ -107,8 +107,8 @@ def export(
         _write_c(controller, output, bare)
     elif format == "fmu":
         _write_fmus(controller, output)
-    elif format in forms.FORMS:
-        _write_each(controller, forms.writer(format), form.ending, output)
+    elif format in serialize.FORMS:
+        _write_each(controller, serialize.writer(format), form.ending, output)
     elif form.write_ranked is not None:
         write(output, form.write_ranked(controller, asked.importance(controller)))
     elif form.write is not None:

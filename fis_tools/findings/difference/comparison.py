@@ -11,8 +11,8 @@ from fis_tools.analysis.arrays import spread_inputs
 from fis_tools.array_types import Floats
 from fis_tools.engines.compiler import compile as compiled
 from fis_tools.model import FuzzySystem, Rule, Term, Variable
-from fis_tools.model.variables import sample
 from fis_tools.model.systems import has_sets
+from fis_tools.model.variables import sample
 from fis_tools.words.text import antecedent_words, number
 
 Thing = TypeVar("Thing")

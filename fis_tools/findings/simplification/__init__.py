@@ -33,8 +33,8 @@ from fis_tools.findings.simplification.report import (
 )
 from fis_tools.formats.provenance import SIMPLIFIED, checked
 from fis_tools.model import FuzzyController, FuzzySystem
-from fis_tools.model.validate import nearest, validate
 from fis_tools.model.systems import require_mamdani
+from fis_tools.model.validate import nearest, validate
 from fis_tools.words.text import listed
 
 __all__ = ["Budget", "Simplification", "SimplifiedSystem", "simplify"]
