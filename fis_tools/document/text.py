@@ -74,10 +74,10 @@ def _table(table: Table, width: int) -> list[str]:
     return aligned([[table.heads[0], "", ""], *changes])
 
 
-def _cell(cell: Cell) -> str:
+def _cell(cell: Cell, same: str = SAME) -> str:
     if not isinstance(cell, Change):
         return str(cell)
-    return SAME if cell.before == cell.after else f"{cell.before} {TO} {cell.after}"
+    return (same or cell.after) if cell.before == cell.after else f"{cell.before} {TO} {cell.after}"
 
 
 def aligned(rows: Sequence[Sequence[str]], numbers: Collection[int] = (), between: str = "  ") -> list[str]:
@@ -188,7 +188,7 @@ def _latex_lines(block: Block) -> Iterator[str]:
 
 def _latex_table(table: Table) -> list[str]:
     """Set rows between rules; those of a long table break across pages below a repeated head."""
-    rows = [[_latex_cell(cell) for cell in row] for row in table.rows]
+    rows = [[_cell(cell, same="") for cell in row] for row in table.rows]
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     columns = ["r" if place in table.numbers else "l" for place in range(len(widths))]
     if widths[-1] > SENTENCE and not table.across:
@@ -218,12 +218,6 @@ def _latex_row(cells: Sequence[str]) -> str:
     # braces keep a cell that begins with [ or * from being read as an option of the line before
     texts = [f"{{{text}}}" if text.startswith(("[", "*")) else text for text in map(_latex, cells)]
     return " & ".join(texts) + r" \\"
-
-
-def _latex_cell(cell: Cell) -> str:
-    if not isinstance(cell, Change):
-        return str(cell)
-    return cell.after if cell.before == cell.after else f"{cell.before} → {cell.after}"
 
 
 def _latex(words: str) -> str:

@@ -62,14 +62,7 @@ def conclude_by_term(
                 heights[point] = height if height > heights[point] else heights[point]
         num_crossings = _cross(universe, memberships, runs, cuts, crossings)
         count = _merge(universe, memberships, heights, cuts, crossings, num_crossings, x, y)
-        if _is_empty(y, count):
-            out[sample] = default
-        elif defuzzifier == CENTROID:
-            out[sample] = _centroid(x, y, count)
-        elif defuzzifier == BISECTOR:
-            out[sample] = _bisector(x, y, count, areas)
-        else:
-            out[sample] = _of_maximum(defuzzifier, x, y, count, y[:count].max())
+        out[sample] = _defuzzify(defuzzifier, x, y, count, areas, default)
 
 
 @compiled(error_model="numpy", nogil=True)
@@ -96,14 +89,19 @@ def conclude_by_rule(
             for point in range(count):
                 implied = combine(implication, strength, memberships[terms[index], point])
                 heights[point] = combine(aggregation, heights[point], implied)
-        if _is_empty(heights, count):
-            out[sample] = default
-        elif defuzzifier == CENTROID:
-            out[sample] = _centroid(universe, heights, count)
-        elif defuzzifier == BISECTOR:
-            out[sample] = _bisector(universe, heights, count, areas)
-        else:
-            out[sample] = _of_maximum(defuzzifier, universe, heights, count, heights.max())
+        out[sample] = _defuzzify(defuzzifier, universe, heights, count, areas, default)
+
+
+@compiled(error_model="numpy", forceinline=True)
+def _defuzzify(defuzzifier: int, x: Floats, y: Floats, count: int, areas: Floats, default: float) -> float:
+    """Return what an aggregated set, the first `count` points, becomes; the default if it is zero."""
+    if _is_empty(y, count):
+        return default
+    if defuzzifier == CENTROID:
+        return _centroid(x, y, count)
+    if defuzzifier == BISECTOR:
+        return _bisector(x, y, count, areas)
+    return _of_maximum(defuzzifier, x, y, count)
 
 
 @compiled(error_model="numpy", forceinline=True)
@@ -232,8 +230,9 @@ def _bisector(x: Floats, y: Floats, count: int, areas: Floats) -> float:
 
 
 @compiled(error_model="numpy")
-def _of_maximum(defuzzifier: int, x: Floats, y: Floats, count: int, highest: float) -> float:
+def _of_maximum(defuzzifier: int, x: Floats, y: Floats, count: int) -> float:
     """Return the mean, the smallest or the largest of the highest points."""
+    highest = y[:count].max()
     total, found, least, greatest = 0.0, 0, 0.0, 0.0
     for point in range(count):
         if y[point] == highest:

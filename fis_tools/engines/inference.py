@@ -5,7 +5,7 @@ arithmetic, so results agree to the last bit. `fis_tools.engines.kernel` is the 
 case.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import reduce
 from typing import Any
@@ -241,6 +241,14 @@ def _clipped(system: model.FuzzySystem, rows: Floats) -> Floats:
     return np.clip(rows, ends[:, 0], ends[:, 1])
 
 
+def conclusions_on(
+    system: model.FuzzySystem, output: model.Variable
+) -> Iterator[tuple[int, model.Consequent]]:
+    """Yield what rules conclude on an output, in their order, each with the index of its rule."""
+    for place, rule in enumerate(system.rules):
+        yield from ((place, each) for each in rule.consequents if each.variable == output.name)
+
+
 def _infer_outputs(system: model.FuzzySystem, firing: Floats, clipped: Floats) -> list[OutputInference]:
     """Infer one output after the other, from the inputs and, for formulas, from the outputs before it."""
     values = {variable.name: x for variable, x in zip(system.inputs, clipped, strict=True)}
@@ -275,18 +283,15 @@ def _weigh(
     """Weight each rule's conclusion by its strength, one after the other."""
     found, total, moment = [], 0.0, 0.0
     cuts = np.full(len(variable.terms), np.nan)
-    for place, rule in enumerate(system.rules):
-        for consequent in rule.consequents:
-            if consequent.variable != variable.name:
-                continue
-            term = variable.term_index(consequent.term)
-            strength, number = float(firing[place] * consequent.weight), np.nan
-            if strength > 0.0:
-                shape = variable.terms[term].membership
-                number = _concluded(system, variable, shape, strength, values)
-                total, moment = total + strength, moment + strength * number
-            found.append((place, strength, number))
-            cuts[term] = strength if np.isnan(cuts[term]) else cuts[term] + strength
+    for place, consequent in conclusions_on(system, variable):
+        term = variable.term_index(consequent.term)
+        strength, number = float(firing[place] * consequent.weight), np.nan
+        if strength > 0.0:
+            shape = variable.terms[term].membership
+            number = _concluded(system, variable, shape, strength, values)
+            total, moment = total + strength, moment + strength * number
+        found.append((place, strength, number))
+        cuts[term] = strength if np.isnan(cuts[term]) else cuts[term] + strength
     rules, strengths, numbers = zip(*found, strict=True) if found else ((), (), ())
     value = variable.default if variable.default is not None else 0.0
     if total > 0.0:
@@ -323,13 +328,11 @@ def _concluded(
 def _cut_terms(system: model.FuzzySystem, variable: model.Variable, firing: Floats) -> Floats:
     accumulate = ACCUMULATIONS[variable.accumulation]
     cuts = np.full(len(variable.terms), np.nan)
-    for strength, rule in zip(firing, system.rules, strict=True):
-        for consequent in rule.consequents:
-            if consequent.variable == variable.name:
-                index = variable.term_index(consequent.term)
-                activation = strength * consequent.weight
-                is_first = np.isnan(cuts[index])
-                cuts[index] = activation if is_first else accumulate(activation, cuts[index])
+    for place, consequent in conclusions_on(system, variable):
+        index = variable.term_index(consequent.term)
+        activation = firing[place] * consequent.weight
+        is_first = np.isnan(cuts[index])
+        cuts[index] = activation if is_first else accumulate(activation, cuts[index])
     return cuts
 
 
@@ -350,12 +353,10 @@ def _conclude_by_rule(system: model.FuzzySystem, variable: model.Variable, firin
     imply, aggregate = AND_OPERATORS[system.implication], AGGREGATIONS[variable.aggregation]
     memberships = sample_terms(variable)
     aggregated = np.zeros(len(variable.universe))
-    for strength, rule in zip(firing, system.rules, strict=True):
-        for consequent in rule.consequents:
-            if consequent.variable == variable.name:
-                shape = memberships[variable.term_index(consequent.term)]
-                activation = np.full(len(shape), strength * consequent.weight)
-                aggregated = aggregate(aggregated, imply(activation, shape))
+    for place, consequent in conclusions_on(system, variable):
+        shape = memberships[variable.term_index(consequent.term)]
+        activation = np.full(len(shape), firing[place] * consequent.weight)
+        aggregated = aggregate(aggregated, imply(activation, shape))
     return aggregated
 
 

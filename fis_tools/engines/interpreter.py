@@ -5,7 +5,7 @@ samples, with every operator, weight, universe, output and defuzzifier of the mo
 `fis_tools.engines.kernel` is faster still and supports fewer systems.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import partial
 from math import isfinite, isnan
 from typing import Any
@@ -16,16 +16,7 @@ from fis_tools.array_types import Floats, Integers
 from fis_tools.compiled.decorator import compiled
 from fis_tools.compiled.vectors import borrowed, gather, least, load, most, select, some, splat, store
 from fis_tools.engines.defuzzifier import conclude_by_rule, conclude_by_term, weigh
-from fis_tools.engines.program import (
-    MIN,
-    NUMBER,
-    PRODUCT,
-    WEIGHTED_SUM,
-    Conclusion,
-    Program,
-    Weighing,
-    combine,
-)
+from fis_tools.engines.program import MIN, NUMBER, PRODUCT, WEIGHTED_SUM, Program, Weighing, combine
 
 #: samples whose rules are evaluated side by side: a constant, so that the compiler vectorises
 LANES = 16
@@ -55,8 +46,8 @@ def conclude(program: Program, firing: Floats, inputs: Floats | None = None) -> 
             raise ValueError("rules conclude numbers that depend on the inputs; pass these, (n, num_inputs)")
         inputs = np.zeros((len(firing), len(program.antecedents.inputs)))
     columns = np.empty((len(program.conclusions), len(firing)))
-    for place, conclusion in enumerate(program.conclusions):
-        _concluding(program, conclusion, firing, inputs, columns[:place], columns[place])()
+    for step in _concluding(program, firing, inputs, columns):
+        step()
     return columns.T
 
 
@@ -71,9 +62,8 @@ def evaluate(program: Program, inputs: Floats) -> Floats:
     for first in range(0, len(inputs), size):
         rows = inputs[first : first + size]
         fire_rows(*program.antecedents, rows, firing[: len(rows)])
-        part = columns[:, first : first + size]
-        for place, conclusion in enumerate(program.conclusions):
-            _concluding(program, conclusion, firing[: len(rows)], rows, part[:place], part[place])()
+        for step in _concluding(program, firing[: len(rows)], rows, columns[:, first : first + size]):
+            step()
     return columns.T
 
 
@@ -128,9 +118,10 @@ def _prepared(program: Program, row: Floats, outputs: Floats) -> Callable[[], No
     if weighs_numbers(program):
         return partial(average_rows, *(*_numbers(program), row, outputs))
     firing, columns = np.empty((1, program.num_rules)), outputs[:, np.newaxis]
-    steps: list[Callable[[], None]] = [partial(fire_rows, *program.antecedents, row, firing)]
-    for place, conclusion in enumerate(program.conclusions):
-        steps.append(_concluding(program, conclusion, firing, row, columns[:place], columns[place]))
+    steps: list[Callable[[], None]] = [
+        partial(fire_rows, *program.antecedents, row, firing),
+        *_concluding(program, firing, row, columns),
+    ]
 
     def run() -> None:
         for step in steps:
@@ -140,22 +131,20 @@ def _prepared(program: Program, row: Floats, outputs: Floats) -> Callable[[], No
 
 
 def _concluding(
-    program: Program,
-    conclusion: Conclusion | Weighing,
-    firing: Floats,
-    inputs: Floats,
-    earlier: Floats,
-    out: Floats,
-) -> Callable[[], None]:
-    """Return a function that writes one output for firing strengths (n, num_rules) of inputs (n, num_inputs).
+    program: Program, firing: Floats, inputs: Floats, columns: Floats
+) -> Iterator[Callable[[], None]]:
+    """Yield functions that write the outputs, (num_outputs, n), one after the other.
 
-    The outputs before it, (num_outputs, n), must have been written.
+    They read firing strengths (n, num_rules) of inputs (n, num_inputs), and the outputs before their own.
     """
-    if isinstance(conclusion, Weighing):
-        return partial(weigh, conclusion, firing, inputs, program.ends, earlier, out)
-    if conclusion.cuts:
-        return partial(conclude_by_term, *conclusion[:9], firing, out)
-    return partial(conclude_by_rule, *conclusion[:6], *conclusion[9:], firing, out)
+    for place, conclusion in enumerate(program.conclusions):
+        out = columns[place]
+        if isinstance(conclusion, Weighing):
+            yield partial(weigh, conclusion, firing, inputs, program.ends, columns[:place], out)
+        elif conclusion.cuts:
+            yield partial(conclude_by_term, *conclusion[:9], firing, out)
+        else:
+            yield partial(conclude_by_rule, *conclusion[:6], *conclusion[9:], firing, out)
 
 
 @compiled(error_model="numpy", forceinline=True)

@@ -10,6 +10,7 @@ import numpy as np
 from fis_tools import model
 from fis_tools.array_types import Floats, Integers
 from fis_tools.compiled.decorator import compiled
+from fis_tools.engines.inference import conclusions_on
 from fis_tools.model.variables import sample_terms
 
 #: Operations as numbers, since compiled functions have no strings.
@@ -334,10 +335,8 @@ def _steps(system: model.FuzzySystem) -> tuple[list[tuple[int, int, int]], list[
 
 def _conclusion(system: model.FuzzySystem, output: model.Variable) -> Conclusion:
     concluded = [
-        (output.term_index(consequent.term), index, consequent.weight)
-        for index, rule in enumerate(system.rules)
-        for consequent in rule.consequents
-        if consequent.variable == output.name
+        (output.term_index(consequent.term), rule, consequent.weight)
+        for rule, consequent in conclusions_on(system, output)
     ]
     terms = sorted({term for term, _, _ in concluded})
     if system.cuts(output):
@@ -363,10 +362,8 @@ def _conclusion(system: model.FuzzySystem, output: model.Variable) -> Conclusion
 
 def _weighing(system: model.FuzzySystem, output: model.Variable) -> Weighing:
     concluded = [
-        (index, consequent.weight, output.terms[output.term_index(consequent.term)].membership)
-        for index, rule in enumerate(system.rules)
-        for consequent in rule.consequents
-        if consequent.variable == output.name
+        (rule, consequent.weight, output.terms[output.term_index(consequent.term)].membership)
+        for rule, consequent in conclusions_on(system, output)
     ]
     before = system.outputs[: system.outputs.index(output)]
     parameters = np.zeros((len(concluded), max(len(system.inputs) + 1, 2)))

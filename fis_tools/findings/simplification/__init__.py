@@ -160,14 +160,8 @@ class Search:
         gone = unused_words(before.exact, after.exact)
         if gone and kind == "drop":
             words += f"; {gone} {'goes' if ' and ' not in gone else 'go'} with it"
-        step = Step(
-            kind,
-            words,
-            rules,
-            len(after.numbers),
-            num_terms(after.system),
-            self.bench.measure(after.system),
-        )
+        changes = self.bench.measure(after.system)
+        step = Step(kind, words, rules, len(after.numbers), num_terms(after.system), changes)
         changed = self._changes_more(step)
         last = self.steps[-1] if self.steps else None
         if last is not None and kind == last.kind == "drop" and not (changed or self._last_changed):
