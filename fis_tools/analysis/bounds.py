@@ -285,10 +285,7 @@ class Range(Result):
         ends = [
             f"{quantity(self.output, value)} is attained at "
             + ", ".join(f"{name} = {number(at)}" for name, at in _rounded(inputs).items())
-            for value, inputs in (
-                (self.inner.low, self.least_at),
-                (self.inner.high, self.greatest_at),
-            )
+            for value, inputs in ((self.inner.low, self.least_at), (self.inner.high, self.greatest_at))
             if inputs
         ] or ["no input that meets all conditions was found"]
         outer = f"{number(self.outer.low)} to {quantity(self.output, self.outer.high)}"

@@ -310,9 +310,7 @@ def _period(flown: FlownSystem, start_s: float, recording: "Recording | None") -
 
 
 def usage_along(
-    paths: Iterable[Path | str],
-    threshold: float = FIRED,
-    all_periods: bool = False,
+    paths: Iterable[Path | str], threshold: float = FIRED, all_periods: bool = False
 ) -> dict[str, RuleUsage]:
     """Summarise how the rules of a controller fired along one flight or several.
 

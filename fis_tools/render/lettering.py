@@ -87,11 +87,7 @@ def _cut(line: str, room: float, size: float) -> str:
 
 
 def fit(
-    words: Sequence[str],
-    room: tuple[float, float],
-    sizes: tuple[float, float],
-    *,
-    may_stand: bool = True,
+    words: Sequence[str], room: tuple[float, float], sizes: tuple[float, float], *, may_stand: bool = True
 ) -> Fit:
     """Set words into boxes of equal width and height, shortened as a last resort.
 

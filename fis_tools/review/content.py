@@ -367,10 +367,7 @@ def _ranges(system: FuzzySystem, ranges: tuple[bounds.Range, ...]) -> Iterator[d
             "proved": _interval(output, found.outer.low, found.outer.high),
             "ends": [
                 (shown(output, value), _place(system, point), json.dumps(point))
-                for value, point in (
-                    (found.inner.low, found.least_at),
-                    (found.inner.high, found.greatest_at),
-                )
+                for value, point in ((found.inner.low, found.least_at), (found.inner.high, found.greatest_at))
             ],
         }
 

@@ -208,10 +208,7 @@ def _without_scripts(
         _facts(controller),
     ]
     for system in controller.systems:
-        blocks += [
-            Heading(system.name, id=f"system-{system.name}"),
-            *_blocks(system, samples[system.name]),
-        ]
+        blocks += [Heading(system.name, id=f"system-{system.name}"), *_blocks(system, samples[system.name])]
     return html.page(Document(blocks))
 
 

@@ -377,8 +377,7 @@ def renamed(rule: model.Rule, names: Names) -> model.Rule:
 
     consequents = (replace(c, term=term(c.variable, c.term)) for c in rule.consequents)
     antecedent = model.with_statements(
-        rule.antecedent,
-        lambda each: model.Is(each.variable, term(each.variable, each.term)),
+        rule.antecedent, lambda each: model.Is(each.variable, term(each.variable, each.term))
     )
     return replace(rule, antecedent=antecedent, consequents=tuple(consequents))
 

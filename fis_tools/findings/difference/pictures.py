@@ -64,9 +64,7 @@ def _line(x: float, y: float, to_x: float, to_y: float) -> Markup:
     return element("line", class_="axis", x1=f"{x:.1f}", x2=f"{to_x:.1f}", y1=f"{y:g}", y2=f"{to_y:g}")
 
 
-def _curves(
-    change: VariableChange,
-) -> tuple[list[tuple[Variable, Term, str]], list[tuple[str, float, str]]]:
+def _curves(change: VariableChange) -> tuple[list[tuple[Variable, Term, str]], list[tuple[str, float, str]]]:
     """Return what to draw, unchanged terms first, and where which name belongs."""
     curves: list[tuple[Variable, Term, str]] = []
     labels = []

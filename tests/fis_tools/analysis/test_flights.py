@@ -8,13 +8,7 @@ import pytest
 
 import telemetry
 from fis_tools.analysis.arrays import rule_usage
-from fis_tools.analysis.flights import (
-    inputs_along,
-    read_controller,
-    read_flight,
-    read_periods,
-    usage_along,
-)
+from fis_tools.analysis.flights import inputs_along, read_controller, read_flight, read_periods, usage_along
 from fis_tools.engines.inference import infer
 from fis_tools.errors import ControllerFileError
 from fis_tools.formats.serialize import dump_json

@@ -64,8 +64,7 @@ def test_a_clipped_triangle_has_the_centre_geometry_gives() -> None:
 
 
 @pytest.mark.parametrize(
-    ("defuzzifier", "expected"),
-    [("bisector", 3.75), ("mom", 2.5), ("som", 0.0), ("lom", 5.0)],
+    ("defuzzifier", "expected"), [("bisector", 3.75), ("mom", 2.5), ("som", 0.0), ("lom", 5.0)]
 )
 def test_the_other_defuzzifiers_on_the_same_shape(defuzzifier: str, expected: float) -> None:
     system = one_rule(Is("a", "left"))

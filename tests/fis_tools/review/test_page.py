@@ -570,9 +570,7 @@ def test_how_it_flew_requirements_and_constants_are_told(opened, tmp_path):
     assert "failed" in shown.locator("#requirements").inner_text()
     assert "255.2" in shown.locator("#constants tr", has_text="urgency_time_s").inner_text()
     order = shown.evaluate("[...document.querySelectorAll('main > section')].map(({ id }) => id)")
-    assert order[:7] == [
-        *("requirements", "does", "logged", "uncovered", "findings", "constants", "systems"),
-    ]
+    assert order[:7] == [*("requirements", "does", "logged", "uncovered", "findings", "constants", "systems")]
     assert "3 of 60: 5.0 % (1.7 to 13.7) inspect too little" in shown.locator("#logged").inner_text()
     path.write_text(json.dumps(evidence | {"controller": {"name": "other", "sha256": "0"}}))
     with pytest.raises(ControllerFileError, match="about the controller 'other'"):
