@@ -155,25 +155,19 @@ def _table(table: Table) -> Markup:
     ]
     stacks = len(table.heads) > NARROW and not table.across
     names = table.heads if stacks else [""] * max(map(len, table.rows), default=0)
-    rows = [
-        element(
-            "tr",
-            element("th", _cell(first), scope="row"),
-            *(
-                element(
-                    "td",
-                    _cell(cell, place in table.numbers),
-                    class_=_class(cell, place, table),
-                    data_head=head,
-                )
-                for place, (cell, head) in enumerate(zip(cells, names[1:], strict=True), start=1)
-            ),
-        )
-        for first, *cells in table.rows
-    ]
+
+    def row(first: Cell, *cells: Cell) -> Markup:
+        data = [
+            element(
+                "td", _cell(cell, place in table.numbers), class_=_class(cell, place, table), data_head=head
+            )
+            for place, (cell, head) in enumerate(zip(cells, names[1:], strict=True), start=1)
+        ]
+        return element("tr", element("th", _cell(first), scope="row"), *data)
+
     parts = [element("caption", table.caption)] if table.caption else []
     parts += [element("thead", element("tr", *heads))] if heads else []
-    body = element("tbody", Markup("\n").join(rows))
+    body = element("tbody", Markup("\n").join(row(*cells) for cells in table.rows))
     whole = element("table", *parts, body, class_="stacked" if stacks else "")
     name = table.caption or next(filter(None, table.heads), "facts")
     return element("div", whole, class_="wide", role="region", tabindex=0, aria_label=name)

@@ -1,6 +1,7 @@
 """Membership functions, and one inference step by step: inputs, the rules that fire, the outputs."""
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -70,18 +71,11 @@ def _name(variable: Variable, functions: Floats, ax: Axes, theme: Theme) -> floa
         centres, levels = _lines(texts, peaks, across)
         if max(levels) < most_lines:
             break
+    over: dict[str, Any] = {"xycoords": ("axes fraction", "data"), "textcoords": "offset points"}
+    over |= {"ha": "center", "va": "bottom"}
     for place, (text, centre, level) in enumerate(zip(texts, centres, levels, strict=True)):
-        ax.annotate(
-            text,
-            (centre / across, 1.0),
-            xycoords=("axes fraction", "data"),
-            xytext=(0, 2 + lettering.LINE_SPACING * SMALL * level),
-            textcoords="offset points",
-            ha="center",
-            va="bottom",
-            color=theme.line(place)["color"],
-            fontsize=SMALL,
-        )
+        up, colour = 2 + lettering.LINE_SPACING * SMALL * level, theme.line(place)["color"]
+        ax.annotate(text, (centre / across, 1.0), xytext=(0, up), color=colour, fontsize=SMALL, **over)
     return min(0.7, (lettering.height("\n" * max(levels), SMALL) + 0.05) / down)
 
 
@@ -223,18 +217,12 @@ def output_panel(
     imply = AND_OPERATORS[implication]
     for index, (curve, cut) in enumerate(zip(sample_terms(variable), output.cuts, strict=True)):
         if cut > 0:
-            ax.plot(
-                variable.universe,
-                imply(np.full(len(curve), cut), curve),
-                linewidth=1.2,
-                clip_on=False,
-                **theme.line(index),
-            )
+            implied = imply(np.full(len(curve), cut), curve)
+            ax.plot(variable.universe, implied, linewidth=1.2, clip_on=False, **theme.line(index))
     ax.fill_between(output.universe, output.aggregated, color=theme.muted, alpha=_PALE, lw=0)
     ax.plot(output.universe, output.aggregated, color=theme.ink, linewidth=1.5, clip_on=False)
-    ax.axvline(
-        output.value, color=theme.ink, linewidth=2.0, linestyle=(0, (2, 1)) if output.is_default else "-"
-    )
+    style = (0, (2, 1)) if output.is_default else "-"
+    ax.axvline(output.value, color=theme.ink, linewidth=2.0, linestyle=style)
     ax.plot(output.value, 0.0, "^", color=theme.ink, mec=theme.paper, ms=9, clip_on=False, zorder=4)
     reason = "the default: no rule fires" if output.is_default else METHODS[defuzzifier]
     words = f"{variable.name} = {quantity(variable, output.value)}, {reason}"
@@ -268,14 +256,8 @@ def _finish(ax: Axes, variable: Variable, words: str, theme: Theme, *, is_empty:
     ax.spines[["top", "right", "left"]].set_visible(False)
     dress(ax, theme)
     across, _ = lettering.inches(ax)
-    ax.set_title(
-        lettering.shortened(words, across, SMALL),
-        loc="left",
-        size=SMALL,
-        color=theme.muted if is_empty else theme.ink,
-        pad=4,
-        parse_math=False,
-    )
+    ink, shown = theme.muted if is_empty else theme.ink, lettering.shortened(words, across, SMALL)
+    ax.set_title(shown, loc="left", size=SMALL, color=ink, pad=4, parse_math=False)
 
 
 #: Lengths in inches.
@@ -314,13 +296,8 @@ def inference_figure(inference: Inference, *, most_rules: int = 6, theme: Theme 
     page.write(_left_over(inference, order, most_rules), SMALL, theme.muted)
     page.down(_TITLE)
     for column, output in enumerate(inference.outputs, start=len(system.inputs)):
-        output_panel(
-            output,
-            system.defuzzifier,
-            page.axes(column, _OUTPUT),
-            implication=system.implication,
-            theme=theme,
-        )
+        ax = page.axes(column, _OUTPUT)
+        output_panel(output, system.defuzzifier, ax, implication=system.implication, theme=theme)
     return page.figure
 
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -164,20 +165,14 @@ def _write(ax: Axes, entry: _Entry, place: tuple[float, float, float], size: flo
         left, top, entry.antecedent, va="top", size=size, color=theme.ink, linespacing=lettering.LINE_SPACING
     )
     for line, (words, colour) in enumerate(entry.consequents):
-        ax.text(
-            middle,
-            top + _CHIP * line * size / lettering.POINTS_AN_INCH,
-            words,
-            va="top",
-            size=size,
-            color=readable_on(colour),
-            bbox={
-                "facecolor": colour,
-                "edgecolor": theme.muted,
-                "linewidth": 0.5,
-                "boxstyle": f"round,pad={_PAD}",
-            },
-        )
+        y = top + _CHIP * line * size / lettering.POINTS_AN_INCH
+        box = {
+            "facecolor": colour,
+            "edgecolor": theme.muted,
+            "linewidth": 0.5,
+            "boxstyle": f"round,pad={_PAD}",
+        }
+        ax.text(middle, y, words, va="top", size=size, color=readable_on(colour), bbox=box)
 
 
 _BAR_SIZES = (6.5, SMALL)
@@ -249,15 +244,9 @@ def firing_map(
     shown = order[is_seen[order]][:most_rules]
     names = rule_names(system)
     hold = time_s[-1] - time_s[-2] if len(time_s) > 1 else 1.0
-    image = ax.pcolormesh(
-        np.append(time_s, time_s[-1] + hold),
-        np.arange(len(shown) + 1) - 0.5,
-        strengths[:, shown].T,
-        cmap=theme.strength_map,
-        vmin=0.0,
-        vmax=1.0,
-        rasterized=True,
-    )
+    x, y = np.append(time_s, time_s[-1] + hold), np.arange(len(shown) + 1) - 0.5
+    scale: dict[str, Any] = {"cmap": theme.strength_map, "vmin": 0.0, "vmax": 1.0}
+    image = ax.pcolormesh(x, y, strengths[:, shown].T, rasterized=True, **scale)
     _add_scale(ax, image, theme)
     size = _name_rows(ax, system, [f"{names[place]} ({100 * shares[place]:.0f}\u00a0%)" for place in shown])
     left = len(system.rules) - len(shown)
@@ -297,16 +286,10 @@ def rule_bars(system: FuzzySystem, values: Floats, ax: Axes, *, theme: Theme = L
     names = rule_names(system)
     size = _name_rows(ax, system, [names[place] for place in order])
     ax.barh(range(len(order)), 100 * values[order], height=0.7, color=theme.lines[0])
+    beside: dict[str, Any] = {"xytext": (3, 0), "textcoords": "offset points", "va": "center"}
     for row, place in enumerate(order):
-        ax.annotate(
-            f"{100 * values[place]:.1f}",
-            (100 * values[place], row),
-            xytext=(3, 0),
-            textcoords="offset points",
-            va="center",
-            fontsize=SMALL,
-            color=theme.ink,
-        )
+        length = 100 * values[place]
+        ax.annotate(f"{length:.1f}", (length, row), fontsize=SMALL, color=theme.ink, **beside)
     left = len(system.rules) - len(order)
     if left:
         ax.set_title(f"{left} more rules have {_greatest_left(values, order)} at most", loc="right")

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import prod
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -173,27 +174,12 @@ def _fill(ax: Axes, output: Variable, terms: Integers, weights: Floats, theme: T
     ]
     texts = lettering.fit(words, room, _SIZES)
     colours = term_colours(len(output.terms))
+    without: dict[str, Any] = {"fc": theme.paper, "ec": theme.grid, "lw": 0, "hatch": "///"}
+    written: dict[str, Any] = {"ha": "center", "va": "center", "linespacing": 1.05}
+    written |= {"fontsize": texts.size, "rotation": texts.rotation}
     for (row, column), text, (term, _) in zip(np.ndindex(terms.shape), texts.texts, concluded, strict=True):
-        face = colours[term] if term >= 0 else theme.paper
-        ax.add_patch(
-            Rectangle(
-                (column - 0.5, row - 0.5),
-                1,
-                1,
-                facecolor=tuple(face) if term >= 0 else theme.paper,
-                edgecolor=theme.paper if term >= 0 else theme.grid,
-                linewidth=2 if term >= 0 else 0,
-                hatch=None if term >= 0 else "///",
-            )
-        )
-        ax.text(
-            column,
-            row,
-            text,
-            ha="center",
-            va="center",
-            color=readable_on(face) if term >= 0 else theme.muted,
-            fontsize=texts.size,
-            rotation=texts.rotation,
-            linespacing=1.05,
-        )
+        ink, style = theme.muted, without
+        if term >= 0:
+            ink, style = readable_on(colours[term]), {"fc": tuple(colours[term]), "ec": theme.paper, "lw": 2}
+        ax.add_patch(Rectangle((column - 0.5, row - 0.5), 1, 1, **style))
+        ax.text(column, row, text, color=ink, **written)

@@ -349,18 +349,8 @@ def _contours_below(
     levels = round_levels(result, limits)
     options = {"zdir": "z", "offset": floor}
     if len(levels):
-        low, high = limits
-        ax.contour(
-            result.x,
-            result.y,
-            result.values,
-            levels,
-            cmap=BRIGHTNESS_MAP,
-            vmin=low,
-            vmax=high,
-            linewidths=1.0,
-            **options,
-        )
+        colours = {"cmap": BRIGHTNESS_MAP, "vmin": limits[0], "vmax": limits[1]}
+        ax.contour(result.x, result.y, result.values, levels, linewidths=1.0, **colours, **options)
     values = signed(result, limits)
     if values is not None:
         ax.contour(result.x, result.y, values, [0.0], colors=theme.ink, linewidths=2.2, **options)

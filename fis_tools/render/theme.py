@@ -23,13 +23,8 @@ Colour: TypeAlias = str | Floats | tuple[float, float, float]
 #: From dark to bright without a turn, and nearly the same to every eye (J. R. Nunez, C. R. Anderton and
 #: R. S. Renslow, PLOS ONE 13, 2018).
 BRIGHTNESS_MAP = "cividis"
-LINE_STYLES: tuple[Any, ...] = (
-    "-",
-    (0, (5, 1.5)),
-    (0, (6, 1.5, 1, 1.5)),
-    (0, (1, 1)),
-    (0, (3, 1, 1, 1, 1, 1)),
-)
+_DASHES = ((5, 1.5), (6, 1.5, 1, 1.5), (1, 1), (3, 1, 1, 1, 1, 1))
+LINE_STYLES: tuple[Any, ...] = ("-", *((0, dashes) for dashes in _DASHES))
 
 #: Sizes of letters, in points.
 SMALL, MEDIUM, LARGE = 8.0, 9.0, 11.0
@@ -65,10 +60,8 @@ class Theme:
 
     def line(self, place: int) -> dict[str, Any]:
         """Return colour and style of the curve at a place in an order."""
-        return {
-            "color": self.lines[place % len(self.lines)],
-            "linestyle": LINE_STYLES[place % len(LINE_STYLES)],
-        }
+        colour, style = self.lines[place % len(self.lines)], LINE_STYLES[place % len(LINE_STYLES)]
+        return {"color": colour, "linestyle": style}
 
     @property
     def strength_map(self) -> Colormap:
