@@ -166,12 +166,7 @@ def _write(ax: Axes, entry: _Entry, place: tuple[float, float, float], size: flo
     )
     for line, (words, colour) in enumerate(entry.consequents):
         y = top + _CHIP * line * size / lettering.POINTS_AN_INCH
-        box = {
-            "facecolor": colour,
-            "edgecolor": theme.muted,
-            "linewidth": 0.5,
-            "boxstyle": f"round,pad={_PAD}",
-        }
+        box = {"fc": colour, "ec": theme.muted, "lw": 0.5, "boxstyle": f"round,pad={_PAD}"}
         ax.text(middle, y, words, va="top", size=size, color=readable_on(colour), bbox=box)
 
 
