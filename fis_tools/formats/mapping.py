@@ -179,11 +179,22 @@ def from_mapping(mapping: Mapping[str, Any]) -> model.FuzzyController:
         provenance=_facts(mapping.get("provenance", {}), "provenance"),
         purpose=_text(mapping.get("purpose", ""), f"{where}: purpose"),
     )
+    refuse_problems(controller)
+    return controller
+
+
+def refuse_problems(controller: model.FuzzyController) -> None:
+    """Refuse a controller that was read and has problems, of which the first are told.
+
+    Raises
+    ------
+    ControllerFileError
+        With a sentence each.
+    """
     found = controller_problems(controller)
     if found:
         more = [f"… and {len(found) - MOST_PROBLEMS} more"] if len(found) > MOST_PROBLEMS else []
         raise ControllerFileError("\n".join(found[:MOST_PROBLEMS] + more))
-    return controller
 
 
 def _check_keys(value: Any, where: str, required: Sequence[str], optional: Sequence[str] = ()) -> None:

@@ -87,7 +87,7 @@ def flat_antecedents(
     and_operator: model.AndOperator,
     or_operator: model.OrOperator,
     *,
-    repeats_inputs: bool,
+    repeats: bool,
 ) -> list[model.Expression]:
     """Say an antecedent as one or several without nesting; the strongest of them is the antecedent.
 
@@ -97,7 +97,7 @@ def flat_antecedents(
         Any antecedent.
     and_operator, or_operator : str
         How its statements combine.
-    repeats_inputs : bool
+    repeats : bool
         Whether one antecedent may say two things of one input.
 
     Returns
@@ -112,12 +112,12 @@ def flat_antecedents(
     """
     plain = with_plain_not(expression, and_operator, or_operator)
     is_flat = all(map(is_leaf, operands_of(plain)))
-    if is_flat and (repeats_inputs or not _has_repeated_input(operands_of(plain))):
+    if is_flat and (repeats or not _has_repeated_input(operands_of(plain))):
         return [plain]
     if or_operator != "max" and any(isinstance(part, model.Or) for part in model.parts_of(plain)):
         raise NotExpressible(f"'and' and 'or' are nested, and {or_operator} does not distribute")
     found = [_conjunction(leaves, and_operator) for leaves in _alternatives(plain)]
-    if not repeats_inputs and any(_has_repeated_input(operands_of(part)) for part in found):
+    if not repeats and any(_has_repeated_input(operands_of(part)) for part in found):
         raise NotExpressible("it says two things of one input")
     return list(dict.fromkeys(found))
 

@@ -23,12 +23,11 @@ from fis_tools.formats.exchange.dialect import (
     middle,
     refuse_joined,
 )
-from fis_tools.formats.mapping import MOST_PROBLEMS, from_mapping, to_mapping
+from fis_tools.formats.mapping import from_mapping, refuse_problems, to_mapping
 from fis_tools.formats.notation import Unreadable
 from fis_tools.formats.serialize import Reading
 from fis_tools.model import FuzzyController, FuzzySystem, Rule, Sampled, Term, Variable
 from fis_tools.model.systems import reach
-from fis_tools.model.validate import controller_problems
 from fis_tools.model.variables import sample
 from fis_tools.words.text import number
 
@@ -71,7 +70,7 @@ def understand(visible: FuzzySystem, comments: Iterable[tuple[int, str]], dialec
     carried = _find(comments)
     visible, found = _with_what_is_missing(visible)
     complete = replace(visible, outputs=tuple(_with_default(output) for output in visible.outputs))
-    _refuse_problems(FuzzyController(visible.name, (complete,)))
+    refuse_problems(FuzzyController(visible.name, (complete,)))
     try:
         refuse_joined(complete)
     except NotExpressible as error:
@@ -92,7 +91,7 @@ def understand(visible: FuzzySystem, comments: Iterable[tuple[int, str]], dialec
         carried.attributes,
         tuple(sorted({**dict(carried.provenance), **dict([EDITED])}.items())),
     )
-    _refuse_problems(adopted)
+    refuse_problems(adopted)
     return Reading(
         adopted,
         ("the file was changed after it was written: what it shows counts, its comment gives only the rest",),
@@ -151,11 +150,11 @@ def _with_default(output: Variable) -> Variable:
 
 
 def _assumptions(visible: FuzzySystem, dialect: Dialect) -> tuple[str, ...]:
-    points = f"{INPUT_POINTS} points for each input"
-    if not dialect.holds_resolution:
-        points += f" and {OUTPUT_POINTS} for each output, as MATLAB takes"
-    elif dialect.default_resolution:
-        points += f" and {dialect.default_resolution + 1} for an output that states none, as fuzzylite takes"
+    points = f"{INPUT_POINTS} points for each input and "
+    if dialect.resolution:
+        points += f"{dialect.resolution + 1} for an output that states none, as fuzzylite takes"
+    else:
+        points += f"{OUTPUT_POINTS} for each output, as MATLAB takes"
     found = [f"{visible.name}: universes of {points}, more where corners or a table of points need them"]
     found += (f"{visible.name}: {sentence}" for sentence in _jumps_between_points(visible))
     found += (
@@ -182,13 +181,6 @@ def _jumps_between_points(visible: FuzzySystem) -> Iterator[str]:
                 f"{output.name} {term.name} jumps at {number(between[0])}, between two points of its "
                 f"universe, {fact}; give the output more points"
             )
-
-
-def _refuse_problems(controller: FuzzyController) -> None:
-    found = controller_problems(controller)
-    if found:
-        more = [f"… and {len(found) - MOST_PROBLEMS} more"] if len(found) > MOST_PROBLEMS else []
-        raise ControllerFileError("\n".join(found[:MOST_PROBLEMS] + more))
 
 
 # Adopting: what of the original still looks as it did when it was written.
@@ -255,13 +247,16 @@ def _adopt_rules(
     """Take each rule of the original whose wording still stands in one piece; name the others as it does."""
     waiting = dict(zip(expressed.rules, original.rules, strict=True))
     longest = max(map(len, waiting), default=1)
-    is_same_system = _operators(visible) == _operators(expressed.system)
+    is_same_system = all(
+        getattr(visible, kind) == getattr(expressed.system, kind) for kind in ("and_operator", "or_operator")
+    )
+    known = set(names.values())  # of what rules of the original speak, what is still there
     rules: list[Rule] = []
     place = 0
     while place < len(visible.rules):
         for length in range(longest, 0, -1):
             group = visible.rules[place : place + length]
-            if is_same_system and group in waiting and _are_named(waiting[group], names):
+            if is_same_system and group in waiting and known.issuperset(mentions(waiting[group])):
                 rules.append(_explicit(waiting.pop(group), original, visible))
                 break
         else:
@@ -271,21 +266,10 @@ def _adopt_rules(
     return tuple(rules)
 
 
-def _operators(system: FuzzySystem) -> tuple[str, str]:
-    return system.and_operator, system.or_operator
-
-
-def _are_named(rule: Rule, names: Mapping[Statement, Statement]) -> bool:
-    """Return whether everything that a rule of the original speaks of is still there."""
-    known = set(names.values())
-    return all(statement in known for statement in mentions(rule))
-
-
 def _explicit(rule: Rule, original: FuzzySystem, visible: FuzzySystem) -> Rule:
     """Give a rule of the original its operators where those of the system are not the same any more."""
-    conjunction, disjunction = original.and_operator_of(rule), original.or_operator_of(rule)
-    return replace(
-        rule,
-        and_operator=rule.and_operator if visible.and_operator == original.and_operator else conjunction,
-        or_operator=rule.or_operator if visible.or_operator == original.or_operator else disjunction,
-    )
+    if visible.and_operator != original.and_operator:
+        rule = replace(rule, and_operator=original.and_operator_of(rule))
+    if visible.or_operator != original.or_operator:
+        rule = replace(rule, or_operator=original.or_operator_of(rule))
+    return rule

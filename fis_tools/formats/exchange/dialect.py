@@ -56,19 +56,18 @@ class Dialect:
     words : {"fis", "fll", "fml"}, optional
         Whose words for membership shapes it has; a shape without one is written as a table of points. None
         where every shape can be written.
-    holds_units, holds_descriptions, holds_defaults, holds_resolution : bool
-        Which facts of a variable it has a place for; the resolution is the number of points of an output.
-    default_resolution : int
-        Intervals of an output where a file with a place for them states none; 0 where there is no place.
+    holds_units, holds_descriptions, holds_defaults : bool
+        Which facts of a variable it has a place for.
+    resolution : int
+        Intervals of an output where a file with a place for their number states none; 0 where there is no
+        place.
     is_nested : bool
         Whether an antecedent may nest conjunctions and disjunctions.
-    repeats_inputs : bool
-        Whether an antecedent may say two things of one input.
-    repeats_outputs : bool
-        Whether a rule may conclude two things on one output.
+    repeats_variables : bool
+        Whether an antecedent may say two things of one input, and a rule conclude two on one output.
     has_rule_operators : bool
         Whether rules may combine statements in ways of their own.
-    has_output_defuzzifiers, has_output_aggregations : bool
+    has_output_methods : bool
         Whether outputs may be defuzzified and aggregated in ways of their own.
     has_walls : bool
         Whether triangles and trapezoids may rise or fall at once; otherwise a wall at an end of the range
@@ -93,14 +92,11 @@ class Dialect:
     holds_units: bool = False
     holds_descriptions: bool = False
     holds_defaults: bool = True
-    holds_resolution: bool = False
-    default_resolution: int = 0
+    resolution: int = 0
     is_nested: bool = False
-    repeats_inputs: bool = True
-    repeats_outputs: bool = True
+    repeats_variables: bool = True
     has_rule_operators: bool = True
-    has_output_defuzzifiers: bool = True
-    has_output_aggregations: bool = True
+    has_output_methods: bool = True
     has_walls: bool = True
     has_unique_names: bool = False
     weighs_one_kind: bool = False
@@ -169,17 +165,13 @@ def express(system: model.FuzzySystem, dialect: Dialect) -> Expressed:
         for place, rule in enumerate(system.rules, start=1)
     ]
     own_ways = tuple(system.defuzzifier_of(output) for output in system.outputs)
-    if len(set(own_ways)) > 1 and not dialect.has_output_defuzzifiers:
-        raise NotExpressible(
-            f"the outputs are defuzzified by {', '.join(own_ways)}, and {dialect.title} knows one way for "
-            "all; export as fll or json"
-        )
     aggregations = sorted({output.aggregation for output in system.outputs})
-    if len(aggregations) > 1 and not dialect.has_output_aggregations:
-        raise NotExpressible(
-            f"the outputs are aggregated by {', '.join(aggregations)}, and {dialect.title} knows one way for "
-            "all; export as fll or json"
-        )
+    for what, ways in (("defuzzified", own_ways), ("aggregated", aggregations)):
+        if len(set(ways)) > 1 and not dialect.has_output_methods:
+            raise NotExpressible(
+                f"the outputs are {what} by {', '.join(ways)}, and {dialect.title} knows one way for all; "
+                "export as fll or json"
+            )
     outputs = (
         _expressed_weighed(system, variable, names, dialect)
         if system.weighs(variable)
@@ -332,7 +324,9 @@ def _expressed_rules(
         if dialect.is_nested:
             antecedents = [with_plain_not(rule.antecedent, *operators)]
         else:
-            antecedents = flat_antecedents(rule.antecedent, *operators, repeats_inputs=dialect.repeats_inputs)
+            antecedents = flat_antecedents(
+                rule.antecedent, *operators, repeats=dialect.repeats_variables
+            )
     except NotExpressible as reason:
         raise _not_expressible(place, dialect, reason) from reason
     adds_up = [c.variable for c in rule.consequents if not system.variable(c.variable).counts_strongest]
@@ -341,7 +335,7 @@ def _expressed_rules(
             f"rule {place} would become {len(antecedents)} rules in {dialect.title}, which count together on "
             f"output {adds_up[0]!r}, where rules add up; rewrite it, or export as fll or json"
         )
-    if not dialect.repeats_inputs:
+    if not dialect.repeats_variables:
         inputs = [variable.name for variable in system.inputs]
         antecedents = [in_order(antecedent, inputs) for antecedent in antecedents]
     outputs = [output.name for output in system.outputs]
@@ -359,13 +353,13 @@ def _consequent_groups(
     for consequent in consequents:
         for group in groups:
             is_repeated = any(other.variable == consequent.variable for other in group)
-            if group[0].weight == consequent.weight and (dialect.repeats_outputs or not is_repeated):
+            if group[0].weight == consequent.weight and (dialect.repeats_variables or not is_repeated):
                 group.append(consequent)
                 break
         else:
             groups.append([consequent])
     for group in groups:
-        if dialect.repeats_outputs:
+        if dialect.repeats_variables:
             yield tuple(group)
         else:
             yield tuple(sorted(group, key=lambda consequent: outputs.index(consequent.variable)))
@@ -381,7 +375,7 @@ def _expressed_variable(
     if any(isinstance(term.membership, model.Sampled) for term in terms):
         num_points, points = universe_of(variable.minimum, variable.maximum, variable.universe.tolist())
     elif is_output:
-        num_points, points = (variable.num_points if dialect.holds_resolution else OUTPUT_POINTS), None
+        num_points, points = (variable.num_points if dialect.resolution else OUTPUT_POINTS), None
     else:
         shapes = [term.membership for term in terms]
         num_points, points = input_universe(float(variable.minimum), float(variable.maximum), shapes)
@@ -438,24 +432,16 @@ def _expressed_membership(
 
 def without_walls(variable: model.Variable, membership: model.MembershipFunction) -> model.MembershipFunction:
     """Turn the walls of a triangle or trapezoid at the ends of a range into flanks outside of it."""
+    if not isinstance(membership, model.Triangular | model.Trapezoidal):
+        return membership
     width = variable.maximum - variable.minimum
-    match membership:
-        case model.Triangular(left, peak, right):
-            low, high = _feet(variable, (left, peak, peak, right), width)
-            return model.Triangular(low, peak, high)
-        case model.Trapezoidal(left, left_top, right_top, right):
-            low, high = _feet(variable, (left, left_top, right_top, right), width)
-            return model.Trapezoidal(low, left_top, right_top, high)
-    return membership
-
-
-def _feet(
-    variable: model.Variable, corners: tuple[float, float, float, float], width: float
-) -> tuple[float, float]:
-    left, left_top, right_top, right = corners
-    return (
-        left_top - width if left == left_top <= variable.minimum else left,
-        right_top + width if right == right_top >= variable.maximum else right,
+    _, left_top, *_ = corners = [getattr(membership, name) for name in membership.entry.kinds]
+    right_top = corners[-2]
+    left, right = membership.left, membership.right
+    return replace(
+        membership,
+        left=left_top - width if left == left_top <= variable.minimum else left,
+        right=right_top + width if right == right_top >= variable.maximum else right,
     )
 
 

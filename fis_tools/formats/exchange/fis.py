@@ -54,11 +54,9 @@ DIALECT = Dialect(
     title="a .fis file",
     words="fis",
     holds_defaults=False,
-    repeats_inputs=False,
-    repeats_outputs=False,
+    repeats_variables=False,
     has_rule_operators=False,
-    has_output_defuzzifiers=False,
-    has_output_aggregations=False,
+    has_output_methods=False,
     has_walls=False,
 )
 

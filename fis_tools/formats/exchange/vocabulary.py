@@ -74,22 +74,8 @@ def meanings(
 
 #: What may stand in a rule of some format and is therefore no name.
 _RESERVED = {
-    *(
-        "if",
-        "is",
-        "and",
-        "or",
-        "not",
-        "then",
-        "with",
-        "any",
-        "very",
-        "somewhat",
-        "extremely",
-        "seldom",
-        "plus",
-    ),
-    *("nan", "inf", "term", "rule", "range"),
+    *("if", "is", "and", "or", "not", "then", "with", "any", "very", "somewhat", "extremely", "seldom"),
+    *("plus", "nan", "inf", "term", "rule", "range"),
 }
 
 

@@ -208,7 +208,7 @@ def losses(controller: model.FuzzyController, expressed: Expressed, dialect: Dia
     found = [
         f"{what}: {_listed(items)}" for what, items in _differences(controller, expressed, dialect) if items
     ]
-    moved = list(changes(controller.systems[0], expressed, takes_middles=dialect.holds_resolution))
+    moved = list(changes(controller.systems[0], expressed, takes_middles=dialect.resolution > 0))
     if moved:
         found.append(f"other programs sample in ways of their own, so that answers differ: {_listed(moved)}")
     if found and dialect.is_read:
