@@ -324,9 +324,7 @@ def _expressed_rules(
         if dialect.is_nested:
             antecedents = [with_plain_not(rule.antecedent, *operators)]
         else:
-            antecedents = flat_antecedents(
-                rule.antecedent, *operators, repeats=dialect.repeats_variables
-            )
+            antecedents = flat_antecedents(rule.antecedent, *operators, repeats=dialect.repeats_variables)
     except NotExpressible as reason:
         raise _not_expressible(place, dialect, reason) from reason
     adds_up = [c.variable for c in rule.consequents if not system.variable(c.variable).counts_strongest]

@@ -11,18 +11,17 @@ shapes are read by the names that fuzzylite and jFuzzyLogic give them.
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any, TypeVar
 
 from fis_tools import model
 from fis_tools.errors import ControllerFileError
 from fis_tools.formats.exchange import foreign
-from fis_tools.formats.exchange.antecedents import with_any
 from fis_tools.formats.exchange.carried import understand
-from fis_tools.formats.exchange.dialect import Dialect, Expressed, settle
-from fis_tools.formats.exchange.fll_rules import Operators, chained, read_rules
-from fis_tools.formats.exchange.foreign import Extent, Table
+from fis_tools.formats.exchange.dialect import Dialect, Expressed
+from fis_tools.formats.exchange.fll_rules import Operators, assembled, read_rules
+from fis_tools.formats.exchange.foreign import Block, Extent, Table
 from fis_tools.formats.exchange.vocabulary import (
     AGGREGATIONS,
     AND,
@@ -134,17 +133,6 @@ _Method = TypeVar("_Method")
 _RULE_WORDS = ("if", "is", "and", "or", "not", "then", "with")
 
 
-@dataclass
-class _Block:
-    """A block of a file: what opens it, its name, settings, and what it lists, each with its line."""
-
-    kind: str
-    name: str
-    line: int
-    settings: dict[str, tuple[int, str]] = field(default_factory=dict)
-    listed: list[tuple[int, str]] = field(default_factory=list)
-
-
 def read(text: str) -> Reading:
     """Read an `.fcl` file.
 
@@ -178,9 +166,9 @@ def _statements(text: str) -> Iterator[tuple[int, str]]:
         yield waiting
 
 
-def _blocks(text: str) -> tuple[str, list[_Block]]:
+def _blocks(text: str) -> tuple[str, list[Block]]:
     names: list[str] = []
-    blocks: list[_Block] = []
+    blocks: list[Block] = []
     is_open = False
     for line, content in _statements(text):
         word, rest = [*content.split(maxsplit=1), ""][:2]
@@ -189,7 +177,7 @@ def _blocks(text: str) -> tuple[str, list[_Block]]:
             names.append(rest)
         elif key in _BLOCKS and not is_open:
             is_list = key.startswith("VAR_")  # its first variable may stand in the same line
-            blocks.append(_Block(key, "" if is_list else rest, line))
+            blocks.append(Block(key, "" if is_list else rest, line))
             blocks[-1].listed += [(line, rest)] if is_list and rest else []
             is_open = True
         elif key.startswith("END_"):
@@ -209,7 +197,7 @@ def _blocks(text: str) -> tuple[str, list[_Block]]:
     return names[0], blocks
 
 
-def _system(name: str, blocks: Sequence[_Block]) -> model.FuzzySystem:
+def _system(name: str, blocks: Sequence[Block]) -> model.FuzzySystem:
     declared = {
         kind: [
             re.split(r"[:\s]", content)[0]
@@ -229,33 +217,23 @@ def _system(name: str, blocks: Sequence[_Block]) -> model.FuzzySystem:
                 described[variable], declared["VAR_INPUT"], is_output=kind == "VAR_OUTPUT"
             )
     inputs, outputs = (tuple(variables[name] for name in declared[k]) for k in ("VAR_INPUT", "VAR_OUTPUT"))
-    rule_blocks = [block for block in blocks if block.kind == "RULEBLOCK"]
-    weighed = {output.name for output in outputs if output.defuzzifier in WEIGHING}
-    groups = [list(_rules(block)) for block in rule_blocks]
-    implications: dict[model.AndOperator, int] = {}
-    for block, group in zip(rule_blocks, groups, strict=True):
-        if any(consequent.variable not in weighed for rule in group for consequent in rule.consequents):
-            implications.setdefault(_method(block, "ACT", "MIN", meanings(AND, "fcl")), block.line)
-    rules = [rule for group in groups for rule in group]
-    return settle(
-        model.FuzzySystem(
-            name=name or "unnamed",
-            inputs=with_any(inputs, rules),
-            outputs=outputs,
-            rules=tuple(chained(rules, outputs)),
-            implication=foreign.one_implication(implications),
-        )
+    return assembled(
+        name,
+        inputs,
+        outputs,
+        [(block, list(_rules(block))) for block in blocks if block.kind == "RULEBLOCK"],
+        lambda block: (_method(block, "ACT", "MIN", meanings(AND, "fcl")), block.line),
     )
 
 
-def _keeps_last(block: _Block) -> bool:
+def _keeps_last(block: Block) -> bool:
     """Return whether an output keeps its last value where no rule fires."""
     ways = block.settings.get("DEFAULT", (0, ""))[1].partition("|")
     is_kept = "NC" in {way.strip().upper() for way in ways}
     return is_kept or "PREVIOUS" in block.settings.get("LOCK", (0, ""))[1].upper()
 
 
-def _method(block: _Block, key: str, usual: str, known: Mapping[str, _Method]) -> _Method:
+def _method(block: Block, key: str, usual: str, known: Mapping[str, _Method]) -> _Method:
     """Return the method that a setting names, in capitals or not."""
     line, found = block.settings.get(key, (block.line, usual))
     word = usual if found.upper() == "NONE" else found.upper()
@@ -263,7 +241,7 @@ def _method(block: _Block, key: str, usual: str, known: Mapping[str, _Method]) -
     return foreign.choice(in_capitals, word, f"line {line}: {key} of {block.name}")
 
 
-def _rules(block: _Block) -> Iterator[model.Rule]:
+def _rules(block: Block) -> Iterator[model.Rule]:
     """Read the rules of a block."""
     conjunction = _method(block, "AND", "MIN", meanings(AND, "fcl"))
     disjunction = _method(block, "OR", "MAX", {**meanings(OR, "fcl"), **NORMALIZED_SUMS})
@@ -279,7 +257,7 @@ def _rules(block: _Block) -> Iterator[model.Rule]:
             yield replace(read, and_operator=conjunction, or_operator=disjunction)
 
 
-def _variable(block: _Block, inputs: Sequence[str], *, is_output: bool) -> model.Variable:
+def _variable(block: Block, inputs: Sequence[str], *, is_output: bool) -> model.Variable:
     terms = [_named_term(line, content) for line, content in block.listed]
     extent = _extent(block, terms)
     if not is_output:
@@ -312,7 +290,7 @@ def _named_term(line: int, content: str) -> tuple[int, str, str]:
     return line, term[1], term[2].strip()
 
 
-def _extent(block: _Block, terms: Sequence[tuple[int, str, str]]) -> Extent:
+def _extent(block: Block, terms: Sequence[tuple[int, str, str]]) -> Extent:
     """Return the range that a block states; else from the first to the last point of its terms."""
     if "RANGE" in block.settings:
         line, value = block.settings["RANGE"]

@@ -6,18 +6,17 @@ universe. Rules are sentences, ``if a is low and (b is high or c is not low) the
 """
 
 from collections import Counter
-from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
-from typing import Any
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any, TypeVar
 
 from fis_tools import model
 from fis_tools.errors import ControllerFileError
 from fis_tools.formats.exchange import foreign
-from fis_tools.formats.exchange.antecedents import with_any
 from fis_tools.formats.exchange.carried import MARK, understand
-from fis_tools.formats.exchange.dialect import Dialect, Expressed, settle
-from fis_tools.formats.exchange.fll_rules import Operators, chained, read_rules
-from fis_tools.formats.exchange.foreign import Extent, Table
+from fis_tools.formats.exchange.dialect import Dialect, Expressed
+from fis_tools.formats.exchange.fll_rules import Operators, assembled, read_rules
+from fis_tools.formats.exchange.foreign import Block, Extent, Table
 from fis_tools.formats.exchange.vocabulary import (
     AGGREGATIONS,
     AND,
@@ -33,6 +32,7 @@ from fis_tools.model.operators import WEIGHING
 from fis_tools.model.shape import words_of
 from fis_tools.model.systems import has_sets
 
+_Method = TypeVar("_Method")
 #: Intervals where a defuzzifier states none: fuzzylite leaves its own number out, this one since version 8.
 RESOLUTION = 1000
 
@@ -63,17 +63,6 @@ def _facts(_expressed: Expressed) -> dict[str, Any]:
 # Reading.
 
 
-@dataclass
-class _Block:
-    """A block of a file: its kind, its name and its lines, each with its number."""
-
-    kind: str
-    name: str
-    line: int
-    entries: dict[str, tuple[int, str]] = field(default_factory=dict)
-    repeated: list[tuple[int, str]] = field(default_factory=list)
-
-
 #: The keys of each block; the last may stand in many lines.
 _KEYS = {
     "Engine": ("description", ""),
@@ -98,7 +87,7 @@ def read(text: str) -> Reading:
         If it is damaged or says what a fuzzy system of ours cannot; with the line.
     """
     comments: list[tuple[int, str]] = []
-    blocks: list[_Block] = []
+    blocks: list[Block] = []
     for line, raw in enumerate(text.splitlines(), start=1):
         content, sign, remark = raw.partition("#")
         if sign:
@@ -111,17 +100,17 @@ def read(text: str) -> Reading:
             "if it is whole"
         )
     reading = understand(_system(blocks), comments, DIALECT)
-    kept = (block.name for block in blocks if block.entries.get("lock-previous", (0, ""))[1] == "true")
+    kept = (block.name for block in blocks if block.settings.get("lock-previous", (0, ""))[1] == "true")
     return Reading(reading.controller, (*reading.assumptions, *map(foreign.kept_words, kept)))
 
 
-def _take(blocks: list[_Block], line: int, content: str) -> None:
+def _take(blocks: list[Block], line: int, content: str) -> None:
     """Add a line to the block that it opens or belongs to."""
     key, colon, value = (part.strip() for part in content.partition(":"))
     if not colon:
         raise ControllerFileError(f"line {line}: {content[:40]!r} is not 'key: value'; correct it")
     if key in _KEYS:
-        blocks.append(_Block(key, value, line))
+        blocks.append(Block(key, value, line))
         return
     if not blocks:
         raise ControllerFileError(f"line {line}: {key[:40]!r} stands before 'Engine:'; is this an .fll file?")
@@ -129,14 +118,14 @@ def _take(blocks: list[_Block], line: int, content: str) -> None:
     known = _KEYS[block.kind]
     foreign.choice(dict.fromkeys(known), key, f"line {line}: in {block.kind} the key")
     if key == known[-1]:
-        block.repeated.append((line, value))
-    elif key in block.entries:
+        block.listed.append((line, value))
+    elif key in block.settings:
         raise ControllerFileError(f"line {line}: {key} appears twice in one {block.kind}; keep one of them")
     else:
-        block.entries[key] = (line, value)
+        block.settings[key] = (line, value)
 
 
-def _system(blocks: Sequence[_Block]) -> model.FuzzySystem:
+def _system(blocks: Sequence[Block]) -> model.FuzzySystem:
     engines = [block for block in blocks if block.kind == "Engine"]
     if len(engines) != 1 or blocks[0] is not engines[0]:
         raise ControllerFileError(
@@ -151,41 +140,36 @@ def _system(blocks: Sequence[_Block]) -> model.FuzzySystem:
     for block in rule_blocks:
         _refuse_setting(block, "activation", ("General", "none", "Minimum"))
     operators = [_block_operators(block) for block in rule_blocks]
-    first = next(iter(operators), (None, None))
+    and_operator, or_operator = next(iter(operators), (None, None))
     groups = [
-        [
-            replace(rule, and_operator=own[0], or_operator=own[1])
-            for line, words in block.repeated
-            for rule in read_rules(line, words, own)
-        ]
+        (block, [rule for line, words in block.listed for rule in _own_rules(line, words, own)])
         for block, own in zip(rule_blocks, operators, strict=True)
     ]
-    rules = [rule for group in groups for rule in group]
     weighed = {output.name for output in outputs if output.defuzzifier in WEIGHING}
     for block in blocks:
         if block.kind == "OutputVariable" and block.name in weighed:
-            _refuse_joined(block, rules)
-    implying = [
-        block
-        for block, group in zip(rule_blocks, groups, strict=True)
-        if any(consequent.variable not in weighed for rule in group for consequent in rule.consequents)
-    ]
-    return settle(
-        model.FuzzySystem(
-            name=engines[0].name or "unnamed",
-            inputs=with_any(inputs, rules),
-            outputs=outputs,
-            rules=tuple(chained(rules, outputs)),
-            and_operator=first[0] or "min",
-            or_operator=first[1] or "max",
-            implication=_implication(implying),
-        )
+            _refuse_joined(block, [rule for _, group in groups for rule in group])
+    return assembled(
+        engines[0].name,
+        inputs,
+        outputs,
+        groups,
+        lambda block: (
+            _operator(block, "implication", meanings(AND, "fll")),
+            block.settings.get("implication", (block.line, ""))[0],
+        ),
+        and_operator=and_operator or "min",
+        or_operator=or_operator or "max",
     )
 
 
-def _refuse_setting(block: _Block, key: str, allowed: tuple[str, ...]) -> None:
-    if key in block.entries:
-        line, value = block.entries[key]
+def _own_rules(line: int, words: str, own: Operators) -> list[model.Rule]:
+    return [replace(rule, and_operator=own[0], or_operator=own[1]) for rule in read_rules(line, words, own)]
+
+
+def _refuse_setting(block: Block, key: str, allowed: tuple[str, ...]) -> None:
+    if key in block.settings:
+        line, value = block.settings[key]
         if value not in allowed:
             raise ControllerFileError(
                 f"line {line}: {key} of a {block.kind} is {value[:40]!r}, which cannot be read; expected "
@@ -193,9 +177,9 @@ def _refuse_setting(block: _Block, key: str, allowed: tuple[str, ...]) -> None:
             )
 
 
-def _refuse_joined(block: _Block, rules: Sequence[model.Rule]) -> None:
+def _refuse_joined(block: Block, rules: Sequence[model.Rule]) -> None:
     """Refuse to join the rules that conclude one term of an output that is weighed: each counts here."""
-    line, word = block.entries.get("aggregation", block.entries.get("accumulation", (block.line, "none")))
+    line, word = block.settings.get("aggregation", block.settings.get("accumulation", (block.line, "none")))
     if word in {"none", "", AGGREGATIONS["unbounded_sum"].fll}:
         return
     concluded = Counter(c.term for rule in rules for c in rule.consequents if c.variable == block.name)
@@ -207,40 +191,25 @@ def _refuse_joined(block: _Block, rules: Sequence[model.Rule]) -> None:
         )
 
 
-def _implication(blocks: Sequence[_Block]) -> model.AndOperator:
-    """Return how the rules of all blocks imply."""
-    found: dict[model.AndOperator, int] = {}
-    for block in blocks:
-        line, word = block.entries.get("implication", (block.line, "none"))
-        if word not in {"none", ""}:
-            known = meanings(AND, "fll")
-            found.setdefault(foreign.choice(known, word, f"line {line}: the implication"), line)
-    return foreign.one_implication(found)
+def _operator(block: Block, key: str, known: Mapping[str, _Method]) -> _Method | None:
+    """Return an operator of a block; None where it has none."""
+    line, word = block.settings.get(key, (0, "none"))
+    return None if word in {"none", ""} else foreign.choice(known, word, f"line {line}: the {key}")
 
 
-def _block_operators(block: _Block) -> Operators:
-    """Return a block's operators; None where it has none."""
-    conjunction: model.AndOperator | None = None
-    disjunction: model.OrOperator | None = None
-    if block.entries.get("conjunction", (0, "none"))[1] not in {"none", ""}:
-        line, word = block.entries["conjunction"]
-        conjunction = foreign.choice(meanings(AND, "fll"), word, f"line {line}: the conjunction")
-    if block.entries.get("disjunction", (0, "none"))[1] not in {"none", ""}:
-        line, word = block.entries["disjunction"]
-        disjunction = foreign.choice(
-            {**meanings(OR, "fll"), **NORMALIZED_SUMS}, word, f"line {line}: the disjunction"
-        )
-    return conjunction, disjunction
-
-
-def _variable(block: _Block) -> model.Variable:
-    extent = _extent(block)
-    return foreign.variable(
-        block.name, extent, _terms(block, extent), is_output=False, description=_description(block)
+def _block_operators(block: Block) -> Operators:
+    return (
+        _operator(block, "conjunction", meanings(AND, "fll")),
+        _operator(block, "disjunction", {**meanings(OR, "fll"), **NORMALIZED_SUMS}),
     )
 
 
-def _extent(block: _Block) -> Extent:
+def _variable(block: Block) -> model.Variable:
+    extent, about = _extent(block), _description(block)
+    return foreign.variable(block.name, extent, _terms(block, extent), is_output=False, description=about)
+
+
+def _extent(block: Block) -> Extent:
     line, value = _entry(block, "range")
     ends = foreign.numbers(value.split(), f"line {line}: the range")
     if len(ends) != 2:
@@ -248,48 +217,49 @@ def _extent(block: _Block) -> Extent:
     return Extent(*ends)
 
 
-def _entry(block: _Block, key: str) -> tuple[int, str]:
-    if key not in block.entries:
+def _entry(block: Block, key: str) -> tuple[int, str]:
+    if key not in block.settings:
         raise ControllerFileError(f"line {block.line}: {block.kind} {block.name} has no {key}; add it")
-    return block.entries[key]
+    return block.settings[key]
 
 
-def _description(block: _Block) -> str:
-    return block.entries.get("description", (0, ""))[1]
+def _description(block: Block) -> str:
+    return block.settings.get("description", (0, ""))[1]
 
 
-def _output(block: _Block, inputs: Sequence[str]) -> model.Variable:
+def _output(block: Block, inputs: Sequence[str]) -> model.Variable:
     extent = _extent(block)
     _refuse_setting(block, "lock-previous", ("true", "false"))
     line, words = _entry(block, "defuzzifier")
     defuzzifier, parameter = _defuzzifier(line, words)
-    line, default = block.entries.get("default", (block.line, "nan"))
-    facts: dict[str, Any] = {
-        "is_output": True,
-        "default": None if default == "nan" else foreign.number(default, f"line {line}: the default"),
-        "description": _description(block),
-        "defuzzifier": defuzzifier,
-    }
+    line, default = block.settings.get("default", (block.line, "nan"))
+    number = None if default == "nan" else foreign.number(default, f"line {line}: the default")
+    aggregation: model.Aggregation = "unbounded_sum"
     if defuzzifier in WEIGHING:
         _refuse_setting(block, "lock-range", ("false",))
-        terms = _terms(block, extent, inputs)
+        terms, num_points = _terms(block, extent, inputs), None
         _refuse_other_kind(block, parameter, terms)
-        return foreign.variable(block.name, extent, terms, aggregation="unbounded_sum", **facts)
+    else:
+        terms, num_points = _terms(block, extent), _num_points(line, parameter)
+        aggregation = _aggregation(block)
     return foreign.variable(
         block.name,
         extent,
-        _terms(block, extent),
-        num_points=_num_points(line, parameter),
-        aggregation=_aggregation(block),
-        **facts,
+        terms,
+        is_output=True,
+        num_points=num_points,
+        default=number,
+        description=_description(block),
+        defuzzifier=defuzzifier,
+        aggregation=aggregation,
     )
 
 
 def _refuse_other_kind(
-    block: _Block, parameter: str, terms: Sequence[tuple[str, model.MembershipFunction | Table]]
+    block: Block, parameter: str, terms: Sequence[tuple[str, model.MembershipFunction | Table]]
 ) -> None:
     """Refuse terms that an output is not weighed by."""
-    for (line, words), (name, shape) in zip(block.repeated, terms, strict=True):
+    for (line, words), (name, shape) in zip(block.listed, terms, strict=True):
         kind = "TakagiSugeno" if isinstance(shape, model.Number) else "Tsukamoto"
         if parameter not in {"", "Automatic", kind}:
             raise ControllerFileError(
@@ -298,11 +268,11 @@ def _refuse_other_kind(
             )
 
 
-def _aggregation(block: _Block) -> model.Aggregation:
+def _aggregation(block: Block) -> model.Aggregation:
     """Return how an output aggregates; versions before 6 called it accumulation."""
     for key in ("aggregation", "accumulation"):
-        if key in block.entries:
-            line, word = block.entries[key]
+        if key in block.settings:
+            line, word = block.settings[key]
             known: dict[str, model.Aggregation] = {**meanings(AGGREGATIONS, "fll"), **NORMALIZED_SUMS}
             return foreign.choice(known, word, f"line {line}: the {key}")
     return "max"
@@ -324,20 +294,20 @@ def _num_points(line: int, parameter: str) -> int:
 
 def _parted(line: int, words: str) -> tuple[str, str, list[str]]:
     """Return the name of a term, its shape, and the rest."""
-    name, shape, *rest = [*words.split(), "", ""][:2] + words.split()[2:]
-    if not shape:
+    parts = words.split()
+    if len(parts) < 2:
         raise ControllerFileError(
             f"line {line}: {words[:40]!r} is not a term; expected a name, a shape and its numbers"
         )
-    return name, shape, rest
+    return parts[0], parts[1], parts[2:]
 
 
 def _terms(
-    block: _Block, extent: Extent, inputs: Sequence[str] | None = None
+    block: Block, extent: Extent, inputs: Sequence[str] | None = None
 ) -> list[tuple[str, model.MembershipFunction | Table]]:
     """Read the terms of a variable; `inputs` are those of an output that is weighed."""
     terms: list[tuple[str, model.MembershipFunction | Table]] = []
-    for line, words in block.repeated:
+    for line, words in block.listed:
         name, word, values = _parted(line, words)
         if inputs is None:
             values = _without_height(word, values, f"line {line}")

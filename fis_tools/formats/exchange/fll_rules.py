@@ -3,11 +3,14 @@
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from fis_tools import model
 from fis_tools.errors import ControllerFileError
 from fis_tools.formats.exchange import foreign
-from fis_tools.formats.exchange.antecedents import ANY, FUZZYLITES, hedged, joined
+from fis_tools.formats.exchange.antecedents import ANY, FUZZYLITES, hedged, joined, with_any
+from fis_tools.formats.exchange.dialect import settle
+from fis_tools.model.operators import WEIGHING
 from fis_tools.model.systems import Named, NotResolvable, unchained
 from fis_tools.model.validate import MAX_NESTING
 
@@ -108,6 +111,46 @@ def chained(rules: Sequence[model.Rule], outputs: Sequence[model.Variable]) -> l
         return unchained(named, {output.name: output for output in outputs})
     except NotResolvable as error:
         raise ControllerFileError(str(error)) from error
+
+
+def assembled(
+    name: str,
+    inputs: Sequence[model.Variable],
+    outputs: Sequence[model.Variable],
+    groups: Sequence[tuple[foreign.Block, Sequence[model.Rule]]],
+    implied: Callable[[foreign.Block], tuple[model.AndOperator | None, int]],
+    **operators: Any,
+) -> model.FuzzySystem:
+    """Build a system of variables and of the rules of blocks.
+
+    Parameters
+    ----------
+    name : str
+    inputs, outputs : sequence of Variable
+    groups : sequence of (Block, rules)
+    implied : callable
+        How a block whose rules conclude fuzzy sets implies, if it says so, and the line where it does.
+    **operators
+        Of the system, where no rule has its own.
+    """
+    weighed = {output.name for output in outputs if output.defuzzifier in WEIGHING}
+    implications: dict[model.AndOperator, int] = {}
+    for block, group in groups:
+        if any(consequent.variable not in weighed for rule in group for consequent in rule.consequents):
+            operator, line = implied(block)
+            if operator is not None:
+                implications.setdefault(operator, line)
+    rules = [rule for _, group in groups for rule in group]
+    return settle(
+        model.FuzzySystem(
+            name=name or "unnamed",
+            inputs=with_any(inputs, rules),
+            outputs=tuple(outputs),
+            rules=tuple(chained(rules, outputs)),
+            implication=foreign.one_implication(implications),
+            **operators,
+        )
+    )
 
 
 def _disjunction(words: _Words, operators: Operators, depth: int) -> model.Expression:

@@ -6,7 +6,7 @@ Everything that is wrong in a file is reported with the place where it stands.
 import math
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import TypeVar
 
@@ -138,6 +138,17 @@ def level(start: float, end: float, low: float, high: float) -> model.Trapezoida
     """Return one between `start` and `end`, zero elsewhere."""
     start, end = sorted((start, end))
     return model.Trapezoidal(start, start, end, end)
+
+
+@dataclass
+class Block:
+    """A block of a file: what opens it, its name, settings, and what it lists, each with its line."""
+
+    kind: str
+    name: str
+    line: int
+    settings: dict[str, tuple[int, str]] = field(default_factory=dict)
+    listed: list[tuple[int, str]] = field(default_factory=list)
 
 
 @dataclass(frozen=True)
