@@ -14,9 +14,9 @@ from benchmarks.rivals import Missing, Timed
 from benchmarks.timing import best_cpu_seconds, best_wall_seconds
 from fis_tools.engines.compiler import compile
 from fis_tools.model import Constant, FuzzySystem, Gaussian, Linear, Term, Variable, table_rules
-from fis_tools.scikit_fuzzy.build import build_simulation
 from pipeline.command_line.config import compose_experiment
 from pipeline.controllers import source
+from tests.fis_tools.control_systems import build_simulation
 
 Floats = NDArray[np.float64]
 

@@ -2,19 +2,23 @@
 
 `fis_tools.formats.mapping` says what a JSON or YAML file contains. Files of other programs hold one
 system each; what they do not state is assumed, and listed. Reading any file executes nothing.
+
+Who makes a controller stores the hash of its content beside what is told of it, such as its fitness. A reader
+that finds another content says so, as one more fact: wherever provenance is shown, it is seen.
 """
 
 import hashlib
+import json
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from fis_tools.errors import ControllerFileError
-from fis_tools.formats import mapping, provenance
+from fis_tools.formats import mapping
 from fis_tools.formats.mapping import to_mapping
 from fis_tools.formats.notation import (
     MAX_FILE_BYTES,
@@ -114,7 +118,7 @@ def from_mapping(content: Any) -> FuzzyController:
     ControllerFileError
         As `fis_tools.formats.mapping.from_mapping` does.
     """
-    return provenance.checked(mapping.from_mapping(content))
+    return checked(mapping.from_mapping(content))
 
 
 def dump_json(controller: FuzzyController) -> str:
@@ -256,3 +260,56 @@ def writer(name: str) -> Callable[[FuzzyController], Written]:
 def _module(name: str) -> Any:
     """Import a kind's module, which few files need."""
     return import_module(f"fis_tools.formats.exchange.{name}")
+
+
+#: the fact that holds the hash of the content that the others are about
+CONTENT_HASH: Final = "controller_hash"
+#: the fact that tells of a later change
+EDITED: Final = "edited"
+#: the fact that tells of a change by `fis_tools.findings.simplification`
+SIMPLIFIED: Final = "simplified_from"
+
+
+def content_hash(controller: FuzzyController) -> str:
+    """Return the SHA-256 of what a controller does: its attributes and systems without descriptions."""
+    mapping = to_mapping(controller)
+    content = {
+        "attributes": {name: _as_number(text) for name, text in controller.attributes},
+        "systems": _without_descriptions(mapping["systems"]),
+    }
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+
+def described(controller: FuzzyController, facts: Mapping[str, str]) -> FuzzyController:
+    """Return a controller with facts about it as its provenance, and the hash of what they are about."""
+    told = {**facts, CONTENT_HASH: content_hash(controller)}
+    return replace(controller, provenance=tuple(sorted(told.items())))
+
+
+def checked(controller: FuzzyController) -> FuzzyController:
+    """Return a controller that was read; where its provenance is of another, that says so."""
+    told = dict(controller.provenance)
+    expected = told.get(CONTENT_HASH)
+    if expected is None or expected == content_hash(controller):
+        return controller
+    who = "by simplify" if SIMPLIFIED in told else "by hand"
+    told[EDITED] = f"{who} after training; fitness and figures are of hash {expected}"
+    return replace(controller, provenance=tuple(sorted(told.items())))
+
+
+def edited(controller: FuzzyController) -> str | None:
+    """Return what is told of a later change; None where nothing is."""
+    return dict(controller.provenance).get(EDITED)
+
+
+def _as_number(text: str) -> float | str:
+    try:
+        return float(text)
+    except ValueError:
+        return text
+
+
+def _without_descriptions(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _without_descriptions(one) for key, one in value.items() if key != "description"}
+    return [_without_descriptions(one) for one in value] if isinstance(value, list) else value

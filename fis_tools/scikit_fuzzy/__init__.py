@@ -1,4 +1,4 @@
-"""To and from scikit-fuzzy's control systems."""
+"""From scikit-fuzzy's control systems."""
 
 from importlib.util import find_spec
 

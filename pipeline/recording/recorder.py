@@ -19,7 +19,7 @@ from fis_tools.compiled.decorator import sparingly
 from fis_tools.engines.compiler import CompiledSystem, compile
 from fis_tools.engines.kernel import firing_strengths
 from fis_tools.formats import serialize
-from fis_tools.formats.provenance import edited
+from fis_tools.formats.serialize import edited
 from fis_tools.model import FuzzyController
 from fis_tools.model.thrust import COMPONENTS, COUNTED, REASONS, thrust_logic
 from fis_tools.words.text import sentences

@@ -141,7 +141,7 @@ def _edited(source: Mapping[str, Any]) -> str | None:
     """Return how the configured controller differs from what its provenance tells of; None if it does not."""
     from fis_tools.errors import ControllerFileError  # noqa: PLC0415 - only runs need them
     from fis_tools.formats import serialize  # noqa: PLC0415 - as above
-    from fis_tools.formats.provenance import edited  # noqa: PLC0415 - as above
+    from fis_tools.formats.serialize import edited  # noqa: PLC0415 - as above
 
     with suppress(ControllerFileError):
         if "systems" in source:

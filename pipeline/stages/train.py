@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from fis_tools.formats import serialize
-from fis_tools.formats.provenance import described
+from fis_tools.formats.serialize import described
 from pipeline.controllers import source
 from pipeline.flight.cases.starts import validation_scenarios
 from pipeline.flight.control.controller import ControllerError

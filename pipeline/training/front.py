@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.formats import serialize
-from fis_tools.formats.provenance import described
+from fis_tools.formats.serialize import described
 from fis_tools.model import FuzzyController
 from pipeline.array_types import Floats
 from pipeline.run import artifacts, tables

@@ -6,7 +6,7 @@ from skfuzzy.control.controlsystem import CrispValueCalculator
 
 from fis_tools.array_types import Floats
 from fis_tools.model import FuzzySystem, Variable
-from fis_tools.scikit_fuzzy.build import build_control_system
+from tests.fis_tools.control_systems import build_control_system
 
 #: Results that a reference engine keeps before it empties scikit-fuzzy's cache.
 RUNS_KEPT = 1000

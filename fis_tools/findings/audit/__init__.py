@@ -10,7 +10,7 @@ from fis_tools.analysis.measures import measure
 from fis_tools.array_types import Floats
 from fis_tools.findings.audit import answers, rules, terms
 from fis_tools.findings.audit.report import Audit, AuditedSystem, Finding, Severity, Thresholds
-from fis_tools.formats.provenance import edited
+from fis_tools.formats.serialize import edited
 from fis_tools.model import FuzzyController, FuzzySystem
 from fis_tools.model.validate import nearest, validate
 

@@ -31,7 +31,7 @@ from fis_tools.findings.simplification.report import (
     budget_words,
     num_terms,
 )
-from fis_tools.formats.provenance import SIMPLIFIED, checked
+from fis_tools.formats.serialize import SIMPLIFIED, checked
 from fis_tools.model import FuzzyController, FuzzySystem
 from fis_tools.model.systems import require_mamdani
 from fis_tools.model.validate import nearest, validate

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 from fis_tools.errors import ControllerFileError
-from fis_tools.formats import notation, provenance
+from fis_tools.formats import notation, serialize
 from fis_tools.formats.exchange.antecedents import ANY, NotExpressible, Statement, any_term, mentions, renamed
 from fis_tools.formats.exchange.dialect import (
     INPUT_POINTS,
@@ -35,7 +35,7 @@ from fis_tools.words.text import number
 MARK = "fis_tools carries 1: "
 _ANY_MARK = "fis_tools carries "
 #: A fact of a controller whose file was changed after it was written.
-EDITED = (provenance.EDITED, "by hand in an exchange file, after that was written")
+EDITED = (serialize.EDITED, "by hand in an exchange file, after that was written")
 
 
 def comment(controller: FuzzyController) -> str:

@@ -14,7 +14,7 @@ from fis_tools.engines.compiler import compile
 from fis_tools.findings.explanation import Explanation, Flip, explain, flips, shares
 from fis_tools.formats.serialize import load
 from fis_tools.model import Consequent, FuzzySystem, Is, Rule, Term, Triangular, Variable
-from fis_tools.scikit_fuzzy.build import build_control_system
+from tests.fis_tools.control_systems import build_control_system
 from tests.fis_tools.reference_engine import ReferenceEngine
 from tests.fis_tools.sample_controllers import force_x_system, force_z_system, general_controller
 from tests.places import PROJECT

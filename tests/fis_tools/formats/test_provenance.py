@@ -9,7 +9,7 @@ from fis_tools.errors import ControllerFileError
 from fis_tools.findings.audit import audit
 from fis_tools.findings.simplification import simplify
 from fis_tools.formats import serialize
-from fis_tools.formats.provenance import content_hash, described, edited
+from fis_tools.formats.serialize import content_hash, described, edited
 from fis_tools.source import named, read_controller
 from tests.fis_tools.sample_controllers import paper_like_controller
 from tests.places import PROJECT

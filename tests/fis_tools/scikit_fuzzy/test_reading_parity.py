@@ -9,8 +9,8 @@ from skfuzzy.control import ControlSystem
 from fis_tools.engines import inference
 from fis_tools.engines.inference import infer
 from fis_tools.model import FuzzySystem
-from fis_tools.scikit_fuzzy.build import build_control_system
 from fis_tools.scikit_fuzzy.read import read_control_system
+from tests.fis_tools.control_systems import build_control_system
 from tests.fis_tools.engines.random_systems import inputs_for, random_general_system
 from tests.fis_tools.scikit_fuzzy.random_control_systems import (
     compute,

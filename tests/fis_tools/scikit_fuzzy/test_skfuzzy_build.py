@@ -10,8 +10,8 @@ from skfuzzy import control
 from fis_tools.engines.inference import infer
 from fis_tools.model import And, Consequent, FuzzySystem, Is, Or, Rule, Term, Triangular, Variable
 from fis_tools.model.validate import InvalidSystem
-from fis_tools.scikit_fuzzy.build import build_control_system, build_simulation
 from tests.fis_tools import reference_engine
+from tests.fis_tools.control_systems import build_control_system, build_simulation
 from tests.fis_tools.reference_engine import ReferenceEngine
 from tests.fis_tools.sample_controllers import force_x_system, general_controller
 

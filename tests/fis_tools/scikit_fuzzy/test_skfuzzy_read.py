@@ -26,8 +26,8 @@ from fis_tools.model import (
     Variable,
     operators,
 )
-from fis_tools.scikit_fuzzy.build import build_control_system, build_simulation
 from fis_tools.scikit_fuzzy.read import UnreadableControlSystem, read_control_system
+from tests.fis_tools.control_systems import build_control_system, build_simulation
 from tests.fis_tools.sample_controllers import force_x_system, force_z_system, general_controller
 
 

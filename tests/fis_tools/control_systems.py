@@ -1,6 +1,4 @@
-"""Build scikit-fuzzy control systems from fuzzy systems.
-
-For code that expects scikit-fuzzy's own objects, and for the proof that the engines agree with it.
+"""scikit-fuzzy's control systems built from fuzzy systems, for the proof that the engines agree with it.
 
 Every call builds fresh variables. scikit-fuzzy keeps state on classes, keyed by objects and by ``id``, so two
 control systems on the same variables can read each other's cached memberships.
