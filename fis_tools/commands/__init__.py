@@ -6,12 +6,12 @@ COMMANDS = {
     "show": ("views", "Print variables, terms and rule tables."),
     "plot": ("views", "Draw membership functions, rules, surfaces and inferences into a folder."),
     "surface": ("views", "Evaluate an output over two inputs, as numbers or a picture."),
-    "export": ("export", "Write a controller as tables, for other programs, or as C source."),
+    "export": ("files", "Write a controller as tables, for other programs, or as C source."),
     "import": (
-        "making",
+        "files",
         "Make one controller file from files of other programs, such as MATLAB or fuzzylite.",
     ),
-    "learn": ("making", "Make a fuzzy system from a table of numbers."),
+    "learn": ("files", "Make a fuzzy system from a table of numbers."),
     "audit": ("findings", "List what a reviewer should know: gaps, slips, idle rules."),
     "explain": ("findings", "Tell why: which rules moved the output, what would flip it."),
     "firing": (
