@@ -100,8 +100,6 @@ def _variable_mapping(variable: model.Variable) -> dict[str, Any]:
 
 
 def _membership_mapping(membership: model.MembershipFunction) -> dict[str, Any]:
-    if isinstance(membership, model.Sampled):
-        return {"values": [float(value) for value in membership.values]}
     name = membership.entry.name
     shape = {} if name in _KNOWN_BY_KEYS else {"shape": name}
     return {**shape, **{key: _plain(getattr(membership, key)) for key in _keys(name)}}
@@ -246,6 +244,17 @@ def _items(value: Any, where: str, read: Callable[[Any, str], _Item]) -> list[_I
     return [read(item, f"{where}[{index}]") for index, item in enumerate(value)]
 
 
+def _numbers(value: Any, where: str) -> tuple[float, ...]:
+    return tuple(_items(value, where, _number))
+
+
+def _reader_of(parameter: str) -> Callable[[Any, str], Any]:
+    """Return what reads a parameter of a shape."""
+    if parameter in {"values", "coefficients"}:
+        return _numbers
+    return _text if parameter == "text" else _number
+
+
 def _facts(value: Any, where: str) -> tuple[tuple[str, str], ...]:
     if not isinstance(value, Mapping):
         raise ControllerFileError(f"{where} is {_kind_of(value)}; expected a mapping of words to words")
@@ -290,14 +299,14 @@ def _variable(
     )
     points: tuple[float, ...] | None = None
     if is_listed:
-        points = tuple(_items(value["universe"], f"{where}.universe", _number))
+        points = _numbers(value["universe"], f"{where}.universe")
         if not points or value.get("points", len(points)) != len(points):
             raise ControllerFileError(
                 f"{where}.universe has {len(points)} numbers; list every point, drop 'points'"
             )
         low, high = points[0], points[-1]
     else:
-        ends = _items(value["range"], f"{where}.range", _number)
+        ends = _numbers(value["range"], f"{where}.range")
         if len(ends) != 2:
             raise ControllerFileError(f"{where}.range has {len(ends)} numbers; expected [lowest, highest]")
         low, high = ends
@@ -324,15 +333,8 @@ def _term(value: Any, where: str) -> model.Term:
     shape = _shape_of(value, where)
     _check_keys(value, where, ("name", *_keys(shape)), ("shape",))
     name = _text(value["name"], f"{where}.name")
-    if shape == "sampled":
-        return model.Term(name, model.Sampled(tuple(_items(value["values"], f"{where}.values", _number))))
-    if shape == "linear":
-        coefficients = tuple(_items(value["coefficients"], f"{where}.coefficients", _number))
-        return model.Term(name, model.Linear(coefficients, _number(value["constant"], f"{where}.constant")))
-    if shape == "formula":
-        return model.Term(name, model.Formula(_text(value["text"], f"{where}.text")))
-    numbers = {key: _number(value[key], f"{where}.{key}") for key in _keys(shape)}
-    return model.Term(name, SHAPES[shape](**numbers))
+    parameters = {key: _reader_of(key)(value[key], f"{where}.{key}") for key in _keys(shape)}
+    return model.Term(name, SHAPES[shape](**parameters))
 
 
 def _shape_of(value: Any, where: str) -> str:

@@ -86,9 +86,9 @@ class Recipe:
                 raise Unlearnable(f"{name} is {value!r}; give a whole number from {least} to {most}")
 
 
-def chosen_columns(
-    columns: Sequence[Column], rows: Floats, targets: Floats, *, terms: int, most: int, kind: Kind
-) -> list[int]:
+def _chosen_columns(
+    columns: Sequence[Column], rows: Floats, targets: Floats, recipe: Recipe, kind: Kind
+) -> tuple[int, ...]:
     """Choose columns one after the other, each time the one that lowers the expected error most.
 
     Parameters
@@ -96,21 +96,27 @@ def chosen_columns(
     columns : sequence of Column
     rows : (n, num_columns)
     targets : (n, num_targets)
-    terms, most : int
+    recipe : Recipe
         Terms of each column, and how many are chosen at most.
     kind : {"constants", "linear", "shares"}
         What rules would conclude; see `fis_tools.learning.rules.fit`, whose error is taken.
 
     Returns
     -------
-    list of int
+    tuple of int
         Their places, in the order of the table; one at least, even if none lowers the error.
     """
-    partitions = [even(column.low, column.high, terms) for column in columns]
+    inputs = min(recipe.max_inputs, len(columns))
+    if recipe.terms**inputs > MOST_RULES:
+        raise Unlearnable(
+            f"{recipe.terms} terms of {inputs} inputs are up to {recipe.terms**inputs:,} rules, more than "
+            f"{MOST_RULES:,}, which nobody reads; lower terms or max_inputs"
+        )
+    partitions = _even(columns, recipe.terms)
     waiting = [place for place in range(len(columns)) if np.ptp(rows[:, place]) > 0.0] or [0]
     chosen: list[int] = []
     lowest = np.inf
-    while waiting and len(chosen) < most:
+    while waiting and len(chosen) < recipe.max_inputs:
         scores = []
         for place in waiting:
             tried = [*chosen, place]
@@ -121,7 +127,7 @@ def chosen_columns(
             break
         lowest = scores[best]
         chosen.append(waiting.pop(best))
-    return sorted(chosen)
+    return tuple(sorted(chosen))
 
 
 #: Rows that columns are chosen and terms are tuned by, spread over the table; rules are learned from all.
@@ -208,7 +214,7 @@ def _learn_numbers(
 ) -> Learned:
     """Learn a system whose rules conclude numbers."""
     some = _spread(len(rows))
-    chosen = _choose(columns, rows[some], targets[some], recipe, kind)
+    chosen = _chosen_columns(columns, rows[some], targets[some], recipe, kind)
     rows = rows[:, chosen]
     fed = [columns[place] for place in chosen]
     partitions = _even(fed, recipe.terms)
@@ -226,7 +232,7 @@ def _learn_sets(
 ) -> Learned:
     """Learn a Mamdani system."""
     some = _spread(len(rows))
-    chosen = _choose(columns, rows[some], values[some, np.newaxis], recipe, "constants")
+    chosen = _chosen_columns(columns, rows[some], values[some, np.newaxis], recipe, "constants")
     rows = rows[:, chosen]
     names = distinct([*(columns[place].name for place in chosen), target.name])
     fed = [replace(columns[place], name=name) for place, name in zip(chosen, names, strict=False)]
@@ -246,20 +252,6 @@ def _learn_sets(
     if recipe.tune:
         partitions = tuned(partitions, error)
     return Learned(system(partitions, slice(None)), chosen)
-
-
-def _choose(
-    columns: Sequence[Column], rows: Floats, targets: Floats, recipe: Recipe, kind: Kind
-) -> tuple[int, ...]:
-    inputs = min(recipe.max_inputs, len(columns))
-    if recipe.terms**inputs > MOST_RULES:
-        raise Unlearnable(
-            f"{recipe.terms} terms of {inputs} inputs are up to {recipe.terms**inputs:,} rules, more than "
-            f"{MOST_RULES:,}, which nobody reads; lower terms or max_inputs"
-        )
-    return tuple(
-        chosen_columns(columns, rows, targets, terms=recipe.terms, most=recipe.max_inputs, kind=kind)
-    )
 
 
 def _even(columns: Sequence[Column], terms: int) -> tuple[Partition, ...]:

@@ -142,10 +142,8 @@ def read(path: Path | str) -> Mapping[str, Any]:
     MissingExtra
         If it is a Parquet file and pyarrow is not installed.
     """
-    return _read_parquet(path) if Path(path).suffix.lower() == tables.PARQUET else read_csv(path)
-
-
-def _read_parquet(path: Path | str) -> dict[str, NDArray[Any]]:
+    if Path(path).suffix.lower() != tables.PARQUET:
+        return read_csv(path)
     try:
         return tables.read_parquet(Path(path), list)
     except ControllerFileError as error:

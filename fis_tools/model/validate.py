@@ -211,17 +211,14 @@ def _universe_problems(variable: Variable) -> Iterator[str]:
 def shape_problems(shape: MembershipFunction, num_points: int) -> Iterator[str]:
     """Yield the problems of a membership function's parameters, for a universe of `num_points`."""
     if type(shape) not in SHAPES.values():
-        yield f"{type(shape).__name__} is not a known shape; choose one of {', '.join(_shape_names())}"
+        known = ", ".join(kind.__name__ for kind in SHAPES.values())
+        yield f"{type(shape).__name__} is not a known shape; choose one of {known}"
     elif isinstance(shape, Sampled):
         yield from _value_problems(shape, num_points)
     else:
         yield from parameter_problems(shape)
         if isinstance(shape, Linear) and not all(map(_is_finite, shape.coefficients)):
             yield f"the coefficients {shape.coefficients} must be finite numbers"
-
-
-def _shape_names() -> Iterator[str]:
-    return (kind.__name__ for kind in SHAPES.values())
 
 
 def parameter_problems(shape: MembershipFunction) -> Iterator[str]:
@@ -291,12 +288,8 @@ def _output_problems(system: FuzzySystem) -> Iterator[str]:
             )
     for variable in system.inputs:
         yield from _number_problems(variable)
-        for key, unset in (
-            ("default", None),
-            ("defuzzifier", None),
-            ("accumulation", "max"),
-            ("aggregation", "max"),
-        ):
+        usual = {"default": None, "defuzzifier": None, "accumulation": "max", "aggregation": "max"}
+        for key, unset in usual.items():
             if getattr(variable, key) != unset:
                 article = "an" if key[0] == "a" else "a"
                 yield f"input {variable.name!r} has {article} {key}; only outputs have one, so drop it"

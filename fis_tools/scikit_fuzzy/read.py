@@ -104,8 +104,11 @@ def read_control_system(
         )
     # The graph's own order is that of `source.rules`, which takes seconds where rules are many.
     rules = [node for node in source.graph.nodes() if isinstance(node, control.Rule)]
-    _check_names(defaults or {}, [str(output.label) for output in source.consequents])
-    outputs = tuple(_output(output, defaults or {}, tolerance) for output in source.consequents)
+    defaults, labels = defaults or {}, [str(output.label) for output in source.consequents]
+    for label in defaults:
+        if label not in labels:
+            raise UnreadableControlSystem(f"defaults name {label!r}, no output; {nearest(label, labels)}")
+    outputs = tuple(_output(output, defaults, tolerance) for output in source.consequents)
     read = _with_common_methods(
         model.FuzzySystem(
             name=name,
@@ -118,12 +121,6 @@ def read_control_system(
     if found:
         raise UnreadableControlSystem("\n".join(found))
     return read
-
-
-def _check_names(defaults: Mapping[str, float], outputs: list[str]) -> None:
-    for label in defaults:
-        if label not in outputs:
-            raise UnreadableControlSystem(f"defaults name {label!r}, no output; {nearest(label, outputs)}")
 
 
 # Variables.
@@ -231,7 +228,7 @@ def _called(source: control.Rule) -> str:
 def _rule(source: control.Rule) -> model.Rule:
     where = _called(source)
     antecedent = _expression(source.antecedent, where, 0)
-    kinds = _kinds(antecedent)
+    kinds = {type(part) for part in model.parts_of(antecedent)}
     and_operator = or_operator = None
     if model.And in kinds:
         and_operator = _named(source.and_func, _AND_NAMES, AND_OPERATORS, f"and_func of {where}")
@@ -277,15 +274,6 @@ def _mentioned(term: Any, kind: Any, where: str) -> tuple[str, str]:
             "after the terms"
         )
     return label, str(term.label)
-
-
-def _kinds(expression: model.Expression) -> set[type]:
-    match expression:
-        case model.Not(operand):
-            return {model.Not} | _kinds(operand)
-        case model.And(operands) | model.Or(operands):
-            return {type(expression)}.union(*(_kinds(operand) for operand in operands))
-    return {model.Is}
 
 
 def _named(

@@ -6,15 +6,13 @@ the functions of the standard around it, and, where gcc is at hand, the library 
 
 import io
 import platform
-import shutil
-import subprocess
 import sys
-import tempfile
 import zipfile
 from pathlib import Path
 from typing import NamedTuple
 from xml.sax.saxutils import quoteattr
 
+from fis_tools.formats.c.parts import compiled
 from fis_tools.formats.c.source import function_name, write
 from fis_tools.model import FuzzyController, FuzzySystem, Variable
 
@@ -139,16 +137,7 @@ def _start(variable: Variable) -> float:
 
 def _compiled(files: dict[str, bytes]) -> bytes | None:
     """Return the library that gcc makes of the sources; None without gcc."""
-    gcc = shutil.which("gcc")
-    if gcc is None:
-        return None
-    with tempfile.TemporaryDirectory() as folder:
-        sources = [Path(path).name for path in files if path.startswith("sources/")]
-        for source in sources:
-            (Path(folder) / source).write_bytes(files[f"sources/{source}"])
-        options = ["-std=c99", "-O2", "-ffp-contract=off", "-fPIC", "-fvisibility=hidden", "-shared"]
-        words = [gcc, *options, *sources, "-o", "library.so", "-lm"]
-        done = subprocess.run(words, cwd=folder, capture_output=True, text=True, check=False)  # noqa: S603
-        if done.returncode != 0:
-            raise RuntimeError(f"gcc refuses the source: {done.stderr.strip()}")
-        return (Path(folder) / "library.so").read_bytes()
+    sources = {Path(path).name: content for path, content in files.items() if path.startswith("sources/")}
+    options = ["-ffp-contract=off", "-fPIC", "-fvisibility=hidden", "-shared"]
+    options += [*sources, "-o", "library.so", "-lm"]
+    return compiled(sources, options, "library.so", "source")

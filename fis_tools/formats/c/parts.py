@@ -10,7 +10,7 @@ import re
 import shutil
 import subprocess
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cache
 from math import ceil, log2
 from pathlib import Path
@@ -189,6 +189,27 @@ def _counted(method: str) -> Operations:
     )
 
 
+def compiled(files: Mapping[str, bytes], options: Sequence[str], made: str, what: str) -> bytes | None:
+    """Return a file that gcc makes of others on this machine; None without gcc.
+
+    Raises
+    ------
+    RuntimeError
+        If gcc refuses what they are.
+    """
+    gcc = shutil.which("gcc")
+    if gcc is None:
+        return None
+    with tempfile.TemporaryDirectory() as folder:
+        for name, content in files.items():
+            (Path(folder) / name).write_bytes(content)
+        words = [gcc, "-std=c99", "-O2", *options]
+        done = subprocess.run(words, cwd=folder, capture_output=True, text=True, check=False)  # noqa: S603
+        if done.returncode != 0:
+            raise RuntimeError(f"gcc refuses the {what}: {done.stderr.strip()}")
+        return (Path(folder) / made).read_bytes()
+
+
 def stack_bytes(text: str) -> int | None:
     """Return the most stack that a written file takes, by gcc at -O2 on this machine; None without gcc.
 
@@ -199,16 +220,11 @@ def stack_bytes(text: str) -> int | None:
     RuntimeError
         If gcc refuses the file, or a function's stack is not bounded.
     """
-    gcc = shutil.which("gcc")
-    if gcc is None:
+    options = ["-fstack-usage", "-fcallgraph-info=su", "-c", "controller.c"]
+    made = compiled({"controller.c": text.encode()}, options, "controller.ci", "file")
+    if made is None:
         return None
-    with tempfile.TemporaryDirectory() as folder:
-        (Path(folder) / "controller.c").write_text(text, encoding="utf-8")
-        words = [gcc, "-std=c99", "-O2", "-fstack-usage", "-fcallgraph-info=su", "-c", "controller.c"]
-        done = subprocess.run(words, cwd=folder, capture_output=True, text=True, check=False)  # noqa: S603
-        if done.returncode != 0:
-            raise RuntimeError(f"gcc refuses the file: {done.stderr.strip()}")
-        graph = (Path(folder) / "controller.ci").read_text(encoding="utf-8")
+    graph = made.decode()
     own: dict[str, int] = {}
     for name, label in re.findall(r'node: \{ title: "([^"]+)" label: "([^"]*)"', graph):
         size = re.search(r"(\d+) bytes \((static|dynamic,bounded)\)", label)

@@ -7,7 +7,7 @@ library only ``math.h`` and ``stdbool.h`` are included.
 
 import re
 from collections.abc import Iterable, Iterator, Sequence
-from functools import reduce
+from functools import partial, reduce
 from textwrap import wrap
 
 from fis_tools import model
@@ -18,6 +18,7 @@ from fis_tools.model.variables import sample
 from fis_tools.words.text import number, sentence, shape_words, summary, with_unit
 
 WIDTH = 110
+_wrap = partial(wrap, break_long_words=False, break_on_hyphens=False)
 
 #: What the written file compiles with. Not ``-Wfloat-equal``: equal heights are told apart on purpose.
 WARNINGS = (
@@ -125,11 +126,7 @@ def _operations_in_words(controller: model.FuzzyController) -> str:
 
 
 def _comment(*paragraphs: str, indent: str = "") -> str:
-    lines = [
-        line
-        for text in paragraphs
-        for line in wrap(_plain(text), WIDTH - 8, break_long_words=False, break_on_hyphens=False) or [""]
-    ]
+    lines = [line for text in paragraphs for line in _wrap(_plain(text), WIDTH - 8) or [""]]
     if len(lines) == 1:
         return f"{indent}/* {lines[0]} */"
     return "\n".join([f"{indent}/*", *(f"{indent} * {line}".rstrip() for line in lines), f"{indent} */"])
@@ -174,20 +171,17 @@ class _Part:
     @property
     def signature(self) -> str:
         """The function's declaration without its end."""
+        linkage = "static " if self.prefix.startswith("static ") else ""
         inputs = f"const double inputs[{len(self.system.inputs)}]"
         if len(self.system.outputs) == 1:
-            return f"{self._linkage}double {self.function_name}({inputs})"
+            return f"{linkage}double {self.function_name}({inputs})"
         outputs = f"double outputs[{len(self.system.outputs)}]"
-        return f"{self._linkage}void {self.function_name}({inputs}, {outputs})"
+        return f"{linkage}void {self.function_name}({inputs}, {outputs})"
 
     @property
     def function_name(self) -> str:
         """What the function is called."""
         return f"{self.prefix.removeprefix('static ')}_{self.name}"
-
-    @property
-    def _linkage(self) -> str:
-        return "static " if self.prefix.startswith("static ") else ""
 
     def _cutting(self) -> list[Conclusion]:
         """Return what becomes of the outputs whose terms are cut."""
@@ -250,16 +244,16 @@ class _Part:
 
     def _declarations(self) -> Iterator[str]:
         for variable in self.system.inputs:
-            yield f"double {self._degrees(variable.name)}[{len(variable.terms)}];"
+            yield f"double degrees_{self.words[variable.name]}[{len(variable.terms)}];"
         for output in self.system.outputs:
             terms = self.concluded[output.name]
             if terms and self.system.weighs(output):
-                yield f"double {self._total(output.name)} = 0.0;"
-                yield f"double {self._moment(output.name)} = 0.0;"
+                yield f"double total_{self.words[output.name]} = 0.0;"
+                yield f"double moment_{self.words[output.name]} = 0.0;"
             elif terms and self.system.cuts(output):
-                yield f"double {self._cuts(output.name)}[{len(terms)}];"
+                yield f"double cuts_{self.words[output.name]}[{len(terms)}];"
             elif terms:
-                yield f"double {self._heights(output.name)}[{output.num_points}] = {{0.0}};"
+                yield f"double heights_{self.words[output.name]}[{output.num_points}] = {{0.0}};"
         cut = self._cutting()
         if cut:
             points = max(len(c.universe) + len(c.runs) for c in cut)
@@ -285,7 +279,7 @@ class _Part:
             table, size = self._place(variable), f"{variable.num_points}"
             yield from _wrapped(
                 f"fuzzify(inputs[{place}], universe_{table}, {size}, &memberships_{table}[0][0], "
-                f"{len(variable.terms)}, {self._degrees(variable.name)});"
+                f"{len(variable.terms)}, degrees_{self.words[variable.name]});"
             )
 
     def _rules(self) -> Iterator[str]:
@@ -305,7 +299,7 @@ class _Part:
                     yield from _wrapped(self._conclusion(output, consequent))
                     continue
                 terms = [term.name for term in self.concluded[consequent.variable]]
-                target = f"{self._cuts(consequent.variable)}[{terms.index(consequent.term)}]"
+                target = f"cuts_{self.words[consequent.variable]}[{terms.index(consequent.term)}]"
                 value = "strength" if consequent.weight == 1.0 else f"strength * {float(consequent.weight)!r}"
                 if target in cut:
                     value = f"fuzzy_{accumulations[consequent.variable]}({value}, {target})"
@@ -318,7 +312,7 @@ class _Part:
         strength = "strength" if weight == 1.0 else f"(strength * {weight!r})"
         shape = output.terms[output.term_index(consequent.term)].membership
         number = _number_concluded(shape, strength, self.system.inputs, output)
-        total, moment = self._total(output.name), self._moment(output.name)
+        total, moment = f"total_{self.words[output.name]}", f"moment_{self.words[output.name]}"
         return f"weigh({strength}, {number}, &{total}, &{moment});"
 
     def _conclusion(self, output: model.Variable, consequent: model.Consequent) -> str:
@@ -327,14 +321,14 @@ class _Part:
         strength = f"strength * {float(consequent.weight)!r}"
         return (
             f"{self._conclude(output)[0]}(memberships_{self._place(output)}[{row}], {output.num_points}, "
-            f"{strength}, {self._heights(output.name)});"
+            f"{strength}, heights_{self.words[output.name]});"
         )
 
     def _degree(self, rule: model.Rule, expression: model.Expression) -> str:
         match expression:
             case model.Is(variable, term):
                 index = self.system.variable(variable).term_index(term)
-                return f"{self._degrees(variable)}[{index}]"
+                return f"degrees_{self.words[variable]}[{index}]"
             case model.Not(operand):
                 return f"fuzzy_not({self._degree(rule, operand)})"
             case model.Hedged(hedge, operand):
@@ -354,7 +348,7 @@ class _Part:
                 yield f"{target} {default}; /* no rule concludes it */"
                 continue
             if self.system.weighs(output):
-                total, moment = self._total(output.name), self._moment(output.name)
+                total, moment = f"total_{self.words[output.name]}", f"moment_{self.words[output.name]}"
                 is_sum = self.system.defuzzifier_of(output) == "weighted_sum"
                 value = moment if is_sum else f"{moment} / {total}"
                 yield f"{target} {total} > 0.0 ? {value} : {default};"
@@ -362,7 +356,7 @@ class _Part:
             table, size = self._place(output), len(self.concluded[output.name])
             defuzzifier = parts.DEFUZZIFIERS[self.system.defuzzifier_of(output)]
             if not self.system.cuts(output):
-                heights, count = self._heights(output.name), output.num_points
+                heights, count = f"heights_{self.words[output.name]}", output.num_points
                 yield from _wrapped(
                     f"{target} greatest({heights}, {count}) > 0.0 ? "
                     f"{defuzzifier}(universe_{table}, {heights}, {count}) : {default};"
@@ -370,24 +364,9 @@ class _Part:
                 continue
             yield from _wrapped(
                 f"count = aggregate(universe_{table}, {output.num_points}, &memberships_{table}[0][0], "
-                f"{self._cuts(output.name)}, {size}, crossings, x, y);"
+                f"cuts_{self.words[output.name]}, {size}, crossings, x, y);"
             )
             yield f"{target} greatest(y, count) > 0.0 ? {defuzzifier}(x, y, count) : {default};"
-
-    def _degrees(self, variable: str) -> str:
-        return f"degrees_{self.words[variable]}"
-
-    def _heights(self, variable: str) -> str:
-        return f"heights_{self.words[variable]}"
-
-    def _total(self, variable: str) -> str:
-        return f"total_{self.words[variable]}"
-
-    def _moment(self, variable: str) -> str:
-        return f"moment_{self.words[variable]}"
-
-    def _cuts(self, variable: str) -> str:
-        return f"cuts_{self.words[variable]}"
 
 
 def _number_concluded(
@@ -427,18 +406,9 @@ def _default_words(output: model.Variable) -> str:
 
 def _numbers(values: Sequence[float], indent: str) -> list[str]:
     """Write numbers that read back as the same doubles, as many on a line as fit."""
-    return wrap(
-        ", ".join(map(repr, values)),
-        WIDTH,
-        initial_indent=indent,
-        subsequent_indent=indent,
-        break_long_words=False,
-        break_on_hyphens=False,
-    )
+    return _wrap(", ".join(map(repr, values)), WIDTH, initial_indent=indent, subsequent_indent=indent)
 
 
 def _wrapped(statement: str) -> list[str]:
     """Break a long statement between its words."""
-    return wrap(
-        statement, WIDTH - 4, subsequent_indent="    ", break_long_words=False, break_on_hyphens=False
-    )
+    return _wrap(statement, WIDTH - 4, subsequent_indent="    ")

@@ -6,10 +6,10 @@ file differ, as its schema asks. Shapes that the standard does not know are writ
 which only `fis_tools` reads.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 from fis_tools import model
 from fis_tools.errors import ControllerFileError
@@ -18,7 +18,7 @@ from fis_tools.formats.exchange.antecedents import operands_of, statement_of
 from fis_tools.formats.exchange.carried import understand
 from fis_tools.formats.exchange.dialect import Dialect, Expressed, settle
 from fis_tools.formats.exchange.foreign import Extent, Table
-from fis_tools.formats.exchange.vocabulary import AGGREGATIONS, AND, DEFUZZIFIERS, HEDGES, OR, meanings
+from fis_tools.formats.exchange.vocabulary import AGGREGATIONS, AND, DEFUZZIFIERS, HEDGES, OR, Words, meanings
 from fis_tools.formats.exchange.writing import written
 from fis_tools.formats.exchange.xml import Element
 from fis_tools.formats.serialize import Reading, Written
@@ -29,6 +29,9 @@ from fis_tools.model.systems import has_sets
 DIALECT = Dialect(
     title="an FML file", holds_units=True, has_unique_names=True, weighs_one_kind=True, hedges="fml"
 )
+_Name = TypeVar("_Name", bound=str)
+#: How numbers are weighed.
+_COMBINATIONS = {way: DEFUZZIFIERS[way] for way in WEIGHING}
 #: Modifiers of a clause.
 _MODIFIERS: dict[str, Callable[[model.Expression], model.Expression]] = {
     "not": model.Not,
@@ -187,24 +190,16 @@ def _system(root: Element) -> model.FuzzySystem:
     variables = [_variable(child, sum(is_input)) for child in bases[0].children]
     (rule_base,) = rule_bases
     tags = _RULE_BASES[rule_base.name]
-    activation = rule_base.attributes.get("activationMethod", "MIN")
-    conjunction, disjunction = (
-        rule_base.attributes.get("andMethod", "MIN"),
-        rule_base.attributes.get("orMethod", "MAX"),
-    )
+    is_implied = tags is _MAMDANI  # numbers are weighed, not implied
     return settle(
         model.FuzzySystem(
             name=root.attributes.get("name", "").strip() or "unnamed",
             inputs=tuple(variable for variable, is_output in variables if not is_output),
             outputs=tuple(variable for variable, is_output in variables if is_output),
             rules=tuple(_rule(child, rule_base, tags) for child in rule_base.children),
-            and_operator=foreign.choice(
-                meanings(AND, "fml"), conjunction, f"line {rule_base.line}: andMethod"
-            ),
-            or_operator=foreign.choice(meanings(OR, "fml"), disjunction, f"line {rule_base.line}: orMethod"),
-            implication="min"  # numbers are weighed, not implied
-            if tags is not _MAMDANI
-            else foreign.choice(meanings(AND, "fml"), activation, f"line {rule_base.line}: activationMethod"),
+            and_operator=_method(rule_base, "andMethod", "MIN", AND),
+            or_operator=_method(rule_base, "orMethod", "MAX", OR),
+            implication=_method(rule_base, "activationMethod", "MIN", AND) if is_implied else "min",
         )
     )
 
@@ -227,83 +222,64 @@ def _expect(element: Element, key: str, allowed: Sequence[str]) -> None:
         )
 
 
-def _combination(element: Element) -> model.Defuzzifier:
-    """Return how numbers are weighed."""
-    known = {DEFUZZIFIERS[way].fml: way for way in WEIGHING}
-    word = element.attributes.get("combination", "WA")
-    return foreign.choice(known, word, f"line {element.line}: the combination")
+def _method(element: Element, key: str, usual: str, known: Mapping[_Name, Words], article: str = "") -> _Name:
+    """Return the operator or method that an attribute names."""
+    word = element.attributes.get(key, usual)
+    return foreign.choice(meanings(known, "fml"), word, f"line {element.line}: {article}{key}")
 
 
-def _number_variable(element: Element, num_inputs: int) -> model.Variable:
-    """Read an output whose terms are numbers; it has no range."""
-    terms: list[tuple[str, model.MembershipFunction | Table]] = []
-    for child in element.children:
-        order = _attribute(child, "order")
-        _expect(child, "order", ("0", "1"))
-        texts = [value.text for value in child.all("tskValue")]
-        constant, *factors = foreign.numbers(texts, f"line {child.line}") or [0.0]
-        expected = num_inputs + 1 if order == "1" else 1
-        if child.name != "tskTerm" or len(texts) != expected:
-            raise ControllerFileError(
-                f"line {child.line}: {child.name[:40]!r} has {len(texts)} values; expected a 'tskTerm' of "
-                f"{expected}, the constant first"
-            )
-        shape = model.Linear(tuple(factors), constant) if order == "1" else model.Constant(constant)
-        terms.append((_attribute(child, "name"), shape))
-    return foreign.variable(
-        _attribute(element, "name"),
-        Extent(0.0, 0.0),
-        terms,
-        is_output=True,
-        unit=element.attributes.get("scale", "").strip(),
-        default=_default(element),
-        defuzzifier=_combination(element),
-        aggregation="unbounded_sum",
-    )
+def _number_term(element: Element, num_inputs: int) -> tuple[str, model.Number]:
+    """Read a term that is a number."""
+    order = _attribute(element, "order")
+    _expect(element, "order", ("0", "1"))
+    texts = [value.text for value in element.all("tskValue")]
+    constant, *factors = foreign.numbers(texts, f"line {element.line}") or [0.0]
+    expected = num_inputs + 1 if order == "1" else 1
+    if element.name != "tskTerm" or len(texts) != expected:
+        raise ControllerFileError(
+            f"line {element.line}: {element.name[:40]!r} has {len(texts)} values; expected a 'tskTerm' of "
+            f"{expected}, the constant first"
+        )
+    shape = model.Linear(tuple(factors), constant) if order == "1" else model.Constant(constant)
+    return _attribute(element, "name"), shape
 
 
 def _variable(element: Element, num_inputs: int) -> tuple[model.Variable, bool]:
-    if element.name == "tskVariable":
-        return _number_variable(element, num_inputs), True
-    is_tsukamoto = element.name == "tsukamotoVariable"
-    if element.name != "fuzzyVariable" and not is_tsukamoto:
-        raise ControllerFileError(
-            f"line {element.line}: {element.name[:40]!r} cannot be read; expected a 'fuzzyVariable'"
-        )
-    _expect(element, "type", ("INPUT", "OUTPUT"))
-    is_output = element.attributes.get("type", "input").lower() == "output"
-    extent = Extent(_number(element, "domainleft"), _number(element, "domainright"))
-    terms = [_term(child, extent, is_tsukamoto=is_tsukamoto) for child in element.children]
+    """Read a variable, and whether it is an output; one whose terms are numbers has no range."""
+    is_number, is_tsukamoto = element.name == "tskVariable", element.name == "tsukamotoVariable"
+    terms: Sequence[tuple[str, model.MembershipFunction | Table]]
+    if is_number:
+        is_output, extent = True, Extent(0.0, 0.0)
+        terms = [_number_term(child, num_inputs) for child in element.children]
+    else:
+        if element.name != "fuzzyVariable" and not is_tsukamoto:
+            raise ControllerFileError(
+                f"line {element.line}: {element.name[:40]!r} cannot be read; expected a 'fuzzyVariable'"
+            )
+        _expect(element, "type", ("INPUT", "OUTPUT"))
+        is_output = element.attributes.get("type", "input").lower() == "output"
+        extent = Extent(_number(element, "domainleft"), _number(element, "domainright"))
+        terms = [_term(child, extent, is_tsukamoto=is_tsukamoto) for child in element.children]
     defuzzifier: model.Defuzzifier | None = None
     aggregation: model.Aggregation = "max"
-    if is_tsukamoto:
-        defuzzifier, aggregation = _combination(element), "unbounded_sum"
+    if is_number or is_tsukamoto:
+        defuzzifier = _method(element, "combination", "WA", _COMBINATIONS, "the ")
+        aggregation = "unbounded_sum"
     elif is_output:
-        word = element.attributes.get("accumulation", "MAX")
-        where = f"line {element.line}: the accumulation"
-        aggregation = foreign.choice(meanings(AGGREGATIONS, "fml"), word, where)
-        word = element.attributes.get("defuzzifier", "COG")
-        defuzzifier = foreign.choice(
-            meanings(DEFUZZIFIERS, "fml"), word, f"line {element.line}: the defuzzifier"
-        )
-    return (
-        foreign.variable(
-            _attribute(element, "name"),
-            extent,
-            terms,
-            is_output=is_output,
-            unit=element.attributes.get("scale", "").strip(),
-            default=_default(element) if is_output else None,
-            defuzzifier=defuzzifier,
-            aggregation=aggregation,
-        ),
-        is_output,
+        aggregation = _method(element, "accumulation", "MAX", AGGREGATIONS, "the ")
+        defuzzifier = _method(element, "defuzzifier", "COG", DEFUZZIFIERS, "the ")
+    default = _number(element, "defaultValue") if "defaultValue" in element.attributes else 0.0
+    variable = foreign.variable(
+        _attribute(element, "name"),
+        extent,
+        terms,
+        is_output=is_output,
+        unit=element.attributes.get("scale", "").strip(),
+        default=default if is_output else None,  # where a file says nothing, the standard says 0
+        defuzzifier=defuzzifier,
+        aggregation=aggregation,
     )
-
-
-def _default(element: Element) -> float:
-    """Return what an output is when no rule fires; the standard says 0 where a file says nothing."""
-    return _number(element, "defaultValue") if "defaultValue" in element.attributes else 0.0
+    return variable, is_output
 
 
 def _term(
@@ -360,7 +336,7 @@ def _rule(element: Element, base: Element, tags: _Tags) -> model.Rule:
         raise ControllerFileError(f"{where}: expected a {tags.rule!r}; correct {element.name[:40]!r}")
     _expect(element, "connector", ("AND", "OR"))
     is_or = element.attributes.get("connector", "and").lower() == "or"
-    words = {**base.attributes, **element.attributes}
+    joined = replace(element, attributes={**base.attributes, **element.attributes})
     weight = foreign.number(element.attributes.get("weight", "1"), f"{where}: the weight")
     leaves = [_leaf(clause) for clause in _only(element, "antecedent").children]
     consequent = _only(element, tags.consequent)
@@ -373,16 +349,11 @@ def _rule(element: Element, base: Element, tags: _Tags) -> model.Rule:
         raise ControllerFileError(
             f"{where}: the rule asks or concludes nothing; give it a clause on each side"
         )
-    rule = model.Rule(
+    return model.Rule(
         leaves[0] if len(leaves) == 1 else model.Or(tuple(leaves)) if is_or else model.And(tuple(leaves)),
         tuple(model.Consequent(variable, term, weight) for variable, term in concluded),
-    )
-    return replace(
-        rule,
-        and_operator=foreign.choice(
-            meanings(AND, "fml"), words.get("andMethod", "MIN"), f"{where}: andMethod"
-        ),
-        or_operator=foreign.choice(meanings(OR, "fml"), words.get("orMethod", "MAX"), f"{where}: orMethod"),
+        and_operator=_method(joined, "andMethod", "MIN", AND),
+        or_operator=_method(joined, "orMethod", "MAX", OR),
     )
 
 

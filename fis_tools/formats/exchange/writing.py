@@ -138,18 +138,11 @@ def answers(system: model.FuzzySystem, samples: Floats, *, takes_middles: bool) 
         if system.weighs(output):
             columns.append(inference.evaluate(system, samples)[:, place])
             continue
-        points = _points(output, takes_middles=takes_middles)
+        edges = np.linspace(output.minimum, output.maximum, output.num_points)
+        points = 0.5 * (edges[1:] + edges[:-1]) if takes_middles else output.universe
         heights = _heights(system, output, firing, points)
         columns.append(_defuzzified(system.defuzzifier_of(output), points, heights, output))
     return np.stack(columns, axis=1)
-
-
-def _points(output: model.Variable, *, takes_middles: bool) -> Floats:
-    if not takes_middles:
-        return output.universe
-    edges = np.linspace(output.minimum, output.maximum, output.num_points)
-    middles: Floats = 0.5 * (edges[1:] + edges[:-1])
-    return middles
 
 
 def _heights(system: model.FuzzySystem, output: model.Variable, firing: Floats, points: Floats) -> Floats:
@@ -230,7 +223,9 @@ def _differences(
         names += ((t.name, o.name) for t, o in zip(variable.terms, other.terms, strict=False))
     yield "names become identifiers", [f"{old!r} is {new}" for old, new in dict.fromkeys(names) if old != new]
     yield from _variable_differences(pairs, dialect)
-    made = [f"{v.name} is {t.name}" for v in expressed.source.inputs for t in v.terms[_count(system, v) :]]
+    counts = [len(variable.terms) for variable in system.inputs]
+    grown = zip(expressed.source.inputs, counts, strict=True)
+    made = [f"{variable.name} is {term.name}" for variable, count in grown for term in variable.terms[count:]]
     yield "hedged statements become terms of their own, sampled", made
     changed = [
         f"{place} as {len(group)}" if len(group) > 1 else f"{place} in another form"
@@ -244,10 +239,6 @@ def _differences(
     yield "provenance is left out", [key for key, _ in controller.provenance]
     if controller.name != expressed.system.name:
         yield "the controller's name is left out", [controller.name]
-
-
-def _count(system: model.FuzzySystem, variable: model.Variable) -> int:
-    return len(system.variable(variable.name).terms)
 
 
 def _variable_differences(
