@@ -169,11 +169,7 @@ def _of_flights(
         for flown in flights.read_flight(path, asked.all_periods, controller):
             if asked.system in (None, flown.system.name) and len(flown.time_s):
                 figure = render.firing_figure(
-                    flown.system,
-                    flown.time_s,
-                    flown.firing_strengths,
-                    is_timed=flown.is_timed,
-                    theme=theme,
+                    flown.system, flown.time_s, flown.firing_strengths, is_timed=flown.is_timed, theme=theme
                 )
                 yield flown.system, "firing", figure
 

@@ -239,10 +239,7 @@ def _adopt_variable(visible: Variable, original: Variable, expressed: Variable) 
 
 
 def _adopt_rules(
-    visible: FuzzySystem,
-    original: FuzzySystem,
-    expressed: Expressed,
-    names: Mapping[Statement, Statement],
+    visible: FuzzySystem, original: FuzzySystem, expressed: Expressed, names: Mapping[Statement, Statement]
 ) -> tuple[Rule, ...]:
     """Take each rule of the original whose wording still stands in one piece; name the others as it does."""
     waiting = dict(zip(expressed.rules, original.rules, strict=True))

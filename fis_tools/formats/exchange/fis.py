@@ -117,32 +117,24 @@ def _rule_numbers(system: model.FuzzySystem, rule: model.Rule) -> tuple[list[int
 
 def _limited_support(system: model.FuzzySystem) -> Iterator[str]:
     """Tell what only some readers of `.fis` files understand."""
-    tables = [
-        f"{v.name} {term.name}" for v, term in _terms(system) if isinstance(term.membership, model.Sampled)
-    ]
+    terms = {f"{v.name} {term.name}": term for v in (*system.inputs, *system.outputs) for term in v.terms}
+    tables = [name for name, term in terms.items() if isinstance(term.membership, model.Sampled)]
     if tables:
         yield f"tables of points are written as discretemf, which only fuzzylite knows: {', '.join(tables)}"
-    unread = [
-        f"{variable.name} {term.name}" for variable, term in _terms(system) if _is_unread_by_octave(term)
-    ]
+    unread = [name for name, term in terms.items() if _is_unread_by_octave(term)]
     if unread:
         yield (
             f"Octave reads no walls inside a range and no bells with a slope between whole numbers: "
             f"{', '.join(unread)}; MATLAB and fuzzylite do"
         )
-    used: set[str] = (
-        {system.and_operator} if any(isinstance(r.antecedent, model.And) for r in system.rules) else set()
-    )
-    used |= {system.or_operator} if any(isinstance(r.antecedent, model.Or) for r in system.rules) else set()
-    used |= {system.implication, system.outputs[0].aggregation}
+    kinds = {type(rule.antecedent) for rule in system.rules}
+    used: set[str] = {system.implication, system.outputs[0].aggregation}
+    used |= {system.and_operator} if model.And in kinds else set()
+    used |= {system.or_operator} if model.Or in kinds else set()
     if any(isinstance(term.membership, model.MonotoneFunction) for v in system.weighed for term in v.terms):
         yield "MATLAB and Octave do not know Tsukamoto's systems; fuzzylite does"
     for operator in sorted(used - _MATLAB_OPERATORS):
         yield f"the operator {operator} is not MATLAB's own; Octave and fuzzylite know it"
-
-
-def _terms(system: model.FuzzySystem) -> Iterator[tuple[model.Variable, model.Term]]:
-    return ((v, term) for v in (*system.inputs, *system.outputs) for term in v.terms)
 
 
 def _is_unread_by_octave(term: model.Term) -> bool:
@@ -235,14 +227,10 @@ def _system(sections: dict[str, Section], fractions: Fractions, notes: list[str]
     rules = tuple(
         rule for line, content in lines for rule in _rules(line, content, inputs, outputs, fractions)
     )
-    joins = (
-        foreign.choice(_AND, *quoted_word(entries, "AndMethod"), "or rewrite the rules"),
-        foreign.choice(_OR, *quoted_word(entries, "OrMethod"), "or rewrite the rules"),
-    )
+    and_operator = foreign.choice(_AND, *quoted_word(entries, "AndMethod"), "or rewrite the rules")
+    or_operator = foreign.choice(_OR, *quoted_word(entries, "OrMethod"), "or rewrite the rules")
     aggregation = foreign.choice(_AGGREGATIONS, *quoted_word(entries, "AggMethod"))
     implication = foreign.choice(_AND, *quoted_word(entries, "ImpMethod"))
-    if weighs:  # MATLAB asks for neither
-        implication = "min"
     return settle(
         model.FuzzySystem(
             name=(quoted_word(entries, "Name")[0] if "Name" in entries else "") or "unnamed",
@@ -252,10 +240,10 @@ def _system(sections: dict[str, Section], fractions: Fractions, notes: list[str]
                 for output in outputs
             ),
             rules=rules,
-            and_operator=joins[0],
-            or_operator=joins[1],
+            and_operator=and_operator,
+            or_operator=or_operator,
             defuzzifier=defuzzifier,
-            implication=implication,
+            implication="min" if weighs else implication,  # MATLAB asks for neither
         )
     )
 
@@ -387,9 +375,7 @@ def _rules(
 
 
 def _joined(leaves: Sequence[model.Expression], *, is_or: bool) -> model.Expression:
-    if len(leaves) == 1:
-        return leaves[0]
-    return model.Or(tuple(leaves)) if is_or else model.And(tuple(leaves))
+    return leaves[0] if len(leaves) == 1 else (model.Or if is_or else model.And)(tuple(leaves))
 
 
 class _Statement(NamedTuple):

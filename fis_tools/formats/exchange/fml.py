@@ -132,10 +132,6 @@ def _clauses(rule: model.Rule) -> Iterator[tuple[str, model.Is]]:
         yield "" if leaf == statement else word, statement
 
 
-def _is_standard(term: model.Term) -> bool:
-    return "fml" in term.membership.entry.words or isinstance(term.membership, model.Ramp)
-
-
 def _custom_shapes() -> foreign.ShapeWords:
     """Return the shapes beyond the standard, with all their numbers in the order of the model."""
     return {
@@ -147,11 +143,12 @@ def _custom_shapes() -> foreign.ShapeWords:
 
 def _limited_support(system: model.FuzzySystem) -> Iterator[str]:
     """Tell what only `fis_tools` reads."""
+    known = model.Sampled | model.Number | model.Ramp
     custom = [
         f"{variable.name} {term.name}"
         for variable in (*system.inputs, *system.outputs)
         for term in variable.terms
-        if not _is_standard(term) and not isinstance(term.membership, model.Sampled | model.Number)
+        if "fml" not in term.membership.entry.words and not isinstance(term.membership, known)
     ]
     if custom:
         names = ", ".join(custom)
@@ -350,7 +347,7 @@ def _rule(element: Element, base: Element, tags: _Tags) -> model.Rule:
             f"{where}: the rule asks or concludes nothing; give it a clause on each side"
         )
     return model.Rule(
-        leaves[0] if len(leaves) == 1 else model.Or(tuple(leaves)) if is_or else model.And(tuple(leaves)),
+        leaves[0] if len(leaves) == 1 else (model.Or if is_or else model.And)(tuple(leaves)),
         tuple(model.Consequent(variable, term, weight) for variable, term in concluded),
         and_operator=_method(joined, "andMethod", "MIN", AND),
         or_operator=_method(joined, "orMethod", "MAX", OR),

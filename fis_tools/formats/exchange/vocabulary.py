@@ -39,7 +39,7 @@ OR: dict[OrOperator, Words] = {
     "nilpotent_maximum": Words("nilpotent_maximum", "NilpotentMaximum", "NILMAX", "NMAX"),
 }
 AGGREGATIONS: dict[Aggregation, Words] = {
-    "unbounded_sum": Words("sum", "UnboundedSum", "custom_sum", "UnboundedSum"),
+    "unbounded_sum": Words("sum", "UnboundedSum", "custom_sum", "UnboundedSum")
 }
 AGGREGATIONS.update(OR.items())
 #: Words of fuzzylite for what is known by another one: from two degrees of truth both make the same.
@@ -103,15 +103,11 @@ class Names:
 
     def __init__(self, system: FuzzySystem, *, are_unique: bool) -> None:
         everything = (*system.inputs, *system.outputs)
-        self.variables = dict(
-            zip((v.name for v in everything), _identifiers(v.name for v in everything), strict=True)
-        )
+        self.variables = _identifiers(variable.name for variable in everything)
         self.terms = {
-            (variable.name, term.name): name
+            (variable.name, term): name
             for variable in everything
-            for term, name in zip(
-                variable.terms, _identifiers(term.name for term in variable.terms), strict=True
-            )
+            for term, name in _identifiers(term.name for term in variable.terms).items()
         }
         if are_unique:
             self._make_unique()
@@ -139,10 +135,11 @@ def identifier(name: str) -> str:
     return f"_{word}" if word[0].isdigit() or word.lower() in _RESERVED else word
 
 
-def _identifiers(names: Iterable[str]) -> list[str]:
-    found: list[str] = []
+def _identifiers(names: Iterable[str]) -> dict[str, str]:
+    """Return an identifier for each name, no two alike."""
+    found: dict[str, str] = {}
     for name in names:
-        found.append(_free(identifier(name), set(found)))
+        found[name] = _free(identifier(name), set(found.values()))
     return found
 
 

@@ -63,7 +63,7 @@ def test_two_archives_of_a_system_hold_the_same_source() -> None:
 def test_without_gcc_the_source_remains(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(fmu.shutil, "which", lambda _: None)
+    monkeypatch.setattr("shutil.which", lambda _: None)
     assert main(["export", str(TIPPER), "--format", "fmu", "-o", str(tmp_path / "out")]) == 0
     assert "the source alone" in capsys.readouterr().out
     names = zipfile.ZipFile(tmp_path / "out" / "tipper.fmu").namelist()
