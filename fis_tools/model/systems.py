@@ -146,7 +146,8 @@ def unchained(rules: Sequence[Named], outputs: Mapping[str, Variable]) -> list[R
     concluded: dict[Is, list[tuple[Named, Consequent]]] = {}
     found: list[Rule] = []
     for each in rules:
-        rule = _inlined(each, concluded, outputs) if _asks(each.rule, outputs) else each.rule
+        asked = {statement.variable for statement in statements_of(each.rule.antecedent)}
+        rule = each.rule if asked.isdisjoint(outputs) else _inlined(each, concluded, outputs)
         if sum(1 for _ in statements_of(rule.antecedent)) > MOST_STATEMENTS:
             raise NotResolvable(
                 f"{each.name} comes to more than {MOST_STATEMENTS} statements; shorten its chain"
@@ -214,10 +215,6 @@ def _one(each: Named, word: str, operators: Sequence[_Name | None]) -> _Name | N
             f"antecedent has one {word!r}; give them the same"
         )
     return found[0] if found else None
-
-
-def _asks(rule: Rule, outputs: Mapping[str, Variable]) -> bool:
-    return any(statement.variable in outputs for statement in statements_of(rule.antecedent))
 
 
 @dataclass(frozen=True)

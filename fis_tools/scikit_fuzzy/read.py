@@ -27,28 +27,22 @@ from fis_tools.scikit_fuzzy.recognition import recognise
 
 _Name = TypeVar("_Name", bound=str)
 
-#: Functions besides our own that people pass to rules and outputs; they give the same numbers.
-_ALSO_AND: dict[Any, model.AndOperator] = {
-    np.minimum: "min",
-    min: "min",
-    operator.mul: "product",
-    control.accumulation_mult: "product",
-}
-_ALSO_OR: dict[Any, model.OrOperator] = {np.maximum: "max", max: "max", control.accumulation_max: "max"}
+#: Our own functions, and others that people pass to rules and outputs; they give the same numbers.
 _AND_NAMES: dict[Any, model.AndOperator] = {
-    function: name for name, function in AND_OPERATORS.items()
-} | _ALSO_AND
+    **{function: name for name, function in AND_OPERATORS.items()},
+    **dict.fromkeys((np.minimum, min), "min"),
+    **dict.fromkeys((operator.mul, control.accumulation_mult), "product"),
+}
 _OR_NAMES: dict[Any, model.OrOperator] = {
-    function: name for name, function in OR_OPERATORS.items()
-} | _ALSO_OR
+    **{function: name for name, function in OR_OPERATORS.items()},
+    **dict.fromkeys((np.maximum, max, control.accumulation_max), "max"),
+}
 _ACCUMULATION_NAMES: dict[Any, model.Accumulation] = {
     **{function: name for name, function in ACCUMULATIONS.items()},
-    **_ALSO_OR,
-    control.accumulation_mult: "product",
-    operator.mul: "product",
+    **_OR_NAMES,
+    **dict.fromkeys((operator.mul, control.accumulation_mult), "product"),
     # nothing is cut above one, so that a sum without a bound cuts where the bounded one does
-    np.add: "bounded_sum",
-    operator.add: "bounded_sum",
+    **dict.fromkeys((np.add, operator.add), "bounded_sum"),
 }
 #: In the order in which scikit-fuzzy looks for these words in a method's name.
 _DEFUZZIFIERS: tuple[model.Defuzzifier, ...] = ("centroid", "bisector", "mom", "som", "lom")

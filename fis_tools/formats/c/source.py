@@ -232,11 +232,12 @@ class _Part:
         places = ["The result"] if len(system.outputs) == 1 else [
             f"outputs[{place}]" for place in range(len(system.outputs))
         ]  # fmt: skip
+        defaults = ["NaN" if output.default is None else number(output.default) for output in system.outputs]
         about = [f"{system.name}: {summary(system)}."]
         about += [f"inputs[{place}] is {_extent(variable)}." for place, variable in enumerate(system.inputs)]
         about += [
-            f"{place} is {_extent(output)}; {_default_words(output)} when no rule fires."
-            for place, output in zip(places, system.outputs, strict=True)
+            f"{place} is {_extent(output)}; {default} when no rule fires."
+            for place, output, default in zip(places, system.outputs, defaults, strict=True)
         ]
         body = [*self._declarations(), *self._fuzzification(), *self._rules(), *self._results()]
         lines = [_comment(*about), self.signature, "{", *(f"    {line}".rstrip() for line in body), "}", ""]
@@ -398,10 +399,6 @@ def _number_concluded(
 
 def _extent(variable: model.Variable) -> str:
     return f"{with_unit(variable)}, {number(variable.minimum)} to {number(variable.maximum)}"
-
-
-def _default_words(output: model.Variable) -> str:
-    return "NaN" if output.default is None else number(output.default)
 
 
 def _numbers(values: Sequence[float], indent: str) -> list[str]:

@@ -69,7 +69,10 @@ def understand(visible: FuzzySystem, comments: Iterable[tuple[int, str]], dialec
     """
     carried = _find(comments)
     visible, found = _with_what_is_missing(visible)
-    complete = replace(visible, outputs=tuple(_with_default(output) for output in visible.outputs))
+    outputs = (
+        replace(v, default=middle(v.minimum, v.maximum)) if v.default is None else v for v in visible.outputs
+    )
+    complete = replace(visible, outputs=tuple(outputs))
     refuse_problems(FuzzyController(visible.name, (complete,)))
     try:
         refuse_joined(complete)
@@ -141,12 +144,6 @@ def _with_what_is_missing(visible: FuzzySystem) -> tuple[FuzzySystem, list[str]]
                 f"{number(low)} to {number(high)}"
             )
     return replace(visible, inputs=tuple(inputs), outputs=tuple(outputs)), notes
-
-
-def _with_default(output: Variable) -> Variable:
-    if output.default is not None:
-        return output
-    return replace(output, default=middle(output.minimum, output.maximum))
 
 
 def _assumptions(visible: FuzzySystem, dialect: Dialect) -> tuple[str, ...]:

@@ -396,6 +396,7 @@ def _expressed_weighed(
     system: model.FuzzySystem, output: model.Variable, names: Names, dialect: Dialect
 ) -> model.Variable:
     """Say an output that is weighed: its universe is of no account, its terms have words of their own."""
+    terms = []
     for term in output.terms:
         shape = term.membership
         if dialect.words and not isinstance(shape, model.Ramp) and dialect.words not in shape.entry.words:
@@ -403,20 +404,15 @@ def _expressed_weighed(
                 f"output {output.name!r} concludes {term.name!r}, for whose shape, {shape.entry.name}, "
                 f"{dialect.title} has no word; export as fll or json"
             )
+        if isinstance(shape, model.Formula):
+            shape = model.Formula(shape.parsed.text(names.variables))
+        terms.append(model.Term(names.terms[output.name, term.name], shape))
     plain = replace(output, terms=(), num_points=OUTPUT_POINTS, points=None)
     expressed = _expressed_variable(plain, names, dialect, is_output=True)
-    terms = (
-        model.Term(names.terms[output.name, term.name], _expressed_number(term.membership, names))
-        for term in output.terms
-    )
     low, high = (output.minimum, output.maximum)
     if dialect.weighs_one_kind and not has_sets(output):
         low, high = reach(output, system.inputs)
     return replace(expressed, minimum=low, maximum=high, terms=tuple(terms), num_points=OUTPUT_POINTS)
-
-
-def _expressed_number(shape: model.MembershipFunction, names: Names) -> model.MembershipFunction:
-    return model.Formula(shape.parsed.text(names.variables)) if isinstance(shape, model.Formula) else shape
 
 
 def _expressed_membership(

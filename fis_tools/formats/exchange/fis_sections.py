@@ -131,16 +131,13 @@ def whole_number(entries: Entries, key: str, least: int = 1) -> int:
 _PI = re.compile(r"([-+]?)pi(?:/(\d+))?")
 
 
-def _number_of_pi(found: re.Match[str]) -> str:
-    return f"{found[1]}{math.pi / float(found[2] or 1)!r}"
-
-
 def words_in(value: str, where: str) -> list[str]:
     """Read ``[1 2 3]``; commas may part the numbers."""
     inside = re.fullmatch(r"\[(.*)\]", value)
     if inside is None:
         raise ControllerFileError(f"{where} is {value[:40]!r}; expected numbers in brackets, [0 1]")
-    return [_PI.sub(_number_of_pi, word) for word in re.split(r"[\s,;]+", inside[1].strip())]
+    words = re.split(r"[\s,;]+", inside[1].strip())
+    return [_PI.sub(lambda pi: f"{pi[1]}{math.pi / float(pi[2] or 1)!r}", word) for word in words]
 
 
 def numbers_in(value: str, where: str, expected: int) -> list[float]:
