@@ -19,6 +19,7 @@ from fis_tools.commands.arguments import (
     chosen,
     expected,
     flown_inputs,
+    mistakes,
     the_system,
 )
 from fis_tools.document import Block, Document, Heading, Paragraph, Table, text
@@ -152,21 +153,18 @@ def bounds(
     controller = asked.read()
     systems = (the_system(controller),) if where or question is not None else controller.systems
     sentences, verdict = [], None
-    try:
-        with analysing(controller) as tell:
+    with mistakes(ValueError), analysing(controller) as tell:
 
-            def progress(num_boxes: int, num_open: int) -> None:
-                tell(f"{num_boxes} boxes, {num_open} open")
+        def progress(num_boxes: int, num_open: int) -> None:
+            tell(f"{num_boxes} boxes, {num_open} open")
 
-            for system in systems:
-                if question is None:
-                    found = output_ranges(system, where, max_boxes=boxes, progress=progress)
-                    sentences += [one.sentence for one in found]
-                else:
-                    answer = ask(system, question, where, max_boxes=boxes, progress=progress)
-                    sentences, verdict = [answer.sentence], answer.verdict
-    except ValueError as error:
-        raise UserMistake(str(error)) from error
+        for system in systems:
+            if question is None:
+                found = output_ranges(system, where, max_boxes=boxes, progress=progress)
+                sentences += [one.sentence for one in found]
+            else:
+                answer = ask(system, question, where, max_boxes=boxes, progress=progress)
+                sentences, verdict = [answer.sentence], answer.verdict
     print("\n".join(sentences))
     return int(expect not in (None, verdict))
 

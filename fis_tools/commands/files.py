@@ -18,6 +18,7 @@ from fis_tools.commands.arguments import (
     expected,
     file_name,
     form_of,
+    mistakes,
     place_for,
     write,
 )
@@ -100,10 +101,8 @@ def export(
 
 def _write_c(controller: FuzzyController, output: str | None, bare: bool) -> None:
     """Write a controller as C, and tell what it needs."""
-    try:
+    with mistakes(ValueError):
         text = source.write(controller, bare)
-    except ValueError as error:
-        raise UserMistake(str(error)) from error
     write(output, text)
     counts = parts.operations(controller)._asdict()
     operations = ", ".join(f"{count:,} {name}" for name, count in counts.items())
@@ -143,10 +142,8 @@ def _write_fmus(controller: FuzzyController, output: str | None) -> None:
         raise UserMistake("an FMU is an archive and cannot be printed; add -o FILE.fmu or -o FOLDER")
     place = Path(output)
     for name, alone in _files(controller, ".fmu", place).items():
-        try:
+        with mistakes(ValueError):
             packed = fmu.pack(alone.systems[0], serialize.fingerprint(alone))
-        except ValueError as error:
-            raise UserMistake(str(error)) from error
         path = place_for(place / name if _is_folder(controller, place) else place)
         path.write_bytes(packed.content)
         holds = f"a library for {packed.library}, by gcc on this machine, and its source"
@@ -233,10 +230,8 @@ def import_(
     name = name or (names[0] if len(names) == 1 else Path(files[0]).stem)
     controller = FuzzyController(name, systems, attributes, provenance)
     dump = serialize.dump_json if ending == ".json" else serialize.dump_yaml
-    try:
+    with mistakes(InvalidSystem):
         content = dump(controller)
-    except InvalidSystem as error:
-        raise UserMistake(str(error)) from error
     write(output, content)
     for sentence in (sentence for reading in readings for sentence in reading.assumptions):
         print(f"assumed: {sentence}", file=sys.stderr)
@@ -334,7 +329,7 @@ def learn(
         write the controller (.json, .yaml)
     """
     form = form_of(output)
-    try:
+    with mistakes(UnreadableTable, Unlearnable):
         read_table = as_table(read(table), target, list(inputs) or None)
         for note in read_table.notes:
             print(f"note: {note}", file=sys.stderr)
@@ -346,8 +341,6 @@ def learn(
             tune=not no_tuning,
         )
         system = learn_table(read_table, recipe).system
-    except (UnreadableTable, Unlearnable) as error:
-        raise UserMistake(str(error)) from error
     told = _reached(read_table, recipe)
     if form is not None:
         facts = {

@@ -22,6 +22,7 @@ from fis_tools.commands.arguments import (
     flown_inputs,
     form_of,
     instants,
+    mistakes,
     write,
 )
 from fis_tools.document import as_json, text
@@ -182,15 +183,10 @@ def _of_instants(
     if steps:
         steps_of = [wording.explain(infer(one.system, one.inputs)) for one in found if one.inputs is not None]
         return "\n".join([*steps_of, *silent])
-    try:
-        with analysing(controller):
-            explained = [
-                explanation.explain(one.system, one.inputs, crossing)
-                for one in found
-                if one.inputs is not None
-            ]
-    except ValueError as error:
-        raise UserMistake(str(error)) from error
+    with mistakes(ValueError), analysing(controller):
+        explained = [
+            explanation.explain(one.system, one.inputs, crossing) for one in found if one.inputs is not None
+        ]
     if json:
         plain = [one.plain() for one in explained]
         idle = [{"system": one.system.name, "words": one.note} for one in found if one.inputs is None]
@@ -339,10 +335,8 @@ def simplify(
     samples = asked.flown(controller)
     if samples is None and flights_only:
         raise UserMistake("--flights-only needs flights; add --flights, or leave it out")
-    try:
+    with mistakes(ValueError):
         budget = Budget(max_change, mean_change, flights_only, look_alike)
-    except ValueError as error:
-        raise UserMistake(str(error)) from error
     with analysing(controller) as tell:
         found = simplification.simplify(controller, samples, budget, tell)
     if form is not None:

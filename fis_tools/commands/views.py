@@ -25,6 +25,7 @@ from fis_tools.commands.arguments import (
     file_name,
     flown_inputs,
     instants,
+    mistakes,
     place_for,
     the_system,
     write,
@@ -233,10 +234,8 @@ def surface(
     elif in_space or asked.flights:
         raise UserMistake("--3d and --flights are for pictures; add -o FILE.png, .svg or .pdf")
     held = assignments(fixed)
-    try:
+    with mistakes(ValueError):
         result = arrays.surface(system, x, y, fixed=held, output=of, num_points=points)
-    except ValueError as error:
-        raise UserMistake(str(error)) from error
     if output is None or ending not in PICTURES:
         write(output, _surface_csv(result))
         return
