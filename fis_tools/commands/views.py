@@ -5,7 +5,7 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 from cyclopts import Parameter
@@ -39,8 +39,6 @@ from fis_tools.words.text import outline
 
 if TYPE_CHECKING:
     from fis_tools.render import Figure, Theme
-
-    Pictures: TypeAlias = Iterator[tuple[FuzzySystem, str, Figure]]
 
 KINDS = ("memberships", "rules", "surfaces", "inference", "firing")
 
@@ -98,19 +96,14 @@ def plot(
     controller = asked.read()
     inferences = _fired(asked, controller) if "inference" in kinds else []
     taken: Counter[str] = Counter()
-    for drawn in (
-        _of_systems(asked, controller, kinds, colours),
-        _of_instants(inferences, colours),
-        _of_flights(asked, controller, kinds, colours),
-    ):
-        for system, name, figure in drawn:
-            picture = f"{file_name(system.name)}-{file_name(name)}"
-            taken[picture.casefold()] += 1  # other names may come to the same file's
-            if taken[picture.casefold()] > 1:
-                picture += f"-{taken[picture.casefold()]}"
-            path = place_for(Path(output) / f"{picture}.{format}")
-            save(figure, path)
-            print(path)
+    for system, name, figure in _pictures(asked, controller, kinds, inferences, colours):
+        picture = f"{file_name(system.name)}-{file_name(name)}"
+        taken[picture.casefold()] += 1  # other names may come to the same file's
+        if taken[picture.casefold()] > 1:
+            picture += f"-{taken[picture.casefold()]}"
+        path = place_for(Path(output) / f"{picture}.{format}")
+        save(figure, path)
+        print(path)
 
 
 def _fired(asked: AskedInstant, controller: FuzzyController) -> list[tuple[FuzzySystem, Floats]]:
@@ -137,9 +130,13 @@ def _kinds(asked: AskedInstant, only: Sequence[str]) -> Sequence[str]:
     return only
 
 
-def _of_systems(
-    asked: AskedInstant, controller: FuzzyController, kinds: Sequence[str], theme: "Theme"
-) -> "Pictures":
+def _pictures(
+    asked: AskedInstant,
+    controller: FuzzyController,
+    kinds: Sequence[str],
+    inferences: list[tuple[FuzzySystem, Floats]],
+    theme: "Theme",
+) -> "Iterator[tuple[FuzzySystem, str, Figure]]":
     from fis_tools import render  # noqa: PLC0415 - as above
 
     sensed = asked.flown(controller) or {}
@@ -152,27 +149,16 @@ def _of_systems(
             flown = sensed.get(system.name)
             drawn = render.surface_figures(system, in_space=in_space, samples=flown, theme=theme)
             yield from ((system, *named) for named in drawn)
-
-
-def _of_instants(inferences: list[tuple[FuzzySystem, Floats]], theme: "Theme") -> "Pictures":
-    from fis_tools import render  # noqa: PLC0415 - as above
-
     for system, inputs in inferences:
         yield system, "inference", render.inference_figure(infer(system, inputs), theme=theme)
-
-
-def _of_flights(
-    asked: AskedInstant, controller: FuzzyController, kinds: Sequence[str], theme: "Theme"
-) -> "Pictures":
-    from fis_tools import render  # noqa: PLC0415 - as above
-
     for path in asked.paths if "firing" in kinds else ():
-        for flown in flights.read_flight(path, asked.all_periods, controller):
-            if asked.system in (None, flown.system.name) and len(flown.time_s):
+        for along in flights.read_flight(path, asked.all_periods, controller):
+            if asked.system in (None, along.system.name) and len(along.time_s):
+                fired = along.firing_strengths
                 figure = render.firing_figure(
-                    flown.system, flown.time_s, flown.firing_strengths, is_timed=flown.is_timed, theme=theme
+                    along.system, along.time_s, fired, is_timed=along.is_timed, theme=theme
                 )
-                yield flown.system, "firing", figure
+                yield along.system, "firing", figure
 
 
 MOST_POINTS = 1000
