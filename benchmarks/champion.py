@@ -23,7 +23,7 @@ from pipeline.flight.fly.simulation import fly_all, fly_logged
 from pipeline.flight.state.log import FlightLog, Scenario, points_needed
 from pipeline.flight.world.pack import inspection_points
 from pipeline.optimum.solved import Solved, solved_for
-from pipeline.report.figures.side_by_side import side_by_side
+from pipeline.report.figures.optimum import side_by_side
 from pipeline.report.figures.style import PALETTE, save, style
 from pipeline.report.figures.trajectories import Tracks, trajectories
 from pipeline.settings.experiment import Experiment, Mission

@@ -1,31 +1,42 @@
 """Recordings of inspection flights: write, read, compare, rescue and replay them."""
 
-from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from telemetry.file.errors import RecordingError
+from telemetry.file import RecordingError
+from telemetry.file.reader import read
+from telemetry.file.tables import flat_table
 from telemetry.file.writer import EpisodeWriter
-
-if TYPE_CHECKING:
-    from telemetry.file.reader import read
-    from telemetry.file.tables import flat_table
 
 __all__ = ["EpisodeWriter", "RecordingError", "flat_table", "read", "show"]
 
 
 def show(*paths: str | Path) -> Any:
-    """Show flights or a run in a notebook; see `telemetry.scene.notebook.show`."""
+    """Show flights, an evaluation or a training in a notebook; needs ``rerun-sdk[notebook]``.
+
+    Parameters
+    ----------
+    *paths : str or Path
+        Flights, the first in full and the others overlaid; or the folder of a run, of which the evaluation
+        is shown, or the training if there is none.
+
+    Returns
+    -------
+    rerun.notebook.Viewer
+        Displays itself as the value of a cell.
+
+    Raises
+    ------
+    RecordingError
+        If no path is given, a file cannot be read, or rerun's notebook extra is not installed.
+    """
     # the viewer takes half a second to import; writing and reading do without it
-    from telemetry.scene import notebook  # noqa: PLC0415
+    from telemetry.scene import campaign, replay, runs, training, viewer  # noqa: PLC0415
 
-    return notebook.show(*paths)
-
-
-def __getattr__(name: str) -> Any:
-    """Import what reads recordings when it is asked for: a flight is recorded without it."""
-    if name not in {"flat_table", "read"}:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(
-        import_module("telemetry.file.reader" if name == "read" else "telemetry.file.tables"), name
-    )
+    if not paths:
+        raise RecordingError("there is nothing to show; give flights (.mcap), or the folder of a run")
+    given = [Path(path) for path in paths]
+    if len(given) > 1 or given[0].suffix not in ("", ".parquet"):
+        return viewer.in_notebook(replay.scene(given))
+    of_run = campaign.scene if runs.has_evaluation(given[0]) else training.scene
+    return viewer.in_notebook(of_run(given[0]))

@@ -14,8 +14,8 @@ from typing import Any
 
 from fis_tools.document import Block, Document, text
 from pipeline.command_line.arguments import ConfigError
-from pipeline.evaluation import paired
-from pipeline.report.swept import contents, page, words
+from pipeline.evaluation import statistics
+from pipeline.report import sweep
 from pipeline.run import artifacts, tables
 from pipeline.run.maker import present_maker, require_reproducible, unlike
 from pipeline.settings.schema import differences, present
@@ -162,14 +162,14 @@ def summary(given: Sequence[str]) -> int:
             "summary takes the folder of one sweep: python -m pipeline summary outputs/NAME-sweep/TIME"
         )
     folder = Path(given[0]).expanduser()
-    swept = contents.gather(folder)
-    tables.write_parquet(folder / RUNS, contents.columns_of(swept))
-    tables.write_parquet(folder / EFFECTS, contents.effect_columns(swept))
-    artifacts.write_atomically(folder / PAGE, page.write(swept))
-    _print([*words.runs_table(swept), *words.effects_table(swept)])
+    swept = sweep.gather(folder)
+    tables.write_parquet(folder / RUNS, sweep.columns_of(swept))
+    tables.write_parquet(folder / EFFECTS, sweep.effect_columns(swept))
+    artifacts.write_atomically(folder / PAGE, sweep.write(swept))
+    _print([*sweep.runs_table(swept), *sweep.effects_table(swept)])
     for run in swept.offered:
         sys.stdout.write(f"to fly {run.name}: {run.fly}\n")
-    for run in words.failures_of(swept)[:MOST_PRINTED]:
+    for run in swept.failed[:MOST_PRINTED]:
         sys.stdout.write(f"failed: {run.name}: {run.failure}\n")
     sys.stdout.write(f"written: {', '.join(str(folder / name) for name in (PAGE, RUNS, EFFECTS))}\n")
     return OK
@@ -186,8 +186,8 @@ def compare(first: Path, second: Path) -> int:
     configs = [artifacts.stored_config(folder) for folder in (first, second)]
     confidence = float(artifacts.read_json(first, artifacts.SUMMARY)["confidence_percent"])
     one, other = (tables.read_parquet(folder, artifacts.EPISODES) for folder in (first, second))
-    compared = paired.compare(one, other, confidence)
-    _print(words.compared_table(first.name, second.name, compared, confidence))
+    compared = statistics.compare(one, other, confidence)
+    _print(sweep.compared_table(first.name, second.name, compared, confidence))
     sys.stdout.write("p: Wilcoxon's signed ranks; for shares of flights McNemar's exact test\n")
     for told in differences(present(configs[0]), present(configs[1]), ()):
         sys.stdout.write(f"they differ in {told.replace('(then ', '(A ').replace(', now ', ', B ')}\n")

@@ -1,39 +1,59 @@
-"""Controllers side by side: a row for each controller, Sun and safety layer, as data and in words."""
+"""Controllers side by side, in one world or several: a row for each, as data and in words."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fis_tools.document import Block, Document, Heading, Table, text
+from fis_tools.document import Block, Document, Heading, Paragraph, Table, text
 from pipeline.evaluation.monte_carlo import SUCCESS, summarise
 from pipeline.evaluation.statistics import Fraction, Statistic
 from pipeline.flight.control.controller import Controller
 from pipeline.flight.state.log import points_needed
+from pipeline.flight.world.pack import inspection_points
 from pipeline.optimum.solved import Solved
+from pipeline.settings.experiment import Experiment
 
 Column = NDArray[Any]
 
+#: whose results stand beside ours: summaries of its training and test
+PAPER_NAME = "Choi, Kim and Leeghim, AAS 25-727"
+
+
+@dataclass(frozen=True)
+class Reported:
+    """A row of the paper: means and standard deviations, by the names in our summaries."""
+
+    label: str
+    num_cases: int
+    means: dict[str, float]
+    standard_deviations: dict[str, float]
+
+
+PAPER_TRAINING = Reported(
+    "training",
+    8,
+    {"delta_v_m_s": 4.799, "inspection_rate_percent": 99.748, "mean_distance_m": 67.030},
+    {"delta_v_m_s": 0.458, "inspection_rate_percent": 0.468, "mean_distance_m": 1.280},
+)
+PAPER_TEST = Reported(
+    "test",
+    1000,
+    {"delta_v_m_s": 5.62, "inspection_rate_percent": 96.667, "mean_distance_m": 66.629},
+    {"delta_v_m_s": 0.715, "inspection_rate_percent": 3.919, "mean_distance_m": 1.039},
+)
+
 FLOWN, PUBLISHED, PLANNED = "flown", "published", "plans of least fuel"
 
-#: parts of a row's summary in ``compare/table.csv``
+#: columns of ``compare/table.csv``: of a row itself, of its times the optimum, of parts of its summary
+OWN = ("controller", "source", "world", "sun", "safety", "num_cases", "rules")
+TIMES = ("times_optimum_mean", "times_optimum_as_seen_mean", "solved_cases")
 MEANS = ("delta_v_m_s", "inspection_rate_percent", "mean_distance_m", "safety_delta_v_m_s")
 SHARES = ("success", SUCCESS, "violated", "safety_acted")
 HEADER = (
-    *(
-        "controller",
-        "source",
-        "world",
-        "sun",
-        "safety",
-        "num_cases",
-        "rules",
-        "times_optimum_mean",
-        "times_optimum_as_seen_mean",
-        "solved_cases",
-    ),
+    *(*OWN, *TIMES),
     *(f"{name}_{field.name}" for name in MEANS for field in fields(Statistic)),
     *(f"{name}_{field.name}" for name in SHARES for field in fields(Fraction)),
 )
@@ -79,33 +99,23 @@ def rules_of(controller: Controller) -> int | None:
     return sum(len(system.rules) for system in controller.systems) or None
 
 
-def planned_row(
-    solved: Solved, sun: str, num_points: int, threshold: float, confidence: float
-) -> ComparisonRow:
+def planned_row(experiment: Experiment, solved: Solved) -> ComparisonRow:
     """Return the row of the minimum-fuel plans."""
-    cases = solved.cases
-    episodes = {
-        **cases,
-        "success": cases["inspected_count"]
-        >= points_needed(cases.get("inspectable_count", np.int64(num_points)), threshold),
-        "violated": cases["outside_m"] > 0.0,
-    }
-    return ComparisonRow(
-        "optimum", PLANNED, sun, "none", len(cases["case"]), None, summarise(episodes, confidence)
-    )
+    cases, mission = solved.cases, experiment.mission
+    inspectable = cases.get("inspectable_count", np.int64(len(inspection_points(mission))))
+    needed = points_needed(inspectable, mission.inspection_threshold_percent)
+    ended = {"success": cases["inspected_count"] >= needed, "violated": cases["outside_m"] > 0.0}
+    summary = summarise({**cases, **ended}, experiment.monte_carlo.confidence_percent)
+    return ComparisonRow("optimum", PLANNED, experiment.sun.mode, "none", len(cases["case"]), None, summary)
 
 
-def published_row(
-    name: str, num_cases: int, means: Mapping[str, float], spreads: Mapping[str, float]
-) -> ComparisonRow:
+def published_row(reported: Reported) -> ComparisonRow:
     """Return a row of published means and standard deviations."""
-    summary = {part: {"mean": means[part], "standard_deviation": spreads[part]} for part in means}
-    return ComparisonRow(name, PUBLISHED, "", "none", num_cases, None, summary)
-
-
-def as_mapping(row: ComparisonRow) -> dict[str, Any]:
-    """Return a row as plain data."""
-    return asdict(row)
+    spreads = reported.standard_deviations
+    summary = {
+        name: {"mean": mean, "standard_deviation": spreads[name]} for name, mean in reported.means.items()
+    }
+    return ComparisonRow("the paper", PUBLISHED, "", "none", reported.num_cases, None, summary)
 
 
 def row_of(told: Mapping[str, Any]) -> ComparisonRow:
@@ -123,19 +133,10 @@ def row_of(told: Mapping[str, Any]) -> ComparisonRow:
 
 def as_cells(row: ComparisonRow) -> list[Any]:
     """Return the cells of a row of ``compare/table.csv``; empty where unknown."""
-    cells: dict[str, Any] = {
-        "controller": row.controller,
-        "source": row.source,
-        "world": row.world,
-        "sun": row.sun,
-        "safety": row.safety,
-        "num_cases": row.num_cases,
-        "rules": row.rules,
-    }
+    cells = {name: getattr(row, name) for name in OWN}
     if row.times:
-        cells["times_optimum_mean"] = row.times["times_optimum"]["mean"]
-        cells["times_optimum_as_seen_mean"] = row.times["times_optimum_as_seen"]["mean"]
-        cells["solved_cases"] = row.times["num_cases"]
+        means = (row.times[name]["mean"] for name in ("times_optimum", "times_optimum_as_seen"))
+        cells |= dict(zip(TIMES, (*means, row.times["num_cases"]), strict=True))
     for name in (*MEANS, *SHARES):
         cells |= {f"{name}_{part}": value for part, value in row.summary.get(name, {}).items()}
     return ["" if cells.get(name) is None else cells[name] for name in HEADER]
@@ -151,18 +152,10 @@ def joined(parts: Sequence[tuple[ComparisonRow, Mapping[str, Column]]]) -> dict[
     return columns | {name: np.concatenate([episodes[name] for _, episodes in parts]) for name in names}
 
 
-#: headings of the table in words, and whether a column is numeric
-COLUMNS = (
-    ("controller", False),
-    ("rules", True),
-    ("delta-v (m/s)", True),
-    ("rate (%)", True),
-    ("successful (%)", True),
-    ("outside (%)", True),
-    ("x optimum", True),
-    ("layer: outside (%)", True),
-    ("delta-v (m/s)", True),
-    ("acted in (%)", True),
+#: of the table in words; all columns but the first are of numbers
+HEADINGS = (
+    *("controller", "rules", "delta-v (m/s)", "rate (%)", "successful (%)", "outside (%)", "x optimum"),
+    *("layer: outside (%)", "delta-v (m/s)", "acted in (%)"),
 )
 
 
@@ -222,18 +215,84 @@ def lines_of(rows: Sequence[ComparisonRow], sun: str) -> list[list[str]]:
     return lines
 
 
+def suns_of(rows: Sequence[ComparisonRow]) -> list[str]:
+    """Return the Sun settings of some rows, in order."""
+    return list(dict.fromkeys(row.sun for row in rows if row.sun))
+
+
 def in_words(rows: Sequence[ComparisonRow]) -> str:
     """Write the table as plain text, one section per Sun setting."""
     blocks: list[Block] = []
-    for sun in dict.fromkeys(row.sun for row in rows if row.sun):
+    for sun in suns_of(rows):
         lines = lines_of(rows, sun)
-        used = [place for place in range(len(COLUMNS)) if any(line[place] for line in lines)]
-        blocks += [
-            Heading(f"Sun {sun}"),
-            Table(
-                [COLUMNS[place][0] for place in used],
-                [[line[place] for place in used] for line in lines],
-                numbers=[column for column, place in enumerate(used) if COLUMNS[place][1]],
-            ),
-        ]
+        used = [place for place in range(len(HEADINGS)) if any(line[place] for line in lines)]
+        cells = [[line[place] for place in used] for line in lines]
+        heads = [HEADINGS[place] for place in used]
+        blocks += [Heading(f"Sun {sun}"), Table(heads, cells, numbers=range(1, len(used)))]
     return text.write(Document(blocks))
+
+
+#: contents of a cell of the table
+LEGEND = "successful inside the limits (%) / delta-v (m/s) / outside (%)"
+
+
+def worlds_of(rows: Sequence[ComparisonRow]) -> list[str]:
+    """Return the worlds of some rows, in order; empty if all flew in the experiment's own."""
+    return list(dict.fromkeys(row.world for row in rows if row.source == FLOWN and row.world))
+
+
+def _cell(row: ComparisonRow) -> str:
+    success, outside = (100 * row.summary[name]["fraction"] for name in (SUCCESS, "violated"))
+    return f"{success:.0f} / {row.summary['delta_v_m_s']['mean']:.2f} / {outside:.0f}"
+
+
+def matrices(rows: Sequence[ComparisonRow]) -> list[tuple[str, str, list[list[str]]]]:
+    """Return the tables of all Suns and layers: Sun, layer, and lines.
+
+    The first line holds names; then there is a line per world, with a column per controller, see `LEGEND`.
+    """
+    flown = [row for row in rows if row.source == FLOWN]
+    found = []
+    for sun, layer in dict.fromkeys((row.sun, row.safety) for row in flown):
+        chosen = [row for row in flown if (row.sun, row.safety) == (sun, layer)]
+        names = list(dict.fromkeys(row.controller for row in chosen))
+        told = {(row.world, row.controller): _cell(row) for row in chosen}
+        lines = [[world, *(told.get((world, name), "") for name in names)] for world in worlds_of(chosen)]
+        found.append((sun, layer, [["world", *names], *lines]))
+    return found
+
+
+def is_worse(row: ComparisonRow, first: ComparisonRow) -> bool:
+    """Return whether a controller fails: the intervals of success or of leaving the limits do not overlap."""
+    now, then = row.summary, first.summary
+    return bool(
+        now[SUCCESS]["high"] < then[SUCCESS]["low"] or now["violated"]["low"] > then["violated"]["high"]
+    )
+
+
+def verdicts(rows: Sequence[ComparisonRow]) -> list[str]:
+    """Return for each controller, Sun and layer a line on where it fails, and the cost of the last world."""
+    lines = []
+    flown = [row for row in rows if row.source == FLOWN]
+    for sun, layer, controller in dict.fromkeys((row.sun, row.safety, row.controller) for row in flown):
+        first, *others = [
+            row for row in flown if (row.sun, row.safety, row.controller) == (sun, layer, controller)
+        ]
+        if not others:
+            continue
+        broken = [row.world for row in others if is_worse(row, first)]
+        spent, least = (row.summary["delta_v_m_s"]["mean"] for row in (others[-1], first))
+        cost = f"; {others[-1].world}: {100 * (spent / least - 1):+.0f} % delta-v" if least > 0.0 else ""
+        where = f"breaks in {', '.join(broken)}" if broken else "holds in all"
+        lines.append(f"{controller}, Sun {sun}, layer {layer}: {where}{cost}")
+    return lines
+
+
+def worlds_in_words(rows: Sequence[ComparisonRow]) -> str:
+    """Return the tables as plain text, and which controllers hold."""
+    parts = []
+    for sun, layer, lines in matrices(rows):
+        heads, *rows_told = lines
+        title = Paragraph(f"Sun {sun}, safety layer {layer}: {LEGEND}:")
+        parts.append(text.write(Document([title, Table(heads, rows_told)])))
+    return "\n".join([*parts, *verdicts(rows)])

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.evaluation.statistics import fraction, statistic
+from pipeline.evaluation.statistics import Column, fraction, statistic, succeeds
 from pipeline.flight.cases.dispersions import drawn
 from pipeline.flight.control.controller import Controller
 from pipeline.flight.fly.simulation import fly_all
@@ -16,8 +16,6 @@ from pipeline.flight.world.pack import inspection_points
 from pipeline.settings.dispersions import distributions
 from pipeline.settings.experiment import Mission
 from pipeline.settings.mission import STANDARD_GRAVITY_M_S2
-
-Column = NDArray[Any]
 
 #: what a summary calls the share of flights that succeed; its ``success`` counts those outside the limits too
 SUCCESS = "success_and_within_limits"
@@ -79,12 +77,6 @@ def _propellant(mission: Mission, own: list[dict[str, float]], outcomes: Outcome
     masses = np.array([of.get("deputy.mass_kg", mass) for of in own])
     used = -np.expm1(-outcomes.delta_v_m_s / (STANDARD_GRAVITY_M_S2 * impulses))
     return {"propellant_kg": masses * used}
-
-
-def succeeds(episodes: Mapping[str, Column]) -> NDArray[np.bool_]:
-    """Return which flights succeed: they inspect enough, and stay inside the limits."""
-    found: NDArray[np.bool_] = np.asarray(episodes["success"]) & ~np.asarray(episodes["violated"])
-    return found
 
 
 def summarise(episodes: Mapping[str, Column], confidence_percent: float) -> dict[str, Any]:

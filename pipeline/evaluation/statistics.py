@@ -1,7 +1,9 @@
-"""Means with their intervals, and shares of cases with theirs."""
+"""Statistics of many flights, and of the differences between runs on their common cases."""
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -131,3 +133,275 @@ def _z(confidence_percent: float) -> float:
     from scipy.special import ndtri  # noqa: PLC0415 - slower to import than a thousand flights
 
     return float(ndtri(0.5 + confidence_percent / 200.0))
+
+
+Column = NDArray[Any]
+
+#: percentiles of the flights: upper ones of delta-v and greatest distance, lower ones of rate
+#: and least distance
+PERCENTS: Mapping[str, tuple[float, ...]] = {
+    "delta_v_m_s": (50.0, 90.0, 99.0),
+    "inspectable_rate_percent": (50.0, 10.0, 1.0),
+    "max_distance_m": (50.0, 90.0, 99.0),
+    "min_distance_m": (50.0, 10.0, 1.0),
+}
+#: quantities that dispersions are ranked by
+RANKED = ("delta_v_m_s", "inspectable_rate_percent")
+
+
+def percentiles(episodes: Mapping[str, Column], confidence_percent: float) -> dict[str, list[dict[str, Any]]]:
+    """Return percentiles with intervals by column, see `PERCENTS`."""
+    return {
+        name: [asdict(percentile(episodes[name], percent, confidence_percent)) for percent in percents]
+        for name, percents in PERCENTS.items()
+    }
+
+
+def sensitivity(
+    episodes: Mapping[str, Column], keys: Sequence[str], confidence_percent: float
+) -> list[dict[str, Any]]:
+    """Rank dispersed settings by their correlation with delta-v and rate.
+
+    Returns
+    -------
+    list of dict
+        ``key``, and by `RANKED` the rank correlation with its interval; the strongest first.
+    """
+    found = []
+    for key in keys:
+        told: dict[str, Any] = {"key": key}
+        for name in RANKED:
+            told[name] = asdict(rank_correlation(episodes[key], episodes[name], confidence_percent))
+        found.append(told)
+    return sorted(found, key=lambda one: -max(abs(one[name]["value"]) for name in RANKED))
+
+
+def succeeds(episodes: Mapping[str, Column]) -> NDArray[np.bool_]:
+    """Return which flights succeed: they inspect enough, and stay inside the limits."""
+    found: NDArray[np.bool_] = np.asarray(episodes["success"]) & ~np.asarray(episodes["violated"])
+    return found
+
+
+#: columns that identify a case's start: cases that share them are the same case
+START = ("position_x_m", "position_y_m", "position_z_m", "sun_angle_rad", "sun_elevation_rad")
+
+
+@dataclass(frozen=True)
+class Metric:
+    """A quantity to compare runs by: its column in an evaluation, its words, and whether less is better."""
+
+    name: str
+    label: str
+    unit: str
+    is_less_better: bool
+    places: int
+
+    def of(self, episodes: Mapping[str, Column]) -> Floats:
+        """Return its value per case; a share is 0 or 100 %."""
+        column = succeeds(episodes) if self.name == "success" else episodes[self.name]
+        return np.asarray(column * (100.0 if column.dtype == np.bool_ else 1.0), dtype=np.float64)
+
+
+METRICS = (
+    Metric("delta_v_m_s", "delta-v", "m/s", True, 4),
+    Metric("inspection_rate_percent", "inspection rate", "%", False, 2),
+    Metric("success", "successful", "%", False, 2),  # inside the limits
+    Metric("violated", "outside the limits", "%", True, 2),
+)
+
+
+@dataclass(frozen=True)
+class Difference:
+    """A mean difference with its Student's t interval, and the number of pairs.
+
+    Parameters
+    ----------
+    mean, low, high : float
+        The interval is NaN for a single pair.
+    count : int
+    """
+
+    mean: float
+    low: float
+    high: float
+    count: int
+
+    @property
+    def is_told(self) -> bool:
+        """Whether the interval excludes zero."""
+        return self.low > 0.0 or self.high < 0.0
+
+
+def difference(values: Floats, confidence_percent: float) -> Difference:
+    """Return the mean and interval of paired differences, at least one."""
+    from scipy.special import stdtrit  # noqa: PLC0415 - slower to import than a thousand flights
+
+    mean, number = float(values.mean()), len(values)
+    if number < 2:
+        return Difference(mean, math.nan, math.nan, number)
+    quantile = float(stdtrit(number - 1, 0.5 + confidence_percent / 200.0))
+    reach = quantile * float(values.std(ddof=1)) / math.sqrt(number)
+    return Difference(mean, mean - reach, mean + reach, number)
+
+
+def common_cases(
+    first: Mapping[str, Column], second: Mapping[str, Column]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return the rows of the cases that two evaluations share, bit-identical in `START`."""
+
+    def keys(episodes: Mapping[str, Column]) -> list[bytes]:
+        count = len(episodes["case"])
+        nothing = np.zeros(count)  # earlier versions had no elevation
+        starts = np.column_stack([episodes.get(name, nothing) for name in START])
+        return [row.tobytes() for row in np.ascontiguousarray(starts, dtype=np.float64)]
+
+    places = {key: row for row, key in enumerate(keys(second))}
+    pairs = [(row, places.pop(key)) for row, key in enumerate(keys(first)) if key in places]
+    rows = np.array(pairs, dtype=np.int64).reshape(-1, 2)
+    return rows[:, 0], rows[:, 1]
+
+
+@dataclass(frozen=True)
+class Compared:
+    """A metric of two runs on the same cases.
+
+    Parameters
+    ----------
+    metric : Metric
+    means : tuple of (float, float)
+    difference : Difference
+        Second minus first.
+    better, worse : int
+        Number of cases in which the second is better and worse than the first.
+    p_value : float
+        By Wilcoxon's signed-rank test, for shares by McNemar's exact
+        test; 1 if no case differs.
+    """
+
+    metric: Metric
+    means: tuple[float, float]
+    difference: Difference
+    better: int
+    worse: int
+    p_value: float
+
+
+def compare(
+    first: Mapping[str, Column], second: Mapping[str, Column], confidence_percent: float
+) -> list[Compared]:
+    """Compare two runs by every metric on the cases that they share.
+
+    Raises
+    ------
+    ValueError
+        If they have no common case.
+    """
+    rows, others = common_cases(first, second)
+    if not len(rows):
+        raise ValueError(
+            "the two runs share no case; evaluate both from the same starts: equal seed, starts, sun and "
+            "monte_carlo.num_cases"
+        )
+    found = []
+    for metric in METRICS:
+        one, other = metric.of(first)[rows], metric.of(second)[others]
+        gained = other - one
+        above, below = int(np.sum(gained > 0.0)), int(np.sum(gained < 0.0))
+        better, worse = (below, above) if metric.is_less_better else (above, below)
+        test = _mcnemar(above, below) if first[metric.name].dtype == np.bool_ else _wilcoxon(gained)
+        means = float(one.mean()), float(other.mean())
+        found.append(Compared(metric, means, difference(gained, confidence_percent), better, worse, test))
+    return found
+
+
+def _mcnemar(above: int, below: int) -> float:
+    """Return McNemar's exact p-value (Psychometrika 12, 1947): discordant pairs are like fair coin tosses."""
+    from scipy.stats import binom  # noqa: PLC0415 - as above
+
+    return min(1.0, 2.0 * float(binom.cdf(min(above, below), above + below, 0.5)))
+
+
+def _wilcoxon(gained: Floats) -> float:
+    from scipy.stats import wilcoxon  # noqa: PLC0415 - as above
+
+    return float(wilcoxon(gained, axis=None).pvalue) if np.any(gained) else 1.0
+
+
+@dataclass(frozen=True)
+class Effect:
+    """The effect of a setting: a level of a factor against the factor's first, all else equal.
+
+    Parameters
+    ----------
+    factor, level, baseline : str
+    metric : Metric
+    difference : Difference
+    unit : str
+        The kind of pairs: ``runs`` if several pairs of runs differ in nothing else, ``cases`` if only one
+        does.
+    """
+
+    factor: str
+    level: str
+    baseline: str
+    metric: Metric
+    difference: Difference
+    unit: str
+
+
+Flown = tuple[Mapping[str, str], Mapping[str, Column]]
+
+
+def effects(runs: Sequence[Flown], confidence_percent: float) -> list[Effect]:
+    """Return the effect of each factor of a sweep.
+
+    Runs are paired with those that differ from them in one factor only, and their cases with the same
+    cases; pairs without common cases are compared by their means.
+
+    Parameters
+    ----------
+    runs : sequence of (levels by factor, columns of the evaluation)
+    """
+    found = []
+    for factor in dict.fromkeys(name for levels, _ in runs for name in levels):
+        by_level: dict[str, dict[tuple[tuple[str, str], ...], Mapping[str, Column]]] = {}
+        for levels, episodes in runs:
+            rest = tuple((name, value) for name, value in levels.items() if name != factor)
+            by_level.setdefault(levels[factor], {})[rest] = episodes
+        baseline, *others = by_level
+        for level in others:
+            pairs = [
+                (by_level[baseline][rest], episodes)
+                for rest, episodes in by_level[level].items()
+                if rest in by_level[baseline]
+            ]
+            for metric in METRICS if pairs else ():
+                gained, unit = _gained(pairs, metric)
+                told = difference(gained, confidence_percent)
+                found.append(Effect(factor, level, baseline, metric, told, unit))
+    return found
+
+
+def _gained(
+    pairs: Sequence[tuple[Mapping[str, Column], Mapping[str, Column]]], metric: Metric
+) -> tuple[Floats, str]:
+    """Return the differences per pair of runs; for a single pair with common cases, those per case."""
+    gained = []
+    for first, second in pairs:
+        rows, others = common_cases(first, second)
+        one, other = metric.of(first), metric.of(second)
+        if len(rows):
+            gained.append(other[others] - one[rows])
+        else:
+            gained.append(np.array([other.mean() - one.mean()]))
+    if len(gained) == 1 and len(gained[0]) > 1:
+        return gained[0], "cases"
+    return np.array([values.mean() for values in gained]), "runs"
+
+
+def on_front(spent: Floats, inspected: Floats) -> NDArray[np.bool_]:
+    """Return which runs are nondominated: none spends no more and inspects no less, one of these strictly."""
+    no_more = spent[:, np.newaxis] >= spent
+    no_less = inspected[:, np.newaxis] <= inspected
+    better = (spent[:, np.newaxis] > spent) | (inspected[:, np.newaxis] < inspected)
+    return np.asarray(~np.any(no_more & no_less & better, axis=1))

@@ -41,15 +41,8 @@ from pipeline.run import artifacts, maker
 from pipeline.settings.experiment import Mission
 from pipeline.settings.schema import only_results
 from telemetry import EpisodeWriter
+from telemetry.file import topics
 from telemetry.file.metadata import EpisodeDescription, FisDescription
-from telemetry.file.topics import (
-    CHIEF_ATTACHMENT,
-    CONSTANTS_METADATA,
-    EPISODE_METADATA,
-    FIS_METADATA_PREFIX,
-    PointState,
-    Reason,
-)
 
 States = NDArray[np.uint8]
 
@@ -57,12 +50,12 @@ CONFIG_ATTACHMENT = "config.yaml"
 CONTROLLER_ATTACHMENT = "controller.json"
 
 #: what the places in `REASONS`, of which a `FlightLog` tells, are called in a recording
-REASON_OF = np.array([Reason[word.upper()] for word in REASONS])
+REASON_OF = np.array([topics.Reason[word.upper()] for word in REASONS])
 #: the places of those with which what rules ask for takes effect
 IN_EFFECT = tuple(place for place, word in enumerate(REASONS) if word in COUNTED)
 
 LIT, IN_VIEW_BUT_DARK, INSPECTED = np.array(
-    [PointState.LIT, PointState.IN_VIEW_BUT_DARK, PointState.INSPECTED], np.uint8
+    [topics.PointState.LIT, topics.PointState.IN_VIEW_BUT_DARK, topics.PointState.INSPECTED], np.uint8
 )
 
 
@@ -102,13 +95,13 @@ class FlightRecorder:
         }
         self._compiled = [compile(system) for system in controller.systems]
         self._systems: dict[str, dict[str, str]] = {
-            FIS_METADATA_PREFIX + one.system.name: describe(one, controller.force_axes).to_metadata()
+            topics.FIS_METADATA_PREFIX + one.system.name: describe(one, controller.force_axes).to_metadata()
             for one in self._compiled
         }
         attributes = controller.fuzzy.attributes if controller.fuzzy else ()
         meanings = {name: CONSTANTS[name].description for name, _ in attributes if name in CONSTANTS}
         if meanings:
-            self._systems[CONSTANTS_METADATA] = meanings
+            self._systems[topics.CONSTANTS_METADATA] = meanings
         self._world = pack_world(mission)
         # what hides what on a mesh takes plain Python minutes
         is_mesh = self._world.num_edge_cells > 0
@@ -116,7 +109,7 @@ class FlightRecorder:
         surface = surface_of(mission)
         self._points = surface.points
         if len(surface.corners):
-            self._attachments[CHIEF_ATTACHMENT] = stl_of(surface.corners)
+            self._attachments[topics.CHIEF_ATTACHMENT] = stl_of(surface.corners)
         self._attitude_offsets: Floats = mission.attitude_period_s * np.arange(
             mission.num_attitude_steps, dtype=np.float64
         )
@@ -147,7 +140,7 @@ class FlightRecorder:
         telemetry.RecordingError
             If the disk refuses.
         """
-        metadata = {EPISODE_METADATA: self._episode(scenario, scenario_id), **self._systems}
+        metadata = {topics.EPISODE_METADATA: self._episode(scenario, scenario_id), **self._systems}
         with EpisodeWriter(path, metadata=metadata, attachments=self._attachments) as writer:
             self._write(writer, scenario, log)
 

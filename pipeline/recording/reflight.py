@@ -3,7 +3,7 @@
 import base64
 import json
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -125,20 +125,16 @@ def _start_of(recording: Recording) -> Scenario:
         raise RecordingError(
             f"{recording.path} does not tell from where it was flown; it cannot be flown again"
         )
+    # of flights without any errors recordings do not tell what they were drawn from
+    seed, stage, case = episode.noise or (0, 0, 0)
     return Scenario(
         np.array(episode.position_m),
         np.array(episode.velocity_m_s),
         episode.sun_angle_rad,
         episode.sun_elevation_rad or 0.0,
-        _noise_of(episode.noise),
+        (int(seed), int(stage), int(case)),
         episode.settings,
     )
-
-
-def _noise_of(told: Sequence[float] | None) -> tuple[int, int, int]:
-    """Return what a flight's errors were drawn from; recordings of flights without any do not tell."""
-    seed, stage, case = told or (0, 0, 0)
-    return int(seed), int(stage), int(case)
 
 
 def _controller_of(recording: Recording, experiment: Experiment) -> Controller:

@@ -3,30 +3,28 @@
 import csv
 import re
 import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.controllers.source import controller_of_run
-from pipeline.evaluation.comparison import ComparisonRow
+from pipeline.evaluation.comparison import PAPER_TEST, PAPER_TRAINING, ComparisonRow, Reported
 from pipeline.evaluation.monte_carlo import SUCCESS, fly_cases, rank, summarise
 from pipeline.evaluation.statistics import Fraction, Statistic
 from pipeline.flight.cases.starts import evaluation_scenarios, start_shown, training_scenarios
 from pipeline.flight.control.controller import Controller
 from pipeline.flight.fly.simulation import fly_logged
 from pipeline.flight.state.log import FlightLog, Scenario
-from pipeline.report.beside_optimum import BesideOptimum, Pair, fly_pairs, read_beside
-from pipeline.report.comparison_tables import read_comparison
-from pipeline.report.dispersed import Spread, spread_of
-from pipeline.report.without_safety import Without, fly_without
+from pipeline.report import comparisons
 from pipeline.run import artifacts, tables
 from pipeline.settings.experiment import Experiment
 
 Columns = Mapping[str, NDArray[Any]]
+Read = TypeVar("Read")
 
 POSITION = ("position_x_m", "position_y_m", "position_z_m")
 #: what a summary says of each metric and of each share of flights
@@ -78,8 +76,6 @@ class Contents:
     Parameters
     ----------
     experiment : Experiment
-    folder : Path
-        Of the run.
     controller : Controller, optional
     training, evaluation : FlightSet, optional
     spread : Spread
@@ -108,16 +104,15 @@ class Contents:
     """
 
     experiment: Experiment
-    folder: Path
     controller: Controller | None
     training: FlightSet | None
     evaluation: FlightSet | None
-    spread: Spread
+    spread: comparisons.Spread
     training_round: int | None
     comparison: Sequence[ComparisonRow]
-    beside: BesideOptimum
-    pairs: Sequence[Pair]
-    without_safety: Without | None
+    beside: comparisons.BesideOptimum
+    pairs: Sequence[comparisons.Pair]
+    without_safety: comparisons.Without | None
     shown: Sequence[ShownFlight]
     logbook: Columns | None
     front: Columns | None
@@ -125,6 +120,12 @@ class Contents:
     config_text: str
     command: str
     recordings: Mapping[str, int]
+
+    @property
+    def sets(self) -> list[tuple[str, FlightSet, Reported]]:
+        """The flights of training and evaluation, as far as they are there, each with the paper's."""
+        both = (("Training", self.training, PAPER_TRAINING), ("Evaluation", self.evaluation, PAPER_TEST))
+        return [(word, flights, reported) for word, flights, reported in both if flights is not None]
 
 
 def gather(experiment: Experiment, folder: Path) -> Contents:
@@ -140,36 +141,42 @@ def gather(experiment: Experiment, folder: Path) -> Contents:
     pipeline.run.artifacts.ArtifactError
         If a file is there and cannot be read.
     """
-    has_trained = has_training(experiment, folder)
+    has_trained = "train" in experiment.stages or (folder / artifacts.LOGBOOK).exists()
     logbook = read_logbook(folder) if (folder / artifacts.LOGBOOK).exists() else None
     is_untrained = has_trained and not (folder / artifacts.CHAMPION).exists()
     controller = None if is_untrained else controller_of_run(experiment, folder)
     evaluation = read_evaluation(folder, experiment.monte_carlo.confidence_percent)
-    beside = read_beside(folder)
+    beside = comparisons.read_beside(folder)
+    scenarios = folder / artifacts.SCENARIOS
+    # which also name starts of a training where these are recorded
+    has_starts = scenarios.exists() and "\ntraining-" in scenarios.read_text(encoding="utf-8")
     starts: list[Scenario] = []
-    if controller and (has_trained or has_training_starts(folder)):
-        starts = last_training_starts(experiment, logbook)
+    if controller and (has_trained or has_starts):
+        # of the last round that the logbook tells of; of the first without one
+        last = 0 if logbook is None else int(logbook["round"][-1])
+        starts = training_scenarios(experiment.starts, experiment.sun, experiment.seed, last)
     training_round = int(logbook["round"][-1]) + 1 if logbook and experiment.starts.redraw else None
     config = folder / artifacts.CONFIG
     manifest = artifacts.read_manifest(folder) if (folder / artifacts.MANIFEST).exists() else None
     recordings = sorted((folder / artifacts.RECORDINGS).glob("*.mcap"))
     return Contents(
         experiment=experiment,
-        folder=folder,
         controller=controller,
         training=fly_training(experiment, controller, starts) if controller and starts else None,
         training_round=training_round,
         evaluation=evaluation,
         spread=read_spread(folder, evaluation),
-        comparison=read_comparison(folder),
+        comparison=comparisons.read_comparison(folder),
         beside=beside,
-        pairs=fly_pairs(experiment, controller, beside) if controller else (),
+        pairs=comparisons.fly_pairs(experiment, controller, beside) if controller else (),
         without_safety=(
-            fly_without(experiment, controller, evaluation.episodes) if controller and evaluation else None
+            comparisons.fly_without(experiment, controller, evaluation.episodes)
+            if controller and evaluation
+            else None
         ),
         shown=fly_shown(experiment, controller, starts, evaluation, training_round) if controller else (),
         logbook=logbook,
-        front=read_front(folder),
+        front=_if_there(tables.read_parquet, folder, artifacts.FRONT_GENOMES),
         manifest=manifest,
         config_text=config.read_text(encoding="utf-8") if config.exists() else "",
         command=command_of(folder, manifest),
@@ -177,45 +184,26 @@ def gather(experiment: Experiment, folder: Path) -> Contents:
     )
 
 
-def has_training(experiment: Experiment, folder: Path) -> bool:
-    """Tell whether the run trains, or has begun to."""
-    return "train" in experiment.stages or (folder / artifacts.LOGBOOK).exists()
-
-
-def has_training_starts(folder: Path) -> bool:
-    """Tell whether the run's scenarios name starts of a training, as they do for recording them."""
-    path = folder / artifacts.SCENARIOS
-    return path.exists() and "\ntraining-" in path.read_text(encoding="utf-8")
-
-
-def last_training_starts(experiment: Experiment, logbook: Columns | None) -> list[Scenario]:
-    """Return the starts of the last round that the logbook tells of; of the first without one."""
-    last = 0 if logbook is None else int(logbook["round"][-1])
-    return training_scenarios(experiment.starts, experiment.sun, experiment.seed, last)
-
-
 def read_evaluation(folder: Path, confidence_percent: float) -> FlightSet | None:
     """Read what the stage evaluate wrote, as far as it is there."""
-    has = {
-        name: (folder / name).exists()
-        for name in (artifacts.EPISODES, artifacts.TRAJECTORIES, artifacts.SUMMARY)
-    }
-    episodes = tables.read_parquet(folder, artifacts.EPISODES) if has[artifacts.EPISODES] else None
-    if episodes is None and not has[artifacts.SUMMARY]:
-        return None
-    tracks = None
-    if episodes is not None and has[artifacts.TRAJECTORIES]:
-        tracks = tracks_of(tables.read_parquet(folder, artifacts.TRAJECTORIES), episodes["case"])
-    if has[artifacts.SUMMARY]:
-        summary = read_summary(folder)
-    else:
-        assert episodes is not None  # noqa: S101 - one of the two is there
-        summary = {
-            "num_cases": len(episodes["case"]),
-            "confidence_percent": confidence_percent,
-            **summarise(episodes, confidence_percent),
-        }
+    has_summary = (folder / artifacts.SUMMARY).exists()
+    episodes = _if_there(tables.read_parquet, folder, artifacts.EPISODES)
+    if episodes is None:
+        return FlightSet(None, None, read_summary(folder)) if has_summary else None
+    rows = _if_there(tables.read_parquet, folder, artifacts.TRAJECTORIES)
+    tracks = None if rows is None else tracks_of(rows, episodes["case"])
+    summary = read_summary(folder) if has_summary else _summary(episodes, confidence_percent)
     return FlightSet(episodes, tracks, summary)
+
+
+def _if_there(read: Callable[[Path, str], Read], folder: Path, name: str) -> Read | None:
+    """Read a file of a run; None where there is none."""
+    return read(folder, name) if (folder / name).exists() else None
+
+
+def _summary(episodes: Columns, confidence_percent: float) -> dict[str, Any]:
+    counted = {"num_cases": len(episodes["case"]), "confidence_percent": confidence_percent}
+    return counted | summarise(episodes, confidence_percent)
 
 
 def read_summary(folder: Path) -> dict[str, Any]:
@@ -244,7 +232,7 @@ def read_summary(folder: Path) -> dict[str, Any]:
     return told
 
 
-def read_spread(folder: Path, evaluation: FlightSet | None) -> Spread:
+def read_spread(folder: Path, evaluation: FlightSet | None) -> comparisons.Spread:
     """Return what the summary of an evaluation tells of its spread.
 
     Raises
@@ -253,7 +241,7 @@ def read_spread(folder: Path, evaluation: FlightSet | None) -> Spread:
         If it tells something else.
     """
     try:
-        return spread_of(evaluation.summary) if evaluation else Spread()
+        return comparisons.spread_of(evaluation.summary) if evaluation else comparisons.Spread()
     except (AttributeError, KeyError, TypeError, ValueError) as error:
         raise artifacts.ArtifactError(
             f"{folder / artifacts.SUMMARY} does not tell of percentiles and dispersions what it should "
@@ -284,9 +272,8 @@ def tracks_of(rows: Columns, cases: NDArray[Any]) -> NDArray[np.floating]:
 def fly_training(experiment: Experiment, controller: Controller, starts: list[Scenario]) -> FlightSet:
     """Fly the starts of the training."""
     episodes, tracks = fly_cases(experiment.mission, controller, starts, experiment.optimizer.workers)
-    confidence = experiment.monte_carlo.confidence_percent
-    counted = {"num_cases": len(starts), "confidence_percent": confidence, "sun": experiment.sun_in_words}
-    return FlightSet(episodes, tracks, counted | summarise(episodes, confidence))
+    summary = _summary(episodes, experiment.monte_carlo.confidence_percent)
+    return FlightSet(episodes, tracks, {**summary, "sun": experiment.sun_in_words})
 
 
 def fly_shown(
@@ -337,13 +324,6 @@ def read_logbook(folder: Path) -> dict[str, NDArray[np.float64]] | None:
             f"{path} cannot be read ({type(error).__name__}: {error}); repeat the stage train"
         ) from error
     return columns if rows else None
-
-
-def read_front(folder: Path) -> Columns | None:
-    """Read the front of the training, if it has one."""
-    if not (folder / artifacts.FRONT_GENOMES).exists():
-        return None
-    return tables.read_parquet(folder, artifacts.FRONT_GENOMES)
 
 
 def command_of(folder: Path, manifest: Mapping[str, Any] | None) -> str:

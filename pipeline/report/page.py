@@ -9,17 +9,12 @@ import numpy as np
 
 from fis_tools.document.html import policy, template
 from fis_tools.words.text import summary
-from pipeline.evaluation import published
-from pipeline.evaluation.comparison import FLOWN
+from pipeline.evaluation import comparison
 from pipeline.evaluation.monte_carlo import SUCCESS
-from pipeline.evaluation.published import Reported
 from pipeline.flight.state.log import Scenario, inspectable_rate, points_in_words, points_needed
-from pipeline.report.beside_optimum import in_words, optimum_rows, outcome, times_tile
-from pipeline.report.comparison_tables import headings, tables_of, world_tables_of, world_verdicts
+from pipeline.report import comparisons
 from pipeline.report.contents import POSITION, Columns, Contents, FlightSet, ShownFlight
-from pipeline.report.figures.style import MOST_POINTS
-from pipeline.report.illustration import Illustration
-from pipeline.report.without_safety import safety_words
+from pipeline.report.figures.style import MOST_POINTS, Illustration
 from pipeline.run import artifacts
 from pipeline.settings.experiment import Mission
 
@@ -27,6 +22,16 @@ from pipeline.settings.experiment import Mission
 DECIMALS = {"delta_v_m_s": 3, "inspection_rate_percent": 2, "mean_distance_m": 2}
 INSPECTABLE = "inspectable_rate_percent"
 SHARES = ("success", "violated", SUCCESS)
+#: column of a front: decimals on the page
+FRONT = {
+    "validation_delta_v_m_s": 3,
+    "validation_inspection_rate_percent": 2,
+    "validation_success_percent": 1,
+    "validation_outside_percent": 2,
+    "training_delta_v_m_s": 3,
+    "training_inspection_rate_percent": 2,
+    "rule_consistency": 2,
+}
 #: of many training flights only so many have a row of their own
 MOST_ROWS = 64
 
@@ -63,15 +68,11 @@ def write(contents: Contents, illustrations: Mapping[str, Illustration]) -> str:
     str
         HTML that needs no other file, and leads to the review page beside it.
     """
-    experiment = contents.experiment
-    controller = contents.controller
-    systems = controller.systems if controller else ()
+    experiment, rows = contents.experiment, contents.comparison
     return template("pipeline.report", "templates", "report.html").render(
         policy=policy(),
-        title=experiment.report.title,
-        name=experiment.name,
-        controller=controller,
-        controller_facts=_controller_facts(contents),
+        contents=contents,
+        experiment=experiment,
         lead=lead(contents),
         safety=safety(contents),
         tiles=tiles(contents),
@@ -81,35 +82,24 @@ def write(contents: Contents, illustrations: Mapping[str, Illustration]) -> str:
         threshold=f"{experiment.mission.inspection_threshold_percent:g}",
         start_name=next((flight.name for flight in contents.shown if flight.is_alone), "start"),
         flights=[(f"control-{f.name}", f.title, flight_facts(f, experiment.mission)) for f in contents.shown],
-        spread=contents.spread,
-        varying=sorted(experiment.mission.varying),
         sees_less=_sees_less(contents),
         cases=case_rows(contents.training),
-        comparison=tables_of(contents.comparison),
-        comparison_headings=headings(),
-        worlds=world_tables_of(contents.comparison),
-        world_verdicts=world_verdicts(contents.comparison),
-        optimum_words=in_words(contents.beside, experiment.mission.inspection_threshold_percent),
-        optimum_reason=contents.beside.reason,
-        optimum_pairs=[f"optimum-case-{pair.case}" for pair in contents.pairs],
-        optimum_cases=optimum_rows(contents.beside),
+        comparison=comparisons.tables_of(rows),
+        headings=comparison.HEADINGS,
+        legend=comparison.LEGEND,
+        worlds=comparison.matrices(rows) if comparison.worlds_of(rows) else [],
+        verdicts=comparison.verdicts(rows),
+        optimum_words=comparisons.optimum_in_words(
+            contents.beside, experiment.mission.inspection_threshold_percent
+        ),
+        optimum_cases=comparisons.optimum_rows(contents.beside),
         has_crowd=bool(contents.training and contents.training.summary["num_cases"] > MOST_POINTS),
         front=front_rows(contents.front),
-        training=contents.training,
-        training_round=contents.training_round,
-        evaluation=contents.evaluation,
-        systems=[(system.name, summary(system)) for system in systems],
-        illustrations={name: i.element for name, i in illustrations.items()},
-        captions={name: i.caption for name, i in illustrations.items()},
-        recordings=[(name, f"{size / 1e6:.2f} MB") for name, size in contents.recordings.items()],
-        seed=experiment.seed,
+        summary=summary,
+        illustrations=illustrations,
         provenance=_provenance(contents.manifest),
-        versions=(contents.manifest or {}).get("versions", {}),
         files=_files(contents.manifest),
-        command=contents.command,
-        config=contents.config_text,
-        writer=artifacts.WRITTEN_BY,
-        paper=published.SOURCE,
+        paper=comparison.PAPER_NAME,
         artifacts=artifacts,
     )
 
@@ -118,15 +108,14 @@ def lead(contents: Contents) -> str:
     """Say in a sentence or two what came out."""
     mission = contents.experiment.mission
     who = f"The controller {contents.controller.name}" if contents.controller else "The controller"
-    for flights, starts in ((contents.evaluation, "random starts"), (contents.training, "training starts")):
-        if flights is None:
-            continue
-        told = flights.summary
+    for _, flights, _ in contents.sets[-1:]:
+        told, starts = flights.summary, "random starts" if contents.evaluation else "training starts"
         delta_v, rate = told["delta_v_m_s"], told["inspection_rate_percent"]
         outside, of_these = told["violated"]["count"], _inspectable_words(told)
+        sun = f" with the Sun {told['sun']}" if "sun" in told else ""
         leave = "none leaves" if not outside else "one leaves" if outside == 1 else f"{outside:,} leave"
         return (
-            f"{who}, flown from {told['num_cases']:,} {starts}{_sun_words(told)}, spends "
+            f"{who}, flown from {told['num_cases']:,} {starts}{sun}, spends "
             f"{delta_v['mean']:.3f} ± {delta_v['standard_deviation']:.3f} m/s and inspects "
             f"{rate['mean']:.2f} ± {rate['standard_deviation']:.2f} % of the points{of_these}. "
             f"{100 * told[SUCCESS]['fraction']:.1f} % of the flights reach "
@@ -136,7 +125,7 @@ def lead(contents: Contents) -> str:
         log = contents.shown[0].log
         return f"{who} inspects {points_in_words(log)} for {log.delta_v_m_s[-1]:.3f} m/s."
     if contents.comparison:
-        flown = [row for row in contents.comparison if row.source == FLOWN]
+        flown = [row for row in contents.comparison if row.source == comparison.FLOWN]
         return (
             f"{len({row.controller for row in flown})} controllers, flown side by side from "
             f"{flown[0].num_cases:,} random starts each."
@@ -161,24 +150,19 @@ def can_see_less(told: Mapping[str, Any]) -> bool:
 
 
 def _sees_less(contents: Contents) -> bool:
-    sets = (contents.training, contents.evaluation)
-    return any(flights is not None and can_see_less(flights.summary) for flights in sets)
+    return any(can_see_less(flights.summary) for _, flights, _ in contents.sets)
 
 
 def safety(contents: Contents) -> list[str]:
     """Say, a sentence or two for each set of flights, what the safety layer did; nothing where it is off."""
     if contents.experiment.mission.safety.kind == "none":
         return []
-    told = (
-        (contents.evaluation, "evaluation", contents.without_safety),
-        (contents.training, "training", None),
-    )
-    words = [safety_words(word, flights.summary, off) for flights, word, off in told if flights is not None]
+    off = {"Evaluation": contents.without_safety}
+    words = [
+        comparisons.safety_words(word.lower(), flights.summary, off.get(word))
+        for word, flights, _ in reversed(contents.sets)
+    ]
     return [text for text in words if text]
-
-
-def _sun_words(told: Mapping[str, Any]) -> str:
-    return f" with the Sun {told['sun']}" if "sun" in told else ""
 
 
 def _limits(mission: Mission) -> str:
@@ -187,63 +171,41 @@ def _limits(mission: Mission) -> str:
 
 def tiles(contents: Contents) -> list[tuple[str, str, str, str]]:
     """Return the headline numbers: label, number, unit, and the paper's."""
-    flights, reported = contents.evaluation, published.TEST
-    if flights is None:
-        flights, reported = contents.training, published.TRAINING
-    if flights is None:
+    if not contents.sets:
         return []
+    _, flights, reported = contents.sets[-1]
     told = flights.summary
-    means = [
-        ("mean Δv", f"{told['delta_v_m_s']['mean']:.2f}", "m/s", "delta_v_m_s"),
-        (
-            "mean inspection rate",
-            f"{told['inspection_rate_percent']['mean']:.1f}",
-            "%",
-            "inspection_rate_percent",
-        ),
+    means = (
+        ("mean Δv", "delta_v_m_s", 2, "m/s"),
+        ("mean inspection rate", "inspection_rate_percent", 1, "%"),
+    )
+    shares = (("successful flights", SUCCESS), ("flights outside the limits", "violated"))
+    found = [
+        (label, f"{told[name]['mean']:.{places}f}", unit, f"paper {reported.means[name]:g} {unit}")
+        for label, name, places, unit in means
     ]
-    shares = [
-        ("successful flights", SUCCESS),
-        ("flights outside the limits", "violated"),
-    ]
-    return [
-        *(
-            (label, value, unit, f"paper {reported.means[name]:g} {unit}")
-            for label, value, unit, name in means
-        ),
-        *(
-            (
-                label,
-                f"{100 * told[name]['fraction']:.1f}",
-                "%",
-                f"{told[name]['count']:,} of {told['num_cases']:,}",
-            )
-            for label, name in shares
-        ),
-        *times_tile(contents.beside),
-    ]
+    for label, name in shares:
+        share = told[name]
+        beside = f"{share['count']:,} of {told['num_cases']:,}"
+        found.append((label, f"{100 * share['fraction']:.1f}", "%", beside))
+    return [*found, *comparisons.times_tile(contents.beside)]
 
 
 def summary_rows(contents: Contents) -> list[SummaryRow]:
     """Return the rows of the summary: ours, and the paper's under each."""
     rows = []
-    pairs = (
-        ("Training", contents.training, published.TRAINING),
-        ("Evaluation", contents.evaluation, published.TEST),
-    )
-    for word, flights, reported in pairs:
-        if flights is not None:
-            told = flights.summary
-            note = f"{told['num_cases']:,} flights" + (f", Sun {told['sun']}" if "sun" in told else "")
-            if flights is contents.training and contents.training_round:
-                note += f", starts of round {contents.training_round}"
-            cells = [*(_mean_cell(told[name], places) for name, places in DECIMALS.items())]
-            cells += [_share_cell(told[name]) for name in SHARES]
-            paper = _paper_row(reported)
-            if _sees_less(contents):
-                cells.insert(2, _mean_cell(told[INSPECTABLE], 2))
-                paper.cells.insert(2, Cell("not stated"))
-            rows += [SummaryRow(word, note, cells, is_ours=True), paper]
+    for word, flights, reported in contents.sets:
+        told = flights.summary
+        note = f"{told['num_cases']:,} flights" + (f", Sun {told['sun']}" if "sun" in told else "")
+        if flights is contents.training and contents.training_round:
+            note += f", starts of round {contents.training_round}"
+        cells = [*(_mean_cell(told[name], places) for name, places in DECIMALS.items())]
+        cells += [_share_cell(told[name]) for name in SHARES]
+        paper = _paper_row(reported)
+        if _sees_less(contents):
+            cells.insert(2, _mean_cell(told[INSPECTABLE], 2))
+            paper.cells.insert(2, Cell("not stated"))
+        rows += [SummaryRow(word, note, cells, is_ours=True), paper]
     return rows
 
 
@@ -257,7 +219,7 @@ def _share_cell(told: Mapping[str, float]) -> Cell:
     return Cell(f"{100 * told['fraction']:.1f} %", told["fraction"], note)
 
 
-def _paper_row(reported: Reported) -> SummaryRow:
+def _paper_row(reported: comparison.Reported) -> SummaryRow:
     cells = [
         Cell(f"{reported.means[name]:g} ± {reported.standard_deviations[name]:g}", reported.means[name])
         for name in DECIMALS
@@ -311,7 +273,7 @@ def case_rows(training: FlightSet | None) -> list[list[str]]:
             f"{episodes['inspection_rate_percent'][row]:.2f}",
             f"{episodes['mean_distance_m'][row]:.2f}",
             f"{episodes['min_distance_m'][row]:.1f} to {episodes['max_distance_m'][row]:.1f}",
-            outcome(bool(episodes["success"][row]), bool(episodes["violated"][row])),
+            comparisons.outcome(bool(episodes["success"][row]), bool(episodes["violated"][row])),
         ]
         for row in range(len(episodes["case"]))
     ]
@@ -324,33 +286,16 @@ def front_rows(front: Columns | None) -> list[list[str]]:
     return [
         [
             f"{int(front['controller'][row]):02d}",
-            f"{front['validation_delta_v_m_s'][row]:.3f}",
-            f"{front['validation_inspection_rate_percent'][row]:.2f}",
-            f"{front['validation_success_percent'][row]:.1f}",
-            f"{front['validation_outside_percent'][row]:.2f}",
-            f"{front['training_delta_v_m_s'][row]:.3f}",
-            f"{front['training_inspection_rate_percent'][row]:.2f}",
-            *([f"{front['rule_consistency'][row]:.2f}"] if "rule_consistency" in front else []),
-            _standing(bool(front["champion"][row]), bool(front["stands"][row])),
+            *(f"{front[name][row]:.{places}f}" for name, places in FRONT.items() if name in front),
+            "champion" if front["champion"][row] else "" if front["stands"][row] else "dominated",
         ]
         for row in range(len(front["controller"]))
     ]
 
 
-def _standing(is_champion: bool, stands: bool) -> str:
-    return "champion" if is_champion else "" if stands else "dominated"
-
-
 def _signed(value: float, places: int) -> str:
     """Write a number with a true minus sign."""
     return f"{value:.{places}f}".replace("-", "−")
-
-
-def _controller_facts(contents: Contents) -> list[tuple[str, str]]:
-    controller = contents.controller
-    if controller is None or controller.fuzzy is None:
-        return []
-    return [*controller.fuzzy.attributes, *controller.fuzzy.provenance]
 
 
 def _provenance(manifest: Mapping[str, Any] | None) -> list[tuple[str, str]]:

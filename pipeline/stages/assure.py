@@ -13,11 +13,9 @@ import numpy as np
 from fis_tools.analysis.domain import as_mapping
 from fis_tools.formats.serialize import fingerprint
 from pipeline.controllers.source import controller_of_run
-from pipeline.evaluation.assurance import columns, evidence
-from pipeline.evaluation.assurance.campaign import Flights, Outcome, judged
-from pipeline.evaluation.assurance.claims import Judgement, cases_needed, failures_allowed, judge
-from pipeline.evaluation.assurance.domain import Domain, domain_of, left_on
-from pipeline.evaluation.assurance.proofs import certificates, safety_proof
+from pipeline.evaluation.assurance import evidence
+from pipeline.evaluation.assurance.campaign import Flights, Outcome, Search, case_space, judged, search, speed
+from pipeline.evaluation.assurance.evidence import Domain, domain_of, left_on
 from pipeline.evaluation.assurance.quantities import track_of
 from pipeline.evaluation.assurance.requirements import (
     BOUNDS,
@@ -28,15 +26,23 @@ from pipeline.evaluation.assurance.requirements import (
     Requirements,
     read,
 )
-from pipeline.evaluation.assurance.search import Search, case_space, search, speed
-from pipeline.evaluation.assurance.verdicts import Found, percent
+from pipeline.evaluation.assurance.verdicts import (
+    Found,
+    Judgement,
+    cases_needed,
+    certificates,
+    failures_allowed,
+    judge,
+    percent,
+    safety_proof,
+)
 from pipeline.flight.cases.dispersions import drawn
 from pipeline.flight.cases.starts import evaluation_scenarios
 from pipeline.flight.control.controller import Controller
 from pipeline.flight.fly.simulation import fly_logged
 from pipeline.flight.state.log import Scenario
 from pipeline.recording.recorder import FlightRecorder
-from pipeline.report.evidence import page
+from pipeline.report.evidence import write as page_of
 from pipeline.run import artifacts, maker, tables
 from pipeline.settings.dispersions import distributions
 from pipeline.settings.experiment import Experiment, Mission
@@ -66,7 +72,7 @@ def run(experiment: Experiment, folder: Path) -> None:
     artifacts.write_atomically(folder / artifacts.REQUIREMENTS, text)
     gathered = _gather(experiment, folder, requirements)
     artifacts.write_json(folder / artifacts.EVIDENCE, gathered)
-    artifacts.write_atomically(folder / artifacts.EVIDENCE_PAGE, page.write(gathered))
+    artifacts.write_atomically(folder / artifacts.EVIDENCE_PAGE, page_of(gathered))
     for one in gathered["requirements"]:
         sys.stderr.write(f"  {one['id']} {one['title']}. {one['sentence']}\n")
     sys.stderr.write(f"  {folder / artifacts.EVIDENCE_PAGE}\n")
@@ -99,7 +105,7 @@ def _gather(experiment: Experiment, folder: Path, requirements: Requirements) ->
     sys.stderr.write(
         f"  {len(scenarios):,} cases flown and judged in {time.perf_counter() - started:.1f} s\n"
     )
-    _write(folder, artifacts.ASSURED_CASES, columns.of_cases(mission, scenarios, outcomes))
+    _write(folder, artifacts.ASSURED_CASES, evidence.case_columns(mission, scenarios, outcomes))
     domain = _domain(experiment, controller, folder)
     proof = safety_proof(mission, scenarios)
     worst = _Worst(experiment, folder, controller, domain)
@@ -116,8 +122,8 @@ def _gather(experiment: Experiment, folder: Path, requirements: Requirements) ->
         recorded = None if outcome is None else worst.record(one, scenarios, outcome, found.searches)
         all_found.append(found)
         told.append(evidence.of_requirement(found, outcome, recorded))
-    _write(folder, artifacts.SEARCHED, columns.of_searches(mission, all_found))
-    _write(folder, artifacts.PROOF_BOXES, columns.of_boxes(all_found))
+    _write(folder, artifacts.SEARCHED, evidence.search_columns(mission, all_found))
+    _write(folder, artifacts.PROOF_BOXES, evidence.box_columns(all_found))
     return {
         **_provenance(experiment, folder, controller, requirements),
         "domain": None if domain is None else evidence.of_domain(domain),

@@ -4,7 +4,7 @@ import sys
 import time
 from collections.abc import Sequence
 from concurrent.futures import CancelledError, ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from threading import Event, Lock
 from typing import Any, cast
@@ -12,27 +12,26 @@ from typing import Any, cast
 import numpy as np
 
 from pipeline.controllers.source import named, remembering
-from pipeline.evaluation import published
 from pipeline.evaluation.comparison import (
     FLOWN,
     HEADER,
+    PAPER_NAME,
+    PAPER_TEST,
     Column,
     ComparisonRow,
     as_cells,
-    as_mapping,
     in_words,
     joined,
     planned_row,
     published_row,
     rules_of,
+    worlds_in_words,
 )
 from pipeline.evaluation.monte_carlo import episode_columns, fly_cases, summarise
-from pipeline.evaluation.worlds import worlds_in_words
 from pipeline.flight.cases.starts import evaluation_scenarios
 from pipeline.flight.control.controller import Controller
 from pipeline.flight.fly.simulation import fly_all
 from pipeline.flight.state.log import Outcomes, Scenario
-from pipeline.flight.world.pack import inspection_points
 from pipeline.optimum.solved import IncomparableError, Solved, beside_optimum, solved_for, summarise_times
 from pipeline.run import artifacts, tables
 from pipeline.run.progress import Progress
@@ -47,22 +46,21 @@ PART = 100
 
 def run(experiment: Experiment, folder: Path) -> None:
     """Fly all controllers, and write the table."""
-    reported = published.TEST
-    rows = [published_row("the paper", reported.num_cases, reported.means, reported.standard_deviations)]
+    rows = [published_row(PAPER_TEST)]
     flown: list[Row] = []
     lots = [lot for world in experiment.compare.worlds or [""] for lot in _lots(experiment, world)]
     for lot, of_lot in zip(lots, _fly(lots), strict=True):
         flown += of_lot
         rows += [row for row, _ in of_lot]
         if lot.solved is not None:
-            rows.append(_planned(lot.experiment, lot.solved))
+            rows.append(planned_row(lot.experiment, lot.solved))
     tables.write_csv(folder / artifacts.COMPARISON_TABLE, HEADER, [as_cells(row) for row in rows])
     tables.write_parquet(folder / artifacts.COMPARISON_EPISODES, joined(flown))
     summary = {
         "seed": experiment.seed,
         "num_cases": experiment.monte_carlo.num_cases,
         "confidence_percent": experiment.monte_carlo.confidence_percent,
-        "rows": [as_mapping(row) for row in rows],
+        "rows": [asdict(row) for row in rows],
     }
     artifacts.write_json(folder / artifacts.COMPARISON, summary)
     sys.stderr.write(_told(experiment, rows))
@@ -201,17 +199,6 @@ def _fly_cases(
     return episodes
 
 
-def _planned(experiment: Experiment, solved: Solved) -> ComparisonRow:
-    mission = experiment.mission
-    return planned_row(
-        solved,
-        experiment.sun.mode,
-        len(inspection_points(mission)),
-        mission.inspection_threshold_percent,
-        experiment.monte_carlo.confidence_percent,
-    )
-
-
 def _told(experiment: Experiment, rows: list[ComparisonRow]) -> str:
     """Write the table and the meaning of its columns."""
     threshold = experiment.mission.inspection_threshold_percent
@@ -223,6 +210,6 @@ def _told(experiment: Experiment, rows: list[ComparisonRow]) -> str:
         f"  {experiment.monte_carlo.num_cases} cases of seed {experiment.seed}; mean ± standard deviation; "
         f"shares with {confidence:g} % Wilson intervals; successful: at least {threshold:g} % of the points, "
         f"inside the limits; outside: {deputy.min_distance_m:g} to {deputy.max_distance_m:g} m left.\n"
-        f"  *published ({published.SOURCE}), its Sun and its distance limits not stated; the optimum knows "
+        f"  *published ({PAPER_NAME}), its Sun and its distance limits not stated; the optimum knows "
         "the whole flight beforehand, and is of other cases.\n"
     )

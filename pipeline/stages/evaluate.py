@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from pipeline.controllers.source import controller_of_run
-from pipeline.evaluation.monte_carlo import SUCCESS, Column, episode_columns, fly_cases, summarise
-from pipeline.evaluation.sensitivity import RANKED, percentiles, sensitivity
+from pipeline.evaluation.monte_carlo import SUCCESS, episode_columns, fly_cases, summarise
+from pipeline.evaluation.statistics import RANKED, Column, percentiles, sensitivity
 from pipeline.flight.cases.starts import evaluation_scenarios
 from pipeline.flight.control.controller import Controller
 from pipeline.flight.fly.simulation import fly_all

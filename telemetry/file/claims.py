@@ -5,7 +5,7 @@ A chunk of a hundred bytes may unpack to gigabytes; a recording of ours unpacks 
 
 import struct
 from collections.abc import Iterable, Iterator
-from typing import BinaryIO, Final, NamedTuple
+from typing import BinaryIO, Final
 
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
@@ -25,13 +25,6 @@ MOST_UNPACKED_PER_BYTE: Final = 20
 MOST_MESSAGES: Final = 200_000
 MOST_MESSAGES_PER_BYTE: Final = 1 / 16
 COMPRESSIONS: Final = ("", "zstd")
-
-
-class Claim(NamedTuple):
-    """Where a chunk begins in its file, and what it unpacks to, bytes."""
-
-    offset: int
-    size: int
 
 
 def most_unpacked(size: int) -> int:
@@ -67,8 +60,8 @@ def check_chunk(head: bytes) -> int:
     return size
 
 
-def chunk_claims(stream: BinaryIO, size: int) -> Iterator[Claim]:
-    """Yield what each chunk of a file claims, without reading its messages.
+def chunk_claims(stream: BinaryIO, size: int) -> Iterator[tuple[int, int]]:
+    """Yield where each chunk of a file begins and what it unpacks to, bytes, without reading its messages.
 
     Raises
     ------
@@ -86,12 +79,12 @@ def chunk_claims(stream: BinaryIO, size: int) -> Iterator[Claim]:
                 raise McapError(
                     f"{size} bytes unpack to more than {most_unpacked(size)}, which is all that is read"
                 )
-            yield Claim(offset, claimed)
+            yield offset, claimed
         offset += _FRAME.size + length
     stream.seek(0)
 
 
-def check_index(claims: Iterable[Claim], indexes: Iterable[ChunkIndex]) -> None:
+def check_index(claims: Iterable[tuple[int, int]], indexes: Iterable[ChunkIndex]) -> None:
     """Check that an index leads to each chunk at most once, and to nothing else.
 
     Raises
@@ -99,7 +92,7 @@ def check_index(claims: Iterable[Claim], indexes: Iterable[ChunkIndex]) -> None:
     McapError
         If it does not.
     """
-    unread = {claim.offset: claim.size for claim in claims}
+    unread = dict(claims)
     for index in indexes:
         if unread.pop(index.chunk_start_offset, None) != index.uncompressed_size:
             raise McapError("its index leads to a chunk that is not there, or to one twice")

@@ -17,8 +17,7 @@ from google.protobuf.message import Message
 from numpy.typing import NDArray
 
 from telemetry.array_types import Bytes, Floats
-from telemetry.file import topics
-from telemetry.file.errors import RecordingError
+from telemetry.file import RecordingError, topics
 from telemetry.file.metadata import plain
 from telemetry.file.schema import inspection_pb2
 
@@ -270,13 +269,8 @@ def _array(values: NDArray[np.generic]) -> "pa.Array":
     flat = values.ravel()
     array = pa.array(flat.tolist(), pa.string()) if values.dtype.kind == "U" else pa.array(flat)
     for size in reversed(values.shape[1:]):
-        array = _lists(array, size, values.size, len(values))
+        if values.size:
+            array = pa.FixedSizeListArray.from_arrays(array, size)
+        else:
+            array = pa.array([[]] * len(values), pa.list_(array.type, size))
     return array
-
-
-def _lists(array: "pa.Array", size: int, num_values: int, num_rows: int) -> "pa.Array":
-    import pyarrow as pa  # noqa: PLC0415
-
-    if num_values == 0:
-        return pa.array([[]] * num_rows, pa.list_(array.type, size))
-    return pa.FixedSizeListArray.from_arrays(array, size)

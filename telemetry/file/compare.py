@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from telemetry.array_types import Floats, Integers
-from telemetry.file import topics
-from telemetry.file.errors import RecordingError
+from telemetry.file import RecordingError, topics
 from telemetry.file.reader import Recording, TopicColumns
 from telemetry.file.summary import aligned
 
@@ -19,17 +18,9 @@ Value = float | int | bool | str
 
 #: within a sample a topic depends on those before it, so the first that differs is nearest to the cause
 _DATA_FLOW: Final = (
-    topics.DEPUTY_STATE,
-    topics.DEPUTY_POSE,
-    topics.TRANSFORMS,
-    topics.CHIEF_POINTS,
-    topics.MISSION,
-    topics.NAVIGATION,
-    topics.GUIDANCE,
-    topics.FIS_PREFIX,
-    topics.DEPUTY_CONTROL,
-    topics.DEPUTY_ATTITUDE,
-    topics.LOG,
+    *(topics.DEPUTY_STATE, topics.DEPUTY_POSE, topics.TRANSFORMS, topics.CHIEF_POINTS, topics.MISSION),
+    *(topics.NAVIGATION, topics.GUIDANCE, topics.FIS_PREFIX),
+    *(topics.DEPUTY_CONTROL, topics.DEPUTY_ATTITUDE, topics.LOG),
 )
 _KEY: Final = np.dtype([("time_s", np.float64), ("occurrence", np.int64)])
 
@@ -246,10 +237,11 @@ def _compared_fields(
         apart = _apart(one, other)
         greatest = apart.reshape(len(apart), -1).max(axis=1, initial=0.0)
         # the tolerance does not apply to counts and states
-        row = _first_beyond(greatest, tolerance if one.dtype.kind == "f" else 0.0)
+        beyond = np.flatnonzero(greatest > (tolerance if one.dtype.kind == "f" else 0.0))
         unit = first.units.get(field, "")
         parting = None
-        if row is not None:
+        if beyond.size:
+            row = int(beyond[0])
             sample, time_s = _sample(samples, times[row]), float(times[row])
             component, value, other_value = _values(one, other, apart, row)
             parting = Parting(first.topic, field, unit, sample, time_s, component, value, other_value)
@@ -261,11 +253,6 @@ def _compared_fields(
             greatest_time_s=float(times[greatest.argmax()]),
             parting=parting,
         )
-
-
-def _first_beyond(numbers: Floats, limit: float) -> int | None:
-    beyond = np.flatnonzero(numbers > limit)
-    return int(beyond[0]) if beyond.size else None
 
 
 def _apart(one: NDArray[np.generic], other: NDArray[np.generic]) -> Floats:

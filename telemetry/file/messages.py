@@ -16,8 +16,7 @@ from google.protobuf.message import Message
 from numpy.typing import ArrayLike
 
 from telemetry.array_types import Bytes, Floats, Integers
-from telemetry.file import topics
-from telemetry.file.errors import RecordingError
+from telemetry.file import RecordingError, topics
 
 #: what fields hold, by their names
 Columns = dict[str, Any]

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Final
 
-from telemetry.file.errors import RecordingError
+from telemetry.file import RecordingError
 
 JsonValue = float | str | list[float] | list[str]
 
@@ -104,12 +104,7 @@ class EpisodeDescription:
 
     def to_metadata(self) -> dict[str, str]:
         """Encode the description as metadata, without the keys whose value is None."""
-        values = {field.name: getattr(self, field.name) for field in fields(self)}
-        return {
-            key: value if isinstance(value, str) else json.dumps(value)
-            for key, value in values.items()
-            if value is not None
-        }
+        return _entries(self)
 
     @classmethod
     def from_metadata(cls, metadata: Mapping[str, str]) -> "EpisodeDescription":
@@ -153,15 +148,7 @@ class FisDescription:
 
     def to_metadata(self) -> dict[str, str]:
         """Encode the description as metadata."""
-        return {
-            "input_names": json.dumps(self.input_names, ensure_ascii=False),
-            "input_units": json.dumps(self.input_units, ensure_ascii=False),
-            "output_name": self.output_name,
-            "output_unit": self.output_unit,
-            "rules": json.dumps(self.rules, ensure_ascii=False),
-            "holding": json.dumps(self.holding),
-            "output_axes": self.output_axes,
-        }
+        return _entries(self)
 
     @classmethod
     def from_metadata(cls, metadata: Mapping[str, str]) -> "FisDescription":
@@ -187,6 +174,15 @@ class FisDescription:
             holding=_places("holding", metadata.get("holding", "[]"), len(rules)),
             output_axes=metadata.get("output_axes", "hill"),
         )
+
+
+def _entries(description: EpisodeDescription | FisDescription) -> dict[str, str]:
+    values = {field.name: getattr(description, field.name) for field in fields(description)}
+    return {
+        key: value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
+        for key, value in values.items()
+        if value is not None
+    }
 
 
 def _from_json(key: str, text: str) -> JsonValue:
@@ -219,14 +215,11 @@ def _numbers(key: str, text: str) -> float | tuple[float, ...]:
 
 def _places(key: str, text: str, most: int) -> tuple[int, ...]:
     value = _from_json(key, text)
-    places = (
-        [one for one in value if type(one) is int and 1 <= one <= most] if isinstance(value, list) else []
-    )
-    if not isinstance(value, list) or len(places) < len(value):
+    if not isinstance(value, list) or not all(type(one) is int and 1 <= one <= most for one in value):
         raise RecordingError(
             f"metadata {key!r} is {text[:80]!r}, but a list of whole numbers from 1 to {most} is expected"
         )
-    return tuple(places)
+    return tuple(value)  # type: ignore[arg-type]
 
 
 def _words_from_json(key: str, text: str) -> tuple[str, ...]:

@@ -25,8 +25,7 @@ from mcap.writer import MCAP0_MAGIC
 from numpy.typing import NDArray
 
 from telemetry.array_types import Floats
-from telemetry.file import claims, columns, topics
-from telemetry.file.errors import RecordingError
+from telemetry.file import RecordingError, claims, columns, topics
 from telemetry.file.messages import NANOSECONDS
 from telemetry.file.metadata import EpisodeDescription, FisDescription, unsealed
 
@@ -42,16 +41,8 @@ SAME_TIME_S: Final = 1e-6
 RECORD_HEAD_SIZE: Final = 9
 #: what the mcap library raises on damaged bytes
 DAMAGE: Final = (
-    McapError,
-    DecodeError,
-    zstandard.ZstdError,
-    struct.error,
-    ValueError,
-    KeyError,
-    OverflowError,
-    MemoryError,
-    OSError,
-    RecursionError,
+    *(McapError, DecodeError, zstandard.ZstdError, struct.error),
+    *(ValueError, KeyError, OverflowError, MemoryError, OSError, RecursionError),
 )
 
 
@@ -287,7 +278,6 @@ def read(
         _check_summary(stream)
         reader = SeekingReader(stream, validate_crcs=True)
         _check_claims(reader, stream)
-        _check_attachments(reader, stream)
         chosen = _chosen_channels(path, reader, wanted)
         metadata = {record.name: unsealed(record.name, record.metadata) for record in reader.iter_metadata()}
         attachments = {record.name: record.data for record in reader.iter_attachments()}
@@ -378,16 +368,9 @@ def _check_summary(stream: BinaryIO) -> None:
 
 
 def _check_claims(reader: SeekingReader, stream: BinaryIO) -> None:
-    """Check what the chunks unpack to before any is unpacked."""
-    size = stream.seek(0, os.SEEK_END)
-    claimed = list(claims.chunk_claims(stream, size))
-    summary = reader.get_summary()
-    claims.check_index(claimed, summary.chunk_indexes if summary else ())
-    stream.seek(0)
-
-
-def _check_attachments(reader: SeekingReader, stream: BinaryIO) -> None:
-    summary = reader.get_summary()
+    """Check what the chunks unpack to before any is unpacked, and the attachments."""
+    size, summary = stream.seek(0, os.SEEK_END), reader.get_summary()
+    claims.check_index(claims.chunk_claims(stream, size), summary.chunk_indexes if summary else ())
     for index in summary.attachment_indexes if summary else ():
         stream.seek(index.offset)
         check_attachment(stream.read(index.length))

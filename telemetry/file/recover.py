@@ -16,8 +16,7 @@ from mcap.records import Attachment, Channel, Chunk, Footer, McapRecord, Message
 from mcap.stream_reader import StreamReader, breakup_chunk
 from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
 
-from telemetry.file import claims, topics
-from telemetry.file.errors import RecordingError
+from telemetry.file import RecordingError, claims, topics
 from telemetry.file.messages import NANOSECONDS
 from telemetry.file.metadata import sealed, unsealed
 from telemetry.file.partial_file import PARTIAL_SUFFIX, whole_file

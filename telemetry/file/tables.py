@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING, Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from telemetry.file import topics
+from telemetry.file import RecordingError, topics
 from telemetry.file.columns import arrow_table
-from telemetry.file.errors import RecordingError
 from telemetry.file.partial_file import whole_file
 from telemetry.file.reader import Recording, TopicColumns
 

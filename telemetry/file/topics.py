@@ -18,15 +18,9 @@ MISSION: Final = "/mission"
 LOG: Final = "/log"
 #: topics of every recording; each fuzzy system adds one
 FIXED_TOPICS: Final = (
-    TRANSFORMS,
-    DEPUTY_POSE,
-    CHIEF_POINTS,
-    DEPUTY_STATE,
-    DEPUTY_ATTITUDE,
-    DEPUTY_CONTROL,
-    GUIDANCE,
-    MISSION,
-    LOG,
+    *(TRANSFORMS, DEPUTY_POSE, CHIEF_POINTS),
+    *(DEPUTY_STATE, DEPUTY_ATTITUDE, DEPUTY_CONTROL),
+    *(GUIDANCE, MISSION, LOG),
 )
 FIS_PREFIX: Final = "/fis/"
 

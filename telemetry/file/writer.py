@@ -23,20 +23,11 @@ from mcap_protobuf.schema import register_schema
 from numpy.typing import ArrayLike
 
 from telemetry.array_types import Floats, Integers
-from telemetry.file import messages, topics
-from telemetry.file.errors import RecordingError
+from telemetry.file import RecordingError, messages, topics
 from telemetry.file.messages import NANOSECONDS, encode, nanoseconds, rows
 from telemetry.file.metadata import sealed
 from telemetry.file.partial_file import PARTIAL_SUFFIX, PartialFile
-from telemetry.file.schema.inspection_pb2 import (
-    AttitudeHistory,
-    Control,
-    DeputyState,
-    FisActivation,
-    Guidance,
-    MissionStatus,
-    Navigation,
-)
+from telemetry.file.schema import inspection_pb2
 
 #: a process that is killed loses at most this many samples
 SAMPLES_PER_CHUNK: Final = 60
@@ -45,12 +36,12 @@ _KIND_OF_TOPIC: Final[Mapping[str, type[Message]]] = {
     topics.TRANSFORMS: FrameTransform,
     topics.DEPUTY_POSE: PoseInFrame,
     topics.CHIEF_POINTS: PointCloud,
-    topics.DEPUTY_STATE: DeputyState,
-    topics.DEPUTY_ATTITUDE: AttitudeHistory,
-    topics.DEPUTY_CONTROL: Control,
-    topics.GUIDANCE: Guidance,
-    topics.NAVIGATION: Navigation,
-    topics.MISSION: MissionStatus,
+    topics.DEPUTY_STATE: inspection_pb2.DeputyState,
+    topics.DEPUTY_ATTITUDE: inspection_pb2.AttitudeHistory,
+    topics.DEPUTY_CONTROL: inspection_pb2.Control,
+    topics.GUIDANCE: inspection_pb2.Guidance,
+    topics.NAVIGATION: inspection_pb2.Navigation,
+    topics.MISSION: inspection_pb2.MissionStatus,
     topics.LOG: Log,
 }
 _UPRIGHT: Final = np.array([[0.0, 0.0, 0.0, 1.0]])
@@ -491,7 +482,7 @@ class EpisodeWriter:
         systems = [name.removeprefix(prefix) for name in self._metadata if name.startswith(prefix)]
         kinds: dict[str, type[Message]] = {
             **_KIND_OF_TOPIC,
-            **{topics.fis_topic(name): FisActivation for name in systems},
+            **{topics.fis_topic(name): inspection_pb2.FisActivation for name in systems},
         }
         schemas: dict[str, int] = {}
         for topic, kind in kinds.items():

@@ -9,9 +9,19 @@ import numpy as np
 import rerun as rr
 
 from telemetry.array_types import Booleans, Bytes, Floats
-from telemetry.scene import blueprint, entities
-from telemetry.scene.curves import LIMIT_COLOUR, PLAIN_COLOUR, SIGNAL_COLOURS, Colour, Curves, Plot, drawable
-from telemetry.scene.entities import seconds, send
+from telemetry.scene import blueprint
+from telemetry.scene.blueprint import seconds, send
+from telemetry.scene.curves import (
+    LIMIT_COLOUR,
+    PLAIN_COLOUR,
+    SIGNAL_COLOURS,
+    Colour,
+    Curves,
+    Plot,
+    drawable,
+    level,
+    table,
+)
 from telemetry.scene.runs import Evaluation, Outcome, read_evaluation
 from telemetry.scene.viewer import Scene
 
@@ -71,10 +81,10 @@ def scene(path: Path) -> Scene:
 
     def send_all(stream: rr.RecordingStream) -> None:
         surroundings = evaluation.surroundings
-        entities.send_chief(stream, surroundings.chief_radius_m)
-        entities.send_limits(stream, surroundings.min_distance_m, surroundings.max_distance_m)
-        entities.send_styles(stream, [distance])
-        entities.send_values(stream, [distance], seconds)
+        blueprint.send_chief(stream, surroundings.chief_radius_m)
+        blueprint.send_limits(stream, surroundings.min_distance_m, surroundings.max_distance_m)
+        blueprint.send_styles(stream, [distance])
+        blueprint.send_values(stream, [distance], seconds)
         _send_paths(stream, evaluation)
         _send_deputies(stream, evaluation)
         for extreme in extremes(evaluation):
@@ -114,30 +124,27 @@ def _extreme(evaluation: Evaluation, what: str, row: int, sample: int, how_much:
 def in_words(evaluation: Evaluation) -> str:
     """Summarise the outcomes of an evaluation as Markdown."""
     num_cases = len(evaluation.case)
-    rows = ["| cases | " + str(num_cases) + " |", "|---|---|"]
+    rows = [("cases", str(num_cases))]
     outcome = evaluation.outcome
     if outcome is None:
-        rows.append("| outcome | unknown: there is no episodes.parquet next to the trajectories |")
+        rows.append(("outcome", "unknown: there is no episodes.parquet next to the trajectories"))
     else:
         for kind, words in _outcomes_in_words(evaluation).items():
             count = int(np.sum(outcome == kind))
-            rows.append(f"| {words} | {count} ({100 * count / num_cases:.1f} %) |")
+            rows.append((words, f"{count} ({100 * count / num_cases:.1f} %)"))
         for title, name, unit, digits in (
             ("delta-v", "delta_v_m_s", "m/s", 3),
             ("inspected", "inspection_rate_percent", "%", 1),
         ):
             values = evaluation.episodes[name]
             spread = values.std(ddof=min(1, num_cases - 1))
-            rows.append(
-                f"| {title} | {values.mean():.{digits}f} ± {spread:.{digits}f} {unit}, "
-                f"{values.min():.{digits}f} to {values.max():.{digits}f} |"
-            )
-    rows += [
-        f"| {name} | {rest} |"
-        for name, rest in (extreme.label.split(": ", 1) for extreme in extremes(evaluation))
-    ]
+            told = f"{values.mean():.{digits}f} ± {spread:.{digits}f} {unit}"
+            rows.append((title, f"{told}, {values.min():.{digits}f} to {values.max():.{digits}f}"))
+    for extreme in extremes(evaluation):
+        name, _, rest = extreme.label.partition(": ")
+        rows.append((name, rest))
     legend = "White: the cases named above. Dots: the deputies at the selected time."
-    return "\n".join(rows) + f"\n\n{legend}"
+    return f"{table(rows)}\n\n{legend}"
 
 
 def _outcomes_in_words(evaluation: Evaluation) -> dict[Outcome, str]:
@@ -161,13 +168,7 @@ def distance_plot(evaluation: Evaluation) -> Plot:
     curves = [Curves("spread", time_s, spread, ("farthest", "median", "nearest"), colours)]
     around = evaluation.surroundings
     limits = [limit for limit in (around.min_distance_m, around.max_distance_m) if limit is not None]
-    for limit in limits:
-        level = np.full((2, 1), limit)
-        curves.append(
-            Curves(
-                f"limit_{limit:g}", time_s[[0, -1]], level, (f"limit {limit:g}",), (LIMIT_COLOUR,), width=1.0
-            )
-        )
+    curves += [level(f"limit_{limit:g}", float(time_s[-1]), limit, LIMIT_COLOUR) for limit in limits]
     return Plot(
         "distance",
         "Distance of all cases (m)",

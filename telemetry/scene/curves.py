@@ -36,6 +36,12 @@ def drawable(text: str) -> str:
     return _UNKNOWN.sub(MISSING_SIGN, unicodedata.normalize("NFC", text))
 
 
+def table(rows: Sequence[tuple[str, str]]) -> str:
+    """Write names and values as a table in Markdown, headed by the first of them."""
+    head, *others = (f"| {name} | {value} |" for name, value in rows)
+    return "\n".join([head, "|---|---|", *others])
+
+
 Colour = tuple[int, int, int]
 
 #: of the x, y, z (or i, j, k) axis
@@ -114,13 +120,13 @@ def mission_plots(recordings: Sequence[Recording], colours: Sequence[Colour]) ->
     end_s = max(float(recording[topics.MISSION].time_s[-1]) for recording in recordings)
     has_legend = len(recordings) > 1
     limits = [limit for limit in (episode.min_distance_m, episode.max_distance_m) if limit is not None]
-    levels = [_level(f"limit_{limit:g}", end_s, limit, LIMIT_COLOUR) for limit in limits]
+    levels = [level(f"limit_{limit:g}", end_s, limit, LIMIT_COLOUR) for limit in limits]
     distance = (*_of_each(recordings, colours, "distance_m"), *levels)
     farthest = max(float(curve.values.max()) for curve in distance)
     rate = _of_each(recordings, colours, "inspection_rate_percent", in_steps=True)
     threshold = episode.inspection_threshold_percent
     if threshold is not None:
-        rate = (*rate, _level("goal", end_s, threshold, GOAL_COLOUR))
+        rate = (*rate, level("goal", end_s, threshold, GOAL_COLOUR))
     goal = "" if threshold is None else f"; goal {threshold:g}"
     bounds = "; limits " + ", ".join(f"{limit:g}" for limit in limits) if limits else ""
     delta_v = _of_each(recordings, colours, "delta_v_m_s")
@@ -222,7 +228,8 @@ def _of_each(
     )
 
 
-def _level(name: str, end_s: float, value: float, colour: Colour) -> Curves:
+def level(name: str, end_s: float, value: float, colour: Colour) -> Curves:
+    """Return a line at a value, from the start of a flight to its end."""
     label = name.replace("_", " ")
     return Curves(name, np.array([0.0, end_s]), np.full((2, 1), value), (label,), (colour,), width=1.0)
 
@@ -237,8 +244,7 @@ def _with_limits(key: str, title: str, curves: Curves, limit: float | None) -> P
         return Plot(key, title, (curves,), -reach, reach)
     end_s = float(curves.instants[-1])
     levels = (
-        _level(name, end_s, level, LIMIT_COLOUR)
-        for name, level in (("limit", limit), ("lower_limit", -limit))
+        level(name, end_s, value, LIMIT_COLOUR) for name, value in (("limit", limit), ("lower_limit", -limit))
     )
     return Plot(key, title, (curves, *levels), -1.1 * limit, 1.1 * limit)
 

@@ -9,12 +9,11 @@ import rerun as rr
 from rerun.components import FillMode
 
 from telemetry.array_types import Floats
-from telemetry.file import topics
-from telemetry.file.errors import RecordingError
+from telemetry.file import RecordingError, topics
 from telemetry.file.reader import Recording, read
-from telemetry.scene import blueprint, curves, drawing, entities, now
+from telemetry.scene import blueprint, curves, drawing
+from telemetry.scene.blueprint import seconds, send
 from telemetry.scene.curves import AXIS_COLOURS, PLAIN_COLOUR, Colour
-from telemetry.scene.entities import seconds, send
 from telemetry.scene.viewer import Scene
 
 SUN_COLOUR: Final = (255, 214, 64)
@@ -65,8 +64,8 @@ def scene(paths: Sequence[Path]) -> Scene:
 
     def send_all(stream: rr.RecordingStream) -> None:
         plots = (*mission, *effort, *fis)
-        entities.send_styles(stream, plots)
-        entities.send_values(stream, plots, seconds)
+        blueprint.send_styles(stream, plots)
+        blueprint.send_values(stream, plots, seconds)
         _send_flight(stream, recordings[0])
         _send_now(stream, recordings[0])
         _send_inferences(stream, recordings[0])
@@ -104,7 +103,7 @@ def _send_flight(stream: rr.RecordingStream, recording: Recording) -> None:
     _send_camera(stream, recording)
     _send_arrows(stream, recording)
     episode = recording.episode
-    entities.send_limits(stream, episode.min_distance_m, episode.max_distance_m)
+    blueprint.send_limits(stream, episode.min_distance_m, episode.max_distance_m)
 
 
 def _send_chief(stream: rr.RecordingStream, recording: Recording) -> None:
@@ -122,9 +121,9 @@ def _send_points(stream: rr.RecordingStream, recording: Recording) -> None:
     rgba = cloud["colour_rgba"].astype(np.uint32)
     radius = float(np.linalg.norm(positions[0], axis=1).mean())
     if topics.CHIEF_ATTACHMENT in recording.attachments:
-        entities.send_mesh(stream, recording.attachments[topics.CHIEF_ATTACHMENT])
+        blueprint.send_mesh(stream, recording.attachments[topics.CHIEF_ATTACHMENT])
     else:
-        entities.send_chief(stream, radius)
+        blueprint.send_chief(stream, radius)
     packed = (rgba[..., 0] << 24) | (rgba[..., 1] << 16) | (rgba[..., 2] << 8) | rgba[..., 3]
     entity = f"{blueprint.SCENE}/chief/points"
     stream.log(entity, rr.Points3D.from_fields(radii=[0.075 * radius]), static=True)
@@ -258,7 +257,7 @@ def _send_inferences(stream: rr.RecordingStream, recording: Recording) -> None:
 
 def _send_now(stream: rr.RecordingStream, recording: Recording) -> None:
     time_s = drawing.sample_times(recording)
-    words = [f"**{line}**" if line else "" for line in now.lines(recording, time_s)]
+    words = [f"**{line}**" if line else "" for line in drawing.now_in_words(recording, time_s)]
     columns = rr.TextDocument.columns(text=words, media_type=["text/markdown"] * len(words))
     send(stream, blueprint.NOW, seconds(time_s), columns)
 

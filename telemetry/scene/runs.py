@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from telemetry.array_types import Floats, Integers
-from telemetry.file.errors import RecordingError
+from telemetry.file import RecordingError
 
 Columns = Mapping[str, NDArray[Any]]
 
@@ -252,7 +252,8 @@ def _read(path: Path, required: tuple[str, ...]) -> dict[str, NDArray[Any]]:
 
     try:
         schema, claimed = pq.read_schema(path), pq.read_metadata(path)
-        wanted = [field.name for field in schema if _is_number(field.type)]
+        are_numbers = (pa.types.is_integer, pa.types.is_floating, pa.types.is_boolean)
+        wanted = [field.name for field in schema if any(is_so(field.type) for is_so in are_numbers)]
         unpacked = sum(claimed.row_group(index).total_byte_size for index in range(claimed.num_row_groups))
         # equal numbers in a row are packed as one
         unpacked = max(unpacked, 8 * claimed.num_rows * (len(wanted) + 1))
@@ -274,12 +275,6 @@ def _read(path: Path, required: tuple[str, ...]) -> dict[str, NDArray[Any]]:
         if name in _KEYS and not pa.types.is_integer(schema.field(name).type):
             raise RecordingError(f"{path} has no whole numbers in its column {name}; give another table")
     return {name: table[name].to_numpy() for name in wanted}
-
-
-def _is_number(kind: Any) -> bool:
-    import pyarrow as pa  # noqa: PLC0415 - as above
-
-    return bool(pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_boolean(kind))
 
 
 def _tracks(path: Path, columns: Columns, keys: tuple[str, ...]) -> tuple[Integers, NDArray[np.float32]]:

@@ -12,7 +12,7 @@ from typing import IO, Final
 from PIL import Image, ImageChops
 from rerun.experimental import ViewerClient
 
-from telemetry.file.errors import RecordingError
+from telemetry.file import RecordingError
 from telemetry.file.partial_file import whole_file
 from telemetry.scene import blueprint, campaign, replay, runs, training, viewer
 from telemetry.scene.viewer import Scene

@@ -9,10 +9,10 @@ from typing import Final
 import numpy as np
 import rerun as rr
 
-from telemetry.file.errors import RecordingError
-from telemetry.scene import blueprint, entities, viewer
-from telemetry.scene.curves import PLAIN_COLOUR, SIGNAL_COLOURS, Colour, Curves, Plot, drawable
-from telemetry.scene.entities import generations, send
+from telemetry.file import RecordingError
+from telemetry.scene import blueprint, viewer
+from telemetry.scene.blueprint import generations, send
+from telemetry.scene.curves import PLAIN_COLOUR, SIGNAL_COLOURS, Colour, Curves, Plot, drawable, table
 from telemetry.scene.runs import Training, file_of, has_training, is_finished, read_training
 from telemetry.scene.viewer import Scene
 
@@ -167,9 +167,9 @@ def in_words(training: Training, row: int) -> str:
     ]
     if since is not None:
         facts.append(("champion since", _moment(training, since)))
-    rows = "\n".join(f"| {name} | {value} |" for name, value in facts)
+    head = (_moment(training, row), f"fitness {columns['best'][row]:.6g}")
     return (
-        f"| {_moment(training, row)} | fitness {columns['best'][row]:.6g} |\n|---|---|\n{rows}\n\n"
+        f"{table([head, *facts])}\n\n"
         "White: the champion's flight from the configured start; blue: the champions of the last "
         f"{blueprint.GENERATIONS_IN_SIGHT} generations."
     )
@@ -186,9 +186,9 @@ def _headline(training: Training, row: int) -> str:
 
 def _send_surroundings(stream: rr.RecordingStream, training: Training) -> None:
     around = training.surroundings
-    entities.send_chief(stream, around.chief_radius_m)
-    entities.send_limits(stream, around.min_distance_m, around.max_distance_m)
-    entities.send_styles(stream, plots(training, 0))
+    blueprint.send_chief(stream, around.chief_radius_m)
+    blueprint.send_limits(stream, around.min_distance_m, around.max_distance_m)
+    blueprint.send_styles(stream, plots(training, 0))
     for entity, colour, width in ((EARLIER, EARLIER_COLOUR, 0.5), (CHAMPION, (*PLAIN_COLOUR, 255), 2.0)):
         style = rr.LineStrips3D.from_fields(colors=[colour], radii=rr.Radius.ui_points(width))
         stream.log(entity, style, static=True)
@@ -202,7 +202,7 @@ def _send_surroundings(stream: rr.RecordingStream, training: Training) -> None:
 
 def _send_rows(stream: rr.RecordingStream, training: Training, first: int) -> None:
     """Send the generations from row `first` on."""
-    entities.send_values(stream, plots(training, first), generations)
+    blueprint.send_values(stream, plots(training, first), generations)
     new = [row for row in sorted(training.tracks) if row >= first]
     if new:
         strips = np.stack([training.tracks[row] for row in new])

@@ -16,7 +16,7 @@ from typing import IO, Any, Final
 import rerun as rr
 import rerun.blueprint as rrb
 
-from telemetry.file.errors import RecordingError
+from telemetry.file import RecordingError
 from telemetry.file.partial_file import PARTIAL_SUFFIX
 
 APPLICATION: Final = "fuzzy-spacecraft-inspection"
@@ -153,7 +153,11 @@ def show(scene: Scene, *, in_browser: bool) -> None:
         save(scene, file)
         command = [*_command("auto", in_browser=in_browser), str(file)]
         with suppress(KeyboardInterrupt), _running(command) as process:
-            _check_ending(process.wait())
+            if code := process.wait():
+                raise RecordingError(
+                    f"the viewer ended with exit code {code} ; see its message above; "
+                    "write a file with --save FILE.rrd and open that elsewhere"
+                )
 
 
 @contextmanager
@@ -262,14 +266,6 @@ def _stream(scene: Scene) -> rr.RecordingStream:
 def _command(port: str, *, in_browser: bool) -> list[str]:
     command = [*_RERUN, "--bind", LOOPBACK, "--port", port]
     return [*command, "--web-viewer", "--web-viewer-port", "0"] if in_browser else command
-
-
-def _check_ending(code: int) -> None:
-    if code != 0:
-        raise RecordingError(
-            f"the viewer ended with exit code {code} ; see its message above; "
-            "write a file with --save FILE.rrd and open that elsewhere"
-        )
 
 
 def require_display(*, in_browser: bool) -> None:

@@ -12,7 +12,8 @@ import pytest
 from mcap.writer import Writer
 
 import telemetry
-from telemetry.commands import files, main
+from telemetry import commands
+from telemetry.commands import main
 from tests.telemetry import synthetic_run
 
 
@@ -183,7 +184,7 @@ def test_an_interrupted_command_ends_in_a_sentence(
     def interrupted(_path: Path) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(files, "read", interrupted)
+    monkeypatch.setattr(commands, "read", interrupted)
     assert main(["info", str(short_file)]) == 130
     assert capsys.readouterr().err == "telemetry: interrupted\n"
 

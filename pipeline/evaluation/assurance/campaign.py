@@ -1,22 +1,29 @@
-"""Many flights and their margins: by how much every case satisfies each requirement's formula."""
+"""Many flights and their margins, and the search for the worst case.
+
+The search is by CMA-ES over a case's random variables, minimising a requirement's margin. Falsification by
+robustness: Abbas and others, "Probabilistic temporal logic falsification of cyber-physical systems", ACM
+Transactions on Embedded Computing Systems 12, 2013. A search begins with random cases and continues from the
+worst of them. Every flight counts.
+"""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.array_types import Floats
-from pipeline.evaluation.assurance.formula import Formula, quantities_of
+from pipeline.evaluation.assurance.formula import Formula, holds, quantities_of, robustness
 from pipeline.evaluation.assurance.quantities import of_tracks
 from pipeline.evaluation.assurance.requirements import Requirement, RequirementError, require_heard
-from pipeline.evaluation.assurance.robustness import holds, robustness
 from pipeline.flight.control.controller import Controller
 from pipeline.flight.fly.simulation import fly_all
 from pipeline.flight.state.arrays import NUM_TRACKED
 from pipeline.flight.state.log import Scenario
 from pipeline.flight.world.pack import inspection_points
-from pipeline.settings.experiment import Mission
+from pipeline.settings.dispersions import Distribution, distributions
+from pipeline.settings.experiment import Assurance, Mission, MonteCarlo, Optimizer, Sun
+from pipeline.training.evolution.rounds import evolve_rounds
 
 #: flights whose tracks are in memory at once, 22 kB per hour of flight
 PART = 1000
@@ -97,4 +104,217 @@ def joined(parts: Sequence[Outcome]) -> Outcome:
     """Concatenate outcomes of one formula."""
     return Outcome(
         np.concatenate([part.margins for part in parts]), np.concatenate([part.is_met for part in parts])
+    )
+
+
+#: separates the random numbers of searches from all others with the same seed
+SPAWN_KEY = 0x5EA
+#: share of a dispersed setting's values at either end that a search excludes: three standard deviations
+TAIL = 0.00135
+
+
+@dataclass(frozen=True)
+class CaseSpace:
+    """The random variables of a case: direction, distance, the Sun unless fixed, and dispersed settings.
+
+    Parameters
+    ----------
+    shell_m : (float, float)
+        Least and greatest distance of a start, m.
+    sun : Sun
+    dispersed : tuple of Distribution
+        Of settings, sorted by their keys. The quantiles from `TAIL` to one minus that can be chosen.
+    turned : (float, float)
+        Shifts of the azimuth and the Sun's angle from their genes, as shares of a turn.
+    """
+
+    shell_m: tuple[float, float]
+    sun: Sun
+    dispersed: tuple[Distribution, ...] = ()
+    turned: tuple[float, float] = (0.0, 0.0)
+
+    @property
+    def genes(self) -> tuple[str, ...]:
+        """Names of a case's genes, in order; each is from 0 to 1."""
+        angle = () if self.sun.mode == "fixed" else ("sun_angle",)
+        ranges = self.sun.mode != "fixed" and self.sun.elevation_range_deg is not None
+        elevation = ("sun_elevation",) if ranges else ()
+        return ("height", "azimuth", "distance", *angle, *elevation, *(one.key for one in self.dispersed))
+
+    def centred_on(self, genes: Floats) -> tuple["CaseSpace", Floats]:
+        """Return the same space shifted so that the angles of some genes are central, and these genes there.
+
+        A search that begins there does not run into the ends of an angle's range.
+        """
+        moved, turned = genes.copy(), list(self.turned)
+        for place, name in enumerate(("azimuth", "sun_angle")):
+            if name in self.genes:
+                gene = self.genes.index(name)
+                turned[place] += genes[gene] - 0.5
+                moved[gene] = 0.5
+        return replace(self, turned=(turned[0], turned[1])), moved
+
+    def scenario(self, genes: Floats) -> Scenario:
+        """Return the case of some genes, (num_genes,); uniform ones are isotropic and uniform in distance."""
+        told = dict(zip(self.genes, genes.tolist(), strict=True))
+        height, azimuth = 2.0 * told["height"] - 1.0, 2.0 * np.pi * (told["azimuth"] + self.turned[0])
+        across = np.sqrt(max(0.0, 1.0 - height * height))
+        direction = np.array([across * np.cos(azimuth), across * np.sin(azimuth), height])
+        distance = self.shell_m[0] + (self.shell_m[1] - self.shell_m[0]) * told["distance"]
+        angle, elevation_deg = np.radians(self.sun.angle_deg), self.sun.elevation_deg
+        if "sun_angle" in told:
+            angle = 2.0 * np.pi * ((told["sun_angle"] + self.turned[1]) % 1.0)
+        if self.sun.elevation_range_deg is not None and "sun_elevation" in told:
+            low, high = self.sun.elevation_range_deg
+            elevation_deg = low + told["sun_elevation"] * (high - low)
+        settings = tuple(one.value(TAIL + (1.0 - 2.0 * TAIL) * told[one.key]) for one in self.dispersed)
+        return Scenario(
+            distance * direction,
+            np.zeros(3),
+            float(angle),
+            float(np.radians(elevation_deg)),
+            settings=settings or None,
+        )
+
+
+def case_space(monte_carlo: MonteCarlo, sun: Sun, mission: Mission) -> CaseSpace:
+    """Return the random variables of an evaluation's cases."""
+    shell_m = (monte_carlo.min_distance_m, monte_carlo.max_distance_m)
+    return CaseSpace(shell_m, sun, distributions(mission.dispersions))
+
+
+@dataclass(frozen=True)
+class Search:
+    """One search for the worst case of a requirement.
+
+    Parameters
+    ----------
+    scenarios : tuple of Scenario
+        All flown scenarios, in order.
+    outcome : Outcome
+        Their results.
+    """
+
+    scenarios: tuple[Scenario, ...]
+    outcome: Outcome
+
+    @property
+    def worst(self) -> int:
+        """Index of the flight with the least margin."""
+        return int(np.argmin(self.outcome.margins))
+
+    @property
+    def first_failed(self) -> int | None:
+        """Number of flights until the first failure; None without any."""
+        failed = np.flatnonzero(~self.outcome.is_met)
+        return int(failed[0]) + 1 if failed.size else None
+
+
+def search(
+    requirement: Requirement,
+    flights: Flights,
+    space: CaseSpace,
+    settings: Assurance,
+    optimizer: Optimizer,
+    seed: int,
+    number: int,
+) -> Search:
+    """Search for the case with the least margin of a requirement.
+
+    Parameters
+    ----------
+    requirement : Requirement
+        With a formula.
+    flights : Flights
+    space : CaseSpace
+    settings : Assurance
+        Number of flights, and the initial spread.
+    optimizer : Optimizer
+        Copied, with the search's own algorithm, sizes and step.
+    seed, number : int
+        The run's seed and the number of the search: together they determine the random numbers.
+    """
+    flown: list[Scenario] = []
+    outcomes: list[Outcome] = []
+
+    def margins_of(genomes: Floats, space: CaseSpace) -> Floats:
+        scenarios = [space.scenario(genes) for genes in genomes]
+        outcome = flights.judge(scenarios, [requirement])[requirement.id]
+        flown.extend(scenarios)
+        outcomes.append(outcome)
+        return outcome.margins
+
+    generator = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(SPAWN_KEY, number)))
+    drawn = generator.random((settings.search_starts, len(space.genes)))
+    centred, worst = space.centred_on(drawn[np.argmin(margins_of(drawn, space))])
+    evolve_rounds(
+        lambda _round, _champion: lambda genomes: {"fitness": margins_of(genomes, centred)},
+        len(space.genes),
+        _strategy(settings, optimizer),
+        int(generator.integers(2**31)),
+        initial=worst[np.newaxis],
+    )
+    return Search(tuple(flown), joined(outcomes))
+
+
+def _strategy(settings: Assurance, optimizer: Optimizer) -> Optimizer:
+    return replace(
+        optimizer,
+        algorithm="cma_es",
+        population_size=settings.search_population,
+        generations=settings.search_generations,
+        initial_step=settings.search_step,
+        stall_generations=None,
+        rounds=1,
+    )
+
+
+@dataclass(frozen=True)
+class Speed:
+    """How fast searches find failures, compared with random flights.
+
+    Parameters
+    ----------
+    num_found, num_searches : int
+        Number of searches that found a failure, and of all.
+    flights_per_find : float, optional
+        Flights of all searches, each counted to its first failure or its end, per failure found.
+    random_flights_per_find : float, optional
+        Random flights per failure among them.
+    """
+
+    num_found: int
+    num_searches: int
+    flights_per_find: float | None
+    random_flights_per_find: float | None
+
+    @property
+    def ratio(self) -> float | None:
+        """Factor by which the searches needed fewer flights."""
+        if self.flights_per_find is None or self.random_flights_per_find is None:
+            return None
+        return self.random_flights_per_find / self.flights_per_find
+
+    @property
+    def sentence(self) -> str:
+        """The comparison in words, without a full stop."""
+        told = f"{self.num_found} of {self.num_searches} searches find a failure"
+        if self.flights_per_find is not None:
+            told += f", one in {self.flights_per_find:,.0f} flights"
+        if self.random_flights_per_find is None:
+            return f"{told}; at random there is none"
+        told += f"; at random one in {self.random_flights_per_find:,.0f}"
+        return told if self.ratio is None else f"{told}: {self.ratio:.1f} times as many"
+
+
+def speed(searches: Sequence[Search], random: Outcome) -> Speed:
+    """Compare searches with random flights."""
+    needed = sum(one.first_failed or len(one.scenarios) for one in searches)
+    num_found = sum(one.first_failed is not None for one in searches)
+    num_random = int(np.count_nonzero(~random.is_met))
+    return Speed(
+        num_found,
+        len(searches),
+        needed / num_found if num_found else None,
+        len(random.is_met) / num_random if num_random else None,
     )

@@ -1,29 +1,114 @@
-"""Evidence as plain data: requirements, methods, findings and verdicts."""
+"""Evidence as plain data and as tables: findings, verdicts, and the operational domain of flights."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import asdict, dataclass
 from math import ceil, floor
+from os import cpu_count
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from fis_tools.analysis.domain import Departure
+from fis_tools.analysis.domain import Box, Departure, box_of, departures
 from fis_tools.analysis.domain import as_mapping as domain_mapping
 from pipeline.array_types import Floats
-from pipeline.evaluation.assurance.campaign import Outcome
-from pipeline.evaluation.assurance.claims import cases_needed
-from pipeline.evaluation.assurance.domain import Domain
+from pipeline.evaluation.assurance import verdicts
+from pipeline.evaluation.assurance.campaign import Outcome, Search, speed
 from pipeline.evaluation.assurance.requirements import Requirement
-from pipeline.evaluation.assurance.search import Search, speed
-from pipeline.evaluation.assurance.sentence import sentence, share
-from pipeline.evaluation.assurance.verdicts import WORDS, Found, outcomes, verdict
+from pipeline.flight.cases.dispersions import drawn
+from pipeline.flight.control.controller import Controller
+from pipeline.flight.fly.simulation import fly_logged
+from pipeline.flight.state.log import FlightLog, Scenario
+from pipeline.settings.experiment import Mission
+
+
+@dataclass(frozen=True)
+class Domain:
+    """The inputs that some flights met, and how other flights compare.
+
+    Parameters
+    ----------
+    boxes : tuple of Box
+        One for each system that decided anything.
+    num_made_from, num_tried, num_left : int
+        Flights that define it; others that test it; and how many of these left it.
+    high : float
+        Upper bound, with `confidence`, of the share of such flights that leave it.
+    confidence : float
+    """
+
+    boxes: tuple[Box, ...]
+    num_made_from: int
+    num_tried: int
+    num_left: int
+    high: float
+    confidence: float
+
+
+def domain_of(
+    mission: Mission,
+    controller: Controller,
+    scenarios: Sequence[Scenario],
+    confidence: float,
+    workers: int | None = None,
+) -> Domain:
+    """Fly scenarios, logged: the first half defines the domain, the second tests it.
+
+    Parameters
+    ----------
+    mission : Mission
+    controller : Controller
+        With fuzzy systems.
+    scenarios : sequence of Scenario
+        At least two.
+    confidence : float
+    workers : int, optional
+    """
+    half = len(scenarios) // 2
+    with ThreadPoolExecutor(workers or cpu_count() or 1) as pool:
+        flown = list(
+            pool.map(lambda one: sensed(fly_logged(mission, controller, one), controller), scenarios)
+        )
+    boxes = []
+    for place, system in enumerate(controller.systems):
+        rows = np.concatenate([inputs[place] for inputs in flown[:half]])
+        if len(rows):
+            boxes.append(box_of(system, rows))
+    places = [[system.name for system in controller.systems].index(box.system) for box in boxes]
+    num_left = sum(
+        any(bool((box.beyond(inputs[place]) > 0.0).any()) for box, place in zip(boxes, places, strict=True))
+        for inputs in flown[half:]
+    )
+    num_tried = len(scenarios) - half
+    _, high = verdicts.share_bounds(num_left, num_tried, confidence)
+    return Domain(tuple(boxes), half, num_tried, num_left, high, confidence)
+
+
+def sensed(log: FlightLog, controller: Controller) -> list[Floats]:
+    """Return the inputs of each system where inference decided, (n, num_inputs)."""
+    return [
+        log.fis_input[log.is_decided, place, : len(system.inputs)].copy()
+        for place, system in enumerate(controller.systems)
+    ]
+
+
+def left_on(domain: Domain, log: FlightLog, controller: Controller, period_s: float) -> tuple[Departure, ...]:
+    """Return when a flight left a domain."""
+    times = np.flatnonzero(log.is_decided).astype(np.float64) * period_s
+    inputs = dict(zip((one.name for one in controller.systems), sensed(log, controller), strict=True))
+    found = [one for box in domain.boxes for one in departures(box, times, inputs[box.system])]
+    return tuple(sorted(found, key=lambda one: one.first_s))
+
 
 SCHEMA, SCHEMA_VERSION = "evidence", 1
 #: number of bins for the margins of many cases, approximately
 NUM_BINS = 60
 
 
-def of_requirement(found: Found, random: Outcome | None, worst: Mapping[str, Any] | None) -> dict[str, Any]:
+def of_requirement(
+    found: verdicts.Found, random: Outcome | None, worst: Mapping[str, Any] | None
+) -> dict[str, Any]:
     """Return the evidence for one requirement.
 
     Parameters
@@ -35,16 +120,16 @@ def of_requirement(found: Found, random: Outcome | None, worst: Mapping[str, Any
         The worst case found and recorded, see `of_worst`.
     """
     requirement = found.requirement
-    judged = verdict(found)
+    judged = verdicts.verdict(found)
     told: dict[str, Any] = {
         **_claim(requirement),
         "verdict": judged.word,
-        "share": share(requirement, judged),
-        "sentence": sentence(found, judged),
+        "share": verdicts.share(requirement, judged),
+        "sentence": verdicts.sentence(found, judged),
         "why": judged.why,
         "methods": {
-            name: {"verdict": WORDS[one.verdict], "word": one.word, "why": one.why}
-            for name, one in outcomes(found).items()
+            name: {"verdict": verdicts.WORDS[one.verdict], "word": one.word, "why": one.why}
+            for name, one in verdicts.outcomes(found).items()
         },
     }
     if found.judgement is not None:
@@ -52,7 +137,7 @@ def of_requirement(found: Found, random: Outcome | None, worst: Mapping[str, Any
             **asdict(found.judgement),
             "needed_without_failure": None
             if requirement.probability == 1.0
-            else cases_needed(requirement.probability, requirement.confidence),
+            else verdicts.cases_needed(requirement.probability, requirement.confidence),
         }
         if random is not None:
             told["cases"]["histogram"] = histogram(random.margins)
@@ -160,3 +245,61 @@ def of_domain(domain: Domain) -> dict[str, Any]:
     told = asdict(domain)
     del told["boxes"]
     return {**domain_mapping(domain.boxes), **told}
+
+
+Columns = dict[str, NDArray[Any]]
+
+
+def case_columns(mission: Mission, scenarios: Sequence[Scenario], outcomes: Mapping[str, Outcome]) -> Columns:
+    """Return the columns of `assure/cases.parquet`: starts, each requirement's margin, whether it is met.
+
+    Each dispersed setting has a column, named after its key.
+    """
+    judged = {
+        f"{name}_{what}": values
+        for name, outcome in outcomes.items()
+        for what, values in (("margin", outcome.margins), ("met", outcome.is_met))
+    }
+    return {"case": np.arange(len(scenarios)), **_starts(mission, scenarios), **judged}
+
+
+def search_columns(mission: Mission, found: Sequence[verdicts.Found]) -> Columns:
+    """Return the columns of `assure/search.parquet`: every flight of every search; none without a search."""
+    flown: list[tuple[str, int, Search]] = [
+        (one.requirement.id, number, search) for one in found for number, search in enumerate(one.searches)
+    ]
+    if not flown:
+        return {}
+    counts = [len(one.scenarios) for _, _, one in flown]
+    return {
+        "requirement": np.repeat([name for name, _, _ in flown], counts),
+        "search": np.repeat([number for _, number, _ in flown], counts),
+        "flight": np.concatenate([np.arange(count) for count in counts]),
+        **_starts(mission, [scenario for _, _, one in flown for scenario in one.scenarios]),
+        "margin": np.concatenate([one.outcome.margins for _, _, one in flown]),
+        "met": np.concatenate([one.outcome.is_met for _, _, one in flown]),
+    }
+
+
+def box_columns(found: Sequence[verdicts.Found]) -> Columns:
+    """Return the columns of `assure/boxes.parquet`: a row for each input of each box of each certificate."""
+    rows = [
+        (one.requirement.id, proof.system, proof.question.ask, box, name, low[place], high[place])
+        for one in found
+        for proof in one.certificates
+        for box, (low, high) in enumerate(zip(proof.low, proof.high, strict=True))
+        for place, name in enumerate(proof.inputs)
+    ]
+    names = ("requirement", "system", "ask", "box", "input", "low", "high")
+    return {name: np.array([row[place] for row in rows]) for place, name in enumerate(names)} if rows else {}
+
+
+def _starts(mission: Mission, scenarios: Sequence[Scenario]) -> Columns:
+    own = [dict(drawn(mission, one)) for one in scenarios] if mission.dispersions else []
+    positions = np.array([one.position_m for one in scenarios])
+    return {
+        **{f"position_{axis}_m": positions[:, n] for n, axis in enumerate("xyz")},
+        "sun_angle_rad": np.array([one.sun_angle_rad for one in scenarios]),
+        "sun_elevation_rad": np.array([one.sun_elevation_rad for one in scenarios]),
+        **{key: np.array([of[key] for of in own]) for key in (own[0] if own else ())},
+    }

@@ -13,18 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.array_types import Floats
-from pipeline.flight.state.arrays import (
-    TRACK_BORESIGHT,
-    TRACK_FORCE,
-    TRACK_LEFT,
-    TRACK_SPENT,
-    TRACK_TURN_RATE,
-)
+from pipeline.flight.state import arrays
 from pipeline.physics.quaternion import dcm_b_from_h
 from telemetry.file.reader import Recording
 from telemetry.file.topics import DEPUTY_CONTROL, DEPUTY_STATE, MISSION
 
-_BORESIGHT = slice(TRACK_BORESIGHT, TRACK_BORESIGHT + 3)
+_BORESIGHT = slice(arrays.TRACK_BORESIGHT, arrays.TRACK_BORESIGHT + 3)
 #: from tracks, (n, K+1, 15), and the number of inspection points to (n, K+1)
 OfTracks = Callable[[Floats, int], Floats]
 
@@ -41,15 +35,12 @@ class Quantity:
         Its topic in recordings, or that of its inputs.
     description : str
     of_tracks : callable
-    extremes : (str, str), optional
-        How flights with the least and the greatest value are spoken of; braces stand for the value.
     """
 
     unit: str
     topic: str
     description: str
     of_tracks: OfTracks
-    extremes: tuple[str, str] | None = None
 
 
 def _column(place: int) -> OfTracks:
@@ -58,6 +49,10 @@ def _column(place: int) -> OfTracks:
 
 def _length(first: int) -> OfTracks:
     return lambda tracks, num_points: np.linalg.norm(tracks[..., first : first + 3], axis=-1)
+
+
+def _inspected(tracks: Floats, num_points: int) -> Floats:
+    return num_points - tracks[..., arrays.TRACK_LEFT]
 
 
 def _degrees_between(one: Floats, other: Floats) -> Floats:
@@ -76,51 +71,29 @@ def _along(name: str, topic: str, unit: str, first: int) -> dict[str, Quantity]:
 
 
 QUANTITIES: Mapping[str, Quantity] = {
-    "distance": Quantity(
-        "m",
-        f"{MISSION}.distance_m",
-        "from the chief's centre",
-        _length(0),
-        ("the nearest {} from its centre", "the farthest {} from its centre"),
-    ),
+    "distance": Quantity("m", f"{MISSION}.distance_m", "from the chief's centre", _length(0)),
     **_along("position", f"{DEPUTY_STATE}.position_m", "m", 0),
     "speed": Quantity(
-        "m/s",
-        f"{DEPUTY_STATE}.velocity_m_s",
-        "relative to Hill, in any direction",
-        _length(3),
-        ("the slowest at {}", "the fastest at {}"),
+        "m/s", f"{DEPUTY_STATE}.velocity_m_s", "relative to Hill, in any direction", _length(3)
     ),
     **_along("velocity", f"{DEPUTY_STATE}.velocity_m_s", "m/s", 3),
-    "delta_v": Quantity(
-        "m/s",
-        f"{MISSION}.delta_v_m_s",
-        "spent so far",
-        _column(TRACK_SPENT),
-        ("the cheapest at {}", "the most expensive at {}"),
-    ),
-    "inspected": Quantity(
-        "",
-        f"{MISSION}.inspected_count",
-        "points inspected so far",
-        lambda tracks, num: num - tracks[..., TRACK_LEFT],
-    ),
+    "delta_v": Quantity("m/s", f"{MISSION}.delta_v_m_s", "spent so far", _column(arrays.TRACK_SPENT)),
+    "inspected": Quantity("", f"{MISSION}.inspected_count", "points inspected so far", _inspected),
     "inspection_rate": Quantity(
         "%",
         f"{MISSION}.inspection_rate_percent",
         "share of the points inspected so far",
-        lambda tracks, num: 100.0 * (num - tracks[..., TRACK_LEFT]) / num,
-        ("the least at {}", "the most at {}"),
+        lambda tracks, num: 100.0 * _inspected(tracks, num) / num,
     ),
     "force": Quantity(
-        "N", f"{DEPUTY_CONTROL}.force_hill_n", "as fired, in any direction", _length(TRACK_FORCE)
+        "N", f"{DEPUTY_CONTROL}.force_hill_n", "as fired, in any direction", _length(arrays.TRACK_FORCE)
     ),
-    **_along("force", f"{DEPUTY_CONTROL}.force_hill_n", "N", TRACK_FORCE),
+    **_along("force", f"{DEPUTY_CONTROL}.force_hill_n", "N", arrays.TRACK_FORCE),
     "turn_rate": Quantity(
         "deg/s",
         f"{DEPUTY_STATE}.angular_velocity_rad_s",
         "of the deputy relative to Hill, about any axis",
-        lambda tracks, num: np.degrees(tracks[..., TRACK_TURN_RATE]),
+        lambda tracks, num: np.degrees(tracks[..., arrays.TRACK_TURN_RATE]),
     ),
     "pointing_error": Quantity(
         "deg",
@@ -128,6 +101,14 @@ QUANTITIES: Mapping[str, Quantity] = {
         "from the camera's boresight to the chief's centre",
         lambda tracks, num: _degrees_between(tracks[..., _BORESIGHT], -tracks[..., :3]),
     ),
+}
+
+#: how flights with the least and the greatest value are spoken of; braces stand for the value
+EXTREMES: Mapping[str, tuple[str, str]] = {
+    "distance": ("the nearest {} from its centre", "the farthest {} from its centre"),
+    "speed": ("the slowest at {}", "the fastest at {}"),
+    "delta_v": ("the cheapest at {}", "the most expensive at {}"),
+    "inspection_rate": ("the least at {}", "the most at {}"),
 }
 
 UNITS: Mapping[str, str] = {name: quantity.unit for name, quantity in QUANTITIES.items()}

@@ -4,10 +4,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
-from pipeline.evaluation.assurance.formula import Formula, unit_of
-from pipeline.evaluation.assurance.parser import FormulaError, parse
+from pipeline.evaluation.assurance.formula import Formula, FormulaError, idle_window, parse, unit_of
 from pipeline.evaluation.assurance.quantities import UNITS
-from pipeline.evaluation.assurance.robustness import idle_window
 from pipeline.run.artifacts import parse_config
 from pipeline.settings.keys import choices_of, did_you_mean
 

@@ -1,13 +1,262 @@
-"""The verdict of all evidence for a requirement: shown, not shown or refuted, and why."""
+"""What flights and proofs demonstrate, the verdict of all evidence for a requirement, and its sentence.
 
+A requirement claims that, with some confidence, at least a share of all cases meets it. Hanson and Beard,
+"Applying Monte Carlo Simulation to Launch Vehicle Design and Requirements Analysis", NASA/TP-2010-216447,
+2010, give the number of cases that such a claim needs for each allowed failure; their consumer's risk is one
+minus the confidence. The bounds are those of Clopper and Pearson, Biometrika 26, 1934, one-sided.
+"""
+
+import re
+from bisect import bisect_left
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
-from pipeline.evaluation.assurance.claims import Judgement, Verdict, cases_needed
-from pipeline.evaluation.assurance.proofs import Certificate, SafetyProof
-from pipeline.evaluation.assurance.requirements import BOUNDS, CASES, SAFETY_LAYER, SEARCH, Requirement
-from pipeline.evaluation.assurance.search import Search
+import numpy as np
+from numpy.typing import NDArray
+
+from fis_tools.analysis.bounds import ask
+from fis_tools.engines.interval import NotBounded
+from fis_tools.model import FuzzySystem
+from pipeline.array_types import Floats
+from pipeline.evaluation.assurance.campaign import Search
+from pipeline.evaluation.assurance.formula import Always, And, Comparison, Eventually, Formula
+from pipeline.evaluation.assurance.quantities import EXTREMES, UNITS
+from pipeline.evaluation.assurance.requirements import (
+    BOUNDS,
+    CASES,
+    SAFETY_LAYER,
+    SEARCH,
+    Question,
+    Requirement,
+    RequirementError,
+)
+from pipeline.flight.control.controller import Controller
+from pipeline.flight.period.act.safety import STANDING, most_exceeded
+from pipeline.flight.state.log import Scenario
+from pipeline.flight.world.pack import pack_world
+from pipeline.settings.experiment import Mission
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """The answer to a question about a system's outputs, with the boxes that prove a negative one.
+
+    Parameters
+    ----------
+    question : Question
+    system : str
+    verdict : str
+        ``no`` if it is proved that the outputs cannot, ``yes`` if an example shows that they can,
+        ``undecided``, or ``unbounded`` for systems that cannot be bounded.
+    sentence : str
+        The answer in words.
+    inputs : tuple of str
+        The columns of the boxes.
+    low, high : (n, num_inputs)
+        The boxes; none without a proof.
+    """
+
+    question: Question
+    system: str
+    verdict: str
+    sentence: str
+    inputs: tuple[str, ...]
+    low: Floats
+    high: Floats
+
+
+def certificates(requirement: Requirement, controller: Controller) -> tuple[Certificate, ...]:
+    """Answer a requirement's questions about the systems of a controller.
+
+    Raises
+    ------
+    RequirementError
+        If a question cannot be read.
+    """
+    return tuple(
+        _certificate(question, system, requirement.id)
+        for question in requirement.questions
+        for system in controller.systems
+        if _is_about(question, system)
+    )
+
+
+def _is_about(question: Question, system: FuzzySystem) -> bool:
+    words = set(re.findall(r"[A-Za-z_]\w*", question.ask))
+    return any(variable.name in words for variable in system.outputs)
+
+
+def _certificate(question: Question, system: FuzzySystem, name: str) -> Certificate:
+    inputs = tuple(variable.name for variable in system.inputs)
+    none = np.empty((0, len(inputs)))
+    try:
+        answer = ask(system, question.ask, question.where)
+    except NotBounded as error:
+        return Certificate(question, system.name, "unbounded", str(error), inputs, none, none)
+    except ValueError as error:
+        raise RequirementError(f"{name}, its bounds {question.ask!r}: {error}") from error
+    low = none if answer.refuted_low is None else answer.refuted_low
+    high = none if answer.refuted_high is None else answer.refuted_high
+    return Certificate(question, system.name, answer.verdict, answer.sentence, inputs, low, high)
+
+
+@dataclass(frozen=True)
+class SafetyProof:
+    """The premises of the safety layer's proof for some flights, and whether they hold.
+
+    Parameters
+    ----------
+    is_on : bool
+        Whether the layer is active.
+    is_exact : bool
+        Whether state, forces, motion and settings are those that the layer assumes: no errors of
+        navigation or thrusters, Clohessy and Wiltshire's equations, nothing dispersed.
+    keep_out_m, keep_in_m : float
+        Radii of the spheres between which it keeps the samples.
+    num_starts, num_safe : int
+        Starts, and how many of them are safe states, the base case of the induction.
+    """
+
+    is_on: bool
+    is_exact: bool
+    keep_out_m: float
+    keep_in_m: float
+    num_starts: int
+    num_safe: int
+
+    def proves(self, formula: Formula) -> bool:
+        """Return whether the layer's proof implies a formula, for these flights at their samples."""
+        return (
+            self.is_on
+            and self.is_exact
+            and self.num_safe == self.num_starts
+            and _follows(formula, (self.keep_out_m, self.keep_in_m))
+        )
+
+
+def _follows(formula: Formula, distances_m: tuple[float, float]) -> bool:
+    """Return whether a formula holds wherever the distance is between two values; False if unclear."""
+    match formula:
+        case And(left, right):
+            return _follows(left, distances_m) and _follows(right, distances_m)
+        case Always(_, Comparison((("distance", factor),), constant)):
+            # linear: positive at both ends means positive between them
+            return all(factor * distance + constant > 0.0 for distance in distances_m)
+    return False
+
+
+def safety_proof(mission: Mission, scenarios: Sequence[Scenario]) -> SafetyProof:
+    """Check the premises of the safety layer's proof for the starts of some flights."""
+    is_on = mission.safety.kind == "filter"
+    is_exact = mission.navigation.mode == "perfect" and mission.actuators.kind == "ideal"
+    is_exact = is_exact and mission.dynamics.model == "cw" and not mission.dispersions
+    num_safe = 0
+    if is_on:
+        world = pack_world(mission)
+        states = (np.concatenate([one.position_m, one.velocity_m_s]) for one in scenarios)
+        num_safe = sum(most_exceeded(world, state, STANDING)[2] <= 0.0 for state in states)
+    return SafetyProof(is_on, is_exact, mission.keep_out_m, mission.keep_in_m, len(scenarios), num_safe)
+
+
+Verdict = Literal["shown", "refuted", "open"]
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """The result of n cases for a claim.
+
+    Parameters
+    ----------
+    verdict : str
+        ``shown``: the lower bound of the share that meets it is at least the claimed one; ``refuted``: the
+        upper bound is below; else ``open``.
+    num_cases, num_failed, num_allowed : int
+        Flown; not met; and most failures for which the claim would still be shown (-1: too few cases).
+    low, high : float
+        One-sided bounds of the share that meets it, each with the claim's confidence.
+    margin : float, optional
+        With the claim's confidence, at least the claimed share of cases has this margin or more; None if
+        there are too few cases.
+    worst_margin, median_margin : float
+    """
+
+    verdict: Verdict
+    num_cases: int
+    num_failed: int
+    num_allowed: int
+    low: float
+    high: float
+    margin: float | None
+    worst_margin: float
+    median_margin: float
+
+
+def share_bounds(num_met: int, num_cases: int, confidence: float) -> tuple[float, float]:
+    """Return the lower and the upper bound of a share, each one-sided, by Clopper and Pearson."""
+    from scipy.special import betaincinv  # noqa: PLC0415 - slower to import than a thousand flights
+
+    num_failed = num_cases - num_met
+    low = betaincinv(num_met, num_failed + 1, 1.0 - confidence) if num_met else 0.0
+    high = betaincinv(num_met + 1, num_failed, confidence) if num_failed else 1.0
+    return float(low), float(high)
+
+
+def cases_needed(probability: float, confidence: float, num_failed: int = 0) -> int:
+    """Return the least number of cases that shows a claim with a number of failures.
+
+    Parameters
+    ----------
+    probability, confidence : float
+        Both between 0 and 1.
+    num_failed : int
+    """
+    most = num_failed + 1
+    while not _shows(most, num_failed, probability, confidence):
+        most *= 2
+    return bisect_left(range(most), True, key=lambda num: _shows(num, num_failed, probability, confidence))
+
+
+def failures_allowed(num_cases: int, probability: float, confidence: float) -> int:
+    """Return the most failures with which a number of cases shows a claim; -1 if even zero are too many.
+
+    They always are where all cases must meet it: no number of flights shows that.
+    """
+
+    def is_too_many(num_failed: int) -> bool:
+        return not _shows(num_cases, num_failed, probability, confidence)
+
+    return bisect_left(range(num_cases if probability < 1.0 else 0), True, key=is_too_many) - 1
+
+
+def judge(margins: Floats, is_met: NDArray[np.bool_], probability: float, confidence: float) -> Judgement:
+    """Evaluate a claim from the margins of its cases, (n,), and whether each meets it, (n,).
+
+    A probability of one means all cases; a single failure refutes it.
+    """
+    num_cases, num_failed = len(margins), int(np.count_nonzero(~is_met))
+    allowed = failures_allowed(num_cases, probability, confidence)
+    low, high = share_bounds(num_cases - num_failed, num_cases, confidence)
+    ascending = np.sort(margins)
+    return Judgement(
+        verdict="shown" if num_failed <= allowed else "refuted" if high < probability else "open",
+        num_cases=num_cases,
+        num_failed=num_failed,
+        num_allowed=allowed,
+        low=low,
+        high=high,
+        margin=float(ascending[allowed]) if allowed >= 0 else None,
+        worst_margin=float(ascending[0]),
+        median_margin=float(np.median(margins)),
+    )
+
+
+def _shows(num_cases: int, num_failed: int, probability: float, confidence: float) -> bool:
+    """Return whether so few failures would be unlikely if the share were just below the claimed one."""
+    from scipy.special import bdtr  # noqa: PLC0415 - as above
+
+    return bool(num_failed < num_cases and bdtr(num_failed, num_cases, 1.0 - probability) <= 1.0 - confidence)
+
 
 #: from the best to the worst, and in words
 WORDS: Mapping[Verdict, str] = {"shown": "shown", "open": "not shown", "refuted": "refuted"}
@@ -154,3 +403,70 @@ def _of_the_layer(requirement: Requirement, proof: SafetyProof) -> Outcome:
 def percent(share: float) -> str:
     """Return a share in per cent with its digits, at most five significant ones."""
     return f"{100.0 * share:.5g} %"
+
+
+def share(requirement: Requirement, judged: Outcome) -> str:
+    """Say for what share of the cases, and how surely, a requirement is claimed or proved."""
+    if judged.is_proof:
+        return "all cases (proved)" if requirement.formula else "all inputs (proved)"
+    if requirement.formula is None:
+        return "all inputs"
+    if requirement.probability == 1.0:
+        return "all cases"
+    return (
+        f"{percent(requirement.probability)} of cases or more ({percent(requirement.confidence)} confidence)"
+    )
+
+
+def sentence(found: Found, judged: Outcome) -> str:
+    """Say what became of a requirement, in a sentence or two.
+
+    Parameters
+    ----------
+    found : Found
+    judged : Outcome
+        The verdict of all evidence together.
+    """
+    requirement = found.requirement
+    text = requirement.text[0].lower() + requirement.text[1:].rstrip(".")
+    claim = f"{judged.word.capitalize()}: in {share(requirement, judged)} {text}".replace(
+        ": in all inputs", ": for all inputs"
+    )
+    told = (
+        f"{claim}; {_flown(found)}."
+        if found.judgement or found.searches
+        else (f"{claim}; failing means {requirement.consequence}.")
+    )
+    return told if judged.verdict == "shown" else f"{told} {judged.why[0].upper()}{judged.why[1:]}."
+
+
+def _flown(found: Found) -> str:
+    """Say how many flights failed, how far the worst went, and what that means."""
+    judgement, searches = found.judgement, found.searches
+    margins = [float(one.outcome.margins.min()) for one in searches]
+    parts, num_found = [], sum(one.first_failed is not None for one in searches)
+    if judgement:
+        margins.append(judgement.worst_margin)
+        failed = f"{judgement.num_failed:,} of {judgement.num_cases:,} did not"
+        parts.append(failed if judgement.num_failed else f"all {judgement.num_cases:,} did")
+    if num_found:
+        parts.append(f"{num_found} of {len(searches)} searches found a flight that did not")
+    worst = worst_words(found.requirement, min(margins))
+    has_failed = num_found or (judgement and judgement.num_failed)
+    consequence = found.requirement.consequence
+    return f"{' and '.join(parts)}, {worst}" + (
+        f": {consequence}" if has_failed else f"; failing means {consequence}"
+    )
+
+
+def worst_words(requirement: Requirement, margin: float) -> str:
+    """Say how far the flight with the least margin went."""
+    match requirement.formula:
+        case Always(_, Comparison(((name, factor),), constant)) | Eventually(
+            _, Comparison(((name, factor),), constant)
+        ):
+            if name in EXTREMES:
+                value = f"{(margin - constant) / factor:.4g} {UNITS[name]}"
+                return EXTREMES[name][factor < 0.0].format(value)
+    unit = "" if requirement.unit == "mixed" else f" {requirement.unit}"
+    return f"the worst by {-margin:.4g}{unit}" if margin < 0.0 else f"the least margin {margin:.4g}{unit}"

@@ -1,9 +1,11 @@
-"""How all pictures look, and how a figure becomes files."""
+"""How all pictures look, and how a figure becomes files and an element of a page."""
 
 import io
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+import re
+from collections.abc import Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
+from html import escape
 from typing import Any
 
 import matplotlib as mpl
@@ -21,6 +23,11 @@ PALETTE = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY, OLIVE, INK)
 
 #: of lines that are a limit or a border
 DOTS = (0, (2, 2))
+
+#: of words in a picture: small print, words centred on their place, and words a little beside it
+SMALL_PRINT: dict[str, Any] = {"color": MUTED, "fontsize": 8}
+CENTRED: dict[str, Any] = {"ha": "center", "va": "center"}
+BESIDE: dict[str, Any] = {"textcoords": "offset points", "ha": "center"}
 
 #: of PNG files, from 0 to 9: the usual 6 takes half as long again and makes them a tenth smaller at most
 COMPRESSION = 3
@@ -101,11 +108,9 @@ def grid(
     )
 
 
-@contextmanager
-def style() -> Iterator[None]:
+def style() -> AbstractContextManager[None]:
     """Draw in the report's style."""
-    with mpl.rc_context(STYLE):
-        yield
+    return mpl.rc_context(STYLE)
 
 
 def save(figure: Figure, name: str, dots_per_inch: int) -> Picture:
@@ -132,3 +137,90 @@ def save(figure: Figure, name: str, dots_per_inch: int) -> Picture:
     with mpl.rc_context({"svg.hashsalt": name}):
         figure.savefig(svg, format="svg", dpi=dots_per_inch, transparent=True, metadata={"Date": None})
     return Picture(png.getvalue(), svg.getvalue())
+
+
+#: colours that a page replaces by its own, to the names of the page's variables
+VARIABLES = {
+    INK: "ink",
+    MUTED: "muted",
+    GRID: "grid",
+    PAPER: "paper",
+    BLUE: "blue",
+    VERMILION: "vermilion",
+    GREEN: "green",
+    PURPLE: "purple",
+    ORANGE: "orange",
+    SKY: "sky",
+    OLIVE: "olive",
+}
+
+_PROLOGUE = re.compile(r"\A.*?(?=<svg)", re.DOTALL)
+_LEFT_OUT = re.compile(r"<metadata>.*?</metadata>|<style[^>]*>.*?</style>|<!--.*?-->", re.DOTALL)
+_TAG = re.compile(r"<[^>]+>")
+_ROOT = re.compile(r"<svg[^>]*?(viewBox=\"[^\"]*\")[^>]*>")
+_ID = re.compile(r"\bid=\"|\bhref=\"#|url\(#")
+_PATH = re.compile(r"(?<=\bd=\")[^\"]*")
+_DECIMALS = re.compile(r"(\.\d\d)\d+")
+_COLOUR = re.compile(r"(?<=[a-z]: )#[0-9a-f]{6}")
+_FONT = re.compile(r"font-family: [^;\"]*;? ?")
+_INDENT = re.compile(r"\s*\n\s*")
+
+
+def inline(svg: str, name: str, description: str) -> str:
+    """Turn an SVG file into an element of a page.
+
+    Parameters
+    ----------
+    svg : str
+        As matplotlib writes it.
+    name : str
+        Put before every id, so that pictures of one page do not take each other's.
+    description : str
+        Alternative text for readers who cannot see it.
+
+    Returns
+    -------
+    str
+        HTML; colours of `VARIABLES` are ``var(--name)``.
+    """
+    variables = {colour.lower(): f"var(--{variable})" for colour, variable in VARIABLES.items()}
+
+    def fit(tag: re.Match[str]) -> str:
+        text = tag[0].replace("xlink:href", "href")
+        text = _ID.sub(lambda match: f"{match[0]}{name}-", text)
+        text = _PATH.sub(lambda match: _DECIMALS.sub(r"\1", match[0]), text)
+        text = _COLOUR.sub(lambda match: variables.get(match[0], match[0]), text)
+        return _FONT.sub("", text)
+
+    label = escape(description)
+    text = _LEFT_OUT.sub("", _PROLOGUE.sub("", svg))
+    text = _ROOT.sub(lambda match: f"<svg {match[1]}>", text, count=1)
+    text = _TAG.sub(fit, text).replace("<svg", f'<svg role="img" aria-label="{label}"', 1)
+    return _INDENT.sub("\n", text).strip()
+
+
+@dataclass(frozen=True)
+class Illustration:
+    """A picture with its words.
+
+    Parameters
+    ----------
+    name : str
+        Of its file, without the ending.
+    caption : str
+        Plain text.
+    png : bytes
+    element : str
+        The same picture as HTML.
+    """
+
+    name: str
+    caption: str
+    png: bytes
+    element: str
+
+
+def illustrate(name: str, caption: str, figure: Figure, dots_per_inch: int) -> Illustration:
+    """Turn a figure that was drawn in the report's style into its picture, in the same style."""
+    picture = save(figure, name, dots_per_inch)
+    return Illustration(name, caption, picture.png, inline(picture.svg, name, caption))

@@ -16,7 +16,7 @@ from mpl_toolkits.mplot3d.art3d import Line3DCollection
 from numpy.typing import NDArray
 
 from pipeline.array_types import Floats
-from pipeline.report.figures.style import DOTS, MOST_POINTS, MUTED, PALETTE, PAPER
+from pipeline.report.figures.style import CENTRED, DOTS, MOST_POINTS, MUTED, PALETTE, PAPER, SMALL_PRINT
 from pipeline.settings.experiment import Mission
 
 HILL_AXES = ("radial i", "along-track j", "cross-track k")
@@ -146,18 +146,8 @@ def _draw_chief(ax: Axes3D, radius: float, towards_eye: Floats) -> None:
     brightness = 0.5 + 0.5 * np.clip(np.tensordot(light / np.linalg.norm(light), normals, 1), 0.0, 1.0)
     colours = brightness[..., np.newaxis] * np.array(colors.to_rgb("#c3cad2"))
     x, y, z = radius * normals
-    sphere = ax.plot_surface(
-        x,
-        y,
-        z,
-        rstride=1,
-        cstride=1,
-        facecolors=colours,
-        shade=False,
-        linewidth=0,
-        antialiased=False,
-        zorder=3.0,
-    )
+    plain = {"shade": False, "linewidth": 0, "antialiased": False}
+    sphere = ax.plot_surface(x, y, z, rstride=1, cstride=1, facecolors=colours, zorder=3.0, **plain)
     sphere.set_rasterized(True)
 
 
@@ -192,7 +182,7 @@ def _draw_distance(ax: Axes, look: _Look) -> None:
     ax.add_collection(lines)
     for limit in (deputy.min_distance_m, deputy.max_distance_m):
         ax.axhline(limit, color=MUTED, linestyle=DOTS, linewidth=0.9)
-        ax.text(time[-1], limit, f"limit {limit:g} m ", ha="right", va="bottom", color=MUTED, fontsize=8)
+        ax.text(time[-1], limit, f"limit {limit:g} m ", ha="right", va="bottom", **SMALL_PRINT)
     ax.set(xlim=(0.0, time[-1]), ylim=(0.0, 1.15 * deputy.max_distance_m))
     ax.set(xlabel="time (s)", ylabel="distance (m)")
     ax.grid(axis="y")
@@ -205,17 +195,8 @@ def _number_starts(space: Axes3D, planes: Sequence[Axes], look: _Look) -> None:
         return
     for number, start in enumerate(starts):
         disc = {"boxstyle": "circle,pad=0.2", "facecolor": look.colours[number], "edgecolor": "none"}
-        space.text(
-            *start,
-            str(number),
-            color=PAPER,
-            fontsize=7.5,
-            fontweight="bold",
-            ha="center",
-            va="center",
-            bbox=disc,
-            zorder=6.0,
-        )
+        words = {"color": PAPER, "fontsize": 7.5, "fontweight": "bold", "bbox": disc, **CENTRED}
+        space.text(*start, str(number), zorder=6.0, **words)
     for ax, axes in zip(planes, PLANES, strict=True):
         together: dict[tuple[float, float], list[str]] = {}
         for number, start in enumerate(starts):
@@ -223,5 +204,4 @@ def _number_starts(space: Axes3D, planes: Sequence[Axes], look: _Look) -> None:
             together.setdefault((across, up), []).append(str(number))
         label = {"boxstyle": "round,pad=0.15", "facecolor": PAPER, "edgecolor": MUTED, "linewidth": 0.6}
         for (across, up), numbers in together.items():
-            words = ", ".join(numbers)
-            ax.text(across, up, words, fontsize=7, ha="center", va="center", bbox=label, zorder=6.0)
+            ax.text(across, up, ", ".join(numbers), fontsize=7, bbox=label, zorder=6.0, **CENTRED)

@@ -42,7 +42,7 @@ def test_a_mistake_is_told_before_anything_heavy_is_loaded(tmp_path):
 
 
 def test_a_flight_loads_neither_scipy_nor_tables_nor_readers_of_other_programs(tmp_path):
-    unused = ["scipy", "pyarrow", "telemetry.file.reader", "fis_tools.formats.exchange.dialect"]
+    unused = ["scipy", "pyarrow", "fis_tools.formats.exchange.dialect"]
     code = (
         "import sys, pipeline.command_line.cli, pipeline.controllers.source, pipeline.stages.record\n"
         f"print([name for name in {unused} if name in sys.modules])"

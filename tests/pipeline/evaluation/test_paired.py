@@ -4,7 +4,15 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from pipeline.evaluation.paired import METRICS, START, common_cases, compare, difference, effects, on_front
+from pipeline.evaluation.statistics import (
+    METRICS,
+    START,
+    common_cases,
+    compare,
+    difference,
+    effects,
+    on_front,
+)
 
 
 def evaluation(seed: int, num_cases: int = 40, shift: float = 0.0) -> dict[str, np.ndarray]:

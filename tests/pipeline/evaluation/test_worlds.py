@@ -7,15 +7,22 @@ import pytest
 from scipy.linalg import expm
 
 from pipeline.command_line.config import compose_experiment
-from pipeline.evaluation.comparison import FLOWN, ComparisonRow, rate
+from pipeline.evaluation.comparison import (
+    FLOWN,
+    ComparisonRow,
+    matrices,
+    rate,
+    verdicts,
+    worlds_in_words,
+    worlds_of,
+)
 from pipeline.evaluation.statistics import fraction
-from pipeline.evaluation.worlds import matrices, verdicts, worlds_in_words, worlds_of
 from pipeline.flight.cases.starts import evaluation_scenarios
 from pipeline.flight.control.controller import coast
 from pipeline.flight.fly.simulation import fly_logged
 from pipeline.flight.world.pack import inspection_points
-from pipeline.report.comparison_tables import squares_of
-from pipeline.report.figures.by_world import by_world
+from pipeline.report.comparisons import squares_of
+from pipeline.report.figures.comparison import by_world
 from pipeline.settings.experiment import SettingError
 from pipeline.settings.schema import in_world
 

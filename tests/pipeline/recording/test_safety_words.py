@@ -8,7 +8,7 @@ import pytest
 from pipeline.flight.fly.simulation import fly_logged
 from pipeline.flight.state.log import KEEP_IN, PASSIVE_SAFETY, SPEED
 from pipeline.recording.events import Event, events
-from pipeline.report.without_safety import Without, safety_words
+from pipeline.report.comparisons import Without, safety_words
 from pipeline.run import artifacts
 from tests.pipeline.flight.cases import STARTS, STEERING
 from tests.pipeline.flight.guarded import EARLY, guarded, pushing, starts_at_rest

@@ -19,7 +19,7 @@ from pipeline.recording.recorder import FlightRecorder
 from pipeline.settings.experiment import Mission
 from telemetry.file import reader
 from telemetry.file.reader import Recording
-from telemetry.scene import drawing, now
+from telemetry.scene import drawing
 from tests.pipeline.recording import cases
 from tests.places import PROJECT
 
@@ -144,7 +144,7 @@ def assert_told(path, controller, found, delay):
                 axis = COMPONENTS.index(one.system.outputs[0].name)
                 is_due = k >= delay and effects[axis][k - delay]
                 assert (one.inputs is not None) == is_due
-    lines = now.lines(found, drawing.sample_times(found))
+    lines = drawing.now_in_words(found, drawing.sample_times(found))
     fires = control["force_hill_n"].any(axis=1)
     assert [line.startswith("Firing ") for line in lines[: len(fires)]] == fires.tolist()
     for k, line in enumerate(lines[: len(fires)]):

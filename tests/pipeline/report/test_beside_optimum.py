@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_hex
 
-from pipeline.report.beside_optimum import COLUMNS, in_words, optimum_rows, read_beside
-from pipeline.report.figures.spent_beside_optimum import ENDS, beside_optimum
+from pipeline.report.comparisons import COLUMNS, optimum_in_words, optimum_rows, read_beside
+from pipeline.report.figures.optimum import ENDS, beside_optimum
 from pipeline.report.figures.style import style
 from pipeline.run import artifacts, tables
 from tests.pipeline.report.runs import Page, page_of, run_of
@@ -70,7 +70,7 @@ def test_a_controller_that_burns_nothing_can_be_drawn_and_many_cases_too():
 
 def test_words_and_rows_are_those_of_the_table(folder):
     beside = read_beside(folder)
-    words = in_words(beside, 95.0)
+    words = optimum_in_words(beside, 95.0)
     assert "In the mean of 4 solved cases it burns 4.50 times the optimum" in words
     assert "at least 95 points. The median is 4.00, the range 2.00 to 8.00 (case 11)." in words
     assert "In 2 of 4 it inspects at least 95 % of the points within the limits." in words

@@ -5,8 +5,8 @@ import re
 import pytest
 from matplotlib import colors
 
-from pipeline.report.comparison_tables import marks_of, read_comparison, tables_of
-from pipeline.report.figures.delta_v_and_rate import MARKS, Mark, compared
+from pipeline.report.comparisons import marks_of, read_comparison, tables_of
+from pipeline.report.figures.comparison import MARKS, Mark, compared
 from pipeline.report.figures.style import PAPER
 from pipeline.run import artifacts
 from pipeline.run.artifacts import ArtifactError

@@ -12,8 +12,8 @@ from pipeline.flight.control.controller import coast, open_loop
 from pipeline.flight.fly.simulation import fly_logged
 from pipeline.flight.state.log import Scenario
 from pipeline.optimum.solved import beside_optimum, solved_for
-from pipeline.report.beside_optimum import fly_pairs, read_beside
-from pipeline.report.figures.side_by_side import LARGEST, side_by_side
+from pipeline.report.comparisons import fly_pairs, read_beside
+from pipeline.report.figures.optimum import LARGEST, side_by_side
 from pipeline.report.figures.style import style
 from pipeline.run import artifacts, tables
 from tests.pipeline.flight.missions import PAPER

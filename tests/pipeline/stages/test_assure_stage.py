@@ -14,8 +14,8 @@ from playwright.sync_api import Page
 
 from fis_tools.analysis.domain import from_mapping
 from pipeline.command_line.cli import main
-from pipeline.evaluation.assurance.claims import judge
-from pipeline.report.evidence import page
+from pipeline.evaluation.assurance.verdicts import judge
+from pipeline.report.evidence import write
 from pipeline.run import artifacts
 from tests.browser import serious_violations
 from tests.policies import check_policy, source_hash
@@ -131,7 +131,7 @@ def test_the_page_is_what_the_data_says_and_needs_nothing_else(
     assured: Path, evidence: dict[str, Any]
 ) -> None:
     text = (assured / artifacts.EVIDENCE_PAGE).read_text(encoding="utf-8")
-    assert text == page.write(evidence)
+    assert text == write(evidence)
     check_policy(text)
     assert f"style-src '{source_hash(re.findall(r'<style>(.*?)</style>', text, re.DOTALL)[0])}'" in text
     assert not re.search(r"<script|<link|style=\"|src=|https?:", text)
@@ -149,7 +149,7 @@ def test_words_of_the_file_are_words_on_the_page(evidence: dict[str, Any]) -> No
     hostile = '<script>alert("x")</script>'
     words = ("title", "text", "sentence", "consequence", "reason", "source")
     requirement = {**evidence["requirements"][0], **dict.fromkeys(words, hostile)}
-    text = page.write({**evidence, "requirements": [requirement], "name": hostile})
+    text = write({**evidence, "requirements": [requirement], "name": hostile})
     assert "<script" not in text
     assert text.count("&lt;script&gt;") >= 4
 

@@ -6,8 +6,7 @@ import pytest
 from mcap.writer import CompressionType, Writer
 
 import telemetry
-from telemetry.file import claims
-from telemetry.file.errors import RecordingError
+from telemetry.file import RecordingError, claims
 from telemetry.file.recover import recover
 
 

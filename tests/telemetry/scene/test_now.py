@@ -10,7 +10,7 @@ from telemetry import EpisodeWriter
 from telemetry.file import topics
 from telemetry.file.metadata import FisDescription
 from telemetry.file.reader import Recording
-from telemetry.scene import drawing, now
+from telemetry.scene import drawing
 
 INSPECTED = (1, 1, 2, 3)
 
@@ -38,7 +38,7 @@ def recording(tmp_path: Path) -> Recording:
 
 
 def test_what_is_done_follows_from_what_is_recorded(recording: Recording) -> None:
-    assert now.lines(recording, drawing.sample_times(recording)) == [
+    assert drawing.now_in_words(recording, drawing.sample_times(recording)) == [
         "Firing 50 mN backwards and along the orbit normal, mostly by rule 2 of pilot: 2 points left",
         "No burn: 2 points left",
         "Coasting: 1 point left",
@@ -60,11 +60,13 @@ def test_what_is_done_follows_from_what_is_recorded(recording: Recording) -> Non
 def test_a_recorded_reason_is_taken(
     recording: Recording, reasons: list[str], missed: float, expected: str
 ) -> None:
-    assert now.lines(told(recording, 1, reasons, missed), np.array([10.0])) == [expected]
+    assert drawing.now_in_words(told(recording, 1, reasons, missed), np.array([10.0])) == [expected]
 
 
 def test_what_the_thruster_or_the_safety_layer_changed_is_told(recording: Recording) -> None:
-    (line,) = now.lines(told(recording, 0, ["fired", "clipped", "safety"], np.nan), np.array([0.0]))
+    (line,) = drawing.now_in_words(
+        told(recording, 0, ["fired", "clipped", "safety"], np.nan), np.array([0.0])
+    )
     assert line.endswith("of pilot, at the thruster's limit, changed by the safety layer: 2 points left")
 
 

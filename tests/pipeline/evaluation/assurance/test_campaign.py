@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from pipeline.evaluation.assurance import campaign
 from pipeline.evaluation.assurance.campaign import Flights, judged
-from pipeline.evaluation.assurance.parser import parse
+from pipeline.evaluation.assurance.formula import parse
 from pipeline.evaluation.assurance.quantities import QUANTITIES, UNITS, of_tracks, track_of
 from pipeline.evaluation.assurance.requirements import Requirement, RequirementError, read
 from pipeline.flight.fly.simulation import fly_all, fly_logged, tracked

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom, binomtest
 
-from pipeline.evaluation.assurance.claims import cases_needed, failures_allowed, judge, share_bounds
+from pipeline.evaluation.assurance.verdicts import cases_needed, failures_allowed, judge, share_bounds
 
 
 @pytest.mark.parametrize(

@@ -5,14 +5,15 @@ from pipeline.evaluation.assurance.formula import (
     And,
     Comparison,
     Eventually,
+    FormulaError,
     Not,
     Or,
     Until,
     Window,
+    parse,
     quantities_of,
     unit_of,
 )
-from pipeline.evaluation.assurance.parser import FormulaError, parse
 
 UNITS = {"distance": "m", "speed": "m/s", "inspection_rate": "%", "points": ""}
 NEAR = Comparison((("distance", -1.0),), 60.0, True, "m")

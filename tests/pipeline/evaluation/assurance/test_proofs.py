@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from fis_tools.engines import inference
-from pipeline.evaluation.assurance.parser import parse
-from pipeline.evaluation.assurance.proofs import certificates, safety_proof
+from pipeline.evaluation.assurance.formula import parse
 from pipeline.evaluation.assurance.quantities import UNITS
 from pipeline.evaluation.assurance.requirements import Question, Requirement, RequirementError
+from pipeline.evaluation.assurance.verdicts import certificates, safety_proof
 from pipeline.flight.state.log import Scenario
 from tests.pipeline.evaluation.assurance.cases import champion, experiment, scenarios
 

@@ -10,9 +10,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from pipeline.evaluation.assurance.formula import Window
-from pipeline.evaluation.assurance.parser import parse
-from pipeline.evaluation.assurance.robustness import _least_ahead, _margin, _over, holds, robustness
+from pipeline.evaluation.assurance.formula import (
+    Window,
+    _least_ahead,
+    _margin,
+    _over,
+    holds,
+    parse,
+    robustness,
+)
 
 TABLE = json.loads(Path(__file__).with_name("rtamt_table.json").read_text(encoding="utf-8"))
 UNITS = {"a": "", "b": ""}

@@ -6,9 +6,16 @@ import numpy as np
 import pytest
 
 from pipeline.command_line.config import compose_experiment
-from pipeline.evaluation.assurance.campaign import Flights, Outcome
+from pipeline.evaluation.assurance.campaign import (
+    CaseSpace,
+    Flights,
+    Outcome,
+    Search,
+    case_space,
+    search,
+    speed,
+)
 from pipeline.evaluation.assurance.requirements import read
-from pipeline.evaluation.assurance.search import CaseSpace, Search, case_space, search, speed
 from pipeline.flight.cases.dispersions import mission_of_case
 from pipeline.flight.cases.starts import evaluation_scenarios
 from pipeline.flight.fly.simulation import fly_logged

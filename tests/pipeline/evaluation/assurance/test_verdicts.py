@@ -4,15 +4,19 @@ from dataclasses import replace
 
 import numpy as np
 
-from pipeline.evaluation.assurance.campaign import Outcome
-from pipeline.evaluation.assurance.claims import judge
-from pipeline.evaluation.assurance.parser import parse
-from pipeline.evaluation.assurance.proofs import Certificate, SafetyProof
+from pipeline.evaluation.assurance.campaign import Outcome, Search
+from pipeline.evaluation.assurance.formula import parse
 from pipeline.evaluation.assurance.quantities import UNITS
 from pipeline.evaluation.assurance.requirements import Question, Requirement
-from pipeline.evaluation.assurance.search import Search
-from pipeline.evaluation.assurance.sentence import sentence
-from pipeline.evaluation.assurance.verdicts import Found, outcomes, verdict
+from pipeline.evaluation.assurance.verdicts import (
+    Certificate,
+    Found,
+    SafetyProof,
+    judge,
+    outcomes,
+    sentence,
+    verdict,
+)
 
 REQUIREMENT = Requirement(
     *("R1", "keep out", "The deputy stays away.", "a collision", "critical", "because", "nobody"),

@@ -1,7 +1,8 @@
-"""Two flights of one case side by side: the controller's and the minimum-fuel plan."""
+"""A controller and the minimum-fuel plans: all cases by their ratio, and two flights of one case."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -9,14 +10,114 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle
-from matplotlib.ticker import MaxNLocator
+from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 from numpy.typing import NDArray
 
 from pipeline.array_types import Floats
 from pipeline.flight.state.log import FlightLog
-from pipeline.report.figures.style import BLUE, DOTS, INK, MUTED, ORANGE, VERMILION, grid
+from pipeline.report.figures.style import (
+    BESIDE,
+    BLUE,
+    DOTS,
+    INK,
+    MUTED,
+    ORANGE,
+    PAPER,
+    PURPLE,
+    SMALL_PRINT,
+    VERMILION,
+    grid,
+)
 from pipeline.report.figures.trajectories import CHIEF_COLOUR, HILL_AXES, PLANES
 from pipeline.settings.experiment import Mission
+
+Columns = Mapping[str, NDArray[Any]]
+
+#: how a controller's flight ended: words, colour, marker
+ENDS = {
+    "success": (BLUE, "o"),
+    "too few points": (ORANGE, "v"),
+    "outside the distance limits": (PURPLE, "X"),
+}
+#: from so many cases on their numbers are too small to be read
+MOST_NUMBERED = 64
+
+
+def beside_optimum(columns: Columns, needed: int) -> Figure:
+    """Draw delta-v and points of a controller over those of the plans, ordered by their ratio.
+
+    Parameters
+    ----------
+    columns : mapping of (n,) arrays
+        Of ``evaluate/optimum.parquet``.
+    needed : int
+        Points that make a flight a success.
+    """
+    figure = Figure(figsize=(9.6, 5.2))
+    rows = grid(figure, 2, 1, (0.65, 0.12, 0.43, 0.28), (0.0, 0.16), height_ratios=(3.0, 1.2))
+    spent, points = np.asarray(rows.subplots(sharex=True))
+    order = np.argsort(columns["times_optimum"], kind="stable")
+    sorted_columns = {name: column[order] for name, column in columns.items()}
+    _draw_spent_by_case(spent, sorted_columns)
+    _draw_points_by_case(points, sorted_columns, needed)
+    places = np.arange(len(order))
+    points.set(xlim=(-0.8, len(order) - 0.2), xlabel="case, the ratio rising from left to right")
+    if len(order) <= MOST_NUMBERED:
+        numbers = [str(case) for case in sorted_columns["case"]]
+        points.set_xticks(places, numbers, fontsize=6.5, rotation=90 if len(order) > 25 else 0)
+    else:
+        points.set_xticks([])
+    return figure
+
+
+def _draw_spent_by_case(ax: Axes, columns: Columns) -> None:
+    ours, least, times = (columns[name] for name in ("delta_v_m_s", "optimum_delta_v_m_s", "times_optimum"))
+    places = np.arange(len(ours))
+    ax.vlines(
+        places, np.minimum(ours, least), np.maximum(ours, least), color=MUTED, linewidth=0.9, zorder=1.0
+    )
+    ax.plot(places, least, "o", markersize=4.5, color=INK, markerfacecolor=PAPER, label="plan of least fuel")
+    for label, (is_so, colour, marker) in _ended(columns).items():
+        ax.plot(
+            places[is_so], ours[is_so], marker, markersize=5.0, color=colour, label=f"controller, {label}"
+        )
+    if ours.min() > 0.0:
+        ax.set_yscale("log")
+        ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        ax.yaxis.set_minor_formatter(NullFormatter())
+        ax.margins(y=0.12)
+    median = int(np.argsort(times, kind="stable")[len(times) // 2])
+    for place in {0, median, len(times) - 1}:
+        # over the neighbours, which it reaches across
+        beside = slice(max(place - 1, 0), place + 2)
+        at = (place, max(ours[beside].max(), least[beside].max()))
+        ax.annotate(f"{times[place]:.3g}×", at, (0, 6), fontsize=8.5, fontweight="bold", **BESIDE)
+    ax.set(ylabel="Δv (m/s)")
+    ax.grid(axis="y")
+    ax.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=4, borderaxespad=0.2, handletextpad=0.3)
+
+
+def _ended(columns: Columns) -> dict[str, tuple[NDArray[np.bool_], str, str]]:
+    """Return which flights ended how, with colour and marker; only ends that occur."""
+    success, violated = (columns[name].astype(np.bool_) for name in ("success", "violated"))
+    flags = (success & ~violated, ~success & ~violated, violated)
+    return {
+        label: (is_so, *look) for (label, look), is_so in zip(ENDS.items(), flags, strict=True) if is_so.any()
+    }
+
+
+def _draw_points_by_case(ax: Axes, columns: Columns, needed: int) -> None:
+    places = np.arange(len(columns["case"]))
+    ax.axhline(needed, color=MUTED, linestyle=DOTS, linewidth=1.0)
+    plans = columns["optimum_inspected_count"]
+    ax.plot(places, plans, "o", markersize=4.5, color=INK, markerfacecolor=PAPER)
+    for is_so, colour, marker in _ended(columns).values():
+        ax.plot(places[is_so], columns["inspected_count"][is_so], marker, markersize=4.0, color=colour)
+    ax.set(ylabel="points")
+    ax.margins(y=0.15)
+    ax.grid(axis="y")
+
 
 #: of the largest burn's circle, and of the least that is drawn, points squared
 LARGEST, LEAST = 260.0, 1.5
@@ -91,15 +192,9 @@ def _draw_plane(
     ax.add_collection(LineCollection(seeing, colors=flight.colour, linewidths=6.0, alpha=0.35, zorder=2.0))
     ax.plot(*path.T, color=flight.colour, linestyle=flight.line_style, linewidth=1.1, zorder=3.0)
     fired, burns = flight.burns(mission)
-    ax.scatter(
-        path[fired, 0],
-        path[fired, 1],
-        s=np.maximum(LARGEST * burns / largest, LEAST),
-        facecolors="none",
-        edgecolors=INK,
-        linewidths=0.7,
-        zorder=4.0,
-    )
+    sizes = np.maximum(LARGEST * burns / largest, LEAST)
+    rim: dict[str, Any] = {"facecolors": "none", "edgecolors": INK, "linewidths": 0.7}
+    ax.scatter(path[fired, 0], path[fired, 1], s=sizes, zorder=4.0, **rim)
     _mark_minutes(ax, path, mission)
     ax.set(xlim=(-frame, frame), ylim=(-frame, frame), aspect="equal")
     ax.set(xlabel=f"{HILL_AXES[plane[0]]} (m)", ylabel=f"{HILL_AXES[plane[1]]} (m)")
@@ -127,9 +222,8 @@ def _mark_minutes(ax: Axes, path: Floats, mission: Mission) -> None:
     ax.plot(*path[marks[1:]].T, ".", color=INK, markersize=4.5, zorder=5.0)
     for k in marks[2::2]:
         minutes = k * mission.control_period_s / 60.0
-        ax.annotate(
-            f"{minutes:g}", path[k], (4, 3), textcoords="offset points", fontsize=7, color=INK, zorder=6.0
-        )
+        look = {**BESIDE, "ha": "left", "fontsize": 7, "color": INK}
+        ax.annotate(f"{minutes:g}", path[k], (4, 3), zorder=6.0, **look)
 
 
 def _draw_sun(ax: Axes, log: FlightLog, mission: Mission, radius: float) -> None:
@@ -142,16 +236,8 @@ def _draw_sun(ax: Axes, log: FlightLog, mission: Mission, radius: float) -> None
     )
     ax.plot(*arc[_marks(mission)].T, ".", color=ORANGE, markersize=5.0, zorder=1.6)
     ax.plot(*arc[0], "o", color=ORANGE, markersize=8.0, zorder=1.6)
-    ax.annotate(
-        "Sun",
-        arc[0],
-        -11.0 * arc[0] / radius,
-        textcoords="offset points",
-        ha="center",
-        va="center",
-        fontsize=7.5,
-        color=MUTED,
-    )
+    at = -11.0 * arc[0] / radius
+    ax.annotate("Sun", arc[0], at, va="center", fontsize=7.5, color=MUTED, **BESIDE)
 
 
 def _draw_spent(ax: Axes, flights: Sequence[Flown], mission: Mission) -> None:
@@ -159,14 +245,8 @@ def _draw_spent(ax: Axes, flights: Sequence[Flown], mission: Mission) -> None:
     for flight in flights:
         spent = flight.log.delta_v_m_s
         ax.plot(time, spent, color=flight.colour, linestyle=flight.line_style, linewidth=1.6)
-        ax.annotate(
-            f"{spent[-1]:.3f}",
-            (time[-1], spent[-1]),
-            (0, 4),
-            textcoords="offset points",
-            ha="right",
-            fontsize=8,
-        )
+        end = (time[-1], spent[-1])
+        ax.annotate(f"{spent[-1]:.3f}", end, (0, 4), fontsize=8, **{**BESIDE, "ha": "right"})
     ax.set(title="Δv so far", xlabel="time (min)", ylabel="Δv (m/s)", xlim=(0.0, time[-1]))
     ax.set_ylim(0.0, 1.15 * max(float(flight.log.delta_v_m_s[-1]) for flight in flights) or 1.0)
     ax.grid(axis="y")
@@ -181,7 +261,7 @@ def _draw_points(ax: Axes, flights: Sequence[Flown], mission: Mission, needed: i
     num_points = flights[0].log.is_inspected.shape[1]
     ax.set(title="Points seen so far", xlabel="time (min)", ylabel="points", xlim=(0.0, time[-1]))
     ax.set_ylim(0.0, 1.06 * num_points)
-    ax.text(0.0, needed, f" {needed}", ha="left", va="bottom", color=MUTED, fontsize=8)
+    ax.text(0.0, needed, f" {needed}", ha="left", va="bottom", **SMALL_PRINT)
     ax.grid(axis="y")
 
 

@@ -1,4 +1,4 @@
-"""The page of evidence as a document: verdicts in sentences, the argument, and what was found."""
+"""The page of evidence as a document: verdicts in sentences, the argument, what was found, how credible."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -19,12 +19,9 @@ from fis_tools.document import (
 )
 from fis_tools.document.html import element, page, read
 from pipeline.evaluation.assurance.requirements import SEVERITIES
-from pipeline.report.evidence import goal_structure, margins
-from pipeline.report.evidence.credibility import factors, uncertain
+from pipeline.report.drawings import METHODS, css, css_of, draw_argument, draw_margins, number
 from pipeline.run import artifacts
 
-#: ways of verification, as columns are headed
-METHODS = {"cases": "cases", "search": "search", "bounds": "bounds", "safety_layer": "safety layer"}
 _DRAWN = (
     "Goal structure (GSN): goals are rectangles, the strategy a parallelogram, contexts rounded, solutions "
     "circles. Full outlines: shown or proved for the share that is named; dashed: not shown; dotted: refuted."
@@ -59,18 +56,17 @@ def document(evidence: Mapping[str, Any]) -> Document:
         Paragraph(lead(evidence)),
         _matrix(told),
         Heading("Argument", id="argument"),
-        Figure(element("figure", goal_structure.draw(evidence), drawn, tabindex=0)),
+        Figure(element("figure", draw_argument(evidence), drawn, tabindex=0)),
         Heading("Requirements", id="requirements"),
     ]
     for one in told:
         blocks += _requirement(one)
     blocks += [Heading("Operational domain", id="domain"), *_domain(evidence["domain"])]
-    scales = [[one.name, one.scale, one.shows, one.lacks] for one in factors(evidence)]
     caption = (
         "The factors of NASA-STD-7009B. Levels, 0 to 4, are for a reviewer to give; this page claims none."
     )
     heads = ["factor", "scale", "this run shows", "it does not show"]
-    blocks += [Heading("Credibility", id="credibility"), Table(heads, scales, caption=caption)]
+    blocks += [Heading("Credibility", id="credibility"), Table(heads, factors(evidence), caption=caption)]
     return Document([*blocks, Heading("Provenance", id="provenance"), *_provenance(evidence)])
 
 
@@ -95,11 +91,11 @@ def lead(evidence: Mapping[str, Any]) -> str:
 def _matrix(told: list[Mapping[str, Any]]) -> Table:
     rows: list[list[Cell]] = []
     for one in told:
-        word = Mark(one["verdict"], goal_structure.css(one["verdict"]), note=f"{one['share']}; {_stake(one)}")
+        word = Mark(one["verdict"], css(one["verdict"]), note=f"{one['share']}; {_stake(one)}")
         rows.append([Mark(f"{one['id']} {one['title']}", link=one["id"]), word])
         for method in METHODS:
             found = one["methods"].get(method)
-            kind = goal_structure.css_of(found) if found else ""
+            kind = css_of(found) if found else ""
             link = f"{one['id']}-{method}"
             mark = Mark(found["word"], kind, link, _brief(one, method)) if found else ""
             rows[-1].append(mark)
@@ -130,7 +126,7 @@ def _requirement(told: Mapping[str, Any]) -> Iterator[Block]:
         yield Code(told["formula"])
     details: dict[str, list[Block]] = {name: [Paragraph(_full(methods[name]["why"]))] for name in methods}
     if "cases" in told:
-        drawn = margins.draw(told["cases"]["histogram"], unit, told["id"])
+        drawn = draw_margins(told["cases"]["histogram"], unit, told["id"])
         details["cases"] += [Table([], _case_facts(told["cases"], unit)), Figure(element("figure", drawn))]
     if "search" in told:
         details["search"] += [
@@ -173,7 +169,7 @@ def _domain(domain: Mapping[str, Any] | None) -> Iterator[Block]:
         [
             f"{one['name']}{' (' + one['unit'] + ')' if one['unit'] else ''}",
             system["system"],
-            *map(_number, ends),
+            *map(number, ends),
         ]
         for system in domain["systems"]
         for one in system["inputs"]
@@ -272,15 +268,99 @@ def _provenance(evidence: Mapping[str, Any]) -> Iterator[Block]:
     yield Paragraph(f"The same as data: {artifacts.EVIDENCE}.")
 
 
-def _number(value: float) -> str:
-    return f"{value:.4g}".replace("-", "−")
-
-
 def _quantity(value: float, unit: str) -> str:
     """Write a margin with its unit and a true minus sign."""
-    return f"{_number(value)} {unit if unit != 'mixed' else '(of several units)'}".strip()
+    return f"{number(value)} {unit if unit != 'mixed' else '(of several units)'}".strip()
 
 
 def _percent(share: float) -> str:
     """Write a share in per cent; near one its distance from one has digits too."""
     return f"{100.0 * share:.5g} %" if share > 0.9 else f"{100.0 * share:.3g} %"
+
+
+def uncertain(conditions: Mapping[str, Any]) -> list[str]:
+    """Name what the flights do not know exactly, besides their starts."""
+    found = [] if conditions["sun"] == "fixed" else ["Sun"]
+    found += [] if conditions["navigation"] == "perfect" else ["errors of navigation"]
+    found += [] if conditions["thrusters"] == "ideal" else ["errors of the thrusters"]
+    found += [] if conditions["dynamics"] == "cw" else ["forces beyond the controller's model"]
+    return found + list(conditions["dispersed"])
+
+
+def _listed(words: list[str]) -> str:
+    *all_but_last, last = ["start", *words]
+    return f"{', '.join(all_but_last)} and {last}" if all_but_last else last
+
+
+def factors(evidence: Mapping[str, Any]) -> list[list[str]]:
+    """Return the factors of credibility: name, scale, what this run shows for it, and what it does not.
+
+    Levels are for a reviewer to give, and none is claimed.
+    """
+    recorded = [one["worst"] for one in evidence["requirements"] if "worst" in one]
+    conditions, domain = evidence["conditions"], evidence["domain"]
+    num_cases = conditions["num_cases"]
+    searched = sum(one["search"]["num_flights"] for one in evidence["requirements"] if "search" in one)
+    boxes = sum(part["num_boxes"] for one in evidence["requirements"] for part in one.get("bounds", ()))
+    revision = evidence["git_revision"] or "none (not in a repository)"
+    capability = [
+        (
+            "data pedigree",
+            "masses, limits and gains are settings of the run, kept in its config.yaml",
+            "they are the paper's; no measurement of a spacecraft stands behind them",
+        ),
+        (
+            "verification",
+            f"{len(recorded)} worst flights were flown again, recorded, read back, and judged with the same "
+            "margins"
+            if recorded
+            else "nothing in this run",
+            "the product's tests (twins, closed forms, other programs) ran elsewhere, not here",
+        ),
+        (
+            "validation",
+            "nothing",
+            "no flight was compared with a real one, or with a model of higher fidelity",
+        ),
+        ("development technical review", "nothing", "reviews are made by people"),
+        (
+            "development process and product management",
+            f"product {evidence['versions'].get('product')}, source revision {revision}",
+            "the development process itself",
+        ),
+    ]
+    results = [
+        (
+            "use assessment",
+            "inputs met in flight make the operational domain; "
+            f"{domain['num_left']} of {domain['num_tried']} fresh flights leave it"
+            if domain
+            else "nothing: the controller has no fuzzy inputs",
+            "whether that domain is the one of the intended use",
+        ),
+        (
+            "input pedigree",
+            f"cases are drawn from seed {conditions['seed']}, case by case; requirements and configuration "
+            "are hashed",
+            "whether starts and Suns are spread as in the intended use",
+        ),
+        (
+            "uncertainty characterization",
+            f"one-sided binomial bounds over {num_cases:,} cases for {_listed(uncertain(conditions))}",
+            "all else is known exactly here: no error of it is flown",
+        ),
+        (
+            "results robustness",
+            f"{searched:,} flights search for the worst cases; {boxes:,} boxes of inputs prove what systems "
+            "can ask for",
+            "sensitivity to the controller's own numbers and to the model's",
+        ),
+        ("use technical review", "nothing", "reviews are made by people"),
+        (
+            "use process and product management",
+            "every file of the evidence is hashed, and the command that repeats it is below",
+            "who may use the result, and for what",
+        ),
+    ]
+    scales = {"model capability": capability, "results": results}
+    return [[name, scale, *told] for scale, rows in scales.items() for name, *told in rows]

@@ -1,8 +1,8 @@
-"""The argument as a drawing: goals, the strategy between them, their contexts and what solves them.
+"""Drawings of evidence: the argument, goal by goal, and how the margins of many flights are spread.
 
-Shapes and arrows are those of the Goal Structuring Notation, GSN Community Standard version 3, 2021: goals
-are rectangles, strategies parallelograms, solutions circles, contexts rounded; a filled head means "solved
-by", a hollow one "in the context of".
+Shapes and arrows of the argument are those of the Goal Structuring Notation, GSN Community Standard version
+3, 2021: goals are rectangles, strategies parallelograms, solutions circles, contexts rounded; a filled head
+means "solved by", a hollow one "in the context of".
 """
 
 from collections.abc import Mapping, Sequence
@@ -19,11 +19,11 @@ GOAL_X, GOAL_WIDTH, GOAL_HEIGHT = 90, 400, 84
 FIRST_SOLUTION_X, SOLUTION_STEP, RADIUS = 570, 116, 46
 TOP, FIRST_ROW, ROW = 20, 270, 118
 SPINE_X = 45
-#: ways of verification, as circles are lettered
-LETTERED = {"cases": "cases", "search": "search", "bounds": "bounds", "safety_layer": "safety layer"}
+#: ways of verification, as circles are lettered and columns are headed
+METHODS = {"cases": "cases", "search": "search", "bounds": "bounds", "safety_layer": "safety layer"}
 
 
-def draw(evidence: Mapping[str, Any]) -> Markup:
+def draw_argument(evidence: Mapping[str, Any]) -> Markup:
     """Draw the argument of evidence as an SVG element whose goals and solutions are links into the page."""
     requirements = evidence["requirements"]
     height = FIRST_ROW + ROW * len(requirements)
@@ -116,7 +116,7 @@ def _row(requirement: Mapping[str, Any], y: float) -> list[Markup]:
         circle = element("circle", class_=css_of(found), cx=x, cy=f"{centre:g}", r=RADIUS)
         parts.append(_line(f"M{GOAL_X + GOAL_WIDTH} {bus:g}H{x}"))
         parts.append(_arrow(x, bus, x, centre - RADIUS, "solved-by"))
-        label = _lines([f"Sn-{name}", LETTERED[method], *wrap(found["word"], 10)], x, centre, "small")
+        label = _lines([f"Sn-{name}", METHODS[method], *wrap(found["word"], 10)], x, centre, "small")
         parts.append(_link(f"#{name}-{method}", circle + label))
     return parts
 
@@ -164,3 +164,72 @@ def _lines(lines: Sequence[str], x: float, y: float, css: str = "") -> Markup:
 def css(verdict: str) -> str:
     """Return the class of what is drawn in a verdict's colour."""
     return verdict.replace(" ", "-")
+
+
+BARS_WIDTH, BARS_HEIGHT, BASE, LEFT = 640, 150, 112, 10
+#: a number nearer to the zero than this would stand on it
+ROOM = 40.0
+
+
+def draw_margins(histogram: Mapping[str, Any], unit: str, name: str) -> Markup:
+    """Draw a histogram of margins as an SVG element.
+
+    Parameters
+    ----------
+    histogram : mapping
+        ``edges``, one more than ``counts``; zero is an edge where margins of both signs are.
+    unit : str
+        Of the margins.
+    name : str
+        Of the requirement, for whom does not see the picture.
+    """
+    edges, counts = histogram["edges"], histogram["counts"]
+    span = edges[-1] - edges[0]
+    most = max(counts)
+
+    def place(value: float) -> float:
+        return float(LEFT + (BARS_WIDTH - 2 * LEFT) * (value - edges[0]) / span)
+
+    bars = []
+    for low, high, count in zip(edges[:-1], edges[1:], counts, strict=True):
+        if count:
+            # the square root, so that few failures among thousands are seen
+            height = max(2.0, 100.0 * (count / most) ** 0.5)
+            x, width = place(low), max(1.0, place(high) - place(low) - 1.0)
+            kind = "refuted" if high <= 0.0 else "shown"
+            words = f"{count:,} from {low:.4g} to {high:.4g} {unit}".strip()
+            box = {"x": x, "y": BASE - height, "width": width, "height": height}
+            bars.append(
+                element(
+                    "rect",
+                    element("title", words),
+                    class_=f"bar {kind}",
+                    **{side: f"{size:.1f}" for side, size in box.items()},
+                )
+            )
+    marks = [(edges[0], "start"), (edges[-1], "end")]
+    if edges[0] < 0.0 < edges[-1]:
+        marks.append((0.0, "middle"))
+    lines = [element("path", class_="line", d=f"M{LEFT} {BASE}H{BARS_WIDTH - LEFT}")]
+    if len(marks) == 3:
+        lines.append(element("path", class_="zero", d=f"M{place(0.0):.1f} 4V{BASE}"))
+    texts = [
+        element("text", number(value), class_=anchor, x=f"{place(value):.1f}", y=BASE + 18)
+        for value, anchor in marks
+        if anchor == "middle" or len(marks) < 3 or abs(place(value) - place(0.0)) > ROOM
+    ]
+    caption = f"margin{f' ({unit})' if unit else ''}; heights are square roots of counts"
+    return element(
+        "svg",
+        *(*bars, *lines, *texts),
+        element("text", caption, class_="middle", x=BARS_WIDTH / 2, y=BASE + 34),
+        class_="margins",
+        viewBox=f"0 0 {BARS_WIDTH} {BARS_HEIGHT}",
+        role="img",
+        aria_label=f"Margins of the cases of {name}: from {edges[0]:.4g} to {edges[-1]:.4g} {unit}",
+    )
+
+
+def number(value: float) -> str:
+    """Write a number with a true minus sign."""
+    return f"{value:.4g}".replace("-", "−")

@@ -1,0 +1,404 @@
+"""What flights are compared with: other controllers, plans of least fuel, flights without dispersions."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.evaluation import comparison
+from pipeline.evaluation.monte_carlo import SUCCESS
+from pipeline.flight.cases.starts import evaluation_scenarios
+from pipeline.flight.control.controller import Controller, open_loop
+from pipeline.flight.fly.simulation import fly_all, fly_logged
+from pipeline.flight.state.log import FlightLog
+from pipeline.optimum.solved import IncomparableError, solved_for, summarise_times
+from pipeline.report.figures.comparison import Mark, Square
+from pipeline.run import artifacts, tables
+from pipeline.settings.experiment import Experiment, Safety
+
+
+def read_comparison(folder: Path) -> list[comparison.ComparisonRow]:
+    """Read what the stage compare wrote; nothing where it has not run.
+
+    Raises
+    ------
+    pipeline.run.artifacts.ArtifactError
+        If the file is there and cannot be read.
+    """
+    if not (folder / artifacts.COMPARISON).exists():
+        return []
+    told = artifacts.read_json(folder, artifacts.COMPARISON)
+    try:
+        rows = [comparison.row_of(row) for row in told["rows"]]
+        comparison.in_words(rows)  # which needs every number that is shown
+    except (KeyError, TypeError, ValueError) as error:
+        raise artifacts.ArtifactError(
+            f"{folder / artifacts.COMPARISON} is no comparison ({type(error).__name__}: {error}); repeat the "
+            "stage compare"
+        ) from error
+    return rows
+
+
+def tables_of(rows: Sequence[comparison.ComparisonRow]) -> list[tuple[str, list[list[str]]]]:
+    """Return the table of each Sun setting: its name and its lines, each of `HEADINGS` cells.
+
+    None where the rows are of several worlds.
+    """
+    return (
+        []
+        if comparison.worlds_of(rows)
+        else [(sun, comparison.lines_of(rows, sun)) for sun in comparison.suns_of(rows)]
+    )
+
+
+def squares_of(rows: Sequence[comparison.ComparisonRow]) -> list[tuple[str, list[Square]]]:
+    """Return the panels of the grid of worlds, one for each Sun setting and layer."""
+    panels: dict[str, list[Square]] = {}
+    first: dict[tuple[str, str], comparison.ComparisonRow] = {}
+    for row in (row for row in rows if row.source == comparison.FLOWN):
+        title = f"Sun {row.sun}, safety layer {row.safety}"
+        known = first.setdefault((title, row.controller), row)
+        success, spent = row.summary[SUCCESS]["fraction"], row.summary["delta_v_m_s"]["mean"]
+        square = Square(
+            row.controller, row.world, float(success), float(spent), comparison.is_worse(row, known)
+        )
+        panels.setdefault(title, []).append(square)
+    return list(panels.items())
+
+
+def marks_of(rows: Sequence[comparison.ComparisonRow]) -> list[tuple[str, list[Mark]]]:
+    """Return the panels of the figure: each controller under the first layer that it flew with."""
+    panels = []
+    for sun in comparison.suns_of(rows):
+        marks: dict[str, Mark] = {}
+        for row in rows:
+            if row.sun in (sun, ""):
+                name = (
+                    row.controller if row.source == comparison.FLOWN else f"{row.controller} ({row.source})"
+                )
+                marks.setdefault(
+                    name,
+                    Mark(
+                        name, _pair(row.summary["delta_v_m_s"]), _pair(row.summary["inspection_rate_percent"])
+                    ),
+                )
+        panels.append((f"Sun {sun}", list(marks.values())))
+    return panels
+
+
+def _pair(told: Mapping[str, Any]) -> tuple[float, float]:
+    return float(told["mean"]), float(told["standard_deviation"])
+
+
+#: of what there are percentiles: name and decimals
+METRICS = {
+    "delta_v_m_s": ("Δv (m/s)", 3),
+    "inspectable_rate_percent": ("rate of the points that can be inspected (%)", 2),
+    "max_distance_m": ("greatest distance (m)", 1),
+    "min_distance_m": ("least distance (m)", 1),
+}
+
+
+@dataclass(frozen=True)
+class Spread:
+    """Tables, in words.
+
+    Parameters
+    ----------
+    percentiles : sequence of rows
+        Metric, percent of flights, value, interval.
+    nominal : sequence of rows
+        Which flights, delta-v, rate, success, outside.
+    ranking : sequence of rows
+        Key, rank correlations with delta-v and rate, with intervals.
+    """
+
+    percentiles: Sequence[Sequence[str]] = ()
+    nominal: Sequence[Sequence[str]] = ()
+    ranking: Sequence[Sequence[str]] = ()
+
+
+def spread_of(summary: Mapping[str, Any]) -> Spread:
+    """Return the tables of a summary; empty where it does not tell.
+
+    Raises
+    ------
+    KeyError, TypeError, ValueError
+        If it tells something else.
+    """
+    told = summary.get("percentiles", {})
+    percentiles = [
+        [name, _share(one["percent"]), f"{one['value']:.{places}f}", _between(one, places)]
+        for metric, (name, places) in METRICS.items()
+        for one in told.get(metric, ())
+    ]
+    if "nominal" not in summary:
+        return Spread(percentiles)
+    nominal = [["as dispersed", *_outcome(summary)], ["without dispersions", *_outcome(summary["nominal"])]]
+    ranking = [
+        [one["key"], _correlation(one["delta_v_m_s"]), _correlation(one["inspectable_rate_percent"])]
+        for one in summary["sensitivity"]
+    ]
+    return Spread(percentiles, nominal, ranking)
+
+
+def _share(percent: float) -> str:
+    """Say which flights have at most a percentile, or at least."""
+    return f"{percent:g} % have at most" if percent >= 50.0 else f"{100.0 - percent:g} % have at least"
+
+
+def _between(told: Mapping[str, float | None], places: int) -> str:
+    low, high = (None if told[end] is None else f"{told[end]:.{places}f}" for end in ("low", "high"))
+    if low is None and high is None:
+        return "not told by so few"
+    return f"up to {high}" if low is None else f"{low} and more" if high is None else f"{low} to {high}"
+
+
+def _outcome(told: Mapping[str, Any]) -> list[str]:
+    delta_v, rate = told["delta_v_m_s"], told["inspectable_rate_percent"]
+    return [
+        f"{delta_v['mean']:.3f} ± {delta_v['standard_deviation']:.3f}",
+        f"{rate['mean']:.2f} ± {rate['standard_deviation']:.2f}",
+        *(f"{100 * told[name]['fraction']:.1f} %" for name in (SUCCESS, "violated")),
+    ]
+
+
+def _correlation(told: Mapping[str, float]) -> str:
+    words = f"{told['value']:+.2f} ({told['low']:+.2f} to {told['high']:+.2f})"
+    return words.replace("-", "−")
+
+
+Columns = Mapping[str, NDArray[Any]]
+
+#: of `evaluate/optimum.parquet`, the columns shown for each case
+COLUMNS = (
+    *("case", "sun_angle_rad", "delta_v_m_s", "optimum_delta_v_m_s", "times_optimum"),
+    *("inspected_count", "optimum_inspected_count", "min_distance_m", "max_distance_m"),
+    *("success", "violated"),
+)
+
+
+@dataclass(frozen=True)
+class BesideOptimum:
+    """A controller's flights beside the plans of the same cases.
+
+    Parameters
+    ----------
+    columns : mapping of (n,) arrays, optional
+        Those of ``evaluate/optimum.parquet``.
+    summary : mapping
+        Of `pipeline.optimum.solved.summarise_times`; empty without columns.
+    reason : str
+        Why nothing was compared; empty where it was, or where the run did not say.
+    """
+
+    columns: Columns | None
+    summary: Mapping[str, Any]
+    reason: str
+
+
+@dataclass(frozen=True)
+class Pair:
+    """A case flown by the controller and by its minimum-fuel plan."""
+
+    case: int
+    which: str
+    times: float
+    controller: FlightLog
+    plan: FlightLog
+
+
+def read_beside(folder: Path) -> BesideOptimum:
+    """Read what the stage evaluate wrote of it.
+
+    Raises
+    ------
+    pipeline.run.artifacts.ArtifactError
+        If a file is there and cannot be read, or is of something else.
+    """
+    if (folder / artifacts.BESIDE_OPTIMUM).exists():
+        columns = tables.read_parquet(folder, artifacts.BESIDE_OPTIMUM)
+        missing = [name for name in COLUMNS if name not in columns]
+        if missing or not len(columns["case"]):
+            raise artifacts.ArtifactError(
+                f"{folder / artifacts.BESIDE_OPTIMUM} has no {missing[0] if missing else 'cases'}; "
+                "repeat the stage evaluate"
+            )
+        return BesideOptimum(columns, summarise_times(columns), "")
+    told: Any = (
+        artifacts.read_json(folder, artifacts.SUMMARY) if (folder / artifacts.SUMMARY).exists() else {}
+    )
+    part = told.get("optimum") if isinstance(told, dict) else None
+    reason = part.get("not_compared", "") if isinstance(part, dict) else ""
+    return BesideOptimum(None, {}, str(reason))
+
+
+def fly_pairs(experiment: Experiment, controller: Controller, beside: BesideOptimum) -> list[Pair]:
+    """Fly the cases of the middle and of the greatest ratio; none where the plans are no longer at hand."""
+    if beside.columns is None:
+        return []
+    try:
+        solved = solved_for(experiment)
+    except (IncomparableError, artifacts.ArtifactError):
+        return []
+    ours, theirs = beside.columns["case"], solved.cases["case"]
+    order = np.argsort(beside.columns["times_optimum"], kind="stable")
+    chosen = {int(order[len(order) // 2]): "the middle", int(order[-1]): "the greatest"}
+    pairs = []
+    for row, which in chosen.items():
+        for place in np.flatnonzero(theirs == ours[row]).tolist():
+            plan = open_loop("plan", solved.plan(place, experiment.mission))
+            start = solved.scenarios[place]
+            flown = fly_logged(experiment.mission, controller, start)
+            # a plan keeps the limits by itself
+            planned = fly_logged(replace(experiment.mission, safety=Safety()), plan, start)
+            times = float(beside.columns["times_optimum"][row])
+            pairs.append(Pair(int(ours[row]), which, times, flown, planned))
+    return pairs
+
+
+def optimum_in_words(beside: BesideOptimum, threshold_percent: float) -> str:
+    """Say how many times the optimum the controller burns; empty where it was not compared."""
+    if beside.columns is None:
+        return ""
+    told, times = beside.summary, beside.summary["times_optimum"]
+    fewest = int(np.min(beside.columns["optimum_inspected_count"]))
+    cases = "the one solved case" if told["num_cases"] == 1 else f"{told['num_cases']} solved cases"
+    return (
+        f"In the mean of {cases} it burns {times['mean']:.2f} times the optimum, which is the fuel of a plan "
+        f"that knows the whole flight in advance and inspects at least {fewest} points. The median is "
+        f"{times['median']:.2f}, the range {times['min']:.2f} to {times['max']:.2f} (case "
+        f"{times['max_case']}). A case costs it {told['delta_v_m_s']['mean']:.3f} m/s, the plan "
+        f"{told['optimum_delta_v_m_s']['mean']:.3f} m/s. In {told['num_successful']} of "
+        f"{told['num_cases']} it inspects at least {threshold_percent:g} % of the points within the limits."
+    )
+
+
+def times_tile(beside: BesideOptimum) -> list[tuple[str, str, str, str]]:
+    """Return the headline number: label, number, unit, and what stands beside it; none without cases."""
+    if beside.columns is None:
+        return []
+    times = beside.summary["times_optimum"]
+    note = f"median {times['median']:.1f} of {beside.summary['num_cases']}"
+    return [("times the optimum", f"{times['mean']:.1f}", "×", note)]
+
+
+def optimum_rows(beside: BesideOptimum) -> list[list[str]]:
+    """Return one row of words for each case, the greatest ratio first."""
+    columns = beside.columns
+    if columns is None:
+        return []
+    return [
+        [
+            str(int(columns["case"][row])),
+            f"{math.degrees(columns['sun_angle_rad'][row]):.1f}",
+            f"{columns['delta_v_m_s'][row]:.3f}",
+            f"{columns['optimum_delta_v_m_s'][row]:.3f}",
+            f"{columns['times_optimum'][row]:.2f}",
+            str(int(columns["inspected_count"][row])),
+            str(int(columns["optimum_inspected_count"][row])),
+            f"{columns['min_distance_m'][row]:.1f} to {columns['max_distance_m'][row]:.1f}",
+            outcome(bool(columns["success"][row]), bool(columns["violated"][row])),
+        ]
+        for row in np.argsort(-columns["times_optimum"], kind="stable")
+    ]
+
+
+def outcome(is_success: bool, is_violated: bool) -> str:
+    """Say how a flight ended."""
+    if is_violated:
+        return "outside the limits"
+    return "success" if is_success else "too few points"
+
+
+@dataclass(frozen=True)
+class Without:
+    """The flights of an evaluation in which the layer acted, flown without it.
+
+    Parameters
+    ----------
+    num_outside : int
+        So many of them would have left the limits.
+    case : int
+        The one that would have been farthest outside, or nearest to it.
+    guarded, unguarded : FlightLog
+        That case with the layer and without.
+    """
+
+    num_outside: int
+    case: int
+    guarded: FlightLog
+    unguarded: FlightLog
+
+
+def fly_without(experiment: Experiment, controller: Controller, episodes: Columns | None) -> Without | None:
+    """Fly without the layer what it acted in; None where it is off or did not act.
+
+    Parameters
+    ----------
+    experiment : Experiment
+    controller : Controller
+    episodes : mapping of (n,) arrays, optional
+        The columns of ``evaluate/episodes.parquet``.
+    """
+    mission = experiment.mission
+    # episodes of earlier versions do not tell
+    if mission.safety.kind == "none" or episodes is None or "safety_periods" not in episodes:
+        return None
+    acted = np.flatnonzero(episodes["safety_periods"] > 0)
+    if not acted.size:
+        return None
+    cases = episodes["case"][acted].tolist()
+    scenarios = evaluation_scenarios(experiment.monte_carlo, experiment.sun, experiment.seed, cases)
+    off = replace(mission, safety=Safety())
+    outcomes = fly_all(off, controller, scenarios, experiment.monte_carlo.workers)
+    limits = mission.deputy
+    beyond = np.maximum(
+        limits.min_distance_m - outcomes.min_distance_m, outcomes.max_distance_m - limits.max_distance_m
+    )
+    row = int(np.argmax(beyond))
+    return Without(
+        num_outside=int(outcomes.is_violated.sum()),
+        case=int(episodes["case"][acted[row]]),
+        guarded=fly_logged(mission, controller, scenarios[row]),
+        unguarded=fly_logged(off, controller, scenarios[row]),
+    )
+
+
+def safety_words(flights: str, summary: Mapping[str, Any], without: Without | None) -> str:
+    """Say what the layer did; empty where the summary does not tell.
+
+    Parameters
+    ----------
+    flights : str
+        Which, such as ``evaluation``.
+    summary : mapping
+        Of `pipeline.evaluation.monte_carlo.summarise`, with ``num_cases``.
+    without : Without, optional
+    """
+    if "safety_acted" not in summary:
+        return ""
+    acted, num_cases = summary["safety_acted"], summary["num_cases"]
+    text = (
+        f"In the {flights} it acted in {acted['count']:,} of {num_cases:,} flights "
+        f"({100 * acted['fraction']:.1f} %, {100 * acted['low']:.1f} to {100 * acted['high']:.1f} %)"
+    )
+    if not acted["count"]:
+        return text + "."
+    periods, changed = summary["safety_periods"], summary["safety_delta_v_m_s"]
+    each = num_cases / acted["count"]
+    text += (
+        f", in these for {each * periods['mean']:.1f} control periods and by "
+        f"{each * changed['mean']:.4f} m/s in the mean; over all flights its changes come to "
+        f"{changed['mean']:.4f} m/s a flight, at most {changed['maximum']:.4f} m/s in one."
+    )
+    if without is not None:
+        leave = {0: "none of these flights", 1: "one of these flights"}.get(
+            without.num_outside, f"{without.num_outside:,} of these flights"
+        )
+        text += f" Without it, {leave} would have left the limits."
+    return text

@@ -1,0 +1,266 @@
+"""Controllers and runs side by side: what they spend and reach, in one world, in several, and in a sweep."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import LinearSegmentedColormap
+from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
+from matplotlib.ticker import FuncFormatter, NullFormatter
+from numpy.typing import NDArray
+
+from pipeline.report.figures.style import BLUE, CENTRED, DOTS, GRID, INK, MUTED, PALETTE, PAPER, VERMILION
+
+#: colour, marker and its face; markers tell controllers apart without colours, and are open the second time
+MARKS = tuple(
+    (colour, marker, face or colour)
+    for face in ("", PAPER)
+    for colour, marker in zip((*PALETTE, MUTED), "os^DvPX*h", strict=True)
+)
+#: up to here the scale of delta-v is linear, beyond it logarithmic, m/s
+LINEAR = 0.1
+TICKS = (0.0, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0)
+
+
+@dataclass(frozen=True)
+class Mark:
+    """A controller: mean and standard deviation of delta-v (m/s) and of the inspection rate (%)."""
+
+    name: str
+    delta_v: tuple[float, float]
+    rate: tuple[float, float]
+
+
+def compared(panels: Sequence[tuple[str, Sequence[Mark]]], threshold: float) -> Figure:
+    """Draw delta-v against inspection rate, a panel a Sun setting.
+
+    Parameters
+    ----------
+    panels : sequence of (title, marks)
+    threshold : float
+        Rate that makes a success, %.
+    """
+    figure = Figure(figsize=(9.6, 4.4), layout="constrained")
+    axes = figure.subplots(1, len(panels), sharex=True, sharey=True, squeeze=False)[0]
+    names = list(dict.fromkeys(mark.name for _, marks in panels for mark in marks))
+    styles = {name: MARKS[place % len(MARKS)] for place, name in enumerate(names)}
+    for ax, (title, marks) in zip(axes, panels, strict=True):
+        _draw_marks(ax, marks, styles, threshold)
+        ax.set(title=title, xlabel="Δv (m/s)")
+    axes[0].set(ylabel="inspection rate (%)")
+    handles = {
+        label: handle for ax in axes for handle, label in zip(*ax.get_legend_handles_labels(), strict=True)
+    }
+    figure.legend(
+        [handles[name] for name in names], names, loc="outside lower center", ncols=min(len(names), 4)
+    )
+    return figure
+
+
+def _draw_marks(
+    ax: Axes, marks: Sequence[Mark], styles: dict[str, tuple[str, str, str]], threshold: float
+) -> None:
+    ax.axhline(threshold, color=MUTED, linewidth=0.9, linestyle=DOTS)
+    for mark in marks:
+        colour, marker, face = styles[mark.name]
+        low = min(mark.delta_v[1], mark.delta_v[0])
+        ax.errorbar(
+            mark.delta_v[0],
+            mark.rate[0],
+            xerr=np.array([[low], [mark.delta_v[1]]]),
+            yerr=np.array([[mark.rate[1]], [min(mark.rate[1], 100.0 - mark.rate[0])]]),
+            color=colour,
+            marker=marker,
+            markersize=7.0,
+            markerfacecolor=face,
+            markeredgecolor=INK if face == colour else colour,
+            markeredgewidth=0.6 if face == colour else 1.4,
+            elinewidth=0.9,
+            linestyle="none",
+            label=mark.name,
+        )
+    ax.set_xscale("symlog", linthresh=LINEAR, linscale=0.6)
+    ax.set_xticks(TICKS)
+    ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    ax.xaxis.set_minor_formatter(NullFormatter())
+    most = max(mark.delta_v[0] + mark.delta_v[1] for mark in marks)
+    ax.set_xlim(-0.01, 1.15 * max(most, LINEAR))
+    ax.set_ylim(top=101.0)
+    ax.grid()
+    ax.set_axisbelow(True)
+
+
+#: from no success to all
+SHADES = LinearSegmentedColormap.from_list("success", [PAPER, BLUE])
+#: from this share of success on words are written in the paper's colour
+DARK = 0.6
+
+
+@dataclass(frozen=True)
+class Square:
+    """A controller in a world: share of successful flights, mean delta-v (m/s), and whether it breaks."""
+
+    controller: str
+    world: str
+    success: float
+    delta_v: float
+    is_broken: bool
+
+
+def by_world(panels: Sequence[tuple[str, Sequence[Square]]]) -> Figure:
+    """Draw a grid for each Sun setting and safety layer.
+
+    Parameters
+    ----------
+    panels : sequence of (title, squares)
+        Worlds and controllers in the order in which they come.
+    """
+    names = list(dict.fromkeys(square.controller for _, squares in panels for square in squares))
+    worlds = list(dict.fromkeys(square.world for _, squares in panels for square in squares))
+    height = 1.1 + 0.42 * len(worlds)
+    figure = Figure(figsize=(9.6, 0.4 + height * len(panels)), layout="constrained")
+    for ax, (title, squares) in zip(
+        figure.subplots(len(panels), 1, squeeze=False)[:, 0], panels, strict=True
+    ):
+        _draw_squares(ax, squares, names, worlds)
+        ax.set_title(title)
+    return figure
+
+
+def _draw_squares(ax: Axes, squares: Sequence[Square], names: Sequence[str], worlds: Sequence[str]) -> None:
+    for square in squares:
+        x, y = names.index(square.controller), worlds.index(square.world)
+        edge, width = (VERMILION, 1.8) if square.is_broken else (PAPER, 1.0)
+        shade, place = SHADES(square.success), (x - 0.47, y - 0.45)
+        ax.add_patch(Rectangle(place, 0.94, 0.9, facecolor=shade, edgecolor=edge, linewidth=width))
+        words = f"{100 * square.success:.0f} %, {square.delta_v:.2f}"
+        ax.text(x, y, words, color=PAPER if square.success >= DARK else INK, fontsize=8.0, **CENTRED)
+    ax.set_xlim(-0.5, len(names) - 0.5)
+    ax.set_ylim(len(worlds) - 0.5, -0.5)
+    ax.set_xticks(range(len(names)), names, fontsize=7.5)
+    ax.set_yticks(range(len(worlds)), worlds)
+    ax.tick_params(length=0)
+    for spine in ax.spines.values():
+        spine.set_visible(False)
+
+
+#: up to so many values of a setting are named on its axis
+MOST_NAMED = 12
+#: names of points stand no nearer to each other than this share of the picture's width and height
+NAMES_APART = 0.06
+
+
+@dataclass(frozen=True)
+class Line:
+    """A run: its name, values by setting and by outcome, and whether it is on the front."""
+
+    name: str
+    settings: Mapping[str, str]
+    outcomes: Mapping[str, float]
+    is_on_front: bool
+
+
+def parallel_coordinates(lines: Sequence[Line]) -> Figure:
+    """Draw an axis for each setting and outcome, and each run as a line through its values."""
+    settings, outcomes = list(lines[0].settings), list(lines[0].outcomes)
+    count = len(settings) + len(outcomes)
+    figure = Figure(figsize=(max(6.4, 1.6 * count), 4.6), layout="constrained")
+    ax = figure.subplots()
+    places = np.zeros((len(lines), count))
+    for column, key in enumerate(settings):
+        values = [line.settings[key] for line in lines]
+        ticks = _levels(values)
+        places[:, column] = [ticks[value] for value in values]
+        for value, height in ticks.items() if len(ticks) <= MOST_NAMED else ():
+            ax.text(column - 0.03, height, value, ha="right", va="center", fontsize=7.5, color=INK)
+    for column, key in enumerate(outcomes, len(settings)):
+        amounts = np.array([line.outcomes[key] for line in lines])
+        low, high = float(amounts.min()), float(amounts.max())
+        places[:, column] = (amounts - low) / (high - low) if high > low else 0.5
+        for amount, height in ((low, 0.0), (high, 1.0)) if high > low else ((low, 0.5),):
+            ax.text(column + 0.03, height, f"{amount:.4g}", ha="left", va="center", fontsize=7.5, color=INK)
+    for column in range(count):
+        ax.axvline(column, color=GRID, linewidth=1.2, zorder=0.5)
+    for row, line in sorted(enumerate(lines), key=lambda item: item[1].is_on_front):
+        colour, width = (BLUE, 1.6) if line.is_on_front else (MUTED, 0.7)
+        ax.plot(range(count), places[row], color=colour, linewidth=width, alpha=0.85)
+    ax.plot([], [], color=BLUE, linewidth=1.6, label="on the front")
+    ax.plot([], [], color=MUTED, linewidth=0.7, label="surpassed by another run")
+    ax.set_xticks(range(count), [label.replace(" (", "\n(") for label in (*settings, *outcomes)])
+    ax.set_yticks([])
+    ax.set_xlim(-0.5, count - 0.5)
+    ax.set_ylim(-0.06, 1.06)
+    ax.tick_params(length=0)
+    for spine in ax.spines.values():
+        spine.set_visible(False)
+    figure.legend(loc="outside lower center", ncols=2)
+    return figure
+
+
+def _levels(values: Sequence[str]) -> dict[str, float]:
+    """Place the values of a setting from 0 to 1: numbers where they lie, words evenly."""
+    distinct = list(dict.fromkeys(values))
+    try:
+        numbers = np.array([float(value) for value in distinct])
+    except ValueError:
+        numbers = np.arange(len(distinct), dtype=np.float64)
+    low, high = float(numbers.min()), float(numbers.max())
+    if not (np.isfinite(numbers).all() and high > low):
+        return dict.fromkeys(distinct, 0.5)
+    return dict(zip(distinct, ((numbers - low) / (high - low)).tolist(), strict=True))
+
+
+@dataclass(frozen=True)
+class Point:
+    """A run: mean and interval of delta-v (m/s) and of the rate (%), and whether it is on the front."""
+
+    name: str
+    delta_v: tuple[float, float, float]
+    rate: tuple[float, float, float]
+    is_on_front: bool
+
+
+def front_of_runs(points: Sequence[Point]) -> Figure:
+    """Draw mean inspection rate over mean delta-v with their intervals, a point a run, and the front."""
+    figure = Figure(figsize=(9.6, 4.8), layout="constrained")
+    ax = figure.subplots()
+    for kind, colour, label in ((False, MUTED, "surpassed by another run"), (True, BLUE, "on the front")):
+        chosen = sorted((point for point in points if point.is_on_front is kind), key=lambda p: p.delta_v)
+        if not chosen:
+            continue
+        spent, rate = np.array([p.delta_v for p in chosen]), np.array([p.rate for p in chosen])
+        ax.errorbar(
+            spent[:, 0],
+            rate[:, 0],
+            xerr=np.abs(spent[:, 1:] - spent[:, :1]).T,
+            yerr=np.abs(rate[:, 1:] - rate[:, :1]).T,
+            color=colour,
+            marker="o",
+            markersize=5.5,
+            elinewidth=0.8,
+            linestyle="-" if kind else "none",
+            linewidth=0.8,
+            label=label,
+        )
+    ax.set(xlabel="mean Δv (m/s)", ylabel="mean inspection rate (%)")
+    ax.margins(x=0.08, y=0.12)
+    _name_front(ax, [point for point in points if point.is_on_front])
+    ax.grid()
+    ax.legend(loc="lower right")
+    return figure
+
+
+def _name_front(ax: Axes, points: Sequence[Point]) -> None:
+    """Write the names of points at their places, as many as can be read."""
+    (left, right), (bottom, top) = ax.get_xlim(), ax.get_ylim()
+    named: list[NDArray[np.float64]] = []
+    for point in points:
+        place = np.array(
+            [(point.delta_v[0] - left) / (right - left), (point.rate[0] - bottom) / (top - bottom)]
+        )
+        if all(np.max(np.abs(place - other)) >= NAMES_APART for other in named):
+            named.append(place)
+            at = (point.delta_v[0], point.rate[0])
+            ax.annotate(point.name, at, (5, 5), textcoords="offset points", fontsize=7.5, color=INK)

@@ -1,0 +1,300 @@
+"""A flight over time, what the safety layer changed of it, and how the outcomes of many flights spread."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle
+from numpy.typing import NDArray
+
+from pipeline.array_types import Floats
+from pipeline.flight.state.log import FlightLog
+from pipeline.report.figures.style import (
+    BLUE,
+    DOTS,
+    GREEN,
+    GRID,
+    INK,
+    MOST_POINTS,
+    MUTED,
+    ORANGE,
+    SMALL_PRINT,
+    VERMILION,
+    grid,
+)
+from pipeline.settings.experiment import Mission
+
+AXIS_COLOURS = (BLUE, VERMILION, GREEN)
+AXIS_STYLES = ("-", (0, (5, 1.5)), (0, (1, 1)))
+
+
+def controls(log: FlightLog, mission: Mission) -> Figure:
+    """Draw the force (Hill axes) and the torque (body axes) of a flight, as applied, over time.
+
+    The torque is drawn in two parts, for turning to the chief takes a hundred times what following it does.
+    """
+    figure = Figure(figsize=(9.6, 4.8))
+    places = grid(figure, 2, 2, (0.75, 0.13, 0.44, 0.24), (0.82, 0.66))
+    force, turning, following = map(figure.add_subplot, (places[:, 0], places[0, 1], places[1, 1]))
+    steps = np.arange(mission.num_controls + 1) * mission.control_period_s
+    _three_lines(force, steps, log.force_hill_n, ("radial", "along-track", "cross-track"))
+    _limit_lines(force, mission.deputy.max_force_n, "N")
+    force.set(title="Force, Hill axes", xlabel="time (s)", ylabel="force (N)")
+
+    torques = 1e3 * log.torque_b_n_m.reshape(-1, 3)
+    instants = np.arange(len(torques) + 1) * mission.attitude_period_s
+    cut = _turned_at(torques, round(60.0 / mission.attitude_period_s))
+    for ax, part in ((turning, slice(0, cut)), (following, slice(cut, None))):
+        if len(torques[part]) == 0:
+            ax.set_visible(False)
+            continue
+        edges = instants[part.start : part.start + len(torques[part]) + 1]
+        _three_lines(ax, edges, torques[part], ("x", "y", "z"))
+        _limit_lines(ax, 1e3 * mission.deputy.max_torque_n_m, "mN m")
+        ax.set(xlabel="time (s)", ylabel="torque (mN m)")
+        ax.set_title(f"Torque, body axes, {edges[0]:g} to {edges[-1]:g} s")
+    force.legend(loc="upper right")
+    turning.legend(loc="lower right", bbox_to_anchor=(1.0, 0.1))
+    return figure
+
+
+def _turned_at(torques: Floats, least: int) -> int:
+    """Return after how many attitude periods the torque stays below a twentieth of its first maximum."""
+    early = np.abs(torques[: max(1, len(torques) // 10)]).max(axis=1)
+    large = np.flatnonzero(early > 0.05 * early.max())
+    return min(len(torques), max(least, int(1.3 * large[-1]) if large.size else 0))
+
+
+def _three_lines(ax: Axes, edges: NDArray[np.floating], values: Floats, labels: Sequence[str]) -> None:
+    for column, label in enumerate(labels):
+        held = np.append(values[:, column], values[-1, column])
+        look: dict[str, Any] = {"color": AXIS_COLOURS[column], "linestyle": AXIS_STYLES[column]}
+        ax.plot(edges, held, drawstyle="steps-post", linewidth=1.3, label=label, **look)
+    ax.set_xlim(edges[0], edges[-1])
+    ax.grid(axis="y")
+    ax.margins(y=0.12)
+
+
+def _limit_lines(ax: Axes, limit: float, unit: str) -> None:
+    """Draw the limits, or say where they are when the values keep far from them."""
+    reach = max((float(np.abs(line.get_ydata()).max()) for line in ax.lines), default=0.0)
+    if reach < 0.5 * limit:
+        text = f"limits ± {limit:g} {unit} off scale"
+        ax.text(1.0, 1.02, text, transform=ax.transAxes, ha="right", va="bottom", **SMALL_PRINT)
+        return
+    for sign in (-1.0, 1.0):
+        ax.axhline(sign * limit, color=MUTED, linestyle=DOTS, linewidth=1.0)
+    words = f"limit {limit:g} {unit}"
+    ax.text(0.01, limit, words, transform=ax.get_yaxis_transform(), va="bottom", **SMALL_PRINT)
+
+
+#: the path is shown for so many control periods about its nearest (or farthest) sample
+MOST_SHOWN = 150
+
+
+def with_and_without(guarded: FlightLog, unguarded: FlightLog, mission: Mission) -> Figure:
+    """Draw one case flown twice: the path where the layer acted, the distance over time, and its changes.
+
+    Parameters
+    ----------
+    guarded, unguarded : FlightLog
+        From the same start by the same controller, with the layer on and off.
+    mission : Mission
+        With the layer on.
+    """
+    figure = Figure(figsize=(9.6, 5.2), layout="constrained")
+    places = figure.add_gridspec(2, 2, width_ratios=(1.0, 1.25), height_ratios=(1.6, 1.0))
+    path, distance, change = map(figure.add_subplot, (places[:, 0], places[0, 1], places[1, 1]))
+    _draw_path(path, guarded, unguarded, mission)
+    _draw_distance(distance, guarded, unguarded, mission)
+    _draw_change(change, guarded, mission)
+    return figure
+
+
+def _draw_path(ax: Axes, guarded: FlightLog, unguarded: FlightLog, mission: Mission) -> None:
+    """Draw both paths in the plane in which the unguarded one passes its worst."""
+    worst = _worst(unguarded, mission)
+    basis = _plane(unguarded, worst)
+    shown = slice(max(0, worst - MOST_SHOWN // 2), worst + MOST_SHOWN // 2 + 1)
+    for log, colour, label in ((unguarded, ORANGE, "without"), (guarded, BLUE, "with the layer")):
+        flat = log.position_m[shown] @ basis.T
+        ax.plot(flat[:, 0], flat[:, 1], color=colour, linewidth=1.4, label=label)
+    ax.set_aspect("equal", adjustable="datalim")
+    ax.autoscale_view()
+    chief = Circle((0.0, 0.0), mission.chief.inspection_radius_m, facecolor=GRID, edgecolor=MUTED)
+    ax.add_patch(chief)
+    for radius in (mission.deputy.min_distance_m, mission.deputy.max_distance_m):
+        ax.add_patch(Circle((0.0, 0.0), radius, fill=False, edgecolor=VERMILION, linestyle=DOTS, zorder=1.5))
+    ax.set(title="Path about the worst sample, in its plane", xlabel="outward at that sample (m)")
+    ax.set_ylabel("onward (m)")
+    ax.legend(loc="best")
+
+
+def _worst(log: FlightLog, mission: Mission) -> int:
+    """Return the sample farthest outside the limits, or nearest to them."""
+    distances = np.linalg.norm(log.position_m, axis=1)
+    low, high = mission.deputy.min_distance_m, mission.deputy.max_distance_m
+    return int(np.argmax(np.maximum(low - distances, distances - high)))
+
+
+def _plane(log: FlightLog, sample: int) -> Floats:
+    """Return two unit vectors, shape (2, 3): from the chief to the deputy, and onward across that."""
+    first = log.position_m[sample] / np.linalg.norm(log.position_m[sample])
+    onward = log.velocity_m_s[sample] - (log.velocity_m_s[sample] @ first) * first
+    return np.stack([first, onward / max(float(np.linalg.norm(onward)), 1e-12)])
+
+
+def _draw_distance(ax: Axes, guarded: FlightLog, unguarded: FlightLog, mission: Mission) -> None:
+    times = np.arange(mission.num_controls + 1) * mission.control_period_s
+    for log, colour in ((unguarded, ORANGE), (guarded, BLUE)):
+        ax.plot(times, np.linalg.norm(log.position_m, axis=1), color=colour, linewidth=1.4)
+    for limit in (mission.deputy.min_distance_m, mission.deputy.max_distance_m):
+        ax.axhline(limit, color=VERMILION, linestyle=DOTS, linewidth=1.0)
+    ax.set(title="Distance", ylabel="distance (m)", xlim=(0.0, mission.duration_s))
+    ax.grid(axis="y")
+
+
+def _draw_change(ax: Axes, guarded: FlightLog, mission: Mission) -> None:
+    """Draw the delta-v of the layer's changes, period by period, and what they add up to."""
+    per_force = mission.control_period_s / mission.deputy.mass_kg
+    spent = 1e3 * np.abs(guarded.safety_force_hill_n).sum(axis=1) * per_force
+    times = np.arange(mission.num_controls) * mission.control_period_s
+    ax.vlines(times[spent > 0], 0.0, spent[spent > 0], color=BLUE, linewidth=1.4)
+    title = f"Change of the force by the layer: {np.count_nonzero(spent)} periods, {spent.sum():.1f} mm/s"
+    ax.set(title=title, xlabel="time (s)", ylabel="mm/s a period")
+    ax.set(xlim=(0.0, mission.duration_s), ylim=(0.0, None))
+    ax.grid(axis="y")
+
+
+#: of which the spread is drawn
+METRICS = {
+    "delta_v_m_s": "Δv (m/s)",
+    "inspection_rate_percent": "inspection rate (%)",
+    "mean_distance_m": "mean distance (m)",
+}
+
+
+@dataclass(frozen=True)
+class Sample:
+    """Values of flights of one kind: ``values`` maps the name of a metric to an array of shape (n,)."""
+
+    label: str
+    values: Mapping[str, Floats]
+    paper_means: Mapping[str, float]
+
+
+def distributions(samples: Sequence[Sample], num_points: int) -> Figure:
+    """Draw how delta-v, inspection rate and mean distance spread: a row a sample, a column a metric.
+
+    Small samples are drawn value by value, large ones as histograms.
+
+    Parameters
+    ----------
+    samples : sequence of Sample
+        At least one.
+    num_points : int
+        Inspection points: rates are multiples of 100/num_points.
+    """
+    heights = [1.1 if len(sample.values["delta_v_m_s"]) <= MOST_POINTS else 2.0 for sample in samples]
+    figure = Figure(figsize=(9.6, sum(heights) + 0.65 * len(samples) + 0.3))
+    margins, between = (0.58, 0.1, 0.44, 0.4), (0.4, 0.65)
+    places = grid(figure, len(samples), len(METRICS), margins, between, height_ratios=heights)
+    rows = np.asarray(places.subplots(squeeze=False, sharex="col"))
+    for column, (metric, label) in enumerate(METRICS.items()):
+        step = 100.0 / num_points if metric == "inspection_rate_percent" else None
+        edges = _bin_edges([sample.values[metric] for sample in samples], step)
+        for sample, ax in zip(samples, rows[:, column], strict=True):
+            values = sample.values[metric]
+            if len(values) <= MOST_POINTS:
+                _draw_values(ax, values)
+            else:
+                _draw_histogram(ax, values, edges)
+            _mark_means(ax, float(values.mean()), sample.paper_means.get(metric), edges)
+        rows[-1, column].set_xlabel(label)
+    for sample, ax in zip(samples, rows[:, 0], strict=True):
+        ax.set_title(sample.label, pad=18)
+        if len(sample.values["delta_v_m_s"]) > MOST_POINTS:
+            ax.set_ylabel("flights")
+    return figure
+
+
+def _bin_edges(samples: Sequence[Floats], step: float | None) -> Floats:
+    """Return the edges of bins over all samples, but not over what stands far apart in large ones.
+
+    Parameters
+    ----------
+    samples : sequence of (n,) arrays
+    step : float, optional
+        What values are multiples of; each multiple then has a bin of its own.
+    """
+    ends = np.array([_ends(values) for values in samples])
+    low, high = float(ends[:, 0].min()), float(ends[:, 1].max())
+    if step is not None:
+        return np.asarray((np.arange(np.floor(low / step + 1e-6) - 1, round(high / step) + 2) - 0.5) * step)
+    width = max(high - low, 0.02 * max(abs(high), 1.0))
+    num_bins = min(45, round(2.0 * np.sqrt(max(len(values) for values in samples))))
+    return np.linspace(low - 0.05 * width, high + 0.05 * width, num_bins + 1)
+
+
+def _ends(values: Floats) -> tuple[float, float]:
+    """Return the least and the greatest value; of large samples, at most a width of their bulk beyond it."""
+    low, high = float(values.min()), float(values.max())
+    if len(values) > MOST_POINTS:
+        first, last = np.percentile(values, (1.0, 99.0))
+        low, high = max(low, first - (last - first)), min(high, last + (last - first))
+    return low, high
+
+
+def _draw_values(ax: Axes, values: Floats) -> None:
+    """Draw a box from quartile to quartile, its whiskers to the ends, and above it every value."""
+    muted = {"color": MUTED}
+    ax.boxplot(
+        values,
+        orientation="horizontal",
+        positions=[0.0],
+        widths=0.28,
+        whis=(0, 100),
+        showfliers=False,
+        manage_ticks=False,
+        boxprops=muted,
+        whiskerprops=muted,
+        capprops=muted,
+        medianprops={**muted, "linewidth": 1.6},
+    )
+    # equal values stand on one another
+    heights = [0.32 + 0.11 * int(np.sum(np.isclose(values[:i], value))) for i, value in enumerate(values)]
+    ax.plot(values, heights, "o", color=BLUE, markersize=4.5, alpha=0.85)
+    ax.set(ylim=(-0.3, max(1.3, max(heights) + 0.2)), yticks=[])
+    ax.spines["left"].set_visible(False)
+
+
+def _draw_histogram(ax: Axes, values: Floats, edges: Floats) -> None:
+    ax.hist(values, bins=edges.tolist(), color=BLUE, alpha=0.75)
+    ax.grid(axis="y")
+    ax.set_axisbelow(True)
+    beyond = int(np.sum(values < edges[0])), int(np.sum(values > edges[-1]))
+    words = {"transform": ax.transAxes, "va": "top", **SMALL_PRINT}
+    if beyond[0]:
+        ax.text(0.01, 0.97, f"← {beyond[0]} more", **words)
+    if beyond[1]:
+        ax.text(0.99, 0.97, f"{beyond[1]} more →", ha="right", **words)
+
+
+def _mark_means(ax: Axes, mean: float, paper: float | None, edges: Floats) -> None:
+    """Mark our mean, and the paper's where it is known: by a line, or an arrow where it is off the scale."""
+    low, high = float(edges[0]), float(edges[-1])
+    ax.set_xlim(low, high)
+    ax.axvline(mean, color=INK, linewidth=1.6)
+    words: dict[str, Any] = {"transform": ax.transAxes, "va": "bottom", "fontsize": 8}
+    ax.text(0.0, 1.02, f"— mean {mean:.4g}", color=INK, **words)
+    if paper is None:
+        return
+    arrow = (" →", "← ")[paper < low] if not low <= paper <= high else ""
+    text = f"{arrow}paper {paper:g}" if paper < low else f"paper {paper:g}{arrow}"
+    if not arrow:
+        ax.axvline(paper, color=VERMILION, linewidth=1.4, linestyle=(0, (4, 2)))
+        text = f"- - {text}"
+    ax.text(1.0, 1.02, text, color=VERMILION, ha="right", **words)

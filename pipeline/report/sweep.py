@@ -1,0 +1,349 @@
+"""What a sweep comes to: its runs, the effects of what they differ in, the front, and how to fly the best."""
+
+import shlex
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from markupsafe import Markup
+from numpy.typing import NDArray
+
+from fis_tools.document import Block, Code, Document, Figure, Heading, Items, Paragraph, Table, html
+from fis_tools.document.html import element, read
+from pipeline.evaluation.monte_carlo import SUCCESS
+from pipeline.evaluation.statistics import METRICS, Compared, Difference, Effect, Metric, effects, on_front
+from pipeline.report.figures.comparison import Line, Point, front_of_runs, parallel_coordinates
+from pipeline.report.figures.style import inline, save, style
+from pipeline.run import artifacts, sweep, tables
+
+Columns = dict[str, list[Any] | NDArray[Any]]
+
+#: what runs are repeated by: of it no effect is told, over it the others are averaged
+REPLICATE = "seed"
+#: metrics that are shares of flights, and what summaries call them
+SHARES = {"success": SUCCESS, "violated": "violated"}
+#: what a summary is told in where the runs do not say
+CONFIDENCE_PERCENT = 95.0
+#: words of a run's command that say nothing about a single flight
+NOT_FLOWN = ("+experiment=", "stages=", "hydra.", "seed=", "name=", "monte_carlo", "optimizer", "starts")
+#: of the runs on the front, how many are offered to be flown
+MOST_OFFERED = 5
+
+
+@dataclass(frozen=True)
+class Value:
+    """A metric of a run with its interval."""
+
+    value: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class Run:
+    """A run of a sweep, with what came out.
+
+    Parameters
+    ----------
+    name : str
+        Its folder in the sweep's.
+    differs : mapping of str to str
+    state : str
+        Of `pipeline.run.sweep`.
+    failure : str
+    num_cases : int
+        Zero where nothing was evaluated.
+    values : mapping of str to Value
+        By the name of a metric; empty where nothing was evaluated.
+    fly : str
+        The command that flies its controller; empty where nothing was evaluated.
+    """
+
+    name: str
+    differs: Mapping[str, str]
+    state: str
+    failure: str
+    num_cases: int
+    values: Mapping[str, Value]
+    fly: str
+
+
+@dataclass(frozen=True)
+class Swept:
+    """A sweep with what came out."""
+
+    folder: Path
+    runs: tuple[Run, ...]
+    effects: tuple[Effect, ...]
+    confidence_percent: float
+
+    @property
+    def factors(self) -> list[str]:
+        """What the runs differ in."""
+        return list(dict.fromkeys(key for run in self.runs for key in run.differs))
+
+    @property
+    def evaluated(self) -> list[Run]:
+        """The runs that were evaluated."""
+        return [run for run in self.runs if run.values]
+
+    @property
+    def failed(self) -> list[Run]:
+        """The runs that failed."""
+        return [run for run in self.runs if run.failure]
+
+    @cached_property
+    def front(self) -> list[Run]:
+        """The runs that no other surpasses in mean delta-v and inspection rate; the most successful first."""
+        runs = self.evaluated
+        spent, inspected = (
+            np.array([run.values[name].value for run in runs])
+            for name in ("delta_v_m_s", "inspection_rate_percent")
+        )
+        chosen = [run for run, stands in zip(runs, on_front(spent, inspected), strict=True) if stands]
+        return sorted(
+            chosen,
+            key=lambda run: (-run.values["success"].value, run.values["delta_v_m_s"].value),
+        )
+
+    @property
+    def offered(self) -> list[Run]:
+        """The first of the front, each controller and world once."""
+        return list({run.fly: run for run in reversed(self.front)}.values())[::-1][:MOST_OFFERED]
+
+
+def gather(folder: Path) -> Swept:
+    """Read what a sweep has come to so far.
+
+    Raises
+    ------
+    pipeline.run.artifacts.ArtifactError
+        If the folder holds no sweep, or a file in it cannot be read.
+    """
+    runs, flown, confidence = [], [], CONFIDENCE_PERCENT
+    for told in sweep.read(folder):
+        own = folder / told.folder
+        summary = artifacts.read_json(own, artifacts.SUMMARY) if (own / artifacts.SUMMARY).exists() else None
+        if summary is not None:
+            confidence = float(summary["confidence_percent"])
+            flown.append((told.differs, tables.read_parquet(own, artifacts.EPISODES)))
+        runs.append(_run(folder, told, summary))
+    found = tuple(effect for effect in effects(flown, confidence) if effect.factor != REPLICATE)
+    return Swept(folder, tuple(runs), found, confidence)
+
+
+def _run(folder: Path, told: sweep.SweptRun, summary: Mapping[str, Any] | None) -> Run:
+    return Run(
+        told.folder,
+        told.differs,
+        sweep.state_of(folder, told),
+        told.failure,
+        int(summary["num_cases"]) if summary else 0,
+        {metric.name: _value(summary, metric.name) for metric in METRICS} if summary else {},
+        _command(folder / told.folder, told) if summary else "",
+    )
+
+
+def _value(summary: Mapping[str, Any], name: str) -> Value:
+    told = summary[SHARES.get(name, name)]
+    value, scale = ("fraction", 100.0) if name in SHARES else ("mean", 1.0)
+    return Value(*(scale * float(told[part]) for part in (value, "low", "high")))
+
+
+def _command(folder: Path, told: sweep.SweptRun) -> str:
+    """Return the command that flies the controller of a run once, in the world of the run."""
+    kept = [word for word in told.command if not word.startswith(NOT_FLOWN)]
+    for name in (artifacts.CHAMPION, artifacts.CONTROLLER):
+        if (folder / name).exists():
+            kept = [word for word in kept if not word.startswith("controller")]
+            kept.append(f"controller={folder / name}")
+            break
+    return shlex.join(["python", "-m", "pipeline", "+experiment=fly", *kept])
+
+
+def columns_of(swept: Swept) -> Columns:
+    """Return a sweep as a table, a row a run; what was not evaluated is NaN."""
+    runs, nothing = swept.runs, Value(np.nan, np.nan, np.nan)
+    columns: Columns = {"run": [run.name for run in runs]}
+    columns |= {key: [run.differs.get(key, "") for run in runs] for key in swept.factors}
+    columns |= {"state": [run.state for run in runs], "failure": [run.failure for run in runs]}
+    columns["num_cases"] = np.array([run.num_cases for run in runs])
+    columns["on_front"] = np.array([run in swept.front for run in runs])
+    for metric in METRICS:
+        name = f"{metric.name}_percent" if metric.name in SHARES else metric.name
+        values = [run.values.get(metric.name, nothing) for run in runs]
+        for part, suffix in (("value", ""), ("low", "_low"), ("high", "_high")):
+            columns[name + suffix] = np.array([getattr(value, part) for value in values])
+    return columns
+
+
+def effect_columns(swept: Swept) -> Columns:
+    """Return the effects as a table, a row for each level and metric."""
+    found = swept.effects
+    return {
+        "factor": [effect.factor for effect in found],
+        "level": [effect.level for effect in found],
+        "baseline": [effect.baseline for effect in found],
+        "metric": [effect.metric.name for effect in found],
+        "unit": [effect.metric.unit for effect in found],
+        "difference": np.array([effect.difference.mean for effect in found]),
+        "low": np.array([effect.difference.low for effect in found]),
+        "high": np.array([effect.difference.high for effect in found]),
+        "pairs": np.array([effect.difference.count for effect in found], dtype=np.int64),
+        "pairs_of": [effect.unit for effect in found],
+    }
+
+
+def _headed(metric: Metric) -> str:
+    return f"{metric.label} ({metric.unit})"
+
+
+def runs_table(swept: Swept) -> list[Block]:
+    """Return the runs, a line each: what they differ in, what came out, and where they stand."""
+    factors = swept.factors
+    rows = [
+        (
+            *(run.differs.get(key, "") for key in factors),
+            "on the front" if run in swept.front else run.state,
+            *(_valued(run.values.get(metric.name), metric) for metric in METRICS),
+        )
+        for run in swept.runs
+    ]
+    confidence = f"{swept.confidence_percent:g} % intervals"
+    heads = [*factors, "state", *map(_headed, METRICS)]
+    table = Table(heads, rows, numbers=range(len(factors) + 1, len(heads)))
+    return [Paragraph(f"{len(swept.runs)} runs, {confidence}:"), table]
+
+
+def _valued(value: Value | None, metric: Metric) -> str:
+    if value is None:
+        return ""
+    places = metric.places
+    return f"{value.value:.{places}f} ({value.low:.{places}f} to {value.high:.{places}f})"
+
+
+def effects_table(swept: Swept) -> list[Block]:
+    """Return the effects, a line a level: differences from the factor's first level, all else equal."""
+    found: dict[tuple[str, str, str], list[Effect]] = {}
+    for effect in swept.effects:
+        found.setdefault((effect.factor, effect.baseline, effect.level), []).append(effect)
+    rows = [
+        (
+            factor,
+            f"{level} against {baseline}",
+            f"{told[0].difference.count:,} {told[0].unit}",
+            *(differing(effect.difference, effect.metric) for effect in told),
+        )
+        for (factor, baseline, level), told in found.items()
+    ]
+    if not rows:
+        return []
+    title = f"Effects: paired differences, {swept.confidence_percent:g} % intervals; * where without zero:"
+    heads = ["setting", "values", "pairs of", *map(_headed, METRICS)]
+    return [Paragraph(title), Table(heads, rows, numbers=range(2, len(heads)))]
+
+
+def differing(difference: Difference, metric: Metric) -> str:
+    """Write a difference with its interval; a star where it leaves zero out."""
+    places = metric.places
+    if difference.count < 2:
+        return f"{difference.mean:+.{places}f} (one pair)"
+    star = "*" if difference.is_told else ""
+    return (
+        f"{difference.mean:+.{places}f} ({difference.low:+.{places}f} to {difference.high:+.{places}f}){star}"
+    )
+
+
+def compared_table(one: str, other: str, compared: Sequence[Compared], confidence: float) -> list[Block]:
+    """Return two runs side by side, a line a metric."""
+    count = compared[0].difference.count
+    rows = [
+        (
+            _headed(told.metric),
+            *(f"{mean:.{told.metric.places}f}" for mean in told.means),
+            differing(told.difference, told.metric),
+            f"{told.better:,} / {told.worse:,} / {count - told.better - told.worse:,}",
+            f"{told.p_value:.2g}",
+        )
+        for told in compared
+    ]
+    title = f"{count:,} common cases; B against A, {confidence:g} % intervals; * where without zero:"
+    heads = ["", f"A: {one}", f"B: {other}", "B - A", "B better / worse / equal", "p"]
+    return [Paragraph(title), Table(heads, rows, numbers=range(1, len(heads)))]
+
+
+DOTS_PER_INCH = 100
+_EFFECTS = (
+    "Each value of a setting against its first, in runs that differ in nothing else, on the cases that they "
+    "share. Where several pairs of runs differ so, each pair counts once; where one does, each case."
+)
+
+
+_LINES = "Each run is a line through its settings and its means."
+_FRONT = "Means with their intervals; the line joins the runs that no other surpasses."
+
+
+def write(swept: Swept) -> str:
+    """Write the page: HTML that needs no other file, asks for none, and runs no script."""
+    return html.page(_document(swept), read("templates/report.css", "pipeline.report"))
+
+
+def _document(swept: Swept) -> Document:
+    folder = swept.folder.as_posix()
+    blocks: list[Block] = [
+        Heading(f"Sweep over {', '.join(swept.factors) or 'nothing'}", 1),
+        Paragraph(f"{folder}: {len(swept.runs)} runs, {len(swept.evaluated)} evaluated"),
+        Heading("Best, ready to fly"),
+    ]
+    if swept.offered:
+        blocks.append(
+            Paragraph(
+                "No other run spends as little and inspects as much; first those that succeed most often: "
+                "that inspect enough inside the limits."
+            )
+        )
+        for run in swept.offered:
+            blocks += [Heading(run.name, 3), Code(run.fly)]
+    else:
+        blocks.append(Paragraph("No run has been evaluated yet."))
+    failures = [f"{run.name}: {run.failure}" for run in swept.failed]
+    if failures:
+        blocks += [Heading("Failed"), Items(failures), Paragraph("To try them again:")]
+        blocks.append(Code(f"python -m pipeline resume={folder}"))
+    if effects := effects_table(swept):
+        blocks += [Heading("Effects"), Paragraph(_EFFECTS), *effects]
+    if len(swept.evaluated) > 1:
+        blocks += [Heading("All runs"), *_pictures(swept)]
+    return Document([*blocks, Heading("Runs"), *runs_table(swept)])
+
+
+def _pictures(swept: Swept) -> Iterator[Figure]:
+    runs = swept.evaluated
+    told = (
+        ("parallel", "Settings and outcomes, a line a run", _LINES),
+        ("front", "Mean inspection rate over mean delta-v", _FRONT),
+    )
+    with style():
+        figures = (
+            parallel_coordinates([_line(run, swept) for run in runs]),
+            front_of_runs([_point(run, swept) for run in runs]),
+        )
+        for figure, (name, words, caption) in zip(figures, told, strict=True):
+            drawn = Markup(inline(save(figure, name, DOTS_PER_INCH).svg, name, words))  # noqa: S704 - escaped there
+            yield Figure(element("figure", drawn, element("figcaption", caption)))
+
+
+def _line(run: Run, swept: Swept) -> Line:
+    settings = {key: run.differs.get(key, "") for key in swept.factors}
+    outcomes = {f"{metric.label} ({metric.unit})": run.values[metric.name].value for metric in METRICS}
+    return Line(run.name, settings, outcomes, run in swept.front)
+
+
+def _point(run: Run, swept: Swept) -> Point:
+    spent, rate = run.values["delta_v_m_s"], run.values["inspection_rate_percent"]
+    return Point(
+        run.name, (spent.value, spent.low, spent.high), (rate.value, rate.low, rate.high), run in swept.front
+    )

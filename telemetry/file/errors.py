@@ -1,5 +1,0 @@
-"""The error that recordings raise."""
-
-
-class RecordingError(Exception):
-    """A recording cannot be written, read or shown; the message says what is wrong and how to fix it."""
