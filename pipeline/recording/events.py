@@ -71,29 +71,24 @@ def events(
     list of Event
         The last one sums the flight up.
     """
-    found = [*_rehearsal(mission, log, num_rehearsed)]
-    if tour is not None:
-        told = (
-            f"rehearsed: of the tour's images, each flown to the end by the rules, one ends cheapest: {tour}"
-        )
-        found.append(Event(0, "info", told))
+    found = [Event(0, "info", f"rehearsed: {told}") for told in _rehearsed(mission, log, num_rehearsed, tour)]
     found += [*_progress(mission, log), *_limits(mission, log, near_limit_m), *_safety(mission, log)]
     found += _coasting(mission, log, logic) if logic is not None else ()
     found.append(_summary(mission, log))
     return sorted(found, key=lambda event: event.sample)
 
 
-def _rehearsal(mission: Mission, log: FlightLog, num_rehearsed: int) -> Iterator[Event]:
-    """Say which first push a rehearsal chose."""
+def _rehearsed(mission: Mission, log: FlightLog, num_rehearsed: int, tour: str | None) -> Iterator[str]:
+    """Say which first push, and which image of a tour, a rehearsal chose."""
     if num_rehearsed:
         per_force = 1000.0 * mission.control_period_s / mission.deputy.mass_kg
         x, y, z = (per_force * log.force_asked_n[0]).tolist()
-        yield Event(
-            0,
-            "info",
-            f"rehearsed: of {num_rehearsed} first pushes, each flown to the end by the rules, this one ends "
-            f"cheapest: {x:.0f} mm/s radially, {y:.0f} along the track, {z:.0f} across",
+        yield (
+            f"of {num_rehearsed} first pushes, each flown to the end by the rules, this one ends cheapest: "
+            f"{x:.0f} mm/s radially, {y:.0f} along the track, {z:.0f} across"
         )
+    if tour is not None:
+        yield f"of the tour's images, each flown to the end by the rules, one ends cheapest: {tour}"
 
 
 def _progress(mission: Mission, log: FlightLog) -> Iterator[Event]:

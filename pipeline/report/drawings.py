@@ -27,7 +27,9 @@ def draw_argument(evidence: Mapping[str, Any]) -> Markup:
     """Draw the argument of evidence as an SVG element whose goals and solutions are links into the page."""
     requirements = evidence["requirements"]
     height = FIRST_ROW + ROW * len(requirements)
-    parts = [*_top(evidence), *_spine(len(requirements))]
+    # down from the strategy to the goals
+    last = FIRST_ROW + ROW * (len(requirements) - 1) + GOAL_HEIGHT / 2
+    parts = [*_top(evidence), _line(f"M{SPINE_X} {TOP + GOAL_HEIGHT + 120}V{last:g}")]
     for row, requirement in enumerate(requirements):
         parts += _row(requirement, FIRST_ROW + ROW * row)
     title = f"The argument for {evidence['controller']['name']}, goal by goal"
@@ -95,12 +97,6 @@ def _top(evidence: Mapping[str, Any]) -> list[Markup]:
 def _overall(evidence: Mapping[str, Any]) -> str:
     verdicts = [one["verdict"] for one in evidence["requirements"]]
     return next((word for word in ("refuted", "not shown") if word in verdicts), "shown")
-
-
-def _spine(rows: int) -> list[Markup]:
-    """Draw the line from the strategy down to the goals."""
-    last = FIRST_ROW + ROW * (rows - 1) + GOAL_HEIGHT / 2
-    return [_line(f"M{SPINE_X} {TOP + GOAL_HEIGHT + 120}V{last:g}")]
 
 
 def _row(requirement: Mapping[str, Any], y: float) -> list[Markup]:

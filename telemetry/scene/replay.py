@@ -67,7 +67,6 @@ def scene(paths: Sequence[Path]) -> Scene:
         blueprint.send_styles(stream, plots)
         blueprint.send_values(stream, plots, seconds)
         _send_flight(stream, recordings[0])
-        _send_now(stream, recordings[0])
         _send_inferences(stream, recordings[0])
         _send_words(stream, recordings, names)
         for index, name in enumerate(names):
@@ -222,6 +221,8 @@ def _send_trail(stream: rr.RecordingStream, recording: Recording, entity: str, c
 
 def _send_inferences(stream: rr.RecordingStream, recording: Recording) -> None:
     time_s = drawing.sample_times(recording)
+    told = [f"**{line}**" if line else "" for line in drawing.now_in_words(recording, time_s)]
+    _send_texts(stream, blueprint.NOW, time_s, told)
     picture = drawing.activation_map(recording, time_s)
     if picture is None:
         return
@@ -250,16 +251,12 @@ def _send_inferences(stream: rr.RecordingStream, recording: Recording) -> None:
     stream.log(f"{marks}_named", rr.Points2D.from_fields(radii=0.5, show_labels=True), static=True)
     columns = rr.Points2D.columns(positions=beside, labels=labels)
     send(stream, f"{marks}_named", seconds(time_s), columns.partition(lengths))
-    words = drawing.inference_in_words(recording, time_s)
-    columns = rr.TextDocument.columns(text=words, media_type=["text/markdown"] * len(words))
-    send(stream, blueprint.RULES_IN_WORDS, seconds(time_s), columns)
+    _send_texts(stream, blueprint.RULES_IN_WORDS, time_s, drawing.inference_in_words(recording, time_s))
 
 
-def _send_now(stream: rr.RecordingStream, recording: Recording) -> None:
-    time_s = drawing.sample_times(recording)
-    words = [f"**{line}**" if line else "" for line in drawing.now_in_words(recording, time_s)]
-    columns = rr.TextDocument.columns(text=words, media_type=["text/markdown"] * len(words))
-    send(stream, blueprint.NOW, seconds(time_s), columns)
+def _send_texts(stream: rr.RecordingStream, entity: str, time_s: Floats, texts: list[str]) -> None:
+    columns = rr.TextDocument.columns(text=texts, media_type=["text/markdown"] * len(texts))
+    send(stream, entity, seconds(time_s), columns)
 
 
 def _send_words(stream: rr.RecordingStream, recordings: Sequence[Recording], names: Sequence[str]) -> None:

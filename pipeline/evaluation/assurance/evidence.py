@@ -70,19 +70,18 @@ def domain_of(
         flown = list(
             pool.map(lambda one: sensed(fly_logged(mission, controller, one), controller), scenarios)
         )
-    boxes = []
+    boxes = {}
     for place, system in enumerate(controller.systems):
         rows = np.concatenate([inputs[place] for inputs in flown[:half]])
         if len(rows):
-            boxes.append(box_of(system, rows))
-    places = [[system.name for system in controller.systems].index(box.system) for box in boxes]
+            boxes[place] = box_of(system, rows)
     num_left = sum(
-        any(bool((box.beyond(inputs[place]) > 0.0).any()) for box, place in zip(boxes, places, strict=True))
+        any(bool((box.beyond(inputs[place]) > 0.0).any()) for place, box in boxes.items())
         for inputs in flown[half:]
     )
     num_tried = len(scenarios) - half
     _, high = verdicts.share_bounds(num_left, num_tried, confidence)
-    return Domain(tuple(boxes), half, num_tried, num_left, high, confidence)
+    return Domain(tuple(boxes.values()), half, num_tried, num_left, high, confidence)
 
 
 def sensed(log: FlightLog, controller: Controller) -> list[Floats]:
