@@ -1,22 +1,177 @@
-"""What all evidence comes to, by hand-made findings."""
+"""What flights and proofs demonstrate, and what all evidence comes to."""
 
 from dataclasses import replace
 
 import numpy as np
+import pytest
+from scipy.stats import binom, binomtest
 
+from fis_tools.engines import inference
 from pipeline.evaluation.assurance.campaign import Outcome, Search
 from pipeline.evaluation.assurance.formula import parse
 from pipeline.evaluation.assurance.quantities import UNITS
-from pipeline.evaluation.assurance.requirements import Question, Requirement
+from pipeline.evaluation.assurance.requirements import Question, Requirement, RequirementError
 from pipeline.evaluation.assurance.verdicts import (
     Certificate,
     Found,
     SafetyProof,
+    cases_needed,
+    certificates,
+    failures_allowed,
     judge,
     outcomes,
+    safety_proof,
     sentence,
+    share_bounds,
     verdict,
 )
+from pipeline.flight.state.log import Scenario
+from tests.pipeline.evaluation.assurance.cases import champion, experiment, scenarios
+
+
+@pytest.mark.parametrize(
+    ("probability", "cases"),
+    [
+        (0.99, (230, 388, 531, 667)),
+        (0.9973, (852, 1440, 1970, 2473)),
+        (0.99865, (1705, 2880, 3941, 4947)),
+        (0.9999, (23025, 38896)),
+    ],
+)
+def test_cases_needed_are_those_of_hanson_and_beard(probability, cases):
+    """NASA/TP-2010-216447, with a consumer's risk of 10 %."""
+    assert tuple(cases_needed(probability, 0.9, failed) for failed in range(len(cases))) == cases
+    for failed, number in enumerate(cases):
+        assert failures_allowed(number, probability, 0.9) == failed
+        assert failures_allowed(number - 1, probability, 0.9) == failed - 1
+
+
+@pytest.mark.parametrize(("met", "cases"), [(0, 10), (10, 10), (7, 10), (993, 1000), (9993, 10000)])
+def test_bounds_are_those_of_scipy(met, cases):
+    for confidence in (0.8, 0.9, 0.95):
+        low, high = share_bounds(met, cases, confidence)
+        greater, less = (binomtest(met, cases, alternative=side) for side in ("greater", "less"))
+        assert low == pytest.approx(greater.proportion_ci(confidence).low, abs=1e-12)
+        assert high == pytest.approx(less.proportion_ci(confidence).high, abs=1e-12)
+
+
+def test_a_claim_is_shown_where_the_lower_bound_reaches_it():
+    for cases in (50, 231, 1000):
+        allowed = failures_allowed(cases, 0.99, 0.9)
+        for failed in range(10):
+            low, _ = share_bounds(cases - failed, cases, 0.9)
+            assert (failed <= allowed) == (low >= 0.99)
+
+
+def test_verdicts():
+    def verdict(num_failed, num_cases=1000):
+        margins = np.r_[-np.ones(num_failed), np.ones(num_cases - num_failed)]
+        return judge(margins, margins > 0, 0.99, 0.9).verdict
+
+    assert [verdict(count) for count in (0, 5, 6, 12, 15, 16)] == [
+        *("shown", "shown", "open", "open", "refuted", "refuted")
+    ]
+    assert verdict(0, 229) == "open"
+    assert verdict(0, 230) == "shown"
+
+
+def test_margins_by_order_statistics():
+    margins = np.random.default_rng(1).permutation(np.arange(1000.0))
+    judgement = judge(margins, margins >= 3, 0.99, 0.9)
+    # P(at most 5 of 1000 below the 1 % quantile) is at most 10 %, of 6 it is more
+    assert binom.cdf(5, 1000, 0.01) <= 0.1 < binom.cdf(6, 1000, 0.01)
+    assert (judgement.margin, judgement.worst_margin, judgement.median_margin) == (5.0, 0.0, 499.5)
+    assert judge(margins[:50], margins[:50] >= 3, 0.99, 0.9).margin is None
+
+
+def test_claims_are_wrong_as_rarely_as_their_confidence_says():
+    """Of samples from cases of which just less than 95 % succeed, at most a tenth shows 95 %."""
+    draws = np.random.default_rng(5).random((4000, 200)) < 0.9499
+    failed = (~draws).sum(axis=1)
+    wrong = np.mean(failed <= failures_allowed(200, 0.95, 0.9))
+    assert 0.02 < wrong <= 0.1
+
+
+def asking(*questions: Question) -> Requirement:
+    return Requirement(*("R8", "thrust", *["words"] * 5), ("bounds",), questions=questions)
+
+
+def test_boxes_cover_the_region_and_rule_the_answer_out_everywhere():
+    (found,) = certificates(
+        asking(Question("force_x > 0.03", "predicted_centre_along_track < -150")), champion()
+    )
+    assert (found.system, found.verdict) == ("force_x", "no")
+    system = champion().systems[0]
+    low = np.array([variable.minimum for variable in system.inputs])
+    high = np.array([variable.maximum for variable in system.inputs])
+    high[found.inputs.index("predicted_centre_along_track")] = -150.0
+    assert np.all(found.low >= low)
+    assert np.all(found.high <= high)
+    # halves of halves: they do not overlap, so that their volumes tell whether they cover all
+    assert np.prod(found.high - found.low, axis=1).sum() == pytest.approx(np.prod(high - low), rel=1e-9)
+    draws = np.random.default_rng(1).random((20, *found.low.shape))
+    inputs = (found.low + draws * (found.high - found.low)).reshape(-1, 3)
+    assert np.max(inference.evaluate(system, inputs)) <= 0.03
+
+
+def test_what_an_example_answers_with_yes_is_no_proof():
+    (found,) = certificates(asking(Question("force_x > 0")), champion())
+    assert found.verdict == "yes"
+    assert len(found.low) == 0
+
+
+def test_only_the_systems_asked_about_are_bounded():
+    assert certificates(asking(Question("force_w > 1")), champion()) == ()
+    with pytest.raises(RequirementError, match="R8, its bounds 'force_x is big'"):
+        certificates(asking(Question("force_x is big")), champion())
+
+
+@pytest.mark.slow
+def test_the_layer_proves_what_follows_from_its_spheres():
+    mission = experiment("safety=filter").mission
+    proof = safety_proof(mission, scenarios(20))
+    assert (proof.num_safe, proof.keep_out_m, proof.keep_in_m) == (20, 16.0, 198.0)
+
+    def proves(text: str) -> bool:
+        return proof.proves(parse(text, UNITS))
+
+    assert proves("always (distance >= 15 m)")
+    assert proves("always[0:600] (distance <= 200 m) and always (distance > 15.5 m)")
+    assert not proves("always (distance >= 17 m)")
+    assert not proves("always (distance <= 198 m)")  # rounding: nothing is kept to spare
+    assert not proves("always (speed <= 10 m/s)")
+    assert not proves("eventually (distance >= 15 m)")
+    assert not replace(proof, is_on=False).proves(parse("always (distance >= 15 m)", UNITS))
+
+
+@pytest.mark.parametrize(
+    "override",
+    [
+        "navigation=fixes",
+        "actuators=real",
+        "dynamics=two_body",
+        "+dispersions.deputy.mass_kg={kind:uniform,low:11.0,high:13.0}",
+    ],
+)
+def test_the_layer_proves_nothing_of_flights_with_errors(override: str):
+    proof = safety_proof(experiment("safety=filter", override).mission, scenarios(2))
+    assert (proof.num_safe, proof.is_exact) == (2, False)
+    assert not proof.proves(parse("always (distance >= 15 m)", UNITS))
+
+
+def test_starts_that_are_not_safe_states_are_told():
+    mission = experiment("safety=filter").mission
+    at_rest = np.zeros(3)
+    starts = [
+        Scenario(np.array([60.0, 0.0, 0.0]), at_rest, 0.0),
+        Scenario(np.array([15.5, 0.0, 0.0]), at_rest, 0.0),  # in the margin
+        Scenario(np.array([60.0, 0.0, 0.0]), np.array([0.0, 0.9, 0.0]), 0.0),  # too fast to be stopped
+    ]
+    proof = safety_proof(mission, starts)
+    assert (proof.num_starts, proof.num_safe) == (3, 1)
+    assert not proof.proves(parse("always (distance >= 15 m)", UNITS))
+    assert safety_proof(experiment().mission, starts).num_safe == 0
+
 
 REQUIREMENT = Requirement(
     *("R1", "keep out", "The deputy stays away.", "a collision", "critical", "because", "nobody"),
