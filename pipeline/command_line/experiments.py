@@ -73,7 +73,8 @@ def plan(asked: Asked) -> Callable[[], int]:
     own = ["--config-dir", str(asked.config_dir.resolve())] if asked.config_dir else []
     job = compose_experiment(words, asked.config_dir)
     check_stages(job.config, words)
-    return partial(runs.start_new, job, [*own, *words])
+    runs.check_before(job.experiment)
+    return partial(runs.start, job, [*own, *words])
 
 
 def _run_folder(overrides: Sequence[Override]) -> Path | None:
@@ -132,7 +133,8 @@ def announce(jobs: Sequence[Job], swept: Sequence[SweptRun], folder: Path) -> li
     known = sweep.read(folder) if (folder / sweep.SWEEP).exists() else []
     known = sweep.merged(known, swept)
     for job in jobs:
-        _announce(job)
+        if not (job.folder / artifacts.CONFIG).exists():  # so that it can be resumed; what is there is kept
+            artifacts.write_config(job.folder, job.config)
     # last: what is in its file can be resumed
     sweep.write(folder, known)
     return known
@@ -140,13 +142,9 @@ def announce(jobs: Sequence[Job], swept: Sequence[SweptRun], folder: Path) -> li
 
 def start_sweep(jobs: Sequence[Job], swept: Sequence[SweptRun], folder: Path) -> int:
     """Run the runs of a new or extended sweep, as `composed_sweep`; return the exit code."""
-
-    def begin(job: Job, run: SweptRun) -> Callable[[], int]:
-        return lambda: runs.start(job, run.command)
-
     with held(folder):
         known = announce(jobs, swept, folder)
-        begun = [(run, begin(job, run)) for job, run in zip(jobs, swept, strict=True)]
+        begun = [(run, partial(runs.start, job, run.command)) for job, run in zip(jobs, swept, strict=True)]
         return _run_all(folder, known, begun)
 
 
@@ -155,20 +153,11 @@ def resume_sweep(folder: Path, overrides: Sequence[Override]) -> int:
     with held(folder):
         known = sweep.read(folder)
         left = [run for run in known if state_of(folder, run) != DONE]
-
-        def go_on(run: SweptRun) -> Callable[[], int]:
-            return lambda: runs.resume(folder / run.folder, overrides, run.command)
-
         if not left:
             sys.stderr.write(f"nothing is left to do: all {len(known)} runs are finished\n")
             return OK
-        return _run_all(folder, known, [(run, go_on(run)) for run in left])
-
-
-def _announce(job: Job) -> None:
-    """Put a configuration into its run's folder, so that the run can be resumed; keep what is there."""
-    if not (job.folder / artifacts.CONFIG).exists():
-        artifacts.write_config(job.folder, job.config)
+        begun = [(run, partial(runs.resume, folder / run.folder, overrides, run.command)) for run in left]
+        return _run_all(folder, known, begun)
 
 
 def _run_all(folder: Path, known: list[SweptRun], begun: Sequence[tuple[SweptRun, Callable[[], int]]]) -> int:

@@ -52,12 +52,6 @@ def told(error: Exception) -> str:
     return "\n".join([f"error: {sentence(error)}", *getattr(error, "__notes__", ())]) + "\n"
 
 
-def start_new(job: "Job", command: Sequence[str]) -> int:
-    """Check a new run before any folder is made, and run it; see `start`."""
-    check_before(job.experiment)
-    return start(job, command)
-
-
 def start(job: "Job", command: Sequence[str]) -> int:
     """Run a new experiment; return the exit code.
 
@@ -124,31 +118,20 @@ def resume(folder: Path, overrides: Sequence["Override"], command: Sequence[str]
     """
     artifacts.read_config(folder)
     with held(folder):
-        return _resume(folder, overrides, command)
-
-
-def _resume(folder: Path, overrides: Sequence["Override"], command: Sequence[str] | None) -> int:
-    stored = _stored(folder)
-    name = _experiment_of(folder, without_outside(stored)).name
-    given = _given_again(overrides, name)
-    config = with_values(_taken_over(folder, stored, given), given)
-    experiment = _experiment_of(folder, config)
-    finished = finished_stages(folder)
-    left = [stage for stage in experiment.stages if stage not in finished]
-    if not left:
-        sys.stderr.write(f"nothing is left to do: {', '.join(finished)} are finished\n")
-        sys.stdout.write(f"{folder}\n")
-        return OK
-    check_before(replace(experiment, stages=tuple(left)))
-    command = None if (folder / artifacts.MANIFEST).exists() else command
-    return _run(config, replace(experiment, resume=True), folder, left, command)
-
-
-def repeat(folder: Path, overrides: Sequence["Override"], config_dir: Path | None) -> int:
-    """Repeat stages on the files of an earlier run, with its configuration; return the exit code."""
-    artifacts.read_config(folder)
-    with held(folder):
-        return _repeat(folder, overrides, config_dir)
+        stored = _stored(folder)
+        name = _experiment_of(folder, without_outside(stored)).name
+        given = _given_again(overrides, name)
+        config = with_values(_taken_over(folder, stored, given), given)
+        experiment = _experiment_of(folder, config)
+        finished = finished_stages(folder)
+        left = [stage for stage in experiment.stages if stage not in finished]
+        if not left:
+            sys.stderr.write(f"nothing is left to do: {', '.join(finished)} are finished\n")
+            sys.stdout.write(f"{folder}\n")
+            return OK
+        check_before(replace(experiment, stages=tuple(left)))
+        command = None if (folder / artifacts.MANIFEST).exists() else command
+        return _run(config, replace(experiment, resume=True), folder, left, command)
 
 
 def _given_again(overrides: Sequence["Override"], name: str) -> dict[str, Any]:
@@ -165,33 +148,36 @@ def _given_again(overrides: Sequence["Override"], name: str) -> dict[str, Any]:
     return given
 
 
-def _repeat(folder: Path, overrides: Sequence["Override"], config_dir: Path | None) -> int:
-    given = {override.key_or_group for override in overrides}
-    known = {key for key in keys_in(Scope.OUTSIDE) if {key, key.partition(".")[0]} & given}
-    config = _taken_over(folder, _stored(folder), known)
-    experiment = _experiment_of(folder, config)
-    stages = next((override.value() for override in overrides if override.key_or_group == "stages"), None)
-    if not isinstance(stages, list):
-        raise ConfigError(
-            f"{folder} holds a run already; go on with resume={folder}, repeat a stage of it with "
-            "stages=[report], or choose another folder"
-        )
-    asked_for = [str(stage) for stage in stages]
-    from pipeline.command_line.config import compose_experiment  # noqa: PLC0415 - Hydra, which few runs need
-
-    if any(not o.key_or_group.startswith("hydra.") and o.key_or_group != "stages" for o in overrides):
-        new = compose_experiment([o.input_line or "" for o in overrides], config_dir)
-        own = {group for stage in asked_for for group in OWN_GROUPS.get(stage, ())}
-        then, now = only_results(present(config)), only_results(new.config)
-        if changed := differences(then, now, {*own, "stages"}):
+def repeat(folder: Path, overrides: Sequence["Override"], config_dir: Path | None) -> int:
+    """Repeat stages on the files of an earlier run, with its configuration; return the exit code."""
+    artifacts.read_config(folder)
+    with held(folder):
+        given = {override.key_or_group for override in overrides}
+        known = {key for key in keys_in(Scope.OUTSIDE) if {key, key.partition(".")[0]} & given}
+        config = _taken_over(folder, _stored(folder), known)
+        experiment = _experiment_of(folder, config)
+        stages = next((override.value() for override in overrides if override.key_or_group == "stages"), None)
+        if not isinstance(stages, list):
             raise ConfigError(
-                f"{folder} was made with another {', '.join(changed)}; drop what changes that, or start a "
-                "new run"
+                f"{folder} holds a run already; go on with resume={folder}, repeat a stage of it with "
+                "stages=[report], or choose another folder"
             )
-        config = {**new.config, "stages": config["stages"]}
-        experiment = experiment_from(config)
-    check_before(replace(experiment, stages=tuple(asked_for)))
-    return _run(config, experiment, folder, asked_for)
+        asked_for = [str(stage) for stage in stages]
+        from pipeline.command_line.config import compose_experiment  # noqa: PLC0415 - Hydra, which few runs need
+
+        if any(not o.key_or_group.startswith("hydra.") and o.key_or_group != "stages" for o in overrides):
+            new = compose_experiment([o.input_line or "" for o in overrides], config_dir)
+            own = {group for stage in asked_for for group in OWN_GROUPS.get(stage, ())}
+            then, now = only_results(present(config)), only_results(new.config)
+            if changed := differences(then, now, {*own, "stages"}):
+                raise ConfigError(
+                    f"{folder} was made with another {', '.join(changed)}; drop what changes that, or start "
+                    "a new run"
+                )
+            config = {**new.config, "stages": config["stages"]}
+            experiment = experiment_from(config)
+        check_before(replace(experiment, stages=tuple(asked_for)))
+        return _run(config, experiment, folder, asked_for)
 
 
 def _taken_over(folder: Path, config: dict[str, Any], given: Collection[str]) -> dict[str, Any]:

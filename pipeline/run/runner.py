@@ -4,7 +4,7 @@ import logging
 import shlex
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from importlib import import_module
 from pathlib import Path
@@ -15,8 +15,6 @@ from pipeline.run.maker import present_maker, unlike
 from pipeline.settings.experiment import STAGES, Experiment, Mission
 from pipeline.settings.schema import reached_outside
 
-Stage = Callable[[Experiment, Path], None]
-
 _LOG = logging.getLogger("pipeline")
 
 
@@ -24,21 +22,11 @@ class Interrupted(KeyboardInterrupt):
     """A run was interrupted from the keyboard; says what was kept and how to go on."""
 
 
-def stage_named(name: str) -> Stage:
-    """Return the function that runs a stage."""
-    stage: Stage = import_module(f"pipeline.stages.{name}").run
-    return stage
-
-
 def finished_stages(folder: Path) -> list[str]:
     """Return the finished stages of a run's folder, none for a new one."""
     if not (folder / artifacts.MANIFEST).exists():
         return []
-    return _finished(artifacts.read_manifest(folder))
-
-
-def _finished(manifest: Mapping[str, Any]) -> list[str]:
-    return [str(name) for name in manifest.get("finished_stages", ())]
+    return list(artifacts.read_manifest(folder)["finished_stages"])
 
 
 def run_stages(
@@ -74,7 +62,7 @@ def run_stages(
     stages = experiment.stages if stages is None else tuple(stages)
     folder.mkdir(parents=True, exist_ok=True)
     earlier = artifacts.read_manifest(folder) if (folder / artifacts.MANIFEST).exists() else {}
-    finished = _finished(earlier)
+    finished: list[str] = earlier.get("finished_stages", [])
     makers, made_by = _makers(earlier), {str(k): list(v) for k, v in earlier.get("made_by", {}).items()}
     known: dict[str, Any] = {
         "command": earlier.get("command", ()) if command is None else command,
@@ -92,7 +80,7 @@ def run_stages(
             started = time.perf_counter()
             try:
                 with interrupts.heeded():
-                    stage_named(name)(experiment, folder)
+                    import_module(f"pipeline.stages.{name}").run(experiment, folder)
             except KeyboardInterrupt as error:
                 artifacts.write_manifest(folder, config, finished, **known)
                 _LOG.info("stage %s interrupted", name)

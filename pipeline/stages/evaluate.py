@@ -4,7 +4,7 @@ import shlex
 import shutil
 import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -56,20 +56,11 @@ def run(experiment: Experiment, folder: Path) -> None:
         f"rate {rate['mean']:.2f} +- {rate['standard_deviation']:.2f} %, "
         f"success {100 * summary[SUCCESS]['fraction']:.1f} %, "
         f"outside {100 * summary['violated']['fraction']:.1f} %\n"
-        f"{_inspectable_line(summary)}"
-        f"{_safety_line(experiment, summary)}"
-        f"{_propellant_line(summary)}"
-        f"{_dispersion_lines(summary)}"
-        f"{_told(summary['optimum'])}"
-        f"{_viewer_line(folder)}"
     )
-
-
-def _viewer_line(folder: Path) -> str:
-    """Return how to view all flights, if their trajectories were written."""
-    if not (folder / artifacts.TRAJECTORIES).exists():
-        return ""
-    return f"  to see them all: python -m telemetry campaign {shlex.quote(str(folder))}\n"
+    lines = [*_lines_on(experiment, summary), *_dispersion_lines(summary), *_beside_lines(summary["optimum"])]
+    if (folder / artifacts.TRAJECTORIES).exists():
+        lines.append(f"to see them all: python -m telemetry campaign {shlex.quote(str(folder))}")
+    sys.stderr.writelines(f"  {line}\n" for line in lines)
 
 
 def _flown(experiment: Experiment, controller: Controller, folder: Path) -> Mapping[str, Column]:
@@ -172,66 +163,53 @@ def _nominal(experiment: Experiment, controller: Controller, folder: Path) -> Ma
     return fly_cases(mission, controller, scenarios, cases.workers)[0]
 
 
-def _dispersion_lines(summary: Mapping[str, Any]) -> str:
-    """Return lines on the results without dispersions, the 99 % delta-v, and which dispersions matter."""
+def _lines_on(experiment: Experiment, summary: Mapping[str, Any]) -> Iterator[str]:
+    """Yield lines on the rate of inspectable points, the safety layer and propellant, if there are such."""
+    rate = summary["inspectable_rate_percent"]
+    if rate["mean"] != summary["inspection_rate_percent"]["mean"]:
+        yield (
+            f"of the {summary['inspectable_count']['mean']:.1f} points a flight that can be inspected, for "
+            f"the Sun shines on them, {rate['mean']:.2f} +- {rate['standard_deviation']:.2f} %; success refers "
+            "to these"
+        )
+    if experiment.mission.safety.kind != "none":
+        acted = summary["safety_acted"]
+        yield (
+            f"safety layer: acted in {acted['count']} of {summary['num_cases']} flights, in "
+            f"{summary['safety_periods']['mean']:.2f} periods a flight, changed the force by "
+            f"{summary['safety_delta_v_m_s']['mean']:.4f} m/s a flight"
+        )
+    if "propellant_kg" in summary:
+        used = summary["propellant_kg"]
+        yield f"propellant: {1e3 * used['mean']:.2f} +- {1e3 * used['standard_deviation']:.2f} g"
+
+
+def _dispersion_lines(summary: Mapping[str, Any]) -> Iterator[str]:
+    """Yield lines on the results without dispersions, the 99 % delta-v, and which dispersions matter."""
     if "sensitivity" not in summary:
-        return ""
+        return
     nominal, (_, _, most) = summary["nominal"], summary["percentiles"]["delta_v_m_s"]
     upto = "" if most["high"] is None else f" (at most {most['high']:.3f})"
-    lines = [
+    yield (
         f"without dispersions: delta-v {nominal['delta_v_m_s']['mean']:.3f} m/s, "
         f"success {100 * nominal[SUCCESS]['fraction']:.1f} %, "
-        f"outside {100 * nominal['violated']['fraction']:.1f} %",
-        f"99 % of the flights burn at most {most['value']:.3f} m/s{upto}",
-    ]
+        f"outside {100 * nominal['violated']['fraction']:.1f} %"
+    )
+    yield f"99 % of the flights burn at most {most['value']:.3f} m/s{upto}"
     for one in summary["sensitivity"]:
         told = [
             f"{word} {one[name]['value']:+.2f} ({one[name]['low']:+.2f} to {one[name]['high']:+.2f})"
             for name, word in zip(RANKED, ("delta-v", "rate"), strict=True)
         ]
-        lines.append(f"{one['key']}: rank correlation with {', with '.join(told)}")
-    return "".join(f"  {line}\n" for line in lines)
+        yield f"{one['key']}: rank correlation with {', with '.join(told)}"
 
 
-def _told(beside: dict[str, Any]) -> str:
-    """Return a line on the ratio of fuel to the optimum; nothing if not compared."""
-    if "not_compared" in beside:
-        return ""
-    times = beside["times_optimum"]
-    return (
-        f"  {times['mean']:.2f} times the optimum in the mean of {beside['num_cases']} solved cases "
-        f"({times['min']:.2f} to {times['max']:.2f}), {beside['num_successful']} of them successful; "
-        f"{beside['times_optimum_as_seen']['mean']:.2f} times the plans that inspect as many points\n"
-    )
-
-
-def _inspectable_line(summary: Mapping[str, Any]) -> str:
-    """Return a line on the rate of inspectable points, if some are not."""
-    rate = summary["inspectable_rate_percent"]
-    if rate["mean"] == summary["inspection_rate_percent"]["mean"]:
-        return ""
-    return (
-        f"  of the {summary['inspectable_count']['mean']:.1f} points a flight that can be inspected, for the "
-        f"Sun shines on them, {rate['mean']:.2f} +- {rate['standard_deviation']:.2f} %; success refers to "
-        "these\n"
-    )
-
-
-def _propellant_line(summary: Mapping[str, Any]) -> str:
-    """Return a line on propellant, if the mass falls."""
-    if "propellant_kg" not in summary:
-        return ""
-    used = summary["propellant_kg"]
-    return f"  propellant: {1e3 * used['mean']:.2f} +- {1e3 * used['standard_deviation']:.2f} g\n"
-
-
-def _safety_line(experiment: Experiment, summary: Mapping[str, Any]) -> str:
-    """Return a line on the safety layer, if it is on."""
-    if experiment.mission.safety.kind == "none":
-        return ""
-    acted = summary["safety_acted"]
-    return (
-        f"  safety layer: acted in {acted['count']} of {summary['num_cases']} flights, in "
-        f"{summary['safety_periods']['mean']:.2f} periods a flight, changed the force by "
-        f"{summary['safety_delta_v_m_s']['mean']:.4f} m/s a flight\n"
-    )
+def _beside_lines(beside: Mapping[str, Any]) -> Iterator[str]:
+    """Yield a line on the ratio of fuel to the optimum, if it is compared."""
+    if "not_compared" not in beside:
+        times = beside["times_optimum"]
+        yield (
+            f"{times['mean']:.2f} times the optimum in the mean of {beside['num_cases']} solved cases "
+            f"({times['min']:.2f} to {times['max']:.2f}), {beside['num_successful']} of them successful; "
+            f"{beside['times_optimum_as_seen']['mean']:.2f} times the plans that inspect as many points"
+        )

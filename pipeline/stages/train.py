@@ -14,8 +14,6 @@ from fis_tools.formats import serialize
 from fis_tools.formats.serialize import described
 from pipeline.controllers import source
 from pipeline.flight.cases.starts import validation_scenarios
-from pipeline.flight.control.controller import ControllerError
-from pipeline.flight.fly.simulation import is_interpreted
 from pipeline.flight.world.pack import inspection_points
 from pipeline.run import artifacts, maker, tables
 from pipeline.settings.experiment import Experiment
@@ -38,11 +36,6 @@ def run(experiment: Experiment, folder: Path) -> None:
     """Train from the configured controller's structure; its numbers are in the first population."""
     template = source.load(experiment.controller, experiment.mission)
     genome = genome_of(template, experiment.optimizer.encoding)
-    if is_interpreted(experiment.mission):
-        raise ControllerError(
-            "guidance.engine is sklearn, which flies one flight at a time; "
-            "train with guidance.engine=compiled"
-        )
     sys.stderr.write(f"  to watch it: python -m telemetry training {shlex.quote(str(folder))} --follow\n")
     with logged(experiment.logger, name_of(folder)) as log:
         result = _evolved(experiment, folder, genome, log)

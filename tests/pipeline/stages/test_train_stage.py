@@ -244,15 +244,6 @@ def test_a_controller_without_fuzzy_systems_is_refused(tmp_path: Path) -> None:
         train.run(run, tmp_path)
 
 
-def test_scikit_learns_clusters_are_refused(tmp_path: Path) -> None:
-    run = prepared(tmp_path, "guidance=clusters", "guidance.engine=sklearn").experiment
-    with pytest.raises(
-        ControllerError, match=r"guidance.engine is sklearn.*train with guidance.engine=compiled"
-    ):
-        train.run(run, tmp_path)
-    assert not (tmp_path / artifacts.CHECKPOINT).exists()
-
-
 def test_progress_tells_best_parts_and_time_left(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     train.run(prepared(tmp_path, "optimizer.generations=1").experiment, tmp_path)
     lines = [line for line in capsys.readouterr().err.splitlines() if line.startswith("  generation ")]
