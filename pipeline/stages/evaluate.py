@@ -169,8 +169,8 @@ def _lines_on(experiment: Experiment, summary: Mapping[str, Any]) -> Iterator[st
     if rate["mean"] != summary["inspection_rate_percent"]["mean"]:
         yield (
             f"of the {summary['inspectable_count']['mean']:.1f} points a flight that can be inspected, for "
-            f"the Sun shines on them, {rate['mean']:.2f} +- {rate['standard_deviation']:.2f} %; success refers "
-            "to these"
+            f"the Sun shines on them, {rate['mean']:.2f} +- {rate['standard_deviation']:.2f} %; success "
+            "refers to these"
         )
     if experiment.mission.safety.kind != "none":
         acted = summary["safety_acted"]
