@@ -82,7 +82,7 @@ def test_options_may_stand_between_overrides(monkeypatch):
 @pytest.mark.parametrize("name", ["own.json", "a b.yaml", "x=y,z.json", "it's.yml"])
 def test_a_controller_may_be_a_path(name, monkeypatch):
     called = use_stages(monkeypatch)
-    monkeypatch.setattr("pipeline.command_line.runs._check_controller", lambda _experiment: None)
+    monkeypatch.setattr("pipeline.controllers.source.load", lambda _source, _mission: None)
     assert (
         main(["+experiment=fly", f"controller=folder/{name}" if "," not in name else f"controller='{name}'"])
         == 0
@@ -94,7 +94,7 @@ def test_a_controller_may_be_a_path(name, monkeypatch):
 @pytest.mark.slow
 def test_several_controllers_in_a_sweep(monkeypatch):
     called = use_stages(monkeypatch)
-    monkeypatch.setattr("pipeline.command_line.runs._check_controller", lambda _experiment: None)
+    monkeypatch.setattr("pipeline.controllers.source.load", lambda _source, _mission: None)
     assert main(["-m", "+experiment=fly", "controller=a.json,b c.yaml"]) == 0
     assert [experiment.controller["path"] for _, experiment, _ in called] == ["a.json", "b c.yaml"]
 

@@ -12,63 +12,14 @@ from pipeline.training.evolution.generations import Evaluate
 from pipeline.training.evolution.rounds import Evolution, evolve_rounds
 from pipeline.training.evolution.state import Generation
 
-PENALTY = Penalty(
-    outside_m_s=100.0,
-    outside_most_m=None,
-    short_point_m_s=10.0,
-    missed_point_m_s=0.1,
-    growth=1.0,
-    near_margin_m=0.0,
-    far_margin_m=0.0,
-)
-ENCODING = Encoding(
-    mean_window=0.9,
-    standard_deviation_fraction=(0.04, 0.3),
-    output_range_n=(0.01, 0.3),
-    rules="free",
-    stretch=None,
-    digits=None,
-    ring_size_m=None,
-    ring_lead_rad=None,
-    dead_band_n=None,
-    prediction_time_s=None,
-    coast_below_points=None,
-    coast_margin_m=None,
-    urgency_time_s=None,
-    skirt_distance_m=None,
-    see_horizon_s=None,
-    see_damping_ks2=None,
-    aim_urgent_m_s=None,
-    tour_time_s=None,
-    tour_lean_m=None,
-    tour_m=None,
-)
+PENALTY = Penalty(outside_m_s=100.0, short_point_m_s=10.0, missed_point_m_s=0.1)
+ENCODING = Encoding()
 
 
 def optimizer(**changes: Any) -> Optimizer:
     """The paper's rates at a size that runs in a moment."""
-    values: dict[str, Any] = {
-        "population_size": 40,
-        "generations": 30,
-        "tournament_size": 4,
-        "crossover_rate": 0.8,
-        "elitism_rate": 0.1,
-        "split": "whole",
-        "stall_generations": None,
-        "rounds": 1,
-        "encoding": ENCODING,
-        "penalty": PENALTY,
-        "workers": 1,
-        "algorithm": "genetic",
-        "mutation": "adaptive_feasible",
-        "first_population": "random",
-        "next_round": "afresh",
-        "initial_step": 0.1,
-        "cooling": 1.0,
-        "validation_cases": 0,
-        "consistency": False,
-    }
-    return Optimizer(**(values | changes))
+    small = {"population_size": 40, "generations": 30, "penalty": PENALTY, "workers": 1}
+    return Optimizer(**(small | changes))
 
 
 def evolve(evaluate: Evaluate, num_genes: int, settings: Optimizer, seed: int, **how: Any) -> Evolution:
