@@ -25,6 +25,7 @@ CAMPAIGNS = (
     "slurm",
     "soak",
     "workers",
+    "worth",
 )
 PARTS = ("gym", "inference", "learning", "monte_carlo", "recording", "start", "steps", "tools", "training")
 

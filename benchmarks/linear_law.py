@@ -1,0 +1,156 @@
+"""A linear law in place of a controller's rules, flown by the compiled steps of every other flight.
+
+Each force is a sum of the signals that the rules of its axis sense, each times a slope, limited at both ends.
+Everything else stays the controller's: constants, dead bands, when it decides and when it coasts.
+"""
+
+from contextlib import AbstractContextManager
+from dataclasses import replace
+from typing import Final
+from unittest.mock import patch
+
+import numpy as np
+
+from fis_tools.compiled.decorator import compiled
+from fis_tools.compiled.three import load_three, same, store_three
+from fis_tools.compiled.vectors import borrowed, load, select, splat, store, width_of
+from fis_tools.engines.packing import Packed
+from fis_tools.genes.reduction import plane_gains
+from fis_tools.model import rule_table
+from pipeline.array_types import Floats
+from pipeline.flight.control.controller import Controller
+from pipeline.flight.fly import population
+from pipeline.flight.fly.many import Flights, Results, start_lanes, write_outcomes
+from pipeline.flight.period.decide.thrust import is_decision
+from pipeline.flight.period.decide.urgency import note_deadlines
+from pipeline.flight.period.steps import act, decide, look
+from pipeline.flight.state.arrays import Beyond, Control, Guard, Moment, State, Workspace, constant_of
+from pipeline.flight.state.errors import ModelErrors
+from pipeline.flight.state.lanes import clip, clip_three, four, one, to_hill
+from pipeline.flight.state.signals import BODY, FIRST_DEAD_BAND, SETTING, URGENCY
+
+#: numbers of one axis, last in a row of values: a slope for each of up to three inputs, a constant, a limit
+OFFSET, LIMIT, NUMBERS = 3, 4, 5
+#: a slope of one takes the force from end to end of the rules' range as its input goes from end to end
+STEEPEST: Final = 3.0
+#: least and greatest limit, in those of the rules
+LIMITS: Final = (0.3, 3.0)
+
+
+@compiled(error_model="numpy", forceinline=True)
+def command_linearly(now: Moment, control: Control) -> None:
+    """Command the linear law's forces in place of those that the rules have just asked for."""
+    law, lanes, signals = control.law, now.state.lanes, now.work.signals
+    width, first = width_of(lanes), len(control.values) - NUMBERS * len(law.axes)
+    fires = one(lanes.coasts) == 0.0
+    store_three(lanes.asked, 0, same(0.0, width))
+    for system in range(len(law.axes)):
+        own = control.values[first + NUMBERS * system : first + NUMBERS * (system + 1)]
+        force = splat(own[OFFSET], width)
+        for place in range(law.num_inputs[system]):
+            force = force + own[place] * load(signals, law.signals[system, place], width)
+        force, axis = clip(force, own[LIMIT]), law.axes[system]
+        dead_band = constant_of(control, FIRST_DEAD_BAND + axis)
+        store(lanes.asked, axis, select(fires & (abs(force) >= dead_band), force, 0.0))
+    asked = load_three(lanes.asked, 0)
+    if law.force_axes == BODY:
+        asked = to_hill(four(now.state.belief.attitude), asked)
+    store_three(lanes.commanded, 0, clip_three(asked, now.world.max_force))
+
+
+@compiled(nogil=True, error_model="numpy")
+def fly_linearly(
+    optics: Beyond | None,
+    guard: Guard | None,
+    clusters: bool | None,
+    pushes: bool | None,
+    errors: ModelErrors | None,
+    flights: Flights,
+    state: State,
+    work: Workspace,
+    results: Results,
+    first: int,
+    last: int,
+) -> None:
+    """Fly as `pipeline.flight.fly.many.fly_many` does, but under linear laws; nothing is logged."""
+    width = width_of(state.lanes)
+    flights, state, work, results = borrowed((flights, state, work, results))
+    world, law = flights.world, flights.law
+    num_starts, flight = len(flights.cases), first
+    while flight < last:
+        row, start = flight // num_starts, flight % num_starts
+        num_lanes = min(width, num_starts - start, last - flight)
+        control = Control(law, flights.values[row], flights.rules[row])
+        start_lanes(Moment(world, state, work, start, num_lanes, 0), flights.cases, flights.counted)
+        if law.needs & (URGENCY | SETTING):
+            note_deadlines(Moment(world, state, work, start, num_lanes, 0), optics)
+        for k in range(world.num_controls + 1):
+            now = Moment(world, state, work, start, num_lanes, k)
+            look(now, optics, clusters, errors, law.plans)
+            if k == world.num_controls:
+                write_outcomes(now, flight, results.outcomes)
+                break
+            decide(now, optics, pushes, control)
+            if is_decision(law, k):
+                command_linearly(now, control)
+            act(now, guard, errors, law.plans)
+        flight += num_lanes
+
+
+def flying() -> AbstractContextManager[object]:
+    """Return a context in which populations fly under the linear laws behind their numbers."""
+    return patch.object(population, "fly_many", fly_linearly)
+
+
+class LinearLaw:
+    """The mapping from genes in [0, 1] to linear laws in place of a champion's rules.
+
+    For each axis a slope for each input, a constant if a range of these is not symmetric about zero, and the
+    limit, all relative to the ranges of the champion's variables.
+    """
+
+    def __init__(self, champion: Controller) -> None:
+        self.template = champion
+        self._has_offset = [
+            any(variable.minimum != -variable.maximum for variable in system.inputs)
+            for system in champion.systems
+        ]
+
+    @property
+    def num_genes(self) -> int:
+        """Length of the vector."""
+        return len(self.encode())
+
+    def encode(self) -> Floats:
+        """Return the genes of the planes that are nearest to the champion's rule tables."""
+        low, high = LIMITS
+        genes: list[float] = []
+        for system, has_offset in zip(self.template.systems, self._has_offset, strict=True):
+            table = rule_table(system)
+            assert table is not None
+            genes += (0.5 + 0.5 * plane_gains(system, table.astype(np.float64)) / STEEPEST).tolist()
+            genes += [0.5] * has_offset + [float(np.log(1.0 / low) / np.log(high / low))]
+        return np.clip(np.array(genes), 0.0, 1.0)
+
+    def pack(self, genomes: Floats) -> Packed:
+        """Return a population, (n, num_genes), as the champion's numbers with those of the laws behind."""
+        laws = np.zeros((len(genomes), len(self.template.systems), NUMBERS))
+        low, high = LIMITS
+        at = 0
+        for place, (system, has_offset) in enumerate(
+            zip(self.template.systems, self._has_offset, strict=True)
+        ):
+            ends = np.array([(variable.minimum, variable.maximum) for variable in system.inputs])
+            reach, count = system.outputs[0].maximum, len(ends)
+            half, middle = 0.5 * (ends[:, 1] - ends[:, 0]), ends.mean(axis=1)
+            laws[:, place, :count] = STEEPEST * (2.0 * genomes[:, at : at + count] - 1.0) * reach / half
+            at += count
+            if has_offset:
+                laws[:, place, OFFSET] = reach * (2.0 * genomes[:, at] - 1.0)
+                laws[:, place, OFFSET] -= laws[:, place, :count] @ middle
+                at += 1
+            laws[:, place, LIMIT] = reach * low * (high / low) ** genomes[:, at]
+            at += 1
+        numbers = self.template.numbers
+        values = np.hstack([np.repeat(numbers.values, len(genomes), axis=0), laws.reshape(len(genomes), -1)])
+        return replace(numbers, values=values, rules=np.repeat(numbers.rules, len(genomes), axis=0))

@@ -1,0 +1,199 @@
+"""The price and the worth of readable rules: ``python -m benchmarks worth champion_27``.
+
+Beside each champion fly, from the same starts and with the same constants: a linear law over the same signals
+in place of the rules, and a single table of five terms for each axis. Law and tables are fitted alike, by a
+search such as made the champion, with its prices. Fits are kept in a folder; the same call goes on with them.
+From starts of their own the plans of least fuel that ship fly open loop, made with the whole flight known.
+"""
+
+import argparse
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import nullcontext
+from dataclasses import fields, replace
+from itertools import product
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from benchmarks.linear_law import LinearLaw, flying
+from benchmarks.structures import WORDS
+from fis_tools.genes.reduction import plane_gains
+from fis_tools.model import Gaussian, Term, Triangular, Variable, rule_table, table_rules
+from pipeline.command_line.config import compose_experiment
+from pipeline.controllers.source import named
+from pipeline.evaluation.statistics import fraction, statistic
+from pipeline.flight.cases.cases import cases_of
+from pipeline.flight.cases.starts import evaluation_scenarios, training_scenarios
+from pipeline.flight.control.controller import Controller, from_fuzzy, law_of
+from pipeline.flight.fly.population import fly_population
+from pipeline.flight.fly.simulation import fly_all
+from pipeline.flight.state.log import Outcomes, Scenario
+from pipeline.flight.state.signals import CONSTANTS
+from pipeline.flight.world.pack import pack_world
+from pipeline.optimum.solved import solved_for
+from pipeline.settings.experiment import Experiment
+from pipeline.training.genome import Genome, genome_of
+from pipeline.training.judging import choose, costs_of, evolved
+
+#: of the starts, which no training used
+SEED: Final = 777
+CONFIDENCE: Final = 95.0
+#: what a plan takes, as in docs/reference/speed.md
+SECONDS: Final = "2.5 s a start"
+
+READABLE: Final = (
+    "+experiment=train_readable_late",
+    "starts.num_cases=200",
+    "optimizer.rounds=8",
+    "optimizer.initial_step=0.06",
+)
+LARGE: Final = (
+    "+experiment=train_polish",
+    "optimizer.rounds=5",
+    "optimizer.initial_step=0.06",
+    "optimizer.encoding.rules=planes",
+)
+#: how law and table are fitted in place of each champion's rules, and under which Sun all of them fly
+STUDIES: Final[Mapping[str, tuple[Sequence[str], str]]] = {
+    "champion_27": ((*READABLE, "sun=random"), "random"),
+    "champion_27_fixed_sun": ((*READABLE, "sun=fixed"), "fixed"),
+    "paper_champion": (("+experiment=train_champion", "optimizer.generations=20"), "fixed"),
+    "champion_fixed_sun": (LARGE, "fixed"),
+    "champion_any_sun": ((*LARGE, "sun=random"), "random"),
+}
+
+
+def training_of(name: str) -> Experiment:
+    """Return the search in place of a champion's rules; its constants stay."""
+    words = [*STUDIES[name][0], f"controller={name}", "optimizer.validation_cases=2000"]
+    encoding = compose_experiment(words).experiment.optimizer.encoding
+    tuned = [key.name for key in fields(encoding) if key.name in {"dead_band_n", *CONSTANTS}]
+    return compose_experiment([*words, *(f"optimizer.encoding.{key}=null" for key in tuned)]).experiment
+
+
+def table_of(champion: Controller, senses: Sequence[int]) -> Controller:
+    """Return a champion with a table of five terms for each axis, which senses one of its inputs."""
+    systems = []
+    for system, place in zip(champion.systems, senses, strict=True):
+        rules = rule_table(system)
+        assert rules is not None
+        is_rising = plane_gains(system, rules.astype(np.float64))[place] >= 0.0
+        inputs, output = (five_terms(system.inputs[place]),), five_terms(system.outputs[0])
+        words = table_rules(inputs, output, WORDS[5] if is_rising else WORDS[5][::-1])
+        systems.append(replace(system, inputs=inputs, outputs=(output,), rules=words))
+    assert champion.fuzzy is not None
+    return from_fuzzy(replace(champion.fuzzy, systems=tuple(systems)))
+
+
+def five_terms(variable: Variable) -> Variable:
+    """Return a variable with five evenly spaced terms of the shape that its own have."""
+    means = np.linspace(variable.minimum, variable.maximum, 5).tolist()
+    step = means[1] - means[0]
+    is_gaussian = isinstance(variable.terms[0].membership, Gaussian)
+    shapes = [
+        Gaussian(mean, 0.4 * step) if is_gaussian else Triangular(mean - step, mean, mean + step)
+        for mean in means
+    ]
+    return replace(variable, terms=tuple(map(Term, WORDS[5], shapes)))
+
+
+def main_inputs(training: Experiment, champion: Controller) -> tuple[int, ...]:
+    """Return the input of each axis with which a table costs least before the search, of all choices."""
+    starts = training_scenarios(training.starts, training.sun, training.seed)
+
+    def cost(senses: tuple[int, ...]) -> float:
+        genome = genome_of(table_of(champion, senses), training.optimizer.encoding)
+        return float(costs_of(training, genome, genome.encode(), starts, 0).mean())
+
+    return min(product(*(range(len(system.inputs)) for system in champion.systems)), key=cost)
+
+
+def fitted(
+    training: Experiment, genes: Any, judged: Experiment, starts: list[Scenario], checkpoint: Path
+) -> tuple[Outcomes, int]:
+    """Search, and return the flights of the best on the validation starts, and the evaluations."""
+    mission = judged.mission
+    with flying() if isinstance(genes, LinearLaw) else nullcontext():
+        history = evolved(training, genes, checkpoint=checkpoint, resume=True).history
+        best = genes.pack(choose(training, genes, history).champion[np.newaxis])
+        law, cases = law_of(genes.template, mission), cases_of(mission, starts)
+        flown = fly_population(pack_world(mission), law, best, cases)
+    alone = Outcomes(**{name: values[0] for name, values in vars(flown).items()})
+    return alone, history[-1].evaluations
+
+
+def planned(judged: Experiment) -> tuple[list[Scenario], Outcomes]:
+    """Return the starts of the plans that ship for an experiment, and their flights, open loop."""
+    solved = solved_for(judged)
+    forces = np.array([solved.plan(case, judged.mission) for case in range(len(solved.scenarios))])
+
+    def play(*_: object) -> Any:
+        return forces
+
+    pilot: Any = play
+    plan = Controller("plan", (), "hill", pilot=pilot)
+    return solved.scenarios, fly_all(judged.mission, plan, solved.scenarios)
+
+
+def row(words: Sequence[object], flown: Outcomes, threshold: float) -> str:
+    """Return a row of the table."""
+    is_outside = flown.is_violated
+    inside = fraction(flown.is_success(threshold) & ~is_outside, CONFIDENCE)
+    spent = statistic(flown.delta_v_m_s, CONFIDENCE)
+    told = (
+        *words,
+        f"{100 * inside.fraction:.1f} % ({100 * inside.low:.1f} to {100 * inside.high:.1f})",
+        f"{spent.mean:.3f} ({spent.low:.3f} to {spent.high:.3f})",
+        f"{flown.inspected_count.mean():.1f}",
+        f"{100 * is_outside.mean():.1f} %",
+    )
+    return f"| {' | '.join(map(str, told))} |"
+
+
+def rows(name: str, cases: int, folder: Path) -> Iterator[str]:
+    """Yield the rows of a champion and of what stands beside it."""
+    training, sun = training_of(name), STUDIES[name][1]
+    flying_words = ["+experiment=evaluate", f"controller={name}", f"sun={sun}", f"seed={SEED}"]
+    judged = compose_experiment([*flying_words, f"monte_carlo.num_cases={cases}"]).experiment
+    starts = evaluation_scenarios(judged.monte_carlo, judged.sun, judged.seed)
+    champion, encoding = named(name, judged.mission), training.optimizer.encoding
+    threshold = judged.mission.inspection_threshold_percent
+    rules = sum(len(system.rules) for system in champion.systems)
+    numbers = genome_of(champion, encoding).num_genes
+    yield row(
+        (f"`{name}`", f"{rules} rules", numbers, ""), fly_all(judged.mission, champion, starts), threshold
+    )
+    senses = main_inputs(training, champion)
+    used = [system.inputs[place].name for system, place in zip(champion.systems, senses, strict=True)]
+    laws: dict[str, LinearLaw | Genome] = {
+        "linear law": LinearLaw(champion),
+        f"tables of {', '.join(used)}": genome_of(table_of(champion, senses), encoding),
+    }
+    for law, genes in laws.items():
+        flown, count = fitted(training, genes, judged, starts, folder / f"{name}-{law.split()[0]}.npz")
+        yield row(("", law, genes.num_genes, f"{count:,}"), flown, threshold)
+    planned_starts, flown = planned(judged)
+    number = f"{len(planned_starts)} other starts"
+    yield row(("", f"plan, open loop, {number}", "", SECONDS), flown, threshold)
+    flown = fly_all(judged.mission, champion, planned_starts)
+    yield row(("", f"{rules} rules, the same {number}", numbers, ""), flown, threshold)
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Fit, fly, and print the table."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks worth", description=__doc__)
+    parser.add_argument("champions", nargs="*", metavar="CHAMPION", help=f"of {', '.join(STUDIES)}; or all")
+    parser.add_argument("--cases", type=int, default=10_000, help="flights of each")
+    parser.add_argument("--folder", type=Path, default=Path("outputs/worth"), help="where fits are kept")
+    options = parser.parse_args(arguments)
+    unknown = [name for name in options.champions if name not in STUDIES]
+    if unknown:
+        parser.error(f"no study of {unknown[0]!r}; there are {', '.join(STUDIES)}")
+    options.folder.mkdir(parents=True, exist_ok=True)
+    print("| | decides by | numbers | fitted by | success | delta-v (m/s) | points | outside |")
+    print("|---|---|---|---|---|---|---|---|", flush=True)
+    for name in options.champions or STUDIES:
+        for line in rows(name, options.cases, options.folder):
+            print(line, flush=True)
+    return 0
