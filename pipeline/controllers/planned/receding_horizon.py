@@ -2,7 +2,7 @@
 
 Motion is linear, so is the sum of force magnitudes, and so are the distance limits after replacing them by
 tangent planes where a solution would violate them. The problem is a linear program
-(`pipeline.optimum.linear_program`) over the forces of the horizon,
+(`pipeline.optimum.polish`) over the forces of the horizon,
 
 ``min sum |f| T/m  +  price of what is missed``, with ``|f| <= f_max``,
 
@@ -23,7 +23,7 @@ from pipeline.flight.control.controller import Controller
 from pipeline.flight.state.arrays import World
 from pipeline.flight.state.log import Scenario
 from pipeline.flight.world.pack import pack_world
-from pipeline.optimum.linear_program import least_forces
+from pipeline.optimum.polish import least_forces
 from pipeline.physics.motion import repeated
 from pipeline.settings.controllers import RecedingHorizon
 from pipeline.settings.experiment import Mission

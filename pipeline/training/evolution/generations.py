@@ -2,19 +2,26 @@
 
 Smaller fitness is better. The genetic algorithm keeps each generation's elite as it is and fills the rest
 with children, and NSGA-II keeps the best of parents and children by two objectives
-(`pipeline.training.evolution.genetic`); CMA-ES draws each generation anew
-(`pipeline.training.evolution.cma_es`).
+(`pipeline.training.evolution.genetic`); CMA-ES draws each generation anew.
+
+CMA-ES (Hansen and Ostermeier, Evolutionary Computation 9, 2001), DEAP's `deap.cma`, samples around a centre
+that moves towards the better ones. Genes are sampled unbounded; the nearest point of [0, 1] is evaluated, and
+the distance to it is added to the fitness that the strategy sees, so that it does not drift away from the box.
+DEAP draws from NumPy's global generator: it temporarily gets a state of ours, and the caller's is restored.
 """
 
 import random
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from typing import Any
 
 import numpy as np
+from deap import cma
 
 from pipeline.array_types import Floats
 from pipeline.settings.experiment import Optimizer
-from pipeline.training.evolution import cma_es, genetic
-from pipeline.training.evolution.genetic import adapt_step_size, breed, scatter, split_population
+from pipeline.training.evolution import genetic
+from pipeline.training.evolution.genetic import Individual, adapt_step_size, breed, scatter, split_population
 from pipeline.training.evolution.state import Generation, State
 
 #: genomes (n, num_genes) in [0, 1] -> arrays of shape (n,): ``fitness`` and, by any other name, its parts
@@ -39,17 +46,7 @@ def unpopulated(seed: int, key: tuple[int, ...], round_index: int, num_genes: in
     """
     generator = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(SPAWN_KEY, *key)))
     python_state = random.Random(int(generator.integers(2**63))).getstate()  # noqa: S311
-    return State(
-        round=round_index,
-        generation=0,
-        evaluations=0,
-        step_size=step_size,
-        genomes=np.empty((0, num_genes)),
-        fitness=np.empty(0),
-        parts={},
-        python_state=python_state,
-        generator=generator,
-    )
+    return State(round_index, step_size, np.empty((0, num_genes)), python_state, generator)
 
 
 def begin(state: State, evaluate: Evaluate, seeds: Floats, settings: Optimizer, before: State | None) -> None:
@@ -68,7 +65,7 @@ def begin(state: State, evaluate: Evaluate, seeds: Floats, settings: Optimizer, 
     """
     is_carried = before is not None and settings.next_round == "carried"
     if settings.algorithm == "cma_es":
-        state.strategy = before.strategy if before and is_carried else cma_es.begin(seeds[-1], settings)
+        state.strategy = before.strategy if before and is_carried else begin_strategy(seeds[-1], settings)
         _sample_generation(state, evaluate, settings)
         return
     if before and is_carried:
@@ -140,12 +137,12 @@ def _select_generation(state: State, evaluate: Evaluate, settings: Optimizer) ->
 def _sample_generation(state: State, evaluate: Evaluate, settings: Optimizer) -> None:
     """Draw a population from the strategy, evaluate it, and update the strategy."""
     state.step_size = float(state.strategy["sigma"])
-    drawn = cma_es.sample(state, settings)
+    drawn = sample_strategy(state, settings)
     state.genomes = np.clip(drawn, 0.0, 1.0)
     names = state.history[0].parts if state.history else None
     state.fitness, state.parts = _evaluated(evaluate, state.genomes, names)
     state.evaluations += len(drawn)
-    cma_es.learn(state, settings, drawn, state.fitness)
+    teach_strategy(state, settings, drawn, state.fitness)
 
 
 def _evaluated_once(evaluate: Evaluate, genomes: Floats, state: State) -> tuple[Floats, dict[str, Floats]]:
@@ -186,3 +183,69 @@ def _evaluated(
     if names is not None and set(names) != set(columns):
         raise ValueError(f"the fitness function returned the parts {sorted(columns)} after {sorted(names)}")
     return fitness, columns
+
+
+#: state that `deap.cma.Strategy` carries between generations; the rest follows from it
+CARRIED = ("centroid", "sigma", "C", "ps", "pc", "update_count")
+
+
+def begin_strategy(centre: Floats, settings: Optimizer) -> dict[str, Floats]:
+    """Return the strategy before its first sample, around a genome."""
+    return _carried(
+        cma.Strategy(
+            centroid=centre.copy(), sigma=settings.initial_step, lambda_=settings.population_size - 1
+        )
+    )
+
+
+def sample_strategy(state: State, settings: Optimizer) -> Floats:
+    """Draw a population, unbounded, with the centre itself first; shape (population_size, num_genes)."""
+    strategy = _restored(state.strategy, settings)
+    with _lent_global_random(state.generator):
+        drawn = strategy.generate(Individual)
+    return np.vstack([strategy.centroid, *drawn])
+
+
+def teach_strategy(state: State, settings: Optimizer, drawn: Floats, fitness: Floats) -> None:
+    """Update the strategy of a state from the fitness of its samples, except that of the centre."""
+    strategy = _restored(state.strategy, settings)
+    outside = np.sum(np.abs(drawn - np.clip(drawn, 0.0, 1.0)), axis=1)
+    judged = fitness + outside * (np.ptp(fitness) + 1e-12)
+    strategy.update(
+        [Individual(genes.tolist(), float(value)) for genes, value in zip(drawn[1:], judged[1:], strict=True)]
+    )
+    state.strategy = _carried(strategy)
+
+
+def _carried(strategy: Any) -> dict[str, Floats]:
+    return {name: np.array(getattr(strategy, name), dtype=np.float64) for name in CARRIED}
+
+
+def _restored(carried: dict[str, Floats], settings: Optimizer) -> Any:
+    """Rebuild the strategy; its axes follow from its covariance, as after DEAP's update."""
+    strategy = cma.Strategy(
+        centroid=carried["centroid"].copy(),
+        sigma=float(carried["sigma"]),
+        lambda_=settings.population_size - 1,
+    )
+    for name in CARRIED:
+        value = carried[name]
+        setattr(strategy, name, float(value) if value.ndim == 0 else value.copy())
+    lengths, axes = np.linalg.eigh(strategy.C)
+    order = np.argsort(lengths)
+    strategy.cond = lengths[order[-1]] / lengths[order[0]]
+    strategy.diagD = lengths[order] ** 0.5
+    strategy.B = axes[:, order]
+    strategy.BD = strategy.B * strategy.diagD
+    return strategy
+
+
+@contextmanager
+def _lent_global_random(generator: np.random.Generator) -> Iterator[None]:
+    """Seed NumPy's global generator from ours, and restore the caller's afterwards."""
+    callers = np.random.get_state()  # noqa: NPY002
+    np.random.seed(int(generator.integers(2**32)))  # noqa: NPY002
+    try:
+        yield
+    finally:
+        np.random.set_state(callers)  # noqa: NPY002

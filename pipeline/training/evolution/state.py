@@ -82,14 +82,14 @@ class State:
     """
 
     round: int
-    generation: int
-    evaluations: int
     step_size: float
     genomes: Floats
-    fitness: Floats
-    parts: dict[str, Floats]
     python_state: tuple[Any, ...]
     generator: np.random.Generator
+    generation: int = 0
+    evaluations: int = 0
+    fitness: Floats = field(default_factory=lambda: np.empty(0))
+    parts: dict[str, Floats] = field(default_factory=dict)
     strategy: dict[str, Floats] = field(default_factory=dict)
     history: list[Generation] = field(default_factory=list)
 

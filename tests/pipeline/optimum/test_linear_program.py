@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
-from pipeline.optimum.linear_program import LEAST_FORCE, PRICE_OF_SLACK, least_forces
+from pipeline.optimum.polish import LEAST_FORCE, PRICE_OF_SLACK, least_forces
 
 FUEL, MAX_FORCE = 0.8, 1.0
 
