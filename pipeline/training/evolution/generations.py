@@ -6,7 +6,7 @@ with children, and NSGA-II keeps the best of parents and children by two objecti
 
 CMA-ES (Hansen and Ostermeier, Evolutionary Computation 9, 2001), DEAP's `deap.cma`, samples around a centre
 that moves towards the better ones. Genes are sampled unbounded; the nearest point of [0, 1] is evaluated, and
-the distance to it is added to the fitness that the strategy sees, so that it does not drift away from the box.
+its distance is added to the fitness that the strategy sees, so that it does not drift away from the box.
 DEAP draws from NumPy's global generator: it temporarily gets a state of ours, and the caller's is restored.
 """
 
