@@ -9,7 +9,7 @@ Nothing is random, and ties go to the older box, so that the same search always 
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from heapq import heappop, heappush
 from typing import Literal
 
@@ -349,14 +349,8 @@ def ask(
         example = _named(system.inputs, inputs) | _named(system.outputs, outputs)
         return Answer(words, where.text, "yes", found.num_boxes, example)
     if not len(found.open_promises):
-        return Answer(
-            words,
-            where.text,
-            "no",
-            found.num_boxes,
-            refuted_low=found.refuted_low,
-            refuted_high=found.refuted_high,
-        )
+        no = Answer(words, where.text, "no", found.num_boxes)
+        return replace(no, refuted_low=found.refuted_low, refuted_high=found.refuted_high)
     sides = np.where(where.high > where.low, found.open_high - found.open_low, 1.0)
     volumes = (sides / np.where(where.high > where.low, where.high - where.low, 1.0)).prod(axis=1)
     largest = int(np.argmax(volumes))

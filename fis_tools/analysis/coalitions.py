@@ -208,17 +208,9 @@ class Subsets:
     def conclude(self, samples: Integers, rules: Integers, members: Booleans) -> Floats:
         """Return outputs, (g, s), of some samples, (g,), for subsets, (s, k), of their rules, (g, k)."""
         out = np.empty((len(members), len(samples)))
-        _conclude_subsets(
-            self._packed.values[0],
-            self._packed.rules[0],
-            self._packed.layout,
-            self._always[samples],
-            self._terms[rules],
-            self._firing[samples[:, np.newaxis], rules],
-            members,
-            self._scratch,
-            out,
-        )
+        packed, strengths = self._packed, self._firing[samples[:, np.newaxis], rules]
+        given = (self._always[samples], self._terms[rules], strengths, members)
+        _conclude_subsets(packed.values[0], packed.rules[0], packed.layout, *given, self._scratch, out)
         return out.T
 
 

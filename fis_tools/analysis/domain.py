@@ -103,18 +103,9 @@ def departures(box: Box, time_s: Floats, inputs: Floats) -> tuple[Departure, ...
         edges = np.flatnonzero(np.diff(is_outside.astype(np.int8)))
         for first, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
             farthest = first + int(np.argmax(beyond[first:end, place]))
-            found.append(
-                Departure(
-                    box.system,
-                    name,
-                    box.units[place],
-                    float(time_s[first]),
-                    float(time_s[end - 1]),
-                    float(inputs[farthest, place]),
-                    box.low[place],
-                    box.high[place],
-                )
-            )
+            numbers = (float(time_s[first]), float(time_s[end - 1]), float(inputs[farthest, place]))
+            met = (box.low[place], box.high[place])
+            found.append(Departure(box.system, name, box.units[place], *numbers, *met))
     return tuple(sorted(found, key=lambda one: (one.first_s, one.system, one.name)))
 
 

@@ -450,12 +450,5 @@ def _flown(recording: "Recording", controller: FuzzyController, system: FuzzySys
     output = np.asarray(messages["output_n"], dtype=np.float64)
     axes = dict(controller.attributes).get("force_axes", "")
     reason = recording.reasons(system.outputs[0].name, messages.time_s, axes)
-    return FlownSystem(
-        system,
-        messages.time_s,
-        columns["inputs"],
-        columns["firing_strengths"],
-        output,
-        reason,
-        delay_s=recording.command_age_s,
-    )
+    logged = (messages.time_s, columns["inputs"], columns["firing_strengths"], output, reason)
+    return FlownSystem(system, *logged, delay_s=recording.command_age_s)

@@ -96,14 +96,7 @@ WEIGHTED_AVERAGE, WEIGHTED_SUM = range(5, 7)
 #: two parameters),
 #: or a formula, whose first parameter is its index.
 NUMBER, FORMULA = -1, -2
-INVERTED: tuple[type[model.MonotoneFunction], ...] = (
-    model.Ramp,
-    model.Sigmoid,
-    model.SShape,
-    model.ZShape,
-    model.Concave,
-    model.Arc,
-)
+INVERTED = (model.Ramp, model.Sigmoid, model.SShape, model.ZShape, model.Concave, model.Arc)
 RAMP, SIGMOID, S_SHAPE, Z_SHAPE, CONCAVE, ARC = range(6)
 
 
@@ -266,13 +259,11 @@ MANY_RULES = 20
 
 def assemble(system: model.FuzzySystem) -> Program:
     """Return a valid system as a program."""
-    return Program(
-        _antecedents(system),
-        tuple(
-            _weighing(system, output) if system.weighs(output) else _conclusion(system, output)
-            for output in system.outputs
-        ),
+    conclusions = (
+        _weighing(system, output) if system.weighs(output) else _conclusion(system, output)
+        for output in system.outputs
     )
+    return Program(_antecedents(system), tuple(conclusions))
 
 
 def _antecedents(system: model.FuzzySystem) -> Antecedents:

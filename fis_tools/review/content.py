@@ -23,15 +23,9 @@ from fis_tools.words.text import amount, number, rule_tables, sentence, shape_wo
 
 #: ends of names that tell a unit
 UNITS = {
-    "_m_s": "m/s",
-    "_rad_s": "rad/s",
-    "_m": "m",
-    "_s": "s",
-    "_n": "N",
-    "_rad": "rad",
-    "_deg": "°",
-    "_kg": "kg",
-}
+    "_m_s": "m/s", "_rad_s": "rad/s",
+    "_m": "m", "_s": "s", "_n": "N", "_rad": "rad", "_deg": "°", "_kg": "kg",
+}  # fmt: skip
 DEAD_BAND = "dead_band_"
 COAST_BELOW, COAST_MARGIN = "coast_below_points", "coast_margin_m"
 MOST_DIGITS = 15
@@ -298,11 +292,10 @@ def finding_rows(audit: Audit, controller: FuzzyController) -> list[dict[str, An
     for finding in audit.findings:
         place = places[finding.system]
         system = controller.systems[place - 1]
+        about = (finding.system, finding.variable, *finding.terms, *map(str, finding.rules))
         rows.append(
             {
-                "key": "/".join(
-                    (finding.id, finding.system, finding.variable, *finding.terms, *map(str, finding.rules))
-                ),
+                "key": "/".join((finding.id, *about)),
                 "finding": finding,
                 "place": place,
                 "links": _links(finding, system, f"s{place}"),

@@ -44,20 +44,9 @@ _DID = {"flight": "flew", "log": "answered"}
 
 #: joined in this order
 SCRIPTS = (
-    *(
-        "elements",
-        "scale",
-        "palette",
-        "pointing",
-        "canvases",
-        "carried",
-        "operators",
-        "inference",
-        "shares",
-        "sign_change",
-    ),
-    *("state", "tables", "memberships", "inference_view", "rules_view", "response", "heat_map", "solid"),
-    *("surface_view", "flight_view", "signature", "page"),
+    *("elements", "scale", "palette", "pointing", "canvases", "carried", "operators", "inference"),
+    *("shares", "sign_change", "state", "tables", "memberships", "inference_view", "rules_view"),
+    *("response", "heat_map", "solid", "surface_view", "flight_view", "signature", "page"),
 )
 
 

@@ -110,10 +110,8 @@ def _ways_back(
     line, end = way * lines[worst[:-1]], int(worst[-1])
     start = int(end - np.argmax(line[: end + 1][::-1] == line[: end + 1].max()))
     others = [other for other in range(len(axes)) if other != axis]
-    held = [
-        f"{system.inputs[other].name} = {amount(system.inputs[other], axes[other][index])}"
-        for other, index in zip(others, worst[:-1], strict=True)
-    ]
+    held = [(system.inputs[o], float(axes[o][i])) for o, i in zip(others, worst[:-1], strict=True)]
+    where = ", ".join(f"{other.name} = {amount(other, value)}" for other, value in held)
     ways = ("rises", "falls") if way > 0 else ("falls", "rises")
     by = f"{amount(output, float(back[worst]))} ({percent(float(back[worst]) / span(output))} of its range)"
     yield Finding(
@@ -121,16 +119,14 @@ def _ways_back(
         Severity.WARNING,
         f"{output.name} mostly {ways[0]} with {variable.name}, but {ways[1]} by {by} from {variable.name} = "
         f"{amount(variable, axes[axis][start])} to {amount(variable, axes[axis][end])}"
-        + (f", where {', '.join(held)}." if held else "."),
+        + (f", where {where}." if held else "."),
         "Look at the output surface there; the rules for these terms work against the others.",
         variable.name,
         evidence={
             "back": float(back[worst]),
             "from": float(axes[axis][start]),
             "to": float(axes[axis][end]),
-            "held": {
-                system.inputs[o].name: float(axes[o][i]) for o, i in zip(others, worst[:-1], strict=True)
-            },
+            "held": {other.name: value for other, value in held},
             "rising": up,
             "falling": down,
         },
@@ -223,14 +219,11 @@ def _dominant(
         lead, share = float(leading[index]), float(shares[index])
         if len(system.rules) < 3 or max(lead, share) <= thresholds.dominant:
             continue
-        ways = (
-            [f"fires most strongly in {percent(lead)} of the inferences"]
-            if lead > thresholds.dominant
-            else []
+        told = (
+            (lead, f"fires most strongly in {percent(lead)} of the inferences"),
+            (share, f"makes up {percent(share)} of the effect of all rules"),
         )
-        ways += (
-            [f"makes up {percent(share)} of the effect of all rules"] if share > thresholds.dominant else []
-        )
+        ways = [words for part, words in told if part > thresholds.dominant]
         yield Finding(
             "dominant-rule",
             Severity.NOTE,

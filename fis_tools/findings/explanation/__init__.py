@@ -370,17 +370,8 @@ def explain(system: object, inputs: ArrayLike | Mapping[str, float], crossing: f
         moves = [Move(number + 1, *numbers[number].tolist()) for number in concluding]
         moves.sort(key=lambda move: (-abs(move.share), -move.strength))
         of_output = tuple(flip for flip in found if flip.output == output.variable)
-        outputs.append(
-            ExplainedOutput(
-                output.variable,
-                output.value,
-                output.is_default,
-                tuple(moves),
-                float(error[0, place]),
-                frozenset(holding_back(compiled, place)),
-                float(crossing),
-                of_output,
-            )
-        )
+        reasons = (tuple(moves), float(error[0, place]), frozenset(holding_back(compiled, place)))
+        found_out = (output.variable, output.value, output.is_default)
+        outputs.append(ExplainedOutput(*found_out, *reasons, float(crossing), of_output))
     turned = class_flips(compiled, given) if is_classifier(compiled.system) else ()
     return Explanation(compiled.system, tuple(given.tolist()), tuple(outputs), turned)

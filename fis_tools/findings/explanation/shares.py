@@ -162,16 +162,9 @@ def shares(system: object, samples: Floats) -> Shares:
     total = float(weights.sum())
     parts = weights / total if total > 0.0 else weights
     order = np.lexsort((-usage.fired, -parts))
-    rules = tuple(
-        RuleShare(
-            int(place) + 1,
-            float(parts[place]),
-            tuple(moved[place].tolist()),
-            tuple(needed[place].tolist()),
-            float(usage.fired[place]),
-            float(usage.leading[place]),
-            float(usage.max_strength[place]),
-        )
-        for place in order
-    )
-    return Shares(compiled.system, len(samples), rules)
+    counted = np.column_stack([usage.fired, usage.leading, usage.max_strength])
+    rules = []
+    for place in order.tolist():
+        far = (tuple(moved[place].tolist()), tuple(needed[place].tolist()))
+        rules.append(RuleShare(place + 1, float(parts[place]), *far, *counted[place].tolist()))
+    return Shares(compiled.system, len(samples), tuple(rules))

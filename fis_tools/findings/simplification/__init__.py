@@ -263,10 +263,5 @@ def _simplified(
     search.go_greedily(CAREFUL_DIGITS)
     search.go_greedily(1)
     search.round_one_by_one()
-    return SimplifiedSystem(
-        system,
-        search.draft.system,
-        0 if flown is None else len(flown),
-        tuple(search.steps),
-        search.bench.measure(search.draft.system),
-    )
+    found, num_flown = search.draft.system, 0 if flown is None else len(flown)
+    return SimplifiedSystem(system, found, num_flown, tuple(search.steps), search.bench.measure(found))
