@@ -277,7 +277,9 @@ def compile(
         validate(system)
         read = system
     else:
-        read = _read(system, defaults)
+        from fis_tools.scikit_fuzzy.read import read_control_system  # noqa: PLC0415 - imports scikit-fuzzy
+
+        read = read_control_system(system, defaults=defaults)
     if len(read.rules) >= MANY_RULES:
         advise_numba()
     return CompiledSystem(read, assemble(read), _packed(read), threads or os.cpu_count() or 1)
@@ -330,9 +332,3 @@ def _packed(system: FuzzySystem) -> Packed | None:
         return packing.pack(system)
     except NotCompilable:
         return None
-
-
-def _read(control_system: Any, defaults: Mapping[str, float] | None) -> FuzzySystem:
-    from fis_tools.scikit_fuzzy.read import read_control_system  # noqa: PLC0415 - imports scikit-fuzzy
-
-    return read_control_system(control_system, defaults=defaults)

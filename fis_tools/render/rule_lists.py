@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from numpy.typing import NDArray
 
 from fis_tools.analysis.arrays import FIRED, rule_usage
 from fis_tools.array_types import Floats
@@ -287,16 +286,13 @@ def rule_bars(system: FuzzySystem, values: Floats, ax: Axes, *, theme: Theme = L
         ax.annotate(f"{length:.1f}", (length, row), fontsize=SMALL, color=theme.ink, **beside)
     left = len(system.rules) - len(order)
     if left:
-        ax.set_title(f"{left} more rules have {_greatest_left(values, order)} at most", loc="right")
+        most = 100 * float(np.delete(values, order).max())
+        ax.set_title(f"{left} more rules have {most:.1f} % at most", loc="right")
     ax.set_xlim(0.0, 112 * max(float(values.max()), 1e-12))
     ax.set_xlabel("share of all firing (%)")
     ax.spines[["top", "right"]].set_visible(False)
     dress(ax, theme, y_size=size)
     return ax
-
-
-def _greatest_left(values: Floats, shown: NDArray[np.intp]) -> str:
-    return f"{100 * float(np.delete(values, shown).max()):.1f} %"
 
 
 def _name_rows(ax: Axes, system: FuzzySystem, names: list[str]) -> float:

@@ -238,12 +238,6 @@ def _share(found: Mapping[str, float] | None, count: int) -> str:
     return f"{found['count']:.0f} of {count}: {100 * found['fraction']:.1f} % ({low:.1f} to {high:.1f})"
 
 
-def _span(nearest: Sequence[float | None], farthest: Sequence[float | None]) -> str:
-    low = [value for value in nearest if value is not None]
-    high = [value for value in farthest if value is not None]
-    return f"{min(low):.1f} to {max(high):.1f}" if low and high else UNKNOWN
-
-
 def _flight_row(name: str, one: Outcome) -> list[str]:
     def number(value: float | None, digits: int) -> str:
         return UNKNOWN if value is None else f"{value:.{digits}f}"
@@ -251,6 +245,7 @@ def _flight_row(name: str, one: Outcome) -> list[str]:
     def word(value: bool | None) -> str:
         return UNKNOWN if value is None else "yes" if value else "no"
 
+    distances = (one.nearest_m, one.farthest_m)
     others = {key: count for key, count in one.reasons.items() if key not in {"fired", "silent", "unknown"}}
     reasons = ", ".join(f"{count} {key.replace('_', ' ')}" for key, count in others.items())
     return [
@@ -258,7 +253,7 @@ def _flight_row(name: str, one: Outcome) -> list[str]:
         number(one.delta_v_m_s, 3),
         number(one.inspection_rate_percent, 2),
         word(one.is_success),
-        _span([one.nearest_m], [one.farthest_m]),
+        UNKNOWN if None in distances else " to ".join(number(each, 1) for each in distances),
         word(one.is_outside),
         f"in {one.reasons.get('safety', 0)} periods" if one.reasons else UNKNOWN,
         (f"{one.num_fired} of {one.num_asked}" if one.num_periods else UNKNOWN)

@@ -29,7 +29,8 @@ NUM_POINTS = 20_000
 def find(system: FuzzySystem, measures: Measures, thresholds: Thresholds) -> Iterator[Finding]:
     """Yield the findings on the outputs of a system, over the whole ranges of its inputs."""
     yield from _complete(system, measures, thresholds)
-    axes = _axes(system)
+    num_points = max(2, min(201, int(NUM_POINTS ** (1.0 / len(system.inputs)))))
+    axes = [np.linspace(variable.minimum, variable.maximum, num_points) for variable in system.inputs]
     grid = np.stack([part.ravel() for part in np.meshgrid(*axes, indexing="ij")], axis=1)
     answers = evaluate(system, grid)
     for place_of_output in range(len(system.outputs)):
@@ -37,11 +38,6 @@ def find(system: FuzzySystem, measures: Measures, thresholds: Thresholds) -> Ite
         yield from _reach(system, place_of_output, values, thresholds)
         for axis in range(len(axes)):
             yield from _ways_back(system, place_of_output, axis, axes, values, thresholds)
-
-
-def _axes(system: FuzzySystem) -> list[Floats]:
-    num_points = max(2, min(201, int(NUM_POINTS ** (1.0 / len(system.inputs)))))
-    return [np.linspace(variable.minimum, variable.maximum, num_points) for variable in system.inputs]
 
 
 def _complete(system: FuzzySystem, measures: Measures, thresholds: Thresholds) -> Iterator[Finding]:

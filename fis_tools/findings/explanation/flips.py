@@ -93,7 +93,8 @@ def flips(system: object, inputs: ArrayLike | Mapping[str, float], value: float 
     if not np.isfinite(value):
         raise ValueError(f"the value to cross is {value}; give a finite number")
     ways = list(_ways(compiled, given))
-    outputs = np.split(compiled(np.concatenate([rows for *_, rows in ways])) - value, _ends(ways))
+    ends = np.cumsum([len(rows) for *_, rows in ways])[:-1]
+    outputs = np.split(compiled(np.concatenate([rows for *_, rows in ways])) - value, ends)
     found: list[Flip] = []
     for place, output in enumerate(compiled.system.outputs):
         of_output = []
@@ -198,10 +199,6 @@ def _ways(compiled: CompiledSystem, given: Floats) -> Iterator[tuple[int, int, F
             rows = np.tile(start, (1 + len(beyond), 1))
             rows[1:, index] = beyond
             yield index, way, rows
-
-
-def _ends(ways: list[tuple[int, int, Floats]]) -> list[int]:
-    return [int(end) for end in np.cumsum([len(rows) for *_, rows in ways])[:-1]]
 
 
 def _sides(output: Variable, differences: Floats) -> Floats:
