@@ -57,8 +57,11 @@ MORE_WAYS: tuple[tuple[str, ...], ...] = (
 )
 PAIR = ("champion_27", "paper_champion")
 #: of a log, what follows from the rest and so is left out of its hash, and what is hashed by another name: so
-#: hashes stay those of revisions that did not tell commands from what is fired
-FOLLOWING = ("force_commanded_n", "reason")
+#: hashes stay those of revisions that did not tell commands from what is fired, nor points and rehearsals
+FOLLOWING = (
+    *("force_commanded_n", "reason", "is_missed", "is_candidate", "looks", "last_light_s"),
+    *("push_costs_m_s", "tour_costs_m_s"),
+)
 KNOWN_AS = {"command_reason": "reason"}
 
 

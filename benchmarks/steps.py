@@ -116,7 +116,7 @@ def step_seconds(overrides: Sequence[str], num_flights: int) -> float:
     numbers, flown = controller.numbers, cases_of(mission, scenarios)
 
     def fly_them() -> None:
-        openings = rehearsed_openings(mission, controller, scenarios, 1)
+        openings, _ = rehearsed_openings(mission, controller, scenarios, 1)
         fly_population(world, law, numbers, flown, 1, openings=openings)
 
     seconds = best_cpu_seconds(fly_them, repeats=8)

@@ -29,7 +29,7 @@ from pipeline.flight.cases.actuators import thrusters_of
 from pipeline.flight.cases.navigation import errors_of, filter_of, measured
 from pipeline.flight.control.controller import Controller, rehearsed_pushes
 from pipeline.flight.fly.inspectable import lit_and_seen
-from pipeline.flight.fly.rehearsals import tour_followed
+from pipeline.flight.fly.rehearsals import IMAGES, tour_images
 from pipeline.flight.period.look.optics import note_lit_and_seen
 from pipeline.flight.state.log import FlightLog, Scenario
 from pipeline.flight.state.signals import CONSTANTS
@@ -197,7 +197,7 @@ class FlightRecorder:
         self._write_control(writer, times[: len(log.force_hill_n)], log)
         if (fuzzy := self._controller.fuzzy) is not None and (how := edited(fuzzy)) is not None:
             writer.log(times[0], "warning", f"{fuzzy.name} was edited {how}")
-        tour = tour_followed(self._mission, self._controller, scenario)
+        tour = IMAGES[log.tour_costs_m_s.argmin()] if len(log.tour_costs_m_s) else None
         for event in events(self._mission, log, self._near_limit_m, self._logic, self._num_rehearsed, tour):
             writer.log(times[event.sample], event.level, event.text)
 

@@ -12,13 +12,14 @@ from pipeline.array_types import Bytes
 from pipeline.flight.period.act.actuators import EMPTY, burns
 from pipeline.flight.period.act.attitude import write_instants
 from pipeline.flight.period.decide.motion import ETA_U, LAMBDA_U, sense_angles
+from pipeline.flight.period.decide.see_push import COST, SHORT
 from pipeline.flight.period.decide.thrust import FARTHEST, MISSED, NEAREST, is_decision, may_coast
 from pipeline.flight.period.look.navigation import write_estimate
 from pipeline.flight.state import log as logs
-from pipeline.flight.state.arrays import Control, Law, Moment, Workspace, World
+from pipeline.flight.state.arrays import Beyond, Control, Law, Moment, Workspace, World
 from pipeline.flight.state.errors import ModelErrors
 from pipeline.flight.state.log import LEAST_CHANGE_N, FlightLog
-from pipeline.flight.state.signals import BODY, HILL
+from pipeline.flight.state.signals import BODY, HILL, SETTING, URGENCY
 from pipeline.physics.quaternion import dcm_b_from_h
 
 
@@ -65,7 +66,12 @@ def write_sample(now: Moment, errors: ModelErrors | None, counts: Bytes, log: Fl
 
 @compiled(error_model="numpy")
 def write_period(
-    now: Moment, control: Control, errors: ModelErrors | None, log: FlightLog, is_opened: bool
+    now: Moment,
+    optics: Beyond | None,
+    control: Control,
+    errors: ModelErrors | None,
+    log: FlightLog,
+    is_opened: bool,
 ) -> None:
     """Log what was decided, commanded and fired after sample k; `is_opened` where the force was given."""
     world, state, law, k = now.world, now.state, control.law, now.k
@@ -75,9 +81,13 @@ def write_period(
     if not law.has_plan and is_decision(law, k):
         if lanes.coasts[0] == 0.0 and not is_opened:
             write_inference(law, now.work, log, k)
+            write_points(now, law, log)
         if not is_complete and may_coast(control):
             for place, signal in enumerate((MISSED, NEAREST, FARTHEST)):
                 log.foreseen[k, place] = signals[signal, 0]
+            for j in range(world.num_points):
+                point = j if optics is not None else world.order[j]
+                log.is_missed[k, point] = now.work.ahead[j] > 0.0 and state.unseen[0, point] > 0.0
     for row in range(3):
         log.force_hill_n[k, row] = lanes.force[row, 0]
         log.force_commanded_n[k, row] = lanes.commanded[row, 0]
@@ -105,6 +115,19 @@ def write_inference(law: Law, work: Workspace, log: FlightLog, k: int) -> None:
         log.fis_output_n[k, system] = work.outputs[system, 0]
         for place in range(law.num_inputs[system]):
             log.fis_input[k, system, place] = work.signals[law.signals[system, place], 0]
+
+
+@compiled(error_model="numpy")
+def write_points(now: Moment, law: Law, log: FlightLog) -> None:
+    """Log which points a decision's signals were made of."""
+    work, k = now.work, now.k
+    for j in range(now.world.num_points):
+        log.is_candidate[k, j] = work.candidate[j] > 0.0
+        if law.needs & (URGENCY | SETTING):
+            log.last_light_s[j] = work.deadlines[0, j]
+        if law.needs & SETTING and work.setting[j] > 0.0 and work.looks[COST, j] < np.inf:
+            for row in range(4):
+                log.looks[k, j, row] = work.looks[SHORT + row, j]
 
 
 Codes = NDArray[np.int64]

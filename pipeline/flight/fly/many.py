@@ -195,5 +195,5 @@ def fly_many(
             for lane in range(num_lanes if len(tracks) > 0 else 0):
                 write_fired(state, lane, tracks[flight + lane, k])
             if is_logged(log):
-                write_period(now, control, errors, log, is_opened)
+                write_period(now, optics, control, errors, log, is_opened)
         flight += num_lanes

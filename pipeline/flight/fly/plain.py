@@ -67,4 +67,4 @@ def fly_plainly(parts: Parts, flights: Flights, results: Results) -> None:
                 break
             decide(now, optics, pushes, control)
             act(now, guard, errors, law.plans)
-            write_period(now, control, errors, log, False)
+            write_period(now, optics, control, errors, log, False)

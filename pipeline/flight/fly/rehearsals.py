@@ -12,13 +12,11 @@ from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fis_tools.engines.kernel import LANES
 from fis_tools.model import FuzzyController
 from pipeline.array_types import Floats
 from pipeline.flight.cases.cases import cases_of
-from pipeline.flight.cases.dispersions import mission_of_case
 from pipeline.flight.cases.navigation import as_believed
 from pipeline.flight.control.controller import Controller, from_fuzzy, law_of, rehearsed_pushes
 from pipeline.flight.fly.population import fly_population
@@ -75,17 +73,23 @@ REHEARSED_POINT_M_S, OUTSIDE_M_S = 0.15, 1e4
 
 def rehearsed_openings(
     mission: Mission, controller: Controller, scenarios: list[Scenario], workers: int | None
-) -> Floats | None:
+) -> tuple[Floats | None, Floats]:
     """Return the force of the first control period from each start for a controller that rehearses it.
 
     All its first pushes are flown to the end from every start, as the deputy knows start and mission; the one
     with the cheapest flight is chosen: inside the limits if any is, then by delta-v and a price for each
-    point missed beyond those that the controller itself accepts when it coasts. The shape is (m, 3), N, Hill
-    axes; None for a controller that does not rehearse.
+    point missed beyond those that the controller itself accepts when it coasts.
+
+    Returns
+    -------
+    openings : (m, 3)
+        N, Hill axes; None for a controller that does not rehearse.
+    costs : (m, pushes)
+        Of each push, m/s.
     """
     pushes = rehearsed_pushes(controller)
     if not len(pushes):
-        return None
+        return None, np.empty((len(scenarios), 0))
     forces = pushes * mission.deputy.mass_kg / mission.control_period_s
     known, starts = as_believed(mission, scenarios)
     world, cases = pack_world(known), cases_of(known, starts)
@@ -97,21 +101,20 @@ def rehearsed_openings(
         workers,
         openings=np.tile(forces, (len(cases), 1)),
     )
-    cost = _rehearsed_costs(controller, ends)
-    return np.asarray(forces[cost.reshape(len(cases), len(forces)).argmin(axis=1)])
+    costs = _rehearsed_costs(controller, ends).reshape(len(cases), len(forces))
+    return np.asarray(forces[costs.argmin(axis=1)]), costs
 
 
-def rehearsed_tours(
+def tour_costs(
     mission: Mission,
     controller: Controller,
     scenarios: list[Scenario],
     workers: int | None,
     lanes: int = LANES,
-) -> NDArray[np.int64]:
-    """Return which image of its tour a controller follows from each start: that of the cheapest flight.
+) -> Floats:
+    """Return what each image of a controller's tour costs from each start, m/s, shape (m, images).
 
-    All are flown to the end, like first pushes, see `rehearsed_openings`. The shape is (m,); places in
-    `pipeline.flight.fly.rehearsals.IMAGES`.
+    All are flown to the end, like first pushes, see `rehearsed_openings`; the cheapest is followed.
     """
     known, starts = as_believed(mission, scenarios)
     world, cases, law = pack_world(known), cases_of(known, starts), law_of(controller, known)
@@ -119,15 +122,7 @@ def rehearsed_tours(
         fly_population(world, law, image.numbers, cases, workers, lanes=lanes)
         for image in tour_images(controller)
     ]
-    costs = [_rehearsed_costs(controller, ends)[0] for ends in flown]
-    return np.asarray(np.argmin(costs, axis=0))
-
-
-def tour_followed(mission: Mission, controller: Controller, scenario: Scenario) -> str | None:
-    """Return which image of its tour a controller follows from a start; None without a rehearsal."""
-    if not tour_images(controller):
-        return None
-    return IMAGES[rehearsed_tours(mission_of_case(mission, scenario), controller, [scenario], 1)[0]]
+    return np.column_stack([_rehearsed_costs(controller, ends)[0] for ends in flown])
 
 
 def _rehearsed_costs(controller: Controller, ends: Outcomes) -> Floats:

@@ -24,7 +24,7 @@ from pipeline.flight.fly.population import (
     lanes_for,
     outcomes_of,
 )
-from pipeline.flight.fly.rehearsals import rehearsed_openings, rehearsed_tours, tour_images
+from pipeline.flight.fly.rehearsals import rehearsed_openings, tour_costs, tour_images
 from pipeline.flight.fly.workspace import make_state, make_workspace
 from pipeline.flight.period.look.optics import note_inspectable
 from pipeline.flight.state.arrays import NUM_OUTCOMES, Law, Plans
@@ -56,13 +56,13 @@ def fly_all(
         return _outcomes_of_logs(mission, controller, scenarios, tracks)
     images = tour_images(controller)
     if images:
-        followed = rehearsed_tours(mission, controller, scenarios, workers, lanes)
+        followed = tour_costs(mission, controller, scenarios, workers, lanes).argmin(axis=1)
         chosen = np.unique(followed).tolist()
         groups = [(mission, images[image], np.flatnonzero(followed == image).tolist()) for image in chosen]
         return _fly_groups(groups, scenarios, workers, tracks, lanes)
     world, cases = pack_world(mission), cases_of(mission, scenarios)
     law, numbers = law_for(controller, mission, scenarios, workers), controller.numbers
-    openings = rehearsed_openings(mission, controller, scenarios, workers)
+    openings, _ = rehearsed_openings(mission, controller, scenarios, workers)
     many = fly_population(world, law, numbers, cases, workers, tracks, openings, lanes)
     return Outcomes(**{name: values[0] for name, values in vars(many).items()})
 
@@ -147,13 +147,17 @@ def _fly_and_log(mission: Mission, controller: Controller, scenario: Scenario) -
             f"controller {controller.name!r} flies ahead, which guidance.engine=sklearn is too slow for; "
             "choose guidance.engine=compiled, or leave rehearsal_reach_m_s and rehearsal_tours out"
         )
+    of_tours = of_pushes = np.empty((1, 0))
     if images:
-        controller = images[rehearsed_tours(mission, controller, [scenario], 1)[0]]
+        of_tours = tour_costs(mission, controller, [scenario], 1)
+        controller = images[of_tours[0].argmin()]
     world, cases = pack_world(mission), cases_of(mission, [scenario])
     law, numbers = law_for(controller, mission, [scenario], 1), controller.numbers
     log = empty_log(mission.num_controls, mission.num_attitude_steps, world.num_points, len(law.axes))
     log.mass_kg[:] = mission.deputy.mass_kg
-    openings = None if is_interpreted(mission) else rehearsed_openings(mission, controller, [scenario], 1)
+    openings = None
+    if not is_interpreted(mission):
+        openings, of_pushes = rehearsed_openings(mission, controller, [scenario], 1)
     noted = sparingly(note_inspectable)
     parts, flights, inspectable = flights_of(world, law, numbers, cases, openings, noted)
     results = Results(log, NO_TRACKS, np.empty((1, NUM_OUTCOMES)))
@@ -169,7 +173,7 @@ def _fly_and_log(mission: Mission, controller: Controller, scenario: Scenario) -
     log.is_inspectable[:] = inspectable[0, : world.num_points] > 0
     attitudes = log.quaternion_b_from_h, log.quaternion_c_from_h
     check_finite(log.position_m, log.velocity_m_s, *attitudes, log.force_hill_n)
-    return log, results.outcomes
+    return log._replace(push_costs_m_s=of_pushes[0], tour_costs_m_s=of_tours[0]), results.outcomes
 
 
 def _outcomes_of_logs(

@@ -54,6 +54,7 @@ def make_workspace(world: World, lanes: int = LANES) -> Workspace:
         lit=aligned(width),
         seen=aligned(width),
         ahead=aligned(width),
+        setting=aligned(width),
         deadlines=aligned((lanes, width)),
         looks=aligned((5, width)),
         signals=aligned((len(SIGNALS), lanes)),

@@ -237,6 +237,7 @@ class Workspace(NamedTuple):
     lit: Floats  # (P padded,) 1 where a wanted point is lit
     seen: Floats  # (P padded,) 1 where one of these is seen
     ahead: Floats  # (P padded,) 1 where a point is neither inspected nor foreseen to be
+    setting: Floats  # (P padded,) 1 where such a point, by another look ahead, soon goes dark for good
     deadlines: Floats  # (L, P padded) when a point is lit for the last time, s; of the flights being flown
     looks: Floats  # (5, P padded) of the cheapest look at each point: cost, shortfall, slopes
     signals: Floats  # (signals, L) in the order of `pipeline.flight.state.signals.SIGNALS`

@@ -77,6 +77,12 @@ class FlightLog(NamedTuple):
     # basis of the decision to coast: points that coasting to the end would miss, least and greatest distance
     # on the way, m; NaN where not computed
     foreseen: Annotated[Floats, "K", 3]
+    is_missed: Annotated[Booleans, "K", "P"]  # whether coasting to the end would miss a point; where foreseen
+    # of which points signals were made, where decided: those lit and not inspected, and of the look at each
+    # that `see_push_*` is fitted to the shortfall, m, and its slopes with the push, s; zeros for none
+    is_candidate: Annotated[Booleans, "K", "P"]
+    looks: Annotated[Floats, "K", "P", 4]
+    last_light_s: Annotated[Floats, "P"]  # when it is lit for the last time; zeros where no signal asks
     num_candidates: Annotated[Integers, "K+1"]  # lit and not yet inspected, after the inspection of sample k
     target_m: Annotated[Floats, "K+1", 3]  # the point p_u; zeros without candidates
     lambda_u_rad: Annotated[Floats, "K+1"]
@@ -99,12 +105,15 @@ class FlightLog(NamedTuple):
     # position (m) and velocity (m/s) as the deputy knew them, if it navigates by fixes
     estimate: Annotated[Floats, "K+1", 6]
     estimate_covariance: Annotated[Floats, "K+1", 6, 6]
+    # costs by which the first push, and the image of the tour, were chosen, m/s; none without a rehearsal
+    push_costs_m_s: Annotated[Floats, "R"]
+    tour_costs_m_s: Annotated[Floats, "R"]
 
 
 def empty_log(num_controls: int, num_attitude_steps: int, num_points: int, num_systems: int) -> FlightLog:
     """Allocate the log of a flight: zeros; NaN in `foreseen`, and all of the Sun and of the points."""
     sizes = {"K": num_controls, "K+1": num_controls + 1, "S": num_attitude_steps}
-    sizes |= {"P": num_points, "F": num_systems}
+    sizes |= {"P": num_points, "F": num_systems, "R": 0}
     arrays = {}
     for name, field in get_type_hints(FlightLog, include_extras=True).items():
         kind, *shape = get_args(field)

@@ -60,10 +60,10 @@ def await_dark(now: Moment, lane: int, horizon: float) -> int:
     """Mark the points unseen whose last light is still to come within the horizon; return how many."""
     state, work, time = now.state, now.work, now.world.control_period * now.k
     num_waiting = 0
-    for j in range(0, len(work.ahead), POINTS):
+    for j in range(0, len(work.setting), POINTS):
         last = load(work.deadlines, (lane, j), POINTS)
         waits = (load(state.unseen, (lane, j), POINTS) > 0.0) & (last > time) & (last <= time + horizon)
-        store(work.ahead, j, select(waits, 1.0, 0.0))
+        store(work.setting, j, select(waits, 1.0, 0.0))
         store(work.looks, (COST, j), splat(np.inf, POINTS))
         num_waiting += count(waits)
     return num_waiting
@@ -125,11 +125,11 @@ def look_from(
     now: Moment, optics: Beyond | None, lane: int, k: int, then: Place, place: Three, sun: Pair
 ) -> None:
     """Remove the points visible from a place of the path; for the others keep the cheapest look so far."""
-    world, work, ahead = now.world, now.work, now.work.ahead
+    world, work, setting = now.world, now.work, now.work.setting
     beam = beam_at(now, optics, lane, k, sun)
     eye = eye_on_chief(world, optics, beam, place)
-    for j in range(0, len(ahead) if beam.shines else 0, POINTS):
-        before = load(ahead, j, POINTS)
+    for j in range(0, len(setting) if beam.shines else 0, POINTS):
+        before = load(setting, j, POINTS)
         if not some(before > 0.0):
             continue
         points = some_of(world.points, beam.sample, 0, j)
@@ -138,10 +138,10 @@ def look_from(
             continue
         short, way = shortfall(world, optics, j, points, eye)
         if optics is None:
-            store(ahead, j, select(lit & (short <= 0.0), 0.0, before))
+            store(setting, j, select(lit & (short <= 0.0), 0.0, before))
         elif not eye.is_blind:
             seen = seen_points(world, optics, work, j, points, lit, eye)
-            store(ahead, j, select(seen, 0.0, before))
+            store(setting, j, select(seen, 0.0, before))
         keep_cheapest(work, j, lit, short, slopes(then, way)[1])
 
 
@@ -153,8 +153,8 @@ def fitted_push(now: Moment, lane: int, rate: float, damping: float) -> Three:
     """
     work, time, nothing = now.work, now.world.control_period * now.k, same(0.0, POINTS)
     squares, products, sums = nothing, nothing, nothing  # sums of xx, yy, zz; xy, xz, yz; and w g short
-    for j in range(0, len(work.ahead), POINTS):
-        counts = load(work.ahead, j, POINTS) > 0.0
+    for j in range(0, len(work.setting), POINTS):
+        counts = load(work.setting, j, POINTS) > 0.0
         counts &= load(work.looks, (COST, j), POINTS) < np.inf
         if some(counts):
             weight = exponential((time - load(work.deadlines, (lane, j), POINTS)) * rate)

@@ -1,0 +1,154 @@
+"""What each point of the chief adds to the signals that are made of points, from a flight's log.
+
+The formulas are those of docs/reference/signals.md.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from fis_tools.compiled.decorator import plainly
+from pipeline.array_types import Floats, Integers
+from pipeline.flight.control.controller import Controller, sensed_by
+from pipeline.flight.period.decide.see_push import KS2
+from pipeline.flight.period.decide.tour import time_ahead
+from pipeline.flight.period.look.guidance import MIN_PROJECTION_M
+from pipeline.flight.state.arrays import World
+from pipeline.flight.state.log import FlightLog
+from pipeline.flight.state.signals import TOUR_PARTS, TOUR_WAVES, constant
+from pipeline.physics.clohessy_wiltshire import state_transition
+
+#: signals made of points: the vector that each belongs to, and the place of its component
+MADE_OF_POINTS = {
+    f"{vector}_{axis}": (vector, place)
+    for vector in ("target", "urgent", "see_push", "aim", "tour_push")
+    for place, axis in enumerate(("radial", "along_track", "cross_track"))
+}
+
+
+def sensed_of_points(world: World, controller: Controller) -> list[str]:
+    """Return the signals made of points that a controller senses; a target chosen by clusters is none."""
+    names = [name for name in dict.fromkeys(sensed_by(controller)) if name in MADE_OF_POINTS]
+    return [name for name in names if not (world.has_clusters and name.startswith("target"))]
+
+
+def parts_of_points(
+    world: World, controller: Controller, log: FlightLog, samples: Integers
+) -> dict[str, Floats]:
+    """Return what each point adds to each signal made of points that a controller senses.
+
+    The parts sum to the signal; of ``tour_push_*``, to what leaning the tour towards points adds.
+
+    Parameters
+    ----------
+    world : World
+        Of the case that was flown.
+    controller : Controller
+        As it was flown: where it rehearses images of its tour, with the one that it followed.
+    log : FlightLog
+    samples : (n,)
+        Parts are zero at those without an inference.
+
+    Returns
+    -------
+    dict of str to (n, P)
+        In the unit of the signal.
+    """
+    decisions = _Decisions(world, controller.constants, log, samples)
+    found = {}
+    for name in sensed_of_points(world, controller):
+        vector, place = MADE_OF_POINTS[name]
+        found[name] = np.where(log.is_decided[samples, np.newaxis], getattr(decisions, vector)[..., place], 0)
+    return found
+
+
+@dataclass(frozen=True)
+class _Decisions:
+    """What decisions were made of: vectors are the parts of points, (n, P, 3), Hill axes."""
+
+    world: World
+    constants: Floats
+    log: FlightLog
+    samples: Integers
+
+    def __getitem__(self, name: str) -> float:
+        return float(self.constants[constant(name)])
+
+    @cached_property
+    def states(self) -> Floats:
+        """Position (m) and velocity (m/s) as the deputy knew them, (n, 6)."""
+        is_estimated = np.any(self.log.estimate_covariance)
+        true = np.hstack([self.log.position_m, self.log.velocity_m_s])
+        return (self.log.estimate if is_estimated else true)[self.samples]
+
+    @cached_property
+    def points(self) -> Floats:
+        """The points in Hill axes, (n or 1, P, 3), m."""
+        rows = self.world.points[self.samples if len(self.world.points) > 1 else [0]]
+        return np.swapaxes(rows[:, :, : self.world.num_points], 1, 2)
+
+    @cached_property
+    def urgency(self) -> Floats:
+        """The weight of each point by its last light, (n, P)."""
+        left = self.log.last_light_s - self.world.control_period * self.samples[:, np.newaxis]
+        return np.exp(-left / self["urgency_time_s"])
+
+    @property
+    def target(self) -> Floats:
+        candidates = self.log.is_candidate[self.samples][..., np.newaxis] * self.points
+        length = np.linalg.norm(candidates.sum(axis=1, keepdims=True), axis=2, keepdims=True)
+        return candidates / np.maximum(length, MIN_PROJECTION_M)
+
+    @cached_property
+    def urgent(self) -> Floats:
+        weights = (self.urgency * self.log.is_candidate[self.samples])[..., np.newaxis]
+        pulls = weights * self.points
+        length = np.linalg.norm(pulls.sum(axis=1, keepdims=True), axis=2, keepdims=True)
+        has_way = length > MIN_PROJECTION_M * weights.sum(axis=1, keepdims=True)
+        return self.turned_aside(np.divide(pulls, length, out=np.zeros_like(pulls), where=has_way))
+
+    @cached_property
+    def see_push(self) -> Floats:
+        short, slopes = self.log.looks[self.samples, :, 0], self.log.looks[self.samples, :, 1:]
+        weighted = self.urgency[..., np.newaxis] * slopes
+        matrix = self["see_damping_ks2"] * KS2 * np.eye(3) + np.swapaxes(weighted, 1, 2) @ slopes
+        pulls = np.linalg.solve(matrix, np.swapaxes(short[..., np.newaxis] * weighted, 1, 2))
+        return self.turned_aside(np.swapaxes(pulls, 1, 2))
+
+    @property
+    def aim(self) -> Floats:
+        return self.see_push + self["aim_urgent_m_s"] * self.urgent
+
+    @property
+    def tour_push(self) -> Floats:
+        found, alone = np.zeros_like(self.urgent), np.zeros((len(self.samples), 3))
+        first = constant("tour_radial_mean_m")
+        waves = self.constants[first:][: len(TOUR_PARTS) * len(TOUR_WAVES)].reshape(len(TOUR_PARTS), -1)
+        n, limits = self.world.mean_motion, (self["tour_time_s"], self["tour_wait_s"])
+        for row, k in enumerate(self.samples):
+            angle, up = self.log.sun_angle_rad[k], self.log.sun_elevation_rad[k]
+            with plainly("pipeline"):
+                sun = np.cos(angle), np.sin(angle), np.cos(up)
+                time = time_ahead(self.world.optics.least_height, n, *limits, *sun)
+            if time == 0.0:
+                continue
+            then = angle - n * time
+            x, y, z, lift = waves @ [1.0, *(f(i * then) for i in (1.0, 2.0) for f in (np.cos, np.sin))]
+            phi = state_transition(n, time)
+            push_by = np.linalg.inv(phi[:3, 3:])
+            alone[row] = push_by @ ([x, y, z + np.sin(up) * lift] - phi[:3] @ self.states[row])
+            found[row] = self["tour_lean_m"] * self.urgent[row] @ push_by.T
+        return self.turned_aside(found, alone)
+
+    def turned_aside(self, parts: Floats, alone: Floats | float = 0.0) -> Floats:
+        """Return parts of pushes, turned outwards near the chief as the whole is; `alone` is of no point."""
+        place, skirt, least = self.states[:, :3], self["skirt_distance_m"], self.world.min_distance
+        if not least < skirt:
+            return parts
+        distance = np.linalg.norm(place, axis=1, keepdims=True)
+        outward = place / distance
+        leads_in = np.sum((parts.sum(axis=1) + alone) * outward, axis=1, keepdims=True) < 0.0
+        nearness = np.clip((skirt - distance) / (skirt - least), 0.0, 1.0) * leads_in
+        along = parts @ outward[..., np.newaxis]
+        return parts - 2.0 * nearness[..., np.newaxis] * along * outward[:, np.newaxis]
