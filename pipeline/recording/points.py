@@ -17,7 +17,7 @@ from pipeline.flight.period.look.guidance import MIN_PROJECTION_M
 from pipeline.flight.state.arrays import World
 from pipeline.flight.state.log import FlightLog
 from pipeline.flight.state.signals import TOUR_PARTS, TOUR_WAVES, constant
-from pipeline.physics.clohessy_wiltshire import state_transition
+from pipeline.physics.motion import state_transition
 
 #: signals made of points: the vector that each belongs to, and the place of its component
 MADE_OF_POINTS = {
@@ -94,7 +94,7 @@ class _Decisions:
         left = self.log.last_light_s - self.world.control_period * self.samples[:, np.newaxis]
         return np.exp(-left / self["urgency_time_s"])
 
-    @property
+    @cached_property
     def target(self) -> Floats:
         candidates = self.log.is_candidate[self.samples][..., np.newaxis] * self.points
         length = np.linalg.norm(candidates.sum(axis=1, keepdims=True), axis=2, keepdims=True)
@@ -116,11 +116,11 @@ class _Decisions:
         pulls = np.linalg.solve(matrix, np.swapaxes(short[..., np.newaxis] * weighted, 1, 2))
         return self.turned_aside(np.swapaxes(pulls, 1, 2))
 
-    @property
+    @cached_property
     def aim(self) -> Floats:
         return self.see_push + self["aim_urgent_m_s"] * self.urgent
 
-    @property
+    @cached_property
     def tour_push(self) -> Floats:
         found, alone = np.zeros_like(self.urgent), np.zeros((len(self.samples), 3))
         first = constant("tour_radial_mean_m")

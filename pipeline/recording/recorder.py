@@ -26,17 +26,19 @@ from fis_tools.words.text import sentences
 from pipeline.array_types import Floats
 from pipeline.controllers.played import to_mapping
 from pipeline.flight.cases.actuators import thrusters_of
+from pipeline.flight.cases.dispersions import mission_of_case
 from pipeline.flight.cases.navigation import errors_of, filter_of, measured
 from pipeline.flight.control.controller import Controller, rehearsed_pushes
 from pipeline.flight.fly.inspectable import lit_and_seen
 from pipeline.flight.fly.rehearsals import IMAGES, tour_images
 from pipeline.flight.period.look.optics import note_lit_and_seen
 from pipeline.flight.state.log import FlightLog, Scenario
-from pipeline.flight.state.signals import CONSTANTS
+from pipeline.flight.state.signals import CONSTANTS, SIGNALS
 from pipeline.flight.world.pack import pack_world
 from pipeline.flight.world.surface import surface_of
 from pipeline.physics.quaternion import dcm_b_from_h
 from pipeline.recording.events import events
+from pipeline.recording.points import parts_of_points, sensed_of_points
 from pipeline.run import artifacts, maker
 from pipeline.settings.experiment import Mission
 from pipeline.settings.schema import only_results
@@ -103,6 +105,8 @@ class FlightRecorder:
         if meanings:
             self._systems[topics.CONSTANTS_METADATA] = meanings
         self._world = pack_world(mission)
+        if pulled := sensed_of_points(self._world, controller):
+            self._systems[topics.PULLS_METADATA] = {name: SIGNALS[name].unit for name in pulled}
         # what hides what on a mesh takes plain Python minutes
         is_mesh = self._world.num_edge_cells > 0
         self._note_lit_and_seen = note_lit_and_seen if is_mesh else sparingly(note_lit_and_seen)
@@ -182,6 +186,7 @@ class FlightRecorder:
             deviation = np.sqrt(np.diagonal(log.estimate_covariance, axis1=1, axis2=2))
             age, sensed = self._mission.navigation.delay_s, log.sensed_quaternion_b_from_h
             writer.navigation(times, log.estimate, deviation, self._fixes(scenario, log), age, sensed)
+        self._write_pulls(writer, times, scenario, log)
         writer.guidance(times, log.num_candidates, directions(log.target_m), log.lambda_u_rad, log.eta_u_rad)
         writer.mission(
             times,
@@ -200,6 +205,23 @@ class FlightRecorder:
         tour = IMAGES[log.tour_costs_m_s.argmin()] if len(log.tour_costs_m_s) else None
         for event in events(self._mission, log, self._near_limit_m, self._logic, self._num_rehearsed, tour):
             writer.log(times[event.sample], event.level, event.text)
+
+    def _write_pulls(self, writer: EpisodeWriter, times: Floats, scenario: Scenario, log: FlightLog) -> None:
+        """Write which points the inputs made of points come from, and which ones coasting would miss."""
+        if topics.PULLS_METADATA not in self._systems:
+            return
+        mission = mission_of_case(self._mission, scenario)
+        world = self._world if mission is self._mission else pack_world(mission)
+        samples = np.flatnonzero(log.is_decided | np.isfinite(log.foreseen[:, 0]))
+        images = tour_images(self._controller)
+        flown = images[log.tour_costs_m_s.argmin()] if images else self._controller
+        parts = parts_of_points(world, flown, log, samples)
+        told = np.hstack([*parts.values(), log.is_missed[samples]])
+        # while the deputy coasts little changes
+        is_new = np.append(True, np.any(told[1:] != told[:-1], axis=1))[: len(samples)]
+        parts = {name: values[is_new] for name, values in parts.items()}
+        samples = samples[is_new]
+        writer.pulls(times[samples], self._points, parts, log.last_light_s, log.is_missed[samples])
 
     def _write_control(self, writer: EpisodeWriter, times: Floats, log: FlightLog) -> None:
         """Write what is applied over the control periods, and the inferences that decided it."""

@@ -19,7 +19,7 @@ Value = float | int | bool | str
 #: within a sample a topic depends on those before it, so the first that differs is nearest to the cause
 _DATA_FLOW: Final = (
     *(topics.DEPUTY_STATE, topics.DEPUTY_POSE, topics.TRANSFORMS, topics.CHIEF_POINTS, topics.MISSION),
-    *(topics.NAVIGATION, topics.GUIDANCE, topics.FIS_PREFIX),
+    *(topics.NAVIGATION, topics.GUIDANCE, topics.CHIEF_PULLS, topics.FIS_PREFIX),
     *(topics.DEPUTY_CONTROL, topics.DEPUTY_ATTITUDE, topics.LOG),
 )
 _KEY: Final = np.dtype([("time_s", np.float64), ("occurrence", np.int64)])

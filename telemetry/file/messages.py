@@ -15,7 +15,7 @@ from google.protobuf.descriptor import FieldDescriptor
 from google.protobuf.message import Message
 from numpy.typing import ArrayLike
 
-from telemetry.array_types import Bytes, Floats, Integers
+from telemetry.array_types import Booleans, Bytes, Floats, Integers
 from telemetry.file import RecordingError, topics
 
 #: what fields hold, by their names
@@ -137,7 +137,19 @@ def point_cloud(time_ns: Integers, points_m: ArrayLike, states: ArrayLike) -> Co
         If the shapes do not match or a state is not a `topics.PointState`.
     """
     clouds = _packed_points(len(time_ns), points_m, states)
-    return {"timestamp": _timestamp(time_ns), "data": clouds, **_CLOUD}
+    return {"timestamp": _timestamp(time_ns), "data": clouds, **_layout(POINT_DTYPE)}
+
+
+def cloud_of(time_ns: Integers, points_m: ArrayLike, columns: Mapping[str, Floats | Booleans]) -> Columns:
+    """Tell clouds of points, (P, 3), chief axes, with columns of a row of P for each time, or one for all."""
+    points = np.asarray(points_m, dtype=np.float32)
+    kinds = {name: "u1" if values.dtype == np.bool_ else "<f8" for name, values in columns.items()}
+    layout = np.dtype([*dict.fromkeys("xyz", "<f4").items(), *kinds.items()])
+    clouds = np.empty((len(time_ns), len(points)), layout)
+    for name, values in (*zip("xyz", points.T, strict=True), *columns.items()):
+        clouds[name] = values
+    packed = clouds.view(np.uint8).reshape(len(time_ns), -1)
+    return {"timestamp": _timestamp(time_ns), "data": packed, **_layout(layout)}
 
 
 def log(time_ns: Integers, level: str, text: str) -> Columns:
@@ -184,16 +196,22 @@ def _packed_points(count: int, points_m: ArrayLike, states: ArrayLike) -> Bytes:
     return clouds.view(np.uint8)
 
 
-def _point_field(name: str) -> PackedElementField:
-    dtype, offset = POINT_DTYPE.fields[name][:2]  # type: ignore[index]
-    kind = PackedElementField.FLOAT32 if dtype == np.float32 else PackedElementField.UINT8
-    return PackedElementField(name=name, offset=offset, type=kind)
-
-
-#: what all clouds have alike
-_CLOUD: Final = {
-    "frame_id": topics.CHIEF_FRAME,
-    "pose": Pose(position=Vector3(), orientation=Quaternion(w=1.0)),
-    "point_stride": POINT_DTYPE.itemsize,
-    "fields": [_point_field(name) for name in POINT_DTYPE.names or ()],
+_KINDS: Final = {
+    "u1": PackedElementField.UINT8,
+    "f4": PackedElementField.FLOAT32,
+    "f8": PackedElementField.FLOAT64,
 }
+
+
+def _layout(dtype: np.dtype[Any]) -> Columns:
+    """Return what all clouds of points of a type have alike."""
+    fields = [(name, *dtype.fields[name][:2]) for name in dtype.names or ()]  # type: ignore[index]
+    return {
+        "frame_id": topics.CHIEF_FRAME,
+        "pose": Pose(position=Vector3(), orientation=Quaternion(w=1.0)),
+        "point_stride": dtype.itemsize,
+        "fields": [
+            PackedElementField(name=name, offset=offset, type=_KINDS[kind.str[1:]])
+            for name, kind, offset in fields
+        ],
+    }

@@ -457,5 +457,9 @@ def _topic_columns(
     fis_metadata = metadata.get(topics.FIS_METADATA_PREFIX + topic.removeprefix(topics.FIS_PREFIX))
     if topic.startswith(topics.FIS_PREFIX) and fis_metadata is not None and "input_units" in fis_metadata:
         units["inputs"] = ", ".join(FisDescription.from_metadata(fis_metadata).input_units)
+    if topic == topics.CHIEF_POINTS and "state" not in decoded:
+        raise ValueError(f"the points on {topic} have no colours")
+    if topic == topics.CHIEF_PULLS:
+        units |= metadata.get(topics.PULLS_METADATA, {})
     time_s = np.array(log_times, dtype=np.float64) / NANOSECONDS
     return TopicColumns(topic, schema, time_s, decoded, units)

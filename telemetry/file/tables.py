@@ -115,7 +115,7 @@ def flat_table(recording: Recording, name: str) -> "pa.Table":
 def _flat_columns(recording: Recording, topic: TopicColumns) -> Table:
     if topic.topic == topics.DEPUTY_ATTITUDE:
         return _attitude_table(topic)
-    if topic.topic == topics.CHIEF_POINTS:
+    if topic.topic in (topics.CHIEF_POINTS, topics.CHIEF_PULLS):
         return _point_table(topic)
     table: Table = {"time_s": topic.time_s}
     for field, values in topic.columns.items():
@@ -133,15 +133,16 @@ def _attitude_table(topic: TopicColumns) -> Table:
 
 
 def _point_table(topic: TopicColumns) -> Table:
-    states = topic["state"]
-    num_samples, num_points = states.shape
-    words = np.array([state.name.lower() for state in topics.PointState] + ["unknown"])
-    return {
+    num_samples, num_points = topic["position_m"].shape[:2]
+    table = {
         "time_s": np.repeat(topic.time_s, num_points),
         "point": np.tile(np.arange(num_points), num_samples),
         **_spread("position_m", topic["position_m"].reshape(-1, 3), None),
-        "state": words[np.minimum(states.astype(np.int64), len(words) - 1).ravel()],
     }
+    if "state" not in topic.columns:
+        return table | {name: values.ravel() for name, values in topic.columns.items() if values.ndim == 2}
+    words = np.array([state.name.lower() for state in topics.PointState] + ["unknown"])
+    return table | {"state": words[np.minimum(topic["state"].astype(np.int64), len(words) - 1).ravel()]}
 
 
 def _component_names(recording: Recording, topic: TopicColumns, field: str) -> Sequence[str] | None:

@@ -8,6 +8,8 @@ import numpy as np
 TRANSFORMS: Final = "/tf"
 DEPUTY_POSE: Final = "/deputy/pose"
 CHIEF_POINTS: Final = "/chief/points"
+#: only where inputs of the controller are made of points
+CHIEF_PULLS: Final = "/chief/pulls"
 DEPUTY_STATE: Final = "/deputy/state"
 DEPUTY_ATTITUDE: Final = "/deputy/attitude"
 DEPUTY_CONTROL: Final = "/deputy/control"
@@ -33,6 +35,8 @@ CHIEF_FRAME: Final = "chief"
 EPISODE_METADATA: Final = "episode"
 FIS_METADATA_PREFIX: Final = "fis."
 CONSTANTS_METADATA: Final = "constants"
+#: the inputs that are made of points, with their units
+PULLS_METADATA: Final = "pulls"
 #: the chief's triangles, where it is no sphere: an STL file in its axes, m
 CHIEF_ATTACHMENT: Final = "chief.stl"
 RECOVERY_METADATA: Final = "recovery"

@@ -22,7 +22,7 @@ from mcap.writer import Writer
 from mcap_protobuf.schema import register_schema
 from numpy.typing import ArrayLike
 
-from telemetry.array_types import Floats, Integers
+from telemetry.array_types import Booleans, Floats, Integers
 from telemetry.file import RecordingError, messages, topics
 from telemetry.file.messages import NANOSECONDS, encode, nanoseconds, rows
 from telemetry.file.metadata import sealed
@@ -170,6 +170,33 @@ class EpisodeWriter:
         """
         time_ns = nanoseconds(time_s)
         self._write(topics.CHIEF_POINTS, time_ns, messages.point_cloud(time_ns, points_m, states))
+
+    def pulls(
+        self,
+        time_s: ArrayLike,
+        points_m: ArrayLike,
+        parts: Mapping[str, Floats],
+        last_light_s: Floats,
+        is_missed: Booleans,
+    ) -> None:
+        """Record what each point adds to inputs of the controller; the metadata `pulls` gives their units.
+
+        Parameters
+        ----------
+        time_s : float
+            Simulation time.
+        points_m : (P, 3)
+            As in `points`.
+        parts : mapping of str to (P,)
+            By the name of the input.
+        last_light_s : (P,)
+            When each point is lit for the last time; the same in all samples.
+        is_missed : (P,) bool
+            Whether coasting to the end would leave it unseen.
+        """
+        time_ns = nanoseconds(time_s)
+        columns = {**parts, "last_light_s": last_light_s, "is_missed": is_missed}
+        self._write(topics.CHIEF_PULLS, time_ns, messages.cloud_of(time_ns, points_m, columns))
 
     def deputy_state(
         self,
@@ -482,6 +509,7 @@ class EpisodeWriter:
         systems = [name.removeprefix(prefix) for name in self._metadata if name.startswith(prefix)]
         kinds: dict[str, type[Message]] = {
             **_KIND_OF_TOPIC,
+            **({topics.CHIEF_PULLS: PointCloud} if topics.PULLS_METADATA in self._metadata else {}),
             **{topics.fis_topic(name): inspection_pb2.FisActivation for name in systems},
         }
         schemas: dict[str, int] = {}
