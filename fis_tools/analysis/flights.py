@@ -3,7 +3,8 @@
 This is the one file of the package that reads recordings.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -30,6 +31,7 @@ CONTROLLER_ATTACHMENT = "controller.json"
 TOPIC_PREFIX = "/fis/"
 CONSTANTS_METADATA = "constants"
 CONTROL_TOPICS = "*/control"
+PULLS_TOPICS, PULLS_METADATA = "*/pulls", "pulls"
 #: times closer than this are the same, s
 SAME_TIME_S = 1e-6
 #: fields of its control topic that say what coasting was decided by
@@ -148,6 +150,30 @@ class Outcome(NamedTuple):
     asked: dict[str, Floats]
     foreseen: Floats = np.empty((0, 3))
     limits_m: tuple[float | None, float | None] = (None, None)
+
+
+@dataclass(frozen=True)
+class Points:
+    """Points that inputs of a controller are made of, at an instant of a flight.
+
+    Parameters
+    ----------
+    latitude_deg, longitude_deg : (P,)
+        Where each point is on the body that it belongs to.
+    dark_in_s : (P,)
+        Until it is lit for the last time; at most 0 where that is over.
+    parts : dict of str to (P,)
+        What each adds to an input, by the input's name, in its unit. What of the input they do not sum to is
+        no point's doing.
+    is_missed : (P,), optional
+        Whether it stays unseen if nothing is fired any more; None where the controller does not ask.
+    """
+
+    latitude_deg: Floats
+    longitude_deg: Floats
+    dark_in_s: Floats
+    parts: dict[str, Floats]
+    is_missed: Booleans | None
 
 
 def is_flight(path: Path | str) -> bool:
@@ -300,6 +326,62 @@ def read_periods(
     return tuple(_period(flown, float(starts[place]), recording) for flown in flown_systems)
 
 
+def read_rehearsals(path: Path | str, time_s: float) -> dict[str, list[tuple[float, str]]]:
+    """Return what each way that was flown ahead would have cost, m/s, the cheapest first, by what was chosen.
+
+    Choices that were over by that time are left out.
+
+    Raises
+    ------
+    ControllerFileError
+        If the flight cannot be read.
+    """
+    if not is_flight(path):
+        return {}
+    recording = _read(path, topics=())
+    with _understood():
+        told = recording.rehearsals
+    return {
+        what: sorted(zip(one.costs_m_s, one.names, strict=True))
+        for what, one in told.items()
+        if time_s < one.until_s
+    }
+
+
+def read_points(path: Path | str, time_s: float) -> Points | None:
+    """Read what the points of a flight add to the inputs in a control period; None where it does not say.
+
+    Raises
+    ------
+    ControllerFileError
+        If the flight cannot be read.
+    """
+    if not is_flight(path):
+        return None
+    recording = _read(path, topics=(PULLS_TOPICS, CONTROL_TOPICS))
+    cloud = next((topic for name, topic in recording.topics.items() if name.endswith("/pulls")), None)
+    starts = recording.control_time_s
+    begun = starts[starts <= time_s + SAME_TIME_S]
+    # a cloud holds until the next
+    if cloud is None or not len(cloud) or not len(begun) or cloud.time_s[0] > begun[-1] + SAME_TIME_S:
+        return None
+    time_s = float(begun[-1])
+    names = recording.metadata.get(PULLS_METADATA, {})
+    if missing := {"last_light_s", "is_missed", *names} - cloud.columns.keys():
+        raise ControllerFileError(f"{path}: {cloud.topic} lacks {', '.join(sorted(missing))}; log it again")
+    row = int(np.searchsorted(cloud.time_s, time_s + SAME_TIME_S)) - 1
+    x, y, z = cloud["position_m"][row].astype(np.float64).T
+    control = next(topic for name, topic in recording.topics.items() if name.endswith("/control"))
+    is_asked = np.isfinite(control["coasting_missed"][len(begun) - 1])
+    return Points(
+        np.degrees(np.arctan2(z, np.hypot(x, y))),
+        np.degrees(np.arctan2(y, x)),
+        cloud["last_light_s"][row].astype(np.float64) - time_s,
+        {name: cloud[name][row].astype(np.float64) for name in names},
+        cloud["is_missed"][row] != 0 if is_asked else None,
+    )
+
+
 def _period(flown: FlownSystem, start_s: float, recording: "Recording | None") -> Period:
     rows = np.flatnonzero(np.abs(flown.time_s + flown.delay_s - start_s) < SAME_TIME_S)
     row = int(rows[0]) if len(rows) else None
@@ -405,9 +487,18 @@ def _read(path: Path | str, topics: tuple[str, ...]) -> "Recording":
             "the package telemetry" if error.name == "telemetry" else str(error.name),
             "./fis_tools . (in a copy of this project's sources)",
         ) from error
-    try:
+    with _understood():
         return reader.read(path, topics)
-    except reader.RecordingError as error:
+
+
+@contextmanager
+def _understood() -> Iterator[None]:
+    """Turn what a recording says wrongly into a `ControllerFileError`."""
+    from telemetry.file.errors import RecordingError  # noqa: PLC0415 - as in `_read`
+
+    try:
+        yield
+    except RecordingError as error:
         raise ControllerFileError(str(error)) from error
 
 

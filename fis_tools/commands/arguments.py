@@ -288,11 +288,14 @@ class Instant:
         None where nothing was fired, and there is nothing to tell about.
     note : str
         What became of the force, in words; empty where it was fired as asked for, or nothing is known of it.
+    points : Points, optional
+        Which points the inputs were made of, where that is recorded.
     """
 
     system: FuzzySystem
     inputs: Floats | None
     note: str = ""
+    points: flights.Points | None = None
 
 
 def instants(asked: AskedInstant, controller: FuzzyController) -> Iterator[Instant]:
@@ -311,10 +314,10 @@ def instants(asked: AskedInstant, controller: FuzzyController) -> Iterator[Insta
         raise UserMistake(f"the flight has no system {asked.system!r}; {nearest(asked.system, names)}")
     for period in periods:
         if asked.system in (None, period.flown.system.name):
-            yield _instant(period, asked.all_periods)
+            yield _instant(period, asked.all_periods, paths[0])
 
 
-def _instant(period: flights.Period, all_periods: bool) -> Instant:
+def _instant(period: flights.Period, all_periods: bool, path: str) -> Instant:
     flown, row = period.flown, period.row
     if row is None:
         return Instant(flown.system, None, _in_words(period))
@@ -322,7 +325,10 @@ def _instant(period: flights.Period, all_periods: bool) -> Instant:
     is_plain = became in ("fired", UNKNOWN) and not flown.delay_s
     is_told = became in (*COUNTED, UNKNOWN) or all_periods
     return Instant(
-        flown.system, flown.inputs[row] if is_told else None, "" if is_plain else _in_words(period)
+        flown.system,
+        flown.inputs[row] if is_told else None,
+        "" if is_plain else _in_words(period),
+        flights.read_points(path, float(flown.time_s[row])) if is_told else None,
     )
 
 

@@ -6,10 +6,12 @@ from collections.abc import Sequence
 from dataclasses import fields, replace
 from importlib import import_module
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
+import numpy as np
 from cyclopts import Parameter, Token
 
+from fis_tools.analysis import flights
 from fis_tools.commands.arguments import (
     AskedAlong,
     AskedInstant,
@@ -185,13 +187,22 @@ def _of_instants(
         return "\n".join([*steps_of, *silent])
     with mistakes(ValueError), analysing(controller):
         explained = [
-            explanation.explain(one.system, one.inputs, crossing) for one in found if one.inputs is not None
+            explanation.explain(one.system, one.inputs, crossing, one.points)
+            for one in found
+            if one.inputs is not None
         ]
+    path, time_s = (asked.paths[0], asked.time) if asked.time is not None else ("", 0.0)
+    now, rehearsed = flights.read_points(path, time_s), flights.read_rehearsals(path, time_s)
     if json:
         plain = [one.plain() for one in explained]
         idle = [{"system": one.system.name, "words": one.note} for one in found if one.inputs is None]
-        return as_json(*EXPLANATION, {"explanations": plain, "not_fired": idle})
-    return "\n".join([*(one.text(everything=all) for one in explained), *silent])
+        told: dict[str, Any] = {"rehearsed": rehearsed} if rehearsed else {}
+        if now is not None and now.is_missed is not None:
+            told["missed"] = np.flatnonzero(now.is_missed).tolist()
+        return as_json(*EXPLANATION, {"explanations": plain, "not_fired": idle, **told})
+    ahead = [text.write(explanation.rehearsed(what, ways, all)) for what, ways in rehearsed.items()]
+    missed = [f"{words}\n"] if now is not None and (words := explanation.missed_words(now)) else []
+    return "\n".join([*(one.text(everything=all) for one in explained), *silent, *missed, *ahead])
 
 
 def _over_flights(asked: AskedInstant, controller: FuzzyController, all: bool, json: bool) -> str:

@@ -257,6 +257,12 @@ def amount(variable: model.Variable, value: float) -> str:
     return f"{number(float(f'{value:.4g}'))} {variable.unit}".rstrip()
 
 
+def signed(variable: model.Variable, value: float) -> str:
+    """Format a value of a variable as `amount` does, with a plus before what is above zero."""
+    words = amount(variable, value)
+    return words if words.startswith(("-", "0 ")) or words == "0" else f"+{words}"
+
+
 def percent(fraction: float) -> str:
     """Format a fraction in percent, so that a small one differs from none and a large one from all."""
     for digits in (0, 1, 2):

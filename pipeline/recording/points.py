@@ -80,13 +80,15 @@ class _Decisions:
         """Position (m) and velocity (m/s) as the deputy knew them, (n, 6)."""
         is_estimated = np.any(self.log.estimate_covariance)
         true = np.hstack([self.log.position_m, self.log.velocity_m_s])
-        return (self.log.estimate if is_estimated else true)[self.samples]
+        known: Floats = (self.log.estimate if is_estimated else true)[self.samples]
+        return known
 
     @cached_property
     def points(self) -> Floats:
         """The points in Hill axes, (n or 1, P, 3), m."""
         rows = self.world.points[self.samples if len(self.world.points) > 1 else [0]]
-        return np.swapaxes(rows[:, :, : self.world.num_points], 1, 2)
+        found: Floats = np.swapaxes(rows[:, :, : self.world.num_points], 1, 2)
+        return found
 
     @cached_property
     def urgency(self) -> Floats:
@@ -151,4 +153,5 @@ class _Decisions:
         leads_in = np.sum((parts.sum(axis=1) + alone) * outward, axis=1, keepdims=True) < 0.0
         nearness = np.clip((skirt - distance) / (skirt - least), 0.0, 1.0) * leads_in
         along = parts @ outward[..., np.newaxis]
-        return parts - 2.0 * nearness[..., np.newaxis] * along * outward[:, np.newaxis]
+        turned: Floats = parts - 2.0 * nearness[..., np.newaxis] * along * outward[:, np.newaxis]
+        return turned

@@ -44,7 +44,7 @@ from pipeline.settings.experiment import Mission
 from pipeline.settings.schema import only_results
 from telemetry import EpisodeWriter
 from telemetry.file import topics
-from telemetry.file.metadata import EpisodeDescription, FisDescription
+from telemetry.file.metadata import EpisodeDescription, FisDescription, Rehearsal
 
 States = NDArray[np.uint8]
 
@@ -145,6 +145,7 @@ class FlightRecorder:
             If the disk refuses.
         """
         metadata = {topics.EPISODE_METADATA: self._episode(scenario, scenario_id), **self._systems}
+        metadata |= self._rehearsals(log)
         with EpisodeWriter(path, metadata=metadata, attachments=self._attachments) as writer:
             self._write(writer, scenario, log)
 
@@ -173,6 +174,23 @@ class FlightRecorder:
             **description.to_metadata(),
             "inspection_radius_m": json.dumps(mission.chief.inspection_radius_m),
             "num_points": json.dumps(len(self._points)),
+        }
+
+    def _rehearsals(self, log: FlightLog) -> dict[str, dict[str, str]]:
+        """Tell what each of the first pushes, and of the images of the tour, would have cost."""
+        pushes = (1e3 * rehearsed_pushes(self._controller)).tolist()
+        ways = [f"{x:.0f} mm/s radially, {y:.0f} along the track, {z:.0f} across" for x, y, z in pushes]
+        mission, tours = self._mission, log.tour_costs_m_s
+        found = {
+            "first push": (ways, log.push_costs_m_s, mission.control_period_s),
+            "image of the tour": (IMAGES[: len(tours)], tours, mission.duration_s),
+        }
+        return {
+            topics.REHEARSAL_METADATA_PREFIX + what: Rehearsal(
+                names=tuple(names), costs_m_s=tuple(costs.tolist()), until_s=until_s
+            ).to_metadata()
+            for what, (names, costs, until_s) in found.items()
+            if len(costs)
         }
 
     def _write(self, writer: EpisodeWriter, scenario: Scenario, log: FlightLog) -> None:

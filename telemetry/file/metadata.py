@@ -18,8 +18,9 @@ JsonValue = float | str | list[float] | list[str]
 
 #: keys with a list of numbers, and how many; None for any number
 NUMBERS_OF: Final[Mapping[str, int | None]] = {
-    **dict.fromkeys(("position_m", "velocity_m_s", "boresight", "noise"), 3), "settings": None,
-}  # fmt: skip
+    **dict.fromkeys(("position_m", "velocity_m_s", "boresight", "noise"), 3),
+    **dict.fromkeys(("settings", "costs_m_s")),
+}
 #: keys with whole numbers
 WHOLE: Final = ("seed", "noise")
 #: the greatest magnitudes of whole and of other numbers
@@ -176,7 +177,45 @@ class FisDescription:
         )
 
 
-def _entries(description: EpisodeDescription | FisDescription) -> dict[str, str]:
+@dataclass(frozen=True, kw_only=True)
+class Rehearsal:
+    """What was flown ahead to choose between ways to begin, the cheapest of which was taken.
+
+    Parameters
+    ----------
+    names : tuple of str
+        The ways, in words.
+    costs_m_s : tuple of float
+        What each would have cost.
+    until_s : float
+        Simulation time until which the choice tells what is done.
+    """
+
+    names: tuple[str, ...]
+    costs_m_s: tuple[float, ...]
+    until_s: float
+
+    def to_metadata(self) -> dict[str, str]:
+        """Encode the rehearsal as metadata."""
+        return _entries(self)
+
+    @classmethod
+    def from_metadata(cls, metadata: Mapping[str, str]) -> "Rehearsal":
+        """Decode metadata.
+
+        Raises
+        ------
+        RecordingError
+            If a value is not encoded as `to_metadata` does, or there is not one cost for each name.
+        """
+        names = _words_from_json("names", metadata.get("names", ""))
+        costs, until_s = (_numbers(key, metadata.get(key, "")) for key in ("costs_m_s", "until_s"))
+        if not isinstance(costs, tuple) or isinstance(until_s, tuple) or not 0 < len(names) == len(costs):
+            raise RecordingError(f"the metadata of a rehearsal has no cost for each of {len(names)} names")
+        return cls(names=names, costs_m_s=costs, until_s=until_s)
+
+
+def _entries(description: EpisodeDescription | FisDescription | Rehearsal) -> dict[str, str]:
     values = {field.name: getattr(description, field.name) for field in fields(description)}
     return {
         key: value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)

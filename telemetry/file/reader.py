@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from telemetry.array_types import Floats
 from telemetry.file import RecordingError, claims, columns, topics
 from telemetry.file.messages import NANOSECONDS
-from telemetry.file.metadata import EpisodeDescription, FisDescription, unsealed
+from telemetry.file.metadata import EpisodeDescription, FisDescription, Rehearsal, unsealed
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -127,6 +127,13 @@ class Recording:
     def episode(self) -> EpisodeDescription:
         """Description of the episode; unknown values are None."""
         return EpisodeDescription.from_metadata(self.metadata.get(topics.EPISODE_METADATA, {}))
+
+    @property
+    def rehearsals(self) -> dict[str, Rehearsal]:
+        """What was flown ahead before the flight, by what was chosen."""
+        prefix = topics.REHEARSAL_METADATA_PREFIX
+        found = {name: values for name, values in self.metadata.items() if name.startswith(prefix)}
+        return {name.removeprefix(prefix): Rehearsal.from_metadata(told) for name, told in found.items()}
 
     def fis_description(self, name: str) -> FisDescription:
         """Return the meaning of the numbers of the fuzzy system `name`.

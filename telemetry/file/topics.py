@@ -35,6 +35,8 @@ CHIEF_FRAME: Final = "chief"
 EPISODE_METADATA: Final = "episode"
 FIS_METADATA_PREFIX: Final = "fis."
 CONSTANTS_METADATA: Final = "constants"
+#: what was flown ahead before the flight, by what it chose
+REHEARSAL_METADATA_PREFIX: Final = "rehearsal."
 #: the inputs that are made of points, with their units
 PULLS_METADATA: Final = "pulls"
 #: the chief's triangles, where it is no sphere: an STL file in its axes, m

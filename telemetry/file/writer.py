@@ -195,7 +195,11 @@ class EpisodeWriter:
             Whether coasting to the end would leave it unseen.
         """
         time_ns = nanoseconds(time_s)
-        columns = {**parts, "last_light_s": last_light_s, "is_missed": is_missed}
+        columns: dict[str, Floats | Booleans] = {
+            **parts,
+            "last_light_s": last_light_s,
+            "is_missed": is_missed,
+        }
         self._write(topics.CHIEF_PULLS, time_ns, messages.cloud_of(time_ns, points_m, columns))
 
     def deputy_state(

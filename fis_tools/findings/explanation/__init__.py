@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from fis_tools.analysis import shapley
 from fis_tools.analysis.contribution import contributions, holding_back
+from fis_tools.analysis.flights import Points
 from fis_tools.document import Block, Document, Heading, Items, Paragraph, Result, Table, plain
 from fis_tools.engines.inference import infer
 from fis_tools.findings.explanation.flips import (
@@ -20,11 +21,12 @@ from fis_tools.findings.explanation.flips import (
     is_classifier,
     row,
 )
+from fis_tools.findings.explanation.points import made_of, missed_words, plain_parts, rehearsed
 from fis_tools.findings.explanation.shares import shares
 from fis_tools.model import FuzzySystem, Variable
-from fis_tools.words.text import NEGLIGIBLE, amount, listed, percent, sentence, span
+from fis_tools.words.text import NEGLIGIBLE, amount, listed, percent, sentence, signed, span
 
-__all__ = ["Explanation", "Flip", "explain", "flips", "shares"]
+__all__ = ["Explanation", "Flip", "explain", "flips", "missed_words", "rehearsed", "shares"]
 
 #: Rules that moved an output by less than this fraction of its range, or beyond so many, are told on demand.
 WORTH_TELLING = 0.01
@@ -103,12 +105,15 @@ class Explanation(Result):
     outputs : tuple of ExplainedOutput
     class_flips : tuple of ClassFlip
         What flips the class that a classifier says, the smallest changes first.
+    points : Points, optional
+        Which points the inputs are made of, where that is known.
     """
 
     system: FuzzySystem
     inputs: tuple[float, ...]
     outputs: tuple[ExplainedOutput, ...]
     class_flips: tuple[ClassFlip, ...] = ()
+    points: Points | None = None
 
     def document(self, *, everything: bool = False) -> Document:
         """Say it, the most important first; `everything` adds the rules that hardly moved an output."""
@@ -124,6 +129,8 @@ class Explanation(Result):
                 blocks += [Paragraph(f"{_question(output)}:"), Items(list(_flip_words(output)))]
         if is_classifier(self.system):
             blocks += self._class_words()
+        if self.points is not None:
+            blocks += made_of(self.points, self.system, self.inputs, everything)
         return Document([block for block in blocks if block != Items([])])
 
     def _class_words(self) -> Iterator[Block]:
@@ -151,7 +158,8 @@ class Explanation(Result):
         count from, and what takes it across ``crossing``: ``flips``, an entry for each ``input`` and ``way``
         (``up``, ``down``), the smallest first, with the ``change``,
         the inputs ``last`` before and ``first`` after it and the outputs there (null where no value does it),
-        and whether no rule fires there (``takes_default``).
+        and whether no rule fires there (``takes_default``). Where inputs are made of points, ``points`` says
+        what each adds to them.
         """
         names = [variable.name for variable in self.system.inputs]
         class_flips = [
@@ -181,6 +189,7 @@ class Explanation(Result):
                 for output in self.outputs
             ],
             **({"class_flips": class_flips} if class_flips else {}),
+            **({"points": plain_parts(self.points, self.system)} if self.points is not None else {}),
         }
 
     def _place(self) -> str:
@@ -218,7 +227,7 @@ class Explanation(Result):
                     else f"rule {who[0]} {alone}"
                 )
                 of_all = f", {shared[term] / whole:.2f}" if abs(whole) > SMALL * span(output.variable) else ""
-                sentences.append(f"{term}{of_all} ({_signed(output.variable, shared[term])}): {words}")
+                sentences.append(f"{term}{of_all} ({signed(output.variable, shared[term])}): {words}")
         return sentences
 
     def _moves(self, output: ExplainedOutput, everything: bool) -> tuple[list[list[str]], str]:
@@ -228,8 +237,8 @@ class Explanation(Result):
         shown = list(moves) if everything else shown or list(moves[:1])
         rows = [
             [
-                _signed(variable, move.share),
-                _signed(variable, move.needed),
+                signed(variable, move.share),
+                signed(variable, move.needed),
                 f"{move.strength:.2f}",
                 f"{move.rule}. {sentence(self.system.rules[move.rule - 1])}",
             ]
@@ -257,17 +266,12 @@ def _question(output: ExplainedOutput) -> str:
     )
 
 
-def _signed(variable: Variable, value: float) -> str:
-    words = amount(variable, value)
-    return words if words.startswith(("-", "0 ")) or words == "0" else f"+{words}"
-
-
 def _value(output: ExplainedOutput) -> str:
     value = f"{output.variable.name} = {amount(output.variable, output.value)}"
     if output.is_default:
         return f"{value}, its default: no rule that concludes on it fires"
     variable, silent = output.variable, output.variable.default or 0.0
-    way = f"{_signed(variable, output.value - silent)} from {amount(variable, silent)}, where no rule fires"
+    way = f"{signed(variable, output.value - silent)} from {amount(variable, silent)}, where no rule fires"
     error = (
         f", sampled with a standard error of {amount(variable, output.error)} at most" if output.error else ""
     )
@@ -329,7 +333,12 @@ def _plain_flip(flip: Flip) -> dict[str, Any]:
     }
 
 
-def explain(system: object, inputs: ArrayLike | Mapping[str, float], crossing: float = 0.0) -> Explanation:
+def explain(
+    system: object,
+    inputs: ArrayLike | Mapping[str, float],
+    crossing: float = 0.0,
+    points: Points | None = None,
+) -> Explanation:
     """Explain one inference: the share of each rule in the outputs, and what would flip them.
 
     Parameters
@@ -339,6 +348,8 @@ def explain(system: object, inputs: ArrayLike | Mapping[str, float], crossing: f
         Clipped to the universes.
     crossing : float
         The value to be crossed, in the unit of the outputs; 0 asks for the sign.
+    points : Points, optional
+        Which points the inputs are made of, to be told with the explanation.
 
     Raises
     ------
@@ -374,4 +385,4 @@ def explain(system: object, inputs: ArrayLike | Mapping[str, float], crossing: f
         found_out = (output.variable, output.value, output.is_default)
         outputs.append(ExplainedOutput(*found_out, *reasons, float(crossing), of_output))
     turned = class_flips(compiled, given) if is_classifier(compiled.system) else ()
-    return Explanation(compiled.system, tuple(given.tolist()), tuple(outputs), turned)
+    return Explanation(compiled.system, tuple(given.tolist()), tuple(outputs), turned, points)

@@ -7,8 +7,16 @@ import numpy as np
 import pytest
 
 import telemetry
+from fis_tools.__main__ import main
 from fis_tools.analysis.arrays import rule_usage
-from fis_tools.analysis.flights import inputs_along, read_controller, read_flight, read_periods, usage_along
+from fis_tools.analysis.flights import (
+    inputs_along,
+    read_controller,
+    read_flight,
+    read_periods,
+    read_points,
+    usage_along,
+)
 from fis_tools.engines.inference import infer
 from fis_tools.errors import ControllerFileError
 from fis_tools.formats.serialize import dump_json
@@ -190,3 +198,42 @@ def test_each_period_tells_what_became_of_each_system(tmp_path: Path) -> None:
                 assert (period.row is not None) == is_inferred
                 if period.row is not None:
                     assert period.flown.time_s[period.row] == period.time_s
+
+
+def test_points_are_read_as_they_are_at_a_time_and_told_with_the_inputs(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Three points on the axes; a cloud holds until the next, and what nobody asks is not told."""
+    system = force_x_system()
+    axes, parts = 10.0 * np.diag([1.0, 1.0, -1.0]), np.array([[30.0, 0.0, 40.0], [1.0, 2.0, 3.0]])
+    metadata = {"fis.force_x": description(system), "pulls": {"distance": "m"}}
+    attachments = {"controller.json": dump_json(replace(paper_like_controller(), systems=(system,))).encode()}
+    path, times, nothing = tmp_path / "x.mcap", np.array([0.0, 10.0, 20.0]), np.zeros((3, 3))
+    with EpisodeWriter(path, metadata=metadata, attachments=attachments) as writer:
+        foreseen = np.array([[1.0, 20.0, 30.0], [np.nan] * 3, [0.0, 20.0, 30.0]])
+        fired = np.full((3, 3), Reason.FIRED)
+        writer.control(times, nothing, nothing + 1.0, nothing, fired, foreseen)
+        is_missed = np.array([[False, True, False], [False] * 3])
+        writer.pulls(times[:2], axes, {"distance": parts}, np.array([60.0, 120.0, 5.0]), is_missed)
+        steps = [infer(system, [value, 0.0]) for value in (70.0, 6.0, 6.0)]
+        strengths = np.array([step.firing_strengths for step in steps])
+        inputs, output = np.array([[70.0, 0.0], [6.0, 0.0], [6.0, 0.0]]), [step.values[0] for step in steps]
+        writer.fis(times, "force_x", inputs, strengths, np.array(output))
+    first, second, third = (read_points(path, time) for time in times)
+    assert first is not None
+    assert second is not None
+    assert third is not None
+    np.testing.assert_allclose(first.latitude_deg, [0.0, 0.0, -90.0], atol=1e-9)
+    np.testing.assert_allclose(first.longitude_deg[:2], [0.0, 90.0], atol=1e-9)
+    np.testing.assert_array_equal(third.dark_in_s, [40.0, 100.0, -15.0])
+    np.testing.assert_array_equal([one.parts["distance"] for one in (first, second, third)], parts[[0, 1, 1]])
+    assert first.is_missed is not None
+    assert first.is_missed.tolist() == [False, True, False]
+    assert second.is_missed is None
+    assert read_points(tmp_path / "table.csv", 0.0) is None
+    for all_of_them, words in (
+        ((), "+40 m 2 90° S 0° E 0.1 min"),
+        (("--json",), '"part": 40.0'),
+    ):
+        assert main(["explain", str(path), "--time", "0", *all_of_them]) == 0
+        assert words in " ".join(capsys.readouterr().out.split())

@@ -1,0 +1,179 @@
+"""What points add to signals sums to the signals, and is what the readable flight's formulas make it."""
+
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import telemetry
+from fis_tools.formats import serialize
+from pipeline.flight.control.controller import Controller, coast, from_fuzzy
+from pipeline.flight.fly.rehearsals import tour_images
+from pipeline.flight.fly.simulation import fly_logged
+from pipeline.flight.state.log import FlightLog
+from pipeline.flight.world.pack import pack_world
+from pipeline.recording.points import parts_of_points, sensed_of_points
+from pipeline.recording.recorder import FlightRecorder
+from pipeline.settings.experiment import Mission
+from tests.pipeline.flight.as_written import written
+from tests.pipeline.flight.cases import STARTS, controller, leaning_system, mission
+from tests.places import PROJECT
+from tests.readable_flight.see_push import KS2, cheapest_looks
+from tests.readable_flight.tour import tour_push
+from tests.readable_flight.urgency import turned_aside, urgency
+
+WORLDS = {
+    "the paper's": mission(attitude={"mode": "ideal"}, duration_s=1800.0),
+    "tumbling": mission(
+        attitude={"mode": "ideal"},
+        chief={"initial_angular_velocity_rad_s": (0.01, -0.02, 0.005)},
+        duration_s=1800.0,
+    ),
+    "low orbit": mission(
+        duration_s=1800.0,
+        attitude={"mode": "ideal"},
+        light={"shadow": "conical"},
+        sensor={"max_incidence_deg": 70.0},
+        navigation={"mode": "fixes"},
+    ),
+}
+SHIPPED = sorted((PROJECT / "conf" / "controller").glob("*.yaml"))
+
+
+def shipped(path: Path) -> Controller | None:
+    """The fuzzy controller of a file, if it senses what is made of points."""
+    if "systems:" not in path.read_text():
+        return None
+    found = from_fuzzy(serialize.load(path))
+    return found if sensed_of_points(pack_world(WORLDS["the paper's"]), found) else None
+
+
+OF_POINTS = {path.stem: found for path in SHIPPED if (found := shipped(path))}
+TARGETING = controller((leaning_system("force_x", 0.02, ("target_radial", "", 1.0)),), "hill")
+
+
+def flown(what: Mission, flying: Controller, start: int = 0) -> tuple[FlightLog, Controller]:
+    """A flight's log, and the controller with the image of the tour that it followed."""
+    log = fly_logged(what, flying, STARTS[start])
+    images = tour_images(flying)
+    return log, images[log.tour_costs_m_s.argmin()] if images else flying
+
+
+@cache
+def parts_in(world: str, name: str) -> tuple[FlightLog, Controller, np.ndarray, dict[str, np.ndarray]]:
+    log, followed = flown(WORLDS[world], TARGETING if name == "target" else OF_POINTS[name])
+    samples = np.flatnonzero(log.is_decided)
+    return log, followed, samples, parts_of_points(pack_world(WORLDS[world]), followed, log, samples)
+
+
+def readable(world: str, name: str, k: int):
+    """The readable flight, and what it knows at a sample of a flight: state, and points inspected."""
+    log, followed, _, _ = parts_in(world, name)
+    flight = written(WORLDS[world], followed, STARTS[0])
+    flight.__dict__["suns"] = list(zip(log.sun_angle_rad, log.sun_elevation_rad, strict=True))
+    truth = np.hstack((log.position_m[k], log.velocity_m_s[k]))
+    state = log.estimate[k] if WORLDS[world].navigation.mode == "fixes" else truth
+    return flight, state, log.is_inspected[k]
+
+
+def test_most_shipped_controllers_sense_what_points_make() -> None:
+    assert OF_POINTS.keys() >= {"champion_27", "champion_leo", "champion_any_sun", "see_push", "aim", "tour"}
+
+
+@pytest.mark.parametrize("world", WORLDS)
+@pytest.mark.parametrize("name", ["target", *OF_POINTS])
+def test_parts_sum_to_what_was_sensed(world: str, name: str) -> None:
+    log, followed, samples, parts = parts_in(world, name)
+    assert len(samples)
+    assert parts
+    is_told = False
+    for place, system in enumerate(followed.systems):
+        for column, variable in enumerate(system.inputs):
+            if variable.name in parts and not variable.name.startswith("tour_push"):
+                sensed, added = log.fis_input[samples, place, column], parts[variable.name].sum(axis=1)
+                np.testing.assert_allclose(added, sensed, rtol=0, atol=1e-9, err_msg=variable.name)
+                is_told |= bool(added.any())
+    assert is_told or all(name.startswith("tour_push") for name in parts)
+
+
+@pytest.mark.parametrize("world", WORLDS)
+def test_leaning_towards_points_is_what_they_add_to_the_push_onto_the_tour(world: str) -> None:
+    log, _, samples, parts = parts_in(world, "champion_leo")
+    names = [f"tour_push_{axis}" for axis in ("radial", "along_track", "cross_track")]
+    sensed = log.fis_input[samples, [[0], [1], [2]], 0].T
+    told = 0
+    for row, k in enumerate(samples):
+        flight, state, _ = readable(world, "champion_leo", k)
+        alone = tour_push(flight, k, state, np.zeros(3))
+        if np.linalg.norm(state[:3]) > flight.constants["skirt_distance_m"]:
+            added = np.array([parts[name][row].sum() for name in names])
+            np.testing.assert_allclose(alone + added, sensed[row], rtol=0, atol=1e-9)
+            told += 1
+    assert told > 5
+
+
+@pytest.mark.parametrize("world", WORLDS)
+def test_each_part_is_what_the_push_loses_without_the_points_shortfall(world: str) -> None:
+    """The push of all shortfalls less that of all but one, in the same equations, point by point."""
+    _, _, samples, parts = parts_in(world, "see_push")
+    names = [f"see_push_{axis}" for axis in ("radial", "along_track", "cross_track")]
+    num_told = 0
+    for row, k in enumerate(samples[::3]):
+        flight, state, is_inspected = readable(world, "see_push", k)
+        horizon = flight.constants["see_horizon_s"]
+        is_sought = flight.is_counted & ~is_inspected
+        is_sought &= (flight.last_lit > flight.time(k)) & (flight.last_lit <= flight.time(k) + horizon)
+        short, slopes = cheapest_looks(flight, k, state, is_sought, horizon)
+        weights = urgency(flight, k) * (short > 0.0)
+        matrix = flight.constants["see_damping_ks2"] * KS2 * np.eye(3) + (weights * slopes.T) @ slopes
+
+        def pushed(left, weights=weights, slopes=slopes, matrix=matrix, flight=flight, state=state):
+            push = np.linalg.solve(matrix, slopes.T @ (weights * left))
+            return turned_aside(flight, push, state[:3]), push @ state[:3] < 0.0
+
+        whole, leads_in = pushed(short)
+        for point in np.flatnonzero(short):
+            without, still_leads_in = pushed(np.where(np.arange(len(short)) == point, 0.0, short))
+            if leads_in == still_leads_in:
+                found = [parts[name][3 * row, point] for name in names]
+                np.testing.assert_allclose(found, whole - without, rtol=0, atol=1e-9)
+                num_told += 1
+        assert not any(parts[name][3 * row][short == 0.0].any() for name in names)
+    assert num_told > 5
+
+
+def test_what_coasting_would_miss_is_not_seen_by_coasting() -> None:
+    what = WORLDS["the paper's"]
+    log, _ = flown(what, OF_POINTS["champion_27"])
+    asked = np.flatnonzero(np.isfinite(log.foreseen[:, 0]))
+    np.testing.assert_array_equal(log.is_missed[asked].sum(axis=1), log.foreseen[asked, 0])
+    for k in asked[:: max(1, len(asked) // 4)]:
+        angle = log.sun_angle_rad[k]
+        start = replace(
+            STARTS[0], position_m=log.position_m[k], velocity_m_s=log.velocity_m_s[k], sun_angle_rad=angle
+        )
+        left = replace(what, duration_s=what.duration_s - k * what.control_period_s)
+        seen = fly_logged(left, coast(), start).is_inspected[-1] | log.is_inspected[k]
+        # on the way the camera sees a few more than at the places that are previewed
+        assert not np.any(~seen & ~log.is_missed[k])
+        assert np.count_nonzero(seen & log.is_missed[k]) <= 5
+
+
+def test_a_recording_holds_them_and_one_without_such_inputs_has_no_topic(tmp_path: Path) -> None:
+    what = WORLDS["the paper's"]
+    for name, senses in (("champion_27", True), ("paper_champion", False)):
+        flying = from_fuzzy(serialize.load(PROJECT / "conf" / "controller" / f"{name}.yaml"))
+        recorder = FlightRecorder(what, flying, seed=0, config={}, near_limit_m=2.0)
+        recorder.record(tmp_path / "x.mcap", STARTS[0], fly_logged(what, flying, STARTS[0]), "x")
+        flight = telemetry.read(tmp_path / "x.mcap")
+        assert ("/chief/pulls" in flight.topics) == ("pulls" in flight.metadata) == senses
+        for system in flying.systems if senses else ():
+            cloud, sensed = flight["/chief/pulls"], flight[f"/fis/{system.name}"]
+            rows = np.searchsorted(cloud.time_s, sensed.time_s + 1e-6) - 1
+            for place, variable in enumerate(system.inputs):
+                if variable.name in cloud.columns:
+                    added = cloud[variable.name][rows].sum(axis=1)
+                    np.testing.assert_allclose(added, sensed["inputs"][:, place], rtol=0, atol=1e-9)
+                    assert cloud.units[variable.name] == variable.unit == "m/s"
