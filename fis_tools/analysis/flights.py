@@ -494,11 +494,11 @@ def _read(path: Path | str, topics: tuple[str, ...]) -> "Recording":
 @contextmanager
 def _understood() -> Iterator[None]:
     """Turn what a recording says wrongly into a `ControllerFileError`."""
-    from telemetry.file.errors import RecordingError  # noqa: PLC0415 - as in `_read`
+    from telemetry.file import reader  # noqa: PLC0415 - as in `_read`
 
     try:
         yield
-    except RecordingError as error:
+    except reader.RecordingError as error:
         raise ControllerFileError(str(error)) from error
 
 

@@ -100,7 +100,8 @@ class _Decisions:
     def target(self) -> Floats:
         candidates = self.log.is_candidate[self.samples][..., np.newaxis] * self.points
         length = np.linalg.norm(candidates.sum(axis=1, keepdims=True), axis=2, keepdims=True)
-        return candidates / np.maximum(length, MIN_PROJECTION_M)
+        found: Floats = candidates / np.maximum(length, MIN_PROJECTION_M)
+        return found
 
     @cached_property
     def urgent(self) -> Floats:

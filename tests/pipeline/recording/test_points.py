@@ -114,7 +114,7 @@ def test_leaning_towards_points_is_what_they_add_to_the_push_onto_the_tour(world
     assert told > 5
 
 
-@pytest.mark.parametrize("world", WORLDS)
+@pytest.mark.parametrize("world", ["the paper's", "low orbit"])
 def test_each_part_is_what_the_push_loses_without_the_points_shortfall(world: str) -> None:
     """The push of all shortfalls less that of all but one, in the same equations, point by point."""
     _, _, samples, parts = parts_in(world, "see_push")
