@@ -85,7 +85,7 @@ def test_it_is_rehearsed_without_the_errors_to_come() -> None:
     )
     controller = rehearsing(0.12)
     openings = [
-        rehearsed_openings(flown, controller, [at], 1)
+        rehearsed_openings(flown, controller, [at], 1)[0]
         for flown, at in ((real, start), (MISSION, believed), (MISSION, start))
     ]
     np.testing.assert_array_equal(openings[0], openings[1])
