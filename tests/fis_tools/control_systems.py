@@ -13,8 +13,6 @@ from skfuzzy import control
 
 from fis_tools.model import And, Consequent, Expression, FuzzySystem, Hedged, Is, Not, Or, Rule, Variable
 from fis_tools.model.operators import ACCUMULATIONS, AND_OPERATORS, OR_OPERATORS
-from fis_tools.model.systems import require_mamdani
-from fis_tools.model.validate import validate
 from fis_tools.model.variables import sample
 
 
@@ -24,18 +22,7 @@ def build_control_system(system: FuzzySystem) -> control.ControlSystem:
     Rules carry their labels, or their numbers from 1 on where they have none. The rule graph is composed at
     once: ``addrule`` walks the whole graph for every rule, some seconds for 125 rules. All variables are in
     it, in order, also those that no rule mentions.
-
-    Raises
-    ------
-    fis_tools.model.validate.InvalidSystem
-        If something is wrong with the system.
-    NotMamdani
-        If an output is a weighted average or sum.
-    ValueError
-        If a rule has a hedge.
     """
-    validate(system)
-    require_mamdani((system,), "scikit-fuzzy")
     inputs = {v.name: _with_terms(control.Antecedent(v.universe, v.name), v) for v in system.inputs}
     outputs = {v.name: _with_terms(_build_output(system, v), v) for v in system.outputs}
     labels = _unique_labels(system)
@@ -102,9 +89,7 @@ def _build_expression(expression: Expression, inputs: dict[str, Any]) -> Any:
         case Not(operand):
             return ~_build_expression(operand, inputs)
         case Hedged(hedge, _):
-            raise ValueError(
-                f"a rule says {hedge!r}, which scikit-fuzzy does not know; define a term for it and say that"
-            )
+            raise ValueError(f"a rule says {hedge!r}, which scikit-fuzzy does not know")
         case And(operands):
             return reduce(and_, [_build_expression(operand, inputs) for operand in operands])
         case Or(operands):

@@ -9,7 +9,7 @@ which only `fis_tools` reads.
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, TypeVar
 
 from fis_tools import model
 from fis_tools.errors import ControllerFileError
@@ -39,28 +39,15 @@ _MODIFIERS: dict[str, Callable[[model.Expression], model.Expression]] = {
 }
 
 
-class _Tags(NamedTuple):
-    """What the elements of a rule base are called.
-
-    Attributes
-    ----------
-    base, rule, consequent, then, otherwise, clause : str
-        A clause is one of a consequent.
-    """
-
-    base: str
-    rule: str
-    consequent: str
-    then: str
-    otherwise: str
-    clause: str
+def _tags(kind: str, prefix: str = "") -> dict[str, str]:
+    """Return what the elements of a rule base are called; a clause is one of a consequent."""
+    words = ("rule", "consequent", "then", "else", "clause")
+    tags = {word: f"{prefix}{word.capitalize()}" if prefix else word for word in words}
+    return {"base": f"{kind}RuleBase", **tags}
 
 
-_MAMDANI = _Tags("mamdaniRuleBase", "rule", "consequent", "then", "else", "clause")
-_TSUKAMOTO = _MAMDANI._replace(base="tsukamotoRuleBase")
-_TSK = _Tags("tskRuleBase", "tskRule", "tskConsequent", "tskThen", "tskElse", "tskClause")
-
-_RULE_BASES = {tags.base: tags for tags in (_MAMDANI, _TSK, _TSUKAMOTO)}
+_MAMDANI, _TSUKAMOTO, _TSK = _tags("mamdani"), _tags("tsukamoto"), _tags("tsk", prefix="tsk")
+_RULE_BASES = {tags["base"]: tags for tags in (_MAMDANI, _TSK, _TSUKAMOTO)}
 
 NAMESPACE = "http://www.ieee1855.org"
 
@@ -327,21 +314,23 @@ def _half_gaussian(shape: Element, values: Sequence[float], extent: Extent) -> m
     return model.TwoSidedGaussian(mean, width, max(mean, extent.high), width)
 
 
-def _rule(element: Element, base: Element, tags: _Tags) -> model.Rule:
+def _rule(element: Element, base: Element, tags: Mapping[str, str]) -> model.Rule:
     where = f"line {element.line}"
-    if element.name != tags.rule:
-        raise ControllerFileError(f"{where}: expected a {tags.rule!r}; correct {element.name[:40]!r}")
+    if element.name != tags["rule"]:
+        raise ControllerFileError(f"{where}: expected a {tags['rule']!r}; correct {element.name[:40]!r}")
     _expect(element, "connector", ("AND", "OR"))
     is_or = element.attributes.get("connector", "and").lower() == "or"
     joined = replace(element, attributes={**base.attributes, **element.attributes})
     weight = foreign.number(element.attributes.get("weight", "1"), f"{where}: the weight")
     leaves = [_leaf(clause) for clause in _only(element, "antecedent").children]
-    consequent = _only(element, tags.consequent)
-    if any(True for _ in consequent.all(tags.otherwise)):
+    consequent = _only(element, tags["consequent"])
+    if any(True for _ in consequent.all(tags["else"])):
         raise ControllerFileError(
             f"{where}: 'else' cannot be read; write it as a rule of its own, with 'not'"
         )
-    concluded = [_clause_of(clause, tag=tags.clause) for clause in _only(consequent, tags.then).children]
+    concluded = [
+        _clause_of(clause, tag=tags["clause"]) for clause in _only(consequent, tags["then"]).children
+    ]
     if not leaves or not concluded:
         raise ControllerFileError(
             f"{where}: the rule asks or concludes nothing; give it a clause on each side"

@@ -8,8 +8,7 @@ import skfuzzy
 from skfuzzy import control
 
 from fis_tools.engines.inference import infer
-from fis_tools.model import And, Consequent, FuzzySystem, Is, Or, Rule, Term, Triangular, Variable
-from fis_tools.model.validate import InvalidSystem
+from fis_tools.model import Consequent, FuzzySystem, Is, Or, Rule, Term, Triangular, Variable
 from tests.fis_tools import reference_engine
 from tests.fis_tools.control_systems import build_control_system, build_simulation
 from tests.fis_tools.reference_engine import ReferenceEngine
@@ -135,8 +134,3 @@ def test_wrong_inputs_are_refused_by_both_engines(inputs: list[float]) -> None:
         ReferenceEngine(_ours()).compute(np.array(inputs))
     with pytest.raises(ValueError, match=r"inputs have shape|NaN"):
         infer(_ours(), np.array(inputs))
-
-
-def test_a_broken_system_is_not_built() -> None:
-    with pytest.raises(InvalidSystem, match="'and' joins no statements"):
-        build_control_system(replace(_ours(), rules=(Rule(And(()), (Consequent("tip", "low"),)),)))
