@@ -48,11 +48,8 @@ def tables_of(rows: Sequence[comparison.ComparisonRow]) -> list[tuple[str, list[
 
     None where the rows are of several worlds.
     """
-    return (
-        []
-        if comparison.worlds_of(rows)
-        else [(sun, comparison.lines_of(rows, sun)) for sun in comparison.suns_of(rows)]
-    )
+    suns = [] if comparison.worlds_of(rows) else comparison.suns_of(rows)
+    return [(sun, comparison.lines_of(rows, sun)) for sun in suns]
 
 
 def squares_of(rows: Sequence[comparison.ComparisonRow]) -> list[tuple[str, list[Square]]]:
@@ -63,9 +60,8 @@ def squares_of(rows: Sequence[comparison.ComparisonRow]) -> list[tuple[str, list
         title = f"Sun {row.sun}, safety layer {row.safety}"
         known = first.setdefault((title, row.controller), row)
         success, spent = row.summary[SUCCESS]["fraction"], row.summary["delta_v_m_s"]["mean"]
-        square = Square(
-            row.controller, row.world, float(success), float(spent), comparison.is_worse(row, known)
-        )
+        breaks = comparison.is_worse(row, known)
+        square = Square(row.controller, row.world, float(success), float(spent), breaks)
         panels.setdefault(title, []).append(square)
     return list(panels.items())
 
@@ -75,17 +71,10 @@ def marks_of(rows: Sequence[comparison.ComparisonRow]) -> list[tuple[str, list[M
     panels = []
     for sun in comparison.suns_of(rows):
         marks: dict[str, Mark] = {}
-        for row in rows:
-            if row.sun in (sun, ""):
-                name = (
-                    row.controller if row.source == comparison.FLOWN else f"{row.controller} ({row.source})"
-                )
-                marks.setdefault(
-                    name,
-                    Mark(
-                        name, _pair(row.summary["delta_v_m_s"]), _pair(row.summary["inspection_rate_percent"])
-                    ),
-                )
+        for row in (row for row in rows if row.sun in (sun, "")):
+            name = row.controller if row.source == comparison.FLOWN else f"{row.controller} ({row.source})"
+            spent, rate = (_pair(row.summary[part]) for part in ("delta_v_m_s", "inspection_rate_percent"))
+            marks.setdefault(name, Mark(name, spent, rate))
         panels.append((f"Sun {sun}", list(marks.values())))
     return panels
 

@@ -84,11 +84,9 @@ def write(contents: Contents, illustrations: Mapping[str, Illustration]) -> str:
         flights=[(f"control-{f.name}", f.title, flight_facts(f, experiment.mission)) for f in contents.shown],
         sees_less=_sees_less(contents),
         cases=case_rows(contents.training),
+        compared=comparison,
         comparison=comparisons.tables_of(rows),
-        headings=comparison.HEADINGS,
-        legend=comparison.LEGEND,
         worlds=comparison.matrices(rows) if comparison.worlds_of(rows) else [],
-        verdicts=comparison.verdicts(rows),
         optimum_words=comparisons.optimum_in_words(
             contents.beside, experiment.mission.inspection_threshold_percent
         ),
@@ -99,7 +97,6 @@ def write(contents: Contents, illustrations: Mapping[str, Illustration]) -> str:
         illustrations=illustrations,
         provenance=_provenance(contents.manifest),
         files=_files(contents.manifest),
-        paper=comparison.PAPER_NAME,
         artifacts=artifacts,
     )
 
@@ -224,8 +221,8 @@ def _paper_row(reported: comparison.Reported) -> SummaryRow:
         Cell(f"{reported.means[name]:g} ± {reported.standard_deviations[name]:g}", reported.means[name])
         for name in DECIMALS
     ]
-    note = f"{reported.num_cases:,} flights, Sun not stated"
     cells += [Cell("not stated") for _ in SHARES]
+    note = f"{reported.num_cases:,} flights, Sun not stated"
     return SummaryRow(f"Paper, {reported.label}", note, cells, is_ours=False)
 
 
