@@ -212,19 +212,11 @@ Names = dict[tuple[str, str], str]
 def system_facts(before: model.FuzzySystem, after: model.FuzzySystem) -> tuple[Fact, ...]:
     """Compare the properties of two systems."""
     facts = [
-        Fact(what, getattr(before, field), getattr(after, field))
-        for what, field in (
-            ("and operator", "and_operator"),
-            ("or operator", "or_operator"),
-            ("defuzzifier", "defuzzifier"),
-            ("implication", "implication"),
-        )
+        Fact(field.replace("_", " "), getattr(before, field), getattr(after, field))
+        for field in ("and_operator", "or_operator", "defuzzifier", "implication")
     ]
-    for what, old, new in (
-        ("inputs", before.inputs, after.inputs),
-        ("outputs", before.outputs, after.outputs),
-    ):
-        names = [[variable.name for variable in variables] for variables in (old, new)]
+    for what in ("inputs", "outputs"):
+        names = [[variable.name for variable in getattr(system, what)] for system in (before, after)]
         if set(names[0]) == set(names[1]):
             facts.append(Fact(f"order of {what}", ", ".join(names[0]), ", ".join(names[1])))
     return tuple(fact for fact in facts if fact.before != fact.after)
