@@ -33,11 +33,7 @@ from pipeline.gym import (
 from pipeline.recording.reflight import fly_again
 
 #: what differs in the parts of a flight that are compiled
-WORLDS = {
-    "paper": ["safety=filter"],
-    "afrl": ["world=afrl"],
-    "leo": ["world=leo", "duration_s=1200"],
-}
+WORLDS = {"paper": ["safety=filter"], "afrl": ["world=afrl"], "leo": ["world=leo", "duration_s=1200"]}
 
 
 def known(log: FlightLog, k: int) -> np.ndarray:

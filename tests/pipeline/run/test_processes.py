@@ -70,10 +70,7 @@ def test_another_program_than_a_scheduler_is_refused_in_a_sentence(tmp_path):
 
     with socket.create_server(("127.0.0.1", 0)) as server, ThreadPoolExecutor(1) as elsewhere:
         elsewhere.submit(serve, server)
-        words = [
-            *words_of("joined", tmp_path),
-            f"engine.scheduler=127.0.0.1:{server.getsockname()[1]}",
-        ]
+        words = [*words_of("joined", tmp_path), f"engine.scheduler=127.0.0.1:{server.getsockname()[1]}"]
         told = subprocess.run(command(words), capture_output=True, text=True, check=False)  # noqa: S603
         server.shutdown(socket.SHUT_RDWR)
     assert told.returncode == 2

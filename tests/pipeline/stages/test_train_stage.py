@@ -57,9 +57,7 @@ def genomes(folder: Path) -> np.ndarray:
     return np.array(pq.read_table(folder / artifacts.HISTORY)["genome"].to_pylist())
 
 
-def test_the_logbook_and_the_history_hold_every_generation_with_its_parts(
-    trained: tuple[Job, Path],
-) -> None:
+def test_the_logbook_and_the_history_hold_every_generation_with_its_parts(trained: tuple[Job, Path]) -> None:
     _, folder = trained
     rows = logbook(folder)
     assert [(row["round"], row["generation"], row["evaluations"]) for row in rows] == [

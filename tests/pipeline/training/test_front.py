@@ -79,9 +79,7 @@ def test_each_controller_flies_as_the_table_says(trained: tuple[Job, Path]) -> N
         assert provenance["front"] == f"{path.stem} of {len(table)}"
 
 
-def test_the_cheapest_comes_first_and_what_is_dominated_does_not_stand(
-    trained: tuple[Job, Path],
-) -> None:
+def test_the_cheapest_comes_first_and_what_is_dominated_does_not_stand(trained: tuple[Job, Path]) -> None:
     table = rows(trained[1])
     delta_v = [float(row["validation_delta_v_m_s"]) for row in table]
     assert delta_v == sorted(delta_v)

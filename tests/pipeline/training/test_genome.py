@@ -8,12 +8,7 @@ import pytest
 
 from fis_tools.formats import serialize
 from fis_tools.model import FuzzyController
-from pipeline.flight.control.controller import (
-    Controller,
-    ControllerError,
-    coast,
-    from_fuzzy,
-)
+from pipeline.flight.control.controller import Controller, ControllerError, coast, from_fuzzy
 from pipeline.flight.state.signals import CONSTANTS
 from pipeline.settings.training import Encoding
 from pipeline.training.genome import genome_of

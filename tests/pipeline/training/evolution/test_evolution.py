@@ -219,10 +219,7 @@ def test_cut_checkpoint_is_refused_in_words(tmp_path, length):
         evolve(Sphere(), NUM_GENES, optimizer(), seed=1, checkpoint=checkpoint, resume=True)
 
 
-@pytest.mark.parametrize(
-    "content",
-    [b"nothing of ours", b"PK\x03\x04 nothing of ours", b"\x80\x04}."],
-)
+@pytest.mark.parametrize("content", [b"nothing of ours", b"PK\x03\x04 nothing of ours", b"\x80\x04}."])
 def test_other_files_are_refused_in_our_own_words(content, tmp_path):
     checkpoint = tmp_path / "checkpoint.npz"
     checkpoint.write_bytes(content)
