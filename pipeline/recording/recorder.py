@@ -28,7 +28,7 @@ from pipeline.controllers.played import to_mapping
 from pipeline.flight.cases.actuators import thrusters_of
 from pipeline.flight.cases.dispersions import mission_of_case
 from pipeline.flight.cases.navigation import errors_of, filter_of, measured
-from pipeline.flight.control.controller import Controller, rehearsed_pushes
+from pipeline.flight.control.controller import Controller, decision_stride, rehearsed_pushes
 from pipeline.flight.fly.inspectable import lit_and_seen
 from pipeline.flight.fly.rehearsals import IMAGES, tour_images
 from pipeline.flight.period.look.optics import note_lit_and_seen
@@ -230,7 +230,7 @@ class FlightRecorder:
             return
         mission = mission_of_case(self._mission, scenario)
         world = self._world if mission is self._mission else pack_world(mission)
-        samples = np.flatnonzero(log.is_decided | np.isfinite(log.foreseen[:, 0]))
+        samples = np.arange(0, len(log.is_decided), decision_stride(self._controller, mission))
         images = tour_images(self._controller)
         flown = images[log.tour_costs_m_s.argmin()] if images else self._controller
         parts = parts_of_points(world, flown, log, samples)

@@ -24,7 +24,7 @@ MAP_GAP: Final = 14
 #: cones of wider fields of view are not drawn
 WIDEST_CONE_RAD: Final = np.radians(75.0)
 
-COLOURS_IN_WORDS: Final = "Grey dark, yellow lit, pink in view but dark, green inspected"
+COLOURS_IN_WORDS: Final = "Grey dark, yellow lit, pink in view but dark, green inspected; what pulls glows"
 #: characters that the panel of events has room for in a line
 EVENT_WIDTH: Final = 62
 NO_INFERENCE: Final = "*No inference: the deputy coasts, or the flight is over.*"
@@ -259,6 +259,24 @@ def _facts(recording: Recording) -> list[tuple[str, str]]:
     if topics.RECOVERY_METADATA in recording.metadata:
         facts.append(("rescued", "the file was truncated; this is what was recovered"))
     return facts
+
+
+def pulls(recording: Recording, sample_time_s: Floats) -> Floats | None:
+    """Return how much each point adds at each sample to the input that it adds most to.
+
+    The shape is (N, P), from 0 to 1, what any point ever adds to that input; None where it is not recorded.
+    """
+    cloud, names = recording.topics.get(topics.CHIEF_PULLS), recording.metadata.get(topics.PULLS_METADATA, {})
+    num_points = recording[topics.CHIEF_POINTS]["position_m"].shape[1]
+    if cloud is None or not len(cloud) or not names or not set(names) <= cloud.columns.keys():
+        return None
+    parts = np.array([np.abs(cloud[name].astype(np.float64)) for name in names])
+    if not num_points or parts.shape[2] != num_points:
+        return None
+    most = np.max(parts / np.maximum(parts.max(axis=(1, 2), keepdims=True), 1e-300), axis=0)
+    rows = np.searchsorted(cloud.time_s, sample_time_s, side="right") - 1
+    found: Floats = np.where((rows >= 0)[:, None], most[rows], 0.0)
+    return found
 
 
 def sun_directions(mission: TopicColumns) -> Floats:

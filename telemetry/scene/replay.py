@@ -31,6 +31,10 @@ COMPANION_COLOURS: Final[tuple[Colour, ...]] = (
 DEFAULT_BORESIGHT: Final = (-1.0, 0.0, 0.0)
 #: length of the arrow of the largest force
 FORCE_ARROW_M: Final = 25.0
+#: how much larger, and how much nearer to white, the point that pulls most is
+GLOW_LARGER, GLOW_LIGHTER = 1.0, 0.6
+#: radius of a point, of the chief's
+POINT_SIZE: Final = 0.075
 
 
 def scene(paths: Sequence[Path]) -> Scene:
@@ -123,12 +127,17 @@ def _send_points(stream: rr.RecordingStream, recording: Recording) -> None:
         blueprint.send_mesh(stream, recording.attachments[topics.CHIEF_ATTACHMENT])
     else:
         blueprint.send_chief(stream, radius)
+    entity, radii = f"{blueprint.SCENE}/chief/points", None
+    pulls = drawing.pulls(recording, cloud.time_s)
+    if pulls is None:
+        stream.log(entity, rr.Points3D.from_fields(radii=[POINT_SIZE * radius]), static=True)
+    else:
+        radii = (POINT_SIZE * radius * (1.0 + GLOW_LARGER * pulls)).ravel()
+        rgba = np.round(rgba + GLOW_LIGHTER * pulls[..., None] * (255.0 - rgba)).astype(np.uint32)
     packed = (rgba[..., 0] << 24) | (rgba[..., 1] << 16) | (rgba[..., 2] << 8) | rgba[..., 3]
-    entity = f"{blueprint.SCENE}/chief/points"
-    stream.log(entity, rr.Points3D.from_fields(radii=[0.075 * radius]), static=True)
-    columns = rr.Points3D.columns(positions=positions.reshape(-1, 3), colors=packed.ravel())
+    of_points = rr.Points3D.columns(positions=positions.reshape(-1, 3), colors=packed.ravel(), radii=radii)
     num_samples, num_points = packed.shape
-    send(stream, entity, seconds(cloud.time_s), columns.partition([num_points] * num_samples))
+    send(stream, entity, seconds(cloud.time_s), of_points.partition([num_points] * num_samples))
 
 
 def _send_deputy(stream: rr.RecordingStream, recording: Recording) -> None:

@@ -4,6 +4,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,9 @@ import numpy as np
 import pytest
 from rerun.chunk import RrdReader
 
+import telemetry
 from telemetry import EpisodeWriter, RecordingError
+from telemetry.file.reader import TopicColumns
 from telemetry.scene import replay, viewer
 from tests.telemetry import synthetic_flight
 from tests.telemetry.scene.rrd_content import Content, views
@@ -299,3 +302,28 @@ def test_a_wrong_path_is_told_before_a_missing_display(
     (tmp_path / "a.yaml").write_text("kind: mamdani\n")
     with pytest.raises(RecordingError, match=text):
         viewer.show(replay.scene([short_file, tmp_path / name]), in_browser=False)
+
+
+def test_points_glow_by_how_much_they_add(
+    short_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """From 100 s on point 3 adds most to an input, point 5 a quarter of that; until then none adds any."""
+    flight = telemetry.read(short_file)
+    parts = np.zeros((2, 99))
+    parts[1, [3, 5]] = -0.04, 0.01
+    pulls = {"position_m": np.zeros((2, 99, 3)), "aim": parts, "calm": np.zeros((2, 99))}
+    cloud = TopicColumns("/chief/pulls", "foxglove.PointCloud", np.array([50.0, 100.0]), pulls, {})
+    metadata = {**flight.metadata, "pulls": {"aim": "m/s", "calm": ""}}
+    pulled = replace(flight, topics={**flight.topics, "/chief/pulls": cloud}, metadata=metadata)
+    monkeypatch.setattr(replay, "read", lambda path: pulled)
+    viewer.save(replay.scene([short_file]), tmp_path / "x.rrd")
+    shown = Content(tmp_path / "x.rrd")
+    sizes = shown.numbers("/scene/chief/points", "Points3D:radii")
+    np.testing.assert_allclose(sizes[:10], 0.75, rtol=1e-5)
+    np.testing.assert_allclose(sizes[10:, 3], 1.5, rtol=1e-5)
+    np.testing.assert_allclose(sizes[10:, 5], 0.75 * 1.25, rtol=1e-5)
+    np.testing.assert_allclose(np.delete(sizes, [3, 5], axis=1), 0.75, rtol=1e-5)
+    colours = shown.numbers("/scene/chief/points", "Points3D:colors").astype(np.uint32)
+    plain = flight["/chief/points"]["colour_rgba"].astype(np.uint32)
+    np.testing.assert_array_equal(colours[:, 0] >> 24, plain[:, 0, 0])
+    assert np.all(colours[10:, 3] >> 24 > plain[10:, 3, 0])
