@@ -58,7 +58,7 @@ LARGE: Final = (
 STUDIES: Final[Mapping[str, tuple[Sequence[str], str]]] = {
     "champion_27": ((*READABLE, "sun=random"), "random"),
     "champion_27_fixed_sun": ((*READABLE, "sun=fixed"), "fixed"),
-    "paper_champion": (("+experiment=train_champion", "optimizer.generations=20"), "fixed"),
+    "paper_champion": (("+experiment=train_champion", "optimizer.generations=10"), "fixed"),
     "champion_fixed_sun": (LARGE, "fixed"),
     "champion_any_sun": ((*LARGE, "sun=random"), "random"),
 }
