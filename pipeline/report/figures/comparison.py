@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -22,6 +23,9 @@ MARKS = tuple(
 #: up to here the scale of delta-v is linear, beyond it logarithmic, m/s
 LINEAR = 0.1
 TICKS = (0.0, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0)
+#: rates are drawn by the share of points missed, on a logarithmic scale from this share on, %
+LEAST_MISSED = 0.3
+RATE_TICKS = (99.5, 99.0, 98.0, 95.0, 90.0, 80.0, 50.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -34,7 +38,7 @@ class Mark:
 
 
 def compared(panels: Sequence[tuple[str, Sequence[Mark]]], threshold: float) -> Figure:
-    """Draw delta-v against inspection rate, a panel a Sun setting.
+    """Draw delta-v against inspection rate, a panel a Sun setting, with the spread of flights as thin lines.
 
     Parameters
     ----------
@@ -62,22 +66,23 @@ def compared(panels: Sequence[tuple[str, Sequence[Mark]]], threshold: float) -> 
 def _draw_marks(
     ax: Axes, marks: Sequence[Mark], styles: dict[str, tuple[str, str, str]], threshold: float
 ) -> None:
-    ax.axhline(threshold, color=MUTED, linewidth=0.9, linestyle=DOTS)
+    ax.axhline(100.0 - threshold, color=MUTED, linewidth=0.9, linestyle=DOTS)
     for mark in marks:
         colour, marker, face = styles[mark.name]
-        low = min(mark.delta_v[1], mark.delta_v[0])
-        ax.errorbar(
-            mark.delta_v[0],
-            mark.rate[0],
-            xerr=np.array([[low], [mark.delta_v[1]]]),
-            yerr=np.array([[mark.rate[1]], [min(mark.rate[1], 100.0 - mark.rate[0])]]),
+        (delta_v, across), (rate, up) = mark.delta_v, mark.rate
+        missed = max(100.0 - rate, LEAST_MISSED)
+        spread: dict[str, Any] = {"color": colour, "linewidth": 0.9, "alpha": 0.35, "zorder": 1}
+        ax.plot([max(delta_v - across, 0.0), delta_v + across], [missed, missed], **spread)
+        ax.plot([delta_v, delta_v], [max(missed - up, LEAST_MISSED), min(missed + up, 100.0)], **spread)
+        ax.plot(
+            delta_v,
+            missed,
             color=colour,
             marker=marker,
             markersize=7.0,
             markerfacecolor=face,
             markeredgecolor=INK if face == colour else colour,
             markeredgewidth=0.6 if face == colour else 1.4,
-            elinewidth=0.9,
             linestyle="none",
             label=mark.name,
         )
@@ -87,7 +92,12 @@ def _draw_marks(
     ax.xaxis.set_minor_formatter(NullFormatter())
     most = max(mark.delta_v[0] + mark.delta_v[1] for mark in marks)
     ax.set_xlim(-0.01, 1.15 * max(most, LINEAR))
-    ax.set_ylim(top=101.0)
+    ax.set_yscale("log")
+    ax.set_yticks([100.0 - rate for rate in RATE_TICKS])
+    ax.yaxis.set_major_formatter(FuncFormatter(lambda missed, _: f"{100.0 - missed:g}"))
+    ax.yaxis.set_minor_formatter(NullFormatter())
+    greatest = max(100.0 - mark.rate[0] + mark.rate[1] for mark in marks)
+    ax.set_ylim(min(1.2 * greatest, 100.0), LEAST_MISSED)
     ax.grid()
     ax.set_axisbelow(True)
 

@@ -70,10 +70,10 @@ def test_controllers_are_told_apart_without_colours():
     marks = [Mark(f"c{i}", (0.05 * i, 0.05), (80.0 + i, 3.0)) for i in range(len(MARKS))]
     figure = compared([("one", marks)], 95.0)
     assert [text.get_text() for text in figure.legends[0].get_texts()] == [mark.name for mark in marks]
-    lines = [container.lines[0] for container in figure.axes[0].containers]
-    assert [(line.get_xdata()[0], line.get_ydata()[0]) for line in lines] == [
-        (mark.delta_v[0], mark.rate[0]) for mark in marks
-    ]
+    named = {line.get_label(): line for line in figure.axes[0].lines}
+    for mark in marks:
+        (delta_v,), (missed,) = named[mark.name].get_data()
+        assert (delta_v, missed) == (mark.delta_v[0], 100.0 - mark.rate[0])
 
 
 @pytest.mark.parametrize("content", ["[]", '{"rows": [{"controller": "x"}]}', '{"rows": 3}', '{"a": 1}', "{"])
