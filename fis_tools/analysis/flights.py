@@ -23,7 +23,7 @@ from fis_tools.model.thrust import COUNTED, UNKNOWN
 from fis_tools.words.text import with_unit
 
 if TYPE_CHECKING:
-    from telemetry.file.reader import Recording
+    from telemetry.file.reader import Recording, TopicColumns
 
 Words = NDArray[np.str_]
 
@@ -61,6 +61,8 @@ class FlownSystem:
         Whether `time_s` are times, and not numbers of rows.
     delay_s : float
         From an inference to the control period that fires its output.
+    points : PointsAlong, optional
+        Which points the inputs come from, where that is logged.
     """
 
     system: FuzzySystem
@@ -71,6 +73,7 @@ class FlownSystem:
     reason: Words
     is_timed: bool = True
     delay_s: float = 0.0
+    points: "PointsAlong | None" = None
 
     @property
     def is_counted(self) -> Booleans:
@@ -176,6 +179,43 @@ class Points:
     is_missed: Booleans | None
 
 
+@dataclass(frozen=True)
+class PointsAlong:
+    """What points add to the inputs along a flight.
+
+    Parameters
+    ----------
+    cloud : TopicColumns
+        Places and parts of the points; a row holds until the next.
+    start_s : (K,)
+        When the control periods begin.
+    is_asked : (K,)
+        Whether the controller asks then what would stay unseen.
+    names : tuple of str
+        The inputs.
+    """
+
+    cloud: "TopicColumns"
+    start_s: Floats
+    is_asked: Booleans
+    names: tuple[str, ...]
+
+    def at(self, time_s: float) -> Points | None:
+        """Return them in the control period of a time; None before the first."""
+        cloud, period = self.cloud, int(np.searchsorted(self.start_s, time_s + SAME_TIME_S)) - 1
+        row = int(np.searchsorted(cloud.time_s, self.start_s[period] + SAME_TIME_S)) - 1
+        if period < 0 or row < 0:
+            return None
+        x, y, z = cloud["position_m"][row].astype(np.float64).T
+        return Points(
+            np.degrees(np.arctan2(z, np.hypot(x, y))),
+            np.degrees(np.arctan2(y, x)),
+            cloud["last_light_s"][row].astype(np.float64) - self.start_s[period],
+            {name: cloud[name][row].astype(np.float64) for name in self.names},
+            cloud["is_missed"][row] != 0 if self.is_asked[period] else None,
+        )
+
+
 def is_flight(path: Path | str) -> bool:
     """Return, from its name, whether a file is a logged flight."""
     return Path(path).suffix.lower() == ".mcap"
@@ -219,7 +259,7 @@ def read_flight(
                 "file"
             )
         return tuple(_tabled(path, system) for system in controller.systems)
-    recording = _read(path, topics=(f"{TOPIC_PREFIX}*", CONTROL_TOPICS))
+    recording = _read(path, topics=(f"{TOPIC_PREFIX}*", CONTROL_TOPICS, PULLS_TOPICS))
     flown_systems = _all_flown(recording)
     return tuple(flown if all_periods else flown.at(flown.is_counted) for flown in flown_systems)
 
@@ -310,7 +350,7 @@ def read_periods(
         recording, starts = None, np.empty(0)
         flown_systems = list(read_flight(path, controller=controller))
     else:
-        recording = _read(path, topics=(f"{TOPIC_PREFIX}*", CONTROL_TOPICS))
+        recording = _read(path, topics=(f"{TOPIC_PREFIX}*", CONTROL_TOPICS, PULLS_TOPICS))
         flown_systems = _all_flown(recording)
         starts = recording.control_time_s
     times = [starts] if len(starts) else [flown.time_s for flown in flown_systems]
@@ -356,30 +396,21 @@ def read_points(path: Path | str, time_s: float) -> Points | None:
     ControllerFileError
         If the flight cannot be read.
     """
-    if not is_flight(path):
-        return None
-    recording = _read(path, topics=(PULLS_TOPICS, CONTROL_TOPICS))
+    found = _points_of(_read(path, topics=(PULLS_TOPICS, CONTROL_TOPICS))) if is_flight(path) else None
+    return None if found is None else found.at(time_s)
+
+
+def _points_of(recording: "Recording") -> PointsAlong | None:
+    """Return what points add to the inputs along a flight, where it says so."""
     cloud = next((topic for name, topic in recording.topics.items() if name.endswith("/pulls")), None)
-    starts = recording.control_time_s
-    begun = starts[starts <= time_s + SAME_TIME_S]
-    # a cloud holds until the next
-    if cloud is None or not len(cloud) or not len(begun) or cloud.time_s[0] > begun[-1] + SAME_TIME_S:
+    control = next((topic for name, topic in recording.topics.items() if name.endswith("/control")), None)
+    if cloud is None or control is None or not len(cloud) or not len(control):
         return None
-    time_s = float(begun[-1])
-    names = recording.metadata.get(PULLS_METADATA, {})
+    names = tuple(recording.metadata.get(PULLS_METADATA, {}))
     if missing := {"last_light_s", "is_missed", *names} - cloud.columns.keys():
-        raise ControllerFileError(f"{path}: {cloud.topic} lacks {', '.join(sorted(missing))}; log it again")
-    row = int(np.searchsorted(cloud.time_s, time_s + SAME_TIME_S)) - 1
-    x, y, z = cloud["position_m"][row].astype(np.float64).T
-    control = next(topic for name, topic in recording.topics.items() if name.endswith("/control"))
-    is_asked = np.isfinite(control["coasting_missed"][len(begun) - 1])
-    return Points(
-        np.degrees(np.arctan2(z, np.hypot(x, y))),
-        np.degrees(np.arctan2(y, x)),
-        cloud["last_light_s"][row].astype(np.float64) - time_s,
-        {name: cloud[name][row].astype(np.float64) for name in names},
-        cloud["is_missed"][row] != 0 if is_asked else None,
-    )
+        lacking = ", ".join(sorted(missing))
+        raise ControllerFileError(f"{recording.path}: {cloud.topic} lacks {lacking}; log it again")
+    return PointsAlong(cloud, control.time_s, np.isfinite(control["coasting_missed"]), names)
 
 
 def _period(flown: FlownSystem, start_s: float, recording: "Recording | None") -> Period:
@@ -542,4 +573,5 @@ def _flown(recording: "Recording", controller: FuzzyController, system: FuzzySys
     axes = dict(controller.attributes).get("force_axes", "")
     reason = recording.reasons(system.outputs[0].name, messages.time_s, axes)
     logged = (messages.time_s, columns["inputs"], columns["firing_strengths"], output, reason)
-    return FlownSystem(system, *logged, delay_s=recording.command_age_s)
+    points = _points_of(recording)
+    return FlownSystem(system, *logged, delay_s=recording.command_age_s, points=points)

@@ -314,10 +314,10 @@ def instants(asked: AskedInstant, controller: FuzzyController) -> Iterator[Insta
         raise UserMistake(f"the flight has no system {asked.system!r}; {nearest(asked.system, names)}")
     for period in periods:
         if asked.system in (None, period.flown.system.name):
-            yield _instant(period, asked.all_periods, paths[0])
+            yield _instant(period, asked.all_periods)
 
 
-def _instant(period: flights.Period, all_periods: bool, path: str) -> Instant:
+def _instant(period: flights.Period, all_periods: bool) -> Instant:
     flown, row = period.flown, period.row
     if row is None:
         return Instant(flown.system, None, _in_words(period))
@@ -328,7 +328,7 @@ def _instant(period: flights.Period, all_periods: bool, path: str) -> Instant:
         flown.system,
         flown.inputs[row] if is_told else None,
         "" if is_plain else _in_words(period),
-        flights.read_points(path, float(flown.time_s[row])) if is_told else None,
+        None if flown.points is None else flown.points.at(float(flown.time_s[row])),
     )
 
 

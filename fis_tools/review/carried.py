@@ -10,6 +10,7 @@ import numpy as np
 from fis_tools.analysis import arrays, coalitions
 from fis_tools.analysis.flights import FlownSystem
 from fis_tools.array_types import Floats
+from fis_tools.findings.explanation.points import in_short
 from fis_tools.model import And, Expression, FuzzySystem, Hedged, Is, Not, Or, Rule, Variable
 from fis_tools.model.variables import sample
 from fis_tools.review.flown import Flight
@@ -85,6 +86,12 @@ def _flown(system: FuzzySystem, flown: FlownSystem | None, most: int) -> dict[st
         "fired": _doubles(usage.fired),
         "num_inferences": len(flown.time_s),
         "is_timed": flown.is_timed,
+        "points": [
+            in_short(flown.points.at(time_s), system, inputs)
+            for time_s, inputs in zip(flown.time_s[rows].tolist(), flown.inputs[rows].tolist(), strict=True)
+        ]
+        if flown.points is not None
+        else [],
     }
 
 

@@ -13,6 +13,8 @@ from fis_tools.words.text import NEGLIGIBLE, amount, listed, signed, span
 
 #: beyond so many points, only what the others add together is told
 MOST_POINTS = 5
+#: beyond so many, a sentence only says how many
+FEW_POINTS = 3
 
 
 def made_of(
@@ -34,6 +36,26 @@ def made_of(
             rows.append([signed(variable, others), "none", "", "", ""])
         yield Paragraph(f"{variable.name} = {amount(variable, value)}, the sum of what points add:")
         yield Table(["part", "point", "latitude", "longitude", "dark in"], rows, numbers=(0, 1, 2, 3, 4))
+
+
+def in_short(points: Points | None, system: FuzzySystem, inputs: Sequence[float]) -> str:
+    """Tell in a sentence which points add most to each input; empty where nobody knows."""
+    told = []
+    for variable, value in zip(system.inputs, inputs, strict=True):
+        if points is None or variable.name not in points.parts:
+            continue
+        parts = points.parts[variable.name]
+        order = _largest_first(parts)
+        words = []
+        for place in order[:FEW_POINTS]:
+            number, *at, left = _where(points, place)
+            words.append(
+                f"point {number} ({' '.join(at)}, dark in {left}) {signed(variable, float(parts[place]))}"
+            )
+        if len(order) > FEW_POINTS:
+            words.append(f"{len(order) - FEW_POINTS} more")
+        told.append(f"{variable.name} = {amount(variable, value)}: {', '.join(words) or 'no point'}")
+    return "; ".join(told)
 
 
 def plain_parts(points: Points, system: FuzzySystem) -> dict[str, Any]:
@@ -91,5 +113,5 @@ def _where(points: Points, place: int) -> list[str]:
         str(place),
         f"{abs(latitude):.0f}° {'N' if latitude >= 0.0 else 'S'}",
         f"{abs(longitude):.0f}° {'E' if longitude >= 0.0 else 'W'}",
-        f"{left:.1f} min" if left > 0.0 else "dark",
+        f"{max(left, 0.0):.1f} min",
     ]

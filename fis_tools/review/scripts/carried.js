@@ -27,7 +27,8 @@ function decodeFlight(flight) {
     const flat = decodeDoubles(flown.inputs);
     const width = flat.length / times.length;
     const inputs = Array.from(times, (_, row) => flat.subarray(row * width, (row + 1) * width));
-    return { times, inputs, fired: decodeDoubles(flown.fired), numInferences: flown.num_inferences, isTimed: flown.is_timed };
+    const { points, num_inferences: numInferences, is_timed: isTimed } = flown;
+    return { times, inputs, fired: decodeDoubles(flown.fired), numInferences, isTimed, points };
   });
   return { name: flight.name, systems };
 }

@@ -177,6 +177,7 @@ function flightView(element, state, place, clock, scale) {
   const slider = make("input", { type: "range", min: "0", step: "1", "aria-label": `Time along the ${clock.noun}` });
   const now = make("output", { class: "number" });
   const note = make("p", { class: "note" });
+  const points = make("p", { class: "pulls" });
   let isByNumber = false;
   let drawn = null;
 
@@ -187,6 +188,7 @@ function flightView(element, state, place, clock, scale) {
   const show = () => {
     const inferred = inferredOf(clock.flight);
     canvas.hidden = slider.hidden = now.hidden = inferred === null;
+    points.textContent = "";
     if (inferred === null) {
       drawn = null;
       note.textContent = `${system.name} decided nothing on this ${clock.noun}.`;
@@ -201,6 +203,7 @@ function flightView(element, state, place, clock, scale) {
     now.value = timeWords(inferred, sample);
     slider.setAttribute("aria-valuetext", now.value);
     note.textContent = stripWords(inferred, left, clock.noun);
+    points.textContent = inferred.points[sample] ? `What points add: ${inferred.points[sample]}.` : "";
     state.setInputs(inferred.inputs[sample]);
     paint();
   };
@@ -226,7 +229,7 @@ function flightView(element, state, place, clock, scale) {
     show();
   });
   const time = make("div", { class: "control time" }, make("span", {}, "Time"), now, slider);
-  element.append(make("div", { class: "controls" }, flights.element, orders.element, time, zooming), canvas, note);
+  element.append(make("div", { class: "controls" }, flights.element, orders.element, time, zooming), canvas, note, points);
   clock.follow(() => {
     flights.select.value = String(clock.flight);
     show();

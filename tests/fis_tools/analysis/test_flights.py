@@ -21,6 +21,8 @@ from fis_tools.engines.inference import infer
 from fis_tools.errors import ControllerFileError
 from fis_tools.formats.serialize import dump_json
 from fis_tools.model import FuzzyController, FuzzySystem
+from fis_tools.review.carried import flight_data
+from fis_tools.review.flown import Flight
 from fis_tools.words.text import sentences
 from telemetry import EpisodeWriter
 from telemetry.file.messages import nanoseconds
@@ -231,6 +233,10 @@ def test_points_are_read_as_they_are_at_a_time_and_told_with_the_inputs(
     assert first.is_missed.tolist() == [False, True, False]
     assert second.is_missed is None
     assert read_points(tmp_path / "table.csv", 0.0) is None
+    (flown,) = read_flight(path, all_periods=True)
+    (carried,) = flight_data(Flight("x", {"force_x": flown}, is_own=True), [system], 1)["systems"]
+    first_two = "point 2 (90° S 0° E, dark in 0.1 min) +40 m, point 0 (0° N 0° E, dark in 1.0 min) +30 m"
+    assert carried["points"][0] == f"distance = 70 m: {first_two}"
     for all_of_them, words in (
         ((), "+40 m 2 90° S 0° E 0.1 min"),
         (("--json",), '"part": 40.0'),
