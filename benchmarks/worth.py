@@ -64,9 +64,10 @@ STUDIES: Final[Mapping[str, tuple[Sequence[str], str]]] = {
 }
 
 
-def training_of(name: str) -> Experiment:
+def training_of(name: str, rounds: int | None) -> Experiment:
     """Return the search in place of a champion's rules; its constants stay."""
     words = [*STUDIES[name][0], f"controller={name}", "optimizer.validation_cases=2000"]
+    words += [] if rounds is None else [f"optimizer.rounds={rounds}"]
     encoding = compose_experiment(words).experiment.optimizer.encoding
     tuned = [key.name for key in fields(encoding) if key.name in {"dead_band_n", *CONSTANTS}]
     return compose_experiment([*words, *(f"optimizer.encoding.{key}=null" for key in tuned)]).experiment
@@ -151,9 +152,9 @@ def row(words: Sequence[object], flown: Outcomes, threshold: float) -> str:
     return f"| {' | '.join(map(str, told))} |"
 
 
-def rows(name: str, cases: int, folder: Path) -> Iterator[str]:
+def rows(name: str, cases: int, rounds: int | None, folder: Path) -> Iterator[str]:
     """Yield the rows of a champion and of what stands beside it."""
-    training, sun = training_of(name), STUDIES[name][1]
+    training, sun = training_of(name, rounds), STUDIES[name][1]
     flying_words = ["+experiment=evaluate", f"controller={name}", f"sun={sun}", f"seed={SEED}"]
     judged = compose_experiment([*flying_words, f"monte_carlo.num_cases={cases}"]).experiment
     starts = evaluation_scenarios(judged.monte_carlo, judged.sun, judged.seed)
@@ -185,6 +186,7 @@ def main(arguments: Sequence[str]) -> int:
     parser = argparse.ArgumentParser(prog="python -m benchmarks worth", description=__doc__)
     parser.add_argument("champions", nargs="*", metavar="CHAMPION", help=f"of {', '.join(STUDIES)}; or all")
     parser.add_argument("--cases", type=int, default=10_000, help="flights of each")
+    parser.add_argument("--rounds", type=int, help="of the fits; more go on with those that are kept")
     parser.add_argument("--folder", type=Path, default=Path("outputs/worth"), help="where fits are kept")
     options = parser.parse_args(arguments)
     unknown = [name for name in options.champions if name not in STUDIES]
@@ -194,6 +196,6 @@ def main(arguments: Sequence[str]) -> int:
     print("| | decides by | numbers | fitted by | success | delta-v (m/s) | points | outside |")
     print("|---|---|---|---|---|---|---|---|", flush=True)
     for name in options.champions or STUDIES:
-        for line in rows(name, options.cases, options.folder):
+        for line in rows(name, options.cases, options.rounds, options.folder):
             print(line, flush=True)
     return 0
