@@ -54,13 +54,19 @@ LARGE: Final = (
     "optimizer.initial_step=0.06",
     "optimizer.encoding.rules=planes",
 )
+#: of its last training
+PRICES_OF_ANY_SUN: Final = (
+    "optimizer.penalty.short_point_m_s=0.6",
+    "optimizer.penalty.missed_point_m_s=0.12",
+    "optimizer.penalty.near_margin_m=2.5",
+)
 #: how law and table are fitted in place of each champion's rules, and under which Sun all of them fly
 STUDIES: Final[Mapping[str, tuple[Sequence[str], str]]] = {
     "champion_27": ((*READABLE, "sun=random"), "random"),
     "champion_27_fixed_sun": ((*READABLE, "sun=fixed"), "fixed"),
     "paper_champion": (("+experiment=train_champion", "optimizer.generations=10"), "fixed"),
     "champion_fixed_sun": (LARGE, "fixed"),
-    "champion_any_sun": ((*LARGE, "sun=random"), "random"),
+    "champion_any_sun": ((*LARGE, *PRICES_OF_ANY_SUN, "sun=random"), "random"),
 }
 
 
