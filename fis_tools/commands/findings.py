@@ -143,7 +143,8 @@ def explain(
     they add up to its way from the output of no rule), what would be missing without the rule ("needed":
     nothing where others say the same), and the smallest change of one input that flips the output's sign.
     With --flights (or a flight as CONTROLLER) it tells the shares over them. Of a flight it tells about
-    forces that were fired; where none was, it says why. --all-periods tells about every inference.
+    forces that were fired; where none was, it says why. --all-periods tells about every inference. Where a
+    flight says so, --time also tells which points the inputs come from, and what was flown ahead.
 
     For example:
 

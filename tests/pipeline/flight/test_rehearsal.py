@@ -70,6 +70,7 @@ def test_the_push_that_ends_cheapest_is_fired_and_the_rules_go_on() -> None:
         assert flown.inspected_count[case] == ends[best].inspected_count[0, 0]
         log = fly_logged(MISSION, controller, start)
         np.testing.assert_array_equal(log.force_hill_n[0], forces[best])
+        np.testing.assert_allclose(log.push_costs_m_s, cost, rtol=0, atol=1e-9)
         assert not log.is_decided[0]
     assert_as_written(replace(MISSION, duration_s=300.0), controller, STARTS[0])
 
@@ -116,10 +117,10 @@ def test_the_image_that_ends_cheapest_is_followed(count: int) -> None:
     assert len(images) == count <= len(IMAGES)
     assert images[0].constants.tolist() == TOURING.constants.tolist()
     ends = [fly_all(MISSION, image, starts) for image in images]
-    # all but one point are asked for
+    # every point is asked for
     cost = [
         end.delta_v_m_s
-        + 0.15 * np.maximum(0, 98 - end.inspected_count)
+        + 0.15 * np.maximum(0, 99 - end.inspected_count)
         + 1e4 * end.is_violated.astype(np.float64)
         for end in ends
     ]
@@ -132,6 +133,7 @@ def test_the_image_that_ends_cheapest_is_followed(count: int) -> None:
     assert len(set(best.tolist())) > 1
     log = fly_logged(MISSION, controller, starts[-1])
     assert log.delta_v_m_s[-1] == flown.delta_v_m_s[-1]
+    np.testing.assert_allclose(log.tour_costs_m_s, np.array(cost)[:, -1], rtol=0, atol=1e-9)
     np.testing.assert_array_equal(tracks[-1], log.position_m.astype(np.float32))
 
 

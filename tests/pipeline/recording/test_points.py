@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 import telemetry
+from fis_tools.analysis.flights import read_rehearsals
+from fis_tools.findings.explanation.points import rehearsed
 from fis_tools.formats import serialize
 from pipeline.flight.control.controller import Controller, coast, from_fuzzy
 from pipeline.flight.fly.rehearsals import tour_images
@@ -159,6 +161,26 @@ def test_what_coasting_would_miss_is_not_seen_by_coasting() -> None:
         # on the way the camera sees a few more than at the places that are previewed
         assert not np.any(~seen & ~log.is_missed[k])
         assert np.count_nonzero(seen & log.is_missed[k]) <= 5
+
+
+def test_a_recording_holds_what_rehearsals_cost(tmp_path: Path) -> None:
+    flying = from_fuzzy(serialize.load(PROJECT / "conf" / "controller" / "champion_27_rehearsed.yaml"))
+    what = replace(WORLDS["the paper's"], duration_s=600.0)
+    log, recorder = (
+        fly_logged(what, flying, STARTS[0]),
+        FlightRecorder(what, flying, seed=0, config={}, near_limit_m=2.0),
+    )
+    recorder.record(tmp_path / "x.mcap", STARTS[0], log, "x")
+    (told,) = telemetry.read(tmp_path / "x.mcap").rehearsals.values()
+    assert told.costs_m_s == tuple(log.push_costs_m_s.tolist())
+    assert told.names[0] == "0 mm/s radially, 0 along the track, 0 across"
+    assert len(told.names) == 105
+    first = read_rehearsals(tmp_path / "x.mcap", 0.0)["first push"]
+    assert [cost for cost, _ in first] == sorted(told.costs_m_s)
+    assert read_rehearsals(tmp_path / "x.mcap", 10.0) == {}
+    words = rehearsed("first push", first).blocks[1]
+    assert len(words.rows) == 6
+    assert words.rows[5][2].startswith("100 more, of ")
 
 
 def test_a_recording_holds_them_and_one_without_such_inputs_has_no_topic(tmp_path: Path) -> None:

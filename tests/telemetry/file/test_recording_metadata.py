@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from telemetry import RecordingError
-from telemetry.file.metadata import EpisodeDescription, FisDescription, plain, sealed, unsealed
+from telemetry.file.metadata import EpisodeDescription, FisDescription, Rehearsal, plain, sealed, unsealed
 from tests.telemetry import synthetic_flight
 
 words = st.text(max_size=12).map(plain)
@@ -86,3 +86,16 @@ def test_sealed_entries_come_back_and_changed_ones_do_not(name: str, entries: di
     assert stored["crc32"] == str(zlib.crc32(json.dumps([name, sorted(kept.items())]).encode()))
     with pytest.raises(ValueError, match="does not match its checksum"):
         unsealed(name, {**stored, "an entry of more than twelve letters": ""})
+
+
+def test_a_rehearsal_is_read_as_it_was_written_and_has_a_cost_for_each_name() -> None:
+    told = Rehearsal(names=("up", "down"), costs_m_s=(0.25, 1e4), until_s=10.0)
+    assert Rehearsal.from_metadata(told.to_metadata()) == told
+    for wrong in (
+        {"costs_m_s": "[0.25]"},
+        {"names": "[]", "costs_m_s": "[]"},
+        {"costs_m_s": "1"},
+        {"until_s": "x"},
+    ):
+        with pytest.raises(RecordingError):
+            Rehearsal.from_metadata({**told.to_metadata(), **wrong})
