@@ -407,7 +407,8 @@ def _points_of(recording: "Recording") -> PointsAlong | None:
     if cloud is None or control is None or not len(cloud) or not len(control):
         return None
     names = tuple(recording.metadata.get(PULLS_METADATA, {}))
-    if missing := {"last_light_s", "is_missed", *names} - cloud.columns.keys():
+    numbers = {name for name, values in cloud.columns.items() if values.ndim == 2}
+    if missing := {"last_light_s", "is_missed", *names} - numbers or {"position_m"} - cloud.columns.keys():
         lacking = ", ".join(sorted(missing))
         raise ControllerFileError(f"{recording.path}: {cloud.topic} lacks {lacking}; log it again")
     return PointsAlong(cloud, control.time_s, np.isfinite(control["coasting_missed"]), names)

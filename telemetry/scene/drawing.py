@@ -268,11 +268,12 @@ def pulls(recording: Recording, sample_time_s: Floats) -> Floats | None:
     """
     cloud, names = recording.topics.get(topics.CHIEF_PULLS), recording.metadata.get(topics.PULLS_METADATA, {})
     num_points = recording[topics.CHIEF_POINTS]["position_m"].shape[1]
-    if cloud is None or not len(cloud) or not names or not set(names) <= cloud.columns.keys():
+    if cloud is None or not len(cloud) or not names or not num_points:
         return None
-    parts = np.array([np.abs(cloud[name].astype(np.float64)) for name in names])
-    if not num_points or parts.shape[2] != num_points:
+    told = [cloud.columns[name] for name in names if name in cloud.columns]
+    if len(told) < len(names) or any(values.shape != (len(cloud), num_points) for values in told):
         return None
+    parts = np.abs(np.array(told, dtype=np.float64))
     most = np.max(parts / np.maximum(parts.max(axis=(1, 2), keepdims=True), 1e-300), axis=0)
     rows = np.searchsorted(cloud.time_s, sample_time_s, side="right") - 1
     found: Floats = np.where((rows >= 0)[:, None], most[rows], 0.0)

@@ -191,6 +191,9 @@ def test_a_recording_holds_them_and_one_without_such_inputs_has_no_topic(tmp_pat
         recorder.record(tmp_path / "x.mcap", STARTS[0], fly_logged(what, flying, STARTS[0]), "x")
         flight = telemetry.read(tmp_path / "x.mcap")
         assert ("/chief/pulls" in flight.topics) == ("pulls" in flight.metadata) == senses
+        if senses:
+            flat = telemetry.flat_table(flight, "/chief/pulls")["aim_radial"].to_numpy()
+            np.testing.assert_array_equal(flat, flight["/chief/pulls"]["aim_radial"].ravel())
         for system in flying.systems if senses else ():
             cloud, sensed = flight["/chief/pulls"], flight[f"/fis/{system.name}"]
             rows = np.searchsorted(cloud.time_s, sensed.time_s + 1e-6) - 1
