@@ -60,13 +60,14 @@ PRICES_OF_ANY_SUN: Final = (
     "optimizer.penalty.missed_point_m_s=0.12",
     "optimizer.penalty.near_margin_m=2.5",
 )
-#: how law and table are fitted in place of each champion's rules, and under which Sun all of them fly
-STUDIES: Final[Mapping[str, tuple[Sequence[str], str]]] = {
-    "champion_27": ((*READABLE, "sun=random"), "random"),
-    "champion_27_fixed_sun": ((*READABLE, "sun=fixed"), "fixed"),
-    "paper_champion": (("+experiment=train_champion", "optimizer.generations=10"), "fixed"),
-    "champion_fixed_sun": (LARGE, "fixed"),
-    "champion_any_sun": ((*LARGE, *PRICES_OF_ANY_SUN, "sun=random"), "random"),
+#: how law and table are fitted in place of each champion's rules, under which Sun all of them fly, and how
+#: many numbers the champion's own training tuned besides the constants
+STUDIES: Final[Mapping[str, tuple[Sequence[str], str, int]]] = {
+    "champion_27": ((*READABLE, "sun=random"), "random", 15),
+    "champion_27_fixed_sun": ((*READABLE, "sun=fixed"), "fixed", 15),
+    "paper_champion": (("+experiment=train_champion", "optimizer.generations=10"), "fixed", 150),
+    "champion_fixed_sun": (LARGE, "fixed", 96),
+    "champion_any_sun": ((*LARGE, *PRICES_OF_ANY_SUN, "sun=random"), "random", 96),
 }
 
 
@@ -160,14 +161,13 @@ def row(words: Sequence[object], flown: Outcomes, threshold: float) -> str:
 
 def rows(name: str, cases: int, rounds: int | None, folder: Path) -> Iterator[str]:
     """Yield the rows of a champion and of what stands beside it."""
-    training, sun = training_of(name, rounds), STUDIES[name][1]
+    training, (_, sun, numbers) = training_of(name, rounds), STUDIES[name]
     flying_words = ["+experiment=evaluate", f"controller={name}", f"sun={sun}", f"seed={SEED}"]
     judged = compose_experiment([*flying_words, f"monte_carlo.num_cases={cases}"]).experiment
     starts = evaluation_scenarios(judged.monte_carlo, judged.sun, judged.seed)
     champion, encoding = named(name, judged.mission), training.optimizer.encoding
     threshold = judged.mission.inspection_threshold_percent
     rules = sum(len(system.rules) for system in champion.systems)
-    numbers = genome_of(champion, encoding).num_genes
     yield row(
         (f"`{name}`", f"{rules} rules", numbers, ""), fly_all(judged.mission, champion, starts), threshold
     )
