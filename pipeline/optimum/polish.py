@@ -16,6 +16,7 @@ solver, but spend more time on that than the solver does, and hold Python's glob
 releases it while it solves.
 """
 
+import threading
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -27,6 +28,8 @@ from pipeline.array_types import Floats
 from pipeline.optimum.problem import Problem, margins_along, path_of, sight_demands
 
 Constraint = tuple[Floats, int, float]
+#: holds a solver for each thread
+OF_THREAD = threading.local()
 
 #: m by which constraints are tightened: for rounding, and more for the outer limit, as planes are rough there
 SIGHT_MARGIN, CURVED_MARGIN, NEAR_MARGIN, FAR_MARGIN = 1e-6, 0.02, 1e-3, 0.05
@@ -232,7 +235,10 @@ def _solved_by_highs(
     import highspy  # noqa: PLC0415 - slow to import, and reports do not need it
 
     starts, places, values = _columns(rows)
-    solver = highspy._Highs()  # `Highs` is the same with callbacks, which create a reference cycle
+    if not hasattr(OF_THREAD, "solver"):  # a solver is a reference cycle: a new one each time would pile up
+        OF_THREAD.solver = highspy.Highs()
+    solver = OF_THREAD.solver
+    solver.clear()
     solver.setOptionValue("output_flag", False)
     solver.setOptionValue("presolve", presolve)
     solver.setOptionValue("threads", 1)  # callers have their own threads
