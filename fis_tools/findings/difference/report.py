@@ -295,7 +295,7 @@ def _rule_words(rule: Rule | None) -> str:
 def _plain_system(system: SystemDifference) -> dict[str, object]:
     return {
         "name": system.name,
-        "state": system.state,
+        "state": "same" if system.is_empty else system.state,
         "facts": plain(system.facts),
         "variables": [_plain_variable(change) for change in system.variables],
         "rules": [

@@ -34,16 +34,16 @@ def magnitude(least: float, greatest: float) -> st.SearchStrategy[float]:
 
 def number(key: str, limits: dict[str, float], value: float | None) -> st.SearchStrategy[float]:
     """A number by its unit and limits, near a value, or anywhere."""
-    reach = REACHES.get(unit_of(key), REACHES[""])
+    least, most = REACHES.get(unit_of(key), REACHES[""])
     low, high = limits.get("ge", limits.get("gt", -inf)), limits.get("le", limits.get("lt", inf))
-    greatest = min(reach.greatest, high)
-    anywhere = [magnitude(max(reach.least, low), greatest)]
+    greatest = min(most, high)
+    anywhere = [magnitude(max(least, low), greatest)]
     if low <= 0.0 and "gt" not in limits:
         anywhere.append(st.just(0.0))
     if low < 0.0:
-        anywhere.append(magnitude(reach.least, min(reach.greatest, -low)).map(lambda size: -size))
+        anywhere.append(magnitude(least, min(most, -low)).map(lambda size: -size))
     if greatest < inf and low > -inf:
-        anywhere.append(st.floats(max(low, reach.least if "gt" in limits else low), greatest))
+        anywhere.append(st.floats(max(low, least if "gt" in limits else low), greatest))
     if value:
         close = st.floats(-NEAR, NEAR).map(lambda power: min(value * 10.0**power, high))
         return st.one_of(close, *anywhere)
@@ -145,7 +145,7 @@ def clocked(draw: Any, base: Mission) -> Mission:
     """The mission with other clocks, and those of fixes and delays along with them."""
     count, ticks = draw(st.integers(2, 20)), draw(st.integers(1, MOST_TICKS))
     longest = MOST_RADIANS / (2.0 * count * base.orbit.mean_motion_rad_s)
-    period = draw(st.one_of(magnitude(1.0, 200.0), magnitude(2.0 * MOST_TICKS * REACHES["s"].least, longest)))
+    period = draw(st.one_of(magnitude(1.0, 200.0), magnitude(2.0 * MOST_TICKS * REACHES["s"][0], longest)))
     clocks = {
         "control_period_s": period,
         "attitude_period_s": period / ticks,
