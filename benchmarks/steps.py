@@ -16,8 +16,7 @@ from llvmlite import binding
 from benchmarks.timing import best_cpu_seconds, line
 from pipeline.command_line.config import compose_experiment
 from pipeline.controllers import source
-from pipeline.flight.cases.cases import cases_of
-from pipeline.flight.cases.starts import evaluation_scenarios
+from pipeline.flight.cases.starts import cases_of, evaluation_scenarios
 from pipeline.flight.control.controller import rehearsed_pushes
 from pipeline.flight.fly.population import fly_population
 from pipeline.flight.fly.rehearsals import rehearsed_openings

@@ -23,8 +23,7 @@ from fis_tools.model import Gaussian, Term, Triangular, Variable, rule_table, ta
 from pipeline.command_line.config import compose_experiment
 from pipeline.controllers.source import named
 from pipeline.evaluation.statistics import fraction, statistic
-from pipeline.flight.cases.cases import cases_of
-from pipeline.flight.cases.starts import evaluation_scenarios, training_scenarios
+from pipeline.flight.cases.starts import cases_of, evaluation_scenarios, training_scenarios
 from pipeline.flight.control.controller import Controller, from_fuzzy, law_of
 from pipeline.flight.fly.population import fly_population
 from pipeline.flight.fly.simulation import fly_all

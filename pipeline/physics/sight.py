@@ -1,17 +1,152 @@
-"""Whether points of the chief are lit and in view, for flights, previews, planners and plans.
+"""Whether points of the chief are lit, in view, and not hidden by its parts.
 
 The conditions are the paper's (Choi, Kim and Leeghim, AAS 25-727), without square roots, for floats or for
 vectors of points.
 """
 
+from math import atan, pi, tan
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fis_tools.compiled.decorator import compiled
-from fis_tools.compiled.three import Three
+from fis_tools.compiled.three import Three, lane_of, minus, three_of, times
 from fis_tools.compiled.vectors import Mask, Vector, most
+from pipeline.array_types import Bytes, Floats
 from pipeline.physics.illumination import ASTRONOMICAL_UNIT_M
+
+#: cells along an edge of the cube
+EDGE_CELLS = 32
+#: height above its own face at which a ray begins, as a share of the body's size
+LIFT = 1e-6
+
+
+class Occlusion(NamedTuple):
+    """The directions from which points of a body are visible, past its other parts.
+
+    From a point on the body a ray to a far place passes the same parts as to infinity if the place lies
+    beyond all of them, so that only the direction matters. Directions are sorted into the cells of a cube
+    about the body, each face of it divided into squares of equal angles; a cell has the result of its
+    centre, which is off by at most half its diagonal: 2.1 deg with 32 cells along an edge. Rays are
+    intersected with triangles as by T. Moller and B. Trumbore (Fast, minimum storage ray-triangle
+    intersection, Journal of Graphics Tools 2, 1997).
+    """
+
+    is_free: Bytes  # (6 n^2, P) of 0 or 1, one row per cell; no rows if nothing is hidden
+    edge: int  # cells along an edge of the cube, n
+
+
+def nothing_hidden() -> Occlusion:
+    """Return the occlusion of a convex body."""
+    return Occlusion(np.zeros((0, 0), dtype=np.uint8), 0)
+
+
+@compiled(error_model="numpy")
+def cell_of(edge: int, direction: Three) -> int:
+    """Return the cell that a direction of any length falls into, for `edge` cells along an edge."""
+    x, y, z = direction
+    ax, ay, az = abs(x), abs(y), abs(z)
+    if ax >= ay and ax >= az:
+        face, most, u, v = 0 if x > 0.0 else 1, ax, y, z
+    elif ay >= az:
+        face, most, u, v = 2 if y > 0.0 else 3, ay, z, x
+    else:
+        face, most, u, v = 4 if z > 0.0 else 5, az, x, y
+    if most == 0.0:
+        return 0
+    i = min(edge - 1, int((atan(u / most) * (4.0 / pi) + 1.0) * 0.5 * edge))
+    j = min(edge - 1, int((atan(v / most) * (4.0 / pi) + 1.0) * 0.5 * edge))
+    return (face * edge + i) * edge + j
+
+
+@compiled
+def centre_of(edge: int, cell: int) -> Floats:
+    """Return the direction, a unit vector, of the centre of a cell."""
+    face, rest = cell // (edge * edge), cell % (edge * edge)
+    u = tan((2.0 * (rest // edge) + 1.0 - edge) / edge * 0.25 * pi)
+    v = tan((2.0 * (rest % edge) + 1.0 - edge) / edge * 0.25 * pi)
+    sign = 1.0 if face % 2 == 0 else -1.0
+    direction = np.empty(3)
+    axis = face // 2
+    direction[axis], direction[(axis + 1) % 3], direction[(axis + 2) % 3] = sign, u, v
+    unit: Floats = direction / np.sqrt(1.0 + u * u + v * v)
+    return unit
+
+
+@compiled(error_model="numpy")
+def meets(triangle: Floats, origin: Floats, direction: Floats) -> bool:
+    """Return whether a ray meets a triangle, given by a corner and two edges, shape (3, 3)."""
+    a, b, c = direction[0], direction[1], direction[2]
+    px = b * triangle[2, 2] - c * triangle[2, 1]
+    py = c * triangle[2, 0] - a * triangle[2, 2]
+    pz = a * triangle[2, 1] - b * triangle[2, 0]
+    volume = triangle[1, 0] * px + triangle[1, 1] * py + triangle[1, 2] * pz
+    if volume == 0.0:
+        return False
+    sx, sy, sz = origin[0] - triangle[0, 0], origin[1] - triangle[0, 1], origin[2] - triangle[0, 2]
+    u = (sx * px + sy * py + sz * pz) / volume
+    if u < 0.0 or u > 1.0:
+        return False
+    qx = sy * triangle[1, 2] - sz * triangle[1, 1]
+    qy = sz * triangle[1, 0] - sx * triangle[1, 2]
+    qz = sx * triangle[1, 1] - sy * triangle[1, 0]
+    v = (a * qx + b * qy + c * qz) / volume
+    if v < 0.0 or u + v > 1.0:
+        return False
+    return bool((triangle[2, 0] * qx + triangle[2, 1] * qy + triangle[2, 2] * qz) / volume > 0.0)
+
+
+@compiled(nogil=True)
+def note_free(
+    points: Floats, normals: Floats, triangles: Floats, lift: float, edge: int, is_free: Bytes
+) -> None:
+    """Write which points each cell's direction sees; `triangles` as in `meets`, shape (T, 3, 3)."""
+    for cell in range(len(is_free)):
+        direction = centre_of(edge, cell)
+        for point in range(len(points)):
+            is_free[cell, point] = 0
+            if np.sum(normals[point] * direction) <= 0.0:
+                continue
+            origin, is_hidden = points[point] + lift * normals[point], False
+            for triangle in range(len(triangles)):
+                if meets(triangles[triangle], origin, direction):
+                    is_hidden = True
+                    break
+            is_free[cell, point] = 0 if is_hidden else 1
+
+
+@compiled(nogil=True, error_model="numpy")
+def note_free_along(
+    occlusion: Occlusion, axes: Floats, path: Floats, points: Floats, is_granted: NDArray[np.bool_]
+) -> None:
+    """Make `is_granted`, (K+1, P), false for points that the body hides from the places of a path.
+
+    The path has the shape (K+1, 3), points (K+1, 3, P), m, and axes (K+1 or 1, 3, 3), from the path's to the
+    body's.
+    """
+    for k in range(len(path)):
+        turn = axes[k if len(axes) > 1 else 0]
+        for j in range(points.shape[2]):
+            if is_granted[k, j]:
+                to_path = minus(three_of(path[k]), lane_of(points[k], 0, j))
+                cell = cell_of(occlusion.edge, times(turn, to_path))
+                is_granted[k, j] = occlusion.is_free[cell, j] > 0
+
+
+def occlusion_of(points: Floats, normals: Floats, corners: Floats) -> Occlusion:
+    """Return the occlusion of a body, from every point in every direction, chief axes, m.
+
+    Points and normals, unit vectors out of the body, have the shape (P, 3), the corners of its triangles (T,
+    3, 3).
+    """
+    is_free = np.zeros((6 * EDGE_CELLS**2, len(points)), dtype=np.uint8)
+    first, second, third = corners[:, 0], corners[:, 1], corners[:, 2]
+    triangles = np.stack([first, second - first, third - first], axis=1)
+    lift = LIFT * float(np.linalg.norm(corners, axis=2).max())
+    note_free(points, normals, np.ascontiguousarray(triangles), lift, EDGE_CELLS, is_free)
+    return Occlusion(is_free, EDGE_CELLS)
+
 
 #: rows of data on the surface at points: the unit normal out of it, ``n . p``, ``|p|^2``
 NORMAL, HEIGHT, SQUARE, NUM_SURFACE = 0, 3, 4, 5

@@ -29,8 +29,8 @@ from pipeline.flight.cases.actuators import thrusters_of
 from pipeline.flight.cases.dispersions import mission_of_case
 from pipeline.flight.cases.navigation import errors_of, filter_of, measured
 from pipeline.flight.control.controller import Controller, decision_stride, rehearsed_pushes
-from pipeline.flight.fly.inspectable import lit_and_seen
 from pipeline.flight.fly.rehearsals import IMAGES, tour_images
+from pipeline.flight.fly.workspace import lit_and_seen
 from pipeline.flight.period.look.optics import note_lit_and_seen
 from pipeline.flight.state.log import FlightLog, Scenario
 from pipeline.flight.state.signals import CONSTANTS, SIGNALS

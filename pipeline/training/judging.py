@@ -9,8 +9,7 @@ import numpy as np
 
 from fis_tools.analysis.measures import rule_consistency
 from pipeline.array_types import Floats
-from pipeline.flight.cases.cases import cases_of
-from pipeline.flight.cases.starts import hard_candidates, training_scenarios, validation_scenarios
+from pipeline.flight.cases.starts import cases_of, hard_candidates, training_scenarios, validation_scenarios
 from pipeline.flight.control.controller import from_fuzzy, law_of
 from pipeline.flight.fly.population import fly_population, lanes_for
 from pipeline.flight.fly.rehearsals import tour_images

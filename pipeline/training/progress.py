@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.array_types import Floats
-from pipeline.flight.cases.cases import cases_of
-from pipeline.flight.cases.starts import given_start
+from pipeline.flight.cases.starts import cases_of, given_start
 from pipeline.flight.control.controller import law_of
 from pipeline.flight.fly.population import fly_population, lanes_for
 from pipeline.flight.world.pack import pack_world

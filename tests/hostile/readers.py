@@ -32,7 +32,7 @@ from pipeline.controllers.policies import policy_of
 from pipeline.evaluation.assurance import requirements
 from pipeline.evaluation.trials import trials
 from pipeline.flight.fly.stepping import NUM_SEEN
-from pipeline.flight.world import mesh
+from pipeline.flight.world import surface
 from pipeline.recording.reflight import fly_again
 from pipeline.run import artifacts, sweep, tables
 from pipeline.settings import start_table
@@ -175,7 +175,7 @@ def _mesh(suffix: str) -> Callable[[bytes, Path], object]:
     def read(content: bytes, folder: Path) -> object:
         path = folder / f"chief.{suffix}"
         path.write_bytes(content)
-        return mesh.spread_points(mesh.read_mesh(str(path)), 20)
+        return surface.spread_points(surface.read_mesh(str(path)), 20)
 
     return read
 

@@ -21,7 +21,7 @@ from pipeline.controllers.planned.paths import (
     RING_RADIAL,
     elements_matrix,
 )
-from pipeline.flight.cases.cases import starts_of
+from pipeline.flight.cases.starts import starts_of
 from pipeline.flight.control.controller import Controller
 from pipeline.flight.fly.workspace import make_workspace, optics_in_use
 from pipeline.flight.period.look.optics import note_seen_along

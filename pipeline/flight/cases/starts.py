@@ -6,15 +6,23 @@ positions under any Sun setting.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import partial
 from itertools import product
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.array_types import Floats
+from pipeline.flight.cases.actuators import firing_of
+from pipeline.flight.cases.navigation import fixes_of
+from pipeline.flight.cases.processes import drag_in_time
+from pipeline.flight.state.arrays import CASE
+from pipeline.flight.state.errors import Errors, Firing, Fixes, ModelErrors, ThrustErrors
 from pipeline.flight.state.log import Scenario
-from pipeline.settings.experiment import Experiment, MonteCarlo, Sun
+from pipeline.physics.orbit import Course
+from pipeline.settings.experiment import Experiment, Mission, MonteCarlo, Sun
 from pipeline.settings.mission_parts import Deputy
 from pipeline.settings.start_table import numbers
 from pipeline.settings.training import Starts
@@ -148,3 +156,53 @@ def starts_in(columns: Mapping[str, NDArray[Any]]) -> list[Scenario]:
         Scenario(position, velocity, angle, elevation, (0, EVALUATION, row))
         for row, (position, velocity, angle, elevation) in enumerate(zip(*columns_of_starts, strict=True))
     ]
+
+
+StartRows = np.recarray[Any, Any]  # an array of `CASE`
+
+
+@dataclass(frozen=True)
+class Cases:
+    """Some starts in a mission, m of them."""
+
+    starts: StartRows
+    fixes: Fixes
+    firing: Firing
+    drag: Floats  # as of `pipeline.flight.cases.processes.drag_in_time`
+
+    def __len__(self) -> int:
+        """Return the number of starts."""
+        return len(self.starts)
+
+    def repeated(self, times: int) -> "Cases":
+        """Return the cases with every start repeated `times` times in a row, with the same errors."""
+        each = partial(np.repeat, repeats=times, axis=0)
+        return Cases(
+            each(self.starts).view(np.recarray),
+            self.fixes._replace(errors=Errors(*map(each, self.fixes.errors))),
+            self.firing._replace(errors=ThrustErrors(*map(each, self.firing.errors))),
+            each(self.drag),
+        )
+
+    def model_errors(self, course: Course) -> ModelErrors | None:
+        """Return how the flights differ from the deputies' model of them; None if they do not."""
+        if not (self.fixes.is_on or self.firing.is_on or course.is_on):
+            return None
+        return ModelErrors(self.fixes, self.firing, course._replace(varying=self.drag))
+
+
+def starts_of(scenarios: list[Scenario]) -> StartRows:
+    """Return starts as an array, shape (m,)."""
+    starts = np.empty(len(scenarios), CASE)
+    if scenarios:
+        starts["position"] = np.array([scenario.position_m for scenario in scenarios])
+        starts["velocity"] = np.array([scenario.velocity_m_s for scenario in scenarios])
+        starts["sun_angle"] = [scenario.sun_angle_rad for scenario in scenarios]
+        starts["sun_elevation"] = [scenario.sun_elevation_rad for scenario in scenarios]
+    return starts.view(np.recarray)
+
+
+def cases_of(mission: Mission, scenarios: list[Scenario]) -> Cases:
+    """Prepare starts to be flown in a mission."""
+    fixes, firing = fixes_of(mission, scenarios), firing_of(mission, scenarios)
+    return Cases(starts_of(scenarios), fixes, firing, drag_in_time(mission, scenarios))

@@ -1,9 +1,15 @@
 """Controllers: which fuzzy system senses which signal and drives which axis, or which forces are planned.
 
+A planner is plain Python, and the state at a decision is known only after flying up to there. So flights are
+flown up to a decision, their forces are planned, and they are flown again up to the next one. Flights are
+reproducible to the last digit, so the final flight is a closed loop.
+
 The names of signals, components and constants are those of `pipeline.flight.state.signals`.
 """
 
-from collections.abc import Sequence
+import os
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
@@ -190,7 +196,7 @@ def open_loop(name: str, plan: Floats, force_axes: str = "hill", turns: Turns = 
 def law_of(controller: Controller, mission: Mission) -> Law:
     """Return what the compiled episode needs to know of a controller, apart from its numbers.
 
-    It holds no plans of a planner or a regulator yet; `pipeline.flight.control.plans` makes these.
+    It holds no plans of a planner or a regulator yet; `pipeline.flight.control.controller` makes these.
 
     Raises
     ------
@@ -320,3 +326,41 @@ def with_constants(numbers: Packed, controller: Controller) -> Packed:
         return numbers
     rows = np.broadcast_to(controller.constants, (len(numbers.values), len(CONSTANTS)))
     return replace(numbers, values=np.hstack([numbers.values, rows]))
+
+
+#: flies plans for a number of control periods
+Fly = Callable[[int, Plans], object]
+
+
+def regulated(regulator: Regulator, scenarios: list[Scenario]) -> Plans:
+    """Return the plans of flights under a linear law: feedforward forces and the path to track."""
+    paths = np.array([regulator.path(scenario) for scenario in scenarios], dtype=np.float64)
+    forces = np.array([regulator.forces(scenario) for scenario in scenarios], dtype=np.float64)
+    return played(forces)._replace(paths=paths, gain=regulator.gain, least_answer=regulator.dead_band_n)
+
+
+def planned(
+    planner: Planner, num_controls: int, scenarios: list[Scenario], fly: Fly, workers: int | None
+) -> Plans:
+    """Return the plans of flights whose forces are planned during the flight, of so many control periods.
+
+    `fly` flies plans from these starts; `workers` threads plan, one per processor unless given.
+    """
+    plans = played(np.zeros((len(scenarios), num_controls, 3)))
+    noted = plans._replace(known=np.zeros((len(scenarios), num_controls, 6)))
+    decisions = list(planner.decisions)
+    pool = ThreadPoolExecutor(workers or os.cpu_count() or 1)
+    try:
+        for decision, following in zip(decisions, [*decisions[1:], num_controls], strict=True):
+            fly(decision + 1, noted)
+
+            def plan(case: int, decision: int = decision, following: int = following) -> None:
+                forces = planner(scenarios[case], decision, noted.known[case, decision].copy())
+                kept = forces[: following - decision]
+                plans.forces[case, decision : decision + len(kept)] = kept
+
+            for _ in pool.map(plan, range(len(scenarios))):
+                pass
+    finally:
+        pool.shutdown(cancel_futures=True)
+    return plans

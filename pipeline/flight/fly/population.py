@@ -10,10 +10,16 @@ from numpy.typing import NDArray
 from fis_tools.engines.kernel import FEW_LANES, LANES
 from fis_tools.engines.packing import Packed
 from pipeline.array_types import Floats
-from pipeline.flight.cases.cases import Cases
-from pipeline.flight.fly.inspectable import counted_points, inspectable_points
+from pipeline.flight.cases.starts import Cases
 from pipeline.flight.fly.many import Flights, Results, fly_many
-from pipeline.flight.fly.workspace import Parts, make_state, make_workspace, parts_in_use
+from pipeline.flight.fly.workspace import (
+    Parts,
+    counted_points,
+    inspectable_points,
+    make_state,
+    make_workspace,
+    parts_in_use,
+)
 from pipeline.flight.period.look.optics import note_inspectable
 from pipeline.flight.state import arrays
 from pipeline.flight.state.arrays import NUM_OUTCOMES, Law, State, Workspace, World

@@ -16,8 +16,8 @@ import numpy as np
 from fis_tools.engines.kernel import LANES
 from fis_tools.model import FuzzyController
 from pipeline.array_types import Floats
-from pipeline.flight.cases.cases import cases_of
 from pipeline.flight.cases.navigation import as_believed
+from pipeline.flight.cases.starts import cases_of
 from pipeline.flight.control.controller import Controller, from_fuzzy, law_of, rehearsed_pushes
 from pipeline.flight.fly.population import fly_population
 from pipeline.flight.state.log import Outcomes, Scenario

@@ -9,10 +9,17 @@ from numpy.typing import NDArray
 from fis_tools.compiled.decorator import sparingly
 from fis_tools.engines.kernel import FEW_LANES, LANES
 from pipeline.array_types import Floats
-from pipeline.flight.cases.cases import cases_of
 from pipeline.flight.cases.dispersions import groups_of, mission_of_case
-from pipeline.flight.control.controller import Controller, ControllerError, law_of, played, rehearsed_pushes
-from pipeline.flight.control.plans import planned, regulated
+from pipeline.flight.cases.starts import cases_of
+from pipeline.flight.control.controller import (
+    Controller,
+    ControllerError,
+    law_of,
+    planned,
+    played,
+    regulated,
+    rehearsed_pushes,
+)
 from pipeline.flight.fly.logged import write_reasons
 from pipeline.flight.fly.many import Results, fly_many
 from pipeline.flight.fly.plain import fly_plainly

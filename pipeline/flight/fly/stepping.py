@@ -1,7 +1,4 @@
-"""Flights stepped one control period at a time, under external forces.
-
-Every flight has the vectors to itself, in lane 0, since each is at its own sample.
-"""
+"""Flights stepped one control period at a time by external forces, each in lane 0 of vectors of its own."""
 
 from typing import Any, Final
 
@@ -13,12 +10,17 @@ from fis_tools.compiled.three import Three, lane_of
 from fis_tools.compiled.vectors import borrowed, splat, width_of
 from fis_tools.engines.kernel import FEW_LANES
 from pipeline.array_types import Bytes, Floats, Integers
-from pipeline.flight.cases.cases import cases_of
+from pipeline.flight.cases.starts import cases_of
 from pipeline.flight.control.controller import played
-from pipeline.flight.fly.inspectable import counted_points, inspectable_points
 from pipeline.flight.fly.many import start_lanes
 from pipeline.flight.fly.simulation import is_interpreted
-from pipeline.flight.fly.workspace import beyond_of, make_states, make_workspace
+from pipeline.flight.fly.workspace import (
+    beyond_of,
+    counted_points,
+    inspectable_points,
+    make_states,
+    make_workspace,
+)
 from pipeline.flight.period.decide.thrust import command_given
 from pipeline.flight.period.steps import act, look
 from pipeline.flight.state.arrays import CASE, Beyond, Guard, Moment, Plans, State, Workspace, World

@@ -1,15 +1,22 @@
-"""The state and the workspace of one thread, and the parts of a flight that are compiled only when used."""
+"""State and workspace of one thread, parts of a flight that are compiled when used, and points that count."""
+
+from collections.abc import Callable
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fis_tools.compiled.vectors import aligned, make_rows
 from fis_tools.engines.kernel import LANES, make_scratch
-from pipeline.flight.cases.cases import Cases, Starts
+from pipeline.array_types import Booleans, Bytes
+from pipeline.flight.cases.starts import Cases, StartRows
 from pipeline.flight.period.act.safety import MOST_CUTS
 from pipeline.flight.period.look.guidance import num_clusters
+from pipeline.flight.period.look.optics import note_inspectable, note_lit_and_seen, note_lit_at_samples
 from pipeline.flight.state.arrays import CARRIED, MOVING, TURNED, Beyond, Guard, Law, State, Workspace, World
 from pipeline.flight.state.errors import ESTIMATED, THRUSTING, ModelErrors
+from pipeline.flight.state.log import FlightLog
 from pipeline.flight.state.signals import SETTING, SIGNALS
+from pipeline.physics.quaternion import dcm_b_from_h
 
 #: what `fly_many` is compiled for: light, safety layer, clusters, pushes, errors of the deputies' model
 Parts = tuple[Beyond | None, Guard | None, bool | None, bool | None, ModelErrors | None]
@@ -68,7 +75,7 @@ def make_workspace(world: World, lanes: int = LANES) -> Workspace:
     )
 
 
-def optics_in_use(world: World, starts: Starts) -> Beyond | None:
+def optics_in_use(world: World, starts: StartRows) -> Beyond | None:
     """Return the light and camera if they are not the paper's; None if they are."""
     return beyond_of(world, is_tilted=bool(np.any(starts.sun_elevation != 0.0)))
 
@@ -96,3 +103,46 @@ def parts_in_use(world: World, law: Law, cases: Cases) -> Parts:
         bool(law.needs & SETTING) or is_elsewhere or None,
         errors,
     )
+
+
+def inspectable_points(
+    world: World, starts: StartRows, note: Callable[..., None] = note_inspectable
+) -> Bytes:
+    """Return which points are lit at some sample of each case's flight, shape (m, P padded) of 0 or 1."""
+    found = np.empty((len(starts), world.points.shape[2]), dtype=np.uint8)
+    note(world, optics_in_use(world, starts), make_workspace(world), starts, found)
+    return found
+
+
+def lit_at_samples(world: World, starts: StartRows) -> NDArray[np.bool_]:
+    """Return which points are lit at each sample of one case's flight, shape (K+1, P)."""
+    found = np.empty((world.num_controls + 1, world.points.shape[2]), dtype=np.uint8)
+    note_lit_at_samples(world, optics_in_use(world, starts), make_workspace(world), starts, found)
+    return np.ascontiguousarray(found[:, : world.num_points] > 0)
+
+
+def lit_and_seen(
+    world: World, log: FlightLog, note: Callable[..., None] = note_lit_and_seen
+) -> tuple[Booleans, Booleans]:
+    """Return which points not inspected are lit, and which dark ones are in view, at each sample."""
+    angles, num_points = (log.sun_angle_rad, log.sun_elevation_rad), world.num_points
+    left = np.zeros((len(log.position_m), world.points.shape[2]), dtype=np.uint8)
+    left[:, :num_points] = ~log.is_inspected
+    boresights = np.array([dcm_b_from_h(turned).T @ world.boresight for turned in log.quaternion_b_from_h])
+    lit, seen = np.zeros_like(left), np.zeros_like(left)
+    beyond = beyond_of(world, is_tilted=bool(np.any(log.sun_elevation_rad != 0.0)))
+    suns = np.stack([turn(angle) for angle in angles for turn in (np.cos, np.sin)], axis=1)
+    note(world, beyond, make_workspace(world), suns, log.position_m, boresights, left, lit, seen)
+    return lit[:, :num_points] > 0, seen[:, :num_points] > 0
+
+
+def counted_points(world: World, starts: StartRows, inspectable: Bytes) -> Bytes:
+    """Return the points that flights count, as `inspectable_points`, or one row if they are the same for all.
+
+    In the paper's world all points count, lit or not; in others only those that can be inspected, so
+    that a deputy does not wait for the rest.
+    """
+    if optics_in_use(world, starts) is None:
+        return np.ones((1, inspectable.shape[1]), dtype=np.uint8)
+    is_paper = np.zeros(len(starts), dtype=np.bool_) if world.has_optics else starts.sun_elevation == 0.0
+    return np.where(is_paper[:, np.newaxis], np.uint8(1), inspectable)

@@ -75,7 +75,7 @@ class World(NamedTuple):
     optics: Optics
     reflection: Reflection
     surface: Floats  # (K+1 or 1, NUM_SURFACE, P padded) surface at points, Hill axes; zeros in the padding
-    is_free: Bytes  # (cells, P) directions in which points are free, of `pipeline.physics.occlusion`
+    is_free: Bytes  # (cells, P) directions in which points are free, of `pipeline.physics.sight`
     num_edge_cells: int  # zero where nothing is hidden
     chief_axes: Floats  # (K+1 or 1, 3, 3) from Hill to chief
     boresight: Floats  # (3,) body axes

@@ -7,8 +7,7 @@ import numpy as np
 from benchmarks import linear_law
 from pipeline.command_line.config import compose_experiment
 from pipeline.controllers.source import named
-from pipeline.flight.cases.cases import cases_of
-from pipeline.flight.cases.starts import evaluation_scenarios
+from pipeline.flight.cases.starts import cases_of, evaluation_scenarios
 from pipeline.flight.control.controller import law_of
 from pipeline.flight.fly.population import fly_population
 from pipeline.flight.fly.simulation import fly_logged

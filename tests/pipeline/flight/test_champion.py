@@ -8,7 +8,7 @@ import pytest
 from fis_tools.formats import serialize
 from fis_tools.genes.parameters import Bounds, SystemEncoding
 from fis_tools.model import FuzzyController
-from pipeline.flight.cases.cases import cases_of
+from pipeline.flight.cases.starts import cases_of
 from pipeline.flight.control.controller import from_fuzzy, law_of
 from pipeline.flight.fly.population import fly_population
 from pipeline.flight.fly.simulation import fly_all

@@ -6,7 +6,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from fis_tools.compiled.vectors import load, store
-from pipeline.flight.state.elementary import arctangent, exponential
+from pipeline.flight.state.lanes import arctangent, exponential
 
 Floats = NDArray[np.float64]
 WIDTH = 8

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fis_tools.engines.kernel import LANES
-from pipeline.flight.cases.cases import cases_of
+from pipeline.flight.cases.starts import cases_of
 from pipeline.flight.control.controller import Controller, law_of, open_loop
 from pipeline.flight.fly.population import fly_population, lanes_for
 from pipeline.flight.fly.simulation import fly_all, fly_logged

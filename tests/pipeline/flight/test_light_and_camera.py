@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipeline.flight.cases.cases import starts_of
+from pipeline.flight.cases.starts import starts_of
 from pipeline.flight.control.controller import coast
-from pipeline.flight.fly.inspectable import inspectable_points
 from pipeline.flight.fly.simulation import fly_all, fly_logged
+from pipeline.flight.fly.workspace import inspectable_points
 from pipeline.flight.state.log import FlightLog, Scenario
 from pipeline.flight.world.pack import inspection_points, pack_world
 from pipeline.settings.experiment import Mission

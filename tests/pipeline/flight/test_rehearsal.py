@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from pipeline.command_line.config import compose_experiment
-from pipeline.flight.cases.cases import cases_of
 from pipeline.flight.cases.navigation import FIXES
+from pipeline.flight.cases.starts import cases_of
 from pipeline.flight.control.controller import (
     Controller,
     ControllerError,

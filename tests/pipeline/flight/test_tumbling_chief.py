@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
-from pipeline.flight.cases.cases import cases_of
+from pipeline.flight.cases.starts import cases_of
 from pipeline.flight.control.controller import coast, law_of
 from pipeline.flight.fly.population import FlightError, fly_population
 from pipeline.flight.fly.simulation import fly_all, fly_logged

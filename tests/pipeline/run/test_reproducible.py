@@ -18,7 +18,7 @@ WORDS = ["+experiment=evaluate", "controller=coast", "stages=[scenario]", "repro
 #: products beside sums and calls, by the kernel's vectors; prints the bytes of what they give
 COMPILED = """\
 import numpy as np
-from pipeline.flight.state.elementary import arctangent, exponential
+from pipeline.flight.state.lanes import arctangent, exponential
 from fis_tools.compiled.decorator import compiled
 from fis_tools.compiled.vectors import load, store
 

@@ -1,20 +1,19 @@
-"""Signals of the motion of all lanes: where they are, and the ellipse of their free motion.
+"""Signals of the motion of all lanes: where they are, the ellipse of their free motion, and turning aside.
 
 Free motion is an ellipse, twice as long along the track as it is high, about a centre that drifts along the
 track (Clohessy and Wiltshire, J. Aerospace Sci. 27, 1960).
 """
 
-from math import cos, sin
+from math import cos, sin, sqrt
 
 import numpy as np
 
 from fis_tools.compiled.decorator import compiled
-from fis_tools.compiled.three import Three, dot, length, load_three, minus, plus, scaled, store_three
+from fis_tools.compiled.three import Three, dot, lane_of, length, load_three, minus, plus, scaled, store_three
 from fis_tools.compiled.vectors import Vector, least, most, select, store
 from pipeline.flight.period.look.guidance import MIN_PROJECTION_M
 from pipeline.flight.state.arrays import Control, Moment, constant_of
-from pipeline.flight.state.elementary import arctangent
-from pipeline.flight.state.lanes import four, to_body, two, write_two
+from pipeline.flight.state.lanes import arctangent, four, to_body, two, write_two
 from pipeline.flight.state.signals import constant, slot
 from pipeline.physics.motion import ORBIT_PARTS, drifted_place, place_of
 
@@ -109,3 +108,24 @@ def sense_approach(now: Moment) -> None:
         nearest = least(dot(passed, passed), nearest)
         before = after
     store(now.work.signals, CLOSEST_APPROACH, np.sqrt(nearest))
+
+
+SKIRT_DISTANCE = constant("skirt_distance_m")
+
+
+@compiled(error_model="numpy", forceinline=True)
+def turned_aside(now: Moment, control: Control, lane: int, push: Three, scale: float) -> Three:
+    """Return ``push / scale`` of a lane, Hill axes, turned outwards nearer to the chief than the skirt.
+
+    At the skirt nothing changes; at the least distance and below, the part of the push that leads inwards is
+    reversed; in between, as much of it as the distance is on its way from one to the other. With a skirt up
+    to the least distance nothing is turned.
+    """
+    place, skirt = lane_of(now.state.belief.position, 0, lane), constant_of(control, SKIRT_DISTANCE)
+    wanted, min_distance = Three(push.x / scale, push.y / scale, push.z / scale), now.world.min_distance
+    distance = sqrt(dot(place, place))
+    if not min_distance < skirt or not distance < skirt:
+        return wanted
+    inward = max(0.0, -dot(push, place) / (scale * distance))
+    nearness = min(1.0, (skirt - distance) / (skirt - min_distance))
+    return plus(wanted, scaled(2.0 * nearness * inward / distance, place))

@@ -23,7 +23,7 @@ from fis_tools.compiled.three import (
 )
 from fis_tools.compiled.vectors import Mask, Vector, count, load, select, some, splat, store, total
 from pipeline.array_types import Floats
-from pipeline.flight.period.decide.chief import turned_aside
+from pipeline.flight.period.decide.motion import turned_aside
 from pipeline.flight.period.look.guidance import POINTS
 from pipeline.flight.period.look.optics import (
     Eye,
@@ -35,7 +35,7 @@ from pipeline.flight.period.look.optics import (
     some_of,
 )
 from pipeline.flight.state.arrays import Beyond, Control, Moment, Workspace, World, constant_of
-from pipeline.flight.state.elementary import exponential
+from pipeline.flight.state.lanes import exponential
 from pipeline.flight.state.signals import constant, slot
 from pipeline.physics.motion import Place, drifted_place, place_of, slopes
 from pipeline.physics.sight import HEIGHT, NORMAL

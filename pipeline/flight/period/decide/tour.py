@@ -5,7 +5,7 @@ from math import atan2, cos, pi, sin, sqrt
 from fis_tools.compiled.decorator import compiled
 from fis_tools.compiled.three import Three, lane_of, minus, plus, scaled, write_lane
 from fis_tools.compiled.vectors import width_of
-from pipeline.flight.period.decide.chief import turned_aside
+from pipeline.flight.period.decide.motion import turned_aside
 from pipeline.flight.state.arrays import Control, Moment, constant_of
 from pipeline.flight.state.signals import constant, slot
 from pipeline.physics.motion import drifted_place, place_over, push_by

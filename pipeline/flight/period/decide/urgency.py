@@ -8,11 +8,11 @@ from math import sqrt
 from fis_tools.compiled.decorator import compiled
 from fis_tools.compiled.three import Three, dot, plus, same, scaled, write_lane
 from fis_tools.compiled.vectors import load, select, some, splat, store, total
-from pipeline.flight.period.decide.chief import turned_aside
+from pipeline.flight.period.decide.motion import turned_aside
 from pipeline.flight.period.look.guidance import MIN_PROJECTION_M, POINTS
 from pipeline.flight.period.look.optics import beam_from, beam_now, lit_points, some_of, sun_after
 from pipeline.flight.state.arrays import Beyond, Control, Moment, constant_of
-from pipeline.flight.state.elementary import exponential
+from pipeline.flight.state.lanes import exponential
 from pipeline.flight.state.signals import constant, slot
 
 URGENT = slot("urgent_radial", "urgent_along_track", "urgent_cross_track")

@@ -19,11 +19,11 @@ from pipeline.array_types import Bytes, Floats
 from pipeline.flight.period.look.guidance import POINTS
 from pipeline.flight.state.arrays import Beyond, Moment, Workspace, World
 from pipeline.physics.illumination import is_bright
-from pipeline.physics.occlusion import cell_of
 from pipeline.physics.sight import (
     HEIGHT,
     NORMAL,
     SQUARE,
+    cell_of,
     fits_from,
     is_facing,
     is_in_cone,
