@@ -22,8 +22,11 @@ def remember() -> None:
 
 
 def _tell_others(unraisable: Any) -> None:
-    """Print what could not be raised, but no interrupt, which is remembered."""
-    if not (_came and issubclass(unraisable.exc_type, KeyboardInterrupt)):
+    """Print what could not be raised, unless an interrupt came: it is remembered.
+
+    Objects that it left half made fail in their finalizers.
+    """
+    if not _came:
         sys.__unraisablehook__(unraisable)
 
 

@@ -7,11 +7,13 @@ and all traffic off this machine, therefore use TLS, and accept only holders of 
 import json
 import logging
 import os
+import signal
 import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from functools import cache
 from itertools import product
+from multiprocessing import resource_tracker
 from pathlib import Path
 from typing import Any, Final
 from urllib.parse import urlsplit
@@ -167,8 +169,26 @@ def joined(engine: Engine) -> Iterator[Processes]:
             address, certificate = address_of(engine.scheduler)
             yield Processes(stack.enter_context(_joined(address, certificate)))
             return
-        cluster = stack.enter_context(_started(engine, stack.enter_context(tempfile.TemporaryDirectory())))
-        yield Processes(stack.enter_context(Client(cluster)), cluster)
+        scratch = stack.enter_context(tempfile.TemporaryDirectory())
+        with _interrupts_held_back():
+            cluster = stack.enter_context(_started(engine, scratch))
+            client = stack.enter_context(Client(cluster))
+        yield Processes(client, cluster)
+
+
+@contextmanager
+def _interrupts_held_back() -> Iterator[None]:
+    """Raise an interrupt of this block at its end; threads and processes that it starts never see one.
+
+    A terminal interrupts all processes of a command: those of Dask are closed by this one, and do not end by
+    themselves with a traceback each.
+    """
+    resource_tracker.ensure_running()  # its start would let interrupts through again
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _joined(address: str, certificate: Path | None) -> Any:

@@ -14,6 +14,12 @@ class Lost:
         sum(range(1000))
 signal.signal(signal.SIGINT, signal.default_int_handler)  # one that runs in the background ignores it
 interrupts.remember()
+said = "told"
+class Faulty:
+    def __del__(self):
+        raise ValueError(said)
+faulty = Faulty()
+del faulty
 try:
     with interrupts.heeded():
         lost = Lost()
@@ -21,11 +27,9 @@ try:
         print("went on")
 except KeyboardInterrupt:
     print("interrupted")
-class Faulty:
-    def __del__(self):
-        raise ValueError("told")
-faulty = Faulty()
-del faulty
+said = "not told"
+half_made = Faulty()
+del half_made
 """
 
 
@@ -35,3 +39,4 @@ def test_an_interrupt_lost_in_a_finalizer_ends_the_work_without_a_traceback():
     assert done.stdout.split("\n")[-2] == "interrupted"
     assert "KeyboardInterrupt" not in done.stderr
     assert "ValueError: told" in done.stderr
+    assert "not told" not in done.stderr

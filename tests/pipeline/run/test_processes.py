@@ -2,6 +2,7 @@
 
 import asyncio
 import os
+import signal
 import socket
 import stat
 import subprocess
@@ -11,10 +12,11 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 
 import pytest
+from distributed import Client
 from distributed.comm import connect, listen
 from distributed.security import Security
 
-from pipeline.run import maker
+from pipeline.run import maker, processes
 from pipeline.run.engine import each
 from pipeline.run.processes import (
     EngineError,
@@ -101,3 +103,30 @@ def test_a_scheduler_without_this_product_is_refused_in_a_sentence(tmp_path):
                 list(each(Engine(kind="dask", scheduler=str(file)), maker.sources_hash, [()]))
         finally:
             process.kill()
+
+
+def held_back() -> list[int]:
+    return sorted(signal.pthread_sigmask(signal.SIG_BLOCK, ()))
+
+
+@pytest.mark.slow
+def test_processes_leave_interrupts_to_who_started_them():
+    before = held_back()
+    engine = Engine(kind="dask", processes=2)
+    assert [held for _, held in each(engine, held_back, [()] * 4)] == [[signal.SIGINT]] * 4
+    assert held_back() == before
+
+
+@pytest.mark.slow
+def test_an_interrupt_while_processes_start_ends_them(monkeypatch):
+    started = []
+
+    def interrupted(cluster):
+        started.append(cluster)
+        signal.raise_signal(signal.SIGINT)
+        return Client(cluster)
+
+    monkeypatch.setattr(processes, "Client", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        list(each(Engine(kind="dask", processes=1), maker.sources_hash, [()]))
+    assert [cluster.status.name for cluster in started] == ["closed"]
