@@ -15,6 +15,7 @@ from fis_tools.model import FuzzySystem
 
 try:
     from sklearn.base import BaseEstimator, ClassifierMixin, RegressorMixin
+    from sklearn.utils import check_array
     from sklearn.utils.multiclass import check_classification_targets
     from sklearn.utils.validation import check_is_fitted, validate_data
 except ModuleNotFoundError as missing:
@@ -40,6 +41,24 @@ class _FuzzyEstimator(BaseEstimator):
         rows = validate_data(self, X, reset=False, dtype=np.float64)
         fed: Floats = np.ascontiguousarray(rows[:, self.input_columns_])
         return compile(self.system_)(fed)
+
+
+def _counting(
+    rows: Floats, values: NDArray[Any], sample_weight: ArrayLike | None
+) -> tuple[Floats, NDArray[Any], Floats]:
+    """Return the rows that count, their values, and as how many rows each counts."""
+    if sample_weight is None:
+        return rows, values, np.ones(len(rows))
+    weights: Floats = check_array(
+        sample_weight, dtype=np.float64, ensure_2d=False, input_name="sample_weight"
+    )
+    if weights.shape != values.shape or (weights < 0.0).any() or np.count_nonzero(weights) < 2:
+        raise ValueError(
+            f"sample_weight has shape {weights.shape}; give a number for each of {len(rows)} rows, none "
+            "below zero and two or more above it"
+        )
+    counts = weights > 0.0
+    return rows[counts], values[counts], weights[counts]
 
 
 class FuzzyRegressor(RegressorMixin, _FuzzyEstimator):
@@ -72,13 +91,16 @@ class FuzzyRegressor(RegressorMixin, _FuzzyEstimator):
         self.max_inputs = max_inputs
         self.tune = tune
 
-    def fit(self, X: ArrayLike, y: ArrayLike) -> Self:
-        """Learn from a table, (n, num_features), and a number for each row, (n,)."""
+    def fit(self, X: ArrayLike, y: ArrayLike, sample_weight: ArrayLike | None = None) -> Self:
+        """Learn from a table, (n, num_features), and a number for each row, (n,).
+
+        A row of weight two counts as two equal rows, one of weight zero is left out.
+        """
         rows, values = validate_data(self, X, y, dtype=np.float64, y_numeric=True, ensure_min_samples=2)
-        values = np.asarray(values, dtype=np.float64)
+        rows, values, counts = _counting(rows, np.asarray(values, dtype=np.float64), sample_weight)
         recipe = Recipe(**self.get_params())
         target = Column("y", "", *range_of(values))
-        return self._keep(learn_number(self._columns(rows), rows, target, values, recipe))
+        return self._keep(learn_number(self._columns(rows), rows, target, values, recipe, counts))
 
     def predict(self, X: ArrayLike) -> Floats:
         """Return the number of each row, (n,)."""
@@ -111,15 +133,20 @@ class FuzzyClassifier(ClassifierMixin, _FuzzyEstimator):
         self.max_inputs = max_inputs
         self.tune = tune
 
-    def fit(self, X: ArrayLike, y: ArrayLike) -> Self:
-        """Learn from a table, (n, num_features), and a class for each row, (n,)."""
+    def fit(self, X: ArrayLike, y: ArrayLike, sample_weight: ArrayLike | None = None) -> Self:
+        """Learn from a table, (n, num_features), and a class for each row, (n,).
+
+        A row of weight two counts as two equal rows, one of weight zero is left out.
+        """
         rows, labels = validate_data(self, X, y, dtype=np.float64, ensure_min_samples=2)
         check_classification_targets(labels)
+        rows, labels, counts = _counting(rows, labels, sample_weight)
         self.classes_, place = np.unique(labels, return_inverse=True)
         names = [label if isinstance(label, str) else f"class_{label}" for label in self.classes_.tolist()]
         owners = np.eye(len(names))[place]
         recipe = Recipe(**self.get_params())
-        return self._keep(learn_classes("y", self._columns(rows), rows, distinct(names), owners, recipe))
+        columns = self._columns(rows)
+        return self._keep(learn_classes("y", columns, rows, distinct(names), owners, recipe, counts))
 
     def predict_proba(self, X: ArrayLike) -> Floats:
         """Return the share of each class for each row, (n, num_classes), with a sum of one."""

@@ -87,7 +87,7 @@ class Recipe:
 
 
 def _chosen_columns(
-    columns: Sequence[Column], rows: Floats, targets: Floats, recipe: Recipe, kind: Kind
+    columns: Sequence[Column], rows: Floats, targets: Floats, counts: Floats, recipe: Recipe, kind: Kind
 ) -> tuple[int, ...]:
     """Choose columns one after the other, each time the one that lowers the expected error most.
 
@@ -96,6 +96,7 @@ def _chosen_columns(
     columns : sequence of Column
     rows : (n, num_columns)
     targets : (n, num_targets)
+    counts : (n,)
     recipe : Recipe
         Terms of each column, and how many are chosen at most.
     kind : {"constants", "linear", "shares"}
@@ -120,7 +121,7 @@ def _chosen_columns(
         scores = []
         for place in waiting:
             tried = [*chosen, place]
-            found = fit([partitions[p] for p in tried], rows[:, tried], targets, kind)
+            found = fit([partitions[p] for p in tried], rows[:, tried], targets, counts, kind)
             scores.append(found.score)
         best = int(np.argmin(scores))
         if chosen and not scores[best] < lowest:
@@ -151,7 +152,12 @@ class Learned(NamedTuple):
 
 
 def learn_number(
-    columns: Sequence[Column], rows: Floats, target: Column, values: Floats, recipe: Recipe
+    columns: Sequence[Column],
+    rows: Floats,
+    target: Column,
+    values: Floats,
+    recipe: Recipe,
+    counts: Floats | None = None,
 ) -> Learned:
     """Learn a system whose output is a number; its mean where no rule fires.
 
@@ -166,18 +172,26 @@ def learn_number(
     values : (n,)
         Its values.
     recipe : Recipe
+    counts : (n,), optional
+        As how many equal rows each counts; above zero, one by default.
     """
+    counts = np.ones(len(rows)) if counts is None else counts
+    mean = float((counts * values).sum() / counts.sum())
     if recipe.consequents == "sets":
-        return _learn_sets(columns, rows, target, values, recipe)
-    ends = (target.low, target.high)
-    output = bare_output(target.name, target.unit, ends, float(values.mean()))
-    return _learn_numbers(
-        target.name, columns, rows, [output], values[:, np.newaxis], recipe, recipe.consequents
-    )
+        return _learn_sets(columns, rows, target, values, counts, mean, recipe)
+    output = bare_output(target.name, target.unit, (target.low, target.high), mean)
+    targets = values[:, np.newaxis]
+    return _learn_numbers(target.name, columns, rows, [output], targets, counts, recipe, recipe.consequents)
 
 
 def learn_classes(
-    name: str, columns: Sequence[Column], rows: Floats, classes: Sequence[str], owners: Floats, recipe: Recipe
+    name: str,
+    columns: Sequence[Column],
+    rows: Floats,
+    classes: Sequence[str],
+    owners: Floats,
+    recipe: Recipe,
+    counts: Floats | None = None,
 ) -> Learned:
     """Learn a system with an output for each class: the share of it among rows of such inputs.
 
@@ -195,12 +209,16 @@ def learn_classes(
         One where a row is of a class, else zero.
     recipe : Recipe
         What it says of consequents does not count.
+    counts : (n,), optional
+        As how many equal rows each counts; above zero, one by default.
     """
+    counts = np.ones(len(rows)) if counts is None else counts
+    shares = (counts[:, np.newaxis] * owners).sum(axis=0) / counts.sum()
     outputs = [
         bare_output(label, "", (0.0, 1.0), share)
-        for label, share in zip(classes, owners.mean(axis=0).tolist(), strict=True)
+        for label, share in zip(classes, shares.tolist(), strict=True)
     ]
-    return _learn_numbers(name, columns, rows, outputs, owners, recipe, "shares")
+    return _learn_numbers(name, columns, rows, outputs, owners, counts, recipe, "shares")
 
 
 def _learn_numbers(
@@ -209,18 +227,21 @@ def _learn_numbers(
     rows: Floats,
     outputs: Sequence[Variable],
     targets: Floats,
+    counts: Floats,
     recipe: Recipe,
     kind: Kind,
 ) -> Learned:
     """Learn a system whose rules conclude numbers."""
     some = _spread(len(rows))
-    chosen = _chosen_columns(columns, rows[some], targets[some], recipe, kind)
+    chosen = _chosen_columns(columns, rows[some], targets[some], counts[some], recipe, kind)
     rows = rows[:, chosen]
     fed = [columns[place] for place in chosen]
     partitions = _even(fed, recipe.terms)
     if recipe.tune:
-        partitions = tuned(partitions, lambda tried: fit(tried, rows[some], targets[some], kind).score)
-    found = fit(partitions, rows, targets, kind)
+        partitions = tuned(
+            partitions, lambda tried: fit(tried, rows[some], targets[some], counts[some], kind).score
+        )
+    found = fit(partitions, rows, targets, counts, kind)
     names = distinct([*(column.name for column in fed), *(output.name for output in outputs)])
     inputs = [p.as_input(n, c.unit) for p, n, c in zip(partitions, names, fed, strict=False)]
     outputs = [replace(output, name=n) for output, n in zip(outputs, names[len(fed) :], strict=True)]
@@ -228,25 +249,30 @@ def _learn_numbers(
 
 
 def _learn_sets(
-    columns: Sequence[Column], rows: Floats, target: Column, values: Floats, recipe: Recipe
+    columns: Sequence[Column],
+    rows: Floats,
+    target: Column,
+    values: Floats,
+    counts: Floats,
+    mean: float,
+    recipe: Recipe,
 ) -> Learned:
     """Learn a Mamdani system."""
     some = _spread(len(rows))
-    chosen = _chosen_columns(columns, rows[some], values[some, np.newaxis], recipe, "constants")
+    chosen = _chosen_columns(columns, rows[some], values[some, np.newaxis], counts[some], recipe, "constants")
     rows = rows[:, chosen]
     names = distinct([*(columns[place].name for place in chosen), target.name])
     fed = [replace(columns[place], name=name) for place, name in zip(chosen, names, strict=False)]
-    mean = float(values.mean())
 
     def system(partitions: Partitions, among: slice | Integers) -> FuzzySystem:
         *parts, last = partitions
         inputs = [(p.as_input(c.name, c.unit), p) for p, c in zip(parts, fed, strict=True)]
         output = last.as_output(names[-1], target.unit, mean)
-        return wang_mendel(target.name, inputs, (output, last), rows[among], values[among])
+        return wang_mendel(target.name, inputs, (output, last), rows[among], values[among], counts[among])
 
     def error(partitions: Partitions) -> float:
         answers = compile(system(partitions, some))(rows[some])[:, 0]
-        return float(np.square(answers - values[some]).sum())
+        return float((counts[some] * np.square(answers - values[some])).sum())
 
     partitions = (*_even(fed, recipe.terms), even(target.low, target.high, recipe.output_terms))
     if recipe.tune:

@@ -231,6 +231,7 @@ def wang_mendel(
     output: tuple[Variable, Partition],
     rows: Floats,
     targets: Floats,
+    counts: Floats,
 ) -> FuzzySystem:
     """Make the rules that the rows of a table ask for.
 
@@ -243,7 +244,8 @@ def wang_mendel(
     output : (Variable, Partition)
         What they conclude.
     rows : (n, num_inputs)
-    targets : (n,)
+    targets, counts : (n,)
+        As how many equal rows each counts.
 
     Returns
     -------
@@ -253,7 +255,7 @@ def wang_mendel(
     memberships = [partition.memberships(x) for (_, partition), x in zip(inputs, rows.T, strict=True)]
     cells, owner = np.unique(strongest(memberships), axis=0, return_inverse=True)
     owner = owner.ravel()
-    degrees = np.prod([m.max(axis=1) for m in memberships], axis=0)
+    degrees = counts * np.prod([m.max(axis=1) for m in memberships], axis=0)
     means = np.bincount(owner, degrees * targets) / np.bincount(owner, degrees)
     words = output[1].memberships(means).argmax(axis=1)
     variables = tuple(variable for variable, _ in inputs)
@@ -291,7 +293,7 @@ class Fit:
     score: float
 
 
-def fit(partitions: Sequence[Partition], rows: Floats, targets: Floats, kind: Kind) -> Fit:
+def fit(partitions: Sequence[Partition], rows: Floats, targets: Floats, counts: Floats, kind: Kind) -> Fit:
     """Fit the rules of all combinations of terms that rows belong to.
 
     Parameters
@@ -300,6 +302,8 @@ def fit(partitions: Sequence[Partition], rows: Floats, targets: Floats, kind: Ki
         Of each input.
     rows : (n, num_inputs)
     targets : (n, num_targets)
+    counts : (n,)
+        As how many equal rows each counts: scikit-learn's ``sample_weight``.
     kind : {"constants", "linear", "shares"}
         Whether rules conclude a number, one that is linear in the inputs, or the share of a class.
     """
@@ -309,15 +313,17 @@ def fit(partitions: Sequence[Partition], rows: Floats, targets: Floats, kind: Ki
     weights /= weights.sum(axis=1, keepdims=True)
     spent = CHARGE * sum(partition.num_moved for partition in partitions)
     if kind == "shares":
-        found, score = _shares(weights, targets, spent)
+        found, score = _shares(weights, targets, counts, spent)
         return Fit(cells, _with_factors(found, len(partitions)), score)
     middles = np.array([0.5 * (p.low + p.high) for p in partitions])
     halves = np.array([0.5 * (p.high - p.low) for p in partitions])
     scaled = np.clip((rows - middles) / halves, -1.0, 1.0)
     terms = np.column_stack([scaled, np.ones(len(rows))]) if kind == "linear" else np.ones((len(rows), 1))
+    roots = np.sqrt(counts)[:, np.newaxis]
+    terms, targets = roots * terms, roots * targets
     common = np.linalg.lstsq(terms, targets, rcond=None)[0]
     design = (weights[:, :, np.newaxis] * terms[:, np.newaxis, :]).reshape(len(rows), -1)
-    departures, score = _ridge(design, targets - terms @ common, spent + terms.shape[1])
+    departures, score = _ridge(design, targets - terms @ common, float(counts.sum()), spent + terms.shape[1])
     found = np.swapaxes(common + departures.reshape(len(cells), *common.shape), 1, 2)
     if kind == "constants":
         return Fit(cells, _with_factors(found[:, :, 0], len(partitions)), score)
@@ -326,40 +332,43 @@ def fit(partitions: Sequence[Partition], rows: Floats, targets: Floats, kind: Ki
     return Fit(cells, np.concatenate([factors, constants], axis=2), score)
 
 
-def _shares(weights: Floats, targets: Floats, spent: float) -> tuple[Floats, float]:
+def _shares(weights: Floats, targets: Floats, counts: Floats, spent: float) -> tuple[Floats, float]:
     """Return the mean of the targets by each rule's weights, (rules, num_targets), and its score."""
-    totals = weights.sum(axis=0)
-    shares = (weights.T @ targets) / totals[:, np.newaxis]
-    freedom = spent + float((np.square(weights) / totals).sum())
-    return shares, _score(targets - weights @ shares, freedom)
+    counts = counts[:, np.newaxis]
+    totals = (counts * weights).sum(axis=0)
+    shares = (weights.T @ (counts * targets)) / totals[:, np.newaxis]
+    freedom = spent + float((counts * np.square(weights) / totals).sum())
+    residuals = np.sqrt(counts) * (targets - weights @ shares)
+    return shares, _score(residuals, float(counts.sum()), freedom)
 
 
-def _ridge(design: Floats, targets: Floats, spent: float) -> tuple[Floats, float]:
+def _ridge(design: Floats, targets: Floats, count: float, spent: float) -> tuple[Floats, float]:
     """Return the coefficients that cross-validation prefers, and their score.
 
     Parameters
     ----------
     design : (n, p)
     targets : (n, q)
+    count : float
+        As how many rows they count.
     spent : float
         Degrees of freedom that are gone already.
     """
     values, vectors = np.linalg.eigh(design.T @ design)
     values = np.maximum(values, 0.0)
     along = vectors.T @ (design.T @ targets)
-    best, best_score = np.zeros((design.shape[1], targets.shape[1])), _score(targets, spent)
-    for ridge in RIDGES * len(design):
+    best, best_score = np.zeros((design.shape[1], targets.shape[1])), _score(targets, count, spent)
+    for ridge in RIDGES * count:
         coefficients = vectors @ (along / (values + ridge)[:, np.newaxis])
         freedom = spent + float((values / (values + ridge)).sum())
-        score = _score(targets - design @ coefficients, freedom)
+        score = _score(targets - design @ coefficients, count, freedom)
         if score < best_score:
             best, best_score = coefficients, score
     return best, best_score
 
 
-def _score(residuals: Floats, freedom: float) -> float:
+def _score(residuals: Floats, count: float, freedom: float) -> float:
     """Return the error expected of other rows, for a fit of so many degrees of freedom."""
-    count = len(residuals)
     if count - freedom < 1.0:
         return np.inf
     return count * float(np.square(residuals).sum()) / (count - freedom) ** 2

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from sklearn.base import clone
 from sklearn.datasets import load_iris
 from sklearn.model_selection import GridSearchCV
 from sklearn.pipeline import make_pipeline
@@ -24,6 +25,7 @@ ELSEWHERE = {
     "check_array_api_input",
     "check_classifier_data_not_an_array",
     "check_regressor_data_not_an_array",
+    "check_sample_weights_pandas_series",
 }
 
 
@@ -103,3 +105,30 @@ def test_without_scikit_learn_a_sentence_says_what_to_install():
         "an estimator needs scikit-learn, which is not installed; install it: "
         "python -m pip install scikit-learn\n"
     )
+
+
+@pytest.mark.parametrize(
+    "estimator",
+    [FuzzyRegressor(), FuzzyRegressor("linear"), FuzzyRegressor("sets"), FuzzyClassifier()],
+    ids=str,
+)
+def test_a_row_of_weight_two_counts_as_two_rows(estimator):
+    X, y = bumps(120)
+    y = y if isinstance(estimator, FuzzyRegressor) else np.where(y > 0.5, "high", "low")
+    X[7] = 40.0  # of weight zero: no range reaches it
+    weights = np.arange(120) % 3
+    weights[7] = 0
+    weighted = clone(estimator).fit(X, y, sample_weight=weights)
+    repeated = clone(estimator).fit(np.repeat(X, weights, axis=0), np.repeat(y, weights))
+    assert weighted.system_.inputs == repeated.system_.inputs
+    assert weighted.system_ != clone(estimator).fit(X, y).system_
+    answer = "predict_proba" if isinstance(estimator, FuzzyClassifier) else "predict"
+    told, expected = (getattr(one, answer)(X) for one in (weighted, repeated))
+    np.testing.assert_allclose(told, expected, atol=0.01)  # sums in another order may round to another digit
+
+
+def test_weights_that_count_nothing_are_refused():
+    X, y = bumps(4)
+    for weights in ([1.0, 1.0], [1.0, -1.0, 1.0, 1.0], [0.0, 0.0, 0.0, 1.0]):
+        with pytest.raises(ValueError, match="each of 4 rows"):
+            FuzzyRegressor().fit(X, y, sample_weight=weights)

@@ -33,7 +33,7 @@ def test_wang_and_mendels_rules_are_those_by_hand() -> None:
     rows = np.array([[0.0, 10.0], [4.0, 5.0], [5.0, 5.0], [10.0, 1.0]])
     values = np.array([100.0, 10.0, 90.0, 40.0])
     # degrees of rows 2 and 3: 0.8 * 1 * 0.8 = 0.64 and 1 * 1 * 0.8 = 0.8; mean (0.8 * 10 + 90) / 1.8 = 54.4
-    learned = wang_mendel("s", inputs, (y.as_output("y", "", 60.0), y), rows, values)
+    learned = wang_mendel("s", inputs, (y.as_output("y", "", 60.0), y), rows, values, np.ones(len(rows)))
     assert [sentence(rule) for rule in learned.rules] == [
         "If a is low and b is high then y is high",
         "If a is medium and b is medium then y is medium",
@@ -47,9 +47,9 @@ def test_numbers_that_rules_conclude_are_found_again() -> None:
     partitions = [Partition(0.0, 1.0, (0, 30, 100)), Partition(0.0, 1.0, (0, 60, 100))]
     truth = np.arange(9.0) ** 2
     weights = np.einsum("ni,nj->nij", *(p.memberships(c) for p, c in zip(partitions, x.T, strict=True)))
-    found = fit(partitions, x, (weights.reshape(400, 9) @ truth)[:, np.newaxis], "constants")
+    found = fit(partitions, x, (weights.reshape(400, 9) @ truth)[:, np.newaxis], np.ones(400), "constants")
     np.testing.assert_allclose(found.coefficients[:, 0, 2], truth, atol=1e-5)
-    lines = fit(partitions, x, (3.0 * x[:, :1] - x[:, 1:] + 2.0), "linear")
+    lines = fit(partitions, x, (3.0 * x[:, :1] - x[:, 1:] + 2.0), np.ones(400), "linear")
     np.testing.assert_allclose(lines.coefficients[:, 0], np.tile([3.0, -1.0, 2.0], (9, 1)), atol=1e-9)
 
 
@@ -57,7 +57,7 @@ def test_classes_get_their_shares() -> None:
     """On the peaks a rule holds for its own rows alone, and concludes how many of them are of the class."""
     x = np.repeat([0.0, 1.0], [4, 6])[:, np.newaxis]
     owner = np.array([1, 1, 1, 0, 0, 0, 0, 0, 0, 1])
-    found = fit([even(0.0, 1.0, 2)], x, np.eye(2)[owner], "shares")
+    found = fit([even(0.0, 1.0, 2)], x, np.eye(2)[owner], np.ones(len(x)), "shares")
     np.testing.assert_allclose(found.coefficients[:, :, 1], [[1 / 4, 3 / 4], [5 / 6, 1 / 6]])
 
 
@@ -91,7 +91,9 @@ def test_an_output_of_sets_reaches_its_ends() -> None:
     y = Partition(10.0, 20.0, (0, 20, 100))
     x = even(0.0, 1.0, 2)
     rows, values = np.array([[0.0], [1.0]]), np.array([10.0, 20.0])
-    system = wang_mendel("s", [(x.as_input("x", ""), x)], (y.as_output("y", "", 15.0), y), rows, values)
+    system = wang_mendel(
+        "s", [(x.as_input("x", ""), x)], (y.as_output("y", "", 15.0), y), rows, values, np.ones(len(rows))
+    )
     np.testing.assert_allclose(compile(system)(rows)[:, 0], values, atol=1e-9)
 
 
