@@ -41,7 +41,8 @@ def one_panel(title: str, *, theme: Theme = LIGHT, in_space: bool = False) -> tu
     """Make a figure with one pair of axes, flat or in space."""
     figure = Figure(figsize=(5.6, 4.4), layout="constrained")
     head(figure, title, theme)
-    return figure, figure.subplots(subplot_kw={"projection": "3d" if in_space else None})
+    with mpl.rc_context({"grid.color": theme.grid}):  # axes in space take it only when they are made
+        return figure, figure.subplots(subplot_kw={"projection": "3d" if in_space else None})
 
 
 def memberships_figure(
@@ -273,7 +274,8 @@ def _panels(
     figsize = (size[0] * columns + 0.8, size[1] * rows + 0.4)
     figure = Figure(figsize=figsize, layout="constrained")
     head(figure, title, theme)
-    axes = figure.subplots(rows, columns, squeeze=False, subplot_kw={"projection": projection}).ravel()
+    with mpl.rc_context({"grid.color": theme.grid}):  # as above
+        axes = figure.subplots(rows, columns, squeeze=False, subplot_kw={"projection": projection}).ravel()
     for ax in axes[count:]:
         ax.remove()
     return figure, list(axes[:count])

@@ -325,8 +325,6 @@ def surface_space(
         axis.set_pane_color(theme.paper)
         axis.line.set_color(theme.muted)
         axis.pane.set_edgecolor(theme.grid)
-        # matplotlib has no public way to colour the grid of axes in space
-        axis._axinfo["grid"]["color"] = theme.grid
         axis.set_major_locator(MaxNLocator(5, prune="both"))
         axis.labelpad = 6.0
     heights = np.asarray(MaxNLocator(5).tick_values(low, high))
