@@ -1,6 +1,7 @@
 """Logged data as tables: the columns of a CSV or Parquet file, by their names."""
 
 import csv
+import re
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,16 @@ WORDS = ("string", "large_string", "binary", "large_binary")
 MOST_CELLS = 10_000_000
 #: a column of this name holds the time of each row, in seconds
 TIME = "time_s"
+#: a name with its unit, such as ``petal length (cm)``
+WITH_UNIT = re.compile(r"(.*\S)\s*[(\[]([^()\[\]]+)[)\]]")
+
+
+def name_and_unit(label: str) -> tuple[str, str]:
+    """Split ``petal length (cm)`` into ``petal_length`` and ``cm``."""
+    printable = "".join(letter if letter.isprintable() else " " for letter in label).strip()
+    match = WITH_UNIT.fullmatch(printable)
+    name, unit = match.groups() if match else (printable, "")
+    return "_".join(name.split()) or "unnamed", unit.strip()
 
 
 def is_table(path: Path | str) -> bool:
@@ -38,7 +49,8 @@ def read(
     names : sequence of str
         The columns, in the order in which they are wanted; a table may have others, of any kind.
     labels : mapping, optional
-        What else the column of a name may be called, such as with its unit: ``angle (rad)``.
+        What else the column of a name may be called, such as with its unit: ``angle (rad)``. Columns that
+        are split alike by `name_and_unit` are called alike.
 
     Returns
     -------
@@ -74,7 +86,11 @@ def _wanted(
     path: Path, held: Sequence[str], names: Sequence[str], labels: Mapping[str, str]
 ) -> dict[str, str]:
     """Return the columns to read of those that a table holds, by the names that are asked for."""
-    wanted = {name: name if name in held else labels.get(name, name) for name in names}
+    alike = {name_and_unit(column): column for column in held}
+    wanted = {
+        name: name if name in held else alike.get(name_and_unit(labels.get(name, name)), name)
+        for name in names
+    }
     for name, column in wanted.items():
         if held.count(column) != 1:
             found = (

@@ -11,6 +11,7 @@ from typing import Any, Literal, NamedTuple, get_args
 import numpy as np
 
 from fis_tools.analysis.arrays import spread
+from fis_tools.analysis.tables import name_and_unit
 from fis_tools.array_types import Floats, Integers
 from fis_tools.engines.compiler import compile
 from fis_tools.learning.rules import (
@@ -33,7 +34,6 @@ from fis_tools.learning.table import (
     columns_over,
     columns_within,
     distinct,
-    name_and_unit,
 )
 from fis_tools.model import FuzzySystem, Variable
 from fis_tools.model.validate import MOST_INPUTS

@@ -2,7 +2,6 @@
 
 import csv
 import math
-import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -12,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.analysis import tables
+from fis_tools.analysis.tables import name_and_unit
 from fis_tools.array_types import Floats
 from fis_tools.engines.inference import columns_of
 from fis_tools.errors import ControllerFileError
@@ -206,10 +206,6 @@ def _says_number(value: Any) -> bool:
     return True
 
 
-#: A name with its unit, such as ``petal length (cm)``.
-WITH_UNIT = re.compile(r"(.*\S)\s*[(\[]([^()\[\]]+)[)\]]")
-
-
 @dataclass(frozen=True)
 class Column:
     """A column of a table.
@@ -249,14 +245,6 @@ def columns_within(ranges: Mapping[str, tuple[float, float]]) -> list[Column]:
         if not -np.inf < low < high < np.inf:
             raise ValueError(f"the range of {name!r} is ({low}, {high}); give two finite numbers that ascend")
     return [Column(*name_and_unit(name), float(low), float(high)) for name, (low, high) in ranges.items()]
-
-
-def name_and_unit(label: str) -> tuple[str, str]:
-    """Split ``petal length (cm)`` into ``petal_length`` and ``cm``."""
-    printable = "".join(letter if letter.isprintable() else " " for letter in label).strip()
-    match = WITH_UNIT.fullmatch(printable)
-    name, unit = match.groups() if match else (printable, "")
-    return "_".join(name.split()) or "unnamed", unit.strip()
 
 
 def distinct(names: Iterable[str]) -> list[str]:

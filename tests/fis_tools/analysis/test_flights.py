@@ -8,6 +8,7 @@ import pytest
 
 import telemetry
 from fis_tools.__main__ import main
+from fis_tools.analysis import tables
 from fis_tools.analysis.arrays import rule_usage
 from fis_tools.analysis.flights import (
     inputs_along,
@@ -243,3 +244,13 @@ def test_points_are_read_as_they_are_at_a_time_and_told_with_the_inputs(
     ):
         assert main(["explain", str(path), "--time", "0", *all_of_them]) == 0
         assert words in " ".join(capsys.readouterr().out.split())
+
+
+def test_a_table_that_was_learned_from_goes_by_its_own_headings(tmp_path):
+    table = tmp_path / "flowers.csv"
+    table.write_text("petal length (cm),width[mm],kind\n1.5,2,a\n4.0,3,b\n")
+    labels = {"width": "width (mm)", "petal_length": "petal_length (cm)"}
+    values, _ = tables.read(table, list(labels), labels)
+    assert values.tolist() == [[2.0, 1.5], [3.0, 4.0]]
+    with pytest.raises(ControllerFileError, match="it has no 'petal_length'"):
+        tables.read(table, ["petal_length"], {"petal_length": "petal_length (m)"})
