@@ -24,7 +24,7 @@ from fis_tools.commands.arguments import (
 )
 from fis_tools.document import html, text
 from fis_tools.formats import csv, serialize
-from fis_tools.formats.c import fmu, parts, source
+from fis_tools.formats.c import fmu, source
 from fis_tools.formats.exchange.antecedents import NotExpressible
 from fis_tools.formats.mapping import MOST_POINTS
 from fis_tools.formats.serialize import Written
@@ -88,7 +88,8 @@ def export(
         raise UserMistake("--bare is for --format c; leave it out")
     controller = asked.read()
     if format == "c":
-        _write_c(controller, output, bare)
+        with mistakes(ValueError):
+            write(output, source.write(controller, bare))
     elif format == "fmu":
         _write_fmus(controller, output)
     elif format in serialize.FORMS:
@@ -97,21 +98,6 @@ def export(
         write(output, RANKED[format](controller, asked.importance(controller)))
     else:
         write(output, WHOLE[format](controller))
-
-
-def _write_c(controller: FuzzyController, output: str | None, bare: bool) -> None:
-    """Write a controller as C, and tell what it needs."""
-    with mistakes(ValueError):
-        text = source.write(controller, bare)
-    write(output, text)
-    counts = parts.operations(controller)._asdict()
-    operations = ", ".join(f"{count:,} {name}" for name, count in counts.items())
-    print(f"a call takes at most {operations} on doubles", file=sys.stderr)
-    stack = parts.stack_bytes(text)
-    words = "no gcc here to measure it"
-    if stack is not None:
-        words = f"at most {stack:,} bytes, without the C library's; by gcc -O2 on this machine"
-    print(f"stack: {words}", file=sys.stderr)
 
 
 def _write_each(

@@ -1,9 +1,8 @@
-"""What a written C file has besides its systems: shared functions, the thrust logic, and what a call costs.
+"""What a written C file has besides its systems: shared functions and the thrust logic.
 
-A file has the functions of ``parts.c`` that it calls. Operations on doubles are counted, the stack is
-measured by gcc. Of the thrust logic there is one function, called once in each control period:
-`fis_tools.model.thrust` says what it is. The function does what `pipeline.flight.period.decide.thrust` does,
-but for the safety layer, which is no part of the controller.
+A file has the functions of ``parts.c`` that it calls. Of the thrust logic there is one function, called
+once in each control period: `fis_tools.model.thrust` says what it is. The function does what
+`pipeline.flight.period.decide.thrust` does, but for the safety layer, which is no part of the controller.
 """
 
 import re
@@ -12,14 +11,11 @@ import subprocess
 import tempfile
 from collections.abc import Mapping, Sequence
 from functools import cache
-from math import ceil, log2
 from pathlib import Path
 from textwrap import wrap
-from typing import NamedTuple
 
-from fis_tools.engines.program import Weighing, assemble
 from fis_tools.formats import rendered
-from fis_tools.model import And, Expression, FuzzyController, FuzzySystem, Hedged, Is, Not, Or, Rule, Variable
+from fis_tools.model import FuzzyController, Variable
 from fis_tools.model.thrust import COMPONENTS, FORESEEN, LOGIC_REASONS, REASONS, SILENT_N, ThrustLogic
 
 #: What the C function of a defuzzifier is called; that of any other method is called ``fuzzy_`` and its name.
@@ -62,11 +58,6 @@ def called(text: str) -> list[str]:
     return [function for name, function in functions.items() if name in found]
 
 
-def formula(method: str) -> str:
-    """Return what an operator or a hedge returns, an expression of one degree of truth or two."""
-    return _functions()[f"fuzzy_{method}"].partition("return ")[2].partition(";")[0]
-
-
 def conclude(implication: str, aggregation: str) -> tuple[str, str]:
     """Return the function by which a rule adds what it implies where terms are not cut: its name and text."""
 
@@ -74,119 +65,6 @@ def conclude(implication: str, aggregation: str) -> tuple[str, str]:
         return text.replace("IMPLICATION", implication).replace("AGGREGATION", aggregation)
 
     return filled(_CONCLUDE), filled(_functions()[_CONCLUDE])
-
-
-#: of the thrust logic itself, with a turn from body axes
-_STEP = (40, 60, 1, 30)
-
-
-class Operations(NamedTuple):
-    """How many operations on doubles something takes at most.
-
-    Attributes
-    ----------
-    additions, multiplications, divisions, comparisons : int
-        Subtractions count as additions, square roots as divisions.
-    """
-
-    additions: int = 0
-    multiplications: int = 0
-    divisions: int = 0
-    comparisons: int = 0
-
-    def plus(self, other: "Operations", times: int = 1) -> "Operations":
-        """Return these and others, so many times."""
-        return Operations(*(a + times * b for a, b in zip(self, other, strict=True)))
-
-
-#: one membership between two points of a universe
-_MEMBERSHIP = Operations(4, 1, 1, 1)
-#: a crossing of a term with its cut, and one place that it is moved by to stand in order
-_CROSSING, _MOVE = Operations(4, 1, 1, 0), Operations(comparisons=1)
-#: one rule that concludes a number on an output that is weighed, besides what each input takes
-_CONCLUDED = Operations(5, 4, 4, 4)
-#: one segment of a polygon by each defuzzifier, and what it takes besides
-_SEGMENTS = {
-    "centroid": Operations(7, 8, 3, 4),
-    "bisector": Operations(7, 4, 1, 6),
-    "mom": Operations(1, 0, 0, 2),
-    "som": Operations(0, 0, 0, 2),
-    "lom": Operations(0, 0, 0, 2),
-}
-_BESIDES = Operations(8, 12, 6, 8)
-
-
-def operations(controller: FuzzyController) -> Operations:
-    """Return how many operations a control period takes at most: every system inferred, every rule fired."""
-    found = Operations(*_STEP)
-    for system in controller.systems:
-        found = found.plus(_inference(system))
-    return found
-
-
-def _inference(system: FuzzySystem) -> Operations:
-    found = Operations()
-    for variable in system.inputs:
-        search = Operations(comparisons=2 + ceil(log2(variable.num_points)))
-        found = found.plus(search).plus(_MEMBERSHIP, len(variable.terms))
-    for rule in system.rules:
-        found = found.plus(_antecedent(system, rule, rule.antecedent))
-        for consequent in rule.consequents:
-            output = system.variable(consequent.variable)
-            if system.weighs(output):
-                found = found.plus(_CONCLUDED).plus(Operations(1, 1, 0, 2), len(system.inputs))
-                continue
-            if not system.cuts(output):
-                each = _counted(system.implication).plus(_counted(output.aggregation))
-                found = found.plus(Operations(multiplications=1)).plus(each, output.num_points)
-                continue
-            joined = _counted(system.variable(consequent.variable).accumulation)
-            found = found.plus(joined).plus(Operations(multiplications=1))
-    for output, conclusion in zip(system.outputs, assemble(system).conclusions, strict=True):
-        if isinstance(conclusion, Weighing):
-            found = found.plus(Operations(divisions=1, comparisons=1))
-            continue
-        concluded = {c.term for r in system.rules for c in r.consequents if c.variable == output.name}
-        crossings, points = len(conclusion.runs), output.num_points
-        segment = _SEGMENTS[system.defuzzifier_of(output)]
-        if not system.cuts(output):
-            found = found.plus(segment.plus(Operations(comparisons=1)), points).plus(_BESIDES)
-            continue
-        found = found.plus(Operations(comparisons=4 * len(concluded) * (points - 1)))
-        found = found.plus(_CROSSING, crossings).plus(_MOVE, crossings * crossings // 2)
-        each = Operations(comparisons=4).plus(_MEMBERSHIP.plus(Operations(comparisons=2)), len(concluded))
-        found = found.plus(each, points + crossings)
-        found = found.plus(segment, 2 * (points + crossings)).plus(_BESIDES)
-    return found
-
-
-def _antecedent(system: FuzzySystem, rule: Rule, expression: Expression) -> Operations:
-    match expression:
-        case Is():
-            return Operations()
-        case Not(operand):
-            return Operations(additions=1).plus(_antecedent(system, rule, operand))
-        case Hedged(hedge, operand):
-            return _counted(hedge).plus(_antecedent(system, rule, operand))
-        case And(operands):
-            word: str = system.and_operator_of(rule)
-        case Or(operands):
-            word = system.or_operator_of(rule)
-    found = Operations().plus(_counted(word), len(operands) - 1)
-    for operand in operands:
-        found = found.plus(_antecedent(system, rule, operand))
-    return found
-
-
-def _counted(method: str) -> Operations:
-    """Count the operators in a method's formula, of all its branches; a root counts as a division."""
-    text = formula(method)
-    return Operations(
-        additions=len(re.findall(r"[+-]", text)),
-        multiplications=text.count("*"),
-        divisions=text.count("/") + text.count("sqrt"),
-        comparisons=len(re.findall(r"[<>]=?|==|fmin", text)),
-    )
 
 
 def compiled(files: Mapping[str, bytes], options: Sequence[str], made: str, what: str) -> bytes | None:
@@ -208,42 +86,6 @@ def compiled(files: Mapping[str, bytes], options: Sequence[str], made: str, what
         if done.returncode != 0:
             raise RuntimeError(f"gcc refuses the {what}: {done.stderr.strip()}")
         return (Path(folder) / made).read_bytes()
-
-
-def stack_bytes(text: str) -> int | None:
-    """Return the most stack that a written file takes, by gcc at -O2 on this machine; None without gcc.
-
-    The longest way through its calls, each with what ``-fstack-usage`` says of it, without the C library's.
-
-    Raises
-    ------
-    RuntimeError
-        If gcc refuses the file, or a function's stack is not bounded.
-    """
-    options = ["-fstack-usage", "-fcallgraph-info=su", "-c", "controller.c"]
-    made = compiled({"controller.c": text.encode()}, options, "controller.ci", "file")
-    if made is None:
-        return None
-    graph = made.decode()
-    own: dict[str, int] = {}
-    for name, label in re.findall(r'node: \{ title: "([^"]+)" label: "([^"]*)"', graph):
-        size = re.search(r"(\d+) bytes \((static|dynamic,bounded)\)", label)
-        if size is None and "bytes" in label:
-            raise RuntimeError(f"the stack of {name} is not bounded")
-        own[name] = int(size[1]) if size else 0
-    calls: dict[str, list[str]] = {name: [] for name in own}
-    for caller, called in re.findall(r'edge: \{ sourcename: "([^"]+)" targetname: "([^"]+)"', graph):
-        calls[caller].append(called)
-    return max(_deepest(name, own, calls, ()) for name in own)
-
-
-def _deepest(
-    name: str, own: Mapping[str, int], calls: Mapping[str, list[str]], above: tuple[str, ...]
-) -> int:
-    if name in above:
-        raise RuntimeError(f"{name} calls itself, by way of {', '.join(above)}")
-    below = [_deepest(called, own, calls, (*above, name)) for called in calls[name]]
-    return own[name] + max(below, default=0)
 
 
 #: words that no member of a structure may be called

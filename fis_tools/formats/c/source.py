@@ -110,19 +110,11 @@ def _header(controller: model.FuzzyController, logic: ThrustLogic | None, *, has
         "",
         parts.RULES,
         "",
-        f"To infer every system once takes at most {_operations_in_words(controller)} of doubles.",
-        "",
         f"Compiles with: gcc {WARNINGS}",
         "",
         "Doubles must be IEEE 754, in plain double precision. For a processor with fused multiply-add, "
         "-ffp-contract=off keeps the last digits.",
     )
-
-
-def _operations_in_words(controller: model.FuzzyController) -> str:
-    counts = parts.operations(controller)._asdict()
-    *most, last = [f"{count:,} {name}" for name, count in counts.items()]
-    return f"{', '.join(most)} and {last}"
 
 
 def _comment(*paragraphs: str, indent: str = "") -> str:

@@ -6,11 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from fis_tools.formats.c import parts, source
+from fis_tools.formats.c import source
 from fis_tools.model import FuzzyController
-from fis_tools.model.thrust import thrust_logic
 from fis_tools.source import read_controller
-from tests.fis_tools.sample_controllers import general_controller, paper_like_controller
+from tests.fis_tools.sample_controllers import general_controller
 from tests.places import PROJECT
 from tests.programs import program
 
@@ -112,9 +111,6 @@ def test_nothing_is_allocated_called_again_or_kept(name: str, tmp_path: Path) ->
     assert {word for word, kind in symbols if kind == "U"} <= {
         *("floor", "__stack_chk_fail", "_GLOBAL_OFFSET_TABLE_")
     }
-    stack = parts.stack_bytes(WRITTEN[name])  # refuses what calls itself
-    assert stack is not None
-    assert 1000 < stack < 4096
 
 
 def test_the_file_says_what_it_is() -> None:
@@ -134,85 +130,3 @@ def test_the_file_says_what_it_is() -> None:
 def test_an_attribute_that_is_no_number_is_told() -> None:
     with pytest.raises(ValueError, match="has decision_period_s 'often'; give a number from 0 on"):
         source.write(shipped("ellipse", decision_period_s="often"))
-
-
-COUNTED = """\
-#include <math.h>
-#include <cmath>
-#include <cstdio>
-#include <cstdlib>
-static long counts[4];
-struct Counted {
-    double value;
-    constexpr Counted(double value = 0.0) : value(value) {}
-    explicit operator int() const { return (int)value; }
-    Counted operator-() const { return Counted(-value); }
-    Counted &operator+=(Counted other) { ++counts[0]; value += other.value; return *this; }
-};
-static Counted operator+(Counted a, Counted b) { ++counts[0]; return a.value + b.value; }
-static Counted operator-(Counted a, Counted b) { ++counts[0]; return a.value - b.value; }
-static Counted operator*(Counted a, Counted b) { ++counts[1]; return a.value * b.value; }
-static Counted operator/(Counted a, Counted b) { ++counts[2]; return a.value / b.value; }
-static bool operator<(Counted a, Counted b) { ++counts[3]; return a.value < b.value; }
-static bool operator>(Counted a, Counted b) { ++counts[3]; return a.value > b.value; }
-static bool operator<=(Counted a, Counted b) { ++counts[3]; return a.value <= b.value; }
-static bool operator>=(Counted a, Counted b) { ++counts[3]; return a.value >= b.value; }
-static bool operator==(Counted a, Counted b) { ++counts[3]; return a.value == b.value; }
-static Counted fabs(Counted a) { return std::fabs(a.value); }
-static Counted floor(Counted a) { return std::floor(a.value); }
-static bool isnan(Counted a) { return std::isnan(a.value); }
-#define double Counted
-"""
-
-
-@pytest.mark.parametrize("name", ["champion_any_sun", "paper_champion", "decisions"])
-def test_no_step_takes_more_operations_than_stated(name: str, tmp_path: Path) -> None:
-    """The same file as C++, with doubles that count, at random signals over the whole ranges and beyond."""
-    controller = shipped({"decisions": "ellipse"}.get(name, name))
-    logic = thrust_logic(controller)
-    assert logic is not None
-    ranges = {v.name: (v.minimum, v.maximum) for system in controller.systems for v in system.inputs}
-    lines = []
-    for sensed, (word, _, _) in parts.members(controller, logic).items():
-        low, high = ranges.get(sensed, (0.0, 100.0))
-        lines.append(f"signals.{word} = {low!r} + {high - low!r} * (1.2 * rand() / RAND_MAX - 0.1);")
-    if logic.force_axes == "body":
-        lines.append("signals.attitude[3] = 1.0;")
-    if logic.may_coast:
-        lines.append("signals.missed = 99.0; mission.min_distance_m = 15.0; mission.max_distance_m = 200.0;")
-    if name == "decisions":
-        lines.append("mission.control_period_s = 30.0;")
-    main = f"""
-#undef double
-int main(void)
-{{
-    struct step_state state;
-    struct step_signals signals;
-    struct step_mission mission;
-    struct step_force force;
-    long most[4] = {{0, 0, 0, 0}};
-    signals.is_complete = 0; mission.coasts_when_complete = 1; mission.max_force_n = 0.01;
-    start(&state);
-    for (int row = 0; row < 2000; ++row) {{
-        {" ".join(lines)}
-        for (int kind = 0; kind < 4; ++kind) counts[kind] = 0;
-        step(&state, &signals, &mission, &force);
-        for (int kind = 0; kind < 4; ++kind)
-            if (counts[kind] > most[kind]) most[kind] = counts[kind];
-    }}
-    std::printf("%ld %ld %ld %ld", most[0], most[1], most[2], most[3]);
-}}
-"""
-    text = re.sub(r"^#include <math.h>$", COUNTED, WRITTEN[name], flags=re.MULTILINE)
-    (tmp_path / "counted.cpp").write_text(text + main, encoding="utf-8")
-    done = run(tmp_path, program("g++", "g++"), "-w", "-fpermissive", "-O1", "counted.cpp", "-o", "counted")
-    assert done.returncode == 0, done.stderr[:2000]
-    counted = [int(word) for word in run(tmp_path, str(tmp_path / "counted")).stdout.split()]
-    stated = parts.operations(controller)
-    for most, limit in zip(counted, stated, strict=True):
-        assert 0 < most <= limit < 12 * most
-
-
-def test_a_longer_rule_base_costs_more() -> None:
-    few, many = paper_like_controller(), shipped("champion_any_sun")
-    assert all(a < b for a, b in zip(parts.operations(few), parts.operations(many), strict=True))
