@@ -1,10 +1,9 @@
-"""Antecedents rewritten for formats that cannot nest them, or have no words for their hedges.
+"""Antecedents rewritten for formats that cannot nest them, or have hedges only before statements.
 
 Two laws flatten them. A complement moves inwards (De Morgan) where the two operators are duals of each other,
 as min and max are. A conjunction distributes over a disjunction that is the maximum, because every t-norm is
 monotone; one rule then becomes several with the same conclusion, and rules with the same conclusion meet at
-their maximum again. A hedge moves to the statements behind it, and with a statement becomes a term of its own
-where a format has no word for it.
+their maximum again. A hedge moves to the statements behind it.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -15,9 +14,6 @@ from math import prod
 
 from fis_tools import model
 from fis_tools.formats.exchange.vocabulary import HEDGES, meanings
-from fis_tools.model import operators as model_operators
-from fis_tools.model.variables import sample
-from fis_tools.words.text import before
 
 #: A variable and one of its terms.
 Statement = tuple[str, str]
@@ -285,55 +281,3 @@ def on_statements(
             found = (on_statements(operand, and_operator, or_operator) for operand in operands)
             return type(expression)(tuple(found))
     return expression
-
-
-class Terms:
-    """The terms that are made of hedged statements for which a format has no words.
-
-    Parameters
-    ----------
-    system : FuzzySystem
-        Whose rules are written.
-    words : frozenset of str
-        The hedges that the format has a word for.
-    most_words : int
-        How many words it can have before a term, with `not`.
-    """
-
-    def __init__(self, system: model.FuzzySystem, words: Iterable[model.Hedge], most_words: int) -> None:
-        self.inputs = {variable.name: variable for variable in system.inputs}
-        self.words = frozenset(words)
-        self.most_words = most_words
-        self._made: dict[tuple[str, ...], str] = {}
-
-    def expressed(self, expression: model.Expression) -> model.Expression:
-        """Return an antecedent, whose hedges stand before statements, in the words of the format."""
-        match expression:
-            case model.And(operands) | model.Or(operands):
-                return type(expression)(tuple(map(self.expressed, operands)))
-        words, statement = before(expression)
-        if not isinstance(statement, model.Is) or not set(words) - {"not"}:
-            return expression
-        if len(words) <= self.most_words and set(words) <= {*self.words, "not"}:
-            return expression
-        if isinstance(expression, model.Not):
-            return model.Not(model.Is(statement.variable, self._term(words[1:], statement)))
-        return model.Is(statement.variable, self._term(words, statement))
-
-    def _term(self, words: Sequence[str], statement: model.Is) -> str:
-        """Return the name of a term that says what a hedged statement does, made if need be."""
-        variable, expressed = self.inputs[statement.variable], (*words, statement.term)
-        if (variable.name, *expressed) not in self._made:
-            name = " ".join(expressed)
-            while any(term.name == name for term in variable.terms):
-                name += " hedged"
-            degrees = sample(variable, variable.terms[variable.term_index(statement.term)])
-            for word in reversed(words):
-                degrees = 1.0 - degrees if word == "not" else _CHANGES[word](degrees)
-            made = model.Term(name, model.Sampled(tuple(degrees.tolist())))
-            self.inputs[variable.name] = replace(variable, terms=(*variable.terms, made))
-            self._made[variable.name, *expressed] = name
-        return self._made[variable.name, *expressed]
-
-
-_CHANGES = {str(hedge): change for hedge, change in model_operators.HEDGES.items()}

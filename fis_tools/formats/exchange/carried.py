@@ -2,22 +2,21 @@
 
 The comment is one line: a mark with a version, then the whole controller as JSON, as
 `fis_tools.formats.mapping` describes it. It counts only as far as the file still shows what the
-controller looks like in this format. Where a person has changed the file, what can be seen counts, and the
-comment gives only what the change did not touch. Reading it executes nothing.
+controller looks like in this format. Where a person has changed the file, what can be seen counts alone.
+Reading it executes nothing.
 """
 
 import json
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
 from fis_tools.errors import ControllerFileError
 from fis_tools.formats import notation, serialize
-from fis_tools.formats.exchange.antecedents import ANY, NotExpressible, Statement, any_term, mentions, renamed
+from fis_tools.formats.exchange.antecedents import ANY, NotExpressible, any_term
 from fis_tools.formats.exchange.dialect import (
     INPUT_POINTS,
     OUTPUT_POINTS,
     Dialect,
-    Expressed,
     corners_of,
     express,
     middle,
@@ -26,7 +25,7 @@ from fis_tools.formats.exchange.dialect import (
 from fis_tools.formats.mapping import from_mapping, refuse_problems, to_mapping
 from fis_tools.formats.notation import Unreadable
 from fis_tools.formats.serialize import Reading
-from fis_tools.model import FuzzyController, FuzzySystem, Rule, Sampled, Term, Variable
+from fis_tools.model import FuzzyController, FuzzySystem
 from fis_tools.model.systems import reach
 from fis_tools.model.variables import sample
 from fis_tools.words.text import number
@@ -88,16 +87,10 @@ def understand(visible: FuzzySystem, comments: Iterable[tuple[int, str]], dialec
         ) from error
     if expressed.system == complete:
         return Reading(carried, ())
-    adopted = FuzzyController(
-        carried.name,
-        (_adopt(complete, carried.systems[0], expressed),),
-        carried.attributes,
-        tuple(sorted({**dict(carried.provenance), **dict([EDITED])}.items())),
-    )
-    refuse_problems(adopted)
+    note = "the file was changed after it was written: what it shows counts, and its comment is left out"
     return Reading(
-        adopted,
-        ("the file was changed after it was written: what it shows counts, its comment gives only the rest",),
+        FuzzyController(visible.name, (complete,), provenance=(EDITED,)),
+        (note, *_assumptions(visible, dialect), *found),
     )
 
 
@@ -181,89 +174,3 @@ def _jumps_between_points(visible: FuzzySystem) -> Iterator[str]:
 
 
 # Adopting: what of the original still looks as it did when it was written.
-
-
-def _adopt(visible: FuzzySystem, original: FuzzySystem, expressed: Expressed) -> FuzzySystem:
-    """Take from the original every piece that the file still shows as it was written."""
-    pairs = {
-        shown.name: (source, shown)
-        for source, shown in zip(
-            (*original.inputs, *original.outputs),
-            (*expressed.system.inputs, *expressed.system.outputs),
-            strict=True,
-        )
-    }
-
-    def adopted(variables: Sequence[Variable]) -> tuple[Variable, ...]:
-        return tuple(_adopt_variable(v, *pairs[v.name]) if v.name in pairs else v for v in variables)
-
-    inputs, outputs = adopted(visible.inputs), adopted(visible.outputs)
-    everything = zip((*visible.inputs, *visible.outputs), (*inputs, *outputs), strict=True)
-    names = {
-        (shown.name, term.name): (known.name, other.name)
-        for shown, known in everything
-        for term, other in zip(shown.terms, known.terms, strict=True)
-    }
-    return replace(
-        visible,
-        name=original.name if visible.name == expressed.system.name else visible.name,
-        inputs=inputs,
-        outputs=outputs,
-        rules=_adopt_rules(visible, original, expressed, names),
-    )
-
-
-def _adopt_variable(visible: Variable, original: Variable, expressed: Variable) -> Variable:
-    terms = {
-        shown.name: (source, shown) for source, shown in zip(original.terms, expressed.terms, strict=False)
-    }
-    is_same = {term.name: term.name in terms and term == terms[term.name][1] for term in visible.terms}
-    extent = ("minimum", "maximum", "num_points", "points")
-    keeps_universe = all(getattr(visible, key) == getattr(expressed, key) for key in extent) and all(
-        is_same[term.name] for term in visible.terms if isinstance(term.membership, Sampled)
-    )
-
-    def adopted(term: Term) -> Term:
-        if term.name not in terms:
-            return term
-        source = terms[term.name][0]
-        takes_all = is_same[term.name] and (keeps_universe or not isinstance(source.membership, Sampled))
-        return source if takes_all else Term(source.name, term.membership)
-
-    keys = ("name", "unit", "default", "description", *(extent if keeps_universe else ()))
-    kept = {key: getattr(original, key) for key in keys if getattr(visible, key) == getattr(expressed, key)}
-    return replace(visible, terms=tuple(adopted(term) for term in visible.terms), **kept)
-
-
-def _adopt_rules(
-    visible: FuzzySystem, original: FuzzySystem, expressed: Expressed, names: Mapping[Statement, Statement]
-) -> tuple[Rule, ...]:
-    """Take each rule of the original whose wording still stands in one piece; name the others as it does."""
-    waiting = dict(zip(expressed.rules, original.rules, strict=True))
-    longest = max(map(len, waiting), default=1)
-    is_same_system = all(
-        getattr(visible, kind) == getattr(expressed.system, kind) for kind in ("and_operator", "or_operator")
-    )
-    known = set(names.values())  # of what rules of the original speak, what is still there
-    rules: list[Rule] = []
-    place = 0
-    while place < len(visible.rules):
-        for length in range(longest, 0, -1):
-            group = visible.rules[place : place + length]
-            if is_same_system and group in waiting and known.issuperset(mentions(waiting[group])):
-                rules.append(_explicit(waiting.pop(group), original, visible))
-                break
-        else:
-            length = 1
-            rules.append(renamed(visible.rules[place], names))
-        place += length
-    return tuple(rules)
-
-
-def _explicit(rule: Rule, original: FuzzySystem, visible: FuzzySystem) -> Rule:
-    """Give a rule of the original its operators where those of the system are not the same any more."""
-    if visible.and_operator != original.and_operator:
-        rule = replace(rule, and_operator=original.and_operator_of(rule))
-    if visible.or_operator != original.or_operator:
-        rule = replace(rule, or_operator=original.or_operator_of(rule))
-    return rule

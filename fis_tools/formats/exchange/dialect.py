@@ -16,7 +16,6 @@ from fis_tools import model
 from fis_tools.array_types import Floats
 from fis_tools.formats.exchange.antecedents import (
     NotExpressible,
-    Terms,
     flat_antecedents,
     hedged,
     in_order,
@@ -117,7 +116,7 @@ class Expressed:
     rules : tuple of tuple of Rule
         What each rule of the original became.
     source : FuzzySystem
-        The original, with a term more for each hedged statement that became one.
+        The original.
     """
 
     system: model.FuzzySystem
@@ -286,9 +285,8 @@ def _used_operators(
 
 
 def _with_known_hedges(system: model.FuzzySystem, dialect: Dialect) -> model.FuzzySystem:
-    """Put every hedge before a statement, and turn those that a format has no word for into terms."""
+    """Put every hedge before a statement, and refuse those that a format has no word for."""
     known = {hedge for hedge, words in HEDGES.items() if dialect.hedges and getattr(words, dialect.hedges)}
-    terms = Terms(system, known, dialect.most_words)
 
     def expressed(place: int, rule: model.Rule) -> model.Rule:
         if not any(isinstance(part, model.Hedged) for part in model.parts_of(rule.antecedent)):
@@ -300,12 +298,16 @@ def _with_known_hedges(system: model.FuzzySystem, dialect: Dialect) -> model.Fuz
         try:
             operators = system.and_operator_of(rule), system.or_operator_of(rule)
             moved = with_plain_not(on_statements(asked, *operators), *operators)
+            for part in model.parts_of(moved):
+                words, _ = before(part)
+                if {*words} - {"not", *known} or len(words) > max(1, dialect.most_words):
+                    raise NotExpressible(f"it has no word for {' '.join(words)!r}")
         except NotExpressible as reason:
             raise _not_expressible(place, dialect, reason) from reason
-        return replace(rule, antecedent=hedged(cast(list[model.Hedge], outside), terms.expressed(moved)))
+        return replace(rule, antecedent=hedged(cast(list[model.Hedge], outside), moved))
 
     rules = tuple(expressed(place, rule) for place, rule in enumerate(system.rules, start=1))
-    return replace(system, inputs=tuple(terms.inputs.values()), rules=rules)
+    return replace(system, rules=rules)
 
 
 def _not_expressible(place: int, dialect: Dialect, reason: NotExpressible) -> NotExpressible:

@@ -10,20 +10,14 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import groupby
 from typing import Any
 
-import numpy as np
-
 from fis_tools import model
-from fis_tools.array_types import Floats
-from fis_tools.engines import inference
 from fis_tools.formats import rendered
 from fis_tools.formats.exchange import vocabulary
 from fis_tools.formats.exchange.carried import comment
 from fis_tools.formats.exchange.dialect import Dialect, Expressed, express, only_system
 from fis_tools.formats.exchange.foreign import RAMPS, TABLES
 from fis_tools.formats.serialize import Written
-from fis_tools.model.operators import AGGREGATIONS, AND_OPERATORS
 from fis_tools.model.shape import Format
-from fis_tools.model.variables import shape_values
 from fis_tools.words.text import number
 
 
@@ -98,94 +92,6 @@ def term_words(variable: model.Variable, term: model.Term, file_format: Format) 
     return word, [repr(float(getattr(shape, name))) for name in order or shape.entry.kinds]
 
 
-#: Inputs at which answers are compared, the most and the fewest; fewer of many points, which take longer.
-SAMPLES = 256, 16
-POINTS = 20_000
-#: The share of an output's range from which on a change is told.
-NOTABLE = 1e-3
-
-
-def changes(original: model.FuzzySystem, expressed: Expressed, *, takes_middles: bool) -> Iterator[str]:
-    """Tell for each output how far the answers of other programs are from those of the original.
-
-    Parameters
-    ----------
-    original : FuzzySystem
-        What was written.
-    expressed : Expressed
-        What a reader of the file sees.
-    takes_middles : bool
-        Whether the readers sample the middles of intervals, as fuzzylite does.
-    """
-    low, high = (np.array([getattr(v, end) for v in original.inputs]) for end in ("minimum", "maximum"))
-    most, fewest = SAMPLES
-    count = min(most, max(fewest, POINTS // max(v.num_points for v in original.outputs)))
-    samples = np.random.default_rng(0).random((count, len(low))) * (high - low) + low
-    ours = inference.evaluate(original, samples)
-    theirs = answers(expressed.system, samples, takes_middles=takes_middles)
-    for output, change in zip(original.outputs, np.abs(ours - theirs).max(axis=0), strict=True):
-        share = change / (output.maximum - output.minimum)
-        if share >= NOTABLE:
-            amount = number(float(f"{change:.2g}"))
-            yield f"{output.name} by up to {amount}, {100 * share:.2g} % of its range"
-
-
-def answers(system: model.FuzzySystem, samples: Floats, *, takes_middles: bool) -> Floats:
-    """Return the outputs, (n, num_outputs), as sums over points, for samples (n, num_inputs)."""
-    firing = inference.firing_strengths(system, samples)
-    columns = []
-    for place, output in enumerate(system.outputs):
-        if system.weighs(output):
-            columns.append(inference.evaluate(system, samples)[:, place])
-            continue
-        edges = np.linspace(output.minimum, output.maximum, output.num_points)
-        points = 0.5 * (edges[1:] + edges[:-1]) if takes_middles else output.universe
-        heights = _heights(system, output, firing, points)
-        columns.append(_defuzzified(system.defuzzifier_of(output), points, heights, output))
-    return np.stack(columns, axis=1)
-
-
-def _heights(system: model.FuzzySystem, output: model.Variable, firing: Floats, points: Floats) -> Floats:
-    """Return what the rules conclude together, (n, points)."""
-    strengths: dict[str, list[Floats]] = {}
-    for strength, rule in zip(firing.T, system.rules, strict=True):
-        for consequent in rule.consequents:
-            if consequent.variable == output.name:
-                strengths.setdefault(consequent.term, []).append(consequent.weight * strength)
-    imply, aggregate = AND_OPERATORS[system.implication], AGGREGATIONS[output.aggregation]
-    heights = np.zeros((len(firing), len(points)))
-    for term, activations in strengths.items():
-        shape = output.terms[output.term_index(term)].membership
-        if isinstance(shape, model.Sampled):
-            degrees = np.interp(points, output.universe, shape.values)
-        else:
-            degrees = shape_values(points, shape)
-        each = [np.max(activations, axis=0)] if output.counts_strongest else activations
-        for activation in each:
-            heights = aggregate(heights, imply(activation[:, np.newaxis], degrees[np.newaxis]))
-    return heights
-
-
-def _defuzzified(defuzzifier: str, points: Floats, heights: Floats, output: model.Variable) -> Floats:
-    total = heights.sum(axis=1)
-    fires = total > 0.0
-    found = np.full(len(heights), output.default, dtype=np.float64)
-    top = heights == heights.max(axis=1, keepdims=True)
-    match defuzzifier:
-        case "centroid":
-            values = heights @ points / np.where(fires, total, 1.0)
-        case "bisector":
-            values = points[np.argmax(np.cumsum(heights, axis=1) >= 0.5 * total[:, np.newaxis], axis=1)]
-        case "som":
-            values = points[np.argmax(top, axis=1)]
-        case "lom":
-            values = points[top.shape[1] - 1 - np.argmax(top[:, ::-1], axis=1)]
-        case _:
-            values = (top @ points) / top.sum(axis=1)
-    found[fires] = values[fires]
-    return found
-
-
 def losses(controller: model.FuzzyController, expressed: Expressed, dialect: Dialect) -> tuple[str, ...]:
     """List what a file does not say of a controller with one system, one sentence each.
 
@@ -201,9 +107,6 @@ def losses(controller: model.FuzzyController, expressed: Expressed, dialect: Dia
     found = [
         f"{what}: {_listed(items)}" for what, items in _differences(controller, expressed, dialect) if items
     ]
-    moved = list(changes(controller.systems[0], expressed, takes_middles=dialect.resolution > 0))
-    if moved:
-        found.append(f"other programs sample in ways of their own, so that answers differ: {_listed(moved)}")
     if found and dialect.is_read:
         found.append(
             "a comment in the file carries all of this: fis_tools reads it back, other programs do not"
@@ -223,10 +126,6 @@ def _differences(
         names += ((t.name, o.name) for t, o in zip(variable.terms, other.terms, strict=False))
     yield "names become identifiers", [f"{old!r} is {new}" for old, new in dict.fromkeys(names) if old != new]
     yield from _variable_differences(pairs, dialect)
-    counts = [len(variable.terms) for variable in system.inputs]
-    grown = zip(expressed.source.inputs, counts, strict=True)
-    made = [f"{variable.name} is {term.name}" for variable, count in grown for term in variable.terms[count:]]
-    yield "hedged statements become terms of their own, sampled", made
     changed = [
         f"{place} as {len(group)}" if len(group) > 1 else f"{place} in another form"
         for place, (rule, group) in enumerate(zip(system.rules, expressed.rules, strict=True), start=1)

@@ -1,19 +1,11 @@
 """What other readers do without a word: spikes between points are lost, coarse universes change answers."""
 
-import re
-from pathlib import Path
-from types import ModuleType
-
 import numpy as np
-import pytest
 
-from fis_tools.analysis.arrays import spread_inputs
 from fis_tools.engines.compiler import compile
 from fis_tools.formats import serialize
-from fis_tools.formats.exchange import fis, fll
-from fis_tools.formats.exchange.writing import answers
-from tests.fis_tools.formats.exchange.outside import NUM_POINTS, fuzzylite_outputs
-from tests.fis_tools.formats.exchange.systems import alone, fine, flat_system
+from fis_tools.formats.exchange import fll
+from tests.fis_tools.formats.exchange.systems import alone, flat_system
 
 #: Of the range; 1.2e-5 was measured, from straight lines between 1001 points of inputs.
 TOLERANCE = 5e-5
@@ -79,33 +71,3 @@ def test_an_fll_file_without_a_resolution_has_fuzzylites_own() -> None:
     bare = serialize.reads(text.replace(f"Centroid {resolution}", "Centroid"), "fll")
     assert [output.num_points for output in bare.controller.systems[0].outputs] == [1001, 1001]
     assert "1001 for an output that states none" in bare.assumptions[0]
-
-
-@pytest.mark.parametrize("language", [fis, fll])
-def test_a_coarse_universe_states_how_far_answers_change(language: ModuleType) -> None:
-    coarse, usual = (
-        [
-            each
-            for each in language.write(alone(fine(flat_system(), count))).losses
-            if "answers differ" in each
-        ]
-        for count in (11, 101)
-    )
-    (share,) = re.findall(r"heat by up to \d\S*, (\d+\.?\d*) % of its range", coarse[0])
-    assert 2.0 < float(share) < 30.0
-    assert all(float(other) < 1.0 for other in re.findall(r"(\d+\.?\d*) % of its range", " ".join(usual)))
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("language", [fis, fll])
-def test_that_change_is_the_one_that_fuzzylite_makes(language: ModuleType, tmp_path: Path) -> None:
-    expressed = serialize.loads(
-        language.write(alone(fine(flat_system(), NUM_POINTS))).text, language.DIALECT.words
-    )
-    samples = spread_inputs(expressed.systems[0], 40)
-    path = tmp_path / f"engine.{language.DIALECT.words}"
-    path.write_text(language.write(expressed).text, encoding="utf-8")
-    theirs = fuzzylite_outputs(path, samples, tmp_path)
-    system = fine(expressed.systems[0], NUM_POINTS)
-    widths = [output.maximum - output.minimum for output in system.outputs]
-    assert (np.abs(answers(system, samples, takes_middles=True) - theirs) / widths).max() < TOLERANCE
