@@ -20,10 +20,9 @@ from pipeline.evaluation.monte_carlo import episode_columns, summarise
 from pipeline.flight.cases.starts import evaluation_scenarios
 from pipeline.flight.control.controller import Controller, open_loop
 from pipeline.flight.fly.simulation import fly_all, fly_logged
-from pipeline.flight.state.log import FlightLog, Scenario, points_needed
+from pipeline.flight.state.log import FlightLog, Scenario
 from pipeline.flight.world.pack import inspection_points
 from pipeline.optimum.solved import Solved, solved_for
-from pipeline.report.figures.optimum import side_by_side
 from pipeline.report.figures.style import PALETTE, save, style
 from pipeline.report.figures.trajectories import Tracks, trajectories
 from pipeline.settings.experiment import Experiment, Mission
@@ -310,10 +309,10 @@ def tell_flight(experiment: Experiment, controller: Controller, case: int, pictu
     log = fly_logged(mission, controller, start)
     if picture is not None:
         plan = fly_logged(mission, open_loop("plan", solved.plan(row, mission)), start)
-        needed = points_needed(len(inspection_points(mission)), mission.inspection_threshold_percent)
+        colours = dict(zip(("controller", "plan of least fuel"), PALETTE, strict=False))
+        tracks = Tracks(np.stack([log.position_m, plan.position_m]), list(colours.values()), colours)
         with style():
-            drawn = save(side_by_side(log, plan, mission, needed), picture.stem, PICTURE_DPI)
-        picture.write_bytes(drawn.png)
+            picture.write_bytes(save(trajectories(tracks, mission), picture.stem, PICTURE_DPI).png)
     print("| force | from (min) | to | delta-v (m/s) | points at the end | rule that pushes most |")
     print(f"|---|{'---|' * 5}")
     for place, system in enumerate(controller.systems):

@@ -1,23 +1,24 @@
 """Which pictures a report has, what they are called, and what is written under each."""
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
 from pipeline.evaluation.comparison import PAPER_TEST, ComparisonRow, worlds_of
-from pipeline.flight.state.log import points_needed
+from pipeline.flight.state.log import FlightLog, points_needed
 from pipeline.flight.world.pack import inspection_points
-from pipeline.report.comparisons import Pair, Without, marks_of, squares_of
+from pipeline.report.comparisons import Pair, Without, marks_of
 from pipeline.report.contents import Columns, Contents, FlightSet, ShownFlight
-from pipeline.report.figures.comparison import LINEAR, by_world, compared
-from pipeline.report.figures.flights import METRICS, Sample, controls, distributions, with_and_without
-from pipeline.report.figures.optimum import beside_optimum, side_by_side
+from pipeline.report.figures.comparison import LINEAR, compared
+from pipeline.report.figures.flights import METRICS, Sample, controls, distributions
+from pipeline.report.figures.optimum import beside_optimum
 from pipeline.report.figures.style import (
     BLUE,
     ORANGE,
     PALETTE,
     PURPLE,
+    VERMILION,
     Figure,
     Illustration,
     illustrate,
@@ -47,7 +48,7 @@ def draw(contents: Contents) -> list[Illustration]:
 
 def _drawn(contents: Contents) -> Iterator[Drawn]:
     mission = contents.experiment.mission
-    if contents.comparison:
+    if contents.comparison and not worlds_of(contents.comparison):
         yield _comparison(contents.comparison, mission)
     for flight in contents.shown:
         yield from _flight(flight, mission)
@@ -87,13 +88,6 @@ def _drawn(contents: Contents) -> Iterator[Drawn]:
 
 
 def _comparison(rows: Sequence[ComparisonRow], mission: Mission) -> Drawn:
-    if worlds_of(rows):
-        caption = (
-            "Share of successful flights and mean delta-v (m/s) of each controller in each world. A red "
-            "frame: it breaks, for its success rate lies below that in the first world, or it leaves the "
-            "limits more often, by more than both intervals."
-        )
-        return "comparison", caption, by_world(squares_of(rows))
     threshold = mission.inspection_threshold_percent
     caption = (
         "Delta-v against inspection rate, without the safety layer: mean and standard deviation of each "
@@ -146,23 +140,30 @@ def _evaluation(evaluation: FlightSet, mission: Mission) -> Drawn:
 
 def _safety(without: Without, mission: Mission) -> Drawn:
     caption = (
-        f"Case {without.case} with the safety layer and without: the path about the sample at which it is "
-        "farthest outside the limits without it, or nearest to them, in the plane of its position and "
-        "velocity there; the distance over time; and the delta-v by which the layer changed each period's "
-        "force. The limits are dotted."
+        f"Case {without.case} with the safety layer and without, the one that comes farthest outside the "
+        f"limits without it, or nearest to them: {_TWO}"
     )
-    return "safety", caption, with_and_without(without.guarded, without.unguarded, mission)
+    return "safety", caption, _two({"with": without.guarded, "without": without.unguarded}, mission)
 
 
 def _pair(pair: Pair, mission: Mission) -> Drawn:
     caption = (
         f"Case {pair.case}, {pair.which} ratio: {pair.times:.1f} times the optimum. The controller and the "
-        "plan of least fuel from the same start, in the orbit plane and across it: the path, broad where new "
-        "points come into sight (at most two minutes apart); circles are burns, their area the delta-v; the "
-        "arc is the Sun's way. Dotted are the distance limits. Beside them, delta-v and points over time."
+        f"plan of least fuel from the same start: {_TWO}"
     )
-    figure = side_by_side(pair.controller, pair.plan, mission, _needed(mission))
-    return f"optimum-case-{pair.case}", caption, figure
+    flights = {"controller": pair.controller, "plan of least fuel": pair.plan}
+    return f"optimum-case-{pair.case}", caption, _two(flights, mission)
+
+
+_TWO = "around the chief in space, in the orbit plane and across it, and their distance over time."
+
+
+def _two(flights: Mapping[str, FlightLog], mission: Mission) -> Figure:
+    """Draw two flights over one another."""
+    names = [f"{name}: {log.delta_v_m_s[-1]:.3f} m/s" for name, log in flights.items()]
+    colours = dict(zip(names, (BLUE, VERMILION), strict=True))
+    paths = np.stack([log.position_m for log in flights.values()])
+    return trajectories(Tracks(paths, list(colours.values()), colours), mission)
 
 
 def _front(front: Columns, experiment: Experiment) -> Drawn:

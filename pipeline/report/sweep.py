@@ -1,7 +1,7 @@
 """What a sweep comes to: its runs, the effects of what they differ in, the front, and how to fly the best."""
 
 import shlex
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -15,7 +15,7 @@ from fis_tools.document import Block, Code, Document, Figure, Heading, Items, Pa
 from fis_tools.document.html import element, read
 from pipeline.evaluation.monte_carlo import SUCCESS
 from pipeline.evaluation.statistics import METRICS, Compared, Difference, Effect, Metric, effects, on_front
-from pipeline.report.figures.comparison import Line, Point, front_of_runs, parallel_coordinates
+from pipeline.report.figures.comparison import Point, front_of_runs
 from pipeline.report.figures.style import inline, save, style
 from pipeline.run import artifacts, sweep, tables
 
@@ -282,7 +282,6 @@ _EFFECTS = (
 )
 
 
-_LINES = "Each run is a line through its settings and its means."
 _FRONT = "Means with their intervals; the line joins the runs that no other surpasses."
 
 
@@ -316,30 +315,16 @@ def _document(swept: Swept) -> Document:
     if effects := effects_table(swept):
         blocks += [Heading("Effects"), Paragraph(_EFFECTS), *effects]
     if len(swept.evaluated) > 1:
-        blocks += [Heading("All runs"), *_pictures(swept)]
+        blocks += [Heading("All runs"), _picture(swept)]
     return Document([*blocks, Heading("Runs"), *runs_table(swept)])
 
 
-def _pictures(swept: Swept) -> Iterator[Figure]:
-    runs = swept.evaluated
-    told = (
-        ("parallel", "Settings and outcomes, a line a run", _LINES),
-        ("front", "Mean inspection rate over mean delta-v", _FRONT),
-    )
+def _picture(swept: Swept) -> Figure:
+    words = "Mean inspection rate over mean delta-v"
     with style():
-        figures = (
-            parallel_coordinates([_line(run, swept) for run in runs]),
-            front_of_runs([_point(run, swept) for run in runs]),
-        )
-        for figure, (name, words, caption) in zip(figures, told, strict=True):
-            drawn = Markup(inline(save(figure, name, DOTS_PER_INCH).svg, name, words))  # noqa: S704 - escaped there
-            yield Figure(element("figure", drawn, element("figcaption", caption)))
-
-
-def _line(run: Run, swept: Swept) -> Line:
-    settings = {key: run.differs.get(key, "") for key in swept.factors}
-    outcomes = {f"{metric.label} ({metric.unit})": run.values[metric.name].value for metric in METRICS}
-    return Line(run.name, settings, outcomes, run in swept.front)
+        figure = front_of_runs([_point(run, swept) for run in swept.evaluated])
+        drawn = Markup(inline(save(figure, "front", DOTS_PER_INCH).svg, "front", words))  # noqa: S704 - escaped there
+    return Figure(element("figure", drawn, element("figcaption", _FRONT)))
 
 
 def _point(run: Run, swept: Swept) -> Point:

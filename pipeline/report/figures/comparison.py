@@ -1,18 +1,16 @@
 """Controllers and runs side by side: what they spend and reach, in one world, in several, and in a sweep."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
-from matplotlib.patches import Rectangle
 from matplotlib.ticker import FuncFormatter, NullFormatter
 from numpy.typing import NDArray
 
-from pipeline.report.figures.style import BLUE, CENTRED, DOTS, GRID, INK, MUTED, PALETTE, PAPER, VERMILION
+from pipeline.report.figures.style import BLUE, DOTS, INK, MUTED, PALETTE, PAPER
 
 #: colour, marker and its face; markers tell controllers apart without colours, and are open the second time
 MARKS = tuple(
@@ -102,124 +100,8 @@ def _draw_marks(
     ax.set_axisbelow(True)
 
 
-#: from no success to all
-SHADES = LinearSegmentedColormap.from_list("success", [PAPER, BLUE])
-#: from this share of success on words are written in the paper's colour
-DARK = 0.6
-
-
-@dataclass(frozen=True)
-class Square:
-    """A controller in a world: share of successful flights, mean delta-v (m/s), and whether it breaks."""
-
-    controller: str
-    world: str
-    success: float
-    delta_v: float
-    is_broken: bool
-
-
-def by_world(panels: Sequence[tuple[str, Sequence[Square]]]) -> Figure:
-    """Draw a grid for each Sun setting and safety layer.
-
-    Parameters
-    ----------
-    panels : sequence of (title, squares)
-        Worlds and controllers in the order in which they come.
-    """
-    names = list(dict.fromkeys(square.controller for _, squares in panels for square in squares))
-    worlds = list(dict.fromkeys(square.world for _, squares in panels for square in squares))
-    height = 1.1 + 0.42 * len(worlds)
-    figure = Figure(figsize=(9.6, 0.4 + height * len(panels)), layout="constrained")
-    for ax, (title, squares) in zip(
-        figure.subplots(len(panels), 1, squeeze=False)[:, 0], panels, strict=True
-    ):
-        _draw_squares(ax, squares, names, worlds)
-        ax.set_title(title)
-    return figure
-
-
-def _draw_squares(ax: Axes, squares: Sequence[Square], names: Sequence[str], worlds: Sequence[str]) -> None:
-    for square in squares:
-        x, y = names.index(square.controller), worlds.index(square.world)
-        edge, width = (VERMILION, 1.8) if square.is_broken else (PAPER, 1.0)
-        shade, place = SHADES(square.success), (x - 0.47, y - 0.45)
-        ax.add_patch(Rectangle(place, 0.94, 0.9, facecolor=shade, edgecolor=edge, linewidth=width))
-        words = f"{100 * square.success:.0f} %, {square.delta_v:.2f}"
-        ax.text(x, y, words, color=PAPER if square.success >= DARK else INK, fontsize=8.0, **CENTRED)
-    ax.set_xlim(-0.5, len(names) - 0.5)
-    ax.set_ylim(len(worlds) - 0.5, -0.5)
-    ax.set_xticks(range(len(names)), names, fontsize=7.5)
-    ax.set_yticks(range(len(worlds)), worlds)
-    ax.tick_params(length=0)
-    for spine in ax.spines.values():
-        spine.set_visible(False)
-
-
-#: up to so many values of a setting are named on its axis
-MOST_NAMED = 12
-#: names of points stand no nearer to each other than this share of the picture's width and height
+#: of names in a picture, in shares of its sides
 NAMES_APART = 0.06
-
-
-@dataclass(frozen=True)
-class Line:
-    """A run: its name, values by setting and by outcome, and whether it is on the front."""
-
-    name: str
-    settings: Mapping[str, str]
-    outcomes: Mapping[str, float]
-    is_on_front: bool
-
-
-def parallel_coordinates(lines: Sequence[Line]) -> Figure:
-    """Draw an axis for each setting and outcome, and each run as a line through its values."""
-    settings, outcomes = list(lines[0].settings), list(lines[0].outcomes)
-    count = len(settings) + len(outcomes)
-    figure = Figure(figsize=(max(6.4, 1.6 * count), 4.6), layout="constrained")
-    ax = figure.subplots()
-    places = np.zeros((len(lines), count))
-    for column, key in enumerate(settings):
-        values = [line.settings[key] for line in lines]
-        ticks = _levels(values)
-        places[:, column] = [ticks[value] for value in values]
-        for value, height in ticks.items() if len(ticks) <= MOST_NAMED else ():
-            ax.text(column - 0.03, height, value, ha="right", va="center", fontsize=7.5, color=INK)
-    for column, key in enumerate(outcomes, len(settings)):
-        amounts = np.array([line.outcomes[key] for line in lines])
-        low, high = float(amounts.min()), float(amounts.max())
-        places[:, column] = (amounts - low) / (high - low) if high > low else 0.5
-        for amount, height in ((low, 0.0), (high, 1.0)) if high > low else ((low, 0.5),):
-            ax.text(column + 0.03, height, f"{amount:.4g}", ha="left", va="center", fontsize=7.5, color=INK)
-    for column in range(count):
-        ax.axvline(column, color=GRID, linewidth=1.2, zorder=0.5)
-    for row, line in sorted(enumerate(lines), key=lambda item: item[1].is_on_front):
-        colour, width = (BLUE, 1.6) if line.is_on_front else (MUTED, 0.7)
-        ax.plot(range(count), places[row], color=colour, linewidth=width, alpha=0.85)
-    ax.plot([], [], color=BLUE, linewidth=1.6, label="on the front")
-    ax.plot([], [], color=MUTED, linewidth=0.7, label="surpassed by another run")
-    ax.set_xticks(range(count), [label.replace(" (", "\n(") for label in (*settings, *outcomes)])
-    ax.set_yticks([])
-    ax.set_xlim(-0.5, count - 0.5)
-    ax.set_ylim(-0.06, 1.06)
-    ax.tick_params(length=0)
-    for spine in ax.spines.values():
-        spine.set_visible(False)
-    figure.legend(loc="outside lower center", ncols=2)
-    return figure
-
-
-def _levels(values: Sequence[str]) -> dict[str, float]:
-    """Place the values of a setting from 0 to 1: numbers where they lie, words evenly."""
-    distinct = list(dict.fromkeys(values))
-    try:
-        numbers = np.array([float(value) for value in distinct])
-    except ValueError:
-        numbers = np.arange(len(distinct), dtype=np.float64)
-    low, high = float(numbers.min()), float(numbers.max())
-    if not (np.isfinite(numbers).all() and high > low):
-        return dict.fromkeys(distinct, 0.5)
-    return dict(zip(distinct, ((numbers - low) / (high - low)).tolist(), strict=True))
 
 
 @dataclass(frozen=True)

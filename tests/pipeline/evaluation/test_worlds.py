@@ -21,8 +21,6 @@ from pipeline.flight.cases.starts import evaluation_scenarios
 from pipeline.flight.control.controller import coast
 from pipeline.flight.fly.simulation import fly_logged
 from pipeline.flight.world.pack import inspection_points
-from pipeline.report.comparisons import squares_of
-from pipeline.report.figures.comparison import by_world
 from pipeline.settings.experiment import SettingError
 from pipeline.settings.schema import in_world
 
@@ -65,14 +63,6 @@ def test_a_rate_is_also_told_of_the_points_that_are_ever_lit() -> None:
     told = {"inspection_rate_percent": of_all, "inspectable_rate_percent": of_lit}
     assert rate(replace(ROWS[0], summary=told)) == "90.00 ± 2.00, of lit 97.50"
     assert rate(replace(ROWS[0], summary=told | {"inspectable_rate_percent": of_all})) == "90.00 ± 2.00"
-
-
-def test_the_grid_frames_what_breaks() -> None:
-    ((_, squares),) = panels = squares_of(ROWS)
-    assert [(one.controller, one.world) for one in squares if one.is_broken] == [("a", "dark"), ("a", "all")]
-    (axes,) = by_world(panels).axes
-    assert [text.get_text() for text in axes.texts][2] == "60 %, 0.60"
-    assert [label.get_text() for label in axes.get_yticklabels()] == ["paper", "dark", "all"]
 
 
 def test_a_world_changes_what_it_names_and_nothing_else() -> None:
