@@ -8,7 +8,6 @@ from pathlib import Path
 import pytest
 
 from pipeline.command_line.cli import main
-from pipeline.run import artifacts
 from tests.hostile.recordings import forged
 
 FLIGHT = "episodes/start.mcap"
@@ -25,10 +24,6 @@ def flown(tmp_path_factory):
 @pytest.fixture
 def run(flown, tmp_path):
     return Path(shutil.copytree(flown, tmp_path / "run"))
-
-
-def config_with(run: Path, **changes: object) -> bytes:
-    return artifacts.config_text(artifacts.stored_config(run) | changes).encode()
 
 
 #: what is done to a recording, and what is told
@@ -144,28 +139,3 @@ def test_a_link_is_told_and_not_followed(run, tmp_path, capsys):
     told = capsys.readouterr().out
     assert f"{FLIGHT} is a link to {tmp_path / 'outside'}, which is not followed" in told
     assert f"{FLIGHT} is MISSING" in told
-
-
-def test_a_healthy_run_raises_no_alarm(run, capsys):
-    assert main(["verify", str(run)]) == 0
-    assert "another maker" not in capsys.readouterr().out
-
-
-def test_two_runs_of_one_command_are_equal(flown, tmp_path, capsys):
-    words = [
-        "+experiment=fly",
-        "controller=paper_champion",
-        "duration_s=60",
-        f"hydra.run.dir={tmp_path / 'b'}",
-    ]
-    assert main([*words, "monte_carlo.workers=1"]) == 0
-    assert main(["verify", str(flown), str(tmp_path / "b")]) == 0
-    assert "differs" not in capsys.readouterr().out
-
-
-@pytest.mark.parametrize("differs", [[], None, 5, "x"])
-def test_a_sweep_of_other_kinds_is_refused(differs, tmp_path, capsys):
-    run = {"folder": "a", "differs": differs, "command": [], "failure": ""}
-    (tmp_path / "sweep.json").write_text(json.dumps({"sweep_version": 1, "runs": [run]}))
-    assert main(["summary", str(tmp_path)]) == 2
-    assert "is no file of a sweep" in capsys.readouterr().err

@@ -6,7 +6,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from scipy.optimize import minimize
 
 from fis_tools.__main__ import main
 from fis_tools.analysis.bounds import Interval, ask, output_ranges
@@ -99,48 +98,6 @@ def test_the_inference_that_equals_scikit_fuzzy_stays_inside_too() -> None:
             assert ((outputs >= least[box]) & (outputs <= greatest[box])).all()
 
 
-@pytest.mark.parametrize("seed", range(4))
-def test_no_search_leaves_the_bounds(seed: int) -> None:
-    generator = np.random.default_rng([92, seed])
-    system = full_table_system(generator, is_smooth=True)
-    program = interval.pack(system)
-    low, high = (np.clip(corner[0], *_ends(system)) for corner in _boxes(system, generator, 1))
-    least, greatest, _ = interval.bound(program, low[np.newaxis], high[np.newaxis])
-
-    def cost(inputs: Floats, sign: float) -> float:
-        return float(sign * interpreter.evaluate(program, np.clip(inputs, low, high)[np.newaxis])[0, 0])
-
-    for sign, limit in ((1.0, -least[0, 0]), (-1.0, greatest[0, 0])):
-        start = 0.5 * (low + high)
-        found = minimize(cost, start, (sign,), method="Nelder-Mead", options={"maxfev": 300})
-        assert -found.fun <= limit
-
-
-def test_a_rule_table_of_125_rules_is_bounded() -> None:
-    generator = np.random.default_rng(93)
-    system = force_z_system()
-    finer = tuple(
-        replace(variable, terms=force_x_system().inputs[0].terms) if variable.name == "distance" else variable
-        for variable in system.inputs
-    )
-    finer = (replace(finer[0], terms=_five_terms(finer[0])), *finer[1:])
-    words = [term.name for term in system.outputs[0].terms]
-    table = [words[index] for index in generator.integers(5, size=125)]
-    system = replace(system, inputs=finer, rules=table_rules(finer, system.outputs[0], table))
-    assert len(system.rules) == 125
-    program = interval.pack(system)
-    low, high = _boxes(system, generator, 40)
-    least, greatest, _ = interval.bound(program, low, high)
-    for box in range(len(low)):
-        outputs = interpreter.evaluate(program, _inside(low[box], high[box], generator, 500))
-        assert ((outputs >= least[box]) & (outputs <= greatest[box])).all()
-
-
-def _five_terms(variable: Variable) -> tuple[Term, ...]:
-    means = np.linspace(variable.minimum, variable.maximum, 5)
-    return tuple(Term(f"t{place}", Gaussian(float(mean), 0.8)) for place, mean in enumerate(means))
-
-
 @pytest.mark.parametrize("system", [force_x_system(), force_z_system()], ids=lambda system: system.name)
 def test_at_a_point_the_interval_is_tight_about_the_output(system: FuzzySystem) -> None:
     generator = np.random.default_rng(94)
@@ -165,21 +122,6 @@ def test_intervals_shrink_with_their_boxes() -> None:
         )
         widths.append(float(np.mean(greatest - least)))
     assert widths[0] > 5 * widths[1] > 25 * widths[2] > 0.0
-
-
-def test_a_smaller_box_has_an_interval_inside() -> None:
-    """But for what an interval loses between two points of a universe."""
-    for seed in range(30):
-        generator = np.random.default_rng([96, seed])
-        system = full_table_system(generator, is_smooth=True)
-        program = interval.pack(system)
-        low, high = _boxes(system, generator, 20)
-        middle = low + (high - low) * generator.random(low.shape)
-        outer_least, outer_greatest, _ = interval.bound(program, low, high)
-        least, greatest, _ = interval.bound(program, low, middle)
-        slack = 1e-3 * (system.outputs[0].maximum - system.outputs[0].minimum)
-        assert (least >= outer_least - slack).all()
-        assert (greatest <= outer_greatest + slack).all()
 
 
 def _bounds(system: FuzzySystem, **box: tuple[float, float]) -> dict[str, Interval]:

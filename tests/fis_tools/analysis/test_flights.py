@@ -134,13 +134,6 @@ def test_a_log_that_does_not_fit_its_controller_is_refused(tmp_path: Path) -> No
             read_flight(path)
 
 
-def test_inputs_are_gathered_over_all_flights(tmp_path: Path) -> None:
-    controller = paper_like_controller()
-    paths = [log_flight(tmp_path / f"{seed}.mcap", controller, seed=seed) for seed in (1, 2)]
-    flown = [read_flight(path)[1].inputs for path in paths]
-    np.testing.assert_array_equal(inputs_along(paths)["force_z"], np.concatenate(flown))
-
-
 #: what became of force_x and force_z, one row a control period of 10 s; the controller infers in those marked
 PERIODS = (
     (True, Reason.FIRED, Reason.DEAD_BAND),

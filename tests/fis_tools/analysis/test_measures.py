@@ -13,7 +13,6 @@ from fis_tools.analysis.measures import (
     complexity,
     half_widths,
     integrity,
-    measure,
     nauck,
     rule_consistency,
 )
@@ -109,18 +108,6 @@ def test_integrity_of_a_tuned_term_by_hand() -> None:
     inside = 0.5 * 5.0 - 0.5 * 2.0 * (2.0 / 3.6)
     assert found.area[1] == pytest.approx(min(inside, 2.0) / max(inside, 2.0), abs=1e-12)
     assert found.gm3m == pytest.approx((0.6 * (1.4 / 3.6) * found.area[1]) ** (1 / 3))
-
-
-def test_integrity_of_gaussians_that_cross_at_one_half() -> None:
-    """Of the half-width of the triangle: area sigma sqrt(2 pi) against twice that half-width."""
-    half_width = 0.5
-    sigma = half_width / np.sqrt(2 * np.log(2))
-    terms = tuple(Term(n, Gaussian(m, sigma)) for n, m in (("a", 0.0), ("b", 1.0), ("c", 2.0), ("d", 3.0)))
-    found = integrity(Variable("x", "", 0.0, 3.0, terms, 3001))
-    np.testing.assert_allclose(found.displacement, 1.0)
-    np.testing.assert_allclose(found.symmetry, 1.0)
-    # of the outer terms and the inner ones next to them some lies outside the range
-    assert found.area[1] == pytest.approx(2 * half_width / (sigma * np.sqrt(2 * np.pi)), abs=1e-2)
 
 
 def test_a_centre_that_moves_by_half_the_spacing_keeps_nothing() -> None:
@@ -273,12 +260,3 @@ def test_a_rule_that_is_outvoted_means_little() -> None:
     np.testing.assert_allclose(found.values, [0.0, 0.0, 1.0], atol=1e-9)
     np.testing.assert_allclose(found.outputs[:, 0], 0.5, atol=1e-12)
     np.testing.assert_allclose(found.alone[:, 0], [1 / 6, 5 / 6, 0.5], atol=1e-9)
-
-
-def test_all_measures_of_a_system_with_everything() -> None:
-    found = measure(general_controller().systems[0])
-    assert set(found.coverage) == {"temperature", "wind", "heat", "vent"}
-    assert set(found.integrity) == {"temperature", "heat"}
-    assert 0.0 <= found.gm3m <= min(each.gm3m for each in found.integrity.values())
-    # rule 1 says nothing wrong of both outputs
-    assert found.rule_consistency.alone.shape == (2, 2)

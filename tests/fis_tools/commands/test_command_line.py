@@ -22,7 +22,7 @@ from fis_tools.formats.serialize import dump_json, dump_yaml, load, loads
 from fis_tools.model import FuzzyController
 from fis_tools.words.text import outline
 from tests.fis_tools.analysis.test_flights import log_flight
-from tests.fis_tools.sample_controllers import force_x_system, general_controller, paper_like_controller
+from tests.fis_tools.sample_controllers import force_x_system, paper_like_controller
 
 
 @pytest.fixture
@@ -47,12 +47,6 @@ def test_show_reads_a_file_a_run_and_a_flight(
     expected = text.write(outline(paper_like_controller()))
     for source in (controller_path, tmp_path / "run", flight):
         assert run(capsys, "show", source) == (0, expected, "")
-
-
-def test_show_can_be_limited_to_one_system(controller_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    _, shown, _ = run(capsys, "show", controller_path, "--system", "force_z")
-    assert "Rules for force_z" in shown
-    assert "Rules for force_x" not in shown
 
 
 @pytest.mark.parametrize("form", ["png", pytest.param("svg", marks=pytest.mark.slow)])
@@ -96,17 +90,6 @@ def test_a_dark_picture_is_dark_and_says_the_inputs(
     content = (tmp_path / "force_x-inference.svg").read_text(encoding="utf-8")
     assert "#14181d" in content
     assert "velocity_body_x = 0.05 m/s" in content.replace("\xa0", " ")
-
-
-@pytest.mark.slow
-def test_pictures_of_systems_with_awkward_names_stay_in_their_folder(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    path = tmp_path / "c.json"
-    path.write_text(dump_json(general_controller()).replace('"room"', '"../a b"'), encoding="utf-8")
-    status, printed, _ = run(capsys, "plot", path, "-o", tmp_path / "out")
-    assert status == 0
-    assert {Path(line).parent for line in printed.splitlines()} == {tmp_path / "out"}
 
 
 def test_pictures_whose_names_come_to_the_same_do_not_replace_one_another(
@@ -168,17 +151,6 @@ def test_explain_tells_each_system_whose_inputs_are_given(
     assert json.loads(printed)["explanations"][0]["inputs"] == {"distance": 80.0, "velocity_body_x": 0.05}
 
 
-def test_explain_tells_an_inference_step_by_step(
-    controller_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    words = ("explain", controller_path, "--inputs", "distance=80, velocity_body_x=5e-2", "--steps")
-    status, told, _ = run(capsys, *words)
-    assert status == 0
-    assert told.startswith("force_x: 25 rules")
-    assert "velocity_body_x = 0.05 m/s" in told
-    assert "force_z" not in told
-
-
 def test_explain_tells_the_share_of_each_rule_over_flights(
     tmp_path: Path, controller_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -206,19 +178,6 @@ def test_explain_takes_the_inputs_of_a_logged_flight(
     _, at_sample, _ = run(capsys, "explain", flight, "--time", "10", "--system", "force_z")
     _, later, _ = run(capsys, "explain", flight, "--time", "20", "--system", "force_z")
     assert told == at_sample != later
-
-
-def test_firing_lists_the_rules_by_use(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    flights = [log_flight(tmp_path / f"{seed}.mcap", paper_like_controller(), seed=seed) for seed in (1, 2)]
-    status, printed, _ = run(capsys, "firing", *flights)
-    assert status == 0
-    assert "force_x: 8 inferences; " in printed
-    block = printed.split("\n\n")[1].splitlines()
-    assert len(block) == 2 + 45
-    shares = [float(line.split("%")[0]) for line in block[2:]]
-    assert shares == sorted(shares, reverse=True)
-    silent = log_flight(tmp_path / "silent.mcap", paper_like_controller(), num_samples=0)
-    assert "never fired anything" in run(capsys, "firing", silent)[1]
 
 
 @pytest.mark.parametrize(
@@ -295,18 +254,6 @@ def test_a_mistake_ends_in_one_sentence(
     assert "Traceback" not in told
 
 
-@pytest.mark.slow
-def test_a_flight_is_one_whichever_way_its_ending_is_written(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    flight = log_flight(tmp_path / "FLIGHT.MCAP", paper_like_controller())
-    assert "logged inferences" in run(capsys, "audit", flight)[1]
-    words = ("--only", "firing", "--only", "inference", "--time", "1", "-o", tmp_path / "pictures")
-    status, printed, _ = run(capsys, "plot", flight, *words)
-    assert status == 0
-    assert "force_x-firing.png" in printed
-
-
 def test_what_is_printed_into_a_file_reads_back_in_any_locale(tmp_path: Path) -> None:
     controller = replace(paper_like_controller(), name="Prüfling \N{RIGHTWARDS ARROW} 漢")
     path = tmp_path / "controller.yaml"
@@ -326,12 +273,6 @@ def test_without_an_output_to_write_to_there_is_no_traceback(controller_path: Pa
 def test_every_threshold_is_explained(capsys: pytest.CaptureFixture[str]) -> None:
     printed = run(capsys, "audit", "--help")[1]
     assert all(f" {field.name} ({field.default}): " in printed for field in fields(Thresholds))
-
-
-def test_without_a_command_the_help_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
-    status, printed, _ = run(capsys)
-    assert status == 2
-    assert "explain" in printed
 
 
 def test_it_runs_as_a_module_and_into_a_closed_pipe(controller_path: Path) -> None:

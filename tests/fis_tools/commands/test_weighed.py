@@ -8,7 +8,7 @@ import pytest
 
 from fis_tools.__main__ import main
 from fis_tools.formats import serialize
-from fis_tools.model import Constant, Formula, FuzzyController, Term
+from fis_tools.model import Formula, FuzzyController, Term
 from fis_tools.words.text import sentence, shape_words
 from tests.fis_tools.engines.weighed_systems import systems
 
@@ -60,41 +60,6 @@ def test_the_audit_says_what_does_not_apply(
         told = " ".join(capsys.readouterr().out.split())  # as wide as the terminal is
         assert "y is a weighted average: how its terms cover the range, overlap and are ordered" in told
         assert "y_0 and y_1" not in told
-
-
-def test_explain_tells_the_share_of_each_rule(
-    files: dict[str, Path], capsys: pytest.CaptureFixture[str]
-) -> None:
-    """At the middle of both inputs the middle rule, the fifth, concludes -1.5 almost alone."""
-    assert main(["explain", str(files["constant"]), "--inputs", "x0=5,x1=5"]) == 0
-    told = capsys.readouterr().out
-    assert "y = -1.4" in told
-    assert "5. If x0 is mid and x1 is mid then y is y_0" in told
-
-
-def test_pictures_leave_numbers_out(files: dict[str, Path], tmp_path: Path) -> None:
-    assert (
-        main(
-            ["plot", str(files["constant"]), "-o", str(tmp_path), "--only", "memberships", "--only", "rules"]
-        )
-        == 0
-    )
-    assert len(list(tmp_path.iterdir())) == 2
-
-
-@pytest.mark.slow
-def test_a_number_that_changed_is_told(
-    files: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    system = systems()["constant"]
-    (y,) = system.outputs
-    other = replace(y, terms=(Term("y_0", Constant(-1.0)), *y.terms[1:]))
-    changed = FuzzyController("constant", (replace(system, outputs=(other,)),))
-    path = tmp_path / "changed.json"
-    path.write_text(serialize.dump_json(changed), encoding="utf-8")
-    assert main(["diff", str(files["constant"]), str(path), "-o", str(tmp_path / "diff.html")]) == 0
-    told = capsys.readouterr().out + (tmp_path / "diff.html").read_text(encoding="utf-8")
-    assert "-1.5" in told
 
 
 def with_formula(text: str, folder: Path) -> str:

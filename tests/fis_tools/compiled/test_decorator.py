@@ -33,7 +33,6 @@ CALL = (
 
 #: announces what is compiled at once
 AT_ONCE = "from fis_tools.compiled import notice\nnotice.SHORTEST_S = 0.0\n"
-ERASE_LINE = "\x1b[2K"
 
 
 class Package:
@@ -75,12 +74,6 @@ class Package:
 @pytest.fixture
 def package(tmp_path: Path) -> Package:
     return Package(tmp_path)
-
-
-@pytest.mark.slow
-def test_compiled_code_is_found_again(package: Package) -> None:
-    assert package.call() == "7 8 0 0"
-    assert package.call() == "7 8 1 1"
 
 
 @pytest.mark.slow
@@ -207,45 +200,6 @@ def test_a_compilation_is_announced_and_a_warm_start_is_silent(package: Package)
         "  compiling kernels.other.double: about 1 s, once\n"
     )
     assert package.run(AT_ONCE + CALL).stderr == ""
-
-
-@pytest.mark.slow
-def test_what_a_compilation_took_is_what_the_next_one_is_said_to_take(package: Package) -> None:
-    name = "kernels.caller.twice"
-    ask = f"from fis_tools.compiled import notice; from {name.rpartition('.')[0]} import twice as f; "
-    ask += "print(len(notice._called(f.py_func, set())), notice.expected_s(f.py_func))"
-    assert package.run(ask).stdout.split() == ["2", "1.0"]  # itself, and `step`
-    package.run(CALL)
-    for written, told in (("42.5", "42.5"), ("-1", "1.0"), ("no number", "1.0"), ("nan", "1.0")):
-        (package.folder / "cache" / "fis-tools" / f"{name}.seconds").write_text(written)
-        assert package.run(ask).stdout.split()[1] == told
-
-
-@pytest.mark.slow
-def test_in_a_terminal_the_notice_is_one_line_that_vanishes(package: Package) -> None:
-    pty = pytest.importorskip("pty")
-    ours, theirs = pty.openpty()
-    package.run(AT_ONCE + CALL, stderr=theirs, TERM="xterm", COLUMNS="120")
-    os.close(theirs)
-    told = os.read(ours, 100_000).decode()
-    os.close(ours)
-    assert re.search(r"compiling kernels\.caller\.twice: about 1 s, once \S*0:00:0", told)
-    assert told.rstrip().endswith(ERASE_LINE)
-
-
-@pytest.mark.slow
-def test_garbage_is_not_looked_for_while_ours_are_compiled(package: Package) -> None:
-    look = (
-        "import gc, numba, numba.core.event as event\nfrom kernels.other import double\n"
-        "class Listener(event.Listener):\n"
-        "    def on_start(self, event): print(gc.isenabled(), end=' ')\n"
-        "    def on_end(self, event): print(gc.isenabled(), end=' ')\n"
-        "double.dispatcher\nevent.register('numba:compile', Listener())\n"
-        "double(3)\nnumba.njit(lambda x: x)(3)\n"
-        "gc.disable()\ndouble(0.5)\nprint(gc.isenabled())"
-    )
-    ours, of_others, once_more = ["False", "True"], ["True", "True"], ["False", "False", "False"]
-    assert package.run(look).stdout.split() == [*ours, *of_others, *once_more]
 
 
 @pytest.mark.slow

@@ -107,6 +107,8 @@ def test_a_page_shows_every_word_and_takes_none_for_a_tag() -> None:
     assert '<td class="changed"><del>N</del><ins>P</ins></td><td class="same">Z</td>' in page
     assert '<svg class="drawn"></svg>' in page
     assert '<td class="number">22</td>' in page
+    assert '<th scope="col" class="number">number</th>' in page
+    assert '<th scope="row">left</th>' in page
 
 
 def test_an_element_escapes_what_is_inside_and_its_attributes() -> None:

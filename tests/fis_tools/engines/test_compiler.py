@@ -11,7 +11,7 @@ from skfuzzy import control
 
 from fis_tools.engines import compiler, interpreter
 from fis_tools.engines.compiler import CompiledSystem, compile
-from fis_tools.model import Consequent, FuzzySystem, Gaussian, Is, Rule, Term, Variable
+from fis_tools.model import FuzzySystem
 from fis_tools.model.operators import AND_OPERATORS, OR_OPERATORS
 from fis_tools.model.validate import InvalidSystem
 from fis_tools.scikit_fuzzy.read import UnreadableControlSystem
@@ -238,14 +238,6 @@ def test_no_samples_are_no_mistake() -> None:
         assert compiled.firing_strengths(np.empty((0, 2))).shape == (0, len(compiled.system.rules))
 
 
-def test_an_output_that_no_rule_concludes_has_its_default() -> None:
-    terms = (Term("a", Gaussian(0.0, 0.3)),)
-    outputs = tuple(Variable(name, "", 0.0, 1.0, terms, 11, default=0.75) for name in ("used", "idle"))
-    rules = (Rule(Is("x", "a"), (Consequent("used", "a"),)),)
-    compiled = compile(FuzzySystem("half", (Variable("x", "", 0.0, 1.0, terms, 11),), outputs, rules))
-    assert compiled(np.array([[0.0]]))[0, 1] == 0.75
-
-
 @pytest.mark.parametrize("system", [force_x_system(), general_controller().systems[0]])
 def test_threads_change_nothing(system: FuzzySystem, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(compiler, "SAMPLES_A_THREAD", 100)
@@ -256,10 +248,6 @@ def test_threads_change_nothing(system: FuzzySystem, monkeypatch: pytest.MonkeyP
     firing = alone.firing_strengths(rows)
     np.testing.assert_array_equal(alone.conclude(firing), together.conclude(firing))
     np.testing.assert_array_equal(alone.conclude(firing), interpreter.evaluate(alone.program, rows))
-
-
-def test_it_says_what_it_is() -> None:
-    assert repr(compiled_room()) == "<compiled 'room': 2 rules, temperature, wind -> heat, vent>"
 
 
 def test_scikit_fuzzy_is_imported_for_its_own_systems_alone() -> None:

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fis_tools.engines import inference
 from fis_tools.engines.inference import infer
 from fis_tools.model import (
     And,
@@ -131,14 +130,3 @@ def test_nothing_fired_gives_the_default(value: float, weight: float) -> None:
     step = infer(one_rule(Is("a", "left"), weight), np.array([value, 0.0]))
     assert step.outputs[0].is_default
     assert step.values[0] == -7.0
-
-
-def test_a_batch_is_its_samples() -> None:
-    system = one_rule(Or((Is("a", "left"), Is("b", "right"))))
-    rows = np.array([[0.0, 1.0], [5.0, 5.0], [10.0, 0.0]])
-    each = [infer(system, row) for row in rows]
-    np.testing.assert_array_equal(inference.evaluate(system, rows), [step.values for step in each])
-    np.testing.assert_array_equal(
-        inference.firing_strengths(system, rows), [step.firing_strengths for step in each]
-    )
-    assert inference.evaluate(system, np.empty((0, 2))).shape == (0, 1)

@@ -26,18 +26,10 @@ NUM_SYSTEMS = 100
 @pytest.mark.parametrize("seed", range(12))
 def test_full_tables_agree_bit_for_bit(seed: int) -> None:
     generator = np.random.default_rng([1, seed])
-    system = full_table_system(generator, num_inputs=2)
+    system = full_table_system(generator, num_inputs=2 + (seed == 0))
     assert problems(system) == []
     engine = ReferenceEngine(system)
     for inputs in inputs_for(system, generator, 8):
-        np.testing.assert_array_equal(infer(system, inputs).values, engine.compute(inputs))
-
-
-def test_a_table_of_three_inputs_agrees_bit_for_bit() -> None:
-    generator = np.random.default_rng(2)
-    system = full_table_system(generator, num_inputs=3)
-    engine = ReferenceEngine(system)
-    for inputs in inputs_for(system, generator, 5):
         np.testing.assert_array_equal(infer(system, inputs).values, engine.compute(inputs))
 
 

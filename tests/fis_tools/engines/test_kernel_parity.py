@@ -129,21 +129,6 @@ def test_no_rule_fires_gives_the_default_in_every_engine_and_never_a_stale_outpu
         np.testing.assert_allclose(outputs[1], fired, rtol=0, atol=TOLERANCE * 2)
 
 
-def test_inputs_outside_the_universe_act_as_its_ends_in_every_engine() -> None:
-    generator = np.random.default_rng(15)
-    system = full_table_system(generator, num_inputs=2, is_smooth=True)
-    low = np.array([variable.minimum for variable in system.inputs])
-    high = np.array([variable.maximum for variable in system.inputs])
-    engine, packed = ReferenceEngine(system), pack(system)
-    for end, beyond in ((low, low - 1e3), (high, high + 1e3)):
-        at_end = engine.compute(end)
-        np.testing.assert_array_equal(engine.compute(beyond), at_end)
-        np.testing.assert_array_equal(inference.infer(system, beyond).values, at_end)
-        np.testing.assert_allclose(
-            evaluate(packed, beyond[np.newaxis]), at_end, rtol=0, atol=TOLERANCE * _width(system)
-        )
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("path", sorted(SHIPPED.glob("*.yaml")), ids=lambda path: path.stem)
 def test_shipped_controllers_agree_with_scikit_fuzzy(path: Path) -> None:

@@ -248,14 +248,6 @@ def test_rules_said_twice() -> None:
     assert "one concludes torque is PL, the other torque is NL" in finding.sentence
 
 
-def test_a_rule_said_twice_may_add_up() -> None:
-    system = controller_of()
-    adding = replace(system.outputs[0], accumulation="bounded_sum")
-    doubled = replace(system, rules=(*system.rules, system.rules[0]))
-    assert "counts no more" in the_one(doubled, "duplicate-rules").cure
-    assert "counts no more" not in the_one(replace(doubled, outputs=(adding,)), "duplicate-rules").cure
-
-
 def test_a_conclusion_without_weight_is_found() -> None:
     system = controller_of()
     idle = replace(system.rules[3], consequents=(replace(system.rules[3].consequents[0], weight=0.0),))
@@ -431,19 +423,6 @@ def test_an_audit_is_told_as_text_and_as_data() -> None:
     assert severities == sorted(severities, reverse=True)
     assert held["systems"][0]["measures"]["completeness"]["exact"] is True
     assert "error has a gap" in result._repr_markdown_()
-
-
-def test_one_of_many_is_told_in_the_singular() -> None:
-    table = list(TABLE)
-    table[2] = "NL"
-    told = str(audit(controller_of(table))).replace("\n    ", " ")
-    assert "Along error, 1 of 20 steps between neighbouring rules is more than" in told
-    assert "Along rate, 2 of 20 steps between neighbouring rules are more than" in told
-
-
-def test_names_are_no_markup_in_a_notebook() -> None:
-    shown = audit(replace(controller_of(), name="<b>pd</b>"))._repr_markdown_()
-    assert shown.startswith("\\<b>pd\\</b>: ")
 
 
 def test_every_kind_of_system_is_audited() -> None:

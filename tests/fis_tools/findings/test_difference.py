@@ -127,19 +127,6 @@ def test_what_a_variable_says_of_itself_is_compared(
     assert [(fact.what, fact.before, fact.after) for fact in variable.facts] == facts
 
 
-@pytest.mark.slow
-def test_many_points_of_a_universe_are_told_by_a_few_and_kept_for_programs() -> None:
-    system = force_x_system()
-    points = tuple(float(point) for point in np.linspace(0.0, 200.0, 20) ** 2 / 200.0)
-    found = difference(
-        system, _with_input(system, 0, replace(system.inputs[0], points=points, num_points=20))
-    )
-    assert "points  101, even → 20 of its own: 0, 0.554017, 2.21607, … 200\n" in found.text()
-    assert "20 of its own: 0, 0.554017, 2.21607, … 200<" in found.html()
-    (fact,) = _only(found).variables[0].facts
-    assert fact.after.count(", ") == 19
-
-
 def test_digits_that_nobody_reads_are_told_only_alone() -> None:
     system = force_x_system()
     near = system.inputs[0].terms[1]

@@ -14,7 +14,6 @@ from fis_tools.engines.compiler import compile
 from fis_tools.findings.explanation import Explanation, Flip, explain, flips, shares
 from fis_tools.formats.serialize import load
 from fis_tools.model import Consequent, FuzzySystem, Is, Rule, Term, Triangular, Variable
-from tests.fis_tools.control_systems import build_control_system
 from tests.fis_tools.reference_engine import ReferenceEngine
 from tests.fis_tools.sample_controllers import force_x_system, force_z_system, general_controller
 from tests.places import PROJECT
@@ -179,14 +178,6 @@ def test_a_rule_moved_what_scikit_fuzzy_loses_without_it(system: FuzzySystem) ->
             rules = system.rules[: move.rule - 1] + system.rules[move.rule :]
             without = ReferenceEngine(replace(system, rules=rules)).compute(start)[0]
             assert move.needed == pytest.approx(told.value - without, abs=1e-12)
-
-
-def test_a_control_system_is_explained_as_it_is() -> None:
-    system = force_x_system()
-    own, given = explain(system, [80.0, 0.05]), explain(build_control_system(system), [80.0, 0.05])
-    for field in ("share", "needed"):
-        values = [[getattr(move, field) for move in told.outputs[0].moves] for told in (own, given)]
-        assert values[1] == pytest.approx(values[0])
 
 
 def test_an_explanation_leads_with_what_matters() -> None:

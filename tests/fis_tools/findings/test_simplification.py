@@ -269,14 +269,6 @@ def test_an_output_keeps_a_rule_however_large_the_budget() -> None:
         assert concluded == {variable.name for variable in system.outputs}
 
 
-@pytest.mark.slow
-def test_a_system_that_was_not_flown_is_measured_over_its_ranges() -> None:
-    controller = paper_like_controller()
-    found = simplify(controller, {"force_x": flown(controller.systems[0])}, Budget(0.02, 0.005))
-    assert [set(system.changes) for system in found.systems] == [{"flights", "ranges"}, {"ranges"}]
-    assert found.systems[1].changes["ranges"].largest[0] <= 0.02
-
-
 def test_the_steps_are_told() -> None:
     told: list[str] = []
     found = simplify(with_dead_rule(), budget=Budget(), progress=told.append)

@@ -2,7 +2,6 @@
 
 import csv
 import io
-import re
 from dataclasses import replace
 
 import numpy as np
@@ -33,7 +32,7 @@ from fis_tools.model import (
     table_rules,
 )
 from fis_tools.words import text
-from fis_tools.words.text import outline, rule_list
+from fis_tools.words.text import outline
 from tests.fis_tools.sample_controllers import (
     force_x_system,
     force_z_system,
@@ -168,25 +167,6 @@ def test_an_inference_in_which_nothing_fires_is_explained() -> None:
     assert "heat = 0.5 kW, its default" in told
 
 
-def test_markdown_tables_are_whole() -> None:
-    written = plain_text.write_markdown(outline(paper_like_controller()))
-    assert "## force_x\n" in written
-    assert re.search(r"\| far +\| PL +\| PS +\| PS +\| ZE +\| NS +\|", written)
-    assert "Where eta_u is right:" in written
-    for block in written.split("\n\n"):
-        lines = block.splitlines()
-        if lines[0].startswith("|"):
-            assert len({line.count("|") for line in lines}) == 1
-            assert len({len(line) for line in lines}) == 1
-
-
-def test_markdown_takes_no_name_for_markup() -> None:
-    controller = general_controller()
-    written = plain_text.write_markdown(outline(replace(controller, name="a|b *c* _d_ e_f <g>")))
-    assert written.startswith("# a\\|b \\*c\\* \\_d\\_ e_f \\<g>\n")
-    assert "| \\[warm up] If temperature is cold" in written
-
-
 def test_csv_has_a_row_for_each_rule_and_consequent() -> None:
     rows = list(csv.DictReader(io.StringIO(csv_format.write(paper_like_controller()))))
     assert len(rows) == 25 + 45
@@ -217,9 +197,3 @@ def test_csv_has_no_cell_that_a_spreadsheet_runs() -> None:
     assert next(csv.DictReader(io.StringIO(written)))["label"] == '\'=HYPERLINK("http://x")'
     rows = [["=1+1", "@SUM(A1)", "-cmd", "\t=1", "-1.5e-3", "+inf", "a=b", "", -2]]
     assert csv_format.rows_as_text(rows) == "'=1+1,'@SUM(A1),'-cmd,'\t=1,-1.5e-3,+inf,a=b,,-2\n"
-
-
-def test_text_numbers_every_sentence() -> None:
-    written = plain_text.write(rule_list(paper_like_controller()))
-    assert len(re.findall(r"\n +\d+  If .*\.\n", written.replace("\n", "\n\n"))) == 25 + 45
-    assert " 25  If distance is very far and velocity_body_x is towards fast then force_x is ZE.\n" in written

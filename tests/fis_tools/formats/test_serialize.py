@@ -274,37 +274,6 @@ def test_attributes_are_numbers_in_yaml_and_texts_elsewhere() -> None:
     assert loads(dump_json(controller), "json") == controller
 
 
-def _with_everything_chosen() -> FuzzyController:
-    """A controller in which rules, outputs and terms depart from what is usual."""
-    controller = general_controller()
-    (system,) = controller.systems
-    heat, vent = system.outputs
-    terms = (Term("low", GeneralizedBell(0.5, 2.0, 0.0)), Term("high", SShape(0.5, 1.5)))
-    first, second = system.rules
-    system = replace(
-        system,
-        outputs=(replace(heat, terms=terms, defuzzifier="mom"), replace(vent, accumulation="bounded_sum")),
-        rules=(replace(first, and_operator="min", or_operator="hamacher_sum"), second),
-    )
-    return replace(controller, systems=(system,))
-
-
-def test_what_departs_is_written_and_the_usual_is_not() -> None:
-    mapping = to_mapping(_with_everything_chosen())["systems"][0]
-    heat, vent = mapping["outputs"]
-    assert (heat["defuzzifier"], vent["accumulation"]) == ("mom", "bounded_sum")
-    assert heat["terms"] == [
-        {"name": "low", "shape": "generalized_bell", "width": 0.5, "slope": 2.0, "centre": 0.0},
-        {"name": "high", "shape": "s_shape", "foot": 0.5, "top": 1.5},
-    ]
-    first, second = mapping["rules"]
-    assert list(first) == ["label", "and_operator", "or_operator", "if", "then"]
-    assert (first["and_operator"], first["or_operator"]) == ("min", "hamacher_sum")
-    assert list(second) == ["if", "then"]
-    assert not {"defuzzifier", "accumulation"} & {*vent.keys() - {"accumulation"}, *mapping["inputs"][0]}
-    assert loads(dump_yaml(_with_everything_chosen()), "yaml") == _with_everything_chosen()
-
-
 def test_a_table_with_a_rule_of_its_own_ways_is_no_table() -> None:
     first, *rest = force_x_system().rules
     system = replace(force_x_system(), rules=(replace(first, and_operator="min"), *rest))
@@ -562,21 +531,6 @@ def test_files_are_read_by_their_ending(tmp_path: Path, name: str) -> None:
     path = tmp_path / name
     path.write_text(dump_json(controller) if "json" in name else dump_yaml(controller), encoding="utf-8")
     assert load(path) == controller
-
-
-def test_a_byte_order_mark_does_no_harm(tmp_path: Path) -> None:
-    path = tmp_path / "c.json"
-    path.write_bytes(b"\xef\xbb\xbf" + dump_json(paper_like_controller()).encode())
-    assert load(path) == paper_like_controller()
-
-
-def test_as_many_points_as_compile_are_written_and_read() -> None:
-    controller = general_controller()
-    system = controller.systems[0]
-    output = replace(system.outputs[0], num_points=300_001)
-    fine = replace(controller, systems=(replace(system, outputs=(output, *system.outputs[1:])),))
-    assert loads(dump_json(fine), "json") == fine
-    assert loads(dump_yaml(fine), "yaml") == fine
 
 
 def test_files_that_cannot_be_read_are_named(tmp_path: Path) -> None:

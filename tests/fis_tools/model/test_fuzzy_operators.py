@@ -1,7 +1,6 @@
 """The operators against fuzzylite's norms, and against the laws that make a norm."""
 
 import subprocess
-from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -63,25 +62,6 @@ def test_every_operator_is_fuzzylites(tmp_path: Path) -> None:
     assert set(table) == set(OPERATORS)
     for name, expected in table.items():
         np.testing.assert_allclose(OPERATORS[name](A, B), expected, rtol=0, atol=1e-15, err_msg=name)
-
-
-@pytest.mark.parametrize(("and_name", "or_name"), list(zip(AND_OPERATORS, OR_OPERATORS, strict=True)))
-def test_operators_in_one_place_are_duals(and_name: str, or_name: str) -> None:
-    np.testing.assert_allclose(
-        OPERATORS[or_name](A, B), 1.0 - OPERATORS[and_name](1.0 - A, 1.0 - B), rtol=0, atol=1e-12
-    )
-
-
-@pytest.mark.parametrize("name", list(FUZZYLITE))
-def test_the_laws_of_a_norm_hold(name: str) -> None:
-    combine = OPERATORS[name]
-    neutral = 1.0 if name in AND_OPERATORS else 0.0
-    np.testing.assert_allclose(combine(A, np.full_like(A, neutral)), A, rtol=0, atol=1e-15)
-    np.testing.assert_array_equal(combine(A, B), combine(B, A))
-    a, b, c = np.array(list(product(DEGREES, repeat=3))).T
-    np.testing.assert_allclose(combine(combine(a, b), c), combine(a, combine(b, c)), rtol=0, atol=1e-12)
-    higher = np.fmax(b, c)
-    assert (combine(a, higher) >= combine(a, b) - 1e-15).all()
 
 
 @pytest.mark.parametrize("name", [*AND_OPERATORS, *OR_OPERATORS])

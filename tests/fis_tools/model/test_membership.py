@@ -180,12 +180,6 @@ def test_smooth_shapes_have_the_values_their_formulas_say(
     np.testing.assert_allclose(values, list(expected.values()), rtol=0, atol=1e-4)
 
 
-def test_only_the_size_of_a_difference_counts() -> None:
-    variable = Variable("x", "", 0.0, 10.0, (), 11)
-    values = sample(variable, Term("t", SigmoidDifference(6.0, 2.0, 4.0, 2.0)))
-    np.testing.assert_array_equal(values, -skfuzzy.dsigmf(variable.universe, 6.0, 2.0, 4.0, 2.0))
-
-
 def test_a_peak_on_a_grid_point_is_one_and_the_feet_are_zero() -> None:
     variable = Variable("x", "", 0.0, 10.0, (), 11)
     values = sample(variable, Term("t", Triangular(2.0, 4.0, 8.0)))
@@ -196,12 +190,6 @@ def test_samples_are_taken_as_they_are_and_terms_stack() -> None:
     terms = (Term("a", Sampled((0.0, 0.25, 1e-300))), Term("b", Triangular(0.0, 0.0, 2.0)))
     variable = Variable("x", "", 0.0, 2.0, terms, 3)
     np.testing.assert_array_equal(sample_terms(variable), [[0.0, 0.25, 0.0], [1.0, 0.5, 0.0]])
-
-
-def test_samples_do_not_change_the_term() -> None:
-    term = Term("a", Sampled((0.0, 1e-300)))
-    sample(Variable("x", "", 0.0, 1.0, (term,), 2), term)
-    assert term.membership == Sampled((0.0, 1e-300))
 
 
 @pytest.mark.parametrize(

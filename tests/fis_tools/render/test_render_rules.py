@@ -15,7 +15,6 @@ from fis_tools.render.theme import contrast, luminance, term_colours
 from tests.fis_tools.analysis.test_flights import log_flight
 from tests.fis_tools.render.picture_systems import (
     autopilot_system,
-    nine_terms_system,
     one_input_system,
     room_system,
     words_of,
@@ -58,13 +57,6 @@ def test_brightness_alone_orders_the_terms() -> None:
     assert brightness == sorted(brightness)
 
 
-def test_long_words_are_whole_in_the_cells_of_a_figure() -> None:
-    ((_, figure),) = rules_figures(nine_terms_system())
-    words = {text.get_text().replace("\n", " ") for text in figure.axes[0].texts}
-    assert words == {term.name for term in nine_terms_system().outputs[0].terms}
-    assert min(text.get_size() for text in figure.axes[0].texts) >= 8
-
-
 def test_a_third_input_needs_a_term() -> None:
     system = force_z_system()
     ax = rule_matrix(system, Figure().subplots(), {"eta_u": "right"})
@@ -75,12 +67,6 @@ def test_a_third_input_needs_a_term() -> None:
         rule_matrix(system, Figure().subplots(), {"distance": "near", "eta_u": "left"})
     with pytest.raises(ValueError, match="no output 'force_y'; did you mean 'force_z'"):
         rule_matrix(system, Figure().subplots(), {"eta_u": "left"}, output="force_y")
-
-
-def test_slices_are_titled_with_their_terms() -> None:
-    ((name, figure),) = rules_figures(autopilot_system())
-    assert name == "rules"
-    assert [ax.get_title() for ax in figure.axes] == [f"pitch is {t}" for t in ("NL", "NS", "ZE", "PS", "PL")]
 
 
 def test_cells_without_a_rule_say_so_and_an_input_left_out_fills_a_row() -> None:

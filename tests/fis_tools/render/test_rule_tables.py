@@ -4,7 +4,6 @@ import csv
 import io
 import re
 from dataclasses import replace
-from html.parser import HTMLParser
 from pathlib import Path
 
 import numpy as np
@@ -21,10 +20,8 @@ from fis_tools.model import FuzzyController
 from fis_tools.words.text import outline, ranked, rule_list
 from tests.fis_tools.analysis.test_flights import log_flight
 from tests.fis_tools.sample_controllers import force_x_system, general_controller, paper_like_controller
-from tests.policies import check_policy
 
 NASTY = 'a_b & 50 % <i>{x}</i> \\cmd $5^2$ #1 ~ | "q" *'
-VOID = {"meta", "br", "link", "img"}
 
 
 def shares() -> dict[str, np.ndarray]:
@@ -38,44 +35,6 @@ def nasty_controller() -> FuzzyController:
     return FuzzyController(
         NASTY, (replace(system, inputs=(described, *system.inputs[1:])),), (("key", NASTY),)
     )
-
-
-class Page(HTMLParser):
-    """The elements of a page, checked to be nested well, and the rows of its tables."""
-
-    def __init__(self, page: str) -> None:
-        super().__init__()
-        self.open: list[str] = []
-        self.heads: list[str | None] = []
-        self.tables: list[list[list[str]]] = []
-        self.captions: list[str] = []
-        self.tags: set[str] = set()
-        self.feed(page)
-        assert self.open == []
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.tags.add(tag)
-        assert not any(name in ("src", "href") for name, _ in attrs)
-        if tag not in VOID:
-            self.open.append(tag)
-        if tag == "table":
-            self.tables.append([])
-            self.captions.append("")
-        if tag == "tr":
-            self.tables[-1].append([])
-        if tag in ("th", "td"):
-            self.tables[-1][-1].append("")
-        if tag == "th":
-            self.heads.append(dict(attrs).get("scope"))
-
-    def handle_endtag(self, tag: str) -> None:
-        assert self.open.pop() == tag
-
-    def handle_data(self, data: str) -> None:
-        if self.open and self.open[-1] in ("th", "td"):
-            self.tables[-1][-1][-1] += data
-        if "caption" in self.open:
-            self.captions[-1] += data
 
 
 def test_rules_keep_their_order_without_importance() -> None:
@@ -119,31 +78,6 @@ def test_text_and_markdown_list_rules_by_importance() -> None:
     assert described.count("By importance: ") == 1
     ranking = described[described.index("\n    By importance") : described.index("\nforce_z\n")]
     assert described.replace(ranking, "") == text.write(outline(paper_like_controller()))
-
-
-def test_html_tables_are_whole_and_scoped() -> None:
-    written = html.page(outline(paper_like_controller()))
-    check_policy(written)
-    page = Page(written)
-    assert set(page.heads) == {"row", "col"}
-    for rows in page.tables:
-        assert len({len(row) for row in rows}) == 1
-    (matrix,) = (rows for rows in page.tables if rows[0][0] == "distance \\ velocity_body_x")
-    assert matrix[0][1:] == ["away fast", "away", "still", "towards", "towards fast"]
-    assert matrix[4] == ["far", "PL", "PS", "PS", "ZE", "NS"]
-    assert "<p>Where eta_u is right:</p>" in written
-    ordered = Page(html.page(outline(paper_like_controller(), shares())))
-    (ranks,) = (rows for rows in ordered.tables if rows[0] == ["importance", "rule", "sentence"])
-    assert [row[1] for row in ranks[1:]] == [str(number) for number in range(25, 0, -1)]
-
-
-def test_html_lists_other_rules_as_sentences_and_escapes_names() -> None:
-    page = Page(html.page(outline(nasty_controller())))
-    assert "i" not in page.tags
-    assert "script" not in page.tags
-    assert page.tables[0] == [["key", NASTY]]
-    (rules,) = (rows for rows in page.tables if rows[0] == ["rule", "sentence"])
-    assert rules[1][1].startswith("[warm up] If temperature is cold and (wind is calm")
 
 
 def assert_is_latex(source: str) -> None:

@@ -34,14 +34,6 @@ def test_a_push_lasts_one_control_period_and_nothing_is_fired_until_the_next_dec
         assert log.force_hill_n[decides].any(axis=1).sum() > 5
 
 
-def test_at_a_decision_it_asks_for_what_it_would_ask_for_in_each_period() -> None:
-    """Until their first paths part, that is at the start."""
-    for start in STARTS:
-        pausing, hurrying = (fly_logged(mission(), one, start) for one in (PAUSING, HURRYING))
-        np.testing.assert_array_equal(pausing.force_hill_n[0], hurrying.force_hill_n[0])
-        assert np.abs(pausing.force_hill_n[3] - hurrying.force_hill_n[3]).max() > 0.0
-
-
 @pytest.mark.parametrize("period", ["0", "10", "10.0"])
 def test_a_decision_in_each_period_is_the_default(period: str) -> None:
     flown, expected = (fly_all(mission(), one, STARTS) for one in (deciding(HURRYING, period), HURRYING))

@@ -14,7 +14,6 @@ from tests.pipeline.flight.cases import (
     ORBITAL,
     STARTS,
     controller,
-    drifting_through,
     leaning_system,
     mission,
 )
@@ -82,40 +81,6 @@ def test_the_predicted_centre_is_where_the_centre_comes_to() -> None:
     now = controller(tuple(systems), "hill", dead_band_force_x_n=1.0)
     log = fly_logged(mission(), now, STARTS[0])
     np.testing.assert_array_equal(sensed(log, 0, 0), sensed(log, 0, 1))
-
-
-def test_the_closest_approach_is_what_a_flight_without_force_comes_to() -> None:
-    systems = silent(("force_y", 0.01, ("closest_approach", "m", 60.0)))
-    quiet = controller(tuple(systems), "hill", dead_band_force_y_n=1.0)
-    orbit = round(2.0 * np.pi / MEAN_MOTION / 10.0)
-    log = fly_logged(mission(duration_s=20.0 * orbit), quiet, drifting_through((9.0, 12.0, 8.0), 2000.0))
-    distance, found = np.linalg.norm(log.position_m, axis=1), sensed(log, 0, 0)
-    least = np.array([distance[k : k + orbit + 1].min() for k in range(orbit)])
-    np.testing.assert_allclose(found[:orbit], least, rtol=0, atol=0.004 * distance[: 2 * orbit].max())
-    assert found[0] < 20.0
-    assert distance[0] > 60.0
-    assert np.ptp(found[:orbit]) > 1.0  # what is past counts no more
-
-
-def test_directions_are_those_of_the_log() -> None:
-    log = fly_logged(mission(), ORBITAL, STARTS[1])
-    has_target = log.num_candidates[:-1] > 0
-    length = np.linalg.norm(log.target_m[:-1], axis=1)[has_target]
-    for (system, place), axis in (((0, 2), 0), ((2, 0), 1), ((2, 1), 2)):
-        expected = log.target_m[:-1][has_target, axis] / length
-        np.testing.assert_allclose(sensed(log, system, place)[has_target], expected, rtol=0, atol=1e-12)
-    bearing = log.sun_angle_rad[:-1] - np.arctan2(log.position_m[:-1, 1], log.position_m[:-1, 0])
-    np.testing.assert_allclose(sensed(log, 2, 2), np.cos(bearing), rtol=0, atol=1e-12)
-    np.testing.assert_allclose(sensed(log, 1, 2), np.sin(bearing), rtol=0, atol=1e-12)
-
-
-def test_forces_below_a_dead_band_are_not_fired() -> None:
-    log = fly_logged(mission(), ORBITAL, STARTS[2])
-    bands = ORBITAL.constants[2:5]
-    kept = np.where(np.abs(log.fis_output_n) < bands, 0.0, log.fis_output_n)
-    np.testing.assert_array_equal(log.force_hill_n, kept)
-    is_dropped = log.fis_output_n != kept
-    assert 10 < is_dropped.sum() < log.fis_output_n.size - 10
 
 
 @pytest.mark.parametrize("text", ["wide", "nan", "inf", "-1"])

@@ -5,15 +5,14 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from fis_tools.compiled.vectors import padded
+from pipeline.flight.period.look.guidance import POINTS as LOOKED_AT_TOGETHER
 from pipeline.flight.period.look.guidance import (
-    CENTRE_SHIFT_M,
     Clusters,
     cluster_centres,
     nearest_centre,
     num_clusters,
     start_centres,
 )
-from pipeline.flight.period.look.guidance import POINTS as LOOKED_AT_TOGETHER
 from pipeline.flight.world.surface import regular_placement
 from tests.pipeline.physics.conditions import is_in_view
 from tests.readable_flight.guidance import clustered, relative_angle, started
@@ -127,21 +126,6 @@ def line(*places):
     return [[place, 0.0, 0.0] for place in places]
 
 
-def test_the_first_centre_starts_half_a_metre_from_the_candidate_nearest_the_deputy():
-    candidates = line(*range(11))
-    first, second = first_centres(candidates, [50.0, 0.0, 0.0], np.empty((0, 3)))
-    np.testing.assert_allclose(first, [10.0 + CENTRE_SHIFT_M, 0.0, 0.0])
-    np.testing.assert_allclose(second, [0.0 + CENTRE_SHIFT_M, 0.0, 0.0])
-
-
-def test_missing_centres_start_at_the_candidate_farthest_from_all_so_far():
-    candidates = line(*range(21))
-    centres = first_centres(candidates, [10.0, 0.0, 1e6], line(3.0))
-    # the shift of the second makes 12 the farthest from 3 and 20, between which 11 would lie level
-    np.testing.assert_allclose(centres[:, 0], [3.0, 20.0, 12.0], atol=1e-4)
-    np.testing.assert_allclose(centres[1:, 2], CENTRE_SHIFT_M, atol=1e-9)
-
-
 def test_of_equally_far_candidates_the_first_is_taken_whatever_rounding_says():
     candidates = [*line(*[0.1 * i for i in range(9)]), [0.4, 5.0, 0.0], [0.4, -5.0, 0.0]]
     for wobble in (0.0, 1e-14, -1e-14):
@@ -149,35 +133,11 @@ def test_of_equally_far_candidates_the_first_is_taken_whatever_rounding_says():
         assert new[1] > 4.0
 
 
-def test_the_last_steps_first_centres_are_kept():
-    candidates = line(*range(15))
-    carried = [[2.0, 1.0, 0.0], [9.0, 1.0, 0.0], [13.0, 1.0, 0.0]]
-    np.testing.assert_array_equal(first_centres(candidates, [0.0, 0.0, 50.0], carried), carried[:2])
-
-
 def test_up_to_ten_candidates_make_one_cluster_and_eleven_two():
     assert [num_clusters(m) for m in (0, 1, 10, 11, 20, 21, 99)] == [0, 1, 1, 2, 2, 3, 10]
     position = np.array([0.0, 60.0, 0.0])
     few = POINTS[:10]
     np.testing.assert_allclose(Carried().chosen(few, position), few.mean(axis=0), rtol=1e-14)
-
-
-def test_well_separated_clusters_are_found_and_the_nearest_is_chosen():
-    rng = np.random.default_rng(2)
-    homes = np.array([[10.0, 0.0, 0.0], [-10.0, 0.0, 0.0], [0.0, 0.0, 10.0]])
-    candidates = np.vstack([home + rng.normal(scale=0.3, size=(8, 3)) for home in homes])
-    for home, members in zip(homes, np.split(candidates, 3), strict=True):
-        chosen = Carried().chosen(candidates, 6.0 * home + 1.0)
-        np.testing.assert_allclose(chosen, members.mean(axis=0), atol=1e-12)
-
-
-def test_unchanged_candidates_keep_their_centres_to_the_last_bit():
-    clusters = Carried()
-    clusters.chosen(POINTS[20:75], [40.0, -30.0, 20.0])
-    count, before = clusters.count, clusters.centres.copy()
-    clusters.chosen(POINTS[20:75], [40.0, -30.0, 20.0])
-    assert clusters.count == count
-    np.testing.assert_array_equal(clusters.centres, before)
 
 
 def test_without_candidates_there_is_no_centre():

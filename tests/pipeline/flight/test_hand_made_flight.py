@@ -37,12 +37,6 @@ def counted(dark_up_to_deg):
     return 2 * on_rings + sum(azimuth > dark_up_to_deg for azimuth in EQUATOR)
 
 
-def test_the_deputy_waits():
-    log = wait(90.0, 3600.0)
-    np.testing.assert_array_equal(log.position_m, np.tile(AHEAD, (361, 1)))
-    assert log.delta_v_m_s[-1] == 0.0
-
-
 def test_with_the_sun_behind_the_whole_cap_is_inspected_at_once():
     log = wait(90.0)
     assert counted(0.0) == 24

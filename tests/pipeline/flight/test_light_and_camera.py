@@ -9,9 +9,8 @@ from pipeline.flight.cases.starts import starts_of
 from pipeline.flight.control.controller import coast
 from pipeline.flight.fly.simulation import fly_all, fly_logged
 from pipeline.flight.fly.workspace import inspectable_points
-from pipeline.flight.state.log import FlightLog, Scenario
-from pipeline.flight.world.pack import inspection_points, pack_world
-from pipeline.settings.experiment import Mission
+from pipeline.flight.state.log import Scenario
+from pipeline.flight.world.pack import pack_world
 from pipeline.settings.mission_parts import Light
 from tests.pipeline.flight.as_written import assert_as_written
 from tests.pipeline.flight.cases import SEEING, STARTS, mission
@@ -52,61 +51,6 @@ WORLDS = {
 def test_flights_are_as_written(name: str) -> None:
     for start in (TILTED[0], STARTS[1]):
         assert_as_written(replace(WORLDS[name], duration_s=600.0), SEEING, start)
-
-
-def sights_of(what: Mission, log: FlightLog, sample: int) -> np.ndarray:
-    """What is lit and seen of a chief that is aligned with Hill, by angles."""
-    points = inspection_points(what)
-    theta, beta = log.sun_angle_rad[sample], log.sun_elevation_rad[sample]
-    sun = np.array([np.cos(beta) * np.cos(theta), np.cos(beta) * np.sin(theta), np.sin(beta)])
-    if log.visible_sun_share[sample] < what.light.min_fraction:
-        return np.zeros(len(points), dtype=bool)
-    normals = points / np.linalg.norm(points, axis=1)[:, np.newaxis]
-    towards = log.position_m[sample] - points
-    distance = np.linalg.norm(towards, axis=1)
-    incidence = np.degrees(np.arccos(np.clip(np.sum(normals * towards, axis=1) / distance, -1.0, 1.0)))
-    boresight = -log.position_m[sample] / np.linalg.norm(log.position_m[sample])
-    off = np.degrees(np.arccos(np.clip(-towards @ boresight / distance, -1.0, 1.0)))
-    sunward = np.degrees(np.arccos(np.clip(boresight @ sun, -1.0, 1.0)))
-    sensor, sunk = what.sensor, np.sin(np.radians(what.light.past_terminator_deg))
-    seen = (
-        (normals @ sun > 1e-9 - sunk)
-        & (incidence <= sensor.max_incidence_deg)
-        & (off <= sensor.half_angle_deg)
-    )
-    seen &= (distance <= (sensor.max_range_m or np.inf)) & (sunward >= sensor.min_sun_angle_deg)
-    if what.light.reflection == "blinn_phong":
-        halfway = sun + towards / distance[:, np.newaxis]
-        glance = np.arccos(np.sum(normals * halfway, axis=1) / np.linalg.norm(halfway, axis=1))
-        # AFRL's metallic grey: ambient 0.4, diffuse 0.1, specular 1, a quarter of the shininess of 100
-        grey = 0.4 + 0.1 * np.maximum(normals @ sun, 0.0) + np.maximum(np.cos(glance), 0.0) ** 25
-        seen &= (grey > 0.7) & (grey < 0.95)
-    return seen
-
-
-@pytest.mark.parametrize("name", ["shadow", "a camera of little sight"])
-def test_a_flight_inspects_what_light_and_camera_grant_and_believes_in_nothing_else(name: str) -> None:
-    """Without a force the foresight of coasting promises only points that are then inspected."""
-    what, believed = WORLDS[name], replace(SEEING)
-    for start in TILTED:
-        log = fly_logged(what, coast(), start)
-        granted = np.array([sights_of(what, log, sample) for sample in range(len(log.position_m))])
-        np.testing.assert_array_equal(log.is_inspected, np.logical_or.accumulate(granted))
-        (foreseen,) = fly_logged(what, believed, start).foreseen[:1]
-        promised = log.is_inspectable.sum() - foreseen[0]
-        assert 0 <= promised <= log.is_inspected[-1].sum()
-        # foreseen every two minutes, flown every ten seconds
-        assert promised >= log.is_inspected[-1].sum() - 12
-
-
-def test_a_chief_that_glitters_is_seen_where_it_is_bright_enough() -> None:
-    """Beyond the terminator, too, and nowhere else: by AFRL's metallic grey, written out in `sights_of`."""
-    what = mission(attitude=POINTED, light=GLITTER)
-    log = fly_logged(what, coast(), TILTED[0])
-    granted = np.array([sights_of(what, log, sample) for sample in range(len(log.position_m))])
-    np.testing.assert_array_equal(log.is_inspected, np.logical_or.accumulate(granted))
-    dull = mission(attitude=POINTED, light=replace(GLITTER, reflection="none"))
-    assert 3 < log.is_inspected[-1].sum() < fly_logged(dull, coast(), TILTED[0]).is_inspected[-1].sum() - 10
 
 
 @pytest.mark.parametrize(("elevation_deg", "most"), [(0.0, 99), (30.0, 87), (60.0, 74), (90.0, 41)])

@@ -9,8 +9,6 @@ import pytest
 import trimesh
 
 from fis_tools.compiled.three import Three
-from pipeline.flight.control.controller import coast
-from pipeline.flight.fly.simulation import fly_logged
 from pipeline.flight.world.surface import Surface, surface_of
 from pipeline.physics.sight import EDGE_CELLS, cell_of, centre_of
 from pipeline.settings.experiment import Mission, SettingError
@@ -18,7 +16,7 @@ from pipeline.settings.mission_parts import Light
 from tests.pipeline.flight.as_written import assert_as_written
 from tests.pipeline.flight.cases import SEEING, mission
 from tests.pipeline.flight.missions import IDEAL
-from tests.pipeline.flight.test_light_and_camera import SHADOW, TILTED
+from tests.pipeline.flight.test_light_and_camera import TILTED
 
 pytestmark = pytest.mark.slow
 
@@ -90,25 +88,6 @@ def test_the_table_is_right_where_it_was_looked_and_nearly_everywhere_else() -> 
     # what the table adds to the sight of a convex body
     hidden = ~told & (np.sum(found.normals[points] * directions, axis=1) > 0.0)
     assert hidden.mean() > 5.0 * wrong.mean()
-
-
-def test_flights_about_it_inspect_what_rays_grant() -> None:
-    """Every point inspected is lit and seen by trimesh's rays, but for the table's error, at its sample."""
-    what, start = satellite(sensor={"max_incidence_deg": 75.0}, light=SHADOW), TILTED[0]
-    log, found = fly_logged(what, coast(), start), surface()
-    when = log.is_inspected.argmax(axis=0)
-    chosen = np.flatnonzero(log.is_inspected[-1])
-    assert len(chosen) > 10
-    position = log.position_m[when[chosen]] - found.points[chosen]
-    theta, beta = log.sun_angle_rad[when[chosen]], start.sun_elevation_rad
-    sun = np.column_stack(
-        [np.cos(beta) * np.cos(theta), np.cos(beta) * np.sin(theta), np.full(len(theta), np.sin(beta))]
-    )
-    position /= np.linalg.norm(position, axis=1)[:, np.newaxis]
-    for directions in (position, sun):
-        is_free = rays_are_free(directions, found.points[chosen], found.normals[chosen])
-        assert is_free.mean() > 0.9
-    assert np.all(np.sum(position * found.normals[chosen], axis=1) >= np.cos(np.radians(75.0)) - 1e-9)
 
 
 @pytest.mark.parametrize("rate", [None, (0.002, 0.001, 0.003)])

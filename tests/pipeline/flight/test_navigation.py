@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.optimize import nnls
-from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
 from pipeline.command_line.config import compose_experiment
@@ -14,7 +13,6 @@ from pipeline.flight.cases.navigation import errors_of
 from pipeline.flight.control.controller import coast, open_loop
 from pipeline.flight.fly.simulation import fly_all, fly_logged
 from pipeline.flight.state.log import FlightLog, Scenario
-from pipeline.physics.quaternion import dcm_b_from_h
 from pipeline.settings.experiment import Mission, SettingError
 from tests.pipeline.flight.cases import STARTS, STEERING, mission
 from tests.pipeline.flight.departures import ASKEW, FIXES, REAL, VARYING
@@ -66,28 +64,6 @@ def test_estimates_by_range_and_bearing_are_as_good_as_the_filter_says() -> None
     assert np.sqrt(np.mean([np.diag(log.estimate_covariance[-1])[:3] for log in logs])) < 0.3
 
 
-def test_what_is_sensed_is_turned_and_what_sees_is_not() -> None:
-    """An attitude known with a constant error: the camera looks beside the chief by just that."""
-    what = world(KNOWN | {"attitude_bias_deg": 3.0, "noise_m": 1e-3}, EXACT)
-    what = replace(what, attitude=replace(what.attitude, mode="ideal"))
-    log = fly_logged(what, STEERING, replace(STARTS[0], noise=(7, 0, 1)))
-    (tilt,) = errors_of(what, [replace(STARTS[0], noise=(7, 0, 1))]).of_attitude[0, :1]
-    true, sensed = (
-        Rotation.from_quat(turned) for turned in (log.quaternion_b_from_h, log.sensed_quaternion_b_from_h)
-    )
-    np.testing.assert_allclose((true.inv() * sensed).as_rotvec(), np.tile(tilt, (121, 1)), rtol=1e-3)
-    away = log.position_m / np.linalg.norm(log.position_m, axis=1)[:, np.newaxis]
-    # the body's +x points away from the chief, as it is sensed
-    np.testing.assert_allclose(sensed.apply([1.0, 0.0, 0.0]), away, atol=1e-9)
-    beside = np.arccos(np.sum(true.apply([1.0, 0.0, 0.0]) * away, axis=1))
-    np.testing.assert_allclose(beside, np.hypot(tilt[1], tilt[2]), rtol=1e-2)
-    # thrusters are turned with the body, so that in its axes they fire what is meant: here nothing is clipped
-    is_free = log.safety_limit == 0
-    fired_b = true.inv()[:-1].apply(log.force_hill_n)
-    np.testing.assert_allclose(fired_b[is_free], log.force_body_n[is_free], atol=1e-12)
-    assert np.abs(log.force_body_n[is_free]).max() > 0.01
-
-
 def test_a_filter_that_allows_for_thrusters_with_errors_does_not_promise_too_much() -> None:
     real = REAL | {"scale_error": 0.05, "misalignment_deg": 2.0, "least_impulse_n_s": 0.0}
     # the errors of a flight stay the same, so that a filter for new ones each time has to allow for more
@@ -133,42 +109,6 @@ def test_errors_are_drawn_as_the_settings_say() -> None:
     np.testing.assert_array_equal(errors_of(what, starts[5:6]).of_fixes[0], drawn.of_fixes[5])
 
 
-def test_thrusters_fire_late_turned_scaled_and_in_whole_impulses() -> None:
-    forces = np.random.default_rng(5).normal(0.0, 0.02, (120, 3))
-    real = REAL | {"delay_s": 20.0, "impulse_step_n_s": 0.03, "least_impulse_n_s": 0.1}
-    what = world(FIXES, real)
-    log = fly_logged(what, open_loop("plan", forces), STARTS[0])
-    matrix = thrust_errors(what, [STARTS[0]]).matrices[0, 0]
-    assert 1e-3 < np.abs(matrix - np.eye(3)).max() < 0.2
-    wanted = np.round(forces[:-2] @ matrix.T / 0.003) * 0.003
-    wanted[np.abs(wanted) < 0.01] = 0.0
-    np.testing.assert_allclose(log.force_hill_n[2:], wanted, rtol=0, atol=1e-12)
-    np.testing.assert_array_equal(log.force_hill_n[:2], 0.0)
-    spent = np.abs(log.force_hill_n).sum() * what.control_period_s / what.deputy.mass_kg
-    assert log.delta_v_m_s[-1] == pytest.approx(spent, rel=1e-12)
-
-
-def test_thrust_beside_the_centre_of_mass_turns_the_deputy() -> None:
-    """Euler's equation under the recorded torques and ``arm x force`` leads where the deputy is."""
-    what = world(KNOWN, EXACT | {"thrust_arm_m": 0.02})
-    start = replace(STARTS[0], noise=(7, 0, 3))
-    log, arm = fly_logged(what, STEERING, start), thrust_errors(what, [start]).arms[0]
-    k = int(np.abs(log.force_hill_n).sum(axis=1).argmax())
-    assert np.linalg.norm(arm) * np.linalg.norm(log.force_hill_n[k]) > 2e-4
-    instants = np.vstack([log.attitude_quaternion[k], log.quaternion_b_from_h[k + 1 : k + 2]])
-    n, rates = what.orbit.mean_motion_rad_s, []
-    for tick, torque in enumerate(log.torque_b_n_m[k]):
-        turned = Rotation.from_quat(instants[tick])
-        hill = turned.inv().apply([0.0, 0.0, n])
-        given = torque + np.cross(arm, turned.inv().apply(log.force_hill_n[k]))
-        rates.append(log.attitude_rate_b_rad_s[k, tick] + hill)
-        # of a ball of 1 kg m^2 the inertial rate is linear in time
-        reached = rates[-1] + given * what.attitude_period_s
-        if tick + 1 < len(log.torque_b_n_m[k]):
-            after = Rotation.from_quat(instants[tick + 1]).inv().apply([0.0, 0.0, n])
-            np.testing.assert_allclose(log.attitude_rate_b_rad_s[k, tick + 1] + after, reached, atol=1e-12)
-
-
 def test_a_layout_of_thrusters_gives_what_is_asked_and_no_torque() -> None:
     """Two thrusters a face: what is commanded comes out, by forces not below zero that cannot be less."""
     what = compose_experiment(
@@ -189,22 +129,6 @@ def test_a_layout_of_thrusters_gives_what_is_asked_and_no_torque() -> None:
     lame = ["+experiment=fly", "controller=coast", "actuators=layout", f"actuators.thrusters={rows}"]
     with pytest.raises(SettingError, match="cannot push in every direction"):
         compose_experiment(lame)
-
-
-def test_a_flight_with_a_layout_fires_what_its_thrusters_can() -> None:
-    """Impulses are those of each thruster, forces add up in the body, and delta-v counts them all."""
-    forces = np.random.default_rng(9).normal(0.0, 0.01, (120, 3))
-    what = world(KNOWN, EXACT | {"thrusters": ASKEW, "impulse_step_n_s": 0.02})
-    log = fly_logged(what, open_loop("plan", forces), STARTS[0])
-    table, layout = layout_of(ASKEW)
-    total = 0.0
-    for k, force in enumerate(forces):
-        body = dcm_b_from_h(log.quaternion_b_from_h[k])
-        asked = table @ np.concatenate((np.maximum(body @ force, 0.0), np.maximum(-body @ force, 0.0)))
-        fired = np.round(asked * min(1.0, (0.03 / asked.max())) / 0.002) * 0.002
-        np.testing.assert_allclose(body @ log.force_hill_n[k], layout[:, :3].T @ fired, atol=1e-12)
-        total += fired.sum() * 10.0 / 12.0
-    assert log.delta_v_m_s[-1] == pytest.approx(total, rel=1e-9)
 
 
 def test_mass_falls_by_the_rocket_equation_and_nothing_fires_without_propellant() -> None:

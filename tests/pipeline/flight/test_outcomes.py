@@ -15,12 +15,6 @@ from tests.pipeline.flight.cases import (
     mission,
 )
 
-AT_REST = np.zeros(3)
-#: a chief that shows all its sides
-TUMBLING = mission(
-    chief={"initial_angular_velocity_rad_s": (0.01, -0.02, 0.005)}, guidance={"kind": "clusters"}
-)
-
 
 def assert_same(fast: FlightLog, plain: FlightLog, metres: float, others: float) -> None:
     """Compare two flights field by field: positions and targets to `metres`, other numbers to `others`."""
@@ -92,14 +86,6 @@ def test_the_start_itself_may_be_outside(metres: float, velocity_m_s: float) -> 
     outcomes = fly_all(mission(duration_s=100.0), coast(), [along_track(metres, velocity_m_s)])
     assert not outcomes.is_violated[0]
     assert metres in (outcomes.min_distance_m[0], outcomes.max_distance_m[0])
-
-
-def test_inspected_points_stay_inspected() -> None:
-    log = fly_logged(TUMBLING, MIXED, STARTS[0])
-    steps = np.diff(log.is_inspected.astype(int), axis=0)
-    assert steps.min() == 0
-    assert steps.sum() > 50
-    assert np.all(np.diff(log.delta_v_m_s) >= 0.0)
 
 
 def test_scikit_learn_flies_the_same_outcomes_and_logs() -> None:

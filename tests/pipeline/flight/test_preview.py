@@ -11,7 +11,6 @@ from pipeline.flight.state.log import Scenario
 from pipeline.flight.world.pack import by_neighbourhood, inspection_points
 from tests.pipeline.flight.cases import (
     FORESEEING,
-    STARTS,
     controller,
     leaning_system,
     mission,
@@ -62,29 +61,6 @@ def test_neighbours_share_a_vector() -> None:
         return float(max(np.ptp(ordered[j : j + POINTS], axis=0).max() for j in range(0, 99, POINTS)))
 
     assert widest(points[order]) < 0.65 * widest(points)
-
-
-def test_what_sets_lies_where_the_sun_goes_from() -> None:
-    log = fly_logged(mission(), WATCHING, STARTS[1])
-    target, sun = log.target_m[:-1], log.sun_angle_rad[:-1]
-    has_target = log.num_candidates[:-1] > 0
-    across = np.column_stack([-np.sin(sun), np.cos(sun)])
-    expected = np.sum(across * target[:, :2], axis=1)[has_target] / np.linalg.norm(target, axis=1)[has_target]
-    np.testing.assert_allclose(log.fis_input[has_target, 1, 0], expected, rtol=0, atol=1e-12)
-    assert np.ptp(expected) > 0.5
-
-
-def test_it_coasts_exactly_while_coasting_is_enough() -> None:
-    log = fly_logged(mission(), FORESEEING, STARTS[0])
-    missed, nearest, farthest = log.foreseen.T
-    is_enough = (missed < 30.0) & (nearest >= 22.0) & (farthest <= 193.0)
-    fired = log.force_hill_n.any(axis=1)
-    assert not fired[is_enough].any()
-    np.testing.assert_array_equal(log.is_decided, ~is_enough & ~log.is_inspected[:-1].all(axis=1))
-    assert fired[log.is_decided & (np.abs(log.fis_output_n).max(axis=1) > 0)].all()
-    sensed = np.column_stack([log.fis_input[:, 0, :2], log.fis_input[:, 1, 1]])
-    np.testing.assert_array_equal(sensed[log.is_decided], log.foreseen[log.is_decided])
-    assert 1 < is_enough.sum() < 359
 
 
 def test_with_every_point_allowed_to_be_missed_it_never_fires() -> None:

@@ -1,60 +1,24 @@
-"""The push onto the tour, against matrix exponentials, and the flight that follows it."""
+"""Signals that lead ahead: the push onto the tour near the chief, and the points that go dark first."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
-from scipy.linalg import expm
-from scipy.optimize import brentq
 
-from pipeline.flight.control.controller import ControllerError
+from pipeline.flight.control.controller import Controller, ControllerError, from_fuzzy
 from pipeline.flight.fly.simulation import fly_logged
-from pipeline.flight.state.log import FlightLog, Scenario
+from pipeline.flight.state.log import Scenario
 from pipeline.flight.state.signals import constant
-from pipeline.physics.illumination import sun_direction_h, visible_share
-from tests.pipeline.flight.cases import STARTS, TOURING, mission, touring
-from tests.pipeline.flight.missions import MEAN_MOTION as N
-
-Floats = NDArray[np.float64]
-
-#: radius of the orbit about the Earth, whose gravitational parameter is 3.986004418e14 m^3/s^2
-ORBIT_M = (3.986004418e14 / N**2) ** (1 / 3)
-TIME_S, LEAN_M, SKIRT_M = 700.0, 20.0, 70.0
-#: of the Clohessy-Wiltshire equations, s' = A s
-SYSTEM = np.zeros((6, 6))
-SYSTEM[:3, 3:] = np.eye(3)
-SYSTEM[3, 0], SYSTEM[3, 4], SYSTEM[4, 3], SYSTEM[5, 2] = 3 * N**2, 2 * N, -2 * N, -(N**2)
+from tests.pipeline.flight.cases import HURRYING, SEEING, STARTS, TOURING, mission, touring
 
 
-def expected_pushes(log: FlightLog, ahead: Floats | float = TIME_S) -> Floats:
-    """The push onto the tour of `TOURING` at each sample but the last, `ahead` (s) of it, (K, 3), m/s."""
-    angle, up = log.sun_angle_rad[:-1] - N * ahead, np.sin(log.sun_elevation_rad[:-1])
-    tour = np.column_stack(
-        [
-            -11.0 + 50.0 * np.cos(angle) - 30.0 * np.sin(2.0 * angle),
-            80.0 * np.sin(angle) + 17.0 * np.cos(2.0 * angle),
-            25.0 * np.sin(angle) - 14.0 * np.cos(2.0 * angle) + up * (12.0 - 40.0 * np.sin(2.0 * angle)),
-        ]
-    )
-    tour += LEAN_M * log.fis_input[:, :, 1]
-    position = log.position_m[:-1]
-    over = expm(np.broadcast_to(ahead, len(position))[:, np.newaxis, np.newaxis] * SYSTEM)
-    state = np.column_stack((position, log.velocity_m_s[:-1]))
-    off = tour - np.einsum("kij,kj->ki", over[:, :3], state)
-    push = np.linalg.solve(over[:, :3, 3:], off[:, :, np.newaxis])[:, :, 0]
-    distance = np.linalg.norm(position, axis=1, keepdims=True)
-    nearness = np.clip((SKIRT_M - distance) / (SKIRT_M - 15.0), 0.0, 1.0)
-    towards = np.minimum(np.sum(push * position, axis=1, keepdims=True) / distance, 0.0)
-    return np.asarray(push - 2.0 * nearness * towards * position / distance)
-
-
-@pytest.mark.parametrize("elevation_rad", [0.0, -0.4])
-def test_it_leads_to_where_the_tour_is_after_its_time(elevation_rad: float) -> None:
-    what = mission(attitude={"mode": "ideal"}, coast_when_complete=False)
-    log = fly_logged(what, TOURING, replace(STARTS[1], sun_elevation_rad=elevation_rad))
-    np.testing.assert_allclose(log.fis_input[:, :, 0], expected_pushes(log), rtol=0, atol=1e-9)
-    assert np.linalg.norm(log.position_m, axis=1).min() < SKIRT_M
+def with_attributes(controller: Controller, **changes: str | None) -> Controller:
+    """Another controller, without the attributes that are None."""
+    fuzzy = controller.fuzzy
+    assert fuzzy is not None
+    attributes = dict(fuzzy.attributes) | changes
+    kept = sorted((name, text) for name, text in attributes.items() if text is not None)
+    return from_fuzzy(replace(fuzzy, attributes=tuple(kept)))
 
 
 @pytest.mark.parametrize("skirt_m", [10.0, 15.5, 70.0])
@@ -81,39 +45,36 @@ def test_near_the_chief_it_leads_around_it(skirt_m: float) -> None:
     np.testing.assert_allclose(inwards, kept, rtol=0, atol=1e-9)
 
 
-def times_to_light(log: FlightLog) -> Floats:
-    """`TIME_S` at each sample but the last, or where the Sun does not shine then, when it does again."""
-    elevation = log.sun_elevation_rad[0]
-
-    def share(angle: float) -> float:
-        return visible_share(sun_direction_h(angle, elevation), ORBIT_M) - 0.5
-
-    # the shadow is around the angle of midnight, pi
-    end, begin = brentq(share, 0.5 * np.pi, np.pi), brentq(share, np.pi, 1.5 * np.pi)
-    then = np.mod(log.sun_angle_rad[:-1] - N * TIME_S, 2.0 * np.pi)
-    return np.where((end < then) & (then < begin), TIME_S + (then - end) / N, TIME_S)
+def test_a_long_urgency_time_takes_the_middle_of_all() -> None:
+    middling = with_attributes(HURRYING, urgency_time_s="1e9", skirt_distance_m="0", coast_below_points=None)
+    log = fly_logged(mission(attitude={"mode": "ideal"}, coast_when_complete=False), middling, STARTS[0])
+    target = log.target_m[:-1]
+    has_target = np.linalg.norm(target, axis=1) > 0.1
+    centroid = target[has_target] / np.linalg.norm(target[has_target], axis=1, keepdims=True)
+    np.testing.assert_allclose(log.fis_input[has_target, :, 1], centroid, rtol=0, atol=1e-4)
 
 
-def test_where_it_would_be_dark_it_leads_to_where_the_tour_is_when_light_returns() -> None:
-    what = mission(attitude={"mode": "ideal"}, light={"shadow": "conical"}, coast_when_complete=False)
-    start = replace(STARTS[1], sun_angle_rad=5.2, sun_elevation_rad=0.3)
-    log = fly_logged(what, touring(tour_wait_s=2000.0), start)
-    ahead = times_to_light(log)
-    is_asked = ahead <= 2000.0
-    assert 0 < np.sum(ahead > TIME_S) < len(ahead)
-    assert 0 < np.sum(~is_asked) < len(ahead)
-    asked = np.where(is_asked[:, np.newaxis], expected_pushes(log, ahead), 0.0)
-    np.testing.assert_allclose(log.fis_input[:, :, 0], asked, rtol=0, atol=1e-9)
+@pytest.mark.parametrize(
+    ("controller", "name", "value"),
+    [
+        (SEEING, "urgency_time_s", None),
+        (SEEING, "see_damping_ks2", 0.08),
+        (HURRYING, "urgency_time_s", 150.0),
+        (HURRYING, "skirt_distance_m", 70.0),
+        (TOURING, "tour_time_s", 700.0),
+    ],
+)
+def test_a_controller_must_set_what_its_signals_need(
+    controller: Controller, name: str, value: float | None
+) -> None:
+    if value is not None:
+        assert controller.constants[constant(name)] == value
+    if name != "skirt_distance_m":  # which has a default
+        with pytest.raises(ControllerError, match=f"sets no {name}; give it"):
+            _ = with_attributes(controller, **{name: None}).constants
 
 
-def test_a_controller_on_tour_must_say_how_far_it_looks_ahead() -> None:
-    assert TOURING.constants[constant("tour_time_s")] == TIME_S
-    with pytest.raises(ControllerError, match="sets no tour_time_s; give it"):
-        _ = touring(tour_time_s=0.0).constants
-
-
-def test_from_half_an_orbit_on_no_push_across_the_track_leads_anywhere() -> None:
-    with pytest.raises(ControllerError, match=r"tour_time_s 2839.*less than half an orbit, 2838"):
-        fly_logged(mission(), touring(tour_time_s=2839.0), STARTS[0])
-    with pytest.raises(ControllerError, match=r"tour_wait_s 2839.*less than half an orbit, 2838"):
-        fly_logged(mission(), touring(tour_wait_s=2839.0), STARTS[0])
+@pytest.mark.parametrize("name", ["tour_time_s", "tour_wait_s"])
+def test_from_half_an_orbit_on_no_push_across_the_track_leads_anywhere(name: str) -> None:
+    with pytest.raises(ControllerError, match=rf"{name} 2839.*less than half an orbit, 2838"):
+        fly_logged(mission(), touring(**{name: 2839.0}), STARTS[0])

@@ -65,24 +65,3 @@ def test_an_hour_of_forces_held_for_10_s():
         expected = integrate(expected, force, 10.0)
     np.testing.assert_allclose(state[:3], expected[:3], rtol=0, atol=1e-8)
     np.testing.assert_allclose(state[3:], expected[3:], rtol=0, atol=1e-11)
-
-
-def test_small_steps_add_up_to_a_large_one():
-    force = np.array([0.01, -0.02, 0.03])
-    small, large = over(1.0), over(3600.0)
-    state = START
-    for _ in range(3600):
-        state = propagate(small, state, force)
-    np.testing.assert_allclose(state, propagate(large, START, force), rtol=1e-11, atol=1e-12)
-
-
-def test_a_deputy_ahead_of_the_chief_stays_there():
-    state = np.array([0.0, 50.0, 0.0, 0.0, 0.0, 0.0])
-    np.testing.assert_array_equal(state_transition(MEAN_MOTION, 3600.0) @ state, state)
-
-
-def test_slow_orbits_are_free_space():
-    """Far from any planet a force accelerates and nothing else happens."""
-    control = input_matrix(1e-9, 10.0, MASS)
-    np.testing.assert_allclose(control[:3], 50.0 / MASS * np.eye(3), atol=1e-7)
-    np.testing.assert_allclose(control[3:], 10.0 / MASS * np.eye(3), atol=1e-7)

@@ -39,13 +39,6 @@ def test_a_ring_runs_from_plus_i_towards_plus_j(points):
         start += size
 
 
-def test_points_are_evenly_spaced(points):
-    side = 10.0 * np.sqrt(4.0 * np.pi / 99)  # of the square that each point has to itself
-    nearest = smallest_distances(points)
-    assert nearest.min() > 0.75 * side
-    assert nearest.max() < 1.1 * side
-
-
 @pytest.mark.parametrize("wanted", [1, 2, 10, 50, 250, 1000])
 def test_about_as_many_points_as_asked_for(wanted):
     points = regular_placement(wanted, 2.0)

@@ -164,18 +164,6 @@ def test_the_flight_from_the_start(tmp_path):
     assert flight.values("/mission", "sun_angle_rad")[0] == math.pi / 2
 
 
-def test_file_names_are_plain_and_nothing_is_left_half_written(finished):
-    for name in recordings(finished):
-        assert name.endswith(".mcap")
-        assert not set("=, ") & set(name)
-
-
-def test_a_line_a_flight(tmp_path, capsys):
-    run = compose_experiment(["+experiment=fly", "duration_s=20.0"])
-    run_stages(run.experiment, run.config, tmp_path)
-    assert "  episodes/start.mcap: " in capsys.readouterr().err
-
-
 def test_earlier_recordings_go_and_other_files_stay(tmp_path):
     folder = tmp_path / "episodes"
     folder.mkdir()

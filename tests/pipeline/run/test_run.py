@@ -7,7 +7,6 @@ import pytest
 import yaml
 
 from pipeline.command_line.cli import main
-from pipeline.command_line.config import conf_folder
 from pipeline.run import artifacts
 from tests.pipeline.command_line.cases import use_stages
 
@@ -57,28 +56,6 @@ def test_the_working_directory_stays(monkeypatch, tmp_path):
     assert (tmp_path / "here.txt").exists()
 
 
-@pytest.mark.slow
-def test_a_sweep_makes_a_folder_for_each_run(monkeypatch):
-    called = use_stages(monkeypatch)
-    assert main(["-m", *EVALUATE, "seed=1,2", "sun=fixed,random"]) == 0
-    sweep = run_folder("evaluate-sweep")
-    names = [f"seed={seed}+sun={sun}" for seed in (1, 2) for sun in ("fixed", "random")]
-    assert sorted(path.name for path in sweep.iterdir() if path.is_dir()) == names
-    seen = {(experiment.seed, experiment.sun.mode) for _, experiment, _ in called}
-    assert seen == {(1, "fixed"), (1, "random"), (2, "fixed"), (2, "random")}
-    assert len(called) == 16
-    for name in names:
-        manifest = artifacts.read_manifest(sweep / name)
-        assert manifest["finished_stages"] == STAGES
-
-
-@pytest.mark.slow
-def test_options_may_stand_between_overrides(monkeypatch):
-    called = use_stages(monkeypatch)
-    assert main(["+experiment=fly", "-m", "controller=coast", "seed=3,4"]) == 0
-    assert [experiment.seed for _, experiment, _ in called] == [3, 4]
-
-
 @pytest.mark.parametrize("name", ["own.json", "a b.yaml", "x=y,z.json", "it's.yml"])
 def test_a_controller_may_be_a_path(name, monkeypatch):
     called = use_stages(monkeypatch)
@@ -89,14 +66,6 @@ def test_a_controller_may_be_a_path(name, monkeypatch):
     )
     (_, experiment, _) = called[0]
     assert experiment.controller == {"path": f"folder/{name}" if "," not in name else name}
-
-
-@pytest.mark.slow
-def test_several_controllers_in_a_sweep(monkeypatch):
-    called = use_stages(monkeypatch)
-    monkeypatch.setattr("pipeline.controllers.source.load", lambda _source, _mission: None)
-    assert main(["-m", "+experiment=fly", "controller=a.json,b c.yaml"]) == 0
-    assert [experiment.controller["path"] for _, experiment, _ in called] == ["a.json", "b c.yaml"]
 
 
 def test_experiments_of_the_users(monkeypatch, tmp_path):
@@ -137,16 +106,6 @@ def test_an_interrupt_says_what_was_kept_and_resume_goes_on(monkeypatch, capsys)
     assert main(["+experiment=evaluate", f"resume={folder}"]) == 0
     assert called == []
     assert "nothing is left to do" in capsys.readouterr().err
-
-
-@pytest.mark.slow
-def test_an_interrupted_sweep_stops(monkeypatch):
-    def stop(_experiment, _folder):
-        raise KeyboardInterrupt
-
-    called = use_stages(monkeypatch, record=stop)
-    assert main(["-m", *FLY, "seed=1,2,3"]) == 130
-    assert len(called) == 1
 
 
 @pytest.mark.parametrize("other", ["seed=2", "+experiment=train", "sun=random"])
@@ -215,25 +174,6 @@ def test_a_repeated_stage_may_have_its_own_settings_but_no_others(monkeypatch, c
     assert "did you mean report?" in capsys.readouterr().err
 
 
-@pytest.mark.slow
-def test_what_differs_from_an_earlier_run_is_told_in_short(monkeypatch, capsys):
-    use_stages(monkeypatch)
-    main(["+experiment=evaluate", "controller=paper"])
-    folder = run_folder("evaluate")
-    capsys.readouterr()
-    again = ["stages=[evaluate]", f"hydra.run.dir={folder}"]
-    assert main(["+experiment=evaluate", *again, "controller=paper", "seed=9", "deputy.mass_kg=13"]) == 2
-    assert capsys.readouterr().err == (
-        f"error: {folder} was made with another deputy.mass_kg (then 12.0, now 13), seed (then 1, now 9); "
-        "drop what changes that, or start a new run\n"
-    )
-    assert main([*again, "seed=9", "controller=coast"]) == 2
-    told = capsys.readouterr().err
-    assert "controller (then {'schema': " in told
-    assert "..., now {'kind': 'coast'}), name (then evaluate, now pipeline), seed (" in told
-    assert len(told) < 600
-
-
 @pytest.mark.parametrize("is_there", [False, True])
 def test_stages_alone_are_for_a_folder_that_holds_a_run(is_there, monkeypatch, capsys):
     called = use_stages(monkeypatch)
@@ -289,39 +229,6 @@ def test_a_damaged_manifest_is_told(key, monkeypatch, capsys):
         told = capsys.readouterr().err
         assert f"manifest.json is damaged, it has no proper {key}; restore it" in told
         assert "Traceback" not in told
-
-
-def test_a_configuration_that_lacks_a_key_is_told(monkeypatch, capsys):
-    use_stages(monkeypatch)
-    main(FLY)
-    folder = run_folder("fly")
-    config = artifacts.read_config(folder)
-    del config["stages"]
-    artifacts.write_config(folder, config)
-    artifacts.write_json(
-        folder / "manifest.json",
-        {**artifacts.read_manifest(folder), "config_hash": artifacts.config_hash(config)},
-    )
-    assert main([f"resume={folder}", "+experiment=fly"]) == 2
-    told = capsys.readouterr().err
-    assert "config.yaml is no configuration of this program's (the key stages is missing" in told
-    assert "Traceback" not in told
-
-
-def test_our_own_configurations_are_no_run(capsys):
-    assert main([f"resume={conf_folder()}"]) == 2
-    assert f"{conf_folder()} is no run's folder, it has no manifest.json" in capsys.readouterr().err
-
-
-def test_memory_that_is_not_enough_is_told_in_a_sentence(monkeypatch, capsys):
-    def fail(_experiment, _folder):
-        raise MemoryError
-
-    use_stages(monkeypatch, record=fail)
-    assert main(FLY) == 2
-    told = capsys.readouterr().err
-    assert "error: there is not enough memory for this; lower monte_carlo.num_cases" in told
-    assert "Traceback" not in told
 
 
 @pytest.mark.parametrize("error", [artifacts.ArtifactError("champion.json is missing"), OSError("disk full")])

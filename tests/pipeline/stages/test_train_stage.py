@@ -242,16 +242,6 @@ def test_a_controller_without_fuzzy_systems_is_refused(tmp_path: Path) -> None:
         train.run(run, tmp_path)
 
 
-def test_progress_tells_best_parts_and_time_left(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    train.run(prepared(tmp_path, "optimizer.generations=1").experiment, tmp_path)
-    lines = [line for line in capsys.readouterr().err.splitlines() if line.startswith("  generation ")]
-    assert len(lines) == 2
-    row = logbook(tmp_path)[-1]
-    assert lines[-1].startswith(f"  generation 2/2, round 1, fitness {row['best']:.4g}: ")
-    assert f"delta-v {row['delta_v_m_s']:.3f} m/s, {row['points']:.2f} points, " in lines[-1]
-    assert f"{row['short']:.0f} short, {row['outside']:.0f} outside, 0 s left" in lines[-1]
-
-
 def test_from_the_second_round_on_the_starts_that_the_champion_flies_worst_join(tmp_path: Path) -> None:
     words = ("starts.num_cases=4", "starts.num_hard=3", "starts.hard_from=40", "duration_s=1200.0")
     run = prepared(tmp_path, *words, experiment="train_champion").experiment
@@ -296,26 +286,3 @@ def test_the_champion_is_the_rounds_best_on_starts_of_its_own(tmp_path: Path) ->
     outcomes = fly_all(run.mission, from_fuzzy(champion), starts)
     found = costs(outcomes, run.optimizer.penalty.of_round(2), run.mission).mean()
     assert found == pytest.approx(best["validation"], rel=1e-9)
-
-
-@pytest.mark.slow
-def test_a_search_of_planes_goes_on_where_it_stopped(tmp_path: Path) -> None:
-    words = (
-        "starts.num_cases=2",
-        "optimizer.rounds=2",
-        "optimizer.generations=2",
-        "optimizer.population_size=6",
-    )
-    whole, broken = tmp_path / "whole", tmp_path / "broken"
-    run = prepared(whole, *words, experiment="train_planes").experiment
-    train.run(run, whole)
-
-    prepared(broken, *words, experiment="train_planes")
-    shorter = replace(run, optimizer=replace(run.optimizer, rounds=1))
-    train.run(shorter, broken)
-    train.run(replace(run, resume=True), broken)
-    assert np.array_equal(genomes(whole), genomes(broken))
-    assert (
-        serialize.load(whole / artifacts.CHAMPION).systems
-        == serialize.load(broken / artifacts.CHAMPION).systems
-    )

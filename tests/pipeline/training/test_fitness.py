@@ -120,19 +120,6 @@ def test_each_controller_of_a_population_is_judged_for_itself() -> None:
             assert together[name][index] == values[0]
 
 
-def test_with_the_papers_weights_no_controller_that_breaks_a_limit_beats_one_that_does_not() -> None:
-    """One flight of eight a hair outside at no cost, against all points missed at full thrust for an hour."""
-    paper = replace(PENALTY, outside_m_s=1e7, short_point_m_s=1e4, missed_point_m_s=0.05)
-    most = 3 * 1.0 * 3600.0 / 12.0
-    outside = outcomes([0.0] * 8, [99] * 8, [0.0] * 7 + [1e-9])
-    inside = outcomes([most] * 8, [0] * 8, [0.0] * 8)
-    short = outcomes([0.0] * 8, [99] * 7 + [94], [0.0] * 8)
-    dear = outcomes([most] * 8, [95] * 8, [0.0] * 8)
-    fitness = [fitness_parts(one, paper, MISSION)["fitness"][0] for one in (dear, short, inside, outside)]
-    assert fitness == sorted(fitness)
-    assert len(set(fitness)) == 4
-
-
 def test_the_price_of_points_grows_from_round_to_round():
     penalty = replace(PENALTY, outside_m_s=1e5, short_point_m_s=0.5, missed_point_m_s=0.1, growth=2.0)
     assert penalty.of_round(0) == penalty

@@ -29,16 +29,6 @@ def test_the_gain_is_that_of_scipys_riccati_solution():
     np.testing.assert_allclose(gain(SETTINGS, transition, control), expected, rtol=1e-6, atol=1e-9)
 
 
-def test_the_gain_is_the_limit_of_dynamic_programming():
-    transition, control = discrete()
-    state_cost, force_cost = costs()
-    to_go, feedback = state_cost, np.zeros((3, 6))
-    for _ in range(3000):
-        feedback = np.linalg.solve(force_cost + control.T @ to_go @ control, control.T @ to_go @ transition)
-        to_go = state_cost + transition.T @ to_go @ (transition - control @ feedback)
-    np.testing.assert_allclose(gain(SETTINGS, transition, control), feedback, rtol=1e-5, atol=1e-8)
-
-
 def test_the_closed_loop_is_stable():
     transition, control = discrete()
     poles = np.linalg.eigvals(transition - control @ gain(SETTINGS, transition, control))
@@ -96,8 +86,3 @@ def test_forces_follow_the_law_to_a_ring_in_phase_with_the_sun():
 def test_regulators_that_cannot_be(changes, message):
     with pytest.raises(SettingError, match=message):
         planner("lqr", **changes)
-
-
-def test_whole_numbers_may_stand_for_others():
-    plain = {**composed("lqr").experiment.controller, "ring_size_m": 80}
-    assert isinstance(planned_settings(plain).ring_size_m, float)

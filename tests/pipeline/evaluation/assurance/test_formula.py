@@ -144,18 +144,3 @@ def test_windows_are_in_seconds_whatever_the_period():
     for window, least in ((Window(0, 20), 3.0), (Window(0, 29.9), 3.0), (Window(10, 30), 2.0)):
         text = f"always[{window.first_s}:{window.last_s}] a >= 0"
         assert robustness(parse(text, PLAIN), signals, 10.0)[0] == least
-
-
-def test_margins_of_flights_with_a_closed_form():
-    """On cosine of t from 0 to 2 pi: least and greatest of quarters are known."""
-    time = np.linspace(0.0, 2.0 * np.pi, 361)
-    signals = {"a": np.cos(time)[np.newaxis]}
-    period = time[1]
-    quarter = 90 * period
-    for text, expected in (
-        ("always a >= -1.5", 0.5),
-        (f"always[0:{quarter}] a >= 0", 0.0),
-        (f"eventually[{quarter}:{2 * quarter}] a <= 0", 1.0),
-        (f"a >= -2 until[0:{2 * quarter}] a <= -0.5", 0.5),
-    ):
-        assert robustness(parse(text, PLAIN), signals, period)[0] == pytest.approx(expected, abs=1e-12)

@@ -52,17 +52,6 @@ def test_what_is_judged_stays_in_the_box_and_an_optimum_on_its_edge_is_found() -
     np.testing.assert_allclose(result.history[-1].champion, 0.0, atol=0.02)
 
 
-def test_the_caller_keeps_his_random_numbers_and_ours_do_not_depend_on_them() -> None:
-    results = []
-    for seed in (11, 12):
-        np.random.seed(seed)  # noqa: NPY002
-        results.append(evolve(Sphere(), NUM_GENES, cma(), seed=4, initial=np.full((1, NUM_GENES), 0.5)))
-        after = np.random.random()  # noqa: NPY002
-        np.random.seed(seed)  # noqa: NPY002
-        assert after == np.random.random()  # noqa: NPY002
-    np.testing.assert_array_equal(results[0].history[-1].champion, results[1].history[-1].champion)
-
-
 @pytest.mark.parametrize("next_round", ["afresh", "carried"])
 def test_interrupted_anywhere_and_resumed_it_equals_the_whole(next_round: str, tmp_path) -> None:
     settings = cma(generations=5, rounds=3, next_round=next_round)

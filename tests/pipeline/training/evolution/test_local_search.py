@@ -9,12 +9,10 @@ from pipeline.training.evolution.genetic import local_mutation
 from pipeline.training.evolution.rounds import evolve_rounds
 from tests.pipeline.training.evolution.cases import (
     Sphere,
-    broken_and_resumed,
     column,
     evolve,
     optimizer,
     round_champions,
-    rows_of,
 )
 
 NUM_GENES = 10
@@ -87,19 +85,3 @@ def test_the_champion_of_the_round_before_is_handed_to_the_next() -> None:
     assert handed[0] == (0, None)
     for index in (1, 2):
         np.testing.assert_array_equal(handed[index][1], round_champions(result)[index - 1])
-
-
-def test_interrupted_anywhere_and_resumed_it_equals_the_whole(tmp_path) -> None:
-    settings = local(generations=5, rounds=3, next_round="carried")
-
-    def fitness(index, champion):
-        return Sphere(0.3 if champion is None else float(champion.mean()) + 0.1 * index)
-
-    whole = evolve_rounds(fitness, NUM_GENES, settings, seed=7, initial=BEGUN)
-    for num_generations in (1, 6, 7, 15):
-        first, rest = broken_and_resumed(
-            fitness, settings, BEGUN, num_generations, tmp_path / f"{num_generations}.npz"
-        )
-        assert first.interrupted
-        assert rows_of(rest) == rows_of(whole)
-        np.testing.assert_array_equal(rest.history[-1].champion, whole.history[-1].champion)

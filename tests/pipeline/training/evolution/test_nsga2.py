@@ -12,7 +12,6 @@ from tests.pipeline.training.evolution.cases import (
     broken_and_resumed,
     evolve,
     optimizer,
-    round_champions,
     rows_of,
 )
 
@@ -127,10 +126,6 @@ def test_the_champion_is_never_lost_within_a_round_and_lies_on_the_front() -> No
     assert result.history[-1].best == pytest.approx(2.0, abs=0.3)
 
 
-def test_another_algorithm_has_no_front() -> None:
-    assert evolve(schaffer, NUM_GENES, optimizer(generations=1), seed=4).front is None
-
-
 def test_same_seed_same_front_and_the_caller_keeps_his_random_numbers() -> None:
     fronts = []
     for seed in (11, 12):
@@ -163,26 +158,6 @@ def test_interrupted_anywhere_and_resumed_it_equals_the_whole(next_round: str, t
         assert {name: part.tolist() for name, part in rest.front.parts.items()} == {
             name: part.tolist() for name, part in whole.front.parts.items()
         }
-
-
-def test_a_carried_round_judges_the_population_anew() -> None:
-    batches = []
-
-    def fitness(index, _):
-        def evaluate(genomes):
-            batches.append(genomes)
-            return schaffer(genomes, 0.5 * index)
-
-        return evaluate
-
-    settings = nsga2(generations=3, rounds=2, next_round="carried")
-    result = evolve_rounds(fitness, NUM_GENES, settings, seed=8, initial=BEGUN)
-    assert len(batches) == 8
-    assert len(batches[0]) == len(batches[4]) == 22
-    assert (batches[4] == round_champions(result)[0]).all(axis=1).any()
-    np.testing.assert_array_equal(
-        objectives(schaffer(result.front.genomes, 0.5)), objectives(result.front.parts)
-    )
 
 
 def test_a_front_of_three_objectives_is_the_triangle_between_their_optima() -> None:
@@ -224,7 +199,3 @@ def test_a_fitness_without_two_objectives_is_refused(second) -> None:
 def test_settings_without_a_front_are_refused(changes, words: str) -> None:
     with pytest.raises(SettingError, match=words):
         nsga2(**changes)
-
-
-def test_a_front_has_no_elite_that_crossover_must_leave_room_for() -> None:
-    assert nsga2(crossover_rate=0.95).crossover_rate == 0.95
