@@ -1,14 +1,17 @@
 """The notebooks run as they are written, on a shorter flight."""
 
 import os
+from typing import Any
 
 import nbformat
+import numpy as np
 import pytest
 from nbclient import NotebookClient
+from skfuzzy import control
 
+from docs.shown import PAGES, rerun, shown
 from tests.places import PROJECT
-
-pytestmark = pytest.mark.slow
+from tests.smoke.pages import DOCS, blocks
 
 NOTEBOOKS = PROJECT / "docs" / "notebooks"
 #: seconds for a busy machine; output that is late fails the run instead of being lost in silence
@@ -20,10 +23,12 @@ ENDS = {
 }
 
 
+@pytest.mark.slow
 def test_every_notebook_is_tried():
     assert sorted(path.name for path in NOTEBOOKS.glob("*.ipynb")) == sorted(ENDS)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ENDS)
 def test_a_notebook_runs(name, monkeypatch, tmp_path):
     monkeypatch.setenv("PYDEVD_DISABLE_FILE_VALIDATION", "1")
@@ -40,6 +45,7 @@ def test_a_notebook_runs(name, monkeypatch, tmp_path):
     assert ENDS[name][0] in told
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ENDS)
 def test_it_ships_with_small_results(name):
     path = NOTEBOOKS / name
@@ -48,3 +54,41 @@ def test_it_ships_with_small_results(name):
     assert [output for output in shown if output.output_type == "error"] == []
     assert sum("image/png" in output.get("data", {}) for output in shown) == ENDS[name][1]
     assert path.stat().st_size < 300_000
+
+
+def test_a_compiled_control_system_gives_what_compute_gives() -> None:
+    """Some of the million tips that are computed there, one by one."""
+    (code,) = blocks(DOCS / "how-to" / "speed-up-scikit-fuzzy.md", "python")
+    names: dict[str, Any] = {}
+    exec(code, names)  # noqa: S102 - our own page
+    services = np.array([0.0, 1.3, 5.0, 8.8, 10.0])
+    tips = names["infer"]({"service": services, "food": 6.5})["tip"]
+    simulation = control.ControlSystemSimulation(control.ControlSystem(names["rules"]))
+    for service, tip in zip(services, tips, strict=True):
+        simulation.input["service"], simulation.input["food"] = service, 6.5
+        simulation.compute()
+        assert tip == pytest.approx(simulation.output["tip"], abs=25e-12)
+    assert names["tips"].shape == (1_000_000,)
+    assert 0.0 < names["tips"].min() < names["tips"].max() < 25.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", PAGES)
+def test_a_page_shows_what_its_commands_print(name, tmp_path):
+    """If this fails after a change that is meant: ``python -m docs.shown``."""
+    page = (DOCS / name).read_text(encoding="utf-8")
+    assert rerun(page, tmp_path) == page
+
+
+def test_a_page_may_leave_lines_out():
+    printed = "one\ntwo\nthree\nfour\n"
+    assert shown("stale\n", printed) == printed
+    assert shown("one\n…\nfour\n", printed) == "one\n…\nfour\n"
+    with pytest.raises(ValueError, match="which is not among what is printed"):
+        shown("one\n…\nfive\n", printed)
+
+
+def test_pictures_of_the_gallery_are_shown_and_those_shown_exist():
+    folder = DOCS / "images" / "gallery"
+    text = "".join((DOCS / name).read_text(encoding="utf-8") for name in PAGES)
+    assert sorted(path.name for path in folder.iterdir() if path.name not in text) == []

@@ -1,5 +1,6 @@
 """Measures against closed forms, and surfaces against scikit-fuzzy."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -16,9 +17,19 @@ from fis_tools.analysis.arrays import (
     spread_inputs,
     surface,
 )
-from fis_tools.model import Gaussian, Term, Triangular, Variable
+from fis_tools.analysis.contribution import contributions, importance
+from fis_tools.analysis.domain import as_mapping, box_of, departures, from_mapping
+from fis_tools.engines import inference
+from fis_tools.engines.compiler import compile
+from fis_tools.errors import ControllerFileError
+from fis_tools.model import Consequent, FuzzySystem, Gaussian, Is, Rule, Term, Triangular, Variable
 from tests.fis_tools.reference_engine import ReferenceEngine
-from tests.fis_tools.sample_controllers import force_x_system, force_z_system, general_controller
+from tests.fis_tools.sample_controllers import (
+    force_x_system,
+    force_z_system,
+    general_controller,
+    paper_like_controller,
+)
 
 
 def test_a_surface_is_what_scikit_fuzzy_computes_at_its_grid_points() -> None:
@@ -138,3 +149,120 @@ def test_spread_inputs_are_scipys_halton_sequence(num_inputs: int) -> None:
     expected = qmc.scale(sequence.random(3000), [-2.0] * num_inputs, [6.0] * num_inputs)
     found = spread_inputs(replace(system, inputs=inputs), 3000)
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-14)
+
+
+SYSTEM = force_x_system()
+MET = np.random.default_rng(1).uniform(-1.0, 1.0, (50, len(SYSTEM.inputs)))
+BOX = box_of(SYSTEM, MET)
+
+
+def test_the_box_holds_what_was_met_and_no_more():
+    assert BOX.low == tuple(MET.min(axis=0))
+    assert BOX.high == tuple(MET.max(axis=0))
+    assert BOX.num_samples == 50
+    assert not BOX.beyond(MET).any()
+    just = np.array(BOX.high)
+    just[1] = np.nextafter(just[1], np.inf)
+    assert (BOX.beyond(just[np.newaxis]) > 0.0).tolist() == [[False, True] + [False] * (len(just) - 2)]
+
+
+def test_each_stretch_outside_is_a_departure_with_its_farthest_value():
+    inputs = np.zeros((8, len(SYSTEM.inputs)))
+    inputs[2:5, 0] = [1.5, 3.0, 2.0]
+    inputs[7, 0] = -4.0
+    inputs[0, 1] = 9.0
+    found = departures(BOX, 10.0 * np.arange(8), inputs)
+    names = [variable.name for variable in SYSTEM.inputs]
+    assert [(one.name, one.first_s, one.last_s, one.value) for one in found] == [
+        (names[1], 0.0, 0.0, 9.0),
+        (names[0], 20.0, 40.0, 3.0),
+        (names[0], 70.0, 70.0, -4.0),
+    ]
+    assert (found[1].low, found[1].high) == (BOX.low[0], BOX.high[0])
+    assert departures(BOX, np.empty(0), np.empty((0, len(names)))) == ()
+
+
+def test_a_domain_is_what_its_file_says():
+    told = json.loads(json.dumps(as_mapping([BOX])))
+    assert from_mapping(told, "domain.json") == (BOX,)
+
+
+@pytest.mark.parametrize("told", [{}, [], {"schema": "operational-domain", "schema_version": 2}, None])
+def test_something_else_is_refused(told):
+    with pytest.raises(ControllerFileError, match=r"that\.json holds no operational domain"):
+        from_mapping(told, "that.json")
+
+
+def without(system: FuzzySystem, index: int) -> FuzzySystem:
+    """The same system, one rule's conclusions weighted with zero."""
+    rule = system.rules[index]
+    silent = replace(rule, consequents=tuple(replace(c, weight=0.0) for c in rule.consequents))
+    return replace(system, rules=(*system.rules[:index], silent, *system.rules[index + 1 :]))
+
+
+def adding_room() -> FuzzySystem:
+    room = general_controller().systems[0]
+    outputs = tuple(replace(output, accumulation="bounded_sum") for output in room.outputs)
+    return replace(room, outputs=outputs)
+
+
+@pytest.mark.parametrize(
+    "system",
+    [force_x_system(), *general_controller().systems, adding_room()],
+    ids=["force", "room", "adding"],
+)
+def test_a_contribution_is_what_silencing_the_rule_takes_away(system: FuzzySystem) -> None:
+    inputs = spread_inputs(system, 20)
+    found = contributions(compile(system), inputs)
+    outputs = inference.evaluate(system, inputs)
+    assert found.shape == (20, len(system.rules), len(system.outputs))
+    for index in range(len(system.rules)):
+        expected = outputs - inference.evaluate(without(system, index), inputs)
+        np.testing.assert_allclose(found[:, index], expected, rtol=0, atol=1e-14)
+    assert np.count_nonzero(found) > 20
+
+
+def two_rules() -> FuzzySystem:
+    """Low or high, as a ramp; the output's terms are far from one another, and zero is neither."""
+    x = Variable(
+        "x", "", 0.0, 1.0, (Term("low", Triangular(0, 0, 1)), Term("high", Triangular(0, 1, 1))), 101
+    )
+    terms = (Term("left", Triangular(-4.0, -3.0, -2.0)), Term("right", Triangular(2.0, 3.0, 4.0)))
+    y = Variable("y", "", -5.0, 5.0, terms, 101, default=0.5)
+    rules = (
+        Rule(Is("x", "low"), (Consequent("y", "left"),)),
+        Rule(Is("x", "high"), (Consequent("y", "right"),)),
+    )
+    return FuzzySystem("ramp", (x,), (y,), rules)
+
+
+def test_contributions_by_hand() -> None:
+    """Where one rule fires alone it moved the output away from the default; half way each holds the other."""
+    found = contributions(compile(two_rules()), np.array([[0.0], [0.5], [1.0]]))[:, :, 0]
+    np.testing.assert_allclose(found, [[-3.5, 0.0], [-3.0, 3.0], [0.0, 2.5]], rtol=0, atol=1e-14)
+
+
+def test_importance_by_hand() -> None:
+    found = importance(compile(two_rules()), np.array([[0.0], [0.5], [1.0]]))
+    np.testing.assert_allclose(found, [[6.5 / 3 / 10], [5.5 / 3 / 10]], rtol=0, atol=1e-15)
+
+
+def test_rules_that_say_the_same_stand_in_for_one_another() -> None:
+    system = two_rules()
+    doubled = replace(system, rules=(*system.rules, system.rules[0]))
+    found = contributions(compile(doubled), np.array([[0.0]]))
+    np.testing.assert_array_equal(found, 0.0)
+
+
+def test_many_samples_come_out_as_few_do() -> None:
+    system = force_z_system()
+    compiled = compile(system)
+    inputs = spread_inputs(system, 1500)
+    whole = contributions(compiled, inputs)
+    np.testing.assert_array_equal(whole[700:720], contributions(compiled, inputs[700:720]))
+
+
+def test_importance_needs_samples() -> None:
+    system = paper_like_controller().systems[0]
+    with pytest.raises(ValueError, match="there are no samples"):
+        importance(compile(system), np.empty((0, 2)))

@@ -1,6 +1,9 @@
 """Logged data as tables: each command reads their columns by the names of inputs."""
 
 import json
+import re
+import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,10 +15,15 @@ from pyarrow import parquet
 from fis_tools.__main__ import main
 from fis_tools.analysis import tables
 from fis_tools.analysis.domain import as_mapping, box_of
+from fis_tools.commands import COMMANDS
 from fis_tools.engines.inference import infer
 from fis_tools.errors import ControllerFileError
 from fis_tools.findings.explanation import shares
+from fis_tools.formats import serialize
 from fis_tools.formats.serialize import load
+from fis_tools.model import Formula, FuzzyController, Term
+from fis_tools.words.text import sentence, shape_words
+from tests.fis_tools.engines.weighed_systems import systems
 from tests.places import PROJECT
 
 TIPPER = PROJECT / "docs" / "examples" / "tipper.fis"
@@ -121,3 +129,164 @@ def test_a_table_without_times_goes_by_its_rows(tmp_path: Path, capsys: pytest.C
     by_row = told(capsys, "explain", TIPPER, "--flights", path, "--time", "2")
     assert by_row == told(capsys, "explain", TIPPER, "--inputs", "service=4,food=8")
     assert "add --controller" in told(capsys, "firing", path, status=2)
+
+
+NAMES = ("constant", "linear", "tsukamoto", "mixed")
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    folder = tmp_path_factory.mktemp("weighed")
+    found = {}
+    for name in NAMES:
+        found[name] = folder / f"{name}.json"
+        system = systems()[name]
+        found[name].write_text(serialize.dump_json(FuzzyController(name, (system,))), encoding="utf-8")
+    return found
+
+
+def test_a_file_of_ours_holds_what_is_weighed(files: dict[str, Path]) -> None:
+    for name, path in files.items():
+        assert serialize.load(path).systems == (systems()[name],)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_what_needs_fuzzy_sets_says_so(
+    name: str, files: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["simplify", str(files[name]), "-o", str(tmp_path / "out.json")]) == 2
+    assert (
+        "is for Mamdani systems, whose rules conclude fuzzy sets, but output 'y'" in capsys.readouterr().err
+    )
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_review_page_has_rules_and_formulas(name: str, files: dict[str, Path], tmp_path: Path) -> None:
+    assert main(["review", str(files[name]), "-o", str(tmp_path / "out.html")]) == 0
+    text = (tmp_path / "out.html").read_text(encoding="utf-8")
+    for rule in systems()[name].rules:
+        assert sentence(rule) in text
+    for term in systems()[name].outputs[0].terms:
+        assert shape_words(term) in text
+
+
+def test_the_audit_says_what_does_not_apply(
+    files: dict[str, Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name in NAMES:
+        assert main(["audit", str(files[name])]) == 0
+        told = " ".join(capsys.readouterr().out.split())  # as wide as the terminal is
+        assert "y is a weighted average: how its terms cover the range, overlap and are ordered" in told
+        assert "y_0 and y_1" not in told
+
+
+def with_formula(text: str, folder: Path) -> str:
+    system = systems()["constant"]
+    (y,) = system.outputs
+    changed = replace(y, terms=(Term("y_0", Formula(text)), *y.terms[1:]))
+    path = folder / f"{len(text)}.json"
+    controller = FuzzyController("formula", (replace(system, outputs=(changed,)),))
+    path.write_text(serialize.dump_json(controller), encoding="utf-8")
+    return str(path)
+
+
+@pytest.mark.parametrize("form", ["c", "fmu", "fis", "fml"])
+def test_forms_without_formulas_say_so(form: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = with_formula("sin(x0)", tmp_path)
+    assert main(["export", path, "--format", form, "-o", str(tmp_path / f"sine.{form}")]) == 2
+    assert "output 'y'" in capsys.readouterr().err
+
+
+def test_where_a_formula_has_no_value_is_left_out(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The logarithm of what is below zero has none, and that of zero is infinite."""
+    before, after = with_formula("log(x0 - 5)", tmp_path), with_formula("log(x0 - 5) + 1", tmp_path)
+    assert main(["explain", before, "--inputs", "x0=4,x1=5"]) == 2
+    assert "y is nan there: a formula that a rule concludes has no value" in capsys.readouterr().err
+    assert main(["diff", before, after]) == 0
+    told = capsys.readouterr().out
+    assert re.search(r"y_0 +log\(x0 - 5\) → log\(x0 - 5\) \+ 1", told)
+    assert re.search(r"\n +y +the ranges, \d+ inputs +0\.", told)
+    assert "nan" not in told
+    assert main(["plot", before, "-o", str(tmp_path), "--only", "surfaces"]) == 0
+
+
+def test_formats_without_the_words_refuse(files: dict[str, Path], capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["export", str(files["mixed"]), "--format", "fml"]) == 2
+    assert "is weighed, and an FML file has such outputs where all" in capsys.readouterr().err
+    assert main(["export", str(files["constant"]), "--format", "fml"]) == 0
+    assert "<tskValue>-1.5</tskValue>" in capsys.readouterr().out
+    assert main(["export", str(files["constant"]), "--format", "fcl"]) == 0
+    told = capsys.readouterr().out
+    assert "TERM y_0 := -1.5;" in told
+    assert "METHOD : COGS;" in told
+
+
+TIPPING = PROJECT / "docs" / "examples" / "tipping.py"
+PROGRAM = """\
+from pathlib import Path
+Path({mark!r}).touch()
+import tipping
+built = tipping.build_tipping()
+fast = 1
+def broken():
+    raise RuntimeError("no luck")
+"""
+
+
+@pytest.fixture
+def program(tmp_path: Path) -> Path:
+    shutil.copy(TIPPING, tmp_path)
+    path = tmp_path / "mine.py"
+    path.write_text(PROGRAM.format(mark=str(tmp_path / "it-ran")), encoding="utf-8")
+    return path
+
+
+#: of each command what it needs besides a controller; `domain` and `learn` read none
+NEEDED: dict[str, tuple[str, ...]] = {
+    "firing": ("log.csv", "--controller"),
+    "export": ("--format", "markdown"),
+    "explain": ("--inputs", "quality=6.5,service=9.8"),
+    "diff": (str(PROJECT / "docs" / "examples" / "tipper.fis"),),
+    "plot": ("--only", "rules"),
+}
+
+
+@pytest.mark.parametrize("command", [name for name in COMMANDS if name not in {"domain", "learn"}])
+def test_every_command_takes_a_program_that_is_trusted(
+    command: str, program: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(program.parent)
+    Path("log.csv").write_text("quality,service\n6.5,9.8\n", encoding="utf-8")
+    needed = NEEDED.get(command, ())
+    system = ("mine.py:built",)
+    words = [command, *(needed + system if command == "firing" else system + needed)]
+    assert main(words) == 2
+    assert (
+        "reading it runs its code with all your rights; add --trust if you trust" in capsys.readouterr().err
+    )
+    assert not Path("it-ran").exists()
+    assert main([*words, "--trust"]) == 0, capsys.readouterr().err
+    assert Path("it-ran").exists()
+
+
+@pytest.mark.parametrize(
+    ("written", "words"),
+    [
+        ("mine.py:buitl", "mine.py has no object 'buitl'; did you mean 'built'?"),
+        ("mine.py", "mine.py has no object ''"),
+        ("none.py:built", "none.py:built: there is no such file"),
+        ("mine.py:broken", "mine.py:broken cannot be run (RuntimeError: no luck)"),
+        ("mine.py:fast", "mine.py:fast: "),
+    ],
+)
+def test_what_cannot_be_read_is_told(
+    written: str,
+    words: str,
+    program: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(program.parent)
+    assert main(["show", written, "--trust"]) == 2
+    assert f"error: {words}" in capsys.readouterr().err

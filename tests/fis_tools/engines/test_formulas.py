@@ -1,19 +1,39 @@
 """Numbers that rules conclude by formulas: parsed, alike in all engines, refused where they cannot be."""
 
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
 
+from benchmarks.by_hand import work_out
 from fis_tools.analysis.shapley import shares
-from fis_tools.engines import inference, interval
+from fis_tools.engines import inference, interpreter, interval
 from fis_tools.engines.compiler import compile
+from fis_tools.engines.compiler import compile as compile_system
+from fis_tools.engines.program import assemble
 from fis_tools.formats import serialize
 from fis_tools.formats.c import source
 from fis_tools.formats.exchange import fcl, fll
-from fis_tools.model import Constant, Formula, FuzzyController, FuzzySystem, Linear
+from fis_tools.formats.serialize import load
+from fis_tools.model import (
+    Consequent,
+    Constant,
+    Formula,
+    FuzzyController,
+    FuzzySystem,
+    Is,
+    Linear,
+    Rule,
+    Term,
+    Triangular,
+    Variable,
+)
 from fis_tools.model.numbers import NotAFormula, parse
+from fis_tools.model.operators import AGGREGATIONS, AND_OPERATORS, HEDGES
 from fis_tools.model.validate import problems
+from tests.fis_tools.engines.random_systems import hedged, inputs_for, otherwise, random_general_system
+from tests.places import PROJECT
 
 #: fuzzylite's example of an approximation, in few words.
 FLL = """Engine: near
@@ -144,3 +164,107 @@ def test_what_cannot_take_formulas_says_so() -> None:
     assert any("'rough', no input and no output before this one" in notes for notes in problems(swapped))
     with pytest.raises(serialize.ControllerFileError, match="line 20: the formula 'gamma"):
         serialize.loads(FLL.replace("sin (", "gamma (", 1), "fll")
+
+
+@pytest.mark.parametrize("name", ["champion_27", "champion_27_fixed_sun", "champion_81"])
+def test_readable_champions_answer_as_by_hand(name: str) -> None:
+    generator = np.random.default_rng(27)
+    for system in load(PROJECT / "conf" / "controller" / f"{name}.yaml").systems:
+        reaches = np.array([variable.maximum for variable in system.inputs])
+        inputs = generator.uniform(-1.2, 1.2, (200, len(reaches))) * reaches
+        by_hand = [work_out(system, row).force for row in inputs.tolist()]
+        reach = system.outputs[0].maximum
+        # the grid of 101 points cuts corners between its points
+        np.testing.assert_allclose(compile_system(system)(inputs)[:, 0], by_hand, rtol=0, atol=2e-3 * reach)
+
+
+@pytest.mark.parametrize(
+    ("hedge", "quarter", "most"),
+    [
+        ("very", 0.0625, 0.6724),
+        ("somewhat", 0.5, 0.9055385138137417),
+        ("extremely", 0.015625, 0.551368),
+        ("intensely", 0.125, 0.9352),
+        ("seldom", 0.3535533905932738, 0.7),
+    ],
+)
+def test_degrees_are_those_of_the_standard(hedge: str, quarter: float, most: float) -> None:
+    """IEEE 1855, annex A, at 0.25 and 0.82 by hand; 0 and 1 stay, and so they do but for rounding."""
+    change = HEDGES[hedge]  # type: ignore[index]
+    degrees = change(np.array([0.0, 0.25, 0.82, 1.0]))
+    np.testing.assert_allclose(degrees, [0.0, quarter, most, 1.0], rtol=0, atol=1e-15)
+    grown = change(np.linspace(0.0, 1.0, 1001))
+    assert np.all(np.diff(grown) > 0.0)
+    assert not np.isnan(change(np.array([-1e-16, 1.0 + 1e-15]))).any()
+
+
+def test_all_engines_agree_about_hedges_anywhere() -> None:
+    for seed in range(12):
+        generator = np.random.default_rng([61, seed])
+        system = hedged(random_general_system(generator), generator)
+        assert problems(system) == []
+        rows = inputs_for(system, generator, 30)
+        program = assemble(system)
+        expected = inference.firing_strengths(system, rows)
+        np.testing.assert_allclose(interpreter.fire(program, rows), expected, rtol=0, atol=1e-14)
+        widths = np.array([output.maximum - output.minimum for output in system.outputs])
+        outputs = interpreter.evaluate(program, rows) / widths
+        np.testing.assert_allclose(outputs, inference.evaluate(system, rows) / widths, rtol=0, atol=1e-12)
+
+
+def two_rules(implication: str, aggregation: str) -> FuzzySystem:
+    """Two rules of strength 0.6 and 0.5 that conclude one triangle."""
+    terms = tuple(Term(name, Triangular(left, 0.5, left + 1.0)) for name, left in (("a", -0.1), ("b", 0.0)))
+    x = Variable("x", "", 0.0, 1.0, terms, num_points=11)
+    y = Variable("y", "", 0.0, 4.0, (Term("t", Triangular(0.0, 2.0, 4.0)),), num_points=5, default=0.0)
+    rules = tuple(
+        Rule(Is("x", name), (Consequent("y", "t", weight),)) for name, weight in (("a", 0.6), ("b", 0.5))
+    )
+    return FuzzySystem(
+        "two",
+        (x,),
+        (replace(y, aggregation=aggregation),),
+        rules,
+        implication=implication,  # type: ignore[arg-type]
+    )
+
+
+@pytest.mark.parametrize(
+    ("implication", "aggregation", "heights"),
+    [
+        ("min", "max", [0.0, 0.5, 0.6, 0.5, 0.0]),
+        ("product", "max", [0.0, 0.3, 0.6, 0.3, 0.0]),
+        ("product", "bounded_sum", [0.0, 0.55, 1.0, 0.55, 0.0]),
+        ("product", "unbounded_sum", [0.0, 0.55, 1.1, 0.55, 0.0]),
+        ("min", "probabilistic_sum", [0.0, 0.75, 0.8, 0.75, 0.0]),
+        ("bounded_difference", "max", [0.0, 0.1, 0.6, 0.1, 0.0]),
+    ],
+)
+def test_rules_count_as_a_pencil_says(implication: str, aggregation: str, heights: list[float]) -> None:
+    (output,) = inference.infer(two_rules(implication, aggregation), np.array([0.5])).outputs
+    at_points = np.interp(np.arange(5.0), output.universe, output.aggregated)
+    np.testing.assert_allclose(at_points, heights, atol=1e-15)
+
+
+def test_every_pair_is_compiled_as_it_is_defined() -> None:
+    generator = np.random.default_rng(315)
+    for implication, aggregation in product(AND_OPERATORS, AGGREGATIONS):
+        system = otherwise(random_general_system(generator), implication, aggregation)
+        assert problems(system) == []
+        rows = inputs_for(system, generator, 6)
+        with np.errstate(all="ignore"):
+            expected = inference.evaluate(system, rows)
+        widths = [output.maximum - output.minimum for output in system.outputs]
+        np.testing.assert_allclose(compile(system)(rows) / widths, expected / widths, rtol=0, atol=1e-12)
+
+
+def test_a_file_of_our_own_keeps_them() -> None:
+    controller = FuzzyController("two", (two_rules("product", "unbounded_sum"),))
+    for dump, kind in ((serialize.dump_json, "json"), (serialize.dump_yaml, "yaml")):
+        assert serialize.loads(dump(controller), kind) == controller  # type: ignore[arg-type]
+
+
+def test_an_accumulation_besides_is_refused() -> None:
+    system = two_rules("product", "max")
+    both = replace(system, outputs=(replace(system.outputs[0], accumulation="bounded_sum"),))
+    assert "'y' has the accumulation bounded_sum, which is for terms cut by min" in problems(both)[0]

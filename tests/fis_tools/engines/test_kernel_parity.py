@@ -6,14 +6,39 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fis_tools.engines import inference
+from fis_tools.engines import inference, interpreter
+from fis_tools.engines.compiler import compile
+from fis_tools.engines.inference import infer
 from fis_tools.engines.kernel import evaluate, firing_strengths
 from fis_tools.engines.packing import pack
+from fis_tools.engines.program import assemble
 from fis_tools.formats import serialize
-from fis_tools.model import FuzzySystem, Gaussian, Term, Variable, table_rules
-from tests.fis_tools.engines.random_systems import full_table_system, inputs_for, sparse_system
+from fis_tools.model import (
+    Constant,
+    Formula,
+    FuzzySystem,
+    Gaussian,
+    Linear,
+    Ramp,
+    Term,
+    Variable,
+    table_rules,
+)
+from fis_tools.model.shape import SHAPES
+from fis_tools.model.validate import problems
+from tests.fis_tools.engines.random_systems import (
+    ACCUMULATIONS,
+    AND_OPERATORS,
+    DEFUZZIFIERS,
+    OR_OPERATORS,
+    full_table_system,
+    inputs_for,
+    random_general_system,
+    sparse_system,
+)
 from tests.fis_tools.reference_engine import ReferenceEngine
 from tests.places import PROJECT
+from tests.seeds import seeds
 
 #: Of the output range's width.
 TOLERANCE = 1e-12
@@ -142,3 +167,110 @@ def test_shipped_controllers_agree_with_scikit_fuzzy(path: Path) -> None:
         expected = np.array([engine.compute(row)[0] for row in inputs])
         found = evaluate(pack(system), inputs)
         np.testing.assert_allclose(found, expected, rtol=0, atol=TOLERANCE * _width(system))
+
+
+NUM_SYSTEMS = 100
+
+
+@pytest.mark.parametrize("seed", range(NUM_SYSTEMS))
+def test_any_system_agrees_bit_for_bit(seed: int) -> None:
+    generator = np.random.default_rng([3, seed])
+    system = random_general_system(generator) if seed % 5 else full_table_system(generator)
+    rows = inputs_for(system, generator, 8)
+    program = assemble(system)
+    firing = interpreter.fire(program, rows)
+    np.testing.assert_array_equal(firing, inference.firing_strengths(system, rows))
+    with np.errstate(divide="ignore", invalid="ignore"):  # a bisector of an area with a gap
+        outputs = interpreter.evaluate(program, rows)
+        np.testing.assert_array_equal(outputs, interpreter.conclude(program, firing))
+    # NumPy takes the mean of the highest points in another order.
+    digits = [
+        8e-16 * (v.maximum - v.minimum) if system.defuzzifier_of(v) == "mom" else 0.0 for v in system.outputs
+    ]
+    for column, expected, digit in zip(outputs.T, inference.evaluate(system, rows).T, digits, strict=True):
+        np.testing.assert_allclose(column, expected, rtol=4 * digit, atol=digit)
+
+
+@pytest.mark.parametrize("seed", seeds(40, 10))
+def test_what_is_compiled_agrees_with_scikit_fuzzy(seed: int) -> None:
+    generator = np.random.default_rng([30, seed])
+    system = random_general_system(generator) if seed % 2 else full_table_system(generator, 2)
+    rows = inputs_for(system, generator, 6)
+    engine = ReferenceEngine(system)
+    expected = np.array([engine.compute(row) for row in rows])
+    ranges = np.array([variable.maximum - variable.minimum for variable in system.outputs])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        outputs = compile(system)(rows)
+    np.testing.assert_allclose(outputs / ranges, expected / ranges, rtol=0, atol=1e-12)
+
+
+def test_a_batch_longer_than_a_block_and_not_a_whole_number_of_lanes(monkeypatch: pytest.MonkeyPatch) -> None:
+    system = random_general_system(np.random.default_rng([3, 1]))
+    monkeypatch.setattr(interpreter, "BLOCK", 40 * len(system.rules))
+    rows = inputs_for(system, np.random.default_rng(0), 40 + interpreter.LANES + 3)
+    program = assemble(system)
+    one_by_one = [interpreter.evaluate(program, row[np.newaxis])[0] for row in rows]
+    np.testing.assert_array_equal(interpreter.evaluate(program, rows), one_by_one)
+
+
+def test_both_engines_agree_where_the_kernel_is_chosen() -> None:
+    chosen = 0
+    for seed in range(150):
+        generator = np.random.default_rng([31, seed])
+        system = full_table_system(generator, is_smooth=seed % 3 > 0)
+        compiled = compile(system)
+        if compiled.packed is not None:
+            chosen += 1
+            rows = inputs_for(system, generator, 40)
+            output = system.outputs[0]
+            difference = np.abs(compiled(rows) - interpreter.evaluate(compiled.program, rows)).max()
+            assert difference <= 1e-13 * (output.maximum - output.minimum), seed
+    assert chosen > 30
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_full_tables_agree_bit_for_bit(seed: int) -> None:
+    generator = np.random.default_rng([1, seed])
+    system = full_table_system(generator, num_inputs=2 + (seed == 0))
+    assert problems(system) == []
+    engine = ReferenceEngine(system)
+    for inputs in inputs_for(system, generator, 8):
+        np.testing.assert_array_equal(infer(system, inputs).values, engine.compute(inputs))
+
+
+@pytest.mark.parametrize("seed", seeds(NUM_SYSTEMS, 25))
+def test_general_systems_agree_bit_for_bit(seed: int) -> None:
+    generator = np.random.default_rng([3, seed])
+    system = random_general_system(generator)
+    assert problems(system) == []
+    engine = ReferenceEngine(system)
+    rows = inputs_for(system, generator, 8)
+    expected = np.array([engine.compute(inputs) for inputs in rows])
+    np.testing.assert_array_equal(np.array([infer(system, inputs).values for inputs in rows]), expected)
+    np.testing.assert_array_equal(inference.evaluate(system, rows), expected)
+
+
+def test_the_general_systems_above_cover_what_they_should() -> None:
+    generators = [np.random.default_rng([3, seed]) for seed in range(NUM_SYSTEMS)]
+    systems = [random_general_system(generator) for generator in generators]
+    rules = [(system, rule) for system in systems for rule in system.rules]
+    outputs = [(system, output) for system in systems for output in system.outputs]
+    shapes = {type(t.membership) for s in systems for v in (*s.inputs, *s.outputs) for t in v.terms}
+    assert {system.and_operator_of(rule) for system, rule in rules} == set(AND_OPERATORS)
+    assert {system.or_operator_of(rule) for system, rule in rules} == set(OR_OPERATORS)
+    assert {system.defuzzifier_of(output) for system, output in outputs} == set(DEFUZZIFIERS)
+    assert {output.accumulation for _, output in outputs} == set(ACCUMULATIONS)
+    assert shapes == set(SHAPES.values()) - {
+        Constant,
+        Formula,
+        Linear,
+        Ramp,
+    }  # those of outputs that are weighed
+    defaults = computed = 0
+    for system, generator in zip(systems, generators, strict=True):
+        for inputs in inputs_for(system, generator, 8):
+            for output in infer(system, inputs).outputs:
+                defaults += output.is_default
+                computed += not output.is_default
+    assert defaults > 50
+    assert computed > 500

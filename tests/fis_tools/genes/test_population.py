@@ -6,17 +6,27 @@ from typing import Any
 import numpy as np
 import pytest
 
+from fis_tools.analysis.measures import measure
 from fis_tools.engines.kernel import LANES, evaluate, firing_strengths
 from fis_tools.engines.packing import NotCompilable, Packed, pack
-from fis_tools.formats import serialize
 from fis_tools.genes.parameters import Bounds, SystemEncoding
-from fis_tools.model import FuzzySystem, Gaussian, Not, Sampled, Term, Triangular, Variable, table_rules
+from fis_tools.genes.reduction import GREATEST_GAIN, READABLE_GAIN, KeptRules, Planes, Stretches
+from fis_tools.model import (
+    FuzzySystem,
+    Gaussian,
+    Not,
+    Sampled,
+    Sigmoid,
+    Term,
+    Triangular,
+    Variable,
+    rule_table,
+    table_rules,
+)
 from fis_tools.model.validate import InvalidSystem, problems
 from tests.fis_tools.engines.random_systems import full_table_system, inputs_for
+from tests.fis_tools.genes.test_parameters import BOUNDS, PAPER, UNEVEN
 from tests.fis_tools.reference_engine import ReferenceEngine
-from tests.places import PROJECT
-
-PAPER = serialize.load(PROJECT / "conf" / "controller" / "paper.yaml").systems
 
 #: of the range: inside, on a grid point, at and beyond the ends
 PLACES = np.array([0.0, 0.13, 0.25, 0.5, 0.77, 1.0, -3.0, 4.0])
@@ -181,3 +191,161 @@ def test_inputs_that_cannot_be_inferred_are_refused(function, inputs, message) -
 def test_an_empty_batch_has_no_answers() -> None:
     assert evaluate(pack(sparse_system(0.0)), np.zeros((0, 2))).shape == (0,)
     assert firing_strengths(pack(sparse_system(0.0)), np.zeros((0, 2))).shape == (0, 9)
+
+
+def parted(name: str, reach: float, terms: int) -> Variable:
+    """A range in triangles that hold every value by a half at least."""
+    step = 2.0 * reach / (terms - 1)
+    peaks = [step * place - reach for place in range(terms)]
+    shapes = [Term(f"t{i}", Triangular(at - step, at, at + step)) for i, at in enumerate(peaks)]
+    return Variable(name, "m", -reach, reach, tuple(shapes))
+
+
+def drawn() -> FuzzySystem:
+    inputs = (parted("a", 2.0, 3), parted("b", 50.0, 3))
+    output = replace(parted("c", 0.3, 5), default=0.0)
+    words = [f"t{place}" for place in (0, 1, 2, 1, 2, 3, 2, 3, 4)]
+    return FuzzySystem("drawn", inputs, (output,), table_rules(inputs, output, words))
+
+
+def test_the_middle_of_the_box_is_the_controller_as_drawn() -> None:
+    stretches = Stretches((drawn(),), (0.5, 2.0), True)
+    genome = stretches.encode((drawn(),))
+    np.testing.assert_allclose(genome[2:], 0.5)
+    (again,) = stretches.decode(genome)
+    np.testing.assert_array_equal(rule_table(again), rule_table(drawn()))
+    for before, after in zip(
+        (*drawn().inputs, *drawn().outputs), (*again.inputs, *again.outputs), strict=True
+    ):
+        assert after.maximum == pytest.approx(before.maximum)
+
+
+def test_whatever_the_genes_every_rule_means_what_it_says() -> None:
+    stretches = Stretches((drawn(),), (0.1, 10.0), True, 2)
+    assert stretches.num_genes == len(stretches.gene_names()) == 5
+    for genome in np.random.default_rng(5).random((20, 5)):
+        (system,) = stretches.decode(genome)
+        measures = measure(system)
+        assert measures.rule_consistency.index == pytest.approx(1.0, abs=1e-9)
+        assert measures.completeness.least == pytest.approx(0.5, abs=0.02)  # rounded, and between two points
+        table = rule_table(system).reshape(3, 3)
+        assert max(np.abs(np.diff(table, axis=axis)).max() for axis in (0, 1)) <= 2
+        for variable in (*system.inputs, *system.outputs):
+            assert variable.maximum == float(f"{variable.maximum:.2g}")
+            for term in variable.terms:
+                assert term.membership.peak == float(f"{term.membership.peak:.4g}")
+
+
+def test_a_population_is_packed_as_its_controllers_are() -> None:
+    stretches = Stretches((drawn(), drawn()), (0.5, 2.0), False, 2)
+    genomes = np.random.default_rng(6).random((4, stretches.num_genes))
+    population = stretches.pack(genomes)
+    for row, genome in enumerate(genomes):
+        alone = pack(*stretches.decode(genome))
+        np.testing.assert_array_equal(population.values[row], alone.values[0])
+        np.testing.assert_array_equal(population.rules[row], alone.rules[0])
+        for system in stretches.decode(genome):
+            np.testing.assert_array_equal(rule_table(system), rule_table(drawn()))
+
+
+def test_gains_lay_tables_out_and_are_found_again() -> None:
+    stretches = Stretches((drawn(),), (0.5, 2.0), True)
+    genome = np.full(5, 0.5)
+    genome[:2] = 0.5 + 0.5 * np.array([1.0, -0.5]) / READABLE_GAIN
+    (system,) = stretches.decode(genome)
+    np.testing.assert_array_equal(rule_table(system).reshape(3, 3), [[1, 0, 0], [3, 2, 1], [4, 4, 3]])
+    np.testing.assert_allclose(stretches.encode((system,)), genome, atol=0.1)
+
+
+def test_shapes_stretch_by_what_their_numbers_are() -> None:
+    bell, slope = Gaussian(1.0, 0.5), Sigmoid(1.0, 4.0)
+    variable = Variable("a", "m", -2.0, 2.0, (Term("bell", bell), Term("slope", slope)))
+    output = parted("c", 1.0, 3)
+    system = FuzzySystem("s", (variable,), (output,), table_rules((variable,), output, ["t0", "t2"]))
+    (wide,) = Stretches((system,), (0.5, 2.0), False).decode(np.array([1.0, 0.5]))
+    assert wide.inputs[0].terms[0].membership == Gaussian(2.0, 1.0)
+    assert wide.inputs[0].terms[1].membership == Sigmoid(2.0, 2.0)
+    x = np.linspace(-2.0, 2.0, 9)
+    for before, after in zip(variable.terms, wide.inputs[0].terms, strict=True):
+        np.testing.assert_allclose(after.membership.at(2.0 * x), before.membership.at(x), rtol=1e-12)
+
+
+def test_ranges_that_are_not_symmetric_are_refused() -> None:
+    one_sided = replace(drawn(), inputs=(replace(drawn().inputs[0], minimum=0.0), drawn().inputs[1]))
+    with pytest.raises(ValueError, match="make it symmetric about zero"):
+        Stretches((one_sided,), (0.5, 2.0), True)
+
+
+WHOLE = SystemEncoding(PAPER, BOUNDS)
+
+
+def leaning(gains: tuple[float, float]) -> np.ndarray:
+    """A table of five by five, laid out by hand: output terms from 0 to 4."""
+    a, b = np.meshgrid(np.linspace(-1, 1, 5), np.linspace(-1, 1, 5), indexing="ij")
+    return np.clip(np.rint(2 + 2 * (gains[0] * a + gains[1] * b)), 0, 4).astype(int).ravel()
+
+
+@pytest.mark.parametrize("gains", [(0.0, 0.0), (1.0, 0.0), (-0.45, 0.6), (0.9, -1.6)])
+def test_tables_lean_by_their_gains(gains: tuple[float, float]) -> None:
+    planes = Planes(WHOLE)
+    assert planes.num_genes == len(planes.gene_names()) == 18
+    genes = np.full((1, 18), 0.5)
+    genes[0, :2] = 0.5 + 0.5 * np.array(gains) / GREATEST_GAIN
+    first, second, _ = WHOLE.decode(planes.expand(genes)[0])
+    np.testing.assert_array_equal(rule_table(first), leaning(gains))
+    np.testing.assert_array_equal(rule_table(second), 2)
+
+
+def test_widths_and_reach_have_a_gene_each_and_means_are_even() -> None:
+    planes = Planes(WHOLE)
+    genes = np.random.default_rng(3).random((1, 18))
+    for number, system in enumerate(WHOLE.decode(planes.expand(genes)[0])):
+        own = genes[0, 6 * number : 6 * number + 6]
+        for gene, variable in zip(own[2:5], (*system.inputs, *system.outputs), strict=True):
+            low, high = variable.minimum, variable.maximum
+            means = [term.membership.mean for term in variable.terms]
+            widths = [term.membership.standard_deviation for term in variable.terms]
+            np.testing.assert_allclose(means, np.linspace(low, high, 5), rtol=0, atol=1e-12 * (high - low))
+            np.testing.assert_allclose(widths, (0.04 + 0.26 * gene) * (high - low), rtol=1e-12)
+        assert system.outputs[0].maximum == pytest.approx(0.01 * 30.0 ** own[5])
+
+
+def test_planes_are_found_again_in_their_tables() -> None:
+    planes = Planes(WHOLE)
+    genes = np.full(18, 0.3)
+    # the ends cut much of the others off
+    for system, gains in enumerate(((0.5, -0.5), (-1.4, 1.6), (0.2, 1.7))):
+        genes[6 * system : 6 * system + 2] = 0.5 + 0.5 * np.array(gains) / GREATEST_GAIN
+    found = planes.reduce(planes.expand(genes[np.newaxis])[0])
+    np.testing.assert_allclose(found, genes, rtol=0, atol=0.04)  # tables are rounded to whole terms
+    again = planes.expand(found[np.newaxis])[0]
+    assert np.mean(again != planes.expand(genes[np.newaxis])[0]) < 0.1
+
+
+def test_any_short_vector_is_a_controller_of_any_structure() -> None:
+    encoding = SystemEncoding(UNEVEN, BOUNDS)
+    planes = Planes(encoding)
+    genomes = planes.expand(np.random.default_rng(4).random((20, planes.num_genes)))
+    assert genomes.min() >= 0.0
+    assert genomes.max() <= 1.0
+    for genome in genomes:
+        encoding.decode(genome)
+
+
+def test_kept_rules_are_kept_and_all_else_is_tuned() -> None:
+    odd = tuple(
+        replace(
+            system,
+            rules=table_rules(system.inputs, system.outputs[0], [system.outputs[0].terms[3].name] * 25),
+        )
+        for system in PAPER
+    )
+    genome = WHOLE.encode(odd)
+    kept = KeptRules(WHOLE, genome)
+    assert kept.num_genes == len(kept.gene_names()) == 75
+    assert not any("rule" in name for name in kept.gene_names())
+    np.testing.assert_array_equal(kept.expand(kept.reduce(genome)[np.newaxis])[0], genome)
+    drawn = np.random.default_rng(5).random((1, 75))
+    systems = WHOLE.decode(kept.expand(drawn)[0])
+    assert all((rule_table(system) == 3).all() for system in systems)
+    np.testing.assert_array_equal(kept.reduce(kept.expand(drawn)[0]), drawn[0])

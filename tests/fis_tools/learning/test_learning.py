@@ -1,25 +1,34 @@
 """Systems from tables: rules by hand, numbers by scikit-learn, partitions that stay readable."""
 
 import math
+import pickle
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
 import pyarrow
 import pytest
 from pyarrow import parquet
-from sklearn.datasets import load_diabetes
+from sklearn.base import clone
+from sklearn.datasets import load_diabetes, load_iris
 from sklearn.linear_model import LinearRegression
-from sklearn.model_selection import cross_val_predict
+from sklearn.model_selection import GridSearchCV, cross_val_predict
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import StandardScaler
+from sklearn.utils.estimator_checks import check_estimator
 
+import fis_tools
 from fis_tools.__main__ import main
 from fis_tools.analysis.arrays import coverage, distinguishability
 from fis_tools.engines.compiler import compile
 from fis_tools.formats import serialize
-from fis_tools.learning import Recipe, learn
+from fis_tools.learning import FuzzyClassifier, FuzzyRegressor, Recipe, imitate, learn
 from fis_tools.learning.learner import cross_validated, learn_table
 from fis_tools.learning.rules import CLOSEST, Partition, even, fit, range_of, tuned, wang_mendel
 from fis_tools.learning.table import UnreadableTable, as_table, read, read_csv
-from fis_tools.model import Is
+from fis_tools.model import FuzzyController, Is
+from fis_tools.source import read_controller
 from fis_tools.words.text import sentence
 from tests.places import PROJECT
 
@@ -181,3 +190,177 @@ def test_gaps_words_and_constants_are_left_out_and_told():
     ]
     with pytest.raises(UnreadableTable, match="'word' has r in row 1"):
         as_table(whole | others, "y", ["a", "word"])
+
+
+#: what only runs with pandas, or with a setting of scipy
+ELSEWHERE = {
+    "check_array_api_input",
+    "check_classifier_data_not_an_array",
+    "check_regressor_data_not_an_array",
+    "check_sample_weights_pandas_series",
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "estimator",
+    [
+        FuzzyRegressor(),
+        FuzzyRegressor("linear", terms=2),
+        FuzzyRegressor("sets", tune=False),
+        FuzzyClassifier(),
+    ],
+    ids=str,
+)
+def test_scikit_learns_own_checks_pass(estimator):
+    results = check_estimator(estimator, on_skip=None)
+    assert len(results) > 40
+    assert {r["check_name"] for r in results if r["status"] != "passed"} <= ELSEWHERE
+
+
+def test_pipelines_and_searches_take_them():
+    X, y = load_iris(return_X_y=True)
+    steps = make_pipeline(StandardScaler(), FuzzyClassifier())
+    search = GridSearchCV(
+        steps, {"fuzzyclassifier__terms": [2, 3], "fuzzyclassifier__max_inputs": [1, 2]}, cv=3
+    )
+    search.fit(X, y)
+    assert search.best_score_ > 0.93
+    best = search.best_estimator_[-1]
+    assert search.best_params_["fuzzyclassifier__terms"] == len(best.system_.inputs[0].terms)
+    shares = search.predict_proba(X)
+    np.testing.assert_allclose(shares.sum(axis=1), 1.0)
+    np.testing.assert_array_equal(pickle.loads(pickle.dumps(search)).predict(X), shares.argmax(axis=1))  # noqa: S301
+
+
+def bumps(count: int = 300) -> tuple[np.ndarray, np.ndarray]:
+    """A table of which the third column does not matter."""
+    X = np.random.default_rng(1).uniform(-1.0, 1.0, (count, 3))
+    return X, np.cos(2.0 * X[:, 0]) + X[:, 1]
+
+
+@pytest.mark.parametrize("consequents", ["constants", "linear", "sets"])
+def test_all_that_takes_a_system_takes_what_they_learned(consequents: str, tmp_path: Path) -> None:
+    X, y = bumps()
+    model = FuzzyRegressor(consequents, 5, 7, max_inputs=2, tune=consequents != "sets").fit(X, y)
+    assert model.input_columns_.tolist() == [0, 1]
+    assert model.score(X, y) > 0.9
+    system = model.system_
+    np.testing.assert_array_equal(fis_tools.compile(system)(X[:, :2])[:, 0], model.predict(X))
+    assert isinstance(fis_tools.audit(system).findings, tuple | list)
+    told = fis_tools.explain(system, {"x0": 0.2, "x1": -0.4})
+    assert told.outputs[0].value == pytest.approx(model.predict([[0.2, -0.4, 9.0]])[0], abs=1e-9)
+    controller = FuzzyController("learned", (system,))
+    assert serialize.loads(serialize.dump_json(controller), "json") == controller
+    assert "double infer_" in fis_tools.export_c(system, tmp_path / "learned.c").read_text(encoding="utf-8")
+    if consequents == "sets":
+        page = fis_tools.review(system, tmp_path / "page.html")
+        assert "If x0 is" in page.read_text(encoding="utf-8") or page.stat().st_size > 100_000
+
+
+def test_the_same_table_gives_the_same_system():
+    X, y = bumps(60)
+    assert FuzzyRegressor().fit(X, y).system_ == FuzzyRegressor().fit(X, y).system_
+    with pytest.raises(ValueError, match="consequents is 'planes'; use one of sets, constants, linear"):
+        FuzzyRegressor("planes").fit(X, y)
+
+
+def test_without_scikit_learn_a_sentence_says_what_to_install():
+    code = (
+        "import sys; sys.modules['sklearn'] = None\n"
+        "import fis_tools.learning as learning\n"
+        "try:\n    learning.FuzzyRegressor\nexcept ImportError as error:\n    print(error)"
+    )
+    command = [sys.executable, "-c", code]
+    done = subprocess.run(command, cwd=PROJECT, capture_output=True, text=True, check=True)  # noqa: S603
+    assert done.stdout == (
+        "an estimator needs scikit-learn, which is not installed; install it: "
+        "python -m pip install scikit-learn\n"
+    )
+
+
+@pytest.mark.parametrize(
+    "estimator",
+    [FuzzyRegressor(), FuzzyRegressor("linear"), FuzzyRegressor("sets"), FuzzyClassifier()],
+    ids=str,
+)
+def test_a_row_of_weight_two_counts_as_two_rows(estimator):
+    X, y = bumps(120)
+    y = y if isinstance(estimator, FuzzyRegressor) else np.where(y > 0.5, "high", "low")
+    X[7] = 40.0  # of weight zero: no range reaches it
+    weights = np.arange(120) % 3
+    weights[7] = 0
+    weighted = clone(estimator).fit(X, y, sample_weight=weights)
+    repeated = clone(estimator).fit(np.repeat(X, weights, axis=0), np.repeat(y, weights))
+    assert weighted.system_.inputs == repeated.system_.inputs
+    assert weighted.system_ != clone(estimator).fit(X, y).system_
+    answer = "predict_proba" if isinstance(estimator, FuzzyClassifier) else "predict"
+    told, expected = (getattr(one, answer)(X) for one in (weighted, repeated))
+    np.testing.assert_allclose(told, expected, atol=0.01)  # sums in another order may round to another digit
+
+
+def test_weights_that_count_nothing_are_refused():
+    X, y = bumps(4)
+    for weights in ([1.0, 1.0], [1.0, -1.0, 1.0, 1.0], [0.0, 0.0, 0.0, 1.0]):
+        with pytest.raises(ValueError, match="each of 4 rows"):
+            FuzzyRegressor().fit(X, y, sample_weight=weights)
+
+
+RANGES = {"position (m)": (-1.0, 1.0), "velocity (m/s)": (-2.0, 2.0)}
+
+
+def test_a_plane_is_imitated_to_the_digits_that_are_kept() -> None:
+    """A line is a sum of tents: every kind of number says it, up to rounding to a thousandth."""
+    for consequents in ("constants", "linear"):
+        found = imitate(
+            lambda position, velocity: -2.0 * position - 0.5 * velocity,
+            RANGES,
+            output="force",
+            consequents=consequents,
+        )
+        assert [(v.name, v.unit) for v in found.system.inputs] == [("position", "m"), ("velocity", "m/s")]
+        assert found.system.outputs[0].name == "force"
+        assert found.largest < 0.01 * 6.0
+        at = np.array([[0.3, -1.1]])
+        assert compile(found.system)(at)[0, 0] == pytest.approx(-0.05, abs=found.largest)
+
+
+def test_the_error_told_is_that_on_other_samples() -> None:
+    found = imitate(lambda a: np.sin(3.0 * a), {"a": (-1.0, 1.0)}, terms=7, num_samples=500)
+    a = np.linspace(-1.0, 1.0, 4001)
+    miss = compile(found.system)({"a": a})["output"] - np.sin(3.0 * a)
+    assert found.root_mean_square == pytest.approx(np.sqrt(np.mean(miss**2)), rel=0.1)
+    assert found.largest == pytest.approx(np.abs(miss).max(), rel=0.2)
+    assert found.largest < 0.15
+
+
+def test_more_terms_imitate_a_fuzzy_system_better() -> None:
+    tipper = PROJECT / "docs" / "examples" / "tipper.fis"
+    coarse, fine = (imitate(tipper, terms=terms, num_samples=600, tune=False) for terms in (2, 5))
+    assert fine.root_mean_square < 0.75 * coarse.root_mean_square
+    names = [v.name for v in read_controller(tipper).systems[0].inputs]
+    assert [v.name for v in fine.system.inputs] == names
+    assert fine.system.outputs[0].name == "tip"
+    assert imitate(tipper, terms=2, num_samples=600, tune=False).system == coarse.system
+
+
+@pytest.mark.parametrize(
+    ("function", "ranges", "told"),
+    [
+        (np.sin, None, "a function does not say its inputs"),
+        (np.sin, {"a": (1.0, 1.0)}, "give two finite numbers that ascend"),
+        (lambda a: 1.0, {"a": (0.0, 1.0)}, "pass numpy.vectorize"),
+        (lambda a: np.where(a > 0.5, np.nan, a), {"a": (0.0, 1.0)}, "returns no finite number at"),
+        (PROJECT / "docs" / "examples" / "tipper.fis", {"a": (0.0, 1.0)}, "pass those of service, food"),
+        (PROJECT / "conf" / "controller" / "paper_champion.yaml", None, "there are several outputs"),
+    ],
+)
+def test_what_cannot_be_imitated_is_told(function, ranges, told):
+    with pytest.raises(ValueError, match=told):
+        imitate(function, ranges)
+
+
+def test_more_rules_than_anybody_reads_are_refused():
+    ranges = dict.fromkeys("abcdef", (0.0, 1.0))
+    with pytest.raises(ValueError, match="5 terms of 6 inputs are up to 15,625 rules"):
+        imitate(lambda *columns: sum(columns), ranges, terms=5, max_inputs=6)

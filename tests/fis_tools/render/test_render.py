@@ -1,18 +1,24 @@
 """Membership functions and whole figures: what they say, read back, and that words keep apart."""
 
+from itertools import pairwise
 from math import exp
+from pathlib import Path
+from xml.etree import ElementTree
 
 import matplotlib as mpl
 import numpy as np
 import pytest
+from matplotlib.axes import Axes
+from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
 from fis_tools import render
 from fis_tools.engines.inference import infer
 from fis_tools.model import FuzzySystem, Gaussian, Term, Variable
 from fis_tools.model.variables import sample_terms
-from fis_tools.render import DARK, LIGHT, Theme, memberships, system_figures
-from fis_tools.render.theme import contrast
+from fis_tools.render import memberships, system_figures
+from fis_tools.render.inference import conclusion_panel, inference_figure, output_panel, statement_panel
+from fis_tools.render.theme import DARK, LIGHT, THEMES, Theme, contrast, readable_on, term_colours
 from tests.fis_tools.render.picture_systems import (
     autopilot_system,
     collisions,
@@ -156,3 +162,221 @@ def test_every_word_can_be_read_on_the_paper_of_a_theme(theme: Theme) -> None:
             is_on_picture = text.get_path_effects() or text.get_bbox_patch() is not None
             if not is_on_picture:
                 assert contrast(text.get_color(), theme.paper) >= 4.5, text.get_text()
+
+
+SVG = "{http://www.w3.org/2000/svg}"
+
+
+def figures() -> dict[str, Figure]:
+    system = force_x_system()
+    drawn = dict(render.system_figures(system, theme=render.DARK))
+    drawn |= dict(render.surface_figures(system, in_space=True))
+    drawn["inference"] = render.inference_figure(infer(system, np.array([80.0, 0.05])))
+    drawn["list"] = next(figure for _, figure in render.rules_figures(room_system()))
+    return drawn
+
+
+@pytest.mark.slow
+def test_svg_is_well_formed_holds_its_words_as_text_and_is_identical_twice() -> None:
+    words = {
+        "memberships": "very near",
+        "rules": "towards",
+        "surface": "distance (m)",
+        "surface-3d": "velocity_body_x (m/s)",
+        "inference": "centre of area",
+        "list": "heat is high",
+    }
+    again = figures()
+    for name, figure in figures().items():
+        content = render.encode(figure, "svg")
+        root = ElementTree.fromstring(content)  # noqa: S314 - our own file
+        texts = ["".join(node.itertext()) for node in root.iter(f"{SVG}text")]
+        assert any(words[name] in text for text in texts), name
+        assert render.encode(again[name], "svg") == content, name
+        assert b"<dc:date>" not in content
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("form", ["png", "pdf"])
+def test_pictures_of_pixels_and_pages_are_identical_twice(form: str) -> None:
+    one, other = (
+        render.encode(dict(render.rules_figures(force_x_system()))["rules"], form, 60) for _ in range(2)
+    )
+    assert one == other
+    assert one.startswith({"png": b"\x89PNG", "pdf": b"%PDF"}[form])
+    assert b"matplotlib" not in one.lower()
+
+
+def test_the_ending_of_a_name_is_the_format(tmp_path: Path) -> None:
+    figure, _ = render.one_panel("empty")
+    render.save(figure, tmp_path / "a.PNG", 30)
+    assert (tmp_path / "a.PNG").read_bytes().startswith(b"\x89PNG")
+    with pytest.raises(ValueError, match="'docx' is not a picture format; choose one of png, svg, pdf"):
+        render.save(figure, tmp_path / "a.docx")
+
+
+Matrix = tuple[tuple[float, float, float], ...]
+
+#: Machado, Oliveira and Fernandes 2009, severity 1, for linear red, green and blue
+EYES: dict[str, Matrix] = {
+    "all cones": ((1, 0, 0), (0, 1, 0), (0, 0, 1)),
+    "no red cones": (
+        (0.152286, 1.052583, -0.204868),
+        (0.114503, 0.786281, 0.099216),
+        (-0.003882, -0.048116, 1.051998),
+    ),
+    "no green cones": (
+        (0.367322, 0.860646, -0.227968),
+        (0.280085, 0.672501, 0.047413),
+        (-0.011820, 0.042940, 0.968881),
+    ),
+    "no blue cones": (
+        (1.255528, -0.076749, -0.178779),
+        (-0.078411, 0.930809, 0.147602),
+        (0.004733, 0.691367, 0.303900),
+    ),
+}
+
+
+def lab(colour: object, eyes: Matrix = EYES["all cones"]) -> np.ndarray:
+    """CIE 1976 L*a*b* under D65, as the eyes see it."""
+    encoded = np.array(to_rgb(colour))  # type: ignore[arg-type]
+    linear = np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
+    seen = np.clip(np.array(eyes) @ linear, 0.0, 1.0)
+    to_xyz = ((0.4124, 0.3576, 0.1805), (0.2126, 0.7152, 0.0722), (0.0193, 0.1192, 0.9505))
+    x, y, z = np.array(to_xyz) @ seen / (0.9505, 1.0, 1.089)
+    fx, fy, fz = (np.cbrt(v) if v > 0.008856 else 7.787 * v + 16 / 116 for v in (x, y, z))
+    return np.array([116 * fy - 16, 500 * (fx - fy), 200 * (fy - fz)])
+
+
+@pytest.mark.parametrize("eyes", EYES)
+@pytest.mark.parametrize("theme", [LIGHT, DARK])
+def test_lines_differ_for_all_eyes(theme: Theme, eyes: str) -> None:
+    seen = [lab(colour, EYES[eyes]) for colour in theme.lines]
+    distances = [np.linalg.norm(a - b) for place, a in enumerate(seen) for b in seen[:place]]
+    assert min(distances) >= 25
+
+
+@pytest.mark.parametrize("theme", [LIGHT, DARK])
+def test_letters_in_a_themes_colours_can_be_read(theme: Theme) -> None:
+    for colour in (*theme.lines, theme.ink, theme.muted):
+        assert contrast(colour, theme.paper) >= 4.5
+    assert contrast(theme.strong, theme.paper) >= 7
+
+
+@pytest.mark.parametrize("count", range(2, 10))
+def test_terms_become_brighter_in_steps_that_a_grey_print_keeps(count: int) -> None:
+    lightness = [lab(tuple(colour))[0] for colour in term_colours(count)]
+    assert min(b - a for a, b in pairwise(lightness)) >= 7
+
+
+def test_words_on_a_terms_colour_can_be_read() -> None:
+    for count in range(1, 12):
+        for colour in term_colours(count):
+            assert contrast(readable_on(colour), colour) >= 4.5
+
+
+def test_contrast_is_that_of_the_guidelines() -> None:
+    assert contrast("white", "black") == pytest.approx(21.0)
+    # published examples: the darkest greys that pass AA and fail it on white
+    assert contrast("#767676", "white") == pytest.approx(4.54, abs=0.005)
+    assert contrast("#777777", "white") == pytest.approx(4.48, abs=0.005)
+
+
+def test_firing_goes_from_the_paper_to_the_strongest_without_a_turn() -> None:
+    for theme in THEMES.values():
+        lightness = np.array([lab(theme.strength_map(x))[0] for x in np.linspace(0, 1, 33)])
+        assert np.all(np.diff(lightness) * (1 if theme is DARK else -1) > 0)
+
+
+def title(ax: Axes) -> str:
+    return ax.get_title(loc="left").replace("\n", " ").replace("\xa0", " ")
+
+
+def test_a_statement_shows_how_far_the_input_fulfils_it() -> None:
+    system = force_x_system()
+    step = infer(system, np.array([80.0, 0.05]))
+    ax = statement_panel(step, system.rules[7], system.inputs[0], Figure().subplots())
+    degree = step.memberships[0][1]
+    assert title(ax) == f"near {degree:.2f}"
+    marks = [line.get_xydata().tolist() for line in ax.lines if line.get_marker() == "o"]
+    assert marks == [[[80.0, degree]]]
+    top = max(path.vertices[:, 1].max() for path in ax.collections[0].get_paths())
+    assert top == pytest.approx(degree)
+
+
+def test_a_denied_term_is_drawn_turned_over_and_an_input_not_asked_for_is_empty() -> None:
+    system = room_system()
+    step = infer(system, np.array([18.0, 2.0]))
+    ax = statement_panel(step, system.rules[0], system.inputs[0], Figure().subplots())
+    cold, hot = step.memberships[0]
+    assert title(ax) == f"cold {cold:.2f}, not hot {1 - hot:.2f}"
+    denied = ax.lines[3].get_ydata()
+    assert denied[0] == 1.0
+    assert denied[-1] == 0.0
+    empty = statement_panel(step, system.rules[1], system.inputs[1], Figure().subplots())
+    assert title(empty) == "any"
+    assert not empty.lines
+
+
+def test_a_conclusion_is_cut_at_strength_times_weight() -> None:
+    system = room_system()
+    ax = conclusion_panel(system.outputs[1], system.rules[0].consequents, 0.8, Figure().subplots())
+    assert title(ax) == "open 0.80 × 0.25 = 0.20"
+    top = max(path.vertices[:, 1].max() for path in ax.collections[0].get_paths())
+    assert top == pytest.approx(0.2)
+
+
+def test_the_output_is_the_aggregate_with_its_number() -> None:
+    system = force_x_system()
+    output = infer(system, np.array([80.0, 0.05])).outputs[0]
+    ax = output_panel(output, system.defuzzifier, Figure().subplots())
+    (outline,) = (line for line in ax.lines if len(line.get_xdata()) == len(output.universe))
+    np.testing.assert_array_equal(outline.get_ydata(), output.aggregated)
+    assert title(ax) == f"force_x = {output.value:.6g} N, centre of area"
+    (mark,) = (line for line in ax.lines if line.get_marker() == "^")
+    assert mark.get_xdata() == [output.value]
+
+
+def test_a_figure_shows_the_rules_that_fire_the_strongest_first_and_counts_the_rest() -> None:
+    system = force_x_system()
+    step = infer(system, np.array([80.0, 0.05]))
+    figure = inference_figure(step, most_rules=3)
+    words = [text.get_text().replace("\n", " ") for text, _ in seen_words(figure)]
+    order = np.argsort(-step.firing_strengths, kind="stable")
+    told = [word for word in words if word.startswith("rule ")]
+    starts = [
+        f"rule {place + 1} fires at {step.firing_strengths[place]:.2f}: If distance" for place in order[:3]
+    ]
+    assert [word[: len(start)] for word, start in zip(told, starts, strict=True)] == starts
+    firing = int(np.count_nonzero(step.firing_strengths))
+    assert f"{firing - 3} more rules fire, at {step.firing_strengths[order[3]]:.2g} or less" in words
+    assert any(word.replace("\xa0", " ").startswith("distance = 80 m: ") for word in words)
+    assert any(word.startswith("velocity_body_x = 0.05 m/s: ") for word in words)
+    # two inputs, three rules of three panels, one output
+    assert len(figure.axes) == 2 + 3 * 3 + 1
+
+
+def test_two_outputs_stand_side_by_side() -> None:
+    step = infer(room_system(), np.array([18.0, 2.0]))
+    figure = inference_figure(step)
+    titles = [title(ax) for ax in figure.axes[-2:]]
+    assert titles[0] == f"heat = {step.values[0]:.6g} kW, bisector of the area"
+    assert titles[1].startswith(f"vent = {step.values[1]:.6g}, ")
+    assert "no other rule fires" in [text.get_text() for text in figure.texts]
+
+
+def test_where_nothing_fires_the_default_is_told() -> None:
+    system = room_system()
+    step = infer(system, np.array([18.0, 16.0]))
+    silent = infer(system, np.array([18.0, 16.0]))
+    assert step.values.tolist() == silent.values.tolist()
+    narrow = autopilot_system()
+    far = infer(narrow, np.array([0.0, 0.0, 0.0]))
+    assert far.firing_strengths.max() == 1.0
+    output = silent.outputs[0]
+    quiet = type(output)(
+        output.variable, np.zeros(2), output.universe, np.zeros(len(output.universe)), 0.5, is_default=True
+    )
+    ax = output_panel(quiet, "centroid", Figure().subplots())
+    assert title(ax) == "heat = 0.5 kW, the default: no rule fires"

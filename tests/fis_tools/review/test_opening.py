@@ -1,22 +1,40 @@
 """What a review page begins with: all of it from the controller, and from all flights of a run."""
 
 import json
+import re
+import subprocess
+import sys
 from dataclasses import replace
+from importlib.resources import files
 from pathlib import Path
 
+import matplotlib as mpl
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from IPython.core.interactiveshell import InteractiveShell
+from matplotlib.colors import to_hex
 
+import fis_tools
 from fis_tools import __main__ as command_line
 from fis_tools.analysis import arrays
+from fis_tools.analysis.flights import Outcome
 from fis_tools.document import Paragraph, Table
 from fis_tools.engines.inference import infer
-from fis_tools.findings.explanation import explain
+from fis_tools.findings.audit import audit
+from fis_tools.findings.difference import difference
+from fis_tools.findings.explanation import explain, shares
+from fis_tools.findings.simplification import Budget, simplify
 from fis_tools.formats import serialize
+from fis_tools.model import FuzzyController
+from fis_tools.render.theme import BRIGHTNESS_MAP, readable_on
 from fis_tools.review import flown, opening, page
+from fis_tools.review.content import BRIGHTNESS, constants, level, level_styles
 from fis_tools.review.flown import Samples
+from fis_tools.source import read_controller
+from tests.fis_tools.review.cases import Markup, path_of
+from tests.fis_tools.sample_controllers import force_z_system, general_controller, paper_like_controller
 from tests.places import PROJECT
 from tests.policies import check_policy
 
@@ -133,3 +151,190 @@ def test_what_flips_the_class_of_a_classifier_is_found_by_walking(tmp_path: Path
     words = found.text()
     assert "Class: versicolor. What would flip it" in words
     assert "negative" not in words
+
+
+def went(**told: object) -> Outcome:
+    """A flight of which nothing else is known."""
+    nothing = dict.fromkeys(Outcome._fields[:6])
+    return Outcome(
+        **{**nothing, "num_periods": 0, "num_fired": 0, "num_asked": 0, "reasons": {}, "constants": {}}
+        | {"asked": {}}
+        | told
+    )
+
+
+def digits(flights: list[Outcome], **attributes: str) -> dict[str, str]:
+    systems = paper_like_controller().systems
+    controller = FuzzyController("c", systems, tuple(attributes.items()))
+    return {one.name: one.digits for one in constants(controller, flights, {})}
+
+
+def test_a_dead_band_needs_the_digits_that_tell_outputs_apart():
+    """0.01234 lies between 0.0122 and 0.0124: 0.01 and 0.012 let the first pass, 0.0123 does not."""
+    flight = went(asked={"force_x": np.array([0.0122, -0.0124, 0.5])})
+    found = digits([flight], dead_band_force_x_n="0.01234")
+    assert found == {"dead_band_force_x_n": "3 (0.0123) for the same 3 decisions"}
+
+
+def test_constants_of_coasting_need_the_digits_that_tell_decisions_apart():
+    """Limits of 15 and 200 m; 2.94 points: 3 lets a miss of 2.95 pass. 5.07 m: 5 lets 194.95 m pass."""
+    foreseen = np.array([[2.95, 50.0, 100.0], [0.0, 20.02, 100.0], [0.0, 50.0, 194.95], [2.91, 50.0, 100.0]])
+    flight = went(foreseen=foreseen, limits_m=(15.0, 200.0))
+    found = digits([flight], coast_below_points="2.94", coast_margin_m="5.07", ring_size_m="14.2")
+    assert found == {
+        "coast_below_points": "3 (2.94) for the same 4 decisions",
+        "coast_margin_m": "2 (5.1) for the same 4 decisions",
+        "ring_size_m": "",
+    }
+
+
+def test_nothing_is_told_of_flights_that_do_not_say():
+    flight = went(foreseen=np.array([[0.0, 50.0, 100.0]]))
+    assert digits([flight], coast_below_points="2.94", coast_margin_m="5.07") == {
+        "coast_below_points": "",
+        "coast_margin_m": "",
+    }
+
+
+def luminance(colour: str) -> float:
+    """Relative luminance (WCAG 2.2)."""
+    channels = np.array([int(colour[i : i + 2], 16) for i in (1, 3, 5)]) / 255.0
+    linear = np.where(channels <= 0.04045, channels / 12.92, ((channels + 0.055) / 1.055) ** 2.4)
+    return float(linear @ (0.2126, 0.7152, 0.0722))
+
+
+def contrast(one: str, other: str) -> float:
+    low, high = sorted((luminance(one), luminance(other)))
+    return (high + 0.05) / (low + 0.05)
+
+
+def test_the_colours_are_those_of_pictures():
+    assert (
+        tuple(map(to_hex, mpl.colormaps[BRIGHTNESS_MAP](np.linspace(0.0, 1.0, len(BRIGHTNESS)))))
+        == BRIGHTNESS
+    )
+
+
+def test_brighter_is_greater():
+    assert np.all(np.diff([luminance(colour) for colour in BRIGHTNESS]) > 0)
+    for count in (1, 2, 5, 7):
+        levels = [level(place, count) for place in range(count)]
+        assert levels == sorted(set(levels))
+        assert 0 <= levels[0] <= levels[-1] < len(BRIGHTNESS)
+    steps = np.diff([luminance(BRIGHTNESS[level(place, 5)]) for place in range(5)])
+    assert np.all(steps > 0.02)
+
+
+def test_words_stand_out_from_every_level():
+    pairs = re.findall(r"background: (#\w{6}); color: (#\w{6})", level_styles())
+    assert [ground for ground, _ in pairs] == list(BRIGHTNESS)
+    assert min(contrast(ground, ink) for ground, ink in pairs) >= 4.5
+    for ground, ink in pairs:
+        assert ink == to_hex(readable_on(ground))
+
+
+@pytest.mark.parametrize("theme", [0, 1], ids=["light", "dark"])
+def test_words_and_lines_stand_out_from_the_page(theme):
+    style = (files("fis_tools.review") / "style.css").read_text(encoding="utf-8")
+    found = re.findall(r"--([\w-]+): light-dark\((#\w{6}), (#\w{6})\)", style)
+    colours = {name: pair[theme] for name, *pair in found}
+    words = ("ink", "muted", "accent", "serious", "warning", *(f"term-{place}" for place in range(7)))
+    for name in words:
+        for ground in ("paper", "panel"):
+            assert contrast(colours[name], colours[ground]) >= 4.5, (name, ground)
+    assert contrast(colours["mark"], colours["paper"]) >= 3.0
+
+
+OF_SPACE = (
+    r"\b(spac\w+|orbit\w*|satellites?|chief|deputy|fl(y|ies|ying|ew|own|ights?)|sun|sunlit|camera|thrust\w*"
+    r"|delta-v|inspect\w*|episodes?|coast\w*|mission|hill|forces? (was|were))\b"
+)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("has_log", [False, True])
+def test_a_page_has_no_word_of_space(opened, tmp_path: Path, has_log: bool) -> None:
+    controller = read_controller(PROJECT / "docs" / "examples" / "tipper.fis")
+    log = tmp_path / "evening.csv"
+    rows = path_of(controller.systems[0], 30)
+    np.savetxt(log, rows, delimiter=",", header="service,food", comments="")
+    text = page.write(controller, [log] if has_log else [])
+    markup = Markup(text)
+    told = [words for tag, words in markup.texts if tag not in {"script", "style"}]
+    labels = [words for name in ("aria-label", "title", "placeholder") for words in markup.values(name)]
+    shown = opened(text.replace('<details class="part">', '<details class="part" open>'))
+    drawn = shown.evaluate(
+        "[document.body.textContent.replace(document.getElementById('carried').textContent, ''),"
+        " ...[...document.querySelectorAll('[aria-label]')].map((one) => one.ariaLabel)].join(' ')"
+    )
+    script = next(words for tag, words in markup.texts if tag == "script" and '"use strict"' in words)
+    everything = " ".join([*told, *labels, drawn.replace(script, "")])
+    assert ("along the log" in everything) == has_log
+    assert re.findall(OF_SPACE, everything, re.IGNORECASE) == []
+    if has_log:
+        assert "row 1" in shown.locator(".live.flight").first.inner_text()
+
+
+@pytest.fixture
+def shell() -> InteractiveShell:
+    shell = InteractiveShell()
+    shell.display_formatter.active_types = ["text/plain", "text/html", "image/svg+xml"]
+    fis_tools.show_in(shell)
+    return shell
+
+
+def shown(shell: InteractiveShell, thing: object) -> dict[str, str]:
+    bundle, _ = shell.display_formatter.format(thing)
+    return bundle
+
+
+def test_a_controller_and_a_system_show_their_tables(shell: InteractiveShell) -> None:
+    controller = general_controller()
+    page = shown(shell, controller)["text/html"]
+    assert f"<h1>{controller.name}</h1>" in page
+    assert page.count("<h2>") == len(controller.systems)
+    assert "<table" in shown(shell, controller.systems[0])["text/html"]
+
+
+def test_a_variable_shows_its_terms(shell: InteractiveShell) -> None:
+    variable = force_z_system().inputs[0]
+    picture = shown(shell, variable)["image/svg+xml"]
+    assert picture.lstrip().startswith("<?xml")
+    assert all(term.name in picture for term in variable.terms)
+
+
+def test_what_is_no_fuzzy_noun_is_shown_as_ever(shell: InteractiveShell) -> None:
+    assert shown(shell, 1) == {"text/plain": "1"}
+
+
+def test_results_show_themselves_in_words_where_there_is_no_notebook() -> None:
+    system = force_z_system()
+    inputs = [0.5 * (variable.minimum + variable.maximum) for variable in system.inputs]
+    controller = FuzzyController("one", (system,))
+    results = [
+        audit(controller),
+        difference(controller, controller),
+        explain(system, inputs),
+        shares(system, np.array([inputs])),
+        simplify(controller, {system.name: np.array([inputs])}, Budget(flights_only=True)),
+    ]
+    for result in results:
+        told = repr(result)
+        assert not told.startswith(type(result).__name__ + "(")
+        assert "Gaussian(" not in told
+        assert len(told) < 5000
+
+
+def test_the_package_offers_what_it_names() -> None:
+    assert fis_tools.compile(force_z_system()).system == force_z_system()
+    assert callable(fis_tools.read_controller)
+    with pytest.raises(AttributeError, match="has no attribute 'compiles'"):
+        fis_tools.compiles  # noqa: B018
+
+
+def test_importing_the_package_brings_in_neither_pictures_nor_recordings() -> None:
+    code = (
+        "import sys, fis_tools; print({'matplotlib', 'telemetry', 'skfuzzy', 'pyarrow'} & set(sys.modules))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)  # noqa: S603
+    assert done.stdout == "set()\n"

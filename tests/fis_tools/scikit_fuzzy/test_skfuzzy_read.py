@@ -3,32 +3,56 @@
 import operator
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import networkx as nx
 import numpy as np
 import pytest
 import skfuzzy
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from skfuzzy import control
+from skfuzzy.control import ControlSystem
 
+from fis_tools.engines import inference
 from fis_tools.engines.inference import infer
 from fis_tools.model import (
     And,
     Consequent,
     FuzzySystem,
+    Gaussian,
+    GeneralizedBell,
     Is,
+    MembershipFunction,
     Not,
     Or,
+    PiShape,
     Rule,
+    Sampled,
+    Sigmoid,
+    SigmoidDifference,
+    SigmoidProduct,
+    SShape,
     Term,
     Trapezoidal,
     Triangular,
+    TwoSidedGaussian,
     Variable,
+    ZShape,
     operators,
 )
+from fis_tools.model.variables import sample, shape_values
 from fis_tools.scikit_fuzzy.read import UnreadableControlSystem, read_control_system
+from fis_tools.scikit_fuzzy.recognition import recognise
 from tests.fis_tools.control_systems import build_control_system, build_simulation
+from tests.fis_tools.engines.random_systems import any_shape, inputs_for, random_general_system
 from tests.fis_tools.sample_controllers import force_x_system, force_z_system, general_controller
+from tests.fis_tools.scikit_fuzzy.random_control_systems import (
+    compute,
+    distinct_inputs,
+    random_control_system,
+)
 
 
 def _variables() -> tuple[Any, Any, Any]:
@@ -356,3 +380,122 @@ def test_a_sum_without_a_bound_cuts_as_the_bounded_one_does() -> None:
         simulation.input["a"], simulation.input["b"] = inputs
         simulation.compute()
         assert infer(system, inputs).values[0] == pytest.approx(simulation.output["y"], abs=1e-14)
+
+
+GRID = np.linspace(0.0, 10.0, 101)
+
+
+@pytest.mark.parametrize(
+    ("values", "expected"),
+    [
+        (skfuzzy.gaussmf(GRID, 3.7, 1.25), Gaussian(3.7, 1.25)),
+        (skfuzzy.gaussmf(GRID, -1.0, 2.0), Gaussian(-1.0, 2.0)),
+        (skfuzzy.gaussmf(GRID, 10 / 3, 1 / 7), Gaussian(10 / 3, 1 / 7)),
+        (skfuzzy.trimf(GRID, [1, 4.5, 9.05]), Triangular(1.0, 4.5, 9.05)),
+        (skfuzzy.trimf(GRID, [1, 4.555, 9.05]), Triangular(1.0, 4.555, 9.05)),
+        (skfuzzy.trimf(GRID, [0, 0, 5]), Triangular(0.0, 0.0, 5.0)),
+        (skfuzzy.trimf(GRID, [5, 10, 10]), Triangular(5.0, 10.0, 10.0)),
+        (skfuzzy.trimf(GRID, [3, 3, 3]), Triangular(3.0, 3.0, 3.0)),
+        (skfuzzy.trapmf(GRID, [1, 2.25, 6.5, 9]), Trapezoidal(1.0, 2.25, 6.5, 9.0)),
+        (skfuzzy.trapmf(GRID, [0, 0, 2, 7.7]), Trapezoidal(0.0, 0.0, 2.0, 7.7)),
+        (skfuzzy.trapmf(GRID, [2, 2, 5, 5]), Trapezoidal(2.0, 2.0, 5.0, 5.0)),
+        (skfuzzy.gauss2mf(GRID, 3, 0.8, 5.5, 1.5), TwoSidedGaussian(3.0, 0.8, 5.5, 1.5)),
+        (skfuzzy.gbellmf(GRID, 2.1, 3.5, 4.4), GeneralizedBell(2.1, 3.5, 4.4)),
+        (skfuzzy.gbellmf(GRID, 2.1, 2.0, -1.5), GeneralizedBell(2.1, 2.0, -1.5)),
+        (skfuzzy.sigmf(GRID, 4.2, 1.7), Sigmoid(4.2, 1.7)),
+        (skfuzzy.sigmf(GRID, 4.2, -0.3), Sigmoid(4.2, -0.3)),
+        (skfuzzy.dsigmf(GRID, 2, 5, 7, 6), SigmoidDifference(2.0, 5.0, 7.0, 6.0)),
+        (skfuzzy.psigmf(GRID, 3, 2.5, 6, -4), SigmoidProduct(3.0, 2.5, 6.0, -4.0)),
+        (skfuzzy.smf(GRID, 1.1, 8.3), SShape(1.1, 8.3)),
+        (skfuzzy.zmf(GRID, 2, 7), ZShape(2.0, 7.0)),
+        (skfuzzy.pimf(GRID, 1, 3.3, 5, 9.9), PiShape(1.0, 3.3, 5.0, 9.9)),
+        (skfuzzy.piecemf(GRID, [2.0, 4.0, 8.0]), None),
+        (np.where(GRID < 5, 0.25, 0.5), None),
+        (np.abs(GRID - 5.0) / 5.0, None),
+        (np.zeros(101), None),
+    ],
+)
+def test_what_scikit_fuzzy_samples_is_found_again(values: Any, expected: MembershipFunction | None) -> None:
+    assert recognise(GRID, values) == (Sampled(tuple(values.tolist())) if expected is None else expected)
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.integers(2, 60), st.floats(-10, 10), st.floats(0.1, 100))
+def test_whatever_is_found_gives_the_samples_to_the_last_bit(
+    seed: int, num_points: int, low: float, width: float
+) -> None:
+    variable = Variable("x", "", low, low + width, (), num_points)
+    values = sample(variable, Term("t", any_shape(np.random.default_rng(seed), variable)))
+    found = recognise(variable.universe, values)
+    np.testing.assert_array_equal(sample(variable, Term("t", found)), values)
+
+
+def test_another_formula_of_the_same_shape_is_recognised_if_asked_for() -> None:
+    values = np.exp(-0.5 * ((GRID - 3.1) / 0.7) ** 2)
+    assert not np.array_equal(values, shape_values(GRID, Gaussian(3.1, 0.7)))
+    assert isinstance(recognise(GRID, values), Sampled)
+    assert recognise(GRID, values, tolerance=1e-15) == Gaussian(3.1, 0.7)
+
+
+def test_a_value_away_from_its_shape_makes_samples_of_it() -> None:
+    values = skfuzzy.gaussmf(GRID, 3.7, 1.25)
+    values[40] += 1e-9
+    assert isinstance(recognise(GRID, values), Sampled)
+
+
+def test_uneven_universes_are_no_hindrance() -> None:
+    universe = np.array([0.0, 0.5, 0.75, 2.0, 3.5, 4.0, 7.0, 10.0])
+    assert recognise(universe, skfuzzy.trimf(universe, [0.5, 3.5, 10])) == Triangular(0.5, 3.5, 10.0)
+    assert recognise(universe, skfuzzy.gaussmf(universe, 2.5, 1.5)) == Gaussian(2.5, 1.5)
+
+
+NUM_SYSTEMS = 40
+#: Methods that scikit-fuzzy also asks of an empty set, and then answers about the universe.
+OF_MAXIMUM = ("mom", "som", "lom")
+
+
+@cache
+def _read_at_random(seed: int) -> tuple[ControlSystem, FuzzySystem]:
+    source = random_control_system(np.random.default_rng([31, seed]))
+    return source, read_control_system(source)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(NUM_SYSTEMS))
+def test_a_system_read_computes_the_same(seed: int) -> None:
+    source, system = _read_at_random(seed)
+    generator = np.random.default_rng([33, seed])
+    assert [variable.name for variable in system.inputs] == [v.label for v in source.antecedents]
+    for row in distinct_inputs(source, generator, 8):
+        expected = compute(source, row)
+        for output in infer(system, row).outputs:
+            name = output.variable.name
+            if output.is_default:
+                assert name not in expected or system.defuzzifier_of(output.variable) in OF_MAXIMUM
+            else:
+                np.testing.assert_array_equal(output.value, expected[name], err_msg=f"{seed}: {row}")
+
+
+@pytest.mark.slow
+def test_the_systems_above_differ_as_they_should() -> None:
+    systems = [_read_at_random(seed)[1] for seed in range(NUM_SYSTEMS)]
+    variables = [variable for system in systems for variable in (*system.inputs, *system.outputs)]
+    shapes = {type(term.membership).__name__ for variable in variables for term in variable.terms}
+    assert shapes >= {"Gaussian", "Triangular", "Trapezoidal", "Sigmoid", "SShape", "ZShape", "Sampled"}
+    assert {variable.points is None for variable in variables} == {True, False}
+    assert any(rule.has_own_operators for system in systems for rule in system.rules)
+    assert any(output.defuzzifier for system in systems for output in system.outputs)
+    assert any(output.accumulation != "max" for system in systems for output in system.outputs)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(12))
+def test_what_is_built_is_read_again(seed: int) -> None:
+    generator = np.random.default_rng([32, seed])
+    system = random_general_system(generator)
+    defaults = {output.name: output.default for output in system.outputs if output.default is not None}
+    read = read_control_system(build_control_system(system), system.name, defaults=defaults)
+    rows = inputs_for(system, generator, 8)
+    np.testing.assert_array_equal(inference.evaluate(read, rows), inference.evaluate(system, rows))
+    again = read_control_system(build_control_system(read), system.name, defaults=defaults)
+    assert again == read

@@ -1,15 +1,30 @@
 """How the command starts: quickly, from any folder, installed or not."""
 
 import os
+import re
 import shutil
 import subprocess
 import sys
 import tomllib
 from pathlib import Path
+from subprocess import CompletedProcess
 
 import pytest
 
-from pipeline.command_line.config import conf_folder
+from pipeline.command_line import cli
+from pipeline.command_line.arguments import read_arguments
+from pipeline.command_line.cli import main
+from pipeline.command_line.config import compose_experiment, compose_jobs, conf_folder, options
+from pipeline.command_line.overrides import (
+    ConfigError,
+    check_sweeps,
+    differences_of,
+    folder_names,
+    parse,
+    rewrite_paths,
+    single_runs,
+)
+from pipeline.flight.state.signals import SIGNALS
 from pipeline.run import maker
 
 HEAVY = [
@@ -87,3 +102,124 @@ def test_the_distributions_name_is_the_projects():
     project = tomllib.loads((maker.SOURCES / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     assert project["name"] == maker.DISTRIBUTION
     assert maker.product_version() == project["version"]
+
+
+@pytest.mark.parametrize("words", cli.WARMED, ids=" ".join)
+def test_each_run_is_one_of_the_shipped_experiments(words):
+    assert compose_experiment(list(words)).experiment.stages
+
+
+def test_each_is_started_twice_in_new_folders_and_a_failure_ends_it(monkeypatch, capsys):
+    started = []
+    monkeypatch.setattr(
+        cli.subprocess, "run", lambda command, **_: started.append(command) or CompletedProcess(command, 0)
+    )
+    assert main(["warm"]) == 0
+    assert len({command[-1] for command in started}) == 2 * len(cli.WARMED)
+    assert [command[3:-1] for command in started[::2]] == [list(words) for words in cli.WARMED]
+    monkeypatch.setattr(cli.subprocess, "run", lambda command, **_: CompletedProcess(command, 2))
+    assert main(["warm"]) == 2
+    assert main(["warm", "champion_27"]) == 2
+    assert "in the background" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("arguments", "code"), [([], 2), (["--help"], 0), (["-h"], 0)])
+def test_help_lists_experiments_controllers_and_signals_with_units(
+    arguments, code, capsys, tmp_path, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    assert main(arguments) == code
+    text = capsys.readouterr().out
+    groups = options([conf_folder()])
+    for name in (*groups["experiment"], *groups["controller"]):
+        # each with a sentence behind it
+        assert re.search(rf"^  {re.escape(name)} +\S.*\.?$", text, re.MULTILINE), name
+    for name, signal in SIGNALS.items():
+        assert re.search(rf"^  {name} +\[{re.escape(signal.unit)}\] \w", text, re.MULTILINE), name
+    assert "random" in text
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_help_lists_the_users_own(capsys, tmp_path):
+    (tmp_path / "experiment").mkdir()
+    (tmp_path / "experiment" / "own.yaml").write_text("# @package _global_\n# My own flight.\nname: own\n")
+    assert main(["--help", "--config-dir", str(tmp_path)]) == 0
+    assert re.search(r"^  own +My own flight\.$", capsys.readouterr().out, re.MULTILINE)
+
+
+def test_version(capsys):
+    assert main(["--version"]) == 0
+    assert capsys.readouterr().out == f"fuzzy-spacecraft-inspection {maker.product_version()}\n"
+    assert re.fullmatch(r"\d+\.\d+\.\d+\S*", maker.product_version())
+
+
+GROUPS = {"sun": ["fixed", "mixed", "random"]}
+
+
+def test_options_stand_anywhere() -> None:
+    asked = read_arguments(["seed=1", "-m", "name=a b", "--cfg", "job", "resume=x", "+experiment=fly"])
+    assert asked.overrides == ("seed=1", "name=a b", "+experiment=fly")
+    assert (asked.multirun, asked.cfg, asked.resume, asked.help) == (True, "job", Path("x"), False)
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["--cfg", "jo"], "invalid choice: 'jo'"),
+        (["seed=1", "--config-dir"], "expected one argument"),
+        (["-x"], "there is no option -x"),
+        (["--multi"], "there is no option --multi; did you mean --multirun?"),
+    ],
+)
+def test_options_that_are_none(words: list[str], told: str) -> None:
+    with pytest.raises(ConfigError, match=told.replace("?", r"\?")):
+        read_arguments(words)
+
+
+def test_a_sweep_is_every_value_with_every_other() -> None:
+    runs = single_runs(parse(["seed=1,2", "name=x", "sun=glob(*,exclude=m*)"]), GROUPS)
+    expected = [["seed=1", "name=x", "sun=fixed"], ["seed=1", "name=x", "sun=random"]]
+    assert list(runs) == [*expected, *[["seed=2", *words[1:]] for words in expected]]
+    assert list(single_runs(parse(["seed=range(1,3)"]), {})) == [["seed=1"], ["seed=2"]]
+
+
+def test_folders_of_a_sweep_are_named_by_what_differs() -> None:
+    words = [
+        "+experiment=evaluate",
+        "seed=1,2",
+        "controller=x/a b.json,y/a b.json",
+        "monte_carlo.num_cases=9",
+    ]
+    differing = differences_of(parse(rewrite_paths(words)), {})
+    assert differing[1] == {"seed": "1", "controller": "y/a b.json"}
+    assert len(differing) == len(list(single_runs(parse(rewrite_paths(words)), {}))) == 4
+    names = folder_names(differing)
+    assert names[0] == "seed=1+controller=a-b.json"
+    assert len(set(names)) == 4  # also those whose words are the same
+    assert folder_names([{}]) == ["0"]
+    assert rewrite_paths(["hydra.run.dir=out/seed=1"]) == ["hydra.run.dir='out/seed=1'"]
+
+
+def test_two_runs_are_compared_by_their_folders() -> None:
+    asked = read_arguments(["compare=outputs/a,outputs/b"])
+    assert asked.compare == (Path("outputs/a"), Path("outputs/b"))
+    assert read_arguments(["compare=default"]).compare is None
+    with pytest.raises(ConfigError, match="takes nothing else"):
+        read_arguments(["compare=a,b", "seed=1"])
+
+
+def test_an_interval_is_no_sweep() -> None:
+    with pytest.raises(ConfigError, match=r"seed=interval\(1,2\) is an interval"):
+        check_sweeps(parse(["seed=interval(1,2)"]), is_multirun=True)
+
+
+def test_the_runs_of_a_sweep_lie_side_by_side() -> None:
+    words = ["+experiment=fly", "controller=coast"]
+    one, other = compose_jobs([[*words, "seed=1"], [*words, "seed=2"]], names=["seed=1", "a b"])
+    assert one.folder.parent == other.folder.parent
+    assert one.folder.parts[:2] == ("outputs", "fly-sweep")
+    assert (one.folder.name, other.folder.name) == ("seed=1", "a b")
+    assert one.sweep_folder == one.folder.parent
+    (alone,) = compose_jobs([[*words, "hydra.run.dir=a/b"]])
+    assert alone.folder == Path("a/b")
+    assert "hydra" not in alone.config

@@ -1,15 +1,28 @@
 """Tables of forces, and controllers by any of their ways into a run."""
 
 import logging
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from benchmarks import linear_law
+from fis_tools.analysis.measures import measure
+from fis_tools.findings.audit import audit
+from fis_tools.formats import serialize
+from fis_tools.genes.reduction import rounded
+from fis_tools.model import FuzzyController
+from pipeline.command_line.config import compose_experiment
 from pipeline.controllers.played import read_played
-from pipeline.controllers.source import load
-from pipeline.flight.control.controller import ControllerError
+from pipeline.controllers.source import load, named
+from pipeline.flight.cases.starts import cases_of, evaluation_scenarios
+from pipeline.flight.control.controller import ControllerError, law_of
+from pipeline.flight.fly.population import fly_population
+from pipeline.flight.fly.simulation import fly_logged
+from pipeline.flight.world.pack import pack_world
 from pipeline.settings.schema import experiment_from
 from tests.pipeline.command_line.cases import plain_config
+from tests.places import PROJECT
 
 HEADER = "time_s,force_x_n,force_y_n,force_z_n\n"
 MISSION = experiment_from(plain_config()).mission
@@ -66,3 +79,56 @@ def test_a_table_that_is_no_text(tmp_path):
     path.write_bytes(b"\xff\xfe\x00")
     with pytest.raises(ControllerError, match="cannot be read"):
         read_played(path, MISSION)
+
+
+def test_first_push_is_the_limited_sum_of_the_signals_beyond_the_dead_band() -> None:
+    words = ["+experiment=evaluate", "controller=champion_27", "sun=random", "monte_carlo.num_cases=8"]
+    experiment = compose_experiment(words).experiment
+    mission = replace(experiment.mission, duration_s=experiment.mission.control_period_s)
+    starts = evaluation_scenarios(experiment.monte_carlo, experiment.sun, experiment.seed)
+    champion = named("champion_27", mission)
+    laws = linear_law.LinearLaw(champion)
+    numbers = laws.pack(np.array([[0.6, 0.4, 0.1, 0.7, 0.55, 0.5, 0.8, 0.3, 0.9]]))
+    with linear_law.flying():
+        world, law, cases = pack_world(mission), law_of(champion, mission), cases_of(mission, starts)
+        flown = fly_population(world, law, numbers, cases)
+    slopes = numbers.values[0, -3 * linear_law.NUMBERS :].reshape(3, linear_law.NUMBERS)
+    bands = [float(dict(champion.fuzzy.attributes)[f"dead_band_force_{axis}_n"]) for axis in "xyz"]
+    expected = []
+    for start in starts:
+        signals = fly_logged(mission, champion, start).fis_input[0]
+        force = np.clip((slopes[:, :3] * signals).sum(axis=1), -slopes[:, 4], slopes[:, 4])
+        force[np.abs(force) < bands] = 0.0
+        expected.append(np.abs(force).sum() * mission.control_period_s / mission.deputy.mass_kg)
+    assert min(expected) > 0.0
+    np.testing.assert_allclose(flown.delta_v_m_s[0], expected, rtol=1e-9)
+
+
+def shipped(name: str) -> FuzzyController:
+    return serialize.load(PROJECT / "conf" / "controller" / f"{name}.yaml")
+
+
+@pytest.mark.parametrize(
+    ("name", "num_rules"),
+    [("champion_27", 27), ("champion_27_fixed_sun", 27), ("champion_81", 81), ("champion_leo", 15)],
+)
+def test_their_audit_finds_nothing(name: str, num_rules: int) -> None:
+    controller = shipped(name)
+    assert sum(len(system.rules) for system in controller.systems) == num_rules
+    assert audit(controller).findings == ()
+    for system in controller.systems:
+        assert measure(system).rule_consistency.index >= 0.8
+        assert measure(system).completeness.least >= 0.49  # a half, but between two points of the universe
+        for variable in (*system.inputs, *system.outputs):
+            assert variable.maximum == rounded(variable.maximum, 2)
+    for name_of_constant, value in controller.attributes:
+        if name_of_constant != "force_axes":
+            assert float(value) == rounded(float(value), 2)
+
+
+def test_the_rehearsing_champion_is_champion_27_but_for_its_rehearsal() -> None:
+    plain, rehearsing = shipped("champion_27"), shipped("champion_27_rehearsed")
+    more = {"rehearsal_reach_m_s": "0.15"}
+    attributes = tuple(sorted((dict(plain.attributes) | more).items()))
+    told = replace(rehearsing, name=plain.name, provenance=plain.provenance)
+    assert told == replace(plain, attributes=attributes)

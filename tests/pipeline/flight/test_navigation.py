@@ -14,9 +14,11 @@ from pipeline.flight.control.controller import coast, open_loop
 from pipeline.flight.fly.simulation import fly_all, fly_logged
 from pipeline.flight.state.log import FlightLog, Scenario
 from pipeline.settings.experiment import Mission, SettingError
+from pipeline.settings.mission_parts import Actuators
 from tests.pipeline.flight.cases import STARTS, STEERING, mission
 from tests.pipeline.flight.departures import ASKEW, FIXES, REAL, VARYING
 from tests.pipeline.flight.guarded import LAST_MOMENT
+from tests.pipeline.flight.missions import IDEAL
 
 #: thrusters that do as they are told, flown by the code of those that do not
 EXACT = REAL | {"scale_error": 0.0, "misalignment_deg": 0.0, "least_impulse_n_s": 0.0}
@@ -162,3 +164,19 @@ def test_turns_and_scales_have_the_spread_of_the_settings() -> None:
     matrices = thrust_errors(mission(actuators=REAL), starts).matrices[:, 0]
     np.testing.assert_allclose(matrices[:, [0, 1, 2], [0, 1, 2]].std(axis=0), 0.05, rtol=0.1)
     np.testing.assert_allclose(matrices[:, [0, 1, 2], [1, 2, 0]].std(axis=0), np.radians(2.0), rtol=0.1)
+
+
+START = Scenario(np.array([60.0, 20.0, 10.0]), np.zeros(3), 0.3, 0.0, (1, 0, 0))
+EXACT_REAL = Actuators(kind="real", scale_error=0.0, misalignment_deg=0.0, least_impulse_n_s=0.0)
+
+
+@pytest.mark.parametrize("degrees", [0.1, 10.0, 30.0])
+def test_a_misaligned_thrust_is_turned_and_not_stretched(degrees):
+    mission = replace(IDEAL, actuators=replace(EXACT_REAL, misalignment_deg=degrees))
+    scenarios = [replace(START, noise=(1, 0, case)) for case in range(20)]
+    matrices = thrust_errors(mission, scenarios).matrices[:, 0]
+    drawn = [np.radians(degrees) * one.generator(2).standard_normal((2, 3))[1] for one in scenarios]
+    for matrix, turn in zip(matrices, drawn, strict=True):
+        np.testing.assert_allclose(matrix @ matrix.T, np.eye(3), rtol=0, atol=1e-14)
+        assert np.trace(matrix) == pytest.approx(1.0 + 2.0 * np.cos(np.linalg.norm(turn)), abs=1e-14)
+        np.testing.assert_allclose(matrix @ turn, turn, rtol=0, atol=1e-14)

@@ -1,17 +1,29 @@
 """Flights played from tables: forces along body axes, torques, attitudes, and starts that already turn."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+from numba import njit
+from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
+from fis_tools.compiled.vectors import load, store
+from fis_tools.formats import serialize
+from fis_tools.genes.parameters import Bounds, SystemEncoding
+from fis_tools.model import FuzzyController
 from pipeline.controllers.played import read_played
-from pipeline.flight.control.controller import ControllerError
+from pipeline.flight.cases.starts import cases_of
+from pipeline.flight.control.controller import ControllerError, from_fuzzy, law_of
+from pipeline.flight.fly.population import fly_population
 from pipeline.flight.fly.simulation import fly_all, fly_logged
-from tests.pipeline.flight.cases import STARTS, mission
+from pipeline.flight.state.lanes import arctangent, exponential
+from pipeline.flight.world.pack import pack_world
+from tests.pipeline.flight.cases import COMPLETED, OVER_POLES, STARTS, mission
 from tests.pipeline.flight.missions import FULL_INERTIA, MEAN_MOTION
+from tests.places import PROJECT
 
 TURNED = Rotation.from_euler("zyx", [100.0, -35.0, 20.0], degrees=True)
 RATE = (0.01, -0.02, 0.005)
@@ -111,3 +123,92 @@ def test_nothing_is_turned_by_torques_where_pointing_is_ideal(tmp_path):
     path = table(tmp_path / "t.csv", ["torque_x_n_m", "torque_y_n_m", "torque_z_n_m"], [[0.0, 0.0, 1e-3]])
     with pytest.raises(ControllerError, match=r"has torques, but attitude\.mode is ideal"):
         read_played(path, replace(MINUTES, attitude=replace(MINUTES.attitude, mode="ideal")))
+
+
+PAPER = serialize.load(PROJECT / "conf" / "controller" / "paper.yaml")
+MISSION = mission(guidance={"kind": "clusters"})
+FLIGHTS = [*STARTS, *OVER_POLES, COMPLETED]
+
+
+@pytest.mark.parametrize("workers", [1, 3])
+def test_a_genome_its_json_and_its_yaml_fly_the_same_bit_for_bit(workers: int, tmp_path: Path) -> None:
+    encoding = SystemEncoding(PAPER.systems, Bounds())
+    genomes = np.random.default_rng(8).random((5, encoding.num_genes))
+    genomes[0] = encoding.encode(PAPER.systems)
+    law = law_of(from_fuzzy(PAPER), MISSION)
+    tracks = np.empty((5 * len(FLIGHTS), MISSION.num_controls + 1, 3), dtype=np.float32)
+    population = fly_population(
+        pack_world(MISSION), law, encoding.pack(genomes), cases_of(MISSION, FLIGHTS), workers, tracks
+    )
+    assert population.delta_v_m_s.shape == (5, len(FLIGHTS))
+    assert len(np.unique(population.delta_v_m_s)) == population.delta_v_m_s.size
+    for row, genome in enumerate(genomes):
+        champion = FuzzyController("champion", encoding.decode(genome), PAPER.attributes)
+        (tmp_path / "champion.json").write_text(serialize.dump_json(champion), encoding="utf-8")
+        (tmp_path / "champion.yaml").write_text(serialize.dump_yaml(champion), encoding="utf-8")
+        for name in ("champion.json", "champion.yaml"):
+            track = np.empty((len(FLIGHTS), MISSION.num_controls + 1, 3), dtype=np.float32)
+            alone = fly_all(MISSION, from_fuzzy(serialize.load(tmp_path / name)), FLIGHTS, 1, track)
+            np.testing.assert_array_equal(track, tracks[row * len(FLIGHTS) : (row + 1) * len(FLIGHTS)])
+            for fact, values in vars(alone).items():
+                np.testing.assert_array_equal(values, getattr(population, fact)[row], err_msg=fact)
+
+
+def test_a_template_of_which_nothing_is_clipped_survives_its_genome() -> None:
+    encoding = SystemEncoding(PAPER.systems, Bounds())
+    again = FuzzyController("again", encoding.decode(encoding.encode(PAPER.systems)), PAPER.attributes)
+    one, other = (fly_all(MISSION, from_fuzzy(fuzzy), FLIGHTS) for fuzzy in (PAPER, again))
+    np.testing.assert_array_equal(one.inspected_count, other.inspected_count)
+    np.testing.assert_allclose(one.delta_v_m_s, other.delta_v_m_s, rtol=1e-6)
+
+
+Floats = NDArray[np.float64]
+WIDTH = 8
+ROUNDING = 2.0**-52
+
+
+@njit(error_model="numpy")
+def exponentials(x: Floats, out: Floats) -> None:
+    for i in range(0, len(x), WIDTH):
+        store(out, i, exponential(load(x, i, WIDTH)))
+
+
+@njit(error_model="numpy")
+def angles(y: Floats, x: Floats, out: Floats) -> None:
+    for i in range(0, len(x), WIDTH):
+        store(out, i, arctangent(load(y, i, WIDTH), load(x, i, WIDTH)))
+
+
+@pytest.mark.parametrize(("low", "high"), [(-1e-6, 1e-6), (-1.0, 1.0), (-40.0, 40.0), (-699.0, 699.0)])
+def test_the_exponential_is_right_to_rounding(low: float, high: float) -> None:
+    x = np.random.default_rng(1).uniform(low, high, 8000)
+    found = np.empty_like(x)
+    exponentials(x, found)
+    np.testing.assert_allclose(found, np.exp(x), rtol=2 * ROUNDING, atol=0.0)
+
+
+def test_the_exponential_of_zero_is_one_and_of_little_nothing() -> None:
+    x = np.array([0.0, -0.0, -701.0, -1e300, -np.inf, 1.0, -1.0, np.log(2.0)])
+    found = np.empty_like(x)
+    exponentials(x, found)
+    np.testing.assert_array_equal(found[:5], [1.0, 1.0, 0.0, 0.0, 0.0])
+    np.testing.assert_allclose(found[5:], [np.e, 1.0 / np.e, 2.0], rtol=2 * ROUNDING)
+
+
+@pytest.mark.parametrize("scale", [1e-150, 1.0, 1e150])
+def test_angles_are_right_to_rounding(scale: float) -> None:
+    y, x = scale * np.random.default_rng(2).normal(size=(2, 8000))
+    found = np.empty_like(x)
+    angles(y, x, found)
+    np.testing.assert_allclose(found, np.arctan2(y, x), rtol=2 * ROUNDING, atol=0.0)
+
+
+def test_angles_on_the_axes_are_those_from_minus_to_plus_pi_without_the_former() -> None:
+    y = np.array([0.0, 0.0, -0.0, 1.0, -1.0, 1.0, -1.0, 1e-300])
+    x = np.array([1.0, -1.0, -1.0, 0.0, 0.0, 1.0, -1.0, -1.0])
+    found = np.empty_like(x)
+    angles(y, x, found)
+    turn = np.pi / 4.0
+    np.testing.assert_allclose(
+        found, turn * np.array([0, 4, 4, 2, -2, 1, -3, 4]), rtol=2 * ROUNDING, atol=0.0
+    )

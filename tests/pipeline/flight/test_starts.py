@@ -5,17 +5,30 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy import stats
+from scipy.integrate import solve_ivp
+from scipy.spatial.transform import Rotation
+from scipy.stats import kstest, norm, truncnorm, uniform
 
+from fis_tools.compiled.decorator import plainly
+from fis_tools.compiled.three import Three
+from pipeline.command_line.config import compose_experiment
+from pipeline.controllers.source import named
+from pipeline.evaluation.monte_carlo import fly_cases
+from pipeline.flight.cases.dispersions import drawn, mission_of_case
 from pipeline.flight.cases.starts import EVALUATION, draw, evaluation_scenarios, training_scenarios
+from pipeline.flight.fly.simulation import fly_all, fly_logged
+from pipeline.flight.period.act.attitude import turn_body
 from pipeline.flight.state.log import Scenario
-from pipeline.settings.experiment import MonteCarlo, Sun
+from pipeline.flight.world.pack import pack_world
+from pipeline.settings.experiment import Experiment, MonteCarlo, SettingError, Sun
 from pipeline.settings.training import Starts
+from tests.pipeline.flight.missions import PAPER
 
 FIXED = Sun(mode="fixed", angle_deg=30.0)
 RANDOM = Sun(mode="random", angle_deg=30.0)
 MIXED = Sun(mode="mixed", angle_deg=30.0)
 
-PAPER = MonteCarlo(
+CASES = MonteCarlo(
     num_cases=400, min_distance_m=50.0, max_distance_m=100.0, confidence_percent=95.0, workers=1
 )
 DRAWN = Starts(
@@ -40,11 +53,11 @@ def suns(scenarios: list[Scenario]) -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def cases() -> list[Scenario]:
-    return evaluation_scenarios(PAPER, RANDOM, 1)
+    return evaluation_scenarios(CASES, RANDOM, 1)
 
 
 def test_a_case_does_not_depend_on_how_many_others_there_are(cases: list[Scenario]) -> None:
-    few = evaluation_scenarios(replace(PAPER, num_cases=3), RANDOM, 1)
+    few = evaluation_scenarios(replace(CASES, num_cases=3), RANDOM, 1)
     np.testing.assert_array_equal(positions(few), positions(cases)[:3])
     np.testing.assert_array_equal(suns(few), suns(cases)[:3])
 
@@ -60,14 +73,14 @@ def test_a_case_is_drawn_as_the_seed_sequence_says(cases: list[Scenario]) -> Non
 
 
 def test_both_suns_have_the_same_positions(cases: list[Scenario]) -> None:
-    fixed, mixed = (evaluation_scenarios(PAPER, sun, 1) for sun in (FIXED, MIXED))
+    fixed, mixed = (evaluation_scenarios(CASES, sun, 1) for sun in (FIXED, MIXED))
     np.testing.assert_array_equal(positions(fixed), positions(cases))
     np.testing.assert_array_equal(positions(mixed), positions(cases))
     np.testing.assert_array_equal(suns(fixed), np.radians(30.0))
 
 
 def test_a_mixed_sun_is_fixed_and_random_by_turns(cases: list[Scenario]) -> None:
-    mixed = suns(evaluation_scenarios(PAPER, MIXED, 1))
+    mixed = suns(evaluation_scenarios(CASES, MIXED, 1))
     np.testing.assert_array_equal(mixed[::2], np.radians(30.0))
     np.testing.assert_array_equal(mixed[1::2], suns(cases)[1::2])
 
@@ -91,7 +104,7 @@ def test_directions_are_isotropic_distances_and_suns_uniform(cases: list[Scenari
 
 
 def test_another_seed_draws_others(cases: list[Scenario]) -> None:
-    other = evaluation_scenarios(PAPER, RANDOM, 2)
+    other = evaluation_scenarios(CASES, RANDOM, 2)
     assert np.all(positions(other) != positions(cases))
     assert np.all(suns(other) != suns(cases))
 
@@ -150,8 +163,8 @@ def test_a_sun_that_is_drawn_has_an_elevation_from_its_range() -> None:
 
 def test_starts_that_move_stand_where_those_at_rest_do() -> None:
     """Speeds are uniform and directions isotropic, drawn beside everything else."""
-    moving = evaluation_scenarios(replace(PAPER, num_cases=400, max_speed_m_s=0.3), RANDOM, 1)
-    resting = evaluation_scenarios(replace(PAPER, num_cases=400), RANDOM, 1)
+    moving = evaluation_scenarios(replace(CASES, num_cases=400, max_speed_m_s=0.3), RANDOM, 1)
+    resting = evaluation_scenarios(replace(CASES, num_cases=400), RANDOM, 1)
     np.testing.assert_array_equal(positions(moving), positions(resting))
     assert suns(moving).tolist() == suns(resting).tolist()
     velocities = np.array([start.velocity_m_s for start in moving])
@@ -159,3 +172,138 @@ def test_starts_that_move_stand_where_those_at_rest_do() -> None:
     assert stats.kstest(speeds, "uniform", (0.0, 0.3)).pvalue > 0.01
     for axis in range(3):  # Archimedes: a component of an isotropic direction is uniform
         assert stats.kstest(velocities[:, axis] / speeds, "uniform", (-1.0, 2.0)).pvalue > 0.01
+
+
+INERTIA = np.diag([1.0, 2.0, 2.5])
+TORQUE = np.array([0.01, -0.01, 0.01])
+MISSION = replace(PAPER, deputy=replace(PAPER.deputy, inertia_kg_m2=tuple(map(tuple, INERTIA.tolist()))))
+
+
+@pytest.mark.parametrize(
+    "rate", [(0.2, 0.02, 0.02), (0.3, 0.1, 0.2), (2.0, 0.1, -0.1), (5.0, 0.3, -0.2), (10.0, 1.0, 1.0)]
+)
+def test_a_period_of_fast_rotation(rate):
+    world = pack_world(MISSION)
+    attitude, turning = (0.0, 0.0, 0.0, 1.0), Three(*rate)
+    with plainly("pipeline"):
+        for _ in range(world.num_attitude_steps):
+            attitude, turning = turn_body(world, attitude, turning, Three(*TORQUE))
+
+    def change(_, state):
+        q, w = state[:4], state[4:]
+        # Hill axes turn about k, which is seen from the body through the attitude, Hill to body
+        hill_b = Rotation.from_quat(q).inv().apply([0.0, 0.0, world.mean_motion])
+        u = w - hill_b
+        turned = np.append(0.5 * (q[3] * u + np.cross(q[:3], u)), -0.5 * q[:3] @ u)
+        return np.concatenate([turned, np.linalg.solve(INERTIA, TORQUE - np.cross(w, INERTIA @ w))])
+
+    solved = solve_ivp(
+        change, (0.0, 10.0), [0.0, 0.0, 0.0, 1.0, *rate], rtol=1e-12, atol=1e-13, method="DOP853"
+    )
+    wanted = solved.y[:, -1]
+    apart = Rotation.from_quat(attitude).inv() * Rotation.from_quat(wanted[:4])
+    assert apart.magnitude() < 1e-5
+    np.testing.assert_allclose(turning, wanted[4:], rtol=0, atol=2e-5)
+
+
+MASS = "+dispersions.deputy.mass_kg={kind:normal,mean:12.0,std:0.5}"
+ANGLE = "+dispersions.sensor.half_angle_deg={kind:uniform,low:13,high:17}"
+VARIED_TORQUE = "+dispersions.deputy.max_torque_n_m={kind:normal,mean:0.01,std:0.002,low:0.009}"
+
+
+def composed(*words: str) -> Experiment:
+    return compose_experiment(["+experiment=evaluate", "controller=lqr", "seed=3", *words]).experiment
+
+
+@pytest.mark.slow
+def test_cases_draw_by_their_distributions() -> None:
+    experiment = composed(VARIED_TORQUE, MASS, ANGLE, "monte_carlo.num_cases=400")
+    scenarios = evaluation_scenarios(experiment.monte_carlo, experiment.sun, experiment.seed)
+    told = [drawn(experiment.mission, scenario) for scenario in scenarios]
+    keys = ["deputy.mass_kg", "deputy.max_torque_n_m", "sensor.half_angle_deg"]
+    assert all([key for key, _ in one] == keys for one in told)
+    values = np.array([[value for _, value in one] for one in told])
+    laws = norm(12.0, 0.5), truncnorm(-0.5, np.inf, 0.01, 0.002), uniform(13.0, 4.0)
+    for column, law in zip(values.T, laws, strict=True):
+        assert kstest(column, law.cdf).pvalue > 0.001
+    assert np.abs(np.corrcoef(values.T) - np.eye(3)).max() < 0.2
+    # a case is the same among however many others
+    assert drawn(experiment.mission, scenarios[7]) == told[7]
+    np.testing.assert_array_equal(
+        [start.position_m for start in evaluation_scenarios(composed().monte_carlo, experiment.sun, 3)[:400]],
+        [scenario.position_m for scenario in scenarios],
+    )
+
+
+@pytest.mark.slow
+def test_a_case_flies_its_own_mission_alone_and_among_others() -> None:
+    experiment = composed(MASS, "monte_carlo.num_cases=4", "duration_s=600.0")
+    mission, scenarios = (
+        experiment.mission,
+        evaluation_scenarios(experiment.monte_carlo, experiment.sun, experiment.seed),
+    )
+    controller = named("lqr", mission)
+    episodes, tracks = fly_cases(mission, controller, scenarios, 2)
+    for case, scenario in enumerate(scenarios):
+        own = mission_of_case(mission, scenario)
+        assert not own.dispersions
+        assert own.deputy.mass_kg == episodes["deputy.mass_kg"][case] != mission.deputy.mass_kg
+        alone = fly_all(own, controller, [scenario], 1)
+        assert alone.delta_v_m_s[0] == episodes["delta_v_m_s"][case]
+        log = fly_logged(mission, controller, scenario)
+        np.testing.assert_array_equal(tracks[case], log.position_m.astype(np.float32))
+        spent = np.abs(log.force_hill_n).sum() * mission.control_period_s / own.deputy.mass_kg
+        assert log.delta_v_m_s[-1] == pytest.approx(spent, rel=1e-12)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("told", "message"),
+    [
+        ("deputy.mas_kg={kind:uniform,low:1,high:2}", "deputy.mas_kg is no number that a flight can have"),
+        ("chief.num_points={kind:uniform,low:1,high:2}", "chief.num_points is no number that a flight can"),
+        (
+            "duration_s={kind:uniform,low:1,high:2}",
+            "duration_s is no number that a flight can have its own of",
+        ),
+        ("deputy.mass_kg=3", "deputy.mass_kg is 3; give a distribution"),
+        (
+            "deputy.mass_kg={kind:normal,mean:12}",
+            "has mean; one of kind normal has mean, std, and may have correlation_s, high, low",
+        ),
+        ("deputy.mass_kg={kind:norm,mean:12,std:1}", "kind is 'norm'; it must be one of normal, uniform"),
+        ("deputy.mass_kg={kind:uniform,low:2,high:1}", "low is 2 and .*high 1; the first must be less"),
+        ("deputy.mass_kg={kind:normal,mean:12,std:1,low:25}", "more than eight standard deviations beside"),
+        (
+            "deputy.mass_kg={kind:normal,mean:12,std:1,correlation_s:60}",
+            "deputy.mass_kg does not vary within a flight, as actuators.misalignment_deg, .* may; leave",
+        ),
+        (
+            "actuators.scale_error={kind:normal,mean:0,std:0.1,correlation_s:60}",
+            "actuators.scale_error counts only with actuators.kind=real",
+        ),
+        ("dynamics.drag_m_s2={kind:uniform,low:0,high:1,correlation_s:0}", "correlation_s is 0; it must be"),
+        (
+            "navigation.noise_m={kind:normal,mean:1,std:1,correlation_s:60}",
+            "navigation.noise_m is a standard deviation, so that low must be at least 0",
+        ),
+    ],
+)
+def test_dispersions_that_cannot_be(told: str, message: str) -> None:
+    with pytest.raises(SettingError, match=message):
+        composed("dynamics=two_body", "navigation=fixes", f"+dispersions.{told}")
+
+
+@pytest.mark.slow
+def test_a_draw_that_cannot_be_names_its_cure() -> None:
+    experiment = composed("+dispersions.deputy.mass_kg={kind:normal,mean:0.1,std:1.0}")
+    scenarios = evaluation_scenarios(experiment.monte_carlo, experiment.sun, experiment.seed)
+    impossible = next(one for one in scenarios if drawn(experiment.mission, one)[0][1] < 0.0)
+    with pytest.raises(SettingError, match=r"a case draws what cannot be: deputy.mass_kg is -.*truncate"):
+        mission_of_case(experiment.mission, impossible)
+
+
+@pytest.mark.slow
+def test_training_does_not_fly_dispersions() -> None:
+    with pytest.raises(SettingError, match="stages has train, and dispersions are given"):
+        compose_experiment(["+experiment=train", MASS])

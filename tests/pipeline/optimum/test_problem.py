@@ -1,13 +1,24 @@
 """A case as linear algebra agrees with the simulator."""
 
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
+from scipy.optimize import linprog
 
 from pipeline.flight.cases.starts import evaluation_scenarios
-from pipeline.optimum.plan import solve
-from pipeline.optimum.polish import _rows
+from pipeline.optimum.bound import can_cover, delta_v_bound, price_pair, sample_costs, slopes_of, unavoidable
+from pipeline.optimum.plan import num_agreeing, solve
+from pipeline.optimum.polish import (
+    LEAST_FORCE,
+    NEAR_MARGIN,
+    PRICE_OF_SLACK,
+    _rows,
+    choose,
+    least_forces,
+    step,
+)
 from pipeline.optimum.problem import flown, margins_along, path_of, seen_as
 from pipeline.optimum.search import NEVER, PLANS, PRICE_OF_DISTANCE, PRICE_OF_HEIGHT, price_burns
 from tests.pipeline.optimum.cases import composed, problem, random_forces
@@ -160,3 +171,207 @@ def test_rows_are_the_slopes_of_what_is_demanded():
             for row, quantity in zip(rows, (height, distance), strict=True):
                 slope = (quantity(forces + change) - quantity(forces - change)) / (2 * step)
                 assert row[3 * place + axis] == pytest.approx(slope, rel=1e-5, abs=1e-6)
+
+
+SHORT = "duration_s=400.0"
+
+
+def least_by_linear_program(case, demands) -> float:
+    """Return what several (point, sample) demands take, m/s, limits aside."""
+    rows, missing = [], []
+    for point, k in demands:
+        normal = case.normals[k, :, point]
+        slopes = np.zeros((case.num_controls, 3))
+        for i in range(k):
+            slopes[i] = normal @ case.gain[k - i]
+        rows.append(np.r_[-slopes.ravel(), slopes.ravel()])
+        missing.append(normal @ case.free[k] - case.radius)
+    solved = linprog(np.full(len(rows[0]), case.delta_v_per_force), A_ub=np.array(rows), b_ub=missing)
+    return solved.fun if solved.status == 0 else np.inf
+
+
+def test_one_point_takes_what_the_linear_program_says():
+    case = problem(0, SHORT)
+    costs = sample_costs(case)
+    assert np.array_equal(np.isinf(costs.min(axis=0)), ~case.is_lit.any(axis=0))
+    alone = np.where(np.isinf(costs.min(axis=0)), -1.0, costs.min(axis=0))
+    hardest = int(alone.argmax())
+    lit = np.flatnonzero(case.is_lit[1:, hardest]) + 1
+    least = min(least_by_linear_program(case, [(hardest, int(k))]) for k in lit)
+    assert least > 0
+    assert alone[hardest] == pytest.approx(least, rel=1e-7)
+
+
+def test_so_many_points_as_are_never_lit_cannot_be_seen():
+    case = problem(0, SHORT)
+    ever = int(case.is_lit.any(axis=0).sum())
+    assert np.isfinite(delta_v_bound(case, ever))
+    assert np.isinf(delta_v_bound(case, ever + 1))
+
+
+def test_a_pair_takes_no_more_than_the_linear_program_says_and_nearly_as_much():
+    case = problem(1, "duration_s=160.0")
+    costs = sample_costs(case)
+    finite = np.where(np.isinf(costs.min(axis=0)), -1.0, costs.min(axis=0))
+    one = int(finite.argmax())
+    # the other as far round as there is one that is lit and unseen
+    other = int(np.where(finite > 0.0, case.normals[0, :, one] @ case.normals[0], 2.0).argmin())
+    weights = np.linspace(0.0, np.pi / 2, 41)
+    missing = (case.radius - np.einsum("ka,kaj->kj", case.free, case.normals)) * case.delta_v_per_force
+    pair = price_pair(
+        *(slopes_of(case.gain, np.ascontiguousarray(case.normals[:, :, j])) for j in (one, other)),
+        *(np.ascontiguousarray(missing[:, j]) for j in (one, other)),
+        *(np.ascontiguousarray(costs[:, j]) for j in (one, other)),
+        weights,
+        np.inf,
+    )
+    when = [np.flatnonzero(case.is_lit[1:, j]) + 1 for j in (one, other)]
+    true = min(least_by_linear_program(case, [(one, k), (other, m)]) for k, m in product(*when))
+    assert max(finite[one], finite[other]) <= pair <= true * (1 + 1e-9)
+    assert pair >= 0.98 * true
+
+
+def test_edges_are_covered_by_vertices():
+    triangle = [(0, 1), (1, 2), (0, 2)]
+    assert not can_cover(triangle, 1)
+    assert can_cover(triangle, 2)
+    assert can_cover([(3, 3)], 1)
+    assert not can_cover([(3, 3), (4, 4)], 1)
+    assert can_cover([], 0)
+
+
+def test_what_is_left_when_the_worst_are_let_go():
+    takes = {(0, 0): 1.0, (1, 1): 2.0, (2, 2): 3.0, (0, 1): 5.0, (1, 2): 6.0, (0, 2): 3.0}
+    assert unavoidable(takes, 0) == 6.0
+    assert unavoidable(takes, 1) == 3.0
+    assert unavoidable(takes, 2) == 1.0
+    assert unavoidable(takes, 3) == 0.0
+
+
+def test_pairs_raise_the_bound_and_the_ceiling_holds():
+    case = problem(1, "sun=random")
+    alone = np.sort(sample_costs(case).min(axis=0))[94]
+    bound = delta_v_bound(case, 95)
+    assert 1.1 * alone < bound < np.inf
+    ceiling = 0.5 * (alone + bound)
+    assert delta_v_bound(case, 95, ceiling) == pytest.approx(ceiling, rel=1e-8)
+
+
+FUEL, MAX_FORCE = 0.8, 1.0
+
+
+@pytest.mark.parametrize("presolves", [True, False])
+@pytest.mark.parametrize(("num_rows", "num_forces"), [(1, 1), (5, 12), (40, 9)])
+def test_solutions_are_those_of_scipy(num_rows, num_forces, presolves):
+    generator = np.random.default_rng(num_rows)
+    rows = generator.normal(0.0, 50.0, (num_rows, num_forces))
+    rows[generator.random(rows.shape) < 0.3] = 0.0
+    most = generator.normal(-10.0, 20.0, num_rows)
+    found = least_forces(rows, most, FUEL, MAX_FORCE, presolves=presolves)
+    parts = [(0.0, MAX_FORCE)] * (2 * num_forces)
+    expected = linprog(
+        np.r_[np.full(2 * num_forces, FUEL), np.full(num_rows, PRICE_OF_SLACK)],
+        A_ub=np.hstack([rows, -rows, -np.eye(num_rows)]),
+        b_ub=most,
+        bounds=[*parts, *[(0.0, None)] * num_rows],
+    )
+    forces = expected.x[:num_forces] - expected.x[num_forces : 2 * num_forces]
+    np.testing.assert_allclose(found.forces, forces, atol=2 * LEAST_FORCE)
+    assert found.slack == pytest.approx(expected.x[2 * num_forces :].sum(), abs=1e-9)
+    np.testing.assert_allclose(found.prices, -expected.ineqlin.marginals, atol=1e-12)
+
+
+def test_of_two_forces_the_one_that_leads_further_is_fired():
+    found = least_forces(np.array([[-20.0, 40.0]]), np.array([-10.0]), FUEL, MAX_FORCE, presolves=False)
+    assert found.forces.tolist() == [0.0, -0.25]
+    assert found.slack == 0.0
+    # a metre more takes 1/40 N more
+    assert found.prices == pytest.approx([FUEL / 40.0])
+
+
+def test_what_no_force_reaches_is_missed_at_its_price():
+    found = least_forces(np.array([[-20.0]]), np.array([-50.0]), FUEL, MAX_FORCE, presolves=True)
+    assert found.forces.tolist() == [MAX_FORCE]
+    assert found.slack == pytest.approx(30.0)
+    assert found.prices == pytest.approx([PRICE_OF_SLACK])
+
+
+@pytest.mark.parametrize(
+    ("slope", "most", "max_force"),
+    [(np.inf, -10.0, 1.0), (1.0, np.nan, 1.0), (1.0, -10.0, -1.0)],
+    ids=["infinite slope", "no bound", "no force within its limits"],
+)
+def test_a_program_without_a_solution_gives_none(slope, most, max_force):
+    assert least_forces(np.array([[slope]]), np.array([most]), FUEL, max_force, presolves=False) is None
+
+
+NEEDED = 70
+
+
+@pytest.fixture(scope="module")
+def steps():
+    case = problem(1, "attitude=ideal")
+    prices, forces, found = np.zeros(case.num_points), random_forces(case.num_controls, 0.05), []
+    for _ in range(8):
+        found.append(step(case, forces, NEEDED, prices, 6))
+        forces, prices = found[-1].forces, found[-1].prices
+    return case, [each for each in found if each.is_feasible]
+
+
+def test_from_a_feasible_plan_fuel_never_rises(steps):
+    _, feasible = steps
+    assert len(feasible) >= 4
+    spent = np.array([each.delta_v for each in feasible])
+    assert np.all(np.diff(spent) <= 1e-7)
+    assert spent[-1] < 0.98 * spent[0]
+
+
+def test_every_feasible_step_meets_what_is_asked(steps):
+    case, feasible = steps
+    for each in feasible:
+        path = path_of(case, each.forces)
+        distances = np.linalg.norm(path[1:], axis=1)
+        assert (margins_along(case, path).max(axis=0) >= 0.0).sum() >= NEEDED
+        assert distances.min() >= 15.0 + 0.99 * NEAR_MARGIN
+        assert distances.max() <= 200.0
+        assert np.abs(each.forces).max() <= 1.0
+        assert np.all(each.forces[np.arange(case.num_controls) % 6 != 0] == 0.0)
+
+
+def test_a_wall_in_the_way_is_kept_out_of():
+    deputy = replace(problem(0).mission.deputy, min_distance_m=60.0)
+    case = problem(0, "attitude=ideal")
+    case = replace(case, mission=replace(case.mission, deputy=deputy))
+    forces = np.zeros((case.num_controls, 3))
+    assert np.linalg.norm(path_of(case, forces), axis=1).min() < 60.0
+    prices = np.zeros(case.num_points)
+    for _ in range(8):
+        done = step(case, forces, 40, prices, 6)
+        forces, prices = done.forces, done.prices
+    assert done.is_feasible
+    assert np.linalg.norm(path_of(case, forces)[1:], axis=1).min() >= 60.0
+
+
+def test_of_more_points_than_needed_the_costly_go():
+    best, prices = np.array([1.0, 0.0, 2.0, 0.5, -1.0]), np.array([0.0, 3.0, 0.0, 1.0, 0.0])
+    assert choose(best, 2, prices).tolist() == [2, 0]
+    assert choose(best, 3, prices).tolist() == [2, 0, 3]
+    assert choose(best, 5, prices).tolist() == [2, 0, 3, 1, 4]
+
+
+def test_restarts_agree_within_a_thousandth():
+    assert num_agreeing(np.array([0.2, 0.2009, 0.1999, 0.21])) == 3
+    assert num_agreeing(np.array([np.inf, np.inf])) == 0
+
+
+@pytest.mark.slow
+def test_easy_cases_end_after_the_least_restarts_and_cost_no_less_than_the_bound(monkeypatch):
+    monkeypatch.setattr("pipeline.optimum.plan.LEAST_RESTARTS", 3)
+    run = composed("optimum.points=60", "optimum.kicks=1")
+    experiment = run.experiment
+    scenario = evaluation_scenarios(experiment.monte_carlo, experiment.sun, experiment.seed)[1]
+    plan = solve(experiment.mission, scenario, experiment.optimum, np.random.SeedSequence(5))
+    assert plan.flight.is_feasible(60)
+    assert len(plan.restart_delta_v) == 3
+    assert np.all(np.diff(plan.restart_delta_v) >= 0)
+    assert plan.bound <= plan.flight.delta_v <= plan.restart_delta_v[0] + 1e-3

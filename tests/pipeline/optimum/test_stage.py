@@ -9,13 +9,16 @@ from pipeline.command_line.cli import main
 from pipeline.controllers import source
 from pipeline.evaluation.monte_carlo import fly_cases
 from pipeline.flight.cases.starts import evaluation_scenarios, given_start
-from pipeline.optimum.solved import summarise
+from pipeline.flight.control.controller import open_loop
+from pipeline.flight.fly.simulation import fly_all
+from pipeline.flight.state.log import Scenario
+from pipeline.optimum.bound import delta_v_bound
+from pipeline.optimum.problem import problem_of
+from pipeline.optimum.solved import HARDER_FOLDERS, SHIPPED_FOLDERS, summarise
 from pipeline.run import artifacts, tables
 from pipeline.run.runner import run_stages
 from pipeline.settings.experiment import SettingError
 from tests.pipeline.optimum.cases import composed
-
-pytestmark = pytest.mark.slow
 
 SMALL = ("optimum.points=60", "optimum.restarts=2", "optimum.kicks=1", "sun=random")
 
@@ -35,6 +38,7 @@ def plans_in(folder: Path) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in sorted((folder / artifacts.OPTIMUM_PLANS).iterdir())}
 
 
+@pytest.mark.slow
 def test_plans_fly_as_the_table_says(folder):
     experiment = composed(*SMALL).experiment
     cases = tables.read_parquet(folder, artifacts.OPTIMUM_CASES)
@@ -59,6 +63,7 @@ def test_plans_fly_as_the_table_says(folder):
         assert cases["delta_v_bound_m_s"][case] <= cases["delta_v_m_s"][case]
 
 
+@pytest.mark.slow
 def test_the_forces_of_all_cases_are_in_one_table(folder):
     lines = (folder / artifacts.OPTIMUM_FORCES).read_text().splitlines()
     assert lines[0] == "case,time_s,force_x_n,force_y_n,force_z_n"
@@ -70,10 +75,12 @@ def test_the_forces_of_all_cases_are_in_one_table(folder):
     assert np.abs(rows[:, 2:]).max(axis=1).min() > 0
 
 
+@pytest.mark.slow
 def test_the_number_of_workers_changes_nothing(folder, tmp_path):
     assert plans_in(solved(tmp_path, *SMALL, "optimum.workers=2")) == plans_in(folder)
 
 
+@pytest.mark.slow
 def test_cases_that_are_there_are_kept_and_others_are_made_again(folder, tmp_path, capsys):
     plans, table = plans_in(folder), (folder / artifacts.OPTIMUM_CASES).read_bytes()
     (tmp_path / artifacts.OPTIMUM_PLANS).mkdir(parents=True)
@@ -85,6 +92,7 @@ def test_cases_that_are_there_are_kept_and_others_are_made_again(folder, tmp_pat
     assert (tmp_path / artifacts.OPTIMUM_CASES).read_bytes() == table
 
 
+@pytest.mark.slow
 def test_cases_of_other_starts_are_not_kept(folder, tmp_path, capsys):
     (tmp_path / artifacts.OPTIMUM_PLANS).mkdir(parents=True)
     (tmp_path / artifacts.OPTIMUM_CASES).write_bytes((folder / artifacts.OPTIMUM_CASES).read_bytes())
@@ -94,6 +102,7 @@ def test_cases_of_other_starts_are_not_kept(folder, tmp_path, capsys):
     assert "are there already" not in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_where_time_is_too_short_the_best_there_is_is_kept_and_not_called_a_plan(tmp_path, capsys):
     solved(
         tmp_path,
@@ -115,6 +124,7 @@ def test_where_time_is_too_short_the_best_there_is_is_kept_and_not_called_a_plan
     assert (tmp_path / artifacts.OPTIMUM_PLANS / "case-0000.csv").exists()
 
 
+@pytest.mark.slow
 def test_more_points_than_there_are_are_refused_before_a_folder_is_made(tmp_path, capsys):
     words = ["+experiment=optimum", "optimum.points=100", f"hydra.run.dir={tmp_path / 'run'}"]
     assert main(words) == 2
@@ -134,6 +144,7 @@ def row(**changes):
     } | changes
 
 
+@pytest.mark.slow
 def test_the_summary_counts_feasible_cases_alone():
     summary = summarise([row(), row(delta_v_m_s=0.4, restarts_agreeing=1), row(is_feasible=False)])
     assert (summary["num_cases"], summary["num_feasible"], summary["cases_found_more_than_once"]) == (3, 2, 1)
@@ -142,6 +153,7 @@ def test_the_summary_counts_feasible_cases_alone():
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("override", "told"),
     [
@@ -153,3 +165,40 @@ def test_what_cannot_be_asked_is_refused_in_a_sentence(override, told):
     with pytest.raises(SettingError) as refused:
         composed(override)
     assert told in str(refused.value)
+
+
+FOLDERS = [(folder, 95) for folder in SHIPPED_FOLDERS.values()]
+FOLDERS += [
+    (folder, points)
+    for harder in HARDER_FOLDERS.values()
+    for folder, points in zip(harder, (98, 99), strict=True)
+]
+
+
+@pytest.mark.parametrize(("folder", "asked"), FOLDERS, ids=lambda value: getattr(value, "name", value))
+def test_every_plan_flies_as_its_table_says(folder, asked):
+    mission = composed().experiment.mission
+    assert mission.attitude.mode == "flown"
+    cases = tables.read_parquet(folder, artifacts.OPTIMUM_CASES)
+    fired = np.genfromtxt(folder / artifacts.OPTIMUM_FORCES, delimiter=",", skip_header=1)
+    for row, case in enumerate(cases["case"].tolist()):
+        forces = np.zeros((mission.num_controls, 3))
+        own = fired[fired[:, 0] == case]
+        forces[np.rint(own[:, 1] / mission.control_period_s).astype(int)] = own[:, 2:]
+        position = np.array([cases[f"position_{axis}_m"][row] for axis in "xyz"])
+        start = Scenario(position, np.zeros(3), float(cases["sun_angle_rad"][row]))
+        outcome = fly_all(mission, open_loop("plan", forces), [start], workers=1)
+        assert outcome.delta_v_m_s[0] == pytest.approx(cases["delta_v_m_s"][row], rel=1e-9)
+        assert outcome.inspected_count[0] == cases["inspected_count"][row] >= asked
+        assert not outcome.is_violated[0]
+    assert cases["is_feasible"].all()
+    assert len(cases["case"]) == 50
+
+
+def test_bounds_in_the_table_are_those_of_the_cases():
+    cases = tables.read_parquet(SHIPPED_FOLDERS["random"], artifacts.OPTIMUM_CASES)
+    position = np.array([cases[f"position_{axis}_m"][3] for axis in "xyz"])
+    start = Scenario(position, np.zeros(3), float(cases["sun_angle_rad"][3]))
+    problem = problem_of(composed().experiment.mission, start)
+    bound = delta_v_bound(problem, 95, float(cases["delta_v_m_s"][3]))
+    assert bound == pytest.approx(cases["delta_v_bound_m_s"][3], rel=1e-9)

@@ -1,7 +1,17 @@
 import numpy as np
 import pytest
 
-from pipeline.physics.illumination import ASTRONOMICAL_UNIT_M, sun_angle, sun_direction_h
+from pipeline.flight.world.surface import fibonacci_placement, regular_placement
+from pipeline.physics.illumination import (
+    ASTRONOMICAL_UNIT_M,
+    EARTH_RADIUS_M,
+    SUN_RADIUS_M,
+    least_sun_height,
+    orbit_radius,
+    sun_angle,
+    sun_direction_h,
+    visible_share,
+)
 from pipeline.physics.sight import fits_from, is_facing, is_in_cone, is_lit, sight_of
 from tests.pipeline.physics.conditions import is_in_view
 
@@ -60,3 +70,130 @@ def test_from_afar_the_whole_chief_fits_into_the_field_of_view():
     horizon = np.arccos(RADIUS / distance) - 1e-9
     assert sees(horizon, 1.0001 * distance, half_angle)
     assert not sees(horizon, 0.99 * distance, half_angle)
+
+
+ORBIT_M = orbit_radius(MEAN_MOTION)
+
+
+def integrated_share(sun_h: np.ndarray) -> float:
+    """Rays from the chief to a fine lattice on the Sun's disc, each missing the Earth's sphere or not."""
+    reach = SUN_RADIUS_M / ASTRONOMICAL_UNIT_M
+    ticks = np.linspace(-1.0, 1.0, 501)
+    u, v = np.meshgrid(ticks, ticks)
+    inside = u**2 + v**2 <= 1.0
+    across = np.linalg.svd(sun_h[np.newaxis])[2][1:]
+    rays = sun_h + reach * (u[inside, np.newaxis] * across[0] + v[inside, np.newaxis] * across[1])
+    rays /= np.linalg.norm(rays, axis=1)[:, np.newaxis]
+    # the chief is at ORBIT_M along i from the Earth's centre
+    along = ORBIT_M * rays[:, 0]
+    misses = (along > 0.0) | (ORBIT_M**2 - along**2 > EARTH_RADIUS_M**2)
+    return float(np.mean(misses))
+
+
+@pytest.mark.slow
+def test_the_orbit_of_the_paper_is_500_km_high() -> None:
+    assert pytest.approx(EARTH_RADIUS_M + 500e3, abs=500.0) == ORBIT_M
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("elevation", [0.0, 0.6, -1.1])
+def test_the_penumbra_is_that_of_rays_to_the_suns_disc(elevation: float) -> None:
+    edge = np.arccos(-np.sqrt(1.0 - (EARTH_RADIUS_M / ORBIT_M) ** 2) / np.cos(elevation))
+    shares = []
+    for angle in edge + np.linspace(-0.05, 0.05, 21):
+        sun_h = sun_direction_h(angle, elevation)
+        shares.append(visible_share(sun_h, ORBIT_M))
+        assert shares[-1] == pytest.approx(integrated_share(sun_h), abs=2e-3)
+    assert max(shares) == 1.0
+    assert min(shares) == 0.0
+    assert any(0.1 < share < 0.9 for share in shares)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("min_share", [0.1, 0.5, 1.0])
+def test_one_height_of_the_sun_tells_light_from_shadow(min_share: float) -> None:
+    least = least_sun_height(ORBIT_M, min_share)
+    for angle in (np.arccos(least) - 1e-6, np.arccos(least) + 1e-6):
+        share = visible_share(sun_direction_h(angle), ORBIT_M)
+        assert (share >= min_share) == (np.cos(angle) >= least)
+        assert share == pytest.approx(min_share, abs=2e-4)
+    assert least_sun_height(ORBIT_M, 0.0) == -2.0
+
+
+@pytest.mark.slow
+def test_eclipses_last_as_long_as_they_are_published_to() -> None:
+    """37.8 % of a 500 km orbit in its Sun's plane; none for a Sun more than 68 deg above it."""
+    angles = np.linspace(0.0, 2.0 * np.pi, 20_001)
+    least = least_sun_height(ORBIT_M, 0.5)
+    assert np.mean(np.cos(angles) < least) == pytest.approx(0.378, abs=0.0005)
+    closed_form = np.arcsin(EARTH_RADIUS_M / ORBIT_M) / np.pi  # a cylinder's shadow
+    assert np.mean(np.cos(angles) < least) == pytest.approx(closed_form, abs=0.001)
+    highest = np.degrees(np.arccos(-least))
+    assert highest == pytest.approx(68.0, abs=0.1)
+    assert visible_share(sun_direction_h(np.pi, np.radians(68.5)), ORBIT_M) == 1.0
+    assert visible_share(sun_direction_h(np.pi, np.radians(67.5)), ORBIT_M) == 0.0
+
+
+@pytest.mark.slow
+def test_a_small_earth_far_away_makes_a_ring_of_the_sun() -> None:
+    far = 2.5e9
+    ratio = np.arcsin(EARTH_RADIUS_M / far) / np.arcsin(SUN_RADIUS_M / ASTRONOMICAL_UNIT_M)
+    assert visible_share(np.array([-1.0, 0.0, 0.0]), far) == pytest.approx(1.0 - ratio**2, rel=1e-6)
+
+
+RINGS = [3, 9, 13, 16, 17, 16, 13, 9, 3]
+
+
+@pytest.fixture(scope="module")
+def points():
+    return regular_placement(100, 10.0)
+
+
+def smallest_distances(points):
+    distances = np.linalg.norm(points[:, None] - points[None], axis=2)
+    np.fill_diagonal(distances, np.inf)
+    return distances.min(axis=1)
+
+
+def test_asking_for_100_gives_99_on_the_sphere(points):
+    assert points.shape == (99, 3)
+    np.testing.assert_allclose(np.linalg.norm(points, axis=1), 10.0, rtol=1e-15)
+
+
+def test_rings_lie_from_plus_k_to_minus_k(points):
+    start = 0
+    for ring, size in enumerate(RINGS):
+        height = points[start : start + size, 2]
+        np.testing.assert_allclose(height, 10.0 * np.cos(np.radians(10 + 20 * ring)), atol=1e-14)
+        start += size
+    assert start == len(points)
+
+
+def test_a_ring_runs_from_plus_i_towards_plus_j(points):
+    start = 0
+    for size in RINGS:
+        azimuth = np.degrees(np.arctan2(points[start : start + size, 1], points[start : start + size, 0]))
+        np.testing.assert_allclose(azimuth % 360.0, 360.0 * np.arange(size) / size, atol=1e-12)
+        start += size
+
+
+@pytest.mark.parametrize("wanted", [1, 2, 10, 50, 250, 1000])
+def test_about_as_many_points_as_asked_for(wanted):
+    points = regular_placement(wanted, 2.0)
+    assert abs(len(points) - wanted) <= max(2, 0.06 * wanted)
+    np.testing.assert_allclose(np.linalg.norm(points, axis=1), 2.0, rtol=1e-15)
+
+
+@pytest.mark.parametrize("wanted", [1, 7, 100])
+def test_fibonacci_gives_exactly_as_many(wanted):
+    points = fibonacci_placement(wanted, 10.0)
+    assert points.shape == (wanted, 3)
+    np.testing.assert_allclose(np.linalg.norm(points, axis=1), 10.0, rtol=1e-15)
+
+
+def test_fibonacci_points_are_evenly_spaced_with_none_on_a_pole():
+    points = fibonacci_placement(100, 10.0)
+    side = 10.0 * np.sqrt(4.0 * np.pi / 100)
+    assert smallest_distances(points).min() > 0.8 * side
+    assert np.all(np.diff(points[:, 2]) < 0.0)
+    np.testing.assert_allclose(points.mean(axis=0), 0.0, atol=0.02)

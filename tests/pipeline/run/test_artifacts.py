@@ -3,12 +3,21 @@
 import hashlib
 import json
 import subprocess
+import tracemalloc
+from pathlib import Path
 
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 import yaml
 
-from pipeline.run import artifacts, maker
+from fis_tools.errors import ControllerFileError
+from fis_tools.source import read_controller
+from pipeline.run import artifacts, maker, tables
 from pipeline.run.artifacts import ArtifactError
+from telemetry import RecordingError
+from telemetry.scene import runs
 from tests.pipeline.command_line.cases import plain_config
 
 
@@ -126,3 +135,137 @@ def test_a_key_that_is_no_text_is_refused():
     for content in (b"1: 2\na: 3", b"a: [{on: 3}]"):
         with pytest.raises(ValueError, match="is no text; write it in quotes"):
             artifacts.parse_config(content)
+
+
+def test_columns_come_back_as_they_were(tmp_path: Path) -> None:
+    columns = {
+        "count": np.arange(3),
+        "single": np.array([0.1, np.nan, -0.0], dtype=np.float32),
+        "exact": np.array([0.1, np.nextafter(1.0, 2.0), 5e-324]),
+        "is_so": np.array([True, False, True]),
+        "word": ["a", "ü", ""],
+    }
+    tables.write_parquet(tmp_path / "sub" / "table.parquet", columns)
+    found = tables.read_parquet(tmp_path, "sub/table.parquet")
+    assert list(found) == list(columns)
+    for name, values in columns.items():
+        np.testing.assert_array_equal(found[name], values)
+        assert name == "word" or found[name].dtype == np.asarray(values).dtype
+
+
+def test_a_matrix_becomes_a_list_a_row(tmp_path: Path) -> None:
+    rows = np.random.default_rng(1).random((3, 4))
+    tables.write_parquet(tmp_path / "table.parquet", {"genome": rows})
+    np.testing.assert_array_equal(np.stack(tables.read_parquet(tmp_path, "table.parquet")["genome"]), rows)
+
+
+@pytest.mark.parametrize("kept", [0, 10, -20])
+def test_a_cut_table_is_refused(kept: int, tmp_path: Path) -> None:
+    path = tmp_path / "table.parquet"
+    tables.write_parquet(path, {"count": np.arange(100)})
+    path.write_bytes(path.read_bytes()[:kept])
+    with pytest.raises(
+        ArtifactError, match=r"table.parquet cannot be read .*; repeat the stage that writes it"
+    ):
+        tables.read_parquet(tmp_path, "table.parquet")
+
+
+def test_a_missing_table_is_told_with_the_stage_that_writes_it(tmp_path: Path) -> None:
+    with pytest.raises(
+        ArtifactError, match=r"has no evaluate/episodes.parquet; the stage evaluate writes it"
+    ):
+        tables.read_parquet(tmp_path, "evaluate/episodes.parquet")
+
+
+def test_numbers_in_csv_read_back_to_the_same_bits(tmp_path: Path) -> None:
+    numbers = [0.1 + 0.2, 1e-310, 1.7976931348623157e308, -0.0, np.float64(1.0) / 3.0]
+    tables.write_csv(tmp_path / "table.csv", ["name", "value"], [[f"n{i}", x] for i, x in enumerate(numbers)])
+    lines = (tmp_path / "table.csv").read_bytes().decode().split("\n")
+    assert lines[0] == "name,value"
+    assert lines[-1] == ""
+    assert [float(line.split(",")[1]).hex() for line in lines[1:-1]] == [float(x).hex() for x in numbers]
+
+
+@pytest.mark.parametrize("cuts", [(4,), (1, 2, 3), (10, 20, 23), (7, 14)])
+def test_a_table_in_parts_becomes_the_bytes_of_one_written_whole(cuts, tmp_path, monkeypatch):
+    monkeypatch.setattr(tables, "GROUP_ROWS", 5)
+    columns = {"case": np.arange(23), "cost": np.linspace(0.0, 1.0, 23), "at": np.ones((23, 3))}
+    tables.write_parquet(tmp_path / "whole", columns)
+    bounds = [0, *cuts, 23]
+    parts = [tmp_path / f"part-{first}" for first in bounds[:-1]]
+    for part, first, last in zip(parts, bounds, bounds[1:], strict=False):
+        tables.write_parquet(part, {name: column[first:last] for name, column in columns.items()})
+    tables.join_parquet(tmp_path / "joined", parts)
+    assert (tmp_path / "joined").read_bytes() == (tmp_path / "whole").read_bytes()
+    assert pq.read_metadata(tmp_path / "joined").num_row_groups == 5
+
+
+BILLION = b"a0: &a0 [x, x, x, x, x, x, x, x, x]\n" + b"".join(
+    b"a%d: &a%d [%s]\n" % (level, level, b", ".join([b"*a%d" % (level - 1)] * 9)) for level in range(1, 9)
+)
+TRACK = {"case": [0, 0], "sample": [0, 1], **{f"position_{axis}_m": [0.0, 1.0] for axis in "xyz"}}
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (BILLION, r"it has an alias \(\*\)"),
+        (b"a: " + b"[" * 100_000, "nested more than 64 deep"),
+        (b"#" * 3_000_000, "it has 3000000 bytes, and at most"),
+        (b"\xff\xfe\x00", "cannot be read"),
+        (b"a: 99-99-99T\nb: 2001-99-99\n", "cannot be read"),
+    ],
+)
+def test_configurations(content, message, tmp_path):
+    (tmp_path / artifacts.CONFIG).write_bytes(content)
+    tracemalloc.start()
+    with pytest.raises(artifacts.ArtifactError, match=message):
+        artifacts.read_config(tmp_path)
+    assert tracemalloc.get_traced_memory()[1] < 50e6
+    tracemalloc.stop()
+
+
+def test_deep_manifests(tmp_path):
+    (tmp_path / artifacts.CONFIG).write_text("a: 1\n")
+    (tmp_path / artifacts.MANIFEST).write_text("[" * 100_000)
+    with pytest.raises(artifacts.ArtifactError, match=r"manifest\.json cannot be read"):
+        artifacts.read_manifest(tmp_path)
+    with pytest.raises(RecordingError, match=r"manifest\.json cannot be read"):
+        runs.file_of(tmp_path, "champion")
+
+
+@pytest.mark.parametrize("name", ["../secret.json", "/etc/passwd"])
+def test_a_manifest_leads_nowhere_else(name, tmp_path):
+    (tmp_path / artifacts.MANIFEST).write_text(json.dumps({"files": {"champion": name}}))
+    with pytest.raises(RecordingError, match="lies outside the folder"):
+        runs.file_of(tmp_path, "champion")
+    with pytest.raises(ControllerFileError, match="names a champion outside the folder"):
+        read_controller(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("column", "values", "message"),
+    [
+        ("sample", ["a", "b"], "no column sample of numbers without gaps"),
+        ("sample", [0, None], "no column sample of numbers without gaps"),
+        ("sample", [0.0, float("nan")], "no whole numbers in its column sample"),
+        ("sample", [0, 2**62], "does not hold whole trajectories"),
+        ("position_x_m", [[1.0], [2.0]], "no column position_x_m of numbers"),
+        ("case", [{"a": 1}, {"a": 2}], "no column case of numbers"),
+    ],
+)
+def test_tables_of_other_types(column, values, message, tmp_path):
+    path = tmp_path / "trajectories.parquet"
+    pq.write_table(pa.table({**TRACK, column: values}), path)
+    with pytest.raises(RecordingError, match=message):
+        runs.read_evaluation(path)
+
+
+def test_a_table_that_unpacks_to_more_than_is_read(tmp_path, monkeypatch):
+    monkeypatch.setattr(runs, "MOST_BYTES", 10_000_000)
+    path = tmp_path / "trajectories.parquet"
+    zeros = pa.array(np.zeros(2_000_000, dtype=np.int64))
+    pq.write_table(pa.table(dict.fromkeys(TRACK, zeros)), path, compression="zstd", use_dictionary=True)
+    assert path.stat().st_size < 100_000
+    with pytest.raises(RecordingError, match=r"unpacks to .* bytes; at most"):
+        runs.read_evaluation(path)

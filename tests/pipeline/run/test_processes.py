@@ -16,7 +16,7 @@ from distributed import Client
 from distributed.comm import connect, listen
 from distributed.security import Security
 
-from pipeline.run import maker, processes
+from pipeline.run import maker, processes, progress
 from pipeline.run.engine import each
 from pipeline.run.processes import (
     EngineError,
@@ -25,8 +25,10 @@ from pipeline.run.processes import (
     security_of,
     write_certificate,
 )
+from pipeline.run.progress import Progress
 from pipeline.settings.experiment import Engine
 from tests.hostile.kills import command, words_of
+from tests.places import PROJECT
 
 
 async def heard_by(listening: Security, speaking: Security | None) -> list[object]:
@@ -130,3 +132,83 @@ def test_an_interrupt_while_processes_start_ends_them(monkeypatch):
     with pytest.raises(KeyboardInterrupt):
         list(each(Engine(kind="dask", processes=1), maker.sources_hash, [()]))
     assert [cluster.status.name for cluster in started] == ["closed"]
+
+
+PROGRAM = """
+import os, signal
+from pipeline.run import interrupts
+class Lost:
+    def __del__(self):
+        os.kill(os.getpid(), signal.SIGINT)
+        sum(range(1000))
+signal.signal(signal.SIGINT, signal.default_int_handler)  # one that runs in the background ignores it
+interrupts.remember()
+said = "told"
+class Faulty:
+    def __del__(self):
+        raise ValueError(said)
+faulty = Faulty()
+del faulty
+try:
+    with interrupts.heeded():
+        lost = Lost()
+        del lost
+        print("went on")
+except KeyboardInterrupt:
+    print("interrupted")
+said = "not told"
+half_made = Faulty()
+del half_made
+"""
+
+
+def test_an_interrupt_lost_in_a_finalizer_ends_the_work_without_a_traceback():
+    command = [sys.executable, "-c", PROGRAM]
+    done = subprocess.run(command, cwd=PROJECT, capture_output=True, text=True, check=True)  # noqa: S603
+    assert done.stdout.split("\n")[-2] == "interrupted"
+    assert "KeyboardInterrupt" not in done.stderr
+    assert "ValueError: told" in done.stderr
+    assert "not told" not in done.stderr
+
+
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> list[float]:
+    """Seconds, as the test sets them."""
+    now = [100.0]
+    monkeypatch.setattr(progress.time, "perf_counter", lambda: now[0])
+    return now
+
+
+def test_lines_are_told_now_and_then_with_the_time_left(
+    clock: list[float], capsys: pytest.CaptureFixture[str]
+) -> None:
+    with Progress("solved", 10, done=2) as shown:
+        for done in (3, 4, 5, 9, 10):
+            clock[0] += 2.0
+            shown.show(done, f"case {done}")
+    # eight are left at the start: one in two seconds, then three in six, all in ten
+    assert capsys.readouterr().err.splitlines() == [
+        "  solved 3/10, case 3, 14 s left",
+        "  solved 9/10, case 9, 1 s left",
+        "  solved 10/10, case 10, 0 s left",
+    ]
+
+
+def test_what_was_done_before_is_counted_from_what_is_shown_first(
+    clock: list[float], capsys: pytest.CaptureFixture[str]
+) -> None:
+    with Progress("generation", 8) as shown:
+        clock[0] += 3.0
+        shown.show(5)
+    assert capsys.readouterr().err == "  generation 5/8, 9 s left\n"
+
+
+def test_a_terminal_shows_a_bar(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    monkeypatch.setenv("TTY_COMPATIBLE", "1")
+    with Progress("solved", 4, done=0) as shown:
+        shown.show(2, "case 1")
+    told = capsys.readouterr().err
+    assert "case 1" in told
+    assert "2/4" in told
+    assert "s left\n" not in told

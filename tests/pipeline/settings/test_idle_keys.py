@@ -1,13 +1,20 @@
 """A key that another setting makes idle does not exist: it is refused, told or passed over, never obeyed."""
 
+import re
+from dataclasses import replace
+
 import pytest
 import yaml
 
 from pipeline.command_line.cli import main
 from pipeline.command_line.config import compose_experiment
-from pipeline.settings.experiment import SettingError
+from pipeline.settings.experiment import Mission, Safety, SettingError
+from pipeline.settings.groups import value_at
+from pipeline.settings.reference import commented, descriptions, sections, tables
 from pipeline.settings.schema import completed, experiment_from, schema
 from tests.pipeline.command_line.cases import plain_config
+from tests.pipeline.flight.cases import mission
+from tests.pipeline.flight.guarded import EARLY, guarded
 
 FLY = ["+experiment=fly", "controller=coast"]
 
@@ -144,3 +151,93 @@ def test_a_configuration_holds_each_key_that_counts_and_no_other():
         for name in key.name.split("."):
             node = node.get(name, key) if isinstance(node, dict) else key
         assert (node is not key) == key.exists(config), key.name
+
+
+def test_every_key_and_group_has_a_meaning():
+    names = {*schema(), *tables()} - {""}
+    assert [name for name in names if not descriptions().get(name, "").endswith(".")] == []
+
+
+def test_a_row_says_default_unit_range_and_condition():
+    rows = sections().splitlines()
+    assert "`mass_kg` **d**|`12.0` kg|greater than 0|Mass." in rows
+    (row,) = (row for row in rows if row.startswith("`range_noise_m`"))
+    assert row.startswith("`range_noise_m` **t**|`0.1` m|greater than 0|Standard deviation of a range.")
+    assert row.endswith("Only with `navigation.measures=range_bearing`.")
+    assert "`num_points`|`100`|whole, from 1 to 10000|" in sections()
+
+
+def test_a_commented_configuration_reads_back_to_the_same_data():
+    config = plain_config("navigation=fixes", "+dispersions.deputy.mass_kg={kind:uniform,low:10,high:14}")
+    text = commented(config)
+    assert yaml.safe_load(text) == config
+    assert "  # Mass. (kg)\n  mass_kg: 12.0\n" in text
+
+
+def test_help_on_a_group_a_key_and_what_is_no_key(capsys):
+    assert main(["--help", "safety"]) == 0
+    assert (
+        "  safety.braking_force_n=0.8 N\n      Greatest force along each Hill axis" in capsys.readouterr().out
+    )
+    assert main(["--help", "sun.mode", "seed"]) == 0
+    told = capsys.readouterr().out
+    assert "(fixed, random, mixed)" in told
+    assert "  seed=1\n" in told
+    assert main(["--help", "deputy.mass"]) == 2
+    assert "did you mean deputy.mass_kg?" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("words", [["--help", "train_front"], ["+experiment=train_front", "--help"]])
+def test_help_on_an_experiment_shows_what_people_change_with_its_values(words, capsys):
+    assert main(words) == 0
+    told = capsys.readouterr().out
+    assert told.startswith("+experiment=train_front: Breed a front")
+    shown = re.findall(r"^  ([\w.]+)=(.*)$", told, re.MULTILINE)
+    assert len(shown) == 11  # the stages, and ten keys or groups
+    composed = compose_experiment(["+experiment=train_front", "controller=champion_27"]).config
+    values = {key: yaml.safe_load(value) for key, value in shown if value != "NAME"}
+    assert values == {key: value_at(composed, key) for key in values}
+    assert "optimizer.population_size" in values
+    assert "assurance.num_cases" not in values
+
+
+def composed(*overrides: str) -> Mission:
+    return compose_experiment(["+experiment=evaluate", "controller=coast", *overrides]).experiment.mission
+
+
+def test_the_options() -> None:
+    assert composed().safety.kind == "none"
+    assert mission().safety == Safety()
+    on, passive = composed("safety=filter"), composed("safety=passive")
+    assert (on.keep_out_m, on.keep_in_m) == (16.0, 198.0)
+    # one orbit is 2 pi / n = 5,677 s; otherwise the two are the same
+    assert passive.safety == replace(on.safety, passive_horizon_s=5677.0)
+    assert composed("safety=none") == replace(on, safety=replace(on.safety, kind="none"))
+
+
+MISTAKES = [
+    ({"keep_out_margin_m": 0.0}, {}, "safety.keep_out_margin_m is 0.0; it must be at least 0.001 (m)"),
+    ({"keep_out_margin_m": 190.0}, {}, "is 205.0 and deputy.max_distance_m less safety.keep_in_margin_m is"),
+    ({"braking_force_n": 1.1}, {}, "safety.braking_force_n is 1.1; it must be from 0 to 1 (N)"),
+    ({"braking_force_n": 0.008}, {}, "to stand still 198 m above the chief takes 0.00873 N; raise it"),
+    (
+        {"speed_distance_m": 100.0},
+        {},
+        "allow -0.172 m/s at the keep-out sphere (16 m); it must be at least 0",
+    ),
+    ({}, {"min_distance_m": 197.5}, "the first must be less than the second (m)"),
+]
+
+
+@pytest.mark.parametrize(("safety", "deputy", "message"), MISTAKES)
+def test_what_could_guard_nothing_is_refused(safety: dict, deputy: dict, message: str) -> None:
+    with pytest.raises(SettingError) as refusal:
+        guarded(replace(EARLY, **safety), deputy=deputy)
+    assert message in str(refusal.value)
+    assert "\n" not in str(refusal.value)
+
+
+def test_a_layer_that_is_off_refuses_no_limits() -> None:
+    """Its numbers count only where it is on: other missions need not fit them."""
+    off = replace(EARLY, kind="none")
+    assert guarded(off, deputy={"min_distance_m": 197.5}).safety == off

@@ -9,9 +9,13 @@ import pytest
 from fis_tools.formats import serialize
 from fis_tools.model import FuzzyController
 from pipeline.flight.control.controller import Controller, ControllerError, coast, from_fuzzy
+from pipeline.flight.state.log import Outcomes, points_needed
 from pipeline.flight.state.signals import CONSTANTS
+from pipeline.settings.experiment import Mission
 from pipeline.settings.training import Encoding
+from pipeline.training.fitness import fitness_parts, objectives
 from pipeline.training.genome import genome_of
+from tests.pipeline.training.evolution import cases
 from tests.pipeline.training.evolution.cases import ENCODING
 from tests.places import PROJECT
 
@@ -91,3 +95,120 @@ def test_a_population_of_a_controller_without_constants_carries_none() -> None:
     genome = genome_of(flown(PAPER), encoding())
     bare = replace(PAPER, attributes=(("force_axes", "body"),))
     assert genome.pack(genome.encode()[np.newaxis]).values.shape == flown(bare).numbers.values.shape
+
+
+#: from 15 to 200 m, with a success at 95 %
+MISSION = Mission()
+PENALTY = replace(cases.PENALTY, outside_m_s=1000.0, short_point_m_s=10.0, missed_point_m_s=0.5)
+
+
+def outcomes(delta_v: list[float], points: list[int], outside: list[float]) -> Outcomes:
+    """One controller's flights."""
+    distances = np.full((1, len(points)), 70.0)
+    return Outcomes(
+        delta_v_m_s=np.array([delta_v]),
+        inspected_count=np.array([points], dtype=np.int64),
+        inspectable_count=np.full((1, len(points)), 99),
+        mean_distance_m=distances,
+        min_distance_m=distances,
+        max_distance_m=distances,
+        outside_m=np.array([outside]),
+        safety_periods=np.zeros((1, len(points)), dtype=np.int64),
+        safety_delta_v_m_s=np.zeros((1, len(points))),
+    )
+
+
+@pytest.mark.parametrize(
+    ("num_points", "threshold_percent", "needed"),
+    [
+        (99, 95.0, 95),
+        (100, 95.0, 95),
+        (100, 95.5, 96),
+        (20, 95.0, 19),
+        (99, 100.0, 99),
+        (99, 0.0, 0),
+        (1, 50.0, 1),
+    ],
+)
+def test_the_least_number_of_points_that_reaches_the_threshold(
+    num_points: int, threshold_percent: float, needed: int
+) -> None:
+    assert points_needed(num_points, threshold_percent) == needed
+    assert needed == 0 or 100.0 * (needed - 1) / num_points < threshold_percent <= 100.0 * needed / num_points
+
+
+@pytest.mark.parametrize(
+    ("delta_v", "points", "outside_m", "fitness"),
+    [
+        (2.0, 99, 0.0, 2.0),
+        (2.0, 95, 0.0, 2.0 + 0.5 * 4),
+        (2.0, 94, 0.0, 2.0 + 10.0 + 0.5 * 5),
+        (2.0, 90, 0.0, 2.0 + 50.0 + 0.5 * 9),
+        (2.0, 99, 0.001, 2.0 + 1000.0 * 1.001),
+        (0.0, 0, 3.0, 4000.0 + 950.0 + 49.5),
+    ],
+)
+def test_the_fitness_of_a_flight(delta_v: float, points: int, outside_m: float, fitness: float) -> None:
+    parts = fitness_parts(outcomes([delta_v], [points], [outside_m]), PENALTY, MISSION)
+    assert parts["fitness"].tolist() == [pytest.approx(fitness, rel=1e-14)]
+
+
+def test_at_most_so_many_metres_outside_are_paid_for() -> None:
+    capped = replace(PENALTY, outside_most_m=2.0)
+    for outside_m, fitness in ((0.0, 0.0), (1.0, 2000.0), (2.0, 3000.0), (40.0, 3000.0)):
+        parts = fitness_parts(outcomes([0.0], [99], [outside_m]), capped, MISSION)
+        assert parts["fitness"].tolist() == [fitness]
+        assert parts["outside_m"].tolist() == [outside_m]
+
+
+@pytest.mark.parametrize(
+    ("delta_v", "points", "outside_m", "spent", "missed"),
+    [
+        (2.0, 99, 0.0, 2.0, 0.0),
+        (2.0, 95, 0.0, 2.0, 0.5 * 4),
+        (2.0, 90, 0.0, 2.0 + 25.0, 25.0 + 0.5 * 9),
+        (2.0, 99, 1.0, 2.0 + 1000.0, 1000.0),
+    ],
+)
+def test_the_objectives_share_the_price_of_faults(
+    delta_v: float, points: int, outside_m: float, spent: float, missed: float
+) -> None:
+    # beside it a flight without fault
+    flights = outcomes([delta_v, 0.0], [points, 99], [outside_m, 0.0])
+    found = objectives(flights, PENALTY, MISSION)
+    assert found["spent"] == pytest.approx([spent / 2])
+    assert found["missed"] == pytest.approx([missed / 2])
+    fitness = fitness_parts(flights, PENALTY, MISSION)["fitness"]
+    assert fitness == pytest.approx(found["spent"] + found["missed"])
+
+
+def test_the_fitness_of_a_controller_is_the_mean_over_its_flights_and_its_parts_add_up() -> None:
+    parts = fitness_parts(outcomes([1.0, 3.0], [99, 94], [0.0, 2.0]), PENALTY, MISSION)
+    assert {name: values.tolist() for name, values in parts.items()} == {
+        "fitness": [(1.0 + 3.0 + 3000.0 + 10.0 + 2.5) / 2],
+        "delta_v_m_s": [2.0],
+        "points": [96.5],
+        "outside": [1.0],
+        "outside_m": [1.0],
+        "short": [1.0],
+        "failed": [1.0],
+    }
+
+
+def test_each_controller_of_a_population_is_judged_for_itself() -> None:
+    flights = [([1.0, 3.0], [99, 94], [0.0, 2.0]), ([0.2, 0.4], [97, 98], [0.0, 0.0])]
+    alone = [outcomes(*one) for one in flights]
+    both = Outcomes(
+        **{name: np.concatenate([getattr(one, name) for one in alone]) for name in vars(alone[0])}
+    )
+    together = fitness_parts(both, PENALTY, MISSION)
+    for index, one in enumerate(alone):
+        for name, values in fitness_parts(one, PENALTY, MISSION).items():
+            assert together[name][index] == values[0]
+
+
+def test_the_price_of_points_grows_from_round_to_round():
+    penalty = replace(PENALTY, outside_m_s=1e5, short_point_m_s=0.5, missed_point_m_s=0.1, growth=2.0)
+    assert penalty.of_round(0) == penalty
+    third = penalty.of_round(2)
+    assert (third.outside_m_s, third.short_point_m_s, third.missed_point_m_s) == (1e5, 2.0, 0.4)

@@ -15,9 +15,11 @@ import psutil
 import pytest
 import rerun as rr
 import rerun.blueprint as rrb
+import rerun_notebook
 from PIL import Image
 from rerun.experimental import ViewerClient
 
+import telemetry
 from telemetry import EpisodeWriter, RecordingError
 from telemetry.commands import main
 from telemetry.scene import campaign, replay, screenshot, training, viewer
@@ -26,8 +28,7 @@ from telemetry.scene.viewer import Scene
 from tests.places import PROJECT
 from tests.programs import library
 from tests.telemetry import synthetic_flight, synthetic_run
-
-pytestmark = pytest.mark.slow
+from tests.telemetry.scene.rrd_content import Content
 
 VULKAN = "/usr/share/vulkan/icd.d/lvp_icd.x86_64.json"
 
@@ -56,6 +57,7 @@ def scene(request: pytest.FixtureRequest, flight_file: Path, short_file: Path, r
     return makers[request.param]()
 
 
+@pytest.mark.slow
 def test_viewer_shows_every_view_of_a_recording(client: ViewerClient, scene: Scene, tmp_path: Path) -> None:
     viewer.save(scene, tmp_path / "x.rrd")
     screenshot.load(client, tmp_path / "x.rrd")
@@ -66,6 +68,7 @@ def test_viewer_shows_every_view_of_a_recording(client: ViewerClient, scene: Sce
     client.close("all")
 
 
+@pytest.mark.slow
 def test_the_viewer_can_write_every_sign_that_is_kept(client: ViewerClient, tmp_path: Path) -> None:
     """In both of its fonts: the viewer ends at a sign for which it has no glyph."""
     signs = "".join(sign for sign in map(chr, range(0x21, 0x3000)) if drawable(sign) == sign)
@@ -86,6 +89,7 @@ def test_the_viewer_can_write_every_sign_that_is_kept(client: ViewerClient, tmp_
     client.close("all")
 
 
+@pytest.mark.slow
 def test_flights_and_rules_are_shown_whatever_they_are_called(
     client: ViewerClient, flight_file: Path, tmp_path: Path
 ) -> None:
@@ -108,6 +112,7 @@ def test_flights_and_rules_are_shown_whatever_they_are_called(
         client.close("all")
 
 
+@pytest.mark.slow
 def test_a_viewer_that_ends_is_not_taken_for_one_without_a_driver(tmp_path: Path) -> None:
     library(VULKAN, "mesa-vulkan-drivers")
 
@@ -120,6 +125,7 @@ def test_a_viewer_that_ends_is_not_taken_for_one_without_a_driver(tmp_path: Path
         list(screenshot.take([subject], tmp_path))
 
 
+@pytest.mark.slow
 def test_a_view_that_fails_is_noticed(
     client: ViewerClient, short_file: Path, run: Path, tmp_path: Path
 ) -> None:
@@ -132,6 +138,7 @@ def test_a_view_that_fails_is_noticed(
     client.close("all")
 
 
+@pytest.mark.slow
 def test_pictures_show_what_they_are_asked_for(
     flight_file: Path, run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -157,11 +164,13 @@ def test_pictures_show_what_they_are_asked_for(
     assert green["replay-3000"] > 1.5 * green["replay-60"]
 
 
+@pytest.mark.slow
 def test_nothing_to_draw_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["screenshot", str(tmp_path)]) == 2
     assert "holds neither an evaluation nor a training" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_a_missing_driver_is_said(
     run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -171,6 +180,7 @@ def test_a_missing_driver_is_said(
     assert "needs a Vulkan driver" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_a_viewer_that_cannot_start_is_said() -> None:
     with (
         tempfile.TemporaryFile() as log,
@@ -180,6 +190,7 @@ def test_a_viewer_that_cannot_start_is_said() -> None:
         pass
 
 
+@pytest.mark.slow
 def test_nothing_of_a_viewer_is_left_behind() -> None:
     with tempfile.TemporaryFile() as log, viewer.started(in_browser=True, log=log) as running:
         launcher = psutil.Process(running.process.pid)
@@ -189,6 +200,7 @@ def test_nothing_of_a_viewer_is_left_behind() -> None:
     assert alive == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("arguments", [["replay", "FLIGHT"], ["training", "RUN", "--follow"]])
 def test_web_listens_to_this_machine_alone_and_ends_in_order(
     arguments: list[str], flight_file: Path, run: Path, tmp_path: Path
@@ -237,6 +249,7 @@ def _until(condition: Callable[[], bool]) -> None:
         time.sleep(0.1)
 
 
+@pytest.mark.slow
 def test_a_training_grows_in_the_viewer(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """What --follow does, with a viewer that has no window."""
     library(VULKAN, "mesa-vulkan-drivers")
@@ -270,3 +283,49 @@ def test_a_training_grows_in_the_viewer(tmp_path: Path, monkeypatch: pytest.Monk
 
     with pytest.raises(KeyboardInterrupt):
         training.follow(folder, None, in_browser=True, report=tell)
+
+
+@pytest.fixture
+def shown(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Callable[..., Content]:
+    """Show something and return the content of what a notebook's page receives."""
+    received: list[bytes] = []
+    monkeypatch.setattr(rerun_notebook.Viewer, "send_rrd", lambda _, chunk: received.append(bytes(chunk)))
+
+    def show(*paths: str | Path) -> Content:
+        widget = telemetry.show(*paths)
+        assert hasattr(widget, "_ipython_display_")
+        for number, chunk in enumerate(received):
+            (tmp_path / f"{number}.rrd").write_bytes(chunk)
+        return Content(*(tmp_path / f"{number}.rrd" for number in range(len(received))))
+
+    return show
+
+
+def test_flights_are_shown(shown: Callable[..., Content], flight_file: Path, short_file: Path) -> None:
+    content = shown(str(flight_file), short_file)
+    assert len(content.column("/rules/words", "TextDocument:text")) == 361
+    assert "/scene/flights/1/trail" in content.batches
+
+
+def test_an_evaluation_is_shown(shown: Callable[..., Content], tmp_path: Path) -> None:
+    run = synthetic_run.write_training(synthetic_run.write_evaluation(tmp_path / "run"))
+    assert "/scene/paths/outside" in shown(run).batches
+
+
+def test_a_training_is_shown(shown: Callable[..., Content], tmp_path: Path) -> None:
+    assert "/scene/champion" in shown(synthetic_run.write_training(tmp_path / "run")).batches
+
+
+def test_nothing_to_show_is_said(tmp_path: Path) -> None:
+    with pytest.raises(
+        RecordingError, match=r"nothing to show; give flights \(.mcap\), or the folder of a run"
+    ):
+        telemetry.show()
+    with pytest.raises(RecordingError, match=r"has no train/history\.parquet"):
+        telemetry.show(tmp_path)
+
+
+def test_a_missing_notebook_part_is_said(short_file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("rerun.notebook.HAS_NOTEBOOK", False)
+    with pytest.raises(RecordingError, match=r"pip install 'rerun-sdk\[notebook\]'"):
+        telemetry.show(short_file)

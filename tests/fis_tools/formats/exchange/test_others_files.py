@@ -1,16 +1,26 @@
 """Files as other programs write them: FCL, hedges, chains, padding, remarks, letters of Latin-1."""
 
+import importlib.util
+import warnings
 from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 import pytest
+from skfuzzy import control
 
+from fis_tools.analysis.arrays import spread_inputs
 from fis_tools.engines.compiler import compile
 from fis_tools.errors import ControllerFileError
 from fis_tools.formats import serialize
-from fis_tools.formats.exchange import fcl, fll
-from fis_tools.model import And, FuzzyController, Hedged, Is, Not, Or, Trapezoidal, Triangular
-from tests.fis_tools.formats.exchange.systems import alone, flat_system
+from fis_tools.formats.exchange import fcl, fis, fll
+from fis_tools.model import And, FuzzyController, FuzzySystem, Hedged, Is, Not, Or, Trapezoidal, Triangular
+from tests.fis_tools.engines.random_systems import otherwise
+from tests.fis_tools.formats.exchange.outside import NUM_POINTS, Floats, fuzzylite_outputs, octave_outputs
+from tests.fis_tools.formats.exchange.systems import alone, fine, flat_system, nested_system
+from tests.fis_tools.sample_controllers import force_x_system
+from tests.places import PROJECT
+from tests.programs import library
 
 TIPPER_FCL = """FUNCTION_BLOCK tipper  // as jFuzzyLogic writes it
 VAR_INPUT  service : REAL; food : REAL; END_VAR
@@ -261,3 +271,142 @@ def test_fuzzylite_carries_a_hedge_on_to_what_else_a_rule_concludes() -> None:
         serialize.loads(text.replace(rule, f"{rule} with 0.5"), "fll")
     with pytest.raises(ControllerFileError, match="the rule concludes 'not'"):
         serialize.loads(text.replace("somewhat small", "not small"), "fll")
+
+
+EXAMPLES = PROJECT / "docs" / "examples"
+
+
+@pytest.mark.parametrize(
+    ("name", "num_rules", "inputs", "low", "high"),
+    [
+        ("tipper.fis", 3, {"service": 1.0, "food": 2.0}, 4.0, 7.0),
+        ("tipper.fis", 3, {"service": 9.0, "food": 8.0}, 23.0, 26.0),
+        ("dimmer.fll", 4, {"daylight": 0.05, "presence": 1.0}, 0.75, 0.9),
+        ("dimmer.fll", 4, {"daylight": 0.95, "presence": 0.9}, 0.0, 0.15),
+        ("dimmer.fll", 4, {"daylight": 0.5, "presence": 1.0}, 0.4, 0.6),
+        ("pendulum.fml", 25, {"angle": 0.0, "angular_velocity": 0.0}, -1e-9, 1e-9),
+        ("pendulum.fml", 25, {"angle": 0.5, "angular_velocity": 1.5}, 13.0, 18.0),
+        ("pendulum.fml", 25, {"angle": -0.2, "angular_velocity": 0.7}, -1.0, 1.0),
+    ],
+)
+def test_files_of_other_programs_say_what_they_are_meant_to(
+    name: str, num_rules: int, inputs: dict[str, float], low: float, high: float
+) -> None:
+    controller = serialize.load(EXAMPLES / name)
+    (system,) = controller.systems
+    assert len(system.rules) == num_rules
+    (value,) = compile(system)(np.array([[inputs[variable.name] for variable in system.inputs]]))[0]
+    assert low <= value <= high
+
+
+def tipping() -> ModuleType:
+    spec = importlib.util.spec_from_file_location("tipping", EXAMPLES / "tipping.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_the_tipping_system_of_scikit_fuzzy_is_compiled() -> None:
+    compiled = compile(tipping().build_tipping())
+    samples = spread_inputs(compiled.system, 60)
+    ours = compiled(samples)
+    simulation = control.ControlSystemSimulation(tipping().build_tipping())
+    theirs = []
+    for sample in samples:
+        for variable, value in zip(compiled.system.inputs, sample, strict=True):
+            simulation.input[variable.name] = value
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", DeprecationWarning)
+            simulation.compute()
+        theirs.append(simulation.output["tip"])
+    np.testing.assert_allclose(ours[:, 0], theirs, rtol=0, atol=25e-12)
+    assert np.ptp(theirs) > 5.0
+
+
+TOLERANCE = 5e-5
+TOLERANCE_BETWEEN_POINTS = 1e-3
+
+OCTAVES_OWN = "/usr/share/octave/packages/fuzzy-logic-toolkit-0.4.6/mamdani_tip_calculator.fis"
+
+
+def systems() -> dict[str, FuzzySystem]:
+    found = {
+        "paper": force_x_system(),
+        "climate": flat_system(),
+        "product": flat_system("product", "probabilistic_sum"),
+        "nested": nested_system(),
+        "tipper": serialize.load(EXAMPLES / "tipper.fis").systems[0],
+        "dimmer": serialize.load(EXAMPLES / "dimmer.fll").systems[0],
+    }
+    return {name: fine(system, NUM_POINTS) for name, system in found.items()}
+
+
+def assert_near(system: FuzzySystem, ours: Floats, theirs: Floats, tolerance: float = TOLERANCE) -> None:
+    assert theirs.shape == ours.shape
+    widths = np.array([output.maximum - output.minimum for output in system.outputs])
+    assert np.ptp(ours, axis=0).min() > 0.1 * widths.min()
+    assert (np.abs(ours - theirs) / widths).max() < tolerance
+
+
+@pytest.mark.slow
+def test_octave_evaluates_our_files_as_we_do(tmp_path: Path) -> None:
+    """Octave takes some 40 ms for a rule of a sample, so these are few."""
+    chosen = {name: systems()[name] for name in ("paper", "climate", "product", "tipper")}
+    counts = {"paper": 4, "climate": 6, "product": 6, "tipper": 8}
+    files = {name: tmp_path / f"{name}.fis" for name in chosen}
+    for name, system in chosen.items():
+        files[name].write_text(fis.write(alone(system)).text, encoding="utf-8")
+    inputs = {name: spread_inputs(system, counts[name]) for name, system in chosen.items()}
+    # two files that Octave's authors and MATLAB's documentation made, as they are
+    files["as it is"] = EXAMPLES / "tipper.fis"
+    files["octaves"] = library(OCTAVES_OWN, "octave-fuzzy-logic-toolkit")
+    for name in ("as it is", "octaves"):
+        chosen[name] = fine(serialize.load(files[name]).systems[0], NUM_POINTS)
+        inputs[name] = spread_inputs(chosen[name], 5)
+    theirs = octave_outputs(files, inputs, tmp_path)
+    for name, system in chosen.items():
+        tolerance = TOLERANCE_BETWEEN_POINTS if name == "octaves" else TOLERANCE
+        assert_near(system, compile(system)(inputs[name]), theirs[name], tolerance)
+
+
+@pytest.mark.parametrize(
+    ("name", "form"),
+    [
+        (name, form)
+        for name in ("paper", "climate", "product", "nested", "tipper", "dimmer")
+        for form in (fis, fll, fcl)
+        # the dimmer's rules combine in two ways, which a .fis file cannot say
+        if (name, form) != ("dimmer", fis)
+    ],
+)
+def test_fuzzylite_evaluates_our_files_as_we_do(tmp_path: Path, name: str, form: ModuleType) -> None:
+    system = systems()[name]
+    inputs = spread_inputs(system, 300)
+    path = tmp_path / f"{name}.{form.__name__.rpartition('.')[2]}"
+    path.write_text(form.write(alone(system)).text, encoding="utf-8")
+    assert_near(system, compile(system)(inputs), fuzzylite_outputs(path, inputs, tmp_path))
+
+
+@pytest.mark.slow
+def test_fuzzylite_implies_and_aggregates_as_we_do(tmp_path: Path) -> None:
+    pairs = [
+        ("product", "max"),
+        ("product", "bounded_sum"),
+        ("min", "einstein_sum"),
+        ("einstein_product", "max"),
+    ]
+    pairs += [("hamacher_product", "probabilistic_sum"), ("min", "unbounded_sum")]
+    for implication, aggregation in pairs:
+        system = otherwise(fine(flat_system(), NUM_POINTS), implication, aggregation)
+        inputs = spread_inputs(system, 60)
+        path = tmp_path / "engine.fll"
+        path.write_text(fll.write(alone(system)).text, encoding="utf-8")
+        assert_near(system, compile(system)(inputs), fuzzylite_outputs(path, inputs, tmp_path))
+
+
+def test_fuzzylite_evaluates_the_dimmer_as_it_is(tmp_path: Path) -> None:
+    system = systems()["dimmer"]
+    inputs = spread_inputs(system, 300)
+    assert_near(system, compile(system)(inputs), fuzzylite_outputs(EXAMPLES / "dimmer.fll", inputs, tmp_path))

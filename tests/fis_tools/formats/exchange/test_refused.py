@@ -2,10 +2,17 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
+from fis_tools.engines.compiler import compile
 from fis_tools.formats import serialize
-from fis_tools.formats.serialize import ControllerFileError, Kind, loads
+from fis_tools.formats.exchange import fis, fll, fml
+from fis_tools.formats.serialize import ControllerFileError, Kind, dump_json, loads
+from fis_tools.model.validate import controller_problems
+from tests.fis_tools.formats.exchange.systems import alone, flat_system, nested_system
 from tests.places import PROJECT
 
 EXAMPLES = PROJECT / "docs" / "examples"
@@ -179,3 +186,128 @@ def test_what_a_file_does_not_state_is_told(kind: Kind, assumed: list[str]) -> N
     assert len(told) == len(assumed)
     for sentence, words in zip(told, assumed, strict=True):
         assert words in sentence
+
+
+WHOLE: dict[Kind, list[str]] = {
+    "fis": [(EXAMPLES / "tipper.fis").read_text(encoding="utf-8"), fis.write(alone(nested_system())).text],
+    "fll": [(EXAMPLES / "dimmer.fll").read_text(encoding="utf-8"), fll.write(alone(nested_system())).text],
+    "fml": [(EXAMPLES / "pendulum.fml").read_text(encoding="utf-8"), fml.write(alone(nested_system())).text],
+}
+DAMAGE = st.sampled_from([*"[](){}<>,:;='\"#%/&!-.0159e \n\t\\", "nan", "-1", "1e999", "not ", "--"])
+
+
+def read_or_refused(text: str, kind: Kind) -> str:
+    """Read what may be damaged; tell what came of it: read, refused, or what is wrong about either."""
+    try:
+        controller = loads(text, kind)
+    except ControllerFileError as error:
+        is_told = all(0 < len(line.strip()) < 1000 for line in str(error).split("\n"))
+        return "refused" if is_told else f"refused without a sentence a fault: {error}"
+    if problems := controller_problems(controller):
+        return f"read with faults: {problems}"
+    return "read" if loads(dump_json(controller), "json") == controller else "read, and another when written"
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.sampled_from(list(WHOLE)), st.booleans(), st.data())
+def test_damage_anywhere(kind: Kind, is_ours: bool, data: st.DataObject) -> None:
+    text = WHOLE[kind][is_ours]
+    for _ in range(data.draw(st.integers(1, 4))):
+        start, length = data.draw(st.integers(0, len(text))), data.draw(st.integers(0, 8))
+        text = text[:start] + data.draw(DAMAGE | st.text(max_size=3)) + text[start + length :]
+    assert read_or_refused(text, kind) in ("read", "refused")
+
+
+@settings(max_examples=80, deadline=None)
+@given(st.sampled_from(list(WHOLE)), st.data())
+def test_lines_mixed_up(kind: Kind, data: st.DataObject) -> None:
+    lines = WHOLE[kind][0].splitlines()
+    for _ in range(data.draw(st.integers(1, 3))):
+        first = data.draw(st.integers(0, len(lines) - 1))
+        second = data.draw(st.integers(0, len(lines) - 1))
+        if data.draw(st.booleans()):
+            lines[first], lines[second] = lines[second], lines[first]
+        else:
+            lines.insert(first, lines[second])
+    assert read_or_refused("\n".join(lines), kind) in ("read", "refused")
+
+
+@pytest.mark.parametrize("kind", list(WHOLE))
+def test_our_files_cut_anywhere_are_refused(kind: Kind) -> None:
+    text = WHOLE[kind][1].rstrip()
+    for length in [*range(0, len(text), 61), len(text) - 1]:
+        assert read_or_refused(text[:length], kind) == "refused"
+    assert read_or_refused(text, kind) == "read"
+
+
+@pytest.mark.parametrize("kind", list(WHOLE))
+def test_foreign_files_cut_anywhere(kind: Kind) -> None:
+    text = WHOLE[kind][0]
+    for length in range(0, len(text), 37):
+        assert read_or_refused(text[:length], kind) in ("read", "refused")
+
+
+#: Of the range; 1.2e-5 was measured, from straight lines between 1001 points of inputs.
+TOLERANCE = 5e-5
+
+HEAD = """[System]
+Name='spiky'
+Type='mamdani'
+NumInputs=1
+NumOutputs=1
+NumRules=2
+AndMethod='min'
+OrMethod='max'
+ImpMethod='min'
+AggMethod='max'
+DefuzzMethod='mom'
+"""
+BODY = """[Input1]
+Name='x'
+Range=[0 3]
+NumMFs=2
+MF1='spike':'trimf',[2 2 2]
+MF2='plateau':'trapmf',[0.123456 0.123456 1.1 1.1]
+[Output1]
+Name='y'
+Range=[0 100]
+NumMFs=2
+MF1='a':'trimf',[60 70 80]
+MF2='b':'trapmf',[15.5 15.5 25.25 25.25]
+[Rules]
+1, 1 (1) : 1
+2, 2 (1) : 1
+"""
+
+
+def test_spikes_and_walls_of_inputs_between_points_are_exact() -> None:
+    system = serialize.loads(HEAD + BODY, "fis").systems[0]
+    inside = [np.nextafter(0.123456, 1.0), 0.123456, 0.5, 1.1, np.nextafter(1.1, 0.0)]
+    outside = [0.1234, 0.12345599, 1.1000001, 1.9999999, 2.0000001]
+    y = compile(system)({"x": [2.0, *inside, *outside]})["y"]
+    assert y[0] == 70.0
+    assert (y[1:6] < 26.0).all()
+    np.testing.assert_array_equal(y[6:], 50.0)
+
+
+def test_corners_lie_on_evenly_spaced_points_where_some_number_of_them_does() -> None:
+    text = HEAD + BODY.replace("[2 2 2]", "[1 2 3]").replace("[0.123456 0.123456 1.1 1.1]", "[0 0 0.7 1]")
+    (variable,) = serialize.loads(text, "fis").systems[0].inputs
+    assert variable.points is None
+    assert np.abs(np.subtract.outer(variable.universe, [0.7, 1.0, 2.0])).min(axis=0).max() < 1e-12
+
+
+def test_walls_of_outputs_between_points_are_told() -> None:
+    notes = serialize.reads(HEAD + BODY, "fis").assumptions
+    assert any("y b jumps at 15.5, between two points of its universe" in sentence for sentence in notes)
+    notes = serialize.reads(HEAD + BODY.replace("[60 70 80]", "[70.5 70.5 70.5]"), "fis").assumptions
+    assert any("y a jumps at 70.5" in each and "its rules conclude nothing" in each for each in notes)
+
+
+def test_an_fll_file_without_a_resolution_has_fuzzylites_own() -> None:
+    text = fll.write(alone(flat_system())).text
+    text = "\n".join(line for line in text.splitlines() if "carries" not in line)
+    resolution = flat_system().outputs[0].num_points - 1
+    bare = serialize.reads(text.replace(f"Centroid {resolution}", "Centroid"), "fll")
+    assert [output.num_points for output in bare.controller.systems[0].outputs] == [1001, 1001]
+    assert "1001 for an output that states none" in bare.assumptions[0]

@@ -14,12 +14,22 @@ from pipeline.training.evolution.genetic import (
     Individual,
     adapt_step_size,
     adaptive_feasible_mutation,
+    local_mutation,
     poll_directions,
     scattered_crossover,
     select_parents,
     split_population,
 )
-from tests.pipeline.training.evolution.cases import optimizer
+from pipeline.training.evolution.rounds import evolve_rounds
+from tests.pipeline.training.evolution.cases import (
+    Sphere,
+    broken_and_resumed,
+    column,
+    evolve,
+    optimizer,
+    round_champions,
+    rows_of,
+)
 
 STEPS = [4.0**-k for k in range(14)]
 
@@ -111,3 +121,143 @@ def test_mutants_go_both_ways_along_every_axis():
     moves = np.array([adaptive_feasible_mutation(parent, 1 / 16, generator) for _ in range(500)]) - parent
     assert np.all(moves.min(axis=0) == -0.25)
     assert np.all(moves.max(axis=0) == 0.25)
+
+
+NUM_GENES = 10
+
+LOCAL = {"mutation": "local", "first_population": "near", "initial_step": 0.05, "elitism_rate": 0.5}
+
+
+BEGUN = np.full((1, NUM_GENES), 0.6)
+
+
+def local(**changes):
+    return optimizer(**(LOCAL | {"split": "rest", "crossover_rate": 0.4} | changes))
+
+
+def test_a_local_mutant_moves_few_genes_a_little_and_stays_in_the_box() -> None:
+    random.seed(3)
+    parent = [0.0, 1.0] * 200
+    mutants = np.array([local_mutation(parent, 0.1) for _ in range(300)])
+    moved = mutants != parent
+    # half of the steps at an edge lead out of the box and stop there: shares of 1, 3 and 10 % halve
+    assert 0.5 * 0.01 < moved.mean() < 0.5 * 0.14 / 3 * 1.3
+    assert mutants.min() == 0.0
+    assert mutants.max() == 1.0
+    assert np.abs(mutants - parent)[moved].mean() < 0.2
+
+
+def test_the_first_population_lies_near_the_seed() -> None:
+    sphere = Sphere()
+    evolve(sphere, NUM_GENES, local(generations=1), seed=1, initial=BEGUN)
+    first = sphere.batches[0]
+    assert first.shape == (40, NUM_GENES)
+    np.testing.assert_array_equal(first[0], 0.6)
+    assert 0 < np.abs(first - 0.6).max() < 0.5
+    assert (first == 0.6).mean() > 0.7
+
+
+def test_it_converges_and_children_of_crossover_mutate_too() -> None:
+    sphere = Sphere()
+    result = evolve(sphere, NUM_GENES, local(generations=300), seed=2, initial=BEGUN)
+    assert result.history[-1].best < 1e-3
+    known = np.unique(np.concatenate(sphere.batches[:1]))
+    assert not np.isin(sphere.batches[1][:8], known).all()
+
+
+def test_a_carried_round_judges_the_population_anew_by_its_own_fitness() -> None:
+    spheres = [Sphere(0.2), Sphere(0.8)]
+    settings = local(generations=10, rounds=2, next_round="carried", cooling=0.5)
+    result = evolve_rounds(lambda index, _: spheres[index], NUM_GENES, settings, seed=3, initial=BEGUN)
+    carried = spheres[1].batches[0]
+    assert carried.shape == (40, NUM_GENES)
+    ends = [generation for generation in result.history if generation.round == 0][-1]
+    assert (carried == ends.champion).all(axis=1).any()
+    squares = ((carried - 0.8) ** 2).sum(axis=1)
+    begins = result.history[11]
+    assert (begins.round, begins.generation) == (1, 0)
+    assert begins.best == pytest.approx(squares.min(), rel=1e-12)
+    steps = column(result, "step_size")
+    assert (steps[0], steps[11]) == (0.05, 0.025)
+
+
+def test_the_champion_of_the_round_before_is_handed_to_the_next() -> None:
+    handed = []
+
+    def fitness(index, champion):
+        handed.append((index, None if champion is None else champion.copy()))
+        return Sphere()
+
+    settings = local(generations=4, rounds=3, next_round="carried")
+    result = evolve_rounds(fitness, NUM_GENES, settings, seed=4, initial=BEGUN)
+    assert handed[0] == (0, None)
+    for index in (1, 2):
+        np.testing.assert_array_equal(handed[index][1], round_champions(result)[index - 1])
+
+
+def cma(**changes):
+    values = {"algorithm": "cma_es", "population_size": 13, "generations": 60, "initial_step": 0.2}
+    return optimizer(**(values | changes))
+
+
+def ellipsoid(genomes: np.ndarray) -> dict[str, np.ndarray]:
+    """Axes a thousand times as steep as one another, turned: only a learnt covariance gets far."""
+    turned = (genomes - 0.4) @ np.linalg.qr(np.random.default_rng(5).normal(size=(NUM_GENES, NUM_GENES)))[0]
+    return {"fitness": (turned**2 * np.logspace(0, 6, NUM_GENES)).sum(axis=1)}
+
+
+def test_it_learns_the_covariance_of_a_turned_ellipsoid() -> None:
+    begun = np.full((1, NUM_GENES), 0.6)
+    learnt = evolve(ellipsoid, NUM_GENES, cma(generations=600), seed=1, initial=begun)
+    np.testing.assert_allclose(learnt.history[-1].champion, 0.4, atol=1e-6)
+
+
+def test_the_centre_comes_first_and_is_the_champion() -> None:
+    sphere, begun = Sphere(), np.full((1, NUM_GENES), 0.7)
+    result = evolve(sphere, NUM_GENES, cma(), seed=2, initial=begun)
+    np.testing.assert_array_equal(sphere.batches[0][0], begun[0])
+    for generation, batch in zip(result.history, sphere.batches, strict=True):
+        assert batch.shape == (13, NUM_GENES)
+        np.testing.assert_array_equal(generation.champion, batch[0])
+    assert result.history[-1].best < 1e-3 * result.history[0].best
+
+
+def test_what_is_judged_stays_in_the_box_and_an_optimum_on_its_edge_is_found() -> None:
+    sphere = Sphere(centre=-0.2)
+    result = evolve(sphere, NUM_GENES, cma(generations=150), seed=3, initial=np.full((1, NUM_GENES), 0.5))
+    judged = np.concatenate(sphere.batches)
+    assert judged.min() >= 0.0
+    assert judged.max() <= 1.0
+    np.testing.assert_allclose(result.history[-1].champion, 0.0, atol=0.02)
+
+
+@pytest.mark.parametrize("next_round", ["afresh", "carried"])
+def test_interrupted_anywhere_and_resumed_it_equals_the_whole(next_round: str, tmp_path) -> None:
+    settings = cma(generations=5, rounds=3, next_round=next_round)
+    spheres = [Sphere(0.2), Sphere(0.4), Sphere(0.6)]
+    begun = np.full((1, NUM_GENES), 0.5)
+
+    def fitness(index, _):
+        return spheres[index]
+
+    whole = evolve_rounds(fitness, NUM_GENES, settings, seed=7, initial=begun)
+    for num_generations in (1, 5, 7, 12):
+        first, rest = broken_and_resumed(
+            fitness, settings, begun, num_generations, tmp_path / f"{num_generations}.npz"
+        )
+        assert first.interrupted
+        assert rows_of(rest) == rows_of(whole)
+        np.testing.assert_array_equal(rest.history[-1].champion, whole.history[-1].champion)
+
+
+def test_a_carried_round_goes_on_with_its_steps_and_a_fresh_one_begins_anew() -> None:
+    begun = np.full((1, NUM_GENES), 0.5)
+    settings = cma(generations=40, rounds=2)
+    fresh = evolve(Sphere(), NUM_GENES, settings, seed=8, initial=begun)
+    carried = evolve(
+        Sphere(), NUM_GENES, cma(generations=40, rounds=2, next_round="carried"), 8, initial=begun
+    )
+    assert column(fresh, "step_size")[41] == 0.2
+    steps = column(carried, "step_size")
+    assert steps[41] < 0.5 * 0.2
+    assert 0.5 < steps[41] / steps[40] < 2.0
