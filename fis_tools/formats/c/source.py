@@ -10,7 +10,10 @@ from collections.abc import Iterable, Iterator, Sequence
 from functools import partial, reduce
 from textwrap import wrap
 
+import numpy as np
+
 from fis_tools import model
+from fis_tools.array_types import Integers
 from fis_tools.engines.program import Conclusion, assemble
 from fis_tools.formats.c import parts
 from fis_tools.model.thrust import ThrustLogic, thrust_logic
@@ -18,6 +21,8 @@ from fis_tools.model.variables import sample
 from fis_tools.words.text import number, sentence, shape_words, summary, with_unit
 
 WIDTH = 110
+#: a membership is on a straight line if it differs from it by less: by rounding
+STRAIGHT = 1e-14
 _wrap = partial(wrap, break_long_words=False, break_on_hyphens=False)
 
 #: What the written file compiles with. Not ``-Wfloat-equal``: equal heights are told apart on purpose.
@@ -103,10 +108,11 @@ def _header(controller: model.FuzzyController, logic: ThrustLogic | None, *, has
         *([*facts, ""] if facts else []),
         *(line for paragraph in about for line in (paragraph, "")),
         "Each fuzzy system is inferred as scikit-fuzzy 0.5 does: memberships are linear between the points "
-        "of a universe, terms are cut at the strength of their rules and joined by their maximum, and points "
-        "are inserted where a cut crosses its own term; outputs that are weighted averages or sums take a "
-        "number from each rule. Inputs are clipped to their universes; if one is "
-        "NaN, so is every output. Tables are constant, and the functions may run in several threads.",
+        "of a universe (of inputs tables hold those where one bends), terms are cut at the strength of "
+        "their rules and joined by their maximum, and points are inserted where a cut crosses its own "
+        "term; outputs that are weighted averages or sums take a number from each rule. Inputs are clipped "
+        "to their universes; if one is NaN, so is every output. Tables are constant, and the functions may "
+        "run in several threads.",
         "",
         parts.RULES,
         "",
@@ -140,6 +146,21 @@ def _identifiers(names: Iterable[str]) -> list[str]:
     return found
 
 
+def _bends(variable: model.Variable) -> Integers:
+    """Return the places of a universe's points where some term bends: between them all are straight.
+
+    All places, if bends that are too slight to see next to rounding add up.
+    """
+    universe = variable.universe
+    rows = np.array([sample(variable, term) for term in variable.terms])
+    middle = (universe[1:-1] - universe[:-2]) / (universe[2:] - universe[:-2])
+    straight = rows[:, :-2] + middle * (rows[:, 2:] - rows[:, :-2])
+    is_bent = (np.abs(rows[:, 1:-1] - straight) > STRAIGHT).any(axis=0)
+    kept = np.flatnonzero([True, *is_bent, True])
+    again = np.array([np.interp(universe, universe[kept], row[kept]) for row in rows])
+    return kept if np.abs(again - rows).max() < 10.0 * STRAIGHT else np.arange(len(universe))
+
+
 class _Part:
     """One system of a controller on its way to C."""
 
@@ -153,6 +174,8 @@ class _Part:
         self.conclusions = dict(
             zip((output.name for output in system.outputs), assemble(system).conclusions, strict=True)
         )
+        #: the points of each input's universe that its tables hold
+        self.bends = {variable.name: _bends(variable) for variable in system.inputs}
         #: the terms of each output that some rule concludes, in the rows of its table
         self.concluded = {output.name: self._concluded(output) for output in system.outputs}
 
@@ -197,22 +220,25 @@ class _Part:
     def tables(self) -> Iterator[str]:
         """Write universes and sampled membership functions."""
         for variable in self.system.inputs:
-            yield self._table(variable, variable.terms)
+            yield self._table(variable, variable.terms, self.bends[variable.name])
         for variable in self.system.outputs:
             if self.concluded[variable.name] and not self.system.weighs(variable):
                 yield self._table(variable, self.concluded[variable.name])
 
-    def _table(self, variable: model.Variable, terms: Sequence[model.Term]) -> str:
-        size = f"[{variable.num_points}]"
+    def _table(
+        self, variable: model.Variable, terms: Sequence[model.Term], points: Integers | slice = slice(None)
+    ) -> str:
+        universe = variable.universe[points]
+        size = f"[{len(universe)}]"
         lines = [
             f"static const double universe_{self._place(variable)}{size} = {{",
-            *_numbers(variable.universe.tolist(), "    "),
+            *_numbers(universe.tolist(), "    "),
             "};",
             f"static const double memberships_{self._place(variable)}[{len(terms)}]{size} = {{",
         ]
         for term in terms:
             lines.append(_comment(f"{term.name}: {shape_words(term)}", indent="    "))
-            lines += ["    {", *_numbers(sample(variable, term).tolist(), "        "), "    },"]
+            lines += ["    {", *_numbers(sample(variable, term)[points].tolist(), "        "), "    },"]
         return "\n".join([*lines, "};", ""])
 
     def _place(self, variable: model.Variable) -> str:
@@ -269,7 +295,7 @@ class _Part:
             yield "    return;"
         yield "}"
         for place, variable in enumerate(self.system.inputs):
-            table, size = self._place(variable), f"{variable.num_points}"
+            table, size = self._place(variable), len(self.bends[variable.name])
             yield from _wrapped(
                 f"fuzzify(inputs[{place}], universe_{table}, {size}, &memberships_{table}[0][0], "
                 f"{len(variable.terms)}, degrees_{self.words[variable.name]});"

@@ -25,6 +25,7 @@ from fis_tools.model import (
     Consequent,
     FuzzyController,
     FuzzySystem,
+    Gaussian,
     Is,
     Rule,
     Term,
@@ -100,6 +101,23 @@ def assert_equal(outputs: Floats, system: FuzzySystem, rows: Floats) -> None:
     ranges = np.array([variable.maximum - variable.minimum for variable in system.outputs])
     expected = inference.evaluate(system, rows)
     np.testing.assert_allclose(outputs / ranges, expected / ranges, rtol=0, atol=TOLERANCE)
+
+
+def test_tables_of_inputs_hold_only_the_points_where_a_term_bends() -> None:
+    text = source.write(read_controller(PROJECT / "conf" / "controller" / "champion_27.yaml"))
+    sizes = re.findall(r"memberships_force_x__(\w+)\[3\]\[(\d+)\]", text)
+    assert sizes == [("aim_radial", "3"), ("predicted_centre_along_track", "3")]
+
+
+def test_bends_too_slight_to_see_are_kept_where_they_add_up(
+    compiled: Callable[[FuzzyController], ctypes.CDLL],
+) -> None:
+    wide = Variable("x", "", 0.0, 1.0, (Term("wide", Gaussian(0.5, 2e4)),), 1001)
+    y = Variable("y", "", 0.0, 1.0, (Term("up", Triangular(0.0, 1.0, 1.0)),), default=0.0)
+    system = FuzzySystem("s", (wide,), (y,), (Rule(Is("x", "wide"), (Consequent("y", "up"),)),))
+    rows = np.linspace(0.0, 1.0, 101)[:, np.newaxis]
+    assert "universe_s__x[1001]" in source.write(FuzzyController("c", (system,)))
+    assert_equal(infer(compiled(FuzzyController("c", (system,))), "s", system, rows), system, rows)
 
 
 @pytest.mark.slow
