@@ -276,7 +276,7 @@ class _Part:
         cut = self._cutting()
         if cut:
             points = max(len(c.universe) + len(c.runs) for c in cut)
-            crossings = max(len(c.runs) for c in cut)
+            crossings = max(2, *(len(c.runs) for c in cut))  # gcc warns of moving within an array of one
             yield f"double crossings[{crossings}];"
             yield f"double x[{points}];"
             yield f"double y[{points}];"
