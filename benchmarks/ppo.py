@@ -24,16 +24,17 @@ from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 
 from pipeline.gym import InspectionVectorEnv, NormalizedVectorObservation, Reward
 
-#: AFRL's published settings (safe-autonomy-sims, translational inspection) with RLlib's defaults for the
-#: rest; and settings that learn more from few steps. `num_envs`, `layers` and `log_std` (of the
-#: initial noise, a share of the largest force) are not `PPO`'s own.
+#: AFRL's settings (safe-autonomy-sims 6d71f7e, `configs/translational-inspection`: its base files with what
+#: `task.yml` overrides, for 5 million steps) with RLlib's defaults for the rest; and settings that learn more
+#: from few steps. `num_envs`, `layers` and `log_std` (of the initial noise, a share of the largest force) are
+#: not `PPO`'s own.
 SETTINGS: Final[Mapping[str, Mapping[str, Any]]] = {
     "afrl": {
-        "num_envs": 20,
-        "n_steps": 60,
-        "batch_size": 1200,
+        "num_envs": 1,
+        "n_steps": 1500,
+        "batch_size": 1500,
         "n_epochs": 30,
-        "gamma": 0.968559,
+        "gamma": 0.99,
         "gae_lambda": 0.928544,
         "learning_rate": 5e-5,
         "clip_range": 0.3,

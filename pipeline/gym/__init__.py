@@ -18,9 +18,11 @@ from pipeline.gym.env import (
     NormalizedObservation,
     NormalizedVectorObservation,
 )
-from pipeline.gym.episodes import Reward, Task, task_of
+from pipeline.gym.episodes import AFRL, AFRL_WEIGHTED, Reward, Task, task_of
 
 __all__ = [
+    "AFRL",
+    "AFRL_WEIGHTED",
     "OBSERVED",
     "InspectionEnv",
     "InspectionVectorEnv",

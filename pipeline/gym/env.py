@@ -48,10 +48,14 @@ class InspectionEnv(gymnasium.Env[Observation, NDArray[Any]]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
-        """Start an episode: drawn, or ``options["scenario"]`` (`pipeline.flight.state.log.Scenario`)."""
+        """Start an episode: drawn, or ``options["scenario"]`` (`pipeline.flight.state.log.Scenario`).
+
+        ``options["priority"]`` is a direction, shape (3,), for worlds where points have a priority.
+        """
         super().reset(seed=seed)
-        scenario = (options or {}).get("scenario") or self._episodes.draw(self.np_random)
-        self._episodes.start(0, scenario)
+        given = options or {}
+        scenario = given.get("scenario") or self._episodes.draw(self.np_random)
+        self._episodes.start(0, scenario, given.get("priority"))
         self._episodes.step(None)
         return self._episodes.observations[0], self._info()
 

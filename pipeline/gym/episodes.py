@@ -4,7 +4,7 @@ The task says what is observed, in which order and units; what may be commanded;
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from pipeline.array_types import Floats
 from pipeline.command_line.config import compose_experiment
-from pipeline.flight.cases.starts import draw
+from pipeline.flight.cases.starts import PRIORITY, direction_of, draw
 from pipeline.flight.control.controller import open_loop
 from pipeline.flight.fly.simulation import fly_logged
 from pipeline.flight.fly.stepping import (
@@ -24,9 +24,14 @@ from pipeline.flight.fly.stepping import (
     NUM_UNSEEN,
     OUTSIDE,
     SPENT,
+    TARGET,
+    VELOCITY,
     Flights,
 )
 from pipeline.flight.state.log import FlightLog, Scenario, points_needed
+from pipeline.flight.world.pack import inspection_points
+from pipeline.flight.world.surface import priority_weights
+from pipeline.physics.motion import nearest_in_orbit
 from pipeline.recording.recorder import FlightRecorder
 from pipeline.settings.experiment import Experiment, Mission
 
@@ -43,19 +48,32 @@ class Reward:
     Parameters
     ----------
     per_point : float
-        For each point newly inspected.
+        For each point newly inspected; for their weight, where points have a priority.
     per_delta_v : float
         Taken away for each m/s spent.
     success : float
         Once, when enough points are inspected.
     outside : float
         Taken away where the flight ends outside the distance limits.
+    too_far : float, optional
+        The same beyond the greatest distance; by default as `outside`.
+    as_afrl : bool
+        Whether, as in AFRL's environments, the first step pays for the points seen at the start, success ends
+        an episode, too great a distance truncates it, and, where points have a priority, success is paid
+        only if free flight stays outside the least distance for an orbit, and else taken away.
     """
 
     per_point: float = 0.1
     per_delta_v: float = 0.1
     success: float = 1.0
     outside: float = 1.0
+    too_far: float | None = None
+    as_afrl: bool = False
+
+
+#: of AFRL's InspectionEnv and WeightedInspectionEnv (safe-autonomy-sims 4.2.3)
+AFRL: Final = Reward(per_point=0.01, per_delta_v=0.001, too_far=0.0, as_afrl=True)
+AFRL_WEIGHTED: Final = replace(AFRL, per_point=1.0)
 
 
 @dataclass(frozen=True)
@@ -180,21 +198,35 @@ class Episodes:
         self._flights = Flights(task.mission, num_episodes, is_tilted=task.is_tilted)
         self._scenarios: list[Scenario | None] = [None] * num_episodes
         self._forces = np.zeros((num_episodes, task.mission.num_controls, 3))
-        self._needed = np.zeros(num_episodes, dtype=np.int64)
-        self._before = self._flights.observed.copy()
+        self._needed = np.zeros(num_episodes)
+        self._spent = np.zeros(num_episodes)
+        #: points that are paid for, or their weight
+        self._paid = np.zeros(num_episodes)
+        self._points = inspection_points(task.mission)
+        self._weights: Floats | None = None
+        if task.mission.chief.weights == "priority":
+            self._weights = np.zeros((num_episodes, len(self._points)))
 
     def draw(self, generator: np.random.Generator) -> Scenario:
         """Draw a start, as an evaluation does."""
         cases, sun = self.task.experiment.monte_carlo, self.task.experiment.sun
         shell = cases.min_distance_m, cases.max_distance_m
-        return draw(int(generator.integers(MOST_SEED)), EPISODES, 0, shell, sun, cases.max_speed_m_s)
+        rest = cases.max_speed_m_s, cases.directions
+        return draw(int(generator.integers(MOST_SEED)), EPISODES, 0, shell, sun, *rest)
 
-    def start(self, episode: int, scenario: Scenario) -> None:
-        """Put an episode at a start; the next step brings it to its first sample."""
+    def start(self, episode: int, scenario: Scenario, priority: Floats | None = None) -> None:
+        """Put an episode at a start; the next step brings it to its first sample.
+
+        Where points have a priority, its direction, shape (3,), is drawn with the start, unless given.
+        """
         self._flights.start(episode, scenario)
         self._scenarios[episode] = scenario
         threshold = self.task.mission.inspection_threshold_percent
         self._needed[episode] = points_needed(int(self._flights.inspectable[episode]), threshold)
+        if self._weights is not None:
+            direction = direction_of(scenario.generator(PRIORITY)) if priority is None else priority
+            self._weights[episode] = priority_weights(self._points, direction)
+            self._needed[episode] = threshold / 100.0
 
     def step(self, actions: NDArray[np.float64] | None) -> tuple[Floats, Truths, Truths]:
         """Fly all by a control period; without actions only those that are started move.
@@ -206,25 +238,55 @@ class Episodes:
         terminated : (n,) array of bool
             Outside the distance limits, or every point that counts is inspected.
         truncated : (n,) array of bool
-            The flight's time is over.
+            The flight's time is over. See `Reward` for AFRL's ends.
         """
         flights, reward = self._flights, self.task.reward
         forces = np.zeros((len(flights.samples), 3)) if actions is None else self.task.forces(actions)
         is_begun = flights.samples >= 0
         rows = np.flatnonzero(is_begun)
         self._forces[rows, flights.samples[rows]] = forces[rows]
-        self._before[:] = flights.observed
         flights.step(forces)
-        now, before = flights.observed, self._before
+        now, inspected = flights.observed, self._inspected
         is_outside = now[:, OUTSIDE] > 0.0
-        succeeds = now[:, NUM_INSPECTED] >= self._needed
-        succeeds &= before[:, NUM_INSPECTED] < self._needed
-        rewards = reward.per_point * (now[:, NUM_INSPECTED] - before[:, NUM_INSPECTED])
-        rewards -= reward.per_delta_v * (now[:, SPENT] - before[:, SPENT])
-        rewards += reward.success * succeeds - reward.outside * is_outside
+        is_far = is_outside & (np.linalg.norm(now[:, :VELOCITY], axis=1) > self._middle_m)
+        is_enough = inspected >= self._needed
+        rewards = reward.per_point * (inspected - self._paid)
+        rewards -= reward.per_delta_v * (now[:, SPENT] - self._spent)
+        rewards += reward.success * self._succeeds(is_begun & is_enough & (self._paid < self._needed))
+        too_far = reward.outside if reward.too_far is None else reward.too_far
+        rewards -= np.where(is_far, too_far, reward.outside * is_outside)
         terminated = is_begun & (is_outside | (now[:, NUM_UNSEEN] == 0.0))
         truncated = is_begun & ~terminated & (flights.samples == self.task.mission.num_controls)
+        if reward.as_afrl:
+            terminated = is_begun & (is_outside & ~is_far | is_enough)
+            truncated |= is_begun & is_far
+        self._spent[:] = now[:, SPENT]
+        self._paid[:] = np.where(is_begun, inspected, 0.0) if reward.as_afrl else inspected
         return np.where(is_begun, rewards, 0.0), terminated, truncated
+
+    @property
+    def _middle_m(self) -> float:
+        deputy = self.task.mission.deputy
+        return 0.5 * (deputy.min_distance_m + deputy.max_distance_m)
+
+    @property
+    def _inspected(self) -> Floats:
+        """How many points each has inspected, or their weight."""
+        if self._weights is None:
+            return self._flights.observed[:, NUM_INSPECTED].copy()
+        return np.asarray(np.sum(self._weights * self._flights.is_inspected, axis=1))
+
+    def _succeeds(self, has_enough: Truths) -> Floats:
+        """Return 1 for those that succeed with this step, -1 where AFRL takes away, and else 0."""
+        signs = has_enough.astype(np.float64)
+        mission = self.task.mission
+        if self.task.reward.as_afrl and self._weights is not None:
+            for row in np.flatnonzero(has_enough):
+                nearest = nearest_in_orbit(
+                    mission.orbit, mission.deputy, self._flights.observed[row, :TARGET]
+                )
+                signs[row] = 1.0 if nearest >= mission.deputy.min_distance_m else -1.0
+        return signs
 
     @property
     def observations(self) -> NDArray[np.float32]:
@@ -239,11 +301,11 @@ class Episodes:
             "delta_v_m_s": now[:, SPENT].copy(),
             "num_inspected": now[:, NUM_INSPECTED].copy(),
             "num_inspectable": self._flights.inspectable.copy(),
-            "is_success": now[:, NUM_INSPECTED] >= self._needed,
+            "is_success": self._inspected >= self._needed,
             "outside_m": now[:, OUTSIDE].copy(),
             "safety_periods": now[:, NUM_ACTED].copy(),
             "safety_delta_v_m_s": now[:, CORRECTED].copy(),
-        }
+        } | ({} if self._weights is None else {"weight_inspected": self._inspected})
 
     def log(self, episode: int) -> tuple[Scenario, FlightLog]:
         """Fly an episode again with the forces that were commanded, and without force from then on."""

@@ -66,6 +66,8 @@ class MonteCarlo:
     """Threads that fly; null: one a processor."""
     max_speed_m_s: Annotated[NotNegative, Field(le=100)] = 0.0
     """Greatest speed of a start, in any direction; 0: rest."""
+    directions: Literal["even", "angles"] = "even"
+    """Directions of starts and speeds: even on the sphere, or by even angles, denser at the poles (AFRL)."""
     table: Annotated[Text | None, Only("starts.kind=file")] = None
     """Starts in place of drawn ones, as CSV text."""
 

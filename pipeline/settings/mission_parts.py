@@ -124,6 +124,8 @@ class Chief:
     """Inspection points asked for; Deserno's placement makes 99 of 100."""
     placement: Annotated[Literal["deserno", "fibonacci"], Only("chief.shape=sphere")] = "deserno"
     """How points are spread over the sphere."""
+    weights: Literal["equal", "priority"] = "equal"
+    """What points count: alike, or, in pipeline.gym, by their angle from a direction of each episode."""
     shape: Literal["sphere", "mesh"] = "sphere"
     """Points on a sphere, or on the faces of a mesh."""
     path: Annotated[Text | None, Only("chief.shape=mesh")] = None

@@ -58,6 +58,8 @@ class Starts:
     """Starts among which the hard ones are sought."""
     max_speed_m_s: Annotated[NotNegative, Field(le=100)] = 0.0
     """Greatest speed of starts that are drawn, any direction; 0: rest."""
+    directions: Literal["even", "angles"] = "even"
+    """Directions of starts and speeds: even on the sphere, or by even angles, denser at the poles (AFRL)."""
     path: Annotated[Text | None, Only("starts.kind=file")] = None
     """The CSV file that the table came from."""
     table: Annotated[Text | None, Only("starts.kind=file")] = None

@@ -31,22 +31,28 @@ from pipeline.settings.training import Starts
 #: starts, ``HARD + r``; and those on which the champion is chosen
 EVALUATION, TRAINING, HARD, VALIDATION = 0, 1, 1 << 20, 1 << 21
 
-#: place in the spawn key of the random numbers for a start's velocity, after the case
-SPEED = 3
+#: places in the spawn key of the random numbers for a start's velocity and for its points' priority
+SPEED, PRIORITY = 3, 1 << 10
 
 OCTANTS = np.array(list(product((1.0, -1.0), repeat=3))) / np.sqrt(3.0)
 
 
 def draw(
-    seed: int, stage: int, case: int, shell_m: tuple[float, float], sun: Sun, max_speed_m_s: float = 0.0
+    seed: int,
+    stage: int,
+    case: int,
+    shell_m: tuple[float, float],
+    sun: Sun,
+    max_speed_m_s: float = 0.0,
+    directions: str = "even",
 ) -> Scenario:
-    """Draw the start of a case: isotropic direction, distance uniform in the shell; likewise its velocity.
+    """Draw the start of a case: its direction, distance uniform in the shell; likewise its velocity.
 
     The shell is a least and a greatest distance, the speed uniform up to a greatest one, 0 for rest. A Sun
-    that alternates is fixed in even cases and random in odd ones.
+    that alternates is fixed in even cases and random in odd ones. See `direction_of` for `directions`.
     """
     generator = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(stage, case)))
-    direction = generator.standard_normal(3)
+    direction = direction_of(generator, directions)
     direction /= np.linalg.norm(direction)
     distance = generator.uniform(*shell_m)
     angle = generator.uniform(0.0, 2.0 * np.pi)
@@ -61,15 +67,21 @@ def draw(
     start = Scenario(
         distance * direction, np.zeros(3), angle, float(np.radians(elevation_deg)), (seed, stage, case)
     )
-    return replace(start, velocity_m_s=_velocity(start, max_speed_m_s)) if max_speed_m_s > 0.0 else start
-
-
-def _velocity(start: Scenario, max_speed: float) -> NDArray[np.float64]:
-    """Draw the velocity of a start."""
+    if not max_speed_m_s > 0.0:
+        return start
     generator = start.generator(SPEED)
-    direction = generator.standard_normal(3)
-    velocity: NDArray[np.float64] = generator.uniform(0.0, max_speed) * direction / np.linalg.norm(direction)
-    return velocity
+    direction = direction_of(generator, directions)
+    speed = generator.uniform(0.0, max_speed_m_s)
+    return replace(start, velocity_m_s=speed * direction / np.linalg.norm(direction))
+
+
+def direction_of(generator: np.random.Generator, directions: str = "angles") -> Floats:
+    """Draw a vector of any length: even on the sphere, or by even angles, azimuth and elevation."""
+    if directions == "even":
+        return generator.standard_normal(3)
+    azimuth, elevation = generator.uniform([0.0, -0.5 * np.pi], [2.0 * np.pi, 0.5 * np.pi])
+    flat = np.cos(elevation)
+    return np.array([flat * np.cos(azimuth), flat * np.sin(azimuth), np.sin(elevation)])
 
 
 def _drawn(
@@ -77,7 +89,8 @@ def _drawn(
 ) -> list[Scenario]:
     """Draw the starts of some cases of a stage."""
     shell = starts.min_distance_m, starts.max_distance_m
-    return [draw(seed, stage, case, shell, sun, starts.max_speed_m_s) for case in cases]
+    rest = starts.max_speed_m_s, starts.directions
+    return [draw(seed, stage, case, shell, sun, *rest) for case in cases]
 
 
 def training_scenarios(starts: Starts, sun: Sun, seed: int, round_index: int = 0) -> list[Scenario]:

@@ -9,7 +9,7 @@ from fis_tools.compiled.decorator import compiled
 from fis_tools.compiled.three import Three, lane_of
 from fis_tools.compiled.vectors import borrowed, splat, width_of
 from fis_tools.engines.kernel import FEW_LANES
-from pipeline.array_types import Bytes, Floats, Integers
+from pipeline.array_types import Booleans, Bytes, Floats, Integers
 from pipeline.flight.cases.starts import cases_of
 from pipeline.flight.control.controller import played
 from pipeline.flight.fly.many import start_lanes
@@ -165,6 +165,7 @@ class Flights:
         self.samples = np.full(num_flights, NOT_STARTED, dtype=np.int64)
         self.inspectable = np.zeros(num_flights, dtype=np.int64)
         self._forces = np.zeros((num_flights, 3))
+        self._states = make_states(world, self._errors, FEW_LANES, num_flights)
         # they stay the same arrays, so that their types are resolved once
         self._arguments = (
             world,
@@ -175,7 +176,7 @@ class Flights:
             played(np.zeros((0, mission.num_controls, 3))),
             self._starts,
             self._counted,
-            make_states(world, self._errors, FEW_LANES, num_flights),
+            self._states,
             make_workspace(world, FEW_LANES),
             self.samples,
             self._forces,
@@ -187,6 +188,12 @@ class Flights:
     def seen(self) -> NDArray[np.float32]:
         """The observations now, shape (n, NUM_SEEN), in the order of `OBSERVED`."""
         return self.observed[:, :NUM_SEEN].astype(np.float32)
+
+    @property
+    def is_inspected(self) -> Booleans:
+        """Which points have been inspected, shape (n, P)."""
+        unseen, num_points = self._states.unseen[:, 0], self._world.num_points
+        return np.asarray((unseen == 0.0) & (self._counted > 0))[:, :num_points]
 
     def start(self, flight: int, scenario: Scenario) -> None:
         """Put a flight at a start; the next step brings it to its first sample.

@@ -143,14 +143,13 @@ def regular_placement(num_points: int, radius_m: float) -> Floats:
 def fibonacci_placement(num_points: int, radius_m: float) -> Floats:
     """Place exactly so many points on a spiral that turns by the golden angle from one to the next.
 
-    They go from +k to -k, the first at azimuth zero (R. Swinbank and R. J. Purser, Quarterly Journal of the
-    Royal Meteorological Society 132, 2006).
+    They go from +j to -j, with a point on either pole, as in AFRL's safe-autonomy-simulation.
     """
     place = np.arange(num_points)
-    height = 1.0 - (2.0 * place + 1.0) / num_points
+    height = 1.0 - 2.0 * place / max(num_points - 1, 1)
     azimuth = place * (pi * (3.0 - sqrt(5.0)))
     across = np.sqrt(1.0 - height * height)
-    return radius_m * np.column_stack((across * np.cos(azimuth), across * np.sin(azimuth), height))
+    return radius_m * np.column_stack((across * np.cos(azimuth), height, across * np.sin(azimuth)))
 
 
 #: least visibility of an inspectable point: seen from a smaller share of all directions it lies in a crevice
@@ -164,6 +163,13 @@ class Surface(NamedTuple):
     normals: Floats  # (P, 3) unit vectors out of the body
     occlusion: Occlusion  # what parts of a mesh hide; empty for a sphere
     corners: Floats  # (T, 3, 3) triangles of a mesh; no rows for a sphere
+
+
+def priority_weights(points: Floats, priority: Floats) -> Floats:
+    """Return what points count, shape (P,), one in all: as their angle from the opposite of a direction."""
+    cosines = points @ -priority / (np.linalg.norm(points, axis=1) * np.linalg.norm(priority))
+    angles = np.arccos(np.clip(cosines, -1.0, 1.0))
+    return np.asarray(angles / angles.sum())
 
 
 def surface_of(mission: Mission) -> Surface:

@@ -2,9 +2,7 @@
 
 from dataclasses import replace
 
-import numpy as np
 import pytest
-from scipy.linalg import expm
 
 from pipeline.command_line.config import compose_experiment
 from pipeline.evaluation.comparison import (
@@ -17,10 +15,6 @@ from pipeline.evaluation.comparison import (
     worlds_of,
 )
 from pipeline.evaluation.statistics import fraction
-from pipeline.flight.cases.starts import evaluation_scenarios
-from pipeline.flight.control.controller import coast
-from pipeline.flight.fly.simulation import fly_logged
-from pipeline.flight.world.pack import inspection_points
 from pipeline.settings.experiment import SettingError
 from pipeline.settings.schema import in_world
 
@@ -73,30 +67,6 @@ def test_a_world_changes_what_it_names_and_nothing_else() -> None:
     assert there.sun.elevation_range_deg == leo.sun.elevation_range_deg  # compare.suns has the rest
     same = in_world(experiment, "paper")
     assert (same.mission, same.sun) == (experiment.mission, experiment.sun)
-
-
-def test_afrls_world_is_flown() -> None:
-    """Two hours and more of free motion, from starts that move, under a camera that sees all round."""
-    experiment = compose_experiment(["+experiment=evaluate", "controller=coast", "world=afrl"]).experiment
-    mission = experiment.mission
-    start = evaluation_scenarios(experiment.monte_carlo, experiment.sun, experiment.seed)[0]
-    log = fly_logged(mission, coast(), start)
-    assert len(log.position_m) == 1224
-    assert np.linalg.norm(start.velocity_m_s) > 0.0
-    n = mission.orbit.mean_motion_rad_s
-    rates = np.zeros((6, 6))
-    rates[:3, 3:] = np.eye(3)
-    rates[3, [0, 4]], rates[4, 3], rates[5, 2] = [3.0 * n * n, 2.0 * n], -2.0 * n, -n * n
-    state, is_seen = np.concatenate((start.position_m, start.velocity_m_s)), np.zeros(99, dtype=bool)
-    step, points = expm(10.0 * rates), inspection_points(mission)
-    for k, position in enumerate(log.position_m):
-        np.testing.assert_allclose(position, state[:3], atol=1e-7)
-        angle = start.sun_angle_rad - n * 10.0 * k
-        sun = np.array([np.cos(angle), np.sin(angle), 0.0])
-        is_seen |= (points @ sun > 1e-6) & (points @ state[:3] > 100.0)
-        assert log.is_inspected[k].tolist() == is_seen.tolist()
-        state = step @ state
-    assert 20 < is_seen.sum() < 99
 
 
 @pytest.mark.parametrize(

@@ -174,6 +174,18 @@ def test_starts_that_move_stand_where_those_at_rest_do() -> None:
         assert stats.kstest(velocities[:, axis] / speeds, "uniform", (-1.0, 2.0)).pvalue > 0.01
 
 
+def test_directions_by_even_angles_are_denser_at_the_poles() -> None:
+    """The share of starts and of speeds above 60 degrees is a third; it is a seventh of an even sphere."""
+    starts = evaluation_scenarios(
+        replace(PAPER, num_cases=900, max_speed_m_s=0.3, directions="angles"), RANDOM, 1
+    )
+    for vectors in (positions(starts), np.array([start.velocity_m_s for start in starts])):
+        units = vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
+        assert stats.kstest(np.degrees(np.arcsin(units[:, 2])), "uniform", (-90.0, 180.0)).pvalue > 0.01
+        azimuths = np.degrees(np.arctan2(units[:, 1], units[:, 0]))
+        assert stats.kstest(azimuths, "uniform", (-180.0, 360.0)).pvalue > 0.01
+
+
 INERTIA = np.diag([1.0, 2.0, 2.5])
 TORQUE = np.array([0.01, -0.01, 0.01])
 MISSION = replace(PAPER, deputy=replace(PAPER.deputy, inertia_kg_m2=tuple(map(tuple, INERTIA.tolist()))))

@@ -191,9 +191,10 @@ def test_fibonacci_gives_exactly_as_many(wanted):
     np.testing.assert_allclose(np.linalg.norm(points, axis=1), 10.0, rtol=1e-15)
 
 
-def test_fibonacci_points_are_evenly_spaced_with_none_on_a_pole():
+def test_fibonacci_points_are_evenly_spaced_from_pole_to_pole():
     points = fibonacci_placement(100, 10.0)
     side = 10.0 * np.sqrt(4.0 * np.pi / 100)
-    assert smallest_distances(points).min() > 0.8 * side
-    assert np.all(np.diff(points[:, 2]) < 0.0)
+    assert smallest_distances(points).min() > 0.55 * side
+    assert np.all(np.diff(points[:, 1]) < 0.0)
+    np.testing.assert_allclose(points[[0, -1], 1], [10.0, -10.0])
     np.testing.assert_allclose(points.mean(axis=0), 0.0, atol=0.02)

@@ -1,0 +1,116 @@
+"""Controllers in the worlds of AFRL's inspection, as AFRL counts: ``python -m benchmarks field``.
+
+An episode ends, as in safe-autonomy-sims, at success, out of bounds, in the chief or with its time; fuel and
+points are those up to there. *Their* success is all points, or 0.95 of the weight and then an orbit of free
+flight outside 15 m; *ours* is 95 % of the points, and all of the time within the limits. Interquartile means
+have intervals by the bootstrap over starts, as in `benchmarks.policies`.
+"""
+
+import argparse
+from collections.abc import Sequence
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+
+from benchmarks.policies import interquartile_mean, resampled
+from pipeline.command_line.config import compose_experiment
+from pipeline.controllers.source import named
+from pipeline.evaluation.statistics import fraction
+from pipeline.flight.cases.starts import PRIORITY, direction_of, evaluation_scenarios
+from pipeline.flight.fly.simulation import fly_logged
+from pipeline.flight.state.log import FlightLog, Scenario, points_needed
+from pipeline.flight.world.pack import inspection_points
+from pipeline.flight.world.surface import priority_weights
+from pipeline.physics.motion import nearest_in_orbit
+from pipeline.settings.experiment import Mission
+
+WORLDS: Final = ("afrl", "afrl_weighted", "afrl_six_dof")
+CONTROLLERS: Final = (
+    *("champion_27", "champion_27_fixed_sun", "champion_81", "champion_any_sun", "champion_leo"),
+    *("paper_champion", "lqr", "natural_motion", "coast", "receding_horizon"),
+)
+#: of those that take seconds a flight
+SLOW: Final = {"receding_horizon": 100}
+OUR_PERCENT: Final = 95.0
+
+
+class Judged(NamedTuple):
+    """An episode as AFRL counts, and whether it is a success as we count."""
+
+    delta_v_m_s: float
+    points_percent: float
+    is_success: bool
+    is_outside: bool
+    is_our_success: bool
+
+
+def judged(mission: Mission, scenario: Scenario, log: FlightLog) -> Judged:
+    """Judge a flight."""
+    points, deputy, seen = inspection_points(mission), mission.deputy, log.is_inspected
+    is_weighted = mission.chief.weights == "priority"
+    direction = direction_of(scenario.generator(PRIORITY))
+    weights = priority_weights(points, direction) if is_weighted else np.ones(len(points))
+    needed = mission.inspection_threshold_percent / 100.0 * weights.sum()
+    distance = np.linalg.norm(log.position_m, axis=1)
+    is_outside = (distance < deputy.min_distance_m) | (distance > deputy.max_distance_m)
+    is_outside[0] = False  # AFRL looks after the first step, too
+    is_enough = seen @ weights >= needed - 1e-9
+    is_enough[0] = False
+    ends = is_outside | is_enough
+    end = int(ends.argmax()) if ends.any() else len(ends) - 1
+    is_success = bool(is_enough[end] and not is_outside[end])
+    if is_success and is_weighted:
+        state = np.concatenate((log.position_m[end], log.velocity_m_s[end]))
+        is_success = nearest_in_orbit(mission.orbit, deputy, state) >= deputy.min_distance_m
+    ours = seen[-1].sum() >= points_needed(int(log.is_inspectable.sum()), OUR_PERCENT)
+    return Judged(
+        float(log.delta_v_m_s[end]),
+        100.0 * float(seen[end].mean()),
+        is_success,
+        bool(is_outside[end]),
+        bool(ours and not is_outside.any()),
+    )
+
+
+def row(name: str, flown: Sequence[Judged]) -> str:
+    """Return a row of the table."""
+
+    def mean(values: Sequence[float], digits: int) -> str:
+        array = np.array([values])
+        low, high = resampled(array)
+        return f"{interquartile_mean(array):.{digits}f} ({low:.{digits}f} to {high:.{digits}f})"
+
+    def share(values: Sequence[bool]) -> str:
+        told = fraction(np.array(values), 95.0)
+        return f"{100 * told.fraction:.1f} % ({100 * told.low:.1f} to {100 * told.high:.1f})"
+
+    spent, seen, successes, outside, ours = zip(*flown, strict=True)
+    starts = "" if len(flown) == max([len(flown), *SLOW.values()]) else f", {len(flown)} starts"
+    cells = f"`{name}`{starts}", mean(seen, 2), mean(spent, 3), share(successes), share(ours), share(outside)
+    return f"| {' | '.join(cells)} |"
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Fly all of them in all worlds, and print a table of each."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks field", description=__doc__)
+    parser.add_argument("-c", "--controller", action="append", help="of conf/controller; all unless given")
+    parser.add_argument("-w", "--world", action="append", help=f"of {', '.join(WORLDS)}; all unless given")
+    parser.add_argument("--cases", type=int, default=1000, help="starts; no more than 100 for a slow one")
+    parser.add_argument("--seed", type=int, default=6, help="of the starts")
+    options = parser.parse_args(arguments)
+    for world in options.world or WORLDS:
+        words = [f"world={world}", f"monte_carlo.num_cases={options.cases}", f"seed={options.seed}"]
+        experiment: Any = compose_experiment(["+experiment=evaluate", "controller=coast", *words]).experiment
+        mission, sun = experiment.mission, experiment.sun
+        starts = evaluation_scenarios(experiment.monte_carlo, sun, experiment.seed)
+        print(f"\n`world={world}`, {options.cases} starts\n")
+        print("| controller | points (%) | delta-v (m/s) | their success | our success | out of bounds |")
+        print("|---|---|---|---|---|---|", flush=True)
+        for name in options.controller or CONTROLLERS:
+            controller = named(name, mission)
+            flown = [
+                judged(mission, start, fly_logged(mission, controller, start))
+                for start in starts[: SLOW.get(name, options.cases)]
+            ]
+            print(row(name, flown), flush=True)
+    return 0
