@@ -177,7 +177,7 @@ def test_starts_that_move_stand_where_those_at_rest_do() -> None:
 def test_directions_by_even_angles_are_denser_at_the_poles() -> None:
     """The share of starts and of speeds above 60 degrees is a third; it is a seventh of an even sphere."""
     starts = evaluation_scenarios(
-        replace(PAPER, num_cases=900, max_speed_m_s=0.3, directions="angles"), RANDOM, 1
+        replace(CASES, num_cases=900, max_speed_m_s=0.3, directions="angles"), RANDOM, 1
     )
     for vectors in (positions(starts), np.array([start.velocity_m_s for start in starts])):
         units = vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
