@@ -165,6 +165,7 @@ class Flights:
         self.samples = np.full(num_flights, NOT_STARTED, dtype=np.int64)
         self.inspectable = np.zeros(num_flights, dtype=np.int64)
         self._forces = np.zeros((num_flights, 3))
+        self._lighting = make_workspace(world)
         self._states = make_states(world, self._errors, FEW_LANES, num_flights)
         # they stay the same arrays, so that their types are resolved once
         self._arguments = (
@@ -206,7 +207,7 @@ class Flights:
         if self._optics is None and scenario.sun_elevation_rad != 0.0:
             raise ValueError("the Sun of this start is out of the orbit plane; pass is_tilted=True")
         world, cases = self._world, cases_of(self._mission, [scenario])
-        found = inspectable_points(world, cases.starts)
+        found = inspectable_points(world, cases.starts, work=self._lighting)
         self._starts[flight] = cases.starts[0]
         counted = counted_points(world, cases.starts, found)
         self._counted[flight] = counted[0] if self._optics is not None else 1

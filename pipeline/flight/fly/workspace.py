@@ -106,11 +106,17 @@ def parts_in_use(world: World, law: Law, cases: Cases) -> Parts:
 
 
 def inspectable_points(
-    world: World, starts: StartRows, note: Callable[..., None] = note_inspectable
+    world: World,
+    starts: StartRows,
+    note: Callable[..., None] = note_inspectable,
+    work: Workspace | None = None,
 ) -> Bytes:
-    """Return which points are lit at some sample of each case's flight, shape (m, P padded) of 0 or 1."""
+    """Return which points are lit at some sample of each case's flight, shape (m, P padded) of 0 or 1.
+
+    A workspace that is given spares making one.
+    """
     found = np.empty((len(starts), world.points.shape[2]), dtype=np.uint8)
-    note(world, optics_in_use(world, starts), make_workspace(world), starts, found)
+    note(world, optics_in_use(world, starts), work or make_workspace(world), starts, found)
     return found
 
 
