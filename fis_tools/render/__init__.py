@@ -27,7 +27,7 @@ from fis_tools.render.figures import (
     system_figures,
 )
 from fis_tools.render.inference import inference_figure, memberships
-from fis_tools.render.rule_lists import firing_map, rule_bars, rule_list
+from fis_tools.render.rule_lists import firing_map, rule_bars
 from fis_tools.render.rule_tables import rule_matrix
 from fis_tools.render.surfaces import (
     draw_surface,
@@ -57,7 +57,6 @@ __all__ = [
     "output_curve",
     "over_axes",
     "rule_bars",
-    "rule_list",
     "rule_matrix",
     "rules_figures",
     "save",

@@ -18,7 +18,7 @@ from fis_tools.model.systems import has_sets
 from fis_tools.model.variables import sample
 from fis_tools.render import lettering
 from fis_tools.render.inference import memberships, peak
-from fis_tools.render.rule_lists import firing_map, firing_shares, list_height, rule_bars, rule_list
+from fis_tools.render.rule_lists import firing_map, firing_shares, rule_bars
 from fis_tools.render.rule_tables import rule_cells, rule_matrix
 from fis_tools.render.surfaces import (
     colour_bar,
@@ -34,7 +34,6 @@ from fis_tools.render.theme import LIGHT, MEDIUM, SMALL, Theme, head
 
 #: A figure has panels for so many combinations of outer terms; the others are left to `surface` and `show`.
 MOST_PANELS = 30
-_LIST_WIDTH, _LIST_HEIGHT = 8.0, 10.5
 
 
 def one_panel(title: str, *, theme: Theme = LIGHT, in_space: bool = False) -> tuple[Figure, Any]:
@@ -66,10 +65,11 @@ def memberships_figure(
 
 
 def rules_figures(system: FuzzySystem, *, theme: Theme = LIGHT) -> Iterator[tuple[str, Figure]]:
-    """Draw the rules of a system as tables, one figure per output, or as lists, as many figures as they fill.
+    """Draw the rules of a system as tables, one figure per output.
 
-    Tables have one panel for each combination of the terms of the inputs before the last two. Rules that are
-    no table for some output (see `rule_cells`), or one of more than `MOST_PANELS` panels, are listed.
+    Each has one panel for each combination of the terms of the inputs before the last two. Rules that are no
+    table for some output (see `rule_cells`), or one of more than `MOST_PANELS` panels, are not drawn:
+    `fis_tools show` prints them.
 
     Yields
     ------
@@ -78,8 +78,6 @@ def rules_figures(system: FuzzySystem, *, theme: Theme = LIGHT) -> Iterator[tupl
     """
     cells = [rule_cells(system, output) for output in system.outputs]
     if any(table is None for table in cells) or len(_outer_terms(system)) > MOST_PANELS:
-        for page, figure in enumerate(_list_figures(system, theme), start=1):
-            yield "rules" if page == 1 else f"rules-{page}", figure
         return
     for output in system.outputs:
         name = "rules" if len(system.outputs) == 1 else f"rules-{output.name}"
@@ -242,28 +240,6 @@ def _longest_piece(variable: Variable) -> float:
         piece for term in variable.terms for piece in lettering.broken(term.name, 0.0, MEDIUM).split("\n")
     )
     return max(lettering.width(piece, MEDIUM) for piece in pieces)
-
-
-def _list_figures(system: FuzzySystem, theme: Theme) -> list[Figure]:
-    across = _LIST_WIDTH - 0.3
-    pages: list[list[int]] = [[]]
-    for place in range(len(system.rules)):
-        if pages[-1] and list_height(system, [*pages[-1], place], across) > _LIST_HEIGHT:
-            pages.append([])
-        pages[-1].append(place)
-    figures = []
-    for number, places in enumerate(pages, start=1):
-        down = list_height(system, places, across) + 0.1
-        figure = Figure(figsize=(_LIST_WIDTH, down + 0.6))
-        ax = figure.add_axes(
-            (0.15 / _LIST_WIDTH, 0.1 / (down + 0.6), across / _LIST_WIDTH, down / (down + 0.6))
-        )
-        rule_list(system, ax, places, theme=theme)
-        head(
-            figure, f"{system.name}: rules" + (f", {number} of {len(pages)}" if len(pages) > 1 else ""), theme
-        )
-        figures.append(figure)
-    return figures
 
 
 def _panels(

@@ -110,7 +110,7 @@ def rule_matrix(
     cells = rule_cells(system, concluded)
     if cells is None:
         raise ValueError(
-            f"the rules of system {system.name!r} are not a full table; list them with rule_list instead"
+            f"the rules of system {system.name!r} are not a full table; print them with fis_tools show"
         )
     *outer, last = system.inputs
     rows = outer.pop() if outer else None

@@ -1,4 +1,4 @@
-"""Rules as tables, as lists, and how much they are used."""
+"""Rules as tables, and how much they are used."""
 
 import csv
 import io
@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
 from fis_tools.__main__ import main
@@ -19,7 +18,7 @@ from fis_tools.engines.compiler import compile as compiled
 from fis_tools.formats import csv as csv_format
 from fis_tools.formats.serialize import dump_yaml
 from fis_tools.model import And, Consequent, FuzzyController, FuzzySystem, Is, Rule
-from fis_tools.render import firing_map, rule_bars, rule_list, rule_matrix, rules_figures
+from fis_tools.render import firing_map, rule_bars, rule_matrix, rules_figures
 from fis_tools.render.rule_lists import firing_shares
 from fis_tools.render.theme import contrast, luminance, term_colours
 from fis_tools.words.text import outline, ranked
@@ -122,52 +121,10 @@ def repeated() -> FuzzySystem:
     "system",
     [room_system(), contradicting(), repeated(), replace(force_x_system(), rules=force_x_system().rules[:9])],
 )
-def test_rules_that_are_no_table_are_listed(system: FuzzySystem) -> None:
-    with pytest.raises(ValueError, match="not a full table; list them with rule_list"):
+def test_rules_that_are_no_table_are_not_drawn(system: FuzzySystem) -> None:
+    with pytest.raises(ValueError, match="not a full table; print them"):
         rule_matrix(system, Figure().subplots())
-    ((name, figure),) = rules_figures(system)
-    assert name == "rules"
-    words = "\n".join(text.get_text() for text in figure.axes[0].texts)
-    for rule in system.rules:
-        for consequent in rule.consequents:
-            assert f"{consequent.variable} is {consequent.term}" in words
-
-
-def test_a_list_says_rules_in_full_with_conclusions_in_the_colours_of_their_terms() -> None:
-    ax = rule_list(room_system(), Figure(figsize=(9, 4)).subplots())
-    words = [text.get_text().replace("\n", " ") for text in ax.texts]
-    assert words[:4] == [
-        "1",
-        "[warm up] If temperature is cold and (wind is calm or temperature is not hot) then",
-        "heat is high",
-        "vent is open × 0.25",
-    ]
-    box = ax.texts[2].get_bbox_patch()
-    assert box is not None
-    assert to_rgb(box.get_facecolor()) == pytest.approx(tuple(term_colours(2)[1]))
-
-
-@pytest.mark.slow
-def test_a_list_counts_what_it_has_no_room_for_and_pages_hold_all() -> None:
-    system = autopilot_system()
-    ax = rule_list(system, Figure().subplots())
-    last = ax.texts[-1].get_text()
-    shown = sum(text.get_text().startswith("If") for text in ax.texts)
-    assert last == f"and {125 - shown} more rules"
-    several = replace(
-        system,
-        rules=(
-            *system.rules,
-            system.rules[0],
-            replace(system.rules[0], consequents=(Consequent("elevator", "NL"),)),
-        ),
-    )
-    pages = dict(rules_figures(several))
-    assert list(pages) == ["rules", "rules-2", "rules-3", "rules-4", "rules-5"][: len(pages)]
-    numbers = [
-        t.get_text() for page in pages.values() for t in page.axes[0].texts if t.get_text().isdecimal()
-    ]
-    assert numbers == [str(number) for number in range(1, 128)]
+    assert list(rules_figures(system)) == []
 
 
 def test_firing_along_a_flight_is_what_was_logged_the_most_used_rule_first(tmp_path) -> None:  # type: ignore[no-untyped-def]
