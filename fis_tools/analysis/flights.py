@@ -34,8 +34,6 @@ CONTROL_TOPICS = "*/control"
 PULLS_TOPICS, PULLS_METADATA = "*/pulls", "pulls"
 #: times closer than this are the same, s
 SAME_TIME_S = 1e-6
-#: fields of its control topic that say what coasting was decided by
-FORESEEN_FIELDS = ("coasting_missed", "coasting_nearest_m", "coasting_farthest_m")
 
 
 @dataclass(frozen=True)
@@ -130,13 +128,6 @@ class Outcome(NamedTuple):
         to a command or when fired; empty in recordings that do not say.
     constants : dict of str to str
         The meanings of the controller's attributes, by their names.
-    asked : dict of str to (n,)
-        What each system asked for at each of its inferences, fired or not.
-    foreseen : (n, 3)
-        By what coasting was decided on, each time: points that it would miss, least and greatest distance on
-        the way, m.
-    limits_m : (float or None, float or None)
-        The distances between which the flight was to stay.
     """
 
     delta_v_m_s: float | None
@@ -150,9 +141,6 @@ class Outcome(NamedTuple):
     num_asked: int
     reasons: dict[str, int]
     constants: dict[str, str]
-    asked: dict[str, Floats]
-    foreseen: Floats = np.empty((0, 3))
-    limits_m: tuple[float | None, float | None] = (None, None)
 
 
 @dataclass(frozen=True)
@@ -293,14 +281,11 @@ def read_outcome(path: Path | str) -> Outcome:
     num_asked = len(np.unique(np.concatenate([np.empty(0), *inferred])))
     num_periods = num_fired = 0
     reasons: dict[str, int] = {}
-    foreseen = np.empty((0, 3))
     if control is not None and len(control):
         num_periods = len(control)
         num_fired = int(np.any(control["force_hill_n"] != 0.0, axis=1).sum())
         if control["force_asked_n"].size:
             num_asked = int(np.any(control["force_asked_n"] != 0.0, axis=1).sum())
-        foreseen = np.column_stack([control[name].astype(np.float64) for name in FORESEEN_FIELDS])
-        foreseen = foreseen[~np.isnan(foreseen).any(axis=1)]
         told = [control[name].reshape(num_periods, -1) for name in ("reason", "command_reason")]
         words = np.hstack(told)
         reasons = {str(word): int(np.any(words == word, axis=1).sum()) for word in np.unique(words)}
@@ -315,13 +300,6 @@ def read_outcome(path: Path | str) -> Outcome:
         num_asked=num_asked,
         reasons=reasons,
         constants=dict(recording.metadata.get(CONSTANTS_METADATA, {})),
-        asked={
-            name.removeprefix(TOPIC_PREFIX): topic["output_n"].astype(np.float64)
-            for name, topic in topics.items()
-            if name.startswith(TOPIC_PREFIX)
-        },
-        foreseen=foreseen,
-        limits_m=limits,
     )
 
 

@@ -128,7 +128,7 @@ def write(
         data,
         controller=controller,
         facts=content.facts(controller.provenance),
-        constants=constants(controller, went, meanings),
+        constants=constants(controller, meanings),
         others=content.facts(content.texts(controller)),
         lead=lead,
         opening=html.body(Document(opening_blocks)),

@@ -28,7 +28,7 @@ TO = "→"
 MOST_POINTS = 12
 
 
-_LEGEND = "In the pictures terms are dashed as they were, solid as they are, thin where nothing changed."
+_LEGEND = "In the pictures changed terms are also drawn as they were, dotted."
 
 
 @dataclass(frozen=True, repr=False)

@@ -324,7 +324,7 @@ def test_the_page_is_whole_by_itself_and_trusts_no_name() -> None:
     assert tags.loading == []
     assert "<script>" not in page
     assert "&lt;script&gt;&amp;" in page
-    assert "<svg" in difference(controller, after)._repr_html_()
+    assert "<picture>" in difference(controller, after)._repr_html_()
 
 
 @pytest.fixture
