@@ -21,7 +21,7 @@ For example:
     python -m fis_tools audit controller.yaml --flights episodes/*.mcap --fail-on serious
     python -m fis_tools explain controller.yaml --inputs distance=80,velocity_body_x=0.05
     python -m fis_tools explain episodes/best.mcap --time 600
-    python -m fis_tools firing episodes/*.mcap
+    python -m fis_tools explain controller.yaml --flights episodes/*.mcap
     python -m fis_tools bounds controller.yaml --where "distance > 150" --ask "force_x > 0"
     python -m fis_tools diff before.yaml after.yaml -o diff.html
     python -m fis_tools simplify controller.yaml --max-change 5% -o simpler.yaml

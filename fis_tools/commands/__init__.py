@@ -14,10 +14,6 @@ COMMANDS = {
     "learn": ("files", "Make a fuzzy system from a table of numbers."),
     "audit": ("findings", "List what a reviewer should know: gaps, slips, idle rules."),
     "explain": ("findings", "Tell why: which rules moved the output, what would flip it."),
-    "firing": (
-        "analysis",
-        "Print which rules fired along logged flights, those that fired most often first.",
-    ),
     "bounds": ("analysis", "Prove what the outputs can and cannot be in a region."),
     "domain": ("analysis", "Tell when logged flights left the inputs that an evaluation met."),
     "simplify": ("findings", "Make a simpler controller that answers nearly the same."),

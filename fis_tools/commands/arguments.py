@@ -7,15 +7,13 @@ from contextlib import contextmanager
 from dataclasses import KW_ONLY, dataclass, replace
 from math import inf, isfinite
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import numpy as np
 from cyclopts import Parameter
 
-from fis_tools.analysis import arrays, flights
-from fis_tools.analysis.contribution import importance
+from fis_tools.analysis import flights
 from fis_tools.array_types import Floats
-from fis_tools.engines.compiler import compile as compiled
 from fis_tools.formats import serialize
 from fis_tools.model import FuzzyController, FuzzySystem
 from fis_tools.model.thrust import COUNTED, REASONS, UNKNOWN
@@ -27,8 +25,6 @@ from fis_tools.words.text import number
 #: Rules of a system, and points of its output, beyond which analyses take more than seconds.
 MANY_RULES, MANY_POINTS = 1_000, 10_000
 
-#: Samples of the ranges of the inputs, where importance is asked for without flights.
-NUM_SPREAD = 2048
 
 _WRITERS = {".json": serialize.dump_json, ".yaml": serialize.dump_yaml, ".yml": serialize.dump_yaml}
 
@@ -126,38 +122,6 @@ class AskedAlong(Asked):
     def flown(self, controller: FuzzyController) -> dict[str, Floats] | None:
         """Return what the systems of a controller sensed along the flights; see `flown_inputs`."""
         return flown_inputs(self.paths, controller, self.all_periods)
-
-
-@Parameter(name="*")
-@dataclass(frozen=True)
-class AskedInOrder(AskedAlong):
-    """What a command lists the rules of.
-
-    Parameters
-    ----------
-    by
-        list rules that matter most first: along --flights, else over the whole ranges of the inputs
-    """
-
-    by: Literal["importance"] | None = None
-
-    def importance(self, controller: FuzzyController) -> dict[str, Floats] | None:
-        """Return how much each rule matters, by `fis_tools.analysis.contribution`; None if nobody asked.
-
-        A system that decided nothing on the flights is missing.
-        """
-        if self.by is None:
-            if self.flights:
-                raise UserMistake("--flights are for --by importance; add it, or leave the flights out")
-            return None
-        samples = self.flown(controller)
-        if samples is None:
-            samples = {system.name: arrays.spread_inputs(system, NUM_SPREAD) for system in controller.systems}
-        return {
-            system.name: importance(compiled(system), samples[system.name])
-            for system in controller.systems
-            if len(samples.get(system.name, ()))
-        }
 
 
 def flown_inputs(

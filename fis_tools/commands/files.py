@@ -2,16 +2,15 @@
 
 import sys
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from fis_tools.array_types import Floats
 from fis_tools.commands.arguments import (
-    AskedInOrder,
+    Asked,
     Output,
     UserMistake,
     chosen,
@@ -36,22 +35,22 @@ from fis_tools.model.validate import InvalidSystem
 from fis_tools.source import is_program, read_controller
 from fis_tools.words.text import outline, rule_list, sentences, with_unit
 
-#: What a controller can be written as to read, with its rules in the order of how much they matter.
-RANKED: dict[str, Callable[[FuzzyController, Mapping[str, Floats] | None], str]] = {
-    "markdown": lambda *content: text.write_markdown(outline(*content)),
+#: What a controller can be written as besides the forms of other programs.
+WHOLE: dict[str, Callable[[FuzzyController], str]] = {
+    "markdown": lambda controller: text.write_markdown(outline(controller)),
     "csv": csv.write,
-    "text": lambda *content: text.write(rule_list(*content)),
-    "html": lambda *content: html.page(outline(*content)),
-    "latex": lambda *content: text.write_latex(outline(*content)),
+    "text": lambda controller: text.write(rule_list(controller)),
+    "html": lambda controller: html.page(outline(controller)),
+    "latex": lambda controller: text.write_latex(outline(controller)),
+    "json": serialize.dump_json,
+    "yaml": serialize.dump_yaml,
 }
-#: As a file that holds everything.
-WHOLE = {"json": serialize.dump_json, "yaml": serialize.dump_yaml}
 
 
 def export(
-    asked: AskedInOrder,
+    asked: Asked,
     *,
-    format: Annotated[str, Parameter(choices=(*RANKED, *WHOLE, *serialize.FORMS, "c", "fmu"))],
+    format: Annotated[str, Parameter(choices=(*WHOLE, *serialize.FORMS, "c", "fmu"))],
     output: Output = None,
     bare: bool = False,
 ) -> None:
@@ -69,7 +68,6 @@ def export(
     For example:
 
         python -m fis_tools export controller.yaml --format markdown > controller.md
-        python -m fis_tools export controller.yaml --format csv --by importance --flights episodes/*.mcap
         python -m fis_tools export controller.yaml --format fis -o exchange
         python -m fis_tools export controller.yaml --format fll --system force_x -o force_x.fll
 
@@ -82,8 +80,6 @@ def export(
     bare
         c: inference alone, without the thrust logic of a controller that commands a force
     """
-    if asked.by is not None and format not in RANKED:
-        raise UserMistake(f"--by is for forms to read; choose one of {', '.join(RANKED)}, or leave it out")
     if bare and format != "c":
         raise UserMistake("--bare is for --format c; leave it out")
     controller = asked.read()
@@ -94,8 +90,6 @@ def export(
         _write_fmus(controller, output)
     elif format in serialize.FORMS:
         _write_each(controller, serialize.writer(format), serialize.FORMS[format].endings[0], output)
-    elif format in RANKED:
-        write(output, RANKED[format](controller, asked.importance(controller)))
     else:
         write(output, WHOLE[format](controller))
 

@@ -13,8 +13,8 @@ from cyclopts import Parameter
 from fis_tools.analysis import arrays, flights
 from fis_tools.array_types import Floats
 from fis_tools.commands.arguments import (
+    Asked,
     AskedAlong,
-    AskedInOrder,
     AskedInstant,
     Output,
     UserMistake,
@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 KINDS = ("memberships", "rules", "surfaces", "inference", "firing")
 
 
-def show(asked: AskedInOrder) -> None:
+def show(asked: Asked) -> None:
     """Print variables, terms and rule tables.
 
     For example:
@@ -51,10 +51,9 @@ def show(asked: AskedInOrder) -> None:
         python -m fis_tools show controller.yaml
         python -m fis_tools show tipper.fis
         python -m fis_tools show outputs/train/20250101-120000-000000 --system force_x
-        python -m fis_tools show controller.yaml --by importance --flights episodes/*.mcap
     """
     controller = asked.read()
-    print(text.write(outline(controller, asked.importance(controller))), end="")
+    print(text.write(outline(controller)), end="")
 
 
 def plot(

@@ -6,12 +6,11 @@ does so, and is no number, gets an apostrophe before it, which spreadsheets take
 
 import csv
 import io
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
-from fis_tools.array_types import Floats
 from fis_tools.model import And, Expression, FuzzyController, Is
-from fis_tools.words.text import antecedent_words, ranked
+from fis_tools.words.text import antecedent_words
 
 #: what a spreadsheet may take for the beginning of a formula
 FORMULA = ("=", "+", "-", "@", "\t", "\r")
@@ -36,7 +35,7 @@ def rows_as_text(rows: Iterable[Sequence[Any]]) -> str:
     return text.getvalue()
 
 
-def write(controller: FuzzyController, importance: Mapping[str, Floats] | None = None) -> str:
+def write(controller: FuzzyController) -> str:
     """Write the rules of all systems of a controller.
 
     Columns are ``system, rule, label``, one for each input of any system, ``antecedent`` in words, then
@@ -47,25 +46,19 @@ def write(controller: FuzzyController, importance: Mapping[str, Floats] | None =
     ----------
     controller : FuzzyController
         A controller without problems.
-    importance : mapping, optional
-        How much each rule matters, as for `fis_tools.words.text.ranked`: a last column, and the order of
-        the rules of each system.
     """
     inputs = list(dict.fromkeys(v.name for system in controller.systems for v in system.inputs))
-    last = ["importance"] if importance is not None else []
-    rows = [["system", "rule", "label", *inputs, "antecedent", "output", "term", "weight", *last]]
+    rows = [["system", "rule", "label", *inputs, "antecedent", "output", "term", "weight"]]
     for system in controller.systems:
-        for entry in ranked(system, importance):
-            rule, terms = entry.rule, _conjunction(entry.rule.antecedent)
-            share = [] if importance is None else ["" if entry.importance is None else repr(entry.importance)]
+        for number, rule in enumerate(system.rules, start=1):
+            terms = _conjunction(rule.antecedent)
             for consequent in rule.consequents:
                 rows.append(
                     [
-                        *(system.name, str(entry.number), rule.label),
+                        *(system.name, str(number), rule.label),
                         *(terms.get(name, "") for name in inputs),
                         antecedent_words(rule.antecedent),
                         *(consequent.variable, consequent.term, repr(float(consequent.weight))),
-                        *share,
                     ]
                 )
     return rows_as_text(rows)

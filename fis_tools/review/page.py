@@ -5,6 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from itertools import compress
 from pathlib import Path
 
+import numpy as np
 from markupsafe import Markup
 
 from fis_tools.analysis import arrays, flights, shapley
@@ -29,7 +30,7 @@ from fis_tools.review.flown import (
     unique,
 )
 from fis_tools.review.opening import read_evidence
-from fis_tools.words.text import ranked, sentences, shape_words, summary
+from fis_tools.words.text import sentences, shape_words, summary
 
 #: what the reviewer ticks before signing, by key
 CHECKS = {
@@ -216,21 +217,21 @@ def _blocks(system: FuzzySystem, samples: Samples) -> Iterator[Block]:
     yield Fold("Terms, and what rules conclude", [Table(["variable", "term", "function or formula"], terms)])
     yield Fold("Surfaces", [*_pictures(system)])
     usage = arrays.rule_usage(arrays.firing(system, samples.inputs))
-    shares = shapley.importance(compile(system), samples.inputs)
+    shares = shapley.importance(compile(system), samples.inputs).max(axis=1)
     lines = sentences(system)
     rows = [
-        [
-            str(one.number),
-            lines[one.number - 1],
-            one.importance_words,
-            f"{100 * usage.fired[one.number - 1]:.1f} %",
-        ]
-        for one in ranked(system, {system.name: shares})
+        [str(place + 1), lines[place], _share(shares[place]), f"{100 * usage.fired[place]:.1f} %"]
+        for place in np.argsort(-shares, kind="stable")
     ]
     caption = f"{samples.words[0].upper()}{samples.words[1:]}. {_SHARES}"
     yield Fold(
         "Rules and their shares", [Table(["no.", "rule", "share", "fires"], rows, (2, 3), caption=caption)]
     )
+
+
+def _share(share: float) -> str:
+    words = f"{100 * share:.2f}"
+    return "< 0.01 %" if words == "0.00" and share > 0 else f"{words} %"
 
 
 def _pictures(system: FuzzySystem) -> Iterator[Block]:

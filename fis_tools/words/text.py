@@ -1,7 +1,6 @@
 """Fuzzy systems in words: sentences, rule tables, values and shares, inferences, whole controllers."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from itertools import product
 from types import MappingProxyType
 
@@ -12,7 +11,7 @@ from fis_tools.array_types import Floats
 from fis_tools.document import Block, Document, Heading, Paragraph, Table
 from fis_tools.document.text import aligned
 from fis_tools.engines.inference import Inference, OutputInference
-from fis_tools.model import FuzzyController, FuzzySystem, Rule, Variable
+from fis_tools.model import FuzzyController, FuzzySystem, Variable
 
 BAR_LENGTH = 20
 #: Memberships and firing strengths below this are left out.
@@ -291,70 +290,13 @@ def span(variable: model.Variable) -> float:
     return variable.maximum - variable.minimum
 
 
-@dataclass(frozen=True)
-class RankedRule:
-    """A rule with its place.
-
-    Parameters
-    ----------
-    number : int
-        From 1, in the order of the system, as in every listing.
-    rule : Rule
-    importance : float or None
-        How far it moves an output on average, as a share of the output's range; None if not asked for.
-    """
-
-    number: int
-    rule: Rule
-    importance: float | None
-
-    @property
-    def importance_words(self) -> str:
-        """The importance in percent."""
-        if self.importance is None:
-            return ""
-        words = f"{100 * self.importance:.2f}"
-        return "< 0.01 %" if words == "0.00" and self.importance > 0 else f"{words} %"
-
-
-def ranked(system: FuzzySystem, importance: Mapping[str, Floats] | None) -> list[RankedRule]:
-    """Return the rules of a system, the most important first; in their own order without `importance`.
-
-    Parameters
-    ----------
-    system : FuzzySystem
-    importance : mapping of str to (num_rules,) or (num_rules, num_outputs), optional
-        By the system's name, such as `fis_tools.analysis.contribution.importance` returns; of several outputs
-        the one on which the rule has the largest effect counts. A system that is missing keeps its order.
-
-    Raises
-    ------
-    ValueError
-        If there are not as many numbers as rules.
-    """
-    given = None if importance is None else importance.get(system.name)
-    if given is None:
-        return [RankedRule(number, rule, None) for number, rule in enumerate(system.rules, start=1)]
-    shares = np.asarray(given, dtype=np.float64)
-    if shares.ndim not in (1, 2) or len(shares) != len(system.rules):
-        raise ValueError(
-            f"importance of {system.name!r} has shape {shares.shape}; give one number for each of its "
-            f"{len(system.rules)} rules"
-        )
-    shares = shares if shares.ndim == 1 else shares.max(axis=1)
-    order = np.argsort(-shares, kind="stable")
-    return [RankedRule(int(place) + 1, system.rules[place], float(shares[place])) for place in order]
-
-
-def outline(controller: FuzzyController, importance: Mapping[str, Floats] | None = None) -> Document:
+def outline(controller: FuzzyController) -> Document:
     """Describe a controller: its facts, and of each system variables, terms and rules.
 
     Parameters
     ----------
     controller : FuzzyController
         A controller without problems.
-    importance : mapping, optional
-        How much each rule matters, as for `ranked`: ranks the rules.
     """
     blocks: list[Block] = [Heading(controller.name, 1)]
     blocks += [Paragraph(_on_one_line(controller.purpose))] if controller.purpose else []
@@ -365,15 +307,15 @@ def outline(controller: FuzzyController, importance: Mapping[str, Floats] | None
         for kind, variables in (("Input", system.inputs), ("Output", system.outputs)):
             for variable in variables:
                 blocks += _variable(kind, variable)
-        blocks += _rules(system, importance)
+        blocks += _rules(system)
     return Document(blocks)
 
 
-def rule_list(controller: FuzzyController, importance: Mapping[str, Floats] | None = None) -> Document:
-    """List the rules of a controller as sentences; parameters as of `outline`."""
+def rule_list(controller: FuzzyController) -> Document:
+    """List the rules of a controller as sentences."""
     blocks: list[Block] = []
     for system in controller.systems:
-        blocks += [Heading(system.name), Paragraph(f"{summary(system)}."), _listed(system, importance)]
+        blocks += [Heading(system.name), Paragraph(f"{summary(system)}."), _listed(system)]
     return Document(blocks)
 
 
@@ -385,26 +327,20 @@ def _variable(kind: str, variable: Variable) -> list[Block]:
     return [Heading(f"{kind} {with_unit(variable)}", 3), Paragraph(about), *terms]
 
 
-def _rules(system: FuzzySystem, importance: Mapping[str, Floats] | None) -> Iterator[Block]:
+def _rules(system: FuzzySystem) -> Iterator[Block]:
     tables = rule_tables(system) or []
     yield Heading(f"Rules for {system.outputs[0].name}" if tables else "Rules", 3)
     for title, (heads, *rows) in tables:
         if title:
             yield Paragraph(f"Where {title}:")
         yield Table(heads, rows, across=system.inputs[-1].name)
-    is_ranked = importance is not None and system.name in importance
-    if is_ranked:
-        yield Paragraph("By importance: how far an output moves on average without the rule, of its range.")
-    if is_ranked or not tables:
-        yield _listed(system, importance)
+    if not tables:
+        yield _listed(system)
 
 
-def _listed(system: FuzzySystem, importance: Mapping[str, Floats] | None) -> Table:
-    lines, rules = sentences(system), ranked(system, importance)
-    rows = [[rule.importance_words, str(rule.number), f"{lines[rule.number - 1]}."] for rule in rules]
-    if rules[0].importance is None:
-        return Table(["rule", "sentence"], [row[1:] for row in rows], numbers=(0,))
-    return Table(["importance", "rule", "sentence"], rows, numbers=(0, 1))
+def _listed(system: FuzzySystem) -> Table:
+    rows = [[str(number), f"{line}."] for number, line in enumerate(sentences(system), start=1)]
+    return Table(["rule", "sentence"], rows, numbers=(0,))
 
 
 def _on_one_line(text: str) -> str:

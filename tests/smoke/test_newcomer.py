@@ -27,7 +27,7 @@ def test_a_flight_says_how_to_watch_it_and_the_command_works(tmp_path):
 def test_a_flown_controller_can_be_reviewed_from_its_recording(tmp_path, capsys):
     folder = run_pipeline("+experiment=fly", "duration_s=600.0", folder=tmp_path / "run")
     flight = str(folder / "episodes" / "start.mcap")
-    for words in (["show", flight], ["explain", flight, "--time", "300"], ["firing", flight]):
+    for words in (["show", flight], ["explain", flight, "--time", "300"]):
         assert review.main(words) == 0
         assert "force_x" in capsys.readouterr().out
     assert commands.main(["info", flight]) == 0

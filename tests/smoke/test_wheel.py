@@ -253,7 +253,7 @@ def test_the_toolkit_alone_runs_every_command(
     alone.tools("import", EXAMPLES / name, "-o", own)
     inputs = ",".join(f"{v.name}={0.5 * (v.minimum + v.maximum)}" for v in load(own).systems[0].inputs)
     commands = [
-        ("show", EXAMPLES / name, "--by", "importance"),
+        ("show", EXAMPLES / name),
         ("audit", EXAMPLES / name),
         ("bounds", own),
         ("explain", own, "--inputs", inputs),
@@ -281,7 +281,6 @@ def test_the_toolkit_alone_says_what_to_install(alone: Environment, tmp_path: Pa
         ("matplotlib", plot, ("plot", system)),
         ("matplotlib", plot, ("surface", system, "-o", tmp_path / "surface.png")),
         ("matplotlib", plot, ("diff", system, changed, "-o", tmp_path / "diff.html")),
-        ("the package telemetry", whole, ("firing", flight)),
         ("the package telemetry", whole, ("show", flight)),
     ):
         told = alone.tools(*words, code=2).stderr

@@ -202,8 +202,6 @@ def test_explain_takes_the_inputs_of_a_logged_flight(
         (["plot", "PAPER", "--only", "rules", "--inputs", "distance=1"], "add --only inference"),
         (["plot", "PAPER", "--time", "1"], "--time is for one file of logged data"),
         (["audit", "PAPER", "--thresholds", "coverage=-1"], "the threshold 'coverage' is below 0"),
-        (["firing", "FLIGHT", "--threshold", "nan"], "Give a strength above 0 and up to 1"),
-        (["firing", "FLIGHT", "--threshold", "-1"], "Give a strength"),
         (["plot", "PAPER", "--only", "firing"], "--only firing is for logged data"),
         (["plot", "PAPER", "--only", "inference"], "force_x needs distance, velocity_body_x"),
         (["plot", "PAPER", "--inputs", "distance=1"], "the inputs of no system are all given"),
@@ -229,7 +227,6 @@ def test_explain_takes_the_inputs_of_a_logged_flight(
         (["explain", "FLIGHT", "--time", "1", "--system", "x"], "no system 'x'"),
         (["export", "PAPER", "--format", "csv", "-o", "PAPER/x.csv"], "cannot be written"),
         (["export", "PAPER", "--format", "word"], "Choose from: "),
-        (["firing", "PAPER"], "is no flight (.mcap) with a controller in it; add --controller"),
         (["fly"], 'Unknown command "fly"'),
     ],
 )

@@ -86,12 +86,8 @@ def test_facts_of_several_files_are_put_together(tmp_path: Path, capsys: pytest.
     assert (status, "differ in the attribute 'axis'" in notes) == (2, True)
 
 
-def test_tables_can_be_sorted_by_importance(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_forms_to_read_are_printed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     source = saved(tmp_path, alone(flat_system()))
-    _, plain, _ = run(capsys, "export", source, "--format", "csv")
-    _, ranked, _ = run(capsys, "export", source, "--format", "csv", "--by", "importance")
-    assert plain != ranked
-    assert plain.count("\n") == ranked.count("\n")
     _, printed, _ = run(capsys, "export", source, "--format", "markdown")
     assert printed == text.write_markdown(outline(alone(flat_system())))
     for form, start in (("html", "<!"), ("latex", "%"), ("c", "/*")):
@@ -111,7 +107,6 @@ def test_tables_can_be_sorted_by_importance(tmp_path: Path, capsys: pytest.Captu
             ["export", "ALIKE", "--format", "fll", "-o", "FOLDER"],
             "both be written as a_b.fll",
         ),
-        (["export", "PAPER", "--format", "json", "--by", "importance"], "--by is for forms to read"),
         (["import", "TIPPER", "TIPPER"], "both have a system 'tipper'"),
         (["import", "TIPPER", "-o", "x.fis"], "is no controller file"),
         (["import", "TIPPER", "--points", "1"], "Give a whole number from 2 to 4000000"),
