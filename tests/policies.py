@@ -1,8 +1,11 @@
-"""What every page that we write lets a browser do: run its own scripts, and fetch nothing."""
+"""Pages that we write: taken to pieces, and what they let a browser do."""
 
 import base64
 import hashlib
 import re
+from collections import defaultdict
+from collections.abc import Sequence
+from html.parser import HTMLParser
 
 META = re.compile(r'<meta http-equiv="Content-Security-Policy" content="([^"]*)">')
 SCRIPT = re.compile(r"<script(?![^>]*application/json)[^>]*>(.*?)</script>", re.DOTALL)
@@ -30,3 +33,42 @@ def check_policy(page: str) -> None:
     assert styles == ["'unsafe-inline'"] or all(one.startswith("'sha256-") for one in styles)
     assert not told
     assert not HANDLER.search(page)
+
+
+class Page(HTMLParser):
+    """A page taken to pieces: tags with attributes, texts by tag and by section; its tags must match."""
+
+    VOID = frozenset(("meta", "link", "br", "img", "hr", "input", "source"))
+
+    def __init__(self, page: str) -> None:
+        super().__init__()
+        self.tags: list[tuple[str, dict[str, str]]] = []
+        self.texts: list[tuple[str, str]] = []
+        self.text: dict[str, str] = defaultdict(str)
+        self.stack: list[tuple[str, str]] = []
+        self.feed(page)
+        self.close()
+        assert self.stack == []
+
+    def handle_starttag(self, tag: str, attrs: Sequence[tuple[str, str | None]]) -> None:
+        attributes = {name: value or "" for name, value in attrs}
+        assert len(attributes) == len(attrs)
+        self.tags.append((tag, attributes))
+        if tag not in self.VOID:
+            self.stack.append((tag, attributes.get("id", "")))
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.stack.pop()[0] == tag
+
+    def handle_data(self, data: str) -> None:
+        self.texts.append((self.stack[-1][0] if self.stack else "", data))
+        for tag, name in self.stack:
+            if tag == "section" and name:
+                self.text[name] += data
+
+    def all(self, tag: str) -> list[dict[str, str]]:
+        return [attributes for name, attributes in self.tags if name == tag]
+
+    def values(self, name: str) -> list[str]:
+        """All values of an attribute."""
+        return [attributes[name] for _, attributes in self.tags if name in attributes]

@@ -4,7 +4,6 @@ import json
 import re
 from dataclasses import dataclass
 from enum import IntEnum
-from html.parser import HTMLParser
 
 import numpy as np
 import pytest
@@ -25,7 +24,7 @@ from fis_tools.document import (
     text,
 )
 from fis_tools.document.html import element
-from tests.policies import check_policy
+from tests.policies import Page, check_policy
 
 NASTY = 'a|b <i>&"_c_ \\d{e} 5 % #f $g ^h ~j [k] *l*'
 DOCUMENT = Document(
@@ -40,22 +39,6 @@ DOCUMENT = Document(
         Figure('<svg class="drawn"></svg>'),
     ]
 )
-
-
-class Words(HTMLParser):
-    """What a browser shows, and the tags that it meets."""
-
-    def __init__(self, page: str) -> None:
-        super().__init__()
-        self.tags: list[str] = []
-        self.shown = ""
-        self.feed(page)
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.tags.append(tag)
-
-    def handle_data(self, data: str) -> None:
-        self.shown += data
 
 
 def test_text_indents_below_headings_and_aligns_numbers_at_the_right() -> None:
@@ -101,9 +84,9 @@ def test_latex_has_no_command_from_a_name() -> None:
 def test_a_page_shows_every_word_and_takes_none_for_a_tag() -> None:
     page = html.page(DOCUMENT)
     check_policy(page)
-    words = Words(page)
-    assert words.shown.count(NASTY) == 5  # with the title
-    assert "i" not in words.tags
+    taken = Page(page)
+    assert "".join(words for _, words in taken.texts).count(NASTY) == 5  # with the title
+    assert taken.all("i") == []
     assert '<td class="changed"><del>N</del><ins>P</ins></td><td class="same">Z</td>' in page
     assert '<svg class="drawn"></svg>' in page
     assert '<td class="number">22</td>' in page

@@ -1,6 +1,6 @@
 """Random fuzzy systems and inputs that look for trouble: everything drawn from the generator given."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TypeVar, get_args
 
@@ -135,16 +135,18 @@ def otherwise(system: FuzzySystem, implication: str, aggregation: str) -> FuzzyS
     return replace(system, outputs=tuple(outputs), implication=implication)  # type: ignore[arg-type]
 
 
-def random_general_system(generator: np.random.Generator) -> FuzzySystem:
+def random_general_system(generator: np.random.Generator, named: Callable[[str], str] = str) -> FuzzySystem:
     """Every shape, operator, accumulation and defuzzifier; uneven universes, rule trees, weights, outputs.
 
     Half of the systems are of minimum, maximum and centroid with nothing that departs from them.
     """
     is_plain = generator.random() < 0.5
-    inputs = tuple(_any_variable(generator, f"x{place}") for place in range(int(generator.integers(1, 4))))
+    inputs = tuple(
+        _any_variable(generator, f"x{place}", named) for place in range(int(generator.integers(1, 4)))
+    )
     outputs = tuple(
         replace(
-            _any_variable(generator, f"y{place}"),
+            _any_variable(generator, f"y{place}", named),
             default=float(generator.normal()),
             defuzzifier=None if is_plain else _maybe(generator, DEFUZZIFIERS),
             accumulation="max" if is_plain else _maybe(generator, ACCUMULATIONS) or "max",
@@ -196,7 +198,7 @@ def _maybe(generator: np.random.Generator, choices: Sequence[_Choice]) -> _Choic
     return _any_of(generator, choices) if generator.random() < 0.3 else None
 
 
-def _any_variable(generator: np.random.Generator, name: str) -> Variable:
+def _any_variable(generator: np.random.Generator, name: str, named: Callable[[str], str]) -> Variable:
     num_points = int(generator.integers(2, 60))
     low = float(generator.normal() * 10.0)
     high = low + float(10.0 ** generator.uniform(-1, 2))
@@ -205,9 +207,10 @@ def _any_variable(generator: np.random.Generator, name: str) -> Variable:
         inner = generator.uniform(low, high, num_points - 2)
         points = tuple(float(point) for point in np.unique([low, *inner, high]))
         num_points = len(points)
-    variable = Variable(name, "", low, high, (), num_points=num_points, points=points)
+    variable = Variable(named(name), "", low, high, (), num_points=num_points, points=points)
     terms = tuple(
-        Term(f"t{index}", any_shape(generator, variable)) for index in range(int(generator.integers(1, 6)))
+        Term(named(f"t{index}"), any_shape(generator, variable))
+        for index in range(int(generator.integers(1, 6)))
     )
     return replace(variable, terms=terms)
 

@@ -2,7 +2,6 @@
 
 import subprocess
 import sys
-from typing import Any
 
 import numpy as np
 import pytest
@@ -11,114 +10,38 @@ from skfuzzy import control
 
 from fis_tools.engines import compiler, interpreter
 from fis_tools.engines.compiler import CompiledSystem, compile
+from fis_tools.engines.inference import infer
 from fis_tools.model import FuzzySystem
-from fis_tools.model.operators import AND_OPERATORS, OR_OPERATORS
 from fis_tools.model.validate import InvalidSystem
 from fis_tools.scikit_fuzzy.read import UnreadableControlSystem
 from tests.fis_tools.reference_engine import ReferenceEngine
 from tests.fis_tools.sample_controllers import force_x_system, force_z_system, general_controller
+from tests.fis_tools.scikit_fuzzy.random_control_systems import (
+    compute,
+    distinct_inputs,
+    random_control_system,
+)
 from tests.seeds import seeds
 
 #: Of the output range's width.
 TOLERANCE = 1e-12
 
 
-def random_universe(generator: np.random.Generator) -> Any:
-    low = float(generator.normal() * 5.0)
-    high = low + float(10.0 ** generator.uniform(-1, 2))
-    match int(generator.integers(3)):
-        case 0:
-            return np.linspace(low, high, int(generator.integers(5, 120)))
-        case 1:
-            return np.arange(0, int(generator.integers(5, 40)), 1)
-    return np.unique(np.concatenate([[low, high], generator.uniform(low, high, 30)]))
-
-
-def random_membership(generator: np.random.Generator, universe: Any) -> Any:
-    low, high = float(universe[0]), float(universe[-1])
-    a, b, c, d = np.sort(generator.uniform(low - 0.1 * (high - low), high + 0.1 * (high - low), 4))
-    width = (high - low) * float(generator.uniform(0.05, 0.5))
-    shapes = (
-        lambda: skfuzzy.trimf(universe, [a, b, c]),
-        lambda: skfuzzy.trapmf(universe, [a, b, c, d]),
-        lambda: skfuzzy.gaussmf(universe, b, width),
-        lambda: skfuzzy.gbellmf(universe, width, 2.0, b),
-        lambda: skfuzzy.sigmf(universe, b, 10.0 / width),
-        lambda: skfuzzy.smf(universe, a, c),
-        lambda: skfuzzy.pimf(universe, a, b, c, d),
-        lambda: generator.uniform(0.0, 1.0, len(universe)),
-    )
-    return shapes[int(generator.integers(len(shapes)))]()
-
-
-def random_antecedent(generator: np.random.Generator, inputs: list[Any], depth: int = 0) -> Any:
-    kind = generator.random()
-    if depth == 3 or kind < 0.35:
-        variable = inputs[int(generator.integers(len(inputs)))]
-        return variable[str(generator.choice(list(variable.terms)))]
-    one = random_antecedent(generator, inputs, depth + 1)
-    if kind < 0.5:
-        return ~one
-    other = random_antecedent(generator, inputs, depth + 1)
-    return one & other if kind < 0.75 else one | other
-
-
-def random_control_system(generator: np.random.Generator) -> Any:
-    """A control system built with scikit-fuzzy alone, using all that its interface has."""
-    inputs = [control.Antecedent(random_universe(generator), f"x{place}") for place in range(3)]
-    methods = ("centroid", "bisector", "mom", "som", "lom")
-    outputs = [
-        control.Consequent(random_universe(generator), f"y{place}", str(generator.choice(methods)))
-        for place in range(2)
-    ]
-    for variable in (*inputs, *outputs):
-        for place in range(int(generator.integers(2, 6))):
-            variable[f"t{place}"] = random_membership(generator, variable.universe)
-    rules = []
-    for _ in range(int(generator.integers(4, 12))):
-        consequents = [
-            output[str(generator.choice(list(output.terms)))] % float(generator.choice([1.0, 0.4]))
-            for output in outputs
-        ]
-        functions = {}
-        if generator.random() < 0.5:
-            functions["and_func"] = AND_OPERATORS[generator.choice(list(AND_OPERATORS))]
-            functions["or_func"] = OR_OPERATORS[generator.choice(list(OR_OPERATORS))]
-        rules.append(control.Rule(random_antecedent(generator, inputs), consequents, **functions))
-    return control.ControlSystem(rules)
-
-
 @pytest.mark.parametrize("seed", seeds(40, 10))
 def test_control_systems_of_all_kinds_give_what_compute_gives(seed: int) -> None:
     generator = np.random.default_rng([40, seed])
-    system = random_control_system(generator)
-    simulation = control.ControlSystemSimulation(system)
-    universes = {variable.label: variable.universe for variable in system.antecedents}
-    samples = {
-        name: generator.uniform(universe[0] - 0.1, universe[-1] + 0.1, 8)
-        for name, universe in universes.items()
-    }
-    compiled = compile(simulation if seed % 2 else system)
+    source = random_control_system(generator)
+    rows = distinct_inputs(source, generator, 8)
+    compiled = compile(control.ControlSystemSimulation(source) if seed % 2 else source)
     with np.errstate(divide="ignore", invalid="ignore"):  # a bisector of an area with a gap
-        results = compiled(samples)
-    assert set(results) == {"y0", "y1"}
-    for place in range(8):
-        for name, column in samples.items():
-            simulation.input[name] = column[place]
-        simulation.output = {}
-        with np.errstate(divide="ignore", invalid="ignore"):
-            simulation.compute()
-        for variable in system.consequents:
-            expected = simulation.output.get(variable.label)
-            if expected is not None and simulation_fires(simulation, variable):
-                width = variable.universe[-1] - variable.universe[0]
-                np.testing.assert_allclose(
-                    results[variable.label][place], expected, rtol=0, atol=TOLERANCE * width
-                )
-
-
-def simulation_fires(simulation: Any, variable: Any) -> bool:
-    return any((term.membership_value[simulation] or 0.0) > 0.0 for term in variable.terms.values())
+        answers = compiled(rows)
+        inferences = [infer(compiled.system, row) for row in rows]
+    for row, answer, inference in zip(rows, answers, inferences, strict=True):
+        expected = compute(source, row)
+        for value, output in zip(answer, inference.outputs, strict=True):
+            if not output.is_default:
+                width = output.variable.maximum - output.variable.minimum
+                assert value == pytest.approx(expected[output.variable.name], rel=0, abs=TOLERANCE * width)
 
 
 def test_control_systems_take_a_default_for_when_no_rule_fires() -> None:

@@ -3,7 +3,6 @@
 import json
 import re
 from dataclasses import replace
-from html.parser import HTMLParser
 from pathlib import Path
 
 import numpy as np
@@ -37,7 +36,7 @@ from tests.fis_tools.sample_controllers import (
     general_controller,
     paper_like_controller,
 )
-from tests.policies import check_policy
+from tests.policies import Page, check_policy
 
 
 def _with_input(system: FuzzySystem, place: int, variable: Variable) -> FuzzySystem:
@@ -288,27 +287,6 @@ def test_systems_and_variables_come_and_go() -> None:
     assert found.outputs == ()
 
 
-class _Tags(HTMLParser):
-    """Refuses tags that do not close in order; gathers what could load something."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.open: list[str] = []
-        self.loading: list[str] = []
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.loading += [
-            f"{name}={value}"
-            for name, value in attrs
-            if name in {"src", "srcset", "href"} and not str(value).startswith("data:image/png;base64,")
-        ]
-        if tag not in {"meta", "br", "img", "source"}:
-            self.open.append(tag)
-
-    def handle_endtag(self, tag: str) -> None:
-        assert self.open.pop() == tag
-
-
 @pytest.mark.slow
 def test_the_page_is_whole_by_itself_and_trusts_no_name() -> None:
     controller = paper_like_controller()
@@ -318,10 +296,9 @@ def test_the_page_is_whole_by_itself_and_trusts_no_name() -> None:
     after = replace(controller, name="<b>&", systems=(changed, controller.systems[1]))
     page = difference(controller, after).html()
     check_policy(page)
-    tags = _Tags()
-    tags.feed(page)
-    assert tags.open == []
-    assert tags.loading == []
+    found = Page(page)
+    loading = [value for name in ("src", "srcset", "href") for value in found.values(name)]
+    assert all(value.startswith("data:image/png;base64,") for value in loading)
     assert "<script>" not in page
     assert "&lt;script&gt;&amp;" in page
     assert "<picture>" in difference(controller, after)._repr_html_()

@@ -6,8 +6,9 @@ from collections.abc import Callable
 from dataclasses import replace
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
+import numpy as np
 import pytest
 import yaml
 from hypothesis import HealthCheck, given, settings
@@ -24,40 +25,22 @@ from fis_tools.formats.serialize import (
     to_mapping,
 )
 from fis_tools.model import (
-    Accumulation,
     And,
-    AndOperator,
     Consequent,
-    Defuzzifier,
-    Expression,
     FuzzyController,
     FuzzySystem,
     Gaussian,
-    GeneralizedBell,
     Is,
-    MembershipFunction,
-    Not,
-    Or,
-    OrOperator,
-    PiShape,
     Rule,
-    Sampled,
-    Sigmoid,
-    SigmoidDifference,
-    SigmoidProduct,
-    SShape,
     Term,
-    Trapezoidal,
     Triangular,
-    TwoSidedGaussian,
     Variable,
-    ZShape,
     rule_table,
     table_rules,
 )
-from fis_tools.model.operators import WEIGHING
 from fis_tools.model.validate import InvalidSystem
 from fis_tools.plain_text import plain
+from tests.fis_tools.engines.random_systems import random_general_system
 from tests.fis_tools.sample_controllers import force_x_system, general_controller, paper_like_controller
 
 NAMES = st.text(st.characters(exclude_categories=["C", "Z"]), min_size=1, max_size=8)
@@ -73,102 +56,26 @@ def kept_texts(max_size: int) -> st.SearchStrategy[str]:
 
 
 @st.composite
-def variables(draw: st.DrawFn, name: str, is_output: bool) -> Variable:
-    low = draw(NUMBERS)
-    high = low + draw(st.floats(1e-3, 1e6))
-    points = None
-    num_points = draw(st.integers(2, 5))
-    if draw(st.booleans()):
-        points = tuple(sorted({low, high, *draw(st.lists(st.floats(low, high), max_size=3))}))
-        num_points = len(points)
-    names = draw(st.lists(NAMES | WORDS, min_size=1, max_size=3, unique=True))
-    terms = tuple(Term(term, draw(memberships(num_points))) for term in names)
-    text = draw(kept_texts(12))
-    variable = Variable(name, draw(kept_texts(3)), low, high, terms, num_points, points, None, text)
-    if not is_output:
-        return variable
-    return replace(
-        variable,
-        default=draw(NUMBERS),
-        defuzzifier=draw(st.none() | st.sampled_from(get_args(Defuzzifier)[: -len(WEIGHING)])),
-        accumulation=draw(st.sampled_from(get_args(Accumulation))),
-    )
-
-
-@st.composite
-def memberships(draw: st.DrawFn, num_points: int) -> MembershipFunction:
-    corners = sorted(draw(st.lists(NUMBERS, min_size=4, max_size=4)))
-    a, b, c, d = sorted(draw(st.lists(st.integers(-(10**6), 10**6), min_size=4, max_size=4, unique=True)))
-    spread, other_spread = draw(st.tuples(st.floats(1e-3, 1e6), st.floats(1e-3, 1e6)))
-    slope, other_slope = draw(st.tuples(st.floats(-10, 10), st.floats(-10, 10)))
-    return draw(
-        st.sampled_from(
-            [
-                Gaussian(corners[0], draw(st.floats(1e-100, 1e6))),
-                Triangular(*corners[:3]),
-                Trapezoidal(*corners),
-                TwoSidedGaussian(corners[0], spread, corners[1], other_spread),
-                GeneralizedBell(spread, draw(st.floats(0.1, 10)), corners[0]),
-                Sigmoid(corners[0], slope),
-                SigmoidDifference(corners[0], abs(slope), corners[1], abs(slope)),
-                SigmoidProduct(corners[0], slope, corners[1], other_slope),
-                SShape(a / 7, b / 7),
-                ZShape(a / 7, b / 7),
-                PiShape(a / 7, b / 7, c / 7, d / 7),
-                Sampled(tuple(draw(st.lists(st.floats(0, 1), min_size=num_points, max_size=num_points)))),
-            ]
-        )
-    )
-
-
-@st.composite
-def systems(draw: st.DrawFn, name: str) -> FuzzySystem:
-    input_names = draw(st.lists(NAMES, min_size=1, max_size=2, unique=True))
-    output_names = [f"{other} out" for other in input_names[: draw(st.integers(1, 2))]]
-    inputs = tuple(draw(variables(other, False)) for other in input_names)
-    outputs = tuple(draw(variables(other, True)) for other in output_names)
-    if len(outputs) == 1 and draw(st.booleans()):
-        cells = math.prod(len(variable.terms) for variable in inputs)
-        term_names = st.sampled_from([term.name for term in outputs[0].terms])
-        table = draw(st.lists(term_names, min_size=cells, max_size=cells))
-        return FuzzySystem(name, inputs, outputs, table_rules(inputs, outputs[0], table))
-    statements = st.sampled_from([Is(v.name, t.name) for v in inputs for t in v.terms])
-    operands = lambda inner: st.lists(inner, min_size=1, max_size=2).map(tuple)  # noqa: E731
-    expressions: st.SearchStrategy[Expression] = st.recursive(
-        statements,
-        lambda inner: inner.map(Not) | operands(inner).map(And) | operands(inner).map(Or),
-        max_leaves=4,
-    )
-    consequents = st.builds(
-        lambda pair, weight: Consequent(*pair, weight),
-        st.sampled_from([(v.name, t.name) for v in outputs for t in v.terms]),
-        st.floats(0, 1),
-    )
-    count = draw(st.integers(1, 3))
-    labels = draw(st.lists(NAMES, min_size=count, max_size=count, unique=True)) if draw(st.booleans()) else []
-    rules = tuple(
-        Rule(
-            draw(expressions),
-            tuple(draw(st.lists(consequents, min_size=1, max_size=2))),
-            labels[index] if labels else "",
-            draw(st.none() | st.sampled_from(get_args(AndOperator))),
-            draw(st.none() | st.sampled_from(get_args(OrOperator))),
-        )
-        for index in range(count)
-    )
-    return FuzzySystem(name, inputs, outputs, rules, "product", "bounded_sum", "som")
-
-
-@st.composite
 def controllers(draw: st.DrawFn) -> FuzzyController:
-    names = draw(st.lists(NAMES | WORDS, min_size=1, max_size=2, unique=True))
+    """Random systems of all kinds, with words that are easily taken for something else."""
+    places = [f"{kind}{place}" for kind in "xyt" for place in range(5)]
+    words = draw(st.lists(NAMES | WORDS, min_size=15, max_size=15, unique=True))
+    generator = np.random.default_rng(draw(st.integers(0, 2**32)))
+    system = random_general_system(generator, dict(zip(places, words, strict=True)).__getitem__)
+    told = {"unit": draw(kept_texts(3)), "description": draw(kept_texts(12))}
+    system = replace(system, inputs=tuple(replace(variable, **told) for variable in system.inputs))
+    if draw(st.booleans()):
+        output, inputs = system.outputs[0], system.inputs[:2]
+        cells = math.prod(len(variable.terms) for variable in inputs)
+        table = generator.choice([term.name for term in output.terms], cells).tolist()
+        rules = table_rules(inputs, output, table)
+        system = replace(system, inputs=inputs, outputs=(output,), rules=rules)
+    elif draw(st.booleans()):
+        labelled = (replace(r, label=word) for r, word in zip(system.rules, reversed(words), strict=False))
+        system = replace(system, rules=tuple(labelled))
     facts = st.dictionaries(kept_texts(6) | WORDS, kept_texts(12) | WORDS, max_size=2)
-    return FuzzyController(
-        draw(NAMES),
-        tuple(draw(systems(name)) for name in names),
-        tuple(sorted(draw(facts).items())),
-        tuple(sorted(draw(facts).items())),
-    )
+    attributes, provenance = (tuple(sorted(draw(facts).items())) for _ in range(2))
+    return FuzzyController(draw(NAMES), (system, replace(system, name=draw(NAMES))), attributes, provenance)
 
 
 @pytest.mark.slow

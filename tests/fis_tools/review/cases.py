@@ -1,8 +1,6 @@
-"""What the page is tested with: controllers, flights of them, and its HTML taken to pieces."""
+"""What the page is tested with: controllers and flights of them."""
 
-from collections.abc import Sequence
 from dataclasses import replace
-from html.parser import HTMLParser
 from pathlib import Path
 
 import numpy as np
@@ -10,9 +8,8 @@ import numpy as np
 from fis_tools.engines.inference import Floats, infer
 from fis_tools.formats.serialize import dump_json
 from fis_tools.model import FuzzyController, FuzzySystem, Gaussian, Term, Variable, table_rules
-from fis_tools.words.text import sentences
 from telemetry import EpisodeWriter
-from telemetry.file.metadata import FisDescription
+from tests.fis_tools.analysis.test_flights import description
 from tests.fis_tools.sample_controllers import FORCE_TERMS, force, gaussian_terms
 
 HOSTILE = (
@@ -60,7 +57,7 @@ def path_of(system: FuzzySystem, num_samples: int) -> Floats:
 
 def log_flight(path: Path, controller: FuzzyController, num_samples: int) -> Path:
     """Log what every system of a controller does along `path_of`, every 10 s."""
-    metadata = {f"fis.{system.name}": _description(system) for system in controller.systems}
+    metadata = {f"fis.{system.name}": description(system) for system in controller.systems}
     attachments = {"controller.json": dump_json(controller).encode()}
     path.parent.mkdir(parents=True, exist_ok=True)
     paths = [path_of(system, num_samples) for system in controller.systems]
@@ -70,44 +67,3 @@ def log_flight(path: Path, controller: FuzzyController, num_samples: int) -> Pat
                 step = infer(system, inputs[sample])
                 writer.fis(10.0 * sample, system.name, inputs[sample], step.firing_strengths, step.values[0])
     return path
-
-
-def _description(system: FuzzySystem) -> dict[str, str]:
-    return FisDescription(
-        input_names=tuple(variable.name for variable in system.inputs),
-        input_units=tuple(variable.unit for variable in system.inputs),
-        output_name=system.outputs[0].name,
-        output_unit=system.outputs[0].unit,
-        rules=tuple(sentences(system)),
-    ).to_metadata()
-
-
-class Markup(HTMLParser):
-    """A page taken to pieces: its tags with attributes; that they match is asserted."""
-
-    VOID = frozenset(("meta", "link", "br", "img", "hr", "input"))
-
-    def __init__(self, text: str) -> None:
-        super().__init__()
-        self.tags: list[tuple[str, dict[str, str | None]]] = []
-        self.texts: list[tuple[str, str]] = []
-        self.stack: list[str] = []
-        self.feed(text)
-        self.close()
-        assert self.stack == []
-
-    def handle_starttag(self, tag: str, attrs: Sequence[tuple[str, str | None]]) -> None:
-        assert len({name for name, _ in attrs}) == len(attrs)
-        self.tags.append((tag, dict(attrs)))
-        if tag not in self.VOID:
-            self.stack.append(tag)
-
-    def handle_endtag(self, tag: str) -> None:
-        assert self.stack.pop() == tag
-
-    def handle_data(self, data: str) -> None:
-        self.texts.append((self.stack[-1] if self.stack else "", data))
-
-    def values(self, name: str) -> list[str]:
-        """All values of an attribute."""
-        return [attributes[name] or "" for _, attributes in self.tags if name in attributes]

@@ -27,15 +27,15 @@ from fis_tools.findings.explanation import explain, shares
 from fis_tools.findings.simplification import Budget, simplify
 from fis_tools.formats import serialize
 from fis_tools.model import FuzzyController
-from fis_tools.render.theme import BRIGHTNESS_MAP, readable_on
+from fis_tools.render.theme import BRIGHTNESS_MAP, contrast, luminance, readable_on
 from fis_tools.review import flown, opening, page
 from fis_tools.review.content import BRIGHTNESS, level, level_styles
 from fis_tools.review.flown import Samples
 from fis_tools.source import read_controller
-from tests.fis_tools.review.cases import Markup, path_of
+from tests.fis_tools.review.cases import path_of
 from tests.fis_tools.sample_controllers import force_z_system, general_controller
 from tests.places import PROJECT
-from tests.policies import check_policy
+from tests.policies import Page, check_policy
 
 SHIPPED = sorted(
     path
@@ -152,18 +152,6 @@ def test_what_flips_the_class_of_a_classifier_is_found_by_walking(tmp_path: Path
     assert "negative" not in words
 
 
-def luminance(colour: str) -> float:
-    """Relative luminance (WCAG 2.2)."""
-    channels = np.array([int(colour[i : i + 2], 16) for i in (1, 3, 5)]) / 255.0
-    linear = np.where(channels <= 0.04045, channels / 12.92, ((channels + 0.055) / 1.055) ** 2.4)
-    return float(linear @ (0.2126, 0.7152, 0.0722))
-
-
-def contrast(one: str, other: str) -> float:
-    low, high = sorted((luminance(one), luminance(other)))
-    return (high + 0.05) / (low + 0.05)
-
-
 def test_the_colours_are_those_of_pictures():
     assert (
         tuple(map(to_hex, mpl.colormaps[BRIGHTNESS_MAP](np.linspace(0.0, 1.0, len(BRIGHTNESS)))))
@@ -215,7 +203,7 @@ def test_a_page_has_no_word_of_space(opened, tmp_path: Path, has_log: bool) -> N
     rows = path_of(controller.systems[0], 30)
     np.savetxt(log, rows, delimiter=",", header="service,food", comments="")
     text = page.write(controller, [log] if has_log else [])
-    markup = Markup(text)
+    markup = Page(text)
     told = [words for tag, words in markup.texts if tag not in {"script", "style"}]
     labels = [words for name in ("aria-label", "title", "placeholder") for words in markup.values(name)]
     shown = opened(text.replace('<details class="part">', '<details class="part" open>'))

@@ -9,10 +9,8 @@ from skfuzzy import control
 
 from fis_tools.engines.inference import infer
 from fis_tools.model import Consequent, FuzzySystem, Is, Or, Rule, Term, Triangular, Variable
-from tests.fis_tools import reference_engine
-from tests.fis_tools.control_systems import build_control_system, build_simulation
 from tests.fis_tools.reference_engine import ReferenceEngine
-from tests.fis_tools.sample_controllers import force_x_system, general_controller
+from tests.fis_tools.sample_controllers import force_x_system
 
 
 def _hand_built() -> control.ControlSystemSimulation:
@@ -74,32 +72,6 @@ def test_the_tipping_problem_gives_the_documented_tip() -> None:
     assert ReferenceEngine(_ours()).compute(np.array([6.5, 9.8]))[0] == pytest.approx(19.84, abs=0.01)
 
 
-def test_the_graph_composed_at_once_is_the_one_addrule_builds() -> None:
-    composed = build_control_system(force_x_system())
-    rules = list(composed.rules)
-    added = control.ControlSystem(rules)
-    assert set(composed.graph.nodes) == set(added.graph.nodes)
-    assert set(composed.graph.edges) == set(added.graph.edges)
-    assert [rule.label for rule in rules] == [str(number) for number in range(1, 26)]
-
-
-def test_every_system_gets_variables_of_its_own() -> None:
-    first, second = (build_simulation(force_x_system()) for _ in range(2))
-    assert not set(first.ctrl.fuzzy_variables) & set(second.ctrl.fuzzy_variables)
-    first.input["distance"], first.input["velocity_body_x"] = 20.0, 0.1
-    second.input["distance"], second.input["velocity_body_x"] = 180.0, -0.1
-    first.compute()
-    second.compute()
-    assert first.output["force_x"] < 0 < second.output["force_x"]
-
-
-def test_labels_stay_unique_where_a_person_chose_numbers() -> None:
-    system = general_controller().systems[0]
-    first, second = system.rules
-    system = replace(system, rules=(replace(first, label="2"), replace(second, label="")))
-    assert {rule.label for rule in build_control_system(system).rules} == {"2", "#2"}
-
-
 def test_an_input_no_rule_mentions_is_left_alone_and_an_output_no_rule_concludes_is_its_default() -> None:
     system = force_x_system()
     unused_input = replace(system.inputs[0], name="unused")
@@ -111,14 +83,6 @@ def test_an_input_no_rule_mentions_is_left_alone_and_an_output_no_rule_concludes
         outputs[:1], ReferenceEngine(force_x_system()).compute(np.array([20.0, 0.1]))
     )
     np.testing.assert_array_equal(infer(system, np.array([1.0, 20.0, 0.1])).values, outputs)
-
-
-def test_a_cache_flush_in_between_changes_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(reference_engine, "RUNS_KEPT", 3)
-    system = replace(_ours(), defuzzifier="mom")
-    engine = ReferenceEngine(system)
-    for inputs in np.random.default_rng(3).uniform(0, 10, (8, 2)):
-        np.testing.assert_array_equal(engine.compute(inputs), infer(system, inputs).values)
 
 
 def test_weights_scale_the_cut() -> None:

@@ -20,10 +20,7 @@ MISTAKES = [
     ([*FLY, "+optimizer.popp=3"], "did you mean optimizer.population_size?"),
     ([*FLY, "++optimiser.population_size=3"], "did you mean optimizer.population_size?"),
     ([*FLY, "population_size=3"], "did you mean optimizer.population_size?"),
-    (
-        [*FLY, "optimizer.penalty.c_d=3"],
-        "there is no key optimizer.penalty.c_d any more; write optimizer.penalty.outside_m_s",
-    ),
+    ([*FLY, "optimizer.penalty.c_d=3"], "there is no key optimizer.penalty.c_d any more; write"),
     ([*FLY, "deputy.mass=3"], "did you mean deputy.mass_kg?"),
     ([*FLY, "monte_carlo.cases=3"], "did you mean monte_carlo.num_cases?"),
     ([*FLY, "xyzzy=3"], "there is no key xyzzy\n"),
@@ -37,26 +34,17 @@ MISTAKES = [
     (["+experiment=train,trian", "-m"], "there is no experiment=trian; did you mean train?"),
     ([*FLY, "sun=randm"], "there is no sun=randm; did you mean random? The choices are fixed, mixed, random"),
     ([*FLY, "sun=qqqqqq"], "there is no sun=qqqqqq; the choices are fixed, mixed, random\n"),
-    (
-        [*FLY, "stages=[qqqqqq]"],
-        "stages has 'qqqqqq'; the stages are scenario, search, train, evaluate, record, optimum, compare",
-    ),
+    ([*FLY, "stages=[qqqqqq]"], "stages has 'qqqqqq'; the stages are scenario, search, train, evaluate"),
     ([*FLY, "+sun=random"], "sun is chosen already; write sun=random without the +"),
     ([*FLY, "++sun=randm"], "did you mean random?"),
     (["+experiment=fly", "controller=cost"], "there is no controller=cost; did you mean coast?"),
-    (
-        ["+experiment=fly", "controller=file"],
-        "the key controller.path has no value yet; add controller.path=",
-    ),
+    (["+experiment=fly", "controller=file"], "the key controller.path has no value yet; add"),
     (
         ["+experiment=fly", "controller=a/Forces.CSV"],
         "controller=a/Forces.CSV is a table of forces, no fuzzy controller; "
         "write controller=open_loop controller.path=a/Forces.CSV",
     ),
-    (
-        ["+experiment=fly", "controller.path=own.json"],
-        "the controller that is chosen has no path; for a fuzzy controller write controller=PATH",
-    ),
+    (["+experiment=fly", "controller.path=own.json"], "the controller that is chosen has no path; for a"),
     # choices not made
     (["seed=3", "controller=coast"], "no experiment is chosen; add +experiment=NAME, where NAME is one of"),
     ([*FLY, "seed=1,2"], "seed=1,2 gives several values; add -m"),
@@ -71,23 +59,14 @@ MISTAKES = [
     # values
     ([*FLY, "deputy.mass_kg=-1"], "deputy.mass_kg is -1.0; it must be greater than 0 (kg)"),
     ([*FLY, "seed=1,-2", "-m"], "seed is -2; it must be a whole number of at least 0"),
-    (
-        ["+experiment=train", "guidance=clusters", "guidance.engine=sklearn"],
-        "guidance.engine is sklearn, which flies one flight at a time; train with guidance.engine=compiled",
-    ),
-    (
-        ["+experiment=optimum", "light=blinn_phong"],
-        "light.reflection is blinn_phong, which plans of least fuel",
-    ),
+    (["+experiment=train", "guidance=clusters", "guidance.engine=sklearn"], "guidance.engine is sklearn"),
+    (["+experiment=optimum", "light=blinn_phong"], "light.reflection is blinn_phong, which plans of least"),
     (
         ["+experiment=fly", "controller=lqr", "controller.follows=route", "light=blinn_phong"],
         "light.reflection is blinn_phong, which plans of least fuel",
     ),
     # files
-    (
-        ["+experiment=fly", "controller=nowhere.json"],
-        "nowhere.json: cannot be read (no such file or directory)",
-    ),
+    (["+experiment=fly", "controller=nowhere.json"], "nowhere.json: cannot be read (no such file or"),
     (["+experiment=fly", "controller=nowhere.yaml,other.json", "-m"], "nowhere.yaml: cannot be read"),
     (["+experiment=fly", "controller=coast,other.json", "-m"], "mixes names and paths"),
     (["+experiment=fly", "controller=open_loop", "controller.path=x.csv"], "x.csv cannot be read"),

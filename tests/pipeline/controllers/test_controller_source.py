@@ -53,18 +53,12 @@ def test_a_table_without_rows_is_a_flight_without_force(tmp_path):
     [
         ("", "does not begin with the header time_s,force_x_n"),
         ("t,x,y,z\n0,0,0,0\n", "does not begin with the header"),
-        (
-            HEADER + "0,0,0,0\n20,0,0,0\n",
-            "data row 2 has time_s 20, expected 10; give one row for each control",
-        ),
+        (HEADER + "0,0,0,0\n20,0,0,0\n", "data row 2 has time_s 20, expected 10; give one row for each"),
         (HEADER + "5,0,0,0\n", "data row 1 has time_s 5, expected 0"),
         (HEADER + "0,0,0\n", "line 2 is '0,0,0'; write 4 finite numbers"),
         (HEADER + "0,0,zero,0\n", "line 2 is '0,0,zero,0'; write 4 finite numbers"),
         (HEADER + "0,0,nan,0\n", "write 4 finite numbers"),
-        (
-            HEADER + "".join(f"{10 * k},0,0,0\n" for k in range(361)),
-            "has 361 rows, the flight 360 control periods",
-        ),
+        (HEADER + "".join(f"{10 * k},0,0,0\n" for k in range(361)), "has 361 rows, the flight 360 control"),
     ],
 )
 def test_tables_that_cannot_be_flown(content, message, tmp_path):

@@ -45,34 +45,14 @@ def driving(system: FuzzySystem, *outputs: Variable) -> FuzzySystem:
         ((X, Y, Z), (), r"'tried' has force_axes ''; set the attribute to body or hill"),
         ((X,), (("force_axes", "chief"),), r"force_axes 'chief'; set the attribute to body or hill"),
         ((), BODY, r"'tried' has no system; give one to three"),
-        (
-            (renamed(X, name="range"),),
-            BODY,
-            r"'steer_x' senses 'range', which is no signal; the signals are distance, ",
-        ),
+        ((renamed(X, name="range"),), BODY, r"'steer_x' senses 'range', which is no signal; the signals"),
         ((renamed(X, unit="km"),), BODY, r"'steer_x' takes 'distance' in 'km'; this signal comes in 'm'"),
-        (
-            (driving(X, replace(X.outputs[0], name="thrust")),),
-            BODY,
-            r"drives thrust; each system drives one of force_x",
-        ),
-        (
-            (driving(X, X.outputs[0], Y.outputs[0]),),
-            BODY,
-            r"drives force_x, force_y; each system drives one of",
-        ),
+        ((driving(X, replace(X.outputs[0], name="thrust")),), BODY, r"drives thrust; each system drives"),
+        ((driving(X, X.outputs[0], Y.outputs[0]),), BODY, r"drives force_x, force_y; each system drives"),
         ((driving(X),), BODY, r"drives nothing; each system drives one of"),
-        (
-            (X, driving(Y, X.outputs[0])),
-            BODY,
-            r"'steer_x' and 'steer_y' both drive force_x; give each axis one system",
-        ),
+        ((X, driving(Y, X.outputs[0])), BODY, r"'steer_x' and 'steer_y' both drive force_x; give each axis"),
         ((driving(X, replace(X.outputs[0], unit="mN")),), BODY, r"'force_x' of 'steer_x' is in 'mN'; use N"),
-        (
-            (replace(X, and_operator="product"),),
-            BODY,
-            r"'tried' cannot fly: system 'steer_x' cannot be compiled: only minimum",
-        ),
+        ((replace(X, and_operator="product"),), BODY, r"'tried' cannot fly: system 'steer_x' cannot be"),
     ],
 )
 def test_what_cannot_fly_is_told_why(

@@ -12,7 +12,8 @@ from pipeline.report.comparisons import Without, safety_words
 from pipeline.run import artifacts
 from tests.pipeline.flight.cases import STARTS, STEERING
 from tests.pipeline.flight.guarded import EARLY, guarded, pushing, starts_at_rest
-from tests.pipeline.report.runs import Page, run_of
+from tests.pipeline.report.runs import run_of
+from tests.policies import Page
 
 MISSION = guarded(EARLY)
 

@@ -1,10 +1,11 @@
-"""What recordings tell of late and imperfect thrusters: over all controllers that ship, by arithmetic."""
+"""No force that was not fired is recorded as fired, explained or counted: over all controllers that ship."""
 
 from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import telemetry
 from fis_tools.analysis.flights import inputs_along, read_flight
@@ -20,11 +21,14 @@ from pipeline.settings.experiment import Mission
 from telemetry.file import reader
 from telemetry.file.reader import Recording
 from telemetry.scene import drawing
+from tests.pipeline.flight.cases import PAUSING
+from tests.pipeline.flight.guarded import PASSIVE, guarded
 from tests.pipeline.recording import cases
 from tests.places import PROJECT
 
 SHIPPED = sorted(path.stem for path in (PROJECT / "conf" / "controller").glob("*.yaml"))
-WORLDS = {"leo": ("world=leo",), "late": ("actuators=real", "actuators.delay_s=10.0")}
+WORLDS = {"leo": ("world=leo",), "late": ("actuators=real", "actuators.delay_s=10.0"), "guarded": ()}
+FLOWN = [(name, world) for name in SHIPPED if name not in WITH_PATHS for world in WORLDS]
 START = Scenario(np.array([-40.0, 20.0, 30.0]), np.array([0.03, -0.02, -0.01]), 2.0, 0.0, (1, 0, 0))
 CALLED = ("fired", "clipped", "safety", "rehearsed")
 ROUNDING_N = 1e-12
@@ -32,8 +36,8 @@ ROUNDING_N = 1e-12
 
 def recorded(path: Path, name: str, world: str) -> tuple[Mission, Controller, Recording]:
     run = cases.composed("duration_s=900.0", *WORLDS[world])
-    mission = run.experiment.mission
-    controller = named(name, mission)
+    mission = guarded(PASSIVE, duration_s=1800.0) if world == "guarded" else run.experiment.mission
+    controller = PAUSING if name == "pausing" else named(name, mission)
     log = fly_logged(mission, controller, START)
     recorder = FlightRecorder(mission, controller, seed=3, config=run.config, near_limit_m=5.0)
     recorder.record(path, START, log, scenario_id="x")
@@ -41,8 +45,7 @@ def recorded(path: Path, name: str, world: str) -> tuple[Mission, Controller, Re
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("world", WORLDS)
-@pytest.mark.parametrize("name", [name for name in SHIPPED if name not in WITH_PATHS])
+@pytest.mark.parametrize(("name", "world"), [*FLOWN, ("pausing", "guarded")])
 def test_nothing_is_said_to_fire_that_did_not(
     name: str, world: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -51,8 +54,11 @@ def test_nothing_is_said_to_fire_that_did_not(
     # each period that is explained is looked up in the whole file
     monkeypatch.setattr(reader, "read", cache(reader.read))
     control, delay = found["/deputy/control"], round(mission.actuators.delay_s / mission.control_period_s)
-    has_force = np.abs(control["force_hill_n"]) >= ROUNDING_N
-    is_commanded = np.abs(control["force_commanded_n"]) >= ROUNDING_N
+    force, commanded = control["force_hill_n"], control["force_commanded_n"]
+    if mission.actuators.kind == "ideal" and controller.force_axes == "body":  # as reasons are told
+        to_body = Rotation.from_quat(found["/deputy/state"]["quaternion"][:-1]).inv()
+        force, commanded = to_body.apply(force), to_body.apply(commanded)
+    has_force, is_commanded = np.abs(force) >= ROUNDING_N, np.abs(commanded) >= ROUNDING_N
     reason = control["reason"]
     is_called = np.isin(reason, CALLED)
     assert np.count_nonzero(has_force & ~is_called) == 0
@@ -64,7 +70,19 @@ def test_nothing_is_said_to_fire_that_did_not(
     np.testing.assert_array_equal(reason == "delayed", is_commanded & ~is_due & ~has_force)
     if mission.navigation.mode == "perfect":
         assert_fired_as_commanded(mission, control)
-    if controller.fuzzy is not None:
+    if name == "pausing":
+        assert {"fired", "waiting"} <= set(np.unique(reason).tolist())
+    if (name, world) == ("paper", "guarded"):
+        assert "safety" in reason
+    spent = np.abs(control["force_hill_n"]).sum() * 10.0 / 12.0
+    if mission.actuators.kind == "ideal":
+        assert spent == pytest.approx(found["/mission"]["delta_v_m_s"][-1], abs=1e-9)
+    if controller.fuzzy is None:
+        assert found.fis_names == ()
+    else:
+        nothing_inferred = np.isin(reason, ["waiting", "coasting", "complete"]).any(axis=1)
+        for system in controller.systems:
+            assert not np.isin(found[f"/fis/{system.name}"].time_s, control.time_s[nothing_inferred]).any()
         assert_commanded_as_asked(mission, controller, control)
         explained = {asked_for(controller, found, axis, delay) for axis in range(3)}
         assert explained == {None}
@@ -73,6 +91,9 @@ def test_nothing_is_said_to_fire_that_did_not(
 
 def assert_fired_as_commanded(mission, control):
     """Fired is what was commanded a delay before, turned, scaled and without what is too small."""
+    if mission.actuators.kind == "ideal":
+        np.testing.assert_array_equal(control["force_hill_n"], control["force_commanded_n"])
+        return
     delay = round(mission.actuators.delay_s / mission.control_period_s)
     matrix = thrust_errors(mission, [START]).matrices[0, 0]
     turned = control["force_commanded_n"][: len(control) - delay] @ matrix.T
@@ -83,17 +104,19 @@ def assert_fired_as_commanded(mission, control):
 
 
 def assert_commanded_as_asked(mission, controller, control):
-    """Commanded is what was asked for outside the dead bands, clipped; along Hill axes."""
-    asked, is_rehearsed = control["force_asked_n"], control["command_reason"] == "rehearsed"
+    """Commanded is what was asked for outside the dead bands, clipped; along Hill axes; or by the layer."""
+    is_own = ~(control["command_reason"] == "safety").any(axis=1)
+    asked, commanded = control["force_asked_n"][is_own], control["force_commanded_n"][is_own]
+    is_rehearsed = control["command_reason"][is_own] == "rehearsed"
     bands = dict(controller.fuzzy.attributes)
     bands = np.array([float(bands.get(f"dead_band_{name}_n", 0.0)) for name in COMPONENTS])
     passed = np.where((np.abs(asked) >= bands) | is_rehearsed, asked, 0.0)
     limit = mission.deputy.max_force_n
     if controller.force_axes == "hill":
         expected = np.clip(passed, -limit, limit)
-        np.testing.assert_allclose(control["force_commanded_n"], expected, rtol=0, atol=1e-12)
+        np.testing.assert_allclose(commanded, expected, rtol=0, atol=1e-12)
     elif np.abs(passed).sum(axis=1).max() < limit:  # a turn keeps the length
-        lengths = (np.linalg.norm(force, axis=1) for force in (control["force_commanded_n"], passed))
+        lengths = (np.linalg.norm(force, axis=1) for force in (commanded, passed))
         np.testing.assert_allclose(*lengths, rtol=0, atol=1e-12)
 
 
@@ -123,7 +146,7 @@ def taking_effect(controller, control, axis, delay):
     later = np.zeros_like(fires)
     later[: len(fires) - delay] = fires[delay:]
     is_asked = np.abs(control["force_asked_n"][:, axis]) >= ROUNDING_N
-    is_inferred = control["command_reason"][:, axis] != "rehearsed"
+    is_inferred = ~np.isin(control["command_reason"][:, axis], ("rehearsed", "safety"))
     return is_asked & is_inferred & is_commanded[own].any(axis=1) & later
 
 

@@ -2,7 +2,6 @@
 
 import csv
 from dataclasses import replace
-from html.parser import HTMLParser
 from pathlib import Path
 
 from fis_tools.formats import serialize
@@ -76,45 +75,3 @@ def write_training(folder: Path) -> None:
 def page_of(experiment: Experiment, folder: Path) -> str:
     report.run(experiment, folder)
     return (folder / artifacts.REPORT).read_text(encoding="utf-8")
-
-
-class Page(HTMLParser):
-    """A page taken to pieces: its tags with attributes, its text by section, and whether its tags match."""
-
-    VOID = frozenset(("meta", "link", "br", "img", "hr", "input"))
-
-    def __init__(self, text: str) -> None:
-        super().__init__()
-        self.tags: list[tuple[str, dict[str, str]]] = []
-        self.text: dict[str, str] = dict.fromkeys(SECTIONS, "")
-        self.stack: list[str] = []
-        self.sections: list[str] = []
-        self.feed(text)
-        self.close()
-        assert self.stack == []
-
-    def handle_starttag(self, tag, attrs):
-        self.tags.append((tag, dict(attrs)))
-        if tag not in self.VOID:
-            self.stack.append(tag)
-        if tag == "section":
-            self.sections.append(dict(attrs).get("id", ""))
-
-    def handle_startendtag(self, tag, attrs):
-        self.tags.append((tag, dict(attrs)))
-
-    def handle_endtag(self, tag):
-        assert self.stack.pop() == tag
-        if tag == "section":
-            self.sections.pop()
-
-    def handle_data(self, data):
-        for name in self.sections:
-            if name in self.text:
-                self.text[name] += data
-
-    def all(self, tag: str) -> list[dict[str, str]]:
-        return [attributes for name, attributes in self.tags if name == tag]
-
-    def ids(self) -> list[str]:
-        return [attributes["id"] for _, attributes in self.tags if "id" in attributes]

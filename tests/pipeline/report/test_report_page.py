@@ -9,6 +9,7 @@ import pytest
 from matplotlib.image import imread
 
 from fis_tools.formats import serialize
+from fis_tools.render.theme import contrast
 from fis_tools.review import page as review
 from fis_tools.words.text import summary
 from pipeline.command_line.cli import main
@@ -24,13 +25,12 @@ from tests.pipeline.report.runs import (
     HOSTILE,
     SECTIONS,
     SMALL,
-    Page,
     page_of,
     run_of,
     small_controller,
     write_training,
 )
-from tests.policies import check_policy
+from tests.policies import Page, check_policy
 
 pytestmark = pytest.mark.slow
 
@@ -64,7 +64,7 @@ def test_the_page_needs_no_other_file_and_leads_only_to_the_review(trained):
 
 def test_every_reference_of_the_page_has_its_target(trained):
     _, _, text, page = trained
-    ids = page.ids()
+    ids = page.values("id")
     assert len(ids) == len(set(ids))
     wanted = set(re.findall(r"url\(#([^)]+)\)", text))
     for _, attributes in page.tags:
@@ -166,18 +166,6 @@ def test_text_stands_out_from_the_page_in_light_and_dark(trained):
             for ground in ("paper", "panel", "band"):
                 if ground in colours:
                     assert contrast(colours[name], colours[ground]) >= 4.5, (name, ground)
-
-
-def contrast(one: str, other: str) -> float:
-    """Contrast ratio of two colours (WCAG 2.2)."""
-
-    def luminance(colour: str) -> float:
-        channels = np.array([int(colour[i : i + 2], 16) for i in (1, 3, 5)]) / 255.0
-        linear = np.where(channels <= 0.04045, channels / 12.92, ((channels + 0.055) / 1.055) ** 2.4)
-        return float(linear @ (0.2126, 0.7152, 0.0722))
-
-    low, high = sorted((luminance(one), luminance(other)))
-    return (high + 0.05) / (low + 0.05)
 
 
 def test_the_page_says_where_the_run_comes_from(trained):

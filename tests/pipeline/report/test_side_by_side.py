@@ -1,17 +1,35 @@
 """A controller's flight beside the plan of least fuel: read back from the axes, and on the page."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from matplotlib import colors
+from matplotlib.colors import to_hex
 
 from pipeline.command_line.config import compose_experiment
 from pipeline.evaluation.monte_carlo import fly_cases
 from pipeline.flight.control.controller import coast
 from pipeline.optimum.solved import beside_optimum, solved_for
-from pipeline.report.comparisons import fly_pairs, read_beside
+from pipeline.report.comparisons import (
+    COLUMNS,
+    fly_pairs,
+    marks_of,
+    optimum_in_words,
+    optimum_rows,
+    read_beside,
+    read_comparison,
+    tables_of,
+)
+from pipeline.report.figures.comparison import MARKS, Mark, compared
+from pipeline.report.figures.optimum import ENDS
+from pipeline.report.figures.optimum import beside_optimum as drawn_beside
+from pipeline.report.figures.style import PAPER, style
 from pipeline.run import artifacts, tables
-from tests.pipeline.report.runs import Page, page_of
+from pipeline.run.artifacts import ArtifactError
+from tests.pipeline.report.runs import page_of, run_of
+from tests.policies import Page
 
 
 @pytest.mark.slow
@@ -39,10 +57,183 @@ def test_the_page_shows_the_middle_and_the_greatest_ratio(tmp_path):
         np.testing.assert_array_equal(pair.plan.position_m[0], pair.controller.position_m[0])
 
     names = {f"optimum-case-{case}" for case in (middle, greatest)}
-    assert {f"figure-{name}" for name in names} < set(Page(page_of(experiment, tmp_path)).ids())
+    assert {f"figure-{name}" for name in names} < set(Page(page_of(experiment, tmp_path)).values("id"))
     assert names < {path.stem for path in (tmp_path / artifacts.FIGURES).iterdir()}
 
     gone = replace(experiment, optimum=replace(experiment.optimum, reference=str(tmp_path / "gone")))
     page = Page(page_of(gone, tmp_path))
     assert "The plans themselves are no longer at hand" in page.text["optimum"]
     assert not names & {path.stem for path in (tmp_path / artifacts.FIGURES).iterdir()}
+
+
+OVERRIDES = (
+    "+experiment=baselines",
+    "compare.controllers=[coast,lqr]",
+    "monte_carlo.confidence_percent=90.0",
+)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    made = tmp_path_factory.mktemp("compared")
+    run_of(made, ("compare", "report"), *OVERRIDES)
+    return made
+
+
+def test_the_section_tells_the_rows(folder):
+    page = (folder / artifacts.REPORT).read_text(encoding="utf-8")
+    section = page[page.index('<section id="comparison"') :]
+    section = section[: section.index("</section>")]
+    assert section.count("<table>") == 2
+    assert "90 % Wilson intervals" in section
+    for _, lines in tables_of(read_comparison(folder)):
+        assert [line[0] for line in lines] == ["the paper*", "coast", "lqr"]
+        for line in lines:
+            assert f'<th scope="row">{line[0]}</th>' in section
+            assert all(f'<td class="number">{word}</td>' in section for word in line[1:])
+    assert 'href="#comparison"' in page
+    assert "2 controllers, flown side by side from 30 random starts each." in page
+    assert (folder / artifacts.FIGURES / "comparison.png").exists()
+
+
+def test_no_section_where_nothing_was_compared(tmp_path):
+    run_of(tmp_path, ("report",), "+experiment=fly", "controller=coast")
+    assert "#comparison" not in (tmp_path / artifacts.REPORT).read_text(encoding="utf-8")
+
+
+def test_marks_are_means_and_spreads(folder):
+    rows = read_comparison(folder)
+    panels = marks_of(rows)
+    assert [title for title, _ in panels] == ["Sun fixed", "Sun random"]
+    for title, marks in panels:
+        assert [mark.name for mark in marks] == ["the paper (published)", "coast", "lqr"]
+        (row,) = [r for r in rows if (f"Sun {r.sun}", r.controller, r.safety) == (title, "lqr", "none")]
+        told = row.summary["delta_v_m_s"]
+        assert marks[2].delta_v == (told["mean"], told["standard_deviation"])
+
+
+def test_controllers_are_told_apart_without_colours():
+    half = len(MARKS) // 2
+    for marks in (MARKS[:half], MARKS[half:]):
+        assert len({marker for _, marker, _ in marks}) == half
+        assert len({colour for colour, _, _ in marks}) == half
+    # filled, then open
+    assert {colour == face for colour, _, face in MARKS[:half]} == {True}
+    assert {face for _, _, face in MARKS[half:]} == {PAPER}
+    assert all(colors.is_color_like(colour) for colour, _, _ in MARKS)
+    marks = [Mark(f"c{i}", (0.05 * i, 0.05), (80.0 + i, 3.0)) for i in range(len(MARKS))]
+    figure = compared([("one", marks)], 95.0)
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == [mark.name for mark in marks]
+    named = {line.get_label(): line for line in figure.axes[0].lines}
+    for mark in marks:
+        (delta_v,), (missed,) = named[mark.name].get_data()
+        assert (delta_v, missed) == (mark.delta_v[0], 100.0 - mark.rate[0])
+
+
+@pytest.mark.parametrize("content", ["[]", '{"rows": [{"controller": "x"}]}', '{"rows": 3}', '{"a": 1}', "{"])
+def test_a_damaged_comparison_is_refused_in_a_sentence(content, tmp_path):
+    path = tmp_path / artifacts.COMPARISON
+    path.parent.mkdir()
+    path.write_text(content)
+    with pytest.raises(ArtifactError, match=re.escape("repeat the stage")):
+        read_comparison(tmp_path)
+
+
+def made_up(count: int = 4) -> dict[str, np.ndarray]:
+    """Cases 10, 11, …, each with a ratio of its own: 3, 8, 2, 5, …"""
+    times = np.array([3.0, 8.0, 2.0, 5.0, *np.linspace(9.0, 12.0, max(count - 4, 0))])[:count]
+    least = np.linspace(0.1, 0.4, count)
+    success, violated = np.ones(count, dtype=bool), np.zeros(count, dtype=bool)
+    success[1], violated[2] = False, True
+    return {
+        "case": np.arange(10, 10 + count),
+        "sun_angle_rad": np.full(count, np.pi / 3.0),
+        "delta_v_m_s": times * least,
+        "optimum_delta_v_m_s": least,
+        "times_optimum": times,
+        "inspected_count": np.where(success, 97, 90),
+        "optimum_inspected_count": np.full(count, 95),
+        "min_distance_m": np.full(count, 20.0),
+        "max_distance_m": np.full(count, 201.0),
+        "success": success,
+        "violated": violated,
+    }
+
+
+@pytest.fixture
+def beside_folder(tmp_path):
+    tables.write_parquet(tmp_path / artifacts.BESIDE_OPTIMUM, made_up())
+    return tmp_path
+
+
+def test_the_picture_shows_each_case_by_its_ratio():
+    columns = made_up()
+    with style():
+        spent, points = drawn_beside(columns, 95).axes
+    order = [2, 0, 3, 1]
+    assert [label.get_text() for label in points.get_xticklabels()] == ["12", "10", "13", "11"]
+    plans, *ours = spent.lines
+    np.testing.assert_allclose(plans.get_ydata(), columns["optimum_delta_v_m_s"][order])
+    drawn = {}
+    for line in ours:
+        for x, y in line.get_xydata():
+            drawn[int(x)] = (y, to_hex(line.get_color()), line.get_marker())
+    ends = ["outside the distance limits", "success", "success", "too few points"]
+    for place, (row, end) in enumerate(zip(order, ends, strict=True)):
+        colour, marker = ENDS[end]
+        assert drawn[place] == (columns["delta_v_m_s"][row], colour.lower(), marker)
+    assert spent.get_yscale() == "log"
+    assert {text.get_text() for text in spent.texts} == {"2×", "5×", "8×"}
+    assert points.lines[0].get_ydata()[0] == 95
+    np.testing.assert_array_equal(points.lines[1].get_ydata(), 95)
+
+
+def test_a_controller_that_burns_nothing_can_be_drawn_and_many_cases_too():
+    columns = made_up() | {"delta_v_m_s": np.zeros(4), "times_optimum": np.zeros(4)}
+    with style():
+        assert drawn_beside(columns, 95).axes[0].get_yscale() == "linear"
+        crowded = drawn_beside(made_up(80), 95).axes[1]
+    assert len(crowded.get_xticks()) == 0
+
+
+def test_words_and_rows_are_those_of_the_table(beside_folder):
+    beside = read_beside(beside_folder)
+    words = optimum_in_words(beside, 95.0)
+    assert "In the mean of 4 solved cases it burns 4.50 times the optimum" in words
+    assert "at least 95 points. The median is 4.00, the range 2.00 to 8.00 (case 11)." in words
+    assert "In 2 of 4 it inspects at least 95 % of the points within the limits." in words
+    rows = optimum_rows(beside)
+    assert [row[0] for row in rows] == ["11", "13", "10", "12"]
+    assert rows[0] == ["11", "60.0", "1.600", "0.200", "8.00", "90", "95", "20.0 to 201.0", "too few points"]
+    assert rows[3][-1] == "outside the limits"
+
+
+@pytest.mark.parametrize("name", COLUMNS)
+def test_a_table_without_a_column_is_refused(tmp_path, name):
+    columns = made_up()
+    del columns[name]
+    tables.write_parquet(tmp_path / artifacts.BESIDE_OPTIMUM, columns)
+    with pytest.raises(artifacts.ArtifactError, match=f"has no {name}; repeat the stage evaluate"):
+        read_beside(tmp_path)
+
+
+@pytest.mark.slow
+def test_the_page_shows_the_table_the_reason_or_what_is_missing(tmp_path):
+    overrides = ("+experiment=evaluate", "controller=coast", "telemetry.record_start=true")
+    experiment = run_of(tmp_path, ("evaluate",), *overrides)
+    words = " ".join(Page(page_of(experiment, tmp_path)).text["optimum"].split())
+    assert "Not compared with plans of least fuel: duration_s is 600.0 here, and 3600.0 where" in words
+
+    tables.write_parquet(tmp_path / artifacts.BESIDE_OPTIMUM, made_up())
+    page = Page(page_of(experiment, tmp_path))
+    words = " ".join(page.text["optimum"].split())
+    assert "it burns 4.50 times the optimum" in words
+    assert "figure-optimum" in page.values("id")
+    assert (tmp_path / artifacts.FIGURES / "optimum.png").is_file()
+    assert "median 4.0 of 4" in page.text["summary"]
+
+    (tmp_path / artifacts.BESIDE_OPTIMUM).unlink()
+    (tmp_path / artifacts.SUMMARY).unlink()
+    page = Page(page_of(experiment, tmp_path))
+    assert "This run has no evaluate/optimum.parquet; the stage evaluate writes it" in page.text["optimum"]
+    assert not (tmp_path / artifacts.FIGURES / "optimum.png").exists()

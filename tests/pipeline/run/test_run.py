@@ -50,12 +50,6 @@ def test_a_run_calls_its_stages_in_order_in_a_folder_of_its_own(monkeypatch, cap
     assert "stage report took" in (folder / "pipeline.log").read_text()
 
 
-def test_the_working_directory_stays(monkeypatch, tmp_path):
-    use_stages(monkeypatch, record=lambda _experiment, _folder: Path("here.txt").write_text("x"))
-    assert main(FLY) == 0
-    assert (tmp_path / "here.txt").exists()
-
-
 @pytest.mark.parametrize("name", ["own.json", "a b.yaml", "x=y,z.json", "it's.yml"])
 def test_a_controller_may_be_a_path(name, monkeypatch):
     called = use_stages(monkeypatch)
@@ -214,21 +208,6 @@ def test_a_run_is_not_put_where_the_files_of_another_lie(monkeypatch, capsys):
     assert main([*FLY, f"hydra.run.dir={folder}"]) == 2
     assert "has no config.yaml; choose the folder of a run" in capsys.readouterr().err
     assert called == []
-
-
-@pytest.mark.parametrize("key", ["config_hash", "finished_stages"])
-def test_a_damaged_manifest_is_told(key, monkeypatch, capsys):
-    use_stages(monkeypatch)
-    main(FLY)
-    folder = run_folder("fly")
-    manifest = json.loads((folder / "manifest.json").read_text())
-    del manifest[key]
-    (folder / "manifest.json").write_text(json.dumps(manifest))
-    for words in (["stages=[record]", f"hydra.run.dir={folder}"], [f"resume={folder}"]):
-        assert main(words) == 2
-        told = capsys.readouterr().err
-        assert f"manifest.json is damaged, it has no proper {key}; restore it" in told
-        assert "Traceback" not in told
 
 
 @pytest.mark.parametrize("error", [artifacts.ArtifactError("champion.json is missing"), OSError("disk full")])

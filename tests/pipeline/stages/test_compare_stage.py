@@ -178,11 +178,3 @@ def test_controllers_that_are_not_there(name, message, tmp_path, monkeypatch, ca
 def test_two_files_of_one_name_are_told_apart():
     names = ["lqr", "a/mine.yaml", "b/mine.yaml", "c/other.csv"]
     assert [compare.label_of(name, names) for name in names] == ["lqr", "a/mine.yaml", "b/mine.yaml", "other"]
-
-
-def test_a_table_of_forces_flies_too(tmp_path):
-    path = tmp_path / "burn.csv"
-    path.write_text("time_s,force_x_n,force_y_n,force_z_n\n0,0.1,0,0\n")
-    mission = composed(experiment="baselines").experiment.mission
-    assert named(str(path), mission).plan.shape == (1, 3)
-    assert named("conf/controller/paper.yaml", mission).name == "paper"

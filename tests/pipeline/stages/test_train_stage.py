@@ -1,10 +1,14 @@
 """Training in miniature: what it leaves behind, going on, stopping, and what it refuses."""
 
 import csv
+import errno
 import json
-from collections.abc import Sequence
+import os
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 import pyarrow as pa
@@ -23,13 +27,14 @@ from pipeline.flight.cases.starts import (
 from pipeline.flight.control.controller import ControllerError, from_fuzzy
 from pipeline.flight.fly.simulation import fly_all, fly_logged
 from pipeline.run import artifacts
-from pipeline.stages import train
+from pipeline.stages import record, train
 from pipeline.training import judging
-from pipeline.training.evolution.state import CheckpointError, Generation
+from pipeline.training.evolution.state import Generation
 from pipeline.training.fitness import costs
 from pipeline.training.genome import genome_of
 from pipeline.training.judging import fitness_of_round
 from pipeline.training.progress import TrainingProgress
+from telemetry.file import partial_file
 from tests.pipeline.stages.cases import prepared
 
 COLUMNS = [
@@ -145,17 +150,6 @@ def same_result(folder: Path, other: Path) -> None:
     assert tracks[0] == tracks[1]
 
 
-def test_training_goes_on_from_its_checkpoint_to_the_same_champion(
-    trained: tuple[Job, Path], tmp_path: Path
-) -> None:
-    short = prepared(tmp_path, "optimizer.generations=1").experiment
-    train.run(short, tmp_path)
-    assert len(logbook(tmp_path)) == 2
-    whole = prepared(tmp_path).experiment
-    train.run(replace(whole, resume=True), tmp_path)
-    same_result(tmp_path, trained[1])
-
-
 def test_a_generation_that_only_the_checkpoint_knows_is_written_down(
     trained: tuple[Job, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -227,15 +221,6 @@ def test_rounds_draw_starts_of_their_own_and_hand_the_champion_on(tmp_path: Path
     assert rows[2]["best"] <= judged[1]
 
 
-def test_a_checkpoint_of_another_seed_is_refused(trained: tuple[Job, Path], tmp_path: Path) -> None:
-    run = prepared(tmp_path, "seed=2").experiment
-    artifacts.write_atomically(
-        tmp_path / artifacts.CHECKPOINT, (trained[1] / artifacts.CHECKPOINT).read_bytes()
-    )
-    with pytest.raises(CheckpointError, match="was written with seed = 1, now it is 2"):
-        train.run(replace(run, resume=True), tmp_path)
-
-
 def test_a_controller_without_fuzzy_systems_is_refused(tmp_path: Path) -> None:
     run = replace(prepared(tmp_path).experiment, stages=("evaluate",), controller={"kind": "coast"})
     with pytest.raises(ControllerError, match="'coast' has no fuzzy system to train; choose a fuzzy one"):
@@ -286,3 +271,90 @@ def test_the_champion_is_the_rounds_best_on_starts_of_its_own(tmp_path: Path) ->
     outcomes = fly_all(run.mission, from_fuzzy(champion), starts)
     found = costs(outcomes, run.optimizer.penalty.of_round(2), run.mission).mean()
     assert found == pytest.approx(best["validation"], rel=1e-9)
+
+
+STOPPED = "No space left on device; make room"
+
+
+class Disk:
+    """Counts the files that `artifacts` begins, and refuses all from one of them on but the named ones."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, num_files: int, spared: tuple[str, ...] = ()):
+        self.room, self.spared = num_files, spared
+        self.write = artifacts.beside
+        monkeypatch.setattr(artifacts, "beside", self.beside)
+        monkeypatch.setattr(train, "WRITE_EVERY_S", 0.0)
+
+    @contextmanager
+    def beside(self, path: Path) -> Iterator[BinaryIO]:
+        self.room -= 1
+        if self.room < 0 and not f".{path.name}".startswith(self.spared):
+            raise artifacts.WriteError(f"{path} cannot be written: {STOPPED}")
+        with self.write(path) as stream:
+            yield stream
+
+
+# a generation writes its checkpoint, its champion's flight if that is new, the logbook and the history
+@pytest.mark.parametrize(("num_files", "num_generations"), [(1, 1), (7, 2), (8, 3), (9, 3)])
+def test_training_stops_with_its_champion_and_goes_on_once_there_is_room(
+    trained: tuple[Job, Path],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    num_files: int,
+    num_generations: int,
+) -> None:
+    run = prepared(tmp_path).experiment
+    with monkeypatch.context() as patched:
+        Disk(patched, num_files, spared=(".champion",))
+        with pytest.raises(artifacts.WriteError, match=STOPPED) as stopped:
+            train.run(run, tmp_path)
+    assert f"stopped after {num_generations} generations and its champion is kept in" in str(stopped.value)
+    assert f"{artifacts.CHAMPION}. To go on: python -m pipeline resume={tmp_path}" in str(stopped.value)
+    champion = serialize.load(tmp_path / artifacts.CHAMPION)
+    assert dict(champion.provenance)["generations"] == str(num_generations)
+    assert not list(tmp_path.rglob("*.partial")) + list(tmp_path.glob("train/.*"))
+    train.run(replace(run, resume=True), tmp_path)
+    np.testing.assert_array_equal(genomes(tmp_path), genomes(trained[1]))
+
+
+def test_without_room_for_the_champion_the_checkpoint_keeps_it(
+    trained: tuple[Job, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run = prepared(tmp_path).experiment
+    with monkeypatch.context() as patched:
+        Disk(patched, 6)
+        with pytest.raises(artifacts.WriteError, match=artifacts.CHECKPOINT):
+            train.run(run, tmp_path)
+    assert not (tmp_path / artifacts.CHAMPION).exists()
+    train.run(replace(run, resume=True), tmp_path)
+    np.testing.assert_array_equal(genomes(tmp_path), genomes(trained[1]))
+
+
+def test_before_the_first_generation_the_file_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run = prepared(tmp_path).experiment
+    Disk(monkeypatch, 0)
+    with pytest.raises(artifacts.WriteError, match=rf"{artifacts.CHECKPOINT} cannot be written: {STOPPED}"):
+        train.run(run, tmp_path)
+    assert not (tmp_path / artifacts.CHAMPION).exists()
+
+
+def test_a_disk_that_fills_up_while_flights_are_recorded_leaves_the_champion(
+    trained: tuple[Job, Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run, folder = trained
+    before = (folder / artifacts.CHAMPION).read_bytes()
+    open_stream = partial_file.open_stream
+
+    def open_once(path: Path) -> object:
+        if path.name.startswith("training-1"):
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        return open_stream(path)
+
+    monkeypatch.setattr(partial_file, "open_stream", open_once)
+    telemetry = replace(run.experiment.telemetry, record_ranked=False)
+    with pytest.raises(artifacts.ArtifactError, match=r"No space left on device.*make room"):
+        record.run(replace(run.experiment, telemetry=telemetry), folder)
+    assert (folder / artifacts.CHAMPION).read_bytes() == before
+    assert [path.name for path in (folder / artifacts.RECORDINGS).iterdir()] == ["training-0.mcap"]

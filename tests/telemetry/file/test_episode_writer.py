@@ -1,10 +1,6 @@
 """When a file appears, what a mistake says, and what survives a crash or a full disk."""
 
-import os
 import re
-import signal
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -62,62 +58,6 @@ def test_an_exception_leaves_what_was_flown_to_be_rescued(
     assert rescued.output == tmp_path / "flight.recovered.mcap"
     state = telemetry.read(rescued.output)["/deputy/state"]
     np.testing.assert_array_equal(state["position_m"], short_flight.position_m[:41])
-
-
-KILLED = """
-import sys, time
-from collections.abc import Callable
-from pathlib import Path
-from tests.telemetry import synthetic_flight
-from telemetry import EpisodeWriter
-flight = synthetic_flight.fly(130)
-with EpisodeWriter(Path(sys.argv[1]), metadata=synthetic_flight.metadata(flight), attachments={}) as writer:
-    for k in range(int(sys.argv[2])):
-        synthetic_flight.write_sample(writer, flight, k)
-    print("written", flush=True)
-    time.sleep(600)
-"""
-
-
-@pytest.mark.parametrize(("num_written", "num_flushed"), [(60, 0), (61, 60), (131, 120)])
-def test_a_killed_process_loses_at_most_sixty_samples(
-    short_flight: SyntheticFlight, tmp_path: Path, num_written: int, num_flushed: int
-) -> None:
-    path = tmp_path / "flight.mcap"
-    process = subprocess.Popen(  # noqa: S603 - our own interpreter
-        [sys.executable, "-c", KILLED, str(path), str(num_written)],
-        stdout=subprocess.PIPE,
-        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
-    )
-    with process:
-        assert process.stdout is not None
-        assert process.stdout.readline() == b"written\n"
-        process.send_signal(signal.SIGKILL)
-    assert not path.exists()
-    output = tmp_path / "rescued.mcap"
-    recover(tmp_path / "flight.mcap.partial", output)
-    recording = telemetry.read(output)
-    assert recording.metadata["episode"] == synthetic_flight.metadata(short_flight)["episode"]
-    if num_flushed:
-        state = recording["/deputy/state"]
-        np.testing.assert_array_equal(state["position_m"], short_flight.position_m[:num_flushed])
-        np.testing.assert_array_equal(
-            recording["/fis/f_x"]["inputs"], short_flight.fis_inputs[0, :num_flushed]
-        )
-
-
-def test_an_event_brings_everything_before_it_to_the_file(
-    short_flight: SyntheticFlight, tmp_path: Path
-) -> None:
-    path = tmp_path / "flight.mcap"
-    with open_writer(short_flight, path) as writer:
-        for k in range(8):
-            synthetic_flight.write_sample(writer, short_flight, k)
-        writer.log(70.0, "warning", "2 m from a limit")
-        recover(tmp_path / "flight.mcap.partial", tmp_path / "now.mcap")
-    now = telemetry.read(tmp_path / "now.mcap")
-    assert len(now["/deputy/state"]) == 8
-    assert now["/log"]["level"].tolist() == ["warning"]
 
 
 @pytest.mark.parametrize("room", [0, 20_000, 90_000])

@@ -72,17 +72,6 @@ def test_the_short_flight_is_of_three_flushes(chunks: list[tuple[int, int]]) -> 
     assert len(chunks) == 3
 
 
-def test_a_file_cut_before_its_first_flush_still_tells_what_it_was(
-    short_file: Path, chunks: list[tuple[int, int]], tmp_path: Path
-) -> None:
-    path = cut(short_file, chunks[0][0] - 1, tmp_path)
-    recover(path, tmp_path / "rescued.mcap")
-    rescued, whole = telemetry.read(tmp_path / "rescued.mcap"), telemetry.read(short_file)
-    assert rescued.metadata["episode"] == whole.metadata["episode"]
-    assert rescued.attachments == whole.attachments
-    assert rescued.metadata["recovery"] == {"source": path.name, "num_messages": "0"}
-
-
 def test_a_rescued_file_reads_like_the_whole_one_up_to_its_end(
     short_file: Path, chunks: list[tuple[int, int]], tmp_path: Path
 ) -> None:
@@ -227,11 +216,6 @@ def test_nothing_to_rescue_is_said(tmp_path: Path, content: bytes, text: str) ->
     path.write_bytes(content)
     with pytest.raises(RecordingError, match=text):
         recover(path)
-
-
-def test_a_missing_file_is_said(tmp_path: Path) -> None:
-    with pytest.raises(RecordingError, match="cannot be read: No such file"):
-        recover(tmp_path / "none.mcap")
 
 
 def packed(path, size, *, compression=CompressionType.ZSTD):

@@ -23,6 +23,12 @@ def saved(path: Path, output: Path) -> Content:
     return Content(output)
 
 
+@pytest.fixture(scope="module")
+def content(tmp_path_factory: pytest.TempPathFactory) -> Content:
+    folder = tmp_path_factory.mktemp("campaign")
+    return saved(synthetic_run.write_evaluation(folder / "evaluated"), folder / "x.rrd")
+
+
 def test_cases_are_read_with_their_outcomes(run: Path) -> None:
     evaluation = runs.read_evaluation(run)
     assert evaluation.name == "evaluated"
@@ -59,8 +65,7 @@ def test_words_count_the_outcomes(run: Path) -> None:
         assert row in text.splitlines()
 
 
-def test_all_paths_are_there_in_the_colour_of_their_outcome(run: Path, tmp_path: Path) -> None:
-    content = saved(run, tmp_path / "x.rrd")
+def test_all_paths_are_there_in_the_colour_of_their_outcome(content: Content) -> None:
     positions = synthetic_run.positions()
     for kind, rows in ((Outcome.SUCCESS, [0, 1]), (Outcome.SHORT, [3]), (Outcome.OUTSIDE, [2])):
         entity = f"/scene/paths/{kind.name.lower()}"
@@ -69,8 +74,7 @@ def test_all_paths_are_there_in_the_colour_of_their_outcome(run: Path, tmp_path:
         assert colour >> 8 == int.from_bytes(bytes(OUTCOME_COLOURS[kind]), "big")
 
 
-def test_deputies_fly_together(run: Path, tmp_path: Path) -> None:
-    content = saved(run, tmp_path / "x.rrd")
+def test_deputies_fly_together(content: Content) -> None:
     entity = "/scene/deputies"
     assert content.times(entity, "Points3D:positions").tolist() == [20.0 * k for k in range(7)]
     flown = content.numbers(entity, "Points3D:positions")
@@ -78,16 +82,14 @@ def test_deputies_fly_together(run: Path, tmp_path: Path) -> None:
     assert len(set(content.column(entity, "Points3D:colors")[0])) == 3
 
 
-def test_named_cases_are_drawn_with_their_labels(run: Path, tmp_path: Path) -> None:
-    content = saved(run, tmp_path / "x.rrd")
+def test_named_cases_are_drawn_with_their_labels(content: Content) -> None:
     assert content.column("/scene/named/nearest/label", "Points3D:labels") == [["nearest: case 8, 10.0 m"]]
     assert content.column("/scene/named/nearest/label", "Points3D:positions") == [[[0.0, 0.0, 10.0]]]
     (strip,) = content.column("/scene/named/most_delta_v", "LineStrips3D:strips")[0]
     np.testing.assert_array_equal(strip, synthetic_run.positions()[1])
 
 
-def test_distance_and_histograms_are_those_of_the_cases(run: Path, tmp_path: Path) -> None:
-    content = saved(run, tmp_path / "x.rrd")
+def test_distance_and_histograms_are_those_of_the_cases(content: Content) -> None:
     spread = content.numbers("/curves/distance/spread", "Scalars:scalars")
     assert spread[3].tolist() == [80.0, 55.0, 10.0]
     assert spread[5].tolist() == [120.0, 55.0, 40.0]
@@ -145,21 +147,6 @@ def test_a_damaged_table_is_refused(run: Path) -> None:
     table.write_bytes(table.read_bytes()[:-20])
     with pytest.raises(RecordingError, match=r"trajectories.parquet cannot be read .* repeat the stage"):
         campaign.scene(run)
-
-
-def test_a_table_with_samples_missing_is_refused(run: Path) -> None:
-    cases = np.repeat(np.array(synthetic_run.CASES), synthetic_run.NUM_SAMPLES)
-    columns = {"case": cases, **synthetic_run.track_columns(synthetic_run.positions())}
-    cut = {name: np.delete(np.asarray(values), 9) for name, values in columns.items()}
-    synthetic_run.write_table(run / "evaluate/trajectories.parquet", cut)
-    with pytest.raises(RecordingError, match="does not hold whole trajectories"):
-        campaign.scene(run)
-
-
-def test_a_table_of_something_else_is_refused(tmp_path: Path) -> None:
-    synthetic_run.write_table(tmp_path / "x.parquet", {"case": [1], "sample": [0]})
-    with pytest.raises(RecordingError, match="has no column position_x_m, position_y_m, position_z_m of"):
-        campaign.scene(tmp_path / "x.parquet")
 
 
 def test_episodes_of_other_cases_are_refused(run: Path) -> None:

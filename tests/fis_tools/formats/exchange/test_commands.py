@@ -97,16 +97,10 @@ def test_forms_to_read_are_printed(tmp_path: Path, capsys: pytest.CaptureFixture
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
-        (
-            ["export", "PAPER", "--format", "fis"],
-            "holds one system, and there are several",
-        ),
+        (["export", "PAPER", "--format", "fis"], "holds one system, and there are several"),
         (["export", "PAPER", "--format", "fis", "-o", "x.fis"], "-o FOLDER for a file each"),
         (["export", "GENERAL", "--format", "fis"], "room: rule 1 cannot be said in a .fis file"),
-        (
-            ["export", "ALIKE", "--format", "fll", "-o", "FOLDER"],
-            "both be written as a_b.fll",
-        ),
+        (["export", "ALIKE", "--format", "fll", "-o", "FOLDER"], "both be written as a_b.fll"),
         (["import", "TIPPER", "TIPPER"], "both have a system 'tipper'"),
         (["import", "TIPPER", "-o", "x.fis"], "is no controller file"),
         (["import", "TIPPER", "--points", "1"], "Give a whole number from 2 to 4000000"),

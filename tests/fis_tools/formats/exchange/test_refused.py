@@ -98,12 +98,7 @@ def test_what_cannot_be_read_is_refused_with_its_line(kind: Kind, old: str, new:
     [
         ("fis", "[Input2]", "[Input3]", "not one of the sections"),
         ("fis", "3 2, 3 (1)", "3 2, 3.2 (1)", "the hedge on 'generous', which the rule concludes"),
-        (
-            "fis",
-            "'trimf',[0 5 10]",
-            "'function',[sin(x)]",
-            "the term is a function, a number and no fuzzy set",
-        ),
+        ("fis", "'trimf',[0 5 10]", "'function',[sin(x)]", "the term is a function, a number and no fuzzy"),
         ("fis", "NumRules=3", "NumRules=4", "[Rules] has 3 lines"),
         ("fis", "NumMFs=2", "NumMFs=3", "NumMFs=3 but has MF1, MF2"),
         ("fis", "NumOutputs=1\n", "", "[System] has no NumOutputs"),

@@ -186,10 +186,7 @@ _USUAL |= {"term": "Linear 2 0.5", "implication": "none"}
         ({"term": "Linear 2 0.5 1 7"}, "Linear has the numbers 2, 0.5, 1, 7; expected 2 finite ones"),
         ({"term": "Ramp 0 1"}, "weighed as 'TakagiSugeno', but its term 'up' is Ramp; write Tsukamoto"),
         ({"aggregation": "Maximum"}, "joins the rules that conclude 'up', but each counts by itself"),
-        (
-            {"defuzzifier": "Centroid 100", "aggregation": "Maximum"},
-            "only outputs by Weigh",
-        ),
+        ({"defuzzifier": "Centroid 100", "aggregation": "Maximum"}, "only outputs by Weigh"),
     ],
 )
 def test_what_cannot_be_weighed_is_refused(change: dict[str, str], sentence: str) -> None:
