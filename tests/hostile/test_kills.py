@@ -13,8 +13,7 @@ from tests.hostile.kills import GROUP, PROCESS, Tally, environment, killed_after
 pytestmark = pytest.mark.slow
 
 
-@pytest.mark.parametrize("kind", ["search", "sweep", "parts"])
-@pytest.mark.parametrize("is_relative", [True, False])
+@pytest.mark.parametrize(("kind", "is_relative"), [("search", True), ("sweep", False), ("parts", True)])
 def test_a_killed_run_ends_as_an_undisturbed_one(kind, is_relative, tmp_path):
     env = environment()
     run_alone(words_of(kind, tmp_path / "alone"), env)
