@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from telemetry import EpisodeWriter
 from telemetry.file.metadata import EpisodeDescription, FisDescription
@@ -82,32 +83,19 @@ def pointing_quaternions(position: Floats) -> Floats:
     y_axis = np.cross([0.0, 0.0, 1.0], x_axis)
     y_axis /= np.linalg.norm(y_axis, axis=1, keepdims=True)
     z_axis = np.cross(x_axis, y_axis)
-    dcm = np.stack((x_axis, y_axis, z_axis), axis=1)
-    scalar = 0.5 * np.sqrt(np.maximum(1.0 + np.trace(dcm, axis1=1, axis2=2), 1e-12))
-    vector = np.column_stack(
-        (dcm[:, 1, 2] - dcm[:, 2, 1], dcm[:, 2, 0] - dcm[:, 0, 2], dcm[:, 0, 1] - dcm[:, 1, 0])
-    )
-    quaternion = np.column_stack((vector / (4.0 * scalar[:, None]), scalar))
-    return quaternion / np.linalg.norm(quaternion, axis=1, keepdims=True)
+    return Rotation.from_matrix(np.stack((x_axis, y_axis, z_axis), axis=2)).as_quat()
 
 
 def clohessy_wiltshire_force(position: Floats, velocity: Floats, acceleration: Floats) -> Floats:
     n = MEAN_MOTION
-    natural = np.column_stack(
-        (
-            3 * n**2 * position[:, 0] + 2 * n * velocity[:, 1],
-            -2 * n * velocity[:, 0],
-            -(n**2) * position[:, 2],
-        )
-    )
+    x, z, x_rate, y_rate = position[:, 0], position[:, 2], velocity[:, 0], velocity[:, 1]
+    natural = np.column_stack((3 * n**2 * x + 2 * n * y_rate, -2 * n * x_rate, -(n**2) * z))
     return MASS * (acceleration - natural)
 
 
 def rotate_to_body(quaternion: Floats, vector: Floats) -> Floats:
-    """Turn Hill vectors into body axes, by Rodrigues' formula for the conjugate."""
-    axis, scalar = -quaternion[..., :3], quaternion[..., 3:]
-    twice = 2.0 * np.cross(axis, vector)
-    return vector + scalar * twice + np.cross(axis, twice)
+    """Turn Hill vectors into body axes."""
+    return Rotation.from_quat(quaternion).inv().apply(vector)
 
 
 def relative_angle(target: Floats, position: Floats, axis: int) -> Floats:
