@@ -7,7 +7,7 @@ import shutil
 import subprocess
 import sys
 import zipfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from email.parser import Parser
 from importlib.util import cache_from_source
 from pathlib import Path
@@ -38,12 +38,12 @@ def build(folder: Path, into: Path, target: str = "wheel") -> Path:
 
 
 @pytest.fixture(scope="module")
-def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def wheel(tmp_path_factory):
     return build(PROJECT, tmp_path_factory.mktemp("wheel"))
 
 
 @pytest.fixture(scope="module")
-def small_wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def small_wheel(tmp_path_factory):
     return build(PROJECT / "fis_tools", tmp_path_factory.mktemp("small_wheel"))
 
 
@@ -64,9 +64,7 @@ def sources(folder: Path) -> set[str]:
     return {path.relative_to(PROJECT).as_posix() for path in files}
 
 
-def test_the_wheel_holds_the_packages_and_the_configuration_inside_pipeline_and_nothing_else(
-    wheel: Path,
-) -> None:
+def test_the_wheel_holds_the_packages_and_the_configuration_inside_pipeline_and_nothing_else(wheel):
     expected = set().union(*(sources(PROJECT / package) for package in PACKAGES))
     expected |= {f"pipeline/{name}" for name in sources(PROJECT / "conf")}
     assert content(wheel) == expected
@@ -74,13 +72,13 @@ def test_the_wheel_holds_the_packages_and_the_configuration_inside_pipeline_and_
     assert "pipeline/conf/experiment/train.yaml" in content(wheel)
 
 
-def test_the_toolkits_wheel_holds_its_package_and_the_licence(small_wheel: Path) -> None:
+def test_the_toolkits_wheel_holds_its_package_and_the_licence(small_wheel):
     assert content(small_wheel) == sources(PROJECT / "fis_tools") - {"fis_tools/pyproject.toml"}
     assert zipfile.ZipFile(small_wheel).read("fis_tools/LICENSE") == (PROJECT / "LICENSE").read_bytes()
 
 
 @pytest.mark.parametrize("folder", [PROJECT, PROJECT / "fis_tools"], ids=["project", "toolkit"])
-def test_a_source_distribution_builds_the_same_wheel(folder: Path, tmp_path: Path) -> None:
+def test_a_source_distribution_builds_the_same_wheel(folder, tmp_path):
     archive = build(folder, tmp_path / "sources", "sdist")
     shutil.unpack_archive(archive, tmp_path / "unpacked", filter="data")
     (unpacked,) = (tmp_path / "unpacked").iterdir()
@@ -90,9 +88,7 @@ def test_a_source_distribution_builds_the_same_wheel(folder: Path, tmp_path: Pat
     assert one == other
 
 
-def test_it_flies_from_any_folder_with_experiments_of_ones_own(
-    wheel: Path, small_wheel: Path, tmp_path: Path
-) -> None:
+def test_it_flies_from_any_folder_with_experiments_of_ones_own(wheel, small_wheel, tmp_path):
     installed = tmp_path / "site"
     installed.mkdir()
     unpack((wheel, small_wheel), installed)
@@ -201,15 +197,13 @@ def _applying(texts: Iterable[str], extras: set[str]) -> list[Requirement]:
 
 
 @pytest.fixture(scope="module")
-def alone(small_wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Environment]:
+def alone(small_wheel, tmp_path_factory):
     environment = Environment(tmp_path_factory.mktemp("alone") / "environment", small_wheel)
     yield environment
     shutil.rmtree(environment.folder)
 
 
-def test_the_toolkit_alone_is_small_and_sees_nothing_else(
-    alone: Environment, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_toolkit_alone_is_small_and_sees_nothing_else(alone, capsys):
     size = alone.size_mb()
     with capsys.disabled():
         print(f"\nfis-tools with {', '.join(sorted(alone.distributions))}: {size:.0f} MB")  # noqa: T201
@@ -231,14 +225,14 @@ for words in json.loads(sys.argv[1]):
 
 
 @pytest.fixture(scope="module")
-def fast(alone: Environment, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+def fast(alone, tmp_path_factory):
     folder = tmp_path_factory.mktemp("fast")
     alone.install("fast", folder)
     yield folder
     shutil.rmtree(folder)
 
 
-def test_the_toolkit_answers_the_same_with_numba_and_without(alone: Environment, fast: Path) -> None:
+def test_the_toolkit_answers_the_same_with_numba_and_without(alone, fast):
     system = EXAMPLES / "dimmer.fll"
     commands = json.dumps([("surface", system), ("bounds", system)], default=str)
     plain, compiled = (alone.run("-c", ALL_IN_ONE_PROCESS, commands, beside=one) for one in (None, fast))
@@ -246,9 +240,7 @@ def test_the_toolkit_answers_the_same_with_numba_and_without(alone: Environment,
 
 
 @pytest.mark.parametrize("name", ["tipper.fis", "dimmer.fll", "pendulum.fml"])
-def test_the_toolkit_alone_runs_every_command(
-    alone: Environment, fast: Path, tmp_path: Path, name: str
-) -> None:
+def test_the_toolkit_alone_runs_every_command(alone, fast, tmp_path, name):
     own, simpler = tmp_path / "own.yaml", tmp_path / "simpler.yaml"
     alone.tools("import", EXAMPLES / name, "-o", own)
     inputs = ",".join(f"{v.name}={0.5 * (v.minimum + v.maximum)}" for v in load(own).systems[0].inputs)
@@ -271,7 +263,7 @@ def test_the_toolkit_alone_runs_every_command(
     assert (tmp_path / "review.html").stat().st_size > 10_000
 
 
-def test_the_toolkit_alone_says_what_to_install(alone: Environment, tmp_path: Path) -> None:
+def test_the_toolkit_alone_says_what_to_install(alone, tmp_path):
     flight, system = tmp_path / "flight.mcap", EXAMPLES / "tipper.fis"
     flight.touch()
     changed = tmp_path / "changed.fis"
@@ -296,7 +288,7 @@ def test_the_toolkit_alone_says_what_to_install(alone: Environment, tmp_path: Pa
     )
 
 
-def test_the_extras_of_the_toolkit_bring_what_they_say(alone: Environment, tmp_path: Path) -> None:
+def test_the_extras_of_the_toolkit_bring_what_they_say(alone, tmp_path):
     extras, figures = tmp_path / "extras", tmp_path / "figures"
     assert alone.install("all", extras) > alone.distributions
     alone.run("-m", "fis_tools", "plot", EXAMPLES / "tipper.fis", "-o", figures, beside=extras)

@@ -17,9 +17,7 @@ from telemetry.commands import main
 from tests.telemetry import synthetic_run
 
 
-def test_info_tells_what_it_was_and_how_it_went(
-    flight_file: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_info_tells_what_it_was_and_how_it_went(flight_file, capsys):
     assert main(["info", str(flight_file)]) == 0
     text = capsys.readouterr().out
     for expected in (
@@ -36,7 +34,7 @@ def test_info_tells_what_it_was_and_how_it_went(
         assert re.search(expected, text), expected
 
 
-def test_info_tells_the_same_to_programs(flight_file: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_info_tells_the_same_to_programs(flight_file, capsys):
     assert main(["info", "--json", str(flight_file)]) == 0
     told = json.loads(capsys.readouterr().out)
     assert (told["bytes"], told["end_s"], told["is_rescued"]) == (flight_file.stat().st_size, 3600.0, False)
@@ -47,9 +45,7 @@ def test_info_tells_the_same_to_programs(flight_file: Path, capsys: pytest.Captu
     assert told["attachments"] == {"config.yaml": 8, "controller.json": 19}
 
 
-def test_recover_rescues_a_cut_file(
-    short_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_recover_rescues_a_cut_file(short_file, tmp_path, capsys):
     path = tmp_path / "cut.mcap.partial"
     path.write_bytes(short_file.read_bytes()[:80_000])
     assert main(["recover", str(path)]) == 0
@@ -59,9 +55,7 @@ def test_recover_rescues_a_cut_file(
     assert "the flight may have gone on" in capsys.readouterr().out
 
 
-def test_recover_warns_where_no_step_is_left_and_info_tells_the_rest(
-    short_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_recover_warns_where_no_step_is_left_and_info_tells_the_rest(short_file, tmp_path, capsys):
     whole = short_file.read_bytes()
     path = tmp_path / "cut.mcap"
     # the attachments are whole, the first chunk is not
@@ -77,9 +71,7 @@ def test_recover_warns_where_no_step_is_left_and_info_tells_the_rest(
     assert re.search(r"topics\n  none", text)
 
 
-def test_export_makes_a_folder_beside_the_file(
-    short_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_export_makes_a_folder_beside_the_file(short_file, tmp_path, capsys):
     path = tmp_path / "flight.mcap"
     path.write_bytes(short_file.read_bytes())
     assert main(["export", str(path), "--format", "csv"]) == 0
@@ -88,7 +80,7 @@ def test_export_makes_a_folder_beside_the_file(
     assert all(Path(name).is_file() for name in printed)
 
 
-def test_replay_saves_a_file(short_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_replay_saves_a_file(short_file, tmp_path, capsys):
     output = tmp_path / "short.rrd"
     assert main(["replay", str(short_file), "--save", str(output)]) == 0
     assert output.read_bytes()[:3] == b"RRF"
@@ -96,9 +88,7 @@ def test_replay_saves_a_file(short_file: Path, tmp_path: Path, capsys: pytest.Ca
 
 
 @pytest.mark.parametrize("command", ["info", "replay", "recover", "export"])
-def test_a_mistake_is_one_sentence_and_exit_code_two(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], command: str
-) -> None:
+def test_a_mistake_is_one_sentence_and_exit_code_two(tmp_path, capsys, command):
     path = tmp_path / "notes.txt"
     path.write_text("not a recording")
     arguments = [command, str(path), *(["--save", str(tmp_path / "x.rrd")] if command == "replay" else [])]
@@ -110,16 +100,14 @@ def test_a_mistake_is_one_sentence_and_exit_code_two(
     assert captured.err.count("\n") == 1
 
 
-def test_a_cut_file_is_sent_to_recover(
-    short_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_cut_file_is_sent_to_recover(short_file, tmp_path, capsys):
     path = tmp_path / "my cut.mcap"
     path.write_bytes(short_file.read_bytes()[:70_000])
     assert main(["info", str(path)]) == 2
     assert f"`python -m telemetry recover '{path}'`" in capsys.readouterr().err
 
 
-def test_output_that_nobody_reads_to_its_end_is_no_error(flight_file: Path) -> None:
+def test_output_that_nobody_reads_to_its_end_is_no_error(flight_file):
     reader, writer = os.pipe()
     os.close(reader)
     command = [sys.executable, "-m", "telemetry", "info", str(flight_file)]
@@ -128,16 +116,14 @@ def test_output_that_nobody_reads_to_its_end_is_no_error(flight_file: Path) -> N
     assert (done.returncode, done.stderr) == (0, b"")
 
 
-def test_a_command_is_needed() -> None:
+def test_a_command_is_needed():
     assert main([]) == 2
 
 
 @pytest.mark.parametrize(
     "command", ["replay", "campaign", "training", "screenshot", "info", "recover", "export", "compare"]
 )
-def test_each_command_teaches_by_examples_that_it_takes(
-    command: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_each_command_teaches_by_examples_that_it_takes(command, capsys):
     assert main([command, "--help"]) == 0
     examples = re.findall(r"^ python -m telemetry (.*)$", capsys.readouterr().out, flags=re.MULTILINE)
     assert len(examples) >= 2
@@ -147,9 +133,7 @@ def test_each_command_teaches_by_examples_that_it_takes(
         assert main(shlex.split(example) + (["--save", "x.rrd"] if example.endswith("--follow") else [])) == 2
 
 
-def test_a_flight_is_not_written_over_by_its_own_replay(
-    short_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_flight_is_not_written_over_by_its_own_replay(short_file, tmp_path, capsys):
     path = tmp_path / "flight.mcap"
     path.write_bytes(short_file.read_bytes())
     assert main(["replay", str(path), "--save", str(path)]) == 2
@@ -159,15 +143,13 @@ def test_a_flight_is_not_written_over_by_its_own_replay(
 
 
 @pytest.mark.parametrize("instant", ["nan", "inf", "-5", "soon"])
-def test_an_instant_that_cannot_be_is_refused(instant: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_instant_that_cannot_be_is_refused(instant, capsys):
     assert main(["screenshot", "flight.mcap", "--at", instant]) == 2
     assert instant in capsys.readouterr().err
 
 
-def test_an_interrupted_command_ends_in_a_sentence(
-    short_file: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    def interrupted(_path: Path) -> None:
+def test_an_interrupted_command_ends_in_a_sentence(short_file, monkeypatch, capsys):
+    def interrupted(_path):
         raise KeyboardInterrupt
 
     monkeypatch.setattr(commands, "read", interrupted)
@@ -175,7 +157,7 @@ def test_an_interrupted_command_ends_in_a_sentence(
     assert capsys.readouterr().err == "telemetry: interrupted\n"
 
 
-def test_a_saved_training_says_nothing_of_the_viewer_itself(tmp_path: Path) -> None:
+def test_a_saved_training_says_nothing_of_the_viewer_itself(tmp_path):
     folder = synthetic_run.write_training(tmp_path / "run", 2)
     command = [sys.executable, "-m", "telemetry", "training", str(folder), "--save", str(tmp_path / "x.rrd")]
     environment = {name: value for name, value in os.environ.items() if name != "RUST_LOG"}
@@ -183,18 +165,14 @@ def test_a_saved_training_says_nothing_of_the_viewer_itself(tmp_path: Path) -> N
     assert done.stderr == b""
 
 
-def test_a_whole_file_that_never_got_its_name_is_to_be_renamed(
-    short_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_whole_file_that_never_got_its_name_is_to_be_renamed(short_file, tmp_path, capsys):
     path = tmp_path / "flight.mcap.partial"
     path.write_bytes(short_file.read_bytes())
     assert main(["recover", str(path)]) == 0
     assert "rename it to flight.mcap" in capsys.readouterr().out
 
 
-def test_somebody_elses_recording_has_nothing_to_compare_or_export(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_somebody_elses_recording_has_nothing_to_compare_or_export(tmp_path, capsys):
     path = tmp_path / "foreign.mcap"
     with path.open("wb") as stream:
         writer = Writer(stream)

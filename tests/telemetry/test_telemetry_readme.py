@@ -31,16 +31,16 @@ def section(topic: str) -> str:
 
 
 @pytest.mark.parametrize("topic", [*topics.FIXED_TOPICS, "/fis/<name>"])
-def test_every_topic_has_a_section(topic: str) -> None:
+def test_every_topic_has_a_section(topic):
     assert "| field |" in section(topic)
 
 
-def test_every_message_of_ours_has_a_topic() -> None:
+def test_every_message_of_ours_has_a_topic():
     assert set(MESSAGE_OF_TOPIC.values()) == set(inspection_pb2.DESCRIPTOR.message_types_by_name)
 
 
 @pytest.mark.parametrize("topic", MESSAGE_OF_TOPIC)
-def test_every_field_has_a_line_with_its_unit(topic: str) -> None:
+def test_every_field_has_a_line_with_its_unit(topic):
     text = section(topic)
     message = MESSAGE_OF_TOPIC[topic]
     assert f"`inspection.{message}`" in text
@@ -58,9 +58,7 @@ def rows(topic: str) -> list[list[str]]:
 
 
 @pytest.mark.parametrize("topic", topics.FIXED_TOPICS[:3])
-def test_every_column_read_of_foxgloves_messages_has_a_line_with_its_unit(
-    topic: str, short_file: Path
-) -> None:
+def test_every_column_read_of_foxgloves_messages_has_a_line_with_its_unit(topic, short_file):
     columns = telemetry.read(short_file, topic)[topic]
     assert f"`{columns.schema}`" in section(topic)
     described = {}
@@ -72,12 +70,12 @@ def test_every_column_read_of_foxgloves_messages_has_a_line_with_its_unit(
     assert described == columns.units
 
 
-def test_every_column_of_the_log_has_a_line(short_file: Path) -> None:
+def test_every_column_of_the_log_has_a_line(short_file):
     described = {name.strip("`") for name, _ in rows(topics.LOG)}
     assert described == set(telemetry.read(short_file, topics.LOG)[topics.LOG].columns)
 
 
-def test_every_vector_names_its_axes() -> None:
+def test_every_vector_names_its_axes():
     num_vectors = 0
     for topic in [*topics.FIXED_TOPICS, "/fis/<name>"]:
         for cells in rows(topic):
@@ -91,14 +89,14 @@ def test_every_vector_names_its_axes() -> None:
     assert num_vectors == 3 + 3 + 2 + 4 + 1
 
 
-def test_every_colour_is_named() -> None:
+def test_every_colour_is_named():
     text = section(topics.CHIEF_POINTS)
     for state, colour in zip(topics.PointState, topics.POINT_COLOURS_RGBA.tolist(), strict=True):
         words = state.name.lower().replace("_", " ")
         assert re.search(rf"{int(state)} {words} \({', '.join(map(str, colour[:3]))}\)", text)
 
 
-def test_every_key_of_the_metadata_is_named() -> None:
+def test_every_key_of_the_metadata_is_named():
     for description in (EpisodeDescription, FisDescription):
         for key in description.__dataclass_fields__:
             assert f"`{key}`" in README, key

@@ -1,7 +1,6 @@
 """Bounds against very many evaluations and closed forms; questions against grids; mistakes."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -75,7 +74,7 @@ def _systems(count: int) -> list[tuple[FuzzySystem, np.random.Generator]]:
 
 
 @pytest.mark.slow
-def test_no_output_lies_outside_its_bounds() -> None:
+def test_no_output_lies_outside_its_bounds():
     num_outputs = 0
     for system, generator in _systems(150):
         program = interval.pack(system)
@@ -89,7 +88,7 @@ def test_no_output_lies_outside_its_bounds() -> None:
     assert num_outputs > 75_000
 
 
-def test_the_inference_that_equals_scikit_fuzzy_stays_inside_too() -> None:
+def test_the_inference_that_equals_scikit_fuzzy_stays_inside_too():
     for system, generator in _systems(60):
         low, high = _boxes(system, generator, 2)
         least, greatest, _ = interval.bound(interval.pack(system), low, high)
@@ -99,7 +98,7 @@ def test_the_inference_that_equals_scikit_fuzzy_stays_inside_too() -> None:
 
 
 @pytest.mark.parametrize("system", [force_x_system(), force_z_system()], ids=lambda system: system.name)
-def test_at_a_point_the_interval_is_tight_about_the_output(system: FuzzySystem) -> None:
+def test_at_a_point_the_interval_is_tight_about_the_output(system):
     generator = np.random.default_rng(94)
     inputs = generator.uniform(*_ends(system), (300, len(system.inputs)))
     least, greatest, _ = interval.bound(interval.pack(system), inputs, inputs)
@@ -110,7 +109,7 @@ def test_at_a_point_the_interval_is_tight_about_the_output(system: FuzzySystem) 
     assert width.max() < 1e-3
 
 
-def test_intervals_shrink_with_their_boxes() -> None:
+def test_intervals_shrink_with_their_boxes():
     system = force_x_system()
     generator = np.random.default_rng(95)
     inputs = generator.uniform(*_ends(system), (200, 2))
@@ -147,7 +146,7 @@ def _two_blocks() -> FuzzySystem:
     return FuzzySystem("blocks", (x,), (y,), table_rules((x,), y, ["left", "right"]))
 
 
-def test_the_extremal_centroids_of_two_blocks_are_known() -> None:
+def test_the_extremal_centroids_of_two_blocks_are_known():
     # cuts in [0.5, 0.8] and [0.2, 0.5]: the centroid is (0.5 a + 3.5 b) / (a + b)
     bounded = _bounds(_two_blocks(), x=(0.2, 0.5))["y"]
     assert bounded.low == pytest.approx((0.5 * 0.8 + 3.5 * 0.2) / 1.0, abs=1e-5)
@@ -168,7 +167,7 @@ def _gapped_system() -> FuzzySystem:
 
 
 @pytest.mark.parametrize("defuzzifier", ["centroid", "mom", "som", "lom"])
-def test_the_default_is_possible_exactly_where_no_rule_may_fire(defuzzifier: str) -> None:
+def test_the_default_is_possible_exactly_where_no_rule_may_fire(defuzzifier):
     system = replace(_gapped_system(), defuzzifier=defuzzifier)  # type: ignore[arg-type]
     assert _bounds(system, x=(0.45, 0.55))["y"] == Interval(5.0, 5.0)
     over_the_edge = _bounds(system, x=(0.3, 0.5))["y"]
@@ -177,7 +176,7 @@ def test_the_default_is_possible_exactly_where_no_rule_may_fire(defuzzifier: str
     assert _bounds(system, x=(0.1, 0.3))["y"].high < 0.0
 
 
-def test_outputs_that_collapse_for_want_of_area_stay_inside() -> None:
+def test_outputs_that_collapse_for_want_of_area_stay_inside():
     """scikit-fuzzy divides by 2.2e-16 at least: outputs of a universe as narrow as that fall out of it."""
     y = Variable("y", "", 1e-16, 2e-16, (Term("only", Gaussian(1.5e-16, 1e-17)),), default=1.5e-16)
     x = Variable("x", "", 0.0, 1.0, (Term("any", Triangular(0.0, 1.0, 1.0)),))
@@ -188,7 +187,7 @@ def test_outputs_that_collapse_for_want_of_area_stay_inside() -> None:
     assert bounded.low <= output <= bounded.high
 
 
-def test_what_cannot_be_bounded_is_refused_in_a_sentence() -> None:
+def test_what_cannot_be_bounded_is_refused_in_a_sentence():
     with pytest.raises(interval.NotBounded, match="bisector is not the bisector"):
         _bounds(replace(force_x_system(), defuzzifier="bisector"))
     last = Rule(force_x_system().rules[0].antecedent, (Consequent("force_x", "ZE"),), and_operator="product")
@@ -215,7 +214,7 @@ def _on_grid(system: FuzzySystem, where: str) -> Floats:
         (force_z_system(), "distance = 500, eta_u - 10 velocity_body_z > 1"),
     ],
 )
-def test_questions_are_answered_as_a_fine_grid_tells(system: FuzzySystem, where: str) -> None:
+def test_questions_are_answered_as_a_fine_grid_tells(system, where):
     output = system.outputs[0].name
     highest, lowest = float(_on_grid(system, where).max()), float(_on_grid(system, where).min())
     margin = 0.01 * (system.outputs[0].maximum - system.outputs[0].minimum)
@@ -241,7 +240,7 @@ def _check_example(system: FuzzySystem, question: str, where: str, example: dict
         assert condition.least <= value <= condition.greatest
 
 
-def test_a_question_may_stay_open_and_says_where() -> None:
+def test_a_question_may_stay_open_and_says_where():
     system = force_x_system()
     highest = float(_on_grid(system, "").max())
     answer = ask(system, f"force_x > {highest + 1e-4}", max_boxes=20)
@@ -264,7 +263,7 @@ def test_a_question_may_stay_open_and_says_where() -> None:
 @pytest.mark.parametrize(
     "where", ["", "distance > 120, velocity_body_x < 0", "distance - 300 velocity_body_x > 100"]
 )
-def test_a_range_is_proved_outside_and_attained_inside(where: str) -> None:
+def test_a_range_is_proved_outside_and_attained_inside(where):
     system = force_x_system()
     (found,) = output_ranges(system, where)
     outputs = _on_grid(system, where)
@@ -279,7 +278,7 @@ def test_a_range_is_proved_outside_and_attained_inside(where: str) -> None:
     assert "is attained at distance = " in found.sentence
 
 
-def test_a_range_beyond_a_universe_is_attained_where_it_was_asked_for() -> None:
+def test_a_range_beyond_a_universe_is_attained_where_it_was_asked_for():
     system = force_x_system()
     (found,) = output_ranges(system, "distance > 300")
     assert min(found.least_at["distance"], found.greatest_at["distance"]) > 300.0
@@ -287,7 +286,7 @@ def test_a_range_beyond_a_universe_is_attained_where_it_was_asked_for() -> None:
     assert (found.inner, found.outer) == (at_end.inner, at_end.outer)
 
 
-def test_a_range_of_which_no_input_was_found_says_so() -> None:
+def test_a_range_of_which_no_input_was_found_says_so():
     (found,) = output_ranges(force_x_system(), "distance - 100 velocity_body_x = 50.123456789", max_boxes=500)
     assert (found.least_at, found.greatest_at) == ({}, {})
     assert found.outer.high > found.outer.low
@@ -295,7 +294,7 @@ def test_a_range_of_which_no_input_was_found_says_so() -> None:
     assert found.sentence.endswith("; no input that meets all conditions was found.")
 
 
-def test_conditions_on_several_inputs_keep_them_inside_their_universes() -> None:
+def test_conditions_on_several_inputs_keep_them_inside_their_universes():
     # at (600, 0.25) the condition holds too, with other outputs than where a distance of 200 meets it
     region = read_region(force_x_system(), "distance - 1000 velocity_body_x >= 350")
     assert (region.asked_low[0], region.asked_high[0]) == (0.0, 200.0)
@@ -303,7 +302,7 @@ def test_conditions_on_several_inputs_keep_them_inside_their_universes() -> None
         read_region(force_x_system(), "distance > 300, distance - 1000 velocity_body_x <= 150")
 
 
-def test_conditions_are_read_as_they_are_written() -> None:
+def test_conditions_are_read_as_they_are_written():
     names = ["a", "a b", "c-d", "x1"]
     above, between, joint = read_conditions("a b > -1.5e1 and a in [-.5, 2], 2*a - x1 + c-d<=3", names)
     assert (above.coefficients, above.least, above.greatest) == (
@@ -344,9 +343,7 @@ def test_conditions_are_read_as_they_are_written() -> None:
         (["--boxes", "0"], "Give a whole number above 0"),
     ],
 )
-def test_a_mistake_ends_in_one_sentence(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], words: list[str], sentence: str
-) -> None:
+def test_a_mistake_ends_in_one_sentence(tmp_path, capsys, words, sentence):
     path = tmp_path / "paper.yaml"
     path.write_text(dump_yaml(paper_like_controller()), encoding="utf-8")
     status = main(["bounds", str(path), "--system", "force_x", *words])
@@ -354,7 +351,7 @@ def test_a_mistake_ends_in_one_sentence(
     assert sentence in capsys.readouterr().err
 
 
-def test_the_command_answers_and_checks(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_answers_and_checks(tmp_path, capsys):
     path = tmp_path / "paper.yaml"
     path.write_text(dump_yaml(paper_like_controller()), encoding="utf-8")
     assert main(["bounds", str(path)]) == 0

@@ -63,7 +63,7 @@ def log_flight(path: Path, controller: FuzzyController, num_samples: int = 4, se
     return path
 
 
-def test_a_flight_gives_back_its_controller_and_every_inference(tmp_path: Path) -> None:
+def test_a_flight_gives_back_its_controller_and_every_inference(tmp_path):
     controller = paper_like_controller()
     path = log_flight(tmp_path / "a.mcap", controller)
     assert read_controller(path) == controller
@@ -77,7 +77,7 @@ def test_a_flight_gives_back_its_controller_and_every_inference(tmp_path: Path) 
             np.testing.assert_allclose(strengths, step.firing_strengths, rtol=1e-7, atol=0)
 
 
-def test_usage_counts_over_all_flights(tmp_path: Path) -> None:
+def test_usage_counts_over_all_flights(tmp_path):
     controller = paper_like_controller()
     paths = [log_flight(tmp_path / f"{seed}.mcap", controller, seed=seed) for seed in (1, 2)]
     strengths = np.concatenate([read_flight(path)[1].firing_strengths for path in paths])
@@ -88,13 +88,13 @@ def test_usage_counts_over_all_flights(tmp_path: Path) -> None:
     assert 0 < usage.fired.sum() < 45
 
 
-def test_a_system_that_never_decides_is_left_out(tmp_path: Path) -> None:
+def test_a_system_that_never_decides_is_left_out(tmp_path):
     path = log_flight(tmp_path / "a.mcap", paper_like_controller(), num_samples=0)
     assert usage_along([path]) == {}
     assert read_flight(path)[0].inputs.shape == (0, 2)
 
 
-def test_flights_that_cannot_be_used_are_refused_with_a_sentence(tmp_path: Path) -> None:
+def test_flights_that_cannot_be_used_are_refused_with_a_sentence(tmp_path):
     controller = paper_like_controller()
     path = log_flight(tmp_path / "a.mcap", controller)
     other = log_flight(
@@ -109,7 +109,7 @@ def test_flights_that_cannot_be_used_are_refused_with_a_sentence(tmp_path: Path)
         read_controller(tmp_path / "missing.mcap")
 
 
-def test_a_log_that_does_not_fit_its_controller_is_refused(tmp_path: Path) -> None:
+def test_a_log_that_does_not_fit_its_controller_is_refused(tmp_path):
     system = force_x_system()
     metadata = {"fis.force_x": description(system)}
     for name, content, words in (
@@ -166,7 +166,7 @@ def log_periods(path: Path, controller: FuzzyController, has_reasons: bool = Tru
     return path
 
 
-def test_inferences_count_whose_force_was_fired(tmp_path: Path) -> None:
+def test_inferences_count_whose_force_was_fired(tmp_path):
     path = log_periods(tmp_path / "a.mcap", paper_like_controller())
     times = {one.system.name: one.time_s.tolist() for one in read_flight(path)}
     assert times == {"force_x": [0.0, 10.0, 50.0], "force_z": [10.0]}
@@ -176,7 +176,7 @@ def test_inferences_count_whose_force_was_fired(tmp_path: Path) -> None:
     assert len(inputs_along([path], all_periods=True)["force_z"]) == 4
 
 
-def test_a_recording_without_reasons_counts_where_any_force_was_fired(tmp_path: Path) -> None:
+def test_a_recording_without_reasons_counts_where_any_force_was_fired(tmp_path):
     path = log_periods(tmp_path / "a.mcap", paper_like_controller(), has_reasons=False)
     control = telemetry.read(path)["/deputy/control"]
     assert control["reason"].shape == control["force_asked_n"].shape == (6, 0)
@@ -185,7 +185,7 @@ def test_a_recording_without_reasons_counts_where_any_force_was_fired(tmp_path: 
         assert flown.time_s.tolist() == [0.0, 10.0, 50.0]
 
 
-def test_each_period_tells_what_became_of_each_system(tmp_path: Path) -> None:
+def test_each_period_tells_what_became_of_each_system(tmp_path):
     path = log_periods(tmp_path / "a.mcap", paper_like_controller())
     for sample, (is_inferred, *reasons) in enumerate(PERIODS):
         for time_s in (10.0 * sample, 10.0 * sample + 9.9):
@@ -196,9 +196,7 @@ def test_each_period_tells_what_became_of_each_system(tmp_path: Path) -> None:
                     assert period.flown.time_s[period.row] == period.time_s
 
 
-def test_points_are_read_as_they_are_at_a_time_and_told_with_the_inputs(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_points_are_read_as_they_are_at_a_time_and_told_with_the_inputs(tmp_path, capsys):
     """Three points on the axes; a cloud holds until the next, and what nobody asks is not told."""
     system = force_x_system()
     axes, parts = 10.0 * np.diag([1.0, 1.0, -1.0]), np.array([[30.0, 0.0, 40.0], [1.0, 2.0, 3.0]])

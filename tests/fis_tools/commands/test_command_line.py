@@ -26,7 +26,7 @@ from tests.fis_tools.sample_controllers import force_x_system, paper_like_contro
 
 
 @pytest.fixture
-def controller_path(tmp_path: Path) -> Path:
+def controller_path(tmp_path):
     path = tmp_path / "paper.yaml"
     path.write_text(dump_yaml(paper_like_controller()), encoding="utf-8")
     return path
@@ -38,9 +38,7 @@ def run(capsys: pytest.CaptureFixture[str], *words: object) -> tuple[int, str, s
     return status, captured.out, captured.err
 
 
-def test_show_reads_a_file_a_run_and_a_flight(
-    tmp_path: Path, controller_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_show_reads_a_file_a_run_and_a_flight(tmp_path, controller_path, capsys):
     (tmp_path / "run").mkdir()
     (tmp_path / "run" / "champion.json").write_text(dump_json(paper_like_controller()), encoding="utf-8")
     flight = log_flight(tmp_path / "flight.mcap", paper_like_controller())
@@ -50,9 +48,7 @@ def test_show_reads_a_file_a_run_and_a_flight(
 
 
 @pytest.mark.parametrize("form", ["png", pytest.param("svg", marks=pytest.mark.slow)])
-def test_plot_writes_pictures(
-    tmp_path: Path, controller_path: Path, capsys: pytest.CaptureFixture[str], form: str
-) -> None:
+def test_plot_writes_pictures(tmp_path, controller_path, capsys, form):
     folder = tmp_path / "new" / "figures"
     status, printed, _ = run(
         capsys, "plot", controller_path, "-o", folder, "--format", form, "--system", "force_x"
@@ -65,13 +61,11 @@ def test_plot_writes_pictures(
 
 
 @pytest.mark.slow
-def test_plot_draws_what_is_asked_for(
-    tmp_path: Path, controller_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_plot_draws_what_is_asked_for(tmp_path, controller_path, capsys):
     flight = log_flight(tmp_path / "flight.mcap", paper_like_controller())
     inputs = "distance=80,velocity_body_x=0.05"
 
-    def drawn(*words: object) -> list[str]:
+    def drawn(*words):
         status, printed, _ = run(capsys, "plot", *words, "-o", tmp_path, "--system", "force_x")
         assert status == 0
         return [Path(line).stem.removeprefix("force_x-") for line in printed.splitlines()]
@@ -82,9 +76,7 @@ def test_plot_draws_what_is_asked_for(
     assert drawn(flight)[-1] == "firing"
 
 
-def test_a_dark_picture_is_dark_and_says_the_inputs(
-    tmp_path: Path, controller_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_dark_picture_is_dark_and_says_the_inputs(tmp_path, controller_path, capsys):
     words = ("plot", controller_path, "--only", "inference", "--inputs", "distance=80,velocity_body_x=0.05")
     assert run(capsys, *words, "--theme", "dark", "--format", "svg", "-o", tmp_path)[0] == 0
     content = (tmp_path / "force_x-inference.svg").read_text(encoding="utf-8")
@@ -92,9 +84,7 @@ def test_a_dark_picture_is_dark_and_says_the_inputs(
     assert "velocity_body_x = 0.05 m/s" in content.replace("\xa0", " ")
 
 
-def test_pictures_whose_names_come_to_the_same_do_not_replace_one_another(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_pictures_whose_names_come_to_the_same_do_not_replace_one_another(tmp_path, capsys):
     one, other = (replace(force_x_system(), name=name) for name in ("a/b", "A b"))
     path = tmp_path / "alike.json"
     path.write_text(dump_json(FuzzyController("alike", (one, other))), encoding="utf-8")
@@ -103,9 +93,7 @@ def test_pictures_whose_names_come_to_the_same_do_not_replace_one_another(
     assert len(list((tmp_path / "out").iterdir())) == 2
 
 
-def test_surface_prints_numbers_or_draws(
-    tmp_path: Path, controller_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_surface_prints_numbers_or_draws(tmp_path, controller_path, capsys):
     words = ("surface", controller_path, "--system", "force_x", "--points", "3")
     status, printed, _ = run(capsys, *words)
     assert status == 0
@@ -123,9 +111,7 @@ def test_surface_prints_numbers_or_draws(
     assert "force_x (N)" in picture.read_text(encoding="utf-8")
 
 
-def test_export_writes_every_form(
-    tmp_path: Path, controller_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_export_writes_every_form(tmp_path, controller_path, capsys):
     assert run(capsys, "export", controller_path, "--format", "markdown")[1] == text.write_markdown(
         outline(paper_like_controller())
     )
@@ -137,9 +123,7 @@ def test_export_writes_every_form(
         assert "very near" in run(capsys, "export", controller_path, "--format", form)[1]
 
 
-def test_explain_tells_each_system_whose_inputs_are_given(
-    controller_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_explain_tells_each_system_whose_inputs_are_given(controller_path, capsys):
     words = ("explain", controller_path, "--inputs", "distance=80, velocity_body_x=5e-2")
     status, told, _ = run(capsys, *words)
     assert status == 0
@@ -151,9 +135,7 @@ def test_explain_tells_each_system_whose_inputs_are_given(
     assert json.loads(printed)["explanations"][0]["inputs"] == {"distance": 80.0, "velocity_body_x": 0.05}
 
 
-def test_explain_tells_the_share_of_each_rule_over_flights(
-    tmp_path: Path, controller_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_explain_tells_the_share_of_each_rule_over_flights(tmp_path, controller_path, capsys):
     flights = [log_flight(tmp_path / f"{seed}.mcap", paper_like_controller(), seed=seed) for seed in (1, 2)]
     expected = shares(force_x_system(), inputs_along(flights)["force_x"])
     status, told, _ = run(capsys, "explain", controller_path, "--flights", *flights, "--system", "force_x")
@@ -166,9 +148,7 @@ def test_explain_tells_the_share_of_each_rule_over_flights(
     assert "never fired anything" in run(capsys, "explain", silent)[1]
 
 
-def test_explain_takes_the_inputs_of_a_logged_flight(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_explain_takes_the_inputs_of_a_logged_flight(tmp_path, capsys):
     flight = log_flight(tmp_path / "flight.mcap", paper_like_controller())
     status, told, _ = run(capsys, "explain", flight, "--time", "15", "--system", "force_z")
     assert status == 0
@@ -230,13 +210,7 @@ def test_explain_takes_the_inputs_of_a_logged_flight(
         (["fly"], 'Unknown command "fly"'),
     ],
 )
-def test_a_mistake_ends_in_one_sentence(
-    tmp_path: Path,
-    controller_path: Path,
-    capsys: pytest.CaptureFixture[str],
-    words: list[str],
-    sentence: str,
-) -> None:
+def test_a_mistake_ends_in_one_sentence(tmp_path, controller_path, capsys, words, sentence):
     flight = log_flight(tmp_path / "flight.mcap", paper_like_controller())
     places = {
         "PAPER": controller_path,
@@ -251,7 +225,7 @@ def test_a_mistake_ends_in_one_sentence(
     assert "Traceback" not in told
 
 
-def test_what_is_printed_into_a_file_reads_back_in_any_locale(tmp_path: Path) -> None:
+def test_what_is_printed_into_a_file_reads_back_in_any_locale(tmp_path):
     controller = replace(paper_like_controller(), name="Prüfling \N{RIGHTWARDS ARROW} 漢")
     path = tmp_path / "controller.yaml"
     path.write_text(dump_yaml(controller), encoding="utf-8")
@@ -261,18 +235,18 @@ def test_what_is_printed_into_a_file_reads_back_in_any_locale(tmp_path: Path) ->
     assert loads(printed.decode("utf-8"), "json") == controller
 
 
-def test_without_an_output_to_write_to_there_is_no_traceback(controller_path: Path) -> None:
+def test_without_an_output_to_write_to_there_is_no_traceback(controller_path):
     command = f'"{sys.executable}" -m fis_tools show "{controller_path}" >&-'
     told = subprocess.run(command, shell=True, capture_output=True, check=False)  # noqa: S602
     assert (told.returncode, told.stderr) == (0, b"")
 
 
-def test_every_threshold_is_explained(capsys: pytest.CaptureFixture[str]) -> None:
+def test_every_threshold_is_explained(capsys):
     printed = run(capsys, "audit", "--help")[1]
     assert all(f" {field.name} ({field.default}): " in printed for field in fields(Thresholds))
 
 
-def test_it_runs_as_a_module_and_into_a_closed_pipe(controller_path: Path) -> None:
+def test_it_runs_as_a_module_and_into_a_closed_pipe(controller_path):
     command = [sys.executable, "-m", "fis_tools", "show", str(controller_path)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:  # noqa: S603
         assert process.stdout is not None
@@ -282,7 +256,7 @@ def test_it_runs_as_a_module_and_into_a_closed_pipe(controller_path: Path) -> No
     assert process.returncode == 0
 
 
-def test_domain_tells_when_flights_left_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_domain_tells_when_flights_left_it(tmp_path, capsys):
     flight = log_flight(tmp_path / "flight.mcap", paper_like_controller())
     sensed = inputs_along([flight])
     boxes = [box_of(system, sensed[system.name]) for system in paper_like_controller().systems]

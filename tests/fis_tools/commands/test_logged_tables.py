@@ -50,14 +50,14 @@ def told(capsys: pytest.CaptureFixture[str], *words: object, status: int = 0) ->
 
 
 @pytest.mark.parametrize("ending", ["csv", "parquet"])
-def test_columns_go_by_their_names(ending: str, tmp_path: Path) -> None:
+def test_columns_go_by_their_names(ending, tmp_path):
     values, time_s = tables.read(write(tmp_path / f"evening.{ending}", ROWS), ["service", "food"])
     assert np.array_equal(values, ROWS)
     assert np.array_equal(time_s, [0.0, 10.0, 20.0])
 
 
 @pytest.mark.parametrize("ending", ["csv", "parquet"])
-def test_a_column_may_name_its_unit_and_no_other(ending: str, tmp_path: Path) -> None:
+def test_a_column_may_name_its_unit_and_no_other(ending, tmp_path):
     path = tmp_path / f"heat.{ending}"
     if ending == "csv":
         path.write_text("temperature (°C)\n21.5\n", encoding="utf-8")
@@ -69,9 +69,7 @@ def test_a_column_may_name_its_unit_and_no_other(ending: str, tmp_path: Path) ->
         tables.read(path, ["temperature"], {"temperature": "temperature (K)"})
 
 
-def test_every_command_that_takes_flights_takes_tables(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_every_command_that_takes_flights_takes_tables(tmp_path, capsys):
     logged = write(tmp_path / "evening.csv", ROWS)
     system = load(TIPPER).systems[0]
     strengths = np.array([infer(system, row).firing_strengths for row in ROWS])
@@ -114,15 +112,13 @@ def test_every_command_that_takes_flights_takes_tables(
         (("10.0,", "30.0,"), "time_s runs backwards"),
     ],
 )
-def test_a_table_that_does_not_fit_is_refused(
-    change: tuple[str, str], words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_table_that_does_not_fit_is_refused(change, words, tmp_path, capsys):
     path = write(tmp_path / "evening.csv", ROWS)
     path.write_text(path.read_text(encoding="utf-8").replace(*change, 1), encoding="utf-8")
     assert words in told(capsys, "audit", TIPPER, "--flights", path, status=2)
 
 
-def test_a_table_without_times_goes_by_its_rows(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_table_without_times_goes_by_its_rows(tmp_path, capsys):
     path = tmp_path / "rows.csv"
     path.write_text("service,food\n1,9\n4,8\n", encoding="utf-8")
     by_row = told(capsys, "explain", TIPPER, "--flights", path, "--time", "2")
@@ -133,7 +129,7 @@ NAMES = ("constant", "linear", "tsukamoto", "mixed")
 
 
 @pytest.fixture(scope="module")
-def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+def files(tmp_path_factory):
     folder = tmp_path_factory.mktemp("weighed")
     found = {}
     for name in NAMES:
@@ -143,15 +139,13 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     return found
 
 
-def test_a_file_of_ours_holds_what_is_weighed(files: dict[str, Path]) -> None:
+def test_a_file_of_ours_holds_what_is_weighed(files):
     for name, path in files.items():
         assert serialize.load(path).systems == (systems()[name],)
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_what_needs_fuzzy_sets_says_so(
-    name: str, files: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_what_needs_fuzzy_sets_says_so(name, files, tmp_path, capsys):
     assert main(["simplify", str(files[name]), "-o", str(tmp_path / "out.json")]) == 2
     assert (
         "is for Mamdani systems, whose rules conclude fuzzy sets, but output 'y'" in capsys.readouterr().err
@@ -160,7 +154,7 @@ def test_what_needs_fuzzy_sets_says_so(
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_the_review_page_has_rules_and_formulas(name: str, files: dict[str, Path], tmp_path: Path) -> None:
+def test_the_review_page_has_rules_and_formulas(name, files, tmp_path):
     assert main(["review", str(files[name]), "-o", str(tmp_path / "out.html")]) == 0
     text = (tmp_path / "out.html").read_text(encoding="utf-8")
     for rule in systems()[name].rules:
@@ -169,9 +163,7 @@ def test_the_review_page_has_rules_and_formulas(name: str, files: dict[str, Path
         assert shape_words(term) in text
 
 
-def test_the_audit_says_what_does_not_apply(
-    files: dict[str, Path], capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_audit_says_what_does_not_apply(files, capsys):
     for name in NAMES:
         assert main(["audit", str(files[name])]) == 0
         told = " ".join(capsys.readouterr().out.split())  # as wide as the terminal is
@@ -190,13 +182,13 @@ def with_formula(text: str, folder: Path) -> str:
 
 
 @pytest.mark.parametrize("form", ["c", "fmu", "fis", "fml"])
-def test_forms_without_formulas_say_so(form: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_forms_without_formulas_say_so(form, tmp_path, capsys):
     path = with_formula("sin(x0)", tmp_path)
     assert main(["export", path, "--format", form, "-o", str(tmp_path / f"sine.{form}")]) == 2
     assert "output 'y'" in capsys.readouterr().err
 
 
-def test_where_a_formula_has_no_value_is_left_out(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_where_a_formula_has_no_value_is_left_out(tmp_path, capsys):
     """The logarithm of what is below zero has none, and that of zero is infinite."""
     before, after = with_formula("log(x0 - 5)", tmp_path), with_formula("log(x0 - 5) + 1", tmp_path)
     assert main(["explain", before, "--inputs", "x0=4,x1=5"]) == 2
@@ -209,7 +201,7 @@ def test_where_a_formula_has_no_value_is_left_out(tmp_path: Path, capsys: pytest
     assert main(["plot", before, "-o", str(tmp_path), "--only", "surfaces"]) == 0
 
 
-def test_formats_without_the_words_refuse(files: dict[str, Path], capsys: pytest.CaptureFixture[str]) -> None:
+def test_formats_without_the_words_refuse(files, capsys):
     assert main(["export", str(files["mixed"]), "--format", "fml"]) == 2
     assert "is weighed, and an FML file has such outputs where all" in capsys.readouterr().err
     assert main(["export", str(files["constant"]), "--format", "fml"]) == 0
@@ -233,7 +225,7 @@ def broken():
 
 
 @pytest.fixture
-def program(tmp_path: Path) -> Path:
+def program(tmp_path):
     shutil.copy(TIPPING, tmp_path)
     path = tmp_path / "mine.py"
     path.write_text(PROGRAM.format(mark=str(tmp_path / "it-ran")), encoding="utf-8")
@@ -250,9 +242,7 @@ NEEDED: dict[str, tuple[str, ...]] = {
 
 
 @pytest.mark.parametrize("command", [name for name in COMMANDS if name not in {"domain", "learn"}])
-def test_every_command_takes_a_program_that_is_trusted(
-    command: str, program: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_every_command_takes_a_program_that_is_trusted(command, program, monkeypatch, capsys):
     monkeypatch.chdir(program.parent)
     words = [command, "mine.py:built", *NEEDED.get(command, ())]
     assert main(words) == 2
@@ -274,13 +264,7 @@ def test_every_command_takes_a_program_that_is_trusted(
         ("mine.py:fast", "mine.py:fast: "),
     ],
 )
-def test_what_cannot_be_read_is_told(
-    written: str,
-    words: str,
-    program: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_what_cannot_be_read_is_told(written, words, program, monkeypatch, capsys):
     monkeypatch.chdir(program.parent)
     assert main(["show", written, "--trust"]) == 2
     assert f"error: {words}" in capsys.readouterr().err

@@ -28,7 +28,7 @@ def sources(function: Callable[..., object]) -> set[str]:
     return {Path(file).relative_to(PROJECT).as_posix() for file in found}
 
 
-def test_a_kernel_depends_on_its_file_and_on_all_that_it_imports_and_on_nothing_else() -> None:
+def test_a_kernel_depends_on_its_file_and_on_all_that_it_imports_and_on_nothing_else():
     names = ("__init__", "borrowed_code", "cache", "decorator", "numba_parts", "vector_code", "vectors")
     decorator = {f"fis_tools/compiled/{name}.py" for name in names}
     own = {"pipeline/physics/quaternion.py", "pipeline/array_types.py"}
@@ -40,11 +40,11 @@ def test_a_kernel_depends_on_its_file_and_on_all_that_it_imports_and_on_nothing_
 
 
 @pytest.fixture
-def kernels(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., cache.Sources]:
+def kernels(tmp_path, monkeypatch):
     """Writes modules of a package `kernels`, loads them, and looks up what `caller` depends on."""
     monkeypatch.setattr(cache, "packages", {"fis_tools", "kernels"})
 
-    def written(folder: Path = tmp_path, **texts: str) -> cache.Sources:
+    def written(folder=tmp_path, **texts):
         for name, text in texts.items():
             path = folder / "kernels" / f"{name}.py"
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -77,18 +77,14 @@ def stems(sources: cache.Sources) -> list[str]:
         "import numpy as np\nimport os, kernels.inner",
     ],
 )
-def test_imports_count_at_any_remove_and_in_any_form(
-    kernels: Callable[..., cache.Sources], line: str
-) -> None:
+def test_imports_count_at_any_remove_and_in_any_form(kernels, line):
     before = kernels(caller="from kernels import between\n", between=f"{line}\n", inner="width = 3\n")
     assert stems(before) == ["between", "caller", "inner"]
     assert kernels(inner="width = 4\n").digest != before.digest
     assert kernels(inner="width = 3\n").digest == before.digest
 
 
-def test_imports_for_type_checkers_in_functions_and_from_other_packages_do_not_count(
-    kernels: Callable[..., cache.Sources],
-) -> None:
+def test_imports_for_type_checkers_in_functions_and_from_other_packages_do_not_count(kernels):
     text = (
         "from typing import TYPE_CHECKING\nimport numpy as np\n\n"
         "if TYPE_CHECKING:  # x\n    from kernels import inner\n\n    from kernels import between\n\n"
@@ -97,9 +93,7 @@ def test_imports_for_type_checkers_in_functions_and_from_other_packages_do_not_c
     assert stems(kernels(caller=text, between="", inner="")) == ["caller"]
 
 
-def test_the_place_of_the_sources_does_not_count(
-    kernels: Callable[..., cache.Sources], tmp_path: Path
-) -> None:
+def test_the_place_of_the_sources_does_not_count(kernels, tmp_path):
     texts = {"caller": "from kernels import inner\n", "inner": ""}
     here, there = kernels(**texts), kernels(folder=tmp_path / "elsewhere", **texts)
     assert there.digest == here.digest
@@ -113,9 +107,7 @@ def test_the_place_of_the_sources_does_not_count(
         ({"NUMBA_CACHE_DIR": ""}, "~/.cache"),
     ],
 )
-def test_the_cache_lies_where_the_environment_says(
-    variables: dict[str, str], root: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_cache_lies_where_the_environment_says(variables, root, monkeypatch):
     for name in ("NUMBA_CACHE_DIR", "XDG_CACHE_HOME"):
         monkeypatch.delenv(name, raising=False)
     for name, value in variables.items():
@@ -124,14 +116,14 @@ def test_the_cache_lies_where_the_environment_says(
 
 
 @pytest.fixture
-def root(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def root(tmp_path, monkeypatch):
     """Where compiled code is kept, not made yet."""
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "own"))
     monkeypatch.setattr(cache, "_loaded_ns", time.time_ns())
     return tmp_path / "own" / "fis-tools"
 
 
-def test_a_new_cache_is_closed_to_others(root: Path) -> None:
+def test_a_new_cache_is_closed_to_others(root):
     place = cache.place_for(quaternion.dot.py_func)  # type: ignore[attr-defined]
     assert isinstance(place, Path)
     assert place.parent == root
@@ -152,7 +144,7 @@ def refused() -> str:
 
 @posix
 @pytest.mark.parametrize("mode", [0o777, 0o702])
-def test_a_folder_that_others_may_write_to_is_refused(root: Path, mode: int) -> None:
+def test_a_folder_that_others_may_write_to_is_refused(root, mode):
     root.mkdir(parents=True)
     root.chmod(mode)
     assert f"others may write to {root}" in refused()
@@ -165,9 +157,7 @@ def test_a_folder_that_others_may_write_to_is_refused(root: Path, mode: int) -> 
 
 @posix
 @pytest.mark.parametrize("is_private", [True, False])
-def test_a_group_may_write_where_nobody_else_is_in_it(
-    root: Path, is_private: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_group_may_write_where_nobody_else_is_in_it(root, is_private, monkeypatch):
     import grp  # noqa: PLC0415 - not on every system
     import pwd  # noqa: PLC0415
 
@@ -183,9 +173,7 @@ def test_a_group_may_write_where_nobody_else_is_in_it(
 
 
 @posix
-def test_a_folder_of_somebody_else_and_a_link_are_refused(
-    root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_folder_of_somebody_else_and_a_link_are_refused(root, tmp_path, monkeypatch):
     (tmp_path / "planted").mkdir(mode=0o700)
     root.parent.mkdir()
     root.symlink_to(tmp_path / "planted")
@@ -196,21 +184,19 @@ def test_a_folder_of_somebody_else_and_a_link_are_refused(
     assert f"{root} belongs to somebody else" in refused()
 
 
-def test_where_no_folder_can_be_made_code_is_not_kept(root: Path) -> None:
+def test_where_no_folder_can_be_made_code_is_not_kept(root):
     root.parent.write_text("a file where a folder should be")
     assert f"{root} cannot be written" in refused()
 
 
-def test_a_source_that_is_newer_than_the_process_is_not_kept(
-    root: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_source_that_is_newer_than_the_process_is_not_kept(root, monkeypatch):
     monkeypatch.setattr(cache, "_loaded_ns", 0)
     place = cache.place_for(quaternion.dot.py_func)  # type: ignore[attr-defined]
     assert isinstance(place, cache.Refused)
     assert "quaternion.py has changed since it was loaded" in place.reason
 
 
-def test_caches_that_nobody_has_used_for_a_month_are_dropped(root: Path) -> None:
+def test_caches_that_nobody_has_used_for_a_month_are_dropped(root):
     for name, days in (("recent", 29.0), ("old", 31.0)):
         (root / name / "sub").mkdir(parents=True)
         (root / name / "sub" / "fly.nbi").write_text("index")
@@ -224,7 +210,7 @@ def test_caches_that_nobody_has_used_for_a_month_are_dropped(root: Path) -> None
     assert sorted(path.name for path in root.iterdir()) == ["note.txt", used.name, "recent"]
 
 
-def test_using_a_cache_keeps_it(root: Path) -> None:
+def test_using_a_cache_keeps_it(root):
     used = cache.place_for(quaternion.dot.py_func)  # type: ignore[attr-defined]
     assert isinstance(used, Path)
     os.utime(used, (0.0, 0.0))
@@ -235,7 +221,7 @@ def test_using_a_cache_keeps_it(root: Path) -> None:
 
 @posix
 @pytest.mark.slow
-def test_a_stale_answer_is_not_found_where_the_folder_cannot_be_made(tmp_path: Path) -> None:
+def test_a_stale_answer_is_not_found_where_the_folder_cannot_be_made(tmp_path):
     """numba would fall back to `__pycache__` beside the sources, which ignores a changed callee."""
     (tmp_path / "kernels").mkdir()
     head = "from fis_tools.compiled.decorator import compiled\n"
@@ -247,7 +233,7 @@ def test_a_stale_answer_is_not_found_where_the_folder_cannot_be_made(tmp_path: P
     )
     (tmp_path / "cache").write_text("a file where a folder should be")
 
-    def call() -> subprocess.CompletedProcess[str]:
+    def call():
         environment = os.environ | {
             "PYTHONPATH": os.pathsep.join([str(tmp_path), str(PROJECT)]),
             "NUMBA_CACHE_DIR": str(tmp_path / "cache"),

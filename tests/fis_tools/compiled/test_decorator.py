@@ -72,12 +72,12 @@ class Package:
 
 
 @pytest.fixture
-def package(tmp_path: Path) -> Package:
+def package(tmp_path):
     return Package(tmp_path)
 
 
 @pytest.mark.slow
-def test_what_is_wanted_once_is_not_compiled_until_it_is_wanted_again(package: Package) -> None:
+def test_what_is_wanted_once_is_not_compiled_until_it_is_wanted_again(package):
     ask = (
         "from fis_tools.compiled.decorator import sparingly\nfrom kernels.caller import twice\n"
         "for x in (5, 6, 0.5):\n    print(sparingly(twice)(x), len(twice.signatures), end=' ')"
@@ -87,14 +87,14 @@ def test_what_is_wanted_once_is_not_compiled_until_it_is_wanted_again(package: P
     assert package.run(ask).stdout.split() == ["7", "1", "8", "1", "2.5", "2"]
 
 
-def test_what_takes_vectors_runs_as_plain_python_with_the_package_that_calls_it() -> None:
+def test_what_takes_vectors_runs_as_plain_python_with_the_package_that_calls_it():
     """Compiled code takes the number of lanes as a constant, which a call from Python does not give it."""
     with plainly("kernels"):
         assert [component.tolist() for component in same(2.0, 4)] == [[2.0] * 4] * 3
 
 
 @pytest.mark.slow
-def test_an_edit_compiles_anew_what_depends_on_it_and_no_more(package: Package) -> None:
+def test_an_edit_compiles_anew_what_depends_on_it_and_no_more(package):
     package.call()
     for name, old, new, answer in (
         ("callee", "x + STEP", "x * 3", 45),
@@ -108,7 +108,7 @@ def test_an_edit_compiles_anew_what_depends_on_it_and_no_more(package: Package) 
 
 
 @pytest.mark.slow
-def test_the_caches_of_other_functions_stay_where_they_are(package: Package) -> None:
+def test_the_caches_of_other_functions_stay_where_they_are(package):
     package.write("foreign", "from numba import njit\n\n\n@njit(cache=True)\ndef f(x):\n    return x\n")
     look = (
         "import numba\nbefore = dict(vars(numba.config))\nimport kernels.foreign\n"
@@ -120,7 +120,7 @@ def test_the_caches_of_other_functions_stay_where_they_are(package: Package) -> 
     assert Path(place) == package.folder / "kernels" / "__pycache__"
 
 
-def test_nothing_imports_numba_before_the_first_call(package: Package) -> None:
+def test_nothing_imports_numba_before_the_first_call(package):
     look = (
         "import sys\nfrom kernels.caller import twice\nbefore = 'numba' in sys.modules\n"
         "print(before, twice(5), 'numba' in sys.modules, twice.__doc__, twice.__name__)"
@@ -128,7 +128,7 @@ def test_nothing_imports_numba_before_the_first_call(package: Package) -> None:
     assert package.run(look).stdout.strip() == "False 7 True Take two steps. twice"
 
 
-def test_numba_is_used_in_one_way_and_its_inner_parts_are_named_in_one_file() -> None:
+def test_numba_is_used_in_one_way_and_its_inner_parts_are_named_in_one_file():
     texts = {
         path.relative_to(PROJECT).as_posix(): path.read_text(encoding="utf-8")
         for package in ("fis_tools", "pipeline", "telemetry")
@@ -141,7 +141,7 @@ def test_numba_is_used_in_one_way_and_its_inner_parts_are_named_in_one_file() ->
 
 
 @pytest.mark.slow
-def test_compiled_functions_of_others_can_call_ours(package: Package) -> None:
+def test_compiled_functions_of_others_can_call_ours(package):
     call = (
         "from numba import njit\nfrom kernels.caller import twice\n"
         "@njit\ndef thrice(x):\n    return twice(x) + 1\n\n\nprint(thrice(5), twice(5))"
@@ -150,12 +150,12 @@ def test_compiled_functions_of_others_can_call_ours(package: Package) -> None:
     assert package.run(call.replace("@njit", "twice(5)\n\n\n@njit")).stdout.strip() == "8 7"  # found again
 
 
-def test_they_are_plain_functions_where_numba_is_switched_off(package: Package) -> None:
+def test_they_are_plain_functions_where_numba_is_switched_off(package):
     call = "from kernels.caller import twice; print(twice(5), twice.dispatcher is twice.py_func)"
     assert package.run(call, NUMBA_DISABLE_JIT="1").stdout.strip() == "7 True"
 
 
-def test_they_are_plain_functions_without_numba_and_long_work_says_so_once(package: Package) -> None:
+def test_they_are_plain_functions_without_numba_and_long_work_says_so_once(package):
     compute = (
         "import importlib.util as u, sys\nsys.modules['numba'] = None\n"
         "find = u.find_spec\nu.find_spec = lambda name: None if name == 'numba' else find(name)\n"
@@ -171,7 +171,7 @@ def test_they_are_plain_functions_without_numba_and_long_work_says_so_once(packa
 
 
 @pytest.mark.slow
-def test_a_function_without_a_file_is_compiled_and_not_kept(package: Package) -> None:
+def test_a_function_without_a_file_is_compiled_and_not_kept(package):
     define = (
         "from fis_tools.compiled.decorator import compiled\n@compiled\ndef f(x):\n    return x\nprint(f(3))"
     )
@@ -181,7 +181,7 @@ def test_a_function_without_a_file_is_compiled_and_not_kept(package: Package) ->
 
 
 @pytest.mark.slow
-def test_a_source_edited_under_a_running_process_poisons_no_cache(package: Package) -> None:
+def test_a_source_edited_under_a_running_process_poisons_no_cache(package):
     edit_then_call = (
         "from pathlib import Path\nimport kernels.callee\npath = Path(kernels.callee.__file__)\n"
         "text = path.read_text()\npath.write_text(text.replace('x + STEP', 'x * 3'))\n"
@@ -194,7 +194,7 @@ def test_a_source_edited_under_a_running_process_poisons_no_cache(package: Packa
 
 
 @pytest.mark.slow
-def test_a_compilation_is_announced_and_a_warm_start_is_silent(package: Package) -> None:
+def test_a_compilation_is_announced_and_a_warm_start_is_silent(package):
     assert package.run(AT_ONCE + CALL).stderr == (
         "  compiling kernels.caller.twice: about 1 s, once\n"
         "  compiling kernels.other.double: about 1 s, once\n"
@@ -203,7 +203,7 @@ def test_a_compilation_is_announced_and_a_warm_start_is_silent(package: Package)
 
 
 @pytest.mark.slow
-def test_what_compiled_code_calls_is_compiled_without_an_entry_for_python(package: Package) -> None:
+def test_what_compiled_code_calls_is_compiled_without_an_entry_for_python(package):
     look = (
         "from kernels.callee import step\nfrom kernels.caller import twice\n"
         "print(twice(5), len(step.inside.signatures), len(step.signatures), step(5))"
@@ -213,7 +213,7 @@ def test_what_compiled_code_calls_is_compiled_without_an_entry_for_python(packag
 
 
 @pytest.mark.slow
-def test_ctrl_c_that_a_callback_of_llvm_swallows_comes_again(package: Package) -> None:
+def test_ctrl_c_that_a_callback_of_llvm_swallows_comes_again(package):
     program = (
         "import ctypes, signal, time, numba.core.event as event\n"
         "from kernels.other import double\n"

@@ -28,7 +28,7 @@ TOLERANCE = 1e-12
 
 
 @pytest.mark.parametrize("seed", seeds(40, 10))
-def test_control_systems_of_all_kinds_give_what_compute_gives(seed: int) -> None:
+def test_control_systems_of_all_kinds_give_what_compute_gives(seed):
     generator = np.random.default_rng([40, seed])
     source = random_control_system(generator)
     rows = distinct_inputs(source, generator, 8)
@@ -44,7 +44,7 @@ def test_control_systems_of_all_kinds_give_what_compute_gives(seed: int) -> None
                 assert value == pytest.approx(expected[output.variable.name], rel=0, abs=TOLERANCE * width)
 
 
-def test_control_systems_take_a_default_for_when_no_rule_fires() -> None:
+def test_control_systems_take_a_default_for_when_no_rule_fires():
     x, y = control.Antecedent(np.linspace(0, 1, 11), "x"), control.Consequent(np.linspace(2, 3, 11), "y")
     x["high"], y["high"] = skfuzzy.trimf(x.universe, [0.5, 1, 1]), skfuzzy.trimf(y.universe, [2, 3, 3])
     system = control.ControlSystem([control.Rule(x["high"], y["high"])])
@@ -55,7 +55,7 @@ def test_control_systems_take_a_default_for_when_no_rule_fires() -> None:
     assert outputs[1, 0] == pytest.approx(2.0 + 2.0 / 3.0, abs=1e-15)
 
 
-def test_a_chain_of_rules_is_computed_as_scikit_fuzzy_does() -> None:
+def test_a_chain_of_rules_is_computed_as_scikit_fuzzy_does():
     """Two rules raise a term that a third asks for, and one raises a term after it was asked for."""
     universe = np.linspace(0, 1, 11)
     x, w = control.Antecedent(universe, "x"), control.Antecedent(universe, "w")
@@ -82,7 +82,7 @@ def test_a_chain_of_rules_is_computed_as_scikit_fuzzy_does() -> None:
     assert np.ptp(answers["z"]) > 0.2
 
 
-def test_anything_else_is_refused() -> None:
+def test_anything_else_is_refused():
     with pytest.raises(UnreadableControlSystem, match="pass a scikit-fuzzy ControlSystem"):
         compile("controller.yaml")
     with pytest.raises(ValueError, match="declare them in the outputs"):
@@ -93,9 +93,7 @@ def test_anything_else_is_refused() -> None:
 
 
 @pytest.mark.parametrize("system", [force_x_system(), force_z_system(), *general_controller().systems])
-def test_a_systems_own_engine_and_the_parts_of_an_inference_agree_with_scikit_fuzzy(
-    system: FuzzySystem,
-) -> None:
+def test_a_systems_own_engine_and_the_parts_of_an_inference_agree_with_scikit_fuzzy(system):
     generator = np.random.default_rng(1)
     low = np.array([variable.minimum for variable in system.inputs])
     high = np.array([variable.maximum for variable in system.inputs])
@@ -113,7 +111,7 @@ def compiled_room() -> CompiledSystem:
     return compile(general_controller().systems[0])
 
 
-def test_mappings_come_back_as_mappings_of_the_same_shape() -> None:
+def test_mappings_come_back_as_mappings_of_the_same_shape():
     room = compiled_room()
     temperatures = np.linspace(-5.0, 45.0, 6).reshape(2, 3)
     outputs = room({"wind": 3.0, "temperature": temperatures})
@@ -123,7 +121,7 @@ def test_mappings_come_back_as_mappings_of_the_same_shape() -> None:
     assert room({"wind": 3.0, "temperature": 20})["heat"].shape == ()
 
 
-def test_values_out_of_range_and_infinite_ones_are_clipped() -> None:
+def test_values_out_of_range_and_infinite_ones_are_clipped():
     for compiled in (compiled_room(), compile(force_x_system())):
         ends = [[v.minimum, v.maximum] for v in compiled.system.inputs]
         (a, b), (c, d) = ends
@@ -133,7 +131,7 @@ def test_values_out_of_range_and_infinite_ones_are_clipped() -> None:
 
 
 @pytest.mark.parametrize("system", [force_x_system(), general_controller().systems[0]])
-def test_nan_and_wrong_shapes_are_refused(system: FuzzySystem) -> None:
+def test_nan_and_wrong_shapes_are_refused(system):
     compiled = compile(system)
     with pytest.raises(ValueError, match="an input is NaN"):
         compiled(np.array([[1.0, np.nan]]))
@@ -148,21 +146,21 @@ def test_nan_and_wrong_shapes_are_refused(system: FuzzySystem) -> None:
         compiled.conclude(np.full((1, len(compiled.system.rules)), np.nan))
 
 
-def test_names_that_are_missing_or_unknown_are_told() -> None:
+def test_names_that_are_missing_or_unknown_are_told():
     with pytest.raises(ValueError, match="no input 'temprature'; did you mean 'temperature'"):
         compiled_room()({"temprature": 3.0, "wind": 1.0})
     with pytest.raises(ValueError, match="input 'wind' is missing; pass temperature, wind"):
         compiled_room()({"temperature": 3.0})
 
 
-def test_no_samples_are_no_mistake() -> None:
+def test_no_samples_are_no_mistake():
     for compiled in (compiled_room(), compile(force_x_system())):
         assert compiled(np.empty((0, 2))).shape == (0, len(compiled.system.outputs))
         assert compiled.firing_strengths(np.empty((0, 2))).shape == (0, len(compiled.system.rules))
 
 
 @pytest.mark.parametrize("system", [force_x_system(), general_controller().systems[0]])
-def test_threads_change_nothing(system: FuzzySystem, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_threads_change_nothing(system, monkeypatch):
     monkeypatch.setattr(compiler, "SAMPLES_A_THREAD", 100)
     low, high = zip(*((variable.minimum, variable.maximum) for variable in system.inputs), strict=True)
     rows = np.random.default_rng(2).uniform(low, high, (1003, len(low)))
@@ -173,7 +171,7 @@ def test_threads_change_nothing(system: FuzzySystem, monkeypatch: pytest.MonkeyP
     np.testing.assert_array_equal(alone.conclude(firing), interpreter.evaluate(alone.program, rows))
 
 
-def test_scikit_fuzzy_is_imported_for_its_own_systems_alone() -> None:
+def test_scikit_fuzzy_is_imported_for_its_own_systems_alone():
     code = (
         "import sys, fis_tools.engines.compiler; print([name for name in sys.modules if name == 'skfuzzy'])"
     )

@@ -3,7 +3,6 @@
 import json
 from dataclasses import replace
 from itertools import product
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -77,20 +76,20 @@ def spread_samples() -> np.ndarray:
     return np.random.default_rng(1).uniform([-10.0, -2.0], [10.0, 2.0], (400, 2))
 
 
-def test_a_textbook_controller_is_left_alone() -> None:
+def test_a_textbook_controller_is_left_alone():
     result = audit(controller_of())
     assert result.findings == ()
     assert result.summary() == "pd: nothing found (1 system, no logs)"
 
 
-def test_a_textbook_controller_that_flies_everywhere_gets_notes_at_most() -> None:
+def test_a_textbook_controller_that_flies_everywhere_gets_notes_at_most():
     result = audit(controller_of(), {"pd": spread_samples()})
     assert result.at_least(Severity.WARNING) == ()
     # outermost rules say what their neighbours say as well
     assert {finding.id for finding in result.findings} <= {"idle-rules"}
 
 
-def test_unused_variables_and_terms() -> None:
+def test_unused_variables_and_terms():
     idle = Variable("wind", "m/s", 0.0, 9.0, even_terms(("low", "high"), 0.0, 9.0))
     system = replace(controller_of(), inputs=(ERROR, RATE, idle))
     finding = the_one(system, "unused-variable")
@@ -100,7 +99,7 @@ def test_unused_variables_and_terms() -> None:
     assert (finding.variable, finding.terms) == ("torque", ("ZE",))
 
 
-def test_a_term_that_never_holds() -> None:
+def test_a_term_that_never_holds():
     system = with_terms(controller_of(), "rate", ZE=Gaussian(0.02, 0.005))
     finding = the_one(system, "term-height")
     assert (finding.variable, finding.terms) == ("rate", ("ZE",))
@@ -110,7 +109,7 @@ def test_a_term_that_never_holds() -> None:
     assert the_one(system, "term-height").severity is Severity.SERIOUS
 
 
-def test_a_gap_between_terms() -> None:
+def test_a_gap_between_terms():
     system = with_terms(controller_of(), "error", NS=Triangular(-6.0, -5.0, -4.0))
     finding = the_one(system, "coverage")
     assert (finding.variable, finding.severity) == ("error", Severity.WARNING)
@@ -128,7 +127,7 @@ def test_a_gap_between_terms() -> None:
     assert open_end.evidence["to"] == 10.0
 
 
-def test_a_gap_that_other_rules_fill_is_a_note() -> None:
+def test_a_gap_that_other_rules_fill_is_a_note():
     terms = (Term("rancid", Trapezoidal(0, 0, 1, 3)), Term("delicious", Trapezoidal(7, 9, 10, 10)))
     food = Variable("food", "", 0.0, 10.0, terms)
     service = Variable("service", "", 0.0, 10.0, even_terms(("poor", "good", "excellent"), 0.0, 10.0))
@@ -144,7 +143,7 @@ def test_a_gap_that_other_rules_fill_is_a_note() -> None:
     assert [(f.id, f.severity, f.variable) for f in result.findings] == [("coverage", Severity.NOTE, "food")]
 
 
-def test_a_missing_rule_leaves_a_hole() -> None:
+def test_a_missing_rule_leaves_a_hole():
     system = controller_of()
     system = replace(system, rules=system.rules[:12] + system.rules[13:])
     finding = the_one(system, "completeness")
@@ -153,7 +152,7 @@ def test_a_missing_rule_leaves_a_hole() -> None:
     assert "error = 0 deg, rate = 0 deg/s: the output is the default, torque = 0 N m" in finding.sentence
 
 
-def test_terms_that_look_alike_overlap_or_lie_inside() -> None:
+def test_terms_that_look_alike_overlap_or_lie_inside():
     system = with_terms(
         controller_of(), "rate", NS=Triangular(-2.0, -1.0, 0.6), ZE=Triangular(-2.0, -0.8, 0.6)
     )
@@ -170,7 +169,7 @@ def test_terms_that_look_alike_overlap_or_lie_inside() -> None:
     assert ("NS", "PS") in [finding.terms for finding in found_in(system, "overlapping-terms")]
 
 
-def test_terms_out_of_order_and_names_that_contradict() -> None:
+def test_terms_out_of_order_and_names_that_contradict():
     swapped = with_terms(controller_of(), "rate", NS=RATE.terms[2].membership, ZE=RATE.terms[1].membership)
     finding = the_one(swapped, "name-order")
     assert (finding.severity, finding.variable, finding.terms) == (Severity.SERIOUS, "rate", ("NS", "ZE"))
@@ -182,7 +181,7 @@ def test_terms_out_of_order_and_names_that_contradict() -> None:
     assert found_in(system, "name-order") == []
 
 
-def test_zero_stands_below_small_or_between_low_and_high() -> None:
+def test_zero_stands_below_small_or_between_low_and_high():
     named = (("zero", "small", "medium", "large"), ("low", "zero", "high"))
     for names_of_terms, low in zip(named, (0.0, -3.0), strict=True):
         x = Variable("x", "", low, 3.0, even_terms(names_of_terms, low, 3.0))
@@ -191,7 +190,7 @@ def test_zero_stands_below_small_or_between_low_and_high() -> None:
         assert [f for f in audit(system).findings if f.id in {"name-order", "zero-off-zero"}] == []
 
 
-def test_a_negative_term_above_zero() -> None:
+def test_a_negative_term_above_zero():
     system = with_terms(
         controller_of(), "error", NS=Triangular(-5.0, 0.4, 5.0), ZE=Triangular(-5.0, 0.5, 5.0)
     )
@@ -199,7 +198,7 @@ def test_a_negative_term_above_zero() -> None:
     assert (finding.severity, finding.terms) == (Severity.SERIOUS, ("NS",))
 
 
-def test_a_zero_that_is_not_at_zero() -> None:
+def test_a_zero_that_is_not_at_zero():
     system = with_terms(
         controller_of(), "error", ZE=Triangular(-2.0, 3.0, 8.0), NS=Triangular(-10.0, -2.0, 3.0)
     )
@@ -210,7 +209,7 @@ def test_a_zero_that_is_not_at_zero() -> None:
     assert "0.40 in it, but 0.60 in NS" in finding.sentence
 
 
-def test_an_uneven_partition_and_many_terms() -> None:
+def test_an_uneven_partition_and_many_terms():
     system = with_terms(controller_of(), "rate", NS=Triangular(-2.0, -1.9, 0.0))
     finding = the_one(system, "uneven-partition")
     assert (finding.variable, finding.terms[0]) == ("rate", "NS")
@@ -219,7 +218,7 @@ def test_an_uneven_partition_and_many_terms() -> None:
     assert the_one(FuzzySystem("many", (many,), (TORQUE,), rules), "many-terms").evidence["terms"] == 12
 
 
-def test_terms_are_compared_with_a_reference() -> None:
+def test_terms_are_compared_with_a_reference():
     system = with_terms(controller_of(), "rate", NS=Triangular(-2.0, -1.9, 0.0))
     reference = FuzzyController("untuned", (controller_of(),))
     found = audit(system, reference=reference)
@@ -235,7 +234,7 @@ def test_terms_are_compared_with_a_reference() -> None:
         audit(system, reference=FuzzyController("other", (other,)))
 
 
-def test_rules_said_twice() -> None:
+def test_rules_said_twice():
     system = controller_of()
     again = And((Is("rate", "NL"), Is("error", "NL")))
     doubled = replace(system, rules=(*system.rules, Rule(again, (Consequent("torque", "PL"),))))
@@ -248,7 +247,7 @@ def test_rules_said_twice() -> None:
     assert "one concludes torque is PL, the other torque is NL" in finding.sentence
 
 
-def test_a_conclusion_without_weight_is_found() -> None:
+def test_a_conclusion_without_weight_is_found():
     system = controller_of()
     idle = replace(system.rules[3], consequents=(replace(system.rules[3].consequents[0], weight=0.0),))
     finding = the_one(replace(system, rules=(*system.rules[:3], idle, *system.rules[4:])), "no-weight")
@@ -256,7 +255,7 @@ def test_a_conclusion_without_weight_is_found() -> None:
     assert finding.sentence == "Rule 4 concludes torque is PS with weight 0, which changes nothing."
 
 
-def test_a_wide_rule_over_narrower_ones() -> None:
+def test_a_wide_rule_over_narrower_ones():
     system = controller_of()
     wide = replace(system, rules=(*system.rules, Rule(Is("error", "ZE"), (Consequent("torque", "ZE"),))))
     finding = the_one(wide, "overlapping-rules")
@@ -264,7 +263,7 @@ def test_a_wide_rule_over_narrower_ones() -> None:
     assert finding.rules == (26, 11, 12, 14, 15)
 
 
-def test_neighbours_that_contradict() -> None:
+def test_neighbours_that_contradict():
     assert found_in(controller_of(), "contradicting-neighbours") == []
     table = list(TABLE)
     table[12] = "PL"
@@ -280,7 +279,7 @@ def test_neighbours_that_contradict() -> None:
     assert [finding.severity for finding in findings] == [Severity.WARNING] * 2
 
 
-def test_a_table_that_turns_back() -> None:
+def test_a_table_that_turns_back():
     table = list(TABLE)
     table[13] = "PS"
     findings = found_in(controller_of(table), "monotonicity-table")
@@ -296,7 +295,7 @@ def test_a_table_that_turns_back() -> None:
     assert "no direction along error: torque rises in 10 steps and falls in 10" in findings[0].sentence
 
 
-def test_a_surface_that_turns_back() -> None:
+def test_a_surface_that_turns_back():
     assert found_in(controller_of(), "monotonicity-surface") == []
     table = list(TABLE)
     table[13] = "PL"
@@ -306,14 +305,14 @@ def test_a_surface_that_turns_back() -> None:
     assert finding.evidence["held"]["error"] == pytest.approx(0.0, abs=0.2)
 
 
-def test_rules_that_are_outvoted() -> None:
+def test_rules_that_are_outvoted():
     wide = {name: Trapezoidal(-2.0, -2.0, 2.0, 2.0) for name in ("NL", "PL")}
     finding = the_one(with_terms(controller_of(), "rate", **wide), "rule-consistency")
     assert 13 in finding.rules or 3 in finding.rules
     assert "the rule alone would give" in finding.sentence
 
 
-def test_an_output_that_stays_in_the_middle() -> None:
+def test_an_output_that_stays_in_the_middle():
     wide = replace(TORQUE, minimum=-3.0, maximum=3.0, num_points=301)
     finding = the_one(replace(controller_of(), outputs=(wide,)), "output-reach")
     assert finding.severity is Severity.WARNING
@@ -323,7 +322,7 @@ def test_an_output_that_stays_in_the_middle() -> None:
     assert "torque is 0 N m at 19881 points over the input ranges" in constant.sentence
 
 
-def test_more_rules_than_a_person_keeps_in_mind() -> None:
+def test_more_rules_than_a_person_keeps_in_mind():
     inputs = tuple(replace(RATE, name=name) for name in "abc")
     table = [NAMES[min(4, max(0, 8 - sum(cell)))] for cell in product(range(5), repeat=3)]
     system = FuzzySystem("big", inputs, (TORQUE,), table_rules(inputs, TORQUE, table))
@@ -331,7 +330,7 @@ def test_more_rules_than_a_person_keeps_in_mind() -> None:
     assert finding.evidence["premises"] == 375
 
 
-def test_inputs_outside_their_range() -> None:
+def test_inputs_outside_their_range():
     samples = spread_samples()
     assert found_in(controller_of(), "input-clipped", samples) == []
     samples[:40, 1] = 2.5
@@ -343,7 +342,7 @@ def test_inputs_outside_their_range() -> None:
     assert the_one(controller_of(), "input-clipped", samples).severity is Severity.NOTE
 
 
-def test_defaults_taken() -> None:
+def test_defaults_taken():
     system = replace(controller_of(), rules=controller_of().rules[20:])
     samples = np.array([[9.0, 0.0], [-9.0, 0.0], [8.0, 0.0], [9.0, 1.0]])
     finding = the_one(system, "default-taken", samples)
@@ -352,7 +351,7 @@ def test_defaults_taken() -> None:
     assert found_in(controller_of(), "default-taken", samples) == []
 
 
-def test_dead_and_dominant_rules() -> None:
+def test_dead_and_dominant_rules():
     centre = np.random.default_rng(0).uniform([-1.0, -0.2], [1.0, 0.2], (50, 2))
     finding = the_one(controller_of(), "dead-rules", centre)
     assert finding.severity is Severity.WARNING
@@ -364,7 +363,7 @@ def test_dead_and_dominant_rules() -> None:
     assert found_in(controller_of(), "dead-rules", spread_samples()) == []
 
 
-def test_rules_that_fire_and_change_nothing() -> None:
+def test_rules_that_fire_and_change_nothing():
     system = controller_of()
     again = Rule(And((Is("error", "ZE"), Is("rate", "ZE"))), (Consequent("torque", "ZE"),))
     near = np.array([[0.0, 0.0], [1.0, 0.1], [-1.0, 0.2]])
@@ -372,19 +371,19 @@ def test_rules_that_fire_and_change_nothing() -> None:
     assert {13, 26} <= set(finding.rules)
 
 
-def test_a_system_that_never_decided() -> None:
+def test_a_system_that_never_decided():
     controller = FuzzyController("two", (controller_of(), replace(controller_of(), name="other")))
     result = audit(controller, {"pd": spread_samples(), "other": np.empty((0, 2))})
     assert [f.system for f in result.findings if f.id == "never-asked"] == ["other"]
     assert [system.num_samples for system in result.systems] == [400, 0]
 
 
-def test_thresholds_decide() -> None:
+def test_thresholds_decide():
     strict = audit(controller_of(), thresholds=Thresholds(coverage=0.6, rules=10))
     assert {finding.id for finding in strict.findings} == {"coverage", "complexity"}
 
 
-def test_samples_that_do_not_fit_are_refused() -> None:
+def test_samples_that_do_not_fit_are_refused():
     with pytest.raises(ValueError, match="did you mean 'pd'"):
         audit(controller_of(), {"pdd": spread_samples()})
     with pytest.raises(ValueError, match="2 numbers each"):
@@ -404,11 +403,11 @@ def test_samples_that_do_not_fit_are_refused() -> None:
         (("stop", "near"), [None, None]),
     ],
 )
-def test_names_are_read(words: tuple[str, ...], ranks: list[float | None]) -> None:
+def test_names_are_read(words, ranks):
     assert [None if reading is None else reading.rank for reading in read_names(list(words))] == ranks
 
 
-def test_an_audit_is_told_as_text_and_as_data() -> None:
+def test_an_audit_is_told_as_text_and_as_data():
     system = with_terms(controller_of(), "error", NS=Triangular(-5.2, -5.0, -4.8))
     result = audit(system, {"pd": spread_samples()})
     told = text.write(result.document(), 90)
@@ -425,15 +424,13 @@ def test_an_audit_is_told_as_text_and_as_data() -> None:
     assert "error has a gap" in result._repr_markdown_()
 
 
-def test_every_kind_of_system_is_audited() -> None:
+def test_every_kind_of_system_is_audited():
     result = audit(general_controller(), {"room": np.array([[10.0, 3.0], [35.0, 20.0]])})
     json.dumps(result.plain(), allow_nan=False)
     assert {finding.system for finding in result.findings} == {"room"}
 
 
-def test_the_command_prints_and_sets_the_exit_status(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_command_prints_and_sets_the_exit_status(tmp_path, capsys):
     controller = paper_like_controller()
     path = tmp_path / "c.yaml"
     path.write_text(dump_yaml(controller), encoding="utf-8")
@@ -459,9 +456,7 @@ def test_the_command_prints_and_sets_the_exit_status(
         (["--system", "force_x", "--flights", "SWAPPED"], "the controller's has distance, velocity_body_x"),
     ],
 )
-def test_a_mistake_gives_a_sentence(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], words: list[str], sentence: str
-) -> None:
+def test_a_mistake_gives_a_sentence(tmp_path, capsys, words, sentence):
     path = tmp_path / "c.yaml"
     path.write_text(dump_yaml(paper_like_controller()), encoding="utf-8")
     other = replace(paper_like_controller().systems[0], name="other")

@@ -3,7 +3,6 @@
 import json
 import re
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -23,7 +22,6 @@ from fis_tools.model import (
     FuzzySystem,
     Gaussian,
     Is,
-    MembershipFunction,
     Rule,
     Term,
     Triangular,
@@ -56,7 +54,7 @@ def _only(found: Difference) -> SystemDifference:
     return system
 
 
-def test_a_controller_differs_in_nothing_from_itself() -> None:
+def test_a_controller_differs_in_nothing_from_itself():
     for controller in (paper_like_controller(), general_controller()):
         found = difference(controller, controller)
         assert found.is_empty
@@ -65,7 +63,7 @@ def test_a_controller_differs_in_nothing_from_itself() -> None:
         assert "Nothing changed." in found.html()
 
 
-def test_where_a_controller_comes_from_is_no_difference() -> None:
+def test_where_a_controller_comes_from_is_no_difference():
     controller = paper_like_controller()
     assert difference(controller, replace(controller, provenance=())).is_empty
     found = difference(controller, replace(controller, attributes=(("force_axes", "hill"),)))
@@ -73,7 +71,7 @@ def test_where_a_controller_comes_from_is_no_difference() -> None:
     assert not found.is_empty
 
 
-def test_a_moved_term_is_told_in_units_and_as_a_share() -> None:
+def test_a_moved_term_is_told_in_units_and_as_a_share():
     system = force_x_system()
     near = system.inputs[0].terms[1]
     assert isinstance(near.membership, Gaussian)
@@ -90,8 +88,8 @@ def test_a_moved_term_is_told_in_units_and_as_a_share() -> None:
     assert re.search(r"near +mean 50 → 58 +moved by 8 m \(4 %\)", told)
 
 
-def test_the_likeness_of_two_shifted_triangles_is_known() -> None:
-    def system(peak: float) -> FuzzySystem:
+def test_the_likeness_of_two_shifted_triangles_is_known():
+    def system(peak):
         terms = (Term("a", Triangular(peak - 1.0, peak, peak + 1.0)),)
         x = Variable("x", "", 0.0, 10.0, terms, num_points=1001)
         y = Variable("y", "", 0.0, 1.0, (Term("b", Triangular(0.0, 0.5, 1.0)),), default=0.0)
@@ -117,21 +115,19 @@ def test_the_likeness_of_two_shifted_triangles_is_known() -> None:
         ({"description": "How far."}, [("description", "From the chief.", "How far.")]),
     ],
 )
-def test_what_a_variable_says_of_itself_is_compared(
-    change: dict[str, object], facts: list[tuple[str, str, str]]
-) -> None:
+def test_what_a_variable_says_of_itself_is_compared(change, facts):
     system = force_x_system()
     changed = _with_input(system, 0, replace(system.inputs[0], **change))  # type: ignore[arg-type]
     (variable,) = _only(difference(system, changed)).variables
     assert [(fact.what, fact.before, fact.after) for fact in variable.facts] == facts
 
 
-def test_digits_that_nobody_reads_are_told_only_alone() -> None:
+def test_digits_that_nobody_reads_are_told_only_alone():
     system = force_x_system()
     near = system.inputs[0].terms[1]
     assert isinstance(near.membership, Gaussian)
 
-    def told(mean: float, standard_deviation: float) -> str:
+    def told(mean, standard_deviation):
         term = Term(near.name, Gaussian(mean, standard_deviation))
         return difference(system, _with_input(system, 0, _with_term(system.inputs[0], 1, term))).text()
 
@@ -140,7 +136,7 @@ def test_digits_that_nobody_reads_are_told_only_alone() -> None:
     assert "near  standard deviation" in told(mean + 1e-9, width + 1.0)
 
 
-def test_only_a_table_has_points_for_what_did_not_change() -> None:
+def test_only_a_table_has_points_for_what_did_not_change():
     system = force_x_system()
     rules = list(system.rules)
     rules[0] = replace(rules[0], consequents=rules[-1].consequents)
@@ -151,7 +147,7 @@ def test_only_a_table_has_points_for_what_did_not_change() -> None:
     assert "·" not in narrow
 
 
-def test_operators_defaults_and_the_order_of_inputs_are_compared() -> None:
+def test_operators_defaults_and_the_order_of_inputs_are_compared():
     system = force_x_system()
     changed = replace(
         system,
@@ -165,7 +161,7 @@ def test_operators_defaults_and_the_order_of_inputs_are_compared() -> None:
     assert [fact.what for fact in found.variables[0].facts] == ["default"]
 
 
-def test_the_order_of_inputs_and_of_statements_changes_no_output() -> None:
+def test_the_order_of_inputs_and_of_statements_changes_no_output():
     system = force_x_system()
     rules = tuple(
         replace(rule, antecedent=And(rule.antecedent.operands[::-1]))
@@ -178,7 +174,7 @@ def test_the_order_of_inputs_and_of_statements_changes_no_output() -> None:
     assert found.outputs[0].largest < 1e-12
 
 
-def test_a_renamed_term_takes_its_rules_along() -> None:
+def test_a_renamed_term_takes_its_rules_along():
     system = force_x_system()
     near = system.inputs[0].terms[1]
     variable = _with_term(system.inputs[0], 1, Term("close by", near.membership))
@@ -193,7 +189,7 @@ def test_a_renamed_term_takes_its_rules_along() -> None:
     assert "near → close by" in difference(system, changed).text()
 
 
-def test_terms_that_are_not_alike_are_added_and_removed() -> None:
+def test_terms_that_are_not_alike_are_added_and_removed():
     system = force_x_system()
     variable = replace(
         system.outputs[0], terms=(*system.outputs[0].terms, Term("none", Triangular(0.0, 0.001, 0.002)))
@@ -207,7 +203,7 @@ def test_terms_that_are_not_alike_are_added_and_removed() -> None:
 
 
 @pytest.mark.slow
-def test_changed_cells_of_a_table_are_told() -> None:
+def test_changed_cells_of_a_table_are_told():
     system = force_z_system()
     rules = list(system.rules)
     rules[7] = replace(rules[7], consequents=(Consequent("force_z", "NL"),))
@@ -222,7 +218,7 @@ def test_changed_cells_of_a_table_are_told() -> None:
     assert found.html().count('<td class="changed">') == 1
 
 
-def test_rules_are_added_removed_and_weighted() -> None:
+def test_rules_are_added_removed_and_weighted():
     (system,) = general_controller().systems
     first, second = system.rules
     weighted = replace(
@@ -240,11 +236,11 @@ def test_rules_are_added_removed_and_weighted() -> None:
     )
 
 
-def test_outputs_moved_by_a_constant_move_by_it_everywhere() -> None:
+def test_outputs_moved_by_a_constant_move_by_it_everywhere():
     system = force_x_system()
     output = system.outputs[0]
 
-    def shifted(shape: MembershipFunction) -> MembershipFunction:
+    def shifted(shape):
         assert isinstance(shape, Gaussian)
         return Gaussian(shape.mean + 0.02, shape.standard_deviation)
 
@@ -260,7 +256,7 @@ def test_outputs_moved_by_a_constant_move_by_it_everywhere() -> None:
     assert change.after - change.before == pytest.approx(0.02, abs=1e-12)
 
 
-def test_outputs_are_compared_along_flights_too() -> None:
+def test_outputs_are_compared_along_flights_too():
     system = force_x_system()
     changed = replace(system, and_operator="product")
     samples = spread_inputs(system, 50)
@@ -273,7 +269,7 @@ def test_outputs_are_compared_along_flights_too() -> None:
     np.testing.assert_array_equal(worst, samples[np.argmax(sizes)])
 
 
-def test_systems_and_variables_come_and_go() -> None:
+def test_systems_and_variables_come_and_go():
     controller = paper_like_controller()
     less = replace(controller, systems=controller.systems[:1])
     assert [s.after is None for s in difference(controller, less).systems] == [False, True]
@@ -288,7 +284,7 @@ def test_systems_and_variables_come_and_go() -> None:
 
 
 @pytest.mark.slow
-def test_the_page_is_whole_by_itself_and_trusts_no_name() -> None:
+def test_the_page_is_whole_by_itself_and_trusts_no_name():
     controller = paper_like_controller()
     system = controller.systems[0]
     nasty = Term("<script>&", Triangular(0.0, 1.0, 2.0))
@@ -305,7 +301,7 @@ def test_the_page_is_whole_by_itself_and_trusts_no_name() -> None:
 
 
 @pytest.fixture
-def paths(tmp_path: Path) -> tuple[Path, Path]:
+def paths(tmp_path):
     controller = paper_like_controller()
     system = controller.systems[0]
     rules = (replace(system.rules[0], consequents=(Consequent("force_x", "ZE"),)), *system.rules[1:])
@@ -317,9 +313,7 @@ def paths(tmp_path: Path) -> tuple[Path, Path]:
 
 
 @pytest.mark.slow
-def test_the_command_prints_writes_and_checks(
-    tmp_path: Path, paths: tuple[Path, Path], capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_command_prints_writes_and_checks(tmp_path, paths, capsys):
     old, new = map(str, paths)
     assert main(["diff", old, new]) == 0
     assert "PL → ZE" in capsys.readouterr().out
@@ -336,9 +330,7 @@ def test_the_command_prints_writes_and_checks(
     assert (tmp_path / "diff.html").read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
 
 
-def test_mistakes_end_in_one_sentence(
-    tmp_path: Path, paths: tuple[Path, Path], capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_mistakes_end_in_one_sentence(tmp_path, paths, capsys):
     old, new = map(str, paths)
     less = tmp_path / "less.yaml"
     controller = FuzzyController("less", paper_like_controller().systems[1:])
@@ -352,7 +344,7 @@ def test_mistakes_end_in_one_sentence(
         assert sentence in capsys.readouterr().err
 
 
-def test_surfaces_are_those_of_both_over_the_ranges_of_both() -> None:
+def test_surfaces_are_those_of_both_over_the_ranges_of_both():
     before = force_x_system()
     wider = replace(before.inputs[0], maximum=300.0)
     after = replace(before, inputs=(before.inputs[1], wider), rules=before.rules[::-1])
@@ -368,7 +360,7 @@ def test_surfaces_are_those_of_both_over_the_ranges_of_both() -> None:
         assert change.values[row, column] == pytest.approx(now - was, abs=1e-12)
 
 
-def test_the_page_pictures_surfaces_of_what_moved_alone() -> None:
+def test_the_page_pictures_surfaces_of_what_moved_alone():
     system = force_x_system()
     rules = list(system.rules)
     rules[0] = replace(rules[0], consequents=rules[-1].consequents)

@@ -2,7 +2,6 @@
 
 import json
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -107,7 +106,7 @@ CASES = {
 @pytest.mark.slow
 @pytest.mark.parametrize("name", CASES)
 @pytest.mark.parametrize("budget", [Budget(), Budget(0.2, 0.04, flights_only=True)], ids=["small", "large"])
-def test_scikit_fuzzy_finds_the_change_as_told_and_within_the_budget(name: str, budget: Budget) -> None:
+def test_scikit_fuzzy_finds_the_change_as_told_and_within_the_budget(name, budget):
     system = CASES[name]
     samples = flown(system, 60)
     found = simplify(system, {system.name: samples}, budget).systems[0]
@@ -123,7 +122,7 @@ def test_scikit_fuzzy_finds_the_change_as_told_and_within_the_budget(name: str, 
 
 
 @pytest.mark.slow
-def test_the_budget_holds_over_the_ranges_unless_it_is_for_flights_only() -> None:
+def test_the_budget_holds_over_the_ranges_unless_it_is_for_flights_only():
     system = force_x_system()
     box = spread_inputs(system, NUM_SPREAD)[::64]
     budget = Budget(0.15, 0.02)
@@ -138,7 +137,7 @@ def test_the_budget_holds_over_the_ranges_unless_it_is_for_flights_only() -> Non
 
 
 @pytest.mark.slow
-def test_dead_rules_and_unused_terms_go_for_nothing() -> None:
+def test_dead_rules_and_unused_terms_go_for_nothing():
     found = simplify(with_dead_rule(), budget=EXACTLY).systems[0]
     assert found.steps[0].sentence == "drop spare of distance, which no rule uses"
     dropped = [number for step in found.steps for number in step.rules]
@@ -151,7 +150,7 @@ def test_dead_rules_and_unused_terms_go_for_nothing() -> None:
 
 
 @pytest.mark.slow
-def test_nothing_that_changes_anything_goes_for_nothing() -> None:
+def test_nothing_that_changes_anything_goes_for_nothing():
     """Each rule of the force system decides somewhere, and each digit counts."""
     found = simplify(paper_like_controller(), budget=EXACTLY)
     assert [len(s.simplified.rules) for s in found.systems] == [25, 45]
@@ -160,7 +159,7 @@ def test_nothing_that_changes_anything_goes_for_nothing() -> None:
 
 
 @pytest.mark.slow
-def test_look_alike_terms_become_one() -> None:
+def test_look_alike_terms_become_one():
     system = with_look_alike()
     found = simplify(system, budget=Budget(0.03, 0.005)).systems[0]
     merges = [step for step in found.steps if step.kind == "merge"]
@@ -174,7 +173,7 @@ def test_look_alike_terms_become_one() -> None:
     assert all(step.kind != "merge" for step in simplify(system, budget=likeness).systems[0].steps)
 
 
-def test_a_merger_keeps_the_rival_that_matters_more_and_says_nothing_twice() -> None:
+def test_a_merger_keeps_the_rival_that_matters_more_and_says_nothing_twice():
     system = force_x_system()
     shape = system.inputs[0].terms[0].membership
     merger = Merger("distance", "very near", "near", shape, False, 0.8)
@@ -197,7 +196,7 @@ def test_a_merger_keeps_the_rival_that_matters_more_and_says_nothing_twice() -> 
     assert simpler.rules[0].antecedent == Or((Is("distance", "very near"),) * 2)
 
 
-def test_numbers_are_rounded_to_what_a_person_says() -> None:
+def test_numbers_are_rounded_to_what_a_person_says():
     """Digits count from the range: of 200 m, two are tens; of 0.0694 N, one is hundredths."""
     terms = (Term("near", Gaussian(40.017, 20.3)), Term("end", Gaussian(200.4, 4.9)))
     output = replace(force(), minimum=-0.0694, maximum=0.0694)
@@ -219,7 +218,7 @@ def test_numbers_are_rounded_to_what_a_person_says() -> None:
 
 @pytest.mark.parametrize("digits", [1, 2, 3])
 @pytest.mark.parametrize("name", CASES)
-def test_rounded_terms_stay_whole_and_in_order(name: str, digits: int) -> None:
+def test_rounded_terms_stay_whole_and_in_order(name, digits):
     system = CASES[name]
     simpler = rounded(system, dict.fromkeys(units(system), digits))
     assert controller_problems(FuzzyController("c", (simpler,))) == []
@@ -232,7 +231,7 @@ def test_rounded_terms_stay_whole_and_in_order(name: str, digits: int) -> None:
 
 
 @pytest.mark.slow
-def test_a_champion_stays_one_that_flies_and_is_the_same_each_time() -> None:
+def test_a_champion_stays_one_that_flies_and_is_the_same_each_time():
     champion = load(CHAMPION)
     samples = {system.name: flown(system) for system in champion.systems}
     found = simplify(champion, samples)
@@ -253,7 +252,7 @@ def test_a_champion_stays_one_that_flies_and_is_the_same_each_time() -> None:
 
 
 @pytest.mark.slow
-def test_what_is_simple_stays_as_it_is() -> None:
+def test_what_is_simple_stays_as_it_is():
     """Simplified for nothing, a simplified system loses nothing more."""
     once = simplify(with_look_alike(), budget=Budget(0.03, 0.005)).systems[0].simplified
     twice = simplify(once, budget=EXACTLY).systems[0]
@@ -262,14 +261,14 @@ def test_what_is_simple_stays_as_it_is() -> None:
     assert "nothing can be made simpler within the budget" in simplify(once, budget=EXACTLY).text()
 
 
-def test_an_output_keeps_a_rule_however_large_the_budget() -> None:
+def test_an_output_keeps_a_rule_however_large_the_budget():
     for system in (force_x_system(), general_controller().systems[0]):
         found = simplify(system, budget=Budget(1.0, 1.0)).systems[0].simplified
         concluded = {consequent.variable for rule in found.rules for consequent in rule.consequents}
         assert concluded == {variable.name for variable in system.outputs}
 
 
-def test_the_steps_are_told() -> None:
+def test_the_steps_are_told():
     told: list[str] = []
     found = simplify(with_dead_rule(), budget=Budget(), progress=told.append)
     lines = found.text().splitlines()
@@ -294,12 +293,12 @@ def test_the_steps_are_told() -> None:
         ({"look_alike": 0.0}, "look_alike is 0; give a likeness above 0"),
     ],
 )
-def test_a_nonsense_budget_is_refused(numbers: dict[str, float], sentence: str) -> None:
+def test_a_nonsense_budget_is_refused(numbers, sentence):
     with pytest.raises(ValueError, match=sentence):
         Budget(**numbers)  # type: ignore[arg-type]
 
 
-def test_samples_of_nobody_are_refused() -> None:
+def test_samples_of_nobody_are_refused():
     with pytest.raises(ValueError, match="samples are given for 'force_y'; did you mean"):
         simplify(force_x_system(), {"force_y": np.zeros((1, 2))})
 
@@ -311,16 +310,14 @@ def run(capsys: pytest.CaptureFixture[str], *words: object) -> tuple[int, str, s
 
 
 @pytest.fixture
-def path(tmp_path: Path) -> Path:
+def path(tmp_path):
     place = tmp_path / "controller.yaml"
     place.write_text(dump_yaml(FuzzyController("dead", (with_dead_rule(),))), encoding="utf-8")
     return place
 
 
 @pytest.mark.slow
-def test_the_command_writes_a_controller_and_tells_the_steps(
-    path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_command_writes_a_controller_and_tells_the_steps(path, capsys):
     expected = simplify(load(path), budget=Budget(0.02, 0.004))
     output = path.parent / "new" / "simpler.yaml"
     words = ("simplify", path, "--max-change", "2%", "--mean-change", "0.004", "-o", output)
@@ -333,9 +330,7 @@ def test_the_command_writes_a_controller_and_tells_the_steps(
 
 
 @pytest.mark.slow
-def test_the_command_keeps_to_flights_alone_on_demand(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_command_keeps_to_flights_alone_on_demand(tmp_path, capsys):
     flight = log_flight(tmp_path / "flight.mcap", paper_like_controller())
     words = ("simplify", flight, "--system", "force_x")
     everywhere, alone = (run(capsys, *words, *more)[1] for more in ((), ("--flights-only",)))
@@ -356,9 +351,7 @@ def test_the_command_keeps_to_flights_alone_on_demand(
         (["-o", "simpler.fis"], "ends in none of .json, .yaml, .yml"),
     ],
 )
-def test_a_mistake_at_the_command_line_ends_in_a_sentence(
-    path: Path, capsys: pytest.CaptureFixture[str], words: list[str], sentence: str
-) -> None:
+def test_a_mistake_at_the_command_line_ends_in_a_sentence(path, capsys, words, sentence):
     status, _, told = run(capsys, "simplify", path, *words)
     assert status == 2
     assert sentence in told
@@ -382,7 +375,7 @@ def with_idle_input() -> FuzzySystem:
 
 
 @pytest.mark.slow
-def test_an_input_along_which_rules_are_the_same_is_left_out() -> None:
+def test_an_input_along_which_rules_are_the_same_is_left_out():
     system, budget = with_idle_input(), Budget(0.2, 0.05)
     (found,) = simplify(system, budget=budget).systems
     step = found.steps[0]
@@ -397,7 +390,7 @@ def test_an_input_along_which_rules_are_the_same_is_left_out() -> None:
     assert not any(step.kind == "input" for step in simplify(system, budget=EXACTLY).systems[0].steps)
 
 
-def test_inputs_stay_where_rules_do_not_say_plainly_what_they_ask() -> None:
+def test_inputs_stay_where_rules_do_not_say_plainly_what_they_ask():
     system = with_idle_input()
     first, *others = system.rules
     assert without_input(system, "idle", "mid") is not None

@@ -5,7 +5,6 @@ import io
 import re
 import subprocess
 import zipfile
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -68,10 +67,10 @@ def gcc(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
 
 
 @pytest.fixture
-def compiled(tmp_path: Path) -> Callable[[FuzzyController], ctypes.CDLL]:
+def compiled(tmp_path):
     """Write a controller as C, compile it and load it."""
 
-    def load(controller: FuzzyController) -> ctypes.CDLL:
+    def load(controller):
         assert controller_problems(controller) == []
         (tmp_path / "controller.c").write_text(source.write(controller, bare=True), encoding="utf-8")
         done = gcc(tmp_path, "-shared", "-fPIC", "controller.c", "-o", "controller.so", "-lm")
@@ -103,15 +102,13 @@ def assert_equal(outputs: Floats, system: FuzzySystem, rows: Floats) -> None:
     np.testing.assert_allclose(outputs / ranges, expected / ranges, rtol=0, atol=TOLERANCE)
 
 
-def test_tables_of_inputs_hold_only_the_points_where_a_term_bends() -> None:
+def test_tables_of_inputs_hold_only_the_points_where_a_term_bends():
     text = source.write(read_controller(PROJECT / "conf" / "controller" / "champion_27.yaml"))
     sizes = re.findall(r"memberships_force_x__(\w+)\[3\]\[(\d+)\]", text)
     assert sizes == [("aim_radial", "3"), ("predicted_centre_along_track", "3")]
 
 
-def test_bends_too_slight_to_see_are_kept_where_they_add_up(
-    compiled: Callable[[FuzzyController], ctypes.CDLL],
-) -> None:
+def test_bends_too_slight_to_see_are_kept_where_they_add_up(compiled):
     wide = Variable("x", "", 0.0, 1.0, (Term("wide", Gaussian(0.5, 2e4)),), 1001)
     y = Variable("y", "", 0.0, 1.0, (Term("up", Triangular(0.0, 1.0, 1.0)),), default=0.0)
     system = FuzzySystem("s", (wide,), (y,), (Rule(Is("x", "wide"), (Consequent("y", "up"),)),))
@@ -121,9 +118,7 @@ def test_bends_too_slight_to_see_are_kept_where_they_add_up(
 
 
 @pytest.mark.slow
-def test_systems_of_all_kinds_give_what_python_gives(
-    compiled: Callable[[FuzzyController], ctypes.CDLL],
-) -> None:
+def test_systems_of_all_kinds_give_what_python_gives(compiled):
     systems = []
     for seed in range(40):
         generator = np.random.default_rng([50, seed])
@@ -163,18 +158,14 @@ def table_of_125_rules() -> FuzzySystem:
     ],
     ids=["general", "paper-like", "125 rules", "champion"],
 )
-def test_controllers_give_what_python_gives(
-    controller: FuzzyController, compiled: Callable[[FuzzyController], ctypes.CDLL]
-) -> None:
+def test_controllers_give_what_python_gives(controller, compiled):
     library = compiled(controller)
     for system in controller.systems:
         rows = inputs_for(system, np.random.default_rng(6), 200)
         assert_equal(infer(library, system.name, system, rows), system, rows)
 
 
-def test_other_implications_and_aggregations_give_what_python_gives(
-    compiled: Callable[[FuzzyController], ctypes.CDLL],
-) -> None:
+def test_other_implications_and_aggregations_give_what_python_gives(compiled):
     """Each operator once; of two outputs one that cuts, where an implication by min allows it."""
     generator = np.random.default_rng(71)
     pairs = zip([*AND_OPERATORS, "min"], AGGREGATIONS, strict=True)
@@ -192,7 +183,7 @@ def test_other_implications_and_aggregations_give_what_python_gives(
         assert_equal(infer(library, system.name, system, rows), system, rows)
 
 
-def test_the_ends_and_beyond_and_no_number(compiled: Callable[[FuzzyController], ctypes.CDLL]) -> None:
+def test_the_ends_and_beyond_and_no_number(compiled):
     controller = FuzzyController("both", (force_x_system(), *general_controller().systems))
     library = compiled(controller)
     for system in controller.systems:
@@ -204,7 +195,7 @@ def test_the_ends_and_beyond_and_no_number(compiled: Callable[[FuzzyController],
         assert np.isnan(missing).all()
 
 
-def test_the_compiled_code_holds_constants_alone_and_needs_nothing_but_a_square_root(tmp_path: Path) -> None:
+def test_the_compiled_code_holds_constants_alone_and_needs_nothing_but_a_square_root(tmp_path):
     (tmp_path / "controller.c").write_text(source.write(general_controller()), encoding="utf-8")
     assert gcc(tmp_path, "-c", "controller.c").returncode == 0
     command = [program("nm", "binutils"), "--format=posix", "controller.o"]
@@ -219,14 +210,14 @@ def test_the_compiled_code_holds_constants_alone_and_needs_nothing_but_a_square_
     assert [name for name, kind in symbols if kind == "T"] == ["infer_room"]
 
 
-def test_it_refuses_arithmetic_that_is_not_exact(tmp_path: Path) -> None:
+def test_it_refuses_arithmetic_that_is_not_exact(tmp_path):
     (tmp_path / "controller.c").write_text(source.write(general_controller()), encoding="utf-8")
     done = gcc(tmp_path, "-ffast-math", "-c", "controller.c")
     assert done.returncode != 0
     assert "compile without -ffast-math" in done.stderr
 
 
-def test_it_reads_like_the_controller() -> None:
+def test_it_reads_like_the_controller():
     controller = paper_like_controller()
     text = source.write(controller)
     words = " ".join(re.sub(r"\s*\n\s*\* ?", " ", text).split())
@@ -241,7 +232,7 @@ def test_it_reads_like_the_controller() -> None:
     assert max(map(len, text.splitlines())) <= 110
 
 
-def test_names_from_anywhere_are_no_danger(compiled: Callable[[FuzzyController], ctypes.CDLL]) -> None:
+def test_names_from_anywhere_are_no_danger(compiled):
     """Names that are alike once written in C, keywords, ends of comments, and letters of other alphabets."""
     shape = Triangular(0.0, 1.0, 1.0)
     terms = (Term("*/ int x; /*", shape), Term("size?" + "?/", Triangular(0.0, 0.0, 1.0)))
@@ -263,9 +254,7 @@ def test_names_from_anywhere_are_no_danger(compiled: Callable[[FuzzyController],
         assert_equal(infer(library, name, system, rows), system, rows)
 
 
-def test_what_is_weighed_gives_what_python_gives(
-    compiled: Callable[[FuzzyController], ctypes.CDLL],
-) -> None:
+def test_what_is_weighed_gives_what_python_gives(compiled):
     systems = [replace(system, name=name) for name, system in weighed_systems().items()]
     library = compiled(FuzzyController("weighed", tuple(systems)))
     for system in systems:
@@ -295,7 +284,7 @@ def stepped(path: Path, system: FuzzySystem, rows: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("name", ["tipper", "mixed"])
-def test_a_block_answers_as_the_compiled_system(name: str, tmp_path: Path) -> None:
+def test_a_block_answers_as_the_compiled_system(name, tmp_path):
     program("gcc", "gcc")
     controller = load(TIPPER) if name == "tipper" else FuzzyController("mixed", (mixed(),))
     (system,) = controller.systems
@@ -307,7 +296,7 @@ def test_a_block_answers_as_the_compiled_system(name: str, tmp_path: Path) -> No
     np.testing.assert_allclose(stepped(path, system, rows), compile(system)(rows), rtol=0.0, atol=1e-12)
 
 
-def test_two_archives_of_a_system_hold_the_same_source() -> None:
+def test_two_archives_of_a_system_hold_the_same_source():
     (system,) = load(TIPPER).systems
     first, second = (zipfile.ZipFile(io.BytesIO(fmu.pack(system, "00ff").content)) for _ in range(2))
     for name in ("modelDescription.xml", "sources/system.c", "sources/fmi2.c"):
@@ -315,9 +304,7 @@ def test_two_archives_of_a_system_hold_the_same_source() -> None:
         assert first.getinfo(name).date_time == (1980, 1, 1, 0, 0, 0)
 
 
-def test_without_gcc_the_source_remains(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_without_gcc_the_source_remains(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr("shutil.which", lambda _: None)
     assert main(["export", str(TIPPER), "--format", "fmu", "-o", str(tmp_path / "out")]) == 0
     assert "the source alone" in capsys.readouterr().out
@@ -325,7 +312,7 @@ def test_without_gcc_the_source_remains(
     assert names == ["modelDescription.xml", "sources/system.c", "sources/fmi2.c"]
 
 
-def test_what_an_archive_cannot_say_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_an_archive_cannot_say_is_told(tmp_path, capsys):
     assert main(["export", str(TIPPER), "--format", "fmu"]) == 2
     assert "an FMU is an archive and cannot be printed; add -o" in capsys.readouterr().err
     champion = PROJECT / "conf" / "controller" / "champion_27.yaml"

@@ -5,7 +5,6 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 from importlib.util import module_from_spec, spec_from_file_location
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -81,14 +80,14 @@ def controllers(draw: st.DrawFn) -> FuzzyController:
 @pytest.mark.slow
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(controllers())
-def test_every_controller_survives_both_forms(controller: FuzzyController) -> None:
+def test_every_controller_survives_both_forms(controller):
     assert from_mapping(to_mapping(controller)) == controller
     assert loads(dump_json(controller), "json") == controller
     assert loads(dump_yaml(controller), "yaml") == controller
 
 
 @pytest.mark.parametrize("controller", [paper_like_controller(), general_controller()])
-def test_readers_we_did_not_write_understand_the_files_too(controller: FuzzyController) -> None:
+def test_readers_we_did_not_write_understand_the_files_too(controller):
     """The same under YAML 1.1, as other YAML libraries and Hydra read it."""
     assert yaml.safe_load(dump_yaml(controller)) == to_mapping(controller)
     assert json.loads(dump_json(controller)) == to_mapping(controller)
@@ -108,7 +107,7 @@ def test_readers_we_did_not_write_understand_the_files_too(controller: FuzzyCont
         2.0**-1074,
     ],
 )
-def test_numbers_survive_to_the_last_bit(number: float) -> None:
+def test_numbers_survive_to_the_last_bit(number):
     controller = general_controller()
     mapping = to_mapping(controller)
     mapping["systems"][0]["outputs"][0]["default"] = number
@@ -119,7 +118,7 @@ def test_numbers_survive_to_the_last_bit(number: float) -> None:
         assert default.hex() == number.hex()
 
 
-def test_a_rule_table_is_written_in_rows_and_read_back_with_the_last_input_fastest() -> None:
+def test_a_rule_table_is_written_in_rows_and_read_back_with_the_last_input_fastest():
     text = dump_yaml(paper_like_controller())
     assert "      PL, PS, PS, ZE, NS,  # distance far\n" in text
     assert '        "PL", "PS", "PS", "ZE", "NS",\n' in dump_json(paper_like_controller())
@@ -149,7 +148,7 @@ systems:
 """
 
 
-def test_a_file_written_by_hand_means_what_it_says() -> None:
+def test_a_file_written_by_hand_means_what_it_says():
     controller = loads(HAND_WRITTEN, "yaml")
     assert controller.attributes == (("force_axes", "hill"), ("generation", "12"), ("is_trained", "false"))
     (system,) = controller.systems
@@ -159,7 +158,7 @@ def test_a_file_written_by_hand_means_what_it_says() -> None:
     assert isinstance(system.inputs[0].minimum, float)
 
 
-def test_attributes_are_numbers_in_yaml_and_texts_elsewhere() -> None:
+def test_attributes_are_numbers_in_yaml_and_texts_elsewhere():
     texts = {"axes": "hill", "count": "4", "margin": "1.6", "period": "30.0", "small": "1e-05"}
     kept = {
         "hex": "0x10",
@@ -181,7 +180,7 @@ def test_attributes_are_numbers_in_yaml_and_texts_elsewhere() -> None:
     assert loads(dump_json(controller), "json") == controller
 
 
-def test_a_table_with_a_rule_of_its_own_ways_is_no_table() -> None:
+def test_a_table_with_a_rule_of_its_own_ways_is_no_table():
     first, *rest = force_x_system().rules
     system = replace(force_x_system(), rules=(replace(first, and_operator="min"), *rest))
     controller = FuzzyController("c", (system,))
@@ -283,9 +282,7 @@ TERM = (*INPUT, "terms", 0)
         ),
     ],
 )
-def test_wrong_content_is_refused_with_a_sentence(
-    change: Callable[[dict[str, Any]], object], words: list[str]
-) -> None:
+def test_wrong_content_is_refused_with_a_sentence(change, words):
     with pytest.raises(ControllerFileError) as refusal:
         from_mapping(_edited(change))
     for word in words:
@@ -293,12 +290,12 @@ def test_wrong_content_is_refused_with_a_sentence(
 
 
 @pytest.mark.parametrize("nonsense", [None, [], "text", 3, {}])
-def test_what_is_no_mapping_is_no_controller(nonsense: Any) -> None:
+def test_what_is_no_mapping_is_no_controller(nonsense):
     with pytest.raises(ControllerFileError, match="not a fuzzy controller"):
         from_mapping(nonsense)
 
 
-def test_a_table_of_billions_of_cells_is_counted_not_built() -> None:
+def test_a_table_of_billions_of_cells_is_counted_not_built():
     mapping = to_mapping(paper_like_controller())
     system = mapping["systems"][1]
     for variable in system["inputs"]:
@@ -311,12 +308,12 @@ def test_a_table_of_billions_of_cells_is_counted_not_built() -> None:
     assert loads(dump_json(controller), "json") == controller
 
 
-def test_too_many_problems_are_counted_not_listed() -> None:
+def test_too_many_problems_are_counted_not_listed():
     with pytest.raises(ControllerFileError, match="and 17 more"):
         from_mapping(_edited(_edit(*SYSTEM, "rules", to=["XL"] * 25)))
 
 
-def test_what_cannot_be_read_again_is_not_written() -> None:
+def test_what_cannot_be_read_again_is_not_written():
     system = force_x_system()
     broken = FuzzyController("broken", (FuzzySystem("s", system.inputs, system.outputs, ()),))
     with pytest.raises(InvalidSystem, match="no rules"):
@@ -339,7 +336,7 @@ def test_what_cannot_be_read_again_is_not_written() -> None:
         ("\x00", "JSON"),
     ],
 )
-def test_bad_json_is_refused_with_a_sentence(text: str, words: str) -> None:
+def test_bad_json_is_refused_with_a_sentence(text, words):
     with pytest.raises(ControllerFileError, match=words.replace("-", "[-]")):
         loads(text, "json")
 
@@ -373,13 +370,13 @@ BOMB = "a: &a [x, x]\nb: &b [*a, *a]\nc: &c [*b, *b]\n"
         ("---\na: 1\n", "does not close with '...'"),
     ],
 )
-def test_bad_yaml_is_refused_with_a_sentence(text: str, words: str) -> None:
+def test_bad_yaml_is_refused_with_a_sentence(text, words):
     with pytest.raises(ControllerFileError) as refusal:
         loads(text, "yaml")
     assert words in str(refusal.value)
 
 
-def test_without_libyaml_the_same_is_read(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_libyaml_the_same_is_read(monkeypatch):
     monkeypatch.setattr(yaml, "__with_libyaml__", False)
     spec = spec_from_file_location("without_libyaml", notation.__file__)
     assert spec is not None
@@ -395,12 +392,12 @@ def test_without_libyaml_the_same_is_read(monkeypatch: pytest.MonkeyPatch) -> No
 
 
 @pytest.mark.parametrize("number", [".nan", ".inf", "-.Inf", "1e999"])
-def test_numbers_that_are_not_finite_are_refused_in_yaml(number: str) -> None:
+def test_numbers_that_are_not_finite_are_refused_in_yaml(number):
     with pytest.raises(ControllerFileError, match="finite"):
         loads(HAND_WRITTEN.replace("default: 0", f"default: {number}"), "yaml")
 
 
-def test_a_file_cut_anywhere_is_refused_with_a_sentence() -> None:
+def test_a_file_cut_anywhere_is_refused_with_a_sentence():
     controller = paper_like_controller()
     for text, kind, step in ((dump_json(controller), "json", 1), (dump_yaml(controller), "yaml", 97)):
         whole = len(text.rstrip())
@@ -412,7 +409,7 @@ def test_a_file_cut_anywhere_is_refused_with_a_sentence() -> None:
 
 @settings(max_examples=150, deadline=None)
 @given(st.sampled_from(["json", "yaml"]), st.data())
-def test_no_damage_gives_anything_but_a_sentence(kind: Any, data: st.DataObject) -> None:
+def test_no_damage_gives_anything_but_a_sentence(kind, data):
     controller = general_controller()
     text = dump_json(controller) if kind == "json" else dump_yaml(controller)
     for _ in range(data.draw(st.integers(1, 3))):
@@ -426,21 +423,21 @@ def test_no_damage_gives_anything_but_a_sentence(kind: Any, data: st.DataObject)
         assert str(refusal)  # noqa: PT017 - a damaged file may still be a right one
 
 
-def test_a_yaml_file_cut_between_two_systems_is_refused() -> None:
+def test_a_yaml_file_cut_between_two_systems_is_refused():
     text = dump_yaml(paper_like_controller())
     with pytest.raises(ControllerFileError, match="does not close with"):
         loads(text[: text.index("  - name: force_z")], "yaml")
 
 
 @pytest.mark.parametrize("name", ["c.json", "c.yaml", "c.yml", "c.YAML"])
-def test_files_are_read_by_their_ending(tmp_path: Path, name: str) -> None:
+def test_files_are_read_by_their_ending(tmp_path, name):
     controller = paper_like_controller()
     path = tmp_path / name
     path.write_text(dump_json(controller) if "json" in name else dump_yaml(controller), encoding="utf-8")
     assert load(path) == controller
 
 
-def test_files_that_cannot_be_read_are_named(tmp_path: Path) -> None:
+def test_files_that_cannot_be_read_are_named(tmp_path):
     for name, content, words in (
         ("c.txt", b"", "ends in .json, .yaml, .yml, .fis, .fll, .fml, .xml or .fcl"),
         ("latin.json", b'{"a": "\xe9"}', "not UTF-8"),

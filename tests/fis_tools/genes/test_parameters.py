@@ -46,7 +46,7 @@ UNEVEN = (
 SMALL = SystemEncoding(UNEVEN, BOUNDS)
 
 
-def test_the_papers_structure_has_150_genes_each_with_a_name() -> None:
+def test_the_papers_structure_has_150_genes_each_with_a_name():
     """Of each system: 2 x (3 means + 5 standard deviations), 3 + 5 + 1 of the output, 25 rules."""
     encoding = SystemEncoding(PAPER, BOUNDS)
     assert encoding.num_genes == 150
@@ -67,9 +67,7 @@ def assert_same(ours: Packed, theirs: Packed, row: int) -> None:
 
 
 @pytest.mark.parametrize("systems", [PAPER, UNEVEN], ids=["paper", "uneven"])
-def test_a_population_is_packed_as_its_decoded_systems_are_bit_for_bit(
-    systems: tuple[FuzzySystem, ...],
-) -> None:
+def test_a_population_is_packed_as_its_decoded_systems_are_bit_for_bit(systems):
     encoding = SystemEncoding(systems, BOUNDS)
     genomes = np.random.default_rng(1).random((6, encoding.num_genes))
     genomes[1], genomes[2] = 0.0, 1.0
@@ -89,7 +87,7 @@ genomes_of_small = st.lists(
 
 @settings(max_examples=25, deadline=None)
 @given(genomes_of_small)
-def test_any_genome_stands_for_sound_systems(genome: np.ndarray) -> None:
+def test_any_genome_stands_for_sound_systems(genome):
     for before, after in zip(UNEVEN, SMALL.decode(genome), strict=True):
         assert problems(after) == []
         for old, new in zip((*before.inputs, *before.outputs), (*after.inputs, *after.outputs), strict=True):
@@ -114,7 +112,7 @@ def test_any_genome_stands_for_sound_systems(genome: np.ndarray) -> None:
 
 @settings(max_examples=25, deadline=None)
 @given(genomes_of_small)
-def test_decoded_genomes_are_encoded_back_up_to_the_cells_of_rules(genome: np.ndarray) -> None:
+def test_decoded_genomes_are_encoded_back_up_to_the_cells_of_rules(genome):
     again = SMALL.encode(SMALL.decode(genome))
     is_rule = np.array([".rule_" in name for name in SMALL.gene_names()])
     np.testing.assert_allclose(again[~is_rule], genome[~is_rule], rtol=0, atol=1e-9)
@@ -122,7 +120,7 @@ def test_decoded_genomes_are_encoded_back_up_to_the_cells_of_rules(genome: np.nd
         np.testing.assert_array_equal(rule_table(after), rule_table(before))
 
 
-def test_genes_by_hand() -> None:
+def test_genes_by_hand():
     """One input from -3 to 5 m with two terms; an output with three, of which the middle one moves."""
     encoding = SystemEncoding(UNEVEN[:1], BOUNDS)
     assert encoding.gene_names() == [
@@ -153,7 +151,7 @@ def test_genes_by_hand() -> None:
     ("gene", "term"),
     [(0.0, 0), (0.199999, 0), (0.2, 1), (0.4, 2), (0.6, 3), (0.8, 4), (0.999999, 4), (1.0, 4)],
 )
-def test_a_rule_is_the_term_of_its_cell(gene: float, term: int) -> None:
+def test_a_rule_is_the_term_of_its_cell(gene, term):
     encoding = SystemEncoding(PAPER[:1], BOUNDS)
     genome = np.full(encoding.num_genes, 0.5)
     genome[-1] = gene
@@ -163,7 +161,7 @@ def test_a_rule_is_the_term_of_its_cell(gene: float, term: int) -> None:
     assert set(table_of_terms[:-1].tolist()) == {2}
 
 
-def test_what_lies_outside_the_bounds_is_brought_to_them() -> None:
+def test_what_lies_outside_the_bounds_is_brought_to_them():
     system = UNEVEN[0]
     wide = replace(
         system.inputs[0], terms=(Term("t0", Gaussian(-3.0, 40.0)), Term("t1", Gaussian(5.0, 1e-3)))
@@ -199,12 +197,12 @@ GAUSSIANS = UNEVEN[0].inputs[0].terms
         (with_terms(GAUSSIANS, points=(-3.0, 0.0, 5.0), num_points=3), r"'a' has a universe that is not"),
     ],
 )
-def test_systems_without_such_genes_are_refused(system: FuzzySystem, message: str) -> None:
+def test_systems_without_such_genes_are_refused(system, message):
     with pytest.raises(ValueError, match=message):
         SystemEncoding((system,), BOUNDS)
 
 
-def test_systems_and_genomes_of_another_structure_are_refused() -> None:
+def test_systems_and_genomes_of_another_structure_are_refused():
     encoding = SystemEncoding(PAPER, BOUNDS)
     with pytest.raises(
         ValueError, match=r"have 100 tunable numbers, this encoding has 150; encode systems of the same"
@@ -228,6 +226,6 @@ def test_systems_and_genomes_of_another_structure_are_refused() -> None:
         ({"output_reach": (0.3, float("inf"))}, r"output_reach is \[0.3, inf\]"),
     ],
 )
-def test_bounds_between_which_there_is_nothing_are_refused(bounds: dict[str, object], message: str) -> None:
+def test_bounds_between_which_there_is_nothing_are_refused(bounds, message):
     with pytest.raises(ValueError, match=message):
         Bounds(**bounds)

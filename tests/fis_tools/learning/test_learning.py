@@ -4,7 +4,6 @@ import math
 import pickle
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pyarrow
@@ -35,7 +34,7 @@ from tests.places import PROJECT
 IRIS = PROJECT / "docs" / "examples" / "iris.csv"
 
 
-def test_wang_and_mendels_rules_are_those_by_hand() -> None:
+def test_wang_and_mendels_rules_are_those_by_hand():
     """Of four rows two contradict one another: their mean by degree is in the middle."""
     x, y = even(0.0, 10.0, 3), even(0.0, 100.0, 3)
     inputs = [(x.as_input("a", ""), x), (x.as_input("b", ""), x)]
@@ -50,7 +49,7 @@ def test_wang_and_mendels_rules_are_those_by_hand() -> None:
     ]
 
 
-def test_numbers_that_rules_conclude_are_found_again() -> None:
+def test_numbers_that_rules_conclude_are_found_again():
     """A table over a full grid of terms is bilinear between peaks; without noise nothing is held back."""
     x = np.random.default_rng(0).uniform(0.0, 1.0, (400, 2))
     partitions = [Partition(0.0, 1.0, (0, 30, 100)), Partition(0.0, 1.0, (0, 60, 100))]
@@ -62,7 +61,7 @@ def test_numbers_that_rules_conclude_are_found_again() -> None:
     np.testing.assert_allclose(lines.coefficients[:, 0], np.tile([3.0, -1.0, 2.0], (9, 1)), atol=1e-9)
 
 
-def test_classes_get_their_shares() -> None:
+def test_classes_get_their_shares():
     """On the peaks a rule holds for its own rows alone, and concludes how many of them are of the class."""
     x = np.repeat([0.0, 1.0], [4, 6])[:, np.newaxis]
     owner = np.array([1, 1, 1, 0, 0, 0, 0, 0, 0, 1])
@@ -70,7 +69,7 @@ def test_classes_get_their_shares() -> None:
     np.testing.assert_allclose(found.coefficients[:, :, 1], [[1 / 4, 3 / 4], [5 / 6, 1 / 6]])
 
 
-def test_cross_validation_is_expected_rightly() -> None:
+def test_cross_validation_is_expected_rightly():
     """The expected error is near that on rows that were left out, measured by scikit-learn's own line."""
     content = load_diabetes()
     columns = dict(zip(content.feature_names, content.data.T, strict=True))
@@ -83,7 +82,7 @@ def test_cross_validation_is_expected_rightly() -> None:
 
 
 @pytest.mark.parametrize("terms", [2, 3, 7])
-def test_what_is_tuned_stays_readable(terms: int) -> None:
+def test_what_is_tuned_stays_readable(terms):
     """Wherever an error pulls the peaks, terms stay in order, apart, distinguishable, and cover by a half."""
     pulled = tuned([even(-3.0, 5.0, terms)], lambda tried: float(np.abs(tried[0].peaks - 4.0).sum()))[0]
     for variable in (pulled.as_input("x", "m"), pulled.as_output("y", "m", 0.0)):
@@ -95,7 +94,7 @@ def test_what_is_tuned_stays_readable(terms: int) -> None:
         assert pulled.places != even(-3.0, 5.0, terms).places
 
 
-def test_an_output_of_sets_reaches_its_ends() -> None:
+def test_an_output_of_sets_reaches_its_ends():
     """A lone outer term has its centre at the end of the range."""
     y = Partition(10.0, 20.0, (0, 20, 100))
     x = even(0.0, 1.0, 2)
@@ -106,7 +105,7 @@ def test_an_output_of_sets_reaches_its_ends() -> None:
     np.testing.assert_allclose(compile(system)(rows)[:, 0], values, atol=1e-9)
 
 
-def test_ranges_are_round_and_never_empty() -> None:
+def test_ranges_are_round_and_never_empty():
     assert range_of(np.array([4.31, 7.88])) == (4.3, 7.9)
     assert range_of(np.array([-181.0, 944.0])) == (-200.0, 1000.0)
     assert range_of(np.array([3.0, 3.0])) == (1.5, 4.5)
@@ -116,7 +115,7 @@ def test_ranges_are_round_and_never_empty() -> None:
     assert values[1] <= high
 
 
-def test_words_are_classes_and_names_have_units() -> None:
+def test_words_are_classes_and_names_have_units():
     system = learn(read_csv(IRIS), "species")
     assert [(v.name, v.unit) for v in system.inputs] == [("petal_length", "cm"), ("petal_width", "cm")]
     assert [v.name for v in system.outputs] == ["setosa", "versicolor", "virginica"]
@@ -127,7 +126,7 @@ def test_words_are_classes_and_names_have_units() -> None:
     assert learn_table(table, Recipe()).system == system
 
 
-def test_names_never_clash() -> None:
+def test_names_never_clash():
     x = np.linspace(0.0, 1.0, 20)
     for consequents in ("constants", "sets"):
         system = learn({"y (m)": x, "y": 2 * x}, "y", consequents=consequents, tune=False)
@@ -148,9 +147,7 @@ def test_names_never_clash() -> None:
         ("", "one has none"),
     ],
 )
-def test_a_table_that_is_none_is_told(
-    text: str, told: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_table_that_is_none_is_told(text, told, tmp_path, capsys):
     path = tmp_path / "table.csv"
     path.write_text(text, encoding="utf-8")
     told = told.replace("did you mean", "choose one of a, z")
@@ -158,7 +155,7 @@ def test_a_table_that_is_none_is_told(
     assert told in capsys.readouterr().err
 
 
-def test_the_command_writes_a_controller(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_writes_a_controller(tmp_path, capsys):
     path = tmp_path / "iris.json"
     assert main(["learn", str(IRIS), "--target", "species", "-o", str(path)]) == 0
     told = capsys.readouterr().out
@@ -240,7 +237,7 @@ def bumps(count: int = 300) -> tuple[np.ndarray, np.ndarray]:
 
 
 @pytest.mark.parametrize("consequents", ["constants", "linear", "sets"])
-def test_all_that_takes_a_system_takes_what_they_learned(consequents: str, tmp_path: Path) -> None:
+def test_all_that_takes_a_system_takes_what_they_learned(consequents, tmp_path):
     X, y = bumps()
     model = FuzzyRegressor(consequents, 5, 7, max_inputs=2, tune=consequents != "sets").fit(X, y)
     assert model.input_columns_.tolist() == [0, 1]
@@ -309,7 +306,7 @@ def test_weights_that_count_nothing_are_refused():
 RANGES = {"position (m)": (-1.0, 1.0), "velocity (m/s)": (-2.0, 2.0)}
 
 
-def test_a_plane_is_imitated_to_the_digits_that_are_kept() -> None:
+def test_a_plane_is_imitated_to_the_digits_that_are_kept():
     """A line is a sum of tents: every kind of number says it, up to rounding to a thousandth."""
     for consequents in ("constants", "linear"):
         found = imitate(
@@ -325,7 +322,7 @@ def test_a_plane_is_imitated_to_the_digits_that_are_kept() -> None:
         assert compile(found.system)(at)[0, 0] == pytest.approx(-0.05, abs=found.largest)
 
 
-def test_the_error_told_is_that_on_other_samples() -> None:
+def test_the_error_told_is_that_on_other_samples():
     found = imitate(lambda a: np.sin(3.0 * a), {"a": (-1.0, 1.0)}, terms=7, num_samples=500)
     a = np.linspace(-1.0, 1.0, 4001)
     miss = compile(found.system)({"a": a})["output"] - np.sin(3.0 * a)
@@ -334,7 +331,7 @@ def test_the_error_told_is_that_on_other_samples() -> None:
     assert found.largest < 0.15
 
 
-def test_more_terms_imitate_a_fuzzy_system_better() -> None:
+def test_more_terms_imitate_a_fuzzy_system_better():
     tipper = PROJECT / "docs" / "examples" / "tipper.fis"
     coarse, fine = (imitate(tipper, terms=terms, num_samples=600, tune=False) for terms in (2, 5))
     assert fine.root_mean_square < 0.75 * coarse.root_mean_square

@@ -3,7 +3,6 @@
 import subprocess
 from dataclasses import astuple
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -50,7 +49,7 @@ def _variable(extent: tuple[float, float, int], *terms: Term) -> Variable:
     return Variable("x", "", low, low + width, terms, num_points)
 
 
-def test_gaussian_far_tails_are_zero_not_denormal() -> None:
+def test_gaussian_far_tails_are_zero_not_denormal():
     variable = Variable("x", "", 0.0, 40.0, (Term("t", Gaussian(0.0, 1.0)),), 4001)
     values = sample_terms(variable)[0]
     positive = values[values > 0]
@@ -108,7 +107,7 @@ def _smooth_shapes(draw: st.DrawFn) -> tuple[MembershipFunction, object]:
 
 @settings(max_examples=300, deadline=None)
 @given(UNIVERSE, _smooth_shapes())
-def test_smooth_shapes_are_scikit_fuzzys(extent: tuple[float, float, int], drawn: Any) -> None:
+def test_smooth_shapes_are_scikit_fuzzys(extent, drawn):
     shape, generate = drawn
     variable = _variable(extent)
     with np.errstate(all="ignore"):
@@ -119,7 +118,7 @@ def test_smooth_shapes_are_scikit_fuzzys(extent: tuple[float, float, int], drawn
 @pytest.mark.parametrize(
     "shape", [SShape(2.0, 6.0), ZShape(2.0, 6.0), PiShape(2.0, 6.0, 6.0, 8.0), PiShape(0.0, 2.0, 2.0, 6.0)]
 )
-def test_parabolas_on_grid_points_are_scikit_fuzzys(shape: Any) -> None:
+def test_parabolas_on_grid_points_are_scikit_fuzzys(shape):
     """Corners and middles on the grid, where scikit-fuzzy's cases meet."""
     generate = {SShape: skfuzzy.smf, ZShape: skfuzzy.zmf, PiShape: skfuzzy.pimf}[type(shape)]
     for universe in (np.linspace(0, 10, 21), np.linspace(0, 10, 31), np.linspace(0, 10, 11)):
@@ -140,20 +139,18 @@ def test_parabolas_on_grid_points_are_scikit_fuzzys(shape: Any) -> None:
         (Arc(7.0, 2.0), {8.0: 0.0, 6.0: 0.6, 5.0: 0.8, 2.0: 1.0, 0.0: 1.0}),
     ],
 )
-def test_smooth_shapes_have_the_values_their_formulas_say(
-    shape: MembershipFunction, expected: dict[float, float]
-) -> None:
+def test_smooth_shapes_have_the_values_their_formulas_say(shape, expected):
     values = shape_values(np.array(list(expected)), shape)
     np.testing.assert_allclose(values, list(expected.values()), rtol=0, atol=1e-4)
 
 
-def test_a_peak_on_a_grid_point_is_one_and_the_feet_are_zero() -> None:
+def test_a_peak_on_a_grid_point_is_one_and_the_feet_are_zero():
     variable = Variable("x", "", 0.0, 10.0, (), 11)
     values = sample(variable, Term("t", Triangular(2.0, 4.0, 8.0)))
     np.testing.assert_allclose(values, [0, 0, 0, 0.5, 1, 0.75, 0.5, 0.25, 0, 0, 0], rtol=0, atol=1e-15)
 
 
-def test_samples_are_taken_as_they_are_and_terms_stack() -> None:
+def test_samples_are_taken_as_they_are_and_terms_stack():
     terms = (Term("a", Sampled((0.0, 0.25, 1e-300))), Term("b", Triangular(0.0, 0.0, 2.0)))
     variable = Variable("x", "", 0.0, 2.0, terms, 3)
     np.testing.assert_array_equal(sample_terms(variable), [[0.0, 0.25, 0.0], [1.0, 0.5, 0.0]])
@@ -173,7 +170,7 @@ def test_samples_are_taken_as_they_are_and_terms_stack() -> None:
         ([0, 0.5, 0.4, 0.4, 0.6], False),
     ],
 )
-def test_unimodal_means_up_then_down(values: list[float], expected: bool) -> None:
+def test_unimodal_means_up_then_down(values, expected):
     assert is_unimodal(np.array(values)) is expected
 
 
@@ -225,7 +222,7 @@ def _fuzzylite_table(folder: Path) -> dict[str, list[float]]:
     return table
 
 
-def test_every_operator_is_fuzzylites(tmp_path: Path) -> None:
+def test_every_operator_is_fuzzylites(tmp_path):
     table = _fuzzylite_table(tmp_path)
     assert set(table) == set(OPERATORS)
     for name, expected in table.items():
@@ -233,7 +230,7 @@ def test_every_operator_is_fuzzylites(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", [*AND_OPERATORS, *OR_OPERATORS])
-def test_degrees_stay_degrees_next_to_zero_and_one(name: str) -> None:
+def test_degrees_stay_degrees_next_to_zero_and_one(name):
     ends = [0.0, 5e-324, 1e-300, 1e-16, 0.5, 1.0 - 2**-52, 1.0 - 2**-53, 1.0]
     a, b = (grid.ravel() for grid in np.meshgrid(ends, ends))
     combined = (AND_OPERATORS | OR_OPERATORS)[name](a, b)
@@ -243,12 +240,12 @@ def test_degrees_stay_degrees_next_to_zero_and_one(name: str) -> None:
     assert np.all(beyond <= 1e-15)
 
 
-def test_single_numbers_combine_as_arrays_do() -> None:
+def test_single_numbers_combine_as_arrays_do():
     for name, combine in OPERATORS.items():
         singles = [float(combine(a, b)) for a, b in zip(A.tolist(), B.tolist(), strict=True)]
         np.testing.assert_array_equal(singles, combine(A, B), err_msg=name)
 
 
-def test_rules_accumulate_by_any_disjunction_or_the_product() -> None:
+def test_rules_accumulate_by_any_disjunction_or_the_product():
     assert {name: ACCUMULATIONS[name] for name in OR_OPERATORS} == OR_OPERATORS
     assert set(ACCUMULATIONS) - set(OR_OPERATORS) == {"product"}

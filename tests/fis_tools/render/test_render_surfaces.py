@@ -21,7 +21,7 @@ def in_space() -> Any:
 
 
 @pytest.mark.slow
-def test_the_surface_map_lies_as_the_rule_matrix_does() -> None:
+def test_the_surface_map_lies_as_the_rule_matrix_does():
     system = force_x_system()
     ax = surface_map(system, Figure().subplots())
     values = np.asarray(ax.images[0].get_array())
@@ -33,7 +33,7 @@ def test_the_surface_map_lies_as_the_rule_matrix_does() -> None:
     assert ax.images[0].origin == "lower"
 
 
-def test_a_pixel_lies_where_its_value_belongs() -> None:
+def test_a_pixel_lies_where_its_value_belongs():
     ax = draw_surface(
         surface(force_x_system(), "velocity_body_x", "distance", num_points=5), Figure().subplots()
     )
@@ -50,7 +50,7 @@ def thick_lines(ax: object) -> list[np.ndarray]:
     return [path.vertices for contour in contours for path in contour.get_paths() if len(path.vertices)]
 
 
-def test_a_thick_contour_is_where_the_output_changes_sign() -> None:
+def test_a_thick_contour_is_where_the_output_changes_sign():
     system = force_x_system()
     ax = surface_map(system, Figure().subplots())
     (vertices,) = thick_lines(ax)
@@ -59,7 +59,7 @@ def test_a_thick_contour_is_where_the_output_changes_sign() -> None:
     assert "0" in [text.get_text() for text in ax.texts]
 
 
-def test_where_rules_cancel_the_contour_of_zero_does_not_follow_the_last_digits() -> None:
+def test_where_rules_cancel_the_contour_of_zero_does_not_follow_the_last_digits():
     result = surface(force_x_system(), num_points=31)
     noise = np.random.default_rng(0).choice([-1e-17, 1e-17], (31, 31))
     values = np.where(np.abs(result.x) <= 100, noise, np.sign(result.x - 100) * 0.05)
@@ -69,7 +69,7 @@ def test_where_rules_cancel_the_contour_of_zero_does_not_follow_the_last_digits(
         assert np.ptp(vertices[:, 0]) < 2 * 200 / 30
 
 
-def test_without_a_change_of_sign_no_contour_is_thick() -> None:
+def test_without_a_change_of_sign_no_contour_is_thick():
     system = force_x_system()
     output = system.outputs[0]
     inputs = system.inputs
@@ -79,7 +79,7 @@ def test_without_a_change_of_sign_no_contour_is_thick() -> None:
     assert not thick_lines(surface_space(surface(pushing), in_space()))
 
 
-def test_a_flat_surface_is_drawn_without_contours() -> None:
+def test_a_flat_surface_is_drawn_without_contours():
     system = force_x_system()
     output = system.outputs[0]
     flat = replace(system, rules=table_rules(system.inputs, output, ["ZE"] * 25))
@@ -89,7 +89,7 @@ def test_a_flat_surface_is_drawn_without_contours() -> None:
     assert len(surface_space(surface(flat, num_points=5), in_space()).collections) == 1
 
 
-def test_what_is_held_is_in_the_title() -> None:
+def test_what_is_held_is_in_the_title():
     system = force_z_system()
     ax = surface_map(system, Figure().subplots())
     assert ax.get_title() == "eta_u = 0 rad"
@@ -97,7 +97,7 @@ def test_what_is_held_is_in_the_title() -> None:
     assert np.asarray(ax.images[0].get_array())[-1, 0] == pytest.approx(value, abs=1e-13)
 
 
-def test_samples_lie_over_the_map_inside_the_universes() -> None:
+def test_samples_lie_over_the_map_inside_the_universes():
     system = force_x_system()
     samples = np.array([[80.0, 0.1], [250.0, -0.5]])
     ax = surface_map(system, Figure().subplots(), samples=samples)
@@ -107,7 +107,7 @@ def test_samples_lie_over_the_map_inside_the_universes() -> None:
         surface_map(system, Figure().subplots(), samples=samples[:, :1])
 
 
-def test_samples_are_marked_in_the_slice_to_whose_term_they_belong() -> None:
+def test_samples_are_marked_in_the_slice_to_whose_term_they_belong():
     system = force_z_system()
     samples = np.array([[-3.0, 0.1, 50.0], [3.0, 0.2, 60.0], [2.9, -0.2, 70.0]])
     figure = surface_figure(system, samples=samples)
@@ -115,16 +115,14 @@ def test_samples_are_marked_in_the_slice_to_whose_term_they_belong() -> None:
     assert marks == [[[50.0, 0.1]], [], [[60.0, 0.2], [70.0, -0.2]]]
 
 
-def test_slices_share_their_colours_and_tell_what_is_held() -> None:
+def test_slices_share_their_colours_and_tell_what_is_held():
     figure = surface_figure(autopilot_system())
     panels = [ax for ax in figure.axes if ax.images]
     assert [ax.get_title() for ax in panels] == [f"pitch = {value} deg" for value in (-30, -15, 0, 15, 30)]
     assert len({ax.images[0].get_clim() for ax in panels}) == 1
 
 
-def test_in_space_the_surface_is_that_of_the_system_over_a_floor_with_contours(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_in_space_the_surface_is_that_of_the_system_over_a_floor_with_contours(monkeypatch):
     system = force_x_system()
     result = surface(system, num_points=21)
     ax, nets = in_space(), []
@@ -147,7 +145,7 @@ def test_in_space_the_surface_is_that_of_the_system_over_a_floor_with_contours(
     )
 
 
-def test_a_curve_over_one_input() -> None:
+def test_a_curve_over_one_input():
     system = one_input_system()
     ax = output_curve(system, Figure().subplots(), samples=np.array([[0.1]]))
     x, y = (values[::67] for values in ax.lines[1].get_data())

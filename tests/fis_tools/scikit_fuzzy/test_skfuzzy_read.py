@@ -24,7 +24,6 @@ from fis_tools.model import (
     Gaussian,
     GeneralizedBell,
     Is,
-    MembershipFunction,
     Not,
     Or,
     PiShape,
@@ -67,7 +66,7 @@ def _read(*rules: control.Rule, **options: Any) -> FuzzySystem:
     return read_control_system(control.ControlSystem(rules), **options)
 
 
-def test_the_tipping_problem_is_read_as_it_was_written() -> None:
+def test_the_tipping_problem_is_read_as_it_was_written():
     """The example of scikit-fuzzy's documentation, with `automf` for the inputs."""
     quality = control.Antecedent(np.arange(0, 11, 1), "quality")
     service = control.Antecedent(np.arange(0, 11, 1), "service")
@@ -116,13 +115,13 @@ def _told_by_scikit_fuzzy(system: FuzzySystem) -> FuzzySystem:
 
 
 @pytest.mark.parametrize("system", [force_x_system(), force_z_system(), *general_controller().systems])
-def test_a_system_survives_being_built_and_read(system: FuzzySystem) -> None:
+def test_a_system_survives_being_built_and_read(system):
     defaults = {output.name: output.default for output in system.outputs if output.default is not None}
     built = build_control_system(system)
     assert read_control_system(built, system.name, defaults=defaults) == _told_by_scikit_fuzzy(system)
 
 
-def test_variables_that_no_rule_mentions_are_kept_in_their_order() -> None:
+def test_variables_that_no_rule_mentions_are_kept_in_their_order():
     system = force_x_system()
     unused = replace(system.inputs[0], name="unused")
     system = replace(system, inputs=(unused, *system.inputs[::-1]))
@@ -130,20 +129,20 @@ def test_variables_that_no_rule_mentions_are_kept_in_their_order() -> None:
     assert read_control_system(build_control_system(system), system.name) == _told_by_scikit_fuzzy(system)
 
 
-def test_a_simulation_is_read_like_its_system() -> None:
+def test_a_simulation_is_read_like_its_system():
     system = force_x_system()
     assert read_control_system(build_simulation(system), "s") == read_control_system(
         build_control_system(system), "s"
     )
 
 
-def test_rules_keep_the_order_in_which_scikit_fuzzy_computes_them() -> None:
+def test_rules_keep_the_order_in_which_scikit_fuzzy_computes_them():
     source = build_control_system(force_z_system())
     nodes = [node for node in source.graph.nodes() if isinstance(node, control.Rule)]
     assert nodes == list(source.rules)
 
 
-def test_chains_to_the_left_are_flat_and_others_are_nested() -> None:
+def test_chains_to_the_left_are_flat_and_others_are_nested():
     a, b, y = _variables()
     poor, good, average = a["poor"], b["good"], a["average"]
     is_poor, is_good, is_average = Is("a", "poor"), Is("b", "good"), Is("a", "average")
@@ -156,25 +155,25 @@ def test_chains_to_the_left_are_flat_and_others_are_nested() -> None:
         assert _read(control.Rule(tree, y["good"])).rules[0].antecedent == expected
 
 
-def test_weights_and_several_consequents_are_read() -> None:
+def test_weights_and_several_consequents_are_read():
     a, _, y = _variables()
     rule = control.Rule(a["poor"], (y["good"] % 0.25, y["poor"]))
     assert _read(rule).rules[0].consequents == (Consequent("y", "good", 0.25), Consequent("y", "poor"))
 
 
-def test_labels_of_persons_are_kept_and_scikit_fuzzys_are_not() -> None:
+def test_labels_of_persons_are_kept_and_scikit_fuzzys_are_not():
     a, _, y = _variables()
     rules = [control.Rule(a["poor"], y["good"], label) for label in ("first", None, "3", "2")]
     assert [rule.label for rule in _read(*rules).rules] == ["first", "", "", "2"]
 
 
-def test_a_repeated_label_gets_the_place_of_its_rule() -> None:
+def test_a_repeated_label_gets_the_place_of_its_rule():
     a, _, y = _variables()
     first, second = (control.Rule(a[term], y["good"], "same") for term in ("poor", "good"))
     assert [rule.label for rule in _read(first, second).rules] == ["same", "same #2"]
 
 
-def test_methods_are_those_of_most_and_the_rest_says_so() -> None:
+def test_methods_are_those_of_most_and_the_rest_says_so():
     a, b, y = _variables()
     z = control.Consequent(np.linspace(0, 1, 5), "z", "SOM")
     z.automf(3)
@@ -194,7 +193,7 @@ def test_methods_are_those_of_most_and_the_rest_says_so() -> None:
     assert [output.accumulation for output in system.outputs] == ["max", "bounded_sum"]
 
 
-def test_defaults_are_zero_or_nearest_to_it_unless_given() -> None:
+def test_defaults_are_zero_or_nearest_to_it_unless_given():
     a, _, y = _variables()
     heat = control.Consequent(np.linspace(15, 30, 11), "heat")
     heat.automf(3)
@@ -207,7 +206,7 @@ def test_defaults_are_zero_or_nearest_to_it_unless_given() -> None:
         _read(rule, defaults={"heet": 20.0})
 
 
-def test_a_universe_is_even_only_to_the_last_bit() -> None:
+def test_a_universe_is_even_only_to_the_last_bit():
     a, b, y = _variables()
     universe = np.linspace(-1.0, 1.0, 21)
     universe[3] = np.nextafter(universe[3], 1.0)
@@ -354,14 +353,14 @@ class _Unhashable:
         (_input_with(np.arange(4.0), np.zeros((2, 2))), ["has shape (2, 2), the universe (4,)"]),
     ],
 )
-def test_what_a_fuzzy_system_cannot_say_is_refused(make: Callable[[], object], words: list[str]) -> None:
+def test_what_a_fuzzy_system_cannot_say_is_refused(make, words):
     with pytest.raises(UnreadableControlSystem) as refusal:
         make()
     for word in words:
         assert word in str(refusal.value)
 
 
-def test_variables_of_one_name_are_refused() -> None:
+def test_variables_of_one_name_are_refused():
     a, _, y = _variables()
     twin = control.Antecedent(np.arange(0, 11), "a")
     twin.automf(3)
@@ -369,7 +368,7 @@ def test_variables_of_one_name_are_refused() -> None:
         _read(control.Rule(a["poor"] & twin["good"], y["good"]))
 
 
-def test_a_sum_without_a_bound_cuts_as_the_bounded_one_does() -> None:
+def test_a_sum_without_a_bound_cuts_as_the_bounded_one_does():
     a, b, y = _variables()
     y.accumulation_method = np.add
     source = control.ControlSystem([control.Rule(v[term], y["good"]) for v in (a, b) for term in v.terms])
@@ -415,35 +414,33 @@ GRID = np.linspace(0.0, 10.0, 101)
         (np.zeros(101), None),
     ],
 )
-def test_what_scikit_fuzzy_samples_is_found_again(values: Any, expected: MembershipFunction | None) -> None:
+def test_what_scikit_fuzzy_samples_is_found_again(values, expected):
     assert recognise(GRID, values) == (Sampled(tuple(values.tolist())) if expected is None else expected)
 
 
 @settings(max_examples=60, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.integers(2, 60), st.floats(-10, 10), st.floats(0.1, 100))
-def test_whatever_is_found_gives_the_samples_to_the_last_bit(
-    seed: int, num_points: int, low: float, width: float
-) -> None:
+def test_whatever_is_found_gives_the_samples_to_the_last_bit(seed, num_points, low, width):
     variable = Variable("x", "", low, low + width, (), num_points)
     values = sample(variable, Term("t", any_shape(np.random.default_rng(seed), variable)))
     found = recognise(variable.universe, values)
     np.testing.assert_array_equal(sample(variable, Term("t", found)), values)
 
 
-def test_another_formula_of_the_same_shape_is_recognised_if_asked_for() -> None:
+def test_another_formula_of_the_same_shape_is_recognised_if_asked_for():
     values = np.exp(-0.5 * ((GRID - 3.1) / 0.7) ** 2)
     assert not np.array_equal(values, shape_values(GRID, Gaussian(3.1, 0.7)))
     assert isinstance(recognise(GRID, values), Sampled)
     assert recognise(GRID, values, tolerance=1e-15) == Gaussian(3.1, 0.7)
 
 
-def test_a_value_away_from_its_shape_makes_samples_of_it() -> None:
+def test_a_value_away_from_its_shape_makes_samples_of_it():
     values = skfuzzy.gaussmf(GRID, 3.7, 1.25)
     values[40] += 1e-9
     assert isinstance(recognise(GRID, values), Sampled)
 
 
-def test_uneven_universes_are_no_hindrance() -> None:
+def test_uneven_universes_are_no_hindrance():
     universe = np.array([0.0, 0.5, 0.75, 2.0, 3.5, 4.0, 7.0, 10.0])
     assert recognise(universe, skfuzzy.trimf(universe, [0.5, 3.5, 10])) == Triangular(0.5, 3.5, 10.0)
     assert recognise(universe, skfuzzy.gaussmf(universe, 2.5, 1.5)) == Gaussian(2.5, 1.5)
@@ -462,7 +459,7 @@ def _read_at_random(seed: int) -> tuple[ControlSystem, FuzzySystem]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(NUM_SYSTEMS))
-def test_a_system_read_computes_the_same(seed: int) -> None:
+def test_a_system_read_computes_the_same(seed):
     source, system = _read_at_random(seed)
     generator = np.random.default_rng([33, seed])
     assert [variable.name for variable in system.inputs] == [v.label for v in source.antecedents]
@@ -477,7 +474,7 @@ def test_a_system_read_computes_the_same(seed: int) -> None:
 
 
 @pytest.mark.slow
-def test_the_systems_above_differ_as_they_should() -> None:
+def test_the_systems_above_differ_as_they_should():
     systems = [_read_at_random(seed)[1] for seed in range(NUM_SYSTEMS)]
     variables = [variable for system in systems for variable in (*system.inputs, *system.outputs)]
     shapes = {type(term.membership).__name__ for variable in variables for term in variable.terms}
@@ -490,7 +487,7 @@ def test_the_systems_above_differ_as_they_should() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(12))
-def test_what_is_built_is_read_again(seed: int) -> None:
+def test_what_is_built_is_read_again(seed):
     generator = np.random.default_rng([32, seed])
     system = random_general_system(generator)
     defaults = {output.name: output.default for output in system.outputs if output.default is not None}

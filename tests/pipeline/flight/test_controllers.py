@@ -1,7 +1,6 @@
 """Fuzzy controllers that cannot fly, told why; and plans of forces."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -55,14 +54,12 @@ def driving(system: FuzzySystem, *outputs: Variable) -> FuzzySystem:
         ((replace(X, and_operator="product"),), BODY, r"'tried' cannot fly: system 'steer_x' cannot be"),
     ],
 )
-def test_what_cannot_fly_is_told_why(
-    systems: tuple[FuzzySystem, ...], attributes: tuple[tuple[str, str], ...], message: str
-) -> None:
+def test_what_cannot_fly_is_told_why(systems, attributes, message):
     with pytest.raises(ControllerError, match=message):
         from_fuzzy(FuzzyController("tried", systems, attributes))
 
 
-def test_a_controller_is_wired_by_the_names_of_its_variables() -> None:
+def test_a_controller_is_wired_by_the_names_of_its_variables():
     law = law_of(from_fuzzy(FuzzyController("tried", (Z, X), BODY)), mission())
     np.testing.assert_array_equal(law.axes, [AXES["force_z"], AXES["force_x"]])
     sensed = [
@@ -74,7 +71,7 @@ def test_a_controller_is_wired_by_the_names_of_its_variables() -> None:
     assert not law.has_plan
 
 
-def test_a_plan_is_flown_without_force_after_its_last_row() -> None:
+def test_a_plan_is_flown_without_force_after_its_last_row():
     law = law_of(open_loop("plan", np.ones((2, 3))), SHORT)
     np.testing.assert_array_equal(law.plans.forces, [[[1, 1, 1], [1, 1, 1], [0, 0, 0], [0, 0, 0]]])
     assert law.has_plan
@@ -82,7 +79,7 @@ def test_a_plan_is_flown_without_force_after_its_last_row() -> None:
     assert coast().numbers.values.shape == (1, 0)
 
 
-def test_a_plan_longer_than_the_flight_is_refused() -> None:
+def test_a_plan_longer_than_the_flight_is_refused():
     with pytest.raises(
         ControllerError, match=r"'plan' has 5 forces, the flight 4 control periods; shorten the plan"
     ):
@@ -96,7 +93,7 @@ def deciding(controller: Controller, period: str) -> Controller:
     return from_fuzzy(replace(fuzzy, attributes=tuple(sorted(attributes.items()))))
 
 
-def test_a_push_lasts_one_control_period_and_nothing_is_fired_until_the_next_decision() -> None:
+def test_a_push_lasts_one_control_period_and_nothing_is_fired_until_the_next_decision():
     for start in STARTS:
         log = fly_logged(mission(), PAUSING, start)
         decides = np.arange(len(log.is_decided)) % 3 == 0
@@ -108,13 +105,13 @@ def test_a_push_lasts_one_control_period_and_nothing_is_fired_until_the_next_dec
 
 
 @pytest.mark.parametrize("period", ["0", "10", "10.0"])
-def test_a_decision_in_each_period_is_the_default(period: str) -> None:
+def test_a_decision_in_each_period_is_the_default(period):
     flown, expected = (fly_all(mission(), one, STARTS) for one in (deciding(HURRYING, period), HURRYING))
     for name, values in vars(flown).items():
         np.testing.assert_array_equal(values, vars(expected)[name], err_msg=name)
 
 
-def test_the_safety_layer_acts_between_decisions_too() -> None:
+def test_the_safety_layer_acts_between_decisions_too():
     changed = [
         np.flatnonzero(fly_logged(guarded(PASSIVE), PAUSING, start).safety_limit)
         for start in starts_at_rest(6, 47)
@@ -124,9 +121,7 @@ def test_the_safety_layer_acts_between_decisions_too() -> None:
 
 @pytest.mark.parametrize("is_written_out", [True, False])
 @pytest.mark.parametrize("period", ["25", "4"])
-def test_decisions_off_the_clock_are_told_before_the_flight(
-    is_written_out: bool, period: str, tmp_path: Path
-) -> None:
+def test_decisions_off_the_clock_are_told_before_the_flight(is_written_out, period, tmp_path):
     controller = deciding(HURRYING, period)
     assert controller.fuzzy is not None
     text, path = serialize.dump_yaml(controller.fuzzy), tmp_path / "off.yaml"

@@ -60,7 +60,7 @@ def fly(
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_alone_in_company_and_in_any_order(name: str) -> None:
+def test_alone_in_company_and_in_any_order(name):
     what, controller = CASES[name]
     rows, tracks = fly(what, controller, STARTS)
     assert len(np.unique(rows, axis=0)) == len(STARTS)
@@ -76,7 +76,7 @@ def test_alone_in_company_and_in_any_order(name: str) -> None:
 
 @pytest.mark.parametrize("workers", [2, 3])
 @pytest.mark.parametrize("name", ["clusters", "ball that is sometimes fast"])
-def test_on_any_number_of_threads(name: str, workers: int) -> None:
+def test_on_any_number_of_threads(name, workers):
     what, controller = CASES[name]
     rows, tracks = fly(what, controller, STARTS)
     others, other_tracks = fly(what, controller, STARTS, workers)
@@ -85,7 +85,7 @@ def test_on_any_number_of_threads(name: str, workers: int) -> None:
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_logged_or_not(name: str) -> None:
+def test_logged_or_not(name):
     what, controller = CASES[name]
     starts = STARTS[LANES - 2 : LANES + 4]
     rows, tracks = fly(what, controller, starts)
@@ -102,14 +102,14 @@ def test_logged_or_not(name: str) -> None:
         np.testing.assert_allclose(row[3:6], [distance.mean(), distance.min(), distance.max()], rtol=1e-13)
 
 
-def test_the_same_flight_in_every_lane_is_the_same() -> None:
+def test_the_same_flight_in_every_lane_is_the_same():
     what, controller = CASES["clusters"]
     rows, tracks = fly(what, controller, [COMPLETED] * (LANES + 1))
     np.testing.assert_array_equal(rows, np.tile(rows[0], (LANES + 1, 1)))
     np.testing.assert_array_equal(tracks, np.tile(tracks[0], (LANES + 1, 1, 1)))
 
 
-def test_a_population_flies_from_few_starts_as_one_controller_does() -> None:
+def test_a_population_flies_from_few_starts_as_one_controller_does():
     what, controller = mission(duration_s=600.0), STEERING
     starts = STARTS[LANES - 5 : LANES + 2]
     one = controller.numbers
@@ -121,6 +121,6 @@ def test_a_population_flies_from_few_starts_as_one_controller_does() -> None:
     np.testing.assert_array_equal(rows, [fly(what, controller, starts)[0]] * 2)
 
 
-def test_without_starts_there_are_no_outcomes() -> None:
+def test_without_starts_there_are_no_outcomes():
     assert fly(*CASES["paper"], [])[0].shape == (0, 9)
     assert fly(*CASES["paper"], [], workers=3)[0].shape == (0, 9)

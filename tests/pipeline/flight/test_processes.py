@@ -32,7 +32,7 @@ def drawn(what: Mission, key: str) -> NDArray[np.float64]:
     return np.array([in_time(what, key, case, np.nan) for case in CASES])
 
 
-def test_an_error_is_a_process_of_gauss_and_markov_along_each_axis() -> None:
+def test_an_error_is_a_process_of_gauss_and_markov_along_each_axis():
     """Stationary from the first sample on, with a correlation of ``exp(-lag/tau)``, and none between axes."""
     found = drawn(varying(NOISY, "actuators.scale_error", mean=0.02, std=0.1), "actuators.scale_error")
     assert found.shape == (2000, 50, 3)
@@ -58,9 +58,7 @@ def test_an_error_is_a_process_of_gauss_and_markov_along_each_axis() -> None:
         ("navigation.noise_m", {"low": 0.5, "high": 2.0}, uniform(0.5, 1.5)),
     ],
 )
-def test_at_each_instant_a_setting_has_its_distribution(
-    key: str, told: dict[str, float], law: object
-) -> None:
+def test_at_each_instant_a_setting_has_its_distribution(key, told, law):
     found = drawn(varying(NOISY, key, **told), key)
     assert found.shape == (2000, 50, 1)
     for sample in (0, 30):
@@ -70,7 +68,7 @@ def test_at_each_instant_a_setting_has_its_distribution(
     assert ranks == pytest.approx(6 / np.pi * np.arcsin(0.5 * np.exp(-1.0)), abs=0.08)
 
 
-def test_what_varies_is_what_errors_are_made_of() -> None:
+def test_what_varies_is_what_errors_are_made_of():
     key = "navigation.bias_m"
     quiet = replace(NOISY, navigation=replace(NOISY.navigation, noise_m=1e-6, outlier_m=0.0))
     what = varying(quiet, key, mean=0.0, std=3.0)
@@ -92,7 +90,7 @@ def test_what_varies_is_what_errors_are_made_of() -> None:
     np.testing.assert_allclose(turned, Rotation.from_rotvec(about).apply(force), atol=1e-12)
 
 
-def test_noise_whose_level_varies_is_that_of_the_level() -> None:
+def test_noise_whose_level_varies_is_that_of_the_level():
     sighted = mission(navigation=FIXES | SIGHTED, duration_s=490.0)
     key = "navigation.range_noise_m"
     what = varying(sighted, key, low=0.1, high=5.0)
@@ -101,7 +99,7 @@ def test_noise_whose_level_varies_is_that_of_the_level() -> None:
     assert kstest((found / levels).ravel(), norm.cdf).pvalue > 1e-3
 
 
-def test_drag_that_varies_pushes_as_so_much_thrust_would() -> None:
+def test_drag_that_varies_pushes_as_so_much_thrust_would():
     """And one that hardly varies as one that does not."""
     calm = mission(attitude={"mode": "ideal"}, dynamics=LOW_ORBIT, light={"shadow": "conical"})
     start = replace(STARTS[0], noise=(5, 0, 1))
@@ -121,7 +119,7 @@ def test_drag_that_varies_pushes_as_so_much_thrust_would() -> None:
     assert np.abs(drifted - fly_logged(slippery, coast(), start).position_m).max() > 1.0
 
 
-def test_cases_share_a_world_where_only_what_varies_is_dispersed() -> None:
+def test_cases_share_a_world_where_only_what_varies_is_dispersed():
     key = "actuators.scale_error"
     what = varying(NOISY, key, mean=0.0, std=0.1)
     (group,) = groups_of(what, CASES[:5])

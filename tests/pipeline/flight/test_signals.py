@@ -44,7 +44,7 @@ from tests.pipeline.flight.missions import MEAN_MOTION
 BODY = (("force_axes", "body"),)
 
 
-def test_a_signal_behind_the_last_needs_what_its_row_says(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_signal_behind_the_last_needs_what_its_row_says(monkeypatch):
     """It once was taken for urgent, whose constants it has not."""
     monkeypatch.setitem(SIGNALS, "added", Signal("m", "a signal that every flight knows", NOTHING))
     system = leaning_system("force_x", 0.02, ("added", "m", 100.0))
@@ -64,11 +64,11 @@ def test_a_signal_behind_the_last_needs_what_its_row_says(monkeypatch: pytest.Mo
         (SEEING, URGENCY | SETTING),
     ],
 )
-def test_what_must_be_computed_adds_up(controller, needs) -> None:
+def test_what_must_be_computed_adds_up(controller, needs):
     assert law_of(controller, mission()).needs == needs
 
 
-def test_signals_that_are_written_together_stand_together() -> None:
+def test_signals_that_are_written_together_stand_together():
     first = slot("target_radial", "target_along_track", "target_cross_track")
     np.testing.assert_array_equal(
         [slot("target_along_track"), slot("target_cross_track")], [first + 1, first + 2]
@@ -89,7 +89,7 @@ def silent(*systems: tuple) -> list:
     return [leaning_system(*system) for system in systems]
 
 
-def test_in_free_motion_the_centre_keeps_its_height_and_drifts_along_the_track() -> None:
+def test_in_free_motion_the_centre_keeps_its_height_and_drifts_along_the_track():
     systems = silent(
         ("force_x", 0.01, ("centre_radial", "m", 60.0), ("centre_along_track", "m", 60.0)),
     )
@@ -105,7 +105,7 @@ def test_in_free_motion_the_centre_keeps_its_height_and_drifts_along_the_track()
     np.testing.assert_allclose(np.hypot(x, y), np.hypot(x[0], y[0]), rtol=0, atol=1e-9)
 
 
-def test_a_deputy_on_the_ring_stays_on_it_and_away_from_it_the_error_turns_with_the_sun() -> None:
+def test_a_deputy_on_the_ring_stays_on_it_and_away_from_it_the_error_turns_with_the_sun():
     systems = silent(
         ("force_y", 0.01, ("ring_error_radial", "m", 60.0), ("ring_error_along_track", "m", 60.0)),
     )
@@ -126,7 +126,7 @@ def test_a_deputy_on_the_ring_stays_on_it_and_away_from_it_the_error_turns_with_
     np.testing.assert_allclose(sensed(log, 0, 1), -SIZE_M * np.sin(turned), rtol=0, atol=1e-9)
 
 
-def test_the_predicted_centre_is_where_the_centre_comes_to() -> None:
+def test_the_predicted_centre_is_where_the_centre_comes_to():
     systems = silent(
         ("force_x", 0.01, ("predicted_centre_along_track", "m", 60.0), ("centre_along_track", "m", 60.0))
     )
@@ -142,13 +142,13 @@ def test_the_predicted_centre_is_where_the_centre_comes_to() -> None:
 
 
 @pytest.mark.parametrize("text", ["wide", "nan", "inf", "-1"])
-def test_a_constant_that_is_no_length_is_told(text: str) -> None:
+def test_a_constant_that_is_no_length_is_told(text):
     fuzzy = FuzzyController("tried", ORBITAL.systems, (("force_axes", "hill"), ("ring_size_m", text)))
     with pytest.raises(ControllerError, match=f"has ring_size_m '{text}'; give a number from 0 on"):
         from_fuzzy(fuzzy)
 
 
-def test_constants_go_with_the_controller() -> None:
+def test_constants_go_with_the_controller():
     np.testing.assert_array_equal(ORBITAL.constants[:6], [31.0, 0.4, 0.002, 0.004, 0.001, 0.0])
     np.testing.assert_array_equal(LOOKING_AHEAD.constants[:6], [0, 0, 0.001, 0, 0, 800.0])
     assert not ORBITAL.constants[6:].any()
@@ -176,7 +176,7 @@ WATCHING = controller(
 )
 
 
-def test_a_flight_that_coasts_misses_what_was_foreseen_or_a_little_less() -> None:
+def test_a_flight_that_coasts_misses_what_was_foreseen_or_a_little_less():
     """Foreseen are the places every two minutes, flown are twelve times as many."""
     for start in random_starts(12, 21):
         log = fly_logged(mission(attitude=IDEAL), WATCHING, start)
@@ -192,18 +192,18 @@ def test_a_flight_that_coasts_misses_what_was_foreseen_or_a_little_less() -> Non
         assert np.all(log.fis_input[:, 0, 2] <= ahead[:, 1] + 1e-9)
 
 
-def test_neighbours_share_a_vector() -> None:
+def test_neighbours_share_a_vector():
     points = inspection_points(mission())
     order = by_neighbourhood(points)
     assert sorted(order) == list(range(99))
 
-    def widest(ordered: np.ndarray) -> float:
+    def widest(ordered):
         return float(max(np.ptp(ordered[j : j + POINTS], axis=0).max() for j in range(0, 99, POINTS)))
 
     assert widest(points[order]) < 0.65 * widest(points)
 
 
-def test_with_every_point_allowed_to_be_missed_it_never_fires() -> None:
+def test_with_every_point_allowed_to_be_missed_it_never_fires():
     lazy = replace(
         FORESEEING,
         fuzzy=replace(
@@ -227,7 +227,7 @@ def with_attributes(controller: Controller, **changes: str | None) -> Controller
 
 
 @pytest.mark.parametrize("skirt_m", [10.0, 15.5, 70.0])
-def test_near_the_chief_it_leads_around_it(skirt_m: float) -> None:
+def test_near_the_chief_it_leads_around_it(skirt_m):
     """At the least distance what leads inwards is mirrored, halfway to the skirt it is left out."""
     what = mission(attitude={"mode": "ideal"}, duration_s=10.0)
     distances = np.array(
@@ -250,7 +250,7 @@ def test_near_the_chief_it_leads_around_it(skirt_m: float) -> None:
     np.testing.assert_allclose(inwards, kept, rtol=0, atol=1e-9)
 
 
-def test_a_long_urgency_time_takes_the_middle_of_all() -> None:
+def test_a_long_urgency_time_takes_the_middle_of_all():
     middling = with_attributes(HURRYING, urgency_time_s="1e9", skirt_distance_m="0", coast_below_points=None)
     log = fly_logged(mission(attitude={"mode": "ideal"}, coast_when_complete=False), middling, STARTS[0])
     target = log.target_m[:-1]
@@ -269,9 +269,7 @@ def test_a_long_urgency_time_takes_the_middle_of_all() -> None:
         (TOURING, "tour_time_s", 700.0),
     ],
 )
-def test_a_controller_must_set_what_its_signals_need(
-    controller: Controller, name: str, value: float | None
-) -> None:
+def test_a_controller_must_set_what_its_signals_need(controller, name, value):
     if value is not None:
         assert controller.constants[constant(name)] == value
     if name != "skirt_distance_m":  # which has a default
@@ -280,6 +278,6 @@ def test_a_controller_must_set_what_its_signals_need(
 
 
 @pytest.mark.parametrize("name", ["tour_time_s", "tour_wait_s"])
-def test_from_half_an_orbit_on_no_push_across_the_track_leads_anywhere(name: str) -> None:
+def test_from_half_an_orbit_on_no_push_across_the_track_leads_anywhere(name):
     with pytest.raises(ControllerError, match=rf"{name} 2839.*less than half an orbit, 2838"):
         fly_logged(mission(), touring(**{name: 2839.0}), STARTS[0])

@@ -63,7 +63,7 @@ def flown(along: Course, start: np.ndarray, forces: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("name", TOLD["cases"])
-def test_basilisk_flies_the_same_hour(name: str) -> None:
+def test_basilisk_flies_the_same_hour(name):
     told = TOLD["cases"][name]
     path = flown(
         course(told["dynamics"], 360, told["has_shadow"]),
@@ -141,7 +141,7 @@ def plainly_flown(
     ("dynamics", "radius"),
     [(TILTED | OBLATE, 1.5 * RADIUS), (TILTED | OBLATE | {"eccentricity": 0.05}, RADIUS)],
 )
-def test_scipy_flies_the_same_hour_under_forces(dynamics: dict[str, float], radius: float) -> None:
+def test_scipy_flies_the_same_hour_under_forces(dynamics, radius):
     forces = np.random.default_rng(5).normal(0.0, 2e-4, (60, 3))
     start = np.array([60.0, -40.0, 30.0, 0.05, 0.1, -0.08])
     fast = flown(course(dynamics, 360, radius=radius), start, np.repeat(forces, 6, axis=0))
@@ -153,7 +153,7 @@ def test_scipy_flies_the_same_hour_under_forces(dynamics: dict[str, float], radi
     np.testing.assert_allclose(fast[2:-2, 3:][quiet], rate[quiet], rtol=0.0, atol=1e-7)
 
 
-def test_nearby_on_a_circle_motion_is_clohessy_and_wiltshires() -> None:
+def test_nearby_on_a_circle_motion_is_clohessy_and_wiltshires():
     start, force = np.array([0.6, -0.4, 0.3, 5e-4, 1e-3, -8e-4]), np.full((360, 3), [1e-7, -2e-7, 1e-7])
     path = flown(course({}, 360), start, force)
     linear = motion_over(
@@ -265,7 +265,7 @@ def half_axis(state: np.ndarray) -> float:
     return float(np.hypot(2.0 * height, np.hypot(z, z_rate / MEAN_MOTION)))
 
 
-def test_it_is_as_near_to_the_truth_as_it_says() -> None:
+def test_it_is_as_near_to_the_truth_as_it_says():
     generator = np.random.default_rng(5)
     states = np.hstack([generator.normal(0.0, 50.0, (60, 3)), generator.normal(0.0, 0.05, (60, 3))])
     # half of them drift little, so that they come round the chief
@@ -281,18 +281,18 @@ def test_it_is_as_near_to_the_truth_as_it_says() -> None:
 
 
 @pytest.mark.parametrize("after_s", [500.0, 2500.0, 5000.0])
-def test_a_deputy_on_its_way_through_the_chief_is_seen(after_s: float) -> None:
+def test_a_deputy_on_its_way_through_the_chief_is_seen(after_s):
     centre = np.array([0.0, 0.0, 0.0, 0.03, -0.02, 0.01])
     start = solve_ivp(hill, (after_s, 0.0), centre, "DOP853", rtol=1e-11, atol=1e-11).y[:, -1]
     assert closest_approach(start[:3], start[3:]) <= SHARE * half_axis(start)
     assert np.linalg.norm(start[:3]) > 10.0
 
 
-def test_what_rests_along_the_track_keeps_its_distance() -> None:
+def test_what_rests_along_the_track_keeps_its_distance():
     assert closest_approach(np.array([0.0, -60.0, 0.0]), np.zeros(3)) == pytest.approx(60.0)
 
 
-def test_what_has_passed_and_goes_away_is_nearest_now() -> None:
+def test_what_has_passed_and_goes_away_is_nearest_now():
     leaving = closest_approach(np.array([20.0, 5.0, 0.0]), np.array([0.0, -0.05, 0.0]))
     assert leaving <= np.hypot(20.0, 5.0)
     far = np.array([100.0, -300.0, 0.0])

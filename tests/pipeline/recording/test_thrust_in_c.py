@@ -56,10 +56,10 @@ FLIGHTS_EACH = 20
 
 
 @pytest.fixture
-def compiled(tmp_path: Path) -> Callable[[FuzzyController], ctypes.CDLL]:
+def compiled(tmp_path):
     """Write a controller as C, compile it and load it."""
 
-    def load(controller: FuzzyController) -> ctypes.CDLL:
+    def load(controller):
         name = f"controller_{len(list(tmp_path.glob('*.so')))}"  # one of a name is loaded but once
         (tmp_path / f"{name}.c").write_text(source.write(controller), encoding="utf-8")
         words = [program("gcc", "gcc"), *source.WARNINGS.split(), "-O2", "-ffp-contract=off", "-shared"]
@@ -161,16 +161,12 @@ def assert_flown_alike(
 
 
 @pytest.mark.parametrize("name", ["any Sun", "all of it in body axes"])
-def test_c_fires_what_two_flights_fired(
-    name: str, tmp_path: Path, compiled: Callable[[FuzzyController], ctypes.CDLL]
-) -> None:
+def test_c_fires_what_two_flights_fired(name, tmp_path, compiled):
     assert "fired" in assert_flown_alike(name, 2, tmp_path, compiled)
 
 
 @pytest.mark.slow
-def test_c_fires_what_a_hundred_recorded_flights_fired(
-    tmp_path: Path, compiled: Callable[[FuzzyController], ctypes.CDLL]
-) -> None:
+def test_c_fires_what_a_hundred_recorded_flights_fired(tmp_path, compiled):
     reasons: set[str] = set()
     for name in FLOWN:
         reasons |= assert_flown_alike(name, FLIGHTS_EACH, tmp_path, compiled)

@@ -46,9 +46,7 @@ def recorded(path: Path, name: str, world: str) -> tuple[Mission, Controller, Re
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "world"), [*FLOWN, ("pausing", "guarded")])
-def test_nothing_is_said_to_fire_that_did_not(
-    name: str, world: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_nothing_is_said_to_fire_that_did_not(name, world, tmp_path, monkeypatch):
     path = tmp_path / "flight.mcap"
     mission, controller, found = recorded(path, name, world)
     # each period that is explained is looked up in the whole file

@@ -172,16 +172,14 @@ def test_an_interrupt_lost_in_a_finalizer_ends_the_work_without_a_traceback():
 
 
 @pytest.fixture
-def clock(monkeypatch: pytest.MonkeyPatch) -> list[float]:
+def clock(monkeypatch):
     """Seconds, as the test sets them."""
     now = [100.0]
     monkeypatch.setattr(progress.time, "perf_counter", lambda: now[0])
     return now
 
 
-def test_lines_are_told_now_and_then_with_the_time_left(
-    clock: list[float], capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_lines_are_told_now_and_then_with_the_time_left(clock, capsys):
     with Progress("solved", 10, done=2) as shown:
         for done in (3, 4, 5, 9, 10):
             clock[0] += 2.0
@@ -194,16 +192,14 @@ def test_lines_are_told_now_and_then_with_the_time_left(
     ]
 
 
-def test_what_was_done_before_is_counted_from_what_is_shown_first(
-    clock: list[float], capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_what_was_done_before_is_counted_from_what_is_shown_first(clock, capsys):
     with Progress("generation", 8) as shown:
         clock[0] += 3.0
         shown.show(5)
     assert capsys.readouterr().err == "  generation 5/8, 9 s left\n"
 
 
-def test_a_terminal_shows_a_bar(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_terminal_shows_a_bar(monkeypatch, capsys):
     monkeypatch.setenv("FORCE_COLOR", "1")
     monkeypatch.setenv("TTY_COMPATIBLE", "1")
     with Progress("solved", 4, done=0) as shown:

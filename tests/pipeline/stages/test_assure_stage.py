@@ -3,14 +3,10 @@
 import hashlib
 import json
 import re
-from collections.abc import Callable
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-from playwright.sync_api import Page
 
 from fis_tools.analysis.domain import from_mapping
 from pipeline.command_line.cli import main
@@ -35,19 +31,19 @@ SMALL = (
 
 
 @pytest.fixture(scope="module")
-def assured(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def assured(tmp_path_factory):
     folder = tmp_path_factory.mktemp("assured") / "run"
     assert main(["+experiment=assure", *SMALL, f"hydra.run.dir={folder}"]) == 0
     return folder
 
 
 @pytest.fixture(scope="module")
-def evidence(assured: Path) -> dict[str, Any]:
+def evidence(assured):
     return dict(json.loads((assured / artifacts.EVIDENCE).read_text(encoding="utf-8")))
 
 
 @pytest.mark.slow
-def test_verdicts_follow_from_the_table_of_cases(assured: Path, evidence: dict[str, Any]) -> None:
+def test_verdicts_follow_from_the_table_of_cases(assured, evidence):
     table = pq.read_table(assured / artifacts.ASSURED_CASES)
     assert table.num_rows == 60
     words = {"open": "not shown"}
@@ -64,16 +60,14 @@ def test_verdicts_follow_from_the_table_of_cases(assured: Path, evidence: dict[s
         assert sum(count for edge, count in below if edge <= 0.0) == int((margins < 0.0).sum())
 
 
-def test_too_few_cases_show_nothing(evidence: dict[str, Any]) -> None:
+def test_too_few_cases_show_nothing(evidence):
     by_id = {one["id"]: one for one in evidence["requirements"]}
     assert by_id["R2"]["methods"]["cases"]["verdict"] == "not shown"
     assert "needs 230 cases" in by_id["R2"]["methods"]["cases"]["why"]
     assert by_id["R6"]["verdict"] == "shown"
 
 
-def test_no_word_shown_stands_without_its_share_and_consequence(
-    assured: Path, evidence: dict[str, Any]
-) -> None:
+def test_no_word_shown_stands_without_its_share_and_consequence(assured, evidence):
     shown = [one for one in evidence["requirements"] if one["verdict"] == "shown"]
     assert len(shown) >= 3
     consequences = [one["consequence"] for one in evidence["requirements"]]
@@ -95,7 +89,7 @@ def test_no_word_shown_stands_without_its_share_and_consequence(
         assert one["consequence"] in one["sentence"]
 
 
-def test_the_worst_case_is_recorded_and_judged_again(assured: Path, evidence: dict[str, Any]) -> None:
+def test_the_worst_case_is_recorded_and_judged_again(assured, evidence):
     searched = pq.read_table(assured / artifacts.SEARCHED)
     names = np.array(searched["requirement"].to_pylist())
     for one in evidence["requirements"]:
@@ -111,7 +105,7 @@ def test_the_worst_case_is_recorded_and_judged_again(assured: Path, evidence: di
     assert flights == [f"R{number}-worst.mcap" for number in range(1, 6)]
 
 
-def test_proofs_and_domain_are_files(assured: Path, evidence: dict[str, Any]) -> None:
+def test_proofs_and_domain_are_files(assured, evidence):
     boxes = pq.read_table(assured / artifacts.PROOF_BOXES)
     counted = sum(part["num_boxes"] for one in evidence["requirements"] for part in one.get("bounds", ()))
     assert boxes.num_rows == 3 * counted
@@ -120,16 +114,14 @@ def test_proofs_and_domain_are_files(assured: Path, evidence: dict[str, Any]) ->
     assert evidence["domain"]["num_made_from"] == evidence["domain"]["num_tried"] == 4
 
 
-def test_hashes_are_those_of_the_files(assured: Path, evidence: dict[str, Any]) -> None:
+def test_hashes_are_those_of_the_files(assured, evidence):
     assert {artifacts.REQUIREMENTS, artifacts.ASSURED_CASES, artifacts.DOMAIN} < set(evidence["sha256"])
     for name, digest in evidence["sha256"].items():
         assert hashlib.sha256((assured / name).read_bytes()).hexdigest() == digest
     assert artifacts.EVIDENCE_PAGE in artifacts.read_manifest(assured)["sha256"]
 
 
-def test_the_page_is_what_the_data_says_and_needs_nothing_else(
-    assured: Path, evidence: dict[str, Any]
-) -> None:
+def test_the_page_is_what_the_data_says_and_needs_nothing_else(assured, evidence):
     text = (assured / artifacts.EVIDENCE_PAGE).read_text(encoding="utf-8")
     assert text == write(evidence)
     check_policy(text)
@@ -145,7 +137,7 @@ def test_the_page_is_what_the_data_says_and_needs_nothing_else(
             assert f'href="#{one["id"]}-{method}"' in text
 
 
-def test_words_of_the_file_are_words_on_the_page(evidence: dict[str, Any]) -> None:
+def test_words_of_the_file_are_words_on_the_page(evidence):
     hostile = '<script>alert("x")</script>'
     words = ("title", "text", "sentence", "consequence", "reason", "source")
     requirement = {**evidence["requirements"][0], **dict.fromkeys(words, hostile)}
@@ -154,7 +146,7 @@ def test_words_of_the_file_are_words_on_the_page(evidence: dict[str, Any]) -> No
     assert text.count("&lt;script&gt;") >= 4
 
 
-def test_it_repeats_to_the_last_bit(assured: Path, evidence: dict[str, Any]) -> None:
+def test_it_repeats_to_the_last_bit(assured, evidence):
     recorded = {name: digest for name, digest in evidence["sha256"].items() if name.endswith("parquet")}
     assert main(["stages=[assure]", f"hydra.run.dir={assured}"]) == 0
     again = json.loads((assured / artifacts.EVIDENCE).read_text(encoding="utf-8"))
@@ -162,9 +154,7 @@ def test_it_repeats_to_the_last_bit(assured: Path, evidence: dict[str, Any]) -> 
     assert again["requirements"] == evidence["requirements"]
 
 
-def test_mistakes_in_requirements_are_told_before_a_folder_is_made(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_mistakes_in_requirements_are_told_before_a_folder_is_made(tmp_path, capsys):
     mine = tmp_path / "mine.yaml"
     mine.write_text("schema: requirements\nschema_version: 2\nrequirements: [{id: A1}]\n", encoding="utf-8")
     words = ["+experiment=assure", *SMALL, f"hydra.run.dir={tmp_path / 'run'}"]
@@ -173,7 +163,7 @@ def test_mistakes_in_requirements_are_told_before_a_folder_is_made(
     assert not (tmp_path / "run").exists()
 
 
-def test_a_controller_without_systems_has_no_domain(tmp_path: Path) -> None:
+def test_a_controller_without_systems_has_no_domain(tmp_path):
     words = [word for word in SMALL if not word.startswith("controller")]
     run = f"hydra.run.dir={tmp_path / 'run'}"
     assert main(["+experiment=assure", *words, "controller=coast", "duration_s=3600.0", run]) == 0
@@ -185,8 +175,6 @@ def test_a_controller_without_systems_has_no_domain(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("width", [1280, 390])
 @pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_axe_finds_nothing_serious_on_the_page(
-    assured: Path, opened: Callable[..., Page], axe: str, width: int, scheme: str
-) -> None:
+def test_axe_finds_nothing_serious_on_the_page(assured, opened, axe, width, scheme):
     text = (assured / artifacts.EVIDENCE_PAGE).read_text(encoding="utf-8")
     assert serious_violations(opened(text, width=width, color_scheme=scheme), axe) == []

@@ -9,7 +9,6 @@ import pyarrow.parquet as pq
 import pytest
 
 from fis_tools.formats import serialize
-from pipeline.command_line.config import Job
 from pipeline.controllers import source as controller_source
 from pipeline.controllers.source import controller_of_run
 from pipeline.evaluation.monte_carlo import summarise
@@ -24,14 +23,14 @@ SUN = ("sun=random", "monte_carlo.confidence_percent=90.0")
 
 
 @pytest.fixture(scope="module")
-def evaluated(tmp_path_factory: pytest.TempPathFactory) -> tuple[Job, Path]:
+def evaluated(tmp_path_factory):
     folder = tmp_path_factory.mktemp("evaluated")
     run = prepared(folder, *SUN, experiment="evaluate")
     evaluate.run(run.experiment, folder)
     return run, folder
 
 
-def test_episodes_have_a_row_a_case_and_the_promised_columns(evaluated: tuple[Job, Path]) -> None:
+def test_episodes_have_a_row_a_case_and_the_promised_columns(evaluated):
     _, folder = evaluated
     table = pq.read_table(folder / artifacts.EPISODES)
     whole = {"case", "inspected_count", "safety_periods", "inspectable_count"}
@@ -47,7 +46,7 @@ def test_episodes_have_a_row_a_case_and_the_promised_columns(evaluated: tuple[Jo
     assert all(column.null_count == 0 for column in table.columns)
 
 
-def test_trajectories_have_a_row_a_sample_in_single_precision(evaluated: tuple[Job, Path]) -> None:
+def test_trajectories_have_a_row_a_sample_in_single_precision(evaluated):
     _, folder = evaluated
     table = pq.read_table(folder / artifacts.TRAJECTORIES)
     assert {field.name: field.type for field in table.schema} == {
@@ -61,7 +60,7 @@ def test_trajectories_have_a_row_a_sample_in_single_precision(evaluated: tuple[J
     assert table["sample"].to_pylist() == list(range(31)) * 5
 
 
-def test_rows_are_the_flights_from_the_runs_starts(evaluated: tuple[Job, Path]) -> None:
+def test_rows_are_the_flights_from_the_runs_starts(evaluated):
     run, folder = evaluated
     experiment = run.experiment
     episodes = tables.read_parquet(folder, artifacts.EPISODES)
@@ -78,9 +77,7 @@ def test_rows_are_the_flights_from_the_runs_starts(evaluated: tuple[Job, Path]) 
         np.testing.assert_array_equal(track[case], log.position_m.astype(np.float32))
 
 
-def test_the_summary_tells_what_flew_and_how_well(
-    evaluated: tuple[Job, Path], capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_summary_tells_what_flew_and_how_well(evaluated, capsys):
     run, folder = evaluated
     evaluate.run(run.experiment, folder)
     summary = artifacts.read_json(folder, artifacts.SUMMARY)
@@ -102,9 +99,7 @@ def test_the_summary_tells_what_flew_and_how_well(
     assert "safety layer" not in told
 
 
-def test_with_the_safety_layer_it_tells_what_that_did(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_with_the_safety_layer_it_tells_what_that_did(tmp_path, capsys):
     away = tmp_path / "away.csv"
     away.write_text(
         "time_s,force_x_n,force_y_n,force_z_n\n" + "".join(f"{10 * k},1,1,1\n" for k in range(30))
@@ -123,7 +118,7 @@ def test_with_the_safety_layer_it_tells_what_that_did(
     )
 
 
-def test_a_champion_in_the_folder_flies_instead_of_the_configured_controller(tmp_path: Path) -> None:
+def test_a_champion_in_the_folder_flies_instead_of_the_configured_controller(tmp_path):
     run = prepared(tmp_path, *SUN, experiment="evaluate").experiment
     fuzzy = controller_source.load(run.controller, run.mission).fuzzy
     assert fuzzy is not None
@@ -135,7 +130,7 @@ def test_a_champion_in_the_folder_flies_instead_of_the_configured_controller(tmp
     assert artifacts.read_json(tmp_path, artifacts.SUMMARY)["controller"] == "champion"
 
 
-def test_a_run_that_trains_is_not_evaluated_without_its_champion(tmp_path: Path) -> None:
+def test_a_run_that_trains_is_not_evaluated_without_its_champion(tmp_path):
     run = prepared(tmp_path).experiment
     with pytest.raises(
         ArtifactError, match=r"has no champion.json; the stage train writes it, run that first"
@@ -144,7 +139,7 @@ def test_a_run_that_trains_is_not_evaluated_without_its_champion(tmp_path: Path)
     assert not (tmp_path / artifacts.EPISODES).exists()
 
 
-def test_a_controller_file_changed_later_does_not_change_the_run(tmp_path: Path) -> None:
+def test_a_controller_file_changed_later_does_not_change_the_run(tmp_path):
     source = tmp_path / "mine.json"
     original = serialize.load(Path("conf/controller/paper.yaml"))
     source.write_text(serialize.dump_json(original), encoding="utf-8")

@@ -4,7 +4,7 @@ import csv
 import errno
 import json
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -16,7 +16,6 @@ import pyarrow.parquet as pq
 import pytest
 
 from fis_tools.formats import serialize
-from pipeline.command_line.config import Job
 from pipeline.controllers import source
 from pipeline.flight.cases.starts import (
     given_start,
@@ -29,7 +28,6 @@ from pipeline.flight.fly.simulation import fly_all, fly_logged
 from pipeline.run import artifacts
 from pipeline.stages import record, train
 from pipeline.training import judging
-from pipeline.training.evolution.state import Generation
 from pipeline.training.fitness import costs
 from pipeline.training.genome import genome_of
 from pipeline.training.judging import fitness_of_round
@@ -44,7 +42,7 @@ COLUMNS = [
 
 
 @pytest.fixture(scope="module")
-def trained(tmp_path_factory: pytest.TempPathFactory) -> tuple[Job, Path]:
+def trained(tmp_path_factory):
     folder = tmp_path_factory.mktemp("trained")
     run = prepared(folder)
     train.run(run.experiment, folder)
@@ -62,7 +60,7 @@ def genomes(folder: Path) -> np.ndarray:
     return np.array(pq.read_table(folder / artifacts.HISTORY)["genome"].to_pylist())
 
 
-def test_the_logbook_and_the_history_hold_every_generation_with_its_parts(trained: tuple[Job, Path]) -> None:
+def test_the_logbook_and_the_history_hold_every_generation_with_its_parts(trained):
     _, folder = trained
     rows = logbook(folder)
     assert [(row["round"], row["generation"], row["evaluations"]) for row in rows] == [
@@ -78,7 +76,7 @@ def test_the_logbook_and_the_history_hold_every_generation_with_its_parts(traine
     assert not list(folder.glob("train/.*"))
 
 
-def test_each_champions_fitness_is_found_again_from_its_genome(trained: tuple[Job, Path]) -> None:
+def test_each_champions_fitness_is_found_again_from_its_genome(trained):
     run, folder = trained
     experiment = run.experiment
     template = source.load(experiment.controller, experiment.mission)
@@ -90,7 +88,7 @@ def test_each_champions_fitness_is_found_again_from_its_genome(trained: tuple[Jo
             assert row[name] == found[name][index]
 
 
-def test_the_first_population_holds_the_configured_controller(trained: tuple[Job, Path]) -> None:
+def test_the_first_population_holds_the_configured_controller(trained):
     run, folder = trained
     experiment = run.experiment
     template = source.load(experiment.controller, experiment.mission)
@@ -100,7 +98,7 @@ def test_the_first_population_holds_the_configured_controller(trained: tuple[Job
     assert logbook(folder)[0]["best"] <= configured
 
 
-def test_the_champion_is_the_last_genome_and_says_where_it_comes_from(trained: tuple[Job, Path]) -> None:
+def test_the_champion_is_the_last_genome_and_says_where_it_comes_from(trained):
     run, folder = trained
     experiment = run.experiment
     template = source.load(experiment.controller, experiment.mission)
@@ -119,7 +117,7 @@ def test_the_champion_is_the_last_genome_and_says_where_it_comes_from(trained: t
     assert (provenance["generations"], provenance["interrupted"]) == ("4", "false")
 
 
-def test_each_new_champion_is_flown_from_the_given_start(trained: tuple[Job, Path]) -> None:
+def test_each_new_champion_is_flown_from_the_given_start(trained):
     run, folder = trained
     mission = run.experiment.mission
     template = source.load(run.experiment.controller, mission)
@@ -150,15 +148,13 @@ def same_result(folder: Path, other: Path) -> None:
     assert tracks[0] == tracks[1]
 
 
-def test_a_generation_that_only_the_checkpoint_knows_is_written_down(
-    trained: tuple[Job, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_generation_that_only_the_checkpoint_knows_is_written_down(trained, tmp_path, monkeypatch):
     """Killed after the last checkpoint and before the logbook."""
     run = prepared(tmp_path).experiment
     with monkeypatch.context() as patched:
         write = train.write_history
 
-        def killed(folder: Path, history: Sequence[Generation]) -> None:
+        def killed(folder, history):
             if len(history) == 4:
                 raise SystemExit(9)
             write(folder, history)
@@ -173,10 +169,8 @@ def test_a_generation_that_only_the_checkpoint_knows_is_written_down(
         assert (tmp_path / name).read_bytes() == (trained[1] / name).read_bytes()
 
 
-def test_an_interrupt_leaves_the_champion_so_far(
-    trained: tuple[Job, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def interrupt(_progress: TrainingProgress, generation: Generation) -> None:
+def test_an_interrupt_leaves_the_champion_so_far(trained, tmp_path, monkeypatch):
+    def interrupt(_progress, generation):
         if generation.generation == 2:
             raise KeyboardInterrupt
 
@@ -193,10 +187,8 @@ def test_an_interrupt_leaves_the_champion_so_far(
     same_result(tmp_path, trained[1])
 
 
-def test_an_interrupt_before_anything_is_known_leaves_no_champion(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def interrupt(*_arguments: object) -> None:
+def test_an_interrupt_before_anything_is_known_leaves_no_champion(tmp_path, monkeypatch):
+    def interrupt(*_arguments):
         raise KeyboardInterrupt
 
     monkeypatch.setattr(judging, "fitness_parts", interrupt)
@@ -206,7 +198,7 @@ def test_an_interrupt_before_anything_is_known_leaves_no_champion(
     assert not (tmp_path / artifacts.CHECKPOINT).exists()
 
 
-def test_rounds_draw_starts_of_their_own_and_hand_the_champion_on(tmp_path: Path) -> None:
+def test_rounds_draw_starts_of_their_own_and_hand_the_champion_on(tmp_path):
     words = ("starts.num_cases=4", "optimizer.rounds=2", "optimizer.generations=1")
     run = prepared(tmp_path, *words, experiment="train_champion").experiment
     train.run(run, tmp_path)
@@ -221,13 +213,13 @@ def test_rounds_draw_starts_of_their_own_and_hand_the_champion_on(tmp_path: Path
     assert rows[2]["best"] <= judged[1]
 
 
-def test_a_controller_without_fuzzy_systems_is_refused(tmp_path: Path) -> None:
+def test_a_controller_without_fuzzy_systems_is_refused(tmp_path):
     run = replace(prepared(tmp_path).experiment, stages=("evaluate",), controller={"kind": "coast"})
     with pytest.raises(ControllerError, match="'coast' has no fuzzy system to train; choose a fuzzy one"):
         train.run(run, tmp_path)
 
 
-def test_from_the_second_round_on_the_starts_that_the_champion_flies_worst_join(tmp_path: Path) -> None:
+def test_from_the_second_round_on_the_starts_that_the_champion_flies_worst_join(tmp_path):
     words = ("starts.num_cases=4", "starts.num_hard=3", "starts.hard_from=40", "duration_s=1200.0")
     run = prepared(tmp_path, *words, experiment="train_champion").experiment
     template = source.load(run.controller, run.mission)
@@ -243,7 +235,7 @@ def test_from_the_second_round_on_the_starts_that_the_champion_flies_worst_join(
     assert expected > plain["fitness"][0]
 
 
-def test_the_champion_is_the_rounds_best_on_starts_of_its_own(tmp_path: Path) -> None:
+def test_the_champion_is_the_rounds_best_on_starts_of_its_own(tmp_path):
     words = (
         "starts.num_cases=4",
         "optimizer.rounds=3",
@@ -297,12 +289,8 @@ class Disk:
 # a generation writes its checkpoint, its champion's flight if that is new, the logbook and the history
 @pytest.mark.parametrize(("num_files", "num_generations"), [(1, 1), (7, 2), (8, 3), (9, 3)])
 def test_training_stops_with_its_champion_and_goes_on_once_there_is_room(
-    trained: tuple[Job, Path],
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    num_files: int,
-    num_generations: int,
-) -> None:
+    trained, tmp_path, monkeypatch, num_files, num_generations
+):
     run = prepared(tmp_path).experiment
     with monkeypatch.context() as patched:
         Disk(patched, num_files, spared=(".champion",))
@@ -317,9 +305,7 @@ def test_training_stops_with_its_champion_and_goes_on_once_there_is_room(
     np.testing.assert_array_equal(genomes(tmp_path), genomes(trained[1]))
 
 
-def test_without_room_for_the_champion_the_checkpoint_keeps_it(
-    trained: tuple[Job, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_without_room_for_the_champion_the_checkpoint_keeps_it(trained, tmp_path, monkeypatch):
     run = prepared(tmp_path).experiment
     with monkeypatch.context() as patched:
         Disk(patched, 6)
@@ -330,9 +316,7 @@ def test_without_room_for_the_champion_the_checkpoint_keeps_it(
     np.testing.assert_array_equal(genomes(tmp_path), genomes(trained[1]))
 
 
-def test_before_the_first_generation_the_file_is_named(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_before_the_first_generation_the_file_is_named(tmp_path, monkeypatch):
     run = prepared(tmp_path).experiment
     Disk(monkeypatch, 0)
     with pytest.raises(artifacts.WriteError, match=rf"{artifacts.CHECKPOINT} cannot be written: {STOPPED}"):
@@ -340,14 +324,12 @@ def test_before_the_first_generation_the_file_is_named(
     assert not (tmp_path / artifacts.CHAMPION).exists()
 
 
-def test_a_disk_that_fills_up_while_flights_are_recorded_leaves_the_champion(
-    trained: tuple[Job, Path], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_disk_that_fills_up_while_flights_are_recorded_leaves_the_champion(trained, monkeypatch):
     run, folder = trained
     before = (folder / artifacts.CHAMPION).read_bytes()
     open_stream = partial_file.open_stream
 
-    def open_once(path: Path) -> object:
+    def open_once(path):
         if path.name.startswith("training-1"):
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
         return open_stream(path)

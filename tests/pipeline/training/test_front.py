@@ -31,7 +31,7 @@ def prepared_front(folder: Path, *words: str) -> Job:
 
 
 @pytest.fixture(scope="module")
-def trained(tmp_path_factory: pytest.TempPathFactory) -> tuple[Job, Path]:
+def trained(tmp_path_factory):
     folder = tmp_path_factory.mktemp("front")
     stale = folder / artifacts.FRONT_CONTROLLERS / "77.json"
     artifacts.write_atomically(stale, "of an earlier training")
@@ -41,7 +41,7 @@ def trained(tmp_path_factory: pytest.TempPathFactory) -> tuple[Job, Path]:
 
 
 @pytest.fixture(scope="module")
-def read(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def read(tmp_path_factory):
     """A front with three objectives."""
     folder = tmp_path_factory.mktemp("read")
     run = prepared_front(folder, "optimizer.consistency=true", "optimizer.population_size=8")
@@ -54,7 +54,7 @@ def rows(folder: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(stream))
 
 
-def test_each_controller_flies_as_the_table_says(trained: tuple[Job, Path]) -> None:
+def test_each_controller_flies_as_the_table_says(trained):
     run, folder = trained
     experiment = run.experiment
     table = rows(folder)
@@ -79,7 +79,7 @@ def test_each_controller_flies_as_the_table_says(trained: tuple[Job, Path]) -> N
         assert provenance["front"] == f"{path.stem} of {len(table)}"
 
 
-def test_the_cheapest_comes_first_and_what_is_dominated_does_not_stand(trained: tuple[Job, Path]) -> None:
+def test_the_cheapest_comes_first_and_what_is_dominated_does_not_stand(trained):
     table = rows(trained[1])
     delta_v = [float(row["validation_delta_v_m_s"]) for row in table]
     assert delta_v == sorted(delta_v)
@@ -93,7 +93,7 @@ def test_the_cheapest_comes_first_and_what_is_dominated_does_not_stand(trained: 
         assert not np.any(np.all(training <= pair, axis=1) & np.any(training < pair, axis=1))
 
 
-def test_rule_consistency_is_an_objective(read: Path) -> None:
+def test_rule_consistency_is_an_objective(read):
     table = rows(read)
     for row in table:
         controller = serialize.load(read / artifacts.FRONT_CONTROLLERS / f"{int(row['controller']):02d}.json")
@@ -107,7 +107,7 @@ def test_rule_consistency_is_an_objective(read: Path) -> None:
     assert any(np.any(np.all(training[:, :2] < objectives[:2], axis=1)) for objectives in training)
 
 
-def test_the_champion_is_the_fronts_best_on_the_validation_starts(trained: tuple[Job, Path]) -> None:
+def test_the_champion_is_the_fronts_best_on_the_validation_starts(trained):
     _, folder = trained
     table = rows(folder)
     best = min(table, key=lambda row: float(row["validation_fitness_m_s"]))
@@ -122,9 +122,7 @@ def test_the_champion_is_the_fronts_best_on_the_validation_starts(trained: tuple
     )
 
 
-def test_a_training_goes_on_to_the_same_front_on_any_number_of_workers(
-    trained: tuple[Job, Path], tmp_path: Path
-) -> None:
+def test_a_training_goes_on_to_the_same_front_on_any_number_of_workers(trained, tmp_path):
     whole = prepared_front(tmp_path, "optimizer.workers=2").experiment
     # ends after the first round; composed with optimizer.rounds=1, it would have no optimizer.next_round
     first = replace(whole, optimizer=replace(whole.optimizer, rounds=1, workers=1))

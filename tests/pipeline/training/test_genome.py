@@ -41,9 +41,7 @@ def flown(fuzzy: FuzzyController) -> Controller:
 
 @pytest.mark.parametrize("rules", ["free", "planes", "fixed"])
 @pytest.mark.parametrize("constants", [{}, CONSTANT_BOUNDS])
-def test_what_flies_of_a_genome_is_the_controller_that_it_decodes_to(
-    rules: str, constants: dict[str, Any]
-) -> None:
+def test_what_flies_of_a_genome_is_the_controller_that_it_decodes_to(rules, constants):
     genome = genome_of(flown(ELLIPSE), encoding(rules=rules, **constants))
     assert len(genome.gene_names()) == genome.num_genes
     genomes = np.random.default_rng(2).random((5, genome.num_genes))
@@ -54,7 +52,7 @@ def test_what_flies_of_a_genome_is_the_controller_that_it_decodes_to(
         np.testing.assert_array_equal(population.rules[row], one.rules[0])
 
 
-def test_constants_run_from_their_least_to_their_greatest_and_others_stay() -> None:
+def test_constants_run_from_their_least_to_their_greatest_and_others_stay():
     genome = genome_of(flown(ELLIPSE), encoding(**CONSTANT_BOUNDS))
     genes = np.zeros(genome.num_genes)
     values = dict(zip(CONSTANTS, flown(genome.decode(genes)).constants, strict=True))
@@ -65,7 +63,7 @@ def test_constants_run_from_their_least_to_their_greatest_and_others_stay() -> N
     assert values["coast_below_points"] == 6.0
 
 
-def test_a_controller_is_found_again_in_its_genome() -> None:
+def test_a_controller_is_found_again_in_its_genome():
     genome = genome_of(flown(ELLIPSE), encoding(**CONSTANT_BOUNDS))
     drawn = np.random.default_rng(7).random(genome.num_genes)
     controller = genome.decode(drawn)
@@ -77,7 +75,7 @@ def test_a_controller_is_found_again_in_its_genome() -> None:
         assert float(dict(again.attributes)[name]) == pytest.approx(float(dict(controller.attributes)[name]))
 
 
-def test_rules_that_are_fixed_stay_and_constants_may_be_new_to_a_controller() -> None:
+def test_rules_that_are_fixed_stay_and_constants_may_be_new_to_a_controller():
     genome = genome_of(flown(PAPER), encoding(rules="fixed", dead_band_n=(0.0, 0.01)))
     drawn = genome.decode(np.random.default_rng(8).random(genome.num_genes))
     for system, kept in zip(drawn.systems, PAPER.systems, strict=True):
@@ -86,12 +84,12 @@ def test_rules_that_are_fixed_stay_and_constants_may_be_new_to_a_controller() ->
     assert dict(drawn.attributes)["force_axes"] == "body"
 
 
-def test_what_is_not_fuzzy_has_nothing_to_tune() -> None:
+def test_what_is_not_fuzzy_has_nothing_to_tune():
     with pytest.raises(ControllerError, match="'coast' has no fuzzy system to train"):
         genome_of(coast(), encoding())
 
 
-def test_a_population_of_a_controller_without_constants_carries_none() -> None:
+def test_a_population_of_a_controller_without_constants_carries_none():
     genome = genome_of(flown(PAPER), encoding())
     bare = replace(PAPER, attributes=(("force_axes", "body"),))
     assert genome.pack(genome.encode()[np.newaxis]).values.shape == flown(bare).numbers.values.shape
@@ -130,9 +128,7 @@ def outcomes(delta_v: list[float], points: list[int], outside: list[float]) -> O
         (1, 50.0, 1),
     ],
 )
-def test_the_least_number_of_points_that_reaches_the_threshold(
-    num_points: int, threshold_percent: float, needed: int
-) -> None:
+def test_the_least_number_of_points_that_reaches_the_threshold(num_points, threshold_percent, needed):
     assert points_needed(num_points, threshold_percent) == needed
     assert needed == 0 or 100.0 * (needed - 1) / num_points < threshold_percent <= 100.0 * needed / num_points
 
@@ -148,12 +144,12 @@ def test_the_least_number_of_points_that_reaches_the_threshold(
         (0.0, 0, 3.0, 4000.0 + 950.0 + 49.5),
     ],
 )
-def test_the_fitness_of_a_flight(delta_v: float, points: int, outside_m: float, fitness: float) -> None:
+def test_the_fitness_of_a_flight(delta_v, points, outside_m, fitness):
     parts = fitness_parts(outcomes([delta_v], [points], [outside_m]), PENALTY, MISSION)
     assert parts["fitness"].tolist() == [pytest.approx(fitness, rel=1e-14)]
 
 
-def test_at_most_so_many_metres_outside_are_paid_for() -> None:
+def test_at_most_so_many_metres_outside_are_paid_for():
     capped = replace(PENALTY, outside_most_m=2.0)
     for outside_m, fitness in ((0.0, 0.0), (1.0, 2000.0), (2.0, 3000.0), (40.0, 3000.0)):
         parts = fitness_parts(outcomes([0.0], [99], [outside_m]), capped, MISSION)
@@ -170,9 +166,7 @@ def test_at_most_so_many_metres_outside_are_paid_for() -> None:
         (2.0, 99, 1.0, 2.0 + 1000.0, 1000.0),
     ],
 )
-def test_the_objectives_share_the_price_of_faults(
-    delta_v: float, points: int, outside_m: float, spent: float, missed: float
-) -> None:
+def test_the_objectives_share_the_price_of_faults(delta_v, points, outside_m, spent, missed):
     # beside it a flight without fault
     flights = outcomes([delta_v, 0.0], [points, 99], [outside_m, 0.0])
     found = objectives(flights, PENALTY, MISSION)
@@ -182,7 +176,7 @@ def test_the_objectives_share_the_price_of_faults(
     assert fitness == pytest.approx(found["spent"] + found["missed"])
 
 
-def test_the_fitness_of_a_controller_is_the_mean_over_its_flights_and_its_parts_add_up() -> None:
+def test_the_fitness_of_a_controller_is_the_mean_over_its_flights_and_its_parts_add_up():
     parts = fitness_parts(outcomes([1.0, 3.0], [99, 94], [0.0, 2.0]), PENALTY, MISSION)
     assert {name: values.tolist() for name, values in parts.items()} == {
         "fitness": [(1.0 + 3.0 + 3000.0 + 10.0 + 2.5) / 2],
@@ -195,7 +189,7 @@ def test_the_fitness_of_a_controller_is_the_mean_over_its_flights_and_its_parts_
     }
 
 
-def test_each_controller_of_a_population_is_judged_for_itself() -> None:
+def test_each_controller_of_a_population_is_judged_for_itself():
     flights = [([1.0, 3.0], [99, 94], [0.0, 2.0]), ([0.2, 0.4], [97, 98], [0.0, 0.0])]
     alone = [outcomes(*one) for one in flights]
     both = Outcomes(

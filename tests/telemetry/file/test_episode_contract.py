@@ -2,7 +2,6 @@
 
 import dataclasses
 from collections import Counter, defaultdict
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,7 +14,6 @@ from rerun.chunk import McapReader
 
 from telemetry.file.metadata import unsealed
 from tests.telemetry import synthetic_flight
-from tests.telemetry.synthetic_flight import SyntheticFlight
 
 SCHEMA_OF_TOPIC = {
     "/tf": "foxglove.FrameTransform",
@@ -50,7 +48,7 @@ COLOURS = {3: (0, 190, 130, 255), 2: (204, 121, 167, 255), 1: (240, 228, 66, 255
 
 
 @pytest.fixture(scope="module")
-def messages(flight_file: Path) -> dict[str, list[tuple[int, Any]]]:
+def messages(flight_file):
     """(log time, decoded message) by topic."""
     found = defaultdict(list)
     with flight_file.open("rb") as stream:
@@ -64,11 +62,11 @@ def messages(flight_file: Path) -> dict[str, list[tuple[int, Any]]]:
     return found
 
 
-def test_every_topic_has_its_messages(messages: dict[str, list[Any]]) -> None:
+def test_every_topic_has_its_messages(messages):
     assert {topic: len(rows) for topic, rows in messages.items()} == COUNT_OF_TOPIC
 
 
-def test_chunks_are_compressed_and_small_enough_to_lose(flight_file: Path) -> None:
+def test_chunks_are_compressed_and_small_enough_to_lose(flight_file):
     with flight_file.open("rb") as stream:
         chunks = [r for r in StreamReader(stream, emit_chunks=True).records if isinstance(r, Chunk)]
     assert {chunk.compression for chunk in chunks} == {"zstd"}
@@ -77,9 +75,7 @@ def test_chunks_are_compressed_and_small_enough_to_lose(flight_file: Path) -> No
     assert max(spans) <= 59
 
 
-def test_metadata_and_attachments_come_before_the_first_message(
-    flight: SyntheticFlight, flight_file: Path
-) -> None:
+def test_metadata_and_attachments_come_before_the_first_message(flight, flight_file):
     with flight_file.open("rb") as stream:
         records = list(StreamReader(stream, validate_crcs=True).records)
     first_message = next(i for i, record in enumerate(records) if isinstance(record, Message))
@@ -95,8 +91,8 @@ def test_metadata_and_attachments_come_before_the_first_message(
     assert (kinds[Metadata], kinds[Attachment]) == (4, 2)
 
 
-def test_numbers_come_back_in_full_precision(flight: SyntheticFlight, messages: dict[str, list[Any]]) -> None:
-    def column(topic: str, field: str) -> np.ndarray:
+def test_numbers_come_back_in_full_precision(flight, messages):
+    def column(topic, field):
         return np.array([getattr(message, field) for _, message in messages[topic]])
 
     expected = {
@@ -122,7 +118,7 @@ def test_numbers_come_back_in_full_precision(flight: SyntheticFlight, messages: 
         np.testing.assert_array_equal(column(topic, field), values, err_msg=f"{topic} {field}")
 
 
-def test_root_transform_comes_first_and_once(messages: dict[str, list[Any]]) -> None:
+def test_root_transform_comes_first_and_once(messages):
     time, root = messages["/tf"][0]
     assert (time, root.parent_frame_id, root.child_frame_id) == (0, "tf#/", "hill")
     assert root.rotation.w == 1.0
@@ -130,7 +126,7 @@ def test_root_transform_comes_first_and_once(messages: dict[str, list[Any]]) -> 
     assert Counter(pairs) == {("hill", "deputy"): 361, ("hill", "chief"): 361}
 
 
-def test_pose_turns_body_axes_into_hill_axes(flight: SyntheticFlight, messages: dict[str, list[Any]]) -> None:
+def test_pose_turns_body_axes_into_hill_axes(flight, messages):
     """The body's x axis, turned as a viewer turns it, points from the chief to the deputy."""
     for k in (0, 123, 360):
         pose = messages["/deputy/pose"][k][1].pose
@@ -145,9 +141,7 @@ def test_pose_turns_body_axes_into_hill_axes(flight: SyntheticFlight, messages: 
         np.testing.assert_allclose(x_axis, position / np.linalg.norm(position), atol=1e-12)
 
 
-def test_points_keep_their_order_and_wear_the_colour_of_their_state(
-    flight: SyntheticFlight, messages: dict[str, list[Any]]
-) -> None:
+def test_points_keep_their_order_and_wear_the_colour_of_their_state(flight, messages):
     layout = np.dtype([("position", "<f4", 3), ("colour", "u1", 4)])
     for k in (0, 200, 360):
         cloud = messages["/chief/points"][k][1]
@@ -165,23 +159,17 @@ def test_points_keep_their_order_and_wear_the_colour_of_their_state(
     assert set(np.unique(flight.states)) == {0, 1, 2, 3}
 
 
-def test_the_same_flight_gives_the_same_bytes(
-    flight: SyntheticFlight, flight_file: Path, tmp_path: Path
-) -> None:
+def test_the_same_flight_gives_the_same_bytes(flight, flight_file, tmp_path):
     again = synthetic_flight.record(flight, tmp_path / "again.mcap")
     assert again.read_bytes() == flight_file.read_bytes()
 
 
-def test_a_flight_recorded_sample_by_sample_gives_the_same_bytes(
-    flight: SyntheticFlight, flight_file: Path, tmp_path: Path
-) -> None:
+def test_a_flight_recorded_sample_by_sample_gives_the_same_bytes(flight, flight_file, tmp_path):
     one_by_one = synthetic_flight.record_by_samples(flight, tmp_path / "one_by_one.mcap")
     assert one_by_one.read_bytes() == flight_file.read_bytes()
 
 
-def test_a_full_flight_of_three_systems_of_125_rules_stays_below_a_mebibyte(
-    flight: SyntheticFlight, tmp_path: Path
-) -> None:
+def test_a_full_flight_of_three_systems_of_125_rules_stays_below_a_mebibyte(flight, tmp_path):
     # random numbers, which nothing compresses: no flight is larger
     strengths = np.random.default_rng(5).random((3, 360, 125))
     many = dataclasses.replace(flight, firing_strengths=strengths)
@@ -189,7 +177,7 @@ def test_a_full_flight_of_three_systems_of_125_rules_stays_below_a_mebibyte(
     assert strengths.astype(np.float32).nbytes < path.stat().st_size < 1024 * 1024
 
 
-def test_plain_rerun_sees_points_pose_and_transforms(flight: SyntheticFlight, flight_file: Path) -> None:
+def test_plain_rerun_sees_points_pose_and_transforms(flight, flight_file):
     columns: dict[tuple[str, str], list[Any]] = defaultdict(list)
     for chunk in McapReader(str(flight_file)).stream():
         batch = chunk.to_record_batch()

@@ -1,7 +1,6 @@
 """When a file appears, what a mistake says, and what survives a crash or a full disk."""
 
 import re
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +21,7 @@ def open_writer(flight: SyntheticFlight, path: Path) -> EpisodeWriter:
     return EpisodeWriter(path, metadata=synthetic_flight.metadata(flight), attachments={})
 
 
-def test_file_has_its_name_only_once_it_is_complete(short_flight: SyntheticFlight, tmp_path: Path) -> None:
+def test_file_has_its_name_only_once_it_is_complete(short_flight, tmp_path):
     path = tmp_path / "flight.mcap"
     with open_writer(short_flight, path) as writer:
         for k in range(131):
@@ -31,21 +30,17 @@ def test_file_has_its_name_only_once_it_is_complete(short_flight: SyntheticFligh
     assert [p.name for p in tmp_path.iterdir()] == ["flight.mcap"]
 
 
-def test_a_complete_file_takes_the_place_of_an_earlier_one(
-    short_flight: SyntheticFlight, tmp_path: Path
-) -> None:
+def test_a_complete_file_takes_the_place_of_an_earlier_one(short_flight, tmp_path):
     path = tmp_path / "flight.mcap"
     path.write_bytes(b"old")
     synthetic_flight.record(short_flight, path)
     assert len(telemetry.read(path)["/deputy/state"]) == 131
 
 
-def test_an_exception_leaves_what_was_flown_to_be_rescued(
-    short_flight: SyntheticFlight, tmp_path: Path
-) -> None:
+def test_an_exception_leaves_what_was_flown_to_be_rescued(short_flight, tmp_path):
     path = tmp_path / "flight.mcap"
 
-    def fly_until_interrupted() -> None:
+    def fly_until_interrupted():
         with open_writer(short_flight, path) as writer:
             for k in range(41):
                 synthetic_flight.write_sample(writer, short_flight, k)
@@ -61,9 +56,7 @@ def test_an_exception_leaves_what_was_flown_to_be_rescued(
 
 
 @pytest.mark.parametrize("room", [0, 20_000, 90_000])
-def test_a_full_disk_is_said_and_leaves_nothing_half_written(
-    short_flight: SyntheticFlight, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, room: int
-) -> None:
+def test_a_full_disk_is_said_and_leaves_nothing_half_written(short_flight, tmp_path, monkeypatch, room):
     fill_disk(monkeypatch, room)
     path = tmp_path / "flight.mcap"
     with pytest.raises(RecordingError, match=r"No space left on device.*make room or choose another"):
@@ -77,7 +70,7 @@ def test_a_full_disk_is_said_and_leaves_nothing_half_written(
         np.testing.assert_array_equal(state["position_m"], short_flight.position_m[: len(state)])
 
 
-def test_a_missing_folder_is_said(short_flight: SyntheticFlight, tmp_path: Path) -> None:
+def test_a_missing_folder_is_said(short_flight, tmp_path):
     with pytest.raises(RecordingError, match=r"nowhere/flight\.mcap cannot be written: No such file"):
         synthetic_flight.record(short_flight, tmp_path / "nowhere" / "flight.mcap")
 
@@ -108,10 +101,8 @@ def test_a_missing_folder_is_said(short_flight: SyntheticFlight, tmp_path: Path)
         ),
     ],
 )
-def test_a_wrong_record_is_refused(
-    short_flight: SyntheticFlight, tmp_path: Path, mistake: Callable[[EpisodeWriter], None], text: str
-) -> None:
-    def fly_and_err() -> None:
+def test_a_wrong_record_is_refused(short_flight, tmp_path, mistake, text):
+    def fly_and_err():
         with open_writer(short_flight, tmp_path / "flight.mcap") as writer:
             synthetic_flight.write_sample(writer, short_flight, 1)
             writer.log(10.0, "info", "everything so far is in the file")

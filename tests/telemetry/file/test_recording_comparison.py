@@ -2,7 +2,6 @@
 
 import dataclasses
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -27,12 +26,12 @@ def changed(flight: SyntheticFlight, **where: tuple[object, object]) -> Syntheti
 
 
 @pytest.fixture(scope="module")
-def base(tmp_path_factory: pytest.TempPathFactory) -> tuple[SyntheticFlight, Path]:
+def base(tmp_path_factory):
     flight = synthetic_flight.fly(20)
     return flight, synthetic_flight.record(flight, tmp_path_factory.mktemp("base") / "base.mcap")
 
 
-def test_a_flight_is_the_same_as_itself(base: tuple[SyntheticFlight, Path]) -> None:
+def test_a_flight_is_the_same_as_itself(base):
     recording = telemetry.read(base[1])
     comparison = compare(recording, recording)
     assert comparison.is_equal
@@ -44,9 +43,7 @@ def test_a_flight_is_the_same_as_itself(base: tuple[SyntheticFlight, Path]) -> N
     )
 
 
-def test_the_first_number_that_differs_is_named_with_its_sample_and_its_size(
-    base: tuple[SyntheticFlight, Path], tmp_path: Path
-) -> None:
+def test_the_first_number_that_differs_is_named_with_its_sample_and_its_size(base, tmp_path):
     flight, path = base
     other = changed(
         flight, force_hill_n=((slice(7, None), 1), 0.5), torque_n_m=((9, 3, 2), 1.0), delta_v_m_s=(8, -1.0)
@@ -73,9 +70,7 @@ def test_the_first_number_that_differs_is_named_with_its_sample_and_its_size(
     assert differing["/mission", "delta_v_m_s"].sample == 8  # type: ignore[union-attr]
 
 
-def test_of_what_parts_at_once_the_cause_comes_first(
-    base: tuple[SyntheticFlight, Path], tmp_path: Path
-) -> None:
+def test_of_what_parts_at_once_the_cause_comes_first(base, tmp_path):
     flight, path = base
     other = changed(
         flight, force_hill_n=((5, 0), 0.5), fis_output_n=((1, 5), 0.5), force_body_n=((5, 1), 1.0)
@@ -86,9 +81,7 @@ def test_of_what_parts_at_once_the_cause_comes_first(
     assert (first.topic, first.field) == ("/fis/f_y", "output_n")
 
 
-def test_a_tolerance_is_for_quantities_and_not_for_counts(
-    base: tuple[SyntheticFlight, Path], tmp_path: Path
-) -> None:
+def test_a_tolerance_is_for_quantities_and_not_for_counts(base, tmp_path):
     flight, path = base
     nearly = changed(flight, velocity_m_s=((4, 0), flight.velocity_m_s[4, 0] + 1e-9))
     recorded = telemetry.read(synthetic_flight.record(nearly, tmp_path / "nearly.mcap"))
@@ -103,9 +96,7 @@ def test_a_tolerance_is_for_quantities_and_not_for_counts(
     assert not compare(whole, recorded, 10.0).is_equal
 
 
-def test_numbers_that_are_none_part_from_those_that_are(
-    base: tuple[SyntheticFlight, Path], tmp_path: Path
-) -> None:
+def test_numbers_that_are_none_part_from_those_that_are(base, tmp_path):
     flight, path = base
     other = changed(flight, lambda_u_rad=(6, np.nan))
     recorded = telemetry.read(synthetic_flight.record(other, tmp_path / "other.mcap"))
@@ -116,7 +107,7 @@ def test_numbers_that_are_none_part_from_those_that_are(
     assert in_words(comparison)[0].endswith("rad in the first and nan rad in the second")
 
 
-def test_flights_of_different_lengths_and_topics(base: tuple[SyntheticFlight, Path], tmp_path: Path) -> None:
+def test_flights_of_different_lengths_and_topics(base, tmp_path):
     flight, path = base
     metadata = synthetic_flight.metadata(flight)
     del metadata["fis.f_x"], metadata["fis.f_y"], metadata["fis.f_z"]
@@ -136,9 +127,7 @@ def test_flights_of_different_lengths_and_topics(base: tuple[SyntheticFlight, Pa
     assert "/fis/f_x has a message only in the first" in in_words(comparison)[0]
 
 
-def test_what_is_said_of_flights_tells_them_apart_but_does_not_count(
-    base: tuple[SyntheticFlight, Path], tmp_path: Path
-) -> None:
+def test_what_is_said_of_flights_tells_them_apart_but_does_not_count(base, tmp_path):
     flight, path = base
     metadata = synthetic_flight.metadata(flight)
     metadata["episode"]["seed"] = "8"
@@ -152,7 +141,7 @@ def test_what_is_said_of_flights_tells_them_apart_but_does_not_count(
     assert "  described differently: episode seed, config.yaml, controller.json" in in_words(comparison)
 
 
-def test_another_number_of_rules_is_a_difference(base: tuple[SyntheticFlight, Path], tmp_path: Path) -> None:
+def test_another_number_of_rules_is_a_difference(base, tmp_path):
     flight, path = base
     fewer = dataclasses.replace(flight, firing_strengths=flight.firing_strengths[:, :, :9])
     recorded = telemetry.read(synthetic_flight.record(fewer, tmp_path / "fewer.mcap"))
@@ -160,9 +149,7 @@ def test_another_number_of_rules_is_a_difference(base: tuple[SyntheticFlight, Pa
     assert first == Parting("/fis/f_x", "firing_strengths", "", 0, 0.0, (), "25 values", "9 values")
 
 
-def test_the_command_answers_by_its_exit_code(
-    base: tuple[SyntheticFlight, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_command_answers_by_its_exit_code(base, tmp_path, capsys):
     flight, path = base
     other = synthetic_flight.record(changed(flight, position_m=((2, 0), 80.0)), tmp_path / "other.mcap")
     assert main(["compare", str(path), str(path)]) == 0
@@ -181,7 +168,7 @@ def test_the_command_answers_by_its_exit_code(
     assert "the tolerance is nan, but zero or a positive number is expected" in capsys.readouterr().err
 
 
-def test_a_tolerance_below_zero_is_refused(base: tuple[SyntheticFlight, Path]) -> None:
+def test_a_tolerance_below_zero_is_refused(base):
     recording = telemetry.read(base[1])
     with pytest.raises(RecordingError, match="the tolerance is -1"):
         compare(recording, recording, -1.0)

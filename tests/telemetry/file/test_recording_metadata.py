@@ -39,7 +39,7 @@ triples = st.tuples(finite, finite, finite)
         boresight=st.none() | triples,
     )
 )
-def test_an_episode_comes_back(episode: EpisodeDescription) -> None:
+def test_an_episode_comes_back(episode):
     spelled = episode.to_metadata()
     assert all(isinstance(value, str) for value in spelled.values())
     assert EpisodeDescription.from_metadata(spelled) == episode
@@ -56,11 +56,11 @@ def test_an_episode_comes_back(episode: EpisodeDescription) -> None:
         rules=st.lists(words, max_size=5).map(tuple),
     )
 )
-def test_a_fuzzy_system_comes_back(description: FisDescription) -> None:
+def test_a_fuzzy_system_comes_back(description):
     assert FisDescription.from_metadata(description.to_metadata()) == description
 
 
-def test_an_episode_has_the_keys_of_the_contract() -> None:
+def test_an_episode_has_the_keys_of_the_contract():
     spelled = synthetic_flight.metadata(synthetic_flight.fly(1))["episode"]
     assert {
         "scenario_id",
@@ -75,12 +75,12 @@ def test_an_episode_has_the_keys_of_the_contract() -> None:
     assert spelled["boresight"] == "[-1.0, 0.0, 0.0]"
 
 
-def test_keys_of_others_are_left_alone() -> None:
+def test_keys_of_others_are_left_alone():
     episode = EpisodeDescription.from_metadata({"seed": "3", "mood": "calm"})
     assert episode == EpisodeDescription(seed=3)
 
 
-def test_nonsense_is_refused() -> None:
+def test_nonsense_is_refused():
     with pytest.raises(RecordingError, match="metadata 'seed' is 'seven'"):
         EpisodeDescription.from_metadata({"seed": "seven"})
     with pytest.raises(RecordingError, match="lacks input_units, output_unit, rules"):
@@ -89,7 +89,7 @@ def test_nonsense_is_refused() -> None:
 
 @settings(max_examples=50, deadline=None)
 @given(words, st.dictionaries(words, words, max_size=4))
-def test_sealed_entries_come_back_and_changed_ones_do_not(name: str, entries: dict[str, str]) -> None:
+def test_sealed_entries_come_back_and_changed_ones_do_not(name, entries):
     kept = {key: value for key, value in entries.items() if key != "crc32"}
     stored = sealed(name, kept)
     assert unsealed(name, stored) == kept
@@ -98,7 +98,7 @@ def test_sealed_entries_come_back_and_changed_ones_do_not(name: str, entries: di
         unsealed(name, {**stored, "an entry of more than twelve letters": ""})
 
 
-def test_a_rehearsal_is_read_as_it_was_written_and_has_a_cost_for_each_name() -> None:
+def test_a_rehearsal_is_read_as_it_was_written_and_has_a_cost_for_each_name():
     told = Rehearsal(names=("up", "down"), costs_m_s=(0.25, 1e4), until_s=10.0)
     assert Rehearsal.from_metadata(told.to_metadata()) == told
     for wrong in (
@@ -181,13 +181,11 @@ def one(kind: type[Message], columns: dict[str, Any], place: int) -> Message:
 
 
 @pytest.mark.parametrize(("kind", "columns"), CASES, ids=lambda case: getattr(case, "__name__", ""))
-def test_messages_have_the_bytes_that_protobuf_gives_each(
-    kind: type[Message], columns: dict[str, Any]
-) -> None:
+def test_messages_have_the_bytes_that_protobuf_gives_each(kind, columns):
     expected = [one(kind, columns, place).SerializeToString() for place in range(COUNT)]
     assert list(encode(kind, columns, COUNT)) == expected
 
 
-def test_a_field_that_is_not_there_is_an_error() -> None:
+def test_a_field_that_is_not_there_is_an_error():
     with pytest.raises(KeyError, match="colour"):
         list(encode(Pose, {"colour": np.zeros(1)}, 1))

@@ -2,7 +2,6 @@
 
 from itertools import groupby
 from math import inf, nan
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,10 +11,9 @@ from mcap.writer import Writer
 import telemetry
 from telemetry import EpisodeWriter, RecordingError
 from tests.telemetry import synthetic_flight
-from tests.telemetry.synthetic_flight import SyntheticFlight
 
 
-def test_columns_are_the_flight(flight: SyntheticFlight, flight_file: Path) -> None:
+def test_columns_are_the_flight(flight, flight_file):
     recording = telemetry.read(flight_file)
     state, history = recording["/deputy/state"], recording["/deputy/attitude"]
     np.testing.assert_array_equal(state.time_s, flight.time_s)
@@ -32,7 +30,7 @@ def test_columns_are_the_flight(flight: SyntheticFlight, flight_file: Path) -> N
     assert recording.attachments == synthetic_flight.ATTACHMENTS
 
 
-def test_columns_keep_their_types(flight_file: Path) -> None:
+def test_columns_keep_their_types(flight_file):
     recording = telemetry.read(flight_file)
     assert recording["/deputy/state"]["position_m"].dtype == np.float64
     assert recording["/deputy/attitude"]["torque_n_m"].dtype == np.float32
@@ -41,7 +39,7 @@ def test_columns_keep_their_types(flight_file: Path) -> None:
     assert recording["/mission"]["inspected_mask"].dtype == np.bool_
 
 
-def test_topics_are_chosen_by_name_or_pattern(flight_file: Path) -> None:
+def test_topics_are_chosen_by_name_or_pattern(flight_file):
     assert list(telemetry.read(flight_file, "/mission").topics) == ["/mission"]
     assert list(telemetry.read(flight_file, ["/fis/*", "/log"]).topics) == [
         "/log",
@@ -53,7 +51,7 @@ def test_topics_are_chosen_by_name_or_pattern(flight_file: Path) -> None:
     assert (len(nothing.topics), len(nothing.metadata)) == (0, 4)
 
 
-def test_time_is_chosen_with_both_ends(flight: SyntheticFlight, flight_file: Path) -> None:
+def test_time_is_chosen_with_both_ends(flight, flight_file):
     state = telemetry.read(flight_file, "/deputy/state", start_s=600.0, end_s=700.0)["/deputy/state"]
     np.testing.assert_array_equal(state.time_s, np.arange(600.0, 701.0, 10.0))
     np.testing.assert_array_equal(state["position_m"], flight.position_m[60:71])
@@ -61,9 +59,7 @@ def test_time_is_chosen_with_both_ends(flight: SyntheticFlight, flight_file: Pat
     assert late.time_s.tolist() == [3600.0]
 
 
-def test_samples_that_were_written_in_any_order_are_read_in_that_of_time(
-    short_file: Path, tmp_path: Path
-) -> None:
+def test_samples_that_were_written_in_any_order_are_read_in_that_of_time(short_file, tmp_path):
     path = tmp_path / "shuffled.mcap"
     with short_file.open("rb") as stream, path.open("wb") as output:
         found = make_reader(stream).iter_messages()
@@ -87,7 +83,7 @@ def test_samples_that_were_written_in_any_order_are_read_in_that_of_time(
             np.testing.assert_array_equal(values, ordered[name][field])
 
 
-def test_what_is_not_asked_for_is_not_read(flight_file: Path, tmp_path: Path) -> None:
+def test_what_is_not_asked_for_is_not_read(flight_file, tmp_path):
     """Damage in the last chunk shows only to a reader that goes there."""
     with flight_file.open("rb") as stream:
         summary = make_reader(stream).get_summary()
@@ -101,7 +97,7 @@ def test_what_is_not_asked_for_is_not_read(flight_file: Path, tmp_path: Path) ->
         telemetry.read(path)
 
 
-def test_a_wrong_byte_never_gives_a_wrong_number(short_file: Path, tmp_path: Path) -> None:
+def test_a_wrong_byte_never_gives_a_wrong_number(short_file, tmp_path):
     whole = telemetry.read(short_file)
     content = short_file.read_bytes()
     generator = np.random.default_rng(11)
@@ -124,7 +120,7 @@ def test_a_wrong_byte_never_gives_a_wrong_number(short_file: Path, tmp_path: Pat
     assert num_refused > 40
 
 
-def test_a_wrong_byte_in_the_index_is_noticed(short_file: Path, tmp_path: Path) -> None:
+def test_a_wrong_byte_in_the_index_is_noticed(short_file, tmp_path):
     """The index at the end repeats the names of the topics."""
     content = bytearray(short_file.read_bytes())
     content[content.rindex(b"/deputy/state") + 1] ^= 1
@@ -134,7 +130,7 @@ def test_a_wrong_byte_in_the_index_is_noticed(short_file: Path, tmp_path: Path) 
         telemetry.read(path)
 
 
-def test_a_topic_on_which_nothing_happened_is_there_and_empty(tmp_path: Path) -> None:
+def test_a_topic_on_which_nothing_happened_is_there_and_empty(tmp_path):
     flight = synthetic_flight.fly(3)
     recording = telemetry.read(synthetic_flight.record(flight, tmp_path / "flight.mcap"))
     assert len(recording["/log"]) == 0
@@ -144,7 +140,7 @@ def test_a_topic_on_which_nothing_happened_is_there_and_empty(tmp_path: Path) ->
     assert len(bare["/deputy/attitude"]) == len(bare["/chief/points"]) == len(bare["/fis/f_x"]) == 0
 
 
-def test_a_topic_or_field_that_is_not_there_is_named(flight_file: Path) -> None:
+def test_a_topic_or_field_that_is_not_there_is_named(flight_file):
     with pytest.raises(RecordingError, match=r"no topic '/fis/f_w'; choose from /chief/points, "):
         telemetry.read(flight_file, "/fis/f_w")
     recording = telemetry.read(flight_file, "/mission")
@@ -164,14 +160,14 @@ def test_a_topic_or_field_that_is_not_there_is_named(flight_file: Path) -> None:
         (b"\x89MCAP0\r\n" + bytes(100) + b"\x89MCAP0\r\n", "is damaged"),
     ],
 )
-def test_a_bad_file_is_said(tmp_path: Path, content: bytes, text: str) -> None:
+def test_a_bad_file_is_said(tmp_path, content, text):
     path = tmp_path / "odd.mcap"
     path.write_bytes(content)
     with pytest.raises(RecordingError, match=text):
         telemetry.read(path)
 
 
-def test_metadata_that_does_not_fit_the_inferences_is_refused(tmp_path: Path) -> None:
+def test_metadata_that_does_not_fit_the_inferences_is_refused(tmp_path):
     flight = synthetic_flight.fly(2)
     with EpisodeWriter(
         tmp_path / "odd.mcap", metadata=synthetic_flight.metadata(flight), attachments={}
@@ -184,20 +180,18 @@ def test_metadata_that_does_not_fit_the_inferences_is_refused(tmp_path: Path) ->
 @pytest.mark.parametrize(
     ("start_s", "end_s"), [(500.0, 100.0), (nan, None), (None, nan), (inf, None), (None, -inf)]
 )
-def test_times_that_are_no_span_are_not_taken_for_damage(
-    short_file: Path, start_s: float | None, end_s: float | None
-) -> None:
+def test_times_that_are_no_span_are_not_taken_for_damage(short_file, start_s, end_s):
     with pytest.raises(RecordingError, match="there is no time"):
         telemetry.read(short_file, start_s=start_s, end_s=end_s)
 
 
-def test_infinity_is_no_limit(short_file: Path) -> None:
+def test_infinity_is_no_limit(short_file):
     everything = telemetry.read(short_file)["/deputy/state"].time_s
     found = telemetry.read(short_file, start_s=-inf, end_s=inf)["/deputy/state"].time_s
     np.testing.assert_array_equal(found, everything)
 
 
-def test_a_changed_attachment_is_damage(short_file: Path, tmp_path: Path) -> None:
+def test_a_changed_attachment_is_damage(short_file, tmp_path):
     path = tmp_path / "flight.mcap"
     content = short_file.read_bytes()
     assert content.count(b"seed: 7") == 1

@@ -32,7 +32,7 @@ def messages_of(path: Path) -> list[MessageRow]:
 
 
 @pytest.fixture(scope="module")
-def chunks(short_file: Path) -> list[tuple[int, int]]:
+def chunks(short_file):
     """(last byte, messages up to there) of each chunk."""
     with short_file.open("rb") as stream:
         summary = make_reader(stream).get_summary()
@@ -68,13 +68,11 @@ def cut(source: Path, num_bytes: int, folder: Path) -> Path:
     return path
 
 
-def test_the_short_flight_is_of_three_flushes(chunks: list[tuple[int, int]]) -> None:
+def test_the_short_flight_is_of_three_flushes(chunks):
     assert len(chunks) == 3
 
 
-def test_a_rescued_file_reads_like_the_whole_one_up_to_its_end(
-    short_file: Path, chunks: list[tuple[int, int]], tmp_path: Path
-) -> None:
+def test_a_rescued_file_reads_like_the_whole_one_up_to_its_end(short_file, chunks, tmp_path):
     recovery = recover(cut(short_file, chunks[1][0], tmp_path), tmp_path / "rescued.mcap")
     assert recovery.end_s == 1190.0
     rescued = telemetry.read(tmp_path / "rescued.mcap")
@@ -86,7 +84,7 @@ def test_a_rescued_file_reads_like_the_whole_one_up_to_its_end(
 
 
 @pytest.mark.slow
-def test_a_wrong_byte_never_gives_a_wrong_message(short_file: Path, tmp_path: Path) -> None:
+def test_a_wrong_byte_never_gives_a_wrong_message(short_file, tmp_path):
     rows = set(messages_of(short_file))
     content = short_file.read_bytes()
     generator = np.random.default_rng(3)
@@ -104,7 +102,7 @@ def test_a_wrong_byte_never_gives_a_wrong_message(short_file: Path, tmp_path: Pa
     assert max(num_rescued) > 1000
 
 
-def test_without_compression_the_checksum_alone_tells_a_wrong_byte(short_file: Path, tmp_path: Path) -> None:
+def test_without_compression_the_checksum_alone_tells_a_wrong_byte(short_file, tmp_path):
     plain = uncompressed(short_file, tmp_path)
     content = bytearray(plain.read_bytes())
     # the number 75.0 of the first sample's distance becomes another one
@@ -116,7 +114,7 @@ def test_without_compression_the_checksum_alone_tells_a_wrong_byte(short_file: P
     assert recovery.num_messages == 0
 
 
-def test_a_damaged_attachment_does_not_come_back(short_file: Path, tmp_path: Path) -> None:
+def test_a_damaged_attachment_does_not_come_back(short_file, tmp_path):
     content = short_file.read_bytes()
     path = tmp_path / "damaged.mcap"
     path.write_bytes(content.replace(b'{"name": "circle"}', b'{"name": "square"}'))
@@ -126,7 +124,7 @@ def test_a_damaged_attachment_does_not_come_back(short_file: Path, tmp_path: Pat
     assert messages_of(tmp_path / "rescued.mcap") == messages_of(short_file)
 
 
-def test_damaged_metadata_does_not_come_back(short_file: Path, tmp_path: Path) -> None:
+def test_damaged_metadata_does_not_come_back(short_file, tmp_path):
     """MCAP gives metadata no checksum, so a record carries one of its own."""
     path = tmp_path / "damaged.mcap"
     path.write_bytes(short_file.read_bytes().replace(b"circle-0", b"circle-8"))
@@ -139,14 +137,12 @@ def test_damaged_metadata_does_not_come_back(short_file: Path, tmp_path: Path) -
     assert messages_of(tmp_path / "rescued.mcap") == messages_of(short_file)
 
 
-def test_metadata_of_another_writer_is_read_without_a_checksum(short_file: Path, tmp_path: Path) -> None:
+def test_metadata_of_another_writer_is_read_without_a_checksum(short_file, tmp_path):
     plain = uncompressed(short_file, tmp_path)
     assert telemetry.read(plain).metadata == {"episode": {"scenario_id": "plain"}}
 
 
-def test_a_damaged_chunk_costs_that_chunk_alone(
-    short_file: Path, chunks: list[tuple[int, int]], tmp_path: Path
-) -> None:
+def test_a_damaged_chunk_costs_that_chunk_alone(short_file, chunks, tmp_path):
     """The first chunk names the channels, and so does the summary at the end of the file."""
     content = bytearray(short_file.read_bytes())
     content[chunks[0][0] - 500] ^= 0xFF
@@ -159,9 +155,7 @@ def test_a_damaged_chunk_costs_that_chunk_alone(
     assert messages_of(tmp_path / "rescued.mcap") == messages_of(short_file)[chunks[0][1] :]
 
 
-def test_messages_that_nothing_explains_stay_behind(
-    short_file: Path, chunks: list[tuple[int, int]], tmp_path: Path
-) -> None:
+def test_messages_that_nothing_explains_stay_behind(short_file, chunks, tmp_path):
     """Without its first chunk and its end, nothing in a file says what its channels are."""
     content = bytearray(short_file.read_bytes()[: chunks[1][0]])
     content[chunks[0][0] - 500] ^= 0xFF
@@ -172,7 +166,7 @@ def test_messages_that_nothing_explains_stay_behind(
     assert "episode" in telemetry.read(tmp_path / "rescued.mcap").metadata
 
 
-def test_a_whole_file_needs_no_rescue(short_file: Path, tmp_path: Path) -> None:
+def test_a_whole_file_needs_no_rescue(short_file, tmp_path):
     recovery = recover(short_file, tmp_path / "rescued.mcap")
     assert recovery.output is None
     assert recovery.num_messages == len(messages_of(short_file))
@@ -180,9 +174,7 @@ def test_a_whole_file_needs_no_rescue(short_file: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("room", [0, 20_000])
-def test_a_rescue_on_a_full_disk_leaves_the_source_alone(
-    short_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, room: int
-) -> None:
+def test_a_rescue_on_a_full_disk_leaves_the_source_alone(short_file, tmp_path, monkeypatch, room):
     path = cut(short_file, 90_000, tmp_path)
     content = path.read_bytes()
     fill_disk(monkeypatch, room)
@@ -194,7 +186,7 @@ def test_a_rescue_on_a_full_disk_leaves_the_source_alone(
     assert path.read_bytes() == content
 
 
-def test_a_rescue_overwrites_nothing(short_file: Path, tmp_path: Path) -> None:
+def test_a_rescue_overwrites_nothing(short_file, tmp_path):
     path = cut(short_file, 60_000, tmp_path)
     kept = tmp_path / "kept.mcap"
     kept.write_bytes(b"precious")
@@ -211,7 +203,7 @@ def test_a_rescue_overwrites_nothing(short_file: Path, tmp_path: Path) -> None:
         (b"time_s,force_x_n\n0,0\n", "is not an MCAP file"),
     ],
 )
-def test_nothing_to_rescue_is_said(tmp_path: Path, content: bytes, text: str) -> None:
+def test_nothing_to_rescue_is_said(tmp_path, content, text):
     path = tmp_path / "odd.mcap"
     path.write_bytes(content)
     with pytest.raises(RecordingError, match=text):
@@ -279,7 +271,7 @@ Flushes = list[tuple[int, int]]
 
 
 @pytest.fixture(scope="module")
-def flown(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Flushes]:
+def flown(tmp_path_factory):
     """A recording, and what the disk held of it while it was written."""
     flight = synthetic_flight.fly(NUM_CONTROLS)
     path = tmp_path_factory.mktemp("flown") / "flight.mcap"
@@ -316,15 +308,13 @@ def assert_is_beginning(rescued: Recording, whole: Recording) -> int:
     return states if inferences == len(whole["/fis/f_z"]) else min(states, inferences)
 
 
-def test_samples_reach_the_disk_every_sixty_and_with_every_event(flown: tuple[Path, Flushes]) -> None:
+def test_samples_reach_the_disk_every_sixty_and_with_every_event(flown):
     _, flushes = flown
     assert [samples for _, samples in flushes] == [0, 26, 86, 91]
 
 
 @pytest.mark.slow
-def test_a_cut_at_any_byte_loses_no_flushed_sample_and_tells_no_wrong_one(
-    flown: tuple[Path, Flushes], tmp_path: Path
-) -> None:
+def test_a_cut_at_any_byte_loses_no_flushed_sample_and_tells_no_wrong_one(flown, tmp_path):
     path, flushes = flown
     content, whole = path.read_bytes(), telemetry.read(path)
     generator = random.Random(2606)  # noqa: S311 - where to cut

@@ -1,7 +1,5 @@
 """Tables for other tools: one number a cell, and units in the names."""
 
-from pathlib import Path
-
 import numpy as np
 import pyarrow as pa
 import pyarrow.csv
@@ -11,16 +9,13 @@ import pytest
 import telemetry
 from telemetry import EpisodeWriter, RecordingError
 from telemetry.file import topics
-from telemetry.file.tables import Format, export
+from telemetry.file.tables import export
 from tests.telemetry import synthetic_flight
 from tests.telemetry.full_disk import fill_disk
-from tests.telemetry.synthetic_flight import SyntheticFlight
 
 
 @pytest.mark.parametrize("file_format", ["csv", "parquet"])
-def test_every_topic_is_a_file(
-    short_flight: SyntheticFlight, short_file: Path, tmp_path: Path, file_format: Format
-) -> None:
+def test_every_topic_is_a_file(short_flight, short_file, tmp_path, file_format):
     recording = telemetry.read(short_file)
     paths = export(recording, tmp_path / "tables", file_format)
     names = {
@@ -40,7 +35,7 @@ def test_every_topic_is_a_file(
     np.testing.assert_array_equal(position, short_flight.position_m)
 
 
-def test_attitude_instants_are_rows(short_flight: SyntheticFlight, short_file: Path, tmp_path: Path) -> None:
+def test_attitude_instants_are_rows(short_flight, short_file, tmp_path):
     export(telemetry.read(short_file), tmp_path, "parquet")
     table = pyarrow.parquet.read_table(tmp_path / "deputy_attitude.parquet")
     np.testing.assert_array_equal(table["time_s"].to_numpy(), np.arange(1300.0))
@@ -48,9 +43,7 @@ def test_attitude_instants_are_rows(short_flight: SyntheticFlight, short_file: P
     np.testing.assert_array_equal(table["torque_z_n_m"].to_numpy(), expected)
 
 
-def test_points_are_rows_with_their_state_in_words(
-    short_flight: SyntheticFlight, short_file: Path, tmp_path: Path
-) -> None:
+def test_points_are_rows_with_their_state_in_words(short_flight, short_file, tmp_path):
     export(telemetry.read(short_file), tmp_path, "parquet")
     table = pyarrow.parquet.read_table(tmp_path / "chief_points.parquet")
     assert table.num_rows == 131 * 99
@@ -59,16 +52,14 @@ def test_points_are_rows_with_their_state_in_words(
     assert table["point"].to_pylist()[-99:] == list(range(99))
 
 
-def test_a_folder_that_cannot_be_is_said(short_file: Path, tmp_path: Path) -> None:
+def test_a_folder_that_cannot_be_is_said(short_file, tmp_path):
     (tmp_path / "file").write_text("in the way")
     with pytest.raises(RecordingError, match="choose another folder with -o"):
         export(telemetry.read(short_file), tmp_path / "file", "csv")
 
 
 @pytest.mark.parametrize("file_format", ["csv", "parquet"])
-def test_a_table_has_its_name_only_once_it_is_complete(
-    short_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, file_format: Format
-) -> None:
+def test_a_table_has_its_name_only_once_it_is_complete(short_file, tmp_path, monkeypatch, file_format):
     recording = telemetry.read(short_file, "/mission")
     (path,) = export(recording, tmp_path, file_format)
     before = path.read_bytes()
@@ -90,12 +81,12 @@ def test_a_table_has_its_name_only_once_it_is_complete(
         ("num_candidates", ""),
     ],
 )
-def test_a_name_tells_its_unit(field: str, unit: str) -> None:
+def test_a_name_tells_its_unit(field, unit):
     assert topics.unit_of(field) == unit
     assert field.endswith(topics.suffix_of(unit))
 
 
-def test_csv_has_no_cell_that_a_spreadsheet_runs(short_flight: SyntheticFlight, tmp_path: Path) -> None:
+def test_csv_has_no_cell_that_a_spreadsheet_runs(short_flight, tmp_path):
     told = {"metadata": synthetic_flight.metadata(short_flight), "attachments": {}}
     with telemetry.EpisodeWriter(tmp_path / "flight.mcap", **told) as writer:
         writer.log(0.0, "info", "=HYPERLINK(1)")
@@ -109,7 +100,7 @@ def units(table: pa.Table) -> dict[str, str]:
     return {field.name: (field.metadata or {}).get(b"unit", b"").decode() for field in table.schema}
 
 
-def test_a_topic_is_a_table_of_its_columns(short_flight: SyntheticFlight, short_file: Path) -> None:
+def test_a_topic_is_a_table_of_its_columns(short_flight, short_file):
     table = telemetry.read(short_file)["/deputy/state"].to_arrow()
     assert table.schema.field("position_m").type == pa.list_(pa.float64(), 3)
     assert table.schema.field("quaternion").type == pa.list_(pa.float64(), 4)
@@ -125,7 +116,7 @@ def test_a_topic_is_a_table_of_its_columns(short_flight: SyntheticFlight, short_
     assert table["position_m"].to_pylist() == short_flight.position_m.tolist()
 
 
-def test_every_topic_is_a_table_whatever_its_shape(short_file: Path, tmp_path: Path) -> None:
+def test_every_topic_is_a_table_whatever_its_shape(short_file, tmp_path):
     recording = telemetry.read(short_file)
     for topic in recording.topics.values():
         table = topic.to_arrow()
@@ -139,14 +130,12 @@ def test_every_topic_is_a_table_whatever_its_shape(short_file: Path, tmp_path: P
         assert topic.to_arrow().num_rows == len(topic)
 
 
-def test_whoever_takes_arrow_streams_takes_a_topic(short_file: Path) -> None:
+def test_whoever_takes_arrow_streams_takes_a_topic(short_file):
     mission = telemetry.read(short_file)["/mission"]
     assert pa.table(mission).equals(mission.to_arrow())
 
 
-def test_a_flat_table_has_one_number_a_cell_and_its_unit(
-    short_flight: SyntheticFlight, short_file: Path
-) -> None:
+def test_a_flat_table_has_one_number_a_cell_and_its_unit(short_flight, short_file):
     recording = telemetry.read(short_file)
     state = telemetry.flat_table(recording, "/deputy/state")
     assert all(pa.types.is_floating(field.type) for field in state.schema)
@@ -160,7 +149,7 @@ def test_a_flat_table_has_one_number_a_cell_and_its_unit(
         telemetry.flat_table(recording, "/fis/f_w")
 
 
-def test_a_unit_that_no_suffix_tells_is_kept(tmp_path: Path) -> None:
+def test_a_unit_that_no_suffix_tells_is_kept(tmp_path):
     metadata = synthetic_flight.metadata(synthetic_flight.fly(2))
     metadata["fis.f_x"]["input_units"] = '["furlong", ""]'
     with EpisodeWriter(tmp_path / "odd.mcap", metadata=metadata, attachments={}) as writer:
@@ -169,7 +158,7 @@ def test_a_unit_that_no_suffix_tells_is_kept(tmp_path: Path) -> None:
     assert (told["input_distance"], told["input_velocity_body_x"]) == ("furlong", "")
 
 
-def test_parquet_files_carry_the_units(short_file: Path, tmp_path: Path) -> None:
+def test_parquet_files_carry_the_units(short_file, tmp_path):
     export(telemetry.read(short_file), tmp_path, "parquet")
     table = pyarrow.parquet.read_table(tmp_path / "deputy_attitude.parquet")
     assert units(table)["torque_x_n_m"] == "N m"

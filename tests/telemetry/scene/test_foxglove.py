@@ -16,11 +16,9 @@ import telemetry
 from telemetry import EpisodeWriter
 from telemetry.file import topics
 from telemetry.file.metadata import unsealed
-from telemetry.file.reader import Recording
 from tests.places import PROJECT
 from tests.programs import missing, program
 from tests.telemetry import synthetic_flight
-from tests.telemetry.synthetic_flight import SyntheticFlight
 
 pytestmark = pytest.mark.slow
 
@@ -38,12 +36,12 @@ class PaperWriter(EpisodeWriter):
 
 
 @pytest.fixture(scope="module")
-def flown() -> SyntheticFlight:
+def flown():
     return synthetic_flight.fly(20)
 
 
 @pytest.fixture(scope="module")
-def recorded(flown: SyntheticFlight, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def recorded(flown, tmp_path_factory):
     metadata = {
         name.replace("fis.f_", "fis.force_"): entries
         for name, entries in synthetic_flight.metadata(flown).items()
@@ -57,18 +55,18 @@ def recorded(flown: SyntheticFlight, tmp_path_factory: pytest.TempPathFactory) -
 
 
 @pytest.fixture(scope="module")
-def recording(recorded: Path) -> Recording:
+def recording(recorded):
     return telemetry.read(recorded)
 
 
 @pytest.fixture(scope="module")
-def layout() -> dict[str, Any]:
+def layout():
     content: dict[str, Any] = json.loads(LAYOUT.read_text(encoding="utf-8"))
     return content
 
 
 @pytest.fixture(scope="module")
-def reader(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def reader(tmp_path_factory):
     """A folder with Foxglove's own libraries for reading, of the versions that the lock names."""
     program("node", "nodejs")
     npm = program("npm", "npm")
@@ -89,13 +87,13 @@ def run_node(folder: Path, *arguments: str | Path) -> Any:
 
 
 @pytest.fixture(scope="module")
-def seen(reader: Path, recorded: Path) -> dict[str, Any]:
+def seen(reader, recorded):
     """The recording as Foxglove's libraries tell it."""
     told: dict[str, Any] = run_node(reader, "read.mjs", recorded)
     return told
 
 
-def test_every_channel_is_decoded_in_full(seen: dict[str, Any], recording: Recording) -> None:
+def test_every_channel_is_decoded_in_full(seen, recording):
     assert {name: topic["schema"] for name, topic in seen["topics"].items()} == {
         name: topic.schema for name, topic in recording.topics.items()
     }
@@ -103,7 +101,7 @@ def test_every_channel_is_decoded_in_full(seen: dict[str, Any], recording: Recor
         assert [message["time_s"] for message in seen["topics"][name]["messages"]] == topic.time_s.tolist()
 
 
-def test_our_messages_say_the_same_there(seen: dict[str, Any], recording: Recording) -> None:
+def test_our_messages_say_the_same_there(seen, recording):
     num_fields = 0
     for name, topic in recording.topics.items():
         if topic.schema.startswith("inspection."):
@@ -116,12 +114,12 @@ def test_our_messages_say_the_same_there(seen: dict[str, Any], recording: Record
     assert num_fields == 4 + 4 + 11 + 6 + 5 + 9 + 3 * 4
 
 
-def test_foxgloves_messages_say_the_same_there(seen: dict[str, Any], recording: Recording) -> None:
-    def told(topic: str) -> list[dict[str, Any]]:
+def test_foxgloves_messages_say_the_same_there(seen, recording):
+    def told(topic):
         messages: list[dict[str, Any]] = seen["topics"][topic]["messages"]
         return messages
 
-    def numbers(vectors: list[dict[str, float]], axes: str) -> np.ndarray:
+    def numbers(vectors, axes):
         return np.array([[vector[axis] for axis in axes] for vector in vectors])
 
     poses = [message["pose"] for message in told("/deputy/pose")]
@@ -139,7 +137,7 @@ def test_foxgloves_messages_say_the_same_there(seen: dict[str, Any], recording: 
     assert [message["message"] for message in told("/log")] == recording["/log"]["message"].tolist()
 
 
-def test_metadata_and_attachments_are_there(seen: dict[str, Any], recording: Recording) -> None:
+def test_metadata_and_attachments_are_there(seen, recording):
     assert {name: unsealed(name, entries) for name, entries in seen["metadata"].items()} == recording.metadata
     assert {name: text.encode() for name, text in seen["attachments"].items()} == recording.attachments
 
@@ -165,13 +163,13 @@ def output_of(source: str) -> str:
     return match.group(1)
 
 
-def test_every_panel_has_a_place_and_a_configuration(layout: dict[str, Any]) -> None:
+def test_every_panel_has_a_place_and_a_configuration(layout):
     placed = list(panels(layout["layout"]))
     assert sorted(placed) == sorted(layout["configById"])
     assert {name.split("!")[0] for name in placed} == {"3D", "Plot", "StateTransitions", "RosOut"}
 
 
-def test_every_field_that_the_layout_plots_is_recorded(layout: dict[str, Any], recording: Recording) -> None:
+def test_every_field_that_the_layout_plots_is_recorded(layout, recording):
     outputs = {output_of(script["sourceCode"]) for script in layout["userNodes"].values()}
     plotted = set()
     for path in message_paths(layout):
@@ -196,9 +194,7 @@ def test_every_field_that_the_layout_plots_is_recorded(layout: dict[str, Any], r
     }
 
 
-def test_every_topic_and_frame_that_the_scene_shows_is_recorded(
-    layout: dict[str, Any], recording: Recording
-) -> None:
+def test_every_topic_and_frame_that_the_scene_shows_is_recorded(layout, recording):
     scene = layout["configById"]["3D!scene"]
     frames = set(recording["/tf"]["child_frame"]) | set(recording["/tf"]["parent_frame"])
     assert scene["followTf"] in frames
@@ -209,14 +205,14 @@ def test_every_topic_and_frame_that_the_scene_shows_is_recorded(
     assert layout["configById"]["RosOut!events"]["topicToRender"] == topics.LOG
 
 
-def test_the_layout_carries_the_scripts_that_lie_beside_it(layout: dict[str, Any]) -> None:
+def test_the_layout_carries_the_scripts_that_lie_beside_it(layout):
     """After a change of a script: ``node docs/foxglove/embed.mjs``."""
     assert set(layout["userNodes"]) == {path.stem for path in FOLDER.glob("*.ts")}
     for name, script in layout["userNodes"].items():
         assert script == {"name": name, "sourceCode": (FOLDER / f"{name}.ts").read_text(encoding="utf-8")}
 
 
-def test_the_layouts_variables_and_lines_are_the_papers(layout: dict[str, Any], recording: Recording) -> None:
+def test_the_layouts_variables_and_lines_are_the_papers(layout, recording):
     episode, variables = recording.episode, layout["globalVariables"]
     assert (variables["min_distance_m"], variables["max_distance_m"]) == (
         episode.min_distance_m,
@@ -229,7 +225,7 @@ def test_the_layouts_variables_and_lines_are_the_papers(layout: dict[str, Any], 
 
 
 @pytest.fixture(scope="module")
-def made(reader: Path, recorded: Path) -> dict[str, list[dict[str, Any]]]:
+def made(reader, recorded):
     """What the layout's scripts, compiled strictly, make of the recording."""
     told: dict[str, list[dict[str, Any]]] = run_node(reader, "run_scripts.mjs", LAYOUT, recorded)
     return told
@@ -251,9 +247,7 @@ def point(vector: dict[str, float]) -> np.ndarray:
 
 
 @pytest.mark.parametrize("sample", [0, 7, 19])
-def test_arrows_of_the_scene_point_where_the_numbers_say(
-    made: dict[str, list[dict[str, Any]]], flown: SyntheticFlight, sample: int
-) -> None:
+def test_arrows_of_the_scene_point_where_the_numbers_say(made, flown, sample):
     scene = last_scene_of(made["/studio_script/scene"], sample)
     angle = flown.sun_angle_rad[sample]
     force = flown.force_hill_n[sample]
@@ -273,9 +267,7 @@ def test_arrows_of_the_scene_point_where_the_numbers_say(
     assert arrow["shaft_length"] + arrow["head_length"] == pytest.approx(3000.0 * np.linalg.norm(force))
 
 
-def test_the_field_of_view_is_a_cone_from_the_deputy_onto_the_chief(
-    made: dict[str, list[dict[str, Any]]], flown: SyntheticFlight
-) -> None:
+def test_the_field_of_view_is_a_cone_from_the_deputy_onto_the_chief(made, flown):
     scene = last_scene_of(made["/studio_script/scene"], 7)
     (cone,) = scene["field of view"]["cylinders"]
     assert scene["field of view"]["frame_id"] == "deputy"
@@ -293,9 +285,7 @@ def test_the_field_of_view_is_a_cone_from_the_deputy_onto_the_chief(
     assert np.arctan2(cone["size"]["x"] / 2, depth) == pytest.approx(synthetic_flight.HALF_ANGLE)
 
 
-def test_shells_body_and_trail_are_where_they_belong(
-    made: dict[str, list[dict[str, Any]]], flown: SyntheticFlight
-) -> None:
+def test_shells_body_and_trail_are_where_they_belong(made, flown):
     scene = last_scene_of(made["/studio_script/scene"], 12)
     for name, radius in (("least distance", 15.0), ("greatest distance", 200.0)):
         for circle in scene[name]["lines"]:
@@ -309,9 +299,7 @@ def test_shells_body_and_trail_are_where_they_belong(
     np.testing.assert_array_equal(dots, flown.position_m[:13])
 
 
-def test_the_strongest_rule_is_named_by_its_number(
-    made: dict[str, list[dict[str, Any]]], flown: SyntheticFlight
-) -> None:
+def test_the_strongest_rule_is_named_by_its_number(made, flown):
     last = {event["time_s"]: event["message"] for event in made["/studio_script/rules"]}
     assert len(last) == 20
     strengths = flown.firing_strengths.astype(np.float32)

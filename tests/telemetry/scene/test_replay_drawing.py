@@ -18,7 +18,7 @@ RULES = ("if far then pull", "if near then push")
 
 
 @pytest.fixture
-def recording(tmp_path: Path) -> Recording:
+def recording(tmp_path):
     """Four samples; two rules fire in turn at the first two, then nothing is inferred."""
     description = FisDescription(
         input_names=("distance", "speed"),
@@ -36,11 +36,11 @@ def recording(tmp_path: Path) -> Recording:
     return telemetry.read(path)
 
 
-def test_sample_times_are_those_of_all_topics(recording: Recording) -> None:
+def test_sample_times_are_those_of_all_topics(recording):
     assert drawing.sample_times(recording).tolist() == [0.0, 10.0, 20.0, 30.0]
 
 
-def test_map_has_time_to_the_right_and_rules_downwards(recording: Recording) -> None:
+def test_map_has_time_to_the_right_and_rules_downwards(recording):
     picture = drawing.activation_map(recording, drawing.sample_times(recording))
     assert picture is not None
     height, width = picture.image.shape
@@ -50,7 +50,7 @@ def test_map_has_time_to_the_right_and_rules_downwards(recording: Recording) -> 
     assert picture.band_names == ("pilot",)
 
 
-def test_cursor_walks_across_the_map(recording: Recording) -> None:
+def test_cursor_walks_across_the_map(recording):
     picture = drawing.activation_map(recording, drawing.sample_times(recording))
     assert picture is not None
     height, width = picture.image.shape
@@ -59,7 +59,7 @@ def test_cursor_walks_across_the_map(recording: Recording) -> None:
     assert lines[:, :, 1].tolist() == [[0.0, height]] * 4
 
 
-def test_map_marks_the_strongest_rule_where_its_row_is(recording: Recording) -> None:
+def test_map_marks_the_strongest_rule_where_its_row_is(recording):
     picture = drawing.activation_map(recording, drawing.sample_times(recording))
     assert picture is not None
     points, labels, lengths = picture.markers(np.array([0.0, 10.0, 20.0, 30.0]))
@@ -68,7 +68,7 @@ def test_map_marks_the_strongest_rule_where_its_row_is(recording: Recording) -> 
     np.testing.assert_allclose(points, [[0.0, height / 4], [width / 3, 3 * height / 4]], rtol=1e-6)
 
 
-def test_words_name_what_was_told_and_the_strongest_rules_first(recording: Recording) -> None:
+def test_words_name_what_was_told_and_the_strongest_rules_first(recording):
     first, second, third, _ = drawing.inference_in_words(recording, drawing.sample_times(recording))
     assert first.splitlines() == [
         "- **f_x = -0.5000 N** · distance 80.000 m · speed 0.250",
@@ -80,7 +80,7 @@ def test_words_name_what_was_told_and_the_strongest_rules_first(recording: Recor
 
 
 @pytest.mark.parametrize("boresight", [(-1.0, 0.0, 0.0), (0.0, 0.0, 2.0), (1.0, -1.0, 0.5)])
-def test_view_cone_opens_by_its_half_angle(boresight: tuple[float, float, float]) -> None:
+def test_view_cone_opens_by_its_half_angle(boresight):
     *rays, rim = drawing.view_cone(boresight, 0.3)
     axis = np.array(boresight) / np.linalg.norm(boresight)
     np.testing.assert_allclose(rim @ axis, 1.0)
@@ -94,7 +94,7 @@ INSPECTED = (1, 1, 2, 3)
 
 
 @pytest.fixture
-def flown(tmp_path: Path) -> Recording:
+def flown(tmp_path):
     """Of three points: a burn by two rules, a force that is not fired, coasting, all inspected, the end."""
     rules = ("if far then pull", "if near then push")
     words = FisDescription(
@@ -115,7 +115,7 @@ def flown(tmp_path: Path) -> Recording:
     return telemetry.read(path)
 
 
-def test_what_is_done_follows_from_what_is_recorded(flown: Recording) -> None:
+def test_what_is_done_follows_from_what_is_recorded(flown):
     assert drawing.now_in_words(flown, drawing.sample_times(flown)) == [
         "Firing 50 mN backwards and along the orbit normal, mostly by rule 2 of pilot: 2 points left",
         "No burn: 2 points left",
@@ -135,13 +135,11 @@ def test_what_is_done_follows_from_what_is_recorded(flown: Recording) -> None:
         (["complete"] * 3, np.nan, "Coasting: every point is inspected"),
     ],
 )
-def test_a_recorded_reason_is_taken(
-    flown: Recording, reasons: list[str], missed: float, expected: str
-) -> None:
+def test_a_recorded_reason_is_taken(flown, reasons, missed, expected):
     assert drawing.now_in_words(told(flown, 1, reasons, missed), np.array([10.0])) == [expected]
 
 
-def test_what_the_thruster_or_the_safety_layer_changed_is_told(flown: Recording) -> None:
+def test_what_the_thruster_or_the_safety_layer_changed_is_told(flown):
     (line,) = drawing.now_in_words(told(flown, 0, ["fired", "clipped", "safety"], np.nan), np.array([0.0]))
     assert line.endswith("of pilot, at the thruster's limit, changed by the safety layer: 2 points left")
 
@@ -163,7 +161,7 @@ def told(flown: Recording, place: int, reasons: list[str], missed: float) -> Rec
     )
 
 
-def test_rules_are_ranked_by_their_shares(flown: Recording) -> None:
+def test_rules_are_ranked_by_their_shares(flown):
     first, second, *_ = drawing.inference_in_words(flown, drawing.sample_times(flown))
     assert first.splitlines()[1:] == [
         "  - `-0.0500 N` rule 2 (0.25): if near then push",
@@ -191,7 +189,7 @@ def recordings(*paths: str) -> list[Recording]:
         (["/a/x.mcap", "/a/x.mcap"], ["x 1", "x 2"]),
     ],
 )
-def test_names_are_short_and_differ(paths: list[str], names: list[str]) -> None:
+def test_names_are_short_and_differ(paths, names):
     assert flight_names(recordings(*paths)) == names
 
 
@@ -205,5 +203,5 @@ def test_names_are_short_and_differ(paths: list[str], names: list[str]) -> None:
         ("a\tb\x00c\nd", "a□b□c\nd"),
     ],
 )
-def test_signs_without_a_glyph_become_boxes(text: str, drawn: str) -> None:
+def test_signs_without_a_glyph_become_boxes(text, drawn):
     assert drawable(text) == drawn

@@ -2,7 +2,6 @@
 
 import subprocess
 import sys
-from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -18,28 +17,27 @@ from telemetry.file.reader import TopicColumns
 from telemetry.scene import replay, viewer
 from tests.telemetry import synthetic_flight
 from tests.telemetry.scene.rrd_content import Content, views
-from tests.telemetry.synthetic_flight import SyntheticFlight
 
 
 @pytest.fixture(scope="module")
-def replay_file(flight_file: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def replay_file(flight_file, tmp_path_factory):
     output = tmp_path_factory.mktemp("replay") / "flight.rrd"
     viewer.save(replay.scene([flight_file]), output)
     return output
 
 
 @pytest.fixture(scope="module")
-def content(replay_file: Path) -> Content:
+def content(replay_file):
     return Content(replay_file)
 
 
-def test_rerun_finds_the_file_sound(replay_file: Path) -> None:
+def test_rerun_finds_the_file_sound(replay_file):
     command = [sys.executable, "-m", "rerun", "rrd", "verify", str(replay_file)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)  # noqa: S603 - our own interpreter
     assert done.returncode == 0, done.stderr
 
 
-def test_layout_holds_every_view(replay_file: Path) -> None:
+def test_layout_holds_every_view(replay_file):
     found = sorted(views(replay_file))
     kinds = [kind for kind, _ in found]
     assert {kind: kinds.count(kind) for kind in set(kinds)} == {
@@ -67,7 +65,7 @@ def test_layout_holds_every_view(replay_file: Path) -> None:
         assert expected in titles
 
 
-def test_layout_plays_the_flight_in_a_minute(replay_file: Path) -> None:
+def test_layout_plays_the_flight_in_a_minute(replay_file):
     reader = RrdReader(str(replay_file))
     panel: dict[str, Any] = {}
     for chunk in reader.stream(store=reader.blueprints()[0]):
@@ -80,7 +78,7 @@ def test_layout_plays_the_flight_in_a_minute(replay_file: Path) -> None:
     assert panel["playback_speed"] == [60.0]
 
 
-def test_deputy_flies_where_it_flew(flight: SyntheticFlight, content: Content) -> None:
+def test_deputy_flies_where_it_flew(flight, content):
     deputy = "/scene/deputy"
     np.testing.assert_allclose(content.times(deputy, "Transform3D:translation"), flight.time_s)
     translation = content.numbers(deputy, "Transform3D:translation")[:, 0]
@@ -89,7 +87,7 @@ def test_deputy_flies_where_it_flew(flight: SyntheticFlight, content: Content) -
     np.testing.assert_allclose(quaternion, flight.quaternion, atol=1e-6)
 
 
-def test_field_of_view_reaches_the_chief(flight: SyntheticFlight, content: Content) -> None:
+def test_field_of_view_reaches_the_chief(flight, content):
     """The drawn rim, in Hill axes, lies 15 degrees off the line to the chief and goes around its centre."""
     strips = content.column("/scene/deputy/camera/view", "LineStrips3D:strips")[0]
     rim = np.array(strips[-1])
@@ -104,7 +102,7 @@ def test_field_of_view_reaches_the_chief(flight: SyntheticFlight, content: Conte
     np.testing.assert_allclose(np.degrees(np.arccos(cosine)), 15.0, atol=1e-3)
 
 
-def test_points_wear_the_colours_of_their_states(flight: SyntheticFlight, content: Content) -> None:
+def test_points_wear_the_colours_of_their_states(flight, content):
     colours = content.column("/scene/chief/points", "Points3D:colors")
     inspected = int.from_bytes(bytes((0, 190, 130, 255)), "big")
     for k in (0, 180, 360):
@@ -113,7 +111,7 @@ def test_points_wear_the_colours_of_their_states(flight: SyntheticFlight, conten
     np.testing.assert_allclose(positions, flight.points_m, atol=1e-5)
 
 
-def test_sun_target_and_force_are_arrows(flight: SyntheticFlight, content: Content) -> None:
+def test_sun_target_and_force_are_arrows(flight, content):
     sun = content.numbers("/scene/sun", "Arrows3D:vectors")[:, 0]
     expected = np.column_stack(
         (np.cos(flight.sun_angle_rad), np.sin(flight.sun_angle_rad), 0 * flight.time_s)
@@ -128,7 +126,7 @@ def test_sun_target_and_force_are_arrows(flight: SyntheticFlight, content: Conte
     np.testing.assert_allclose(origin, flight.position_m[:-1], atol=1e-4)
 
 
-def test_shells_stand_at_the_limits(content: Content) -> None:
+def test_shells_stand_at_the_limits(content):
     half_sizes = [
         content.column(f"/scene/limits/{name}", "Ellipsoids3D:half_sizes")[0][0]
         for name in ("nearest", "farthest")
@@ -136,7 +134,7 @@ def test_shells_stand_at_the_limits(content: Content) -> None:
     assert half_sizes == [[15.0] * 3, [200.0] * 3]
 
 
-def test_curves_are_the_flight(flight: SyntheticFlight, content: Content) -> None:
+def test_curves_are_the_flight(flight, content):
     scalars = "Scalars:scalars"
     np.testing.assert_allclose(content.numbers("/curves/force/applied", scalars), flight.force_hill_n)
     torque = content.numbers("/curves/torque/applied", scalars)
@@ -153,7 +151,7 @@ def test_curves_are_the_flight(flight: SyntheticFlight, content: Content) -> Non
     np.testing.assert_allclose(output, flight.fis_output_n[1])
 
 
-def test_rules_are_told_in_words_at_each_instant(flight: SyntheticFlight, content: Content) -> None:
+def test_rules_are_told_in_words_at_each_instant(flight, content):
     words = content.column("/rules/words", "TextDocument:text")
     assert len(words) == 361
     strongest = int(np.argmax(flight.firing_strengths[0, 50]))
@@ -162,7 +160,7 @@ def test_rules_are_told_in_words_at_each_instant(flight: SyntheticFlight, conten
     assert "No inference" in words[360][0]
 
 
-def test_trail_and_events_are_there(content: Content) -> None:
+def test_trail_and_events_are_there(content):
     assert len(content.column("/scene/flights/0/trail", "LineStrips3D:strips")) == 360
     events = content.column("/events", "TextLog:text")
     assert [text for (text,) in events] == [
@@ -171,9 +169,7 @@ def test_trail_and_events_are_there(content: Content) -> None:
     ]
 
 
-def test_flights_are_laid_over_each_other(
-    flight_file: Path, short_flight: SyntheticFlight, short_file: Path, tmp_path: Path
-) -> None:
+def test_flights_are_laid_over_each_other(flight_file, short_flight, short_file, tmp_path):
     output = tmp_path / "two.rrd"
     viewer.save(replay.scene([flight_file, short_file]), output)
     content = Content(output)
@@ -195,7 +191,7 @@ def test_flights_are_laid_over_each_other(
     assert len(content.column("/curves/delta_v/flight_1", "Scalars:scalars")) == 131
 
 
-def test_a_flight_without_fuzzy_systems_is_shown(tmp_path: Path) -> None:
+def test_a_flight_without_fuzzy_systems_is_shown(tmp_path):
     flight = synthetic_flight.fly(4)
     path = tmp_path / "coast.mcap"
     metadata = {"episode": synthetic_flight.metadata(flight)["episode"]}
@@ -207,7 +203,7 @@ def test_a_flight_without_fuzzy_systems_is_shown(tmp_path: Path) -> None:
     assert "2D" not in {kind for kind, _ in views(tmp_path / "coast.rrd")}
 
 
-def test_a_flight_whose_metadata_is_lost_is_shown(tmp_path: Path) -> None:
+def test_a_flight_whose_metadata_is_lost_is_shown(tmp_path):
     flight = synthetic_flight.fly(2)
     path = tmp_path / "bare.mcap"
     with EpisodeWriter(path, metadata={}, attachments={}) as writer:
@@ -219,7 +215,7 @@ def test_a_flight_whose_metadata_is_lost_is_shown(tmp_path: Path) -> None:
     assert not any(entity.startswith("/scene/limits") for entity in entities)
 
 
-def test_a_recording_without_a_flight_is_refused(tmp_path: Path) -> None:
+def test_a_recording_without_a_flight_is_refused(tmp_path):
     with EpisodeWriter(tmp_path / "empty.mcap", metadata={}, attachments={}):
         pass
     with pytest.raises(RecordingError, match="holds no messages on /deputy/state, /mission"):
@@ -227,12 +223,12 @@ def test_a_recording_without_a_flight_is_refused(tmp_path: Path) -> None:
     assert not (tmp_path / "empty.rrd").exists()
 
 
-def test_an_impossible_output_is_said(flight_file: Path, tmp_path: Path) -> None:
+def test_an_impossible_output_is_said(flight_file, tmp_path):
     with pytest.raises(RecordingError, match=r"nowhere/x\.rrd cannot be written: No such file"):
         viewer.save(replay.scene([flight_file]), tmp_path / "nowhere" / "x.rrd")
 
 
-def test_a_full_disk_is_said(short_file: Path, tmp_path: Path) -> None:
+def test_a_full_disk_is_said(short_file, tmp_path):
     # a file that takes no byte
     (tmp_path / "x.rrd.partial").symlink_to("/dev/full")
     with pytest.raises(RecordingError, match=r"x\.rrd cannot be written: .* free space"):
@@ -240,10 +236,8 @@ def test_a_full_disk_is_said(short_file: Path, tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_disk_that_fills_up_meanwhile_is_said(
-    short_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def flush(_stream: object) -> None:
+def test_a_disk_that_fills_up_meanwhile_is_said(short_file, tmp_path, monkeypatch):
+    def flush(_stream):
         raise RuntimeError("File-writer thread shut down prematurely")
 
     monkeypatch.setattr("rerun.RecordingStream.flush", flush)
@@ -253,13 +247,11 @@ def test_a_disk_that_fills_up_meanwhile_is_said(
 
 
 @pytest.mark.parametrize("in_browser", [False, True])
-def test_viewer_listens_to_this_machine_alone(
-    short_file: Path, monkeypatch: pytest.MonkeyPatch, *, in_browser: bool
-) -> None:
+def test_viewer_listens_to_this_machine_alone(short_file, monkeypatch, *, in_browser):
     commands: list[list[str]] = []
 
     @contextmanager
-    def running(command: list[str]) -> Iterator["subprocess.Popen[bytes]"]:
+    def running(command):
         commands.append(command)
         assert Path(command[-1]).stat().st_size > 10_000
         with subprocess.Popen([sys.executable, "-c", ""]) as process:
@@ -273,15 +265,13 @@ def test_viewer_listens_to_this_machine_alone(
     assert ("--web-viewer" in command) == in_browser
 
 
-def test_a_viewer_that_fails_is_said(short_file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_viewer_that_fails_is_said(short_file, monkeypatch):
     monkeypatch.setattr("telemetry.scene.viewer._RERUN", ("false",))
     with pytest.raises(RecordingError, match="ended with exit code 1"):
         viewer.show(replay.scene([short_file]), in_browser=True)
 
 
-def test_a_machine_without_a_display_is_told_what_else_to_do(
-    short_file: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_machine_without_a_display_is_told_what_else_to_do(short_file, monkeypatch):
     monkeypatch.setattr("telemetry.scene.viewer.sys.platform", "linux")
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
@@ -293,9 +283,7 @@ def test_a_machine_without_a_display_is_told_what_else_to_do(
     ("name", "text"),
     [("none.mcap", "none.mcap cannot be opened: No such file"), ("a.yaml", "not an MCAP file")],
 )
-def test_a_wrong_path_is_told_before_a_missing_display(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, short_file: Path, name: str, text: str
-) -> None:
+def test_a_wrong_path_is_told_before_a_missing_display(tmp_path, monkeypatch, short_file, name, text):
     monkeypatch.setattr("sys.platform", "linux")
     for variable in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(variable, raising=False)
@@ -304,9 +292,7 @@ def test_a_wrong_path_is_told_before_a_missing_display(
         viewer.show(replay.scene([short_file, tmp_path / name]), in_browser=False)
 
 
-def test_points_glow_by_how_much_they_add(
-    short_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_points_glow_by_how_much_they_add(short_file, tmp_path, monkeypatch):
     """From 100 s on point 3 adds most to an input, point 5 a quarter of that; until then none adds any."""
     flight = telemetry.read(short_file)
     parts = np.zeros((2, 99))

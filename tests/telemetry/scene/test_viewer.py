@@ -6,9 +6,8 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import contextmanager
-from pathlib import Path
 
 import numpy as np
 import psutil
@@ -34,20 +33,20 @@ VULKAN = "/usr/share/vulkan/icd.d/lvp_icd.x86_64.json"
 
 
 @pytest.fixture(scope="module")
-def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def run(tmp_path_factory):
     folder = synthetic_run.write_evaluation(tmp_path_factory.mktemp("run") / "both")
     return synthetic_run.write_training(folder)
 
 
 @pytest.fixture(scope="module")
-def client() -> Iterator[ViewerClient]:
+def client():
     library(VULKAN, "mesa-vulkan-drivers")
     with screenshot.headless() as client:
         yield client
 
 
 @pytest.fixture(params=["replay", "several", "campaign", "training"])
-def scene(request: pytest.FixtureRequest, flight_file: Path, short_file: Path, run: Path) -> Scene:
+def scene(request, flight_file, short_file, run):
     makers = {
         "replay": lambda: replay.scene([flight_file]),
         "several": lambda: replay.scene([flight_file, short_file]),
@@ -58,7 +57,7 @@ def scene(request: pytest.FixtureRequest, flight_file: Path, short_file: Path, r
 
 
 @pytest.mark.slow
-def test_viewer_shows_every_view_of_a_recording(client: ViewerClient, scene: Scene, tmp_path: Path) -> None:
+def test_viewer_shows_every_view_of_a_recording(client, scene, tmp_path):
     viewer.save(scene, tmp_path / "x.rrd")
     screenshot.load(client, tmp_path / "x.rrd")
     client.save_screenshot(str(tmp_path / "x.png"))
@@ -69,7 +68,7 @@ def test_viewer_shows_every_view_of_a_recording(client: ViewerClient, scene: Sce
 
 
 @pytest.mark.slow
-def test_the_viewer_can_write_every_sign_that_is_kept(client: ViewerClient, tmp_path: Path) -> None:
+def test_the_viewer_can_write_every_sign_that_is_kept(client, tmp_path):
     """In both of its fonts: the viewer ends at a sign for which it has no glyph."""
     signs = "".join(sign for sign in map(chr, range(0x21, 0x3000)) if drawable(sign) == sign)
     assert len(signs) > 600
@@ -77,7 +76,7 @@ def test_the_viewer_can_write_every_sign_that_is_kept(client: ViewerClient, tmp_
     plain = "\n\n".join(re.sub(r"([^\w\s])", r"\\\1", line, flags=re.ASCII) for line in lines)
     code = "\n".join(f"    {line}" for line in lines)
 
-    def send(stream: rr.RecordingStream) -> None:
+    def send(stream):
         for name, text in (("plain", plain), ("code", code)):
             stream.log(name, rr.TextDocument(text, media_type="text/markdown"), static=True)
 
@@ -90,9 +89,7 @@ def test_the_viewer_can_write_every_sign_that_is_kept(client: ViewerClient, tmp_
 
 
 @pytest.mark.slow
-def test_flights_and_rules_are_shown_whatever_they_are_called(
-    client: ViewerClient, flight_file: Path, tmp_path: Path
-) -> None:
+def test_flights_and_rules_are_shown_whatever_they_are_called(client, flight_file, tmp_path):
     flight = synthetic_flight.fly(12)
     words = synthetic_flight.metadata(flight)
     for name in words:
@@ -113,10 +110,10 @@ def test_flights_and_rules_are_shown_whatever_they_are_called(
 
 
 @pytest.mark.slow
-def test_a_viewer_that_ends_is_not_taken_for_one_without_a_driver(tmp_path: Path) -> None:
+def test_a_viewer_that_ends_is_not_taken_for_one_without_a_driver(tmp_path):
     library(VULKAN, "mesa-vulkan-drivers")
 
-    def send(stream: rr.RecordingStream) -> None:
+    def send(stream):
         stream.log("text", rr.TextDocument("🚀"), static=True)
 
     scene = Scene("text", "text", rrb.Blueprint(rrb.TextDocumentView(origin="text")), send)
@@ -126,9 +123,7 @@ def test_a_viewer_that_ends_is_not_taken_for_one_without_a_driver(tmp_path: Path
 
 
 @pytest.mark.slow
-def test_a_view_that_fails_is_noticed(
-    client: ViewerClient, short_file: Path, run: Path, tmp_path: Path
-) -> None:
+def test_a_view_that_fails_is_noticed(client, short_file, run, tmp_path):
     """The layout of a flight over a recording without one: nothing to look from as the deputy does."""
     layout = replay.scene([short_file]).layout
     viewer.save(Scene("empty", "empty", layout, campaign.scene(run).send), tmp_path / "x.rrd")
@@ -139,9 +134,7 @@ def test_a_view_that_fails_is_noticed(
 
 
 @pytest.mark.slow
-def test_pictures_show_what_they_are_asked_for(
-    flight_file: Path, run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_pictures_show_what_they_are_asked_for(flight_file, run, tmp_path, capsys):
     library(VULKAN, "mesa-vulkan-drivers")
     at = ["--at", "60", "3000"]
     assert main(["screenshot", str(flight_file), str(run), *at, "-o", str(tmp_path / "p")]) == 0
@@ -165,15 +158,13 @@ def test_pictures_show_what_they_are_asked_for(
 
 
 @pytest.mark.slow
-def test_nothing_to_draw_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_nothing_to_draw_is_said(tmp_path, capsys):
     assert main(["screenshot", str(tmp_path)]) == 2
     assert "holds neither an evaluation nor a training" in capsys.readouterr().err
 
 
 @pytest.mark.slow
-def test_a_missing_driver_is_said(
-    run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_missing_driver_is_said(run, tmp_path, monkeypatch, capsys):
     for variable in ("VK_DRIVER_FILES", "VK_ICD_FILENAMES"):
         monkeypatch.setenv(variable, str(tmp_path / "none.json"))
     assert main(["screenshot", str(run), "-o", str(tmp_path)]) == 2
@@ -181,7 +172,7 @@ def test_a_missing_driver_is_said(
 
 
 @pytest.mark.slow
-def test_a_viewer_that_cannot_start_is_said() -> None:
+def test_a_viewer_that_cannot_start_is_said():
     with (
         tempfile.TemporaryFile() as log,
         pytest.raises(RecordingError, match=r"ended with exit code \d+ before it was ready"),
@@ -191,7 +182,7 @@ def test_a_viewer_that_cannot_start_is_said() -> None:
 
 
 @pytest.mark.slow
-def test_nothing_of_a_viewer_is_left_behind() -> None:
+def test_nothing_of_a_viewer_is_left_behind():
     with tempfile.TemporaryFile() as log, viewer.started(in_browser=True, log=log) as running:
         launcher = psutil.Process(running.process.pid)
         processes = [launcher, *launcher.children(recursive=True)]
@@ -202,9 +193,7 @@ def test_nothing_of_a_viewer_is_left_behind() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("arguments", [["replay", "FLIGHT"], ["training", "RUN", "--follow"]])
-def test_web_listens_to_this_machine_alone_and_ends_in_order(
-    arguments: list[str], flight_file: Path, run: Path, tmp_path: Path
-) -> None:
+def test_web_listens_to_this_machine_alone_and_ends_in_order(arguments, flight_file, run, tmp_path):
     places = {"FLIGHT": str(flight_file), "RUN": str(run)}
     command = [sys.executable, "-m", "telemetry", *(places.get(word, word) for word in arguments), "--web"]
     # a browser that opens nothing
@@ -250,7 +239,7 @@ def _until(condition: Callable[[], bool]) -> None:
 
 
 @pytest.mark.slow
-def test_a_training_grows_in_the_viewer(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_training_grows_in_the_viewer(tmp_path, monkeypatch):
     """What --follow does, with a viewer that has no window."""
     library(VULKAN, "mesa-vulkan-drivers")
     folder = synthetic_run.write_training(tmp_path / "run", 2)
@@ -258,7 +247,7 @@ def test_a_training_grows_in_the_viewer(tmp_path: Path, monkeypatch: pytest.Monk
     urls: list[str] = []
 
     @contextmanager
-    def headless(**_options: bool) -> Iterator[viewer.Viewer]:
+    def headless(**_options):
         with tempfile.TemporaryFile() as log, started("--headless", log=log) as running:
             urls.append(running.url)
             yield running
@@ -266,13 +255,13 @@ def test_a_training_grows_in_the_viewer(tmp_path: Path, monkeypatch: pytest.Monk
     monkeypatch.setattr(viewer, "started", headless)
     monkeypatch.setattr(training, "POLL_S", 0.05)
 
-    def shown(num_rows: int) -> bool:
+    def shown(num_rows):
         """Whether the newest generation in the viewer is the last of so many."""
         recordings = ViewerClient.connect(urls[0]).get_state().recordings
         lines = [line for recording in recordings for line in recording.timelines]
         return any(line.name == "generation" and line.end == num_rows - 1 for line in lines)
 
-    def tell(text: str) -> None:
+    def tell(text):
         if text.startswith("round 1, generation 1:"):
             _until(lambda: shown(2))
             synthetic_run.write_training(folder)
@@ -286,12 +275,12 @@ def test_a_training_grows_in_the_viewer(tmp_path: Path, monkeypatch: pytest.Monk
 
 
 @pytest.fixture
-def shown(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Callable[..., Content]:
+def shown(monkeypatch, tmp_path):
     """Show something and return the content of what a notebook's page receives."""
     received: list[bytes] = []
     monkeypatch.setattr(rerun_notebook.Viewer, "send_rrd", lambda _, chunk: received.append(bytes(chunk)))
 
-    def show(*paths: str | Path) -> Content:
+    def show(*paths):
         widget = telemetry.show(*paths)
         assert hasattr(widget, "_ipython_display_")
         for number, chunk in enumerate(received):
@@ -301,22 +290,22 @@ def shown(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Callable[..., Cont
     return show
 
 
-def test_flights_are_shown(shown: Callable[..., Content], flight_file: Path, short_file: Path) -> None:
+def test_flights_are_shown(shown, flight_file, short_file):
     content = shown(str(flight_file), short_file)
     assert len(content.column("/rules/words", "TextDocument:text")) == 361
     assert "/scene/flights/1/trail" in content.batches
 
 
-def test_an_evaluation_is_shown(shown: Callable[..., Content], tmp_path: Path) -> None:
+def test_an_evaluation_is_shown(shown, tmp_path):
     run = synthetic_run.write_training(synthetic_run.write_evaluation(tmp_path / "run"))
     assert "/scene/paths/outside" in shown(run).batches
 
 
-def test_a_training_is_shown(shown: Callable[..., Content], tmp_path: Path) -> None:
+def test_a_training_is_shown(shown, tmp_path):
     assert "/scene/champion" in shown(synthetic_run.write_training(tmp_path / "run")).batches
 
 
-def test_nothing_to_show_is_said(tmp_path: Path) -> None:
+def test_nothing_to_show_is_said(tmp_path):
     with pytest.raises(
         RecordingError, match=r"nothing to show; give flights \(.mcap\), or the folder of a run"
     ):
@@ -325,7 +314,7 @@ def test_nothing_to_show_is_said(tmp_path: Path) -> None:
         telemetry.show(tmp_path)
 
 
-def test_a_missing_notebook_part_is_said(short_file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_missing_notebook_part_is_said(short_file, monkeypatch):
     monkeypatch.setattr("rerun.notebook.HAS_NOTEBOOK", False)
     with pytest.raises(RecordingError, match=r"pip install 'rerun-sdk\[notebook\]'"):
         telemetry.show(short_file)

@@ -31,9 +31,7 @@ def saved(folder: Path, controller: FuzzyController, name: str = "controller.yam
 
 
 @pytest.mark.parametrize("form", ["fis", "fll", "fml"])
-def test_systems_go_into_a_file_each_and_come_back_as_one_controller(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], form: str
-) -> None:
+def test_systems_go_into_a_file_each_and_come_back_as_one_controller(tmp_path, capsys, form):
     source = saved(tmp_path, paper_like_controller())
     folder = tmp_path / "new" / "exchange"
     status, printed, notes = run(capsys, "export", source, "--format", form, "-o", folder)
@@ -47,7 +45,7 @@ def test_systems_go_into_a_file_each_and_come_back_as_one_controller(
         assert run(capsys, command, files[0])[0] == 0
 
 
-def test_one_system_goes_to_a_file_or_is_printed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_one_system_goes_to_a_file_or_is_printed(tmp_path, capsys):
     source = saved(tmp_path, paper_like_controller())
     chosen = ("export", source, "--format", "fis", "--system", "force_x")
     _, printed, notes = run(capsys, *chosen)
@@ -60,7 +58,7 @@ def test_one_system_goes_to_a_file_or_is_printed(tmp_path: Path, capsys: pytest.
         assert (folder / "force_x.fis").read_text(encoding="utf-8") == printed
 
 
-def test_what_was_assumed_is_printed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_was_assumed_is_printed(tmp_path, capsys):
     words = ("import", EXAMPLES / "tipper.fis", "--name", "tips", "--points", 201)
     status, _, notes = run(capsys, *words, "-o", tmp_path / "tips.json")
     assert status == 0
@@ -72,7 +70,7 @@ def test_what_was_assumed_is_printed(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert run(capsys, "import", EXAMPLES / "tipper.fis")[1].startswith('{\n  "schema": "fuzzy-controller"')
 
 
-def test_facts_of_several_files_are_put_together(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_facts_of_several_files_are_put_together(tmp_path, capsys):
     one = alone(flat_system())
     other = replace(alone(replace(nested_system(), name="other")), provenance=(("made_by", "machine"),))
     paths = [saved(tmp_path, one, "one.yaml"), saved(tmp_path, other, "other.yaml")]
@@ -86,7 +84,7 @@ def test_facts_of_several_files_are_put_together(tmp_path: Path, capsys: pytest.
     assert (status, "differ in the attribute 'axis'" in notes) == (2, True)
 
 
-def test_forms_to_read_are_printed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_forms_to_read_are_printed(tmp_path, capsys):
     source = saved(tmp_path, alone(flat_system()))
     _, printed, _ = run(capsys, "export", source, "--format", "markdown")
     assert printed == text.write_markdown(outline(alone(flat_system())))
@@ -108,9 +106,7 @@ def test_forms_to_read_are_printed(tmp_path: Path, capsys: pytest.CaptureFixture
         (["import", "TIPPER", "--name", " "], "a name is printable text"),
     ],
 )
-def test_a_mistake_ends_in_one_sentence(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], words: list[str], sentence: str
-) -> None:
+def test_a_mistake_ends_in_one_sentence(tmp_path, capsys, words, sentence):
     alike = tuple(replace(flat_system(), name=name) for name in ("a b", "A/B"))
     places = {
         "PAPER": saved(tmp_path, paper_like_controller()),
@@ -127,7 +123,7 @@ def test_a_mistake_ends_in_one_sentence(
     assert not (tmp_path / "x.fis").exists()
 
 
-def test_files_of_ours_are_small(tmp_path: Path) -> None:
+def test_files_of_ours_are_small(tmp_path):
     """The comment is not much more than the file itself."""
     text = fis.write(alone(flat_system())).text
     assert len(text.splitlines()[0]) < 4000

@@ -2,7 +2,6 @@
 
 import importlib.util
 import warnings
-from pathlib import Path
 from types import ModuleType
 
 import numpy as np
@@ -54,7 +53,7 @@ END_FUNCTION_BLOCK
 """
 
 
-def test_fcl_says_what_it_is_meant_to() -> None:
+def test_fcl_says_what_it_is_meant_to():
     (system,) = serialize.loads(TIPPER_FCL, "fcl").systems
     assert (system.implication, system.and_operator, system.outputs[0].aggregation) == (
         "product",
@@ -75,7 +74,7 @@ def test_fcl_says_what_it_is_meant_to() -> None:
     np.testing.assert_allclose(strengths, [[0.5, 0.5 * np.exp(-0.5) ** 2]], atol=1e-6)
 
 
-def test_fcl_of_ours_is_read_back() -> None:
+def test_fcl_of_ours_is_read_back():
     system = flat_system()
     (read,) = serialize.loads(fcl.write(alone(system)).text, "fcl").systems
     rows = np.random.default_rng(2).uniform((-10.0, 0.0), (40.0, 25.0), (40, 2))
@@ -95,7 +94,7 @@ def test_fcl_of_ours_is_read_back() -> None:
         ("END_FUNCTION_BLOCK", "END_FUNCTION_BLOCK\nFUNCTION_BLOCK two", "2 function blocks"),
     ],
 )
-def test_fcl_that_cannot_be_read_is_refused(old: str, new: str, words: str) -> None:
+def test_fcl_that_cannot_be_read_is_refused(old, new, words):
     with pytest.raises(ControllerFileError, match=words):
         serialize.loads(TIPPER_FCL.replace(old, new), "fcl")
 
@@ -129,7 +128,7 @@ MF2='large':'cosinemf',[0.75 0.5]
 """
 
 
-def test_old_fis_files_are_read_and_latin_letters_told(tmp_path: Path) -> None:
+def test_old_fis_files_are_read_and_latin_letters_told(tmp_path):
     path = tmp_path / "old.fis"
     path.write_bytes(OLD_FIS.encode("latin-1"))
     reading = serialize.read(path)
@@ -179,7 +178,7 @@ MF2='six':'constant',[6]
 """
 
 
-def test_slips_of_fis_files_are_put_right_and_told() -> None:
+def test_slips_of_fis_files_are_put_right_and_told():
     """Each slip is one of the files that MathWorks and fuzzylite ship."""
     reading = serialize.reads(SLIPS, "fis")
     (system,) = reading.controller.systems
@@ -199,7 +198,7 @@ def test_slips_of_fis_files_are_put_right_and_told() -> None:
     assert y == pytest.approx(0.8, abs=1e-9)
 
 
-def test_hedges_in_a_fis_file_of_fuzzylites_are_fuzzylites() -> None:
+def test_hedges_in_a_fis_file_of_fuzzylites_are_fuzzylites():
     text = OLD_FIS.replace("-2.3, 2", "2.3, 2")
     ours = compile(serialize.reads(text, "fis").controller.systems[0])
     theirs = compile(
@@ -242,7 +241,7 @@ RuleBlock:
 """
 
 
-def test_chained_fll_hands_on_degrees_of_truth() -> None:
+def test_chained_fll_hands_on_degrees_of_truth():
     text = FLL.replace("not somewhat large", "not large")
     (system,) = serialize.loads(text, "fll").systems
     assert system.rules[2].antecedent == Or((Is("x", "low"), Is("x", "any")))
@@ -251,12 +250,12 @@ def test_chained_fll_hands_on_degrees_of_truth() -> None:
     np.testing.assert_allclose(strengths, [[1, 0, 1, 1], [1, 0, 1, 1], [0.5, 1, 1, 0]], atol=1e-12)
 
 
-def test_a_hedge_before_what_a_rule_concluded_is_said_of_the_inputs() -> None:
+def test_a_hedge_before_what_a_rule_concluded_is_said_of_the_inputs():
     (system,) = serialize.loads(FLL, "fll").systems
     assert system.rules[3].antecedent == Not(Hedged("somewhat", Is("x", "high")))
 
 
-def test_fuzzylite_carries_a_hedge_on_to_what_else_a_rule_concludes() -> None:
+def test_fuzzylite_carries_a_hedge_on_to_what_else_a_rule_concludes():
     """So do its program and pyfuzzylite, whose loops change one strength from conclusion to conclusion."""
     rule = "if x is low and x is any then y is somewhat small and z is very large and z is small"
     text = FLL[: FLL.index("  rule:")] + f"  rule: {rule}\n"
@@ -289,9 +288,7 @@ EXAMPLES = PROJECT / "docs" / "examples"
         ("pendulum.fml", 25, {"angle": -0.2, "angular_velocity": 0.7}, -1.0, 1.0),
     ],
 )
-def test_files_of_other_programs_say_what_they_are_meant_to(
-    name: str, num_rules: int, inputs: dict[str, float], low: float, high: float
-) -> None:
+def test_files_of_other_programs_say_what_they_are_meant_to(name, num_rules, inputs, low, high):
     controller = serialize.load(EXAMPLES / name)
     (system,) = controller.systems
     assert len(system.rules) == num_rules
@@ -308,7 +305,7 @@ def tipping() -> ModuleType:
     return module
 
 
-def test_the_tipping_system_of_scikit_fuzzy_is_compiled() -> None:
+def test_the_tipping_system_of_scikit_fuzzy_is_compiled():
     compiled = compile(tipping().build_tipping())
     samples = spread_inputs(compiled.system, 60)
     ours = compiled(samples)
@@ -351,7 +348,7 @@ def assert_near(system: FuzzySystem, ours: Floats, theirs: Floats, tolerance: fl
 
 
 @pytest.mark.slow
-def test_octave_evaluates_our_files_as_we_do(tmp_path: Path) -> None:
+def test_octave_evaluates_our_files_as_we_do(tmp_path):
     """Octave takes some 40 ms for a rule of a sample, so these are few."""
     chosen = {name: systems()[name] for name in ("paper", "climate", "product", "tipper")}
     counts = {"paper": 4, "climate": 6, "product": 6, "tipper": 8}
@@ -381,7 +378,7 @@ def test_octave_evaluates_our_files_as_we_do(tmp_path: Path) -> None:
         if (name, form) != ("dimmer", fis)
     ],
 )
-def test_fuzzylite_evaluates_our_files_as_we_do(tmp_path: Path, name: str, form: ModuleType) -> None:
+def test_fuzzylite_evaluates_our_files_as_we_do(tmp_path, name, form):
     system = systems()[name]
     inputs = spread_inputs(system, 300)
     path = tmp_path / f"{name}.{form.__name__.rpartition('.')[2]}"
@@ -390,7 +387,7 @@ def test_fuzzylite_evaluates_our_files_as_we_do(tmp_path: Path, name: str, form:
 
 
 @pytest.mark.slow
-def test_fuzzylite_implies_and_aggregates_as_we_do(tmp_path: Path) -> None:
+def test_fuzzylite_implies_and_aggregates_as_we_do(tmp_path):
     pairs = [
         ("product", "max"),
         ("product", "bounded_sum"),
@@ -406,7 +403,7 @@ def test_fuzzylite_implies_and_aggregates_as_we_do(tmp_path: Path) -> None:
         assert_near(system, compile(system)(inputs), fuzzylite_outputs(path, inputs, tmp_path))
 
 
-def test_fuzzylite_evaluates_the_dimmer_as_it_is(tmp_path: Path) -> None:
+def test_fuzzylite_evaluates_the_dimmer_as_it_is(tmp_path):
     system = systems()["dimmer"]
     inputs = spread_inputs(system, 300)
     assert_near(system, compile(system)(inputs), fuzzylite_outputs(EXAMPLES / "dimmer.fll", inputs, tmp_path))

@@ -1,7 +1,6 @@
 """What is written and read back is equal: all of it with our comment, all that the format holds without."""
 
 from dataclasses import replace
-from pathlib import Path
 from types import ModuleType
 
 import numpy as np
@@ -17,14 +16,11 @@ from fis_tools.formats.exchange.dialect import express
 from fis_tools.formats.exchange.vocabulary import AGGREGATIONS
 from fis_tools.formats.serialize import ControllerFileError
 from fis_tools.model import (
-    Aggregation,
     And,
     Consequent,
-    Expression,
     FuzzyController,
     FuzzySystem,
     Gaussian,
-    Hedge,
     Hedged,
     Is,
     Not,
@@ -32,7 +28,6 @@ from fis_tools.model import (
     Rule,
     Sampled,
     Term,
-    Variable,
 )
 from tests.fis_tools.engines.random_systems import hedged, otherwise, random_general_system
 from tests.fis_tools.formats.exchange.systems import alone, flat_system, nested_system
@@ -75,7 +70,7 @@ CONTROLLERS = [
 
 @pytest.mark.parametrize("form", FORMS)
 @pytest.mark.parametrize("controller", CONTROLLERS)
-def test_files_hold_what_they_can_and_carry_the_rest(form: ModuleType, controller: FuzzyController) -> None:
+def test_files_hold_what_they_can_and_carry_the_rest(form, controller):
     written = form.write(controller)
     reading = form.read(written.text)
     assert reading.controller == controller
@@ -99,7 +94,7 @@ WARM_BREEZE = And((Is("temperature", "warm"), Is("wind", "breeze")))
         (fcl, Not(Hedged("very", Is("wind", "calm"))), "wind is not very calm"),
     ],
 )
-def test_hedges_are_said_in_the_words_of_a_format(form: ModuleType, asked: Expression, words: str) -> None:
+def test_hedges_are_said_in_the_words_of_a_format(form, asked, words):
     flat = flat_system()
     system = replace(flat, rules=(*flat.rules, Rule(asked, (Consequent("heat", "some"),))))
     written = form.write(alone(system))
@@ -114,19 +109,19 @@ def test_hedges_are_said_in_the_words_of_a_format(form: ModuleType, asked: Expre
     ("form", "hedges"),
     [(fis, ["very"]), (fll, ["extremely"]), (fml, ["very", "somewhat"]), (fcl, ["extremely"])],
 )
-def test_a_hedge_without_a_word_is_refused(form: ModuleType, hedges: list[Hedge]) -> None:
+def test_a_hedge_without_a_word_is_refused(form, hedges):
     rule = Rule(antecedents.hedged(hedges, Is("wind", "calm")), (Consequent("heat", "some"),))
     with pytest.raises(NotExpressible, match=f"no word for '{' '.join(hedges)}'"):
         form.write(alone(replace(flat_system(), rules=(rule,))))
 
 
-def test_nested_rules_of_any_operators_survive_in_fll() -> None:
+def test_nested_rules_of_any_operators_survive_in_fll():
     controller = general_controller()
     assert fll.read(fll.write(controller).text).controller == controller
 
 
 @pytest.mark.parametrize("form", FORMS)
-def test_implications_and_aggregations_survive(form: ModuleType) -> None:
+def test_implications_and_aggregations_survive(form):
     for implication, aggregation in (
         ("product", "probabilistic_sum"),
         ("nilpotent_minimum", "unbounded_sum"),
@@ -140,7 +135,7 @@ def test_implications_and_aggregations_survive(form: ModuleType) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("form", FORMS)
-def test_random_systems_survive_or_are_refused(form: ModuleType) -> None:
+def test_random_systems_survive_or_are_refused(form):
     refused = 0
     for seed in range(30):
         generator = np.random.default_rng(seed)
@@ -159,7 +154,7 @@ def test_random_systems_survive_or_are_refused(form: ModuleType) -> None:
 
 @pytest.mark.parametrize("form", FORMS)
 @pytest.mark.parametrize("and_operator", ["min", "product", "einstein_product"])
-def test_rules_written_otherwise_mean_the_same(form: ModuleType, and_operator: str) -> None:
+def test_rules_written_otherwise_mean_the_same(form, and_operator):
     system = replace(nested_system(), and_operator=and_operator)
     if and_operator != "min":
         system = replace(system, rules=(system.rules[0], *system.rules[2:]))
@@ -167,7 +162,7 @@ def test_rules_written_otherwise_mean_the_same(form: ModuleType, and_operator: s
     assert len(expressed.rules) > len(system.rules) or form is fll
     same = {v.name: (v.num_points, v.default) for v in (*system.inputs, *system.outputs)}
 
-    def with_universes(variables: tuple[Variable, ...]) -> tuple[Variable, ...]:
+    def with_universes(variables):
         return tuple(replace(v, num_points=same[v.name][0], default=same[v.name][1]) for v in variables)
 
     expressed = replace(
@@ -177,7 +172,7 @@ def test_rules_written_otherwise_mean_the_same(form: ModuleType, and_operator: s
     np.testing.assert_allclose(compile(expressed)(inputs), compile(system)(inputs), rtol=0, atol=1e-12)
 
 
-def test_not_before_a_conjunction_moves_inwards() -> None:
+def test_not_before_a_conjunction_moves_inwards():
     system = flat_system()
     expression = Not(And((Is("temperature", "hot"), Or((Is("wind", "calm"), Not(Is("wind", "storm")))))))
     rule = Rule(expression, (Consequent("heat", "some"),))
@@ -196,14 +191,12 @@ def test_not_before_a_conjunction_moves_inwards() -> None:
         ({"and_operator": "product"}, fll, "rule 2 cannot be said in an .fll file: 'not' stands before"),
     ],
 )
-def test_what_would_change_its_meaning_is_refused(
-    change: dict[str, str], form: ModuleType, words: str
-) -> None:
+def test_what_would_change_its_meaning_is_refused(change, form, words):
     with pytest.raises(NotExpressible, match=words.replace(".", "[.]")):
         form.write(alone(replace(nested_system(), **change)))
 
 
-def test_outputs_and_rules_with_ways_of_their_own() -> None:
+def test_outputs_and_rules_with_ways_of_their_own():
     system = flat_system()
     heat, flap = system.outputs
     own = replace(system, outputs=(heat, replace(flap, defuzzifier="bisector")))
@@ -230,7 +223,7 @@ def test_outputs_and_rules_with_ways_of_their_own() -> None:
     assert fml.read(fml.write(alone(twice)).text).controller == alone(twice)
 
 
-def test_losses_are_sentences_about_what_is_missing() -> None:
+def test_losses_are_sentences_about_what_is_missing():
     notes = "\n".join(fis.write(alone(own_words(nested_system()))).losses)
     for words in (
         "'été, très sûr' is ete_tres_sur",
@@ -273,7 +266,7 @@ def edited(form: ModuleType, old: str, new: str, system: FuzzySystem | None = No
         (fml, 'param1="5.0" param2="1.4"', 'param1="6.0" param2="1.4"'),
     ],
 )
-def test_of_a_file_that_was_changed_what_it_shows_counts(form: ModuleType, old: str, new: str) -> None:
+def test_of_a_file_that_was_changed_what_it_shows_counts(form, old, new):
     controller = edited(form, old, new)
     (system,) = controller.systems
     assert system.variable("heat").terms[1].membership == Gaussian(6.0, 1.4)
@@ -290,9 +283,7 @@ def test_of_a_file_that_was_changed_what_it_shows_counts(form: ModuleType, old: 
         ('"name":"climate"', '"name":NaN', "contains NaN"),
     ],
 )
-def test_a_comment_that_cannot_be_believed_is_refused(
-    form: ModuleType, old: str, new: str, words: str
-) -> None:
+def test_a_comment_that_cannot_be_believed_is_refused(form, old, new, words):
     text = form.write(alone(flat_system())).text
     with pytest.raises(ControllerFileError, match=words) as refusal:
         form.read(text.replace(old, new, 1))
@@ -303,7 +294,7 @@ def test_a_comment_that_cannot_be_believed_is_refused(
         form.read(text.replace(comment, f"{comment}\n{comment}", 1))
 
 
-def test_the_comment_of_another_file_gives_nothing_that_is_seen() -> None:
+def test_the_comment_of_another_file_gives_nothing_that_is_seen():
     """A comment is believed only where the file shows the same."""
     one, other = fis.write(alone(flat_system())).text, fis.write(alone(force_x_system())).text
     swapped = one.splitlines()[0] + other[other.index("\n") :]
@@ -311,13 +302,13 @@ def test_the_comment_of_another_file_gives_nothing_that_is_seen() -> None:
     assert system == fis.read(without_comment(other)).controller.systems[0]
 
 
-def test_a_cut_fll_file_of_ours_is_told_by_its_end() -> None:
+def test_a_cut_fll_file_of_ours_is_told_by_its_end():
     text = fll.write(alone(flat_system())).text
     with pytest.raises(ControllerFileError, match="may be cut"):
         fll.read(text[: text.rindex("  rule:")])
 
 
-def test_every_kind_is_read_by_its_ending(tmp_path: Path) -> None:
+def test_every_kind_is_read_by_its_ending(tmp_path):
     controller = alone(nested_system())
     for form, ending in ((fis, "fis"), (fll, "FLL"), (fml, "fml"), (fml, "xml")):
         path = tmp_path / f"system.{ending}"
@@ -326,7 +317,7 @@ def test_every_kind_is_read_by_its_ending(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("aggregation", AGGREGATIONS)
-def test_fcl_reads_the_aggregations_that_it_writes(aggregation: Aggregation) -> None:
+def test_fcl_reads_the_aggregations_that_it_writes(aggregation):
     system = flat_system()
     outputs = tuple(replace(output, aggregation=aggregation) for output in system.outputs)
     text = fcl.write(alone(replace(system, outputs=outputs))).text
