@@ -14,7 +14,7 @@ import numpy as np
 
 from benchmarks.policies import interquartile_mean, resampled
 from pipeline.command_line.config import compose_experiment
-from pipeline.controllers.source import named
+from pipeline.controllers.source import load
 from pipeline.evaluation.statistics import fraction
 from pipeline.flight.cases.starts import PRIORITY, direction_of, evaluation_scenarios
 from pipeline.flight.fly.simulation import fly_logged
@@ -26,7 +26,10 @@ from pipeline.settings.experiment import Mission
 
 WORLDS: Final = ("afrl", "afrl_weighted", "afrl_six_dof")
 CONTROLLERS: Final = (
-    *("champion_27", "champion_27_fixed_sun", "champion_81", "champion_any_sun", "champion_leo"),
+    "champion_27",
+    "champion_27 controller.attributes.coast_below_points=1.0",
+    "champion_27_fixed_sun controller.attributes.coast_below_points=1.0",
+    *("champion_27_fixed_sun", "champion_81", "champion_any_sun", "champion_leo"),
     *("paper_champion", "lqr", "natural_motion", "coast", "receding_horizon"),
 )
 #: of those that take seconds a flight
@@ -93,21 +96,22 @@ def row(name: str, flown: Sequence[Judged]) -> str:
 def main(arguments: Sequence[str]) -> int:
     """Fly all of them in all worlds, and print a table of each."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks field", description=__doc__)
-    parser.add_argument("-c", "--controller", action="append", help="of conf/controller; all unless given")
+    parser.add_argument("-c", "--controller", action="append", help="of conf/controller, and what differs")
     parser.add_argument("-w", "--world", action="append", help=f"of {', '.join(WORLDS)}; all unless given")
     parser.add_argument("--cases", type=int, default=1000, help="starts; no more than 100 for a slow one")
     parser.add_argument("--seed", type=int, default=6, help="of the starts")
     options = parser.parse_args(arguments)
     for world in options.world or WORLDS:
         words = [f"world={world}", f"monte_carlo.num_cases={options.cases}", f"seed={options.seed}"]
-        experiment: Any = compose_experiment(["+experiment=evaluate", "controller=coast", *words]).experiment
-        mission, sun = experiment.mission, experiment.sun
-        starts = evaluation_scenarios(experiment.monte_carlo, sun, experiment.seed)
         print(f"\n`world={world}`, {options.cases} starts\n")
         print("| controller | points (%) | delta-v (m/s) | their success | our success | out of bounds |")
         print("|---|---|---|---|---|---|", flush=True)
         for name in options.controller or CONTROLLERS:
-            controller = named(name, mission)
+            told = ["+experiment=evaluate", f"controller={name.split()[0]}", *name.split()[1:], *words]
+            experiment: Any = compose_experiment(told).experiment
+            mission, cases = experiment.mission, experiment.monte_carlo
+            starts = evaluation_scenarios(cases, experiment.sun, experiment.seed)
+            controller = load(experiment.controller, mission)
             flown = [
                 judged(mission, start, fly_logged(mission, controller, start))
                 for start in starts[: SLOW.get(name, options.cases)]

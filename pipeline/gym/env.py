@@ -32,18 +32,24 @@ class InspectionEnv(gymnasium.Env[Observation, NDArray[Any]]):
     levels_n : float, optional
         For commands of three levels along each axis, -levels_n, 0, levels_n (actions 0, 1, 2); by default an
         action is a share, from -1 to 1, of ``deputy.max_force_n``.
+    render_mode : str, optional
+        ``rgb_array``, for `render`.
     """
 
-    metadata = {"render_modes": []}  # noqa: RUF012 - as Gymnasium declares it
+    metadata = {"render_modes": ["rgb_array"], "render_fps": 10}  # noqa: RUF012 - as Gymnasium declares it
 
     def __init__(
-        self, overrides: Sequence[str] = (), reward: Reward | None = None, levels_n: float | None = None
+        self,
+        overrides: Sequence[str] = (),
+        reward: Reward | None = None,
+        levels_n: float | None = None,
+        render_mode: str | None = None,
     ) -> None:
         self.task: Task = task_of(overrides, reward, levels_n)
         self.observation_space = self.task.observation_space()
         self.action_space = self.task.action_space()
         self._episodes = Episodes(self.task, 1)
-        self.render_mode = None
+        self.render_mode = render_mode
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -67,6 +73,21 @@ class InspectionEnv(gymnasium.Env[Observation, NDArray[Any]]):
 
     def _info(self) -> dict[str, Any]:
         return {name: float(values[0]) for name, values in self._episodes.facts.items()}
+
+    def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
+        """Return a picture of the episode so far, (height, width, 3), where `render_mode` asks for it."""
+        if self.render_mode is None:
+            return None
+        # slower to import than many flights
+        from pipeline.report.figures.style import PALETTE, pixels  # noqa: PLC0415
+        from pipeline.report.figures.trajectories import Tracks, trajectories  # noqa: PLC0415
+
+        told, places = self._info(), self.log().position_m[: self._episodes.num_samples(0)]
+        if len(places) == 1:  # a line has two ends
+            places = np.repeat(places, 2, axis=0)
+        words = f"{told['num_inspected']:.0f} points, {told['delta_v_m_s']:.3f} m/s"
+        colour = PALETTE[0]
+        return pixels(trajectories(Tracks(places[np.newaxis], [colour], {words: colour}), self.task.mission))
 
     def log(self) -> FlightLog:
         """Return everything that happened in the episode so far; what is left is flown without force."""

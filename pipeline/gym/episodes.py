@@ -307,6 +307,10 @@ class Episodes:
             "safety_delta_v_m_s": now[:, CORRECTED].copy(),
         } | ({} if self._weights is None else {"weight_inspected": self._inspected})
 
+    def num_samples(self, episode: int) -> int:
+        """Return the number of samples of an episode so far."""
+        return int(self._flights.samples[episode]) + 1
+
     def log(self, episode: int) -> tuple[Scenario, FlightLog]:
         """Fly an episode again with the forces that were commanded, and without force from then on."""
         scenario, mission = self._scenarios[episode], self.task.mission

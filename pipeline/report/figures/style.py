@@ -9,10 +9,13 @@ from html import escape
 from typing import Any
 
 import matplotlib as mpl
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.gridspec import GridSpec
+from numpy.typing import NDArray
 
-__all__ = ["STYLE", "Figure", "Picture", "grid", "save", "style"]
+__all__ = ["STYLE", "Figure", "Picture", "grid", "pixels", "save", "style"]
 
 #: colours with a part to play; a page may put others in their places
 INK, MUTED, GRID, PAPER = "#1b1f24", "#5b6571", "#d4d9df", "#fffffe"
@@ -111,6 +114,14 @@ def grid(
 def style() -> AbstractContextManager[None]:
     """Draw in the report's style."""
     return mpl.rc_context(STYLE)
+
+
+def pixels(figure: Figure) -> NDArray[np.uint8]:
+    """Return a figure as pixels: red, green and blue, shape (height, width, 3)."""
+    with style():
+        canvas = FigureCanvasAgg(figure)
+        canvas.draw()
+    return np.asarray(canvas.buffer_rgba(), dtype=np.uint8)[..., :3].copy()
 
 
 def save(figure: Figure, name: str, dots_per_inch: int) -> Picture:

@@ -110,6 +110,20 @@ def test_an_episode_is_a_flight_and_its_recording_flies_again(flown, tmp_path) -
 
 
 @pytest.mark.slow
+def test_a_picture_shows_the_episode_so_far(flown) -> None:
+    assert flown.render() is None
+    env = gymnasium.make("pipeline.gym:Inspection-v0", overrides=WORLDS["paper"], render_mode="rgb_array")
+    env.reset(seed=3)
+    first = env.render()
+    env.step(np.array([0.0, 0.1, 0.0], dtype=np.float32))
+    then = env.render()
+    assert first.shape == then.shape == (800, 960, 3)
+    assert first.dtype == np.uint8
+    assert 0 < (first != then).any(axis=2).mean() < 0.5
+    assert (first > 250).all(axis=2).mean() > 0.5
+
+
+@pytest.mark.slow
 def test_rewards_are_what_they_are_said_to_be(flown) -> None:
     env, reward = flown, flown.task.reward
     scenario = replace(env._episodes._scenarios[0], position_m=np.array([18.0, 1.0, 2.0]))
