@@ -74,7 +74,7 @@ class InspectionEnv(gymnasium.Env[Observation, NDArray[Any]]):
     def _info(self) -> dict[str, Any]:
         return {name: float(values[0]) for name, values in self._episodes.facts.items()}
 
-    def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
+    def render(self) -> NDArray[np.uint8] | None:
         """Return a picture of the episode so far, (height, width, 3), where `render_mode` asks for it."""
         if self.render_mode is None:
             return None

@@ -10,7 +10,6 @@ from typing import Any
 
 import matplotlib as mpl
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.gridspec import GridSpec
 from numpy.typing import NDArray
@@ -118,10 +117,11 @@ def style() -> AbstractContextManager[None]:
 
 def pixels(figure: Figure) -> NDArray[np.uint8]:
     """Return a figure as pixels: red, green and blue, shape (height, width, 3)."""
+    raw = io.BytesIO()
     with style():
-        canvas = FigureCanvasAgg(figure)
-        canvas.draw()
-    return np.asarray(canvas.buffer_rgba(), dtype=np.uint8)[..., :3].copy()
+        figure.savefig(raw, format="rgba", dpi=figure.dpi)
+    width, height = (figure.get_size_inches() * figure.dpi).astype(int)
+    return np.frombuffer(raw.getvalue(), dtype=np.uint8).reshape(height, width, 4)[..., :3].copy()
 
 
 def save(figure: Figure, name: str, dots_per_inch: int) -> Picture:
