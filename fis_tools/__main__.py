@@ -33,6 +33,8 @@ For example:
 `python -m fis_tools COMMAND --help` tells more about each command.
 """
 
+#: commands that there were, and what does their work
+GONE = {"firing": "`explain CONTROLLER --flights FLIGHT...`"}
 MISTAKE = 2
 #: as shells do for SIGINT
 INTERRUPTED = 130
@@ -92,7 +94,8 @@ def main(words: Sequence[str] | None = None) -> int:
         return 0
     except CycloptsError as mistake:
         command = f"python -m fis_tools {asked} --help" if asked in COMMANDS else "python -m fis_tools --help"
-        print(f"error: {mistake} `{command}` tells more.", file=sys.stderr)
+        said = f"{asked} is now part of {GONE[asked]}." if asked in GONE else mistake
+        print(f"error: {said} `{command}` tells more.", file=sys.stderr)
         return MISTAKE
     except OSError as mistake:
         place = mistake.filename or "the output"

@@ -19,9 +19,13 @@ from fis_tools.document import (
 )
 from fis_tools.document.html import element, page, read
 from pipeline.evaluation.assurance.requirements import SEVERITIES
-from pipeline.report.drawings import METHODS, css, css_of, draw_margins, number
+from pipeline.report.drawings import METHODS, css, css_of, draw_argument, draw_margins, number
 from pipeline.run import artifacts
 
+_DRAWN = (
+    "Goal structure (GSN): goals are rectangles, the strategy a parallelogram, contexts rounded, solutions "
+    "circles. Full outlines: shown or proved for the share that is named; dashed: not shown; dotted: refuted."
+)
 _MATRIX = (
     "Requirements against evidence. A claim about a share of the cases stands or falls with the cases: "
     "single failures that a search finds do not refute it, but they do a claim about all cases."
@@ -40,21 +44,19 @@ def document(evidence: Mapping[str, Any]) -> Document:
     """Return evidence as a document."""
     told, conditions = evidence["requirements"], evidence["conditions"]
     errors = [word for word in uncertain(conditions) if word != "Sun"]
-    near, far = conditions["start_distance_m"]
-    speed = conditions.get("start_speed_m_s", 0.0)
-    moving = f"up to {speed:g} m/s" if speed else "rest"
     run = (
-        f"Requirements {evidence['name']}; {conditions['num_cases']:,} cases, seed {conditions['seed']}, "
-        f"from {near:g} to {far:g} m away and {moving}, Sun {conditions['sun']}, "
-        f"safety {conditions['safety']}{', with ' if errors else ''}{', '.join(errors)}; "
-        f"{conditions['duration_s']:g} s each."
+        f"Requirements {evidence['name']}; {conditions['num_cases']:,} cases, seed {conditions['seed']}, Sun "
+        f"{conditions['sun']}, safety {conditions['safety']}{', with ' if errors else ''}{', '.join(errors)}."
     )
+    drawn = element("figcaption", _DRAWN)
     blocks: list[Block] = [
         Heading(f"Evidence for {evidence['controller']['name']}", 1),
         Paragraph(run),
         Heading("Verdicts", id="verdicts"),
         Paragraph(lead(evidence)),
         _matrix(told),
+        Heading("Argument", id="argument"),
+        Figure(element("figure", draw_argument(evidence), drawn, tabindex=0)),
         Heading("Requirements", id="requirements"),
     ]
     for one in told:

@@ -208,6 +208,7 @@ def test_explain_takes_the_inputs_of_a_logged_flight(tmp_path, capsys):
         (["export", "PAPER", "--format", "csv", "-o", "PAPER/x.csv"], "cannot be written"),
         (["export", "PAPER", "--format", "word"], "Choose from: "),
         (["fly"], 'Unknown command "fly"'),
+        (["firing", "a.mcap"], "firing is now part of `explain CONTROLLER"),
     ],
 )
 def test_a_mistake_ends_in_one_sentence(tmp_path, controller_path, capsys, words, sentence):

@@ -127,7 +127,7 @@ def test_the_page_is_what_the_data_says_and_needs_nothing_else(assured, evidence
     check_policy(text)
     assert f"style-src '{source_hash(re.findall(r'<style>(.*?)</style>', text, re.DOTALL)[0])}'" in text
     assert not re.search(r"<script|<link|style=\"|src=|https?:", text)
-    sections = {"verdicts", "requirements", "domain", "credibility", "provenance"}
+    sections = {"verdicts", "argument", "requirements", "domain", "credibility", "provenance"}
     assert sections <= set(re.findall(r'<section id="(\w+)"', text))
     ids = re.findall(r'\bid="([^"]+)"', text)
     assert len(ids) == len(set(ids))
