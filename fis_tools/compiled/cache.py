@@ -105,14 +105,6 @@ def was_asked(function: Callable[..., Any], what: str) -> bool:
     return len(_asked) == before
 
 
-def measured(function: Callable[..., Any]) -> Path | None:
-    """Return the file with the seconds that compiling a function took here; None where nothing is kept."""
-    place = place_for(function)
-    if isinstance(place, Refused):
-        return None
-    return place.parent / f"{function.__module__}.{function.__qualname__}.seconds"
-
-
 def cache_root() -> Path:
     """Return the folder that holds the cache folders of all modules.
 

@@ -10,14 +10,12 @@ import _thread
 import gc
 import sys
 import threading
-import time
 from collections.abc import Callable
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack
 from functools import cache as cached
 from types import ModuleType
 from typing import Any
 
-from fis_tools.compiled import cache
 from fis_tools.compiled.numba_parts import event
 from fis_tools.waiting import waiting
 
@@ -25,7 +23,7 @@ from fis_tools.waiting import waiting
 SHORTEST_S = 0.5
 #: Compilations from this on are announced where the next call will need them.
 LONG_S = 5.0
-#: What compiling a function takes on average, with nothing measured here, s (`python -m benchmarks start`).
+#: What compiling a function takes on average, s (`python -m benchmarks start`).
 SECONDS_A_FUNCTION = 0.12
 #: How long after a swallowed Ctrl-C the next one is sent.
 PAUSE_S = 0.1
@@ -46,7 +44,6 @@ class _Notice(event.Listener):
         self._depth += 1
         if self._depth > 1:
             return
-        self._began = time.perf_counter()
         self._timer = threading.Timer(SHORTEST_S, self._show, [function])
         self._timer.start()
         self._hook, sys.unraisablehook = sys.unraisablehook, self._heed
@@ -60,10 +57,6 @@ class _Notice(event.Listener):
         self._depth -= 1
         if self._depth > 0:
             return
-        seconds = time.perf_counter() - self._began
-        if seconds > SHORTEST_S and (file := cache.measured(function)):
-            with suppress(OSError):
-                file.write_text(f"{seconds:.1f}", encoding="ascii")
         self._timer.cancel()
         self._timer.join()
         self._shown.close()
@@ -91,14 +84,8 @@ _notice = _Notice()
 
 
 def expected_s(function: Callable[..., Any]) -> float:
-    """Return how many seconds compiling a function takes: as measured here, else by what it calls."""
-    file = cache.measured(function)
-    seconds = 0.0
-    with suppress(OSError, ValueError):
-        seconds = float(file.read_text(encoding="ascii")) if file else 0.0
-    if not 0.0 < seconds < cache.DAY_S:
-        seconds = SECONDS_A_FUNCTION * len(_called(function, set()))
-    return max(1.0, seconds)
+    """Return about how many seconds compiling a function takes, by how many others it calls."""
+    return max(1.0, SECONDS_A_FUNCTION * len(_called(function, set())))
 
 
 def _called(function: Callable[..., Any], known: set[Callable[..., Any]]) -> set[Callable[..., Any]]:
