@@ -289,16 +289,6 @@ def test_the_type_of_a_record_tells_how_wide_its_rows_are(width: int) -> None:
     assert_same(room[0].square[1, 1], 2.0 * np.arange(width))
 
 
-@when_compiled
-def test_the_width_of_other_arrays_is_no_constant() -> None:
-    @njit
-    def run(rows: Floats) -> int:
-        return width_of(rows)
-
-    with pytest.raises(TypingError, match="width_of"):
-        run(np.zeros((2, 8)))
-
-
 @pytest.mark.parametrize("length", [1, 3, 1000])
 def test_aligned_rooms_begin_with_a_line_of_the_cache_and_are_empty(length: int) -> None:
     for kind in (np.float64, np.dtype([("x", np.float64, 16)])):
@@ -311,48 +301,6 @@ def test_aligned_rooms_begin_with_a_line_of_the_cache_and_are_empty(length: int)
 @pytest.mark.parametrize(("number", "width", "lanes"), [(0, 8, 0), (1, 8, 8), (8, 8, 8), (99, 8, 104)])
 def test_padded_lengths_are_whole_vectors(number: int, width: int, lanes: int) -> None:
     assert padded(number, width) == lanes
-
-
-@when_compiled
-@pytest.mark.parametrize("width", [0, 3, 12, 128])
-def test_other_widths_are_refused(width: int) -> None:
-    @njit
-    def run(a: Floats) -> float:
-        return total(load(a, 0, width))
-
-    with pytest.raises(TypingError, match=f"a vector cannot be {width} wide; choose a power of two up to 64"):
-        run(np.zeros(200))
-
-
-@when_compiled
-def test_widths_that_are_no_constant_are_refused() -> None:
-    @njit
-    def run(a: Floats, width: int) -> float:
-        return total(load(a, 0, width))
-
-    with pytest.raises(TypingError, match="the width of a vector is int64; pass a constant"):
-        run(np.zeros(8), 8)
-
-
-@when_compiled
-@pytest.mark.parametrize("array", [np.zeros(16)[::2], np.zeros(8, dtype=np.float32), np.zeros((1, 1, 1, 8))])
-def test_arrays_that_hold_no_vectors_are_refused(array: Floats) -> None:
-    @njit
-    def run(a: Floats) -> float:
-        return total(load(a, 0, 8))
-
-    with pytest.raises(TypingError, match="pass an array of float64 in C order"):
-        run(array)
-
-
-@when_compiled
-def test_indices_that_lead_to_no_element_are_refused() -> None:
-    @njit
-    def run(a: Floats) -> float:
-        return total(load(a, (0, 0), 8))
-
-    with pytest.raises(TypingError, match="pass a whole number for each dimension"):
-        run(np.zeros((2, 2, 8)))
 
 
 def test_vectors_are_read_and_written_anywhere_in_a_row() -> None:
@@ -426,24 +374,34 @@ def test_named_tuples_are_borrowed_whole() -> None:
     assert (sys.getrefcount(row), sys.getrefcount(outer.inner.row)) == before
 
 
-@when_compiled
-def test_a_name_that_a_borrowed_tuple_does_not_have_is_told() -> None:
-    @njit
-    def run(inner: Inner) -> float:
-        return borrowed(inner).rows[0]
-
-    with pytest.raises(TypingError, match=r"attribute 'rows'"):
-        run(Inner(np.zeros(2), 1))
+NO_VECTORS = "pass an array of float64 in C order"
 
 
 @when_compiled
-def test_vectors_of_different_widths_do_not_mix() -> None:
-    @njit
-    def run(a: Floats) -> float:
-        return total(load(a, 0, 8) + load(a, 0, 4))
-
-    with pytest.raises(TypingError, match=r"Vector\(8\), Vector\(4\)"):
-        run(np.zeros(8))
+@pytest.mark.parametrize(
+    ("function", "argument", "message"),
+    [
+        (lambda a: total(load(a, 0, 0)), np.zeros(200), "cannot be 0 wide; choose a power of two up to 64"),
+        (lambda a: total(load(a, 0, 3)), np.zeros(200), "cannot be 3 wide; choose a power of two up to 64"),
+        (lambda a: total(load(a, 0, 12)), np.zeros(200), "cannot be 12 wide; choose a power of two up to 64"),
+        (
+            lambda a: total(load(a, 0, 128)),
+            np.zeros(200),
+            "cannot be 128 wide; choose a power of two up to 64",
+        ),
+        (lambda a: total(load(a, 0, len(a))), np.zeros(8), "the width of a vector is int64; pass a constant"),
+        (lambda a: total(load(a, 0, 8)), np.zeros(16)[::2], NO_VECTORS),
+        (lambda a: total(load(a, 0, 8)), np.zeros(8, dtype=np.float32), NO_VECTORS),
+        (lambda a: total(load(a, 0, 8)), np.zeros((1, 1, 1, 8)), NO_VECTORS),
+        (lambda a: total(load(a, (0, 0), 8)), np.zeros((2, 2, 8)), "a whole number for each dimension"),
+        (lambda a: 1 * width_of(a), np.zeros((2, 8)), "width_of"),
+        (lambda a: total(load(a, 0, 8) + load(a, 0, 4)), np.zeros(8), r"Vector\(8\), Vector\(4\)"),
+        (lambda inner: borrowed(inner).rows[0], Inner(np.zeros(2), 1), "attribute 'rows'"),
+    ],
+)
+def test_what_cannot_be_is_refused_while_it_is_compiled(function, argument, message):
+    with pytest.raises(TypingError, match=message):
+        njit(function)(argument)
 
 
 def run(command: list[str], **variables: str) -> subprocess.CompletedProcess[str]:

@@ -1,11 +1,13 @@
 """The stage end to end: plans that fly, tables, determinism, what is kept, what is refused."""
 
+import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from pipeline.command_line.cli import main
+from pipeline.command_line.config import compose_experiment
 from pipeline.controllers import source
 from pipeline.evaluation.monte_carlo import fly_cases
 from pipeline.flight.cases.starts import evaluation_scenarios, given_start
@@ -14,7 +16,16 @@ from pipeline.flight.fly.simulation import fly_all
 from pipeline.flight.state.log import Scenario
 from pipeline.optimum.bound import delta_v_bound
 from pipeline.optimum.problem import problem_of
-from pipeline.optimum.solved import HARDER_FOLDERS, SHIPPED_FOLDERS, summarise
+from pipeline.optimum.solved import (
+    HARDER_FOLDERS,
+    SHIPPED_FOLDERS,
+    IncomparableError,
+    beside_optimum,
+    read_solved,
+    solved_for,
+    summarise,
+    summarise_times,
+)
 from pipeline.run import artifacts, tables
 from pipeline.run.runner import run_stages
 from pipeline.settings.experiment import SettingError
@@ -197,3 +208,190 @@ def test_bounds_in_the_table_are_those_of_the_cases():
     problem = problem_of(composed().experiment.mission, start)
     bound = delta_v_bound(problem, 95, float(cases["delta_v_m_s"][3]))
     assert bound == pytest.approx(cases["delta_v_bound_m_s"][3], rel=1e-9)
+
+
+EVALUATE = (
+    "+experiment=evaluate",
+    "controller=paper_champion",
+    "monte_carlo.num_cases=2",
+    "stages=[evaluate]",
+)
+
+
+def evaluation(*overrides):
+    return compose_experiment([*EVALUATE, *overrides]).experiment
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("sun", ["fixed", "random"])
+def test_the_shipped_cases_are_the_first_of_the_default_seed(sun):
+    experiment = compose_experiment([*EVALUATE, f"sun={sun}", "monte_carlo.num_cases=50"]).experiment
+    starts = evaluation_scenarios(experiment.monte_carlo, experiment.sun, experiment.seed)
+    for found, expected in zip(solved_for(experiment).scenarios, starts, strict=True):
+        # to rounding: NumPy's functions differ in the last digit between processors
+        np.testing.assert_allclose(found.position_m, expected.position_m, rtol=1e-14)
+        np.testing.assert_array_equal(found.velocity_m_s, 0.0)
+        np.testing.assert_allclose(found.sun_angle_rad, expected.sun_angle_rad, rtol=1e-14)
+
+
+@pytest.mark.slow
+def test_the_cases_of_a_low_orbit_are_the_first_of_the_default_seed_and_comparable_there():
+    overrides = ("world=leo", "dynamics=cw", f"optimum.reference={SHIPPED_FOLDERS['fixed'].with_name('leo')}")
+    experiment = compose_experiment([*EVALUATE, *overrides, "monte_carlo.num_cases=50"]).experiment
+    solved = solved_for(experiment)
+    starts = evaluation_scenarios(experiment.monte_carlo, experiment.sun, experiment.seed)
+    for found, expected in zip(solved.scenarios, starts, strict=True):
+        np.testing.assert_allclose(found.position_m, expected.position_m, rtol=1e-14)
+        assert found.sun_elevation_rad == pytest.approx(expected.sun_elevation_rad, rel=1e-14)
+    assert np.all(solved.cases["inspected_count"] >= solved.cases["points_asked"])
+    assert np.all(solved.cases["delta_v_m_s"] >= solved.cases["delta_v_bound_m_s"])
+    with pytest.raises(IncomparableError, match=r"dynamics\.model"):
+        solved_for(compose_experiment([*EVALUATE, overrides[0], overrides[2]]).experiment)
+
+
+@pytest.mark.slow
+def test_a_plan_flown_as_a_controller_burns_the_optimum_once():
+    experiment = evaluation("sun=random")
+    solved = solved_for(experiment)
+    for row in (3, 17):
+        plan = open_loop("plan", solved.plan(row, experiment.mission))
+        episodes, _ = fly_cases(experiment.mission, plan, [solved.scenarios[row]], 1)
+        columns = beside_optimum(episodes, {name: column[[row]] for name, column in solved.cases.items()})
+        assert columns["times_optimum"] == pytest.approx(1.0, rel=1e-9)
+        assert columns["inspected_count"] == columns["optimum_inspected_count"]
+        assert columns["case"].tolist() == [row]
+        assert columns["optimum_bound_m_s"][0] <= columns["optimum_delta_v_m_s"][0]
+
+
+@pytest.mark.slow
+def test_a_flight_is_beside_the_cheapest_plan_that_sees_as_much():
+    solved = solved_for(evaluation("sun=random"))
+    seen = np.array([98, 99, 95, *np.full(47, 60)])
+    spent = np.full(50, 0.5)
+    columns = beside_optimum({"delta_v_m_s": spent, "inspected_count": seen}, solved.cases, solved.harder)
+    plans = [solved.cases, *solved.harder]
+    for row, count in enumerate(seen.tolist()):
+        enough = [p["delta_v_m_s"][row] for p in plans if p["inspected_count"][row] >= count]
+        assert columns["times_optimum_as_seen"][row] == pytest.approx(0.5 / min(enough), rel=1e-12)
+    assert [p["points_asked"][0] for p in plans] == [95, 98, 99]
+
+
+@pytest.fixture(scope="module")
+def evaluated(tmp_path_factory):
+    """Two cases of another seed: the solved ones are flown besides."""
+    folder = tmp_path_factory.mktemp("evaluated")
+    run = compose_experiment([*EVALUATE, "seed=7"])
+    run_stages(run.experiment, run.config, folder)
+    return folder
+
+
+@pytest.mark.slow
+def test_an_evaluation_flies_the_solved_cases_whatever_its_own_are(evaluated):
+    columns = tables.read_parquet(evaluated, artifacts.BESIDE_OPTIMUM)
+    cases = tables.read_parquet(SHIPPED_FOLDERS["fixed"], artifacts.OPTIMUM_CASES)
+    np.testing.assert_array_equal(columns["case"], np.arange(50))
+    for start in ("position_x_m", "position_y_m", "position_z_m", "sun_angle_rad"):
+        np.testing.assert_array_equal(columns[start], cases[start])
+    np.testing.assert_allclose(
+        columns["times_optimum"] * cases["delta_v_m_s"], columns["delta_v_m_s"], rtol=1e-15
+    )
+    assert len(tables.read_parquet(evaluated, artifacts.EPISODES)["case"]) == 2
+
+    told = artifacts.read_json(evaluated, artifacts.SUMMARY)["optimum"]
+    assert (told["reference"], told["points_asked"], told["num_cases"]) == ("shipped", 95, 50)
+    assert told["times_optimum"]["mean"] == pytest.approx(columns["times_optimum"].mean(), rel=1e-12)
+    assert told["times_optimum"]["max_case"] == int(np.argmax(columns["times_optimum"]))
+    assert 4.0 < told["times_optimum"]["min"] < told["times_optimum"]["median"] < told["times_optimum"]["max"]
+    assert told["num_successful"] == int(np.sum(columns["inspected_count"] >= 95)) < 50
+
+
+@pytest.mark.slow
+def test_a_case_outside_the_limits_is_no_success():
+    columns = {
+        "case": np.array([4, 9, 2]),
+        "times_optimum": np.array([2.0, 6.0, 4.0]),
+        "success": np.array([True, True, False]),
+        "violated": np.array([False, True, False]),
+        "delta_v_m_s": np.array([0.2, 0.6, 0.4]),
+        "optimum_delta_v_m_s": np.full(3, 0.1),
+    }
+    told = summarise_times(columns)
+    assert told["num_successful"] == 1
+    assert told["times_optimum"] == {"mean": 4.0, "median": 4.0, "min": 2.0, "max": 6.0, "max_case": 9}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("overrides", "reason"),
+    [
+        (["duration_s=300"], "duration_s is 300.0 here, and 3600.0 where the plans were made"),
+        (["deputy.max_distance_m=150"], "deputy.max_distance_m is 150.0 here, and 200.0 where"),
+        (["orbit.mean_motion_rad_s=0.001"], "orbit.mean_motion_rad_s is 0.001 here"),
+        (["attitude=ideal"], "attitude.mode is ideal here, and flown where"),
+        (["sun=mixed"], "sun.mode is mixed; plans ship for sun=fixed and sun=random"),
+        (["sun.angle_deg=10"], "sun.angle_deg is 10 here, and another in the plans' cases"),
+        (["optimum.reference=null"], "optimum.reference is null"),
+    ],
+)
+def test_another_mission_is_not_compared(overrides, reason):
+    with pytest.raises(IncomparableError) as refused:
+        solved_for(evaluation(*overrides))
+    assert reason in str(refused.value)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "override",
+    [
+        "guidance.kind=clusters",
+        "coast_when_complete=false",
+        "inspection_threshold_percent=90",
+        "deputy.initial_position_m=[60,0,0]",
+        "seed=5",
+    ],
+)
+def test_what_no_plan_depends_on_does_not_matter(override):
+    assert len(solved_for(evaluation(override)).cases["case"]) == 50
+
+
+@pytest.mark.slow
+def test_the_reason_is_kept_and_an_older_table_goes(tmp_path):
+    run = compose_experiment([*EVALUATE, "duration_s=300"])
+    stale = tmp_path / artifacts.BESIDE_OPTIMUM
+    artifacts.write_atomically(stale, b"older")
+    run_stages(run.experiment, run.config, tmp_path)
+    told = artifacts.read_json(tmp_path, artifacts.SUMMARY)["optimum"]
+    assert told == {"not_compared": "duration_s is 300.0 here, and 3600.0 where the plans were made"}
+    assert not stale.exists()
+
+
+@pytest.mark.slow
+@pytest.mark.slow
+def test_plans_of_ones_own_measure_another_mission(tmp_path):
+    short = ("duration_s=900", "optimum.points=30", "optimum.restarts=2", "optimum.kicks=0")
+    own = composed(*short, "optimum.workers=1")
+    run_stages(own.experiment, own.config, tmp_path)
+    solved = solved_for(evaluation("duration_s=900", f"optimum.reference={tmp_path}"))
+    assert solved.cases["case"].tolist() == [0, 1]
+    assert solved.plan(1, own.experiment.mission).shape == (90, 3)
+    with pytest.raises(IncomparableError, match=r"duration_s is 3600\.0 here, and 900\.0"):
+        solved_for(evaluation(f"optimum.reference={tmp_path}"))
+    with pytest.raises(IncomparableError, match=r"sun\.mode is random here, and fixed in the plans' cases"):
+        solved_for(evaluation("duration_s=900", "sun=random", f"optimum.reference={tmp_path}"))
+
+
+@pytest.mark.slow
+def test_a_reference_that_is_not_there_is_told_before_anything_is_made(tmp_path, capsys):
+    words = [*EVALUATE, f"optimum.reference={tmp_path / 'none'}", f"hydra.run.dir={tmp_path / 'run'}"]
+    assert main(words) == 2
+    told = capsys.readouterr().err
+    assert "none has no optimum/cases.parquet; the stage optimum writes it, run that first" in told
+    assert not (tmp_path / "run").exists()
+
+
+@pytest.mark.slow
+def test_a_damaged_table_of_forces_is_told(tmp_path):
+    shutil.copytree(SHIPPED_FOLDERS["fixed"], tmp_path, dirs_exist_ok=True)
+    (tmp_path / artifacts.OPTIMUM_FORCES).write_text("case,time_s\n0,zero\n")
+    with pytest.raises(artifacts.ArtifactError, match="no readable plans of least fuel"):
+        read_solved(tmp_path)

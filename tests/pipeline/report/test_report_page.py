@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import yaml
 from matplotlib.image import imread
 
 from fis_tools.formats import serialize
@@ -13,14 +14,15 @@ from fis_tools.render.theme import contrast
 from fis_tools.review import page as review
 from fis_tools.words.text import summary
 from pipeline.command_line.cli import main
-from pipeline.evaluation.monte_carlo import fly_cases
+from pipeline.evaluation.monte_carlo import fly_cases, summarise
 from pipeline.flight.cases.starts import training_scenarios
 from pipeline.flight.fly.simulation import fly_logged
 from pipeline.report import contents
+from pipeline.report.contents import command_of, gather, read_evaluation, tracks_of
 from pipeline.report.page import write
 from pipeline.report.pictures import draw
 from pipeline.run import artifacts, tables
-from pipeline.run.artifacts import ArtifactError
+from pipeline.run.artifacts import SUMMARY, ArtifactError, write_json
 from tests.pipeline.report.runs import (
     HOSTILE,
     SECTIONS,
@@ -31,8 +33,6 @@ from tests.pipeline.report.runs import (
     write_training,
 )
 from tests.policies import Page, check_policy
-
-pytestmark = pytest.mark.slow
 
 #: with limits that some of the flights keep and others do not
 TRAIN = ("+experiment=train", "inspection_threshold_percent=30", "deputy.max_distance_m=120")
@@ -49,6 +49,7 @@ def trained(tmp_path_factory):
     return folder, experiment, text, Page(text)
 
 
+@pytest.mark.slow
 def test_the_page_needs_no_other_file_and_leads_only_to_the_review(trained):
     _, _, text, page = trained
     for tag, attributes in page.tags:
@@ -62,6 +63,7 @@ def test_the_page_needs_no_other_file_and_leads_only_to_the_review(trained):
     assert "http" not in text.replace("http-equiv", "")
 
 
+@pytest.mark.slow
 def test_every_reference_of_the_page_has_its_target(trained):
     _, _, text, page = trained
     ids = page.values("id")
@@ -73,6 +75,7 @@ def test_every_reference_of_the_page_has_its_target(trained):
     assert wanted <= set(ids)
 
 
+@pytest.mark.slow
 def test_all_sections_are_there_with_their_pictures(trained):
     folder, _, _, page = trained
     assert [section["id"] for section in page.all("section") if section.get("id")] == list(SECTIONS)
@@ -93,6 +96,7 @@ def test_all_sections_are_there_with_their_pictures(trained):
     assert missing == {"recordings"}
 
 
+@pytest.mark.slow
 def test_pictures_have_the_asked_resolution_and_are_not_blank(trained):
     folder, experiment, _, _ = trained
     for path in (folder / artifacts.FIGURES).iterdir():
@@ -102,6 +106,7 @@ def test_pictures_have_the_asked_resolution_and_are_not_blank(trained):
             assert pixels.shape[:2] == (8.0 * experiment.report.dots_per_inch, 384)
 
 
+@pytest.mark.slow
 def test_numbers_are_those_of_the_summary(trained):
     folder, experiment, text, page = trained
     summary = json.loads((folder / artifacts.SUMMARY).read_text())
@@ -136,6 +141,7 @@ def test_numbers_are_those_of_the_summary(trained):
     assert "4.799 ± 0.458" in text
 
 
+@pytest.mark.slow
 def test_the_controller_is_reviewed_on_a_page_of_its_own(trained):
     folder, _, _, page = trained
     champion = serialize.load(folder / artifacts.CHAMPION)
@@ -145,6 +151,7 @@ def test_the_controller_is_reviewed_on_a_page_of_its_own(trained):
     assert (folder / artifacts.REVIEW).read_text() == review.write(champion)
 
 
+@pytest.mark.slow
 def test_the_review_is_along_the_recorded_flights_and_goes_with_its_controller(tmp_path):
     overrides = ("+experiment=fly", "controller=file", f"controller.path={small_controller(tmp_path)}")
     run_of(tmp_path, ("record", "report"), *overrides)
@@ -157,6 +164,7 @@ def test_the_review_is_along_the_recorded_flights_and_goes_with_its_controller(t
     assert not path.exists()
 
 
+@pytest.mark.slow
 def test_text_stands_out_from_the_page_in_light_and_dark(trained):
     _, _, text, _ = trained
     schemes = re.findall(r":root \{(.*?)\}", text, re.DOTALL)[:2]
@@ -168,6 +176,7 @@ def test_text_stands_out_from_the_page_in_light_and_dark(trained):
                     assert contrast(colours[name], colours[ground]) >= 4.5, (name, ground)
 
 
+@pytest.mark.slow
 def test_the_page_says_where_the_run_comes_from(trained):
     folder, experiment, _, page = trained
     manifest = artifacts.read_manifest(folder)
@@ -181,6 +190,7 @@ def test_the_page_says_where_the_run_comes_from(trained):
     assert f"seed\n{experiment.seed}" in re.sub(r"\n+", "\n", words) or f"seed{experiment.seed}" in words
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "missing",
     [
@@ -215,6 +225,7 @@ def test_what_is_missing_is_left_out_with_a_sentence(trained, missing):
     assert shown == stems
 
 
+@pytest.mark.slow
 def test_a_summary_is_made_from_the_episodes_where_it_is_missing(trained):
     folder, experiment, text, _ = trained
     path = folder / artifacts.SUMMARY
@@ -228,6 +239,7 @@ def test_a_summary_is_made_from_the_episodes_where_it_is_missing(trained):
     assert re.findall(r'<data value="([^"]+)">', again) == values
 
 
+@pytest.mark.slow
 def test_the_report_of_the_same_run_is_the_same_and_stale_pictures_go(trained):
     folder, experiment, text, _ = trained
     own, other = (folder / artifacts.FIGURES / name for name in ("control-start.png", "mine.png"))
@@ -239,6 +251,7 @@ def test_the_report_of_the_same_run_is_the_same_and_stale_pictures_go(trained):
     other.unlink()
 
 
+@pytest.mark.slow
 def test_an_evaluated_controller_shows_its_median_flight(tmp_path):
     controller = ("controller=file", f"controller.path={small_controller(tmp_path)}")
     stages = ("scenario", "evaluate", "record", "report")
@@ -275,6 +288,7 @@ def test_an_evaluated_controller_shows_its_median_flight(tmp_path):
         page_of(experiment, tmp_path)
 
 
+@pytest.mark.slow
 def test_one_flight_is_reported_alone(tmp_path):
     overrides = ("+experiment=fly", "controller=coast", "stages=[record,report]")
     experiment = run_of(tmp_path, ("record", "report"), *overrides)
@@ -298,6 +312,7 @@ def test_one_flight_is_reported_alone(tmp_path):
     assert (tmp_path / artifacts.REPORT).read_bytes() == first
 
 
+@pytest.mark.slow
 def test_names_are_text_and_no_markup(trained):
     folder, experiment, _, _ = trained
     told = contents.gather(experiment, folder)
@@ -314,6 +329,7 @@ def test_names_are_text_and_no_markup(trained):
     assert HOSTILE in page.text["summary"]
 
 
+@pytest.mark.slow
 def test_a_damaged_file_is_refused_in_words(trained):
     folder, experiment, _, _ = trained
     for name in (artifacts.LOGBOOK, artifacts.SUMMARY, artifacts.EPISODES):
@@ -327,9 +343,90 @@ def test_a_damaged_file_is_refused_in_words(trained):
             path.write_bytes(kept)
 
 
+@pytest.mark.slow
 def test_the_stage_is_repeated_on_the_files_of_a_run(trained, capsys):
     folder, _, _, _ = trained
     command = ["stages=[report]", f"hydra.run.dir={folder}"]
     assert main([*command, *TRAIN, *SMALL, "report.title=Another title"]) == 0
     assert "<h1>Another title</h1>" in (folder / artifacts.REPORT).read_text()
     assert "pictures" in capsys.readouterr().err
+
+
+def test_trajectories_are_sorted_into_their_cases():
+    generator = np.random.default_rng(3)
+    positions = generator.normal(size=(4, 5, 3)).astype(np.float32)
+    rows = {
+        "case": np.repeat(np.array([7, 2, 9, 4], dtype=np.int32), 5),
+        "sample": np.tile(np.arange(5, dtype=np.int32), 4),
+        **{f"position_{axis}_m": positions[:, :, i].ravel() for i, axis in enumerate("xyz")},
+    }
+    mixed = generator.permutation(20)
+    tracks = tracks_of({name: column[mixed] for name, column in rows.items()}, np.array([9, 2, 4, 7]))
+    np.testing.assert_array_equal(tracks, positions[[2, 1, 3, 0]])
+
+
+@pytest.mark.parametrize("kept", [slice(0, 9), slice(0, 5)])
+def test_trajectories_of_other_flights_are_refused(kept):
+    rows = {"case": np.repeat([0, 1], 5), "sample": np.tile(np.arange(5), 2)}
+    rows |= {f"position_{axis}_m": np.zeros(10) for axis in "xyz"}
+    rows = {name: column[kept] for name, column in rows.items()}
+    with pytest.raises(ArtifactError, match="different flights; repeat the stage evaluate"):
+        tracks_of(rows, np.array([0, 1]))
+
+
+@pytest.mark.parametrize(
+    ("change", "missing"),
+    [
+        (lambda _: {}, "num_cases"),
+        (lambda _: [], "num_cases"),
+        (lambda whole: whole | {"violated": {}}, "violated.count"),
+        (lambda whole: whole | {"success": 0.5}, "success.count"),
+        (lambda whole: whole | {"delta_v_m_s": whole["delta_v_m_s"] | {"low": "none"}}, "delta_v_m_s.low"),
+    ],
+)
+def test_a_summary_without_its_numbers_is_refused_in_words(tmp_path, change, missing):
+    episodes = {name: np.array([1.0, 2.0]) for name in ("delta_v_m_s", "inspection_rate_percent")}
+    episodes |= {"mean_distance_m": np.array([70.0, 71.0])}
+    episodes |= {"success": np.array([True, False]), "violated": np.array([False, False])}
+    whole = {"num_cases": 2, **summarise(episodes, 95.0)}
+    write_json(tmp_path / SUMMARY, whole)
+    assert read_evaluation(tmp_path, 95.0).summary == whole
+    write_json(tmp_path / SUMMARY, change(whole))
+    with pytest.raises(ArtifactError, match=rf"no number {re.escape(missing)},.*repeat the stage evaluate"):
+        read_evaluation(tmp_path, 95.0)
+
+
+def test_the_command_is_the_one_that_was_typed(tmp_path):
+    assert command_of(tmp_path, None) == command_of(tmp_path, {}) == ""
+    words = ["+experiment=evaluate", "controller=file", "controller.path=a b.json", "hydra.run.dir=here"]
+    expected = "python -m pipeline +experiment=evaluate controller=file 'controller.path=a b.json'"
+    assert command_of(tmp_path, {"command": words}) == expected
+    words = ["--config-dir", "/my conf", *words[:2], "controller.path='/a/b.json'"]
+    expected = "python -m pipeline --config-dir '/my conf' +experiment=evaluate controller=/a/b.json"
+    assert command_of(tmp_path, {"command": words}) == expected
+
+
+def test_the_command_of_a_run_from_before_manifests_told_it(tmp_path):
+    kept = tmp_path / ".hydra"
+    kept.mkdir()
+    (kept / "overrides.yaml").write_text(yaml.safe_dump(["+experiment=evaluate", "hydra.run.dir=here"]))
+    assert command_of(tmp_path, {"seed": 1}) == "python -m pipeline +experiment=evaluate"
+    sources = [{"path": "/ours", "provider": "main"}, {"path": "/my conf", "provider": "command-line"}]
+    (kept / "hydra.yaml").write_text(yaml.safe_dump({"hydra": {"runtime": {"config_sources": sources}}}))
+    assert command_of(tmp_path, None) == "python -m pipeline --config-dir '/my conf' +experiment=evaluate"
+
+
+@pytest.mark.slow
+def test_training_flights_start_where_the_last_round_did(tmp_path):
+    write_training(tmp_path)
+    overrides = ("+experiment=train", "starts=random", "starts.num_cases=3", "optimizer.rounds=2")
+    experiment = run_of(tmp_path, ("scenario",), *overrides)
+    told = gather(experiment, tmp_path)
+    assert told.training_round == 2
+    assert told.shown[0].title == "Training case 0 of round 2"
+    expected = training_scenarios(experiment.starts, experiment.sun, experiment.seed, 1)
+    np.testing.assert_array_equal(told.shown[0].scenario.position_m, expected[0].position_m)
+    assert told.training is not None
+    assert told.training.episodes is not None
+    xs = [scenario.position_m[0] for scenario in expected]
+    np.testing.assert_array_equal(told.training.episodes["position_x_m"], xs)

@@ -3,14 +3,15 @@
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
 
 from pipeline.command_line.cli import main
-from pipeline.run import artifacts
+from pipeline.evaluation.monte_carlo import summarise
+from pipeline.run import artifacts, sweep, tables
 from tests.pipeline.command_line.cases import use_stages
-
-pytestmark = pytest.mark.slow
+from tests.pipeline.evaluation.test_statistics import evaluation
 
 FLY = ["+experiment=fly", "controller=coast"]
 EVALUATE = ["+experiment=evaluate", "controller=coast"]
@@ -28,6 +29,7 @@ def run_folder(*parts: str) -> Path:
     return folder
 
 
+@pytest.mark.slow
 def test_a_run_calls_its_stages_in_order_in_a_folder_of_its_own(monkeypatch, capsys):
     called = use_stages(monkeypatch)
     assert main([*EVALUATE, "seed=5", "monte_carlo.num_cases=12"]) == 0
@@ -50,6 +52,7 @@ def test_a_run_calls_its_stages_in_order_in_a_folder_of_its_own(monkeypatch, cap
     assert "stage report took" in (folder / "pipeline.log").read_text()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["own.json", "a b.yaml", "x=y,z.json", "it's.yml"])
 def test_a_controller_may_be_a_path(name, monkeypatch):
     called = use_stages(monkeypatch)
@@ -62,6 +65,7 @@ def test_a_controller_may_be_a_path(name, monkeypatch):
     assert experiment.controller == {"path": f"folder/{name}" if "," not in name else name}
 
 
+@pytest.mark.slow
 def test_experiments_of_the_users(monkeypatch, tmp_path):
     called = use_stages(monkeypatch)
     (tmp_path / "mine" / "experiment").mkdir(parents=True)
@@ -75,6 +79,7 @@ def test_experiments_of_the_users(monkeypatch, tmp_path):
     assert run_folder("own").exists()
 
 
+@pytest.mark.slow
 def test_an_interrupt_says_what_was_kept_and_resume_goes_on(monkeypatch, capsys):
     def stop(_experiment, folder):
         artifacts.write_atomically(folder / artifacts.CHECKPOINT, "state")
@@ -102,6 +107,7 @@ def test_an_interrupt_says_what_was_kept_and_resume_goes_on(monkeypatch, capsys)
     assert "nothing is left to do" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("other", ["seed=2", "+experiment=train", "sun=random"])
 def test_resume_takes_no_other_settings(other, monkeypatch, capsys):
     called = use_stages(monkeypatch)
@@ -112,6 +118,7 @@ def test_resume_takes_no_other_settings(other, monkeypatch, capsys):
     assert called == []
 
 
+@pytest.mark.slow
 def test_resume_refuses_an_edited_configuration(monkeypatch, capsys):
     use_stages(monkeypatch)
     main(FLY)
@@ -121,6 +128,7 @@ def test_resume_refuses_an_edited_configuration(monkeypatch, capsys):
     assert "is not what the run was made with" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("base", [[], EVALUATE])
 def test_a_stage_is_repeated_on_an_earlier_runs_files(base, monkeypatch):
     use_stages(monkeypatch)
@@ -139,6 +147,7 @@ def test_a_stage_is_repeated_on_an_earlier_runs_files(base, monkeypatch):
     assert manifest["sha256"]["report.txt"] == artifacts.file_hash(folder / "report.txt")
 
 
+@pytest.mark.slow
 def test_repeating_an_early_stage_leaves_the_later_ones_to_do(monkeypatch):
     use_stages(monkeypatch)
     main(EVALUATE)
@@ -150,6 +159,7 @@ def test_repeating_an_early_stage_leaves_the_later_ones_to_do(monkeypatch):
     assert [name for name, _, _ in called] == ["record", "report"]
 
 
+@pytest.mark.slow
 @pytest.mark.slow
 def test_a_repeated_stage_may_have_its_own_settings_but_no_others(monkeypatch, capsys):
     use_stages(monkeypatch)
@@ -168,6 +178,7 @@ def test_a_repeated_stage_may_have_its_own_settings_but_no_others(monkeypatch, c
     assert "did you mean report?" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("is_there", [False, True])
 def test_stages_alone_are_for_a_folder_that_holds_a_run(is_there, monkeypatch, capsys):
     called = use_stages(monkeypatch)
@@ -184,6 +195,7 @@ def test_stages_alone_are_for_a_folder_that_holds_a_run(is_there, monkeypatch, c
 
 
 @pytest.mark.slow
+@pytest.mark.slow
 def test_the_jobs_of_a_sweep_leave_another_sweeps_runs_alone(monkeypatch, capsys):
     use_stages(monkeypatch)
     sweep = ["-m", *FLY, "hydra.sweep.dir=sweep"]
@@ -199,6 +211,7 @@ def test_the_jobs_of_a_sweep_leave_another_sweeps_runs_alone(monkeypatch, capsys
     assert all(path.read_bytes() == content for path, content in before.items())
 
 
+@pytest.mark.slow
 def test_a_run_is_not_put_where_the_files_of_another_lie(monkeypatch, capsys):
     use_stages(monkeypatch)
     main(EVALUATE)
@@ -210,6 +223,7 @@ def test_a_run_is_not_put_where_the_files_of_another_lie(monkeypatch, capsys):
     assert called == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("error", [artifacts.ArtifactError("champion.json is missing"), OSError("disk full")])
 def test_an_error_in_a_stage_is_told_and_logged(error, monkeypatch, capsys):
     def fail(_experiment, _folder):
@@ -224,6 +238,7 @@ def test_an_error_in_a_stage_is_told_and_logged(error, monkeypatch, capsys):
     assert artifacts.read_manifest(run_folder("fly"))["finished_stages"] == []
 
 
+@pytest.mark.slow
 def test_a_fault_of_the_program_shows_its_traceback(monkeypatch):
     def fail(_experiment, _folder):
         raise ZeroDivisionError
@@ -234,9 +249,118 @@ def test_a_fault_of_the_program_shows_its_traceback(monkeypatch):
     assert "Traceback" in (run_folder("fly") / "pipeline.log").read_text()
 
 
+@pytest.mark.slow
 def test_printing_the_configuration_makes_no_folder(monkeypatch, capsys):
     called = use_stages(monkeypatch)
     assert main([*FLY, "--cfg", "job"]) == 0
     assert "mass_kg: 12.0" in capsys.readouterr().out
     assert called == []
     assert not Path("outputs").exists()
+
+
+OUT = Path("out")
+
+SWEEP = [
+    "-m", "+experiment=evaluate", "controller=coast", "stages=[scenario,evaluate]", "hydra.sweep.dir=out",
+    "seed=1,2,3", "deputy.mass_kg=10,12", "sun=fixed,random",
+]  # fmt: skip
+#: the same with four seeds: 16 runs
+LARGE = ["seed=range(1,5)" if word.startswith("seed=") else word for word in SWEEP]
+#: the other parts of a run in a sweep's file
+REST = '"differs": {}, "command": [], "failure": ""'
+#: what goes wrong in which run: a mistake, the disk, memory, and a fault of the program
+INJECTED = {
+    ("2", 12.0, "fixed"): ValueError("nothing to be flown"),
+    ("3", 10.0, "random"): OSError(28, "No space left on device"),
+    ("3", 12.0, "random"): MemoryError(),
+    ("1", 10.0, "random"): RuntimeError("a slip"),
+    ("4", 10.0, "fixed"): ValueError("nothing to be flown, again"),
+}
+
+
+def evaluate(experiment, folder):
+    """Write an evaluation in which a heavier deputy burns 0.3 m/s less, whatever else differs."""
+    episodes = evaluation(experiment.seed, shift=-0.15 * (experiment.mission.deputy.mass_kg - 10.0))
+    tables.write_parquet(folder / artifacts.EPISODES, episodes)
+    names = {"mean_distance_m": np.ones(40)}
+    summary = {"confidence_percent": 95.0, "num_cases": 40, **summarise({**episodes, **names}, 95.0)}
+    artifacts.write_json(folder / artifacts.SUMMARY, summary)
+
+
+def key_of(experiment):
+    return str(experiment.seed), experiment.mission.deputy.mass_kg, experiment.sun.mode
+
+
+@pytest.mark.slow
+def test_a_sweep_with_injected_failures_is_summarised(monkeypatch, capsys):
+    def evaluate_or_fail(experiment, folder):
+        if error := INJECTED.get(key_of(experiment)):
+            raise error
+        evaluate(experiment, folder)
+
+    use_stages(monkeypatch, evaluate=evaluate_or_fail)
+    assert main(LARGE) == 2
+    told = capsys.readouterr().err
+    *_, ends = told.split("[16/16]")
+    assert ends.count("failed: ") == len(INJECTED)
+    assert "failed: seed=2+deputy.mass_kg=12+sun=fixed: nothing to be flown" in ends
+    assert "seed=1+deputy.mass_kg=10+sun=random: a fault of the program: RuntimeError: a slip" in ends
+    assert "11 of 16 runs are done; to try the others again: python -m pipeline resume=out" in ends
+    assert main(["summary", "out"]) == 0
+    rows = tables.read_parquet(OUT, "summary.parquet")
+    states = dict(zip(rows["run"].tolist(), rows["state"].tolist(), strict=True))
+    failed = {f"seed={seed}+deputy.mass_kg={mass:g}+sun={sun}" for seed, mass, sun in INJECTED}
+    assert {name for name, state in states.items() if state == "failed"} == failed
+    assert (rows["state"] == "done").sum() == 11
+    assert np.isnan(rows["delta_v_m_s"]).sum() == len(INJECTED)
+    found = tables.read_parquet(OUT, "effects.parquet")
+    heavier = (found["factor"] == "deputy.mass_kg") & (found["metric"] == "delta_v_m_s")
+    # of all seeds but 2 and 4 under a fixed Sun, and but 1 and 3 under a random one, both masses were flown
+    assert found["difference"][heavier] == pytest.approx(-0.3)
+    assert found["pairs"][heavier].tolist() == [4]
+    page = (OUT / "summary.html").read_text()
+    assert all(name in page for name in failed)
+    assert "controller=coast" in page
+
+    use_stages(monkeypatch, evaluate=evaluate)
+    assert main(["resume=out"]) == 0
+    assert "16 of 16 runs are done" in capsys.readouterr().err
+    known = sweep.read(OUT)
+    assert [run.failure for run in known] == [""] * 16
+    assert artifacts.read_manifest(OUT / known[0].folder)["command"] == list(known[0].command)
+    assert main(["resume=out"]) == 0
+    assert "nothing is left to do: all 16 runs are finished" in capsys.readouterr().err
+
+
+def test_an_interrupted_sweep_goes_on_with_what_is_left(monkeypatch, capsys):
+    def stop(experiment, folder):
+        if experiment.seed == 2:
+            raise KeyboardInterrupt
+        evaluate(experiment, folder)
+
+    words = [word for word in SWEEP if not word.startswith(("deputy", "sun"))]
+    use_stages(monkeypatch, evaluate=stop)
+    assert main(words) == 130
+    assert "2 runs of the sweep are left. To go on with all: python -m pipeline resume=out" in (
+        capsys.readouterr().err
+    )
+    called = use_stages(monkeypatch, evaluate=evaluate)
+    assert main(["resume=out"]) == 0
+    assert [(name, e.seed) for name, e, _ in called] == [("evaluate", 2), ("scenario", 3), ("evaluate", 3)]
+
+
+@pytest.mark.parametrize(
+    ("content", "told"),
+    [
+        (None, "out holds no sweep, it has no sweep.json"),
+        ('{"sweep_version": 1, "runs": [{"folder": "../x"}]}', "is no file of a sweep"),
+        ('{"sweep_version": 1, "runs": [{"folder": "/x", ' + REST + "}]}", "lies outside"),
+        ('{"sweep_version": 1, "runs": [{"folder": "' + 252 * "x" + '", ' + REST + "}]}", "is longer than"),
+    ],
+)
+def test_a_file_that_is_no_sweeps_is_refused(content, told, tmp_path, capsys):
+    (tmp_path / "out").mkdir()
+    if content:
+        (tmp_path / "out" / "sweep.json").write_text(content)
+    assert main(["summary", "out"]) == 2
+    assert told in capsys.readouterr().err

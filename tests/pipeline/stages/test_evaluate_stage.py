@@ -1,5 +1,7 @@
 """An evaluation in miniature: its tables, its summary, and whose controller flies."""
 
+import csv
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,6 +11,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from fis_tools.formats import serialize
+from pipeline.command_line.config import compose_experiment
 from pipeline.controllers import source as controller_source
 from pipeline.controllers.source import controller_of_run
 from pipeline.evaluation.monte_carlo import summarise
@@ -16,7 +19,8 @@ from pipeline.flight.cases.starts import evaluation_scenarios
 from pipeline.flight.fly.simulation import fly_logged
 from pipeline.run import artifacts, tables
 from pipeline.run.artifacts import ArtifactError
-from pipeline.stages import evaluate
+from pipeline.settings.experiment import SettingError
+from pipeline.stages import evaluate, search
 from tests.pipeline.stages.cases import prepared
 
 SUN = ("sun=random", "monte_carlo.confidence_percent=90.0")
@@ -150,3 +154,33 @@ def test_a_controller_file_changed_later_does_not_change_the_run(tmp_path):
     evaluate.run(run, folder)
     source.write_text(serialize.dump_json(replace(original, name="changed")), encoding="utf-8")
     assert controller_of_run(run, folder).name == original.name
+
+
+@pytest.mark.slow
+def test_the_best_trial_is_told_and_its_champion_kept(tmp_path):
+    run = prepared(
+        tmp_path,
+        "stages=[search]",
+        "++hparams_search={trials: 3, trains: true, num_cases: 8, block_cases: 4}",
+        "+hparams_search.space.optimizer.initial_step={low: 0.01, high: 0.5, log: true}",
+        "optimizer.mutation=local",
+    )  # fmt: skip
+    search.run(run.experiment, tmp_path)
+    with (tmp_path / artifacts.SEARCH_TRIALS).open(newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    assert [row["trial"] for row in rows] == ["0", "1", "2"]
+    complete = {float(row["cost_m_s"]): row for row in rows if row["state"] == "complete"}
+    best = json.loads((tmp_path / artifacts.SEARCH_BEST).read_text())
+    assert best["cost_m_s"] == min(complete)
+    step = complete[min(complete)]["optimizer.initial_step"]
+    assert best["words"] == [f"optimizer.initial_step={step}"]
+    champion = serialize.load(tmp_path / artifacts.CHAMPION)
+    # going on has nothing left to try, and comes to the same
+    search.run(replace(run.experiment, resume=True), tmp_path)
+    assert json.loads((tmp_path / artifacts.SEARCH_BEST).read_text()) == best
+    assert serialize.load(tmp_path / artifacts.CHAMPION) == champion
+
+
+def test_a_search_over_nothing_is_refused():
+    with pytest.raises(SettingError, match=r"stages has search, and hparams_search.space is empty"):
+        compose_experiment(["+experiment=evaluate", "controller=coast", "stages=[search]"])

@@ -1,6 +1,9 @@
 """A front in miniature: a table and controllers that fly as it says, and the champion among them."""
 
 import csv
+import sys
+import warnings
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,14 +14,17 @@ import pytest
 from fis_tools.analysis.measures import rule_consistency
 from fis_tools.formats import serialize
 from pipeline.command_line.config import Job
+from pipeline.controllers import source
 from pipeline.flight.cases.starts import validation_scenarios
 from pipeline.flight.control.controller import from_fuzzy
 from pipeline.flight.fly.simulation import fly_all
 from pipeline.run import artifacts
+from pipeline.settings.experiment import Logger, SettingError
 from pipeline.stages import train
+from pipeline.training.evolution.state import Generation
+from pipeline.training.genome import genome_of
+from pipeline.training.progress import ChampionFlights, logged, name_of
 from tests.pipeline.stages.cases import prepared
-
-pytestmark = pytest.mark.slow
 
 WORDS = (
     "starts.num_cases=4", "starts.num_hard=2", "starts.hard_from=6", "optimizer.rounds=2",
@@ -54,6 +60,7 @@ def rows(folder: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(stream))
 
 
+@pytest.mark.slow
 def test_each_controller_flies_as_the_table_says(trained):
     run, folder = trained
     experiment = run.experiment
@@ -79,6 +86,7 @@ def test_each_controller_flies_as_the_table_says(trained):
         assert provenance["front"] == f"{path.stem} of {len(table)}"
 
 
+@pytest.mark.slow
 def test_the_cheapest_comes_first_and_what_is_dominated_does_not_stand(trained):
     table = rows(trained[1])
     delta_v = [float(row["validation_delta_v_m_s"]) for row in table]
@@ -93,6 +101,7 @@ def test_the_cheapest_comes_first_and_what_is_dominated_does_not_stand(trained):
         assert not np.any(np.all(training <= pair, axis=1) & np.any(training < pair, axis=1))
 
 
+@pytest.mark.slow
 def test_rule_consistency_is_an_objective(read):
     table = rows(read)
     for row in table:
@@ -107,6 +116,7 @@ def test_rule_consistency_is_an_objective(read):
     assert any(np.any(np.all(training[:, :2] < objectives[:2], axis=1)) for objectives in training)
 
 
+@pytest.mark.slow
 def test_the_champion_is_the_fronts_best_on_the_validation_starts(trained):
     _, folder = trained
     table = rows(folder)
@@ -122,6 +132,7 @@ def test_the_champion_is_the_fronts_best_on_the_validation_starts(trained):
     )
 
 
+@pytest.mark.slow
 def test_a_training_goes_on_to_the_same_front_on_any_number_of_workers(trained, tmp_path):
     whole = prepared_front(tmp_path, "optimizer.workers=2").experiment
     # ends after the first round; composed with optimizer.rounds=1, it would have no optimizer.next_round
@@ -131,3 +142,104 @@ def test_a_training_goes_on_to_the_same_front_on_any_number_of_workers(trained, 
     assert (tmp_path / artifacts.FRONT).read_bytes() == (trained[1] / artifacts.FRONT).read_bytes()
     genomes = [pq.read_table(folder / artifacts.FRONT_GENOMES)["genome"] for folder in (tmp_path, trained[1])]
     assert genomes[0].equals(genomes[1])
+
+
+ROWS = [{"generation": float(n), "best": 1.0 / (n + 3), "points": 90.0 + n} for n in range(5)]
+
+
+def log_each(logger: Logger, rows: Sequence[Mapping[str, float]]) -> None:
+    """As a training does, row after row."""
+    with logged(logger, "outputs/train/x") as log:
+        for count in range(1, len(rows) + 1):
+            log(rows[:count])
+
+
+def assert_on_board(folder: Path, rows: Sequence[Mapping[str, float]]) -> None:
+    """A board keeps single precision."""
+    pytest.importorskip("tensorboard")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # it says that TensorFlow is not there
+        from tensorboard.backend.event_processing import event_accumulator  # noqa: PLC0415
+
+        events = event_accumulator.EventAccumulator(str(folder))
+        events.Reload()
+    assert set(events.Tags()["scalars"]) == set(rows[0])
+    for name in rows[0]:
+        found = [(event.step, event.value) for event in events.Scalars(name)]
+        np.testing.assert_allclose(found, [(step, row[name]) for step, row in enumerate(rows)], rtol=1e-6)
+
+
+def test_tensorboard_shows_each_generation_once_also_after_going_on(tmp_path: Path) -> None:
+    pytest.importorskip("tensorboardX")
+    logger = Logger(kind="tensorboard", place=str(tmp_path))
+    log_each(logger, ROWS[:4])
+    log_each(logger, ROWS)
+    assert_on_board(tmp_path / "outputs/train/x", ROWS)
+
+
+def test_a_training_is_logged_as_in_its_logbook(tmp_path: Path) -> None:
+    pytest.importorskip("tensorboardX")
+    run = prepared(tmp_path / "run", "logger=tensorboard", f"logger.place={tmp_path / 'board'}")
+    train.run(run.experiment, tmp_path / "run")
+    with (tmp_path / "run" / artifacts.LOGBOOK).open(newline="", encoding="utf-8") as stream:
+        rows = [{name: float(value) for name, value in row.items()} for row in csv.DictReader(stream)]
+    assert_on_board(tmp_path / "board" / name_of(tmp_path / "run"), rows)
+
+
+def test_a_missing_package_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "tensorboardX", None)
+    with pytest.raises(SettingError, match=r"logger=tensorboard needs the package tensorboardX; install"):
+        log_each(Logger(kind="tensorboard", place="x"), ROWS)
+
+
+def generation(round_index: int, number: int, champion: np.ndarray) -> Generation:
+    return Generation(
+        round=round_index,
+        generation=number,
+        evaluations=6,
+        best=1.0,
+        mean=2.0,
+        std=0.5,
+        step_size=1.0,
+        parts={},
+        champion=champion,
+    )
+
+
+@pytest.fixture
+def flights(tmp_path: Path) -> ChampionFlights:
+    experiment = prepared(tmp_path).experiment
+    template = source.load(experiment.controller, experiment.mission)
+    return ChampionFlights(experiment, genome_of(template, experiment.optimizer.encoding))
+
+
+def history() -> list[Generation]:
+    first, second = np.random.default_rng(3).random((2, 150))
+    moments = [(0, 0, first), (0, 1, first), (0, 2, second), (1, 0, second), (1, 1, first)]
+    return [generation(*moment) for moment in moments]
+
+
+def test_only_new_champions_are_flown(flights: ChampionFlights) -> None:
+    grown = history()
+    assert [flights.add(grown[:count]) for count in range(1, 6)] == [True, False, True, False, True]
+    columns = flights.columns()
+    begun = columns["sample"] == 0
+    assert columns["round"][begun].tolist() == [0, 0, 1]
+    assert columns["generation"][begun].tolist() == [0, 2, 1]
+    tracks = np.column_stack([columns[f"position_{axis}_m"] for axis in "xyz"]).reshape(3, -1, 3)
+    assert np.array_equal(tracks[0], tracks[2])
+    assert np.array_equal(tracks[0, 0], tracks[1, 0])
+    assert np.abs(tracks[0, -1] - tracks[1, -1]).max() > 0.01
+
+
+def test_a_history_at_once_gives_what_one_gives_that_grows(tmp_path: Path, flights: ChampionFlights) -> None:
+    """A training that goes on knows all champions of earlier runs at once."""
+    grown = history()
+    for count in range(1, 6):
+        flights.add(grown[:count])
+    experiment = prepared(tmp_path).experiment
+    template = source.load(experiment.controller, experiment.mission)
+    resumed = ChampionFlights(experiment, genome_of(template, experiment.optimizer.encoding))
+    assert resumed.add(grown)
+    for name, column in flights.columns().items():
+        np.testing.assert_array_equal(column, resumed.columns()[name])
