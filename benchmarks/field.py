@@ -14,7 +14,7 @@ import numpy as np
 
 from benchmarks.policies import interquartile_mean, resampled
 from pipeline.command_line.config import compose_experiment
-from pipeline.controllers.source import load
+from pipeline.controllers.source import load, named
 from pipeline.evaluation.statistics import fraction
 from pipeline.flight.cases.starts import PRIORITY, direction_of, evaluation_scenarios
 from pipeline.flight.fly.simulation import fly_logged
@@ -96,7 +96,9 @@ def row(name: str, flown: Sequence[Judged], num_cases: int) -> str:
 def main(arguments: Sequence[str]) -> int:
     """Fly all of them in all worlds, and print a table of each."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks field", description=__doc__)
-    parser.add_argument("-c", "--controller", action="append", help="of conf/controller, and what differs")
+    parser.add_argument(
+        "-c", "--controller", action="append", help="of conf/controller, and what differs; or a file"
+    )
     parser.add_argument("-w", "--world", action="append", help=f"of {', '.join(WORLDS)}; all unless given")
     parser.add_argument("--cases", type=int, default=1000, help="starts; no more than 100 for a slow one")
     parser.add_argument("--seed", type=int, default=6, help="of the starts")
@@ -107,11 +109,14 @@ def main(arguments: Sequence[str]) -> int:
         print("| controller | points (%) | delta-v (m/s) | their success | our success | out of bounds |")
         print("|---|---|---|---|---|---|", flush=True)
         for name in options.controller or CONTROLLERS:
-            told = ["+experiment=evaluate", f"controller={name.split()[0]}", *name.split()[1:], *words]
+            first, *rest = name.split()
+            is_file = "/" in first
+            option = "coast" if is_file else first
+            told = ["+experiment=evaluate", f"controller={option}", *rest, *words]
             experiment: Any = compose_experiment(told).experiment
             mission, cases = experiment.mission, experiment.monte_carlo
             starts = evaluation_scenarios(cases, experiment.sun, experiment.seed)
-            controller = load(experiment.controller, mission)
+            controller = named(first, mission) if is_file else load(experiment.controller, mission)
             flown = [
                 judged(mission, start, fly_logged(mission, controller, start))
                 for start in starts[: SLOW.get(name, options.cases)]
