@@ -244,6 +244,10 @@ class Safety:
     """Distance at which the greatest speed is speed_limit_m_s."""
     braking_force_n: Positive = 0.8
     """Greatest force along each Hill axis to stop within a control period."""
+    probability: Annotated[Number, Field(gt=0, lt=1)] | None = None
+    """Of a flight, that the bounds hold on its errors, for which margins are kept; null: none are."""
+    planned_force_n: Annotated[Positive, Only("safety.probability")] = 0.04
+    """Greatest force along each Hill axis that is passed on where anything is inexact."""
     passive_horizon_s: NotNegative = 600.0
     """How long free drift stays outside the keep-out sphere; 0: off."""
     keep_in_horizon_s: NotNegative = 0.0

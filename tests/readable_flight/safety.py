@@ -4,6 +4,7 @@ from math import ceil
 
 import numpy as np
 
+from pipeline.flight.period.act.bounds import bounds_of, spheres_of
 from tests.readable_flight.motion import transition
 
 #: places whose limits are never given up: at the next sample, and stopped from there
@@ -20,8 +21,9 @@ class Layer:
     def __init__(self, mission):
         self.law, self.limit = mission.safety, mission.deputy.max_force_n
         self.period = mission.control_period_s
-        self.out = mission.deputy.min_distance_m + self.law.keep_out_margin_m
-        self.far = mission.deputy.max_distance_m - self.law.keep_in_margin_m
+        bounds = bounds_of(mission)
+        self.out, self.far = spheres_of(mission, bounds)
+        self.planned, self.step_back = min(bounds.planned_force_n, self.limit), bounds.step_back_n
         n, mass = mission.orbit.mean_motion_rad_s, mission.deputy.mass_kg
         self.phi, self.gamma = transition(n, self.period, mass)
         self.stop = -np.linalg.solve(self.gamma[3:], self.phi[3:])
@@ -69,7 +71,7 @@ class Layer:
 
     def search(self, free, asked, num_places):
         """The force nearest to one asked for that keeps the limits of the first places, by cuts."""
-        cuts, force = [], asked
+        cuts, force = [], np.clip(asked, -self.planned, self.planned)
         for _ in range(MOST_CUTS):
             ahead = free + self.gamma @ force
             excesses = self.excesses(ahead, num_places)
@@ -77,7 +79,7 @@ class Layer:
                 break
             row, level = self.cut(ahead, int(np.argmax(excesses)), num_places)
             cuts.append((row @ self.gamma, level - row @ free))
-            force = projected(asked, cuts, self.limit)
+            force = projected(asked, cuts, self.planned)
         return force
 
     def is_safe(self, free, force, tolerance=TOLERANCE):
@@ -88,14 +90,20 @@ class Layer:
         """The force to apply, N, and the limit it was changed for; None where it is safe."""
         free = self.phi @ state
         name = self.exceeded(free + self.gamma @ asked)
-        if name is None:
+        if name is None and np.abs(asked).max() <= self.planned:
             return asked, None
+        name = name or "speed"
         for num_places in (len(self.places), STANDING):
             force = self.search(free, asked, num_places)
             if self.is_safe(free, force):
                 return force, name
         stop = np.clip(self.stop @ state, -self.limit, self.limit)
         if not self.is_safe(free, stop, 2.0 * TOLERANCE):
+            if self.step_back > 0.0:
+                rest = self.places[1] @ state
+                inward = np.linalg.norm(rest) > 0.5 * (self.out + self.far)
+                back = (-self.step_back if inward else self.step_back) * rest / np.linalg.norm(rest)
+                force = np.clip(stop + back, -self.limit, self.limit)
             return force, name
         low, high = 0.0, 1.0
         for _ in range(HALVINGS):

@@ -32,6 +32,7 @@ from pipeline.evaluation.assurance.requirements import (
     RequirementError,
 )
 from pipeline.flight.control.controller import Controller
+from pipeline.flight.period.act.bounds import bounds_of, is_exact, premises, spheres_of
 from pipeline.flight.period.act.safety import STANDING, most_exceeded
 from pipeline.flight.state.log import Scenario
 from pipeline.flight.world.pack import pack_world
@@ -109,27 +110,32 @@ class SafetyProof:
     ----------
     is_on : bool
         Whether the layer is active.
-    is_exact : bool
-        Whether state, forces, motion and settings are those that the layer assumes: no errors of
-        navigation or thrusters, Clohessy and Wiltshire's equations, nothing dispersed.
+    failing : tuple of str
+        Premises that do not hold, each said in words; none if all do.
+    assumed : tuple of str
+        Those that are taken for granted, in words.
+    probability : float
+        With which a flight's errors are within the bounds that the proof takes for them; 1 if all is exact.
     keep_out_m, keep_in_m : float
-        Radii of the spheres between which it keeps the samples.
+        The spheres between which it keeps the deputy: samples where all is exact, else any time.
     num_starts, num_safe : int
         Starts, and how many of them are safe states, the base case of the induction.
     """
 
     is_on: bool
-    is_exact: bool
     keep_out_m: float
     keep_in_m: float
     num_starts: int
     num_safe: int
+    failing: tuple[str, ...] = ()
+    assumed: tuple[str, ...] = ()
+    probability: float = 1.0
 
     def proves(self, formula: Formula) -> bool:
         """Return whether the layer's proof implies a formula, for these flights at their samples."""
         return (
             self.is_on
-            and self.is_exact
+            and not self.failing
             and self.num_safe == self.num_starts
             and _follows(formula, (self.keep_out_m, self.keep_in_m))
         )
@@ -149,14 +155,22 @@ def _follows(formula: Formula, distances_m: tuple[float, float]) -> bool:
 def safety_proof(mission: Mission, scenarios: Sequence[Scenario]) -> SafetyProof:
     """Check the premises of the safety layer's proof for the starts of some flights."""
     is_on = mission.safety.kind == "filter"
-    is_exact = mission.navigation.mode == "perfect" and mission.actuators.kind == "ideal"
-    is_exact = is_exact and mission.dynamics.model == "cw" and not mission.dispersions
+    bounds, probability = bounds_of(mission), 1.0
+    failing: tuple[str, ...] = ()
+    assumed: tuple[str, ...] = ()
+    spheres = mission.keep_out_m, mission.keep_in_m
+    if is_on and not is_exact(mission):
+        failing, assumed = premises(mission, bounds)
+        probability = mission.safety.probability or 0.0
+        # the limits themselves, but for rounding: all margins are for errors
+        out, far = spheres_of(mission, bounds)
+        spheres = out - bounds.keep_out_m, far + bounds.keep_in_m
     num_safe = 0
     if is_on:
         world = pack_world(mission)
         states = (np.concatenate([one.position_m, one.velocity_m_s]) for one in scenarios)
         num_safe = sum(most_exceeded(world, state, STANDING)[2] <= 0.0 for state in states)
-    return SafetyProof(is_on, is_exact, mission.keep_out_m, mission.keep_in_m, len(scenarios), num_safe)
+    return SafetyProof(is_on, *spheres, len(scenarios), num_safe, failing, assumed, probability)
 
 
 Verdict = Literal["shown", "refuted", "open"]
@@ -276,12 +290,18 @@ class Outcome(NamedTuple):
         The reason, in a sentence without its full stop.
     is_proof : bool
         Whether it holds for all cases and not for a share.
+    probability : float
+        Of a case, that the bounds hold on which a proof stands.
+    assumed : tuple of str
+        What a proof takes for granted.
     """
 
     verdict: Verdict
     word: str
     why: str
     is_proof: bool = False
+    probability: float = 1.0
+    assumed: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -384,11 +404,12 @@ def _of_bounds(certificates: Sequence[Certificate]) -> Outcome:
 
 
 def _of_the_layer(requirement: Requirement, proof: SafetyProof) -> Outcome:
-    spheres = f"all samples from {proof.keep_out_m:g} to {proof.keep_in_m:g} m"
+    times = "all samples" if proof.probability == 1.0 else "flights at all times"
+    spheres = f"{times} from {proof.keep_out_m:g} to {proof.keep_in_m:g} m"
     if not proof.is_on:
         why = "the safety layer was off: its proof says nothing about these flights"
-    elif not proof.is_exact:
-        why = "the safety layer's proof is of places, forces and motion known exactly, and these are not"
+    elif proof.failing:
+        why = f"premises of the safety layer's proof fail: {'; '.join(proof.failing)}"
     elif proof.num_safe < proof.num_starts:
         starts = f"{proof.num_starts - proof.num_safe:,} of {proof.num_starts:,} starts"
         why = f"{starts} are not safe states, from which the proof begins"
@@ -396,7 +417,12 @@ def _of_the_layer(requirement: Requirement, proof: SafetyProof) -> Outcome:
         why = f"the safety layer keeps {spheres}, from which this does not follow"
     else:
         why = f"the safety layer keeps {spheres}, from all {proof.num_starts:,} starts"
-        return Outcome("shown", "proved", why, is_proof=True)
+        if proof.probability < 1.0:
+            why += f", while errors are within their bounds, as in {percent(proof.probability)} of flights"
+        why += "".join(f", provided that {one}" for one in proof.assumed)
+        if proof.probability < requirement.probability:
+            return Outcome("open", f"proved for {percent(proof.probability)}", why)
+        return Outcome("shown", "proved", why, True, proof.probability, proof.assumed)
     return Outcome("open", "does not apply", why)
 
 
@@ -408,6 +434,9 @@ def percent(share: float) -> str:
 def share(requirement: Requirement, judged: Outcome) -> str:
     """Say for what share of the cases, and how surely, a requirement is claimed or proved."""
     if judged.is_proof:
+        if judged.probability < 1.0:
+            given = "".join(f", if {one}" for one in judged.assumed)
+            return f"{percent(judged.probability)} of cases or more (proved{given})"
         return "all cases (proved)" if requirement.formula else "all inputs (proved)"
     if requirement.formula is None:
         return "all inputs"

@@ -36,6 +36,8 @@ class Guard(NamedTuple):
     speed_at_chief: float  # v0 - v1 d0, m/s
     speed_slope: float  # v1, 1/s
     braking_force: float  # N
+    planned_force: float  # greatest along each axis that is passed on, N
+    step_back: float  # force beyond the stop where even the stop is not safe, N; 0: none
     stop: Floats  # (3, 6) gain of the law that stops within a control period
     places: Motion  # (2 + J) the state itself, stopped, and after 1 ... J periods of free drift
     num_kept_out: int  # rows of places that must stay outside the inner sphere

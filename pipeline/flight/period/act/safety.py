@@ -34,6 +34,7 @@ from fis_tools.compiled.decorator import compiled
 from fis_tools.compiled.three import Three, dot, length, load_three, same, scaled, store_three, three_of
 from fis_tools.compiled.vectors import least, most, select, some, splat, store, width_of
 from pipeline.array_types import Floats
+from pipeline.flight.period.act.bounds import bounds_of, spheres_of
 from pipeline.flight.state.arrays import Guard, Moment, State, World
 from pipeline.flight.state.log import KEEP_IN, KEEP_OUT, PASSIVE_SAFETY, SAFE, SPEED
 from pipeline.physics.motion import (
@@ -93,6 +94,7 @@ def look_ahead(world: World, state: State) -> bool:
             reach = most(square, reach)
     is_unsafe = length(moving) - guard.speed_at_chief - guard.speed_slope * length(then) > 0.0
     is_unsafe |= braking > guard.braking_force
+    is_unsafe |= most(most(abs(force.x), abs(force.z)), abs(force.y)) > guard.planned_force
     is_unsafe |= (closest < guard.keep_out**2) | (reach > guard.keep_in**2)
     store(lanes.is_unsafe, 0, select(is_unsafe, 1.0, 0.0))
     return some(is_unsafe)
@@ -221,14 +223,15 @@ def search(world: World, free: Floats, asked: Floats, num_places: int, cuts: Flo
     cutting-plane method for solving convex programs", J. SIAM 8, 1960).
     """
     ahead = np.zeros(6)
-    assign(force, asked)
+    for j in range(3):
+        force[j] = min(max(asked[j], -world.guard.planned_force), world.guard.planned_force)
     for num_cuts in range(MOST_CUTS):
         lead(world, free, force, ahead)
         limit, place, _ = most_exceeded(world, ahead, num_places)
         if limit == SAFE:
             break
         cut(world, free, ahead, limit, place, cuts[num_cuts])
-        project(asked, cuts, num_cuts + 1, world.max_force, force)
+        project(asked, cuts, num_cuts + 1, world.guard.planned_force, force)
 
 
 @compiled(error_model="numpy")
@@ -240,16 +243,31 @@ def is_safe(world: World, free: Floats, force: Floats, tolerance: float) -> bool
 
 
 @compiled(error_model="numpy")
+def store_clipped(force: Floats, first: Floats, second: Three, most_force: float) -> None:
+    """Write the sum of two forces, within the thruster's box."""
+    force[0] = min(max(first[0] + second.x, -most_force), most_force)
+    force[1] = min(max(first[1] + second.y, -most_force), most_force)
+    force[2] = min(max(first[2] + second.z, -most_force), most_force)
+
+
+@compiled(error_model="numpy")
 def retreat(world: World, state: Floats, free: Floats, force: Floats) -> None:
     """Move an unsafe force as far towards the stop as necessary, by bisection.
 
     Outside the safe set, where the stop is not safe either, the force stays: it was found to exceed least.
+    With a step back it is the stop with a push towards the room between the spheres.
     """
-    stop, trial = np.zeros(3), np.zeros(3)
+    guard, stop, trial = world.guard, np.zeros(3), np.zeros(3)
     for j in range(3):
-        force_j = stopping_force(world.guard.stop, j, state)
+        force_j = stopping_force(guard.stop, j, state)
         stop[j] = min(max(force_j, -world.max_force), world.max_force)
     if not is_safe(world, free, stop, 2.0 * TOLERANCE):
+        if guard.step_back > 0.0:
+            rest = position(guard.places, 1, state)
+            push_back = guard.step_back / max(length(rest), TOLERANCE)
+            if length(rest) > 0.5 * (guard.keep_out + guard.keep_in):
+                push_back = -push_back
+            store_clipped(force, stop, scaled(push_back, rest), world.max_force)
         return
     low, high = 0.0, 1.0
     for _ in range(HALVINGS):
@@ -276,6 +294,8 @@ def correct(world: World, state: Floats, asked: Floats, cuts: Floats, force: Flo
     limit = most_exceeded(world, ahead, STANDING)[0]
     if limit == SAFE:
         limit = most_exceeded(world, ahead, len(world.guard.places.transition))[0]
+    if limit == SAFE and max(abs(asked[0]), abs(asked[1]), abs(asked[2])) > world.guard.planned_force:
+        limit = SPEED
     search(world, free, asked, len(world.guard.places.transition), cuts, force)
     if is_safe(world, free, force, TOLERANCE):
         return limit
@@ -320,17 +340,21 @@ def guard_of(mission: "Mission") -> Guard:
     motion = motion_over(mission.orbit, mission.deputy, (period,))
     stop = stop_of(motion)
     if safety.kind == "none":
-        return Guard(False, 0.0, np.inf, np.inf, 0.0, np.inf, stop, motion, 0, 0)
+        return Guard(False, 0.0, np.inf, np.inf, 0.0, np.inf, np.inf, 0.0, stop, motion, 0, 0)
+    bounds = bounds_of(mission)
+    keep_out, keep_in = spheres_of(mission, bounds)
     num_drifts = [ceil(time / period - 1e-9) for time in (safety.passive_horizon_s, safety.keep_in_horizon_s)]
     now = motion_over(mission.orbit, mission.deputy, (0.0,))
     drifts = [(j + 1) * period for j in range(max(num_drifts))]
     return Guard(
         is_on=True,
-        keep_out=mission.keep_out_m,
-        keep_in=mission.keep_in_m,
+        keep_out=keep_out,
+        keep_in=keep_in,
         speed_at_chief=safety.speed_limit_m_s - safety.speed_slope_per_s * safety.speed_distance_m,
         speed_slope=safety.speed_slope_per_s,
         braking_force=safety.braking_force_n,
+        planned_force=min(bounds.planned_force_n, mission.deputy.max_force_n),
+        step_back=bounds.step_back_n,
         stop=stop,
         places=joined(now, stopped(motion, stop), motion_over(mission.orbit, mission.deputy, drifts)),
         num_kept_out=STANDING + num_drifts[0],

@@ -155,7 +155,46 @@ def test_the_layer_proves_what_follows_from_its_spheres():
 )
 def test_the_layer_proves_nothing_of_flights_with_errors(override: str):
     proof = safety_proof(experiment("safety=filter", override).mission, scenarios(2))
-    assert (proof.num_safe, proof.is_exact) == (2, False)
+    assert proof.num_safe == 2
+    assert proof.failing[0] == "no bounds are asked for (safety.probability)"
+    assert not proof.proves(parse("always (distance >= 15 m)", UNITS))
+
+
+PROVED_IN = [
+    ("world=leo", 2),
+    ("dynamics=low_orbit", 1),
+    ("actuators=real", 0),
+    ("navigation=range_bearing", 1),
+]
+
+
+@pytest.mark.parametrize(("override", "num_assumed"), PROVED_IN)
+def test_with_bounds_the_layer_proves_its_limits_where_nothing_is_exact(override: str, num_assumed: int):
+    proof = safety_proof(experiment("safety=robust", override).mission, scenarios(2))
+    assert (proof.failing, len(proof.assumed), proof.probability) == ((), num_assumed, 0.99)
+    assert proof.proves(parse("always (distance >= 15 m) and always (distance <= 200 m)", UNITS))
+    assert not proof.proves(parse("always (distance >= 16.1 m)", UNITS))
+    shown = verdict(Found(replace(REQUIREMENT, probability=0.99), proof=proof))
+    assert (shown.verdict, shown.is_proof) == ("shown", True)
+    assert "in 99 % of flights" in shown.why
+    assert all(one in sentence(Found(REQUIREMENT, proof=proof), shown) for one in proof.assumed)
+    # a claim about all flights is more than the bounds hold for
+    assert verdict(Found(replace(REQUIREMENT, probability=1.0), proof=proof)).verdict == "open"
+
+
+@pytest.mark.parametrize(
+    ("override", "premise"),
+    [
+        ("actuators.delay_s=10.0", "commands are late"),
+        ("actuators=layout", "thrusters form a layout"),
+        ("actuators.scale_error=0.15", "the thrusters cannot make good"),
+        ("actuators.specific_impulse_s=220.0", "mass changes"),
+        ("+dispersions.deputy.mass_kg={kind:uniform,low:11.0,high:13.0}", "settings are dispersed"),
+    ],
+)
+def test_each_premise_that_fails_is_named(override: str, premise: str):
+    proof = safety_proof(experiment("safety=robust", "actuators=real", override).mission, scenarios(2))
+    assert [premise in one for one in proof.failing] == [True]
     assert not proof.proves(parse("always (distance >= 15 m)", UNITS))
 
 
@@ -180,7 +219,7 @@ REQUIREMENT = Requirement(
     0.99,
     0.9,
 )
-LAYER = SafetyProof(True, True, 16.0, 198.0, 1000, 1000)
+LAYER = SafetyProof(True, 16.0, 198.0, 1000, 1000)
 OFF = replace(LAYER, is_on=False)
 
 

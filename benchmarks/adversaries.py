@@ -1,0 +1,104 @@
+"""Controllers that mean harm, against the safety layer: ``python -m benchmarks adversaries --starts 10000``.
+
+From random starts at rest between the layer's spheres, in every world of ``+experiment=robustness``, six
+adversaries push at 1 N and at 0.01 N: towards the chief, away from it, along each axis, and at random. It
+counts flights that leave the limits at a sample, and logged ones at any second.
+"""
+
+import argparse
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from fis_tools.model import FuzzyController, FuzzySystem, Gaussian, Term, Variable, table_rules
+from pipeline.command_line.config import compose_experiment
+from pipeline.flight.control.controller import Controller, from_fuzzy, open_loop
+from pipeline.flight.fly.simulation import fly_all, fly_logged
+from pipeline.flight.period.act.bounds import bounds_of, spheres_of
+from pipeline.flight.state.log import FlightLog, Scenario
+from pipeline.physics.motion import motion_over
+from pipeline.settings.experiment import Mission
+from pipeline.settings.schema import in_world
+
+#: noise seeds of the starts, as of an evaluation
+SEED, STAGE = 20261122, 1
+FORCES_N = (1.0, 0.01)
+
+
+def radial(force_n: float) -> Controller:
+    """Push away from the chief; towards it where the force is negative."""
+    seen = Variable("distance", "m", 0.0, 250.0, (Term("any", Gaussian(125.0, 500.0)),))
+    reach = 2.0 * abs(force_n)
+    terms = (Term("push", Gaussian(force_n, 0.1 * reach)),)
+    output = Variable("force_x", "N", -reach, reach, terms, default=force_n)
+    system = FuzzySystem("push", (seen,), (output,), table_rules((seen,), output, ["push"]))
+    return from_fuzzy(FuzzyController("radial", (system,), (("force_axes", "body"),)))
+
+
+def adversaries(num_controls: int, force_n: float) -> Iterator[tuple[str, Controller]]:
+    """Yield each adversary and its name."""
+    yield "towards the chief", radial(-force_n)
+    yield "away from it", radial(force_n)
+    for axis, row in zip("xyz", np.eye(3), strict=True):
+        yield f"along {axis}", open_loop(axis, np.tile(force_n * row, (num_controls, 1)))
+    random = np.random.default_rng(SEED)
+    yield "at random", open_loop("random", random.uniform(-force_n, force_n, (num_controls, 3)))
+
+
+def starts_in(mission: Mission, count: int) -> list[Scenario]:
+    """Return starts at rest between the layer's spheres, the Sun anywhere."""
+    random = np.random.default_rng(SEED)
+    places = random.normal(size=(count, 3))
+    distances = random.uniform(*spheres_of(mission, bounds_of(mission)), count)
+    places *= (distances / np.linalg.norm(places, axis=1))[:, np.newaxis]
+    suns = random.uniform(0.0, 2.0 * np.pi, count)
+    return [
+        Scenario(place, np.zeros(3), float(sun), 0.0, (SEED, STAGE, case))
+        for case, (place, sun) in enumerate(zip(places, suns, strict=True))
+    ]
+
+
+def distances_each_second(mission: Mission, log: FlightLog) -> np.ndarray:
+    """Return the distances of a logged flight at every second, m, with the force fired in each period."""
+    motion = motion_over(mission.orbit, mission.deputy, np.arange(1.0, mission.control_period_s).tolist())
+    states = np.hstack([log.position_m, log.velocity_m_s])[:-1]
+    between = np.einsum("tij,kj->kti", motion.transition, states)
+    between += np.einsum("tij,kj->kti", motion.control, log.force_hill_n)
+    return np.linalg.norm(np.vstack([log.position_m, between[..., :3].reshape(-1, 3)]), axis=1)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Fly them; print a row for each world and strength."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks adversaries", description=__doc__)
+    parser.add_argument("--starts", type=int, default=10_000, help="of each adversary in each world")
+    parser.add_argument("--logged", type=int, default=2, help="of them, flown again and checked each second")
+    parser.add_argument("--safety", default="robust", help="an option of conf/safety")
+    parser.add_argument("--only", default="", help="worlds with this text in their name")
+    options = parser.parse_args(arguments)
+    composed = compose_experiment(["+experiment=robustness", f"safety={options.safety}"]).experiment
+    print("| world | push (N) | flights | outside | nearest, farthest (m) | logged: outside at any second |")
+    print("|---|---|---|---|---|---|")
+    for name in composed.compare.worlds:
+        if options.only not in name:
+            continue
+        mission = in_world(composed, name).mission
+        mission = replace(mission, attitude=replace(mission.attitude, mode="ideal"))
+        starts = starts_in(mission, options.starts)
+        for force in FORCES_N:
+            outside = logged = 0
+            nearest, farthest, limits = np.inf, 0.0, mission.deputy
+            for _, controller in adversaries(mission.num_controls, force):
+                outcomes = fly_all(mission, controller, starts)
+                outside += int(outcomes.is_violated.sum())
+                nearest = min(nearest, float(outcomes.min_distance_m.min()))
+                farthest = max(farthest, float(outcomes.max_distance_m.max()))
+                for case in np.argsort(outcomes.min_distance_m)[: options.logged].tolist():
+                    found = distances_each_second(mission, fly_logged(mission, controller, starts[case]))
+                    logged += bool(found.min() < limits.min_distance_m or found.max() > limits.max_distance_m)
+            print(
+                f"| {name} | {force:g} | {6 * len(starts):,} | {outside:,} | {nearest:.2f}, {farthest:.2f} | "
+                f"{logged} of {6 * options.logged} |",
+                flush=True,
+            )
+    return 0

@@ -1,0 +1,94 @@
+"""Where nothing is exact, the layer's margins follow from bounds on the errors, and hold."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from pipeline.command_line.config import compose_experiment
+from pipeline.flight.control.controller import open_loop
+from pipeline.flight.fly.simulation import fly_all
+from pipeline.flight.period.act.bounds import Bounds, bounds_of, largest_share, spheres_of
+from pipeline.flight.state.log import Scenario
+from pipeline.settings.experiment import Mission, SettingError
+from tests.pipeline.flight.guarded import pushing
+
+
+def composed(*overrides: str) -> Mission:
+    job = compose_experiment(["+experiment=evaluate", "controller=coast", "safety=robust", *overrides])
+    return job.experiment.mission
+
+
+def between_the_spheres(mission: Mission, count: int, seed: int) -> list[Scenario]:
+    generator = np.random.default_rng(seed)
+    keep_out, keep_in = spheres_of(mission, bounds_of(mission))
+    places = generator.normal(size=(count, 3))
+    places *= (generator.uniform(keep_out, keep_in, count) / np.linalg.norm(places, axis=1))[:, np.newaxis]
+    return [
+        Scenario(place, np.zeros(3), angle, 0.0, (seed, 1, case))
+        for case, (place, angle) in enumerate(zip(places, generator.uniform(0.0, 6.0, count), strict=True))
+    ]
+
+
+def test_where_all_is_exact_nothing_is_kept_to_spare() -> None:
+    exact = composed()
+    assert bounds_of(exact) == Bounds()
+    assert spheres_of(exact, Bounds()) == (exact.keep_out_m, exact.keep_in_m)
+    assert bounds_of(composed("safety=filter", "world=leo")) == Bounds()
+
+
+@pytest.mark.parametrize("world", ["navigation=fixes", "actuators=real", "dynamics=low_orbit", "world=leo"])
+def test_margins_grow_with_the_errors_and_with_the_probability(world: str) -> None:
+    mission = composed(world)
+    found = bounds_of(mission)
+    assert found.does_close
+    surer = bounds_of(replace(mission, safety=replace(mission.safety, probability=0.9999)))
+    assert surer.keep_out_m >= found.keep_out_m > found.keep_in_m > 0.0
+
+
+def test_errors_beyond_the_thrusters_do_not_close_and_limits_without_room_are_refused() -> None:
+    assert not bounds_of(composed("actuators=real", "actuators.scale_error=0.3")).does_close
+    wide = composed("world=leo")
+    narrow = replace(wide, deputy=replace(wide.deputy, max_distance_m=30.0))
+    with pytest.raises(SettingError, match=r"leave no room between deputy.min_distance_m \(15 m\)"):
+        spheres_of(narrow, bounds_of(narrow))
+
+
+@pytest.mark.parametrize(("scale", "turn"), [(0.05, 0.035), (0.05, 0.0), (0.0, 0.035)])
+def test_the_share_is_the_quantile_of_sampled_thrusters(scale: float, turn: float) -> None:
+    generator = np.random.default_rng(3)
+    scales = np.abs(scale * generator.normal(size=(200_000, 3))).max(axis=1)
+    turns = turn * generator.normal(size=(200_000, 3))
+    sampled = np.quantile(scales + np.linalg.norm(turns, axis=1), 0.99)
+    found = largest_share(scale, turn, 0.99)
+    assert sampled * 0.99 < found < sampled * 1.02
+    matrices = Rotation.from_rotvec(turns[:500]).as_matrix() * (
+        1.0 + scale * generator.normal(size=(500, 3, 1))
+    )
+    off = np.linalg.norm(matrices - np.eye(3), ord=2, axis=(1, 2))
+    assert np.mean(off <= found) > 0.98
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("force_n", [-1.0, 1.0, -0.01])
+def test_no_adversary_takes_a_deputy_out_where_nothing_is_exact(force_n: float) -> None:
+    mission = composed("world=leo")
+    mission = replace(mission, attitude=replace(mission.attitude, mode="ideal"))
+    starts = between_the_spheres(mission, 200, 11)
+    outcomes = fly_all(mission, pushing(force_n), starts, 1)
+    assert not outcomes.is_violated.any()
+    assert outcomes.safety_periods.min() > 0
+    # the margins of an exact world do not do, but for the hardest push, against which speed is always slow
+    exact = replace(mission, safety=replace(mission.safety, probability=None, braking_force_n=0.8))
+    if force_n != -1.0:
+        assert fly_all(exact, pushing(force_n), starts, 1).is_violated.any()
+
+
+@pytest.mark.slow
+def test_nor_does_noise() -> None:
+    mission = composed("navigation=fixes", "actuators=real", "attitude=ideal")
+    random = np.random.default_rng(5)
+    noise = open_loop("noise", random.normal(0.0, 1.0, (mission.num_controls, 3)))
+    outcomes = fly_all(mission, noise, between_the_spheres(mission, 200, 13), 1)
+    assert not outcomes.is_violated.any()
