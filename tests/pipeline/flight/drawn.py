@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from pipeline.flight.control.controller import Controller
+from pipeline.flight.period.act.bounds import bounds_of, spheres_of
 from pipeline.flight.state.log import Scenario
 from pipeline.flight.state.signals import CONSTANTS, SIGNALS
 from pipeline.settings.checks import REACHES, SettingError
@@ -165,7 +166,12 @@ def clocked(draw: Any, base: Mission) -> Mission:
 
 
 def is_bearable(mission: Mission) -> bool:
-    """Whether a flight is short enough to be computed by any means."""
+    """Whether a flight is short enough to be computed by any means, and its margins leave room."""
+    if mission.safety.kind == "filter":
+        try:
+            spheres_of(mission, bounds_of(mission))
+        except SettingError:
+            return False
     ahead = max(mission.safety.passive_horizon_s, mission.safety.keep_in_horizon_s)
     rate = mission.chief.initial_angular_velocity_rad_s
     turns = np.linalg.norm(rate) * mission.duration_s if rate else 0.0
