@@ -12,6 +12,7 @@ from pipeline.flight.fly.simulation import fly_all
 from pipeline.flight.period.act.bounds import Bounds, bounds_of, largest_share, spheres_of
 from pipeline.flight.state.log import Scenario
 from pipeline.settings.experiment import Mission, SettingError
+from tests.pipeline.flight.as_written import assert_as_written
 from tests.pipeline.flight.guarded import pushing
 
 
@@ -92,3 +93,16 @@ def test_nor_does_noise() -> None:
     noise = open_loop("noise", random.normal(0.0, 1.0, (mission.num_controls, 3)))
     outcomes = fly_all(mission, noise, between_the_spheres(mission, 200, 13), 1)
     assert not outcomes.is_violated.any()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("force_n", "distance_m"), [(1.0, 191.5), (-1.0, 24.0)])
+def test_it_steps_back_as_written(force_n: float, distance_m: float) -> None:
+    """From a start in the margin, where no stop is safe, against the readable layer."""
+    mission = replace(composed("world=leo"), duration_s=400.0)
+    assert bounds_of(mission).step_back_n > 0.2
+    (start,) = between_the_spheres(mission, 1, 5)
+    place = start.position_m * distance_m / np.linalg.norm(start.position_m)
+    log = assert_as_written(mission, pushing(force_n), replace(start, position_m=place))
+    assert np.abs(log.force_commanded_n).max() > 0.2
+    assert log.safety_limit.any()
