@@ -81,11 +81,11 @@ def row(name: str, flown: Sequence[Judged], num_cases: int) -> str:
     def mean(values: Sequence[float], digits: int) -> str:
         array = np.array([values])
         low, high = resampled(array)
-        return f"{interquartile_mean(array):.{digits}f} ({low:.{digits}f} to {high:.{digits}f})"
+        return f"{interquartile_mean(array):.{digits}f} ({low:.{digits}f}–{high:.{digits}f})"
 
     def share(values: Sequence[bool]) -> str:
         told = fraction(np.array(values), 95.0)
-        return f"{100 * told.fraction:.1f} % ({100 * told.low:.1f} to {100 * told.high:.1f})"
+        return f"{100 * told.fraction:.1f} % ({100 * told.low:.1f}–{100 * told.high:.1f})"
 
     spent, seen, successes, outside, ours = zip(*flown, strict=True)
     starts = "" if len(flown) == num_cases else f", {len(flown)} starts"
