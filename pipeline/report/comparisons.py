@@ -16,7 +16,7 @@ from pipeline.flight.control.controller import Controller, open_loop
 from pipeline.flight.fly.simulation import fly_all, fly_logged
 from pipeline.flight.state.log import FlightLog
 from pipeline.optimum.solved import IncomparableError, solved_for, summarise_times
-from pipeline.report.figures.comparison import Mark
+from pipeline.report.figures.comparison import Mark, Square
 from pipeline.run import artifacts, tables
 from pipeline.settings.experiment import Experiment, Safety
 
@@ -50,6 +50,20 @@ def tables_of(rows: Sequence[comparison.ComparisonRow]) -> list[tuple[str, list[
     """
     suns = [] if comparison.worlds_of(rows) else comparison.suns_of(rows)
     return [(sun, comparison.lines_of(rows, sun)) for sun in suns]
+
+
+def squares_of(rows: Sequence[comparison.ComparisonRow]) -> list[tuple[str, list[Square]]]:
+    """Return the panels of the grid of worlds, one for each Sun setting and layer."""
+    panels: dict[str, list[Square]] = {}
+    first: dict[tuple[str, str], comparison.ComparisonRow] = {}
+    for row in (row for row in rows if row.source == comparison.FLOWN):
+        title = f"Sun {row.sun}, safety layer {row.safety}"
+        known = first.setdefault((title, row.controller), row)
+        success, spent = row.summary[SUCCESS]["fraction"], row.summary["delta_v_m_s"]["mean"]
+        breaks = comparison.is_worse(row, known)
+        square = Square(row.controller, row.world, float(success), float(spent), breaks)
+        panels.setdefault(title, []).append(square)
+    return list(panels.items())
 
 
 def marks_of(rows: Sequence[comparison.ComparisonRow]) -> list[tuple[str, list[Mark]]]:

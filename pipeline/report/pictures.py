@@ -8,9 +8,9 @@ import numpy as np
 from pipeline.evaluation.comparison import PAPER_TEST, ComparisonRow, worlds_of
 from pipeline.flight.state.log import FlightLog, points_needed
 from pipeline.flight.world.pack import inspection_points
-from pipeline.report.comparisons import Pair, Without, marks_of
+from pipeline.report.comparisons import Pair, Without, marks_of, squares_of
 from pipeline.report.contents import Columns, Contents, FlightSet, ShownFlight
-from pipeline.report.figures.comparison import LINEAR, compared
+from pipeline.report.figures.comparison import LINEAR, by_world, compared
 from pipeline.report.figures.flights import METRICS, Sample, controls, distributions
 from pipeline.report.figures.optimum import beside_optimum
 from pipeline.report.figures.style import (
@@ -48,7 +48,7 @@ def draw(contents: Contents) -> list[Illustration]:
 
 def _drawn(contents: Contents) -> Iterator[Drawn]:
     mission = contents.experiment.mission
-    if contents.comparison and not worlds_of(contents.comparison):
+    if contents.comparison:
         yield _comparison(contents.comparison, mission)
     for flight in contents.shown:
         yield from _flight(flight, mission)
@@ -88,6 +88,13 @@ def _drawn(contents: Contents) -> Iterator[Drawn]:
 
 
 def _comparison(rows: Sequence[ComparisonRow], mission: Mission) -> Drawn:
+    if worlds_of(rows):
+        caption = (
+            "Share of successful flights and mean delta-v (m/s) of each controller in each world. A red "
+            "frame: it breaks, for its success rate lies below that in the first world, or it leaves the "
+            "limits more often, by more than both intervals."
+        )
+        return "comparison", caption, by_world(squares_of(rows))
     threshold = mission.inspection_threshold_percent
     caption = (
         "Delta-v against inspection rate, without the safety layer: mean and standard deviation of each "

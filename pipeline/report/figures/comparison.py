@@ -6,11 +6,13 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
 from matplotlib.ticker import FuncFormatter, NullFormatter
 from numpy.typing import NDArray
 
-from pipeline.report.figures.style import BLUE, DOTS, INK, MUTED, PALETTE, PAPER
+from pipeline.report.figures.style import BLUE, CENTRED, DOTS, INK, MUTED, PALETTE, PAPER, VERMILION
 
 #: colour, marker and its face; markers tell controllers apart without colours, and are open the second time
 MARKS = tuple(
@@ -98,6 +100,60 @@ def _draw_marks(
     ax.set_ylim(min(1.2 * greatest, 100.0), LEAST_MISSED)
     ax.grid()
     ax.set_axisbelow(True)
+
+
+#: from no success to all
+SHADES = LinearSegmentedColormap.from_list("success", [PAPER, BLUE])
+#: from this share of success on words are written in the paper's colour
+DARK = 0.6
+
+
+@dataclass(frozen=True)
+class Square:
+    """A controller in a world: share of successful flights, mean delta-v (m/s), and whether it breaks."""
+
+    controller: str
+    world: str
+    success: float
+    delta_v: float
+    is_broken: bool
+
+
+def by_world(panels: Sequence[tuple[str, Sequence[Square]]]) -> Figure:
+    """Draw a grid for each Sun setting and safety layer.
+
+    Parameters
+    ----------
+    panels : sequence of (title, squares)
+        Worlds and controllers in the order in which they come.
+    """
+    names = list(dict.fromkeys(square.controller for _, squares in panels for square in squares))
+    worlds = list(dict.fromkeys(square.world for _, squares in panels for square in squares))
+    height = 1.1 + 0.42 * len(worlds)
+    figure = Figure(figsize=(9.6, 0.4 + height * len(panels)), layout="constrained")
+    for ax, (title, squares) in zip(
+        figure.subplots(len(panels), 1, squeeze=False)[:, 0], panels, strict=True
+    ):
+        _draw_squares(ax, squares, names, worlds)
+        ax.set_title(title)
+    return figure
+
+
+def _draw_squares(ax: Axes, squares: Sequence[Square], names: Sequence[str], worlds: Sequence[str]) -> None:
+    for square in squares:
+        x, y = names.index(square.controller), worlds.index(square.world)
+        edge, width = (VERMILION, 1.8) if square.is_broken else (PAPER, 1.0)
+        shade, place = SHADES(square.success), (x - 0.47, y - 0.45)
+        ax.add_patch(Rectangle(place, 0.94, 0.9, facecolor=shade, edgecolor=edge, linewidth=width))
+        words = f"{100 * square.success:.0f} %, {square.delta_v:.2f}"
+        ax.text(x, y, words, color=PAPER if square.success >= DARK else INK, fontsize=8.0, **CENTRED)
+    ax.set_xlim(-0.5, len(names) - 0.5)
+    ax.set_ylim(len(worlds) - 0.5, -0.5)
+    ax.set_xticks(range(len(names)), names, fontsize=7.5)
+    ax.set_yticks(range(len(worlds)), worlds)
+    ax.tick_params(length=0)
+    for spine in ax.spines.values():
+        spine.set_visible(False)
 
 
 #: of names in a picture, in shares of its sides

@@ -171,7 +171,6 @@ def figures() -> dict[str, Figure]:
     drawn = dict(render.system_figures(system, theme=render.DARK))
     drawn |= dict(render.surface_figures(system, in_space=True))
     drawn["inference"] = render.inference_figure(infer(system, np.array([80.0, 0.05])))
-    drawn["list"] = next(figure for _, figure in render.rules_figures(room_system()))
     return drawn
 
 
@@ -183,7 +182,6 @@ def test_svg_is_well_formed_holds_its_words_as_text_and_is_identical_twice() -> 
         "surface": "distance (m)",
         "surface-3d": "velocity_body_x (m/s)",
         "inference": "centre of area",
-        "list": "heat is high",
     }
     again = figures()
     for name, figure in figures().items():

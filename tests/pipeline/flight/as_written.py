@@ -189,6 +189,7 @@ def moving_error(flight, k, log):
     steps = np.ceil(mission.control_period_s * fastest / 0.02)
     speed = np.linalg.norm(log.velocity_m_s[k])
     pull = np.abs(log.force_hill_n[k]).max() / mission.deputy.mass_kg
+    pull += abs(mission.dynamics.drag_m_s2) + abs(mission.dynamics.radiation_m_s2)
     reach = np.linalg.norm(log.position_m[k]) + speed / fastest + pull / fastest**2
     return reach * steps * (mission.control_period_s * fastest / steps) ** 5
 
