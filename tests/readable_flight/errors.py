@@ -26,6 +26,9 @@ class Errors:
         Shares of a layout's thrusters in a newton along each body axis, and against it.
     more_drag : (K,)
         Beyond its constant, m/s^2.
+    margins : (4,), optional
+        What the safety layer keeps for errors: the radii between which it plans, m, the greatest force that
+        it plans along an axis and the force of a step back, N.
     """
 
     at_start: Any = field(default_factory=lambda: np.zeros(6))
@@ -36,6 +39,7 @@ class Errors:
     arm: Any = field(default_factory=lambda: np.zeros(3))
     table: Any = ()
     more_drag: Any = ()
+    margins: Any = None
 
     def thrust(self, k):
         """The matrix from a command to its force in a control period."""

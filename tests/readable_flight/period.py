@@ -105,7 +105,7 @@ def act(flight, k, state, seen, decision):
     commanded, limit = np.clip(decision.wanted, -mission.deputy.max_force_n, mission.deputy.max_force_n), None
     asked = commanded
     if mission.safety.kind == "filter":
-        commanded, limit = Layer(mission).assured(seen.known, asked)
+        commanded, limit = Layer(mission, flight.errors.margins).assured(seen.known, asked)
     if state.belief is not None:
         acts = k + (flight.periods(mission.actuators.delay_s) if mission.actuators.kind == "real" else 0)
         if acts < mission.num_controls:

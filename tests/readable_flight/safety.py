@@ -4,7 +4,6 @@ from math import ceil
 
 import numpy as np
 
-from pipeline.flight.period.act.bounds import bounds_of, spheres_of
 from tests.readable_flight.motion import transition
 
 #: places whose limits are never given up: at the next sample, and stopped from there
@@ -16,14 +15,14 @@ MOST_CUTS, MOST_SWEEPS, LEAST_CHANGE, HALVINGS = 12, 200, 1e-12, 30
 
 
 class Layer:
-    """A mission's safety layer."""
+    """A mission's safety layer, with its own margins unless others are given, see `Errors`."""
 
-    def __init__(self, mission):
+    def __init__(self, mission, margins=None):
         self.law, self.limit = mission.safety, mission.deputy.max_force_n
         self.period = mission.control_period_s
-        bounds = bounds_of(mission)
-        self.out, self.far = spheres_of(mission, bounds)
-        self.planned, self.step_back = min(bounds.planned_force_n, self.limit), bounds.step_back_n
+        out = mission.deputy.min_distance_m + self.law.keep_out_margin_m
+        far = mission.deputy.max_distance_m - self.law.keep_in_margin_m
+        self.out, self.far, self.planned, self.step_back = margins or (out, far, self.limit, 0.0)
         n, mass = mission.orbit.mean_motion_rad_s, mission.deputy.mass_kg
         self.phi, self.gamma = transition(n, self.period, mass)
         self.stop = -np.linalg.solve(self.gamma[3:], self.phi[3:])

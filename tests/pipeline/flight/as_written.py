@@ -20,6 +20,7 @@ from pipeline.flight.cases.navigation import errors_of
 from pipeline.flight.cases.processes import in_time
 from pipeline.flight.control.controller import Controller
 from pipeline.flight.fly.simulation import fly_logged
+from pipeline.flight.period.act.bounds import bounds_of, spheres_of
 from pipeline.flight.state.log import FlightLog, Scenario
 from pipeline.flight.world.surface import surface_of
 from pipeline.settings.experiment import Mission
@@ -58,6 +59,10 @@ def written(mission: Mission, controller: Controller, scenario: Scenario) -> Fli
         errors |= {"table": thrusters_of(mission).table}
         thrust = thrust_errors(mission, [scenario])
         errors |= {"matrices": thrust.matrices[0], "arm": thrust.arms[0]}
+    if mission.safety.probability is not None:
+        bounds = bounds_of(mission)
+        planned = min(bounds.planned_force_n, mission.deputy.max_force_n)
+        errors["margins"] = (*spheres_of(mission, bounds), planned, bounds.step_back_n)
     if "dynamics.drag_m_s2" in mission.varying:
         drag = mission.dynamics.drag_m_s2
         errors["more_drag"] = in_time(mission, "dynamics.drag_m_s2", scenario, drag)[:, 0] - drag
