@@ -18,6 +18,7 @@ from yaml import YAMLError
 
 from pipeline.command_line.arguments import EXPERIMENT, ConfigError, folders_with
 from pipeline.command_line.overrides import first_line, parse, quoted
+from pipeline.flight.state.signals import CONSTANTS
 from pipeline.settings import start_table
 from pipeline.settings.checks import SettingError
 from pipeline.settings.experiment import Experiment
@@ -291,6 +292,9 @@ def _in_words(error: Exception, folders: Sequence[Path]) -> str:
             "the controller that is chosen has no path; for a fuzzy controller write controller=PATH, for a "
             "table of forces controller=open_loop controller.path=PATH"
         )
+    attribute = text.partition("Could not override 'controller.attributes.")[2].rstrip("'.")
+    if attribute:
+        return f"the controller sets no attribute {attribute}{did_you_mean(attribute, CONSTANTS)}"
     if "Could not override 'dispersions." in text:
         return f"{text} Nothing is dispersed until you say so: write +dispersions..., with a plus"
     _, marker, rest = str(error).partition("Could not find '")

@@ -69,7 +69,7 @@ def _top(evidence: Mapping[str, Any]) -> list[Markup]:
     moving = f"at up to {speed:g} m/s" if speed else "at rest"
     overall = _overall(evidence)
     claim = f"{evidence['controller']['name']} meets the requirements {evidence['name']}"
-    standing = "stands as its goals do, each for its own share" if overall == "shown" else overall
+    standing = "stands as its goals do, each for its share" if overall == "shown" else overall
     worlds = [
         f"C1: starts {moving}, {near:g} to {far:g} m away, Sun {conditions['sun']}, "
         f"safety {conditions['safety']}, {conditions['duration_s']:g} s",
@@ -112,7 +112,8 @@ def _row(requirement: Mapping[str, Any], y: float) -> list[Markup]:
         circle = element("circle", class_=css_of(found), cx=x, cy=f"{centre:g}", r=RADIUS)
         parts.append(_line(f"M{GOAL_X + GOAL_WIDTH} {bus:g}H{x}"))
         parts.append(_arrow(x, bus, x, centre - RADIUS, "solved-by"))
-        label = _lines([f"Sn-{name}", METHODS[method], *wrap(found["word"], 10)], x, centre, "small")
+        told = wrap(found["word"].replace(" cases", ""), 12)
+        label = _lines([f"Sn-{name}", METHODS[method], *told], x, centre, "small")
         parts.append(_link(f"#{name}-{method}", circle + label))
     return parts
 

@@ -497,5 +497,5 @@ def worst_words(requirement: Requirement, margin: float) -> str:
             if name in EXTREMES:
                 value = f"{(margin - constant) / factor:.4g} {UNITS[name]}"
                 return EXTREMES[name][factor < 0.0].format(value)
-    unit = "" if requirement.unit == "mixed" else f" {requirement.unit}"
+    unit = " in units of its formula" if requirement.unit == "mixed" else f" {requirement.unit}"
     return f"the worst by {-margin:.4g}{unit}" if margin < 0.0 else f"the least margin {margin:.4g}{unit}"

@@ -29,6 +29,10 @@ MISTAKES = [
     ([*FLY, "hydra.runn.dir=x"], "there is no key hydra.runn.dir; did you mean hydra.run.dir?"),
     ([*FLY, "hydra.run.dirr=x"], "did you mean hydra.run.dir?"),
     ([*FLY, "+controller.knd=x"], "controller has the keys kind, knd; one of kind coast has kind"),
+    (
+        ["+experiment=fly", "controller=aim", "controller.attributes.skirt_distance=9"],
+        "did you mean skirt_distance_m?",
+    ),
     # options
     (["+experiment=trian"], "there is no experiment=trian; did you mean train?"),
     (["+experiment=train,trian", "-m"], "there is no experiment=trian; did you mean train?"),
