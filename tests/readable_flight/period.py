@@ -99,6 +99,18 @@ def look(flight, k, state):
     return Look(attitude, sensed, is_lit, is_inspected, candidates, target, known, covariance, y)
 
 
+def remember(flight, k, state, seen, commanded):
+    """Note a command for the thrusters, which turn with the body whatever it senses, and for the filter."""
+    mission, meant = flight.mission, commanded
+    if state.belief is not None:
+        acts = k + (flight.periods(mission.actuators.delay_s) if mission.actuators.kind == "real" else 0)
+        if acts < mission.num_controls:
+            state.belief.acting[acts] = actuators.believed(flight, commanded)
+        meant = seen.attitude.apply(seen.sensed.inv().apply(commanded))
+        meant = np.clip(meant, -mission.deputy.max_force_n, mission.deputy.max_force_n)
+    state.commands.append(meant)
+
+
 def act(flight, k, state, seen, decision):
     """Keep the limits, fire, turn and move: return what was done and the next state."""
     mission = flight.mission
@@ -106,15 +118,7 @@ def act(flight, k, state, seen, decision):
     asked = commanded
     if mission.safety.kind == "filter":
         commanded, limit = Layer(mission, flight.errors.margins).assured(seen.known, asked)
-    if state.belief is not None:
-        acts = k + (flight.periods(mission.actuators.delay_s) if mission.actuators.kind == "real" else 0)
-        if acts < mission.num_controls:
-            state.belief.acting[acts] = actuators.believed(flight, commanded)
-    meant = commanded
-    if state.belief is not None:  # thrusters turn with the body, whatever it senses
-        meant = seen.attitude.apply(seen.sensed.inv().apply(commanded))
-        meant = np.clip(meant, -mission.deputy.max_force_n, mission.deputy.max_force_n)
-    state.commands.append(meant)
+    remember(flight, k, state, seen, commanded)
     thrust = actuators.fired(flight, k, commanded, state.commands, seen.attitude, state.mass)
     state.attitude = seen.attitude
     attitude, rate, y, instants = turn_through_period(flight, k, state, seen.known, seen.y, thrust)

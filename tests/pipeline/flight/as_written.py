@@ -28,7 +28,7 @@ from tests.readable_flight.errors import Errors
 from tests.readable_flight.flight import Flight
 from tests.readable_flight.guidance import relative_angle
 from tests.readable_flight.light import share_of_sun, sun_direction
-from tests.readable_flight.period import period, start
+from tests.readable_flight.period import period, remember, start
 
 #: largest difference that counts as rounding, as a share of the largest component
 ROUNDING = 1e-9
@@ -85,9 +85,8 @@ def assert_as_written(mission: Mission, controller: Controller, scenario: Scenar
         result = period(flight, k, state)
         if differences(flight, k, result, log):
             result = on_a_knifes_edge(flight, k, state, log)
-        state = result[2]
-        if state is not None:
-            follow(state, log, k + 1)
+        if result[2] is not None:
+            state = followed(flight, k, result, log)
     return log
 
 
@@ -101,13 +100,20 @@ def assert_throughout(flight, log):
         assert abs(share - share_of_sun(flight.mission, sun_direction(*expected))) < 1e3 * SUN_RAD
 
 
-def follow(state, log, k):
-    """Put the truth where the log has it."""
-    state.truth = np.concatenate((log.position_m[k], log.velocity_m_s[k]))
-    state.attitude = Rotation.from_quat(log.quaternion_b_from_h[k])
-    state.rate = log.angular_velocity_b_rad_s[k]
-    state.is_inspected = log.is_inspected[k - 1].copy()
-    state.mass, state.spent = log.mass_kg[k], log.delta_v_m_s[k]
+def followed(flight, k, result, log):
+    """The state after a period, with the truth and the command where the log has them."""
+    seen, _, state = result
+    limit = flight.mission.deputy.max_force_n
+    sensed = Rotation.from_quat(log.sensed_quaternion_b_from_h[k])
+    wanted = np.clip(sensed.apply(log.force_body_n[k]), -limit, limit)
+    state.commands.pop()
+    remember(flight, k, state, seen, wanted + log.safety_force_hill_n[k])
+    state.truth = np.concatenate((log.position_m[k + 1], log.velocity_m_s[k + 1]))
+    state.attitude = Rotation.from_quat(log.quaternion_b_from_h[k + 1])
+    state.rate = log.angular_velocity_b_rad_s[k + 1]
+    state.is_inspected = log.is_inspected[k].copy()
+    state.mass, state.spent = log.mass_kg[k + 1], log.delta_v_m_s[k + 1]
+    return state
 
 
 def differences(flight, k, result, log):
