@@ -198,20 +198,47 @@ class FlightRecorder:
         times: Floats = self._mission.control_period_s * np.arange(len(log.position_m), dtype=np.float64)
         position, quaternion = log.position_m, log.quaternion_b_from_h
         writer.poses(times, position, quaternion, log.quaternion_c_from_h)
-        writer.deputy_state(times, position, log.velocity_m_s, quaternion, log.angular_velocity_b_rad_s)
+        writer.record(
+            topics.DEPUTY_STATE,
+            times,
+            position_m=position,
+            velocity_m_s=log.velocity_m_s,
+            quaternion=quaternion,
+            angular_velocity_rad_s=log.angular_velocity_b_rad_s,
+        )
         writer.points(times, self._points, self._point_states(log))
         if self._mission.navigation.mode == "fixes":
             deviation = np.sqrt(np.diagonal(log.estimate_covariance, axis1=1, axis2=2))
-            age, sensed = self._mission.navigation.delay_s, log.sensed_quaternion_b_from_h
-            writer.navigation(times, log.estimate, deviation, self._fixes(scenario, log), age, sensed)
+            writer.record(
+                topics.NAVIGATION,
+                times,
+                position_m=log.estimate[:, :3],
+                velocity_m_s=log.estimate[:, 3:],
+                position_deviation_m=deviation[:, :3],
+                velocity_deviation_m_s=deviation[:, 3:],
+                fix_m=self._fixes(scenario, log),
+                fix_age_s=self._mission.navigation.delay_s,
+                quaternion=log.sensed_quaternion_b_from_h,
+            )
         self._write_pulls(writer, times, scenario, log)
-        writer.guidance(times, log.num_candidates, directions(log.target_m), log.lambda_u_rad, log.eta_u_rad)
-        writer.mission(
+        writer.record(
+            topics.GUIDANCE,
+            times,
+            num_candidates=log.num_candidates,
+            target_direction=directions(log.target_m),
+            lambda_u_rad=log.lambda_u_rad,
+            eta_u_rad=log.eta_u_rad,
+        )
+        inspected_count = log.is_inspected.sum(axis=1)
+        writer.record(
+            topics.MISSION,
             times,
             sun_angle_rad=log.sun_angle_rad,
             distance_m=np.linalg.norm(position, axis=1),
-            inspected_mask=log.is_inspected,
+            inspected_count=inspected_count,
+            inspection_rate_percent=100.0 * inspected_count / len(self._points),
             delta_v_m_s=log.delta_v_m_s,
+            inspected_mask=log.is_inspected,
             sun_elevation_rad=log.sun_elevation_rad,
             sun_hidden_share=1.0 - log.visible_sun_share,
             inspectable_count=int(log.is_inspectable.sum()),
@@ -243,16 +270,26 @@ class FlightRecorder:
 
     def _write_control(self, writer: EpisodeWriter, times: Floats, log: FlightLog) -> None:
         """Write what is applied over the control periods, and the inferences that decided it."""
-        attitudes, rates = log.attitude_quaternion, log.attitude_rate_b_rad_s
-        writer.attitude_history(times, self._attitude_offsets, attitudes, rates, log.torque_b_n_m)
-        foreseen = np.where(np.isfinite(log.foreseen).all(axis=1, keepdims=True), log.foreseen, np.nan)
-        writer.control(
+        writer.record(
+            topics.DEPUTY_ATTITUDE,
             times,
-            log.force_body_n,
-            log.force_hill_n,
-            log.force_asked_n,
-            REASON_OF[log.reason],
-            foreseen,
+            time_offset_s=self._attitude_offsets,
+            quaternion=log.attitude_quaternion,
+            angular_velocity_rad_s=log.attitude_rate_b_rad_s,
+            torque_n_m=log.torque_b_n_m,
+        )
+        foreseen = np.where(np.isfinite(log.foreseen).all(axis=1, keepdims=True), log.foreseen, np.nan)
+        missed, nearest, farthest = foreseen.T
+        writer.record(
+            topics.DEPUTY_CONTROL,
+            times,
+            force_body_n=log.force_body_n,
+            force_hill_n=log.force_hill_n,
+            force_asked_n=log.force_asked_n,
+            reason=REASON_OF[log.reason],
+            coasting_missed=missed,
+            coasting_nearest_m=nearest,
+            coasting_farthest_m=farthest,
             force_commanded_n=log.force_commanded_n,
             command_reason=REASON_OF[log.command_reason],
             command_age_s=self._delay * self._mission.control_period_s,
@@ -265,8 +302,13 @@ class FlightRecorder:
             is_fired = self._is_fired(log, decided, COMPONENTS.index(system.outputs[0].name))
             shares = np.zeros_like(strengths)
             shares[is_fired] = shapley.shares(compiled, inputs[is_fired]).values[:, :, 0]
-            writer.fis(
-                times[decided], system.name, inputs, strengths, log.fis_output_n[decided, place], shares
+            writer.record(
+                topics.fis_topic(system.name),
+                times[decided],
+                inputs=inputs,
+                firing_strengths=strengths,
+                output_n=log.fis_output_n[decided, place],
+                shares_n=shares,
             )
 
     def _is_fired(self, log: FlightLog, decided: NDArray[np.intp], axis: int) -> NDArray[np.bool_]:

@@ -101,9 +101,8 @@ def _value(message: Message, field: Any) -> Any:
 def _attitude_history(payloads: Sequence[bytes]) -> Columns:
     columns = _own_message(inspection_pb2.AttitudeHistory)(payloads)
     num_messages, num_instants = columns["time_offset_s"].shape
-    widths = {"quaternion": 4, "angular_velocity_rad_s": 3, "torque_n_m": 3}
-    for name, width in widths.items():
-        columns[name] = columns[name].reshape(num_messages, num_instants, width)
+    for name in columns.keys() - {"time_offset_s"}:
+        columns[name] = columns[name].reshape(num_messages, num_instants, topics.LENGTHS[name])
     return columns
 
 

@@ -17,6 +17,7 @@ from foxglove_schemas_protobuf.FrameTransform_pb2 import FrameTransform
 from foxglove_schemas_protobuf.Log_pb2 import Log
 from foxglove_schemas_protobuf.PointCloud_pb2 import PointCloud
 from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
+from google.protobuf.descriptor import FieldDescriptor
 from google.protobuf.message import Message
 from mcap.writer import Writer
 from mcap_protobuf.schema import register_schema
@@ -202,285 +203,39 @@ class EpisodeWriter:
         }
         self._write(topics.CHIEF_PULLS, time_ns, messages.cloud_of(time_ns, points_m, columns))
 
-    def deputy_state(
-        self,
-        time_s: ArrayLike,
-        position_m: ArrayLike,
-        velocity_m_s: ArrayLike,
-        quaternion: ArrayLike,
-        angular_velocity_rad_s: ArrayLike,
-    ) -> None:
-        """Record the deputy's state in full precision.
+    def record(self, topic: str, time_s: ArrayLike, **fields: ArrayLike) -> None:
+        """Record messages of one of this project's own kinds.
 
         Parameters
         ----------
+        topic : str
+            One of `telemetry.file.topics`, or of a fuzzy system: `telemetry.file.topics.fis_topic`.
         time_s : float
             Simulation time.
-        position_m, velocity_m_s : (3,)
-            Relative to the chief, Hill axes.
-        quaternion : (4,)
-            Hill to body, scalar last.
-        angular_velocity_rad_s : (3,)
-            Relative to Hill, body axes.
+        fields
+            By their names in the topic's schema (``telemetry/file/schema/inspection.proto``), which tells
+            units, frames and lengths; those left out stay empty. NaN leaves an optional field out.
+            ``time_offset_s`` (S,) is the same for all samples.
         """
         time_ns = nanoseconds(time_s)
-        columns = {
-            "position_m": rows(position_m, len(time_ns), 3, "position_m"),
-            "velocity_m_s": rows(velocity_m_s, len(time_ns), 3, "velocity_m_s"),
-            "quaternion": rows(quaternion, len(time_ns), 4, "quaternion"),
-            "angular_velocity_rad_s": rows(angular_velocity_rad_s, len(time_ns), 3, "angular_velocity_rad_s"),
-        }
-        self._write(topics.DEPUTY_STATE, time_ns, columns)
-
-    def attitude_history(
-        self,
-        time_s: ArrayLike,
-        time_offset_s: ArrayLike,
-        quaternion: ArrayLike,
-        angular_velocity_rad_s: ArrayLike,
-        torque_n_m: ArrayLike,
-    ) -> None:
-        """Record the attitude history within the control period that follows a sample.
-
-        Parameters
-        ----------
-        time_s : float
-            Simulation time of the sample.
-        time_offset_s : (S,)
-            Time of each attitude step after the sample; the same for all samples.
-        quaternion : (S, 4)
-            Hill to body, scalar last.
-        angular_velocity_rad_s : (S, 3)
-            Relative to Hill, body axes.
-        torque_n_m : (S, 3)
-            Applied from each step on, body axes.
-        """
-        time_ns = nanoseconds(time_s)
-        offsets = np.asarray(time_offset_s, dtype=np.float64).ravel().tolist()
-        count, steps = len(time_ns), len(offsets)
-        columns = {
-            "time_offset_s": offsets,
-            "quaternion": rows(quaternion, count, 4 * steps, "quaternion"),
-            "angular_velocity_rad_s": rows(
-                angular_velocity_rad_s, count, 3 * steps, "angular_velocity_rad_s"
-            ),
-            "torque_n_m": rows(torque_n_m, count, 3 * steps, "torque_n_m"),
-        }
-        self._write(topics.DEPUTY_ATTITUDE, time_ns, columns)
-
-    def control(
-        self,
-        time_s: ArrayLike,
-        force_body_n: ArrayLike,
-        force_hill_n: ArrayLike,
-        force_asked_n: ArrayLike,
-        reason: ArrayLike,
-        foreseen: ArrayLike | None = None,
-        *,
-        force_commanded_n: ArrayLike | None = None,
-        command_reason: ArrayLike | None = None,
-        command_age_s: float = 0.0,
-    ) -> None:
-        """Record the force during the control period that follows a sample.
-
-        Without commands and their reasons, the recording does not tell what was commanded.
-
-        Parameters
-        ----------
-        time_s : float
-            Simulation time of the sample.
-        force_body_n : (3,)
-            Demanded by the controller, before clipping, body axes.
-        force_hill_n : (3,)
-            Fired, Hill axes.
-        force_asked_n : (3,)
-            Before dead bands, clip and safety layer, in the controller's axes.
-        reason : (3,) int
-            A `telemetry.file.topics.Reason` along each of Hill's axes: why something was, or was not, fired.
-        foreseen : (3,), optional
-            Points that coasting to the end would miss, least and greatest distance on the way, m; NaN where
-            the controller does not ask.
-        force_commanded_n : (3,), optional
-            After dead bands, clip and safety layer, Hill axes.
-        command_reason : (3,) int, optional
-            A reason for each component of `force_asked_n`: why it was, or was not, commanded.
-        command_age_s : float
-            From a command until it is fired.
-        """
-        time_ns = nanoseconds(time_s)
-        count = len(time_ns)
-        columns = {
-            "force_body_n": rows(force_body_n, count, 3, "force_body_n"),
-            "force_hill_n": rows(force_hill_n, count, 3, "force_hill_n"),
-            "force_asked_n": rows(force_asked_n, count, 3, "force_asked_n"),
-            "reason": rows(reason, count, 3, "reason"),
-            "command_age_s": command_age_s,
-        }
-        for name, given in (("force_commanded_n", force_commanded_n), ("command_reason", command_reason)):
-            if given is not None:
-                columns[name] = rows(given, count, 3, name)
-        if foreseen is not None:
-            names = ("coasting_missed", "coasting_nearest_m", "coasting_farthest_m")
-            columns.update(zip(names, rows(foreseen, count, 3, "foreseen").T, strict=True))
-        self._write(topics.DEPUTY_CONTROL, time_ns, columns)
-
-    def guidance(
-        self,
-        time_s: ArrayLike,
-        num_candidates: ArrayLike,
-        target_direction: ArrayLike,
-        lambda_u_rad: ArrayLike,
-        eta_u_rad: ArrayLike,
-    ) -> None:
-        """Record the direction in which the deputy should look next.
-
-        Parameters
-        ----------
-        time_s : float
-            Simulation time.
-        num_candidates : int
-            Number of illuminated points that are not inspected yet.
-        target_direction : (3,)
-            Unit vector, Hill axes; zeros if there are no candidates.
-        lambda_u_rad, eta_u_rad : float
-            The relative angles of target and deputy.
-        """
-        time_ns = nanoseconds(time_s)
-        columns = {
-            "num_candidates": _numbers(num_candidates, len(time_ns)),
-            "target_direction": rows(target_direction, len(time_ns), 3, "target_direction"),
-            "lambda_u_rad": _numbers(lambda_u_rad, len(time_ns)),
-            "eta_u_rad": _numbers(eta_u_rad, len(time_ns)),
-        }
-        self._write(topics.GUIDANCE, time_ns, columns)
-
-    def navigation(
-        self,
-        time_s: ArrayLike,
-        estimate: ArrayLike,
-        deviation: ArrayLike,
-        fix_m: ArrayLike,
-        fix_age_s: ArrayLike,
-        quaternion: ArrayLike,
-    ) -> None:
-        """Record what the deputy knows of its place.
-
-        Parameters
-        ----------
-        time_s : float
-            Simulation time.
-        estimate, deviation : (6,)
-            Position (m) and velocity (m/s), Hill axes, and the standard deviations of both.
-        fix_m : (3,)
-            The fix that comes into use, Hill axes; NaN where none does.
-        fix_age_s : float
-            How long ago it was measured.
-        quaternion : (4,)
-            The attitude as it is sensed, Hill to body.
-        """
-        time_ns = nanoseconds(time_s)
-        count = len(time_ns)
-        known, doubt = rows(estimate, count, 6, "estimate"), rows(deviation, count, 6, "deviation")
-        columns = {
-            "position_m": known[:, :3],
-            "velocity_m_s": known[:, 3:],
-            "position_deviation_m": doubt[:, :3],
-            "velocity_deviation_m_s": doubt[:, 3:],
-            "fix_m": rows(fix_m, count, 3, "fix_m"),
-            "fix_age_s": _numbers(fix_age_s, count),
-            "quaternion": rows(quaternion, count, 4, "quaternion"),
-        }
-        self._write(topics.NAVIGATION, time_ns, columns)
-
-    def fis(
-        self,
-        time_s: ArrayLike,
-        name: str,
-        inputs: ArrayLike,
-        firing_strengths: ArrayLike,
-        output_n: ArrayLike,
-        shares: ArrayLike = (),
-    ) -> None:
-        """Record an inference of the fuzzy system `name`.
-
-        Parameters
-        ----------
-        time_s : float
-            Simulation time.
-        name : str
-            As in the metadata ``fis.<name>``.
-        inputs : (I,)
-            In the system's order, before clipping to their ranges.
-        firing_strengths : (R,)
-            In rule order.
-        output_n : float
-            The defuzzified output.
-        shares : (R,), optional
-            Of each rule in the output, in its unit.
-        """
-        time_ns = nanoseconds(time_s)
-        count = len(time_ns)
-        columns = {
-            "inputs": _rows_alike(inputs, count),
-            "firing_strengths": _rows_alike(firing_strengths, count),
-            "output_n": _numbers(output_n, count),
-            "shares_n": _rows_alike(shares, count),
-        }
-        self._write(topics.fis_topic(name), time_ns, columns)
-
-    def mission(
-        self,
-        time_s: ArrayLike,
-        *,
-        sun_angle_rad: ArrayLike,
-        distance_m: ArrayLike,
-        inspected_mask: ArrayLike,
-        delta_v_m_s: ArrayLike,
-        sun_elevation_rad: ArrayLike = 0.0,
-        sun_hidden_share: ArrayLike = 0.0,
-        inspectable_count: ArrayLike = 0,
-        mass_kg: ArrayLike = 0.0,
-    ) -> None:
-        """Record the progress of the inspection; the count and the rate follow from the mask.
-
-        Parameters
-        ----------
-        time_s : float
-            Simulation time.
-        sun_angle_rad : float
-            Angle of the Sun from the i axis towards the j axis, Hill frame.
-        distance_m : float
-            Between the centres of deputy and chief.
-        inspected_mask : (P,) bool
-            In point order, including this sample.
-        delta_v_m_s : float
-            Total before this sample.
-        sun_elevation_rad : float
-            Of the Sun over the i-j plane towards the k axis, Hill frame.
-        sun_hidden_share : float
-            Of the Sun's disc, that the Earth hides from the chief.
-        inspectable_count : int
-            Points that are lit at some sample of the flight; 0 where that is not known.
-        mass_kg : float
-            Of the deputy; 0 where that is not known.
-        """
-        time_ns = nanoseconds(time_s)
-        count = len(time_ns)
-        mask = _rows_alike(inspected_mask, count) != 0.0
-        inspected_count = mask.sum(axis=1)
-        columns = {
-            "sun_angle_rad": _numbers(sun_angle_rad, count),
-            "distance_m": _numbers(distance_m, count),
-            "inspected_count": inspected_count,
-            "inspection_rate_percent": 100.0 * inspected_count / max(mask.shape[1], 1),
-            "delta_v_m_s": _numbers(delta_v_m_s, count),
-            "inspected_mask": mask,
-            "sun_elevation_rad": _numbers(sun_elevation_rad, count),
-            "sun_hidden_share": _numbers(sun_hidden_share, count),
-            "inspectable_count": _numbers(inspectable_count, count),
-            "mass_kg": _numbers(mass_kg, count),
-        }
-        self._write(topics.MISSION, time_ns, columns)
+        schema = self._channel(topic)[1].DESCRIPTOR
+        instants = np.size(fields["time_offset_s"]) if "time_offset_s" in fields else 1
+        columns: dict[str, Any] = {}
+        for name, values in fields.items():
+            field = schema.fields_by_name.get(name)
+            if field is None:
+                known = ", ".join(schema.fields_by_name)
+                raise RecordingError(f"{topic} has no field {name!r}; {schema.full_name} has {known}")
+            if name == "time_offset_s":
+                columns[name] = np.ravel(values).tolist()
+            elif name in topics.LENGTHS:
+                columns[name] = rows(values, len(time_ns), topics.LENGTHS[name] * instants, name)
+            elif field.is_repeated or field.type == FieldDescriptor.TYPE_BYTES:
+                found = np.asarray(values, dtype=np.float64)
+                columns[name] = found.reshape(len(time_ns), found.size // max(len(time_ns), 1))
+            else:
+                columns[name] = np.broadcast_to(np.asarray(values, dtype=np.float64), len(time_ns))
+        self._write(topic, time_ns, columns)
 
     def log(self, time_s: float, level: str, text: str) -> None:
         """Record an event as text, and flush everything up to it to the file.
@@ -524,13 +279,18 @@ class EpisodeWriter:
             self._channels[topic] = mcap.register_channel(topic, "protobuf", schemas[name]), kind
         return mcap
 
-    def _write(self, topic: str, time_ns: Integers, columns: Mapping[str, Any]) -> None:
+    def _channel(self, topic: str) -> tuple[int, type[Message]]:
+        """Return a topic's channel and the kind of its messages."""
         if topic not in self._channels:
             name = topic.removeprefix(topics.FIS_PREFIX)
             raise RecordingError(
                 f"the metadata does not describe the fuzzy system {name!r}; "
                 f"add an entry {topics.FIS_METADATA_PREFIX + name!r}"
             )
+        return self._channels[topic]
+
+    def _write(self, topic: str, time_ns: Integers, columns: Mapping[str, Any]) -> None:
+        channel, kind = self._channel(topic)
         if not len(time_ns):
             return
         times = time_ns.tolist()
@@ -543,7 +303,6 @@ class EpisodeWriter:
                     f"a record of {after / NANOSECONDS} s follows one of {before / NANOSECONDS} s, but "
                     "recordings are in order of time; write the records of a sample together"
                 )
-        channel, kind = self._channels[topic]
         contents = encode(kind, columns, len(times))
         self._waiting += ((time, channel, content) for time, content in zip(times, contents, strict=True))
         self._waiting_times.update(times)
@@ -580,14 +339,3 @@ class EpisodeWriter:
             "writable folder with about 1 MiB free: make room or choose another one (`python -m telemetry "
             f"recover` reads the steps that are already in {self.path.name}{PARTIAL_SUFFIX})"
         )
-
-
-def _numbers(values: ArrayLike, count: int) -> Floats:
-    """Return a number for each sample, (count,)."""
-    return np.broadcast_to(np.asarray(values, dtype=np.float64), count)
-
-
-def _rows_alike(values: ArrayLike, count: int) -> Floats:
-    """Return as many rows, of whatever length."""
-    found = np.asarray(values, dtype=np.float64)
-    return found.reshape(count, found.size // max(count, 1))

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from telemetry import EpisodeWriter
+from telemetry.file import topics
 from telemetry.file.metadata import EpisodeDescription, FisDescription
-from telemetry.file.topics import PointState, Reason
+from telemetry.file.topics import PointState
 
 Floats = NDArray[np.float64]
 
@@ -257,22 +258,30 @@ def write_events(writer: EpisodeWriter, flight: SyntheticFlight, k: int) -> None
 def write_control(writer: EpisodeWriter, flight: SyntheticFlight, k: int | slice) -> None:
     """Write what is applied after a sample, or some."""
     time_s = flight.time_s[k]
-    writer.attitude_history(
+    writer.record(
+        topics.DEPUTY_ATTITUDE,
         time_s,
-        ATTITUDE_OFFSETS,
-        flight.attitude_quaternion[k],
-        flight.attitude_rate_rad_s[k],
-        flight.torque_n_m[k],
+        time_offset_s=ATTITUDE_OFFSETS,
+        quaternion=flight.attitude_quaternion[k],
+        angular_velocity_rad_s=flight.attitude_rate_rad_s[k],
+        torque_n_m=flight.torque_n_m[k],
     )
     asked = flight.force_body_n[k]
-    writer.control(time_s, asked, flight.force_hill_n[k], asked, np.full(asked.shape, Reason.FIRED))
+    writer.record(
+        topics.DEPUTY_CONTROL,
+        time_s,
+        force_body_n=asked,
+        force_hill_n=flight.force_hill_n[k],
+        force_asked_n=asked,
+        reason=np.full(asked.shape, topics.Reason.FIRED),
+    )
     for index, name in enumerate(FIS_NAMES):
-        writer.fis(
+        writer.record(
+            topics.fis_topic(name),
             time_s,
-            name,
-            flight.fis_inputs[index, k],
-            flight.firing_strengths[index, k],
-            flight.fis_output_n[index, k],
+            inputs=flight.fis_inputs[index, k],
+            firing_strengths=flight.firing_strengths[index, k],
+            output_n=flight.fis_output_n[index, k],
         )
 
 
@@ -282,24 +291,30 @@ def write_state(writer: EpisodeWriter, flight: SyntheticFlight, k: int | slice) 
     position = flight.position_m[k]
     writer.poses(time_s, position, flight.quaternion[k], flight.chief_quaternion[k])
     writer.points(time_s, flight.points_m, flight.states[k])
-    writer.deputy_state(
+    writer.record(
+        topics.DEPUTY_STATE,
         time_s,
-        position,
-        flight.velocity_m_s[k],
-        flight.quaternion[k],
-        flight.angular_velocity_rad_s[k],
+        position_m=position,
+        velocity_m_s=flight.velocity_m_s[k],
+        quaternion=flight.quaternion[k],
+        angular_velocity_rad_s=flight.angular_velocity_rad_s[k],
     )
-    writer.guidance(
+    writer.record(
+        topics.GUIDANCE,
         time_s,
-        flight.num_candidates[k],
-        flight.target_direction[k],
-        flight.lambda_u_rad[k],
-        flight.eta_u_rad[k],
+        num_candidates=flight.num_candidates[k],
+        target_direction=flight.target_direction[k],
+        lambda_u_rad=flight.lambda_u_rad[k],
+        eta_u_rad=flight.eta_u_rad[k],
     )
-    writer.mission(
+    count = flight.inspected[k].sum(axis=-1)
+    writer.record(
+        topics.MISSION,
         time_s,
         sun_angle_rad=flight.sun_angle_rad[k],
         distance_m=np.linalg.norm(position, axis=-1),
+        inspected_count=count,
+        inspection_rate_percent=100.0 * count / NUM_POINTS,
         inspected_mask=flight.inspected[k],
         delta_v_m_s=flight.delta_v_m_s[k],
     )

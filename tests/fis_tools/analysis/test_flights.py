@@ -26,9 +26,8 @@ from fis_tools.review.carried import flight_data
 from fis_tools.review.flown import Flight
 from fis_tools.words.text import sentences
 from telemetry import EpisodeWriter
-from telemetry.file.messages import nanoseconds
 from telemetry.file.metadata import FisDescription
-from telemetry.file.topics import Reason
+from telemetry.file.topics import DEPUTY_CONTROL, Reason, fis_topic
 from tests.fis_tools.sample_controllers import (
     force_x_system,
     force_z_system,
@@ -47,6 +46,12 @@ def description(system: FuzzySystem) -> dict[str, str]:
     ).to_metadata()
 
 
+def log_inference(writer: EpisodeWriter, time_s: float, system: FuzzySystem, inputs: np.ndarray) -> None:
+    step = infer(system, inputs)
+    topic, (output,) = fis_topic(system.name), step.values
+    writer.record(topic, time_s, inputs=inputs, firing_strengths=step.firing_strengths, output_n=output)
+
+
 def log_flight(path: Path, controller: FuzzyController, num_samples: int = 4, seed: int = 0) -> Path:
     """Log inferences at random inputs, some of them outside the universes."""
     generator = np.random.default_rng(seed)
@@ -58,8 +63,7 @@ def log_flight(path: Path, controller: FuzzyController, num_samples: int = 4, se
                 inputs = np.array(
                     [generator.uniform(1.2 * v.minimum, 1.2 * v.maximum) for v in system.inputs]
                 )
-                step = infer(system, inputs)
-                writer.fis(10.0 * sample, system.name, inputs, step.firing_strengths, step.values[0])
+                log_inference(writer, 10.0 * sample, system, inputs)
     return path
 
 
@@ -129,7 +133,7 @@ def test_a_log_that_does_not_fit_its_controller_is_refused(tmp_path):
     ):
         path = tmp_path / f"{name}.mcap"
         with EpisodeWriter(path, metadata=metadata, attachments=content) as writer:
-            writer.fis(0.0, "force_x", [1.0, 2.0], np.zeros(25), 0.0)
+            writer.record(fis_topic("force_x"), 0.0, inputs=[1.0, 2.0], firing_strengths=np.zeros(25))
         with pytest.raises(ControllerFileError, match=words):
             read_flight(path)
 
@@ -154,15 +158,11 @@ def log_periods(path: Path, controller: FuzzyController, has_reasons: bool = Tru
         for sample, (is_inferred, x, z) in enumerate(PERIODS):
             time_s = 10.0 * sample
             force = np.array([x == Reason.FIRED, 0.0, z == Reason.FIRED], dtype=np.float64)
-            if has_reasons:
-                writer.control(time_s, force, force, force, [x, Reason.SILENT, z])
-            else:
-                columns = {"force_body_n": force.tolist(), "force_hill_n": force.tolist()}
-                writer._write("/deputy/control", nanoseconds(time_s), columns)
+            told = {"force_asked_n": force, "reason": [x, Reason.SILENT, z]} if has_reasons else {}
+            writer.record(DEPUTY_CONTROL, time_s, force_body_n=force, force_hill_n=force, **told)
             for system in controller.systems if is_inferred else ():
                 inputs = np.array([generator.uniform(v.minimum, v.maximum) for v in system.inputs])
-                step = infer(system, inputs)
-                writer.fis(time_s, system.name, inputs, step.firing_strengths, step.values[0])
+                log_inference(writer, time_s, system, inputs)
     return path
 
 
@@ -204,15 +204,22 @@ def test_points_are_read_as_they_are_at_a_time_and_told_with_the_inputs(tmp_path
     attachments = {"controller.json": dump_json(replace(paper_like_controller(), systems=(system,))).encode()}
     path, times, nothing = tmp_path / "x.mcap", np.array([0.0, 10.0, 20.0]), np.zeros((3, 3))
     with EpisodeWriter(path, metadata=metadata, attachments=attachments) as writer:
-        foreseen = np.array([[1.0, 20.0, 30.0], [np.nan] * 3, [0.0, 20.0, 30.0]])
         fired = np.full((3, 3), Reason.FIRED)
-        writer.control(times, nothing, nothing + 1.0, nothing, fired, foreseen)
+        writer.record(
+            DEPUTY_CONTROL,
+            times,
+            force_hill_n=nothing + 1.0,
+            reason=fired,
+            coasting_missed=[1.0, np.nan, 0.0],
+        )
         is_missed = np.array([[False, True, False], [False] * 3])
         writer.pulls(times[:2], axes, {"distance": parts}, np.array([60.0, 120.0, 5.0]), is_missed)
         steps = [infer(system, [value, 0.0]) for value in (70.0, 6.0, 6.0)]
         strengths = np.array([step.firing_strengths for step in steps])
         inputs, output = np.array([[70.0, 0.0], [6.0, 0.0], [6.0, 0.0]]), [step.values[0] for step in steps]
-        writer.fis(times, "force_x", inputs, strengths, np.array(output))
+        writer.record(
+            fis_topic("force_x"), times, inputs=inputs, firing_strengths=strengths, output_n=np.array(output)
+        )
     first, second, third = (read_points(path, time) for time in times)
     assert first is not None
     assert second is not None

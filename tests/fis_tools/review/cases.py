@@ -5,11 +5,11 @@ from pathlib import Path
 
 import numpy as np
 
-from fis_tools.engines.inference import Floats, infer
+from fis_tools.engines.inference import Floats
 from fis_tools.formats.serialize import dump_json
 from fis_tools.model import FuzzyController, FuzzySystem, Gaussian, Term, Variable, table_rules
 from telemetry import EpisodeWriter
-from tests.fis_tools.analysis.test_flights import description
+from tests.fis_tools.analysis.test_flights import description, log_inference
 from tests.fis_tools.sample_controllers import FORCE_TERMS, force, gaussian_terms
 
 HOSTILE = (
@@ -64,6 +64,5 @@ def log_flight(path: Path, controller: FuzzyController, num_samples: int) -> Pat
     with EpisodeWriter(path, metadata=metadata, attachments=attachments) as writer:
         for sample in range(num_samples):
             for system, inputs in zip(controller.systems, paths, strict=True):
-                step = infer(system, inputs[sample])
-                writer.fis(10.0 * sample, system.name, inputs[sample], step.firing_strengths, step.values[0])
+                log_inference(writer, 10.0 * sample, system, inputs[sample])
     return path

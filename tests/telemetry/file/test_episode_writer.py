@@ -8,13 +8,11 @@ import pytest
 
 import telemetry
 from telemetry import EpisodeWriter, RecordingError
+from telemetry.file import topics
 from telemetry.file.recover import recover
-from telemetry.file.topics import Reason
 from tests.telemetry import synthetic_flight
 from tests.telemetry.full_disk import fill_disk
 from tests.telemetry.synthetic_flight import SyntheticFlight
-
-FIRED = [Reason.FIRED] * 3
 
 
 def open_writer(flight: SyntheticFlight, path: Path) -> EpisodeWriter:
@@ -80,23 +78,23 @@ def test_a_missing_folder_is_said(short_flight, tmp_path):
     [
         (lambda w: w.log(5.0, "info", "before what is in the file"), "are in order of time"),
         (
-            lambda w: w.guidance([20.0, 15.0], [1, 1], np.zeros((2, 3)), [0.0, 0.0], [0.0, 0.0]),
+            lambda w: w.record(topics.GUIDANCE, [20.0, 15.0], num_candidates=[1, 1]),
             "15.0 s follows one of 20.0 s",
         ),
         (
-            lambda w: w.control(20.0, np.zeros(2), np.zeros(3), np.zeros(3), FIRED),
+            lambda w: w.record(topics.DEPUTY_CONTROL, 20.0, force_body_n=np.zeros(2)),
             "force_body_n has 2 values, but 3",
         ),
         (
-            lambda w: w.control(20.0, np.zeros(3), np.zeros(3), np.zeros(3), FIRED[:1]),
-            "reason has 1 values, but 3",
+            lambda w: w.record(topics.DEPUTY_STATE, 20.0, place_m=np.zeros(3)),
+            "has no field 'place_m'; inspection.DeputyState has position_m, velocity_m_s",
         ),
-        (lambda w: w.fis(20.0, "f_w", [0.0], [0.0], 0.0), "does not describe the fuzzy system 'f_w'"),
+        (lambda w: w.record("/fis/f_w", 20.0, inputs=[0.0]), "does not describe the fuzzy system 'f_w'"),
         (lambda w: w.log(20.0, "loud", "words"), "no log level 'loud'"),
         (lambda w: w.points(20.0, np.zeros((4, 3)), np.zeros(5)), "one state for each point"),
         (lambda w: w.points(20.0, np.zeros((4, 3)), np.full(4, 4)), "from 4 to 4, but 0 to 3"),
         (
-            lambda w: w.attitude_history(20.0, [0, 1], np.zeros((2, 4)), np.zeros((2, 3)), np.zeros(3)),
+            lambda w: w.record(topics.DEPUTY_ATTITUDE, 20.0, time_offset_s=[0, 1], torque_n_m=np.zeros(3)),
             "torque_n_m has 3 values, but 6",
         ),
     ],

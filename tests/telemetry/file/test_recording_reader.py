@@ -172,7 +172,7 @@ def test_metadata_that_does_not_fit_the_inferences_is_refused(tmp_path):
     with EpisodeWriter(
         tmp_path / "odd.mcap", metadata=synthetic_flight.metadata(flight), attachments={}
     ) as writer:
-        writer.fis(0.0, "f_x", [1.0, 2.0], [0.5] * 9, 0.1)
+        writer.record("/fis/f_x", 0.0, inputs=[1.0, 2.0], firing_strengths=[0.5] * 9, output_n=0.1)
     with pytest.raises(RecordingError, match="2 inputs and 25 rules, but 2 and 9 are recorded"):
         telemetry.read(tmp_path / "odd.mcap").fis_description("f_x")
 

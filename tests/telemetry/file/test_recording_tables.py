@@ -153,7 +153,7 @@ def test_a_unit_that_no_suffix_tells_is_kept(tmp_path):
     metadata = synthetic_flight.metadata(synthetic_flight.fly(2))
     metadata["fis.f_x"]["input_units"] = '["furlong", ""]'
     with EpisodeWriter(tmp_path / "odd.mcap", metadata=metadata, attachments={}) as writer:
-        writer.fis(0.0, "f_x", [1.0, 2.0], [0.5] * 25, 0.1)
+        writer.record("/fis/f_x", 0.0, inputs=[1.0, 2.0], firing_strengths=[0.5] * 25, output_n=0.1)
     told = units(telemetry.flat_table(telemetry.read(tmp_path / "odd.mcap"), "/fis/f_x"))
     assert (told["input_distance"], told["input_velocity_body_x"]) == ("furlong", "")
 

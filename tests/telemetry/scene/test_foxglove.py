@@ -31,8 +31,8 @@ MESSAGE_PATH = re.compile(r"(?P<topic>(?:/\w+)+)\.(?P<field>\w+)(?:\[(?P<index>\
 class PaperWriter(EpisodeWriter):
     """Calls the systems as the paper's controllers do, for whose flights the layout is."""
 
-    def fis(self, time_s: float, name: str, inputs: ArrayLike, strengths: ArrayLike, output_n: float) -> None:
-        super().fis(time_s, name.replace("f_", "force_"), inputs, strengths, output_n)
+    def record(self, topic: str, time_s: ArrayLike, **fields: ArrayLike) -> None:
+        super().record(topic.replace("/f_", "/force_"), time_s, **fields)
 
 
 @pytest.fixture(scope="module")

@@ -14,6 +14,7 @@ from telemetry.file.reader import Recording
 from telemetry.scene import drawing
 from telemetry.scene.curves import drawable, flight_names
 
+PILOT = topics.fis_topic("pilot")
 RULES = ("if far then pull", "if near then push")
 
 
@@ -29,10 +30,10 @@ def recording(tmp_path):
     )
     path = tmp_path / "tiny.mcap"
     with EpisodeWriter(path, metadata={"fis.pilot": description.to_metadata()}, attachments={}) as writer:
-        writer.fis(0.0, "pilot", [80.0, 0.25], [1.0, 0.0], -0.5)
-        writer.fis(10.0, "pilot", [20.0, 0.5], [0.25, 0.5], 0.125)
-        writer.guidance(20.0, 0, [0, 0, 0], 0.0, 0.0)
-        writer.guidance(30.0, 0, [0, 0, 0], 0.0, 0.0)
+        writer.record(PILOT, 0.0, inputs=[80.0, 0.25], firing_strengths=[1.0, 0.0], output_n=-0.5)
+        writer.record(PILOT, 10.0, inputs=[20.0, 0.5], firing_strengths=[0.25, 0.5], output_n=0.125)
+        writer.record(topics.GUIDANCE, 20.0, num_candidates=0, target_direction=[0, 0, 0])
+        writer.record(topics.GUIDANCE, 30.0, num_candidates=0, target_direction=[0, 0, 0])
     return telemetry.read(path)
 
 
@@ -105,13 +106,15 @@ def flown(tmp_path):
         for place, count in enumerate((*INSPECTED, 3)):
             time = 10.0 * place
             mask = [index < count for index in range(3)]
-            writer.mission(time, sun_angle_rad=0.0, distance_m=50.0, inspected_mask=mask, delta_v_m_s=0.0)
+            writer.record(topics.MISSION, time, inspected_count=count, inspected_mask=mask)
             if place < len(INSPECTED):
                 force = [0.0, -0.04 * (place == 0), 0.03 * (place == 0)]
-                writer.control(time, [0.0] * 3, force, [0.0] * 3, [topics.Reason.UNKNOWN] * 3)
+                writer.record(topics.DEPUTY_CONTROL, time, force_hill_n=force)
             if place < 2:
                 shares = [0.01, -0.05] if place == 0 else [0.0, 0.0]
-                writer.fis(time, "pilot", [80.0], [0.9, 0.25], -0.04, shares)
+                writer.record(
+                    PILOT, time, inputs=[80.0], firing_strengths=[0.9, 0.25], output_n=-0.04, shares_n=shares
+                )
     return telemetry.read(path)
 
 
