@@ -20,6 +20,8 @@ from pipeline.settings.reference import sections
 PROJECT = Path(__file__).resolve().parents[1]
 #: made by ``python -m docs.build``
 MADE = PROJECT / "build" / "docs"
+#: of recordings
+SCHEMA = PROJECT / "telemetry" / "file" / "schema" / "inspection.proto"
 PACKAGES = ("fis_tools", "telemetry", "pipeline")
 #: where pages that live elsewhere stand in the site
 ELSEWHERE = {
@@ -103,10 +105,33 @@ def on_page_markdown(markdown: str, page: Page, **_: Any) -> str:
         lines = (f"| {' | '.join(row)} |" for row in (head, ("---",) * len(head), *rows))
         markdown = markdown.replace(f"<!-- {name} -->", "\n".join(lines))
     markdown = markdown.replace("<!-- keys -->", sections())
+    markdown = markdown.replace("<!-- messages -->", messages())
     patch = PROJECT / "docs" / PurePosixPath(page.file.src_uri).with_suffix(".diff")
     if patch.exists():
         markdown = markdown.replace("<!-- patch -->", f"```diff\n{patch.read_text(encoding='utf-8')}```")
     return markdown
+
+
+def messages() -> str:
+    """Return a table for each kind of message in the schema of recordings, from its comments."""
+    lines: list[str] = []
+    said: list[str] = []
+    for line in SCHEMA.read_text(encoding="utf-8").splitlines():
+        if line.lstrip().startswith("//"):
+            said.append(line.lstrip(" /"))
+        elif message := re.fullmatch(r"message (\w+) {", line):
+            lines += [
+                "",
+                f"**`inspection.{message[1]}`**: {' '.join(said)}",
+                "",
+                "| field | type | meaning |",
+                "|---|---|---|",
+            ]
+        elif field := re.fullmatch(r"  ((?:repeated |optional )?\w+) (\w+) = \d+;", line):
+            lines.append(f"| `{field[2]}` | {field[1]} | {' '.join(said)} |")
+        if not line.lstrip().startswith("//"):
+            said = []
+    return "\n".join(lines)
 
 
 def relinked(text: str, path: str, uri: str) -> str:
