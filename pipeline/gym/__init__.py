@@ -19,9 +19,11 @@ from pipeline.gym.env import (
     NormalizedVectorObservation,
 )
 from pipeline.gym.episodes import AFRL, AFRL_WEIGHTED, Reward, Task, task_of
+from pipeline.gym.six_dof import AFRL_SIX_DOF, SixDofInspectionEnv, SixDofReward
 
 __all__ = [
     "AFRL",
+    "AFRL_SIX_DOF",
     "AFRL_WEIGHTED",
     "OBSERVED",
     "InspectionEnv",
@@ -29,6 +31,8 @@ __all__ = [
     "NormalizedObservation",
     "NormalizedVectorObservation",
     "Reward",
+    "SixDofInspectionEnv",
+    "SixDofReward",
     "Task",
     "task_of",
 ]
@@ -38,3 +42,4 @@ gymnasium.register(
     entry_point="pipeline.gym.env:InspectionEnv",
     vector_entry_point="pipeline.gym.env:InspectionVectorEnv",
 )
+gymnasium.register("SixDofInspection-v0", entry_point="pipeline.gym.six_dof:SixDofInspectionEnv")

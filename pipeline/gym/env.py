@@ -60,7 +60,7 @@ class InspectionEnv(gymnasium.Env[Observation, NDArray[Any]]):
         """
         super().reset(seed=seed)
         given = options or {}
-        scenario = given.get("scenario") or self._episodes.draw(self.np_random)
+        scenario = given.get("scenario") or self.task.draw(self.np_random)
         self._episodes.start(0, scenario, given.get("priority"))
         self._episodes.step(None)
         return self._episodes.observations[0], self._info()
@@ -148,7 +148,7 @@ class InspectionVectorEnv(VectorEnv[Observation, NDArray[Any], NDArray[Any]]):
         return self._episodes.observations, self._told()
 
     def _start(self, flight: int) -> None:
-        self._episodes.start(flight, self._episodes.draw(self._generators[flight]))
+        self._episodes.start(flight, self.task.draw(self._generators[flight]))
 
     def step(
         self, actions: NDArray[Any]

@@ -39,6 +39,10 @@ Truths = NDArray[np.bool_]
 
 #: what is composed where nothing else is asked for: nothing of it is flown but the world
 BASE: Final = ("+experiment=evaluate", "controller=coast")
+#: first part of the spawn key of starts, beside those of `pipeline.flight.cases.starts`
+EPISODES = 1 << 22
+#: seeds of starts are drawn below this
+MOST_SEED = 1 << 31
 
 
 @dataclass(frozen=True)
@@ -143,6 +147,13 @@ class Task:
             return Box(-1.0, 1.0, (3,), np.float32)
         return MultiDiscrete([3, 3, 3])
 
+    def draw(self, generator: np.random.Generator) -> Scenario:
+        """Draw a start, as an evaluation does."""
+        cases, sun = self.experiment.monte_carlo, self.experiment.sun
+        shell = cases.min_distance_m, cases.max_distance_m
+        rest = cases.max_speed_m_s, cases.directions
+        return draw(int(generator.integers(MOST_SEED)), EPISODES, 0, shell, sun, *rest)
+
     def forces(self, actions: NDArray[Any]) -> Floats:
         """Return the forces of actions, shape (n, 3), N, Hill axes."""
         values = np.asarray(actions, dtype=np.float64).reshape(-1, 3)
@@ -178,12 +189,6 @@ def task_of(
     return Task(composed.experiment, composed.config, reward or Reward(), levels_n)
 
 
-#: first part of the spawn key of starts, beside those of `pipeline.flight.cases.starts`
-EPISODES = 1 << 22
-#: seeds of starts are drawn below this
-MOST_SEED = 1 << 31
-
-
 class Episodes:
     """Some episodes of a task, each at a step of its own.
 
@@ -206,13 +211,6 @@ class Episodes:
         self._weights: Floats | None = None
         if task.mission.chief.weights == "priority":
             self._weights = np.zeros((num_episodes, len(self._points)))
-
-    def draw(self, generator: np.random.Generator) -> Scenario:
-        """Draw a start, as an evaluation does."""
-        cases, sun = self.task.experiment.monte_carlo, self.task.experiment.sun
-        shell = cases.min_distance_m, cases.max_distance_m
-        rest = cases.max_speed_m_s, cases.directions
-        return draw(int(generator.integers(MOST_SEED)), EPISODES, 0, shell, sun, *rest)
 
     def start(self, episode: int, scenario: Scenario, priority: Floats | None = None) -> None:
         """Put an episode at a start; the next step brings it to its first sample.

@@ -159,8 +159,8 @@ class Light:
     """The Earth's shadow."""
     min_fraction: Annotated[Share, Only("light.shadow=conical")] = 0.5
     """Share of the Sun's disc, with less of which visible nothing is lit."""
-    past_terminator_deg: Annotated[NotNegative, Field(le=10)] = 0.0
-    """Angle by which the Sun may be below a point's horizon."""
+    past_terminator_deg: Annotated[Number, Field(gt=-90, le=10)] = 0.0
+    """Angle by which the Sun may be below a point's horizon; negative: by which it must be above it."""
     reflection: Literal["none", "blinn_phong"] = "none"
     """Law by which a point must reflect enough to be seen."""
     ambient: Annotated[Vector, REFLECTED] = (0.4,) * 3

@@ -16,7 +16,7 @@ from pipeline.flight.control.controller import coast
 from pipeline.flight.fly.simulation import fly_logged
 from pipeline.flight.state.log import Scenario
 from pipeline.flight.world.pack import inspection_points
-from pipeline.gym import AFRL, AFRL_WEIGHTED, InspectionEnv, task_of
+from pipeline.gym import AFRL, AFRL_WEIGHTED, InspectionEnv, SixDofInspectionEnv, task_of
 from tests.places import PROJECT
 
 #: of those, positions are kept
@@ -36,6 +36,7 @@ class Episode(NamedTuple):
     rewards: NDArray[np.float64]  # (K,)
     places: NDArray[np.float64]  # positions after each tenth step, from 0, and the last, m
     status: str
+    turns: NDArray[np.float64]  # attitudes where positions are kept; no rows where they are not flown
 
 
 def episodes(world: str) -> Iterator[Episode]:
@@ -54,38 +55,67 @@ def episodes(world: str) -> Iterator[Episode]:
             columns["rewards"][steps : steps + length],
             columns["places"][kept : kept + num_kept],
             str(status),
+            columns["turns"][kept : kept + num_kept] if "turns" in columns else np.zeros((0, 4)),
         )
         samples, steps, kept = samples + length + 1, steps + length, kept + num_kept
+
+
+def agreed(env: InspectionEnv | SixDofInspectionEnv, one: Episode) -> float:
+    """Fly an episode with its actions; return how far off places are at most, m.
+
+    At every step points, their weight and the reward are the same, and so is the end; attitudes are close.
+    """
+    place, velocity, (sun,), priority = np.split(one.start, [3, 6, 7])
+    scenario = Scenario(place, velocity, -sun)  # their Sun's angle is counted from +i towards -j
+    _, told = env.reset(options={"scenario": scenario, "priority": priority})
+    places, turns, rewards, rows, is_over = [place], [np.array([0.0, 0.0, 0.0, 1.0])], [], [told], False
+    for action in one.actions:
+        assert not is_over
+        if isinstance(env, SixDofInspectionEnv):
+            _, reward, terminated, truncated, told = env.step(action / [1.0, 1.0, 1.0, *[0.001] * 3])
+            place, turn = np.split(env.state[[0, 1, 2, 6, 7, 8, 9]], [3])
+            turns.append(turn)
+        else:
+            _, reward, terminated, truncated, told = env.step(action)
+            place = env._episodes._flights.observed[0, :3].copy()
+        places.append(place)
+        rewards.append(reward)
+        rows.append(told)
+        is_over = terminated or truncated
+    assert terminated == (one.status in ("Success", "Crash"))
+    assert truncated == (one.status in ("Out of Bounds", "Timeout"))
+    assert [told["num_inspected"] for told in rows] == one.counts.tolist()
+    if len(one.weights):
+        np.testing.assert_allclose(
+            [told["weight_inspected"] for told in rows], one.weights, rtol=0, atol=1e-12
+        )
+    np.testing.assert_allclose(rewards, one.rewards, rtol=0, atol=1e-6)
+    if len(one.turns):
+        np.testing.assert_allclose([*turns[:-1:EVERY], turns[-1]], one.turns, rtol=0, atol=1e-3)
+    return float(np.abs(np.array([*places[:-1:EVERY], places[-1]]) - one.places).max())
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("world", WORLDS)
 def test_the_same_actions_give_the_same_episode(world: str) -> None:
-    """Positions, points inspected, their weight, rewards and the end; half of the episodes are random."""
-    env, ends = InspectionEnv([f"world={world}"], WORLDS[world]), []
-    for one in episodes(world):
-        place, velocity, (sun,), priority = np.split(one.start, [3, 6, 7])
-        scenario = Scenario(place, velocity, -sun)  # their Sun's angle is counted from +i towards -j
-        seen, told = env.reset(options={"scenario": scenario, "priority": priority})
-        rows, places, is_over = [(0.0, told)], [seen[:3]], False
-        for action in one.actions:
-            assert not is_over
-            seen, reward, terminated, truncated, told = env.step(action)
-            rows.append((reward, told))
-            places.append(env._episodes._flights.observed[0, :3].copy())
-            is_over = terminated or truncated
-        assert is_over
-        assert terminated == (one.status in ("Success", "Crash"))
-        assert truncated == (one.status in ("Out of Bounds", "Timeout"))
-        ends.append(one.status)
-        np.testing.assert_allclose([*places[:-1:EVERY], places[-1]], one.places, rtol=0, atol=CLOSE_M)
-        assert [told["num_inspected"] for _, told in rows] == one.counts.tolist()
-        if len(one.weights):
-            found = [told["weight_inspected"] for _, told in rows]
-            np.testing.assert_allclose(found, one.weights, rtol=0, atol=1e-12)
-        np.testing.assert_allclose([reward for reward, _ in rows[1:]], one.rewards, rtol=0, atol=1e-6)
-    assert len(ends) == 40
-    assert set(ends) == {"Success", "Crash", "Out of Bounds", "Timeout"}
+    """Half of the episodes are random."""
+    env, found = InspectionEnv([f"world={world}"], WORLDS[world]), list(episodes(world))
+    assert max(agreed(env, one) for one in found) < CLOSE_M
+    assert len(found) == 40
+    assert {one.status for one in found} == {"Success", "Crash", "Out of Bounds", "Timeout"}
+
+
+@pytest.mark.slow
+def test_the_same_actions_turn_the_deputy_as_theirs() -> None:
+    """Random torques meet the limit of the rate, where their integrator makes much of rounding."""
+    theirs = "chief.initial_angular_velocity_rad_s=[0,0,0]", "inspection_threshold_percent=45"
+    env = SixDofInspectionEnv(["world=afrl_six_dof", *theirs])
+    found = list(episodes("afrl_six_dof"))
+    apart = np.array([agreed(env, one) for one in found])
+    assert {one.status for one in found} == {"Success", "Crash", "Out of Bounds", "Timeout"}
+    assert apart[:20].max() < CLOSE_M
+    assert np.sum(apart[20:] < CLOSE_M) >= 15
+    assert apart.max() < 0.1
 
 
 @pytest.mark.slow

@@ -28,6 +28,7 @@ from pipeline.gym import (
     InspectionVectorEnv,
     NormalizedObservation,
     NormalizedVectorObservation,
+    SixDofInspectionEnv,
     task_of,
 )
 from pipeline.recording.reflight import fly_again
@@ -83,6 +84,14 @@ def test_gymnasium_finds_no_fault(world: str) -> None:
     env = gymnasium.make("pipeline.gym:Inspection-v0", overrides=WORLDS[world]).unwrapped
     check_env(env)
     assert len(OBSERVED) == NUM_SEEN == env.observation_space.shape[0]
+
+
+@pytest.mark.filterwarnings("ignore:.*infinity")
+def test_six_degrees_of_freedom_are_an_environment_too() -> None:
+    env = gymnasium.make("pipeline.gym:SixDofInspection-v0").unwrapped
+    check_env(env)
+    with pytest.raises(ValueError, match="safety: this is not flown with six degrees of freedom"):
+        SixDofInspectionEnv(["world=afrl_six_dof", "safety=filter"])
 
 
 @pytest.fixture(scope="module")

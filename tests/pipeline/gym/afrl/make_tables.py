@@ -4,7 +4,8 @@ SIMS is a copy of https://github.com/act3-ace/safe-autonomy-sims; its ``safe_aut
 installed with pip, and Gymnasium with it. `made_with.json` says which versions made the tables. Episodes
 start from their `reset`, by seed. Of each twenty, twelve are flown to success, two to the end of time, three
 into the chief, three out of bounds; twenty more have random forces. Their weighted classes leave out the
-placement that their configurations name, Fibonacci's; it is put back here.
+placement that their configurations name, Fibonacci's; it is put back here. Their chief with six degrees of
+freedom is at rest among the stars, so that one side of it is always dark: success is at 0.45 of the weight.
 """
 
 import functools
@@ -17,6 +18,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 HERE = Path(__file__).parent
 NUM_EPISODES = 20
@@ -42,9 +44,20 @@ def scripted(env: Any, episode: int, k: int) -> np.ndarray:
     return (np.round(256.0 * np.clip(force, -1.0, 1.0)) / 256.0).astype(np.float32)
 
 
+def scripted_turning(env: Any, episode: int, k: int) -> np.ndarray:
+    """Return that force along body axes, N, and the torque of a law that faces the chief, N m."""
+    body = Rotation.from_quat(env.deputy.orientation).inv()
+    gone = body.apply(-env.deputy.position) / np.linalg.norm(env.deputy.position)
+    torque = 0.0573 * (0.0016 * np.cross([1.0, 0.0, 0.0], gone) - 0.06 * env.deputy.angular_velocity)
+    torque = np.round(2.0**20 * np.clip(torque, -0.00099, 0.00099)) / 2.0**20
+    force = np.round(256.0 * np.clip(body.apply(scripted(env, episode, k)), -1.0, 1.0)) / 256.0
+    return np.concatenate([force, torque])
+
+
 def randomly(env: Any, episode: int, k: int) -> np.ndarray:
-    """Return a random force, N."""
-    return np.random.default_rng([episode, k]).uniform(-1.0, 1.0, 3).astype(np.float32)
+    """Return a random action: a force, N, and a torque, N m."""
+    drawn = np.random.default_rng([episode, k]).uniform(-1.0, 1.0, env.action_space.shape)
+    return (drawn * env.action_space.high).astype(np.float32)
 
 
 def flown(env: Any, seed: int, act: Callable[[int], np.ndarray]) -> dict[str, Any]:
@@ -54,25 +67,27 @@ def flown(env: Any, seed: int, act: Callable[[int], np.ndarray]) -> dict[str, An
     points = env.chief.inspection_points
     start = (*env.deputy.position, *env.deputy.velocity, env.sun.theta, *points.priority_vector)
     rows = [(points.get_num_points_inspected(), points.get_total_weight_inspected(), 0.0)]
-    places, actions, is_over = [env.deputy.position.copy()], [], False
+    places, turns, actions, is_over = [env.deputy.position.copy()], [env.deputy.orientation.copy()], [], False
     while not is_over:
         actions.append(act(len(actions)))
         _, reward, terminated, truncated, told = env.step(actions[-1])
         rows.append((points.get_num_points_inspected(), points.get_total_weight_inspected(), reward))
         places.append(env.deputy.position.copy())
+        turns.append(env.deputy.orientation.copy())
         is_over = terminated or truncated
     counts, weights, rewards = np.array(rows).T
-    kept = [*places[:-1:EVERY], places[-1]]
+    kept, turned = [*places[:-1:EVERY], places[-1]], [*turns[:-1:EVERY], turns[-1]]
     return {
         "start": np.array(start), "actions": np.array(actions), "counts": counts.astype(np.uint8),
-        "weights": weights, "rewards": rewards[1:], "places": np.array(kept), "status": told["status"],
+        "weights": weights, "rewards": rewards[1:], "places": np.array(kept), "turns": np.array(turned),
+        "status": told["status"],
     }  # fmt: skip
 
 
-def make(name: str, kind: Callable[[], Any]) -> None:
+def make(name: str, kind: Callable[[], Any], script: Callable[..., np.ndarray] = scripted) -> None:
     """Write the table of one of their environments."""
     columns: dict[str, list[Any]] = {}
-    for law in (scripted, randomly):
+    for law in (script, randomly):
         for episode in range(NUM_EPISODES):
             env = kind()
             one = flown(env, episode, functools.partial(law, env, episode))
@@ -86,6 +101,8 @@ def make(name: str, kind: Callable[[], Any]) -> None:
     }
     if name != "afrl":
         joined["weights"] = np.concatenate(columns["weights"])
+    if name == "afrl_six_dof":
+        joined["turns"] = np.concatenate(columns["turns"])
     arrays = joined | {"start": columns["start"], "status": columns["status"], "length": lengths}
     np.savez_compressed(HERE / f"{name}.npz", **{key: np.asarray(value) for key, value in arrays.items()})
 
@@ -100,6 +117,8 @@ def main() -> None:
     placed = functools.partial(target.p.InspectionPointSet, points_algorithm="fibonacci")
     target.p = SimpleNamespace(InspectionPointSet=placed)
     make("afrl_weighted", inspection.WeightedInspectionEnv)
+    turning = functools.partial(inspection.WeightedSixDofInspectionEnv, success_threshold=0.45)
+    make("afrl_six_dof", turning, scripted_turning)
     sims = (Path(sys.argv[1]) / "VERSION").read_text(encoding="utf-8").strip()
     made = {"safe_autonomy_sims": sims} | {
         package: version(package) for package in ("safe-autonomy-simulation", "numpy", "scipy", "gymnasium")

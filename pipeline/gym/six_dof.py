@@ -1,0 +1,195 @@
+"""AFRL's inspection with six degrees of freedom: the deputy pushes along its own axes and turns itself."""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from math import cos, exp, radians, sin
+from typing import Any, Final
+
+import gymnasium
+import numpy as np
+from gymnasium.spaces import Box
+from numpy.typing import NDArray
+
+from pipeline.array_types import Floats
+from pipeline.flight.cases.starts import PRIORITY, direction_of
+from pipeline.flight.state.log import Scenario
+from pipeline.flight.world.chief import chief_attitudes
+from pipeline.flight.world.pack import inspection_points
+from pipeline.flight.world.surface import priority_weights
+from pipeline.gym.episodes import AFRL_WEIGHTED, Reward, task_of
+from pipeline.physics.illumination import sun_angle, sun_direction_h
+from pipeline.physics.motion import nearest_in_orbit
+from pipeline.physics.quaternion import dcm_b_from_h, normalised
+from pipeline.physics.six_dof import ATTITUDE, PLACE, RATE, VELOCITY, moved
+
+#: parts of a mission that this environment does not fly
+LEFT_OUT: Final = ("safety", "navigation", "actuators", "dynamics")
+#: observations in this order, vectors along Hill axes: position (m), velocity (m/s), attitude from Hill to
+#: body axes, inertial rate (rad/s, body axes), directions to the Sun, to the mean of the points that are lit
+#: and not inspected, and of the priority; weight inspected, time left (s)
+NUM_OBSERVED: Final = 24
+
+
+@dataclass(frozen=True)
+class SixDofReward(Reward):
+    """A reward as AFRL's, with something for each step.
+
+    Parameters
+    ----------
+    alive, alive_s : float
+        For each step up to a time (s).
+    facing, facing_width : float
+        For each step, times ``exp(-(1 - c)^2 / width)``, with c the cosine from the camera to the chief, not
+        negative.
+    """
+
+    alive: float = 0.001
+    alive_s: float = 3000.0
+    facing: float = 0.0005
+    facing_width: float = 0.15
+
+
+#: of AFRL's WeightedSixDofInspectionEnv (safe-autonomy-sims 4.2.3)
+AFRL_SIX_DOF: Final = SixDofReward(**asdict(AFRL_WEIGHTED) | {"per_delta_v": 0.005, "too_far": 1.0})
+
+
+class SixDofInspectionEnv(gymnasium.Env[NDArray[np.float32], NDArray[Any]]):
+    """Inspect the chief with a camera along +x of the body; see `NUM_OBSERVED` for what is observed.
+
+    An action is six shares from -1 to 1, of the greatest force along each body axis and of the greatest
+    torque about each, held for a control period. The deputy starts with its body along Hill axes, at rest
+    among the stars. Episodes end as AFRL's.
+
+    Parameters
+    ----------
+    overrides : sequence of str
+        Of the world, as on the command line; its safety, navigation, actuators and dynamics stay.
+    reward : SixDofReward
+    max_rate_rad_s : float
+        Greatest inertial rate about each body axis.
+    """
+
+    metadata = {"render_modes": []}  # noqa: RUF012 - as Gymnasium declares it
+
+    def __init__(
+        self,
+        overrides: Sequence[str] = ("world=afrl_six_dof",),
+        reward: SixDofReward = AFRL_SIX_DOF,
+        max_rate_rad_s: float = 0.034907,
+    ) -> None:
+        self.task, self._reward, self._max_rate = task_of(overrides, reward), reward, max_rate_rad_s
+        self._mission = mission = self.task.mission
+        plain = task_of(["world=afrl_six_dof"]).mission
+        changed = [part for part in LEFT_OUT if getattr(mission, part) != getattr(plain, part)]
+        if changed or self.task.is_tilted:
+            told = ", ".join(changed) or "a Sun out of the orbit plane"
+            raise ValueError(f"{told}: this is not flown with six degrees of freedom; leave it out")
+        self.observation_space = Box(-np.inf, np.inf, (NUM_OBSERVED,), np.float32)
+        self.action_space = Box(-1.0, 1.0, (6,), np.float32)
+        self._points = inspection_points(mission)
+        self._inertia = np.array(mission.deputy.inertia_kg_m2)
+        self._chief = chief_attitudes(mission)
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[NDArray[np.float32], dict[str, Any]]:
+        """Start an episode: drawn, or ``options["scenario"]`` and ``options["priority"]``, (3,)."""
+        super().reset(seed=seed)
+        given = options or {}
+        scenario: Scenario = given.get("scenario") or self.task.draw(self.np_random)
+        priority = given.get("priority")
+        self._priority = direction_of(scenario.generator(PRIORITY)) if priority is None else priority
+        self._weights = np.full(len(self._points), 1.0 / len(self._points))
+        if self._mission.chief.weights == "priority":
+            self._weights = priority_weights(self._points, self._priority)
+        self._sun_angle, self._k, self._spent, self._paid = scenario.sun_angle_rad, 0, 0.0, 0.0
+        turned = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]
+        self._state = np.concatenate((scenario.position_m, scenario.velocity_m_s, turned))
+        self._is_inspected = np.zeros(len(self._points), dtype=np.bool_)
+        self._look()
+        return self._observed(), self._info()
+
+    def step(self, action: NDArray[Any]) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
+        """Fly a control period."""
+        mission, deputy, reward = self._mission, self._mission.deputy, self._reward
+        shares = np.clip(np.asarray(action, dtype=np.float64), -1.0, 1.0)
+        force, torque = shares[:3] * deputy.max_force_n, shares[3:] * deputy.max_torque_n_m
+        rest = self._inertia, self._max_rate, mission.orbit.mean_motion_rad_s, mission.control_period_s
+        self._state = moved(self._state, force / deputy.mass_kg, torque, *rest)
+        self._k += 1
+        self._look()
+        per_force = mission.control_period_s / deputy.mass_kg
+        self._spent += np.abs(force).sum() * per_force
+        distance = np.linalg.norm(self._state[PLACE])
+        has_crashed, is_far = distance < deputy.min_distance_m, distance > deputy.max_distance_m
+        gained = reward.per_point * (self.weight_inspected - self._paid)
+        gained -= reward.per_delta_v * (np.abs(force).sum() + np.abs(torque).sum()) * per_force  # as AFRL
+        gained += self._for_this_step() - reward.outside * has_crashed
+        gained -= (reward.outside if reward.too_far is None else reward.too_far) * is_far
+        if self._has_enough:
+            nearest = nearest_in_orbit(mission.orbit, deputy, self._state[:6])
+            gained += reward.success if nearest >= deputy.min_distance_m else -reward.success
+        self._paid = self.weight_inspected
+        terminated = bool(has_crashed or self._has_enough)
+        truncated = bool(is_far or self._k == mission.num_controls)
+        return self._observed(), float(gained), terminated, truncated, self._info()
+
+    @property
+    def state(self) -> Floats:
+        """Position (m), velocity (m/s), attitude from Hill to body axes, inertial rate (rad/s), (13,)."""
+        return self._state.copy()
+
+    @property
+    def weight_inspected(self) -> float:
+        """The share of the points, by weight, that has been inspected."""
+        return float(self._weights[self._is_inspected].sum())
+
+    @property
+    def _has_enough(self) -> bool:
+        return self.weight_inspected >= self._mission.inspection_threshold_percent / 100.0
+
+    @property
+    def _sun(self) -> Floats:
+        mission = self._mission
+        time = self._k * mission.control_period_s
+        return np.asarray(sun_direction_h(sun_angle(self._sun_angle, mission.orbit.mean_motion_rad_s, time)))
+
+    @property
+    def _camera(self) -> Floats:
+        return np.asarray(dcm_b_from_h(normalised(self._state[ATTITUDE]))[0])
+
+    def _look(self) -> None:
+        """Inspect what is lit and in view, in the chief's axes."""
+        mission, axes = self._mission, dcm_b_from_h(self._chief[self._k])
+        size = mission.chief.inspection_radius_m
+        place, camera = axes @ self._state[PLACE], axes @ self._camera
+        heights = self._points @ (axes @ self._sun) / size
+        self._is_lit = heights > -sin(radians(mission.light.past_terminator_deg))
+        gone = self._points - place
+        in_field = gone @ camera >= cos(radians(mission.sensor.half_angle_deg)) * np.linalg.norm(gone, axis=1)
+        self._is_inspected |= self._is_lit & in_field & (self._points @ place >= size**2)
+
+    def _for_this_step(self) -> float:
+        reward, place = self._reward, self._state[PLACE]
+        facing = -float(self._camera @ place) / np.linalg.norm(place)
+        gained = reward.alive * (self._k * self._mission.control_period_s <= reward.alive_s)
+        if facing >= 0.0:
+            gained += reward.facing * exp(-((1.0 - facing) ** 2) / reward.facing_width)
+        return gained
+
+    def _observed(self) -> NDArray[np.float32]:
+        axes, wanted = dcm_b_from_h(self._chief[self._k]), self._points[self._is_lit & ~self._is_inspected]
+        target = wanted.sum(axis=0) @ axes
+        length = max(float(np.linalg.norm(target)), 1e-9)
+        left = (self._mission.num_controls - self._k) * self._mission.control_period_s
+        state, directions = self._state, (self._sun, target / length, self._priority @ axes)
+        parts = state[PLACE], state[VELOCITY], state[ATTITUDE], state[RATE], *directions
+        return np.concatenate((*parts, [self.weight_inspected, left])).astype(np.float32)
+
+    def _info(self) -> dict[str, Any]:
+        return {
+            "delta_v_m_s": self._spent,
+            "num_inspected": float(self._is_inspected.sum()),
+            "weight_inspected": self.weight_inspected,
+            "is_success": self._has_enough,
+        }

@@ -1,0 +1,74 @@
+"""A deputy that turns as it moves: Hill's equations and Euler's, joined by forces along body axes."""
+
+from typing import Any
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+from fis_tools.compiled.decorator import compiled
+from pipeline.array_types import Floats
+from pipeline.physics.attitude import euler_angular_acceleration
+from pipeline.physics.quaternion import dcm_b_from_h, derivative, times
+
+#: where a state has its parts: position (m) and velocity (m/s), Hill axes; attitude; inertial rate (rad/s)
+PLACE, VELOCITY, ATTITUDE, RATE = slice(0, 3), slice(3, 6), slice(6, 10), slice(10, 13)
+
+
+@compiled
+def slopes(
+    _time: float,
+    state: Floats,
+    push: Floats,
+    torque: Floats,
+    inertia: Floats,
+    inverse_inertia: Floats,
+    most_rate: float,
+    mean_motion: float,
+) -> Floats:
+    """Return the time derivative of a state, shape (13,), under a push (m/s^2) and a torque, body axes.
+
+    No component of the rate grows beyond its limit. The system's part is rounded to single precision, as in
+    AFRL's safe-autonomy-simulation.
+    """
+    x, z, u, v = state[0], state[2], state[3], state[4]
+    rate = state[10:13].copy()
+    attitude, hill_rate = state[6:10], np.array([0.0, 0.0, mean_motion])
+    dcm = dcm_b_from_h(attitude)
+    # their matrix is another where stages of the integrator are not quite of unit length
+    surplus = 1.0 - np.sum(attitude * attitude)
+    turning = derivative(attitude, rate - times(dcm, hill_rate) - surplus * hill_rate)
+    change = euler_angular_acceleration(inertia, inverse_inertia, rate, torque)
+    slope = np.empty(13)
+    slope[0:3] = state[3:6]
+    slope[3] = 3.0 * mean_motion * mean_motion * x + 2.0 * mean_motion * v
+    slope[4] = -2.0 * mean_motion * u
+    slope[5] = -mean_motion * mean_motion * z
+    slope[6:10] = turning
+    for i in range(10):
+        slope[i] = np.float32(slope[i])
+    for i in range(3):
+        slope[3 + i] += dcm[0, i] * push[0] + dcm[1, i] * push[1] + dcm[2, i] * push[2]
+        if rate[i] >= most_rate:
+            slope[10 + i] = min(change[i], 0.0)
+        elif rate[i] <= -most_rate:
+            slope[10 + i] = max(change[i], 0.0)
+        else:
+            slope[10 + i] = change[i]
+    return slope
+
+
+def moved(
+    state: Floats,
+    push: Floats,
+    torque: Floats,
+    inertia: Floats,
+    most_rate: float,
+    mean_motion: float,
+    duration: float,
+) -> Floats:
+    """Return the state after a time (s) by SciPy's RK45, with its tolerances, as in AFRL's simulation."""
+    settings = push, torque, inertia, np.linalg.inv(inertia), most_rate, mean_motion
+    rates: Any = slopes  # its stubs ask for the number of dimensions
+    after = solve_ivp(rates, (0.0, duration), state, args=settings).y[:, -1]
+    after[RATE] = np.clip(after[RATE], -most_rate, most_rate)
+    return np.asarray(after)
