@@ -138,14 +138,14 @@ def _draw_rate(ax: Axes, columns: Columns) -> None:
 def _name_some(
     ax: Axes, spent: NDArray[Any], rate: NDArray[Any], rows: NDArray[np.int_], numbers: NDArray[Any]
 ) -> None:
-    """Write the numbers of controllers over their places, as many as can be read."""
+    """Write the numbers of controllers below a front, where nothing else is, as many as can be read."""
     places = np.column_stack([_scaled(spent, ax.get_xlim()), _scaled(rate, ax.get_ylim())])
     named: list[int] = []
     for row in rows:
         if all(np.max(np.abs(places[row] - places[other])) >= NAMES_APART for other in named):
             named.append(int(row))
             at, name = (spent[row], rate[row]), f"{int(numbers[row]):02d}"
-            ax.annotate(name, at, (0, 7), fontsize=7.5, color=MUTED, **BESIDE)
+            ax.annotate(name, at, (9, -11), fontsize=7.5, color=MUTED, **BESIDE)
 
 
 def _scaled(values: NDArray[Any], limits: tuple[float, float]) -> NDArray[Any]:
