@@ -11,7 +11,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from docs import classics
+from docs import classics, pictures
 
 PROJECT = Path(__file__).resolve().parents[1]
 BUILD = PROJECT / "build"
@@ -37,6 +37,11 @@ def main() -> None:
     print("drawing, auditing and reviewing the classic systems", flush=True)
     classics.write(MADE)
     (MADE / "reference" / "commands.md").write_text(commands_page(), encoding="utf-8")
+    if changed := pictures.stale():
+        print(
+            f"what draws these pictures has changed since: python -m docs.pictures {' '.join(changed)}",
+            flush=True,
+        )
     print("building the site", flush=True)
     mkdocs = [sys.executable, "-m", "mkdocs", "build", "--strict"]
     quiet = os.environ | {"NO_MKDOCS_2_WARNING": "1"}

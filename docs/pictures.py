@@ -2,8 +2,13 @@
 
 Without names all of them are made, in about a quarter of an hour: flown, trained, recorded and drawn by the
 commands that stand in this file. What is drawn by rerun's viewer needs a Vulkan driver, a page a browser.
+
+``pictures.json`` holds a hash of what each was drawn by; the site's build names those for which it changed.
 """
 
+import hashlib
+import inspect
+import json
 import shutil
 import subprocess
 import sys
@@ -18,14 +23,7 @@ from docs.screenshot import screenshot
 
 PROJECT = Path(__file__).resolve().parents[1]
 IMAGES = PROJECT / "docs" / "images"
-
-TRAIN = ("+experiment=train",)
-FRONT = ("+experiment=train_front", "controller=champion_fixed_sun", "starts=random", "starts.num_cases=96")
-SATELLITE = ("+experiment=fly", "controller=champion_any_sun", "light=shadow", "chief=satellite")
-#: what the viewer draws of the scene and of what the camera sees: left, top, right, bottom
-SCENE = (0, 56, 822, 484)
-#: one of the flights that leave the outer limit without the layer
-SAFETY = ("controller=paper_octants", "safety=filter", "safety.keep_in_horizon_s=450")
+HASHES = Path(__file__).with_suffix(".json")
 
 
 def flight(scratch: Path) -> None:
@@ -44,10 +42,12 @@ def replay(scratch: Path) -> None:
 
 def satellite(scratch: Path) -> None:
     """Draw a chief of parts, lit and seen."""
-    ran = run(scratch, *SATELLITE)
+    ran = run(scratch, "+experiment=fly", "controller=champion_any_sun", "light=shadow", "chief=satellite")
     viewed(scratch, "--at", 480, of=ran / "episodes" / "start.mcap")
+    # what the viewer draws of the scene and of what the camera sees: left, top, right, bottom
+    scene = (0, 56, 822, 484)
     with Image.open(scratch / "pictures" / "replay-480.png") as drawn:
-        drawn.crop(SCENE).save(IMAGES / "satellite.png")
+        drawn.crop(scene).save(IMAGES / "satellite.png")
 
 
 def campaign(scratch: Path) -> None:
@@ -58,7 +58,7 @@ def campaign(scratch: Path) -> None:
 
 def training(scratch: Path) -> None:
     """Draw a training, generation by generation."""
-    viewed(scratch, of=run(scratch, *TRAIN, "stages=[scenario,train]"))
+    viewed(scratch, of=run(scratch, "+experiment=train", "stages=[scenario,train]"))
     keep(scratch / "pictures" / "training.png")
 
 
@@ -69,12 +69,15 @@ def comparison(scratch: Path) -> None:
 
 def front(scratch: Path) -> None:
     """Draw a front of controllers."""
-    keep(run(scratch, *FRONT, "optimizer.rounds=4") / "figures" / "front.png")
+    words = ("controller=champion_fixed_sun", "starts=random", "starts.num_cases=96", "optimizer.rounds=4")
+    keep(run(scratch, "+experiment=train_front", *words) / "figures" / "front.png")
 
 
 def safety(scratch: Path) -> None:
     """Draw a flight with the safety layer and without."""
-    keep(run(scratch, "+experiment=evaluate", *SAFETY) / "figures" / "safety.png")
+    # one of the flights that leave the outer limit without the layer
+    words = ("controller=paper_octants", "safety=filter", "safety.keep_in_horizon_s=450")
+    keep(run(scratch, "+experiment=evaluate", *words) / "figures" / "safety.png")
 
 
 def tour(scratch: Path) -> None:
@@ -104,6 +107,37 @@ MAKERS: dict[str, Callable[[Path], None]] = {
     maker.__name__: maker
     for maker in (flight, replay, satellite, campaign, training, comparison, front, safety, tour, review)
 }
+SCENE, FIGURES, CONTROLLERS = "telemetry/scene", "pipeline/report/figures", "conf/controller"
+#: files and folders that draw a picture, beside its maker, or that it shows
+SOURCES: dict[str, tuple[str, ...]] = {
+    "flight": ("docs/film.py", f"{CONTROLLERS}/champion_27.yaml"),
+    "replay": (SCENE, f"{CONTROLLERS}/champion_27.yaml"),
+    "satellite": (SCENE, f"{CONTROLLERS}/champion_any_sun.yaml"),
+    "campaign": (SCENE, f"{CONTROLLERS}/paper_champion.yaml"),
+    "training": (SCENE, "conf/experiment/train.yaml"),
+    "comparison": (f"{FIGURES}/comparison.py", f"{FIGURES}/style.py", "conf/experiment/reproduce.yaml"),
+    "front": (f"{FIGURES}/training.py", f"{FIGURES}/style.py", f"{CONTROLLERS}/champion_fixed_sun.yaml"),
+    "safety": (f"{FIGURES}/trajectories.py", f"{FIGURES}/style.py", f"{CONTROLLERS}/paper_octants.yaml"),
+    "tour": ("benchmarks/champion.py", f"{FIGURES}/trajectories.py", f"{CONTROLLERS}/champion_leo.yaml"),
+    "review": ("fis_tools/review", f"{CONTROLLERS}/paper_champion.yaml"),
+}
+
+
+def drawn_by(name: str) -> str:
+    """Return the SHA-256 of what a picture is drawn by: its maker, and the files of its sources."""
+    digest = hashlib.sha256(inspect.getsource(MAKERS[name]).encode())
+    for source in SOURCES[name]:
+        place = PROJECT / source
+        for path in [place] if place.is_file() else sorted(place.rglob("*")):
+            if path.is_file() and path.suffix != ".pyc":
+                digest.update(path.read_bytes())
+    return digest.hexdigest()
+
+
+def stale() -> list[str]:
+    """Return the pictures for which this changed since they were drawn."""
+    kept = json.loads(HASHES.read_text(encoding="utf-8"))
+    return [name for name in MAKERS if kept.get(name) != drawn_by(name)]
 
 
 def run(scratch: Path, *words: str) -> Path:
@@ -137,6 +171,8 @@ def main(names: Sequence[str]) -> None:
         print(f"drawing {name}", flush=True)
         with tempfile.TemporaryDirectory() as scratch:
             MAKERS[name](Path(scratch))
+        kept = json.loads(HASHES.read_text(encoding="utf-8")) | {name: drawn_by(name)}
+        HASHES.write_text(json.dumps(kept, indent=2, sort_keys=True) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

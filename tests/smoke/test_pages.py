@@ -2,6 +2,7 @@
 
 import argparse
 import importlib
+import json
 import re
 import shutil
 import sys
@@ -15,6 +16,7 @@ import pytest
 
 import benchmarks.__main__ as benchmarks
 import fis_tools.__main__ as review
+from docs import pictures
 from docs.shown import PAGES as SHOWN_PAGES
 from fis_tools.formats import serialize
 from pipeline.command_line import cli
@@ -176,3 +178,14 @@ def test_links_lead_somewhere(page):
         path = (page.parent / target).resolve()
         is_generated = any(path.is_relative_to(DOCS / each) for each in GENERATED)
         assert target.startswith("https://") or is_generated or path.exists(), target
+
+
+def test_a_picture_is_stale_once_what_draws_it_has_changed(tmp_path, monkeypatch):
+    assert pictures.SOURCES.keys() == pictures.MAKERS.keys()
+    kept = {name: pictures.drawn_by(name) for name in pictures.MAKERS}
+    (tmp_path / "pictures.json").write_text(json.dumps(kept))
+    monkeypatch.setattr(pictures, "HASHES", tmp_path / "pictures.json")
+    assert pictures.stale() == []
+    (tmp_path / "film.py").write_text("FRAMES = 99")
+    monkeypatch.setitem(pictures.SOURCES, "flight", (str(tmp_path / "film.py"),))
+    assert pictures.stale() == ["flight"]
