@@ -113,24 +113,20 @@ def on_page_markdown(markdown: str, page: Page, **_: Any) -> str:
 
 
 def messages() -> str:
-    """Return a table for each kind of message in the schema of recordings, from its comments."""
+    """Return a section for each kind of message in the schema of recordings, from its comments."""
     lines: list[str] = []
     said: list[str] = []
     for line in SCHEMA.read_text(encoding="utf-8").splitlines():
         if line.lstrip().startswith("//"):
             said.append(line.lstrip(" /"))
-        elif message := re.fullmatch(r"message (\w+) {", line):
-            lines += [
-                "",
-                f"**`inspection.{message[1]}`**: {' '.join(said)}",
-                "",
-                "| field | type | meaning |",
-                "|---|---|---|",
-            ]
+            continue
+        words, said = " ".join(said), []
+        if message := re.fullmatch(r"message (\w+) {", line):
+            topic, _, rest = words.removeprefix("Topic ").partition(", ")
+            lines += ["", f"### `{topic}` · `inspection.{message[1]}`", rest[:1].upper() + rest[1:]]
+            lines += ["", "| field | type | meaning |", "|---|---|---|"]
         elif field := re.fullmatch(r"  ((?:repeated |optional )?\w+) (\w+) = \d+;", line):
-            lines.append(f"| `{field[2]}` | {field[1]} | {' '.join(said)} |")
-        if not line.lstrip().startswith("//"):
-            said = []
+            lines.append(f"| `{field[2]}` | {field[1]} | {words} |")
     return "\n".join(lines)
 
 

@@ -23,14 +23,14 @@ def section(topic: str) -> str:
 
 @pytest.mark.parametrize("topic", [*topics.FIXED_TOPICS, topics.NAVIGATION, "/fis/<name>"])
 def test_every_topic_has_a_place(topic):
-    headings = re.findall(r"^### (.+)$", README, re.MULTILINE)
-    assert sum(f"`{topic}`" in heading for heading in headings) == 1
+    headings = re.findall(r"^### `(.+)` · ", README + messages(), re.MULTILINE)
+    assert headings.count(topic) == 1
 
 
 @pytest.mark.parametrize("message", inspection_pb2.DESCRIPTOR.message_types_by_name)
 def test_every_field_of_our_messages_has_its_own_words_and_a_vector_its_axes(message):
-    _, _, table = messages().partition(f"**`inspection.{message}`**: Topic /")
-    told = dict(re.findall(r"^\| `(\w+)` \| [\w ]+ \| (.*) \|$", table.partition("**")[0], re.MULTILINE))
+    _, _, table = messages().partition(f" · `inspection.{message}`\n")
+    told = dict(re.findall(r"^\| `(\w+)` \| [\w ]+ \| (.*) \|$", table.partition("###")[0], re.MULTILINE))
     fields = inspection_pb2.DESCRIPTOR.message_types_by_name[message].fields
     assert list(told) == [field.name for field in fields]
     assert all(told.values())
