@@ -21,10 +21,10 @@ from fis_tools.commands.arguments import (
     place_for,
     write,
 )
-from fis_tools.document import html, text
-from fis_tools.formats import csv, serialize
+from fis_tools.formats import serialize
 from fis_tools.formats.c import fmu, source
 from fis_tools.formats.exchange.antecedents import NotExpressible
+from fis_tools.formats.files import WHOLE
 from fis_tools.formats.mapping import MOST_POINTS
 from fis_tools.formats.serialize import Written
 from fis_tools.learning.learner import Recipe, Unlearnable, cross_validated, learn_table
@@ -33,18 +33,7 @@ from fis_tools.model import FuzzyController, FuzzySystem, Sampled, Variable
 from fis_tools.model.thrust import thrust_logic
 from fis_tools.model.validate import InvalidSystem
 from fis_tools.source import is_program, read_controller
-from fis_tools.words.text import outline, rule_list, sentences, with_unit
-
-#: What a controller can be written as besides the forms of other programs.
-WHOLE: dict[str, Callable[[FuzzyController], str]] = {
-    "markdown": lambda controller: text.write_markdown(outline(controller)),
-    "csv": csv.write,
-    "text": lambda controller: text.write(rule_list(controller)),
-    "html": lambda controller: html.page(outline(controller)),
-    "latex": lambda controller: text.write_latex(outline(controller)),
-    "json": serialize.dump_json,
-    "yaml": serialize.dump_yaml,
-}
+from fis_tools.words.text import sentences, with_unit
 
 
 def export(

@@ -19,7 +19,10 @@ NEEDED = [
     for text in (
         *TABLE["dependencies"],
         *TOOLKIT["dependencies"],
-        *chain.from_iterable(TOOLKIT["optional-dependencies"].values()),
+        # `all` is what the pipeline needs, without the editor
+        *chain.from_iterable(
+            extra for name, extra in TOOLKIT["optional-dependencies"].items() if name != "edit"
+        ),
     )
     if Requirement(text).name != TOOLKIT["name"]
 ]

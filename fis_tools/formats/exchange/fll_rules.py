@@ -1,7 +1,7 @@
 """The rules of an `.fll` file: sentences with and, or, not and parentheses, `and` before `or`."""
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,7 +10,7 @@ from fis_tools.errors import ControllerFileError
 from fis_tools.formats.exchange import foreign
 from fis_tools.formats.exchange.antecedents import ANY, FUZZYLITES, hedged, joined, with_any
 from fis_tools.formats.exchange.dialect import settle
-from fis_tools.model.operators import WEIGHING
+from fis_tools.model.operators import HEDGES, WEIGHING
 from fis_tools.model.systems import Named, NotResolvable, unchained
 from fis_tools.model.validate import MAX_NESTING
 
@@ -26,6 +26,7 @@ class _Words:
 
     words: list[str]
     where: str
+    hedges: Mapping[str, model.Hedge]
     place: int = 0
 
     def peek(self) -> str:
@@ -64,7 +65,16 @@ def read_rules(line: int, text: str, operators: Operators) -> list[model.Rule]:
     ControllerFileError
         If it is not a rule, or says what one of ours cannot.
     """
-    words = _Words(re.findall(r"[()]|[^\s()]+", text), f"line {line}")
+    return _read(f"line {line}", text, operators, FUZZYLITES)
+
+
+def read_own(where: str, text: str) -> list[model.Rule]:
+    """Read a rule whose hedges have our names, as `read_rules`; ``where`` begins mistakes."""
+    return _read(where, text, ("min", "max"), {hedge: hedge for hedge in HEDGES})
+
+
+def _read(where: str, text: str, operators: Operators, hedges: Mapping[str, model.Hedge]) -> list[model.Rule]:
+    words = _Words(re.findall(r"[()]|[^\s()]+", text), where, hedges)
     words.take("if")
     antecedent = _disjunction(words, operators, 0)
     words.take("then")
@@ -75,10 +85,10 @@ def read_rules(line: int, text: str, operators: Operators) -> list[model.Rule]:
     weight = 1.0
     if words.peek() == "with":
         words.take()
-        weight = foreign.number(words.take(), f"line {line}: the weight")
+        weight = foreign.number(words.take(), f"{where}: the weight")
     if words.peek():
-        raise ControllerFileError(f"line {line}: {words.peek()[:40]!r} follows the rule; correct it")
-    return hedged_rules(antecedent, concluded, weight, f"line {line}")
+        raise ControllerFileError(f"{where}: {words.peek()[:40]!r} follows the rule; correct it")
+    return hedged_rules(antecedent, concluded, weight, where)
 
 
 def hedged_rules(
@@ -198,8 +208,8 @@ def _hedged_term(words: _Words, variable: str) -> model.Expression:
         words.take()
         inside = _hedged_term(words, variable)
         return inside.operand if isinstance(inside, model.Not) else model.Not(inside)
-    if words.peek() in FUZZYLITES:
-        return model.Hedged(FUZZYLITES[words.take()], _hedged_term(words, variable))
+    if words.peek() in words.hedges:
+        return model.Hedged(words.hedges[words.take()], _hedged_term(words, variable))
     return model.Is(variable, words.take())
 
 
@@ -207,8 +217,8 @@ def _conclusion(words: _Words) -> Concluded:
     variable = words.take()
     words.take("is")
     hedges: list[model.Hedge] = []
-    while words.peek() in FUZZYLITES:
-        hedges.append(FUZZYLITES[words.take()])
+    while words.peek() in words.hedges:
+        hedges.append(words.hedges[words.take()])
     if words.peek() in {"not", ANY}:
         raise ControllerFileError(
             f"{words.where}: the rule concludes {words.peek()!r}; conclude a term, made for it if need be"

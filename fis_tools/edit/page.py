@@ -1,0 +1,192 @@
+"""The page: a system's terms and rules, constants, panels that answer every change, and copies."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from nicegui import ui
+
+from fis_tools.document.html import read
+from fis_tools.edit import server
+from fis_tools.edit.panels import Answering, Changes, Findings, Panel, heading
+from fis_tools.edit.session import NotSaved, Session
+from fis_tools.edit.system_view import SystemView
+from fis_tools.formats.files import ENDINGS
+from fis_tools.model import FuzzyController
+from fis_tools.review.content import constants
+
+PLAIN = "flat no-caps"
+
+
+class Editor:
+    """One window's editor.
+
+    Parameters
+    ----------
+    session : Session
+    panels : sequence of Panel
+        Those of whoever opened it, shown first.
+    meanings : mapping of str to str
+        What attributes of the controller mean, by their names.
+    """
+
+    def __init__(self, session: Session, panels: Sequence[Panel], meanings: Mapping[str, str]) -> None:
+        self.session, self._meanings = session, meanings
+        self._fields: dict[str, ui.input] = {}
+        ui.colors(primary="#1f5fa8")
+        ui.add_css(read("style.css") + read("style.css", "fis_tools.edit"))
+        self._build_head()
+        with ui.element("div").classes("editor"):
+            self._left = ui.element("div").classes("side")
+            with ui.element("div").classes("side"):
+                self._answering = [_answering(panel) for panel in panels]
+                self._right = ui.element("div")
+                self._answering += [_answering(Findings()), _answering(Changes(session.original))]
+        self._choose(0)
+        self._ask()
+
+    def _build_head(self) -> None:
+        with ui.element("header").classes("head"):
+            with ui.element("div"):
+                heading(1, self.session.controller.name)
+                ui.label(str(self.session.path)).classes("about")
+            self._status = ui.label().classes("status").props('role="status" aria-live="polite"')
+            with ui.element("div").classes("buttons"):
+                self._undo, self._redo = (
+                    ui.button(word, on_click=lambda _, step=step: self._step(step)).props(PLAIN)
+                    for word, step in (("Undo", self.session.undo), ("Redo", self.session.redo))
+                )
+                ui.button("Save a copy", on_click=self._ask_to_save).props("unelevated no-caps")
+        ui.keyboard(on_key=self._on_key, ignore=["input", "textarea", "select"])
+
+    def _choose(self, place: int) -> None:
+        """Show another system."""
+        self._left.clear()
+        self._right.clear()
+        with self._left:
+            names = [one.name for one in self.session.controller.systems]
+            with ui.element("nav").classes("systems").props('aria-label="systems"'):
+                for n, name in enumerate(names if len(names) > 1 else []):
+                    button = ui.button(name, on_click=lambda _, n=n: self._choose(n)).props(PLAIN)
+                    button.props["aria-pressed"] = str(n == place).lower()
+            self._view = SystemView(self.session, place, self.touch, self._right)
+            self._build_constants()
+        self._show()
+
+    def _build_constants(self) -> None:
+        found = constants(self.session.controller, self._meanings)
+        with ui.element("section").classes("card constants").props('aria-label="constants"') as card:
+            heading(2, "Constants")
+            for one in found:
+                with ui.element("label"):
+                    ui.label(one.name).tooltip(one.meaning or one.name)
+                    entry = ui.input(value=one.exact).props(f'dense borderless suffix="{one.unit}"')
+                    entry.props["aria-label"] = one.name
+                    entry.on("change", lambda _, name=one.name, at=entry: self._set(name, at.value))
+                    self._fields[one.name] = entry
+        card.set_visibility(bool(found))
+
+    def touch(self, change: Callable[[FuzzyController], FuzzyController], gesture: object = None) -> None:
+        """Take a step, or say why not; see `Session.touch`."""
+        try:
+            self.session.touch(change, gesture)
+        except (ValueError, KeyError, IndexError) as refused:
+            self._status.set_text(str(refused.args[0] if refused.args else refused))
+            self._view.draw_anew()
+            self._show()
+            return
+        self._status.set_text("")
+        self._show()
+        self._ask()
+
+    def _set(self, name: str, value: str) -> None:
+        def change(controller: FuzzyController) -> FuzzyController:
+            facts = dict(controller.attributes) | {name: f"{float(value):.12g}"}
+            return replace(controller, attributes=tuple(sorted(facts.items())))
+
+        self.touch(change)
+
+    def _step(self, step: Callable[[], None]) -> None:
+        step()
+        self._show()
+        self._ask()
+
+    def _on_key(self, event: Any) -> None:
+        key = event.key.name.lower()
+        if event.action.keydown and event.modifiers.ctrl and key in ("z", "y"):
+            is_undo = key == "z" and not event.modifiers.shift
+            self._step(self.session.undo if is_undo else self.session.redo)
+
+    def _ask(self) -> None:
+        for answering in self._answering:
+            answering.ask(self.session.controller)
+
+    def _show(self) -> None:
+        self._view.show()
+        for one in constants(self.session.controller, self._meanings):
+            self._fields[one.name].set_value(one.exact)
+        self._undo.set_enabled(self.session.can_undo)
+        self._redo.set_enabled(self.session.can_redo)
+
+    def _ask_to_save(self) -> None:
+        with ui.dialog() as dialog, ui.card().classes("save"):
+            heading(2, "Save a copy")
+            place = ui.input("file", value=str(self.session.proposed())).props("autofocus").classes("w-full")
+            ui.label(f"Its ending chooses the form: {', '.join(ENDINGS)}.").classes("about")
+            replaces = ui.checkbox("replace a file that is there")
+            refusal = ui.label().classes("refused").props('role="alert"')
+
+            def save() -> None:
+                try:
+                    done = self.session.save(Path(place.value).expanduser(), replaces.value)
+                except (NotSaved, OSError) as refused:
+                    refusal.set_text(str(refused))
+                    return
+                self._status.set_text("; ".join(done))
+                dialog.close()
+
+            place.on("keydown.enter", save)
+            with ui.row().classes("w-full justify-end"):
+                ui.button("Cancel", on_click=dialog.close).props(PLAIN)
+                ui.button("Save", on_click=save).props("unelevated no-caps")
+        dialog.on("hide", dialog.delete)
+        dialog.open()
+
+
+def _answering(panel: Panel) -> Answering:
+    with ui.element("section").classes("card").props(f'aria-label="{panel.title}"'):
+        with ui.element("div").classes("card-head"):
+            heading(2, panel.title)
+            state = ui.label().classes("state")
+        panel.build()
+    return Answering(panel, state)
+
+
+def open_editor(
+    path: Path,
+    controller: FuzzyController,
+    panels: Callable[[], Sequence[Panel]] = tuple,
+    meanings: Mapping[str, str] | None = None,
+    port: int = 0,
+    opens: bool = True,
+) -> None:
+    """Serve an editor of a controller until Ctrl-C; see `fis_tools.edit.server.serve`.
+
+    Parameters
+    ----------
+    path : Path
+        What it was read from; copies are proposed beside it.
+    controller : FuzzyController
+    panels : callable
+        Makes the panels of a window.
+    meanings : mapping of str to str
+        What its attributes mean, by their names.
+    port, opens
+        As of `serve`.
+    """
+
+    def page() -> None:
+        Editor(Session(path, controller), panels(), meanings or {})
+
+    server.serve(page, controller.name, port, opens)

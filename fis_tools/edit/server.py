@@ -1,0 +1,117 @@
+"""The page's server: on this machine alone, for who knows its address, in answer to nobody else's page.
+
+Every address begins with a random token, so that other users and programs of the machine do not find the
+page. Requests are refused whose host is not this machine's name (a page of another site that renames itself)
+or whose origin is another page, websockets included. All that the page needs is served from here.
+"""
+
+import secrets
+import socket
+import sys
+import webbrowser
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Any
+
+from fis_tools.errors import MissingExtra
+
+try:
+    import uvicorn
+    from fastapi import FastAPI
+    from nicegui import app as pages
+    from nicegui import ui
+except ImportError as error:
+    raise MissingExtra("the editor", "NiceGUI", "nicegui") from error
+
+HOST = "127.0.0.1"
+#: nothing is fetched from elsewhere, and no other page holds this one; the framework compiles its templates
+POLICY = (
+    "default-src 'self'; script-src 'self' 'unsafe-inline' 'unsafe-eval'; style-src 'self' 'unsafe-inline'; "
+    "img-src 'self' data:; font-src 'self' data:; frame-ancestors 'none'; base-uri 'self'; form-action 'none'"
+)
+HEADERS = [
+    (b"content-security-policy", POLICY.encode()),
+    (b"referrer-policy", b"no-referrer"),
+    (b"x-content-type-options", b"nosniff"),
+]
+
+
+class _Guarded:
+    """Lets through what comes from this machine's own page, as an ASGI application around another."""
+
+    def __init__(self, inside: Any, port: int, token: str) -> None:
+        self._inside, self._start = inside, f"/{token}/"
+        self._hosts = {f"{name}:{port}" for name in (HOST, "localhost")}
+
+    async def __call__(self, scope: Any, receive: Any, send: Any) -> None:
+        if scope["type"] == "lifespan":
+            await self._inside(scope, receive, send)
+        elif self._is_own(scope):
+
+            async def send_with_headers(message: Any) -> None:
+                if message["type"] == "http.response.start":
+                    message = {**message, "headers": [*message["headers"], *HEADERS]}
+                await send(message)
+
+            await self._inside(scope, receive, send_with_headers)
+        elif scope["type"] == "websocket":
+            await send({"type": "websocket.close", "code": 1008})
+        else:
+            await send(
+                {"type": "http.response.start", "status": 403, "headers": [(b"content-type", b"text/plain")]}
+            )
+            await send({"type": "http.response.body", "body": b"open the address that the editor printed\n"})
+
+    def _is_own(self, scope: Any) -> bool:
+        headers = dict(scope["headers"])
+        host, origin = (headers.get(name, b"").decode("latin-1") for name in (b"host", b"origin"))
+        is_told = secrets.compare_digest(scope["path"][: len(self._start)].encode(), self._start.encode())
+        return is_told and host in self._hosts and origin in ("", f"http://{host}")
+
+
+def serve(page: Callable[[], None], title: str, port: int = 0, opens: bool = True) -> None:
+    """Serve a page until Ctrl-C; each window that opens it has its own.
+
+    Parameters
+    ----------
+    page : callable
+        Puts the elements on the page.
+    title : str
+    port : int
+        0 for any that is free.
+    opens : bool
+        Whether a browser is opened.
+
+    Raises
+    ------
+    OSError
+        If the port is taken.
+    """
+    token = secrets.token_urlsafe(24)
+    listening = socket.create_server((HOST, port))
+    port = listening.getsockname()[1]
+    address = f"http://{HOST}:{port}/{token}/"
+    outer = FastAPI(openapi_url=None)
+    ui.run_with(
+        outer,
+        root=page,
+        title=title,
+        mount_path=f"/{token}",
+        language="en-US",
+        show_welcome_message=False,
+        reconnect_timeout=30.0,
+    )
+
+    def tell() -> None:
+        print(address, flush=True)  # noqa: T201
+        sys.stderr.write("the editor is at this address until Ctrl-C\n")
+        if opens:
+            webbrowser.open(address)
+
+    pages.on_startup(tell)
+    guarded = _Guarded(outer, port, token)
+    server = uvicorn.Server(
+        uvicorn.Config(guarded, log_level="warning", server_header=False, ws_max_size=1 << 20)
+    )
+    with suppress(KeyboardInterrupt):
+        server.run(sockets=[listening])

@@ -1,0 +1,195 @@
+"""One system on the page: its rules, its terms with sliders of its inputs, what it infers, its surface."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from nicegui import ui
+
+from fis_tools.analysis import arrays
+from fis_tools.edit import shown, touches
+from fis_tools.edit.panels import heading
+from fis_tools.edit.session import Session
+from fis_tools.engines.inference import infer
+from fis_tools.model import FuzzySystem, Variable
+from fis_tools.model.operators import AND_OPERATORS, OR_OPERATORS
+from fis_tools.model.systems import has_sets
+
+#: points along each axis of a surface
+FINE = 45
+
+
+class _VariableView(ui.element, component="terms.js"):
+    """A variable; see ``terms.js``."""
+
+
+class _RulesView(ui.element, component="rules.js"):
+    """The rules; see ``rules.js``."""
+
+
+class SystemView:
+    """One system on the page.
+
+    Parameters
+    ----------
+    session : Session
+    place : int
+        Which of its systems.
+    touch : callable
+        Takes a step, as `Session.touch` does, and shows what came of it.
+    beside : ui.element
+        Where the surface is.
+    """
+
+    def __init__(self, session: Session, place: int, touch: Callable[..., None], beside: ui.element) -> None:
+        self._session, self._place, self._touch = session, place, touch
+        self._rule: int | None = None
+        system = self.system
+        self._values = [0.5 * (one.minimum + one.maximum) for one in system.inputs]
+        with ui.element("section").classes("card").props('aria-label="rules"'):
+            self._build_rules(system)
+        with ui.element("section").classes("card").props('aria-label="terms"'):
+            self._inputs = [self._variable("input", one, n) for n, one in enumerate(system.inputs)]
+            self._outputs = [self._variable("output", one, n) for n, one in enumerate(system.outputs)]
+        with beside, ui.element("section").classes("card").props('aria-label="surface"'):
+            self._build_surface(system)
+
+    @property
+    def system(self) -> FuzzySystem:
+        """The system as it stands."""
+        return self._session.controller.systems[self._place]
+
+    def _build_rules(self, system: FuzzySystem) -> None:
+        with ui.element("div").classes("card-head"):
+            heading(2, "Rules")
+            if shown.tables(system):
+                ui.switch("as a list", on_change=lambda event: self._list(event.value)).props("dense size=sm")
+        self._rules = _RulesView()
+        self._rules.on("turn", lambda event: self._turn(**event.args))
+        self._rules.on("select", lambda event: self._select(event.args["rule"]))
+        with ui.element("div").classes("rule-editor"):
+            self._sentence = ui.input("the rule in words").props("dense stack-label")
+            self._sentence.on("change", lambda: self._say(touches.said, self._sentence.value))
+            with ui.row().classes("rule-tools"):
+                for name, known in (("and_operator", AND_OPERATORS), ("or_operator", OR_OPERATORS)):
+                    self._build_operator(system, name, list(known))
+                for words, label, count in (
+                    ("+ rule", "repeat the rule", 2),
+                    ("− rule", "remove the rule", 0),
+                ):
+                    button = ui.button(words, on_click=lambda _, n=count: self._say(touches.repeated, n))
+                    button.props("flat no-caps dense").props["aria-label"] = label
+
+    def _build_operator(self, system: FuzzySystem, name: str, known: list[str]) -> None:
+        def chosen(event: Any) -> None:
+            self._change(lambda one: replace(one, **{name: event.value}))
+
+        label = name.removesuffix("_operator")
+        choice = ui.select(known, label=f"{label}:", value=getattr(system, name), on_change=chosen)
+        choice.props("dense options-dense stack-label borderless")
+
+    def _variable(self, kind: str, variable: Variable, place: int) -> _VariableView:
+        view = _VariableView()
+        view.props["kind"], view.props["start"] = kind, self._values[place] if kind == "input" else 0.0
+        view.on("touch", lambda event: self._touch_term(variable.name, event.args))
+        view.on("slide", lambda event: self._slide(place, float(event.args["value"])))
+        return view
+
+    def _build_surface(self, system: FuzzySystem) -> None:
+        names = [one.name for one in system.inputs]
+        with ui.element("div").classes("card-head"):
+            heading(2, f"Surface of {system.outputs[0].name}")
+            self._axes = [
+                ui.select(names, value=name, on_change=self._show_surface).props(
+                    "dense options-dense borderless"
+                )
+                for name in (names[:2] if len(names) > 2 else [])
+            ]
+        self._surface = ui.echart({"series": []}).classes("surface")
+
+    # what a hand does
+
+    def _change(self, change: Callable[[FuzzySystem], FuzzySystem], gesture: object = None) -> None:
+        self._touch(lambda one: touches.with_system(one, change(self.system)), gesture)
+
+    def _touch_term(self, name: str, told: dict[str, Any]) -> None:
+        gesture = (self.system.name, name, told.pop("gesture"))
+        self._change(lambda system: touches.term_touched(system, system.variable(name), **told), gesture)
+
+    def _turn(self, rule: int, side: str, place: int, step: int) -> None:
+        self._change(lambda system: touches.turned(system, rule, side, place, step))
+
+    def _say(self, change: Callable[..., FuzzySystem], told: object) -> None:
+        rule = self._rule
+        if rule is not None:
+            self._change(lambda system: change(system, rule, told))
+
+    def _slide(self, place: int, value: float) -> None:
+        self._values[place] = value
+        self._infer()
+        if len(self._values) > 2:
+            self._show_surface()
+
+    def _list(self, is_listed: bool) -> None:
+        self._rules.props["listed"] = is_listed
+
+    def _select(self, rule: int) -> None:
+        self._rule = rule
+        self._show_sentence()
+
+    # what it shows
+
+    def draw_anew(self) -> None:
+        """Put the fields back whose new content was refused."""
+        for view in (*self._inputs, *self._outputs, self._sentence):
+            view.update()
+
+    def show(self) -> None:
+        """Show the system as it stands; only what changed is sent."""
+        system = self.system
+        variables = (*system.inputs, *system.outputs)
+        for view, variable in zip((*self._inputs, *self._outputs), variables, strict=True):
+            told = shown.variable(variable)
+            if view.props.get("variable") != told:
+                view.props["variable"] = told
+        before = {one.name: one for one in self._session.original.systems}.get(system.name)
+        self._rules.props["inputs"] = [one.name for one in system.inputs]
+        self._rules.props["outputs"] = [one.name for one in system.outputs]
+        self._rules.props["tables"] = shown.tables(system)
+        self._rules.props["rules"] = shown.rules(system, before)
+        self._show_sentence()
+        self._show_surface()
+        self._infer()
+
+    def _show_sentence(self) -> None:
+        rules = self.system.rules
+        if self._rule is not None and self._rule >= len(rules):
+            self._rule = None
+        words = None if self._rule is None else shown.sentence(self.system, self._rule)
+        self._sentence.set_value(words or "")
+        self._sentence.set_enabled(words is not None)
+
+    def _infer(self) -> None:
+        inference = infer(self.system, np.array(self._values))
+        for view, degrees in zip(self._inputs, inference.memberships, strict=True):
+            view.run_method("infer", degrees.round(4).tolist(), None)
+        for view, output in zip(self._outputs, inference.outputs, strict=True):
+            cuts = output.cuts.round(4).tolist() if has_sets(output.variable) else []
+            view.run_method("infer", cuts, float(output.value))
+        self._rules.run_method("fire", inference.firing_strengths.round(3).tolist())
+
+    def _show_surface(self) -> None:
+        system = self.system
+        names = [one.name for one in system.inputs]
+        axes = [one.value for one in self._axes] or names[:2]
+        if len(set(axes)) == 2:
+            fixed = {name: x for name, x in zip(names, self._values, strict=True) if name not in axes}
+            options = shown.surface(arrays.surface(system, *axes, fixed=fixed, num_points=FINE))
+        elif len(names) == 1:
+            points = np.linspace(system.inputs[0].minimum, system.inputs[0].maximum, 8 * FINE)
+            options = shown.curve(system, points, arrays.evaluate(system, points[:, np.newaxis])[:, 0])
+        else:
+            return
+        self._surface.options.clear()
+        self._surface.options.update(options)

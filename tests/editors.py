@@ -1,0 +1,59 @@
+"""Editors for tests: a server of its own for each, and pages that open it."""
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from playwright.sync_api import Browser, Page, expect
+
+from tests.places import PROJECT
+
+#: an answer may wait for others' work on the same processors
+PATIENCE_MS = 60_000
+expect.set_options(timeout=PATIENCE_MS)
+
+
+@contextmanager
+def served(*words: str, folder: Path) -> Iterator[str]:
+    """Start an editor in a folder; yield the address that it prints."""
+    command = [sys.executable, "-m", *words, "--no-browser"]
+    environment = {**os.environ, "PYTHONPATH": str(PROJECT)}
+    with subprocess.Popen(  # noqa: S603
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=folder, env=environment
+    ) as process:
+        try:
+            assert process.stdout is not None
+            address = process.stdout.readline().strip()
+            assert address.startswith("http://127.0.0.1:"), process.communicate()
+            yield address
+        finally:
+            process.terminate()
+            complaints = process.communicate(timeout=30)[1]
+    assert "Traceback" not in complaints, complaints
+
+
+@contextmanager
+def pages_of(browser: Browser) -> Iterator[Callable[..., Page]]:
+    """Open addresses as pages, as often as a test likes; nothing may be fetched elsewhere, or go wrong."""
+    complaints: list[str] = []
+    contexts = []
+
+    def open_page(address: str, width: int = 1280) -> Page:
+        context = browser.new_context(viewport={"width": width, "height": 900})
+        contexts.append(context)
+        page = context.new_page()
+        page.set_default_timeout(PATIENCE_MS)
+        page.on("console", lambda message: complaints.append(f"{message.type}: {message.text}"))
+        page.on("pageerror", lambda error: complaints.append(f"error: {error}"))
+        own = (address, address.replace("http:", "ws:"), "data:")
+        page.on("request", lambda one: one.url.startswith(own) or complaints.append(f"request: {one.url}"))
+        page.goto(address)
+        return page
+
+    yield open_page
+    for context in contexts:
+        context.close()
+    assert complaints == []

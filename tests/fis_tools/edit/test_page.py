@@ -1,0 +1,200 @@
+"""The editor in a browser: drag, click, type, undo, save, and what is refused."""
+
+import http.client
+import shutil
+import socket
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import closing
+from pathlib import Path
+from urllib.parse import urlsplit
+
+import pytest
+from playwright.sync_api import Browser, Page, expect
+
+from fis_tools.findings.difference import difference
+from fis_tools.formats import serialize
+from fis_tools.source import read_controller
+from tests.browser import serious_violations
+from tests.editors import pages_of, served
+from tests.places import PROJECT
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("edited")
+    shutil.copy(PROJECT / "conf/controller/champion_27.yaml", folder)
+    shutil.copy(PROJECT / "docs/examples/tipper.fis", folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def address(folder: Path) -> Iterator[str]:
+    with served("fis_tools", "edit", "champion_27.yaml", folder=folder) as address:
+        yield address
+
+
+@pytest.fixture
+def open_page(browser: Browser) -> Iterator[Callable[..., Page]]:
+    with pages_of(browser) as open_page:
+        yield open_page
+
+
+def conclusion(page: Page, rule: int) -> str:
+    return page.get_by_label(f"rule {rule}:").inner_text().replace("\u200b", "")
+
+
+def handle(page: Page, name: str) -> float:
+    return float(page.get_by_role("slider", name=name).first.get_attribute("aria-valuenow") or "nan")
+
+
+def test_what_a_hand_changes_is_what_a_copy_holds(open_page, address, folder) -> None:
+    page = open_page(address)
+    knob = page.get_by_role("slider", name="positive_small, peak")
+    knob.scroll_into_view_if_needed()
+    box, plot = knob.bounding_box(), page.locator(".plot").last.bounding_box()
+    page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    page.mouse.down()
+    page.mouse.move(box["x"] + box["width"] / 2 + plot["width"] / 8, box["y"], steps=5)
+    page.mouse.up()
+    expect(page.get_by_text("1 term changed")).to_be_visible()
+    dragged = handle(page, "positive_small, peak")
+    assert dragged == pytest.approx(0.11 + 0.44 / 8, abs=0.005)  # an eighth of the range of 0.44 N
+    page.get_by_label("rule 2:").click()
+    expect(page.get_by_label("rule 2:")).to_contain_text("zero")
+    page.get_by_label("rule 3:").click()
+    expect(page.get_by_text("2 of 9 rules changed")).to_be_visible()
+    page.get_by_role("button", name="Undo").click()
+    expect(page.get_by_text("1 of 9 rules changed")).to_be_visible()
+    assert handle(page, "positive_small, peak") == dragged
+
+    page.get_by_role("button", name="Save a copy").click()
+    page.get_by_role("button", name="Save", exact=True).click()
+    expect(page.get_by_role("status").first).to_contain_text("wrote")
+    copy = read_controller(folder / "champion_27-edited.yaml")
+    original = read_controller(folder / "champion_27.yaml")
+    (system,) = (one for one in difference(original, copy).systems if not one.is_empty)
+    assert [(one.number, one.after.consequents[0].term) for one in system.rules] == [(2, "zero")]
+    assert copy.systems[0].outputs[0].terms[3].membership.peak == dragged
+    facts = dict(copy.provenance)
+    assert facts["edited_from"].startswith(
+        f"{serialize.fingerprint(original)}: force_x: 1 term changed; 1 of 9 rules"
+    )
+    assert "then force_x is negative_small → If" in facts["edited_from"]
+    assert "by hand after training" in facts["edited"]
+
+    # a second copy under the same name is refused until it is asked for
+    page.get_by_role("button", name="Save a copy").click()
+    page.get_by_label("file", exact=True).fill("champion_27-edited.yaml")
+    page.get_by_role("button", name="Save", exact=True).click()
+    expect(page.get_by_role("alert")).to_contain_text("is there already")
+    with served("fis_tools", "edit", "champion_27-edited.yaml", folder=folder) as again:
+        opened = open_page(again)
+        expect(opened.get_by_label("rule 2:")).to_contain_text("zero")
+        assert handle(opened, "positive_small, peak") == dragged
+    assert {path.name for path in folder.iterdir()} == {
+        "champion_27.yaml",
+        "champion_27-edited.yaml",
+        "tipper.fis",
+    }
+
+
+def test_two_pages_do_not_share_their_changes(open_page, address) -> None:
+    one, other = open_page(address), open_page(address)
+    one.get_by_label("rule 1:").click()
+    expect(one.get_by_label("rule 1:")).to_contain_text("small")
+    other.get_by_label("rule 5:").click()
+    expect(other.get_by_label("rule 5:")).to_contain_text("positive")
+    assert (conclusion(one, 5), conclusion(other, 1)) == ("zero", "negative_large")
+
+
+def test_the_keyboard_suffices(open_page, address) -> None:
+    page = open_page(address)
+    page.get_by_label("rule 1:").focus()
+    page.keyboard.press("Enter")
+    expect(page.get_by_label("rule 1:")).to_contain_text("small")
+    page.keyboard.press("ArrowDown")
+    expect(page.get_by_label("rule 1:")).to_contain_text("large")
+    page.get_by_role("slider", name="aim_radial, value").focus()
+    page.keyboard.press("Home")
+    expect(page.locator("output").last).not_to_have_text("0 N")
+    page.get_by_role("slider", name="zero, peak").first.focus()
+    page.keyboard.press("ArrowRight")
+    expect(page.get_by_text("1 term changed")).to_be_visible()
+    page.keyboard.press("Control+z")
+    page.keyboard.press("Control+z")
+    expect(page.get_by_label("rule 1:")).to_contain_text("small")
+    words = page.get_by_label("the rule in words")
+    words.fill("If aim_radial is not very negative then force_x is zero with 0.5")
+    words.press("Enter")
+    expect(page.get_by_label("rule 1:").last).to_contain_text("zero × 0.5")
+    expect(page.get_by_label("rule 1:").first).to_have_text("not very negative")
+    words.fill("If aim_radial is huge then force_x is zero")
+    words.press("Enter")
+    expect(page.get_by_role("status").first).to_contain_text("huge")
+    expect(page.get_by_label("rule 1:").last).to_contain_text("zero × 0.5")
+
+
+def test_everybody_can_use_it(open_page, address, axe) -> None:
+    page = open_page(address, 400)
+    expect(page.get_by_text("nothing found")).to_be_visible()
+    assert page.evaluate("document.documentElement.scrollWidth") <= 400
+    assert serious_violations(page, axe) == []
+
+
+def test_other_programs_files_are_edited_too(open_page, folder) -> None:
+    with served("fis_tools", "edit", "tipper.fis", folder=folder) as address:
+        page = open_page(address)
+        page.get_by_text("numbers").first.click()
+        page.get_by_label("name of poor").fill("bad")
+        page.get_by_label("name of poor").press("Enter")
+        expect(page.get_by_label("name of bad")).to_be_visible()
+        page.get_by_role("button", name="Save a copy").click()
+        page.get_by_label("file", exact=True).fill("tipper-again.fis")
+        page.get_by_role("button", name="Save", exact=True).click()
+        expect(page.get_by_role("status").first).to_contain_text("wrote tipper-again.fis")
+    system = read_controller(folder / "tipper-again.fis").systems[0]
+    assert system.inputs[0].terms[0].name == "bad"
+    (folder / "tipper-again.fis").unlink()
+
+
+QUERY = "?EIO=4&transport=websocket"
+
+
+def asked(address: str, path: str, **headers: str) -> int:
+    parts = urlsplit(address)
+    told = {name.replace("_", "-"): value for name, value in headers.items()}
+    with closing(http.client.HTTPConnection(parts.hostname or "", parts.port, timeout=60)) as connection:
+        connection.request("GET", path, headers=told)
+        with closing(connection.getresponse()) as response:
+            return response.status
+
+
+def test_only_who_knows_the_address_is_answered_and_no_other_page(address) -> None:
+    parts = urlsplit(address)
+    own, socket_path = f"http://{parts.netloc}", f"{parts.path}_nicegui_ws/socket.io/{QUERY}"
+    assert asked(address, parts.path) == 200
+    elsewhere = ("/", f"/{'x' * 32}/", f"/_nicegui_ws/socket.io/{QUERY}")
+    assert [asked(address, path) for path in elsewhere] == [403] * 3
+    assert asked(address, parts.path, Origin="http://example.org") == 403
+    assert asked(address, parts.path, Host="example.org") == 403
+    upgrade = {"Connection": "Upgrade", "Upgrade": "websocket", "Sec_WebSocket_Version": "13"}
+    upgrade["Sec_WebSocket_Key"] = "dGhlIHNhbXBsZSBub25jZQ=="
+    assert asked(address, socket_path, Origin=own, **upgrade) == 101
+    assert asked(address, socket_path, Origin="http://example.org", **upgrade) == 403
+    assert asked(address, socket_path.replace(parts.path, "/"), Origin=own, **upgrade) == 403
+    with pytest.raises(OSError, match="refused"):  # this machine's other names are not listened at
+        socket.create_connection(("127.0.0.2", parts.port), timeout=5)
+
+
+def test_a_damaged_file_ends_in_a_sentence(folder, tmp_path) -> None:
+    damaged = tmp_path / "champion_27.yaml"
+    damaged.write_text((folder / "champion_27.yaml").read_text(encoding="utf-8")[:3000], encoding="utf-8")
+    command = [sys.executable, "-m", "fis_tools", "edit", str(damaged), "--no-browser"]
+    done = subprocess.run(command, check=False, capture_output=True, text=True, cwd=PROJECT)  # noqa: S603
+    assert done.returncode == 2
+    assert done.stderr.startswith(f"error: {damaged}: ")
+    assert done.stdout == ""

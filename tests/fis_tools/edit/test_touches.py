@@ -1,0 +1,131 @@
+"""Touches and sessions, without a page."""
+
+from dataclasses import replace
+
+import pytest
+
+from fis_tools.edit import touches
+from fis_tools.edit.session import NotSaved, Session
+from fis_tools.formats import serialize
+from fis_tools.formats.files import ENDINGS
+from fis_tools.model import Gaussian, Hedged, Is, Not, Triangular
+from fis_tools.model.shape import SHAPES
+from fis_tools.model.validate import InvalidSystem, problems
+from tests.fis_tools.sample_controllers import force_x_system, general_controller, paper_like_controller
+
+
+@pytest.fixture
+def session(tmp_path):
+    return Session(tmp_path / "sample.json", paper_like_controller())
+
+
+def test_a_dragged_number_stays_between_its_neighbours() -> None:
+    triangle = Triangular(0.0, 1.0, 2.0)
+    assert [touches.in_order(triangle, "peak", value) for value in (-1.0, 0.5, 3.0)] == [0.0, 0.5, 2.0]
+    assert touches.in_order(triangle, "left", -5.0) == -5.0
+    assert touches.in_order(Gaussian(0.0, 2.0), "standard_deviation", -1.0) == 0.002
+
+
+@pytest.mark.parametrize(
+    "name", [name for name, kind in SHAPES.items() if kind.entry.kinds and name not in ("constant", "linear")]
+)
+def test_a_term_takes_any_shape_about_where_it_was(name) -> None:
+    system = force_x_system()
+    variable = system.inputs[0]
+    told = {"what": "reshape", "term": variable.terms[1].name, "shape": name}
+    changed = touches.term_touched(system, variable, **told)
+    assert problems(changed) == []
+    assert changed.inputs[0].terms[1].membership.entry.name == name
+
+
+def test_a_renamed_term_is_renamed_in_the_rules() -> None:
+    system = force_x_system()
+    variable, output = system.inputs[0], system.outputs[0]
+    for renamed in (variable, output):
+        changed = touches.renamed(system, renamed, renamed.terms[0].name, "other")
+        assert problems(changed) == []
+        assert (
+            touches.renamed(changed, changed.variable(renamed.name), "other", renamed.terms[0].name) == system
+        )
+
+
+def test_the_steps_of_a_gesture_are_undone_together(session) -> None:
+    def pushed(value):
+        def change(controller):
+            system = controller.systems[0]
+            told = {"term": system.inputs[0].terms[0].name, "key": "mean", "value": value}
+            return touches.with_system(
+                controller, touches.term_touched(system, system.inputs[0], "drag", **told)
+            )
+
+        return change
+
+    for value in (1.0, 2.0, 3.0):
+        session.touch(pushed(value), "drag")
+    session.touch(pushed(4.0), "another")
+    session.undo()
+    assert session.controller.systems[0].inputs[0].terms[0].membership.mean == 3.0
+    session.undo()
+    assert session.controller == session.original
+    assert (session.can_undo, session.can_redo) == (False, True)
+    session.redo()
+    assert session.controller.systems[0].inputs[0].terms[0].membership.mean == 3.0
+
+
+def test_what_makes_a_problem_is_refused(session) -> None:
+    system = session.controller.systems[0]
+    term = system.inputs[0].terms[0].name
+    without = touches.term_touched(system, system.inputs[0], "remove", term)
+    with pytest.raises(InvalidSystem, match=term):
+        session.touch(lambda one: touches.with_system(one, without))
+    assert session.controller == session.original
+
+
+@pytest.mark.parametrize("side", ["if", "then"])
+def test_as_many_turns_as_there_are_terms_lead_back(side) -> None:
+    system = force_x_system()
+    first = system.rules[0]
+    turns = len(system.inputs[0].terms if side == "if" else system.outputs[0].terms)
+    changed = system
+    for _ in range(turns):
+        changed = touches.turned(changed, 0, side, 0, 1)
+        assert changed.rules[1:] == system.rules[1:]
+    assert changed.rules[0] == first
+    back = touches.turned(touches.turned(system, 0, side, 0, 1), 0, side, 0, -1)
+    assert back == system
+
+
+def test_a_rule_is_read_in_words_with_all_our_hedges() -> None:
+    system = force_x_system()
+    velocity = next(one.name for one in system.inputs[1].terms if " " not in one.name)
+    force = system.outputs[0].terms[0].name
+    words = f"If velocity_body_x is not extremely {velocity} then force_x is {force} with 0.5"
+    rule = touches.said(system, 0, words).rules[0]
+    assert rule.consequents[0].weight == 0.5
+    assert rule.antecedent == Not(Hedged("extremely", Is("velocity_body_x", velocity)))
+
+
+@pytest.mark.parametrize("ending", [one for one in ENDINGS if one != ".fmu"])
+def test_a_copy_is_written_in_every_form_and_replaces_nothing_unasked(session, tmp_path, ending) -> None:
+    place = tmp_path / "copies" / f"copy{ending}"
+    session.save(place, replaces=False)
+    written = sorted(place.parent.iterdir())
+    assert written
+    with pytest.raises(NotSaved, match="there already"):
+        session.save(place, replaces=False)
+    session.save(place, replaces=True)
+    if ending in serialize.ENDINGS:
+        read = [system for path in written for system in serialize.load(path).systems]
+        assert sorted(system.name for system in read) == sorted(one.name for one in session.original.systems)
+
+
+def test_a_file_of_no_form_is_refused(session, tmp_path) -> None:
+    with pytest.raises(NotSaved, match="ends in none of"):
+        session.save(tmp_path / "copy.exe", replaces=True)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_changed_attributes_are_told(tmp_path) -> None:
+    session = Session(tmp_path / "sample.yaml", general_controller())
+    session.touch(lambda one: replace(one, attributes=(*one.attributes, ("zz_gain", "2"))))
+    assert dict(session.copy().provenance)["edited_from"].endswith(": zz_gain none → 2")
