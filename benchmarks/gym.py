@@ -6,15 +6,31 @@ from typing import Any
 import numpy as np
 
 from benchmarks.timing import best_cpu_seconds, line
-from pipeline.gym import InspectionVectorEnv
+from pipeline.gym import InspectionEnv, InspectionVectorEnv, SixDofInspectionEnv
 
 SIZES, NUM_STEPS = (64, 1024), 400
 #: size of the forces, as a share of the limit: episodes have about the paper's length
 SPREAD = 0.003
 
 
+def alone() -> None:
+    """Print steps per second of single environments, as `tests/pipeline/gym/afrl/steps.py` those of AFRL's."""
+    for env in (InspectionEnv(["world=afrl"]), SixDofInspectionEnv()):
+        size = env.action_space.shape or (3,)
+        actions = np.random.default_rng(1).normal(0.0, SPREAD, (NUM_STEPS, *size)).astype(np.float32)
+
+        def fly(env: Any = env, actions: Any = actions) -> None:
+            env.reset(seed=1)
+            for action in actions:
+                if any(env.step(action)[2:4]):
+                    env.reset()
+
+        line(f"one {type(env).__name__}: steps a second", f"{NUM_STEPS / best_cpu_seconds(fly):,.0f}")
+
+
 def run() -> None:
-    """Print steps per second of vector environments, on one thread, in each world."""
+    """Print steps per second on one thread: of single environments, and of vector ones in each world."""
+    alone()
     print("Gymnasium: vector environments, one thread, episodes started anew")
     worlds = ((), ("safety=filter",), ("world=afrl",), ("world=leo",))
     for num_flights, words in product(SIZES, worlds):
