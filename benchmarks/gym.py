@@ -14,7 +14,7 @@ SPREAD = 0.003
 
 
 def alone() -> None:
-    """Print steps per second of single environments, as `tests/pipeline/gym/afrl/steps.py` those of AFRL's."""
+    """Print steps per second of single environments, to set beside those of AFRL's own."""
     for env in (InspectionEnv(["world=afrl"]), SixDofInspectionEnv()):
         size = env.action_space.shape or (3,)
         actions = np.random.default_rng(1).normal(0.0, SPREAD, (NUM_STEPS, *size)).astype(np.float32)

@@ -31,7 +31,7 @@ def main() -> None:
                 if any(env.step(action)[2:4]):
                     env.reset()
             seconds.append(time.process_time() - begun)
-        print(f"{kind.__name__}: {NUM_STEPS / min(seconds):,.0f} steps a second", flush=True)
+        sys.stdout.write(f"{kind.__name__}: {NUM_STEPS / min(seconds):,.0f} steps a second\n")
 
 
 if __name__ == "__main__":
