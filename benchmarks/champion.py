@@ -16,7 +16,7 @@ from fis_tools.model import FuzzySystem, rule_table, table_cells
 from fis_tools.words.text import antecedent_words, sentence
 from pipeline.command_line.config import compose_experiment
 from pipeline.controllers import source
-from pipeline.evaluation.monte_carlo import episode_columns, summarise
+from pipeline.evaluation.monte_carlo import SUCCESS, episode_columns, summarise
 from pipeline.flight.cases.starts import evaluation_scenarios
 from pipeline.flight.control.controller import Controller, open_loop
 from pipeline.flight.fly.simulation import fly_all, fly_logged
@@ -149,7 +149,7 @@ def print_row(words: str, mission: Mission, controller: Controller, scenarios: l
     cells = words if "|" in words else f"{words} | | "
     print(
         f"| {cells} | {told['delta_v_m_s']['mean']:.3f} | {told['inspection_rate_percent']['mean']:.2f} "
-        f"| {100.0 * told['success']['fraction']:.1f} % | {told['violated']['count']} |"
+        f"| {100.0 * told[SUCCESS]['fraction']:.1f} % | {told['violated']['count']} |"
     )
 
 
