@@ -104,7 +104,8 @@ def shipped(name: str) -> FuzzyController:
 
 @pytest.mark.parametrize(
     ("name", "num_rules"),
-    [("champion_27", 27), ("champion_27_fixed_sun", 27), ("champion_81", 81), ("champion_leo", 15)],
+    [("champion_27", 27), ("champion_27_fixed_sun", 27), ("champion_81", 81), ("champion_leo", 15)]
+    + [("champion_afrl", 27), ("champion_afrl_weighted", 27)],
 )
 def test_their_audit_finds_nothing(name: str, num_rules: int) -> None:
     controller = shipped(name)
