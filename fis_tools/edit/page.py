@@ -38,11 +38,14 @@ class Editor:
         ui.add_css(read("style.css") + read("style.css", "fis_tools.edit"))
         self._build_head()
         with ui.element("div").classes("editor"):
+            sides = [ui.element("div").classes("side") for _ in range(2)]
+        with sides[0]:
             self._left = ui.element("div").classes("side")
-            with ui.element("div").classes("side"):
-                self._answering = [_answering(panel) for panel in panels]
-                self._right = ui.element("div")
-                self._answering += [_answering(Findings()), _answering(Changes(session.original))]
+        with sides[1]:
+            self._answering = [_answering(panel) for panel in panels]
+        with sides[0 if panels else 1]:
+            self._surface = ui.element("div")
+            self._answering += [_answering(Findings()), _answering(Changes(session.original))]
         self._choose(0)
         self._ask()
 
@@ -63,14 +66,14 @@ class Editor:
     def _choose(self, place: int) -> None:
         """Show another system."""
         self._left.clear()
-        self._right.clear()
+        self._surface.clear()
         with self._left:
             names = [one.name for one in self.session.controller.systems]
             with ui.element("nav").classes("systems").props('aria-label="systems"'):
                 for n, name in enumerate(names if len(names) > 1 else []):
                     button = ui.button(name, on_click=lambda _, n=n: self._choose(n)).props(PLAIN)
                     button.props["aria-pressed"] = str(n == place).lower()
-            self._view = SystemView(self.session, place, self.touch, self._right)
+            self._view = SystemView(self.session, place, self.touch, self._surface)
             self._build_constants()
         self._show()
 
@@ -159,8 +162,7 @@ def _answering(panel: Panel) -> Answering:
         with ui.element("div").classes("card-head"):
             heading(2, panel.title)
             state = ui.label().classes("state")
-        panel.build()
-    return Answering(panel, state)
+        return Answering(panel, state)
 
 
 def open_editor(

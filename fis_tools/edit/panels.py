@@ -14,7 +14,7 @@ from fis_tools.findings.difference import difference
 from fis_tools.model import FuzzyController, FuzzySystem
 
 #: shows one part of an answer on the page
-Show = Callable[[], None]
+Show = Callable[[], object]
 
 
 def heading(level: int, words: str) -> None:
@@ -28,8 +28,8 @@ class Panel(Protocol):
 
     title: str
 
-    def build(self) -> None:
-        """Put its elements on the page."""
+    def build(self, again: Callable[[], None]) -> None:
+        """Put its elements on the page; ``again`` asks it anew, for what it was told in another way."""
 
     def answers(self, controller: FuzzyController) -> Iterator[Show]:
         """Compute an answer in parts, in a thread; the parts of an answer that is stale are not asked for."""
@@ -48,14 +48,20 @@ class Answering:
     def __init__(self, panel: Panel, state: ui.label) -> None:
         self._panel, self._state = panel, state
         self._newest: FuzzyController | None = None
+        self._asked: FuzzyController | None = None
         self._is_busy = False
+        panel.build(self._again)
 
     def ask(self, controller: FuzzyController) -> None:
         """Ask for an answer; one that is being computed is dropped after its present part."""
-        self._newest = controller
+        self._newest = self._asked = controller
         if not self._is_busy:
             self._is_busy = True
             background_tasks.create(self._answer())
+
+    def _again(self) -> None:
+        if self._asked is not None:
+            self.ask(self._asked)
 
     async def _answer(self) -> None:
         try:
@@ -82,7 +88,7 @@ class Findings:
     def __init__(self) -> None:
         self._known: dict[str, tuple[FuzzySystem, audits.Audit]] = {}
 
-    def build(self) -> None:
+    def build(self, again: Callable[[], None]) -> None:
         """Put a list on the page."""
         self._summary = ui.label().props("role=status")
         self._list = ui.column().classes("findings")
@@ -126,7 +132,7 @@ class Changes:
     def __init__(self, original: FuzzyController) -> None:
         self._original = original
 
-    def build(self) -> None:
+    def build(self, again: Callable[[], None]) -> None:
         """Put a document on the page."""
         self._shown = ui.html("", sanitize=False).classes("document")  # its writer escapes
 

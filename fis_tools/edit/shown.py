@@ -6,8 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from fis_tools.analysis.arrays import Surface
-from fis_tools.array_types import Floats
 from fis_tools.edit.touches import numbers_of, said
 from fis_tools.model import And, FuzzySystem, Is, MembershipFunction, Rule, Sampled, Term, Variable
 from fis_tools.model.shape import SHAPES
@@ -18,8 +16,6 @@ from fis_tools.words import text
 #: from the lowest term over the middle one to the highest, as lines and as grounds of letters
 LOW, MIDDLE, HIGH = (31, 95, 168), (98, 105, 115), (190, 80, 20)
 TINT = 0.16
-#: of a surface, from its lowest to its highest
-RAMP = ("#1f5fa8", "#8fb3d9", "#f1f2f4", "#e9ab86", "#be5014")
 
 
 def colours(count: int) -> list[str]:
@@ -171,42 +167,3 @@ def sentence(system: FuzzySystem, rule: int) -> str | None:
         if said(system, rule, words) == system:
             return words
     return None
-
-
-def surface(found: Surface) -> dict[str, Any]:
-    """Return a surface as the options of a chart."""
-    rows, columns = np.indices(found.values.shape)
-    values = np.round(np.nan_to_num(found.values), 9)
-    points = np.stack([columns.ravel(), rows.ravel(), values.ravel()], axis=1).tolist()
-    ends = {"min": found.output.minimum, "max": found.output.maximum}
-    return {
-        **_CHART,
-        "xAxis": _axis(found.x_variable, 26) | _categories(found.x),
-        "yAxis": _axis(found.y_variable, 38) | _categories(found.y),
-        "visualMap": {**ends, "show": False, "inRange": {"color": list(RAMP)}},
-        "series": [{"type": "heatmap", "data": points, "progressive": 0}],
-    }
-
-
-def curve(system: FuzzySystem, points: Floats, values: Floats) -> dict[str, Any]:
-    """Return an output over the only input as the options of a chart."""
-    only = system.inputs[0]
-    line = {"type": "line", "showSymbol": False, "lineStyle": {"color": RAMP[0]}}
-    return {
-        **_CHART,
-        "xAxis": _axis(only, 26) | {"type": "value", "min": only.minimum, "max": only.maximum},
-        "yAxis": _axis(system.outputs[0], 38) | {"type": "value"},
-        "series": [line | {"data": np.stack([points, values], axis=1).tolist()}],
-    }
-
-
-_CHART = {"animation": False, "grid": {"left": 58, "right": 12, "top": 12, "bottom": 44}}
-
-
-def _axis(of: Variable, gap: int) -> dict[str, Any]:
-    return {"name": text.with_unit(of), "nameLocation": "middle", "nameGap": gap, "axisTick": {"show": False}}
-
-
-def _categories(points: Floats) -> dict[str, Any]:
-    labels = {"interval": (len(points) - 1) // 4 - 1}
-    return {"type": "category", "data": [f"{point:.3g}" for point in points], "axisLabel": labels}

@@ -16,7 +16,7 @@ export default {
         <path v-for="(term, n) in variable.terms" class="under" :d="term.path + ' L1000 100 L0 100Z'" :style="{ fill: term.colour, fillOpacity: 0.05 + 0.3 * (degrees[n] || 0) }" />
         <path v-for="term in variable.terms" :d="term.path" :style="{ stroke: term.colour }" />
       </svg>
-      <i class="mark" v-if="shown !== null" :style="{ left: share(shown) + '%' }"></i>
+      <i class="here" v-if="shown !== null" :style="{ left: share(shown) + '%' }"></i>
       <template v-for="term in variable.terms">
         <button v-for="handle in term.handles" :key="term.name + handle.key" class="handle" role="slider" type="button"
           :class="{ out: handle.x < variable.minimum || handle.x > variable.maximum }"

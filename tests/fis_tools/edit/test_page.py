@@ -95,6 +95,7 @@ def test_what_a_hand_changes_is_what_a_copy_holds(open_page, address, folder) ->
         opened = open_page(again)
         expect(opened.get_by_label("rule 2:")).to_contain_text("zero")
         assert handle(opened, "positive_small, peak") == dragged
+        opened.close()
     assert {path.name for path in folder.iterdir()} == {
         "champion_27.yaml",
         "champion_27-edited.yaml",
@@ -156,6 +157,7 @@ def test_other_programs_files_are_edited_too(open_page, folder) -> None:
         page.get_by_label("file", exact=True).fill("tipper-again.fis")
         page.get_by_role("button", name="Save", exact=True).click()
         expect(page.get_by_role("status").first).to_contain_text("wrote tipper-again.fis")
+        page.close()
     system = read_controller(folder / "tipper-again.fis").systems[0]
     assert system.inputs[0].terms[0].name == "bad"
     (folder / "tipper-again.fis").unlink()

@@ -1,0 +1,54 @@
+"""``edit``: a controller on a page that answers every touch with many flights."""
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+
+from fis_tools.errors import MissingExtra
+from pipeline.command_line import runs
+from pipeline.command_line.arguments import EXPERIMENT, ConfigError, read_arguments
+from pipeline.command_line.config import compose_experiment, options
+from pipeline.command_line.overrides import check_overrides, parse, rewrite_paths
+from pipeline.settings.places import requirements_path
+
+#: whose cases are flown, unless another experiment is chosen
+DEFAULT = "+experiment=evaluate"
+
+
+def edit(arguments: Sequence[str]) -> int:
+    """Serve the page until Ctrl-C; return the exit code.
+
+    Raises
+    ------
+    ValueError, OSError
+        User errors.
+    """
+    parser = argparse.ArgumentParser(prog="python -m pipeline edit", allow_abbrev=False, add_help=False)
+    parser.add_argument("--port", type=int, default=0, choices=range(1 << 16), metavar="PORT")
+    parser.add_argument("--no-browser", action="store_true")
+    chosen, words = parser.parse_known_args(list(arguments))
+    asked = read_arguments(words)
+    overrides = parse(rewrite_paths(asked.overrides))
+    check_overrides(overrides, options(asked.folders))
+    words = [one.input_line or "" for one in overrides]
+    if EXPERIMENT not in {one.key_or_group for one in overrides}:
+        words.insert(0, DEFAULT)
+    experiment = compose_experiment(words, asked.config_dir).experiment
+    runs.check_before(experiment)
+
+    from pipeline.controllers.source import load  # noqa: PLC0415 - compiled code, needed once the rest is right
+
+    try:
+        from pipeline.edit.page import edit as serve  # noqa: PLC0415 - the other commands do without a server
+    except MissingExtra as error:
+        raise ConfigError(str(error)) from error
+    from pipeline.evaluation.assurance.requirements import read  # noqa: PLC0415 - compiled code
+
+    controller = load(experiment.controller, experiment.mission).fuzzy
+    if controller is None:
+        raise ConfigError("this controller has no rules to edit; choose one that has, such as champion_27")
+    name = experiment.assurance.requirements
+    requirements = read(requirements_path(name).read_text(encoding="utf-8"), name).requirements
+    path = Path(str(experiment.controller.get("path", f"{controller.name}.yaml")))
+    serve(path, controller, experiment, requirements, chosen.port, not chosen.no_browser)
+    return runs.OK

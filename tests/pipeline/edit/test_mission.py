@@ -1,0 +1,170 @@
+"""The mission beside the editor: what a page shows is what a copy flies to."""
+
+import json
+import shutil
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from playwright.sync_api import Browser, Page, expect
+
+from fis_tools.edit.touches import turned, with_system
+from fis_tools.source import read_controller
+from pipeline.command_line.cli import main
+from pipeline.command_line.config import compose_experiment
+from pipeline.controllers.source import load
+from pipeline.edit.flights import FIRST, Cases, most_changed
+from pipeline.evaluation.assurance.requirements import read
+from pipeline.evaluation.monte_carlo import fly_cases
+from pipeline.evaluation.statistics import METRICS
+from pipeline.settings.places import requirements_path
+from tests.editors import pages_of, served
+from tests.places import PROJECT
+
+pytestmark = pytest.mark.slow
+
+NUM_CASES = 150
+WORDS = (f"monte_carlo.num_cases={NUM_CASES}", "sun=random")
+
+
+@pytest.fixture(scope="module")
+def cases() -> Cases:
+    experiment = compose_experiment(["+experiment=evaluate", "controller=champion_27", *WORDS]).experiment
+    text = requirements_path("inspection").read_text(encoding="utf-8")
+    return Cases(experiment, read(text, "inspection").requirements)
+
+
+@pytest.fixture(scope="module")
+def original():
+    return read_controller(PROJECT / "conf/controller/champion_27.yaml")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("mission")
+    shutil.copy(PROJECT / "conf/controller/champion_27.yaml", folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def address(folder: Path) -> Iterator[str]:
+    with served("pipeline", "edit", "controller=champion_27.yaml", *WORDS, folder=folder) as address:
+        yield address
+
+
+@pytest.fixture
+def open_page(browser: Browser) -> Iterator[Callable[..., Page]]:
+    with pages_of(browser) as open_page:
+        yield open_page
+
+
+def broken(original, *rules: int):
+    """Turn the conclusions of some rules of the first system to the next term."""
+    system = original.systems[0]
+    for rule in rules:
+        system = turned(system, rule - 1, "then", 0, 1)
+    return with_system(original, system)
+
+
+def column(page: Page, place: int) -> list[str]:
+    """What the table of flights says, top to bottom, once all cases are in it."""
+    expect(page.get_by_text(f"{NUM_CASES} flights")).to_be_visible()
+    table = page.get_by_role("region", name="Flights").locator("table").first
+    return table.locator(f"tbody tr td:nth-of-type({place})").all_inner_texts()
+
+
+def told(episodes) -> list[str]:
+    means = [(metric, metric.of(episodes).mean()) for metric in METRICS]
+    return [f"{mean:.{metric.places}f} {metric.unit}" for metric, mean in means]
+
+
+def test_first_some_then_all_cases_of_the_evaluation_are_flown(cases, original) -> None:
+    first, every = cases.fly(original)
+    episodes, _ = fly_cases(cases.mission, load_controller(original), cases.scenarios)
+    assert list(every.episodes) == list(episodes)
+    for name, values in episodes.items():
+        np.testing.assert_array_equal(every.episodes[name], values)
+        np.testing.assert_array_equal(first.episodes[name], values[:FIRST])
+    # requirement R3 asks for the points that make a flight a success
+    np.testing.assert_array_equal(every.outcomes["R3"].is_met, episodes["inspection_rate_percent"] >= 95.0)
+
+
+def load_controller(fuzzy):
+    mission = compose_experiment(["+experiment=evaluate", "controller=champion_27"]).experiment.mission
+    return replace(load({"path": str(PROJECT / "conf/controller/champion_27.yaml")}, mission), fuzzy=fuzzy)
+
+
+def test_the_flights_that_changed_most_come_first(cases, original) -> None:
+    before, after = list(cases.fly(original))[-1], list(cases.fly(broken(original, 2)))[-1]
+    found = most_changed(before, after, 5)
+    lost = np.abs(after.episodes["inspected_count"] - before.episodes["inspected_count"])
+    ends = before.episodes["success"] & ~before.episodes["violated"]
+    ended = after.episodes["success"] & ~after.episodes["violated"]
+    assert (ends[found] != ended[found]).all()
+    assert lost[found[0]] == lost[ends != ended].max()
+
+
+def test_a_saved_copy_flies_to_the_numbers_that_were_shown(
+    open_page, address, folder, cases, original
+) -> None:
+    page = open_page(address)
+    assert column(page, 2) == column(page, 1) == told(list(cases.fly(original))[-1].episodes)
+    page.get_by_label("rule 2:").click()
+    expect(page.get_by_text("Changed most:")).to_be_visible()
+    shown = column(page, 2)
+    page.get_by_role("button", name="Save a copy").click()
+    page.get_by_role("button", name="Save", exact=True).click()
+    expect(page.get_by_text("wrote champion_27-edited.yaml")).to_be_visible()
+    run = folder / "run"
+    words = [f"controller={folder / 'champion_27-edited.yaml'}", "stages=[scenario,evaluate]", *WORDS]
+    assert main(["+experiment=evaluate", *words, f"hydra.run.dir={run}"]) == 0
+    summary = json.loads((run / "evaluate" / "summary.json").read_text(encoding="utf-8"))
+    names = ("delta_v_m_s", "inspection_rate_percent")
+    means = [summary[name]["mean"] for name in names]
+    shares = [100 * summary[name]["fraction"] for name in ("success_and_within_limits", "violated")]
+    wanted = zip(METRICS, [*means, *shares], strict=True)
+    assert shown == [f"{mean:.{metric.places}f} {metric.unit}" for metric, mean in wanted]
+
+
+def test_only_the_newest_of_many_touches_is_answered_in_the_end(open_page, address, cases, original) -> None:
+    page = open_page(address)
+    column(page, 2)
+    for rule in (2, 3, 4):  # faster than flights are
+        page.get_by_label(f"rule {rule}:").click()
+    wanted = told(list(cases.fly(broken(original, 2, 3, 4)))[-1].episodes)
+    now = page.get_by_role("region", name="Flights").locator("tbody tr td:nth-of-type(2)").first
+    expect(now).to_have_text(wanted[0])
+    assert column(page, 2) == wanted
+
+
+def test_one_flight_says_which_rule_made_a_force(open_page, address) -> None:
+    page = open_page(address)
+    flight = page.get_by_role("region", name="One flight")
+    expect(flight.get_by_text("0 s: ")).to_be_visible()
+    expect(flight.get_by_text("force_x: asked for")).to_contain_text("Rule")
+    flight.get_by_role("slider", name="time in the flight").focus()
+    page.keyboard.press("ArrowRight")
+    expect(flight.get_by_text("between two decisions").first).to_be_visible()
+    page.get_by_label("rule 2:").click()
+    page.get_by_role("button").filter(has_text="m/s,").first.click()
+    expect(flight.get_by_label("case")).not_to_have_value("0")
+
+
+def test_a_constant_that_cannot_fly_is_refused_in_a_sentence(open_page, address) -> None:
+    page = open_page(address)
+    column(page, 2)
+    period = page.get_by_label("decision_period_s")
+    period.fill("25")
+    period.press("Enter")
+    flights = page.get_by_role("region", name="Flights")
+    expect(flights.get_by_text("give a whole number of control periods of 10 s")).to_be_visible()
+    page.get_by_role("button", name="Undo").click()
+    expect(page.get_by_text(f"{NUM_CASES} flights")).to_be_visible()
+    expect(period).to_have_value("30.0")
+
+
+def test_a_controller_without_rules_is_refused(capsys) -> None:
+    assert main(["edit", "controller=lqr", "--no-browser"]) == 2
+    assert "no rules to edit" in capsys.readouterr().err
