@@ -152,12 +152,13 @@ def allowed(flight, k, log, name):
     mission, period = flight.mission, flight.mission.control_period_s
     if k == mission.num_controls:
         return 0.0
-    if name in TURNED:
-        return turning_error(flight, k, log, name)
+    moved = moving_error(flight, k, log) if flight.orbit is not None else 0.0
+    if name in TURNED:  # of an ideal attitude, the direction to where the deputy moves
+        nearest = np.linalg.norm(log.position_m[k : k + 2], axis=1).min()
+        return turning_error(flight, k, log, name) + moved / nearest
     # inference agrees to 1e-12 of an output's range; the layer's change is rounded as what it is a change of
     ranges = [system.outputs[0].maximum - system.outputs[0].minimum for system in flight.controller.systems]
     force = 3e-12 * sum(ranges) + ROUNDING * np.abs(log.safety_force_hill_n[k]).max()
-    moved = moving_error(flight, k, log) if flight.orbit is not None else 0.0
     pulled = force / mission.deputy.mass_kg * period
     return {
         "fis_output_n": force,

@@ -1,7 +1,8 @@
 """Flights are flown as they are written: of every kind, by name and with any settings, constants and signals.
 
 `DRAWN_FLIGHTS=1000 python -m pytest tests/pipeline/flight/test_as_written.py -k any` draws that many of
-each kind; twelve are drawn by default, the same each time.
+each kind; by default twelve, which vary a little with the modules that are loaded: Hypothesis tries their
+numbers too.
 """
 
 import os
