@@ -132,14 +132,15 @@ def _scene(axes: Axes, recording: Recording, time_s: float) -> None:
         pushed, _ = _flat(force / np.linalg.norm(force))
         _arrow(axes, path[now], path[now] + 40.0 * pushed, VERMILION, "push")
     axes.scatter(path[now, 0], path[now, 1], s=150, color=INK, zorder=8)
-    away = -sun * 2.2 * radius / np.linalg.norm(sun)
-    axes.text(away[0], away[1], "chief", color=MUTED, fontsize=20, ha="center", va="center")
+    away = -sun * 1.5 * radius / np.linalg.norm(sun)
+    beside = "right" if away[0] < 0.0 else "left"
+    axes.text(away[0], away[1], "chief", color=MUTED, fontsize=20, ha=beside, va="center")
     side = "left" if path[now, 0] < 0.5 * (low[0] + high[0]) else "right"
     axes.text(path[now, 0], path[now, 1] + 6.0, "deputy", fontsize=20, ha=side, va="bottom", zorder=9)
     for place, (word, colour) in enumerate((("inspected", GREEN), ("lit", ORANGE), ("dark", MUTED))):
-        height = 0.42 - 0.055 * place
-        axes.scatter(0.6, height, s=90, color=colour, transform=axes.transAxes)
-        axes.text(0.63, height, word, fontsize=19, va="center", transform=axes.transAxes)
+        height = 0.97 - 0.055 * place
+        axes.scatter(0.03, height, s=90, color=colour, transform=axes.transAxes)
+        axes.text(0.06, height, word, fontsize=19, va="center", transform=axes.transAxes)
 
 
 def _arrow(axes: Axes, start: Floats, end: Floats, colour: str, word: str) -> None:
