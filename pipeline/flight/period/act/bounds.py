@@ -6,7 +6,8 @@ has the proof. Vectors are bounded by their lengths, matrices by their spectral 
 """
 
 from dataclasses import dataclass
-from math import inf, radians, sqrt
+from functools import cache
+from math import ceil, inf, radians, sqrt
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -33,15 +34,21 @@ class Errors:
     place_m, speed_m_s : float
         Of the estimate.
     share : float
-        Of a force, by which what is fired differs from it.
+        Of a force, by which what is fired differs from it: a linear map that a flight keeps.
     force_n : float
         By which it differs besides, and the motion as if by such a force.
+    constant_m : float
+        Of the estimated place, what is not the filter's noise.
+    deviations : float
+        Standard deviations of the filter that bound its noise.
     """
 
     place_m: float = 0.0
     speed_m_s: float = 0.0
     share: float = 0.0
     force_n: float = 0.0
+    constant_m: float = 0.0
+    deviations: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -132,47 +139,47 @@ def spheres_of(mission: "Mission", bounds: Bounds) -> tuple[float, float]:
 def errors_of(mission: "Mission") -> Errors:
     """Return bounds on a flight's errors from the settings of navigation, thrusters and motion.
 
-    Of the probability that one of them fails, eight tenths are for the thrusters, whose bound costs most, and
-    a tenth each for constant errors of sensors and for the noise of all samples together.
+    Of the probability that one of them fails, half is for the noise of all samples together, four tenths are
+    for the thrusters, and a tenth is for constant errors of sensors.
     """
     from scipy.special import chdtri  # noqa: PLC0415 - slow to import, used only here
 
     risk = 1.0 - (mission.safety.probability or 0.0)
-    per_sample = 0.1 * risk / (3.0 * (mission.num_controls + 1))  # of place, speed and attitude
+    per_sample = 0.5 * risk / (3.0 * (mission.num_controls + 1))  # of the stop, its place and the attitude
     constant, noise = sqrt(chdtri(3, 0.05 * risk)), sqrt(chdtri(3, per_sample))
     period, mass, actuators = mission.control_period_s, mission.deputy.mass_kg, mission.actuators
     share, force = 0.0, mass * unknown_acceleration(mission)
     if actuators.kind == "real":
-        share = largest_share(actuators.scale_error, radians(actuators.misalignment_deg), 1.0 - 0.8 * risk)
+        share = largest_share(actuators.scale_error, radians(actuators.misalignment_deg), 1.0 - 0.4 * risk)
         force += SQRT_3 * (actuators.least_impulse_n_s + 0.5 * actuators.impulse_step_n_s) / period
     navigation = mission.navigation
     if navigation.mode == "perfect":
-        return Errors(0.0, 0.0, share, force)
+        return Errors(share=share, force_n=force)
     tilt = radians(constant * navigation.attitude_bias_deg)
-    place, speed = deviations(mission)
     off = constant * navigation.bias_m
     off += tilt * mission.deputy.max_distance_m if navigation.measures == "range_bearing" else 0.0
-    turn = tilt + radians(noise * navigation.attitude_noise_deg)
-    return Errors(off + noise * place, noise * speed, share + (1.0 + share) * turn, force)
+    known = covariances(mission)
+    place, speed = (noise * spread(known, row) for row in np.split(np.eye(6), 2))
+    turn = tilt + radians(noise * navigation.attitude_noise_deg)  # it changes as the body turns
+    force += (1.0 + share) * turn * SQRT_3 * mission.deputy.max_force_n
+    return Errors(off + place, speed, share, force, off, noise)
 
 
+@cache
 def largest_share(scale: float, turn: float, probability: float) -> float:
-    """Return what the greatest of three normal scales plus a normal rotation, rad, stays below.
+    """Return what ``|(I + S) R - I|`` stays below, of normal scales and a normal rotation, rad.
 
-    A force f becomes ``(I + S) R f``, which differs from it by at most ``(max|S| + angle of R) |f|``.
+    A quantile of 200,000 draws, at the upper end of its 99.9 % interval.
     """
-    from scipy.special import chdtr, erf  # noqa: PLC0415 - as above
+    from scipy.spatial.transform import Rotation  # noqa: PLC0415 - slow to import, used only here
 
-    angles = turn * np.linspace(0.0, 9.0, 2001)
-    weights = np.diff(chdtr(3, (angles / turn) ** 2)) if turn > 0.0 else np.zeros(2000)
-    weights = weights if turn > 0.0 else np.r_[weights[1:], 1.0]
-    low, high = 0.0, 9.0 * (scale + turn)
-    for _ in range(50):
-        share = 0.5 * (low + high)
-        left = np.maximum(share - angles[1:], 0.0)  # at the far end of each interval: never too hopeful
-        below = erf(left / (scale * sqrt(2.0))) ** 3 if scale > 0.0 else (share >= angles[1:]).astype(float)
-        low, high = (low, share) if weights @ below >= probability else (share, high)
-    return high
+    generator, count = np.random.default_rng(0), 200_000
+    scales, turns = generator.standard_normal((2, count, 3))
+    rotations = Rotation.from_rotvec(turn * turns).as_matrix()
+    off = rotations * (1.0 + scale * scales)[:, :, np.newaxis] - np.eye(3)
+    shares = np.sort(np.sqrt(np.linalg.eigvalsh(off @ off.transpose(0, 2, 1))[:, -1]))
+    above = 3.1 * sqrt(count * probability * (1.0 - probability))
+    return float(shares[min(count - 1, ceil(count * probability + above))])
 
 
 def unknown_acceleration(mission: "Mission") -> float:
@@ -194,10 +201,10 @@ def unknown_acceleration(mission: "Mission") -> float:
     return pull + abs(dynamics.drag_m_s2) + abs(dynamics.radiation_m_s2)
 
 
-def deviations(mission: "Mission") -> tuple[float, float]:
-    """Return the filter's greatest standard deviations along an axis, m and m/s, of place and velocity.
+def covariances(mission: "Mission") -> Floats:
+    """Return the filter's covariances, shape (K+1, 6, 6), in a flight under the greatest planned force.
 
-    Those of its covariances in a flight under the greatest planned force, with fixes from the farthest place.
+    Fixes are from the farthest place; smaller forces and nearer places give smaller covariances.
     """
     navigation, safety, period = mission.navigation, mission.safety, mission.control_period_s
     motion = motion_over(mission.orbit, mission.deputy, (period,))
@@ -214,7 +221,7 @@ def deviations(mission: "Mission") -> tuple[float, float]:
         fix = navigation.bias_m**2 + max(navigation.range_noise_m, across) ** 2
     stride, delay = round(navigation.fix_period_s / period), round(navigation.delay_s / period)
     start = [navigation.initial_position_m] * 3 + [navigation.initial_velocity_m_s] * 3
-    covariance, greatest = np.diag(np.square(start)), np.zeros(6)
+    covariance, found = np.diag(np.square(start)), []
     for k in range(mission.num_controls + 1):
         if k % stride == 0:
             gain = covariance[:, :3] @ np.linalg.inv(covariance[:3, :3] + fix * np.eye(3))
@@ -222,15 +229,24 @@ def deviations(mission: "Mission") -> tuple[float, float]:
         now = covariance
         for _ in range(delay):
             now = phi @ now @ phi.T + process
-        greatest = np.maximum(greatest, np.diag(now))
+        found.append(now)
         covariance = phi @ covariance @ phi.T + process
-    place, speed = np.sqrt([greatest[:3].max(), greatest[3:].max()])
-    return float(place), float(speed)
+    return np.asarray(found)
+
+
+def spread(known: Floats, row: Floats) -> float:
+    """Return the greatest standard deviation, along any direction, of rows times states that are known so."""
+    return sqrt(float(np.linalg.eigvalsh(row @ known @ row.T).max()))
 
 
 def norm(matrix: Floats) -> float:
     """Return the spectral norm."""
     return float(np.linalg.norm(matrix, 2))
+
+
+def dip(radius: float, length: float) -> float:
+    """Return how far a chord between two places outside a sphere may dip into it."""
+    return radius - sqrt(max(0.0, radius**2 - 0.25 * length**2))
 
 
 class _Recursion:
@@ -241,16 +257,19 @@ class _Recursion:
         self.mission, self.errors, self.motion = mission, errors, motion
         self.stop = stop_of(motion)
         self.place = stopped(motion, self.stop).transition[0, :3]
+        self.known = covariances(mission) if mission.navigation.mode == "fixes" else np.zeros((1, 6, 6))
         phi, gamma = motion.transition[0], motion.control[0]
-        #: by which a newton moves the next place, and the place of the next stop, m, and changes its force
-        self.moved, self.shifted = norm(gamma[:3]), norm(self.place @ gamma)
+        #: by which a newton moves the place of the next stop, m, and changes its force
+        self.pushed = self.place @ gamma
+        self.shifted = norm(self.pushed)
         self.turned = norm(self.stop @ gamma)
         #: errors of the stop's force and place as estimated, and of its place after a period
         self.force_off = max(self._off(self.stop), self._off(self.stop @ phi))
         self.place_off, self.later_off = self._off(self.place), self._off(self.place @ phi)
 
     def _off(self, row: Floats) -> float:
-        return norm(row[:, :3]) * self.errors.place_m + norm(row[:, 3:]) * self.errors.speed_m_s
+        noise = self.errors.deviations * spread(self.known, row)
+        return norm(row[:, :3]) * self.errors.constant_m + noise
 
     def _fired_off(self, force: float) -> float:
         return self.errors.share * force + self.errors.force_n
@@ -262,40 +281,63 @@ class _Recursion:
         standing = 3.0 * mission.deputy.mass_kg * mission.orbit.mean_motion_rad_s**2 * mission.keep_in_m
         left = max(1e-3, 1.0 - self.turned * share)
         weight = self.shifted * share / left
-        towards = sqrt(max(0.0, 1.0 - (self.place_off / mission.keep_out_m) ** 2))
-        towards -= 0.5 * self.shifted * most / mission.keep_in_m
-        led = float(np.linalg.eigvalsh(self._pushed() + self._pushed().T).min()) / 2.0
-        led += self.shifted * (towards - 1.0)
-        gained = led - self.shifted * share - weight * self.turned * (1.0 + share)
-        lost = (self.shifted + weight * self.turned) * (self.force_off * (1.0 + share) + errors.force_n)
-        back = (lost + weight * standing) / gained if gained > 0.0 else inf
+        back = self._step_back(weight, left, standing)
         does_close = back <= most
         back = back if does_close else 0.0
-        braking, planned = SQRT_3 * safety.braking_force_n, SQRT_3 * safety.planned_force_n
-        # of the stop, at any sample: after a step back, and after a force that was found safe
-        stepped = self.turned * ((back + self.force_off) * (1.0 + share) + errors.force_n)
-        stepped = (standing + stepped) / left
-        off = self._fired_off(max(planned, stepped + self.force_off))
-        off = max(off, self._fired_off(braking + 2.0 * self.force_off) / left)
-        found = self.force_off + self.turned * off
-        axis = max(safety.braking_force_n + found, stepped) + self.force_off + back
-        does_close = does_close and axis <= most
-        strayed = self.later_off + self.shifted * off + weight * (braking + found)
-        strayed += self.moved * (self._fired_off(self.force_off + back) + self.force_off)
-        fired = max(planned, max(braking + found, stepped) + self.force_off + back)
-        bent, dip = self._between(fired * (1.0 + share) + errors.force_n, max(braking + found, stepped))
-        return Bounds(errors, strayed + bent + dip, strayed + bent, safety.planned_force_n, back, does_close)
+        pushed = (1.0 + share) * (back + self.force_off) + errors.force_n
+        led, stop, missed = self._after_forces(weight, standing, (standing + self.turned * pushed) / left)
+        stepped = standing + self.turned * (share * stop + pushed)
+        axis = max(led, stepped) + self.force_off + back
+        does_close = does_close and axis + share * (stop + self.force_off + back) <= most
+        strayed = self.later_off + missed + weight * stepped
+        # a sample is halfway between the places of two stops, but for this
+        off = share * stop + pushed
+        halfway = norm(self.motion.control[0, :3] - 0.5 * self.pushed) * off
+        fired = max(SQRT_3 * safety.planned_force_n, stop + self.force_off + back)
+        bent, length = self._between(fired * (1.0 + share) + errors.force_n, stop)
+        keep_in, near = strayed + halfway + bent, mission.deputy.min_distance_m + bent
+        keep_out = keep_in + dip(near, length + 2.0 * bent)
+        keep_out += dip(near, self.shifted * off)
+        return Bounds(errors, keep_out, keep_in, safety.planned_force_n, back, does_close)
 
-    def _pushed(self) -> Floats:
-        """Return by how many metres a newton moves the place of the next stop."""
-        return np.asarray(self.place @ self.motion.control[0], dtype=np.float64)
+    def _step_back(self, weight: float, left: float, standing: float) -> float:
+        """Return the least force beyond the stop with which a step back does not lead towards the limit."""
+        mission, errors, most = self.mission, self.errors, self.mission.deputy.max_force_n
+        askew = errors.share * norm(self.stop @ self.motion.control[0] + np.eye(3)) / left
+        off = self.place_off + weight * SQRT_3 * most
+        towards = sqrt(max(0.0, 1.0 - (off / mission.deputy.min_distance_m) ** 2)) - 1.0
+        towards -= 0.5 * self.shifted * most / mission.keep_in_m
+        gained = self.shifted * (1.0 + towards - askew) - norm(self.pushed - self.shifted * np.eye(3))
+        lost = self.shifted * ((1.0 + askew) * self.force_off + errors.force_n / left) + weight * standing
+        return lost / gained if gained > 0.0 else inf
+
+    def _after_forces(self, weight: float, standing: float, stepped: float) -> tuple[float, float, float]:
+        """Return bounds after any force that was found safe.
+
+        Along an axis and in length, N, on the force of the next stop; in metres, on what was not fired and
+        what true thrusters add to the place of that stop. The force is within the planned box, or on the way
+        from the stop to such a force.
+        """
+        safety = self.mission.safety
+        planned, braking = SQRT_3 * safety.planned_force_n, SQRT_3 * safety.braking_force_n
+        stop, axis, missed = stepped, 0.0, 0.0
+        for _ in range(100):  # grows to a fixed point
+            known, longest, axis, missed = stop + self.force_off, 0.0, 0.0, 0.0
+            reach = self.turned * (planned + known)
+            for way in (0.0, min(1.0, max(0.0, braking - standing) / reach), 1.0):
+                off = self._fired_off((1.0 - way) * known + way * planned)
+                more, led = self.force_off + self.turned * off, standing + way * reach
+                length = min(braking, led) + more
+                longest, axis = max(longest, length), max(axis, min(safety.braking_force_n, led) + more)
+                missed = max(missed, self.shifted * off + weight * length)
+            stop = max(longest, stepped)
+        return axis, stop, missed
 
     def _between(self, fired: float, stop: float) -> tuple[float, float]:
-        """Return how far a path bends off its chord in a period, and how far a chord dips, m."""
+        """Return how far a path bends off its chord in a period, and how long that is, m."""
         mission, period, phi = self.mission, self.mission.control_period_s, self.motion.transition[0]
         n, far = mission.orbit.mean_motion_rad_s, mission.deputy.max_distance_m
         speed = norm(self.motion.control[0, 3:]) * stop + norm(phi[3:, :3]) * far
         speed *= norm(np.linalg.inv(phi[3:, 3:]))
         bent = 0.125 * period**2 * (fired / mission.deputy.mass_kg + n * (3.0 * n * far + 2.0 * speed))
-        near, half = mission.deputy.min_distance_m + bent, 0.5 * period * speed + bent
-        return bent, near - sqrt(max(0.0, near**2 - half**2))
+        return bent, period * speed
