@@ -292,8 +292,7 @@ def _in_words(error: Exception, folders: Sequence[Path]) -> str:
             "the controller that is chosen has no path; for a fuzzy controller write controller=PATH, for a "
             "table of forces controller=open_loop controller.path=PATH"
         )
-    attribute = text.partition("Could not override 'controller.attributes.")[2].rstrip("'.")
-    if attribute:
+    if attribute := text.partition("Could not override 'controller.attributes.")[2].rstrip("'."):
         return f"the controller sets no attribute {attribute}{did_you_mean(attribute, CONSTANTS)}"
     if "Could not override 'dispersions." in text:
         return f"{text} Nothing is dispersed until you say so: write +dispersions..., with a plus"

@@ -32,10 +32,10 @@ def draw_argument(evidence: Mapping[str, Any]) -> Markup:
     parts = [*_top(evidence), _line(f"M{SPINE_X} {TOP + GOAL_HEIGHT + 120}V{last:g}")]
     for row, requirement in enumerate(requirements):
         parts += _row(requirement, FIRST_ROW + ROW * row)
-    title = f"The argument for {evidence['controller']['name']}, goal by goal"
+    name = evidence["controller"]["name"]
     return element(
         "svg",
-        element("title", title, id="argument-name"),
+        element("title", f"The argument for {name}, goal by goal", id="argument-name"),
         element("defs", *(_head(name) for name in ("solved-by", "in-context"))),
         *parts,
         class_="argument",
@@ -67,7 +67,8 @@ def _top(evidence: Mapping[str, Any]) -> list[Markup]:
     near, far = conditions["start_distance_m"]
     speed = conditions.get("start_speed_m_s", 0.0)
     moving = f"at up to {speed:g} m/s" if speed else "at rest"
-    overall = _overall(evidence)
+    verdicts = [one["verdict"] for one in evidence["requirements"]]
+    overall = next((word for word in ("refuted", "not shown") if word in verdicts), "shown")
     claim = f"{evidence['controller']['name']} meets the requirements {evidence['name']}"
     standing = "stands as its goals do, each for its share" if overall == "shown" else overall
     worlds = [
@@ -92,11 +93,6 @@ def _top(evidence: Mapping[str, Any]) -> list[Markup]:
     )
     parts.append(_arrow(SPINE_X + 175, TOP + GOAL_HEIGHT, SPINE_X + 175, y, "solved-by"))
     return parts
-
-
-def _overall(evidence: Mapping[str, Any]) -> str:
-    verdicts = [one["verdict"] for one in evidence["requirements"]]
-    return next((word for word in ("refuted", "not shown") if word in verdicts), "shown")
 
 
 def _row(requirement: Mapping[str, Any], y: float) -> list[Markup]:
@@ -146,8 +142,7 @@ def _arrow(x: float, y: float, to_x: float, to_y: float, head: str) -> Markup:
 
 def _text(words: str, x: float, y: float, width: int) -> Markup:
     """Write words in lines around a point; what does not fit into three ends in an ellipsis."""
-    lines = wrap(words, width, max_lines=3, placeholder=" …")
-    return _lines(lines, x, y)
+    return _lines(wrap(words, width, max_lines=3, placeholder=" …"), x, y)
 
 
 def _lines(lines: Sequence[str], x: float, y: float, css: str = "") -> Markup:
