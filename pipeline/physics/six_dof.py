@@ -34,7 +34,7 @@ def slopes(
     rate = state[10:13].copy()
     attitude, hill_rate = state[6:10], np.array([0.0, 0.0, mean_motion])
     dcm = dcm_b_from_h(attitude)
-    # their matrix is another where stages of the integrator are not quite of unit length
+    # of stages that are not of unit length AFRL's matrix differs from ours by this on its diagonal
     surplus = 1.0 - np.sum(attitude * attitude)
     turning = derivative(attitude, rate - times(dcm, hill_rate) - surplus * hill_rate)
     change = euler_angular_acceleration(inertia, inverse_inertia, rate, torque)
