@@ -151,9 +151,8 @@ def _of_commands(world: World, law: Law, log: FlightLog, num_counted: int, is_op
     sensed = log.sensed_quaternion_b_from_h[:-1]
     wanted_h = np.array([dcm_b_from_h(q).T @ body for q, body in zip(sensed, log.force_body_n, strict=True)])
     wanted = log.force_body_n if law.force_axes == BODY else wanted_h
-    # turned back from body axes, nothing along one axis is the rounding of what is wanted along the others
-    nothing = SILENT_N * np.maximum(1.0, np.abs(wanted).max(axis=1, keepdims=True))
-    found = np.where(np.abs(wanted) < nothing, logs.DEAD_BAND, logs.FIRED)
+    # a dead band leaves all of a component or nothing, but for the rounding of the turn from body axes
+    found = np.where(np.abs(wanted) < 0.5 * np.abs(log.force_asked_n), logs.DEAD_BAND, logs.FIRED)
     found[np.abs(log.force_asked_n) < SILENT_N] = logs.SILENT
     if not law.has_plan:
         k = np.arange(len(found))
