@@ -223,7 +223,8 @@ def finding_rows(audit: Audit, controller: FuzzyController) -> list[dict[str, An
     places = {system.name: place for place, system in enumerate(controller.systems, start=1)}
     rows = []
     for finding in audit.findings:
-        place = places[finding.system]
+        # one about the whole controller stands with the first system
+        place = places.get(finding.system, 1)
         system = controller.systems[place - 1]
         about = (finding.system, finding.variable, *finding.terms, *map(str, finding.rules))
         rows.append(
@@ -231,7 +232,7 @@ def finding_rows(audit: Audit, controller: FuzzyController) -> list[dict[str, An
                 "key": "/".join((finding.id, *about)),
                 "finding": finding,
                 "place": place,
-                "links": _links(finding, system, f"s{place}"),
+                "links": _links(finding, system, f"s{place}") if finding.system in places else [],
                 "point": _point(finding, system),
             }
         )
