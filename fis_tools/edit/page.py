@@ -1,5 +1,6 @@
 """The page: a system's terms and rules, constants, panels that answer every change, and copies."""
 
+import asyncio
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -37,15 +38,16 @@ class Editor:
         ui.colors(primary="#1f5fa8")
         ui.add_css(read("style.css") + read("style.css", "fis_tools.edit"))
         self._build_head()
+        turn = asyncio.Lock()
         with ui.element("div").classes("editor"):
             sides = [ui.element("div").classes("side") for _ in range(2)]
         with sides[0]:
             self._left = ui.element("div").classes("side")
         with sides[1]:
-            self._answering = [_answering(panel) for panel in panels]
+            self._answering = [_answering(panel, turn) for panel in panels]
         with sides[0 if panels else 1]:
             self._surface = ui.element("div")
-            self._answering += [_answering(Findings()), _answering(Changes(session.original))]
+            self._answering += [_answering(panel, turn) for panel in (Findings(), Changes(session.original))]
         self._choose(0)
         self._ask()
 
@@ -157,12 +159,12 @@ class Editor:
         dialog.open()
 
 
-def _answering(panel: Panel) -> Answering:
+def _answering(panel: Panel, turn: asyncio.Lock) -> Answering:
     with ui.element("section").classes("card").props(f'aria-label="{panel.title}"'):
         with ui.element("div").classes("card-head"):
             heading(2, panel.title)
             state = ui.label().classes("state")
-        return Answering(panel, state)
+        return Answering(panel, state, turn)
 
 
 def open_editor(

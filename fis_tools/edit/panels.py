@@ -43,10 +43,12 @@ class Answering:
     panel : Panel
     state : ui.label
         Says whether an answer is being computed.
+    turn : asyncio.Lock
+        Of all panels of a window, one at a time computes its first part: Python runs one thread anyway.
     """
 
-    def __init__(self, panel: Panel, state: ui.label) -> None:
-        self._panel, self._state = panel, state
+    def __init__(self, panel: Panel, state: ui.label, turn: asyncio.Lock) -> None:
+        self._panel, self._state, self._turn = panel, state, turn
         self._newest: FuzzyController | None = None
         self._asked: FuzzyController | None = None
         self._is_busy = False
@@ -67,14 +69,18 @@ class Answering:
         try:
             while self._newest is not None:
                 asked, self._newest = self._newest, None
-                parts = self._panel.answers(asked)
+                parts, turn = self._panel.answers(asked), self._turn
                 with self._state:
                     self._state.set_text("…")
-                while self._newest is None and (show := await run.io_bound(next, parts, None)) is not None:
+                while self._newest is None:
+                    async with turn:
+                        show = await run.io_bound(next, parts, None)
+                    turn = asyncio.Lock()
+                    if show is None:
+                        break
                     if self._newest is None:
                         with self._state:
                             show()
-                await asyncio.sleep(0)
         finally:
             self._is_busy = False
             self._state.set_text("")

@@ -138,10 +138,10 @@ class OneFlight:
         self._path = ui.echart({"series": []}).classes("path")
         self._forces = ui.echart({"series": []}).classes("forces")
         last = self._cases.mission.num_controls - 1
-        time = ui.element("input").classes("value").props(f"type=range min=0 max={last} value=0")
-        time.props["aria-label"] = "time in the flight"
+        self._time = ui.element("input").classes("value").props(f"type=range min=0 max={last} value=0")
+        self._time.props["aria-label"] = "time in the flight"
         read = "(event) => emit(Number(event.target.value))"
-        time.on("input", lambda event: self._scrub(event.args), js_handler=read)
+        self._time.on("input", lambda event: self._scrub(event.args), js_handler=read)
         self._words = ui.column().classes("why").props('role="status"')
 
     def choose(self, case: int) -> None:
@@ -172,7 +172,7 @@ class OneFlight:
         self._show_sample(after, self._sample, words)
 
     async def _scrub(self, sample: int) -> None:
-        self._sample = sample
+        self._sample = self._time.props["value"] = sample
         if self._flown is None:
             return
         controller, log = self._flown
@@ -241,11 +241,15 @@ def _path(before: FlightLog, after: FlightLog) -> Options:
 
 def _forces(log: FlightLog, period_s: float) -> Options:
     times = np.arange(len(log.force_hill_n)) * period_s
-    look = {"symbol": "none", "label": {"show": False}, "lineStyle": {"color": INK}, "data": [{"xAxis": 0}]}
     lines = [
-        line(
-            np.column_stack([times, log.force_hill_n[:, place]]), colour, name=name, step="end", markLine=look
-        )
+        line(np.column_stack([times, log.force_hill_n[:, place]]), colour, name=name, step="end")
         for (name, place), colour in zip(AXES.items(), AXIS_COLOURS, strict=True)
     ]
+    # one line for the time that is shown
+    lines[0]["markLine"] = {
+        "symbol": "none",
+        "label": {"show": False},
+        "lineStyle": {"color": INK},
+        "data": [],
+    }
     return chart(axis("time (s)", max=float(times[-1])), axis("force (N)", 42), lines)

@@ -1,0 +1,91 @@
+"""Milliseconds from a touch in the editor's page to what it changes: ``python -m benchmarks edit``.
+
+Measured in a browser on the same machine: to a surface that is drawn anew, to findings, to the first flights,
+to all flights. Medians of several touches, each of another rule.
+"""
+
+import argparse
+import statistics
+import subprocess
+import sys
+import tempfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from playwright.sync_api import Page, sync_playwright
+
+from benchmarks.inference import _large_system
+from docs.screenshot import browser_found
+from fis_tools.formats.serialize import dump_yaml
+from fis_tools.model import FuzzyController
+
+#: presses a rule, and tells when each of some conditions came to hold, ms; they are looked at frame by frame
+TOUCH = """async ([rule, conditions]) => {
+    const pixels = () => {
+        const surface = [...document.querySelectorAll(".surface canvas")].at(-1);
+        const { data } = surface.getContext("2d").getImageData(0, 0, surface.width, surface.height);
+        return data.reduce((sum, one, place) => (sum + one * (1 + (place % 997))) % 1e9, 0);
+    };
+    const text = (name) => document.querySelector(`section[aria-label="${name}"]`).innerText;
+    const before = pixels(), found = {};
+    const holds = {
+        surface: () => pixels() !== before,
+        findings: () => "surface" in found && !text("Findings").includes("…"),
+        first: () => text("Flights").includes("\\n100 flights"),
+        all: () => "first" in found && text("Flights").includes("\\n1,000 flights"),
+    };
+    const start = performance.now();
+    document.querySelector(`button.term[aria-label^="rule ${rule}:"]:not(.if)`).click();
+    while (conditions.some((name) => !(name in found)) && performance.now() - start < 30000) {
+        await new Promise((go) => setTimeout(go, 2));
+        for (const name of conditions) {
+            if (!(name in found) && holds[name]()) found[name] = performance.now() - start;
+        }
+    }
+    return found;
+}"""
+#: no panel computes
+SETTLED = "() => ![...document.querySelectorAll('.state')].some((one) => one.innerText)"
+#: of an answer that is shown in full
+SETTLED_MS = 2_000
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Time both editors; return the exit code."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks edit", description=__doc__)
+    parser.add_argument("--touches", type=int, default=9, help="of each editor; 9 unless given")
+    options = parser.parse_args(arguments)
+    with tempfile.TemporaryDirectory() as folder:
+        large = Path(folder) / "large.yaml"
+        large.write_text(dump_yaml(FuzzyController("large", (_large_system(),))), encoding="utf-8")
+        words = ("pipeline", "edit", "controller=champion_27", "sun=random")
+        _print("champion_27 and its mission", words, ("surface", "first", "all"), options.touches)
+        _print("125 rules", ("fis_tools", "edit", str(large)), ("surface", "findings"), options.touches)
+    return 0
+
+
+def _print(name: str, words: Sequence[str], conditions: Sequence[str], touches: int) -> None:
+    command = [sys.executable, "-m", *words, "--no-browser"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process, sync_playwright() as driver:  # noqa: S603
+        assert process.stdout is not None
+        browser = driver.chromium.launch(executable_path=browser_found(), args=["--no-sandbox"])
+        page = browser.new_page(viewport={"width": 1400, "height": 900})
+        page.goto(process.stdout.readline().strip())
+        found = [_touched(page, 1 + place, conditions) for place in range(touches)]
+        browser.close()
+        process.terminate()
+    print(f"{name}: medians of {touches} touches")
+    for condition in conditions:
+        spent = [one[condition] for one in found]
+        print(
+            f"  to {condition:<10}{statistics.median(spent):8.0f} ms  ({min(spent):.0f} to {max(spent):.0f})"
+        )
+
+
+def _touched(page: Page, rule: int, conditions: Sequence[str]) -> Mapping[str, float]:
+    """Touch a rule once everything is shown; return what it took."""
+    page.wait_for_selector(".variable")
+    page.wait_for_timeout(SETTLED_MS)
+    page.wait_for_function(SETTLED, timeout=120_000)
+    found: Mapping[str, float] = page.evaluate(TOUCH, [rule, list(conditions)])
+    return found
