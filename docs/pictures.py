@@ -17,9 +17,10 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from PIL import Image
+from playwright.sync_api import sync_playwright
 
 from docs import film
-from docs.screenshot import screenshot
+from docs.screenshot import browser_found, screenshot
 
 PROJECT = Path(__file__).resolve().parents[1]
 IMAGES = PROJECT / "docs" / "images"
@@ -103,9 +104,44 @@ def review(scratch: Path) -> None:
     screenshot(page, "One inference, step by step", IMAGES / "review.png", 1180, 1155)
 
 
+def edit(scratch: Path) -> None:
+    """Draw the editor with a rule turned: what many flights came to, and one that changed most."""
+    words = ("pipeline", "edit", "controller=champion_27", "sun=random", "--no-browser")
+    command = [sys.executable, "-m", *words]
+    with subprocess.Popen(command, cwd=PROJECT, stdout=subprocess.PIPE, text=True) as server:  # noqa: S603
+        try:
+            edited((server.stdout or sys.stdin).readline().strip())
+        finally:
+            server.terminate()
+
+
+def edited(address: str) -> None:
+    """Turn a rule on the editor's page, and draw what comes of it."""
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=browser_found(), args=["--no-sandbox"])
+        page = browser.new_page(viewport={"width": 1280, "height": 800}, device_scale_factor=1.25)
+        page.goto(address)
+        page.add_style_tag(content=".head { position: static !important; }")
+        page.get_by_label("rule 2:").click()
+        flights, one = (page.get_by_role("region", name=name) for name in ("Flights", "One flight"))
+        for _ in range(2):  # the first answer, and all
+            flights.get_by_text("1,000 flights").wait_for(timeout=120_000)
+            page.wait_for_timeout(3000)
+        page.screenshot(path=IMAGES / "edit-flights.png")
+        page.get_by_role("button").filter(has_text="m/s,").first.click()
+        page.wait_for_timeout(3000)
+        one.get_by_role("slider").fill("120")
+        page.wait_for_timeout(3000)
+        one.screenshot(path=IMAGES / "edit-flight.png")
+        browser.close()
+
+
 MAKERS: dict[str, Callable[[Path], None]] = {
     maker.__name__: maker
-    for maker in (flight, replay, satellite, campaign, training, comparison, front, safety, tour, review)
+    for maker in (
+        *(flight, replay, satellite, campaign, training, comparison),
+        *(front, safety, tour, review, edit),
+    )
 }
 SCENE, FIGURES, CONTROLLERS = "telemetry/scene", "pipeline/report/figures", "conf/controller"
 #: files and folders that draw a picture, beside its maker, or that it shows
@@ -119,6 +155,7 @@ SOURCES: dict[str, tuple[str, ...]] = {
     "front": (f"{FIGURES}/training.py", f"{FIGURES}/style.py", f"{CONTROLLERS}/champion_fixed_sun.yaml"),
     "safety": (f"{FIGURES}/trajectories.py", f"{FIGURES}/style.py", f"{CONTROLLERS}/paper_octants.yaml"),
     "tour": ("benchmarks/champion.py", f"{FIGURES}/trajectories.py", f"{CONTROLLERS}/champion_leo.yaml"),
+    "edit": ("fis_tools/edit", "pipeline/edit", f"{CONTROLLERS}/champion_27.yaml"),
     "review": ("fis_tools/review", f"{CONTROLLERS}/paper_champion.yaml"),
 }
 
