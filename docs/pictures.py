@@ -9,6 +9,7 @@ commands that stand in this file. What is drawn by rerun's viewer needs a Vulkan
 import hashlib
 import inspect
 import json
+import re
 import shutil
 import subprocess
 import sys
@@ -21,10 +22,13 @@ from playwright.sync_api import sync_playwright
 
 from docs import film
 from docs.screenshot import browser_found, screenshot
+from pipeline.report.figures.comparison import Mark, compared
+from pipeline.report.figures.style import save, style
 
 PROJECT = Path(__file__).resolve().parents[1]
 IMAGES = PROJECT / "docs" / "images"
 HASHES = Path(__file__).with_suffix(".json")
+FIELD = "docs/results/field.md"
 
 
 def flight(scratch: Path) -> None:
@@ -66,6 +70,26 @@ def training(scratch: Path) -> None:
 def comparison(scratch: Path) -> None:
     """Draw all controllers, delta-v against rate."""
     keep(run(scratch, "+experiment=reproduce") / "figures" / "comparison.png")
+
+
+def field(_: Path) -> None:
+    """Draw the first two tables of the page on AFRL's worlds, up to 3 m/s."""
+    page, number = (PROJECT / FIELD).read_text(encoding="utf-8"), r"([\d.]+)"
+    row = re.compile(rf"^\| (.+) \| .+ \| {number} \(.+\) \| {number} % .+ \| .+ \| .+ \|$", re.MULTILINE)
+    panels = []
+    for world in ("afrl", "afrl_weighted"):
+        table = page.partition(f"`world={world}`, 1,000 starts")[2].partition("`world=")[0]
+        marks = [
+            Mark(name.replace("`", "").removesuffix(", 100 starts"), (float(mean), 0.0), (float(share), 0.0))
+            for name, mean, share in row.findall(table)
+            if 0.0 < float(mean) < 3.0
+        ]
+        panels.append((f"world={world}", marks))
+    with style():
+        figure = compared(panels, 0.0)
+        left, *_ = figure.axes
+        left.set(ylabel="success as AFRL counts it (%)", xlim=(0.1, 2.5), ylim=(118.0, 0.22))
+    (IMAGES / "field.png").write_bytes(save(figure, "field", 150).png)
 
 
 def front(scratch: Path) -> None:
@@ -140,7 +164,7 @@ MAKERS: dict[str, Callable[[Path], None]] = {
     maker.__name__: maker
     for maker in (
         *(flight, replay, satellite, campaign, training, comparison),
-        *(front, safety, tour, review, edit),
+        *(field, front, safety, tour, review, edit),
     )
 }
 SCENE, FIGURES, CONTROLLERS = "telemetry/scene", "pipeline/report/figures", "conf/controller"
@@ -152,6 +176,7 @@ SOURCES: dict[str, tuple[str, ...]] = {
     "campaign": (SCENE, f"{CONTROLLERS}/paper_champion.yaml"),
     "training": (SCENE, "conf/experiment/train.yaml"),
     "comparison": (f"{FIGURES}/comparison.py", f"{FIGURES}/style.py", "conf/experiment/reproduce.yaml"),
+    "field": (f"{FIGURES}/comparison.py", f"{FIGURES}/style.py", FIELD),
     "front": (f"{FIGURES}/training.py", f"{FIGURES}/style.py", f"{CONTROLLERS}/champion_fixed_sun.yaml"),
     "safety": (f"{FIGURES}/trajectories.py", f"{FIGURES}/style.py", f"{CONTROLLERS}/paper_octants.yaml"),
     "tour": ("benchmarks/champion.py", f"{FIGURES}/trajectories.py", f"{CONTROLLERS}/champion_leo.yaml"),
