@@ -18,7 +18,7 @@ from fis_tools.findings.difference.comparison import (
     renamed,
 )
 from fis_tools.findings.difference.pictures import draw_surfaces, draw_terms
-from fis_tools.model import Formula, Rule, Sampled, Term
+from fis_tools.model import Formula, Linear, Rule, Sampled, Term
 from fis_tools.model.systems import has_sets
 from fis_tools.words import text
 
@@ -221,7 +221,7 @@ def shape_change(before: Term, after: Term) -> str:
     Numbers equal to six digits are left out, or shown in full if nothing else changed.
     """
     old, new = before.membership, after.membership
-    if type(old) is not type(new) or isinstance(old, Formula | Sampled):
+    if type(old) is not type(new) or isinstance(old, Formula | Linear | Sampled):
         return f" {TO} ".join(dict.fromkeys(text.shape_words(term) for term in (before, after)))
     changed = {
         field.name.replace("_", " "): (getattr(old, field.name), getattr(new, field.name))

@@ -8,7 +8,7 @@ from fis_tools.edit import touches
 from fis_tools.edit.session import NotSaved, Session
 from fis_tools.formats import serialize
 from fis_tools.formats.files import ENDINGS
-from fis_tools.model import Gaussian, Hedged, Is, Not, Triangular
+from fis_tools.model import Gaussian, Hedged, Is, Linear, Not, Term, Triangular
 from fis_tools.model.shape import SHAPES
 from fis_tools.model.validate import InvalidSystem, problems
 from tests.fis_tools.sample_controllers import force_x_system, general_controller, paper_like_controller
@@ -129,3 +129,18 @@ def test_changed_attributes_are_told(tmp_path) -> None:
     session = Session(tmp_path / "sample.yaml", general_controller())
     session.touch(lambda one: replace(one, attributes=(*one.attributes, ("zz_gain", "2"))))
     assert dict(session.copy().provenance)["edited_from"].endswith(": zz_gain none → 2")
+
+
+def test_a_changed_factor_of_a_takagi_sugeno_term_is_told(tmp_path) -> None:
+    system = force_x_system()
+    output = replace(
+        system.outputs[0],
+        terms=tuple(Term(term.name, Linear((1.0, 2.0), 0.5)) for term in system.outputs[0].terms),
+        aggregation="unbounded_sum",
+    )
+    system = replace(touches.with_variable(system, output), defuzzifier="weighted_average")
+    session = Session(tmp_path / "sample.yaml", replace(paper_like_controller(), systems=(system,)))
+    told = {"what": "number", "term": output.terms[0].name, "key": "coefficients.1", "value": "3"}
+    session.touch(lambda one: touches.with_system(one, touches.term_touched(one.systems[0], output, **told)))
+    words = dict(session.copy().provenance)["edited_from"]
+    assert words.endswith("(1, 2) times the inputs, plus 0.5 → (1, 3) times the inputs, plus 0.5)")
