@@ -60,7 +60,7 @@ class Dynamics:
     """Inclination of the orbit to the Earth's equator."""
     latitude_argument_deg: Number = 0.0
     """The chief's angle from the ascending node at the start."""
-    j2: Annotated[NotNegative, Field(le=0.1)] = 0.0
+    j2: Annotated[NotNegative, Field(le=0.02)] = 0.0
     """Coefficient of the Earth's oblateness; 0: a sphere."""
     drag_m_s2: Number = 0.0
     """Acceleration by which drag slows the deputy more than the chief."""
