@@ -118,6 +118,7 @@ def provide(words: list[str]) -> None:
             changed = (
                 controller if path.stem == "champion" else replace(controller, systems=controller.systems[:2])
             )
+            path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(serialize.dump_json(changed), encoding="utf-8")
 
 

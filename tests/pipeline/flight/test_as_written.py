@@ -1,7 +1,7 @@
 """Flights are flown as they are written: of every kind, by name and with any settings, constants and signals.
 
 `DRAWN_FLIGHTS=1000 python -m pytest tests/pipeline/flight/test_as_written.py -k any` draws that many of
-each kind; twelve are drawn by default, the same each time.
+each kind; six are drawn by default, the same each time.
 """
 
 import os
@@ -47,7 +47,7 @@ from tests.pipeline.flight.missions import FULL_INERTIA, MEAN_MOTION
 from tests.places import PROJECT
 
 #: how many flights of a kind are drawn
-DRAWN = int(os.environ.get("DRAWN_FLIGHTS", "12"))
+DRAWN = int(os.environ.get("DRAWN_FLIGHTS", "6"))
 #: no two of these can be drawn at a time, or their kinds would be compiled apart
 UNDRAWN = ("guidance", "chief.shape", "path", "light.reflection", "actuators.kind")
 
@@ -196,9 +196,9 @@ def test_a_flight(name: str) -> None:
 @settings(
     max_examples=DRAWN,
     deadline=None,
-    derandomize=DRAWN <= 12,
+    derandomize=DRAWN <= 6,
     suppress_health_check=list(HealthCheck),
-    phases=(Phase.generate,) if DRAWN <= 12 else tuple(Phase),  # making a failure small takes minutes
+    phases=(Phase.generate,) if DRAWN <= 6 else tuple(Phase),  # making a failure small takes minutes
 )
 @given(data=st.data())
 def fly_any(kind: str, data: st.DataObject) -> None:
