@@ -137,6 +137,7 @@ def test_the_keyboard_suffices(open_page, address) -> None:
     words.press("Enter")
     expect(page.get_by_role("status").first).to_contain_text("huge")
     expect(page.get_by_label("rule 1:").last).to_contain_text("zero × 0.5")
+    assert "zero × 0.5" in page.get_by_label("rule 1:").last.inner_text()
 
 
 def test_everybody_can_use_it(open_page, address, axe) -> None:

@@ -150,6 +150,7 @@ def test_one_flight_says_which_rule_made_a_force(open_page, address) -> None:
     page.get_by_label("rule 2:").click()
     page.get_by_role("button").filter(has_text="m/s,").first.click()
     expect(flight.get_by_label("case")).not_to_have_value("0")
+    assert 0 < int(flight.get_by_label("case").input_value()) < NUM_CASES
 
 
 def test_a_constant_that_cannot_fly_is_refused_in_a_sentence(open_page, address) -> None:
@@ -163,6 +164,7 @@ def test_a_constant_that_cannot_fly_is_refused_in_a_sentence(open_page, address)
     page.get_by_role("button", name="Undo").click()
     expect(page.get_by_text(f"{NUM_CASES} flights")).to_be_visible()
     expect(period).to_have_value("30.0")
+    assert flights.get_by_text("give a whole number").count() == 0
 
 
 def test_a_controller_without_rules_is_refused(capsys) -> None:
