@@ -33,12 +33,12 @@ export default {
       <summary>numbers</summary>
       <div class="wide"><table>
         <tr v-for="term in variable.terms" :key="term.name">
-          <td><input type="text" class="name" :value="term.name" :aria-label="'name of ' + term.name" @change="say('rename', { term: term.name, name: $event.target.value }, $event.target, term.name)" /></td>
+          <td><input type="text" class="name" v-shows="term.name" :aria-label="'name of ' + term.name" @change="say('rename', { term: term.name, name: $event.target.value }, $event.target, term.name)" /></td>
           <td><select v-if="variable.has_sets" :value="term.shape" :aria-label="'shape of ' + term.name" @change="say('reshape', { term: term.name, shape: $event.target.value })">
             <option v-for="shape in variable.shapes" :value="shape">{{ shape.replaceAll('_', ' ') }}</option>
             <option v-if="!variable.shapes.includes(term.shape)" :value="term.shape">{{ term.shape }}</option></select></td>
           <td><label v-for="number in term.numbers" :key="number.key"><span>{{ number.label }}</span>
-            <input type="text" inputmode="decimal" :value="number.value" :aria-label="term.name + ', ' + number.label" @change="typed($event, term, number)" /></label></td>
+            <input type="text" inputmode="decimal" v-shows="number.value" :aria-label="term.name + ', ' + number.label" @change="typed($event, term, number)" /></label></td>
           <td><button type="button" class="quiet" :aria-label="'remove ' + term.name" @click="say('remove', { term: term.name })">✕</button></td>
         </tr>
       </table></div>
@@ -46,6 +46,16 @@ export default {
     </details>
   </section>`,
   props: { variable: Object, kind: String, start: Number },
+  directives: {
+    // an answer that comes while somebody types leaves the text alone
+    shows: {
+      mounted(field, { value }) {
+        field.value = value;
+        for (const [name, is] of [["input", true], ["change", false], ["blur", false]]) field.addEventListener(name, () => (field.isTyped = is));
+      },
+      updated(field, { value }) { if (!field.isTyped) field.value = value; },
+    },
+  },
   data() {
     return { value: this.start, degrees: [], answer: null, gesture: 0 };
   },

@@ -147,6 +147,20 @@ def test_everybody_can_use_it(open_page, address, axe) -> None:
     assert serious_violations(page, axe) == []
 
 
+def test_an_answer_leaves_what_is_being_typed(open_page, address) -> None:
+    page = open_page(address)
+    page.get_by_text("numbers").first.click()
+    name = page.get_by_label("name of negative").first
+    name.fill("negative_far")
+    slide = "slider => { slider.value = slider.max; slider.dispatchEvent(new Event('input')); }"
+    page.get_by_role("slider", name="aim_radial, value").evaluate(slide)
+    expect(page.locator("output").first).not_to_have_text("0 m/s")
+    page.wait_for_timeout(1000)  # the answer comes, and draws the terms anew
+    assert name.input_value() == "negative_far"
+    name.press("Enter")
+    expect(page.get_by_label("name of negative_far")).to_be_visible()
+
+
 def test_other_programs_files_are_edited_too(open_page, folder) -> None:
     with served("fis_tools", "edit", "tipper.fis", folder=folder) as address:
         page = open_page(address)
