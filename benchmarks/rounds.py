@@ -27,7 +27,7 @@ def main() -> None:
     history = tables.read_parquet(options.folder, artifacts.HISTORY)
     template = source.load(experiment.controller, experiment.mission)
     tuned = genome_of(template, experiment.optimizer.encoding)
-    print("| round | Sun | delta-v (m/s) | inspection rate (%) | cases at 95 % or more | outside |")
+    print("| round | Sun | delta-v (m/s) | inspection rate (%) | success rate | outside |")
     print("|---|---|---|---|---|---|")
     for number in np.unique(history["round"]):
         genome = history["genome"][np.flatnonzero(history["round"] == number)[-1]]

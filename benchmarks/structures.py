@@ -150,7 +150,7 @@ def main() -> None:
     for name in options.names:
         if not (options.folder / name / "evaluate" / "summary.json").exists():
             search(name, options.folder, options.rounds, options.sun)
-    print("| variant | rules | delta-v (m/s) | inspection rate (%) | cases at 95 % or more | outside |")
+    print("| variant | rules | delta-v (m/s) | inspection rate (%) | success rate | outside |")
     print("|---|---|---|---|---|---|")
     for name in options.names:
         summary = json.loads((options.folder / name / "evaluate" / "summary.json").read_text("utf-8"))
