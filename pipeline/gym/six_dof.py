@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from math import cos, exp, radians, sin
+from math import exp
 from typing import Any, Final
 
 import gymnasium
@@ -10,16 +10,18 @@ import numpy as np
 from gymnasium.spaces import Box
 from numpy.typing import NDArray
 
+from fis_tools.compiled.decorator import plainly
 from pipeline.array_types import Floats
 from pipeline.flight.cases.starts import PRIORITY, direction_of
 from pipeline.flight.state.log import Scenario
 from pipeline.flight.world.chief import chief_attitudes
-from pipeline.flight.world.pack import inspection_points
-from pipeline.flight.world.surface import priority_weights
+from pipeline.flight.world.pack import optics_of
+from pipeline.flight.world.surface import priority_weights, surface_of
 from pipeline.gym.episodes import AFRL_WEIGHTED, Reward, task_of
 from pipeline.physics.illumination import sun_angle, sun_direction_h
 from pipeline.physics.motion import nearest_in_orbit
 from pipeline.physics.quaternion import dcm_b_from_h, normalised
+from pipeline.physics.sight import is_resolved, is_sunlit
 from pipeline.physics.six_dof import ATTITUDE, PLACE, RATE, VELOCITY, moved
 
 #: parts of a mission that this environment does not fly
@@ -86,7 +88,7 @@ class SixDofInspectionEnv(gymnasium.Env[NDArray[np.float32], NDArray[Any]]):
             raise ValueError(f"{told}: this is not flown with six degrees of freedom; leave it out")
         self.observation_space = Box(-np.inf, np.inf, (NUM_OBSERVED,), np.float32)
         self.action_space = Box(-1.0, 1.0, (6,), np.float32)
-        self._points = inspection_points(mission)
+        self._surface, self._optics = surface_of(mission), optics_of(mission)
         self._inertia = np.array(mission.deputy.inertia_kg_m2)
         self._chief = chief_attitudes(mission)
 
@@ -99,18 +101,39 @@ class SixDofInspectionEnv(gymnasium.Env[NDArray[np.float32], NDArray[Any]]):
         scenario: Scenario = given.get("scenario") or self.task.draw(self.np_random)
         priority = given.get("priority")
         self._priority = direction_of(scenario.generator(PRIORITY)) if priority is None else priority
-        self._weights = np.full(len(self._points), 1.0 / len(self._points))
+        num_points = len(self._surface.points)
+        self._weights = np.full(num_points, 1.0 / num_points)
         if self._mission.chief.weights == "priority":
-            self._weights = priority_weights(self._points, self._priority)
+            self._weights = priority_weights(self._surface.points, self._priority)
         self._sun_angle, self._k, self._spent, self._paid = scenario.sun_angle_rad, 0, 0.0, 0.0
         turned = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]
         self._state = np.concatenate((scenario.position_m, scenario.velocity_m_s, turned))
-        self._is_inspected = np.zeros(len(self._points), dtype=np.bool_)
+        self._is_inspected = np.zeros(num_points, dtype=np.bool_)
         self._look()
         return self._observed(), self._info()
 
     def step(self, action: NDArray[Any]) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
-        """Fly a control period."""
+        """Fly a control period.
+
+        Parameters
+        ----------
+        action : (6,) array
+            Shares from -1 to 1 of the greatest force along each body axis, then of the greatest torque about
+            each; beyond them they are clipped.
+
+        Returns
+        -------
+        observation : (24,) array of float32
+            See `NUM_OBSERVED`.
+        reward : float
+        terminated : bool
+            In the chief, or enough of the weight is inspected.
+        truncated : bool
+            Too far away, or the time is over.
+        info : dict
+            ``delta_v_m_s``, ``num_inspected``, ``weight_inspected``; ``is_success``: whether enough of the
+            weight is inspected, whatever free flight would do after that.
+        """
         mission, deputy, reward = self._mission, self._mission.deputy, self._reward
         shares = np.clip(np.asarray(action, dtype=np.float64), -1.0, 1.0)
         force, torque = shares[:3] * deputy.max_force_n, shares[3:] * deputy.max_torque_n_m
@@ -159,15 +182,16 @@ class SixDofInspectionEnv(gymnasium.Env[NDArray[np.float32], NDArray[Any]]):
         return np.asarray(dcm_b_from_h(normalised(self._state[ATTITUDE]))[0])
 
     def _look(self) -> None:
-        """Inspect what is lit and in view, in the chief's axes."""
-        mission, axes = self._mission, dcm_b_from_h(self._chief[self._k])
-        size = mission.chief.inspection_radius_m
-        place, camera = axes @ self._state[PLACE], axes @ self._camera
-        heights = self._points @ (axes @ self._sun) / size
-        self._is_lit = heights > -sin(radians(mission.light.past_terminator_deg))
-        gone = self._points - place
-        in_field = gone @ camera >= cos(radians(mission.sensor.half_angle_deg)) * np.linalg.norm(gone, axis=1)
-        self._is_inspected |= self._is_lit & in_field & (self._points @ place >= size**2)
+        """Inspect what is lit and in view, in the chief's axes, by the formulas of every flight."""
+        axes, optics = dcm_b_from_h(self._chief[self._k]), self._optics
+        place, camera, sun = axes @ self._state[PLACE], axes @ self._camera, axes @ self._sun
+        points, normals = self._surface.points, self._surface.normals
+        gone, height = points - place, np.sum(normals * points, axis=1)
+        with plainly("pipeline"):
+            self._is_lit = is_sunlit(normals @ sun + optics.past_terminator, height)
+            squared = np.sum(gone * gone, axis=1)
+            seen = is_resolved(optics, normals @ place - height, gone @ camera, squared)
+        self._is_inspected |= self._is_lit & seen
 
     def _for_this_step(self) -> float:
         reward, place = self._reward, self._state[PLACE]
@@ -178,8 +202,8 @@ class SixDofInspectionEnv(gymnasium.Env[NDArray[np.float32], NDArray[Any]]):
         return gained
 
     def _observed(self) -> NDArray[np.float32]:
-        axes, wanted = dcm_b_from_h(self._chief[self._k]), self._points[self._is_lit & ~self._is_inspected]
-        target = wanted.sum(axis=0) @ axes
+        axes, is_wanted = dcm_b_from_h(self._chief[self._k]), self._is_lit & ~self._is_inspected
+        target = self._surface.points[is_wanted].sum(axis=0) @ axes
         length = max(float(np.linalg.norm(target)), 1e-9)
         left = (self._mission.num_controls - self._k) * self._mission.control_period_s
         state, directions = self._state, (self._sun, target / length, self._priority @ axes)

@@ -25,10 +25,25 @@ def slopes(
     most_rate: float,
     mean_motion: float,
 ) -> Floats:
-    """Return the time derivative of a state, shape (13,), under a push (m/s^2) and a torque, body axes.
+    """Return the time derivative of a state, shape (13,), as `PLACE` and the others divide it.
 
     No component of the rate grows beyond its limit. The system's part is rounded to single precision, as in
-    AFRL's safe-autonomy-simulation.
+    AFRL's safe-autonomy-simulation (2.2.1), and so are Hill's equations, which `pipeline.physics.motion` has
+    in closed form: that form would not follow their rounding.
+
+    Parameters
+    ----------
+    state : (13,) array
+    push : (3,) array
+        Acceleration by thrust, m/s^2, body axes.
+    torque : (3,) array
+        N m, body axes.
+    inertia, inverse_inertia : (3, 3) array
+        kg m^2, and its inverse; body axes.
+    most_rate : float
+        Greatest inertial rate about each body axis, rad/s.
+    mean_motion : float
+        Of the chief's orbit, rad/s.
     """
     x, z, u, v = state[0], state[2], state[3], state[4]
     rate = state[10:13].copy()
@@ -66,7 +81,10 @@ def moved(
     mean_motion: float,
     duration: float,
 ) -> Floats:
-    """Return the state after a time (s) by SciPy's RK45, with its tolerances, as in AFRL's simulation."""
+    """Return the state after a duration (s), shape (13,), by SciPy's RK45, with its tolerances, as AFRL's.
+
+    Parameters are those of `slopes`.
+    """
     settings = push, torque, inertia, np.linalg.inv(inertia), most_rate, mean_motion
     rates: Any = slopes  # its stubs ask for the number of dimensions
     after = solve_ivp(rates, (0.0, duration), state, args=settings).y[:, -1]
