@@ -80,20 +80,16 @@ class RuleUsage:
 
     Parameters
     ----------
-    num_samples : int
-        How many.
     fired : array
         Fraction of the samples in which the rule fires at the threshold or more.
     leading : array
         Fraction of the samples in which no rule fires stronger, and this one above zero.
-    mean_strength, max_strength : array
+    max_strength : array
         Over all samples.
     """
 
-    num_samples: int
     fired: Floats
     leading: Floats
-    mean_strength: Floats
     max_strength: Floats
 
 
@@ -311,9 +307,7 @@ def rule_usage(strengths: Floats, threshold: float = FIRED) -> RuleUsage:
         raise ValueError(f"strengths have shape {strengths.shape}; pass one row per sample, at least one")
     strongest = strengths.max(axis=1, keepdims=True)
     return RuleUsage(
-        num_samples=len(strengths),
         fired=np.mean(strengths >= threshold, axis=0),
         leading=np.mean((strengths == strongest) & (strengths > 0), axis=0),
-        mean_strength=strengths.mean(axis=0),
         max_strength=strengths.max(axis=0),
     )

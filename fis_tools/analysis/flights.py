@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.analysis import tables
-from fis_tools.analysis.arrays import FIRED, RuleUsage, firing, rule_usage
+from fis_tools.analysis.arrays import firing
 from fis_tools.array_types import Booleans, Floats
 from fis_tools.engines.compiler import compile as compiled
 from fis_tools.errors import ControllerFileError, MissingExtra
@@ -401,34 +401,6 @@ def _period(flown: FlownSystem, start_s: float, recording: "Recording | None") -
     return Period(flown, start_s, str(reason), row)
 
 
-def usage_along(
-    paths: Iterable[Path | str], threshold: float = FIRED, all_periods: bool = False
-) -> dict[str, RuleUsage]:
-    """Summarise how the rules of a controller fired along one flight or several.
-
-    Parameters
-    ----------
-    paths : iterable of paths
-        Flights of the same controller.
-    threshold : float
-        The firing strength from which a rule counts as fired.
-    all_periods : bool
-        Count every inference, not only those whose output was fired.
-
-    Returns
-    -------
-    dict
-        By the system's name; a system that never fired is missing.
-
-    Raises
-    ------
-    ControllerFileError
-        If a flight cannot be read, or the flights carry different rules.
-    """
-    gathered = _gather(paths, "firing_strengths", all_periods, None)
-    return {name: rule_usage(rows, threshold) for name, rows in gathered.items() if len(rows)}
-
-
 def inputs_along(
     paths: Iterable[Path | str], all_periods: bool = False, controller: FuzzyController | None = None
 ) -> dict[str, Floats]:
@@ -453,12 +425,6 @@ def inputs_along(
     ControllerFileError
         If a flight cannot be read, or the flights carry different rules.
     """
-    return _gather(paths, "inputs", all_periods, controller)
-
-
-def _gather(
-    paths: Iterable[Path | str], column: str, all_periods: bool, controller: FuzzyController | None
-) -> dict[str, Floats]:
     rows: dict[str, list[Floats]] = {}
     systems: dict[str, FuzzySystem] = {}
     for path in paths:
@@ -469,7 +435,7 @@ def _gather(
                     f"{path} was flown with another system {name!r} than the flights before it; look at "
                     "flights of one controller at a time"
                 )
-            rows.setdefault(name, []).append(getattr(flown, column))
+            rows.setdefault(name, []).append(flown.inputs)
     return {name: np.concatenate(parts) for name, parts in rows.items()}
 
 

@@ -2,27 +2,14 @@
 
 import base64
 import hashlib
-from collections.abc import Iterator
+from functools import cache
 from importlib.resources import files
 from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined, Template
 from markupsafe import Markup, escape
 
-from fis_tools.document import (
-    Block,
-    Cell,
-    Change,
-    Code,
-    Document,
-    Figure,
-    Fold,
-    Heading,
-    Items,
-    Mark,
-    Paragraph,
-    Table,
-)
+from fis_tools.document import Document, Heading
 
 
 def policy(style: str = "") -> Markup:
@@ -37,6 +24,7 @@ def policy(style: str = "") -> Markup:
     ).format(Markup(allowed))  # noqa: S704 - a hash or a word
 
 
+@cache
 def template(package: str, folder: str, name: str) -> Template:
     """Return a template in a folder of a package; it escapes all that is put into it."""
     environment = Environment(
@@ -78,10 +66,6 @@ def void(tag: str, **attributes: Any) -> Markup:
     return Markup(f"<{tag}{words}>")  # noqa: S704 - escaped above
 
 
-#: a table with more columns is read row by row on a phone
-NARROW = 2
-
-
 def fragment(document: Document) -> str:
     """Write a document as a part of a page, with its style."""
     return str(element("style", Markup(read("style.css"))) + _main(document))  # noqa: S704 - of this package
@@ -107,92 +91,9 @@ def page(document: Document, style: str = "") -> str:
 
 def body(document: Document) -> Markup:
     """Write the blocks of a document alone, for a page that has more: its sections, without a style."""
-    parts: list[Markup] = [Markup("")]
-    sections: list[tuple[Heading | None, list[Markup]]] = [(None, [])]
-    for block in document.blocks:
-        if isinstance(block, Heading) and block.level == 2 and block.id:
-            sections.append((block, []))
-        else:
-            sections[-1][1].extend(_elements(block))
-    for heading, inside in sections:
-        if heading is None:
-            parts += inside
-        else:
-            title = element("h2", heading.words, id=f"{heading.id}-title")
-            lines = Markup("\n").join(["", title, *inside, ""])
-            parts.append(element("section", lines, id=heading.id, aria_labelledby=f"{heading.id}-title"))
-    return Markup("\n").join([*parts, Markup("")])
+    blocks: Any = template("fis_tools", "document", "blocks.html").module
+    return Markup(blocks.body(document.blocks))  # noqa: S704 - escaped by the template
 
 
 def _main(document: Document) -> Markup:
     return element("main", body(document), class_="document")
-
-
-def _elements(block: Block) -> Iterator[Markup]:
-    match block:
-        case Heading(words, level, name):
-            yield element(f"h{level}", words, id=name)
-        case Paragraph(words):
-            yield element("p", words)
-        case Items(items):
-            broken = (Markup("<br>").join(item.split("\n")) for item in items)
-            yield element("ul", *(element("li", words) for words in broken))
-        case Code(words):
-            yield element("pre", element("code", words), tabindex=0)
-        case Table():
-            yield _table(block)
-        case Figure(markup):
-            yield Markup(markup)  # noqa: S704 - safe, as figures are
-        case Fold(words, blocks, name):
-            inside = [part for one in blocks for part in _elements(one)]
-            yield element("details", element("summary", words), *inside, id=name)
-
-
-def _table(table: Table) -> Markup:
-    is_number = ["number" if place in table.numbers else "" for place in range(len(table.heads))]
-    heads = [
-        element("th", head, scope="col", class_=css) for head, css in zip(table.heads, is_number, strict=True)
-    ]
-    stacks = len(table.heads) > NARROW and not table.across
-    names = table.heads if stacks else [""] * max(map(len, table.rows), default=0)
-
-    def row(first: Cell, *cells: Cell) -> Markup:
-        data = [
-            element(
-                "td", _cell(cell, place in table.numbers), class_=_class(cell, place, table), data_head=head
-            )
-            for place, (cell, head) in enumerate(zip(cells, names[1:], strict=True), start=1)
-        ]
-        return element("tr", element("th", _cell(first), scope="row"), *data)
-
-    parts = [element("caption", table.caption)] if table.caption else []
-    parts += [element("thead", element("tr", *heads))] if heads else []
-    body = element("tbody", Markup("\n").join(row(*cells) for cells in table.rows))
-    whole = element("table", *parts, body, class_="stacked" if stacks else "")
-    name = table.caption or next(filter(None, table.heads), "facts")
-    return element("div", whole, class_="wide", role="region", tabindex=0, aria_label=name)
-
-
-def _class(cell: Cell, place: int, table: Table) -> str:
-    if isinstance(cell, Change) and table.across:
-        return "same" if cell.before == cell.after else "changed"
-    return "number" if place in table.numbers else ""
-
-
-def _cell(cell: Cell, is_number: bool = False) -> Markup:
-    if isinstance(cell, str):
-        value, bracket, interval = cell.partition(" (") if is_number else (cell, "", "")
-        # an interval stands below its value: many columns are to fit a page
-        return escape(value) + (Markup("<br>(") + escape(interval) if bracket else "")
-    if isinstance(cell, Mark):
-        return _mark(cell)
-    if cell.before == cell.after:
-        return escape(cell.after)
-    return element("del", cell.before) + element("ins", cell.after)
-
-
-def _mark(mark: Mark) -> Markup:
-    words = escape(mark.words) if mark.value is None else element("data", mark.words, value=mark.value)
-    words = element("span", words, class_=f"mark {mark.kind}") if mark.kind else words
-    words = element("a", words, href=f"#{mark.link}") if mark.link else words
-    return words + element("span", mark.note, class_="note") if mark.note else words

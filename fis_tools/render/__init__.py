@@ -27,12 +27,10 @@ from fis_tools.render.figures import (
     system_figures,
 )
 from fis_tools.render.inference import inference_figure, memberships
-from fis_tools.render.rule_lists import firing_map, rule_bars
-from fis_tools.render.rule_tables import rule_matrix
+from fis_tools.render.rules import rule_matrix
 from fis_tools.render.surfaces import (
     draw_surface,
     held_words,
-    output_curve,
     over_axes,
     surface_map,
     surface_space,
@@ -48,15 +46,12 @@ __all__ = [
     "draw_surface",
     "encode",
     "firing_figure",
-    "firing_map",
     "held_words",
     "inference_figure",
     "memberships",
     "memberships_figure",
     "one_panel",
-    "output_curve",
     "over_axes",
-    "rule_bars",
     "rule_matrix",
     "rules_figures",
     "save",

@@ -18,8 +18,7 @@ from fis_tools.model.systems import has_sets
 from fis_tools.model.variables import sample
 from fis_tools.render import lettering
 from fis_tools.render.inference import memberships, peak
-from fis_tools.render.rule_lists import firing_map, firing_shares, rule_bars
-from fis_tools.render.rule_tables import rule_cells, rule_matrix
+from fis_tools.render.rules import firing_map, rule_cells, rule_matrix
 from fis_tools.render.surfaces import (
     colour_bar,
     draw_surface,
@@ -31,6 +30,7 @@ from fis_tools.render.surfaces import (
     value_limits,
 )
 from fis_tools.render.theme import LIGHT, MEDIUM, SMALL, Theme, head
+from fis_tools.words.text import with_unit
 
 #: A figure has panels for so many combinations of outer terms; the others are left to `surface` and `show`.
 MOST_PANELS = 30
@@ -44,22 +44,17 @@ def one_panel(title: str, *, theme: Theme = LIGHT, in_space: bool = False) -> tu
         return figure, figure.subplots(subplot_kw={"projection": "3d" if in_space else None})
 
 
-def memberships_figure(
-    system: FuzzySystem, values: Mapping[str, float] | None = None, *, theme: Theme = LIGHT
-) -> Figure:
-    """Draw the terms of all variables, one below the other, with the values that are given marked.
+def memberships_figure(system: FuzzySystem, *, theme: Theme = LIGHT) -> Figure:
+    """Draw the terms of all variables, one below the other.
 
     Outputs whose terms are numbers are left out.
     """
     variables = [v for v in (*system.inputs, *system.outputs) if has_sets(v)]
-    given = dict(values or {})
-    tall = [
-        2.0 + (0.3 if variable.name in given else 0.0) + 0.06 * len(variable.terms) for variable in variables
-    ]
+    tall = [2.0 + 0.06 * len(variable.terms) for variable in variables]
     figure = Figure(figsize=(6.4, sum(tall) + 0.3), layout="constrained")
     axes = figure.subplots(len(variables), squeeze=False, height_ratios=tall).ravel()
     for variable, ax in zip(variables, axes, strict=True):
-        memberships(variable, ax, given.get(variable.name), theme=theme)
+        memberships(variable, ax, theme=theme)
     head(figure, system.name, theme)
     return figure
 
@@ -150,14 +145,14 @@ def surface_figure(
         else:
             draw_surface(result, ax, limits, points=points, title=words, has_colour_bar=False, theme=theme)
     if not in_space:
-        colour_bar(axes, axes[0].images[0], results[0], theme)
+        colour_bar(axes, axes[0].images[0], with_unit(concluded), theme)
     return figure
 
 
 def firing_figure(
     system: FuzzySystem, time_s: Floats, strengths: Floats, *, is_timed: bool = True, theme: Theme = LIGHT
 ) -> Figure:
-    """Draw how the rules of a system fired along a flight, and below the share of each in all firing.
+    """Draw how the rules of a system fired along a flight, with the share of each in all firing.
 
     Raises
     ------
@@ -165,12 +160,9 @@ def firing_figure(
         As `firing_map` does.
     """
     count = min(20, len(system.rules))
-    tall = (0.9 + 0.22 * count, 0.9 + 0.22 * min(15, len(system.rules)))
-    figure = Figure(figsize=(9.0, sum(tall) + 0.4), layout="constrained")
-    above, below = figure.subplots(2, height_ratios=tall)
+    figure = Figure(figsize=(9.0, 1.3 + 0.22 * count), layout="constrained")
     head(figure, f"{system.name}: rules over {'time' if is_timed else 'rows'}", theme)
-    firing_map(system, time_s, strengths, above, most_rules=count, is_timed=is_timed, theme=theme)
-    rule_bars(system, firing_shares(strengths), below, theme=theme)
+    firing_map(system, time_s, strengths, figure.subplots(), most_rules=count, is_timed=is_timed, theme=theme)
     return figure
 
 

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from fis_tools.array_types import Floats
 from fis_tools.engines.inference import Inference, OutputInference
-from fis_tools.model import And, AndOperator, Consequent, Expression, Hedged, Is, Not, Or, Rule, Variable
+from fis_tools.model import And, Expression, FuzzySystem, Hedged, Is, Not, Or, Rule, Variable
 from fis_tools.model.operators import AND_OPERATORS
 from fis_tools.model.systems import require_mamdani
 from fis_tools.model.variables import sample, sample_terms
@@ -115,23 +115,9 @@ _PALE, _FULL = 0.25, 0.55
 
 
 def statement_panel(
-    inference: Inference, rule: Rule, variable: Variable, ax: Axes, *, theme: Theme = LIGHT
+    inference: Inference, rule: Rule, variable: Variable, ax: Axes, theme: Theme = LIGHT
 ) -> Axes:
-    """Draw what a rule asks of an input, and how far its value fulfils that.
-
-    Parameters
-    ----------
-    inference : Inference
-        What `fis_tools.engines.inference.infer` returns.
-    rule : Rule
-        One of its system's rules.
-    variable : Variable
-        One of its system's inputs.
-    ax : Axes
-        Where to draw.
-    theme : Theme
-        Colours.
-    """
+    """Draw what a rule of an inference's system asks of an input, and how far its value fulfils that."""
     place = [v.name for v in inference.system.inputs].index(variable.name)
     value = float(inference.clipped[place])
     words = []
@@ -141,80 +127,38 @@ def statement_panel(
         curve = sample(variable, variable.terms[index])
         degree, curve = (1.0 - degree, 1.0 - curve) if is_denied else (degree, curve)
         line = theme.line(index)
-        ax.fill_between(variable.universe, np.minimum(curve, degree), color=line["color"], alpha=_PALE, lw=0)
-        ax.plot(variable.universe, curve, linewidth=1.5, clip_on=False, **line)
+        _fill_up_to(ax, variable, curve, degree, line, _PALE)
         ax.plot([value, variable.maximum], [degree, degree], color=line["color"], linewidth=0.8)
         ax.plot(value, degree, "o", color=line["color"], mec=theme.paper, ms=5, zorder=4, clip_on=False)
         words.append(f"{'not ' if is_denied else ''}{term} {degree:.2f}")
     if words:
         ax.plot([value, value], [0.0, 1.0], color=theme.ink, linewidth=1.0, zorder=3)
-    _finish(ax, variable, ", ".join(words) or "any", theme, is_empty=not words)
-    return ax
+    return _finished(ax, variable, ", ".join(words) or "any", theme, is_empty=not words)
 
 
-def conclusion_panel(
-    variable: Variable,
-    consequents: tuple[Consequent, ...],
-    strength: float,
-    ax: Axes,
-    *,
-    theme: Theme = LIGHT,
-) -> Axes:
-    """Draw what a rule concludes on an output, its terms cut at the rule's strength times their weight.
-
-    Parameters
-    ----------
-    variable : Variable
-        The output.
-    consequents : tuple of Consequent
-        What the rule concludes; those on other outputs are left out.
-    strength : float
-        How strongly the rule fires, before weights.
-    ax : Axes
-        Where to draw.
-    theme : Theme
-        Colours.
-    """
+def conclusion_panel(variable: Variable, rule: Rule, strength: float, ax: Axes, theme: Theme = LIGHT) -> Axes:
+    """Draw what a rule concludes on an output, its terms cut at the rule's strength times their weight."""
     words = []
-    for consequent in consequents:
-        if consequent.variable != variable.name:
-            continue
+    for consequent in (each for each in rule.consequents if each.variable == variable.name):
         index = variable.term_index(consequent.term)
         cut = strength * consequent.weight
-        curve, line = sample(variable, variable.terms[index]), theme.line(index)
-        ax.fill_between(variable.universe, np.minimum(curve, cut), color=line["color"], alpha=_FULL, lw=0)
-        ax.plot(variable.universe, curve, linewidth=1.5, clip_on=False, **line)
+        _fill_up_to(ax, variable, sample(variable, variable.terms[index]), cut, theme.line(index), _FULL)
         weight = "" if consequent.weight == 1.0 else f"{strength:.2f} × {number(consequent.weight)} = "
         words.append(f"{consequent.term} {weight}{cut:.2f}")
-    _finish(ax, variable, ", ".join(words) or "nothing", theme, is_empty=not words)
-    return ax
+    return _finished(ax, variable, ", ".join(words) or "nothing", theme, is_empty=not words)
 
 
-def output_panel(
-    output: OutputInference,
-    defuzzifier: str,
-    ax: Axes,
-    *,
-    implication: AndOperator = "min",
-    theme: Theme = LIGHT,
-) -> Axes:
-    """Draw the aggregated output, the cut terms it is made of, and the number it becomes.
+def _fill_up_to(
+    ax: Axes, variable: Variable, curve: Floats, height: float, line: dict[str, Any], alpha: float
+) -> None:
+    ax.fill_between(variable.universe, np.minimum(curve, height), color=line["color"], alpha=alpha, lw=0)
+    ax.plot(variable.universe, curve, linewidth=1.5, clip_on=False, **line)
 
-    Parameters
-    ----------
-    output : OutputInference
-        One of the outputs of an inference.
-    defuzzifier : str
-        How the number comes about, by the system's word for it.
-    ax : Axes
-        Where to draw.
-    implication : str
-        How strengths shape the terms.
-    theme : Theme
-        Colours.
-    """
+
+def output_panel(output: OutputInference, system: FuzzySystem, ax: Axes, theme: Theme = LIGHT) -> Axes:
+    """Draw the aggregated output, the cut terms it is made of, and the number it becomes."""
     variable = output.variable
-    imply = AND_OPERATORS[implication]
+    imply = AND_OPERATORS[system.implication]
     for index, (curve, cut) in enumerate(zip(sample_terms(variable), output.cuts, strict=True)):
         if cut > 0:
             implied = imply(np.full(len(curve), cut), curve)
@@ -224,7 +168,8 @@ def output_panel(
     style = (0, (2, 1)) if output.is_default else "-"
     ax.axvline(output.value, color=theme.ink, linewidth=2.0, linestyle=style)
     ax.plot(output.value, 0.0, "^", color=theme.ink, mec=theme.paper, ms=9, clip_on=False, zorder=4)
-    reason = "the default: no rule fires" if output.is_default else METHODS[defuzzifier]
+    method = METHODS[system.defuzzifier_of(variable)]
+    reason = "the default: no rule fires" if output.is_default else method
     words = f"{variable.name} = {quantity(variable, output.value)}, {reason}"
     ax.set_title(lettering.broken(words, lettering.inches(ax)[0], MEDIUM), loc="left")
     ax.set(xlim=(variable.minimum, variable.maximum), ylim=(0.0, 1.0), yticks=(0.0, 0.5, 1.0))
@@ -251,20 +196,21 @@ def _asked(expression: Expression, name: str, *, is_denied: bool = False) -> Ite
                 yield from _asked(operand, name, is_denied=is_denied)
 
 
-def _finish(ax: Axes, variable: Variable, words: str, theme: Theme, *, is_empty: bool) -> None:
+def _finished(ax: Axes, variable: Variable, words: str, theme: Theme, *, is_empty: bool) -> Axes:
     ax.set(xlim=(variable.minimum, variable.maximum), ylim=(0.0, 1.0), xticks=(), yticks=())
     ax.spines[["top", "right", "left"]].set_visible(False)
     dress(ax, theme)
     across, _ = lettering.inches(ax)
     ink, shown = theme.muted if is_empty else theme.ink, lettering.shortened(words, across, SMALL)
     ax.set_title(shown, loc="left", size=SMALL, color=ink, pad=4, parse_math=False)
+    return ax
 
 
 #: Lengths in inches.
 _LEFT, _GAP, _RIGHT = 0.6, 0.5, 0.25
 _WIDTH, _CURVES, _RULE, _OUTPUT = 2.7, 1.4, 0.5, 1.2
 #: What stands over and under panels: titles, numbers, names of axes.
-_HEAD, _TITLE, _AXIS, _WORDS = 0.4, 0.5, 0.5, 0.25
+_HEAD, _TITLE, _AXIS, _WORDS, _OVER = 0.4, 0.5, 0.5, 0.25, 0.12
 
 
 def inference_figure(inference: Inference, *, most_rules: int = 6, theme: Theme = LIGHT) -> Figure:
@@ -283,22 +229,51 @@ def inference_figure(inference: Inference, *, most_rules: int = 6, theme: Theme 
     theme : Theme
         Colours.
     """
-    system = inference.system
-    strengths = inference.firing_strengths
+    system, strengths = inference.system, inference.firing_strengths
     order = [int(p) for p in np.argsort(-strengths, kind="stable") if strengths[p] >= SHOWN_FROM]
     require_mamdani((system,), "the picture of an inference")
-    page = _Page(inference, order[:most_rules], theme)
+    columns = len(system.inputs) + len(system.outputs)
+    width = _LEFT + columns * _WIDTH + (columns - 1) * _GAP + _RIGHT
+    rules = {
+        place: lettering.broken(
+            f"rule {place + 1} fires at {strengths[place]:.2f}: {sentence(system.rules[place])}",
+            width - _LEFT - _RIGHT,
+            MEDIUM,
+        )
+        for place in order[:most_rules]
+    }
+    heights = [_HEAD + _TITLE, _CURVES, _AXIS]
+    for words in rules.values():
+        heights += [_OVER + lettering.height(words, MEDIUM) + _WORDS, _RULE, 0.5 * _OVER]
+    heights += [_TITLE, _OUTPUT, _AXIS + _WORDS]
+    figure = Figure(figsize=(width, sum(heights)), facecolor=theme.paper)
+    sides = {"left": _LEFT / width, "right": 1.0 - _RIGHT / width, "top": 1.0, "bottom": 0.0}
+    grid = figure.add_gridspec(
+        len(heights), columns, height_ratios=heights, hspace=0.0, wspace=_GAP / _WIDTH, **sides
+    )
+
+    def write(row: int, words: str, size: float, colour: str, across: float = 0.0) -> None:
+        place = grid[row, 0].get_position(figure)
+        x, y = place.x0 + across / width, place.y1 - _OVER / sum(heights)
+        figure.text(x, y, words, size=size, color=colour, va="top", parse_math=False)
+
+    steps = f"and: {system.and_operator}, or: {system.or_operator}, defuzzifier: {system.defuzzifier}"
+    write(0, system.name, LARGE, theme.ink)
+    write(0, steps, SMALL, theme.muted, lettering.width(system.name, LARGE) + 0.2)
     for column, variable in enumerate(system.inputs):
-        memberships(variable, page.axes(column, _CURVES), float(inference.inputs[column]), theme=theme)
-    page.down(_CURVES + _AXIS)
-    for place in order[:most_rules]:
-        page.rule(place)
-    page.write(_left_over(inference, order, most_rules), SMALL, theme.muted)
-    page.down(_TITLE)
+        ax = figure.add_subplot(grid[1, column])
+        memberships(variable, ax, float(inference.inputs[column]), theme=theme)
+    for row, (rule, words) in enumerate(rules.items(), start=1):
+        write(3 * row, words, MEDIUM, theme.ink)
+        axes = iter([figure.add_subplot(grid[3 * row + 1, column]) for column in range(columns)])
+        for variable in system.inputs:
+            statement_panel(inference, system.rules[rule], variable, next(axes), theme)
+        for variable in system.outputs:
+            conclusion_panel(variable, system.rules[rule], float(strengths[rule]), next(axes), theme)
+    write(-3, _left_over(inference, order, most_rules), SMALL, theme.muted)
     for column, output in enumerate(inference.outputs, start=len(system.inputs)):
-        ax = page.axes(column, _OUTPUT)
-        output_panel(output, system.defuzzifier, ax, implication=system.implication, theme=theme)
-    return page.figure
+        output_panel(output, system, figure.add_subplot(grid[-2, column]), theme)
+    return figure
 
 
 def _left_over(inference: Inference, order: list[int], most_rules: int) -> str:
@@ -311,61 +286,3 @@ def _left_over(inference: Inference, order: list[int], most_rules: int) -> str:
     return (
         f"{left} more rules fire, at {rest:.2g} or less" if left > 1 else f"1 more rule fires, at {rest:.2g}"
     )
-
-
-class _Page:
-    """A figure that is filled from the top, and how far it is filled."""
-
-    def __init__(self, inference: Inference, rules: list[int], theme: Theme) -> None:
-        self.inference, self.theme = inference, theme
-        system = inference.system
-        columns = len(system.inputs) + len(system.outputs)
-        self.width = _LEFT + columns * _WIDTH + (columns - 1) * _GAP + _RIGHT
-        self.texts = {place: self._sentence(place) for place in rules}
-        rows = sum(self._height(text) for text in self.texts.values())
-        self.height = _HEAD + _TITLE + _CURVES + _AXIS + rows + _WORDS + _TITLE + _OUTPUT + _AXIS
-        self.figure = Figure(figsize=(self.width, self.height), facecolor=theme.paper)
-        self.top = 0.0
-        steps = f"and: {system.and_operator}, or: {system.or_operator}, defuzzifier: {system.defuzzifier}"
-        self.write(system.name, LARGE, theme.ink)
-        self.write(steps, SMALL, theme.muted, _LEFT + lettering.width(system.name, LARGE) + 0.2)
-        self.down(_HEAD + _TITLE)
-
-    def _sentence(self, place: int) -> str:
-        rule = self.inference.system.rules[place]
-        strength = self.inference.firing_strengths[place]
-        words = f"rule {place + 1} fires at {strength:.2f}: {sentence(rule)}"
-        return lettering.broken(words, self.width - _LEFT - _RIGHT, MEDIUM)
-
-    @staticmethod
-    def _height(text: str) -> float:
-        return 0.12 + lettering.height(text, MEDIUM) + _WORDS + _RULE + 0.06
-
-    def axes(self, column: int, height: float) -> Axes:
-        left = _LEFT + column * (_WIDTH + _GAP)
-        bottom = self.height - self.top - height
-        place = (left / self.width, bottom / self.height, _WIDTH / self.width, height / self.height)
-        ax: Axes = self.figure.add_axes(place)
-        return ax
-
-    def down(self, inches: float) -> None:
-        self.top += inches
-
-    def write(self, words: str, size: float, colour: str, left: float = _LEFT) -> None:
-        y = 1.0 - (self.top + 0.12) / self.height
-        self.figure.text(left / self.width, y, words, size=size, color=colour, va="top", parse_math=False)
-
-    def rule(self, place: int) -> None:
-        """Draw a row of what a rule asks and concludes."""
-        system, theme = self.inference.system, self.theme
-        rule, text = system.rules[place], self.texts[place]
-        self.write(text, MEDIUM, theme.ink)
-        start = self.top
-        self.down(0.12 + lettering.height(text, MEDIUM) + _WORDS)
-        for column, variable in enumerate(system.inputs):
-            statement_panel(self.inference, rule, variable, self.axes(column, _RULE), theme=theme)
-        strength = float(self.inference.firing_strengths[place])
-        for column, variable in enumerate(system.outputs, start=len(system.inputs)):
-            ax = self.axes(column, _RULE)
-            conclusion_panel(variable, rule.consequents, strength, ax, theme=theme)
-        self.top = start + self._height(text)

@@ -230,17 +230,17 @@ def draw_surface(
     ax.grid(visible=False)
     dress(ax, theme)
     if has_colour_bar:
-        colour_bar([ax], image, result, theme)
+        colour_bar([ax], image, with_unit(result.output), theme)
     return ax
 
 
-def colour_bar(axes: Sequence[Axes], image: Any, result: Surface, theme: Theme) -> None:
-    """Put the scale of the output beside axes."""
+def colour_bar(axes: Sequence[Axes], image: Any, label: str, theme: Theme) -> None:
+    """Put the scale of an image's colours beside axes."""
     figure = axes[0].get_figure()
     if figure is not None:
         many = len(axes) > 1
         scale = figure.colorbar(image, ax=axes, fraction=0.05 if many else 0.1, pad=0.02 if many else 0.04)
-        scale.set_label(with_unit(result.output))
+        scale.set_label(label)
         scale.outline.set_edgecolor(theme.muted)
         dress(scale.ax, theme)
 

@@ -16,7 +16,6 @@ from fis_tools.analysis.flights import (
     read_flight,
     read_periods,
     read_points,
-    usage_along,
 )
 from fis_tools.engines.inference import infer
 from fis_tools.errors import ControllerFileError
@@ -81,21 +80,21 @@ def test_a_flight_gives_back_its_controller_and_every_inference(tmp_path):
             np.testing.assert_allclose(strengths, step.firing_strengths, rtol=1e-7, atol=0)
 
 
-def test_usage_counts_over_all_flights(tmp_path):
+def test_inputs_are_those_of_all_flights(tmp_path):
     controller = paper_like_controller()
     paths = [log_flight(tmp_path / f"{seed}.mcap", controller, seed=seed) for seed in (1, 2)]
-    strengths = np.concatenate([read_flight(path)[1].firing_strengths for path in paths])
-    usage = usage_along(paths, threshold=0.3)["force_z"]
-    assert usage.num_samples == 8
+    flown = [read_flight(path)[1] for path in paths]
+    sensed = np.concatenate([one.inputs for one in flown])
+    np.testing.assert_array_equal(inputs_along(paths)["force_z"], sensed)
+    strengths = np.concatenate([one.firing_strengths for one in flown])
+    usage = rule_usage(strengths, 0.3)
     np.testing.assert_array_equal(usage.fired, np.mean(strengths >= 0.3, axis=0))
-    np.testing.assert_array_equal(usage.fired, rule_usage(strengths, 0.3).fired)
     assert 0 < usage.fired.sum() < 45
 
 
 def test_a_system_that_never_decides_is_left_out(tmp_path):
     path = log_flight(tmp_path / "a.mcap", paper_like_controller(), num_samples=0)
-    assert usage_along([path]) == {}
-    assert read_flight(path)[0].inputs.shape == (0, 2)
+    assert inputs_along([path])["force_x"].shape == (0, 2)
 
 
 def test_flights_that_cannot_be_used_are_refused_with_a_sentence(tmp_path):
@@ -105,7 +104,7 @@ def test_flights_that_cannot_be_used_are_refused_with_a_sentence(tmp_path):
         tmp_path / "b.mcap", FuzzyController("b", (replace(force_z_system(), name="force_x"),))
     )
     with pytest.raises(ControllerFileError, match="another system 'force_x'"):
-        usage_along([path, other])
+        inputs_along([path, other])
     (tmp_path / "cut.mcap").write_bytes(path.read_bytes()[:-200])
     with pytest.raises(ControllerFileError, match="recover"):
         read_flight(tmp_path / "cut.mcap")
@@ -172,7 +171,7 @@ def test_inferences_count_whose_force_was_fired(tmp_path):
     assert times == {"force_x": [0.0, 10.0, 50.0], "force_z": [10.0]}
     for flown in read_flight(path, all_periods=True):
         assert flown.time_s.tolist() == [0.0, 10.0, 30.0, 50.0]
-    assert usage_along([path])["force_x"].num_samples == 3
+    assert len(inputs_along([path])["force_x"]) == 3
     assert len(inputs_along([path], all_periods=True)["force_z"]) == 4
 
 

@@ -18,6 +18,8 @@ from fis_tools.model import FuzzySystem, Gaussian, Term, Variable
 from fis_tools.model.variables import sample_terms
 from fis_tools.render import memberships, system_figures
 from fis_tools.render.inference import conclusion_panel, inference_figure, output_panel, statement_panel
+from fis_tools.render.rules import firing_map
+from fis_tools.render.surfaces import output_curve
 from fis_tools.render.theme import DARK, LIGHT, THEMES, Theme, contrast, readable_on, term_colours
 from tests.fis_tools.render.picture_systems import (
     autopilot_system,
@@ -84,10 +86,8 @@ SYSTEMS = {
 def test_no_word_of_a_figure_runs_into_another_or_over_the_edge(kind: str) -> None:
     system = SYSTEMS[kind]
     sample = np.array([v.minimum + 0.42 * (v.maximum - v.minimum) for v in system.inputs])
-    given = {v.name: float(x) for v, x in zip(system.inputs, sample, strict=True)}
     theme = DARK if kind == "no table" else LIGHT
     figures = dict(system_figures(system, theme=theme))
-    figures["marked"] = render.memberships_figure(system, given, theme=theme)
     figures["inference"] = render.inference_figure(infer(system, sample), theme=theme)
     for name, figure in figures.items():
         words = seen_words(figure)
@@ -101,14 +101,12 @@ def test_no_word_of_a_figure_runs_into_another_or_over_the_edge(kind: str) -> No
 def test_no_word_runs_into_another_on_axes_of_the_usual_size(kind: str, layout: str | None) -> None:
     system = SYSTEMS[kind]
     times, strengths = np.arange(0.0, 30.0, 10.0), np.full((3, len(system.rules)), 0.25)
-    values = np.linspace(0.5, 0.0, len(system.rules))
     for draw in (
         lambda ax: memberships(system.inputs[0], ax, system.inputs[0].maximum / 3),
         lambda ax: kind == "no table" or render.rule_matrix(system, ax),
-        lambda ax: render.rule_bars(system, values, ax),
-        lambda ax: render.firing_map(system, times, strengths, ax),
+        lambda ax: firing_map(system, times, strengths, ax),
         lambda ax: render.surface_map(system, ax),
-        lambda ax: render.output_curve(one_input_system(), ax),
+        lambda ax: output_curve(one_input_system(), ax),
     ):
         figure = Figure(figsize=(6.4, 4.8), layout=layout)
         draw(figure.subplots())
@@ -318,7 +316,7 @@ def test_a_denied_term_is_drawn_turned_over_and_an_input_not_asked_for_is_empty(
 
 def test_a_conclusion_is_cut_at_strength_times_weight() -> None:
     system = room_system()
-    ax = conclusion_panel(system.outputs[1], system.rules[0].consequents, 0.8, Figure().subplots())
+    ax = conclusion_panel(system.outputs[1], system.rules[0], 0.8, Figure().subplots())
     assert title(ax) == "open 0.80 × 0.25 = 0.20"
     top = max(path.vertices[:, 1].max() for path in ax.collections[0].get_paths())
     assert top == pytest.approx(0.2)
@@ -327,7 +325,7 @@ def test_a_conclusion_is_cut_at_strength_times_weight() -> None:
 def test_the_output_is_the_aggregate_with_its_number() -> None:
     system = force_x_system()
     output = infer(system, np.array([80.0, 0.05])).outputs[0]
-    ax = output_panel(output, system.defuzzifier, Figure().subplots())
+    ax = output_panel(output, system, Figure().subplots())
     (outline,) = (line for line in ax.lines if len(line.get_xdata()) == len(output.universe))
     np.testing.assert_array_equal(outline.get_ydata(), output.aggregated)
     assert title(ax) == f"force_x = {output.value:.6g} N, centre of area"
@@ -375,5 +373,5 @@ def test_where_nothing_fires_the_default_is_told() -> None:
     quiet = type(output)(
         output.variable, np.zeros(2), output.universe, np.zeros(len(output.universe)), 0.5, is_default=True
     )
-    ax = output_panel(quiet, "centroid", Figure().subplots())
+    ax = output_panel(quiet, system, Figure().subplots())
     assert title(ax) == "heat = 0.5 kW, the default: no rule fires"

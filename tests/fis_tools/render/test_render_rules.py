@@ -10,15 +10,14 @@ from matplotlib.figure import Figure
 from fis_tools.analysis.flights import read_flight
 from fis_tools.document import html, text
 from fis_tools.model import And, Consequent, FuzzyController, FuzzySystem, Is, Rule
-from fis_tools.render import firing_map, rule_bars, rule_matrix, rules_figures
-from fis_tools.render.rule_lists import firing_shares
+from fis_tools.render import rule_matrix, rules_figures
+from fis_tools.render.rules import firing_map, rule_names
 from fis_tools.render.theme import contrast, luminance, term_colours
 from fis_tools.words.text import outline
 from tests.fis_tools.analysis.test_flights import log_flight
 from tests.fis_tools.render.picture_systems import (
     one_input_system,
     room_system,
-    words_of,
 )
 from tests.fis_tools.sample_controllers import (
     force_x_system,
@@ -146,31 +145,15 @@ def test_firing_that_does_not_fit_is_refused() -> None:
         firing_map(system, np.empty(0), np.zeros((0, 25)), ax)
     with pytest.raises(ValueError, match="one flight at a time"):
         firing_map(system, np.array([0.0, 10.0, 0.0]), np.zeros((3, 25)), ax)
-    with pytest.raises(ValueError, match="one for each of 25 rules"):
-        rule_bars(system, np.zeros(3), ax)
 
 
 def test_a_flight_on_which_nothing_fires_is_drawn_empty() -> None:
     ax = firing_map(force_x_system(), np.arange(2.0), np.zeros((2, 25)), Figure().subplots())
     assert not [label for label in ax.get_yticklabels() if label.get_text()]
-    np.testing.assert_array_equal(firing_shares(np.zeros((2, 25))), np.zeros(25))
-
-
-def test_bars_are_as_long_as_their_values_the_longest_first() -> None:
-    system = force_x_system()
-    values = np.random.default_rng(1).uniform(0, 1, 25)
-    ax = rule_bars(system, values, Figure().subplots())
-    order = np.argsort(-values)
-    np.testing.assert_allclose([bar.get_width() for bar in ax.patches], 100 * values[order[:15]])  # type: ignore[attr-defined]
-    assert [text.get_text() for text in ax.texts] == [f"{100 * values[place]:.1f}" for place in order[:15]]
-    assert ax.get_xlabel() == "share of all firing (%)"
-    assert ax.get_title(loc="right") == f"10 more rules have {100 * values[order[15]]:.1f} % at most"
-    assert any(text.get_text().startswith(f"{order[0] + 1}: ") for text in words_of(ax))
 
 
 def test_rules_are_named_in_few_words() -> None:
-    ax = rule_bars(room_system(), np.array([0.7, 0.3]), Figure(figsize=(12, 4)).subplots())
-    first, second = (label.get_text().replace("\n", " ") for label in ax.get_yticklabels())
+    first, second = rule_names(room_system())
     assert second == "2: hot · any → heat low × 0.75, vent open"
     assert first.startswith("1: temperature is cold and (wind is calm or temperature is not hot) → heat high")
 

@@ -10,8 +10,9 @@ from matplotlib.figure import Figure
 from fis_tools.analysis.arrays import surface
 from fis_tools.engines.inference import infer
 from fis_tools.model import table_rules
-from fis_tools.render import DARK, draw_surface, output_curve, surface_map, surface_space
+from fis_tools.render import DARK, draw_surface, surface_map, surface_space
 from fis_tools.render.figures import surface_figure
+from fis_tools.render.surfaces import output_curve
 from tests.fis_tools.render.picture_systems import autopilot_system, one_input_system
 from tests.fis_tools.sample_controllers import force_x_system, force_z_system
 

@@ -1,4 +1,4 @@
-"""Rules as a coloured table of output terms."""
+"""Rules drawn: as a coloured table of output terms, and as they fire along a flight."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -9,14 +9,14 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Rectangle
 
+from fis_tools.analysis.arrays import FIRED
 from fis_tools.array_types import Floats, Integers
-from fis_tools.model import FuzzySystem, Variable
+from fis_tools.model import And, Consequent, FuzzySystem, Is, Rule, Variable
 from fis_tools.model.validate import nearest
 from fis_tools.render import lettering
-from fis_tools.render.rule_lists import plain_statements
-from fis_tools.render.surfaces import named
-from fis_tools.render.theme import LIGHT, SMALL, Theme, dress, readable_on, term_colours
-from fis_tools.words.text import number
+from fis_tools.render.surfaces import colour_bar, named
+from fis_tools.render.theme import LIGHT, MEDIUM, SMALL, Theme, dress, readable_on, term_colours
+from fis_tools.words.text import antecedent_words, number
 
 #: Tables with more cells than this are not laid out.
 MOST_CELLS = 4096
@@ -183,3 +183,118 @@ def _fill(ax: Axes, output: Variable, terms: Integers, weights: Floats, theme: T
             ink, style = readable_on(colours[term]), {"fc": tuple(colours[term]), "ec": theme.paper, "lw": 2}
         ax.add_patch(Rectangle((column - 0.5, row - 0.5), 1, 1, **style))
         ax.text(column, row, text, color=ink, **written)
+
+
+def legend(system: FuzzySystem) -> str:
+    """Say how the names of a system's plain rules are to be read: the inputs in order, then the outputs."""
+    return f"{' · '.join(v.name for v in system.inputs)} → {', '.join(v.name for v in system.outputs)}"
+
+
+def rule_names(system: FuzzySystem) -> list[str]:
+    """Name each rule by its number and its words.
+
+    A rule that asks for at most one term of each input, and for nothing else, is told by its terms in the
+    order of `legend`, ``any`` for an input it does not ask for: ``4: near · still → PS``. Others are told
+    with the names of their inputs.
+    """
+    names = []
+    for place, rule in enumerate(system.rules, start=1):
+        asked = plain_statements(rule)
+        words = antecedent_words(rule.antecedent)
+        if asked is not None:
+            words = " · ".join(asked.get(variable.name, "any") for variable in system.inputs)
+        outputs = ["" if len(system.outputs) == 1 else f"{c.variable} " for c in rule.consequents]
+        concluded = map("".join, zip(outputs, map(conclusion, rule.consequents), strict=True))
+        names.append(f"{place}: {words} → {', '.join(concluded)}")
+    return names
+
+
+def plain_statements(rule: Rule) -> dict[str, str] | None:
+    """Return the term that a rule asks for of each input, or None where it is not a plain conjunction."""
+    statements = rule.antecedent.operands if isinstance(rule.antecedent, And) else (rule.antecedent,)
+    asked = {statement.variable: statement.term for statement in statements if isinstance(statement, Is)}
+    return asked if len(asked) == len(statements) else None
+
+
+def conclusion(consequent: Consequent) -> str:
+    """Say the term of a consequent, and its weight where that is not one."""
+    weight = "" if consequent.weight == 1.0 else f" × {number(consequent.weight)}"
+    return f"{consequent.term}{weight}"
+
+
+#: Rules with a smaller share that never fire are not drawn along a flight.
+_LEAST_SHARE = 0.005
+
+
+def firing_map(
+    system: FuzzySystem,
+    time_s: Floats,
+    strengths: Floats,
+    ax: Axes,
+    *,
+    most_rules: int = 20,
+    is_timed: bool = True,
+    theme: Theme = LIGHT,
+) -> Axes:
+    """Draw how strongly rules fire along a flight, those with the largest share at the top.
+
+    Parameters
+    ----------
+    system : FuzzySystem
+        What flew.
+    time_s : (n,)
+        Ascending; each strength holds until the next time.
+    strengths : (n, num_rules)
+        Firing strengths, as `fis_tools.analysis.flights.read_flight` gives them.
+    ax : Axes
+        Where to draw.
+    most_rules : int
+        How many rules are drawn; the others are counted below.
+    is_timed : bool
+        Whether ``time_s`` are times, and not numbers of rows.
+    theme : Theme
+        Colours.
+
+    Raises
+    ------
+    ValueError
+        If the shapes do not fit, there are no samples, or the times run backwards.
+    """
+    expected = (len(time_s), len(system.rules))
+    if strengths.shape != expected or not len(time_s):
+        raise ValueError(f"strengths have shape {strengths.shape}; pass {expected}, one row or more")
+    if np.any(np.diff(time_s) < 0):
+        raise ValueError("the times run backwards; draw one flight at a time")
+    mean = strengths.mean(axis=0)
+    shares = mean / max(float(mean.sum()), np.finfo(np.float64).tiny)
+    order = np.argsort(-shares, kind="stable")
+    is_seen = (shares >= _LEAST_SHARE) | (strengths.max(axis=0) >= FIRED)
+    shown = order[is_seen[order]][:most_rules]
+    names = rule_names(system)
+    hold = time_s[-1] - time_s[-2] if len(time_s) > 1 else 1.0
+    x, y = np.append(time_s, time_s[-1] + hold), np.arange(len(shown) + 1) - 0.5
+    scale: dict[str, Any] = {"cmap": theme.strength_map, "vmin": 0.0, "vmax": 1.0}
+    image = ax.pcolormesh(x, y, strengths[:, shown].T, rasterized=True, **scale)
+    colour_bar([ax], image, "firing strength", theme)
+    size = _name_rows(ax, system, [f"{names[place]} ({100 * shares[place]:.0f}\u00a0%)" for place in shown])
+    left = len(system.rules) - len(shown)
+    if left:
+        rest = 100 * max(0.0, 1.0 - float(shares[shown].sum()))
+        ax.set_title(f"{left} more rules share {rest:.1f} %", loc="right")
+    ax.set_xlabel("time (s)" if is_timed else "row")
+    ax.grid(visible=False)
+    dress(ax, theme, y_size=size)
+    return ax
+
+
+def _name_rows(ax: Axes, system: FuzzySystem, names: list[str]) -> float:
+    """Write names left of the rows of axes, the first at the top; return their size."""
+    count = max(1, len(names))
+    wanted = min(3.2, max((lettering.width(name, SMALL) for name in names), default=0.0))
+    room, _ = lettering.make_room(ax, left=wanted + 0.02)
+    _, down = lettering.inches(ax)
+    texts = lettering.fit(names, (room, 0.95 * down / count), _LABEL_SIZES, may_stand=False)
+    ax.set_yticks(range(len(names)), texts.texts)
+    ax.set(ylim=(count - 0.5, -0.5))
+    ax.set_ylabel(lettering.shortened(legend(system), 0.95 * down, MEDIUM))
+    return texts.size
