@@ -26,9 +26,7 @@ CAMPAIGNS = (
     "kills",
     "policies",
     "scaling",
-    "slurm",
     "soak",
-    "workers",
     "worth",
 )
 PARTS = ("gym", "inference", "learning", "monte_carlo", "recording", "start", "steps", "tools", "training")

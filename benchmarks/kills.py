@@ -2,7 +2,7 @@
 
 ``python -m benchmarks kills --number 200`` prints a row for each kind of run: number of kills, runs
 lost (could not be resumed) and runs with different files in the end. SIGKILL, SIGTERM and SIGINT go to the
-process, to its group, or to one of Dask's that it started or joined; folders are absolute or relative.
+process, or to its group; folders are absolute or relative.
 """
 
 import argparse
@@ -21,7 +21,6 @@ from tests.hostile.kills import (
     Tally,
     differences,
     environment,
-    joined_by,
     run_alone,
     survive,
     verify_survives,
@@ -38,9 +37,8 @@ def campaign(options: argparse.Namespace, root: Path) -> dict[str, Tally]:
     alone: dict[str, tuple[Path, float]] = {}
     for kind in (kind for kind in options.kinds if kind != VERIFY):
         folder = root / f"{kind}-alone"
-        with joined_by(kind, root, environment()) as (more, _):
-            run_alone([*words_of(kind, root / f"{kind}-first"), *more], environment())  # compiles
-            alone[kind] = folder, run_alone([*words_of(kind, folder), *more], environment())
+        run_alone(words_of(kind, root / f"{kind}-first"), environment())  # compiles
+        alone[kind] = folder, run_alone(words_of(kind, folder), environment())
         for name in differences(folder, root / f"{kind}-first"):
             print(f"  {kind}: two runs left alone differ in {name}", flush=True)
     flown, seconds = alone.get("report") or next(iter(alone.values()))

@@ -21,7 +21,7 @@ from pipeline.run.runner import Interrupted
 
 INTERRUPTED = 130
 #: other commands, to the modules with a function of that name; few runs need them
-COMMANDS = {"cluster": "cluster", "edit": "editor", "summary": "results", "verify": "results", "warm": "cli"}
+COMMANDS = {"edit": "editor", "summary": "results", "verify": "results", "warm": "cli"}
 #: what short runs are given
 FEW: Final = ("duration_s=600", "monte_carlo.num_cases=8")
 SMALL: Final = ("optimizer.population_size=8", "optimizer.generations=2")

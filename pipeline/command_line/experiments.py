@@ -175,7 +175,6 @@ def _run_all(folder: Path, known: list[SweptRun], begun: Sequence[tuple[SweptRun
         codes.append(code)
         known = sweep.with_failure(known, run.folder, failure)
         sweep.write(folder, known)
-        sweep.note_failure(folder, run, "")  # of an earlier attempt as a job
         per_run = (time.perf_counter() - started) / number
         word = f"FAILED: {failure}" if failure else "done"
         sys.stderr.write(

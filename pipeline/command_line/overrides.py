@@ -9,7 +9,7 @@ from hydra.core.override_parser.types import Glob, Override, OverrideType
 from hydra.errors import HydraException
 
 from pipeline.command_line.arguments import EXPERIMENT, ConfigError
-from pipeline.settings.keys import all_keys, choices_of, did_you_mean, is_key, nearest, renamed, unknown
+from pipeline.settings.keys import GONE, all_keys, choices_of, did_you_mean, is_key, nearest, renamed, unknown
 
 CONTROLLER = "controller"
 TABLE_SUFFIX = ".csv"
@@ -106,7 +106,7 @@ def check_overrides(overrides: Sequence[Override], groups: Mapping[str, Sequence
                 raise ConfigError(f"there is no key {key}{did_you_mean(key, HYDRA_KEYS)}")
         elif key in groups and not isinstance(override.value(), dict):
             _check_choice(override, groups[key], plain)
-        elif renamed(key) is not None:
+        elif renamed(key) is not None or (key in GONE and not isinstance(override.value(), dict)):
             raise ConfigError(unknown(key))
         elif not is_key(key):
             found = nearest(key, {*all_keys(), *groups})

@@ -5,17 +5,14 @@ from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path, PurePosixPath
 from typing import Final
 
-from fis_tools.plain_text import plain
 from pipeline.run import artifacts
 
 SWEEP: Final = "sweep.json"
 SWEEP_VERSION: Final = 1
 #: see `pipeline.run.artifacts.fits`
 RUN_SHAPE: Final = {"folder": str, "differs": dict, "command": [str], "failure": str}
-#: folder of the failures of runs that were started separately, such as jobs of a cluster
-FAILURES: Final = "failures"
-#: of a run's folder, bytes; the file of its failure has a name of 255 at most
-LONGEST_NAME: Final = 251
+#: of a folder, bytes, on the usual file systems
+LONGEST_NAME: Final = 255
 
 DONE, FAILED, UNFINISHED = "done", "failed", "unfinished"
 
@@ -65,7 +62,7 @@ def read(folder: Path) -> list[SweptRun]:
     try:
         if told["sweep_version"] != SWEEP_VERSION:
             raise ValueError(f"its version is {told['sweep_version']}, {SWEEP_VERSION} is read")
-        return [_with_own_failure(folder, _run_of(one)) for one in told["runs"]]
+        return [_run_of(one) for one in told["runs"]]
     except (KeyError, TypeError, ValueError) as error:
         raise artifacts.ArtifactError(
             f"{folder / SWEEP} is no file of a sweep ({error!r}); restore it"
@@ -84,24 +81,6 @@ def _run_of(told: Mapping[str, object]) -> SweptRun:
         raise ValueError(f"{run.folder[:80]}... is longer than the name of a folder can be")
     differs = {str(key): str(value) for key, value in run.differs.items()}
     return replace(run, differs=differs, command=tuple(map(str, run.command)), failure=str(run.failure))
-
-
-def _with_own_failure(folder: Path, run: SweptRun) -> SweptRun:
-    path = _failure_of(folder, run)
-    return replace(run, failure=plain(path.read_text(encoding="utf-8"))) if path.exists() else run
-
-
-def note_failure(folder: Path, run: SweptRun, failure: str) -> None:
-    """Record why a separately started run failed, or, if empty, that it did not."""
-    path = _failure_of(folder, run)
-    if failure:
-        artifacts.write_atomically(path, failure)
-    else:
-        path.unlink(missing_ok=True)
-
-
-def _failure_of(folder: Path, run: SweptRun) -> Path:
-    return folder / FAILURES / f"{run.folder}.txt"
 
 
 def with_failure(runs: Sequence[SweptRun], folder: str, failure: str) -> list[SweptRun]:

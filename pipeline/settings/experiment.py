@@ -102,21 +102,12 @@ class Optimum:
     """Cases that evaluations are measured by: `shipped`, a run's folder, or null."""
 
 
-DASK = Only("engine.kind=dask")
-
-
 @settings("engine")
 class Engine:
-    """Where the parts of a campaign run: in this process, or in several managed by Dask."""
+    """How a campaign is cut into parts."""
 
-    kind: Annotated[Literal["local", "dask"], Scope.MACHINE] = "local"
-    """This process, or processes of this machine under Dask."""
-    processes: Annotated[Workers, DASK] = None
-    """Processes to start; null: one a processor."""
-    scheduler: Annotated[Text | None, Scope.OUTSIDE, DASK] = None
-    """Address or file of a scheduler to join; null: start one."""
     part_cases: Annotated[Count, Scope.MACHINE] = 10000
-    """Flights of a part, which one process flies and keeps as a file."""
+    """Flights of a part, which are kept as a file once they are flown."""
 
 
 @settings("logger", Only("stages=train", is_told=True))

@@ -36,6 +36,11 @@ RENAMED: Mapping[str, str] = {
     "search": "hparams_search",
     "tracking": "logger",
 }
+#: keys of earlier versions that have no present one, and why
+GONE: Mapping[str, str] = dict.fromkeys(
+    ("engine", "engine.kind", "engine.processes", "engine.scheduler"),
+    "one process flies everything, on monte_carlo.workers or optimizer.workers threads; leave it out",
+)
 #: the group whose keys are those of the configuration
 SPACE = "hparams_search.space"
 _known: set[str] = set()
@@ -69,6 +74,8 @@ def unknown(key: str) -> str:
     """Return a message that there is no such key, with the key that may be meant."""
     if (new := renamed(key)) is not None:
         return f"there is no key {key} any more; write {new}"
+    if key in GONE:
+        return f"there is no key {key} any more: {GONE[key]}"
     return f"there is no key {key}{did_you_mean(key, _known)}"
 
 
@@ -83,7 +90,9 @@ def in_todays_words(config: Mapping[str, Any]) -> dict[str, Any]:
             node = node.get(group) if isinstance(node, dict) else None
         if isinstance(node, dict) and was in node and name not in node:
             node[name] = node.pop(was)
-    logger = told.get("logger")
+    engine, logger = told.get("engine"), told.get("logger")
+    if isinstance(engine, dict):
+        told["engine"] = {name: value for name, value in engine.items() if f"engine.{name}" not in GONE}
     if isinstance(logger, dict) and logger.get("kind") == "mlflow":
         # a sink that is no more: such a run is read and goes on without
         logger["kind"] = "none"

@@ -19,11 +19,9 @@ from pipeline.flight.control.controller import Controller
 from pipeline.flight.fly.simulation import fly_all
 from pipeline.optimum.solved import IncomparableError, beside_optimum, solved_for, summarise_times
 from pipeline.run import artifacts, tables
-from pipeline.run.engine import each
 from pipeline.run.progress import Progress
 from pipeline.settings.dispersions import distributions
 from pipeline.settings.experiment import Experiment
-from pipeline.settings.schema import experiment_from
 
 
 def run(experiment: Experiment, folder: Path) -> None:
@@ -68,7 +66,7 @@ def _flown(experiment: Experiment, controller: Controller, folder: Path) -> Mapp
     cases = experiment.monte_carlo
     if _is_in_parts(experiment):
         (folder / artifacts.TRAJECTORIES).unlink(missing_ok=True)
-        paths = _fly_parts(experiment, folder, "cases")
+        paths = _fly_parts(experiment, controller, folder, "cases")
         tables.join_parquet(folder / artifacts.EPISODES, paths)
         return tables.Columns([folder / artifacts.EPISODES])
     scenarios = evaluation_scenarios(cases, experiment.sun, experiment.seed)
@@ -87,43 +85,28 @@ def _flown(experiment: Experiment, controller: Controller, folder: Path) -> Mapp
 
 
 def _is_in_parts(experiment: Experiment) -> bool:
-    """Return whether cases are flown in parts: by Dask, or if there are more than fit in one part."""
-    engine = experiment.engine
-    return engine.kind != "local" or experiment.monte_carlo.num_cases > engine.part_cases
+    """Return whether there are more cases than fit in one part."""
+    return experiment.monte_carlo.num_cases > experiment.engine.part_cases
 
 
-def _fly_parts(experiment: Experiment, folder: Path, kind: str) -> list[Path]:
-    """Fly a campaign by its engine, each part into a file; a resumed one flies the missing parts."""
-    engine, num_cases = experiment.engine, experiment.monte_carlo.num_cases
+def _fly_parts(experiment: Experiment, controller: Controller, folder: Path, kind: str) -> list[Path]:
+    """Fly a campaign, each part into a file; a resumed one flies the missing parts."""
+    cases, length = experiment.monte_carlo, experiment.engine.part_cases
     place = folder / artifacts.EPISODE_PARTS / kind
     if not experiment.resume:
         shutil.rmtree(place, ignore_errors=True)
-    bounds = [
-        (first, min(first + engine.part_cases, num_cases)) for first in range(0, num_cases, engine.part_cases)
-    ]
+    bounds = [(first, min(first + length, cases.num_cases)) for first in range(0, cases.num_cases, length)]
     # a resumed run may be cut into other parts
     paths = [place / f"{first:09d}-{last:09d}.parquet" for first, last in bounds]
-    left = [row for row, path in enumerate(paths) if not path.exists()]
-    parts = [(str(folder.resolve()), kind, *bounds[row]) for row in left]
+    left = [part for part, path in enumerate(paths) if not path.exists()]
     with Progress("part:", len(paths), len(paths) - len(left)) as progress:
-        for done, (part, columns) in enumerate(each(engine, fly_part, parts), len(paths) - len(left) + 1):
-            tables.write_parquet(paths[left[part]], columns)
+        for done, part in enumerate(left, len(paths) - len(left) + 1):
+            scenarios = evaluation_scenarios(cases, experiment.sun, experiment.seed, slice(*bounds[part]))
+            outcomes = fly_all(experiment.mission, controller, scenarios, cases.workers)
+            columns = episode_columns(experiment.mission, scenarios, outcomes)
+            tables.write_parquet(paths[part], columns | {"case": np.arange(*bounds[part])})
             progress.show(done)
     return paths
-
-
-def fly_part(folder: str, kind: str, first: int, last: int) -> dict[str, Column]:
-    """Fly some cases of the run in a folder: as they are, or ``nominal``, without their dispersions.
-
-    Runs in the processes of an engine, which know of a run only what its folder contains.
-    """
-    experiment = experiment_from(artifacts.read_config(Path(folder)))
-    controller, cases = controller_of_run(experiment, Path(folder)), experiment.monte_carlo
-    mission = replace(experiment.mission, dispersions={}) if kind == "nominal" else experiment.mission
-    scenarios = evaluation_scenarios(cases, experiment.sun, experiment.seed, slice(first, last))
-    workers = cases.workers if experiment.engine.kind == "local" else 1
-    outcomes = fly_all(mission, controller, scenarios, workers)
-    return {**episode_columns(mission, scenarios, outcomes), "case": np.arange(first, last)}
 
 
 def _beside_optimum(experiment: Experiment, controller: Controller, folder: Path) -> dict[str, Any]:
@@ -156,11 +139,11 @@ def _dispersed(
 def _nominal(experiment: Experiment, controller: Controller, folder: Path) -> Mapping[str, Column]:
     """Fly the same cases without their dispersions."""
     cases = experiment.monte_carlo
+    undispersed = replace(experiment, mission=replace(experiment.mission, dispersions={}))
     if _is_in_parts(experiment):
-        return tables.Columns(_fly_parts(experiment, folder, "nominal"))
+        return tables.Columns(_fly_parts(undispersed, controller, folder, "nominal"))
     scenarios = evaluation_scenarios(cases, experiment.sun, experiment.seed)
-    mission = replace(experiment.mission, dispersions={})
-    return fly_cases(mission, controller, scenarios, cases.workers)[0]
+    return fly_cases(undispersed.mission, controller, scenarios, cases.workers)[0]
 
 
 def _lines_on(experiment: Experiment, summary: Mapping[str, Any]) -> Iterator[str]:

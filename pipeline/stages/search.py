@@ -74,7 +74,6 @@ def _judge(
 
 def _trained(experiment: Experiment) -> Controller:
     """Train from the configured controller, keeping only the champion."""
-    experiment = replace(experiment, engine=replace(experiment.engine, kind="local"))
     genome = genome_of(source.load(experiment.controller, experiment.mission), experiment.optimizer.encoding)
     result = evolved(experiment, genome)
     if result.interrupted:

@@ -73,12 +73,11 @@ def _evolved(experiment: Experiment, folder: Path, genome: Genome, log: Log) -> 
 
         try:
             result = evolved(
-                _as_flown(experiment),
+                experiment,
                 genome,
                 checkpoint=folder / artifacts.CHECKPOINT,
                 resume=experiment.resume,
                 on_generation=keep,
-                engine=experiment.engine,
             )
             write(result.history)
         except artifacts.WriteError as error:
@@ -107,14 +106,6 @@ def _stopped(
         f"{error}. The training stopped after {len(history)} generations and its champion is kept in "
         f"{folder / place}. To go on: python -m pipeline resume={folder}"
     )
-
-
-def _as_flown(experiment: Experiment) -> Experiment:
-    """Return an experiment whose generations fly on one thread if Dask's processes fly islands."""
-    optimizer, engine = experiment.optimizer, experiment.engine
-    if optimizer.islands == 1 or engine.kind == "local":
-        return experiment
-    return replace(experiment, optimizer=replace(optimizer, workers=1))
 
 
 def _keep_front(

@@ -9,14 +9,12 @@ import tempfile
 import time
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from contextlib import AbstractContextManager, nullcontext, suppress
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import MappingProxyType
 from typing import Final
 
 from pipeline.run import artifacts, sweep
-from tests.hostile.peers import peers_at
 
 SMALL: Final = ("duration_s=600", "optimizer.population_size=12", "optimizer.generations=12",
                 "monte_carlo.num_cases=40", "telemetry.record_training=false")  # fmt: skip
@@ -50,8 +48,6 @@ KINDS: Final[Mapping[str, Sequence[str]]] = {
     ),
     "sweep": ("-m", *EVALUATE, "stages=[scenario,evaluate]", "seed=1,2,3"),
     "parts": (*EVALUATE, "stages=[evaluate]", "engine.part_cases=7"),
-    "dask": (*EVALUATE, "stages=[evaluate]", "engine=dask", "engine.processes=2", "engine.part_cases=5"),
-    "joined": (*EVALUATE, "stages=[evaluate]", "engine=dask", "engine.part_cases=5"),
     "assure": (
         "+experiment=assure", "controller=paper_champion", "assurance.num_cases=20", "assurance.searches=1",
         "assurance.search_starts=8", "assurance.search_population=6",
@@ -68,9 +64,8 @@ KINDS: Final[Mapping[str, Sequence[str]]] = {
     "report": (*EVALUATE, "stages=[scenario,evaluate,record,report]", "monte_carlo.num_cases=10"),
 }  # fmt: skip
 SIGNALS: Final = (signal.SIGKILL, signal.SIGTERM, signal.SIGINT)
-#: who is signalled: the process, its whole group, or one that it has started, which it must survive; else a
-#: process that it has joined, by its role
-PROCESS, GROUP, CHILD = "process", "group", "child"
+#: who is signalled: the process, or its whole group
+PROCESS, GROUP = "process", "group"
 #: longest time to an end that must come, s
 LONGEST_S: Final = 1200.0
 
@@ -114,13 +109,6 @@ def run_alone(words: Sequence[str], env: Mapping[str, str], cwd: Path | None = N
     return time.perf_counter() - started
 
 
-def joined_by(
-    kind: str, root: Path, env: Mapping[str, str]
-) -> AbstractContextManager[tuple[list[str], dict[str, int]]]:
-    """Start what a run of a kind joins; yield the arguments by which it does, and process numbers by role."""
-    return peers_at(root / "peers", env) if kind == "joined" else nullcontext(([], {}))
-
-
 def is_begun(folder: Path) -> bool:
     """Return whether a killed run, or sweep, can be resumed; before, its command is given again."""
     return folder.is_dir() and ((folder / sweep.SWEEP).exists() or artifacts.holds_run(folder))
@@ -132,12 +120,10 @@ def killed_after(
     how: tuple[signal.Signals, str],
     env: Mapping[str, str],
     cwd: Path,
-    peers: Mapping[str, int] = MappingProxyType({}),
 ) -> tuple[bool, int, str]:
     """Run until it ends or is signalled; return whether it was, its exit code and its last output.
 
-    A signal to a child counts, though the run goes on. What does not end is killed, with exit code 0, and
-    says so.
+    What does not end is killed, with exit code 0, and says so.
     """
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as in the background: what is started inherits it
         signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -150,7 +136,7 @@ def killed_after(
             try:
                 process.wait(seconds)
             except subprocess.TimeoutExpired:
-                is_signalled = _signal(peers.get(how[1], process.pid), *how)
+                is_signalled = _signal(process.pid, *how)
             process.wait(LONGEST_S)
         except subprocess.TimeoutExpired:
             told.write("\ndid not end")
@@ -165,25 +151,9 @@ def killed_after(
 def _signal(pid: int, number: signal.Signals, target: str) -> bool:
     """Send a signal; return whether there was somebody to send it to."""
     with suppress(ProcessLookupError):
-        if target == GROUP:
-            os.killpg(pid, number)
-            return True
-        if target != CHILD:
-            os.kill(pid, number)
-            return True
-        for child in sorted(_children(pid), reverse=True)[:1]:
-            os.kill(child, number)
-            return True
+        (os.killpg if target == GROUP else os.kill)(pid, number)
+        return True
     return False
-
-
-def _children(pid: int) -> list[int]:
-    found = []
-    for path in Path("/proc").glob("[0-9]*"):
-        with suppress(OSError, ValueError, IndexError):
-            if int((path / "stat").read_text().rpartition(")")[2].split()[1]) == pid:
-                found.append(int(path.name))
-    return found
 
 
 def survive(
@@ -198,12 +168,7 @@ def survive(
             words = [f"resume={folder}"] if is_begun(root / folder) else words_of(kind, folder)
             limit = rng.uniform(0.0, seconds * (3.0 if is_cold else 1.0)) if left > 0 else LONGEST_S
             how = rng.choice(SIGNALS), rng.choice((PROCESS, GROUP))
-            if kind == "dask" and rng.random() < 0.5:
-                how = signal.SIGKILL, CHILD
-            with joined_by(kind, root, env) as (more, peers):
-                if peers and rng.random() < 0.7:
-                    how = how[0], rng.choice(sorted(peers))
-                is_killed, code, said = killed_after([*words, *more], limit, how, env, root, peers)
+            is_killed, code, said = killed_after(words, limit, how, env, root)
             if said.endswith("did not end") or "Traceback" in said:
                 tally.lost.append(f"{kind} {folder.name}: {said.strip()[-300:]}")
                 return

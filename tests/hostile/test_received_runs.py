@@ -1,59 +1,19 @@
 """A run's folder from somebody else: what lies in it is data, and leads nowhere else."""
 
-import asyncio
 import hashlib
 import json
 import os
-import threading
-from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
-from distributed.comm.core import listen
 
 from pipeline.command_line.cli import main
 from pipeline.run import artifacts
-from pipeline.run.engine import crew
-from pipeline.run.processes import EngineError
 from pipeline.settings.checks import Scope
-from pipeline.settings.experiment import Engine
 from pipeline.settings.schema import keys_in
 from tests.pipeline.command_line.cases import plain_config, use_stages
 
 EVALUATE = ["+experiment=evaluate", "controller=coast"]
-
-
-class Code:
-    """An object that makes a file when it is unpickled."""
-
-    def __init__(self, mark: Path) -> None:
-        self.mark = mark
-
-    def __reduce__(self):
-        return os.mkdir, (str(self.mark),)
-
-
-@contextmanager
-def scheduler_that_sends_code(mark: Path):
-    """Yield the address of a peer on loopback that answers everybody with code; whom it met is in a list."""
-    loop, met = asyncio.new_event_loop(), []
-
-    async def answer(comm):
-        met.append(comm.peer_address)
-        await comm.write({"op": Code(mark)})
-
-    thread = threading.Thread(target=loop.run_forever, daemon=True)
-    thread.start()
-    listener = asyncio.run_coroutine_threadsafe(_begun(listen("tcp://127.0.0.1:0", answer)), loop).result()
-    yield listener.contact_address, met
-    loop.call_soon_threadsafe(listener.stop)
-    loop.call_soon_threadsafe(loop.stop)
-    thread.join()
-
-
-async def _begun(listener):
-    await listener.start()
-    return listener
 
 
 def received(folder: Path, **groups) -> Path:
@@ -63,22 +23,6 @@ def received(folder: Path, **groups) -> Path:
         del config["logger"]
     artifacts.write_config(folder, config)
     return folder
-
-
-def test_a_scheduler_in_a_stored_configuration_is_not_joined(tmp_path, monkeypatch, capsys):
-    called = use_stages(monkeypatch)
-    with scheduler_that_sends_code(tmp_path / "mark") as (address, met):
-        folder = received(tmp_path / "run", engine={"kind": "dask", "scheduler": address})
-        assert main([f"resume={folder}"]) == 0
-        assert met == []
-        assert {experiment.engine.scheduler for _, experiment, _ in called} == {None}
-        assert f"note: engine.scheduler='{address}' of {folder}/config.yaml is not taken over" in (
-            capsys.readouterr().err
-        )
-        # the peer is as bad as it claims: who joins it by its own wish runs what it sends
-        with pytest.raises(EngineError), crew(Engine(kind="dask", scheduler=address)):
-            pass
-        assert (tmp_path / "mark").is_dir()
 
 
 @pytest.mark.parametrize("group", ["logger", "tracking"])
@@ -98,15 +42,10 @@ def test_a_logger_in_a_stored_configuration_writes_nowhere(again, group, tmp_pat
 def test_the_present_command_says_what_is_reached(tmp_path, monkeypatch, capsys):
     called = use_stages(monkeypatch)
     folder = received(tmp_path / "run")
-    words = [
-        "engine.kind=dask",
-        "engine.scheduler=127.0.0.1:1",
-        "logger.kind=tensorboard",
-        "logger.place=here",
-    ]
+    words = ["engine.part_cases=7", "logger.kind=tensorboard", "logger.place=here"]
     assert main([f"resume={folder}", *words]) == 0
     experiment = called[-1][1]
-    assert (experiment.engine.kind, experiment.engine.scheduler) == ("dask", "127.0.0.1:1")
+    assert experiment.engine.part_cases == 7
     assert (experiment.logger.kind, experiment.logger.place) == ("tensorboard", "here")
     assert "not taken over" not in capsys.readouterr().err
     # what an earlier command reached is no reason to refuse its folder
@@ -125,13 +64,13 @@ def test_settings_that_no_result_depends_on_change_no_hash():
 
 
 def test_whatever_names_a_host_or_a_place_to_write_to_is_marked():
-    assert list(keys_in(Scope.OUTSIDE)) == ["engine.scheduler", "logger.kind", "logger.place"]
-    assert {"monte_carlo.workers", "optimizer.workers", "engine.kind"} < set(keys_in(Scope.MACHINE))
+    assert list(keys_in(Scope.OUTSIDE)) == ["logger.kind", "logger.place"]
+    assert {"monte_carlo.workers", "optimizer.workers", "engine.part_cases"} < set(keys_in(Scope.MACHINE))
 
 
 def test_a_run_of_a_version_that_hashed_every_key_is_resumed(tmp_path, monkeypatch):
     use_stages(monkeypatch)
-    folder = received(tmp_path / "run", engine={"kind": "local", "processes": 3})
+    folder = received(tmp_path / "run", engine={"kind": "dask", "processes": 3, "scheduler": "tcp://x:1"})
     assert main([f"resume={folder}"]) == 0
     manifest = artifacts.read_manifest(folder)
     whole = json.dumps(artifacts.stored_config(folder), sort_keys=True)

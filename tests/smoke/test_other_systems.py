@@ -9,9 +9,9 @@ from tests.places import PROJECT
 
 PACKAGES = ("pipeline", "fis_tools", "telemetry")
 LACKING = ("fcntl", "grp", "pty", "pwd", "resource", "termios", "tty")
-#: psutil and locket take others where they lack these, which Linux does not have; so they come first
+#: psutil takes others where it lacks these, which Linux does not have; so it comes first
 IMPORTS = f"""
-import importlib, locket, pkgutil, psutil, sys
+import importlib, pkgutil, psutil, sys
 sys.modules.update(dict.fromkeys({LACKING}))
 for name in {PACKAGES}:
     for module in pkgutil.walk_packages(importlib.import_module(name).__path__, name + "."):

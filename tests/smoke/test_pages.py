@@ -39,7 +39,6 @@ NEED_A_FOLDER = (
     "--config-dir",
     "verify",
     "summary",
-    "cluster",
     "edit",
     "warm",
 )

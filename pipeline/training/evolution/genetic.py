@@ -3,8 +3,8 @@
 The operators and rates of Choi, Kim and Leeghim (AAS 25-727), defined as in MATLAB's Global Optimization
 Toolbox ("Genetic Algorithm Options"). Instead of its adaptive feasible mutation a local one may be chosen,
 which moves few genes a little: for the search near a controller that is already good.
-DEAP draws from Python's global generator, which other code uses too, such as Dask's threads: for each
-generation that is replaced by one of ours.
+DEAP draws from Python's global generator, which other code uses too: for each generation that is replaced by
+one of ours.
 
 For a front of nondominated individuals there is NSGA-II (Deb, Pratap, Agarwal and Meyarivan, IEEE
 Transactions on Evolutionary Computation 6, 2002), DEAP's selection: parents and children together are sorted

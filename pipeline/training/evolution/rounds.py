@@ -6,13 +6,11 @@ with the population, evaluated again. All randomness comes from one seed.
 
 Islands are populations that evolve separately and periodically send their best to the next: the island model
 (Cohoon, Hegde, Martin and Richards, "Punctuated equilibria: a parallel genetic algorithm", ICGA 1987) on a
-ring. An island's work between two migrations depends only on its `Leg`, so that it is the same wherever it
-runs, and on however many processes. All islands together are one `State`: their populations one after the
-other, and the step of each island's mutation under `STEPS`.
+ring. All islands together are one `State`: their populations one after the other, and the step of each
+island's mutation under `STEPS`.
 """
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -20,8 +18,7 @@ from typing import Any
 import numpy as np
 
 from pipeline.array_types import Floats
-from pipeline.run.engine import Each, crew
-from pipeline.settings.experiment import Engine, Optimizer
+from pipeline.settings.experiment import Optimizer
 from pipeline.training.evolution import generations, genetic
 from pipeline.training.evolution.generations import EvaluateForRound
 from pipeline.training.evolution.state import Generation, State, load, save
@@ -76,126 +73,72 @@ class _OnePopulation:
 STEPS = "island_step_sizes"
 
 
-@dataclass(frozen=True)
-class Leg:
-    """An island's work between two migrations; plain data.
+class _Islands(_OnePopulation):
+    """A round of all islands, run like one population."""
 
-    Parameters
-    ----------
-    settings : Optimizer
-        Of the island: its share of the population.
-    seed, number, round, generation : int
-        Of the training; of the island; the round, and the generation before its first.
-    generations : int
-        Number of generations; zero for the first population of a round.
-    champion : (num_genes,) array, optional
-        Of the round before.
-    seeds : (k, num_genes) array
-        Genomes to start a first population with.
-    genomes, fitness, parts, step_size
-        The island as the last migration left it; no genomes if it is to be drawn.
-    """
-
-    settings: Optimizer
-    seed: int
-    number: int
-    round: int
-    generation: int
-    generations: int
-    champion: Floats | None
-    seeds: Floats
-    genomes: Floats
-    fitness: Floats
-    parts: dict[str, Floats]
-    step_size: float
-
-
-def travel(evaluate_for_round: EvaluateForRound, leg: Leg) -> State:
-    """Evolve an island for a leg; the history of the returned state is that of the leg."""
-    evaluate = evaluate_for_round(leg.round, leg.champion)
-    key = (leg.round, leg.generation, leg.number)
-    state = generations.unpopulated(leg.seed, key, leg.round, leg.seeds.shape[1], leg.step_size)
-    before = replace(state, genomes=leg.genomes) if len(leg.genomes) else None
-    if leg.generations == 0:
-        generations.begin(state, evaluate, leg.seeds, leg.settings, before)
-        generations.record(state)
-        return state
-    state.genomes, state.fitness, state.parts = leg.genomes, leg.fitness, leg.parts
-    generations.record(state)
-    for _ in range(leg.generations):
-        generations.advance(state, evaluate, leg.settings)
-        generations.record(state)
-    del state.history[0]  # the generation it was sent with
-    return state
-
-
-class Islands:
-    """All islands of a training, run like one population.
-
-    Parameters
-    ----------
-    evaluate_for_round : callable
-        At module level, or a partial of such a function: it may be sent to other processes.
-    settings : Optimizer
-    seed : int
-    do_all : callable
-        Runs the legs of all islands (`pipeline.run.engine.crew`).
-    """
-
-    def __init__(
-        self, evaluate_for_round: EvaluateForRound, settings: Optimizer, seed: int, do_all: Each
-    ) -> None:
-        self._evaluate_for_round, self._seed, self._do_all = evaluate_for_round, seed, do_all
-        self._whole, self._num = settings, settings.islands
+    def __init__(self, evaluate_for_round: EvaluateForRound, settings: Optimizer, seed: int) -> None:
+        super().__init__(evaluate_for_round, settings, seed)
+        self._num = settings.islands
         self._own = replace(settings, population_size=settings.population_size // settings.islands, islands=1)
-        self._champion: Floats | None = None
-
-    def enter(self, _round_index: int, champion: Floats | None) -> None:
-        """Prepare for a round, given the champion of the one before."""
-        self._champion = champion
 
     def begin(self, round_index: int, seeds: Floats, before: State | None) -> State:
         """Draw all islands' populations, or evaluate those of the round before again."""
-        step = self._whole.step_of_round(round_index)
+        step = self._settings.step_of_round(round_index)
         state = generations.unpopulated(self._seed, (round_index,), round_index, seeds.shape[1], step)
         state.strategy = {STEPS: np.full(self._num, step)}
-        if before and self._whole.next_round == "carried":
+        if before and self._settings.next_round == "carried":
             state.genomes, state.fitness, state.parts = before.genomes, before.fitness, before.parts
         if before:
             state.evaluations, state.history = before.evaluations, before.history
-        self._travel(state, seeds, 0)
+        self._gather(state, [self._begun(state, island, seeds) for island in range(self._num)])
         return state
 
     def advance(self, state: State) -> None:
-        """Migrate the best of each island, then evolve all islands."""
-        migrate(state, self._num, self._whole.migrants)
-        left = self._whole.generations - state.generation
-        self._travel(state, state.genomes[:0], min(self._whole.migrate_every, left))
+        """Migrate the best of each island, then evolve all islands until the next migration."""
+        migrate(state, self._num, self._settings.migrants)
+        left = self._settings.generations - state.generation
+        num_generations = min(self._settings.migrate_every, left)
+        self._gather(state, [self._evolved(state, island, num_generations) for island in range(self._num)])
 
-    def _travel(self, state: State, seeds: Floats, num_generations: int) -> None:
-        """Run a leg of every island, and combine the results."""
-        legs = [self._leg(state, island, seeds, num_generations) for island in range(self._num)]
-        done = dict(self._do_all(travel, [(self._evaluate_for_round, leg) for leg in legs]))
-        islands: list[State] = [done[place] for place in range(self._num)]
+    def _begun(self, state: State, island: int, seeds: Floats) -> State:
+        own = self._island(state, island)
+        generations.begin(own, self._evaluate, seeds, self._own, own if len(own.genomes) else None)
+        generations.record(own)
+        return own
+
+    def _evolved(self, state: State, island: int, num_generations: int) -> State:
+        """Return an island after some generations; its history is of these."""
+        own = self._island(state, island)
+        generations.record(own)  # by which the first is judged, and then dropped
+        for _ in range(num_generations):
+            generations.advance(own, self._evaluate, self._own)
+            generations.record(own)
+        del own.history[0]
+        return own
+
+    def _island(self, state: State, island: int) -> State:
+        """Return an island as the last migration left it, with randomness of its own."""
+        size = self._own.population_size
+        rows = slice(island * size, (island + 1) * size)
+        key = (state.round, state.generation, island)
+        step, num_genes = float(state.strategy[STEPS][island]), state.genomes.shape[1]
+        own = generations.unpopulated(self._seed, key, state.round, num_genes, step)
+        own.genomes, own.fitness = state.genomes[rows], state.fitness[rows]
+        own.parts = {name: values[rows] for name, values in state.parts.items()}
+        return own
+
+    def _gather(self, state: State, islands: Sequence[State]) -> None:
+        """Put the islands' populations together, and their histories, which are of the same generations."""
         for rows in zip(*(island.history for island in islands), strict=True):
-            offset = state.generation if num_generations else 0
-            state.history.append(_together(rows, self._own.population_size, state.evaluations, offset))
-        state.generation += num_generations
-        state.evaluations = state.history[-1].evaluations
-        state.step_size = state.history[-1].step_size
+            size = self._own.population_size
+            state.history.append(_together(rows, size, state.evaluations, state.generation))
+        last = state.history[-1]
+        state.generation, state.evaluations = last.generation, last.evaluations
+        state.step_size = last.step_size
         state.genomes = np.concatenate([island.genomes for island in islands])
         state.fitness = np.concatenate([island.fitness for island in islands])
         state.parts = {name: np.concatenate([i.parts[name] for i in islands]) for name in islands[0].parts}
         state.strategy = {STEPS: np.array([island.step_size for island in islands])}
-
-    def _leg(self, state: State, island: int, seeds: Floats, num_generations: int) -> Leg:
-        size = self._own.population_size
-        own = slice(island * size, (island + 1) * size)
-        parts = {name: values[own] for name, values in state.parts.items()}
-        step_size = float(state.strategy[STEPS][island])
-        place = (self._own, self._seed, island, state.round, state.generation, num_generations)
-        begun = (self._champion, seeds, state.genomes[own], state.fitness[own], parts, step_size)
-        return Leg(*place, *begun)
 
 
 def migrate(state: State, num_islands: int, migrants: int) -> None:
@@ -223,17 +166,6 @@ def _together(rows: Sequence[Generation], size: int, evaluations: int, generatio
         mean=float(means.mean()),
         std=float(np.sqrt(squares / (size * len(rows) - 1))),
     )
-
-
-@contextmanager
-def _way(
-    evaluate_for_round: EvaluateForRound, settings: Optimizer, seed: int, engine: Engine
-) -> Iterator[_OnePopulation | Islands]:
-    if settings.islands == 1:
-        yield _OnePopulation(evaluate_for_round, settings, seed)
-        return
-    with crew(engine) as do_all:
-        yield Islands(evaluate_for_round, settings, seed, do_all)
 
 
 def _is_finished(state: State, settings: Optimizer) -> bool:
@@ -281,7 +213,6 @@ def evolve_rounds(
     checkpoint: Path | None = None,
     resume: bool = False,
     on_generation: OnGeneration | None = None,
-    engine: Engine | None = None,
 ) -> Evolution:
     """Evolve for `settings.rounds` rounds.
 
@@ -310,8 +241,6 @@ def evolve_rounds(
     on_generation : callable, optional
         Called after every generation with the history so far, including earlier runs', and with that of the
         checkpoint before resuming; with islands, at every migration.
-    engine : Engine, optional
-        Runs the islands; this process unless given.
 
     Returns
     -------
@@ -322,8 +251,6 @@ def evolve_rounds(
     ------
     CheckpointError
         If the checkpoint is damaged or belongs to other settings.
-    pipeline.run.processes.EngineError
-        If the engine is not available, or disappears.
     ValueError
         If the results of the fitness function have the wrong shape or are not finite.
     KeyboardInterrupt
@@ -345,19 +272,20 @@ def evolve_rounds(
         if on_generation is not None:
             on_generation(tuple(state.history))
 
+    kind = _Islands if settings.islands > 1 else _OnePopulation
+    way = kind(evaluate_for_round, settings, seed)
     interrupted = False
     try:
-        with _way(evaluate_for_round, settings, seed, engine or Engine()) as way:
-            for round_index in range(state.round if state else 0, settings.rounds):
-                way.enter(round_index, _champion_before(history, round_index))
-                if state is None or state.round < round_index:
-                    state = way.begin(round_index, seeds, state)
-                    history = state.history
-                    finish_generation(state)
-                while not _is_finished(state, settings):
-                    way.advance(state)
-                    finish_generation(state)
-                seeds = history[-1].champion[np.newaxis]
+        for round_index in range(state.round if state else 0, settings.rounds):
+            way.enter(round_index, _champion_before(history, round_index))
+            if state is None or state.round < round_index:
+                state = way.begin(round_index, seeds, state)
+                history = state.history
+                finish_generation(state)
+            while not _is_finished(state, settings):
+                way.advance(state)
+                finish_generation(state)
+            seeds = history[-1].champion[np.newaxis]
     except KeyboardInterrupt:
         if not history:
             raise

@@ -59,7 +59,10 @@ MISTAKES = [
     ([*FLY, "--multrun"], "there is no option --multrun; did you mean --multirun?"),
     ([*FLY, "--config-dir=nowhere"], "--config-dir nowhere is no folder"),
     ([*FLY, "--experimental-rerun=x.pickle"], "would load a pickle"),
-    (["check", "x"], "there is no subcommand check (there are cluster, summary and verify)"),
+    (["check", "x"], "there is no subcommand check (there are edit, summary, verify and warm)"),
+    (["cluster", "slurm", "+experiment=train"], "cluster is gone; start each run of a sweep as a job of its"),
+    ([*FLY, "engine=dask"], "there is no key engine any more: one process flies everything, on"),
+    ([*FLY, "engine.scheduler=tcp://x:1"], "there is no key engine.scheduler any more: one process"),
     # values
     ([*FLY, "deputy.mass_kg=-1"], "deputy.mass_kg is -1.0; it must be greater than 0 (kg)"),
     ([*FLY, "seed=1,-2", "-m"], "seed is -2; it must be a whole number of at least 0"),

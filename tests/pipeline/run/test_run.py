@@ -355,7 +355,7 @@ def test_an_interrupted_sweep_goes_on_with_what_is_left(monkeypatch, capsys):
         (None, "out holds no sweep, it has no sweep.json"),
         ('{"sweep_version": 1, "runs": [{"folder": "../x"}]}', "is no file of a sweep"),
         ('{"sweep_version": 1, "runs": [{"folder": "/x", ' + REST + "}]}", "lies outside"),
-        ('{"sweep_version": 1, "runs": [{"folder": "' + 252 * "x" + '", ' + REST + "}]}", "is longer than"),
+        ('{"sweep_version": 1, "runs": [{"folder": "' + 256 * "x" + '", ' + REST + "}]}", "is longer than"),
     ],
 )
 def test_a_file_that_is_no_sweeps_is_refused(content, told, tmp_path, capsys):

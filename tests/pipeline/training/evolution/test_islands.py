@@ -3,15 +3,12 @@
 import random
 import sys
 import threading
-from contextlib import contextmanager
 from functools import partial
 
 import numpy as np
 import pytest
 
-from pipeline.run.engine import crew
-from pipeline.settings.experiment import Engine, SettingError
-from pipeline.training.evolution import rounds
+from pipeline.settings.experiment import SettingError
 from pipeline.training.evolution.generations import unpopulated
 from pipeline.training.evolution.rounds import evolve_rounds, migrate
 from pipeline.training.evolution.state import CheckpointError
@@ -86,7 +83,6 @@ def test_islands_that_were_interrupted_end_as_if_they_had_not_been(next_round, t
 
 
 def test_threads_that_draw_from_the_global_generator_change_nothing():
-    """As those of a worker of Dask's do."""
     one, is_over = evolve(Sphere(), NUM_GENES, optimizer(**FOUR), seed=5), threading.Event()
 
     def draw():
@@ -102,26 +98,6 @@ def test_threads_that_draw_from_the_global_generator_change_nothing():
         sys.setswitchinterval(interval)
         is_over.set()
         thread.join()
-
-
-def test_it_does_not_matter_which_island_is_done_first(monkeypatch):
-    @contextmanager
-    def backwards(engine):
-        with crew(engine) as do_all:
-            yield lambda do, parts: reversed(list(do_all(do, parts)))
-
-    settings = optimizer(**FOUR)
-    one = evolve(Sphere(), NUM_GENES, settings, seed=5)
-    monkeypatch.setattr(rounds, "crew", backwards)
-    assert_same(one, evolve(Sphere(), NUM_GENES, settings, seed=5))
-
-
-@pytest.mark.slow
-def test_processes_of_dask_bring_the_same():
-    settings = optimizer(**FOUR, rounds=2)
-    engine = Engine(kind="dask", processes=2)
-    far = evolve_rounds(partial(moving_sphere, 0.1), NUM_GENES, settings, 5, engine=engine)
-    assert_same(far, evolve_rounds(partial(moving_sphere, 0.1), NUM_GENES, settings, 5))
 
 
 @pytest.mark.parametrize(
