@@ -293,6 +293,11 @@ def _in_words(error: Exception, folders: Sequence[Path]) -> str:
             "table of forces controller=open_loop controller.path=PATH"
         )
     if attribute := text.partition("Could not override 'controller.attributes.")[2].rstrip("'."):
+        if attribute in CONSTANTS:
+            return (
+                f"the controller's file leaves {attribute} as it is; to set it, write a plus before the key: "
+                f"+controller.attributes.{attribute}=..."
+            )
         return f"the controller sets no attribute {attribute}{did_you_mean(attribute, CONSTANTS)}"
     if "Could not override 'dispersions." in text:
         return f"{text} Nothing is dispersed until you say so: write +dispersions..., with a plus"
