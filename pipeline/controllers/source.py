@@ -46,7 +46,8 @@ def load(source: Mapping[str, Any], mission: Mission) -> Controller:
     Parameters
     ----------
     source : mapping
-        The group ``controller``: with ``systems``, ``path``, or ``kind``.
+        The group ``controller``: with ``systems``, ``path``, or ``kind``. ``attributes`` beside the path of a
+        fuzzy controller take the place of its own.
     mission : Mission
         Its clock must fit the decisions, or a table to play.
 
@@ -69,8 +70,12 @@ def load(source: Mapping[str, Any], mission: Mission) -> Controller:
         return read_played(Path(str(source["path"])), mission)
     if kind == "policy":
         return read_policy(Path(str(source["path"])))
-    is_written_out = "systems" in source
-    fuzzy = serialize.from_mapping(source) if is_written_out else serialize.load(Path(str(source["path"])))
+    if "systems" in source:
+        fuzzy = serialize.from_mapping(source)
+    else:
+        fuzzy = serialize.load(Path(str(source["path"])))
+        told = {name: str(value) for name, value in source.get("attributes", {}).items()}
+        fuzzy = replace(fuzzy, attributes=tuple(sorted((dict(fuzzy.attributes) | told).items())))
     controller = from_fuzzy(fuzzy)
     decision_stride(controller, mission)  # its decisions must fit the mission's clock
     return controller

@@ -139,6 +139,8 @@ def check_controller(source: Mapping[str, Any]) -> None:
         known = [name for name in CONTROLLER_KEYS if name != "file"]
         guess = did_you_mean(str(kind), known)
         raise SettingError(f"controller.kind is {kind!r}; it must be one of {', '.join(known)}{guess}")
+    if kind == "file" and isinstance(source.get("attributes"), Mapping):
+        keys.discard("attributes")  # constants set on the command line
     if keys != CONTROLLER_KEYS[kind]:
         raise SettingError(
             f"controller has the keys {', '.join(sorted(keys))}; one of kind {kind} has "

@@ -12,11 +12,12 @@ from fis_tools.findings.audit import audit
 from fis_tools.formats import serialize
 from fis_tools.genes.reduction import rounded
 from fis_tools.model import FuzzyController
+from pipeline.command_line.arguments import ConfigError
 from pipeline.command_line.config import compose_experiment
 from pipeline.controllers.played import read_played
 from pipeline.controllers.source import load, named
 from pipeline.flight.cases.starts import cases_of, evaluation_scenarios
-from pipeline.flight.control.controller import ControllerError, law_of
+from pipeline.flight.control.controller import ControllerError, decision_stride, law_of
 from pipeline.flight.fly.population import fly_population
 from pipeline.flight.fly.simulation import fly_logged
 from pipeline.flight.world.pack import pack_world
@@ -30,6 +31,17 @@ MISSION = experiment_from(plain_config()).mission
 
 def test_coast_has_no_force():
     assert load({"kind": "coast"}, MISSION).plan.shape == (0, 3)
+
+
+def test_constants_on_the_command_line_take_the_place_of_a_file_s():
+    path = str(PROJECT / "conf/controller/champion_27.yaml")
+    words = ["+experiment=evaluate", "controller=file", f"controller.path={path}"]
+    with pytest.raises(ConfigError, match=r"write \+controller.attributes.decision_period_s=\.\.\., with"):
+        compose_experiment([*words, "controller.attributes.decision_period_s=60"])
+    found = compose_experiment([*words, "+controller.attributes.decision_period_s=60"]).experiment
+    by_name = ["+experiment=evaluate", "controller=champion_27", "controller.attributes.decision_period_s=60"]
+    expected = load(compose_experiment(by_name).experiment.controller, MISSION)
+    assert decision_stride(load(found.controller, MISSION), MISSION) == decision_stride(expected, MISSION) == 6
 
 
 def test_a_table_of_forces(tmp_path, caplog):
