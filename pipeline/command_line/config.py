@@ -295,8 +295,8 @@ def _in_words(error: Exception, folders: Sequence[Path]) -> str:
     if attribute := text.partition("Could not override 'controller.attributes.")[2].rstrip("'."):
         if attribute in CONSTANTS:
             return (
-                f"controller.attributes.{attribute} is not in the configuration: the controller's file sets it, "
-                f"or leaves it at its default; write +controller.attributes.{attribute}=..., with a plus"
+                f"controller.attributes.{attribute} is not in the configuration: the controller's file sets "
+                f"it, or leaves it at its default; write +controller.attributes.{attribute}=..., with a plus"
             )
         return f"the controller sets no attribute {attribute}{did_you_mean(attribute, CONSTANTS)}"
     if "Could not override 'dispersions." in text:
