@@ -2,7 +2,7 @@
 
 import sys
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Literal
@@ -22,15 +22,12 @@ from fis_tools.commands.arguments import (
     write,
 )
 from fis_tools.formats import serialize
-from fis_tools.formats.c import fmu, source
-from fis_tools.formats.exchange.antecedents import NotExpressible
-from fis_tools.formats.files import WHOLE
+from fis_tools.formats.c import source
+from fis_tools.formats.files import ONE_SYSTEM, WHOLE, File, of_one_system
 from fis_tools.formats.mapping import MOST_POINTS
-from fis_tools.formats.serialize import Written
 from fis_tools.learning.learner import Recipe, Unlearnable, cross_validated, learn_table
 from fis_tools.learning.table import Table, UnreadableTable, as_table, read
 from fis_tools.model import FuzzyController, FuzzySystem, Sampled, Variable
-from fis_tools.model.thrust import thrust_logic
 from fis_tools.model.validate import InvalidSystem
 from fis_tools.source import is_program, read_controller
 from fis_tools.words.text import sentences, with_unit
@@ -39,7 +36,7 @@ from fis_tools.words.text import sentences, with_unit
 def export(
     asked: Asked,
     *,
-    format: Annotated[str, Parameter(choices=(*WHOLE, *serialize.FORMS, "c", "fmu"))],
+    format: Annotated[str, Parameter(choices=(*WHOLE, *ONE_SYSTEM))],
     output: Output = None,
     bare: bool = False,
 ) -> None:
@@ -72,60 +69,34 @@ def export(
     if bare and format != "c":
         raise UserMistake("--bare is for --format c; leave it out")
     controller = asked.read()
-    if format == "c":
-        with mistakes(ValueError):
-            write(output, source.write(controller, bare))
-    elif format == "fmu":
-        _write_fmus(controller, output)
-    elif format in serialize.FORMS:
-        _write_each(controller, serialize.writer(format), serialize.FORMS[format].endings[0], output)
-    else:
-        write(output, WHOLE[format](controller))
+    if format in ONE_SYSTEM:
+        _write_each(controller, format, output)
+        return
+    with mistakes(ValueError):
+        write(output, source.write(controller, bare) if bare else WHOLE[format](controller))
 
 
-def _write_each(
-    controller: FuzzyController, form: Callable[[FuzzyController], Written], ending: str, output: str | None
-) -> None:
+def _write_each(controller: FuzzyController, form: str, output: str | None) -> None:
     """Write each system into a file of its own, and tell what the files do not say."""
     place = None if output is None else Path(output)
-    is_folder = place is not None and _is_folder(controller, place)
-    files: dict[str, Written] = {}
-    for name, alone in _files(controller, ending, place).items():
+    if form == "fmu" and place is None:
+        raise UserMistake("an FMU is an archive and cannot be printed; add -o FILE.fmu or -o FOLDER")
+    files: dict[str, File] = {}
+    for name, alone in _files(controller, ONE_SYSTEM[form], place).items():
         try:
-            files[name] = form(alone)
-        except (NotExpressible, InvalidSystem) as error:
+            files[name] = of_one_system(alone, form)
+        except ValueError as error:
             raise UserMistake(f"{alone.systems[0].name}: {error}") from error
-    for name, written in files.items():
-        if is_folder and place is not None:
-            write(str(place_for(place / name)), written.text)
+    for name, file in files.items():
+        if place is None:
+            print(file.content.decode(), end="")
+        elif place.is_dir() or not place.suffix or len(files) > 1:
+            place_for(place / name).write_bytes(file.content)
             print(place / name)
         else:
-            write(output, written.text)
-        for loss in written.losses:
+            place_for(place).write_bytes(file.content)
+        for loss in file.losses:
             print(f"{name}: {loss}", file=sys.stderr)
-
-
-def _write_fmus(controller: FuzzyController, output: str | None) -> None:
-    """Write each system as an FMU, and tell what it can run on."""
-    if output is None:
-        raise UserMistake("an FMU is an archive and cannot be printed; add -o FILE.fmu or -o FOLDER")
-    place = Path(output)
-    for name, alone in _files(controller, ".fmu", place).items():
-        with mistakes(ValueError):
-            packed = fmu.pack(alone.systems[0], serialize.fingerprint(alone))
-        path = place_for(place / name if _is_folder(controller, place) else place)
-        path.write_bytes(packed.content)
-        holds = f"a library for {packed.library}, by gcc on this machine, and its source"
-        if not packed.library:
-            holds = "the source alone: a library is made where gcc is, on Linux and x86-64"
-        print(f"{path}: {holds}")
-        if thrust_logic(alone) is not None:
-            print(f"{path}: inference alone, without the thrust logic of the controller", file=sys.stderr)
-
-
-def _is_folder(controller: FuzzyController, place: Path) -> bool:
-    """Return whether a place is one for several files."""
-    return place.is_dir() or not place.suffix or len(controller.systems) > 1
 
 
 def _files(controller: FuzzyController, ending: str, place: Path | None) -> dict[str, FuzzyController]:

@@ -19,6 +19,7 @@ WHOLE: dict[str, Callable[[FuzzyController], str]] = {
     "latex": lambda controller: text.write_latex(outline(controller)),
     "json": serialize.dump_json,
     "yaml": serialize.dump_yaml,
+    "c": source.write,
 }
 _WHOLE_ENDINGS = {
     ".md": "markdown",
@@ -29,10 +30,12 @@ _WHOLE_ENDINGS = {
     ".json": "json",
     ".yaml": "yaml",
     ".yml": "yaml",
+    ".c": "c",
 }
-_ONE_SYSTEM = {ending: name for name, form in serialize.FORMS.items() for ending in form.endings[:1]}
+#: How the names of files end that hold one system each, by their forms.
+ONE_SYSTEM = {**{name: form.endings[0] for name, form in serialize.FORMS.items()}, "fmu": ".fmu"}
 #: How the names of files end that are written.
-ENDINGS = (*_WHOLE_ENDINGS, *_ONE_SYSTEM, ".c", ".fmu")
+ENDINGS = (*_WHOLE_ENDINGS, *ONE_SYSTEM.values())
 
 
 @dataclass(frozen=True)
@@ -56,19 +59,25 @@ def written(controller: FuzzyController, place: Path) -> dict[Path, File]:
         raise ValueError(f"{place.name} ends in none of {', '.join(ENDINGS)}; name the file so")
     if ending in _WHOLE_ENDINGS:
         return {place: File(WHOLE[_WHOLE_ENDINGS[ending]](controller).encode())}
-    if ending == ".c":
-        return {place: File(source.write(controller, bare=False).encode())}
     alone = [replace(controller, systems=(system,)) for system in controller.systems]
     paths = (
         [place]
         if len(alone) == 1
         else [place.with_stem(f"{place.stem}-{one.systems[0].name}") for one in alone]
     )
-    return {path: _of_one_system(one, ending) for path, one in zip(paths, alone, strict=True)}
+    (form,) = (name for name, written in ONE_SYSTEM.items() if written == ending)
+    return {path: of_one_system(one, form) for path, one in zip(paths, alone, strict=True)}
 
 
-def _of_one_system(controller: FuzzyController, ending: str) -> File:
-    if ending == ".fmu":
-        return File(fmu.pack(controller.systems[0], serialize.fingerprint(controller)).content)
-    file = serialize.writer(_ONE_SYSTEM[ending])(controller)
+def of_one_system(controller: FuzzyController, form: str) -> File:
+    """Return the file of one of the forms `ONE_SYSTEM` that holds a controller with one system.
+
+    Raises
+    ------
+    ValueError
+        If the form cannot hold it.
+    """
+    if form == "fmu":
+        return File(*fmu.pack(controller, serialize.fingerprint(controller)))
+    file = serialize.writer(form)(controller)
     return File(file.text.encode(), file.losses)

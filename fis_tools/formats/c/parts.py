@@ -6,10 +6,7 @@ once in each control period: `fis_tools.model.thrust` says what it is. The funct
 """
 
 import re
-import shutil
-import subprocess
-import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 from textwrap import wrap
@@ -67,27 +64,6 @@ def conclude(implication: str, aggregation: str) -> tuple[str, str]:
     return filled(_CONCLUDE), filled(_functions()[_CONCLUDE])
 
 
-def compiled(files: Mapping[str, bytes], options: Sequence[str], made: str, what: str) -> bytes | None:
-    """Return a file that gcc makes of others on this machine; None without gcc.
-
-    Raises
-    ------
-    RuntimeError
-        If gcc refuses what they are.
-    """
-    gcc = shutil.which("gcc")
-    if gcc is None:
-        return None
-    with tempfile.TemporaryDirectory() as folder:
-        for name, content in files.items():
-            (Path(folder) / name).write_bytes(content)
-        words = [gcc, "-std=c99", "-O2", *options]
-        done = subprocess.run(words, cwd=folder, capture_output=True, text=True, check=False)  # noqa: S603
-        if done.returncode != 0:
-            raise RuntimeError(f"gcc refuses the {what}: {done.stderr.strip()}")
-        return (Path(folder) / made).read_bytes()
-
-
 #: words that no member of a structure may be called
 _KEYWORDS = frozenset(
     {
@@ -104,22 +80,6 @@ _FORESEEN = {
     "coasting_nearest": ("m", "least distance on the way"),
     "coasting_farthest": ("m", "greatest distance on the way"),
 }
-
-ABOUT = (
-    "Call start() once, and step() once at the beginning of each control period. step() tells what is fired "
-    "until the next call, as the recorded flights fired it. It is given the signals, and of the mission what "
-    "the thrust logic needs. A safety layer, where one flies, comes after it, a rehearsed push before it.",
-    "A signal that is not a number asks for nothing. Signals are read only where inference decides, what "
-    "coasting is decided by only where a force is decided on; members that are not read may hold anything.",
-)
-
-RULES = (
-    "Written with MISRA C:2012 in mind: no recursion, no allocation, no variable but the caller's outlives a "
-    "call, every loop is bounded by the size of a table, one declaration a line, no macros. The addon misra "
-    "of cppcheck finds no rule broken that is required; of the advisory ones tables stand together before "
-    "the functions (8.9), the order of operators is C's (12.1), and functions may return early (15.5). "
-    "Numbers are compared with 0 exactly where that is meant."
-)
 
 
 def members(controller: FuzzyController, logic: ThrustLogic) -> Mapping[str, tuple[str, str, str]]:
