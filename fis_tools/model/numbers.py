@@ -88,6 +88,10 @@ _OPERATORS: Mapping[str, Callable[..., Any]] = {
     "%": np.fmod,
     "^": np.float_power,
 }
+#: How tightly operators bind, and what follows a sign; fuzzylite's own sign binds tightest.
+_POWER = 4
+_BINDING = {"+": 1, "-": 1, "*": 2, "/": 2, "%": 2, "^": _POWER, "**": _POWER}
+_SIGNS = {"+": 3, "-": 3, "~": 5}
 _TOKEN = re.compile(
     r"\s*(?:(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)|(?P<name>[^\W\d]\w*)|(?P<sign>\*\*|[-+*/%^~(),]))"
 )
@@ -202,7 +206,7 @@ def parse(text: str) -> Part:
             raise NotAFormula(f"the formula has more than {MOST_WORDS} numbers, names and signs")
         place = found.end()
     parser = _Parser(text, tokens)
-    whole = parser.sum(0)
+    whole = parser.expression(0)
     parser.expect("")
     return whole
 
@@ -238,7 +242,7 @@ def _combined(
 
 
 class _Parser:
-    """Parser of a formula, from left to right; each method parses what binds tighter than the one before."""
+    """Parser of a formula, from left to right."""
 
     def __init__(self, text: str, tokens: Sequence[tuple[str, str]]) -> None:
         self.text = text
@@ -254,65 +258,46 @@ class _Parser:
         return self.tokens[self.place - 1][1]
 
     def expect(self, sign: str) -> None:
-        if self.next != sign or (not sign and self.tokens[self.place][0] != "end"):
+        if self.next != sign:
             raise NotAFormula(
                 f"the formula {self.text[:40]!r} has {self.next or 'its end'!r} where {sign or 'its end'!r} "
                 "must be"
             )
         self.place += 1
 
-    def sum(self, depth: int) -> Part:
+    def expression(self, depth: int, least: int = 1) -> Part:
+        """Parse what operators join that bind as tightly as `least` or tighter."""
         if depth > DEEPEST:
             raise NotAFormula(f"the formula {self.text[:40]!r} is nested more than {DEEPEST} deep")
-        found = self.product(depth)
-        while self.next in {"+", "-"}:
-            found = Part(self.take(), (found, self.product(depth)))
+        found = self.operand(depth)
+        while _BINDING.get(self.next, 0) >= least:
+            word = self.take()
+            if _BINDING[word] == _POWER:  # from right to left
+                found = Part("^", (found, self.expression(depth + 1, _POWER)))
+            else:
+                found = Part(word, (found, self.expression(depth, _BINDING[word] + 1)))
         return found
 
-    def product(self, depth: int) -> Part:
-        found = self.signed(depth)
-        while self.next in {"*", "/", "%"}:
-            found = Part(self.take(), (found, self.signed(depth)))
-        return found
-
-    def signed(self, depth: int) -> Part:
-        if self.next in {"-", "+"}:
-            sign = self.take()
-            operand = self.signed(depth + 1) if depth < DEEPEST else self.sum(depth + 1)
-            return Part("*", (Part("", number=-1.0), operand)) if sign == "-" else operand
-        return self.power(depth)
-
-    def power(self, depth: int) -> Part:
-        found = self.atom(depth)
-        if self.next in {"^", "**"}:
-            self.take()
-            return Part("^", (found, self.signed(depth + 1) if depth < DEEPEST else self.sum(depth + 1)))
-        return found
-
-    def atom(self, depth: int) -> Part:
+    def operand(self, depth: int) -> Part:
         kind, word = self.tokens[self.place]
-        if kind == "number":
-            return Part("", number=float(self.take()))
-        if kind == "name":
+        if kind in {"number", "name"}:
             self.take()
-            if self.next != "(" or word not in FUNCTIONS:
-                return Part(word)
-            return self.call(word, depth)
-        if word == "~":  # fuzzylite's sign, which binds tightest
+            if kind == "number":
+                return Part("", number=float(word))
+            return self.call(word, depth) if self.next == "(" and word in FUNCTIONS else Part(word)
+        if word in _SIGNS:
             self.take()
-            operand = self.atom(depth + 1) if depth < DEEPEST else self.sum(depth + 1)
-            return Part("*", (Part("", number=-1.0), operand))
+            signed = self.expression(depth + 1, _SIGNS[word])
+            return signed if word == "+" else Part("*", (Part("", number=-1.0), signed))
         self.expect("(")
-        inside = self.sum(depth + 1)
+        inside = self.expression(depth + 1)
         self.expect(")")
         return inside
 
     def call(self, word: str, depth: int) -> Part:
-        count = FUNCTIONS[word][0]
-        self.expect("(")
-        found = [self.sum(depth + 1)]
-        while len(found) < count:
-            self.expect(",")
-            found.append(self.sum(depth + 1))
+        found: list[Part] = []
+        for place in range(FUNCTIONS[word][0]):
+            self.expect("," if place else "(")
+            found.append(self.expression(depth + 1))
         self.expect(")")
         return Part(word, tuple(found))
