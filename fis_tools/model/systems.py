@@ -292,6 +292,40 @@ class FuzzySystem:
         return output.defuzzifier or self.defuzzifier
 
 
+def said_once(system: FuzzySystem) -> FuzzySystem:
+    """Move operators and defuzzifiers to the system, and leave to rules and outputs what differs from it.
+
+    The system takes an operator from the first rule that uses it, and the defuzzifier of its first output.
+    """
+    own = []
+    for rule in system.rules:
+        kinds = {type(part) for part in parts_of(rule.antecedent)}
+        conjunction = system.and_operator_of(rule) if And in kinds else None
+        own.append((conjunction, system.or_operator_of(rule) if Or in kinds else None))
+    and_operator = next((each for each, _ in own if each is not None), system.and_operator)
+    or_operator = next((each for _, each in own if each is not None), system.or_operator)
+    ways = [system.defuzzifier_of(output) for output in system.outputs]
+    defuzzifier = ways[0] if ways else system.defuzzifier
+    return replace(
+        system,
+        and_operator=and_operator,
+        or_operator=or_operator,
+        defuzzifier=defuzzifier,
+        rules=tuple(
+            replace(
+                rule,
+                and_operator=None if conjunction == and_operator else conjunction,
+                or_operator=None if disjunction == or_operator else disjunction,
+            )
+            for rule, (conjunction, disjunction) in zip(system.rules, own, strict=True)
+        ),
+        outputs=tuple(
+            replace(output, defuzzifier=None if way == defuzzifier else way)
+            for output, way in zip(system.outputs, ways, strict=True)
+        ),
+    )
+
+
 @dataclass(frozen=True)
 class FuzzyController:
     """A set of fuzzy systems, with further data for their user.

@@ -8,7 +8,6 @@ zero.
 """
 
 import operator
-from collections import Counter
 from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, TypeVar
@@ -20,8 +19,8 @@ from skfuzzy.control.term import TermAggregate
 
 from fis_tools import model
 from fis_tools.array_types import Floats
-from fis_tools.model.operators import ACCUMULATIONS, AND_OPERATORS, OR_OPERATORS, Operator
-from fis_tools.model.systems import Named, NotResolvable, unchained
+from fis_tools.model.operators import ACCUMULATIONS, AND_OPERATORS, OR_OPERATORS
+from fis_tools.model.systems import Named, NotResolvable, said_once, unchained
 from fis_tools.model.validate import MAX_NESTING, nearest, problems
 from fis_tools.scikit_fuzzy.recognition import recognise
 
@@ -69,7 +68,6 @@ def read_control_system(
     name: str = "control system",
     *,
     defaults: Mapping[str, float] | None = None,
-    tolerance: float = 0.0,
 ) -> model.FuzzySystem:
     """Turn a scikit-fuzzy control system into a `FuzzySystem`.
 
@@ -82,9 +80,6 @@ def read_control_system(
     defaults : mapping, optional
         The value of an output when no rule fires, by the output's name. Others get zero, or the end of their
         universe that is nearest to zero; scikit-fuzzy has no result then.
-    tolerance : float
-        How far a membership function may be from the samples to be recognised as a shape. With 0 outputs
-        equal scikit-fuzzy's to the last bit; 1e-15 also recognises shapes computed by another formula.
 
     Raises
     ------
@@ -102,11 +97,11 @@ def read_control_system(
     for label in defaults:
         if label not in labels:
             raise UnreadableControlSystem(f"defaults name {label!r}, no output; {nearest(label, labels)}")
-    outputs = tuple(_output(output, defaults, tolerance) for output in source.consequents)
-    read = _with_common_methods(
+    outputs = tuple(_output(output, defaults) for output in source.consequents)
+    read = said_once(
         model.FuzzySystem(
             name=name,
-            inputs=tuple(_variable(source_input, tolerance) for source_input in source.antecedents),
+            inputs=tuple(_variable(source_input) for source_input in source.antecedents),
             outputs=outputs,
             rules=_rules(rules, outputs),
         )
@@ -120,7 +115,7 @@ def read_control_system(
 # Variables.
 
 
-def _variable(source: Any, tolerance: float) -> model.Variable:
+def _variable(source: Any) -> model.Variable:
     universe = _universe(source)
     is_even = np.array_equal(universe, np.linspace(universe[0], universe[-1], len(universe)))
     return model.Variable(
@@ -128,14 +123,14 @@ def _variable(source: Any, tolerance: float) -> model.Variable:
         unit="",
         minimum=float(universe[0]),
         maximum=float(universe[-1]),
-        terms=tuple(_term(source, universe, term, tolerance) for term in source.terms.values()),
+        terms=tuple(_term(source, universe, term) for term in source.terms.values()),
         num_points=len(universe),
         points=None if is_even else tuple(universe.tolist()),
     )
 
 
-def _output(source: Any, defaults: Mapping[str, float], tolerance: float) -> model.Variable:
-    variable = _variable(source, tolerance)
+def _output(source: Any, defaults: Mapping[str, float]) -> model.Variable:
+    variable = _variable(source)
     nearest_to_zero = min(max(0.0, variable.minimum), variable.maximum)
     accumulation = _named(
         source.accumulation_method,
@@ -161,7 +156,7 @@ def _universe(source: Any) -> Floats:
     return universe
 
 
-def _term(source: Any, universe: Floats, term: FuzzyTerm, tolerance: float) -> model.Term:
+def _term(source: Any, universe: Floats, term: FuzzyTerm) -> model.Term:
     where = f"the membership function of {source.label!r}, term {term.label!r}"
     values = _exact(term.mf, where)
     if values.shape != universe.shape:
@@ -173,7 +168,7 @@ def _term(source: Any, universe: Floats, term: FuzzyTerm, tolerance: float) -> m
         raise UnreadableControlSystem(
             f"{where} runs from {least:.6g} to {greatest:.6g}; memberships lie in [0, 1], scale them"
         )
-    return model.Term(str(term.label), recognise(universe, np.clip(values, 0.0, 1.0), tolerance))
+    return model.Term(str(term.label), recognise(universe, np.clip(values, 0.0, 1.0)))
 
 
 def _exact(values: Any, what: str) -> Floats:
@@ -270,34 +265,13 @@ def _mentioned(term: Any, kind: Any, where: str) -> tuple[str, str]:
     return label, str(term.label)
 
 
-def _named(
-    function: Any, names: Mapping[Any, _Name], operators: Mapping[_Name, Operator], what: str
-) -> _Name:
+def _named(function: Any, names: Mapping[Any, _Name], operators: Iterable[_Name], what: str) -> _Name:
     """Return the name of an operator that scikit-fuzzy was given as a function."""
     if isinstance(function, Hashable) and function in names:
         return names[function]
     name = getattr(function, "__name__", type(function).__name__)
     cure = f"pass a function of fis_tools.model.operators: {', '.join(operators)}"
-    for same, known in operators.items():
-        if _agrees(function, known):
-            cure = f"it gives the numbers of {same!r}, so pass that: {_path(known)}"
     raise UnreadableControlSystem(f"the {what} is {name}, which is not known; {cure}")
-
-
-def _path(function: Operator) -> str:
-    owner = "numpy" if isinstance(function, np.ufunc) else function.__module__
-    return f"{owner}.{function.__name__}"
-
-
-def _agrees(function: Any, known: Operator) -> bool:
-    """Return whether a function gives an operator's numbers at some pairs, one at a time."""
-    degrees = np.linspace(0.0, 1.0, 9)
-    try:
-        pairs = [(float(function(a, b)), float(known(a, b))) for a in degrees for b in degrees]
-    except (TypeError, ValueError, ArithmeticError):
-        return False
-    given, expected = np.array(pairs).T
-    return np.allclose(given, expected, rtol=0, atol=1e-12)
 
 
 def _with_labels(sources: Sequence[control.Rule], rules: Sequence[model.Rule]) -> tuple[model.Rule, ...]:
@@ -308,35 +282,3 @@ def _with_labels(sources: Sequence[control.Rule], rules: Sequence[model.Rule]) -
         label = "" if label.lstrip("#") == str(place) else label
         labels.append(f"{label} #{place}" if label and label in labels else label)
     return tuple(replace(rule, label=label) for rule, label in zip(rules, labels, strict=True))
-
-
-def _with_common_methods(system: model.FuzzySystem) -> model.FuzzySystem:
-    """Say once for the system what most rules and outputs say of themselves."""
-    and_operator: model.AndOperator = _most_common((rule.and_operator for rule in system.rules), "min")
-    or_operator: model.OrOperator = _most_common((rule.or_operator for rule in system.rules), "max")
-    defuzzifier: model.Defuzzifier = _most_common(
-        (output.defuzzifier for output in system.outputs), "centroid"
-    )
-    return replace(
-        system,
-        and_operator=and_operator,
-        or_operator=or_operator,
-        defuzzifier=defuzzifier,
-        rules=tuple(
-            replace(
-                rule,
-                and_operator=None if rule.and_operator == and_operator else rule.and_operator,
-                or_operator=None if rule.or_operator == or_operator else rule.or_operator,
-            )
-            for rule in system.rules
-        ),
-        outputs=tuple(
-            replace(output, defuzzifier=None if output.defuzzifier == defuzzifier else output.defuzzifier)
-            for output in system.outputs
-        ),
-    )
-
-
-def _most_common(names: Iterable[_Name | None], usual: _Name) -> _Name:
-    counted = Counter(name for name in names if name is not None)
-    return max(counted, key=lambda name: (counted[name], name == usual)) if counted else usual

@@ -1,8 +1,8 @@
 """Shapes from samples: which membership function gave these values on this universe.
 
-Each kind of shape is estimated from what its formula makes a straight line of, then its parameters are set
-to the shortest decimals, or the nearby floating-point numbers, that give the values again. Nothing is taken
-for a shape that does not give them.
+Each kind of shape is estimated from what its formula makes a straight line of, and fitted; then its
+parameters are set to the shortest decimals, or the nearby floating-point numbers, that give the values again.
+Nothing is taken for a shape that does not give them.
 """
 
 from collections.abc import Callable, Iterator
@@ -32,7 +32,7 @@ NUDGES = 6
 SMALL = 1 / 1024
 
 
-def recognise(universe: Floats, values: Floats, tolerance: float = 0.0) -> model.MembershipFunction:
+def recognise(universe: Floats, values: Floats) -> model.MembershipFunction:
     """Find the shape that gives the values on the universe, or keep the values.
 
     Triangles and trapezoids are preferred, then Gaussians and the rest, each only if the values say more than
@@ -42,19 +42,16 @@ def recognise(universe: Floats, values: Floats, tolerance: float = 0.0) -> model
     ----------
     universe, values : array
         Ascending points and the memberships there, shape (num_points,).
-    tolerance : float
-        How far the shape may be from the values; 0 asks for every bit, 1e-15 also takes values that were
-        computed by another formula of the same shape.
 
     Returns
     -------
     MembershipFunction
-        `Sampled` where nothing else gives the values.
+        `Sampled` where nothing else gives the values, to the last bit.
     """
     samples = Samples(universe, values)
     with np.errstate(all="ignore"):  # an estimate that is not a number is dropped
         for kind, parameters in _estimates(samples):
-            shape = _settled(samples, kind, parameters, tolerance)
+            shape = _settled(samples, kind, parameters)
             if shape is not None:
                 return shape
     return model.Sampled(tuple(values.tolist()))
@@ -90,19 +87,37 @@ class Samples:
 
 
 def _settled(
-    samples: Samples, kind: type[model.MembershipFunction], parameters: tuple[float, ...], tolerance: float
+    samples: Samples, kind: type[model.MembershipFunction], parameters: tuple[float, ...]
 ) -> model.MembershipFunction | None:
-    """Return the shape of the simplest numbers near an estimate that gives the samples, if there is one."""
-    is_near = samples.misses(_made(kind, parameters)).max() <= NEAR + tolerance
-    if not np.isfinite(parameters).all() or not is_near:
+    """Return the shape of the simplest numbers near an estimate that gives the samples, if there is one.
+
+    Where rounding does not find it neighbouring parameters move, two at a time and by units in their last
+    place, while fewer samples are missed: the errors of a foot and a top, or of a mean and a deviation,
+    belong together.
+    """
+
+    def missed(numbers: tuple[float, ...]) -> int:
+        return int(np.count_nonzero(samples.misses(_made(kind, numbers))))
+
+    def moves(place: int) -> set[float]:
+        unit = float(np.spacing(max(abs(best[place]), samples.width * SMALL)))
+        nudged = {best[place] + nudge * unit for nudge in range(-NUDGES, NUDGES + 1)}
+        return nudged.union(candidate[place] for candidate in candidates[-NUDGES:])
+
+    if not samples.misses(_made(kind, parameters)).max() <= NEAR:
         return None
     rounded = [_rounded(kind, parameters, digits, samples.width) for digits in range(1, DIGITS + 1)]
-    for numbers in rounded:
-        shape = _made(kind, numbers)
-        if samples.misses(shape).max() <= tolerance:
-            return shape
-    shape = _improved(samples, kind, [*rounded, parameters])
-    return shape if samples.misses(shape).max() <= tolerance else None
+    candidates = [*rounded, parameters]
+    best = min(candidates, key=missed)
+    fewest, before = missed(best), len(samples.values) + 1
+    while 0 < fewest < before:
+        before = fewest
+        for place in range(len(best) - 1):
+            for pair in product(moves(place), moves(place + 1)):
+                tried = (*best[:place], *pair, *best[place + 2 :])
+                if (count := missed(tried)) < fewest:
+                    best, fewest = tried, count
+    return None if fewest else _made(kind, best)
 
 
 def _made(kind: type[model.MembershipFunction], parameters: tuple[float, ...]) -> model.MembershipFunction:
@@ -120,57 +135,21 @@ def _rounded(
     return tuple(rounded)
 
 
-def _improved(
-    samples: Samples, kind: type[model.MembershipFunction], candidates: list[tuple[float, ...]]
-) -> model.MembershipFunction:
-    """Move neighbouring parameters, two at a time, while fewer samples are missed.
-
-    They move to their values in the last candidates, and by units in their last place: the errors of a foot
-    and a top, or of a mean and a deviation, belong together.
-    """
-
-    def missed(numbers: tuple[float, ...]) -> int:
-        return int(np.count_nonzero(samples.misses(_made(kind, numbers))))
-
-    def moves(place: int) -> set[float]:
-        unit = float(np.spacing(max(abs(best[place]), samples.width * SMALL)))
-        nudged = {best[place] + nudge * unit for nudge in range(-NUDGES, NUDGES + 1)}
-        return nudged.union(candidate[place] for candidate in candidates[-NUDGES:])
-
-    best = min(reversed(candidates), key=missed)
-    fewest = missed(best)
-    has_moved = True
-    while fewest and has_moved:
-        has_moved = False
-        for place in range(len(best) - 1):
-            for pair in product(moves(place), moves(place + 1)):
-                tried = (*best[:place], *pair, *best[place + 2 :])
-                if (count := missed(tried)) < fewest:
-                    best, fewest, has_moved = tried, count, True
-                    if fewest == 0:
-                        return _made(kind, best)
-    return _made(kind, best)
-
-
 def _estimates(samples: Samples) -> Iterator[Estimate]:
     if not is_unimodal(samples.values):
         return
     yield from _straight(samples)
-    smooth: list[Callable[[Samples], Iterator[Estimate]]] = [_gaussian, _sigmoid, _parabolic]
-    smooth += [_two_sided, _two_sigmoids, _bell]
-    for estimate in smooth:
-        for kind, parameters in estimate(samples):
-            if samples.num_between > len(parameters):
-                yield kind, parameters
+    for kind, parameters in _smooth(samples):
+        if samples.num_between > len(parameters) and np.isfinite(parameters).all():
+            yield kind, _fitted(samples, kind, parameters)
 
 
-def _line(x: Floats, y: Floats, weights: Floats | None = None) -> tuple[np.float64, np.float64]:
-    """Fit a line; return its slope and where it is zero, NaN for fewer than two points."""
-    shares = np.ones(len(x)) if weights is None else weights
-    shares = shares / shares.sum()
+def _line(x: Floats, y: Floats, weights: Floats) -> tuple[float, float]:
+    """Fit a line; return where it is zero, and how far on it is one; NaN for fewer than two points."""
+    shares = weights / weights.sum()
     x_mean, y_mean = (shares * x).sum(), (shares * y).sum()
     slope = (shares * (x - x_mean) * (y - y_mean)).sum() / (shares * (x - x_mean) ** 2).sum()
-    return slope, x_mean - y_mean / slope
+    return float(x_mean - y_mean / slope), float(1.0 / slope)
 
 
 # Triangles and trapezoids: memberships that are straight lines themselves.
@@ -204,8 +183,8 @@ def _flanks(x: Floats, y: Floats, flank: Booleans, top: float | None = None) -> 
     """Yield (foot, top) of the line through a flank: where it is zero and where it is one."""
     points, heights = x[flank], y[flank]
     if len(points) >= 2:
-        slope, foot = _line(points, heights)
-        yield foot, foot + 1.0 / slope
+        foot, width = _line(points, heights, np.ones(len(points)))
+        yield foot, foot + width
     elif len(points) == 1 and top is not None:
         point, height = float(points[0]), float(heights[0])
         yield top - (top - point) / (1.0 - height), top
@@ -216,112 +195,84 @@ def _flanks(x: Floats, y: Floats, flank: Booleans, top: float | None = None) -> 
         yield top, top
 
 
-# Shapes that a formula makes straight lines of.
+# Smooth shapes, by what makes straight lines of their flanks.
 
 
-def _deviations(samples: Samples, flank: Booleans, sign: float) -> tuple[Floats, Floats, Floats]:
-    """Return x, (x - mean) / standard deviation there, and how far to trust it, for a Gaussian's flank."""
-    flank = flank & (samples.values > 1e-200)
-    deviations = np.sqrt(-2.0 * np.log(samples.values[flank]))
-    return samples.universe[flank], sign * deviations, np.fmax(1.0 / deviations, deviations) ** -2.0
+def _normal(y: Floats) -> tuple[Floats, Floats]:
+    """Return how many standard deviations a Gaussian is from its mean there, and how far to trust it."""
+    deviations = np.sqrt(-2.0 * np.log(np.fmax(y, 1e-200)))
+    return deviations, np.fmax(1.0 / deviations, deviations) ** -2.0
 
 
-def _gaussian(samples: Samples) -> Iterator[Estimate]:
-    left, right = _deviations(samples, samples.rising, -1.0), _deviations(samples, samples.falling, 1.0)
-    x, deviations, weights = (np.concatenate(pair) for pair in zip(left, right, strict=True))
-    slope, mean = _line(x, deviations, weights)
-    if slope > 0:
-        yield model.Gaussian, (mean, 1.0 / slope)
+def _logistic(y: Floats) -> tuple[Floats, Floats]:
+    """Return the logarithm of the odds, which is a line of a sigmoid, and how far to trust it."""
+    return np.log(y) - np.log1p(-y), (y * (1.0 - y)) ** 2
 
 
-def _two_sided(samples: Samples) -> Iterator[Estimate]:
-    left_slope, left_mean = _line(*_deviations(samples, samples.rising, -1.0))
-    right_slope, right_mean = _line(*_deviations(samples, samples.falling, 1.0))
-    low, high = samples.universe[[0, -1]]
-    if left_slope > 0 and right_slope > 0:
-        yield model.TwoSidedGaussian, (left_mean, 1.0 / left_slope, right_mean, 1.0 / right_slope)
-    elif left_slope > 0:
-        yield model.TwoSidedGaussian, (left_mean, 1.0 / left_slope, max(left_mean, high), 1.0 / left_slope)
-    elif right_slope > 0:
-        yield model.TwoSidedGaussian, (min(right_mean, low), 1.0 / right_slope, right_mean, 1.0 / right_slope)
+def _parabolic(y: Floats) -> tuple[Floats, Floats]:
+    """Return how far along a flank of two parabolas is, and how far to trust it."""
+    return np.where(y <= 0.5, np.sqrt(y / 2.0), 1.0 - np.sqrt((1.0 - y) / 2.0)), np.fmin(y, 1.0 - y)
 
 
-def _logit_line(samples: Samples, flank: Booleans) -> tuple[np.float64, np.float64]:
-    y = samples.values[flank]
-    return _line(samples.universe[flank], np.log(y) - np.log1p(-y), (y * (1.0 - y)) ** 2)
+def _flank_lines(
+    samples: Samples, straight: Callable[[Floats], tuple[Floats, Floats]]
+) -> Iterator[tuple[float, float] | None]:
+    """Yield the line of either flank; None where it has too few points."""
+    for flank in (samples.rising, samples.falling):
+        yield _line(samples.universe[flank], *straight(samples.values[flank])) if flank.sum() > 1 else None
 
 
-def _sigmoid(samples: Samples) -> Iterator[Estimate]:
-    for flank, other in ((samples.rising, samples.falling), (samples.falling, samples.rising)):
-        if not other.any():
-            slope, inflection = _logit_line(samples, flank)
-            yield model.Sigmoid, (inflection, slope)
+def _smooth(samples: Samples) -> Iterator[Estimate]:
+    low, high = samples.universe[[0, -1]].tolist()
+    left, right = _flank_lines(samples, _normal)
+    halves = [half for half in (left, right) if half is not None]
+    if halves:
+        places, deviations = zip(*halves, strict=True)
+        yield model.Gaussian, (float(np.mean(places)), float(np.abs(deviations).mean()))
+    odds = list(_flank_lines(samples, _logistic))
+    for line, other in zip(odds, (samples.falling, samples.rising), strict=True):
+        if line is not None and not other.any():
+            yield model.Sigmoid, (line[0], 1.0 / line[1])
+    rising, falling = _flank_lines(samples, _parabolic)
+    if rising is not None and falling is not None:
+        yield model.PiShape, (rising[0], sum(rising), sum(falling), falling[0])
+    elif rising is not None:
+        yield model.SShape, (rising[0], sum(rising))
+    elif falling is not None:
+        yield model.ZShape, (sum(falling), falling[0])
+    if halves:
+        mean, deviation = left or (min(halves[0][0], low), halves[0][1])
+        other_mean, other_deviation = right or (max(mean, high), deviation)
+        yield model.TwoSidedGaussian, (mean, abs(deviation), other_mean, abs(other_deviation))
+    yield from _pairs_of_sigmoids(odds)
+    yield from _bells(samples, odds)
 
 
-def _two_sigmoids(samples: Samples) -> Iterator[Estimate]:
-    slope, inflection = _logit_line(samples, samples.rising)
-    other_slope, other = _logit_line(samples, samples.falling)
-    if slope > 0 > other_slope:
-        yield _fitted(samples, model.SigmoidProduct, (inflection, slope, other, other_slope))
-        yield _fitted(samples, model.SigmoidDifference, (inflection, slope, other, -other_slope))
-
-
-def _parabolic(samples: Samples) -> Iterator[Estimate]:
-    left, right = _parabolas(samples, samples.rising), _parabolas(samples, samples.falling)
+def _pairs_of_sigmoids(odds: list[tuple[float, float] | None]) -> Iterator[Estimate]:
+    left, right = odds
     if left is not None and right is not None:
-        yield model.PiShape, (*left, *right[::-1])
-    elif left is not None:
-        yield model.SShape, left
-    elif right is not None:
-        yield model.ZShape, right[::-1]
+        yield model.SigmoidProduct, (left[0], 1.0 / left[1], right[0], 1.0 / right[1])
+        yield model.SigmoidDifference, (left[0], 1.0 / left[1], right[0], -1.0 / right[1])
 
 
-def _parabolas(samples: Samples, flank: Booleans) -> tuple[float, float] | None:
-    """Return (foot, top) of a flank of two parabolas."""
-    y = samples.values[flank]
-    if len(y) < 2:
-        return None
-    along = np.where(y <= 0.5, np.sqrt(y / 2.0), 1.0 - np.sqrt((1.0 - y) / 2.0))
-    slope, foot = _line(samples.universe[flank], along, np.fmin(y, 1.0 - y))
-    return foot, foot + 1.0 / slope
-
-
-def _bell(samples: Samples) -> Iterator[Estimate]:
-    flanks = samples.rising | samples.falling
-    x, odds = samples.universe[flanks], 1.0 / samples.values[flanks] - 1.0
-    for centre in _centres(samples):
-        away = np.abs(x - centre)
-        near = (away > 0) & (odds > 1e-12) & (odds < 1e12)
-        if near.sum() >= 2:
-            slope, zero = _line(np.log(away[near]), np.log(odds[near]))
-            yield _fitted(samples, model.GeneralizedBell, (float(np.exp(zero)), slope / 2.0, centre))
-
-
-def _centres(samples: Samples) -> Iterator[float]:
-    """Yield where the centre of a bell may be, the likelier first; beyond the universe for half a bell."""
-    half = [_crossing(samples, flank) for flank in (samples.rising, samples.falling)]
-    if half[0] is not None and half[1] is not None:
-        yield (half[0] + half[1]) / 2.0
-    yield float(samples.universe[samples.values.argmax()])
+def _bells(samples: Samples, odds: list[tuple[float, float] | None]) -> Iterator[Estimate]:
+    """Yield bells about where the centre may be, the likelier first; beyond the universe for half a bell."""
+    halves = [half for half in odds if half is not None]
+    centres = [sum(place for place, _ in halves) / 2.0] if len(halves) == 2 else []
+    centres.append(float(samples.universe[samples.values.argmax()]))
     if not samples.rising.any():
-        yield float(samples.universe[0]) - samples.width / 4.0
+        centres.append(float(samples.universe[0]) - samples.width / 4.0)
     if not samples.falling.any():
-        yield float(samples.universe[-1]) + samples.width / 4.0
+        centres.append(float(samples.universe[-1]) + samples.width / 4.0)
+    for centre in centres if halves else ():
+        width = abs(halves[0][0] - centre)
+        yield model.GeneralizedBell, (width, 0.5 * width / abs(halves[0][1]), centre)
 
 
-def _crossing(samples: Samples, flank: Booleans) -> float | None:
-    """Return where a flank is one half, if it is."""
-    x, y = samples.universe[flank], samples.values[flank]
-    if len(y) < 2 or not y.min() <= 0.5 <= y.max():
-        return None
-    order = np.argsort(y, kind="stable")
-    return float(np.interp(0.5, y[order], x[order]))
-
-
-def _fitted(samples: Samples, kind: type[model.MembershipFunction], start: tuple[float, ...]) -> Estimate:
+def _fitted(
+    samples: Samples, kind: type[model.MembershipFunction], start: tuple[float, ...]
+) -> tuple[float, ...]:
     """Improve an estimate by least squares."""
-    if len(start) > len(samples.values) or not np.isfinite(start).all():
-        return kind, start
 
     def residuals(parameters: Floats) -> Floats:
         given = shape_values(samples.universe, _made(kind, tuple(parameters)))
@@ -331,4 +282,4 @@ def _fitted(samples: Samples, kind: type[model.MembershipFunction], start: tuple
     least = least_squares(
         residuals, start, method="lm", x_scale="jac", ftol=1e-15, xtol=1e-15, gtol=1e-15, max_nfev=200
     )
-    return kind, tuple(least.x)
+    return tuple(least.x)

@@ -26,7 +26,7 @@ from fis_tools.formats.exchange.antecedents import (
 )
 from fis_tools.formats.exchange.vocabulary import HEDGES, Names
 from fis_tools.model.shape import Format
-from fis_tools.model.systems import has_sets, reach
+from fis_tools.model.systems import has_sets, reach, said_once
 from fis_tools.model.variables import sample
 from fis_tools.words.text import before
 
@@ -230,37 +230,12 @@ def refuse_joined(system: model.FuzzySystem) -> None:
 
 
 def settle(system: model.FuzzySystem) -> model.FuzzySystem:
-    """Move operators and defuzzifiers to the system, and leave to rules and outputs what differs from it.
+    """Say once what all rules and outputs have; where outputs are weighed inputs get more points.
 
-    The system takes an operator from the first rule that uses it, and the defuzzifier of its first output.
-    Where outputs are weighed its inputs get more points, unless a table has points of its own.
+    A table has points of its own.
     """
-    own = [_used_operators(system, rule) for rule in system.rules]
-    and_operator = next((each for each, _ in own if each is not None), system.and_operator)
-    or_operator = next((each for _, each in own if each is not None), system.or_operator)
-    defuzzifier = system.defuzzifier_of(system.outputs[0]) if system.outputs else system.defuzzifier
-    rules = (
-        replace(
-            rule,
-            and_operator=None if conjunction == and_operator else conjunction,
-            or_operator=None if disjunction == or_operator else disjunction,
-        )
-        for rule, (conjunction, disjunction) in zip(system.rules, own, strict=True)
-    )
-    ways = (system.defuzzifier_of(output) for output in system.outputs)
-    outputs = (
-        replace(output, defuzzifier=None if way == defuzzifier else way)
-        for output, way in zip(system.outputs, ways, strict=True)
-    )
-    return replace(
-        system,
-        inputs=tuple(map(_finer, system.inputs)) if system.weighed else system.inputs,
-        outputs=tuple(outputs),
-        rules=tuple(rules),
-        and_operator=and_operator,
-        or_operator=or_operator,
-        defuzzifier=defuzzifier,
-    )
+    inputs = tuple(map(_finer, system.inputs)) if system.weighed else system.inputs
+    return said_once(replace(system, inputs=inputs))
 
 
 def _finer(variable: model.Variable) -> model.Variable:
@@ -272,16 +247,6 @@ def _finer(variable: model.Variable) -> model.Variable:
         return variable
     num_points, points = input_universe(low, high, shapes, FINE_INPUT_POINTS)
     return replace(variable, num_points=num_points, points=points)
-
-
-def _used_operators(
-    system: model.FuzzySystem, rule: model.Rule
-) -> tuple[model.AndOperator | None, model.OrOperator | None]:
-    kinds = {type(part) for part in model.parts_of(rule.antecedent)}
-    return (
-        system.and_operator_of(rule) if model.And in kinds else None,
-        system.or_operator_of(rule) if model.Or in kinds else None,
-    )
 
 
 def _with_known_hedges(system: model.FuzzySystem, dialect: Dialect) -> model.FuzzySystem:
@@ -401,7 +366,8 @@ def _expressed_weighed(
     terms = []
     for term in output.terms:
         shape = term.membership
-        if dialect.words and not isinstance(shape, model.Ramp) and dialect.words not in shape.entry.words:
+        is_said = dialect.weighs_one_kind or isinstance(shape, model.Ramp)
+        if dialect.words and not is_said and dialect.words not in shape.entry.words:
             raise NotExpressible(
                 f"output {output.name!r} concludes {term.name!r}, for whose shape, {shape.entry.name}, "
                 f"{dialect.title} has no word; export as fll or json"
