@@ -101,7 +101,7 @@ def shape(
 ) -> Callable[[type[_Shape]], type[_Shape]]:
     """Make a class a dataclass, and add it to the registry; see `Entry` for the parameters.
 
-    A format that lacks a shape gets it as a table of points, FML as a custom shape.
+    A format that lacks a shape gets it as a table of points.
     """
 
     def enter(kind: type[_Shape]) -> type[_Shape]:

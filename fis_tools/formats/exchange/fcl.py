@@ -26,7 +26,6 @@ from fis_tools.formats.exchange.vocabulary import (
     AGGREGATIONS,
     AND,
     DEFUZZIFIERS,
-    HEDGES,
     NORMALIZED_SUMS,
     OR,
     meanings,
@@ -40,16 +39,13 @@ DIALECT = Dialect(
     title="an FCL file", is_nested=True, hedges="fcl", most_words=99, concludes_hedged=True, is_read=False
 )
 
-#: The words of IEC 61131-7 itself.
-_STANDARD = {"MIN", "PROD", "BDIF", "MAX", "ASUM", "BSUM", "COG", "COGS", "COA", "LM", "RM"}
-
 
 def write(controller: model.FuzzyController) -> Written:
     """Write a controller with one system; see `fis_tools.formats.exchange.writing.written`.
 
     Nothing is carried in comments, because nothing reads them back.
     """
-    return written(controller, DIALECT, "fcl.jinja", _facts, _limited_support)
+    return written(controller, DIALECT, "fcl.jinja", _facts)
 
 
 def _facts(expressed: Expressed) -> dict[str, Any]:
@@ -95,26 +91,6 @@ def _without_walls_at_the_ends(
     if kept[-1][0] == kept[-2][0] >= variable.maximum:
         kept = kept[:-1]
     return kept
-
-
-def _limited_support(system: model.FuzzySystem) -> Iterator[str]:
-    """Tell what the standard does not know."""
-    words = {DEFUZZIFIERS[system.defuzzifier_of(output)].fcl for output in system.outputs}
-    defuzzified = [output for output in system.outputs if not system.weighs(output)]
-    words |= {AGGREGATIONS[output.aggregation].fcl for output in defuzzified}
-    words |= {AND[system.implication].fcl} if defuzzified else set()
-    words |= {
-        term_words(output, term, "fll")[0]
-        for output in system.weighed
-        for term in output.terms
-        if not isinstance(term.membership, model.Constant)
-    }
-    for rule in system.rules:
-        words |= {AND[system.and_operator_of(rule)].fcl, OR[system.or_operator_of(rule)].fcl}
-    parts = (part for rule in system.rules for part in model.parts_of(rule.antecedent))
-    words |= {HEDGES[part.hedge].fcl for part in parts if isinstance(part, model.Hedged)}
-    for word in sorted(words - _STANDARD):
-        yield f"{word} is not in IEC 61131-7; fuzzylite knows it"
 
 
 _BLOCKS = ("VAR_INPUT", "VAR_OUTPUT", "FUZZIFY", "DEFUZZIFY", "RULEBLOCK")

@@ -8,7 +8,7 @@ Gaussian's numbers are the standard deviation and the mean, in this order. A rul
 
 import re
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -80,13 +80,11 @@ _OR: dict[str, model.OrOperator] = {
     **NORMALIZED_SUMS,
 }
 _AGGREGATIONS: dict[str, model.Aggregation] = {**meanings(AGGREGATIONS, "fis"), **_OR}
-#: What MATLAB itself knows.
-_MATLAB_OPERATORS = {"min", "product", "max", "probabilistic_sum", "unbounded_sum"}
 
 
 def write(controller: model.FuzzyController) -> Written:
     """Write a controller with one system; see `fis_tools.formats.exchange.writing.written`."""
-    return written(controller, DIALECT, "fis.jinja", _facts, _limited_support)
+    return written(controller, DIALECT, "fis.jinja", _facts)
 
 
 def _facts(expressed: Expressed) -> dict[str, Any]:
@@ -113,39 +111,6 @@ def _rule_numbers(system: model.FuzzySystem, rule: model.Rule) -> tuple[list[int
         for found, variables in ((asked, system.inputs), (concluded, system.outputs))
     )
     return left, right, rule.consequents[0].weight, 2 if isinstance(rule.antecedent, model.Or) else 1
-
-
-def _limited_support(system: model.FuzzySystem) -> Iterator[str]:
-    """Tell what only some readers of `.fis` files understand."""
-    terms = {f"{v.name} {term.name}": term for v in (*system.inputs, *system.outputs) for term in v.terms}
-    tables = [name for name, term in terms.items() if isinstance(term.membership, model.Sampled)]
-    if tables:
-        yield f"tables of points are written as discretemf, which only fuzzylite knows: {', '.join(tables)}"
-    unread = [name for name, term in terms.items() if _is_unread_by_octave(term)]
-    if unread:
-        yield (
-            f"Octave reads no walls inside a range and no bells with a slope between whole numbers: "
-            f"{', '.join(unread)}; MATLAB and fuzzylite do"
-        )
-    kinds = {type(rule.antecedent) for rule in system.rules}
-    used: set[str] = {system.implication, system.outputs[0].aggregation}
-    used |= {system.and_operator} if model.And in kinds else set()
-    used |= {system.or_operator} if model.Or in kinds else set()
-    if any(isinstance(term.membership, model.MonotoneFunction) for v in system.weighed for term in v.terms):
-        yield "MATLAB and Octave do not know Tsukamoto's systems; fuzzylite does"
-    for operator in sorted(used - _MATLAB_OPERATORS):
-        yield f"the operator {operator} is not MATLAB's own; Octave and fuzzylite know it"
-
-
-def _is_unread_by_octave(term: model.Term) -> bool:
-    match term.membership:
-        case model.Triangular(left, peak, right):
-            return peak in {left, right}
-        case model.Trapezoidal(left, left_top, right_top, right):
-            return left == left_top or right_top == right
-        case model.GeneralizedBell(_, slope, _):
-            return slope != int(slope)
-    return False
 
 
 # Reading.

@@ -2,8 +2,7 @@
 
 What is written has the elements of the standard: a knowledge base of variables and terms, a rule base of flat
 rules with a connector, an operator and a weight each, ``not`` as the modifier of a clause. All names of a
-file differ, as its schema asks. Shapes that the standard does not know are written as its custom shapes,
-which only `fis_tools` reads.
+file differ, as its schema asks.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -23,11 +22,16 @@ from fis_tools.formats.exchange.writing import written
 from fis_tools.formats.exchange.xml import Element
 from fis_tools.formats.serialize import Reading, Written
 from fis_tools.model.operators import WEIGHING
-from fis_tools.model.shape import SHAPES, words_of
+from fis_tools.model.shape import words_of
 from fis_tools.model.systems import has_sets
 
 DIALECT = Dialect(
-    title="an FML file", holds_units=True, has_unique_names=True, weighs_one_kind=True, hedges="fml"
+    title="an FML file",
+    words="fml",
+    holds_units=True,
+    has_unique_names=True,
+    weighs_one_kind=True,
+    hedges="fml",
 )
 _Name = TypeVar("_Name", bound=str)
 #: How numbers are weighed.
@@ -51,8 +55,6 @@ _RULE_BASES = {tags["base"]: tags for tags in (_MAMDANI, _TSK, _TSUKAMOTO)}
 
 NAMESPACE = "http://www.ieee1855.org"
 
-#: What the names of shapes beyond the standard begin with; the rest is our own name.
-CUSTOM = "custom_"
 _FLANKS: foreign.FlankWords = {
     "rightLinearShape": foreign.rising,
     "leftLinearShape": foreign.falling,
@@ -62,7 +64,7 @@ _FLANKS: foreign.FlankWords = {
 
 def write(controller: model.FuzzyController) -> Written:
     """Write a controller with one system; see `fis_tools.formats.exchange.writing.written`."""
-    return written(controller, DIALECT, "fml.jinja", _facts, _limited_support)
+    return written(controller, DIALECT, "fml.jinja", _facts)
 
 
 def _facts(expressed: Expressed) -> dict[str, Any]:
@@ -72,7 +74,6 @@ def _facts(expressed: Expressed) -> dict[str, Any]:
     is_number = not all(map(has_sets, system.outputs))
     return {
         "namespace": NAMESPACE,
-        "custom": CUSTOM,
         "tags": _TSK if is_number else _TSUKAMOTO if system.weighed else _MAMDANI,
         "has_sets": has_sets,
         "coefficients": partial(_coefficients, num_inputs=len(system.inputs)),
@@ -96,7 +97,7 @@ def _coefficients(term: model.Term, num_inputs: int) -> list[float]:
 
 
 def _shape(variable: model.Variable, term: model.Term) -> tuple[str, list[Any]]:
-    """Return the element of a term, or the name of its custom shape, and its numbers or points."""
+    """Return the element of a term, and its numbers or points."""
     shape = term.membership
     if isinstance(shape, model.Sampled):
         points = zip(variable.universe.tolist(), shape.values, strict=True)
@@ -104,10 +105,7 @@ def _shape(variable: model.Variable, term: model.Term) -> tuple[str, list[Any]]:
     if isinstance(shape, model.Ramp):
         side = "right" if shape.start < shape.end else "left"
         return f"{side}LinearShape", sorted((float(shape.start), float(shape.end)))
-    if "fml" in shape.entry.words:
-        word, *order = shape.entry.words["fml"]
-    else:
-        word, order = f"{CUSTOM}{shape.entry.name}", []
+    word, *order = shape.entry.words["fml"]
     return word, [float(getattr(shape, name)) for name in order or shape.entry.kinds]
 
 
@@ -117,29 +115,6 @@ def _clauses(rule: model.Rule) -> Iterator[tuple[str, model.Is]]:
         statement = statement_of(leaf)
         word = HEDGES[leaf.hedge].fml if isinstance(leaf, model.Hedged) else "not"
         yield "" if leaf == statement else word, statement
-
-
-def _custom_shapes() -> foreign.ShapeWords:
-    """Return the shapes beyond the standard, with all their numbers in the order of the model."""
-    return {
-        f"{CUSTOM}{name}": (kind, tuple(kind.entry.kinds))
-        for name, kind in SHAPES.items()
-        if kind.entry.kinds and "fml" not in kind.entry.words
-    }
-
-
-def _limited_support(system: model.FuzzySystem) -> Iterator[str]:
-    """Tell what only `fis_tools` reads."""
-    known = model.Sampled | model.Number | model.Ramp
-    custom = [
-        f"{variable.name} {term.name}"
-        for variable in (*system.inputs, *system.outputs)
-        for term in variable.terms
-        if "fml" not in term.membership.entry.words and not isinstance(term.membership, known)
-    ]
-    if custom:
-        names = ", ".join(custom)
-        yield f"IEEE 1855 does not know the shapes of {names}: they are custom shapes, which fis_tools reads"
 
 
 # Reading.
@@ -281,11 +256,6 @@ def _term(
         _expect(shape, "interpolationMethod", ("LINEAR",))
         pairs = [(_number(point, "x"), _number(point, "y")) for point in shape.all("point")]
         return name, foreign.table([number for pair in pairs for number in pair], f"line {shape.line}")
-    if shape.name == "customShape":
-        values = [_number(parameter, "value") for parameter in shape.all("parameter")]
-        return name, foreign.shape(
-            _attribute(shape, "name"), values, extent, _custom_shapes(), {}, f"line {shape.line}"
-        )
     numbers = sorted(key for key in shape.attributes if key.startswith("param"))
     values = [_number(shape, key) for key in numbers]
     if is_tsukamoto:

@@ -6,7 +6,7 @@ intervals that a file states. Both take a point for as wide as a step; scikit-fu
 between the points of its universe. The difference grows as a universe gets coarser.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from itertools import groupby
 from typing import Any
 
@@ -26,7 +26,6 @@ def written(
     dialect: Dialect,
     template: str,
     facts: Callable[[Expressed], dict[str, Any]],
-    limited_support: Callable[[model.FuzzySystem], Iterable[str]] = lambda _: (),
 ) -> Written:
     """Write a controller with one system.
 
@@ -39,8 +38,6 @@ def written(
         defuzzifiers, the `blocks` of rules, and what `facts` adds.
     facts : callable
         What only this format asks for.
-    limited_support : callable
-        What only some readers of the format understand, in sentences.
 
     Raises
     ------
@@ -62,7 +59,7 @@ def written(
         **words,
         **facts(expressed),
     )
-    return Written(text, (*losses(controller, expressed, dialect), *limited_support(expressed.system)))
+    return Written(text, losses(controller, expressed, dialect))
 
 
 def _blocks(system: model.FuzzySystem) -> list[tuple[str, str, list[tuple[int, model.Rule]]]]:

@@ -236,7 +236,6 @@ def test_losses_are_sentences_about_what_is_missing():
         "provenance is left out: made_by",
         "controller's name is left out: exchanged",
         "heat none, heat much, flap shut",
-        "discretemf, which only fuzzylite knows",
         "fis_tools reads it back",
     ):
         assert words in notes
