@@ -1,4 +1,4 @@
-"""Make the pictures of the pages anew: ``python -m docs.pictures [NAME ...]``, such as ``safety training``.
+"""Make the pictures of the pages anew: ``python -m docs.pictures [NAME ...]``, such as ``safety tour``.
 
 Without names all of them are made, in about a quarter of an hour: flown, trained, recorded and drawn by the
 commands that stand in this file. What is drawn by rerun's viewer needs a Vulkan driver, a page a browser.
@@ -59,12 +59,6 @@ def campaign(scratch: Path) -> None:
     """Draw 1,000 evaluated flights."""
     viewed(scratch, of=run(scratch, "+experiment=evaluate", "controller=paper_champion"))
     keep(scratch / "pictures" / "campaign.png")
-
-
-def training(scratch: Path) -> None:
-    """Draw a training, generation by generation."""
-    viewed(scratch, of=run(scratch, "+experiment=train", "stages=[scenario,train]"))
-    keep(scratch / "pictures" / "training.png")
 
 
 def comparison(scratch: Path) -> None:
@@ -163,7 +157,7 @@ def edited(address: str) -> None:
 MAKERS: dict[str, Callable[[Path], None]] = {
     maker.__name__: maker
     for maker in (
-        *(flight, replay, satellite, campaign, training, comparison),
+        *(flight, replay, satellite, campaign, comparison),
         *(field, front, safety, tour, review, edit),
     )
 }
@@ -174,7 +168,6 @@ SOURCES: dict[str, tuple[str, ...]] = {
     "replay": (SCENE, f"{CONTROLLERS}/champion_27.yaml"),
     "satellite": (SCENE, f"{CONTROLLERS}/champion_any_sun.yaml"),
     "campaign": (SCENE, f"{CONTROLLERS}/paper_champion.yaml"),
-    "training": (SCENE, "conf/experiment/train.yaml"),
     "comparison": (f"{FIGURES}/comparison.py", f"{FIGURES}/style.py", "conf/experiment/reproduce.yaml"),
     "field": (f"{FIGURES}/comparison.py", f"{FIGURES}/style.py", FIELD),
     "front": (f"{FIGURES}/training.py", f"{FIGURES}/style.py", f"{CONTROLLERS}/champion_fixed_sun.yaml"),

@@ -12,13 +12,13 @@ __all__ = ["EpisodeWriter", "RecordingError", "flat_table", "read", "show"]
 
 
 def show(*paths: str | Path) -> Any:
-    """Show flights, an evaluation or a training in a notebook; needs ``rerun-sdk[notebook]``.
+    """Show flights or an evaluation in a notebook; needs ``rerun-sdk[notebook]``.
 
     Parameters
     ----------
     *paths : str or Path
         Flights, the first in full and the others overlaid; or the folder of a run, of which the evaluation
-        is shown, or the training if there is none.
+        is shown.
 
     Returns
     -------
@@ -31,12 +31,11 @@ def show(*paths: str | Path) -> Any:
         If no path is given, a file cannot be read, or rerun's notebook extra is not installed.
     """
     # the viewer takes half a second to import; writing and reading do without it
-    from telemetry.scene import campaign, replay, runs, training, viewer  # noqa: PLC0415
+    from telemetry.scene import campaign, replay, viewer  # noqa: PLC0415
 
     if not paths:
         raise RecordingError("there is nothing to show; give flights (.mcap), or the folder of a run")
     given = [Path(path) for path in paths]
     if len(given) > 1 or given[0].suffix not in ("", ".parquet"):
         return viewer.in_notebook(replay.scene(given))
-    of_run = campaign.scene if runs.has_evaluation(given[0]) else training.scene
-    return viewer.in_notebook(of_run(given[0]))
+    return viewer.in_notebook(campaign.scene(given[0]))

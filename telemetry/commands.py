@@ -8,7 +8,7 @@ import signal
 import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import KW_ONLY, dataclass
 from json import dumps
 from math import inf
@@ -235,39 +235,6 @@ def campaign(run: Path, /, shown: Shown = WINDOW) -> None:
     shown.look(campaign.scene(run))
 
 
-def training(run: Path, /, shown: Shown = WINDOW, *, follow: bool = False) -> None:
-    """Show a training, generation by generation.
-
-    Shows the fitness, its parts, and the flight of each new champion. --follow waits for the first generation
-    and adds each new one: to a file until the training ends, to a viewer until it is closed.
-
-    For example:
-
-        python -m telemetry training outputs/train/RUN
-        python -m telemetry training outputs/train/RUN --follow --web
-
-    Parameters
-    ----------
-    run
-        the folder of a run
-    follow
-        keep up with a training that is running
-    """
-    # when its viewer is closed, rerun logs an error because it can send no more
-    os.environ.setdefault(
-        "RUST_LOG", "info,re_perf_telemetry=warn,re_grpc_client=off,re_sdk::recording_stream=off"
-    )
-    from telemetry.scene import training  # noqa: PLC0415
-
-    if not follow:
-        shown.look(training.scene(run))
-        return
-    with suppress(KeyboardInterrupt):
-        training.follow(
-            run, shown.save, in_browser=shown.web, report=lambda text: print(text, file=sys.stderr)
-        )
-
-
 def _check_instants(_kind: object, instants: tuple[float, ...]) -> None:
     for instant in instants:
         if not 0.0 <= instant < inf:
@@ -285,13 +252,13 @@ def screenshot(
 ) -> None:
     """Draw pictures (PNG) of flights and runs, without a display.
 
-    Draws what replay, campaign and training show, and lists the files. Needs a Vulkan driver; a software
+    Draws what replay and campaign show, and lists the files. Needs a Vulkan driver; a software
     renderer will do (on Debian: apt-get install mesa-vulkan-drivers).
 
     For example:
 
         python -m telemetry screenshot flight.mcap -o pictures
-        python -m telemetry screenshot flight.mcap outputs/train/RUN --at 60 1200
+        python -m telemetry screenshot flight.mcap outputs/evaluate/RUN --at 60 1200
 
     Parameters
     ----------
@@ -308,8 +275,10 @@ def screenshot(
         print(path)
 
 
+#: commands that there were, and what does their work
+GONE = {"training": "a run's report.html draws the training, and logger=tensorboard shows it live."}
 COMMANDS: tuple[Callable[..., int | None], ...] = (
-    *(replay, campaign, training, screenshot),
+    *(replay, campaign, screenshot),
     *(info, recover, export, compare),
 )
 
@@ -323,7 +292,6 @@ For example:
 
     python -m telemetry replay flight.mcap
     python -m telemetry campaign outputs/evaluate/RUN
-    python -m telemetry training outputs/train/RUN --follow --web
     python -m telemetry screenshot flight.mcap -o pictures
     python -m telemetry info flight.mcap
     python -m telemetry recover flight.mcap.partial
@@ -373,7 +341,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except CycloptsError as error:
-        print(f"telemetry: {error} `python -m telemetry --help` tells more.", file=sys.stderr)
+        told = f"{words[0]} is gone: {GONE[words[0]]}" if words[0] in GONE else error
+        print(f"telemetry: {told} `python -m telemetry --help` tells more.", file=sys.stderr)
         return MISTAKE
     except RecordingError as error:
         print(f"telemetry: {error}", file=sys.stderr)

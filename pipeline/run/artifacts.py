@@ -35,7 +35,6 @@ VALIDATION: Final = "train/validation.csv"
 FRONT: Final = "train/front.csv"
 FRONT_GENOMES: Final = "train/front.parquet"
 FRONT_CONTROLLERS: Final = "train/front"
-CHAMPION_TRAJECTORIES: Final = "train/trajectories.parquet"
 CHECKPOINT: Final = "train/checkpoint.npz"
 CHAMPION: Final = "champion.json"
 CONTROLLER: Final = "controller.json"
@@ -75,7 +74,7 @@ MOST_DEEP: Final = 64
 #: the files of each stage that another may miss
 FILES_OF: Final[Mapping[str, Sequence[str]]] = {
     "scenario": (SCENARIOS,),
-    "train": (LOGBOOK, HISTORY, CHAMPION_TRAJECTORIES, CHECKPOINT, CHAMPION),
+    "train": (LOGBOOK, HISTORY, CHECKPOINT, CHAMPION),
     "evaluate": (EPISODES, TRAJECTORIES, SUMMARY, BESIDE_OPTIMUM),
     "optimum": (OPTIMUM_CASES, OPTIMUM_PLANS, OPTIMUM_FORCES, OPTIMUM_SUMMARY),
     "compare": (COMPARISON_TABLE, COMPARISON_EPISODES, COMPARISON),
@@ -103,7 +102,6 @@ ROLES: Final[Mapping[str, str]] = {
     "configuration": CONFIG,
     "champion": CHAMPION,
     "training_history": HISTORY,
-    "training_trajectories": CHAMPION_TRAJECTORIES,
     "evaluation_episodes": EPISODES,
     "evaluation_trajectories": TRAJECTORIES,
     "recordings": RECORDINGS,

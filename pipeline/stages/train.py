@@ -1,6 +1,5 @@
 """Evolve the controller's numbers: logbook, history, checkpoint, champion, and the front if there is one."""
 
-import shlex
 import sys
 import time
 from collections.abc import Mapping, Sequence
@@ -23,7 +22,7 @@ from pipeline.training.evolution.state import Generation
 from pipeline.training.front import judged_front, write_front
 from pipeline.training.genome import Genome, genome_of
 from pipeline.training.judging import Choice, choose, evolved, fitness_from
-from pipeline.training.progress import ChampionFlights, Log, TrainingProgress, logged, name_of
+from pipeline.training.progress import Log, TrainingProgress, logged, name_of
 
 #: the history is written at most once in this many seconds, because each writing waits for the disk; the
 #: checkpoint, from which a training resumes, is written after every generation
@@ -36,7 +35,6 @@ def run(experiment: Experiment, folder: Path) -> None:
     """Train from the configured controller's structure; its numbers are in the first population."""
     template = source.load(experiment.controller, experiment.mission)
     genome = genome_of(template, experiment.optimizer.encoding)
-    sys.stderr.write(f"  to watch it: python -m telemetry training {shlex.quote(str(folder))} --follow\n")
     with logged(experiment.logger, name_of(folder)) as log:
         result = _evolved(experiment, folder, genome, log)
         provenance = _provenance(folder, experiment, result.history, result.interrupted)
@@ -53,20 +51,14 @@ def run(experiment: Experiment, folder: Path) -> None:
 def _evolved(experiment: Experiment, folder: Path, genome: Genome, log: Log) -> Evolution:
     """Evolve, and report each generation wherever it is shown."""
     kept: list[Generation] = []
-    flights, due = ChampionFlights(experiment, genome), time.monotonic()
+    due = time.monotonic()
     with TrainingProgress(experiment.optimizer) as progress:
-
-        def write(history: Sequence[Generation]) -> None:
-            # before the history, so that the flight of each of its champions exists when the history is read
-            if flights.add(history):
-                tables.write_parquet(folder / artifacts.CHAMPION_TRAJECTORIES, flights.columns())
-            write_history(folder, history)
 
         def keep(history: Sequence[Generation]) -> None:
             nonlocal due
             kept[:] = history
             if time.monotonic() >= due:
-                write(history)
+                write_history(folder, history)
                 due = time.monotonic() + WRITE_EVERY_S
             log(rows_of(history))
             progress.show_generation(history[-1])
@@ -79,7 +71,7 @@ def _evolved(experiment: Experiment, folder: Path, genome: Genome, log: Log) -> 
                 resume=experiment.resume,
                 on_generation=keep,
             )
-            write(result.history)
+            write_history(folder, result.history)
         except artifacts.WriteError as error:
             if not kept:
                 raise

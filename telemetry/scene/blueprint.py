@@ -1,6 +1,6 @@
 """Layouts of the views, for a window of about 1600 x 900, and the entities that they share."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from typing import Final
 
 import numpy as np
@@ -14,13 +14,8 @@ from telemetry.scene.drawing import MAP_HEIGHT, MAP_NAME_WIDTH, MAP_WIDTH
 
 #: the timeline of a flight, s
 TIME: Final = "time"
-#: the timeline of a training; rounds follow one another
-GENERATION: Final = "generation"
 #: an hour of flight in a minute
 PLAYBACK_SPEED: Final = 60.0
-GENERATIONS_PER_SECOND: Final = 10.0
-#: the scene of a training shows the champions of this many generations
-GENERATIONS_IN_SIGHT: Final = 30
 
 SCENE: Final = "/scene"
 CURVES: Final = "/curves"
@@ -102,10 +97,10 @@ def replay(
     plots = rrb.Vertical(*rows, row_shares=[31, 36, 33])
     top = rrb.Horizontal(scene, beside, plots, column_shares=[34, 17, 49])
     if not fis:
-        return _blueprint(rrb.Vertical(now, top, _events(), row_shares=[7, 69, 24]), TIME, PLAYBACK_SPEED)
+        return _blueprint(rrb.Vertical(now, top, _events(), row_shares=[7, 69, 24]))
     words = rrb.TextDocumentView(origin=RULES_IN_WORDS, name="Inputs, outputs and rules of the controller")
     bottom = rrb.Horizontal(words, _rule_map(), _events(), column_shares=[42, 30, 28])
-    return _blueprint(rrb.Vertical(now, top, bottom, row_shares=[7, 56, 37]), TIME, PLAYBACK_SPEED)
+    return _blueprint(rrb.Vertical(now, top, bottom, row_shares=[7, 56, 37]))
 
 
 def campaign(distance: Plot, charts: Sequence[tuple[str, str]], *, farthest_m: float) -> rrb.Blueprint:
@@ -131,42 +126,16 @@ def campaign(distance: Plot, charts: Sequence[tuple[str, str]], *, farthest_m: f
         row_shares=[41, 23, 36],
     )
     scene = _scene("All cases, Hill frame", farthest_m)
-    return _blueprint(rrb.Horizontal(scene, side, column_shares=[58, 42]), TIME, PLAYBACK_SPEED)
+    return _blueprint(rrb.Horizontal(scene, side, column_shares=[58, 42]))
 
 
-def training(plots: Sequence[Plot], *, earlier: str, farthest_m: float) -> rrb.Blueprint:
-    """Lay out a training, finished or running.
-
-    Parameters
-    ----------
-    plots : sequence of Plot
-        Over the generations.
-    earlier : str
-        Entity of which the last generations are shown.
-    farthest_m : float
-        Distance which the view covers.
-    """
-    summary = rrb.TextDocumentView(origin=SUMMARY, name="The champion of this generation")
-    lately = rrb.VisibleTimeRanges(
-        timeline=GENERATION,
-        start=rrb.TimeRangeBoundary.cursor_relative(seq=-GENERATIONS_IN_SIGHT),
-        end=rrb.TimeRangeBoundary.cursor_relative(seq=0),
-    )
-    scene = _scene("The champion's flight, Hill frame", farthest_m, (earlier,), lately)
-    left = rrb.Vertical(scene, summary, row_shares=[68, 32])
-    right = rrb.Grid(*(_plot(plot) for plot in plots), grid_columns=2)
-    return _blueprint(rrb.Horizontal(left, right, column_shares=[46, 54]), GENERATION, GENERATIONS_PER_SECOND)
-
-
-def _blueprint(root: rrb.Container, timeline: str, speed: float) -> rrb.Blueprint:
-    is_in_frames = timeline == GENERATION
+def _blueprint(root: rrb.Container) -> rrb.Blueprint:
     time = rrb.TimePanel(
         state="collapsed",
-        timeline=timeline,
-        playback_speed=None if is_in_frames else speed,
-        fps=speed if is_in_frames else None,
-        play_state="following" if is_in_frames else "playing",
-        loop_mode="off" if is_in_frames else "all",
+        timeline=TIME,
+        playback_speed=PLAYBACK_SPEED,
+        play_state="playing",
+        loop_mode="all",
     )
     return rrb.Blueprint(
         root,
@@ -248,9 +217,6 @@ def _rule_map() -> rrb.View:
     )
 
 
-#: makes a column of the scene's timeline from times
-Clock = Callable[[Floats], rr.TimeColumn]
-
 BODY_COLOUR: Final = (44, 48, 62)
 SHELL_COLOUR: Final = (105, 42, 48)
 
@@ -258,11 +224,6 @@ SHELL_COLOUR: Final = (105, 42, 48)
 def seconds(instants: Floats) -> rr.TimeColumn:
     """Return a column of flight times, s."""
     return rr.TimeColumn(TIME, duration=instants)
-
-
-def generations(instants: Floats) -> rr.TimeColumn:
-    """Return a column of generations of a training."""
-    return rr.TimeColumn(GENERATION, sequence=instants.astype(np.int64))
 
 
 def send(
@@ -315,7 +276,7 @@ def send_styles(stream: rr.RecordingStream, plots: Iterable[Plot]) -> None:
             stream.log(f"{plot_path(plot)}/{lines.name}", style, static=True)
 
 
-def send_values(stream: rr.RecordingStream, plots: Iterable[Plot], clock: Clock) -> None:
+def send_values(stream: rr.RecordingStream, plots: Iterable[Plot]) -> None:
     """Send the values of curves."""
     for plot in plots:
         for lines in plot.curves:
@@ -324,4 +285,4 @@ def send_values(stream: rr.RecordingStream, plots: Iterable[Plot], clock: Clock)
                 continue
             columns = rr.Scalars.columns(scalars=lines.values.ravel())
             entity = f"{plot_path(plot)}/{lines.name}"
-            send(stream, entity, clock(lines.instants), columns.partition([num_lines] * num_instants))
+            send(stream, entity, seconds(lines.instants), columns.partition([num_lines] * num_instants))

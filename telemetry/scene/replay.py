@@ -69,7 +69,7 @@ def scene(paths: Sequence[Path]) -> Scene:
     def send_all(stream: rr.RecordingStream) -> None:
         plots = (*mission, *effort, *fis)
         blueprint.send_styles(stream, plots)
-        blueprint.send_values(stream, plots, seconds)
+        blueprint.send_values(stream, plots)
         _send_flight(stream, recordings[0])
         _send_inferences(stream, recordings[0])
         _send_words(stream, recordings, names)

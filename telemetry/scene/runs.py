@@ -1,4 +1,4 @@
-"""Reads the trajectories in a run's folder: those of its evaluation and of its training."""
+"""Reads the trajectories of an evaluation in a run's folder."""
 
 import json
 from collections.abc import Mapping
@@ -19,9 +19,6 @@ MANIFEST: Final = "manifest.json"
 #: where a run whose manifest does not name its files, of version 1, has those of each role
 FILES: Final[Mapping[str, str]] = {
     "configuration": "config.yaml",
-    "champion": "champion.json",
-    "training_history": "train/history.parquet",
-    "training_trajectories": "train/trajectories.parquet",
     "evaluation_episodes": "evaluate/episodes.parquet",
     "evaluation_trajectories": "evaluate/trajectories.parquet",
 }
@@ -31,10 +28,9 @@ MOST_CONFIG_BYTES: Final = 2 * 1024 * 1024
 #: what a table may unpack to
 MOST_BYTES: Final = 512 * 1024 * 1024
 #: columns of whole numbers
-_KEYS: Final = ("case", "sample", "round", "generation")
+_KEYS: Final = ("case", "sample")
 _POSITION: Final = ("position_x_m", "position_y_m", "position_z_m")
 _JUDGED: Final = ("delta_v_m_s", "inspected_count", "inspection_rate_percent", "success", "violated")
-_HISTORY_COLUMNS: Final = ("round", "generation", "best", "mean", "step_size")
 
 
 class Outcome(IntEnum):
@@ -113,41 +109,6 @@ class Evaluation:
         return samples * (self.surroundings.sample_period_s or 1.0)
 
 
-@dataclass(frozen=True)
-class Training:
-    """A training so far.
-
-    Parameters
-    ----------
-    name : str
-        Of the run.
-    columns : mapping of str to (N,) arrays
-        One row per generation, of all rounds: `round`, `generation`, `best`, `mean`, `step_size` and the
-        parts of the best one's fitness.
-    tracks : mapping of int to (K+1, 3) float32 array
-        Trajectory of each champion, m, Hill axes, by the row of its first generation.
-    surroundings : Surroundings
-    """
-
-    name: str
-    columns: Columns
-    tracks: Mapping[int, NDArray[np.float32]]
-    surroundings: Surroundings
-
-    def __len__(self) -> int:
-        return len(self.columns["best"])
-
-
-def has_evaluation(path: Path) -> bool:
-    """Return whether a path is a run's folder with evaluated trajectories, or a table of them."""
-    return path.suffix == ".parquet" or file_of(path, "evaluation_trajectories").exists()
-
-
-def has_training(path: Path) -> bool:
-    """Return whether a path is a run's folder in which a training has begun."""
-    return file_of(path, "training_history").exists()
-
-
 def file_of(folder: Path, role: str) -> Path:
     """Return where a run has the file of a role, as its manifest says; see `FILES`."""
     files = _manifest(folder).get("files")
@@ -195,55 +156,15 @@ def read_evaluation(path: Path) -> Evaluation:
             f"{table} does not exist; give the folder of a run that has been evaluated, as "
             "`python -m pipeline +experiment=evaluate` makes one"
         )
-    columns = _read(table, ("case", "sample", *_POSITION))
-    cases, tracks = _tracks(table, columns, ("case",))
+    cases, tracks = _tracks(table)
     root = table.parent.parent
     return Evaluation(
         name=root.resolve().name,
-        case=cases[:, 0],
+        case=cases,
         position_m=tracks,
-        episodes=_episodes(table.with_name(file_of(root, "evaluation_episodes").name), cases[:, 0]),
+        episodes=_episodes(table.with_name(file_of(root, "evaluation_episodes").name), cases),
         surroundings=_surroundings(root),
     )
-
-
-def read_training(folder: Path) -> Training:
-    """Read a training, finished or running.
-
-    Raises
-    ------
-    RecordingError
-        If no generation is finished, or a table is damaged.
-    """
-    if not has_training(folder):
-        raise RecordingError(
-            f"{folder} has no {FILES['training_history']}; give the folder of a run that trains, or has "
-            "trained, as `python -m pipeline +experiment=train` makes one"
-        )
-    # the history first: a later flight belongs to a generation that is not read yet
-    history = _read(file_of(folder, "training_history"), _HISTORY_COLUMNS)
-    rows = {
-        moment: row
-        for row, moment in enumerate(
-            zip(history["round"].tolist(), history["generation"].tolist(), strict=True)
-        )
-    }
-    tracks: dict[int, NDArray[np.float32]] = {}
-    path = file_of(folder, "training_trajectories")
-    if path.exists():
-        moments, flown = _tracks(
-            path, _read(path, ("round", "generation", "sample", *_POSITION)), ("round", "generation")
-        )
-        for (round_index, generation), track in zip(moments.tolist(), flown, strict=True):
-            if (round_index, generation) in rows:
-                tracks[rows[round_index, generation]] = track
-    return Training(folder.resolve().name, history, tracks, _surroundings(folder))
-
-
-def is_finished(folder: Path) -> bool:
-    """Tell whether a training has come to its end: its champion is younger than its history."""
-    champion, history = (file_of(folder, role) for role in ("champion", "training_history"))
-    return champion.exists() and history.exists() and champion.stat().st_mtime >= history.stat().st_mtime
 
 
 def _read(path: Path, required: tuple[str, ...]) -> dict[str, NDArray[Any]]:
@@ -277,8 +198,9 @@ def _read(path: Path, required: tuple[str, ...]) -> dict[str, NDArray[Any]]:
     return {name: table[name].to_numpy() for name in wanted}
 
 
-def _tracks(path: Path, columns: Columns, keys: tuple[str, ...]) -> tuple[Integers, NDArray[np.float32]]:
-    """Return the keys of the tracks, (n, keys), and the tracks, (n, K+1, 3)."""
+def _tracks(path: Path) -> tuple[Integers, NDArray[np.float32]]:
+    """Return the cases of the tracks, (n,), and the tracks, (n, K+1, 3)."""
+    columns = _read(path, ("case", "sample", *_POSITION))
     sample = columns["sample"]
     num_samples = min(int(sample.max(initial=-1)) + 1, len(sample) + 1)
     num_tracks = len(sample) // max(num_samples, 1)
@@ -288,8 +210,7 @@ def _tracks(path: Path, columns: Columns, keys: tuple[str, ...]) -> tuple[Intege
             f"{path} does not hold whole trajectories, sample by sample; repeat the stage that writes it"
         )
     positions = np.column_stack([columns[name] for name in _POSITION]).astype(np.float32)
-    names = np.column_stack([columns[key][::num_samples] for key in keys]).astype(np.int64)
-    return names, positions.reshape(num_tracks, num_samples, 3)
+    return columns["case"][::num_samples].astype(np.int64), positions.reshape(num_tracks, num_samples, 3)
 
 
 def _episodes(path: Path, cases: Integers) -> Columns:

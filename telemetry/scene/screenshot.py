@@ -3,7 +3,7 @@
 import subprocess
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,7 +14,7 @@ from rerun.experimental import ViewerClient
 
 from telemetry.file import RecordingError
 from telemetry.file.partial_file import whole_file
-from telemetry.scene import blueprint, campaign, replay, runs, training, viewer
+from telemetry.scene import blueprint, campaign, replay, viewer
 from telemetry.scene.viewer import Scene
 
 #: of the viewer's window, in pixels
@@ -30,30 +30,11 @@ _END_S: Final = 10.0
 
 
 @dataclass(frozen=True)
-class Picture:
-    """A moment of a scene to draw.
-
-    Parameters
-    ----------
-    name : str
-        Of the file, without its suffix.
-    timeline : str
-        `blueprint.TIME` or `blueprint.GENERATION`.
-    instant : float
-        Seconds, or the number of a generation.
-    """
-
-    name: str
-    timeline: str
-    instant: float
-
-
-@dataclass(frozen=True)
 class Subject:
-    """A scene and the moments of it to draw."""
+    """A scene, and the times of it to draw, s, by the names of the pictures' files without their suffix."""
 
     scene: Scene
-    pictures: tuple[Picture, ...]
+    pictures: Mapping[str, float]
 
 
 def subjects(paths: Sequence[Path], instants_s: Sequence[float]) -> list[Subject]:
@@ -62,42 +43,25 @@ def subjects(paths: Sequence[Path], instants_s: Sequence[float]) -> list[Subject
     Parameters
     ----------
     paths : sequence of Path
-        Flights, which are overlaid, and folders of runs: evaluations are drawn at their start, trainings at
-        their end.
+        Flights, which are overlaid, and folders of runs: evaluations are drawn at their start.
     instants_s : sequence of float
         Times of the flights.
 
     Raises
     ------
     RecordingError
-        If a file cannot be read, or a folder holds neither an evaluation nor a training.
+        If a file cannot be read, or a folder holds no evaluation.
     """
     found = []
     flights = [path for path in paths if not path.is_dir()]
     if flights:
-        pictures = (Picture(f"replay-{instant:g}", blueprint.TIME, instant) for instant in instants_s)
-        found.append(Subject(replay.scene(flights), tuple(pictures)))
+        pictures = {f"replay-{instant:g}": instant for instant in instants_s}
+        found.append(Subject(replay.scene(flights), pictures))
     folders = [path for path in paths if path.is_dir()]
     for folder in folders:
-        if not runs.has_evaluation(folder) and not runs.has_training(folder):
-            raise RecordingError(
-                f"{folder} holds neither an evaluation nor a training; give the folder of a run with "
-                f"{runs.FILES['evaluation_trajectories']} or {runs.FILES['training_history']}"
-            )
-    evaluated = [folder for folder in folders if runs.has_evaluation(folder)]
-    for folder in evaluated:
-        picture = Picture(_name("campaign", folder, evaluated), blueprint.TIME, 0.0)
-        found.append(Subject(campaign.scene(folder), (picture,)))
-    trained = [folder for folder in folders if runs.has_training(folder)]
-    for folder in trained:
-        last = len(runs.read_training(folder)) - 1
-        picture = Picture(_name("training", folder, trained), blueprint.GENERATION, last)
-        found.append(Subject(training.scene(folder), (picture,)))
+        name = "campaign" if len(folders) == 1 else f"campaign-{folder.resolve().name}"
+        found.append(Subject(campaign.scene(folder), {name: 0.0}))
     return found
-
-
-def _name(kind: str, folder: Path, folders: Sequence[Path]) -> str:
-    return kind if len(folders) == 1 else f"{kind}-{folder.resolve().name}"
 
 
 def take(subjects: Sequence[Subject], folder: Path) -> Iterator[Path]:
@@ -124,10 +88,13 @@ def take(subjects: Sequence[Subject], folder: Path) -> Iterator[Path]:
             file = Path(scratch) / f"{number}.rrd"
             viewer.save(subject.scene, file)
             load(client, file)
-            for picture in subject.pictures:
-                image = _draw(client, picture, Path(scratch) / "shot.png")
-                _require_sound(client, subject.scene)
-                yield _write(image, folder / f"{picture.name}.png")
+            for name, instant in subject.pictures.items():
+                image = _draw(client, instant, Path(scratch) / "shot.png")
+                if found := complaints(client):
+                    raise RecordingError(
+                        f"the viewer cannot show all of {subject.scene.name}: {'; '.join(found)}"
+                    )
+                yield _write(image, folder / f"{name}.png")
             client.close("all")
 
 
@@ -143,14 +110,14 @@ def headless() -> Iterator[ViewerClient]:
     size = "x".join(str(pixels) for pixels in SIZE)
     with (
         tempfile.TemporaryFile() as log,
-        viewer.started("--headless", "--window-size", size, log=log) as running,
+        viewer.started("--headless", "--window-size", size, log=log) as (process, url),
     ):
         try:
-            yield ViewerClient.connect(running.url)
+            yield ViewerClient.connect(url)
         except (OSError, RuntimeError) as error:
             # a viewer that is ending takes a moment
             with suppress(subprocess.TimeoutExpired):
-                code = running.process.wait(_END_S)
+                code = process.wait(_END_S)
                 raise RecordingError(
                     f"the viewer ended with exit code {code}: {_last_words(log)}; "
                     "without a render context it needs a Vulkan driver "
@@ -197,11 +164,8 @@ def complaints(client: ViewerClient) -> list[str]:
     return found + [entry.message for entry in client.get_logs() if entry.level.lower() == "error"]
 
 
-def _draw(client: ViewerClient, picture: Picture, file: Path) -> Image.Image:
-    if picture.timeline == blueprint.TIME:
-        client.set_time(picture.timeline, duration=picture.instant, play_state="paused")
-    else:
-        client.set_time(picture.timeline, sequence=int(picture.instant), play_state="paused")
+def _draw(client: ViewerClient, instant_s: float, file: Path) -> Image.Image:
+    client.set_time(blueprint.TIME, duration=instant_s, play_state="paused")
     end = time.monotonic() + _PATIENCE_S
     before: Image.Image | None = None
     while time.monotonic() < end:
@@ -215,12 +179,6 @@ def _draw(client: ViewerClient, picture: Picture, file: Path) -> Image.Image:
     raise RecordingError(
         f"the view did not come to rest within {_PATIENCE_S:g} s, so there is no picture of it"
     )
-
-
-def _require_sound(client: ViewerClient, scene: Scene) -> None:
-    found = complaints(client)
-    if found:
-        raise RecordingError(f"the viewer cannot show all of {scene.name}: {'; '.join(found)}")
 
 
 def _write(image: Image.Image, path: Path) -> Path:

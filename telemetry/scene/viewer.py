@@ -1,4 +1,4 @@
-"""Scenes in rerun: saved to a file, in a window, a browser or a notebook, or streamed."""
+"""Scenes in rerun: saved to a file, in a window, a browser or a notebook."""
 
 import os
 import signal
@@ -26,7 +26,7 @@ ENDING: Final = ".rrd"
 LOOPBACK: Final = "127.0.0.1"
 _START_LIMIT_S: Final = 60.0
 #: `-P` keeps a file called rerun.py in the current folder from being run instead
-_RERUN: Final = (sys.executable, "-P", "-m", "rerun")
+_RERUN: Final = (sys.executable, "-P", "-m", "rerun", "--bind", LOOPBACK)
 
 
 @dataclass(frozen=True)
@@ -50,21 +50,6 @@ class Scene:
     send: Callable[[rr.RecordingStream], None]
 
 
-@dataclass(frozen=True)
-class Viewer:
-    """A running viewer.
-
-    Parameters
-    ----------
-    process : subprocess.Popen
-    url : str
-        Address for streams and clients.
-    """
-
-    process: "subprocess.Popen[bytes]"
-    url: str
-
-
 def save(scene: Scene, output: Path) -> None:
     """Write a scene to an .rrd file that opens in our layout.
 
@@ -79,58 +64,36 @@ def save(scene: Scene, output: Path) -> None:
     RecordingError
         If the output's name does not end in .rrd, or it cannot be written.
     """
-    require_ending(output)
+    if output.suffix != ENDING:
+        # rerun would not open it, and it may be a flight
+        raise RecordingError(
+            f"{output} does not end in {ENDING}, but rerun recognises recordings by it; "
+            f"choose a name such as {output.with_suffix(ENDING)}"
+        )
     unfinished = output.with_name(output.name + PARTIAL_SUFFIX)
     try:
-        with stream_to_file(scene, unfinished) as stream:
-            scene.send(stream)
+        # the library would notice only later, and drop its data with a warning
+        unfinished.open("wb").close()
+        stream = _stream(scene)
+        stream.save(unfinished, default_blueprint=scene.layout)
+        _fill(stream, scene)
+        stream.disconnect()
         unfinished.replace(output)
-    except OSError as error:
-        raise unwritable(output, error) from error
+    except (OSError, RuntimeError) as error:  # the second where the library's file takes no more
+        raise RecordingError(
+            f"{output} cannot be written: {getattr(error, 'strerror', None) or error}; "
+            "choose an existing folder with free space"
+        ) from error
     finally:
         with suppress(OSError):
             unfinished.unlink(missing_ok=True)
 
 
-@contextmanager
-def stream_to_file(scene: Scene, output: Path) -> Iterator[rr.RecordingStream]:
-    """Open a stream to a file, with the scene's name and layout but no content yet.
-
-    Raises
-    ------
-    OSError
-        If the file cannot be opened or written.
-    """
-    # the library would notice only later, and drop its data with a warning
-    output.open("wb").close()
-    stream = _stream(scene)
-    with _refusals():
-        stream.save(output, default_blueprint=scene.layout)
+def _fill(stream: rr.RecordingStream, scene: Scene) -> None:
+    """Send a scene to a stream, and wait until all has arrived."""
     stream.send_recording_name(scene.name)
-    yield stream
-    flush(stream)
-    stream.disconnect()
-
-
-def flush(stream: rr.RecordingStream) -> None:
-    """Wait until all that was sent has arrived.
-
-    Raises
-    ------
-    OSError
-        If the disk is full or the viewer has been closed.
-    """
-    with _refusals():
-        stream.flush()
-
-
-@contextmanager
-def _refusals() -> Iterator[None]:
-    """Turn the library's RuntimeError, raised when its file or viewer takes no more, into an OSError."""
-    try:
-        yield
-    except RuntimeError as error:
-        raise OSError(str(error)) from error
+    scene.send(stream)
+    stream.flush()
 
 
 def show(scene: Scene, *, in_browser: bool) -> None:
@@ -147,11 +110,18 @@ def show(scene: Scene, *, in_browser: bool) -> None:
     RecordingError
         If the viewer cannot open.
     """
-    require_display(in_browser=in_browser)
+    is_x11_or_wayland = sys.platform.startswith(("linux", "freebsd"))
+    has_display = os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
+    if not in_browser and is_x11_or_wayland and not has_display:
+        raise RecordingError(
+            "this machine has no display to open the viewer on; "
+            "use a browser with --web, or write a file with --save FILE.rrd"
+        )
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "scene.rrd"
         save(scene, file)
-        command = [*_command("auto", in_browser=in_browser), str(file)]
+        in_page = ("--web-viewer", "--web-viewer-port", "0") if in_browser else ()
+        command = [*_RERUN, "--port", "auto", *in_page, str(file)]
         with suppress(KeyboardInterrupt), _running(command) as process:
             if code := process.wait():
                 raise RecordingError(
@@ -161,37 +131,20 @@ def show(scene: Scene, *, in_browser: bool) -> None:
 
 
 @contextmanager
-def stream_to_viewer(scene: Scene, *, in_browser: bool) -> Iterator[tuple[rr.RecordingStream, Viewer]]:
-    """Open a viewer and a stream to it, with the scene's name and layout but no content yet.
-
-    Raises
-    ------
-    RecordingError
-        If the viewer cannot open.
-    """
-    require_display(in_browser=in_browser)
-    with started(in_browser=in_browser) as viewer:
-        stream = _stream(scene)
-        stream.connect_grpc(viewer.url, default_blueprint=scene.layout)
-        stream.send_recording_name(scene.name)
-        try:
-            yield stream, viewer
-        finally:
-            stream.disconnect()
-
-
-@contextmanager
-def started(*options: str, in_browser: bool = False, log: IO[bytes] | None = None) -> Iterator[Viewer]:
+def started(*options: str, log: IO[bytes]) -> Iterator[tuple["subprocess.Popen[bytes]", str]]:
     """Start a viewer that listens on the loopback interface only; it ends with the block.
 
     Parameters
     ----------
     *options : str
         Options of rerun's command line.
-    in_browser : bool
-        Serve a page instead of a window.
-    log : binary file, optional
-        For the viewer's output; by default our own output.
+    log : binary file
+        For the viewer's output.
+
+    Yields
+    ------
+    process, url
+        The viewer, and its address for clients.
 
     Raises
     ------
@@ -201,10 +154,9 @@ def started(*options: str, in_browser: bool = False, log: IO[bytes] | None = Non
     with socket.socket() as probe:
         probe.bind((LOOPBACK, 0))
         port = probe.getsockname()[1]
-    command = [*_command(str(port), in_browser=in_browser), *options]
-    with _running(command, log) as process:
+    with _running([*_RERUN, "--port", str(port), *options], log) as process:
         _await_port(process, port)
-        yield Viewer(process, f"rerun+http://{LOOPBACK}:{port}/proxy")
+        yield process, f"rerun+http://{LOOPBACK}:{port}/proxy"
 
 
 @contextmanager
@@ -253,36 +205,12 @@ def in_notebook(scene: Scene) -> Any:
             "rerun's notebook extra is not installed, which notebooks need; "
             "install it with: pip install 'rerun-sdk[notebook]'"
         ) from error
-    stream.send_recording_name(scene.name)
-    scene.send(stream)
-    flush(stream)
+    _fill(stream, scene)
     return widget
 
 
 def _stream(scene: Scene) -> rr.RecordingStream:
     return rr.RecordingStream(f"{APPLICATION}-{scene.kind}")
-
-
-def _command(port: str, *, in_browser: bool) -> list[str]:
-    command = [*_RERUN, "--bind", LOOPBACK, "--port", port]
-    return [*command, "--web-viewer", "--web-viewer-port", "0"] if in_browser else command
-
-
-def require_display(*, in_browser: bool) -> None:
-    """Refuse to open a window where there is no display.
-
-    Raises
-    ------
-    RecordingError
-        If there is no display.
-    """
-    is_x11_or_wayland = sys.platform.startswith(("linux", "freebsd"))
-    has_display = os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
-    if not in_browser and is_x11_or_wayland and not has_display:
-        raise RecordingError(
-            "this machine has no display to open the viewer on; "
-            "use a browser with --web, or write a file with --save FILE.rrd"
-        )
 
 
 def _await_port(process: "subprocess.Popen[bytes]", port: int) -> None:
@@ -297,25 +225,3 @@ def _await_port(process: "subprocess.Popen[bytes]", port: int) -> None:
             return
         time.sleep(0.1)
     raise RecordingError(f"the viewer was not ready within {_START_LIMIT_S:g} s; is the machine very busy?")
-
-
-def require_ending(output: Path) -> None:
-    """Refuse an output whose name does not end in .rrd: rerun would not open it, and it may be a flight.
-
-    Raises
-    ------
-    RecordingError
-        If it does not.
-    """
-    if output.suffix != ENDING:
-        raise RecordingError(
-            f"{output} does not end in {ENDING}, but rerun recognises recordings by it; "
-            f"choose a name such as {output.with_suffix(ENDING)}"
-        )
-
-
-def unwritable(output: Path, error: OSError) -> RecordingError:
-    """Return an error: what cannot be written, why, and what to do."""
-    return RecordingError(
-        f"{output} cannot be written: {error.strerror or error}; choose an existing folder with free space"
-    )

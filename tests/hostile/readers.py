@@ -110,7 +110,7 @@ def _run_folder(content: bytes, folder: Path) -> object:
             read(folder)
         except artifacts.ArtifactError:
             continue
-    return runs.file_of(folder, "champion")
+    return runs.file_of(folder, "evaluation_episodes")
 
 
 @cache

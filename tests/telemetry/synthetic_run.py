@@ -1,4 +1,4 @@
-"""A run's folder with few cases and few generations, every number chosen so that its meaning is plain."""
+"""A run's folder with few cases, every number chosen so that its meaning is plain."""
 
 from pathlib import Path
 
@@ -57,45 +57,4 @@ def write_evaluation(folder: Path) -> Path:
             "violated": [False, False, True, False],
         },
     )
-    return folder
-
-
-def champion_track(row: int) -> NDArray[np.float32]:
-    """Where the champion that came with a row flew: a line of its own length."""
-    return (np.linspace(75.0, 60.0 - row, NUM_SAMPLES)[:, None] * [1.0, 0.0, 0.0]).astype(np.float32)
-
-
-#: of each row: round, generation, fitness, and whether its champion is new
-ROWS = ((0, 0, 1e5, True), (0, 1, 1e5, False), (0, 2, 10.0, True), (1, 0, 0.0, True), (1, 1, 0.0, False))
-
-
-def write_training(folder: Path, num_rows: int = len(ROWS)) -> Path:
-    """Write what a training has left behind after some generations, as it does: the flights first."""
-    folder.mkdir(parents=True, exist_ok=True)
-    rows = ROWS[:num_rows]
-    new = [(number, row) for number, row in enumerate(rows) if row[3]]
-    tracks = np.stack([champion_track(number) for number, _ in new])
-    moments = np.repeat([row[:2] for _, row in new], NUM_SAMPLES, axis=0).astype(np.int32)
-    write_table(
-        folder / "train/trajectories.parquet",
-        {"round": moments[:, 0], "generation": moments[:, 1], **track_columns(tracks)},
-    )
-    unfinished = folder / "train/.history"
-    write_table(
-        unfinished,
-        {
-            "round": [row[0] for row in rows],
-            "generation": [row[1] for row in rows],
-            "best": [row[2] for row in rows],
-            "mean": [10.0 * row[2] for row in rows],
-            "step_size": [1.0] * len(rows),
-            "delta_v_m_s": [2.5] * len(rows),
-            "points": [97.0] * len(rows),
-            "outside": [0.0] * len(rows),
-            "outside_m": [0.0] * len(rows),
-            "short": [3.0] * len(rows),
-            "genome": [[0.5, 0.25]] * len(rows),
-        },
-    )
-    unfinished.replace(folder / "train/history.parquet")
     return folder

@@ -14,7 +14,6 @@ from mcap.writer import Writer
 import telemetry
 from telemetry import commands
 from telemetry.commands import main
-from tests.telemetry import synthetic_run
 
 
 def test_info_tells_what_it_was_and_how_it_went(flight_file, capsys):
@@ -120,8 +119,14 @@ def test_a_command_is_needed():
     assert main([]) == 2
 
 
+def test_of_a_command_that_is_gone_its_successors_are_told(capsys):
+    assert main(["training", "outputs/train/RUN", "--follow"]) == 2
+    told = capsys.readouterr().err
+    assert told.startswith("telemetry: training is gone: a run's report.html draws the training, and logger=")
+
+
 @pytest.mark.parametrize(
-    "command", ["replay", "campaign", "training", "screenshot", "info", "recover", "export", "compare"]
+    "command", ["replay", "campaign", "screenshot", "info", "recover", "export", "compare"]
 )
 def test_each_command_teaches_by_examples_that_it_takes(command, capsys):
     assert main([command, "--help"]) == 0
@@ -130,7 +135,7 @@ def test_each_command_teaches_by_examples_that_it_takes(command, capsys):
     for example in examples:
         assert example.split()[0] == command
         # what is named is not there, but the options are known
-        assert main(shlex.split(example) + (["--save", "x.rrd"] if example.endswith("--follow") else [])) == 2
+        assert main(shlex.split(example)) == 2
 
 
 def test_a_flight_is_not_written_over_by_its_own_replay(short_file, tmp_path, capsys):
@@ -138,7 +143,6 @@ def test_a_flight_is_not_written_over_by_its_own_replay(short_file, tmp_path, ca
     path.write_bytes(short_file.read_bytes())
     assert main(["replay", str(path), "--save", str(path)]) == 2
     assert "choose a name such as" in capsys.readouterr().err
-    assert main(["training", str(tmp_path), "--follow", "--save", str(path)]) == 2
     assert path.read_bytes() == short_file.read_bytes()
 
 
@@ -155,14 +159,6 @@ def test_an_interrupted_command_ends_in_a_sentence(short_file, monkeypatch, caps
     monkeypatch.setattr(commands, "read", interrupted)
     assert main(["info", str(short_file)]) == 130
     assert capsys.readouterr().err == "telemetry: interrupted\n"
-
-
-def test_a_saved_training_says_nothing_of_the_viewer_itself(tmp_path):
-    folder = synthetic_run.write_training(tmp_path / "run", 2)
-    command = [sys.executable, "-m", "telemetry", "training", str(folder), "--save", str(tmp_path / "x.rrd")]
-    environment = {name: value for name, value in os.environ.items() if name != "RUST_LOG"}
-    done = subprocess.run(command, check=True, capture_output=True, env=environment)  # noqa: S603
-    assert done.stderr == b""
 
 
 def test_a_whole_file_that_never_got_its_name_is_to_be_renamed(short_file, tmp_path, capsys):

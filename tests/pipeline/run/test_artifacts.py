@@ -231,14 +231,16 @@ def test_deep_manifests(tmp_path):
     with pytest.raises(artifacts.ArtifactError, match=r"manifest\.json cannot be read"):
         artifacts.read_manifest(tmp_path)
     with pytest.raises(RecordingError, match=r"manifest\.json cannot be read"):
-        runs.file_of(tmp_path, "champion")
+        runs.file_of(tmp_path, "evaluation_episodes")
 
 
 @pytest.mark.parametrize("name", ["../secret.json", "/etc/passwd"])
 def test_a_manifest_leads_nowhere_else(name, tmp_path):
-    (tmp_path / artifacts.MANIFEST).write_text(json.dumps({"files": {"champion": name}}))
+    (tmp_path / artifacts.MANIFEST).write_text(
+        json.dumps({"files": {"champion": name, "evaluation_episodes": name}})
+    )
     with pytest.raises(RecordingError, match="lies outside the folder"):
-        runs.file_of(tmp_path, "champion")
+        runs.file_of(tmp_path, "evaluation_episodes")
     with pytest.raises(ControllerFileError, match="names a champion outside the folder"):
         read_controller(tmp_path)
 

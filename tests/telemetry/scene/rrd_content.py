@@ -31,14 +31,8 @@ class Content:
         return np.array(self.column(entity, component), dtype=np.float64)
 
     def times(self, entity: str, component: str) -> NDArray[np.float64]:
-        return self._instants(entity, component, "time") / 1e9
-
-    def generations(self, entity: str, component: str) -> list[int]:
-        return self._instants(entity, component, "generation").tolist()
-
-    def _instants(self, entity: str, component: str, timeline: str) -> NDArray[np.int64]:
         batches = [b for b in self.batches[entity] if component in b.schema.names]
-        return np.concatenate([b.column(timeline).cast(pa.int64()).to_numpy() for b in batches])
+        return np.concatenate([b.column("time").cast(pa.int64()).to_numpy() for b in batches]) / 1e9
 
 
 def views(path: Path) -> Iterator[tuple[str, str]]:

@@ -5,7 +5,6 @@ import shutil
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from fis_tools import source
@@ -13,8 +12,7 @@ from pipeline.command_line.config import Job
 from pipeline.run import artifacts
 from pipeline.run.runner import scene_of
 from pipeline.stages import evaluate, train
-from telemetry import RecordingError
-from telemetry.scene import campaign, runs, training, viewer
+from telemetry.scene import campaign, runs, viewer
 from tests.pipeline.stages.cases import prepared
 
 
@@ -36,7 +34,6 @@ def test_both_call_the_files_the_same() -> None:
 def test_files_and_scene_are_what_the_manifest_says(run: tuple[Job, Path], tmp_path: Path) -> None:
     composed, folder = run
     moved = shutil.copytree(folder, tmp_path / "moved")
-    (moved / artifacts.HISTORY).rename(moved / "learning.parquet")
     (moved / artifacts.TRAJECTORIES).rename(moved / "evaluate" / "paths.parquet")
     (moved / artifacts.EPISODES).rename(moved / "evaluate" / "ends.parquet")
     (moved / artifacts.CONFIG).unlink(missing_ok=True)
@@ -44,7 +41,6 @@ def test_files_and_scene_are_what_the_manifest_says(run: tuple[Job, Path], tmp_p
     scene = scene_of(replace(composed.experiment.mission, control_period_s=20.0))
     artifacts.write_manifest(moved, composed.config, [], scene=scene)
     named = {
-        "training_history": "learning.parquet",
         "evaluation_trajectories": "evaluate/paths.parquet",
         "evaluation_episodes": "evaluate/ends.parquet",
         "champion": "best.json",
@@ -53,18 +49,11 @@ def test_files_and_scene_are_what_the_manifest_says(run: tuple[Job, Path], tmp_p
     assert told["files"].items() >= artifacts.ROLES.items()
     told["files"] |= named
     artifacts.write_json(moved / artifacts.MANIFEST, told)
-    assert len(runs.read_training(moved)) == len(runs.read_training(folder))
     evaluation = runs.read_evaluation(moved)
     assert evaluation.surroundings.sample_period_s == 20.0
     assert evaluation.surroundings.chief_radius_m == composed.experiment.mission.chief.inspection_radius_m
     assert set(evaluation.episodes) == set(runs.read_evaluation(folder).episodes)
     assert source.read_controller(moved).systems == source.read_controller(folder).systems
-
-
-def test_a_manifest_that_cannot_be_read_is_told(tmp_path: Path) -> None:
-    (tmp_path / artifacts.MANIFEST).write_text("{")
-    with pytest.raises(RecordingError, match=r"manifest.json cannot be read .*restore it"):
-        runs.has_training(tmp_path)
 
 
 def test_an_evaluation_is_read_with_its_surroundings(run: tuple[Job, Path]) -> None:
@@ -79,17 +68,6 @@ def test_an_evaluation_is_read_with_its_surroundings(run: tuple[Job, Path]) -> N
     assert around.chief_radius_m == mission.chief.inspection_radius_m
 
 
-def test_a_training_is_read_with_its_champions_flights(run: tuple[Job, Path]) -> None:
-    composed, folder = run
-    read = runs.read_training(folder)
-    assert len(read) == 4
-    start = composed.experiment.mission.deputy.initial_position_m
-    np.testing.assert_allclose(read.tracks[0][0], start, rtol=1e-6)
-    assert {"delta_v_m_s", "points", "outside", "outside_m", "short"} <= set(read.columns)
-    assert runs.is_finished(folder)
-
-
-def test_both_are_shown(run: tuple[Job, Path], tmp_path: Path) -> None:
-    for scene in (campaign.scene(run[1]), training.scene(run[1])):
-        viewer.save(scene, tmp_path / "x.rrd")
-        assert (tmp_path / "x.rrd").stat().st_size > 10_000
+def test_it_is_shown(run: tuple[Job, Path], tmp_path: Path) -> None:
+    viewer.save(campaign.scene(run[1]), tmp_path / "x.rrd")
+    assert (tmp_path / "x.rrd").stat().st_size > 10_000

@@ -6,8 +6,6 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable
-from contextlib import contextmanager
 
 import numpy as np
 import psutil
@@ -16,12 +14,11 @@ import rerun as rr
 import rerun.blueprint as rrb
 import rerun_notebook
 from PIL import Image
-from rerun.experimental import ViewerClient
 
 import telemetry
 from telemetry import EpisodeWriter, RecordingError
 from telemetry.commands import main
-from telemetry.scene import campaign, replay, screenshot, training, viewer
+from telemetry.scene import campaign, replay, screenshot, viewer
 from telemetry.scene.curves import drawable
 from telemetry.scene.viewer import Scene
 from tests.places import PROJECT
@@ -34,8 +31,7 @@ VULKAN = "/usr/share/vulkan/icd.d/lvp_icd.x86_64.json"
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
-    folder = synthetic_run.write_evaluation(tmp_path_factory.mktemp("run") / "both")
-    return synthetic_run.write_training(folder)
+    return synthetic_run.write_evaluation(tmp_path_factory.mktemp("run") / "evaluated")
 
 
 @pytest.fixture(scope="module")
@@ -45,13 +41,12 @@ def client():
         yield client
 
 
-@pytest.fixture(params=["replay", "several", "campaign", "training"])
+@pytest.fixture(params=["replay", "several", "campaign"])
 def scene(request, flight_file, short_file, run):
     makers = {
         "replay": lambda: replay.scene([flight_file]),
         "several": lambda: replay.scene([flight_file, short_file]),
         "campaign": lambda: campaign.scene(run),
-        "training": lambda: training.scene(run),
     }
     return makers[request.param]()
 
@@ -117,7 +112,7 @@ def test_a_viewer_that_ends_is_not_taken_for_one_without_a_driver(tmp_path):
         stream.log("text", rr.TextDocument("🚀"), static=True)
 
     scene = Scene("text", "text", rrb.Blueprint(rrb.TextDocumentView(origin="text")), send)
-    subject = screenshot.Subject(scene, (screenshot.Picture("x", "time", 0.0),))
+    subject = screenshot.Subject(scene, {"x": 0.0})
     with pytest.raises(RecordingError, match=r"the viewer ended with exit code -?\d+: .*glyph"):
         list(screenshot.take([subject], tmp_path))
 
@@ -138,7 +133,7 @@ def test_pictures_show_what_they_are_asked_for(flight_file, run, tmp_path, capsy
     library(VULKAN, "mesa-vulkan-drivers")
     at = ["--at", "60", "3000"]
     assert main(["screenshot", str(flight_file), str(run), *at, "-o", str(tmp_path / "p")]) == 0
-    names = ["replay-60", "replay-3000", "campaign", "training"]
+    names = ["replay-60", "replay-3000", "campaign"]
     assert capsys.readouterr().out.split() == [str(tmp_path / "p" / f"{name}.png") for name in names]
     pixels = {}
     for name in names:
@@ -160,7 +155,7 @@ def test_pictures_show_what_they_are_asked_for(flight_file, run, tmp_path, capsy
 @pytest.mark.slow
 def test_nothing_to_draw_is_said(tmp_path, capsys):
     assert main(["screenshot", str(tmp_path)]) == 2
-    assert "holds neither an evaluation nor a training" in capsys.readouterr().err
+    assert "does not exist; give the folder of a run that has been evaluated" in capsys.readouterr().err
 
 
 @pytest.mark.slow
@@ -183,8 +178,8 @@ def test_a_viewer_that_cannot_start_is_said():
 
 @pytest.mark.slow
 def test_nothing_of_a_viewer_is_left_behind():
-    with tempfile.TemporaryFile() as log, viewer.started(in_browser=True, log=log) as running:
-        launcher = psutil.Process(running.process.pid)
+    with tempfile.TemporaryFile() as log, viewer.started("--web-viewer", log=log) as (process, _):
+        launcher = psutil.Process(process.pid)
         processes = [launcher, *launcher.children(recursive=True)]
     assert len(processes) > 1
     _, alive = psutil.wait_procs(processes, 60)
@@ -192,10 +187,8 @@ def test_nothing_of_a_viewer_is_left_behind():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("arguments", [["replay", "FLIGHT"], ["training", "RUN", "--follow"]])
-def test_web_listens_to_this_machine_alone_and_ends_in_order(arguments, flight_file, run, tmp_path):
-    places = {"FLIGHT": str(flight_file), "RUN": str(run)}
-    command = [sys.executable, "-m", "telemetry", *(places.get(word, word) for word in arguments), "--web"]
+def test_web_listens_to_this_machine_alone_and_ends_in_order(flight_file, tmp_path):
+    command = [sys.executable, "-m", "telemetry", "replay", str(flight_file), "--web"]
     # a browser that opens nothing
     environment = {**os.environ, "BROWSER": "true", "TMPDIR": str(tmp_path)}
     told = tmp_path.parent / f"{tmp_path.name}.log"
@@ -227,51 +220,11 @@ def _await_listeners(pid: int, count: int) -> list[tuple[str, int]]:
             if connection.status == psutil.CONN_LISTEN
         ]
 
-    _until(lambda: len(listeners()) >= count)
-    return listeners()
-
-
-def _until(condition: Callable[[], bool]) -> None:
     end = time.monotonic() + 60.0
-    while not condition():
+    while len(found := listeners()) < count:
         assert time.monotonic() < end, "nothing has come for a minute"
         time.sleep(0.1)
-
-
-@pytest.mark.slow
-def test_a_training_grows_in_the_viewer(tmp_path, monkeypatch):
-    """What --follow does, with a viewer that has no window."""
-    library(VULKAN, "mesa-vulkan-drivers")
-    folder = synthetic_run.write_training(tmp_path / "run", 2)
-    started = viewer.started
-    urls: list[str] = []
-
-    @contextmanager
-    def headless(**_options):
-        with tempfile.TemporaryFile() as log, started("--headless", log=log) as running:
-            urls.append(running.url)
-            yield running
-
-    monkeypatch.setattr(viewer, "started", headless)
-    monkeypatch.setattr(training, "POLL_S", 0.05)
-
-    def shown(num_rows):
-        """Whether the newest generation in the viewer is the last of so many."""
-        recordings = ViewerClient.connect(urls[0]).get_state().recordings
-        lines = [line for recording in recordings for line in recording.timelines]
-        return any(line.name == "generation" and line.end == num_rows - 1 for line in lines)
-
-    def tell(text):
-        if text.startswith("round 1, generation 1:"):
-            _until(lambda: shown(2))
-            synthetic_run.write_training(folder)
-        else:
-            _until(lambda: shown(5))
-            assert screenshot.complaints(ViewerClient.connect(urls[0])) == []
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        training.follow(folder, None, in_browser=True, report=tell)
+    return found
 
 
 @pytest.fixture
@@ -297,12 +250,8 @@ def test_flights_are_shown(shown, flight_file, short_file):
 
 
 def test_an_evaluation_is_shown(shown, tmp_path):
-    run = synthetic_run.write_training(synthetic_run.write_evaluation(tmp_path / "run"))
+    run = synthetic_run.write_evaluation(tmp_path / "run")
     assert "/scene/paths/outside" in shown(run).batches
-
-
-def test_a_training_is_shown(shown, tmp_path):
-    assert "/scene/champion" in shown(synthetic_run.write_training(tmp_path / "run")).batches
 
 
 def test_nothing_to_show_is_said(tmp_path):
@@ -310,7 +259,7 @@ def test_nothing_to_show_is_said(tmp_path):
         RecordingError, match=r"nothing to show; give flights \(.mcap\), or the folder of a run"
     ):
         telemetry.show()
-    with pytest.raises(RecordingError, match=r"has no train/history\.parquet"):
+    with pytest.raises(RecordingError, match="that has been evaluated"):
         telemetry.show(tmp_path)
 
 
