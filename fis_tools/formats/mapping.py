@@ -56,7 +56,7 @@ def to_mapping(controller: model.FuzzyController) -> dict[str, Any]:
         "schema": SCHEMA,
         "schema_version": SCHEMA_VERSION,
         "name": controller.name,
-        **({"purpose": controller.purpose} if controller.purpose else {}),
+        **_told(controller, "purpose"),
         "attributes": dict(controller.attributes),
         "provenance": dict(controller.provenance),
         "systems": [_system_mapping(system) for system in controller.systems],
@@ -69,48 +69,42 @@ def _system_mapping(system: model.FuzzySystem) -> dict[str, Any]:
         "and_operator": system.and_operator,
         "or_operator": system.or_operator,
         "defuzzifier": system.defuzzifier,
-        **({} if system.implication == "min" else {"implication": system.implication}),
+        **_told(system, "implication"),
         "inputs": [_variable_mapping(variable) for variable in system.inputs],
         "outputs": [_variable_mapping(variable) for variable in system.outputs],
         "rules": _rules_list(system),
     }
 
 
+def _told(thing: Any, *keys: str) -> dict[str, Any]:
+    """Return the parts of something that are not what they usually are."""
+    usual = {field.name: field.default for field in fields(thing)}
+    return {key: _plain(getattr(thing, key)) for key in keys if getattr(thing, key) != usual[key]}
+
+
+def _plain(value: Any) -> Any:
+    """Return a number as a float, and numbers as a list of them."""
+    if isinstance(value, tuple):
+        return [float(number) for number in value]
+    return value if isinstance(value, str) else float(value)
+
+
 def _variable_mapping(variable: model.Variable) -> dict[str, Any]:
-    mapping: dict[str, Any] = {"name": variable.name, "unit": variable.unit}
-    if variable.description:
-        mapping["description"] = variable.description
-    if variable.points is None:
-        mapping["range"] = [float(variable.minimum), float(variable.maximum)]
-        mapping["points"] = variable.num_points
-    else:
-        mapping["universe"] = [float(point) for point in variable.points]
-    if variable.default is not None:
-        mapping["default"] = float(variable.default)
-    if variable.defuzzifier is not None:
-        mapping["defuzzifier"] = variable.defuzzifier
-    if variable.accumulation != "max":
-        mapping["accumulation"] = variable.accumulation
-    if variable.aggregation != "max":
-        mapping["aggregation"] = variable.aggregation
-    mapping["terms"] = [
-        {"name": term.name, **_membership_mapping(term.membership)} for term in variable.terms
-    ]
-    return mapping
+    extent = {"range": _plain((variable.minimum, variable.maximum)), "points": variable.num_points}
+    return {
+        "name": variable.name,
+        "unit": variable.unit,
+        **_told(variable, "description"),
+        **(extent if variable.points is None else {"universe": _plain(variable.points)}),
+        **_told(variable, "default", "defuzzifier", "accumulation", "aggregation"),
+        "terms": [{"name": term.name, **_membership_mapping(term.membership)} for term in variable.terms],
+    }
 
 
 def _membership_mapping(membership: model.MembershipFunction) -> dict[str, Any]:
     name = membership.entry.name
     shape = {} if name in _KNOWN_BY_KEYS else {"shape": name}
     return {**shape, **{key: _plain(getattr(membership, key)) for key in _keys(name)}}
-
-
-def _plain(parameter: float | str | tuple[float, ...]) -> float | str | list[float]:
-    if isinstance(parameter, str):
-        return parameter
-    if isinstance(parameter, tuple):
-        return [float(number) for number in parameter]
-    return float(parameter)
 
 
 def _rules_list(system: model.FuzzySystem) -> list[Any]:
@@ -121,13 +115,13 @@ def _rules_list(system: model.FuzzySystem) -> list[Any]:
 
 
 def _rule_mapping(rule: model.Rule) -> dict[str, Any]:
-    own = (("label", rule.label), ("and_operator", rule.and_operator), ("or_operator", rule.or_operator))
-    mapping: dict[str, Any] = {key: word for key, word in own if word}
-    mapping["if"] = _expression_mapping(rule.antecedent)
-    mapping["then"] = [
-        {"variable": c.variable, "term": c.term, "weight": float(c.weight)} for c in rule.consequents
-    ]
-    return mapping
+    return {
+        **_told(rule, "label", "and_operator", "or_operator"),
+        "if": _expression_mapping(rule.antecedent),
+        "then": [
+            {"variable": c.variable, "term": c.term, "weight": float(c.weight)} for c in rule.consequents
+        ],
+    }
 
 
 def _expression_mapping(expression: model.Expression) -> dict[str, Any]:
@@ -138,10 +132,8 @@ def _expression_mapping(expression: model.Expression) -> dict[str, Any]:
             return {"not": _expression_mapping(operand)}
         case model.Hedged(hedge, operand):
             return {hedge: _expression_mapping(operand)}
-        case model.And(operands):
-            return {"and": [_expression_mapping(operand) for operand in operands]}
-        case model.Or(operands):
-            return {"or": [_expression_mapping(operand) for operand in operands]}
+    word = "and" if isinstance(expression, model.And) else "or"
+    return {word: [_expression_mapping(operand) for operand in expression.operands]}
 
 
 # Reading.
@@ -248,13 +240,6 @@ def _numbers(value: Any, where: str) -> tuple[float, ...]:
     return tuple(_items(value, where, _number))
 
 
-def _reader_of(parameter: str) -> Callable[[Any, str], Any]:
-    """Return what reads a parameter of a shape."""
-    if parameter in {"values", "coefficients"}:
-        return _numbers
-    return _text if parameter == "text" else _number
-
-
 def _facts(value: Any, where: str) -> tuple[tuple[str, str], ...]:
     if not isinstance(value, Mapping):
         raise ControllerFileError(f"{where} is {_kind_of(value)}; expected a mapping of words to words")
@@ -332,9 +317,9 @@ def _chosen(value: Any, where: str, keys: Sequence[str]) -> dict[str, Any]:
 def _term(value: Any, where: str) -> model.Term:
     shape = _shape_of(value, where)
     _check_keys(value, where, ("name", *_keys(shape)), ("shape",))
-    name = _text(value["name"], f"{where}.name")
-    parameters = {key: _reader_of(key)(value[key], f"{where}.{key}") for key in _keys(shape)}
-    return model.Term(name, SHAPES[shape](**parameters))
+    readers: dict[str, Any] = {"values": _numbers, "coefficients": _numbers, "text": _text}
+    parameters = {key: readers.get(key, _number)(value[key], f"{where}.{key}") for key in _keys(shape)}
+    return model.Term(_text(value["name"], f"{where}.name"), SHAPES[shape](**parameters))
 
 
 def _shape_of(value: Any, where: str) -> str:
@@ -407,10 +392,9 @@ def _expression(value: Any, where: str, depth: int) -> model.Expression:
         if len(pair) != 2:
             raise ControllerFileError(f"{where}.is has {len(pair)} words; expected [variable, term]")
         return model.Is(*pair)
-    if word == "not":
-        return model.Not(_expression(operand, f"{where}.not", depth + 1))
-    if word in HEDGES:
-        return model.Hedged(word, _expression(operand, f"{where}.{word}", depth + 1))
+    if word == "not" or word in HEDGES:
+        inside = _expression(operand, f"{where}.{word}", depth + 1)
+        return model.Not(inside) if word == "not" else model.Hedged(word, inside)
     if word in {"and", "or"}:
         operands = _items(operand, f"{where}.{word}", lambda item, place: _expression(item, place, depth + 1))
         return model.And(tuple(operands)) if word == "and" else model.Or(tuple(operands))

@@ -1,25 +1,18 @@
 """Antecedents rewritten for formats that cannot nest them, or have hedges only before statements.
 
-Two laws flatten them. A complement moves inwards (De Morgan) where the two operators are duals of each other,
-as min and max are. A conjunction distributes over a disjunction that is the maximum, because every t-norm is
-monotone; one rule then becomes several with the same conclusion, and rules with the same conclusion meet at
-their maximum again. A hedge moves to the statements behind it.
+A complement moves inwards (De Morgan) where the two operators are duals of each other, as min and max are. A
+hedge moves to the statements behind it.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import reduce
-from itertools import product
-from math import prod
 
 from fis_tools import model
 from fis_tools.formats.exchange.vocabulary import HEDGES, meanings
 
 #: A variable and one of its terms.
 Statement = tuple[str, str]
-
-#: Rules that one rule may become.
-MOST_ALTERNATIVES = 64
 
 _DUALS = {
     ("min", "max"),
@@ -78,44 +71,27 @@ def joined(
             yield operand
 
 
-def flat_antecedents(
-    expression: model.Expression,
-    and_operator: model.AndOperator,
-    or_operator: model.OrOperator,
-    *,
-    repeats: bool,
-) -> list[model.Expression]:
-    """Say an antecedent as one or several without nesting; the strongest of them is the antecedent.
+def require_flat(expression: model.Expression, *, repeats: bool) -> None:
+    """Refuse an antecedent that nests conjunctions and disjunctions.
 
     Parameters
     ----------
     expression : And, Or, Not, Is
-        Any antecedent.
-    and_operator, or_operator : str
-        How its statements combine.
+        An antecedent with plain complements.
     repeats : bool
-        Whether one antecedent may say two things of one input.
-
-    Returns
-    -------
-    list
-        Statements, complements of statements, and conjunctions or disjunctions of these.
+        Whether it may say two things of one input.
 
     Raises
     ------
     NotExpressible
-        If its meaning would change.
+        If it is none of statements, complements of them, and one conjunction or disjunction of these.
     """
-    plain = with_plain_not(expression, and_operator, or_operator)
-    is_flat = all(map(is_leaf, operands_of(plain)))
-    if is_flat and (repeats or not _has_repeated_input(operands_of(plain))):
-        return [plain]
-    if or_operator != "max" and any(isinstance(part, model.Or) for part in model.parts_of(plain)):
-        raise NotExpressible(f"'and' and 'or' are nested, and {or_operator} does not distribute")
-    found = [_conjunction(leaves, and_operator) for leaves in _alternatives(plain)]
-    if not repeats and any(_has_repeated_input(operands_of(part)) for part in found):
+    leaves = operands_of(expression)
+    if not all(map(is_leaf, leaves)):
+        raise NotExpressible("'and' and 'or' are nested")
+    names = [statement_of(leaf).variable for leaf in leaves]
+    if not repeats and len(set(names)) != len(names):
         raise NotExpressible("it says two things of one input")
-    return list(dict.fromkeys(found))
 
 
 def in_order(expression: model.Expression, inputs: Sequence[str]) -> model.Expression:
@@ -125,11 +101,6 @@ def in_order(expression: model.Expression, inputs: Sequence[str]) -> model.Expre
         kind = type(expression)
         return kind(tuple(sorted(expression.operands, key=lambda leaf: places[statement_of(leaf).variable])))
     return expression
-
-
-def _has_repeated_input(leaves: Sequence[model.Expression]) -> bool:
-    names = [statement_of(leaf).variable for leaf in leaves if is_leaf(leaf)]
-    return len(set(names)) != len(names)
 
 
 def statement_of(leaf: model.Expression) -> model.Is:
@@ -153,28 +124,6 @@ def is_leaf(expression: model.Expression) -> bool:
 def operands_of(expression: model.Expression) -> tuple[model.Expression, ...]:
     """Return what a conjunction or disjunction joins; of anything else, itself."""
     return expression.operands if isinstance(expression, model.And | model.Or) else (expression,)
-
-
-def _conjunction(leaves: tuple[model.Expression, ...], and_operator: model.AndOperator) -> model.Expression:
-    kept = tuple(dict.fromkeys(leaves)) if and_operator == "min" else leaves
-    return kept[0] if len(kept) == 1 else model.And(kept)
-
-
-def _alternatives(expression: model.Expression) -> list[tuple[model.Expression, ...]]:
-    """List the conjunctions whose disjunction an antecedent is."""
-    match expression:
-        case model.Or(operands):
-            found = [leaves for operand in operands for leaves in _alternatives(operand)]
-        case model.And(operands):
-            choices = [_alternatives(operand) for operand in operands]
-            if prod(map(len, choices)) > MOST_ALTERNATIVES:
-                raise NotExpressible(f"it would become more than {MOST_ALTERNATIVES} rules")
-            found = [tuple(leaf for leaves in chosen for leaf in leaves) for chosen in product(*choices)]
-        case _:
-            found = [(expression,)]
-    if len(found) > MOST_ALTERNATIVES:
-        raise NotExpressible(f"it would become more than {MOST_ALTERNATIVES} rules")
-    return found
 
 
 def renamed(rule: model.Rule, names: Mapping[Statement, Statement]) -> model.Rule:

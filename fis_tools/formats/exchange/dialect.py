@@ -16,12 +16,12 @@ from fis_tools import model
 from fis_tools.array_types import Floats
 from fis_tools.formats.exchange.antecedents import (
     NotExpressible,
-    flat_antecedents,
     hedged,
     in_order,
     is_leaf,
     on_statements,
     renamed,
+    require_flat,
     with_plain_not,
 )
 from fis_tools.formats.exchange.vocabulary import HEDGES, Names
@@ -288,26 +288,18 @@ def _expressed_rules(
     """Say a rule as one or several, with the names of the original."""
     operators = system.and_operator_of(rule), system.or_operator_of(rule)
     try:
-        if dialect.is_nested:
-            antecedents = [with_plain_not(rule.antecedent, *operators)]
-        else:
-            antecedents = flat_antecedents(rule.antecedent, *operators, repeats=dialect.repeats_variables)
+        antecedent = with_plain_not(rule.antecedent, *operators)
+        if not dialect.is_nested:
+            require_flat(antecedent, repeats=dialect.repeats_variables)
     except NotExpressible as reason:
         raise _not_expressible(place, dialect, reason) from reason
-    adds_up = [c.variable for c in rule.consequents if not system.variable(c.variable).counts_strongest]
-    if len(antecedents) > 1 and adds_up:
-        raise NotExpressible(
-            f"rule {place} would become {len(antecedents)} rules in {dialect.title}, which count together on "
-            f"output {adds_up[0]!r}, where rules add up; rewrite it, or export as fll or json"
-        )
     if not dialect.repeats_variables:
-        inputs = [variable.name for variable in system.inputs]
-        antecedents = [in_order(antecedent, inputs) for antecedent in antecedents]
+        antecedent = in_order(antecedent, [variable.name for variable in system.inputs])
     outputs = [output.name for output in system.outputs]
     groups = list(_consequent_groups(rule.consequents, outputs, dialect))
     if isinstance(rule.antecedent, model.Hedged) and not is_leaf(rule.antecedent):
         groups = [(each,) for each in rule.consequents]  # fuzzylite carries a hedge on to those behind it
-    return [model.Rule(antecedent, group, "", *operators) for antecedent in antecedents for group in groups]
+    return [model.Rule(antecedent, group, "", *operators) for group in groups]
 
 
 def _consequent_groups(

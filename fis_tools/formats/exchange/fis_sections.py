@@ -85,6 +85,10 @@ def sections_of(text: str) -> tuple[dict[str, Section], list[tuple[int, str]]]:
     return sections, comments
 
 
+#: All before a mark that stands in no quotes.
+_SAID = re.compile(r"""(?:'[^']*(?:'|$)|"[^"]*(?:"|$)|(?!//)[^'"%#])*""")
+
+
 def _without_remark(line: str) -> str:
     """Return a line without blanks, the remark behind its content, and semicolons at its end.
 
@@ -93,15 +97,8 @@ def _without_remark(line: str) -> str:
     content = line.strip()
     if content.startswith(("%", "#", "//")):
         return content
-    is_quoted = ""
-    for place, character in enumerate(content):
-        if is_quoted:
-            is_quoted = "" if character == is_quoted else is_quoted
-        elif character in "'\"":
-            is_quoted = character
-        elif content[place : place + 1] in {"%", "#"} or content[place : place + 2] == "//":
-            return content[:place].rstrip(" \t;")
-    return content.rstrip(" \t;")
+    said = _SAID.match(content)
+    return said[0].rstrip(" \t;") if said else ""
 
 
 def section_of(sections: dict[str, Section], title: str) -> Section:

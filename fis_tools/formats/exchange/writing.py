@@ -171,19 +171,8 @@ def _is_word_for_word(rule: model.Rule, group: Sequence[model.Rule]) -> bool:
     """Return whether a rule became one rule of the same form."""
     if len(group) != 1 or len(rule.consequents) != len(group[0].consequents):
         return False
-    return _form(rule.antecedent) == _form(group[0].antecedent)
-
-
-def _form(expression: model.Expression) -> object:
-    match expression:
-        case model.Is():
-            return "is"
-        case model.Not(operand):
-            return ("not", _form(operand))
-        case model.Hedged(hedge, operand):
-            return (hedge, _form(operand))
-        case model.And(operands) | model.Or(operands):
-            return (type(expression), tuple(_form(operand) for operand in operands))
+    forms = (model.with_statements(each.antecedent, lambda _: model.Is("", "")) for each in (rule, *group))
+    return len(set(forms)) == 1
 
 
 def _listed(items: Sequence[str], most: int = 4) -> str:

@@ -100,12 +100,12 @@ def flat_system(and_operator: str = "min", or_operator: str = "max") -> FuzzySys
     )
 
 
-def nested_system() -> FuzzySystem:
-    """The same with rules that nest, weights that differ, labels, and conclusions on one output twice."""
+def denied_system() -> FuzzySystem:
+    """The same with a conjunction denied, weights that differ, labels, two conclusions on one output."""
     system = flat_system()
-    nested = (
+    more = (
         Rule(
-            And((Is("temperature", "cold"), Or((Is("wind", "strong"), Not(Is("wind", "calm")))))),
+            And((Is("temperature", "cold"), Not(Is("wind", "calm")))),
             (Consequent("heat", "much", 0.8), Consequent("flap", "shut")),
             label="keep warm",
         ),
@@ -115,7 +115,14 @@ def nested_system() -> FuzzySystem:
             label="everyday",
         ),
     )
-    return replace(system, rules=(*nested, *system.rules))
+    return replace(system, rules=(*more, *system.rules))
+
+
+def nested_system() -> FuzzySystem:
+    """The same with a rule that nests."""
+    system = denied_system()
+    asked = And((Is("temperature", "cold"), Or((Is("wind", "strong"), Not(Is("wind", "calm"))))))
+    return replace(system, rules=(replace(system.rules[0], antecedent=asked), *system.rules[1:]))
 
 
 def fine(system: FuzzySystem, num_points: int) -> FuzzySystem:

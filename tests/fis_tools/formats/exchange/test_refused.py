@@ -12,7 +12,7 @@ from fis_tools.formats import serialize
 from fis_tools.formats.exchange import fis, fll, fml
 from fis_tools.formats.serialize import ControllerFileError, Kind, dump_json, loads
 from fis_tools.model.validate import controller_problems
-from tests.fis_tools.formats.exchange.systems import alone, flat_system, nested_system
+from tests.fis_tools.formats.exchange.systems import alone, denied_system, flat_system
 from tests.places import PROJECT
 
 EXAMPLES = PROJECT / "docs" / "examples"
@@ -184,9 +184,9 @@ def test_what_a_file_does_not_state_is_told(kind: Kind, assumed: list[str]) -> N
 
 
 WHOLE: dict[Kind, list[str]] = {
-    "fis": [(EXAMPLES / "tipper.fis").read_text(encoding="utf-8"), fis.write(alone(nested_system())).text],
-    "fll": [(EXAMPLES / "dimmer.fll").read_text(encoding="utf-8"), fll.write(alone(nested_system())).text],
-    "fml": [(EXAMPLES / "pendulum.fml").read_text(encoding="utf-8"), fml.write(alone(nested_system())).text],
+    "fis": [(EXAMPLES / "tipper.fis").read_text(encoding="utf-8"), fis.write(alone(denied_system())).text],
+    "fll": [(EXAMPLES / "dimmer.fll").read_text(encoding="utf-8"), fll.write(alone(denied_system())).text],
+    "fml": [(EXAMPLES / "pendulum.fml").read_text(encoding="utf-8"), fml.write(alone(denied_system())).text],
 }
 DAMAGE = st.sampled_from([*"[](){}<>,:;='\"#%/&!-.0159e \n\t\\", "nan", "-1", "1e999", "not ", "--"])
 
