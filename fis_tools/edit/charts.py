@@ -3,6 +3,7 @@
 from typing import Any
 
 import numpy as np
+from nicegui import ui
 
 from fis_tools.analysis.arrays import Surface
 from fis_tools.array_types import Floats
@@ -13,6 +14,14 @@ Options = dict[str, Any]
 
 #: of a surface, from its lowest to its highest
 RAMP = ("#1f5fa8", "#8fb3d9", "#f1f2f4", "#e9ab86", "#be5014")
+
+
+def draw(place: ui.echart, options: Options) -> None:
+    """Draw a chart, again and again: past the page's own state, which would watch every point."""
+    if place.options["series"]:
+        place.run_chart_method("setOption", options)
+    else:
+        place.options.update(options)
 
 
 def axis(name: str, gap: int = 26, **more: Any) -> Options:

@@ -1,16 +1,14 @@
 """The page: a system's terms and rules, constants, panels that answer every change, and copies."""
 
-import asyncio
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from nicegui import ui
 
 from fis_tools.document.html import read
 from fis_tools.edit import server
-from fis_tools.edit.panels import Answering, Changes, Findings, Panel, heading
+from fis_tools.edit.panels import Answers, Changes, Findings, Panel, card, heading
 from fis_tools.edit.session import NotSaved, Session
 from fis_tools.edit.system_view import SystemView
 from fis_tools.formats.files import ENDINGS
@@ -18,6 +16,14 @@ from fis_tools.model import FuzzyController
 from fis_tools.review.content import constants
 
 PLAIN = "flat no-caps"
+#: Ctrl+Z and Ctrl+Y, which fields of text keep for themselves
+KEYS = """<script>
+document.addEventListener("keydown", (event) => {
+  const word = { z: event.shiftKey ? "redo" : "undo", y: "redo" }[event.key.toLowerCase()];
+  const is_text = event.target.matches("input:not([type=range]), textarea, select");
+  if (word && (event.ctrlKey || event.metaKey) && !is_text) emitEvent(word);
+});
+</script>"""
 
 
 class Editor:
@@ -38,16 +44,15 @@ class Editor:
         ui.colors(primary="#1f5fa8")
         ui.add_css(read("style.css") + read("style.css", "fis_tools.edit"))
         self._build_head()
-        turn = asyncio.Lock()
         with ui.element("div").classes("editor"):
             sides = [ui.element("div").classes("side") for _ in range(2)]
+        beside = sides[0 if panels else 1]
         with sides[0]:
             self._left = ui.element("div").classes("side")
-        with sides[1]:
-            self._answering = [_answering(panel, turn) for panel in panels]
-        with sides[0 if panels else 1]:
+        with beside:
             self._surface = ui.element("div")
-            self._answering += [_answering(panel, turn) for panel in (Findings(), Changes(session.original))]
+        own = (Findings(), Changes(session.original))
+        self._answers = Answers([*((sides[1], one) for one in panels), *((beside, one) for one in own)])
         self._choose(0)
         self._ask()
 
@@ -63,7 +68,9 @@ class Editor:
                     for word, step in (("Undo", self.session.undo), ("Redo", self.session.redo))
                 )
                 ui.button("Save a copy", on_click=self._ask_to_save).props("unelevated no-caps")
-        ui.keyboard(on_key=self._on_key, ignore=["input", "textarea", "select"])
+        ui.add_body_html(KEYS)
+        for word, step in (("undo", self.session.undo), ("redo", self.session.redo)):
+            ui.on(word, lambda _, step=step: self._step(step))
 
     def _choose(self, place: int) -> None:
         """Show another system."""
@@ -81,7 +88,7 @@ class Editor:
 
     def _build_constants(self) -> None:
         found = constants(self.session.controller, self._meanings)
-        with ui.element("section").classes("card constants").props('aria-label="constants"') as card:
+        with card("constants").classes("constants") as place:
             heading(2, "Constants")
             for one in found:
                 with ui.element("label"):
@@ -90,7 +97,7 @@ class Editor:
                     entry.props["aria-label"] = one.name
                     entry.on("change", lambda _, name=one.name, at=entry: self._set(name, at.value))
                     self._fields[one.name] = entry
-        card.set_visibility(bool(found))
+        place.set_visibility(bool(found))
 
     def touch(self, change: Callable[[FuzzyController], FuzzyController], gesture: object = None) -> None:
         """Take a step, or say why not; see `Session.touch`."""
@@ -117,15 +124,8 @@ class Editor:
         self._show()
         self._ask()
 
-    def _on_key(self, event: Any) -> None:
-        key = event.key.name.lower()
-        if event.action.keydown and event.modifiers.ctrl and key in ("z", "y"):
-            is_undo = key == "z" and not event.modifiers.shift
-            self._step(self.session.undo if is_undo else self.session.redo)
-
     def _ask(self) -> None:
-        for answering in self._answering:
-            answering.ask(self.session.controller)
+        self._answers.ask(self.session.controller)
 
     def _show(self) -> None:
         self._view.show()
@@ -157,14 +157,6 @@ class Editor:
                 ui.button("Save", on_click=save).props("unelevated no-caps")
         dialog.on("hide", dialog.delete)
         dialog.open()
-
-
-def _answering(panel: Panel, turn: asyncio.Lock) -> Answering:
-    with ui.element("section").classes("card").props(f'aria-label="{panel.title}"'):
-        with ui.element("div").classes("card-head"):
-            heading(2, panel.title)
-            state = ui.label().classes("state")
-        return Answering(panel, state, turn)
 
 
 def open_editor(

@@ -1,7 +1,8 @@
 """Panels: what stands beside the terms and rules, and answers every change in its own time."""
 
 import asyncio
-from collections.abc import Callable, Iterator
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Protocol
@@ -15,12 +16,24 @@ from fis_tools.model import FuzzyController, FuzzySystem
 
 #: shows one part of an answer on the page
 Show = Callable[[], object]
+#: until what the page shows of a touch at once is on its way, s
+SENT_S = 0.005
 
 
 def heading(level: int, words: str) -> None:
     """Put a heading on the page."""
     with ui.element(f"h{level}"):
         ui.label(words)
+
+
+def card(title: str) -> ui.element:
+    """Put a part of the page there."""
+    return ui.element("section").classes("card").props(f'aria-label="{title}"')
+
+
+def document() -> ui.html:
+    """Put a document there, to be written by `fis_tools.document.html`, which escapes."""
+    return ui.html("", sanitize=False).classes("document")
 
 
 class Panel(Protocol):
@@ -35,55 +48,61 @@ class Panel(Protocol):
         """Compute an answer in parts, in a thread; the parts of an answer that is stale are not asked for."""
 
 
-class Answering:
-    """Asks a panel about the newest controller alone, without holding the page up.
+class Answers:
+    """Asks panels about the newest controller alone, one after the other, without holding the page up.
 
     Parameters
     ----------
-    panel : Panel
-    state : ui.label
-        Says whether an answer is being computed.
-    turn : asyncio.Lock
-        Of all panels of a window, one at a time computes its first part: Python runs one thread anyway.
+    panels : sequence of (ui.element, Panel)
+        With the places where they are on the page.
     """
 
-    def __init__(self, panel: Panel, state: ui.label, turn: asyncio.Lock) -> None:
-        self._panel, self._state, self._turn = panel, state, turn
-        self._newest: FuzzyController | None = None
-        self._asked: FuzzyController | None = None
+    def __init__(self, panels: Sequence[tuple[ui.element, Panel]]) -> None:
+        self._controller: FuzzyController | None = None
+        #: what is still to be answered; an answer that is asked for again is another object
+        self._asked: dict[Panel, object] = {}
+        self._states = {panel: self._build(place, panel) for place, panel in panels}
         self._is_busy = False
-        panel.build(self._again)
+
+    def _build(self, place: ui.element, panel: Panel) -> ui.label:
+        with place, card(panel.title):
+            with ui.element("div").classes("card-head"):
+                heading(2, panel.title)
+                state = ui.label().classes("state")
+            panel.build(lambda: self._ask(panel))
+        return state
 
     def ask(self, controller: FuzzyController) -> None:
-        """Ask for an answer; one that is being computed is dropped after its present part."""
-        self._newest = self._asked = controller
-        if not self._is_busy:
+        """Ask for all answers; one that is being computed is dropped after its present part."""
+        self._controller, self._asked = controller, {}
+        self._ask(*self._states)
+
+    def _ask(self, *panels: Panel) -> None:
+        for panel in panels:
+            self._asked[panel] = object()
+            self._states[panel].set_text("…")
+        if not self._is_busy and self._controller is not None:
             self._is_busy = True
             background_tasks.create(self._answer())
 
-    def _again(self) -> None:
-        if self._asked is not None:
-            self.ask(self._asked)
-
     async def _answer(self) -> None:
         try:
-            while self._newest is not None:
-                asked, self._newest = self._newest, None
-                parts, turn = self._panel.answers(asked), self._turn
-                with self._state:
-                    self._state.set_text("…")
-                while self._newest is None:
-                    async with turn:
-                        show = await run.io_bound(next, parts, None)
-                    turn = asyncio.Lock()
-                    if show is None:
-                        break
-                    if self._newest is None:
-                        with self._state:
-                            show()
+            while self._asked:
+                await asyncio.sleep(SENT_S)
+                await self._answer_first(*next(iter(self._asked.items())))
         finally:
             self._is_busy = False
-            self._state.set_text("")
+
+    async def _answer_first(self, panel: Panel, asked: object) -> None:
+        assert self._controller is not None  # noqa: S101 - it comes with what is asked
+        parts = panel.answers(self._controller)
+        while (show := await run.io_bound(next, parts, None)) is not None:
+            if self._asked.get(panel) is not asked:
+                return
+            with self._states[panel]:
+                show()
+        self._states[panel].set_text("")
+        self._asked.pop(panel, None)
 
 
 class Findings:
@@ -96,33 +115,22 @@ class Findings:
 
     def build(self, again: Callable[[], None]) -> None:
         """Put a list on the page."""
-        self._summary = ui.label().props("role=status")
-        self._list = ui.column().classes("findings")
+        self._shown = document().props("role=status")
 
     def answers(self, controller: FuzzyController) -> Iterator[Show]:
         """Audit."""
-        known = dict(self._known)
         for system in controller.systems:
-            if known.get(system.name, (None,))[0] is not system:
-                known[system.name] = (system, audits.audit(system))
-        self._known = known
-        found = [one for system in controller.systems for one in known[system.name][1].findings]
+            if self._known.get(system.name, (None,))[0] is not system:
+                self._known[system.name] = (system, audits.audit(system))
+        found = [one for system in controller.systems for one in self._known[system.name][1].findings]
         found.sort(key=lambda one: -one.severity)
-
-        def show() -> None:
-            counts = {one.severity: 0 for one in found}
-            for one in found:
-                counts[one.severity] += 1
-            self._summary.set_text(", ".join(s.counted(n) for s, n in counts.items()) or "nothing found")
-            self._list.clear()
-            with self._list:
-                for one in found:
-                    with ui.element("details").classes(f"finding {one.severity.word}"):
-                        with ui.element("summary"):
-                            ui.label(f"{one.system}: {one.sentence}")
-                        ui.label(one.cure)
-
-        yield show
+        counts = Counter(one.severity for one in found)
+        words = ", ".join(severity.counted(count) for severity, count in counts.items()) or "nothing found"
+        told = [html.element("p", words)]
+        for one in found:
+            summary = html.element("summary", f"{one.system}: {one.sentence}")
+            told.append(html.element("details", summary, one.cure, class_=f"finding {one.severity.word}"))
+        yield partial(self._shown.set_content, "".join(told))
 
 
 class Changes:
@@ -140,20 +148,17 @@ class Changes:
 
     def build(self, again: Callable[[], None]) -> None:
         """Put a document on the page."""
-        self._shown = ui.html("", sanitize=False).classes("document")  # its writer escapes
+        self._shown = document()
 
     def answers(self, controller: FuzzyController) -> Iterator[Show]:
         """Compare; systems that are the same are left out."""
         if controller == self._original:
-            yield partial(self._show, "<p>Nothing changed.</p>")
+            yield partial(self._shown.set_content, "<p>Nothing changed.</p>")
             return
         before, after = self._original, controller
         pairs = list(zip(before.systems, after.systems, strict=True))
         changed = [pair for pair in pairs if pair[0] != pair[1]] or pairs[:1]
         olds, news = (tuple(side) for side in zip(*changed, strict=True))
         found = difference(replace(before, systems=olds), replace(after, systems=news))
-        body = str(html.body(Document(found.document().blocks[2:])))
-        yield partial(self._show, body)
-
-    def _show(self, body: str) -> None:
-        self._shown.set_content(body)
+        body = html.body(Document(found.document().blocks[2:]))
+        yield partial(self._shown.set_content, str(body))

@@ -18,6 +18,7 @@ from fis_tools.errors import MissingExtra
 try:
     import uvicorn
     from fastapi import FastAPI
+    from fastapi.responses import PlainTextResponse
     from nicegui import app as pages
     from nicegui import ui
 except ImportError as error:
@@ -30,43 +31,28 @@ POLICY = (
     "img-src 'self' data:; font-src 'self' data:; frame-ancestors 'none'; base-uri 'self'; form-action 'none'"
 )
 HEADERS = [
-    (b"content-security-policy", POLICY.encode()),
-    (b"referrer-policy", b"no-referrer"),
-    (b"x-content-type-options", b"nosniff"),
+    ("content-security-policy", POLICY),
+    ("referrer-policy", "no-referrer"),
+    ("x-content-type-options", "nosniff"),
 ]
 
 
-class _Guarded:
-    """Lets through what comes from this machine's own page, as an ASGI application around another."""
+def _guarded(inside: Any, port: int, token: str) -> Any:
+    """Return an ASGI application that lets through to another what comes from this machine's own page."""
+    hosts, start = {f"{name}:{port}" for name in (HOST, "localhost")}, f"/{token}/".encode()
 
-    def __init__(self, inside: Any, port: int, token: str) -> None:
-        self._inside, self._start = inside, f"/{token}/"
-        self._hosts = {f"{name}:{port}" for name in (HOST, "localhost")}
-
-    async def __call__(self, scope: Any, receive: Any, send: Any) -> None:
-        if scope["type"] == "lifespan":
-            await self._inside(scope, receive, send)
-        elif self._is_own(scope):
-
-            async def send_with_headers(message: Any) -> None:
-                if message["type"] == "http.response.start":
-                    message = {**message, "headers": [*message["headers"], *HEADERS]}
-                await send(message)
-
-            await self._inside(scope, receive, send_with_headers)
-        elif scope["type"] == "websocket":
-            await send({"type": "websocket.close", "code": 1008})
-        else:
-            await send(
-                {"type": "http.response.start", "status": 403, "headers": [(b"content-type", b"text/plain")]}
-            )
-            await send({"type": "http.response.body", "body": b"open the address that the editor printed\n"})
-
-    def _is_own(self, scope: Any) -> bool:
+    def is_own(scope: Any) -> bool:
         headers = dict(scope["headers"])
         host, origin = (headers.get(name, b"").decode("latin-1") for name in (b"host", b"origin"))
-        is_told = secrets.compare_digest(scope["path"][: len(self._start)].encode(), self._start.encode())
-        return is_told and host in self._hosts and origin in ("", f"http://{host}")
+        is_told = secrets.compare_digest(scope["path"].encode()[: len(start)], start)
+        return is_told and host in hosts and origin in ("", f"http://{host}")
+
+    async def answer(scope: Any, receive: Any, send: Any) -> None:
+        is_let_in = scope["type"] == "lifespan" or is_own(scope)
+        refusal = PlainTextResponse("open the address that the editor printed\n", 403)
+        await (inside if is_let_in else refusal)(scope, receive, send)
+
+    return answer
 
 
 def serve(page: Callable[[], None], title: str, port: int = 0, opens: bool = True) -> None:
@@ -109,9 +95,9 @@ def serve(page: Callable[[], None], title: str, port: int = 0, opens: bool = Tru
             webbrowser.open(address)
 
     pages.on_startup(tell)
-    guarded = _Guarded(outer, port, token)
-    server = uvicorn.Server(
-        uvicorn.Config(guarded, log_level="warning", server_header=False, ws_max_size=1 << 20)
+    guarded = _guarded(outer, port, token)
+    config = uvicorn.Config(
+        guarded, log_level="warning", server_header=False, headers=HEADERS, ws_max_size=1 << 20
     )
     with suppress(KeyboardInterrupt):
-        server.run(sockets=[listening])
+        uvicorn.Server(config).run(sockets=[listening])

@@ -9,12 +9,13 @@ from nicegui import ui
 
 from fis_tools.analysis import arrays
 from fis_tools.edit import charts, shown, touches
-from fis_tools.edit.panels import heading
+from fis_tools.edit.panels import card, heading
 from fis_tools.edit.session import Session
 from fis_tools.engines.inference import infer
 from fis_tools.model import FuzzySystem, Variable
 from fis_tools.model.operators import AND_OPERATORS, OR_OPERATORS
 from fis_tools.model.systems import has_sets
+from fis_tools.words.text import rule_tables
 
 #: points along each axis of a surface
 FINE = 45
@@ -45,14 +46,16 @@ class SystemView:
     def __init__(self, session: Session, place: int, touch: Callable[..., None], beside: ui.element) -> None:
         self._session, self._place, self._touch = session, place, touch
         self._rule: int | None = None
+        self._as_list = False
+        self._told: dict[tuple[ui.element, str], object] = {}
         system = self.system
         self._values = [0.5 * (one.minimum + one.maximum) for one in system.inputs]
-        with ui.element("section").classes("card").props('aria-label="rules"'):
+        with card("rules"):
             self._build_rules(system)
-        with ui.element("section").classes("card").props('aria-label="terms"'):
+        with card("terms"):
             self._inputs = [self._variable("input", one, n) for n, one in enumerate(system.inputs)]
             self._outputs = [self._variable("output", one, n) for n, one in enumerate(system.outputs)]
-        with beside, ui.element("section").classes("card").props('aria-label="surface"'):
+        with beside, card("surface"):
             self._build_surface(system)
 
     @property
@@ -63,7 +66,7 @@ class SystemView:
     def _build_rules(self, system: FuzzySystem) -> None:
         with ui.element("div").classes("card-head"):
             heading(2, "Rules")
-            if shown.tables(system):
+            if rule_tables(system):
                 ui.switch("as a list", on_change=lambda event: self._list(event.value)).props("dense size=sm")
         self._rules = _RulesView()
         self._rules.on("turn", lambda event: self._turn(**event.args))
@@ -91,7 +94,7 @@ class SystemView:
 
     def _variable(self, kind: str, variable: Variable, place: int) -> _VariableView:
         view = _VariableView()
-        view.props["kind"], view.props["start"] = kind, self._values[place] if kind == "input" else 0.0
+        view.props["kind"], view.props["start"] = kind, self._values[place] if kind == "input" else None
         view.on("touch", lambda event: self._touch_term(variable.name, event.args))
         view.on("slide", lambda event: self._slide(place, float(event.args["value"])))
         return view
@@ -131,8 +134,9 @@ class SystemView:
         if len(self._values) > 2:
             self._show_surface()
 
-    def _list(self, is_listed: bool) -> None:
-        self._rules.props["listed"] = is_listed
+    def _list(self, as_list: bool) -> None:
+        self._as_list = as_list
+        self.show()
 
     def _select(self, rule: int) -> None:
         self._rule = rule
@@ -141,26 +145,26 @@ class SystemView:
     # what it shows
 
     def draw_anew(self) -> None:
-        """Put the fields back whose new content was refused."""
-        for view in (*self._inputs, *self._outputs, self._sentence):
-            view.update()
+        """Put back what was refused."""
+        self._told.clear()
+        self.show()
 
     def show(self) -> None:
         """Show the system as it stands; only what changed is sent."""
         system = self.system
         variables = (*system.inputs, *system.outputs)
         for view, variable in zip((*self._inputs, *self._outputs), variables, strict=True):
-            told = shown.variable(variable)
-            if view.props.get("variable") != told:
-                view.props["variable"] = told
+            self._tell(view, "show", shown.variable(variable))
         before = {one.name: one for one in self._session.original.systems}.get(system.name)
-        self._rules.props["inputs"] = [one.name for one in system.inputs]
-        self._rules.props["outputs"] = [one.name for one in system.outputs]
-        self._rules.props["tables"] = shown.tables(system)
-        self._rules.props["rules"] = shown.rules(system, before)
+        self._tell(self._rules, "show", shown.rules(system, before, self._as_list))
         self._show_sentence()
         self._show_surface()
         self._infer()
+
+    def _tell(self, view: ui.element, method: str, *told: object) -> None:
+        if self._told.get((view, method)) != told:
+            self._told[view, method] = told
+            view.run_method(method, *told)
 
     def _show_sentence(self) -> None:
         rules = self.system.rules
@@ -173,11 +177,11 @@ class SystemView:
     def _infer(self) -> None:
         inference = infer(self.system, np.array(self._values))
         for view, degrees in zip(self._inputs, inference.memberships, strict=True):
-            view.run_method("infer", degrees.round(4).tolist(), None)
+            self._tell(view, "infer", degrees.round(4).tolist())
         for view, output in zip(self._outputs, inference.outputs, strict=True):
             cuts = output.cuts.round(4).tolist() if has_sets(output.variable) else []
-            view.run_method("infer", cuts, float(output.value))
-        self._rules.run_method("fire", inference.firing_strengths.round(3).tolist())
+            self._tell(view, "infer", cuts, float(output.value))
+        self._tell(self._rules, "fire", inference.firing_strengths.round(3).tolist())
 
     def _show_surface(self) -> None:
         system = self.system
@@ -191,5 +195,4 @@ class SystemView:
             options = charts.curve(system, points, arrays.evaluate(system, points[:, np.newaxis])[:, 0])
         else:
             return
-        self._surface.options.clear()
-        self._surface.options.update(options)
+        charts.draw(self._surface, options)

@@ -6,15 +6,14 @@ They check nothing: a result with problems is refused by `fis_tools.edit.session
 from collections.abc import Sequence
 from dataclasses import fields, replace
 from itertools import count
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
+from fis_tools.findings.difference.comparison import renamed
 from fis_tools.formats.exchange.fll_rules import read_own
 from fis_tools.model import (
-    Consequent,
     Constant,
-    Formula,
     FuzzyController,
     FuzzySystem,
     Is,
@@ -31,48 +30,43 @@ from fis_tools.model.variables import sample
 
 #: half the width of a Gaussian at half its height, in standard deviations
 HALF_WIDTH = 1.1774
+_Named = TypeVar("_Named", FuzzySystem, Variable, Term)
+
+
+def _with(held: Sequence[_Named], name: str, *new: _Named) -> tuple[_Named, ...]:
+    """Return named things with one of them replaced by none, one or several."""
+    return tuple(one for old in held for one in (new if old.name == name else (old,)))
 
 
 def with_system(controller: FuzzyController, system: FuzzySystem) -> FuzzyController:
     """Return a controller with its system of the same name replaced."""
-    systems = tuple(system if one.name == system.name else one for one in controller.systems)
-    return replace(controller, systems=systems)
+    return replace(controller, systems=_with(controller.systems, system.name, system))
 
 
 def with_variable(system: FuzzySystem, variable: Variable) -> FuzzySystem:
     """Return a system with its variable of the same name replaced."""
-
-    def put(variables: Sequence[Variable]) -> tuple[Variable, ...]:
-        return tuple(variable if one.name == variable.name else one for one in variables)
-
-    return replace(system, inputs=put(system.inputs), outputs=put(system.outputs))
+    inputs, outputs = (_with(held, variable.name, variable) for held in (system.inputs, system.outputs))
+    return replace(system, inputs=inputs, outputs=outputs)
 
 
-def with_term(variable: Variable, name: str, term: Term | None) -> Variable:
-    """Return a variable with one of its terms replaced, or without it."""
-    kept = [(term if one.name == name else one) for one in variable.terms]
-    return replace(variable, terms=tuple(one for one in kept if one is not None))
-
-
-def numbers_of(shape: MembershipFunction) -> dict[str, float | str]:
-    """Return the numbers of a shape by their keys, such as ``coefficients.0``; of a formula, its text."""
-    if isinstance(shape, Formula):
-        return {"text": shape.text}
-    found: dict[str, float | str] = {key: getattr(shape, key) for key in shape.entry.kinds}
-    if coefficients := getattr(shape, "coefficients", ()):
-        found |= {f"coefficients.{place}": value for place, value in enumerate(coefficients)}
+def numbers_of(shape: MembershipFunction) -> dict[str, str]:
+    """Return the numbers of a shape as they are typed, by their names; of a formula, its text."""
+    found = {}
+    for field in fields(shape):
+        value = getattr(shape, field.name)
+        several = value if isinstance(value, tuple) else (value,)
+        found[field.name] = ", ".join(one if isinstance(one, str) else f"{one:.12g}" for one in several)
     return found
 
 
-def with_number(shape: MembershipFunction, key: str, value: float | str) -> MembershipFunction:
-    """Return a shape with one of its numbers replaced; keys are those of `numbers_of`."""
-    name, _, place = key.partition(".")
-    if name not in {field.name for field in fields(shape)}:
-        raise ValueError(f"{shape.entry.name} has no number {key!r}")
-    if place:
-        values = list(getattr(shape, name))
-        values[int(place)] = value
-        return replace(shape, **{name: tuple(values)})
+def with_number(shape: MembershipFunction, name: str, typed: str) -> MembershipFunction:
+    """Return a shape with one of its numbers replaced, see `numbers_of`."""
+    value: Any = typed
+    match getattr(shape, name):
+        case tuple():
+            value = tuple(float(one) for one in typed.split(","))
+        case float():
+            value = float(typed)
     return replace(shape, **{name: value})
 
 
@@ -111,27 +105,6 @@ def new_term(variable: Variable) -> Term:
         return Term(name, Constant(0.0))
     middle, width = 0.5 * (variable.minimum + variable.maximum), 0.25 * (variable.maximum - variable.minimum)
     return Term(name, Triangular(middle - width, middle, middle + width))
-
-
-def renamed(system: FuzzySystem, variable: Variable, old: str, new: str) -> FuzzySystem:
-    """Return a system with a term renamed, in its rules too."""
-
-    def asked(one: Is) -> Is:
-        return Is(one.variable, new) if one == Is(variable.name, old) else one
-
-    def concluded(one: Consequent) -> Consequent:
-        return replace(one, term=new) if (one.variable, one.term) == (variable.name, old) else one
-
-    rules = tuple(
-        replace(
-            rule,
-            antecedent=with_statements(rule.antecedent, asked),
-            consequents=tuple(map(concluded, rule.consequents)),
-        )
-        for rule in system.rules
-    )
-    term = replace(variable.terms[variable.term_index(old)], name=new)
-    return replace(with_variable(system, with_term(variable, old, term)), rules=rules)
 
 
 def with_rule(system: FuzzySystem, place: int, *rules: Rule) -> FuzzySystem:
@@ -184,25 +157,27 @@ def term_touched(
     Parameters
     ----------
     what : str
-        ``add``, ``remove``, ``rename`` (to ``name``), ``reshape`` (to ``shape``), ``number`` (``key`` is
-        ``value``), or ``drag``: the same, held between the other numbers.
+        ``add``, ``remove``, ``rename`` (to ``name``, in the rules too), ``reshape`` (to ``shape``),
+        ``number`` (``key`` is ``value``), or ``drag``: the same, held between the other numbers.
     term : str
         The name of the term, unless one is added.
     """
     if what == "add":
-        terms = (*variable.terms, new_term(variable))
-        return with_variable(system, replace(variable, terms=terms))
-    if what == "rename":
-        return renamed(system, variable, term, told["name"].strip())
+        return with_variable(system, replace(variable, terms=(*variable.terms, new_term(variable))))
     held = variable.terms[variable.term_index(term)]
-    if what == "remove":
-        return with_variable(system, with_term(variable, term, None))
-    if what == "reshape":
-        return with_variable(system, with_term(variable, term, reshaped(variable, held, told["shape"])))
-    key, value = told["key"], told["value"]
-    if what == "drag":
-        value = in_order(held.membership, key, float(f"{float(value):.6g}"))
-    elif key != "text":
-        value = float(value)
-    changed = replace(held, membership=with_number(held.membership, key, value))
-    return with_variable(system, with_term(variable, term, changed))
+    shape = held.membership
+    match what:
+        case "remove":
+            return with_variable(system, replace(variable, terms=_with(variable.terms, term)))
+        case "rename":
+            names = {(variable.name, term): told["name"].strip()}
+            system = replace(system, rules=tuple(renamed(rule, names) for rule in system.rules))
+            held = replace(held, name=told["name"].strip())
+        case "reshape":
+            held = reshaped(variable, held, told["shape"])
+        case "drag":
+            value = in_order(shape, told["key"], float(f"{float(told['value']):.6g}"))
+            held = replace(held, membership=replace(shape, **{told["key"]: value}))
+        case "number":
+            held = replace(held, membership=with_number(shape, told["key"], told["value"]))
+    return with_variable(system, replace(variable, terms=_with(variable.terms, term, held)))

@@ -39,7 +39,7 @@ def edit(arguments: Sequence[str]) -> int:
     from pipeline.controllers.source import load  # noqa: PLC0415 - compiled code, needed once the rest is right
 
     try:
-        from pipeline.edit.page import edit as serve  # noqa: PLC0415 - the other commands do without a server
+        from pipeline.edit.panels import open_editor  # noqa: PLC0415 - the other commands do without a server
     except MissingExtra as error:
         raise ConfigError(str(error)) from error
     from pipeline.evaluation.assurance.requirements import read  # noqa: PLC0415 - compiled code
@@ -50,5 +50,5 @@ def edit(arguments: Sequence[str]) -> int:
     name = experiment.assurance.requirements
     requirements = read(requirements_path(name).read_text(encoding="utf-8"), name).requirements
     path = Path(str(experiment.controller.get("path", f"{controller.name}.yaml")))
-    serve(path, controller, experiment, requirements, chosen.port, not chosen.no_browser)
+    open_editor(path, controller, experiment, requirements, port=chosen.port, opens=not chosen.no_browser)
     return runs.OK

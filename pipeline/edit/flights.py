@@ -1,7 +1,11 @@
 """The cases of an experiment, flown by one version of a controller after the other, and compared."""
 
+import os
 from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
+from itertools import pairwise
 
 import numpy as np
 
@@ -20,8 +24,8 @@ from pipeline.flight.state.log import FlightLog
 from pipeline.flight.world.pack import inspection_points
 from pipeline.settings.experiment import Experiment
 
-#: cases of a first answer; the others follow
-FIRST = 100
+#: cases of a first answer, and of each that follows
+FIRST, NEXT = 100, 450
 
 
 @dataclass(frozen=True)
@@ -63,42 +67,41 @@ class Cases:
 
     def __init__(self, experiment: Experiment, requirements: Sequence[Requirement]) -> None:
         self.mission, self._settings = experiment.mission, experiment.monte_carlo
+        self._threads = experiment.monte_carlo.workers or os.cpu_count() or 1
         self.requirements = needs(requirements, CASES)
         self._formulas = {one.id: one.formula for one in self.requirements if one.formula is not None}
         self.scenarios = evaluation_scenarios(experiment.monte_carlo, experiment.sun, experiment.seed)
 
     def fly(self, fuzzy: FuzzyController) -> Iterator[Flown]:
-        """Fly the first cases, then all; what is yielded holds those before it.
+        """Fly the first cases, then more, then all; what is yielded holds those before it.
 
         Raises
         ------
         pipeline.flight.control.controller.ControllerError
             If the controller cannot fly.
         """
-        controller = self._ready(fuzzy)
-        first = self._part(controller, slice(0, FIRST))
-        yield first
-        if len(self.scenarios) <= FIRST:
-            return
-        rest = self._part(controller, slice(FIRST, None))
-        episodes = {name: np.concatenate([one, rest.episodes[name]]) for name, one in first.episodes.items()}
-        episodes["case"] = np.arange(len(self.scenarios))
-        outcomes = {name: joined([one, rest.outcomes[name]]) for name, one in first.outcomes.items()}
-        yield Flown(episodes, outcomes)
+        controller, flown = self._ready(fuzzy), list[Flown]()
+        ends = [*range(FIRST, len(self.scenarios), NEXT), len(self.scenarios)]
+        with ThreadPoolExecutor(self._threads) as pool:
+            for start, end in pairwise([0, *ends]):
+                shares = np.array_split(np.arange(start, end), self._threads)
+                flown += pool.map(partial(self._share, controller), filter(len, shares))
+                yield _joined(flown)
 
     def _ready(self, fuzzy: FuzzyController) -> Controller:
         controller = from_fuzzy(fuzzy)
         decision_stride(controller, self.mission)
         return controller
 
-    def _part(self, controller: Controller, cases: slice) -> Flown:
-        scenarios = self.scenarios[cases]
+    def _share(self, controller: Controller, cases: Integers) -> Flown:
+        """Fly and judge some cases in one thread."""
+        scenarios = [self.scenarios[case] for case in cases]
         shape = (len(scenarios), self.mission.num_controls + 1, NUM_TRACKED)
         tracks = np.empty(shape, dtype=np.float32)
-        outcomes = fly_all(self.mission, controller, scenarios, self._settings.workers, tracks)
+        outcomes = fly_all(self.mission, controller, scenarios, 1, tracks)
         num_points, period = len(inspection_points(self.mission)), self.mission.control_period_s
         found = judged(tracks, num_points, self._formulas, period)
-        return Flown(episode_columns(self.mission, scenarios, outcomes), found)
+        return Flown(episode_columns(self.mission, scenarios, outcomes) | {"case": cases}, found)
 
     def compare(self, before: Flown, after: Flown) -> list[Compared]:
         """Compare two controllers on their common cases, see `pipeline.evaluation.statistics.compare`."""
@@ -107,6 +110,13 @@ class Cases:
     def log(self, fuzzy: FuzzyController, case: int) -> FlightLog:
         """Fly a case and log it."""
         return fly_logged(self.mission, self._ready(fuzzy), self.scenarios[case])
+
+
+def _joined(parts: Sequence[Flown]) -> Flown:
+    episodes = {name: np.concatenate([one.episodes[name] for one in parts]) for name in parts[0].episodes}
+    return Flown(
+        episodes, {name: joined([one.outcomes[name] for one in parts]) for name in parts[0].outcomes}
+    )
 
 
 def most_changed(before: Flown, after: Flown, count: int) -> Integers:

@@ -2,23 +2,29 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
+from pathlib import Path
+from typing import Any
 
 import numpy as np
+from markupsafe import Markup
 from nicegui import run, ui
 
 from fis_tools.document import Cell, Document, Mark, Table, html
-from fis_tools.edit.charts import Options, axis, chart, dots, line
-from fis_tools.edit.panels import Show
+from fis_tools.edit import page
+from fis_tools.edit.charts import Options, axis, chart, dots, draw, line
+from fis_tools.edit.panels import Panel, Show, document
 from fis_tools.findings.explanation import explain
 from fis_tools.model import FuzzyController
 from fis_tools.model.thrust import REASONS
 from fis_tools.words.text import number, sentence
 from pipeline.array_types import Floats
 from pipeline.edit.flights import Cases, Flown, most_changed
+from pipeline.evaluation.assurance.requirements import Requirement
 from pipeline.evaluation.statistics import Compared
 from pipeline.flight.state.log import FlightLog
-from pipeline.flight.state.signals import AXES
+from pipeline.flight.state.signals import AXES, CONSTANTS
 from pipeline.flight.world.pack import inspection_points
+from pipeline.settings.experiment import Experiment
 
 #: bins of the histogram, and flights that changed most, as shown
 BINS, MOST = 40, 6
@@ -47,10 +53,11 @@ class ManyFlights:
 
     def build(self, again: Callable[[], None]) -> None:
         """Put tables and a histogram on the page."""
-        self._numbers = ui.html("", sanitize=False).classes("document").props('role="status"')
+        self._numbers = document().props('role="status"')
         self._chart = ui.echart({"series": []}).classes("histogram")
-        self._changed = ui.element("div").classes("most-changed")
-        self._verdicts = ui.html("", sanitize=False).classes("document")  # its writer escapes
+        self._below = document()
+        pressed = "(event) => event.target.dataset.case && emit(Number(event.target.dataset.case))"
+        self._below.on("click", lambda event: self._choose(event.args), js_handler=pressed)
 
     def answers(self, controller: FuzzyController) -> Iterator[Show]:
         """Fly some, then all."""
@@ -58,33 +65,36 @@ class ManyFlights:
             self._before = list(self._cases.fly(self._original))
         try:
             for before, after in zip(self._before, self._cases.fly(controller), strict=True):
-                tables = [_numbers(self._cases.compare(before, after)), self._judged(after)]
-                changed = [] if controller == self._original else most_changed(before, after, MOST).tolist()
-                yield partial(self._show, tables, _histogram(before, after), changed, before, after)
+                numbers = html.body(Document([_numbers(self._cases.compare(before, after))]))
+                below = html.body(Document([_judged(after.verdicts(self._cases.requirements))]))
+                if controller != self._original:
+                    below = _changed_most(before, after) + below
+                yield partial(self._show, str(numbers), str(below), _histogram(before, after))
         except ValueError as refused:
             yield partial(self._numbers.set_content, str(html.element("p", str(refused), class_="worse")))
 
-    def _judged(self, flown: Flown) -> Table:
-        rows: list[list[Cell]] = [
-            [f"{one.id} {one.title}", Mark(word, word.replace(" ", "-"), note=why)]
-            for one, word, why in flown.verdicts(self._cases.requirements)
-        ]
-        return Table(["requirement", "verdict"], rows)
+    def _show(self, numbers: str, below: str, bars: Options) -> None:
+        self._numbers.set_content(numbers)
+        self._below.set_content(below)
+        draw(self._chart, bars)
 
-    def _show(
-        self, tables: Sequence[Table], bars: Options, changed: list[int], before: Flown, after: Flown
-    ) -> None:
-        for place, table in zip((self._numbers, self._verdicts), tables, strict=True):
-            place.set_content(str(html.body(Document([table]))))
-        self._chart.options.update(bars)
-        self._changed.clear()
-        with self._changed:
-            ui.label("Changed most: " if changed else "")
-            for case in changed:
-                spent = [one.episodes["delta_v_m_s"][case] for one in (before, after)]
-                seen = [one.episodes["inspected_count"][case] for one in (before, after)]
-                words = f"{case}: {spent[0]:.2f} → {spent[1]:.2f} m/s, {seen[0]} → {seen[1]} points"
-                ui.button(words, on_click=partial(self._choose, case)).props("flat no-caps dense")
+
+def _judged(verdicts: Sequence[tuple[Requirement, str, str]]) -> Table:
+    rows: list[list[Cell]] = [
+        [f"{one.id} {one.title}", Mark(word, word.replace(" ", "-"), note=why)] for one, word, why in verdicts
+    ]
+    return Table(["requirement", "verdict"], rows)
+
+
+def _changed_most(before: Flown, after: Flown) -> Markup:
+    """Return a button for each of the flights that changed most."""
+    shown = []
+    for case in most_changed(before, after, MOST):
+        spent = [one.episodes["delta_v_m_s"][case] for one in (before, after)]
+        seen = [one.episodes["inspected_count"][case] for one in (before, after)]
+        words = f"{case}: {spent[0]:.2f} → {spent[1]:.2f} m/s, {seen[0]} → {seen[1]} points"
+        shown.append(html.element("button", words, type="button", class_="quiet", data_case=case))
+    return html.element("p", "Changed most: ", *shown)
 
 
 def _numbers(compared: Sequence[Compared]) -> Table:
@@ -126,6 +136,7 @@ class OneFlight:
     def __init__(self, cases: Cases, original: FuzzyController) -> None:
         self._cases, self._original, self._case, self._sample = cases, original, 0, 0
         self._points = inspection_points(cases.mission)
+        self._before: tuple[int, FlightLog] | None = None
         self._flown: tuple[FuzzyController, FlightLog] | None = None
 
     def build(self, again: Callable[[], None]) -> None:
@@ -142,7 +153,7 @@ class OneFlight:
         self._time.props["aria-label"] = "time in the flight"
         read = "(event) => emit(Number(event.target.value))"
         self._time.on("input", lambda event: self._scrub(event.args), js_handler=read)
-        self._words = ui.column().classes("why").props('role="status"')
+        self._words = document().props('role="status"')
 
     def choose(self, case: int) -> None:
         """Show another case."""
@@ -154,7 +165,9 @@ class OneFlight:
         """Fly the case twice."""
         case = self._case
         try:
-            before, after = (self._cases.log(one, case) for one in (self._original, controller))
+            if self._before is None or self._before[0] != case:
+                self._before = case, self._cases.log(self._original, case)
+            before, after = self._before[1], self._cases.log(controller, case)
         except ValueError as refused:
             yield partial(self._end.set_text, str(refused))
             return
@@ -165,8 +178,8 @@ class OneFlight:
         self, controller: FuzzyController, before: FlightLog, after: FlightLog, words: list[str]
     ) -> None:
         self._flown = controller, after
-        self._path.options.update(_path(before, after))
-        self._forces.options.update(_forces(after, self._cases.mission.control_period_s))
+        draw(self._path, _path(before, after))
+        draw(self._forces, _forces(after, self._cases.mission.control_period_s))
         seen, lit = int(after.is_inspected[-1].sum()), int(after.is_inspectable.sum())
         self._end.set_text(f"{after.delta_v_m_s[-1]:.3f} m/s, {seen} of {lit} points")
         self._show_sample(after, self._sample, words)
@@ -181,10 +194,7 @@ class OneFlight:
             self._show_sample(log, sample, words)
 
     def _show_sample(self, log: FlightLog, k: int, words: Sequence[str]) -> None:
-        self._words.clear()
-        with self._words:
-            for one in words:
-                ui.label(one)
+        self._words.set_content("".join(html.element("p", one) for one in words))
         seen = log.is_inspected[k]
         told = (
             (SEEN_POINTS, self._points[seen]),
@@ -253,3 +263,34 @@ def _forces(log: FlightLog, period_s: float) -> Options:
         "data": [],
     }
     return chart(axis("time (s)", max=float(times[-1])), axis("force (N)", 42), lines)
+
+
+def open_editor(
+    path: Path,
+    controller: FuzzyController,
+    experiment: Experiment,
+    requirements: Sequence[Requirement],
+    **served: Any,
+) -> None:
+    """Serve an editor beside a mission until Ctrl-C; see `fis_tools.edit.page.open_editor`.
+
+    Parameters
+    ----------
+    path : Path
+        What the controller was read from.
+    controller : FuzzyController
+    experiment : Experiment
+        Its mission and the cases of its evaluation are flown.
+    requirements : sequence of Requirement
+        Judged by these cases.
+    **served
+        ``port`` and ``opens``.
+    """
+
+    def panels() -> Sequence[Panel]:
+        cases = Cases(experiment, requirements)
+        one = OneFlight(cases, controller)
+        return ManyFlights(cases, controller, one.choose), one
+
+    meanings = {name: kind.description for name, kind in CONSTANTS.items()}
+    page.open_editor(path, controller, panels, meanings, **served)

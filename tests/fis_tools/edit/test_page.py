@@ -48,7 +48,7 @@ def conclusion(page: Page, rule: int) -> str:
 
 
 def handle(page: Page, name: str) -> float:
-    return float(page.get_by_role("slider", name=name).first.get_attribute("aria-valuenow") or "nan")
+    return float(page.get_by_role("slider", name=name).first.input_value())
 
 
 def test_what_a_hand_changes_is_what_a_copy_holds(open_page, address, folder) -> None:
@@ -56,9 +56,10 @@ def test_what_a_hand_changes_is_what_a_copy_holds(open_page, address, folder) ->
     knob = page.get_by_role("slider", name="positive_small, peak")
     knob.scroll_into_view_if_needed()
     box, plot = knob.bounding_box(), page.locator(".plot").last.bounding_box()
-    page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    x, y = plot["x"] + plot["width"] * (0.22 + 0.11) / 0.44, box["y"] + box["height"] / 2
+    page.mouse.move(x, y)
     page.mouse.down()
-    page.mouse.move(box["x"] + box["width"] / 2 + plot["width"] / 8, box["y"], steps=5)
+    page.mouse.move(x + plot["width"] / 8, y, steps=5)
     page.mouse.up()
     expect(page.get_by_text("1 term changed")).to_be_visible()
     dragged = handle(page, "positive_small, peak")

@@ -42,11 +42,11 @@ def test_a_renamed_term_is_renamed_in_the_rules() -> None:
     system = force_x_system()
     variable, output = system.inputs[0], system.outputs[0]
     for renamed in (variable, output):
-        changed = touches.renamed(system, renamed, renamed.terms[0].name, "other")
+        name = renamed.terms[0].name
+        changed = touches.term_touched(system, renamed, "rename", name, name="other")
         assert problems(changed) == []
-        assert (
-            touches.renamed(changed, changed.variable(renamed.name), "other", renamed.terms[0].name) == system
-        )
+        again = changed.variable(renamed.name)
+        assert touches.term_touched(changed, again, "rename", "other", name=name) == system
 
 
 def test_the_steps_of_a_gesture_are_undone_together(session) -> None:
@@ -140,7 +140,7 @@ def test_a_changed_factor_of_a_takagi_sugeno_term_is_told(tmp_path) -> None:
     )
     system = replace(touches.with_variable(system, output), defuzzifier="weighted_average")
     session = Session(tmp_path / "sample.yaml", replace(paper_like_controller(), systems=(system,)))
-    told = {"what": "number", "term": output.terms[0].name, "key": "coefficients.1", "value": "3"}
+    told = {"what": "number", "term": output.terms[0].name, "key": "coefficients", "value": "1, 3"}
     session.touch(lambda one: touches.with_system(one, touches.term_touched(one.systems[0], output, **told)))
     words = dict(session.copy().provenance)["edited_from"]
     assert words.endswith("(1, 2) times the inputs, plus 0.5 → (1, 3) times the inputs, plus 0.5)")
