@@ -89,7 +89,7 @@ def _check_files(folder: Path) -> bool:
 
 def _is_own_config(folder: Path, manifest: Mapping[str, Any]) -> bool:
     try:
-        return artifacts.is_config_of(artifacts.stored_config(folder), manifest)
+        return artifacts.is_config_of(artifacts.read_config(folder), manifest)
     except artifacts.ArtifactError:
         return False
 
@@ -108,7 +108,7 @@ def _compare_files(folder: Path, other: Path) -> bool:
     names = sorted({*one, *two} - {artifacts.CONFIG})
     shared = [name for name in names if name in one and name in two]
     different = [name for name in shared if one[name] != two[name]]
-    configs = artifacts.stored_config(folder), artifacts.stored_config(other)
+    configs = artifacts.read_config(folder), artifacts.read_config(other)
     for told in differences(*configs, but=("hydra",), words=("here", "there")):
         sys.stdout.write(f"configuration: {told}\n")
     sys.stdout.write(f"files: {len(shared) - len(different)} equal to the last bit\n")
@@ -183,7 +183,7 @@ def compare(first: Path, second: Path) -> int:
     ValueError, OSError
         If one cannot be read, was not evaluated, or they share no case.
     """
-    configs = [artifacts.stored_config(folder) for folder in (first, second)]
+    configs = [artifacts.read_config(folder) for folder in (first, second)]
     confidence = float(artifacts.read_json(first, artifacts.SUMMARY)["confidence_percent"])
     one, other = (tables.read_parquet(folder, artifacts.EPISODES) for folder in (first, second))
     compared = statistics.compare(one, other, confidence)

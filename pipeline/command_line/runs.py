@@ -2,7 +2,7 @@
 
 import os
 import sys
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -12,18 +12,16 @@ from pipeline.command_line.arguments import EXPERIMENT, ConfigError
 from pipeline.run import artifacts, maker
 from pipeline.run.lock import held
 from pipeline.run.runner import finished_stages, run_stages
-from pipeline.settings.checks import Scope
 from pipeline.settings.experiment import Experiment
+from pipeline.settings.keys import in_todays_words
 from pipeline.settings.places import requirements_path
 from pipeline.settings.schema import (
     differences,
     experiment_from,
-    keys_in,
+    free_keys,
     only_results,
     present,
-    reached_outside,
     with_values,
-    without_outside,
 )
 
 if TYPE_CHECKING:
@@ -70,7 +68,7 @@ def _check_vacant(job: "Job") -> None:
     """Raise ConfigError if the folder holds another run; the same run may be repeated."""
     if not (job.folder / artifacts.MANIFEST).exists():
         if (job.folder / artifacts.CONFIG).exists():
-            _experiment_of(job.folder, without_outside(_stored(job.folder)))
+            _experiment_of(job.folder, _stored(job.folder))
         return
     if not artifacts.is_config_of(job.config, artifacts.read_manifest(job.folder)):
         shown = _shown(job.folder)
@@ -111,17 +109,15 @@ def resume(folder: Path, overrides: Sequence["Override"], command: Sequence[str]
     ----------
     folder : Path
     overrides : sequence of Override
-        Those on the command line: of settings that no result depends on. What the run reached outside its
-        folder counts only if it is given here again.
+        Those on the command line: of settings that no result depends on.
     command : sequence of str, optional
         The arguments with which it is started, for a run that was announced and not begun.
     """
     artifacts.read_config(folder)
     with held(folder):
         stored = _stored(folder)
-        name = _experiment_of(folder, without_outside(stored)).name
-        given = _given_again(overrides, name)
-        config = with_values(_taken_over(folder, stored, given), given)
+        given = _given_again(overrides, _experiment_of(folder, stored).name)
+        config = with_values(stored, given)
         experiment = _experiment_of(folder, config)
         finished = finished_stages(folder)
         left = [stage for stage in experiment.stages if stage not in finished]
@@ -138,12 +134,12 @@ def _given_again(overrides: Sequence["Override"], name: str) -> dict[str, Any]:
     """Return the settings that a resumed run is given by the present command, dotted key to value."""
     given = {}
     for override in overrides:
-        if override.key_or_group in keys_in(*Scope):
+        if override.key_or_group in free_keys():
             given[override.key_or_group] = override.value()
         elif override.key_or_group != EXPERIMENT or override.value() != name:
             raise ConfigError(
                 f"resume goes on with the run's own configuration; drop {override.input_line}, or start "
-                f"a new run. No result depends on {', '.join(keys_in(*Scope))}: these may be given"
+                f"a new run. No result depends on {', '.join(free_keys())}: these may be given"
             )
     return given
 
@@ -152,9 +148,7 @@ def repeat(folder: Path, overrides: Sequence["Override"], config_dir: Path | Non
     """Repeat stages on the files of an earlier run, with its configuration; return the exit code."""
     artifacts.read_config(folder)
     with held(folder):
-        given = {override.key_or_group for override in overrides}
-        known = {key for key in keys_in(Scope.OUTSIDE) if {key, key.partition(".")[0]} & given}
-        config = _taken_over(folder, _stored(folder), known)
+        config = _stored(folder)
         experiment = _experiment_of(folder, config)
         stages = next((override.value() for override in overrides if override.key_or_group == "stages"), None)
         if not isinstance(stages, list):
@@ -180,23 +174,9 @@ def repeat(folder: Path, overrides: Sequence["Override"], config_dir: Path | Non
         return _run(config, experiment, folder, asked_for)
 
 
-def _taken_over(folder: Path, config: dict[str, Any], given: Collection[str]) -> dict[str, Any]:
-    """Return a stored configuration without what it reached outside its run.
-
-    What is not taken over is told, except for the keys that the present command gives.
-    """
-    left = [f"{key}={value!r}" for key, value in reached_outside(config).items() if key not in given]
-    if left:
-        sys.stderr.write(
-            f"note: {', '.join(left)} of {folder / artifacts.CONFIG} is not taken over, for it reaches "
-            "outside the run's folder; if you want it, give it on the command line again\n"
-        )
-    return without_outside(config)
-
-
 def _stored(folder: Path) -> dict[str, Any]:
     """Return a run's configuration as it is stored; raise an error if it was edited since."""
-    config = artifacts.stored_config(folder)
+    config = artifacts.read_config(folder)
     if not artifacts.holds_run(folder):
         raise artifacts.ArtifactError(
             f"{folder} is no run's folder, it has no {artifacts.MANIFEST}; give the folder of a run, "
@@ -209,7 +189,7 @@ def _stored(folder: Path) -> dict[str, Any]:
             f"{folder / artifacts.CONFIG} is not what the run was made with (its hash is not the "
             "manifest's); restore it, or start a new run"
         )
-    return config
+    return in_todays_words(config)
 
 
 def _experiment_of(folder: Path, config: dict[str, Any]) -> Experiment:

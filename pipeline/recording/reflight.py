@@ -21,7 +21,7 @@ from pipeline.flight.state.log import Scenario
 from pipeline.recording.recorder import CONFIG_ATTACHMENT, CONTROLLER_ATTACHMENT, FlightRecorder
 from pipeline.run import artifacts
 from pipeline.settings.experiment import Experiment
-from pipeline.settings.schema import experiment_from, without_outside
+from pipeline.settings.schema import experiment_from
 from telemetry import RecordingError
 from telemetry.file.compare import Comparison, compare
 from telemetry.file.reader import Recording
@@ -119,7 +119,7 @@ def _config_of(recording: Recording) -> Mapping[str, Any]:
         raise RecordingError(f"{recording.path}: its {CONFIG_ATTACHMENT} cannot be read ({error})") from error
     if not isinstance(config, dict):
         raise RecordingError(f"{recording.path}: its {CONFIG_ATTACHMENT} holds no configuration")
-    return without_outside(config)
+    return config
 
 
 def _start_of(recording: Recording) -> Scenario:

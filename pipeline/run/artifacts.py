@@ -20,7 +20,7 @@ from typing import Any, BinaryIO, Final
 import yaml
 
 from fis_tools.plain_text import plain
-from pipeline.settings.schema import only_results, without_outside
+from pipeline.settings.schema import only_results
 
 CONFIG: Final = "config.yaml"
 MANIFEST: Final = "manifest.json"
@@ -36,6 +36,7 @@ FRONT: Final = "train/front.csv"
 FRONT_GENOMES: Final = "train/front.parquet"
 FRONT_CONTROLLERS: Final = "train/front"
 CHECKPOINT: Final = "train/checkpoint.npz"
+TENSORBOARD: Final = "train/tensorboard"
 CHAMPION: Final = "champion.json"
 CONTROLLER: Final = "controller.json"
 EPISODES: Final = "evaluate/episodes.parquet"
@@ -354,18 +355,7 @@ def write_config(folder: Path, config: Mapping[str, Any]) -> None:
 
 
 def read_config(folder: Path) -> dict[str, Any]:
-    """Read the configuration of a run, without what it reached outside its folder.
-
-    Raises
-    ------
-    ArtifactError
-        As `stored_config`.
-    """
-    return without_outside(stored_config(folder))
-
-
-def stored_config(folder: Path) -> dict[str, Any]:
-    """Read the configuration of a run as it is stored, to be compared and told, not to be obeyed.
+    """Read the configuration of a run as it is stored.
 
     Raises
     ------
@@ -397,15 +387,11 @@ def list_artifacts(folder: Path) -> list[str]:
     """
     names = []
     for path in sorted(folder.rglob("*")):
-        name = path.relative_to(folder).as_posix()
-        is_hidden = any(part.startswith(".") for part in path.relative_to(folder).parts)
-        if (
-            path.is_file()
-            and not path.is_symlink()
-            and not is_hidden
-            and path.suffix not in (".log", ".partial")
-        ):
-            names.append(name)
+        place = path.relative_to(folder)
+        is_hidden = any(part.startswith(".") for part in place.parts)
+        is_log = path.suffix in (".log", ".partial") or place.is_relative_to(TENSORBOARD)
+        if path.is_file() and not path.is_symlink() and not is_hidden and not is_log:
+            names.append(place.as_posix())
     return [name for name in names if name not in (MANIFEST, CHECKPOINT)]
 
 

@@ -13,7 +13,6 @@ from typing import Any
 from pipeline.run import artifacts, interrupts, maker
 from pipeline.run.maker import present_maker, unlike
 from pipeline.settings.experiment import STAGES, Experiment, Mission
-from pipeline.settings.schema import reached_outside
 
 _LOG = logging.getLogger("pipeline")
 
@@ -84,7 +83,7 @@ def run_stages(
             except KeyboardInterrupt as error:
                 artifacts.write_manifest(folder, config, finished, **known)
                 _LOG.info("stage %s interrupted", name)
-                raise Interrupted(_kept(folder, name, finished, reached_outside(config))) from error
+                raise Interrupted(_kept(folder, name, finished)) from error
             except Exception:  # raised again below: here the run's own log records it too
                 _LOG.exception("stage %s failed", name)
                 raise
@@ -150,9 +149,9 @@ def scene_of(mission: Mission) -> dict[str, float]:
     }
 
 
-def _kept(folder: Path, stage: str, finished: Sequence[str], outside: Mapping[str, Any]) -> str:
+def _kept(folder: Path, stage: str, finished: Sequence[str]) -> str:
     """Return what an interrupted run leaves behind and how to go on."""
-    command = shlex.join([f"resume={folder}", *(f"{key}={value}" for key, value in outside.items())])
+    command = shlex.quote(f"resume={folder}")
     files = [name for name in artifacts.list_artifacts(folder) if name != artifacts.CONFIG]
     if (folder / artifacts.CHECKPOINT).exists():
         files.append(artifacts.CHECKPOINT)

@@ -8,7 +8,6 @@ Comparisons are written so that NaN, which compares false with everything, never
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from enum import Enum
 from typing import Annotated, Any
 
 from pydantic import AfterValidator, AllowInfNan, BeforeValidator, Field, Strict, ValidationInfo
@@ -20,11 +19,8 @@ class SettingError(ValueError):
     """A setting with an invalid value."""
 
 
-class Scope(Enum):
-    """Marks settings that no result depends on, see `pipeline.settings.schema`."""
-
-    MACHINE = "how a command shares out its work"
-    OUTSIDE = "what a command reaches outside its run's folder"
+class Freely:
+    """Marks settings that no result depends on, such as how a command shares out its work."""
 
 
 @dataclass(frozen=True)
@@ -176,7 +172,7 @@ Count = Annotated[Whole, Field(ge=1, le=MOST)]
 Cases = Annotated[Whole, Field(ge=1, le=100 * MOST)]
 Seed = Annotated[Whole, Field(ge=0, le=2**63 - 1)]
 #: worker threads; None is one per processor
-Workers = Annotated[Whole | None, Field(ge=1, le=1024), Scope.MACHINE, Cure(", or null for one a processor")]
+Workers = Annotated[Whole | None, Field(ge=1, le=1024), Freely(), Cure(", or null for one a processor")]
 Vector = Annotated[tuple[Number, ...], AfterValidator(_vector)]
 Thrusters = Annotated[tuple[tuple[Number, ...], ...], AfterValidator(_thrusters)]
 UnitVector = Annotated[Vector, AfterValidator(_unit_vector)]

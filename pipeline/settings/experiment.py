@@ -18,11 +18,11 @@ from pipeline.settings.checks import (
     Count,
     Cure,
     Flag,
+    Freely,
     Natural,
     NotNegative,
     Number,
     Positive,
-    Scope,
     Seed,
     SettingError,
     Text,
@@ -106,18 +106,16 @@ class Optimum:
 class Engine:
     """How a campaign is cut into parts."""
 
-    part_cases: Annotated[Count, Scope.MACHINE] = 10000
+    part_cases: Annotated[Count, Freely()] = 10000
     """Flights of a part, which are kept as a file once they are flown."""
 
 
 @settings("logger", Only("stages=train", is_told=True))
 class Logger:
-    """Where each generation of a training is logged besides the run's own folder."""
+    """Where each generation of a training is logged besides its logbook."""
 
-    kind: Annotated[Literal["none", "tensorboard"], Scope.OUTSIDE] = "none"
-    """Nowhere else, or TensorBoard."""
-    place: Annotated[Text, Scope.OUTSIDE, Only("logger.kind=tensorboard")] = "outputs/tensorboard"
-    """Folder that is written to."""
+    kind: Annotated[Literal["none", "tensorboard"], Freely()] = "none"
+    """Nowhere else, or in train/tensorboard for TensorBoard."""
 
 
 @settings("hparams_search", Only("stages=search", is_told=True))

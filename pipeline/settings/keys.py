@@ -37,10 +37,13 @@ RENAMED: Mapping[str, str] = {
     "tracking": "logger",
 }
 #: keys of earlier versions that have no present one, and why
-GONE: Mapping[str, str] = dict.fromkeys(
-    ("engine", "engine.kind", "engine.processes", "engine.scheduler"),
-    "one process flies everything, on monte_carlo.workers or optimizer.workers threads; leave it out",
-)
+GONE: Mapping[str, str] = {
+    "logger.place": "a training is logged in its own folder, train/tensorboard; leave it out",
+    **dict.fromkeys(
+        ("engine", "engine.kind", "engine.processes", "engine.scheduler"),
+        "one process flies everything, on monte_carlo.workers or optimizer.workers threads; leave it out",
+    ),
+}
 #: the group whose keys are those of the configuration
 SPACE = "hparams_search.space"
 _known: set[str] = set()
@@ -90,9 +93,10 @@ def in_todays_words(config: Mapping[str, Any]) -> dict[str, Any]:
             node = node.get(group) if isinstance(node, dict) else None
         if isinstance(node, dict) and was in node and name not in node:
             node[name] = node.pop(was)
-    engine, logger = told.get("engine"), told.get("logger")
-    if isinstance(engine, dict):
-        told["engine"] = {name: value for name, value in engine.items() if f"engine.{name}" not in GONE}
+    for group, name in (key.split(".") for key in GONE if "." in key):
+        if isinstance(told.get(group), dict):
+            told[group].pop(name, None)
+    logger = told.get("logger")
     if isinstance(logger, dict) and logger.get("kind") == "mlflow":
         # a sink that is no more: such a run is read and goes on without
         logger["kind"] = "none"

@@ -1,8 +1,6 @@
 """The schema: every key of the configuration, and experiments from plain data.
 
-Settings that no result depends on, how a command shares out its work and what it reaches outside a run,
-belong to the command that gives them. A configuration that is read from a file is data about the past: of
-what it reaches outside the run's folder, nothing is taken over.
+Settings that no result depends on belong to the command that gives them, and may be given to a resumed run.
 """
 
 import copy
@@ -12,7 +10,7 @@ from functools import cache
 from itertools import chain
 from typing import Any, Final, get_type_hints
 
-from pipeline.settings.checks import Scope, SettingError
+from pipeline.settings.checks import Freely, SettingError
 from pipeline.settings.experiment import Experiment, Mission, Sun
 from pipeline.settings.groups import GROUPS, Only, names_of, value_at
 from pipeline.settings.keys import DISPERSIONS, FREE, did_you_mean, dotted, in_todays_words, unknown
@@ -189,32 +187,16 @@ def experiment_from(config: Mapping[str, Any]) -> Experiment:
 
 
 @cache
-def keys_in(*scopes: Scope) -> Mapping[str, Any]:
-    """Return the dotted keys of the configuration that are marked with one of some scopes, and defaults."""
-    return {
-        key.name: key.default
-        for key in schema().values()
-        if any(mark in scopes for mark in getattr(key.hint, "__metadata__", ()))
-    }
-
-
-def reached_outside(config: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what a configuration reaches outside its run: dotted keys to values."""
-    neutral, config = keys_in(Scope.OUTSIDE), in_todays_words(config)
-    found = {key: value_at(config, key, ABSENT) for key in neutral}
-    return {key: value for key, value in found.items() if value not in (ABSENT, neutral[key])}
-
-
-def without_outside(config: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a configuration of the past: one that reaches nothing outside its run."""
-    neutral = {key: keys_in(Scope.OUTSIDE)[key] for key in reached_outside(config)}
-    return with_values(in_todays_words(config), neutral)
+def free_keys() -> tuple[str, ...]:
+    """Return the dotted keys of the configuration that no result depends on."""
+    marks = {key.name: getattr(key.hint, "__metadata__", ()) for key in schema().values()}
+    return tuple(name for name, own in marks.items() if any(isinstance(mark, Freely) for mark in own))
 
 
 def only_results(config: Mapping[str, Any]) -> dict[str, Any]:
     """Return a configuration without the settings that no result depends on."""
     told = in_todays_words(config)
-    for key in keys_in(*Scope):
+    for key in free_keys():
         group, _, name = key.rpartition(".")
         node = value_at(told, group)
         if isinstance(node, dict):

@@ -22,7 +22,7 @@ from pipeline.training.evolution.state import Generation
 from pipeline.training.front import judged_front, write_front
 from pipeline.training.genome import Genome, genome_of
 from pipeline.training.judging import Choice, choose, evolved, fitness_from
-from pipeline.training.progress import Log, TrainingProgress, logged, name_of
+from pipeline.training.progress import Log, TrainingProgress, logged
 
 #: the history is written at most once in this many seconds, because each writing waits for the disk; the
 #: checkpoint, from which a training resumes, is written after every generation
@@ -35,7 +35,7 @@ def run(experiment: Experiment, folder: Path) -> None:
     """Train from the configured controller's structure; its numbers are in the first population."""
     template = source.load(experiment.controller, experiment.mission)
     genome = genome_of(template, experiment.optimizer.encoding)
-    with logged(experiment.logger, name_of(folder)) as log:
+    with logged(experiment.logger, folder) as log:
         result = _evolved(experiment, folder, genome, log)
         provenance = _provenance(folder, experiment, result.history, result.interrupted)
         if result.front is None:

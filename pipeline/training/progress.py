@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
+from pipeline.run import artifacts
 from pipeline.run.progress import Progress
 from pipeline.settings.experiment import Logger, Optimizer, SettingError
 from pipeline.training.evolution.state import Generation
@@ -34,7 +35,7 @@ class TrainingProgress(Progress):
 
 
 @contextmanager
-def logged(logger: Logger, name: str) -> Iterator[Log]:
+def logged(logger: Logger, folder: Path) -> Iterator[Log]:
     """Open the logger of a training, and close it when the training ends.
 
     TensorBoard gets one scalar for each column of the logbook, over the generations. A resumed training
@@ -43,8 +44,8 @@ def logged(logger: Logger, name: str) -> Iterator[Log]:
     Parameters
     ----------
     logger : Logger
-    name : str
-        Of the training, see `name_of`: its subfolder of `logger.place`.
+    folder : Path
+        Of the run.
 
     Raises
     ------
@@ -62,7 +63,7 @@ def logged(logger: Logger, name: str) -> Iterator[Log]:
             "python -m pip install tensorboardX tensorboard"
         ) from error
     num_logged = 0
-    with SummaryWriter(str(Path(logger.place, name)), purge_step=0, flush_secs=FLUSH_S) as board:
+    with SummaryWriter(str(folder / artifacts.TENSORBOARD), purge_step=0, flush_secs=FLUSH_S) as board:
 
         def log(rows: Sequence[Mapping[str, float]]) -> None:
             nonlocal num_logged
@@ -72,9 +73,3 @@ def logged(logger: Logger, name: str) -> Iterator[Log]:
             num_logged = max(num_logged, len(rows))
 
         yield log
-
-
-def name_of(folder: Path) -> str:
-    """Return a run's name: its folder, relative to the working directory if below it."""
-    whole, here = folder.absolute(), Path.cwd()
-    return whole.relative_to(here if whole.is_relative_to(here) else whole.anchor).as_posix()

@@ -60,7 +60,6 @@ IDLE = [
     ("light=shadow light.ambient=[0,0,0]", "light.ambient counts only with light.reflection=blinn_phong"),
     ("chief.path=x.stl", "chief.path counts only with chief.shape=mesh, and chief.shape is sphere"),
     ("guidance.engine=sklearn", "guidance.engine counts only with guidance.kind=clusters"),
-    ("logger.place=x", "logger.place counts only with logger.kind=tensorboard, and logger.kind is none"),
     (
         "optimizer.migrants=3",
         "optimizer.migrants counts only with optimizer.islands>1, and optimizer.islands is 1",

@@ -20,7 +20,7 @@ from pipeline.flight.fly.simulation import fly_all
 from pipeline.run import artifacts
 from pipeline.settings.experiment import Logger, SettingError
 from pipeline.stages import train
-from pipeline.training.progress import logged, name_of
+from pipeline.training.progress import logged
 from tests.pipeline.stages.cases import prepared
 
 WORDS = (
@@ -144,9 +144,9 @@ def test_a_training_goes_on_to_the_same_front_on_any_number_of_workers(trained, 
 ROWS = [{"generation": float(n), "best": 1.0 / (n + 3), "points": 90.0 + n} for n in range(5)]
 
 
-def log_each(logger: Logger, rows: Sequence[Mapping[str, float]]) -> None:
+def log_each(folder: Path, rows: Sequence[Mapping[str, float]]) -> None:
     """As a training does, row after row."""
-    with logged(logger, "outputs/train/x") as log:
+    with logged(Logger(kind="tensorboard"), folder) as log:
         for count in range(1, len(rows) + 1):
             log(rows[:count])
 
@@ -158,7 +158,7 @@ def assert_on_board(folder: Path, rows: Sequence[Mapping[str, float]]) -> None:
         warnings.simplefilter("ignore")  # it says that TensorFlow is not there
         from tensorboard.backend.event_processing import event_accumulator  # noqa: PLC0415
 
-        events = event_accumulator.EventAccumulator(str(folder))
+        events = event_accumulator.EventAccumulator(str(folder / artifacts.TENSORBOARD))
         events.Reload()
     assert set(events.Tags()["scalars"]) == set(rows[0])
     for name in rows[0]:
@@ -168,22 +168,22 @@ def assert_on_board(folder: Path, rows: Sequence[Mapping[str, float]]) -> None:
 
 def test_tensorboard_shows_each_generation_once_also_after_going_on(tmp_path: Path) -> None:
     pytest.importorskip("tensorboardX")
-    logger = Logger(kind="tensorboard", place=str(tmp_path))
-    log_each(logger, ROWS[:4])
-    log_each(logger, ROWS)
-    assert_on_board(tmp_path / "outputs/train/x", ROWS)
+    log_each(tmp_path, ROWS[:4])
+    log_each(tmp_path, ROWS)
+    assert_on_board(tmp_path, ROWS)
 
 
 def test_a_training_is_logged_as_in_its_logbook(tmp_path: Path) -> None:
     pytest.importorskip("tensorboardX")
-    run = prepared(tmp_path / "run", "logger=tensorboard", f"logger.place={tmp_path / 'board'}")
+    run = prepared(tmp_path / "run", "logger=tensorboard")
     train.run(run.experiment, tmp_path / "run")
     with (tmp_path / "run" / artifacts.LOGBOOK).open(newline="", encoding="utf-8") as stream:
         rows = [{name: float(value) for name, value in row.items()} for row in csv.DictReader(stream)]
-    assert_on_board(tmp_path / "board" / name_of(tmp_path / "run"), rows)
+    assert_on_board(tmp_path / "run", rows)
+    assert not [name for name in artifacts.list_artifacts(tmp_path / "run") if "tensorboard" in name]
 
 
-def test_a_missing_package_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_missing_package_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "tensorboardX", None)
     with pytest.raises(SettingError, match=r"logger=tensorboard needs the package tensorboardX; install"):
-        log_each(Logger(kind="tensorboard", place="x"), ROWS)
+        log_each(tmp_path, ROWS)
