@@ -198,7 +198,7 @@ def _system(name: str, blocks: Sequence[Block]) -> model.FuzzySystem:
         inputs,
         outputs,
         [(block, list(_rules(block))) for block in blocks if block.kind == "RULEBLOCK"],
-        lambda block: (_method(block, "ACT", "MIN", meanings(AND, "fcl")), block.line),
+        lambda block: _method(block, "ACT", "MIN", meanings(AND, "fcl")),
     )
 
 
@@ -211,10 +211,9 @@ def _keeps_last(block: Block) -> bool:
 
 def _method(block: Block, key: str, usual: str, known: Mapping[str, _Method]) -> _Method:
     """Return the method that a setting names, in capitals or not."""
-    line, found = block.settings.get(key, (block.line, usual))
-    word = usual if found.upper() == "NONE" else found.upper()
+    where, found = block.entry(key, usual)
     in_capitals = {name.upper(): method for name, method in known.items()}
-    return foreign.choice(in_capitals, word, f"line {line}: {key} of {block.name}")
+    return foreign.choice({"NONE": in_capitals[usual], **in_capitals}, found.upper(), where)
 
 
 def _rules(block: Block) -> Iterator[model.Rule]:
@@ -269,11 +268,7 @@ def _named_term(line: int, content: str) -> tuple[int, str, str]:
 def _extent(block: Block, terms: Sequence[tuple[int, str, str]]) -> Extent:
     """Return the range that a block states; else from the first to the last point of its terms."""
     if "RANGE" in block.settings:
-        line, value = block.settings["RANGE"]
-        ends = foreign.numbers(re.sub(r"[()]|\.\.", " ", value).split(), f"line {line}: RANGE")
-        if len(ends) != 2:
-            raise ControllerFileError(f"line {line}: RANGE has {len(ends)} numbers; expected two, (0 .. 10)")
-        return Extent(*ends)
+        return block.extent("RANGE", lambda words, _: re.sub(r"[()]|\.\.", " ", words).split())
     points = [x for line, _, words in terms if words.startswith("(") for x in _table(line, words).x]
     if not points or not all(words.startswith("(") for _, _, words in terms):
         raise ControllerFileError(

@@ -27,8 +27,6 @@ from fis_tools.formats.exchange.antecedents import (
 from fis_tools.formats.exchange.carried import understand
 from fis_tools.formats.exchange.dialect import Dialect, Expressed, settle
 from fis_tools.formats.exchange.fis_sections import (
-    Section,
-    numbers_in,
     quoted_word,
     section_of,
     sections_of,
@@ -36,7 +34,7 @@ from fis_tools.formats.exchange.fis_sections import (
     words_in,
 )
 from fis_tools.formats.exchange.fll_rules import hedged_rules
-from fis_tools.formats.exchange.foreign import Extent, Table
+from fis_tools.formats.exchange.foreign import Block, Extent, Table
 from fis_tools.formats.exchange.vocabulary import (
     AGGREGATIONS,
     AND,
@@ -124,8 +122,8 @@ def read(text: str) -> Reading:
     fis_tools.errors.ControllerFileError
         If it is damaged or says what a fuzzy system of ours cannot; with the line.
     """
-    sections, comments = sections_of(text)
     notes: list[str] = []
+    sections, comments = sections_of(text, notes)
     is_fuzzylites = any("generated with fuzzylite" in words for _, words in comments)
     fractions = FUZZYLITES_FRACTIONS if is_fuzzylites else FRACTIONS
     reading = understand(_system(sections, fractions, notes), comments, DIALECT)
@@ -134,34 +132,26 @@ def read(text: str) -> Reading:
 
 #: Kinds of systems; hybrid is fuzzylite's word for outputs of several kinds.
 _TYPES = ("mamdani", "sugeno", "tsukamoto", "hybrid")
-_SYSTEM_KEYS = ("Name", "Type", "Version", "NumInputs", "NumOutputs", "NumRules")
-_METHOD_KEYS = ("AndMethod", "OrMethod", "ImpMethod", "AggMethod", "DefuzzMethod")
-
 
 #: What stands for hedges in the fraction of a term's number; fuzzylite's for `any`.
 Fractions = Mapping[float, tuple[model.Hedge, ...]]
 _ANY = 0.99
 
 
-def _system(sections: dict[str, Section], fractions: Fractions, notes: list[str]) -> model.FuzzySystem:
+def _system(sections: dict[str, Block], fractions: Fractions, notes: list[str]) -> model.FuzzySystem:
     head = section_of(sections, "[System]")
-    entries = head.entries((*_SYSTEM_KEYS, *_METHOD_KEYS, "DisableStructuralChecks"))
-    for key in (*_SYSTEM_KEYS[1:2], *_SYSTEM_KEYS[3:], *_METHOD_KEYS):
-        if key not in entries:
-            raise ControllerFileError(f"{head.title} has no {key}; add it, or get a whole copy of the file")
-    kind, where = quoted_word(entries, "Type")
+    kind, stands = quoted_word(head, "Type")
     if kind not in _TYPES:
-        raise ControllerFileError(f"{where} is {kind[:40]!r}; expected one of {', '.join(_TYPES)}")
-    defuzzifier = foreign.choice(meanings(DEFUZZIFIERS, "fis"), *quoted_word(entries, "DefuzzMethod"))
+        raise ControllerFileError(f"{stands} is {kind[:40]!r}; expected one of {', '.join(_TYPES)}")
+    way, where = quoted_word(head, "DefuzzMethod")
+    defuzzifier = foreign.choice(meanings(DEFUZZIFIERS, "fis"), way, where)
     weighs = defuzzifier in WEIGHING
     if weighs == (kind in {"mamdani", "hybrid"}):
-        places = [f"line {entries[key][0]}" for key in ("Type", "DefuzzMethod")]
         raise ControllerFileError(
-            f"{' and '.join(places)}: Type is {kind!r}, but DefuzzMethod is "
-            f"{DEFUZZIFIERS[defuzzifier].fis!r}; outputs of mamdani "
-            "are defuzzified, those of sugeno and tsukamoto by wtaver or wtsum: correct one of them"
+            f"{stands} is {kind!r}, but {where} is {way!r}; outputs of mamdani are defuzzified, those of "
+            "sugeno and tsukamoto by wtaver or wtsum: correct one of them"
         )
-    counts = {key: whole_number(entries, key) for key in ("NumInputs", "NumOutputs", "NumRules")}
+    counts = {key: whole_number(head, key) for key in ("NumInputs", "NumOutputs", "NumRules")}
     expected = [f"[Input{place}]" for place in range(1, counts["NumInputs"] + 1)]
     expected += [f"[Output{place}]" for place in range(1, counts["NumOutputs"] + 1)]
     for title, section in sections.items():
@@ -181,7 +171,7 @@ def _system(sections: dict[str, Section], fractions: Fractions, notes: list[str]
             output = replace(output, defuzzifier="weighted_average")
             notes.append(f"{output.name} concludes numbers: their weighted average is taken")
         outputs.append(replace(output, aggregation="unbounded_sum") if is_number else output)
-    lines = section_of(sections, "[Rules]").lines
+    lines = section_of(sections, "[Rules]").listed
     if len(lines) < counts["NumRules"]:
         raise ControllerFileError(
             f"[System] says NumRules={counts['NumRules']} but [Rules] has {len(lines)} lines; correct the "
@@ -192,13 +182,13 @@ def _system(sections: dict[str, Section], fractions: Fractions, notes: list[str]
     rules = tuple(
         rule for line, content in lines for rule in _rules(line, content, inputs, outputs, fractions)
     )
-    and_operator = foreign.choice(_AND, *quoted_word(entries, "AndMethod"), "or rewrite the rules")
-    or_operator = foreign.choice(_OR, *quoted_word(entries, "OrMethod"), "or rewrite the rules")
-    aggregation = foreign.choice(_AGGREGATIONS, *quoted_word(entries, "AggMethod"))
-    implication = foreign.choice(_AND, *quoted_word(entries, "ImpMethod"))
+    and_operator = foreign.choice(_AND, *quoted_word(head, "AndMethod"), "or rewrite the rules")
+    or_operator = foreign.choice(_OR, *quoted_word(head, "OrMethod"), "or rewrite the rules")
+    aggregation = foreign.choice(_AGGREGATIONS, *quoted_word(head, "AggMethod"))
+    implication = foreign.choice(_AND, *quoted_word(head, "ImpMethod"))
     return settle(
         model.FuzzySystem(
-            name=(quoted_word(entries, "Name")[0] if "Name" in entries else "") or "unnamed",
+            name=(quoted_word(head, "Name")[0] if "Name" in head.settings else "") or "unnamed",
             inputs=with_any(inputs, rules),
             outputs=tuple(
                 output if output.aggregation == "unbounded_sum" else replace(output, aggregation=aggregation)
@@ -213,57 +203,40 @@ def _system(sections: dict[str, Section], fractions: Fractions, notes: list[str]
     )
 
 
-def _concludes_numbers(section: Section) -> bool:
+def _concludes_numbers(section: Block) -> bool:
     """Return whether an output's terms are numbers, which have no other defuzzifier than a weighing one."""
-    values = [content for _, content in section.lines if content.startswith("MF")]
+    values = [value for key, (_, value) in section.settings.items() if key.startswith("MF")]
     return all(re.search(r":\s*['\"](constant|linear|function)['\"]", value) for value in values)
 
 
-def _variable(section: Section, weighed_by: Sequence[str] | None, notes: list[str]) -> model.Variable:
+def _variable(section: Block, weighed_by: Sequence[str] | None, notes: list[str]) -> model.Variable:
     """Read a variable; of an output that is weighed, `weighed_by` are the names of the inputs."""
-    entries = section.entries(
-        ("Name", "Range", "NumMFs", "MF", "Enabled", "Default", "LockRange", "LockPrevious")
-    )
-    for key in ("Name", "Range", "NumMFs"):
-        if key not in entries:
-            raise ControllerFileError(
-                f"{section.title} has no {key}; add it, or get a whole copy of the file"
-            )
-    only_free = [] if weighed_by is None else [("LockRange", 0.0)]
-    for key, only in (("Enabled", 1.0), *only_free):
-        if key in entries and foreign.number(entries[key][1], f"line {entries[key][0]}: {key}") != only:
-            raise ControllerFileError(f"line {entries[key][0]}: only {key}={only:g} can be read; set it so")
-    is_output = section.title.startswith("[Output")
-    if "LockPrevious" in entries:
-        where = f"line {entries['LockPrevious'][0]}: LockPrevious"
-        if foreign.choice({"0": False, "1": True}, entries["LockPrevious"][1], where):
-            notes.append(foreign.kept_words(quoted_word(entries, "Name")[0]))
-    num_terms = whole_number(entries, "NumMFs", 1 if is_output else 0)
-    found = [key for key in entries if key.startswith("MF")]
+    is_output = section.kind.startswith("[Output")
+    name, _ = quoted_word(section, "Name")
+    section.expect("Enabled", "1", "1.0")
+    if weighed_by is not None:
+        section.expect("LockRange", "0", "0.0")
+    if section.chosen({"0": False, "1": True}, "LockPrevious", "0"):
+        notes.append(foreign.kept_words(name))
+    num_terms = whole_number(section, "NumMFs", 1 if is_output else 0)
+    found = [key for key in section.settings if key.startswith("MF")]
     keys = [f"MF{place}" for place in range(1, max(num_terms, len(found)) + 1)]
     if sorted(found) != sorted(keys):
         raise ControllerFileError(
-            f"{section.title} says NumMFs={num_terms} but has {', '.join(found) or 'none'}; number them from "
+            f"{section.kind} says NumMFs={num_terms} but has {', '.join(found) or 'none'}; number them from "
             "MF1 on, or get a whole copy of the file"
         )
-    notes += section.notes
     if len(found) > num_terms:
-        notes.append(f"{section.title} says NumMFs={num_terms} but has {len(found)} terms: all are taken")
-    line, value = entries["Range"]
-    low, high = numbers_in(value, f"line {line}: Range", 2)
-    extent = Extent(low, high)
-    default = entries.get("Default")
-    states_default = is_output and default is not None and default[1].lower() != "nan"
-    name = quoted_word(entries, "Name")[0]
-    terms = [_term(*entries[key], extent, weighed_by) for key in keys]
+        notes.append(f"{section.kind} says NumMFs={num_terms} but has {len(found)} terms: all are taken")
+    extent = section.extent("Range", words_in)
+    states_default = is_output and section.entry("Default", "nan")[1].lower() != "nan"
+    terms = [_term(*section.settings[key], extent, weighed_by) for key in keys]
     return foreign.variable(
         name,
         extent,
         _numbered(name, terms, notes),
         is_output=is_output,
-        default=foreign.number(default[1], f"line {default[0]}: Default")
-        if default and states_default
-        else None,
+        default=section.number("Default") if states_default else None,
     )
 
 

@@ -2,63 +2,31 @@
 
 import math
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass, field
 
 from fis_tools.errors import ControllerFileError
 from fis_tools.formats.exchange import foreign
+from fis_tools.formats.exchange.foreign import Block
 
-#: ``key=value`` lines: the line's number and the value, by key.
-Entries = dict[str, tuple[int, str]]
+#: The keys of sections by what their titles begin with; terms are MF1, MF2 and so on, rules have no keys.
+_VARIABLE = ("Name", "Range", "NumMFs", "MF", "Enabled", "Default", "LockRange", "LockPrevious")
+_KEYS = {
+    "[System]": (
+        *("Name", "Type", "Version", "NumInputs", "NumOutputs", "NumRules", "AndMethod", "OrMethod"),
+        *("ImpMethod", "AggMethod", "DefuzzMethod", "DisableStructuralChecks"),
+    ),
+    "[Input": _VARIABLE,
+    "[Output": _VARIABLE,
+}
 
 
-@dataclass
-class Section:
-    """A section of a file.
+def sections_of(text: str, notes: list[str]) -> tuple[dict[str, Block], list[tuple[int, str]]]:
+    """Part a file into its sections, by their titles, and its comments, each with its line.
 
     Parameters
     ----------
-    title : str
-        Such as ``[Input1]``.
-    line : int
-        Where it begins.
-    lines : list of (int, str)
-        What it contains, each with its number.
+    text : str
     notes : list of str
-        What was put right.
-    """
-
-    title: str
-    line: int
-    lines: list[tuple[int, str]] = field(default_factory=list)
-    notes: list[str] = field(default_factory=list)
-
-    def entries(self, known: Sequence[str]) -> Entries:
-        """Return ``key=value`` lines by key."""
-        found: Entries = {}
-        for line, content in self.lines:
-            key, equals, value = content.partition("=")
-            key = key.strip()
-            if key in found and key.startswith("MF"):  # MathWorks' own slcp1.fis counts MF1, MF2, MF2
-                twice, key = key, f"MF{1 + sum(other.startswith('MF') for other in found)}"
-                self.notes.append(
-                    f"line {line}: {self.title} has {twice} twice; the second is taken as {key}"
-                )
-            if not equals:
-                raise ControllerFileError(f"line {line}: {content[:40]!r} is not key=value; correct it")
-            if key in found:
-                raise ControllerFileError(
-                    f"line {line}: {key} appears twice in {self.title}; keep one of them"
-                )
-            if key not in known and not (key.startswith("MF") and "MF" in known):
-                where = f"line {line}: in {self.title} the key"
-                foreign.choice(dict.fromkeys(known), key, where, "or drop the line if it says nothing needed")
-            found[key] = (line, value.strip())
-        return found
-
-
-def sections_of(text: str) -> tuple[dict[str, Section], list[tuple[int, str]]]:
-    """Part a file into its sections, by their titles, and its comments, each with its line.
+        Gets what was put right.
 
     Raises
     ------
@@ -66,8 +34,8 @@ def sections_of(text: str) -> tuple[dict[str, Section], list[tuple[int, str]]]:
         If a section appears twice, or something stands before the first.
     """
     comments: list[tuple[int, str]] = []
-    sections: dict[str, Section] = {}
-    current: Section | None = None
+    sections: dict[str, Block] = {}
+    current: Block | None = None
     for line, raw in enumerate(text.splitlines(), start=1):
         content = _without_remark(raw)
         if content.startswith(("%", "#", "//")):
@@ -75,14 +43,34 @@ def sections_of(text: str) -> tuple[dict[str, Section], list[tuple[int, str]]]:
         elif content.startswith("["):
             if content in sections:
                 raise ControllerFileError(f"line {line}: a second {content[:40]}; keep one of them")
-            current = sections[content] = Section(content, line)
+            current = sections[content] = Block(content, "", line)
         elif content and current is None:
             raise ControllerFileError(
                 f"line {line}: {content[:40]!r} stands before [System]; is this a .fis file?"
             )
         elif content and current is not None:
-            current.lines.append((line, content))
+            _take(current, line, content, notes)
     return sections, comments
+
+
+def _take(section: Block, line: int, content: str, notes: list[str]) -> None:
+    """Add a line to a section: a setting where it has keys."""
+    known = next((keys for start, keys in _KEYS.items() if section.kind.startswith(start)), None)
+    if known is None:
+        section.listed.append((line, content))
+        return
+    key, equals, value = (part.strip() for part in content.partition("="))
+    if not equals:
+        raise ControllerFileError(f"line {line}: {content[:40]!r} is not key=value; correct it")
+    if key in section.settings and key.startswith("MF"):  # MathWorks' own slcp1.fis counts MF1, MF2, MF2
+        twice, key = key, f"MF{1 + sum(other.startswith('MF') for other in section.settings)}"
+        notes.append(f"line {line}: {section.kind} has {twice} twice; the second is taken as {key}")
+    if key in section.settings:
+        raise ControllerFileError(f"line {line}: {key} appears twice in {section.kind}; keep one of them")
+    if key not in known and not (key.startswith("MF") and "MF" in known):
+        where = f"line {line}: in {section.kind} the key"
+        foreign.choice(dict.fromkeys(known), key, where, "or drop the line if it says nothing needed")
+    section.settings[key] = (line, value)
 
 
 #: All before a mark that stands in no quotes.
@@ -101,27 +89,25 @@ def _without_remark(line: str) -> str:
     return said[0].rstrip(" \t;") if said else ""
 
 
-def section_of(sections: dict[str, Section], title: str) -> Section:
+def section_of(sections: dict[str, Block], title: str) -> Block:
     """Return a section that must be there."""
     if title not in sections:
         raise ControllerFileError(f"there is no section {title}; get a whole copy of the file")
     return sections[title]
 
 
-def quoted_word(entries: Entries, key: str) -> tuple[str, str]:
+def quoted_word(section: Block, key: str) -> tuple[str, str]:
     """Return a quoted word, and where it stands."""
-    line, value = entries[key]
+    where, value = section.entry(key)
     if len(value) < 2 or value[0] != value[-1] or value[0] not in "'\"":
-        raise ControllerFileError(f"line {line}: {key} is {value[:40]!r}; expected a word in quotes, '…'")
-    return value[1:-1], f"line {line}: {key}"
+        raise ControllerFileError(f"{where} is {value[:40]!r}; expected a word in quotes, '…'")
+    return value[1:-1], where
 
 
-def whole_number(entries: Entries, key: str, least: int = 1) -> int:
+def whole_number(section: Block, key: str, least: int = 1) -> int:
     """Return a whole number from 1, or the least that can be, on."""
-    line, value = entries[key]
-    if least == 0 and value.strip() == "0":
-        return 0
-    return foreign.count(value, f"line {line}: {key}", 100_000)
+    where, value = section.entry(key)
+    return 0 if least == 0 and value == "0" else foreign.count(value, where, 100_000)
 
 
 #: pi as MathWorks' own files have it, -pi/4
@@ -135,11 +121,3 @@ def words_in(value: str, where: str) -> list[str]:
         raise ControllerFileError(f"{where} is {value[:40]!r}; expected numbers in brackets, [0 1]")
     words = re.split(r"[\s,;]+", inside[1].strip())
     return [_PI.sub(lambda pi: f"{pi[1]}{math.pi / float(pi[2] or 1)!r}", word) for word in words]
-
-
-def numbers_in(value: str, where: str, expected: int) -> list[float]:
-    """Read so many numbers in brackets."""
-    found = foreign.numbers(words_in(value, where), where)
-    if len(found) != expected:
-        raise ControllerFileError(f"{where} has {len(found)} numbers; expected {expected}")
-    return found

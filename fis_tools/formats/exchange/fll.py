@@ -6,9 +6,9 @@ universe. Rules are sentences, ``if a is low and (b is high or c is not low) the
 """
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, TypeVar
+from typing import Any
 
 from fis_tools import model
 from fis_tools.errors import ControllerFileError
@@ -32,7 +32,6 @@ from fis_tools.model.operators import WEIGHING
 from fis_tools.model.shape import words_of
 from fis_tools.model.systems import has_sets
 
-_Method = TypeVar("_Method")
 #: Intervals where a defuzzifier states none: fuzzylite leaves its own number out, this one since version 8.
 RESOLUTION = 1000
 
@@ -62,6 +61,10 @@ def _facts(_expressed: Expressed) -> dict[str, Any]:
 
 # Reading.
 
+
+_AND: dict[str, model.AndOperator | None] = {"none": None, "": None, **meanings(AND, "fll")}
+_OR: dict[str, model.OrOperator | None] = {"none": None, "": None, **meanings(OR, "fll"), **NORMALIZED_SUMS}
+_AGGREGATIONS: dict[str, model.Aggregation] = {**meanings(AGGREGATIONS, "fll"), **NORMALIZED_SUMS}
 
 #: The keys of each block; the last may stand in many lines.
 _KEYS = {
@@ -132,14 +135,17 @@ def _system(blocks: Sequence[Block]) -> model.FuzzySystem:
             f"the file has {len(engines)} engines; it must begin with one, 'Engine: name'"
         )
     for block in blocks:
-        _refuse_setting(block, "enabled", ("true",))
+        block.expect("enabled", "true")
     inputs = tuple(_variable(block) for block in blocks if block.kind == "InputVariable")
     names = tuple(variable.name for variable in inputs)
     outputs = tuple(_output(block, names) for block in blocks if block.kind == "OutputVariable")
     rule_blocks = [block for block in blocks if block.kind == "RuleBlock"]
     for block in rule_blocks:
-        _refuse_setting(block, "activation", ("General", "none", "Minimum"))
-    operators = [_block_operators(block) for block in rule_blocks]
+        block.expect("activation", "general", "none", "minimum")
+    operators = [
+        (block.chosen(_AND, "conjunction", "none"), block.chosen(_OR, "disjunction", "none"))
+        for block in rule_blocks
+    ]
     and_operator, or_operator = next(iter(operators), (None, None))
     groups = [
         (block, [rule for line, words in block.listed for rule in _own_rules(line, words, own)])
@@ -154,10 +160,7 @@ def _system(blocks: Sequence[Block]) -> model.FuzzySystem:
         inputs,
         outputs,
         groups,
-        lambda block: (
-            _operator(block, "implication", meanings(AND, "fll")),
-            block.settings.get("implication", (block.line, ""))[0],
-        ),
+        lambda block: block.chosen(_AND, "implication", "none"),
         and_operator=and_operator or "min",
         or_operator=or_operator or "max",
     )
@@ -165,16 +168,6 @@ def _system(blocks: Sequence[Block]) -> model.FuzzySystem:
 
 def _own_rules(line: int, words: str, own: Operators) -> list[model.Rule]:
     return [replace(rule, and_operator=own[0], or_operator=own[1]) for rule in read_rules(line, words, own)]
-
-
-def _refuse_setting(block: Block, key: str, allowed: tuple[str, ...]) -> None:
-    if key in block.settings:
-        line, value = block.settings[key]
-        if value not in allowed:
-            raise ControllerFileError(
-                f"line {line}: {key} of a {block.kind} is {value[:40]!r}, which cannot be read; expected "
-                f"{' or '.join(allowed)}: change it or take the part out"
-            )
 
 
 def _refuse_joined(block: Block, rules: Sequence[model.Rule]) -> None:
@@ -191,65 +184,37 @@ def _refuse_joined(block: Block, rules: Sequence[model.Rule]) -> None:
         )
 
 
-def _operator(block: Block, key: str, known: Mapping[str, _Method]) -> _Method | None:
-    """Return an operator of a block; None where it has none."""
-    line, word = block.settings.get(key, (0, "none"))
-    return None if word in {"none", ""} else foreign.choice(known, word, f"line {line}: the {key}")
-
-
-def _block_operators(block: Block) -> Operators:
-    return (
-        _operator(block, "conjunction", meanings(AND, "fll")),
-        _operator(block, "disjunction", {**meanings(OR, "fll"), **NORMALIZED_SUMS}),
-    )
-
-
 def _variable(block: Block) -> model.Variable:
-    extent, about = _extent(block), _description(block)
+    extent, (_, about) = block.extent("range"), block.entry("description", "")
     return foreign.variable(block.name, extent, _terms(block, extent), is_output=False, description=about)
 
 
-def _extent(block: Block) -> Extent:
-    line, value = _entry(block, "range")
-    ends = foreign.numbers(value.split(), f"line {line}: the range")
-    if len(ends) != 2:
-        raise ControllerFileError(f"line {line}: the range has {len(ends)} numbers; expected two")
-    return Extent(*ends)
-
-
-def _entry(block: Block, key: str) -> tuple[int, str]:
-    if key not in block.settings:
-        raise ControllerFileError(f"line {block.line}: {block.kind} {block.name} has no {key}; add it")
-    return block.settings[key]
-
-
-def _description(block: Block) -> str:
-    return block.settings.get("description", (0, ""))[1]
-
-
 def _output(block: Block, inputs: Sequence[str]) -> model.Variable:
-    extent = _extent(block)
-    _refuse_setting(block, "lock-previous", ("true", "false"))
-    line, words = _entry(block, "defuzzifier")
-    defuzzifier, parameter = _defuzzifier(line, words)
-    line, default = block.settings.get("default", (block.line, "nan"))
-    number = None if default == "nan" else foreign.number(default, f"line {line}: the default")
+    extent = block.extent("range")
+    block.expect("lock-previous", "false", "true")
+    where, words = block.entry("defuzzifier")
+    word, _, parameter = words.partition(" ")
+    defuzzifier = foreign.choice(meanings(DEFUZZIFIERS, "fll"), word, where)
     aggregation: model.Aggregation = "unbounded_sum"
     if defuzzifier in WEIGHING:
-        _refuse_setting(block, "lock-range", ("false",))
+        block.expect("lock-range", "false")
         terms, num_points = _terms(block, extent, inputs), None
-        _refuse_other_kind(block, parameter, terms)
+        _refuse_other_kind(block, parameter.strip(), terms)
     else:
-        terms, num_points = _terms(block, extent), _num_points(line, parameter)
-        aggregation = _aggregation(block)
+        terms, num_points = _terms(block, extent), RESOLUTION + 1
+        if parameter.strip():
+            num_points = foreign.count(parameter, f"{where}: the resolution", MOST_POINTS - 1) + 1
+        # versions before 6 called it accumulation
+        key = "aggregation" if "aggregation" in block.settings else "accumulation"
+        aggregation = block.chosen(_AGGREGATIONS, key, "Maximum")
     return foreign.variable(
         block.name,
         extent,
         terms,
         is_output=True,
         num_points=num_points,
-        default=number,
-        description=_description(block),
+        default=None if block.entry("default", "nan")[1] == "nan" else block.number("default"),
+        description=block.entry("description", "")[1],
         defuzzifier=defuzzifier,
         aggregation=aggregation,
     )
@@ -266,30 +231,6 @@ def _refuse_other_kind(
                 f"line {line}: the output is weighed as {parameter[:40]!r}, but its term {name!r} is "
                 f"{words.split()[1]}; write {kind} or Automatic"
             )
-
-
-def _aggregation(block: Block) -> model.Aggregation:
-    """Return how an output aggregates; versions before 6 called it accumulation."""
-    for key in ("aggregation", "accumulation"):
-        if key in block.settings:
-            line, word = block.settings[key]
-            known: dict[str, model.Aggregation] = {**meanings(AGGREGATIONS, "fll"), **NORMALIZED_SUMS}
-            return foreign.choice(known, word, f"line {line}: the {key}")
-    return "max"
-
-
-def _defuzzifier(line: int, words: str) -> tuple[model.Defuzzifier, str]:
-    """Return how an output is defuzzified, and what is said of it besides."""
-    word, _, parameter = words.partition(" ")
-    known = meanings(DEFUZZIFIERS, "fll")
-    return foreign.choice(known, word, f"line {line}: the defuzzifier"), parameter.strip()
-
-
-def _num_points(line: int, parameter: str) -> int:
-    """Return the points of the universe of an output that is defuzzified."""
-    if not parameter:
-        return RESOLUTION + 1
-    return foreign.count(parameter, f"line {line}: the resolution of the defuzzifier", MOST_POINTS - 1) + 1
 
 
 def _parted(line: int, words: str) -> tuple[str, str, list[str]]:

@@ -128,7 +128,7 @@ def assembled(
     inputs: Sequence[model.Variable],
     outputs: Sequence[model.Variable],
     groups: Sequence[tuple[foreign.Block, Sequence[model.Rule]]],
-    implied: Callable[[foreign.Block], tuple[model.AndOperator | None, int]],
+    implied: Callable[[foreign.Block], model.AndOperator | None],
     **operators: Any,
 ) -> model.FuzzySystem:
     """Build a system of variables and of the rules of blocks.
@@ -139,7 +139,7 @@ def assembled(
     inputs, outputs : sequence of Variable
     groups : sequence of (Block, rules)
     implied : callable
-        How a block whose rules conclude fuzzy sets implies, if it says so, and the line where it does.
+        How a block whose rules conclude fuzzy sets implies, if it says so.
     **operators
         Of the system, where no rule has its own.
     """
@@ -147,9 +147,14 @@ def assembled(
     implications: dict[model.AndOperator, int] = {}
     for block, group in groups:
         if any(consequent.variable not in weighed for rule in group for consequent in rule.consequents):
-            operator, line = implied(block)
+            operator = implied(block)
             if operator is not None:
-                implications.setdefault(operator, line)
+                implications.setdefault(operator, block.line)
+    if len(implications) > 1:
+        raise ControllerFileError(
+            f"line {list(implications.values())[1]}: the blocks imply by {' and '.join(implications)}, and a "
+            "system of ours has one implication; give each block a file of its own"
+        )
     rules = [rule for _, group in groups for rule in group]
     return settle(
         model.FuzzySystem(
@@ -157,7 +162,7 @@ def assembled(
             inputs=with_any(inputs, rules),
             outputs=tuple(outputs),
             rules=tuple(chained(rules, outputs)),
-            implication=foreign.one_implication(implications),
+            implication=next(iter(implications), "min"),
             **operators,
         )
     )

@@ -17,7 +17,7 @@ from fis_tools.formats.exchange.antecedents import operands_of, statement_of
 from fis_tools.formats.exchange.carried import understand
 from fis_tools.formats.exchange.dialect import Dialect, Expressed, settle
 from fis_tools.formats.exchange.foreign import Extent, Table
-from fis_tools.formats.exchange.vocabulary import AGGREGATIONS, AND, DEFUZZIFIERS, HEDGES, OR, Words, meanings
+from fis_tools.formats.exchange.vocabulary import AGGREGATIONS, AND, DEFUZZIFIERS, HEDGES, OR, meanings
 from fis_tools.formats.exchange.writing import written
 from fis_tools.formats.exchange.xml import Element
 from fis_tools.formats.serialize import Reading, Written
@@ -133,108 +133,86 @@ def read(text: str) -> Reading:
 
 
 def _system(root: Element) -> model.FuzzySystem:
-    if root.name != "fuzzySystem":
+    if root.kind != "fuzzySystem":
         raise ControllerFileError(
-            f"line {root.line}: the document is a {root.name[:40]!r}; expected a 'fuzzySystem' of IEEE 1855"
+            f"line {root.line}: the document is a {root.kind[:40]!r}; expected a 'fuzzySystem' of IEEE 1855"
         )
     bases = list(root.all("knowledgeBase"))
-    rule_bases = [child for child in root.children if child.name != "knowledgeBase"]
+    rule_bases = [child for child in root.children if child.kind != "knowledgeBase"]
     for base in rule_bases:
-        foreign.choice(_RULE_BASES, base.name, f"line {base.line}:")
+        foreign.choice(_RULE_BASES, base.kind, f"line {base.line}:")
     if len(bases) != 1 or len(rule_bases) != 1:
         raise ControllerFileError(
             f"the system has {len(bases)} knowledge bases and {len(rule_bases)} rule bases; expected one each"
         )
-    is_input = [child.attributes.get("type", "input").lower() != "output" for child in bases[0].children]
+    is_input = [child.entry("type", "input")[1].lower() != "output" for child in bases[0].children]
     variables = [_variable(child, sum(is_input)) for child in bases[0].children]
     (rule_base,) = rule_bases
-    tags = _RULE_BASES[rule_base.name]
-    is_implied = tags is _MAMDANI  # numbers are weighed, not implied
+    tags = _RULE_BASES[rule_base.kind]
+    implication: model.AndOperator = "min"
+    if tags is _MAMDANI:  # numbers are weighed, not implied
+        implication = rule_base.chosen(meanings(AND, "fml"), "activationMethod", "MIN")
     return settle(
         model.FuzzySystem(
-            name=root.attributes.get("name", "").strip() or "unnamed",
+            name=root.entry("name", "")[1] or "unnamed",
             inputs=tuple(variable for variable, is_output in variables if not is_output),
             outputs=tuple(variable for variable, is_output in variables if is_output),
             rules=tuple(_rule(child, rule_base, tags) for child in rule_base.children),
-            and_operator=_method(rule_base, "andMethod", "MIN", AND),
-            or_operator=_method(rule_base, "orMethod", "MAX", OR),
-            implication=_method(rule_base, "activationMethod", "MIN", AND) if is_implied else "min",
+            and_operator=rule_base.chosen(meanings(AND, "fml"), "andMethod", "MIN"),
+            or_operator=rule_base.chosen(meanings(OR, "fml"), "orMethod", "MAX"),
+            implication=implication,
         )
     )
 
 
-def _attribute(element: Element, key: str) -> str:
-    if key not in element.attributes:
-        raise ControllerFileError(f"line {element.line}: {element.name} has no {key}; add it")
-    return element.attributes[key].strip()
-
-
-def _number(element: Element, key: str) -> float:
-    return foreign.number(_attribute(element, key), f"line {element.line}: {key}")
-
-
-def _expect(element: Element, key: str, allowed: Sequence[str]) -> None:
-    word = element.attributes.get(key, allowed[0])
-    if word.upper() not in allowed:
-        raise ControllerFileError(
-            f"line {element.line}: {key} is {word[:40]!r} and cannot be read; expected {' or '.join(allowed)}"
-        )
-
-
-def _method(element: Element, key: str, usual: str, known: Mapping[_Name, Words], article: str = "") -> _Name:
-    """Return the operator or method that an attribute names."""
-    word = element.attributes.get(key, usual)
-    return foreign.choice(meanings(known, "fml"), word, f"line {element.line}: {article}{key}")
-
-
 def _number_term(element: Element, num_inputs: int) -> tuple[str, model.Number]:
     """Read a term that is a number."""
-    order = _attribute(element, "order")
-    _expect(element, "order", ("0", "1"))
+    _, order = element.entry("order")
+    element.expect("order", "0", "1")
     texts = [value.text for value in element.all("tskValue")]
     constant, *factors = foreign.numbers(texts, f"line {element.line}") or [0.0]
     expected = num_inputs + 1 if order == "1" else 1
-    if element.name != "tskTerm" or len(texts) != expected:
+    if element.kind != "tskTerm" or len(texts) != expected:
         raise ControllerFileError(
-            f"line {element.line}: {element.name[:40]!r} has {len(texts)} values; expected a 'tskTerm' of "
+            f"line {element.line}: {element.kind[:40]!r} has {len(texts)} values; expected a 'tskTerm' of "
             f"{expected}, the constant first"
         )
     shape = model.Linear(tuple(factors), constant) if order == "1" else model.Constant(constant)
-    return _attribute(element, "name"), shape
+    return element.entry("name")[1], shape
 
 
 def _variable(element: Element, num_inputs: int) -> tuple[model.Variable, bool]:
     """Read a variable, and whether it is an output; one whose terms are numbers has no range."""
-    is_number, is_tsukamoto = element.name == "tskVariable", element.name == "tsukamotoVariable"
+    is_number, is_tsukamoto = element.kind == "tskVariable", element.kind == "tsukamotoVariable"
     terms: Sequence[tuple[str, model.MembershipFunction | Table]]
     if is_number:
         is_output, extent = True, Extent(0.0, 0.0)
         terms = [_number_term(child, num_inputs) for child in element.children]
     else:
-        if element.name != "fuzzyVariable" and not is_tsukamoto:
+        if element.kind != "fuzzyVariable" and not is_tsukamoto:
             raise ControllerFileError(
-                f"line {element.line}: {element.name[:40]!r} cannot be read; expected a 'fuzzyVariable'"
+                f"line {element.line}: {element.kind[:40]!r} cannot be read; expected a 'fuzzyVariable'"
             )
-        _expect(element, "type", ("INPUT", "OUTPUT"))
-        is_output = element.attributes.get("type", "input").lower() == "output"
-        extent = Extent(_number(element, "domainleft"), _number(element, "domainright"))
+        element.expect("type", "input", "output")
+        is_output = element.entry("type", "input")[1].lower() == "output"
+        extent = Extent(element.number("domainleft"), element.number("domainright"))
         terms = [_term(child, extent, is_tsukamoto=is_tsukamoto) for child in element.children]
     defuzzifier: model.Defuzzifier | None = None
     aggregation: model.Aggregation = "max"
     if is_number or is_tsukamoto:
-        defuzzifier = _method(element, "combination", "WA", _COMBINATIONS, "the ")
+        defuzzifier = element.chosen(meanings(_COMBINATIONS, "fml"), "combination", "WA")
         aggregation = "unbounded_sum"
     elif is_output:
-        aggregation = _method(element, "accumulation", "MAX", AGGREGATIONS, "the ")
-        defuzzifier = _method(element, "defuzzifier", "COG", DEFUZZIFIERS, "the ")
-    default = _number(element, "defaultValue") if "defaultValue" in element.attributes else 0.0
+        aggregation = element.chosen(meanings(AGGREGATIONS, "fml"), "accumulation", "MAX")
+        defuzzifier = element.chosen(meanings(DEFUZZIFIERS, "fml"), "defuzzifier", "COG")
     variable = foreign.variable(
-        _attribute(element, "name"),
+        element.entry("name")[1],
         extent,
         terms,
         is_output=is_output,
-        unit=element.attributes.get("scale", "").strip(),
-        default=default if is_output else None,  # where a file says nothing, the standard says 0
+        unit=element.entry("scale", "")[1],
+        # where a file says nothing, the standard says 0
+        default=element.number("defaultValue", "0") if is_output else None,
         defuzzifier=defuzzifier,
         aggregation=aggregation,
     )
@@ -245,24 +223,24 @@ def _term(
     element: Element, extent: Extent, *, is_tsukamoto: bool
 ) -> tuple[str, model.MembershipFunction | Table]:
     where, tag = f"line {element.line}", "tsukamotoTerm" if is_tsukamoto else "fuzzyTerm"
-    if element.name != tag or len(element.children) != 1:
+    if element.kind != tag or len(element.children) != 1:
         raise ControllerFileError(
-            f"{where}: expected a {tag!r} with one shape; correct {element.name[:40]!r}"
+            f"{where}: expected a {tag!r} with one shape; correct {element.kind[:40]!r}"
         )
-    _expect(element, "complement", ("FALSE",))
+    element.expect("complement", "false")
     (shape,) = element.children
-    name = _attribute(element, "name")
-    if shape.name == "pointSetShape":
-        _expect(shape, "interpolationMethod", ("LINEAR",))
-        pairs = [(_number(point, "x"), _number(point, "y")) for point in shape.all("point")]
+    name = element.entry("name")[1]
+    if shape.kind == "pointSetShape":
+        shape.expect("interpolationMethod", "linear")
+        pairs = [(point.number("x"), point.number("y")) for point in shape.all("point")]
         return name, foreign.table([number for pair in pairs for number in pair], f"line {shape.line}")
-    numbers = sorted(key for key in shape.attributes if key.startswith("param"))
-    values = [_number(shape, key) for key in numbers]
+    numbers = sorted(key for key in shape.settings if key.startswith("param"))
+    values = [shape.number(key) for key in numbers]
     if is_tsukamoto:
         return name, _monotone(shape, values, extent)
-    if shape.name in {"leftGaussianShape", "rightGaussianShape"}:
+    if shape.kind in {"leftGaussianShape", "rightGaussianShape"}:
         return name, _half_gaussian(shape, values, extent)
-    return name, foreign.shape(shape.name, values, extent, words_of("fml"), _FLANKS, f"line {shape.line}")
+    return name, foreign.shape(shape.kind, values, extent, words_of("fml"), _FLANKS, f"line {shape.line}")
 
 
 def _monotone(shape: Element, values: Sequence[float], extent: Extent) -> model.MembershipFunction:
@@ -270,28 +248,28 @@ def _monotone(shape: Element, values: Sequence[float], extent: Extent) -> model.
     where = f"line {shape.line}"
     known = {word: pair for word, pair in words_of("fml").items() if word in {"sShape", "zShape"}}
     known["rightLinearShape"] = known["leftLinearShape"] = (model.Ramp, ("start", "end"))
-    ordered = values[::-1] if shape.name == "leftLinearShape" else values
-    return foreign.shape(shape.name, ordered, extent, known, {}, where)
+    ordered = values[::-1] if shape.kind == "leftLinearShape" else values
+    return foreign.shape(shape.kind, ordered, extent, known, {}, where)
 
 
 def _half_gaussian(shape: Element, values: Sequence[float], extent: Extent) -> model.TwoSidedGaussian:
     """Read a Gaussian that is one on one side of its mean."""
     if len(values) != 2:
-        raise ControllerFileError(f"line {shape.line}: {shape.name} has {len(values)} numbers; expected 2")
+        raise ControllerFileError(f"line {shape.line}: {shape.kind} has {len(values)} numbers; expected 2")
     mean, width = values
-    if shape.name == "leftGaussianShape":
+    if shape.kind == "leftGaussianShape":
         return model.TwoSidedGaussian(min(mean, extent.low), width, mean, width)
     return model.TwoSidedGaussian(mean, width, max(mean, extent.high), width)
 
 
 def _rule(element: Element, base: Element, tags: Mapping[str, str]) -> model.Rule:
     where = f"line {element.line}"
-    if element.name != tags["rule"]:
-        raise ControllerFileError(f"{where}: expected a {tags['rule']!r}; correct {element.name[:40]!r}")
-    _expect(element, "connector", ("AND", "OR"))
-    is_or = element.attributes.get("connector", "and").lower() == "or"
-    joined = replace(element, attributes={**base.attributes, **element.attributes})
-    weight = foreign.number(element.attributes.get("weight", "1"), f"{where}: the weight")
+    if element.kind != tags["rule"]:
+        raise ControllerFileError(f"{where}: expected a {tags['rule']!r}; correct {element.kind[:40]!r}")
+    element.expect("connector", "and", "or")
+    is_or = element.entry("connector", "and")[1].lower() == "or"
+    joined = replace(element, settings={**base.settings, **element.settings})
+    weight = element.number("weight", "1")
     leaves = [_leaf(clause) for clause in _only(element, "antecedent").children]
     consequent = _only(element, tags["consequent"])
     if any(True for _ in consequent.all(tags["else"])):
@@ -308,8 +286,8 @@ def _rule(element: Element, base: Element, tags: Mapping[str, str]) -> model.Rul
     return model.Rule(
         leaves[0] if len(leaves) == 1 else (model.Or if is_or else model.And)(tuple(leaves)),
         tuple(model.Consequent(variable, term, weight) for variable, term in concluded),
-        and_operator=_method(joined, "andMethod", "MIN", AND),
-        or_operator=_method(joined, "orMethod", "MAX", OR),
+        and_operator=joined.chosen(meanings(AND, "fml"), "andMethod", "MIN"),
+        or_operator=joined.chosen(meanings(OR, "fml"), "orMethod", "MAX"),
     )
 
 
@@ -317,23 +295,23 @@ def _only(element: Element, name: str) -> Element:
     found = list(element.all(name))
     if len(found) != 1:
         raise ControllerFileError(
-            f"line {element.line}: {element.name} has {len(found)} {name}; expected one"
+            f"line {element.line}: {element.kind} has {len(found)} {name}; expected one"
         )
     return found[0]
 
 
 def _leaf(element: Element) -> model.Expression:
     """Read a clause of an antecedent."""
-    modifier = element.attributes.get("modifier", "")
+    modifier = element.entry("modifier", "")[1]
     statement = model.Is(*_clause_of(element, _MODIFIERS))
     return _MODIFIERS[modifier](statement) if modifier else statement
 
 
 def _clause_of(element: Element, modifiers: Iterable[str] = (), *, tag: str = "clause") -> tuple[str, str]:
     """Return the variable and the term of a clause."""
-    if element.name != tag:
-        raise ControllerFileError(f"line {element.line}: expected a {tag!r}; correct {element.name[:40]!r}")
-    modifier = element.attributes.get("modifier", "")
+    if element.kind != tag:
+        raise ControllerFileError(f"line {element.line}: expected a {tag!r}; correct {element.kind[:40]!r}")
+    modifier = element.entry("modifier", "")[1]
     if modifier and modifier not in modifiers:
         raise ControllerFileError(
             f"line {element.line}: the modifier {modifier[:40]!r} cannot be read; define a term for it"

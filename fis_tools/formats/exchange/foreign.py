@@ -140,9 +140,34 @@ def level(start: float, end: float, low: float, high: float) -> model.Trapezoida
     return model.Trapezoidal(start, start, end, end)
 
 
+@dataclass(frozen=True)
+class Extent:
+    """The ends of a variable's range."""
+
+    low: float
+    high: float
+
+
+def _words(text: str, _where: str) -> list[str]:
+    return text.split()
+
+
 @dataclass
 class Block:
-    """A block of a file: what opens it, its name, settings, and what it lists, each with its line."""
+    """A block of a file.
+
+    Parameters
+    ----------
+    kind : str
+        What opens it.
+    name : str
+    line : int
+        Where it begins.
+    settings : dict of str to (int, str)
+        What it sets, each with its line.
+    listed : list of (int, str)
+        What it lists, likewise.
+    """
 
     kind: str
     name: str
@@ -150,13 +175,40 @@ class Block:
     settings: dict[str, tuple[int, str]] = field(default_factory=dict)
     listed: list[tuple[int, str]] = field(default_factory=list)
 
+    def entry(self, key: str, usual: str | None = None) -> tuple[str, str]:
+        """Return where a setting stands, and what it says; if it is not there, what is usual."""
+        if key not in self.settings and usual is None:
+            called = f"{self.kind} {self.name}".strip()
+            raise ControllerFileError(f"line {self.line}: {called} has no {key}; add it, or get a whole copy")
+        line, value = self.settings.get(key, (self.line, usual or ""))
+        return f"line {line}: the {key}", value.strip()
 
-@dataclass(frozen=True)
-class Extent:
-    """The ends of a variable's range."""
+    def chosen(self, known: Mapping[str, _Choice], key: str, usual: str | None = None) -> _Choice:
+        """Return what a setting chooses."""
+        where, word = self.entry(key, usual)
+        return choice(known, word, where)
 
-    low: float
-    high: float
+    def number(self, key: str, usual: str | None = None) -> float:
+        """Return a number that is set."""
+        where, word = self.entry(key, usual)
+        return number(word, where)
+
+    def extent(self, key: str, parted: Callable[[str, str], list[str]] = _words) -> Extent:
+        """Return a range that is set; `parted` takes what it says, and where, apart into two numbers."""
+        where, words = self.entry(key)
+        ends = numbers(parted(words, where), where)
+        if len(ends) != 2:
+            raise ControllerFileError(f"{where} has {len(ends)} numbers; expected 2")
+        return Extent(*ends)
+
+    def expect(self, key: str, *allowed: str) -> None:
+        """Refuse a setting that says something else than what can be read."""
+        where, word = self.entry(key, allowed[0])
+        if word.lower() not in allowed:
+            raise ControllerFileError(
+                f"{where} of a {self.kind} is {word[:40]!r}, which cannot be read; expected "
+                f"{' or '.join(allowed)}: change it or take the part out"
+            )
 
 
 def places(words: Iterable[str], where: str) -> list[float]:
@@ -299,16 +351,6 @@ FUZZYLITES = TermWords(
 #: The word of a format for a ramp, which elsewhere is read as a trapezoid.
 RAMPS: Mapping[Format, str] = {"fll": "Ramp", "fis": "rampmf"}
 _WEIGHED = (model.Number, model.MonotoneFunction)
-
-
-def one_implication(found: Mapping[model.AndOperator, int]) -> model.AndOperator:
-    """Return how the rules of all blocks imply, of the implications found and the lines where they stand."""
-    if len(found) > 1:
-        raise ControllerFileError(
-            f"line {list(found.values())[1]}: the blocks imply by {' and '.join(found)}, and a system of "
-            "ours has one implication; give each block a file of its own"
-        )
-    return next(iter(found), "min")
 
 
 def kept_words(output: str) -> str:

@@ -7,38 +7,30 @@ from defusedxml import DefusedXmlException
 from defusedxml.ElementTree import DefusedXMLParser, ParseError
 
 from fis_tools.errors import ControllerFileError
+from fis_tools.formats.exchange.foreign import Block
 
 #: How deep elements may be nested; a fuzzy system needs seven levels.
 MAX_DEPTH = 32
 
 
 @dataclass
-class Element:
-    """An element of a document.
+class Element(Block):
+    """An element of a document: a block of its kind, without the namespace, that sets its attributes.
 
     Parameters
     ----------
-    name : str
-        Without its namespace.
-    attributes : mapping
-        Of words to words.
-    line : int
-        Where it begins.
     text : str
         What it contains besides elements.
     children : list of Element
         In their order.
     """
 
-    name: str
-    attributes: Mapping[str, str]
-    line: int
     text: str = ""
     children: list["Element"] = field(default_factory=list)
 
-    def all(self, name: str) -> Iterator["Element"]:
-        """Yield the children of one name."""
-        return (child for child in self.children if child.name == name)
+    def all(self, kind: str) -> Iterator["Element"]:
+        """Yield the children of one kind."""
+        return (child for child in self.children if child.kind == kind)
 
 
 @dataclass
@@ -55,7 +47,8 @@ class _Builder:
         return int(self.parser.parser.CurrentLineNumber) if self.parser is not None else 0
 
     def start(self, tag: str, attributes: Mapping[str, str]) -> None:
-        element = Element(_local(tag), {_local(key): value for key, value in attributes.items()}, self.line)
+        settings = {_local(key): (self.line, value) for key, value in attributes.items()}
+        element = Element(_local(tag), "", self.line, settings)
         if len(self.open) >= MAX_DEPTH:
             raise ControllerFileError(f"line {self.line}: nested more than {MAX_DEPTH} deep; flatten it")
         if self.open:
