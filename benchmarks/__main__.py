@@ -22,7 +22,6 @@ CAMPAIGNS = (
     "flights",
     "fuzz",
     "imitated",
-    "islands",
     "kills",
     "policies",
     "scaling",

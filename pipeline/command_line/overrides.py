@@ -132,6 +132,8 @@ def _check_choice(override: Override, known: Sequence[str], plain: str) -> None:
                     f"{group}={choice} is a table of forces, no fuzzy controller; write controller=open_loop "
                     f"controller.path={choice}"
                 )
+            if why := GONE.get(f"{group}={choice}"):
+                raise ConfigError(f"there is no {group}={choice} any more: {why}")
             raise ConfigError(f"there is no {group}={choice}{choices_of(choice, known)}")
 
 

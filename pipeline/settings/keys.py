@@ -36,13 +36,16 @@ RENAMED: Mapping[str, str] = {
     "search": "hparams_search",
     "tracking": "logger",
 }
-#: keys of earlier versions that have no present one, and why
+_ISLANDS = "there is one population; train from several seeds, -m seed=1,2,3, and leave it out"
+#: keys of earlier versions that have no present one, and an option of a group, and why
 GONE: Mapping[str, str] = {
     "logger.place": "a training is logged in its own folder, train/tensorboard; leave it out",
     **dict.fromkeys(
         ("engine", "engine.kind", "engine.processes", "engine.scheduler"),
         "one process flies everything, on monte_carlo.workers or optimizer.workers threads; leave it out",
     ),
+    "optimizer=islands": _ISLANDS,
+    **dict.fromkeys(("optimizer.islands", "optimizer.migrate_every", "optimizer.migrants"), _ISLANDS),
 }
 #: the group whose keys are those of the configuration
 SPACE = "hparams_search.space"
@@ -93,14 +96,24 @@ def in_todays_words(config: Mapping[str, Any]) -> dict[str, Any]:
             node = node.get(group) if isinstance(node, dict) else None
         if isinstance(node, dict) and was in node and name not in node:
             node[name] = node.pop(was)
-    for group, name in (key.split(".") for key in GONE if "." in key):
-        if isinstance(told.get(group), dict):
-            told[group].pop(name, None)
     logger = told.get("logger")
     if isinstance(logger, dict) and logger.get("kind") == "mlflow":
         # a sink that is no more: such a run is read and goes on without
         logger["kind"] = "none"
     return told
+
+
+def without(config: Mapping[str, Any], keys: Iterable[str]) -> dict[str, Any]:
+    """Return a configuration without some dotted keys."""
+    left = copy.deepcopy(dict(config))
+    for key in keys:
+        *groups, name = key.split(".")
+        node: Any = left
+        for group in groups:
+            node = node.get(group) if isinstance(node, dict) else None
+        if isinstance(node, dict) and groups:
+            node.pop(name, None)
+    return left
 
 
 def dotted(group: str, location: Iterable[int | str]) -> str:

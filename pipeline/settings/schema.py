@@ -13,7 +13,16 @@ from typing import Any, Final, get_type_hints
 from pipeline.settings.checks import Freely, SettingError
 from pipeline.settings.experiment import Experiment, Mission, Sun
 from pipeline.settings.groups import GROUPS, Only, names_of, value_at
-from pipeline.settings.keys import DISPERSIONS, FREE, did_you_mean, dotted, in_todays_words, unknown
+from pipeline.settings.keys import (
+    DISPERSIONS,
+    FREE,
+    GONE,
+    did_you_mean,
+    dotted,
+    in_todays_words,
+    unknown,
+    without,
+)
 
 #: characters of a value in a message
 MOST_SHOWN = 60
@@ -126,7 +135,7 @@ def completed(config: Mapping[str, Any]) -> dict[str, Any]:
 
 def present(config: Mapping[str, Any]) -> dict[str, Any]:
     """Return a configuration, perhaps of an earlier version, as the present one would be `completed`."""
-    return completed(in_todays_words(config))
+    return completed(without(in_todays_words(config), GONE))
 
 
 def _merged(under: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
@@ -195,13 +204,8 @@ def free_keys() -> tuple[str, ...]:
 
 def only_results(config: Mapping[str, Any]) -> dict[str, Any]:
     """Return a configuration without the settings that no result depends on."""
-    told = in_todays_words(config)
-    for key in free_keys():
-        group, _, name = key.rpartition(".")
-        node = value_at(told, group)
-        if isinstance(node, dict):
-            node.pop(name, None)
-    return told
+    of_others = (key for key in GONE if not key.startswith("optimizer."))
+    return without(in_todays_words(config), [*free_keys(), *of_others])
 
 
 def in_world(experiment: Experiment, name: str) -> Experiment:

@@ -188,7 +188,6 @@ class Penalty:
 
 GENETIC = Only("optimizer.algorithm=genetic")
 BRED = Only("optimizer.algorithm=genetic", "optimizer.algorithm=nsga2")
-ISLANDS = Only("optimizer.islands>1")
 
 
 @settings("optimizer", TRAINS)
@@ -233,12 +232,6 @@ class Optimizer:
     """Factor on the steps of local mutation from round to round."""
     validation_cases: Natural = 0
     """Starts on which the best of the rounds' champions is chosen; 0: the last."""
-    islands: Count = 1
-    """Populations that share the individuals and evolve apart; 1: no islands."""
-    migrate_every: Annotated[Count, ISLANDS] = 10
-    """Generations between two migrations."""
-    migrants: Annotated[Natural, ISLANDS] = 2
-    """Best of each island, copied over the worst of the next; 0: none."""
     consistency: Annotated[Flag, Only("optimizer.algorithm=nsga2")] = False
     """Whether rule consistency is an objective of a front."""
 
@@ -246,8 +239,6 @@ class Optimizer:
         """Check that rates leave room for one another and the population suits the algorithm."""
         least = {"cma_es": 5, "nsga2": 4}.get(self.algorithm, 2)
         checks.within("optimizer.population_size", self.population_size, least, math.inf)
-        if self.islands > 1:
-            self._check_islands()
         if self.algorithm == "nsga2":
             self._check_front()
         prices = self.penalty.short_point_m_s, self.penalty.missed_point_m_s
@@ -263,26 +254,6 @@ class Optimizer:
                 f"optimizer.crossover_rate is {self.crossover_rate} and optimizer.elitism_rate "
                 f"{self.elitism_rate}, together more than the whole population; lower one of them, or choose "
                 "optimizer.split=rest"
-            )
-
-    def _check_islands(self) -> None:
-        """Check that islands have equal populations, large enough to breed, and room for migrants."""
-        if self.algorithm != "genetic":
-            raise SettingError(
-                f"optimizer.algorithm is {self.algorithm} and optimizer.islands {self.islands}; islands "
-                "evolve by the genetic algorithm: set optimizer.algorithm=genetic, or optimizer.islands=1"
-            )
-        share, left = divmod(self.population_size, self.islands)
-        if left or share < 2:
-            raise SettingError(
-                f"optimizer.population_size is {self.population_size} and optimizer.islands {self.islands}, "
-                f"which share it equally, two or more each; choose a multiple of {self.islands}, at least "
-                f"{2 * self.islands}"
-            )
-        if self.migrants > share // 2:
-            raise SettingError(
-                f"optimizer.migrants is {self.migrants}, but an island has {share} individuals, of which at "
-                f"most half are replaced; lower it to {share // 2} or less"
             )
 
     def _check_front(self) -> None:

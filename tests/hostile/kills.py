@@ -29,10 +29,6 @@ KINDS: Final[Mapping[str, Sequence[str]]] = {
         "+experiment=train", "stages=[scenario,train,evaluate]", "starts=random", "optimizer.rounds=3",
         "optimizer.generations=4", "optimizer.validation_cases=8",
     ),
-    "islands": (
-        "+experiment=train", "optimizer=islands", "stages=[scenario,train]", "optimizer.migrants=1",
-        "optimizer.migrate_every=3",
-    ),
     "cma_es": ("+experiment=train_planes", "stages=[scenario,train,evaluate]", *FEW),
     "nsga2": ("+experiment=train_front", "stages=[scenario,train,evaluate]", *FEW),
     "evaluate": (*EVALUATE, "stages=[scenario,evaluate,record]"),

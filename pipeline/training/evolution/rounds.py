@@ -1,17 +1,12 @@
 """Rounds of evolution: from fitness functions to a champion of each generation.
 
-Smaller fitness is better. One population (`pipeline.training.evolution.generations`) or several, the islands,
-evolve for a round, which has its own fitness function; the next one starts from the champion, or continues
-with the population, evaluated again. All randomness comes from one seed.
-
-Islands are populations that evolve separately and periodically send their best to the next: the island model
-(Cohoon, Hegde, Martin and Richards, "Punctuated equilibria: a parallel genetic algorithm", ICGA 1987) on a
-ring. All islands together are one `State`: their populations one after the other, and the step of each
-island's mutation under `STEPS`.
+Smaller fitness is better. A population (`pipeline.training.evolution.generations`) evolves for a round, which
+has its own fitness function; the next one starts from the champion, or continues with the population,
+evaluated again. All randomness comes from one seed.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -20,10 +15,10 @@ import numpy as np
 from pipeline.array_types import Floats
 from pipeline.settings.experiment import Optimizer
 from pipeline.training.evolution import generations, genetic
-from pipeline.training.evolution.generations import EvaluateForRound
+from pipeline.training.evolution.generations import Evaluate, EvaluateForRound
 from pipeline.training.evolution.state import Generation, State, load, save
 
-#: called with the history so far, after each generation or, with islands, after each migration
+#: called with the history so far, after each generation
 OnGeneration = Callable[[Sequence[Generation]], None]
 
 
@@ -46,126 +41,22 @@ class Evolution:
     interrupted: bool
 
 
-class _OnePopulation:
-    """A round of a single population."""
-
-    def __init__(self, evaluate_for_round: EvaluateForRound, settings: Optimizer, seed: int) -> None:
-        self._evaluate_for_round, self._settings, self._seed = evaluate_for_round, settings, seed
-
-    def enter(self, round_index: int, champion: Floats | None) -> None:
-        self._evaluate = self._evaluate_for_round(round_index, champion)
-
-    def begin(self, round_index: int, seeds: Floats, before: State | None) -> State:
-        step = self._settings.step_of_round(round_index)
-        state = generations.unpopulated(self._seed, (round_index,), round_index, seeds.shape[1], step)
-        if before:
-            state.evaluations, state.history = before.evaluations, before.history
-        generations.begin(state, self._evaluate, seeds, self._settings, before)
-        generations.record(state)
-        return state
-
-    def advance(self, state: State) -> None:
-        generations.advance(state, self._evaluate, self._settings)
-        generations.record(state)
-
-
-#: key in a state's strategy
-STEPS = "island_step_sizes"
-
-
-class _Islands(_OnePopulation):
-    """A round of all islands, run like one population."""
-
-    def __init__(self, evaluate_for_round: EvaluateForRound, settings: Optimizer, seed: int) -> None:
-        super().__init__(evaluate_for_round, settings, seed)
-        self._num = settings.islands
-        self._own = replace(settings, population_size=settings.population_size // settings.islands, islands=1)
-
-    def begin(self, round_index: int, seeds: Floats, before: State | None) -> State:
-        """Draw all islands' populations, or evaluate those of the round before again."""
-        step = self._settings.step_of_round(round_index)
-        state = generations.unpopulated(self._seed, (round_index,), round_index, seeds.shape[1], step)
-        state.strategy = {STEPS: np.full(self._num, step)}
-        if before and self._settings.next_round == "carried":
-            state.genomes, state.fitness, state.parts = before.genomes, before.fitness, before.parts
-        if before:
-            state.evaluations, state.history = before.evaluations, before.history
-        self._gather(state, [self._begun(state, island, seeds) for island in range(self._num)])
-        return state
-
-    def advance(self, state: State) -> None:
-        """Migrate the best of each island, then evolve all islands until the next migration."""
-        migrate(state, self._num, self._settings.migrants)
-        left = self._settings.generations - state.generation
-        num_generations = min(self._settings.migrate_every, left)
-        self._gather(state, [self._evolved(state, island, num_generations) for island in range(self._num)])
-
-    def _begun(self, state: State, island: int, seeds: Floats) -> State:
-        own = self._island(state, island)
-        generations.begin(own, self._evaluate, seeds, self._own, own if len(own.genomes) else None)
-        generations.record(own)
-        return own
-
-    def _evolved(self, state: State, island: int, num_generations: int) -> State:
-        """Return an island after some generations; its history is of these."""
-        own = self._island(state, island)
-        generations.record(own)  # by which the first is judged, and then dropped
-        for _ in range(num_generations):
-            generations.advance(own, self._evaluate, self._own)
-            generations.record(own)
-        del own.history[0]
-        return own
-
-    def _island(self, state: State, island: int) -> State:
-        """Return an island as the last migration left it, with randomness of its own."""
-        size = self._own.population_size
-        rows = slice(island * size, (island + 1) * size)
-        key = (state.round, state.generation, island)
-        step, num_genes = float(state.strategy[STEPS][island]), state.genomes.shape[1]
-        own = generations.unpopulated(self._seed, key, state.round, num_genes, step)
-        own.genomes, own.fitness = state.genomes[rows], state.fitness[rows]
-        own.parts = {name: values[rows] for name, values in state.parts.items()}
-        return own
-
-    def _gather(self, state: State, islands: Sequence[State]) -> None:
-        """Put the islands' populations together, and their histories, which are of the same generations."""
-        for rows in zip(*(island.history for island in islands), strict=True):
-            size = self._own.population_size
-            state.history.append(_together(rows, size, state.evaluations, state.generation))
-        last = state.history[-1]
-        state.generation, state.evaluations = last.generation, last.evaluations
-        state.step_size = last.step_size
-        state.genomes = np.concatenate([island.genomes for island in islands])
-        state.fitness = np.concatenate([island.fitness for island in islands])
-        state.parts = {name: np.concatenate([i.parts[name] for i in islands]) for name in islands[0].parts}
-        state.strategy = {STEPS: np.array([island.step_size for island in islands])}
-
-
-def migrate(state: State, num_islands: int, migrants: int) -> None:
-    """Replace the worst of each island by copies of the best of the previous island on a ring."""
-    if migrants == 0:
-        return
-    order = np.argsort(state.fitness.reshape(num_islands, -1), axis=1, kind="stable")
-    first = np.arange(num_islands)[:, np.newaxis] * order.shape[1]
-    best = np.roll(order[:, :migrants] + first, 1, axis=0).ravel()
-    worst = (order[:, -migrants:] + first).ravel()
-    for values in (state.genomes, state.fitness, *state.parts.values()):
-        values[worst] = values[best]
-
-
-def _together(rows: Sequence[Generation], size: int, evaluations: int, generation: int) -> Generation:
-    """Return a generation of all islands from those of each, whose counts are within the leg."""
-    best = min(rows, key=lambda row: row.best)
-    means, deviations = (np.array([getattr(row, name) for row in rows]) for name in ("mean", "std"))
-    # the sum of squares within islands and between them
-    squares = (size - 1) * np.sum(deviations**2) + size * np.sum((means - means.mean()) ** 2)
-    return replace(
-        best,
-        generation=generation + best.generation,
-        evaluations=evaluations + sum(row.evaluations for row in rows),
-        mean=float(means.mean()),
-        std=float(np.sqrt(squares / (size * len(rows) - 1))),
-    )
+def _begun(
+    round_index: int,
+    evaluate: Evaluate,
+    seeds: Floats,
+    settings: Optimizer,
+    seed: int,
+    before: State | None,
+) -> State:
+    """Return the first population of a round, given the last of the round before."""
+    step = settings.step_of_round(round_index)
+    state = generations.unpopulated(seed, (round_index,), round_index, seeds.shape[1], step)
+    if before:
+        state.evaluations, state.history = before.evaluations, before.history
+    generations.begin(state, evaluate, seeds, settings, before)
+    generations.record(state)
+    return state
 
 
 def _is_finished(state: State, settings: Optimizer) -> bool:
@@ -192,7 +83,6 @@ def _fingerprint(settings: Optimizer, seed: int, num_genes: int) -> dict[str, An
         "next_round",
         "initial_step",
         "cooling",
-        *(("islands", "migrate_every", "migrants") if settings.islands > 1 else ()),
     )
     return {"seed": seed, "genes": num_genes} | {f"optimizer.{n}": getattr(settings, n) for n in names}
 
@@ -240,7 +130,7 @@ def evolve_rounds(
         Resume from the checkpoint if there is one; the result is that of an uninterrupted run, bit for bit.
     on_generation : callable, optional
         Called after every generation with the history so far, including earlier runs', and with that of the
-        checkpoint before resuming; with islands, at every migration.
+        checkpoint before resuming.
 
     Returns
     -------
@@ -272,18 +162,17 @@ def evolve_rounds(
         if on_generation is not None:
             on_generation(tuple(state.history))
 
-    kind = _Islands if settings.islands > 1 else _OnePopulation
-    way = kind(evaluate_for_round, settings, seed)
     interrupted = False
     try:
         for round_index in range(state.round if state else 0, settings.rounds):
-            way.enter(round_index, _champion_before(history, round_index))
+            evaluate = evaluate_for_round(round_index, _champion_before(history, round_index))
             if state is None or state.round < round_index:
-                state = way.begin(round_index, seeds, state)
+                state = _begun(round_index, evaluate, seeds, settings, seed, state)
                 history = state.history
                 finish_generation(state)
             while not _is_finished(state, settings):
-                way.advance(state)
+                generations.advance(state, evaluate, settings)
+                generations.record(state)
                 finish_generation(state)
             seeds = history[-1].champion[np.newaxis]
     except KeyboardInterrupt:

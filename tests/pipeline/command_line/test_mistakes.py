@@ -62,6 +62,8 @@ MISTAKES = [
     (["check", "x"], "there is no subcommand check (there are edit, summary, verify and warm)"),
     (["cluster", "slurm", "+experiment=train"], "cluster is gone; start each run of a sweep as a job of its"),
     ([*FLY, "engine=dask"], "there is no key engine any more: one process flies everything, on"),
+    ([*FLY, "optimizer=islands"], "there is no optimizer=islands any more: there is one population"),
+    ([*FLY, "optimizer.islands=4"], "there is no key optimizer.islands any more: there is one population"),
     ([*FLY, "engine.scheduler=tcp://x:1"], "there is no key engine.scheduler any more: one process"),
     # values
     ([*FLY, "deputy.mass_kg=-1"], "deputy.mass_kg is -1.0; it must be greater than 0 (kg)"),

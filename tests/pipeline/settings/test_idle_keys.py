@@ -60,10 +60,6 @@ IDLE = [
     ("light=shadow light.ambient=[0,0,0]", "light.ambient counts only with light.reflection=blinn_phong"),
     ("chief.path=x.stl", "chief.path counts only with chief.shape=mesh, and chief.shape is sphere"),
     ("guidance.engine=sklearn", "guidance.engine counts only with guidance.kind=clusters"),
-    (
-        "optimizer.migrants=3",
-        "optimizer.migrants counts only with optimizer.islands>1, and optimizer.islands is 1",
-    ),
     ("optimizer=planes optimizer.split=rest", "optimizer.split counts only with optimizer.algorithm=genetic"),
     ("++dynamics={j2: 0.001}", "dynamics.j2 counts only with dynamics.model=two_body"),
     (
@@ -92,7 +88,7 @@ def test_a_key_that_counts_for_nothing_is_refused(words, message):
         "sun=random sun.elevation_range_deg=[-10,10]",
         "light=shadow orbit.radius_m=7000000",
         "safety.kind=filter safety.braking_force_n=0.5",
-        "optimizer.islands=2 optimizer.migrants=3",
+        "optimizer.rounds=2 optimizer.next_round=carried",
     ],
 )
 def test_a_key_that_counts_is_taken(words):

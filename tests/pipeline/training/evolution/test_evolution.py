@@ -2,6 +2,8 @@
 
 import json
 import random
+import sys
+import threading
 
 import numpy as np
 import pytest
@@ -271,3 +273,21 @@ def test_interrupt_keeps_the_champion_so_far(tmp_path):
 def test_fitness_functions_that_break_the_contract(returned, message):
     with pytest.raises(ValueError, match=message):
         evolve(lambda genomes: returned(len(genomes)), NUM_GENES, optimizer(), seed=1)
+
+
+def test_threads_that_draw_from_the_global_generator_change_nothing():
+    one, is_over = evolve(Sphere(), NUM_GENES, optimizer(generations=10), seed=5), threading.Event()
+
+    def draw():
+        while not is_over.is_set():
+            random.random()  # noqa: S311
+
+    thread, interval = threading.Thread(target=draw), sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)
+    thread.start()
+    try:
+        assert_same(one, evolve(Sphere(), NUM_GENES, optimizer(generations=10), seed=5))
+    finally:
+        sys.setswitchinterval(interval)
+        is_over.set()
+        thread.join()
