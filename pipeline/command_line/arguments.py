@@ -24,8 +24,7 @@ OPTIONS: Mapping[tuple[str, ...], Mapping[str, Any]] = {
     ("--help", "-h"): {"action": "store_true"},
     ("--version",): {"action": "store_true"},
     ("--multirun", "-m"): {"action": "store_true"},
-    ("--cfg", "-c"): {"choices": ("job", "hydra", "all")},
-    ("--resolve",): {"action": "store_true"},
+    ("--cfg", "-c"): {"choices": ("job",)},
     ("--config-dir", "-cd"): {"type": Path},
 }
 RESUME, COMPARE = "resume=", "compare="
@@ -45,9 +44,7 @@ class Asked:
     topics : tuple of str
         Experiments, groups and keys that help is asked for.
     cfg : str, optional
-        The configuration to print: ``job``, ``hydra`` or ``all``.
-    resolve : bool
-        Whether references are resolved when it is printed.
+        ``job``, to print the configuration.
     config_dir : Path, optional
         The user's own folder of configurations.
     resume : Path, optional
@@ -62,7 +59,6 @@ class Asked:
     version: bool
     multirun: bool
     cfg: str | None
-    resolve: bool
     config_dir: Path | None
     resume: Path | None
     compare: tuple[Path, Path] | None

@@ -4,13 +4,11 @@ import os
 import sys
 import time
 import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 
 from hydra.core.override_parser.types import Override
-from omegaconf import OmegaConf
-from omegaconf.errors import OmegaConfBaseException
 
 from pipeline.command_line import runs
 from pipeline.command_line.arguments import EXPERIMENT, Asked, ConfigError
@@ -19,14 +17,12 @@ from pipeline.command_line.config import (
     check_stages,
     compose_experiment,
     compose_jobs,
-    compose_node,
     options,
 )
 from pipeline.command_line.overrides import (
     check_overrides,
     check_sweeps,
     differences_of,
-    first_line,
     folder_names,
     parse,
     rewrite_paths,
@@ -69,12 +65,16 @@ def plan(asked: Asked) -> Callable[[], int]:
     if asked.cfg:
         return partial(_print, words, asked)
     if asked.multirun:
-        return partial(start_sweep, *composed_sweep(asked, overrides))
-    own = ["--config-dir", str(asked.config_dir.resolve())] if asked.config_dir else []
+        return _sweep(asked, overrides, groups)
     job = compose_experiment(words, asked.config_dir)
     check_stages(job.config, words)
     runs.check_before(job.experiment)
-    return partial(runs.start, job, [*own, *words])
+    return partial(runs.start, job, [*_config_dir_of(asked), *words])
+
+
+def _config_dir_of(asked: Asked) -> list[str]:
+    """Return the option of a folder of configurations as it is kept with a run: wherever that is resumed."""
+    return ["--config-dir", str(asked.config_dir.resolve())] if asked.config_dir else []
 
 
 def _run_folder(overrides: Sequence[Override]) -> Path | None:
@@ -84,40 +84,24 @@ def _run_folder(overrides: Sequence[Override]) -> Path | None:
 
 
 def _print(words: Sequence[str], asked: Asked) -> int:
-    """Print a configuration as YAML: the run's, with the meanings of its keys, Hydra's own, or both."""
-    if asked.cfg == "job":
-        job = compose_experiment(words, asked.config_dir)
-        check_stages(job.config, words)
-        sys.stdout.write(commented(job.config))
-        return runs.OK
-    node = compose_node(words, asked.config_dir)
-    try:
-        sys.stdout.write(
-            OmegaConf.to_yaml(node.hydra if asked.cfg == "hydra" else node, resolve=asked.resolve)
-        )
-    except OmegaConfBaseException as error:
-        raise ConfigError(first_line(error)) from error
-    return runs.OK
+    """Print a run's configuration as YAML, with the meanings of its keys."""
+    job = compose_experiment(words, asked.config_dir)
+    check_stages(job.config, words)
+    sys.stdout.write(commented(job.config))
+    return OK
 
 
-#: the runs of a sweep, their entries in its file, and its folder
-Sweep = tuple[list[Job], list[SweptRun], Path]
-
-
-def composed_sweep(asked: Asked, overrides: Sequence[Override]) -> Sweep:
+def _sweep(
+    asked: Asked, overrides: Sequence[Override], groups: Mapping[str, Sequence[str]]
+) -> Callable[[], int]:
     """Compose every combination of values, each in a folder named after them, and check them.
 
-    Raises
-    ------
-    ValueError
-        Errors that can be found before any folder is made.
+    Return a function that runs them all, in a new or an extended sweep, and returns the exit code.
     """
-    groups = options(asked.folders)
     words = list(single_runs(overrides, groups))
     differing = differences_of(overrides, groups)
     jobs = compose_jobs(words, asked.config_dir, names=folder_names(differing))
-    folder = jobs[0].sweep_folder
-    own = ["--config-dir", str(asked.config_dir.resolve())] if asked.config_dir else []
+    folder, own = jobs[0].sweep_folder, _config_dir_of(asked)
     swept = [
         SweptRun(job.folder.relative_to(folder).as_posix(), differs, (*own, *chosen))
         for job, differs, chosen in zip(jobs, differing, words, strict=True)
@@ -125,25 +109,18 @@ def composed_sweep(asked: Asked, overrides: Sequence[Override]) -> Sweep:
     for job, chosen in zip(jobs, words, strict=True):
         check_stages(job.config, chosen)
         runs.check_before(job.experiment)
-    return jobs, swept, folder
+    return partial(_start_sweep, jobs, swept, folder)
 
 
-def announce(jobs: Sequence[Job], swept: Sequence[SweptRun], folder: Path) -> list[SweptRun]:
-    """Write the runs of a sweep, whose lock is held, into its file; return all runs, old and new."""
-    known = sweep.read(folder) if (folder / sweep.SWEEP).exists() else []
-    known = sweep.merged(known, swept)
-    for job in jobs:
-        if not (job.folder / artifacts.CONFIG).exists():  # so that it can be resumed; what is there is kept
-            artifacts.write_config(job.folder, job.config)
-    # last: what is in its file can be resumed
-    sweep.write(folder, known)
-    return known
-
-
-def start_sweep(jobs: Sequence[Job], swept: Sequence[SweptRun], folder: Path) -> int:
-    """Run the runs of a new or extended sweep, as `composed_sweep`; return the exit code."""
+def _start_sweep(jobs: Sequence[Job], swept: Sequence[SweptRun], folder: Path) -> int:
     with held(folder):
-        known = announce(jobs, swept, folder)
+        known = sweep.merged(sweep.read(folder) if (folder / SWEEP).exists() else [], swept)
+        for job in jobs:
+            # so that it can be resumed; what is there is kept
+            if not (job.folder / artifacts.CONFIG).exists():
+                artifacts.write_config(job.folder, job.config)
+        # last: what is in its file can be resumed
+        sweep.write(folder, known)
         begun = [(run, partial(runs.start, job, run.command)) for job, run in zip(jobs, swept, strict=True)]
         return _run_all(folder, known, begun)
 
@@ -165,7 +142,7 @@ def _run_all(folder: Path, known: list[SweptRun], begun: Sequence[tuple[SweptRun
     started, codes = time.perf_counter(), [OK]
     for number, (run, begin) in enumerate(begun, 1):
         try:
-            code, failure = attempt(begin)
+            code, failure = _attempt(begin)
         except Interrupted as interrupt:
             left = len(begun) - number + 1
             raise Interrupted(
@@ -184,7 +161,7 @@ def _run_all(folder: Path, known: list[SweptRun], begun: Sequence[tuple[SweptRun
     return max(codes)
 
 
-def attempt(begin: Callable[[], int]) -> tuple[int, str]:
+def _attempt(begin: Callable[[], int]) -> tuple[int, str]:
     """Run one; return its exit code and why it failed, or nothing."""
     if os.environ.get("HYDRA_FULL_ERROR") == "1":
         return begin(), ""

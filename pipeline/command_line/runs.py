@@ -111,7 +111,7 @@ def resume(folder: Path, overrides: Sequence["Override"], command: Sequence[str]
     overrides : sequence of Override
         Those on the command line: of settings that no result depends on.
     command : sequence of str, optional
-        The arguments with which it is started, for a run that was announced and not begun.
+        The arguments with which it is started, for a run of a sweep that was not begun.
     """
     artifacts.read_config(folder)
     with held(folder):

@@ -50,54 +50,26 @@ def run(experiment: Experiment, folder: Path) -> None:
 
 def _evolved(experiment: Experiment, folder: Path, genome: Genome, log: Log) -> Evolution:
     """Evolve, and report each generation wherever it is shown."""
-    kept: list[Generation] = []
     due = time.monotonic()
     with TrainingProgress(experiment.optimizer) as progress:
 
         def keep(history: Sequence[Generation]) -> None:
             nonlocal due
-            kept[:] = history
             if time.monotonic() >= due:
                 write_history(folder, history)
                 due = time.monotonic() + WRITE_EVERY_S
             log(rows_of(history))
             progress.show_generation(history[-1])
 
-        try:
-            result = evolved(
-                experiment,
-                genome,
-                checkpoint=folder / artifacts.CHECKPOINT,
-                resume=experiment.resume,
-                on_generation=keep,
-            )
-            write_history(folder, result.history)
-        except artifacts.WriteError as error:
-            if not kept:
-                raise
-            raise _stopped(error, folder, experiment, genome, kept) from error
+        result = evolved(
+            experiment,
+            genome,
+            checkpoint=folder / artifacts.CHECKPOINT,
+            resume=experiment.resume,
+            on_generation=keep,
+        )
+        write_history(folder, result.history)
     return result
-
-
-def _stopped(
-    error: artifacts.WriteError,
-    folder: Path,
-    experiment: Experiment,
-    genome: Genome,
-    history: Sequence[Generation],
-) -> artifacts.WriteError:
-    """Keep the champion of a training stopped by a full disk; say where it is and how to go on."""
-    place = artifacts.CHAMPION
-    try:
-        choice = choose(experiment, genome, history)
-        write_champion(folder, experiment, genome, choice, _provenance(folder, experiment, history, True))
-    except artifacts.WriteError:
-        # the last checkpoint that fitted is still there
-        place = artifacts.CHECKPOINT
-    return artifacts.WriteError(
-        f"{error}. The training stopped after {len(history)} generations and its champion is kept in "
-        f"{folder / place}. To go on: python -m pipeline resume={folder}"
-    )
 
 
 def _keep_front(
