@@ -203,9 +203,7 @@ def surface(
     held = dict(fixed or {})
     names = [variable.name for variable in system.inputs]
     x, y = _axes(system, x, y, held)
-    outputs = [variable.name for variable in system.outputs]
-    if output is not None and output not in outputs:
-        raise ValueError(f"system {system.name!r} has no output {output!r}; {nearest(output, outputs)}")
+    concluded = output_named(system, output)
     for variable in system.inputs:
         if variable.name not in (x, y):
             held.setdefault(variable.name, 0.5 * (variable.minimum + variable.maximum))
@@ -215,17 +213,30 @@ def surface(
     columns = {x: np.tile(x_points, num_points), y: np.repeat(y_points, num_points)}
     columns |= {name: np.full(num_points**2, float(value)) for name, value in held.items()}
     values = evaluate(system, np.stack([columns[name] for name in names], axis=1))
-    place = 0 if output is None else outputs.index(output)
     values = np.where(np.isfinite(values), values, np.nan)
     return Surface(
         x_variable=x_variable,
         y_variable=y_variable,
-        output=system.outputs[place],
+        output=concluded,
         x=x_points,
         y=y_points,
-        values=values[:, place].reshape(num_points, num_points),
+        values=values[:, system.outputs.index(concluded)].reshape(num_points, num_points),
         fixed=held,
     )
+
+
+def output_named(system: FuzzySystem, name: str | None = None) -> Variable:
+    """Return the output of a name, without one the first.
+
+    Raises
+    ------
+    ValueError
+        If there is none of this name.
+    """
+    names = [variable.name for variable in system.outputs]
+    if name is not None and name not in names:
+        raise ValueError(f"system {system.name!r} has no output {name!r}; {nearest(name, names)}")
+    return system.outputs[0 if name is None else names.index(name)]
 
 
 def _axes(system: FuzzySystem, x: str | None, y: str | None, held: dict[str, float]) -> tuple[str, str]:

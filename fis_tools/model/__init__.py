@@ -29,13 +29,18 @@ from fis_tools.model.systems import (
     Not,
     Or,
     Rule,
+    canonical,
     conjunctions,
     parts_of,
+    rebuilt,
     rule_table,
     statements_of,
     table_antecedents,
     table_cells,
     table_rules,
+    used_terms,
     with_statements,
+    with_terms,
+    with_variables,
 )
 from fis_tools.model.variables import Term, Variable

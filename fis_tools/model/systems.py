@@ -7,9 +7,9 @@ that term is cut by the rules computed so far. So the antecedents of those rules
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import product
+from itertools import chain, product
 from math import prod
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -76,17 +76,38 @@ def statements_of(expression: Expression) -> Iterator[Is]:
     return (part for part in parts_of(expression) if isinstance(part, Is))
 
 
+def rebuilt(expression: Expression, change: Callable[[Expression], Expression]) -> Expression:
+    """Return an antecedent with each of its parts replaced, the inner ones first."""
+    match expression:
+        case Not(operand):
+            return change(Not(rebuilt(operand, change)))
+        case Hedged(hedge, operand):
+            return change(Hedged(hedge, rebuilt(operand, change)))
+        case And(operands) | Or(operands):
+            return change(type(expression)(tuple(rebuilt(operand, change) for operand in operands)))
+    return change(expression)
+
+
 def with_statements(expression: Expression, change: Callable[[Is], Expression]) -> Expression:
     """Return an antecedent with each of its statements replaced."""
+    return rebuilt(expression, lambda part: change(part) if isinstance(part, Is) else part)
+
+
+def canonical(expression: Expression) -> tuple[Any, ...]:
+    """Return the same for antecedents that differ in the order and grouping of statements alone."""
     match expression:
-        case Is():
-            return change(expression)
+        case Not(Not(operand)):
+            return canonical(operand)
         case Not(operand):
-            return Not(with_statements(operand, change))
+            return (Not, canonical(operand))
         case Hedged(hedge, operand):
-            return Hedged(hedge, with_statements(operand, change))
+            return (hedge, canonical(operand))
         case And(operands) | Or(operands):
-            return type(expression)(tuple(with_statements(operand, change) for operand in operands))
+            kind, parts = type(expression), [canonical(operand) for operand in operands]
+            inner = sorted(chain(*(part[1] if part[0] is kind else [part] for part in parts)), key=repr)
+            return inner[0] if len(inner) == 1 else (kind, tuple(inner))
+        case Is(variable, term):
+            return (Is, variable, term)
 
 
 @dataclass(frozen=True, slots=True)
@@ -403,22 +424,35 @@ def rule_table(system: FuzzySystem) -> Integers | None:
     array or None
         Shape (number of cells,), the last input changing fastest.
     """
-    if len(system.outputs) != 1:
-        return None
-    output = system.outputs[0]
     if prod(len(variable.terms) for variable in system.inputs) != len(system.rules):
         return None
-    table = np.empty(len(system.rules), dtype=np.int64)
+    found = conjunctions(system)
     cells = table_antecedents(system.inputs)
-    term_indices = {term.name: index for index, term in enumerate(output.terms)}
-    for index, (cell, rule) in enumerate(zip(cells, system.rules, strict=True)):
-        if rule.antecedent != cell or len(rule.consequents) != 1 or rule.has_own_operators:
-            return None
-        consequent = rule.consequents[0]
-        if consequent.variable != output.name or consequent.weight != 1.0:
-            return None
-        table[index] = term_indices[consequent.term]
-    return table
+    is_full = all(rule.antecedent == cell for rule, cell in zip(system.rules, cells, strict=True))
+    return None if found is None or not is_full else found[1]
+
+
+def with_terms(rule: Rule, names: Mapping[tuple[str, str], str]) -> Rule:
+    """Return a rule with other terms, by variable and term, in what it asks and concludes."""
+
+    def asked(one: Is) -> Is:
+        return Is(one.variable, names.get((one.variable, one.term), one.term))
+
+    consequents = (replace(c, term=names.get((c.variable, c.term), c.term)) for c in rule.consequents)
+    antecedent = with_statements(rule.antecedent, asked)
+    return replace(rule, antecedent=antecedent, consequents=tuple(consequents))
+
+
+def used_terms(rules: Iterable[Rule]) -> set[tuple[str, str]]:
+    """Return what rules ask for and conclude, by variable and term."""
+    used = {(one.variable, one.term) for rule in rules for one in statements_of(rule.antecedent)}
+    return used | {(one.variable, one.term) for rule in rules for one in rule.consequents}
+
+
+def with_variables(system: FuzzySystem, change: Callable[[Variable], Variable]) -> FuzzySystem:
+    """Return a system with each of its variables replaced."""
+    inputs, outputs = (tuple(map(change, side)) for side in (system.inputs, system.outputs))
+    return replace(system, inputs=inputs, outputs=outputs)
 
 
 def table_cells(inputs: Sequence[Variable]) -> Integers:

@@ -162,3 +162,10 @@ def is_unimodal(values: Floats) -> bool:
     steps = np.sign(np.diff(values))
     steps = steps[steps != 0]
     return bool(np.all(np.diff(steps) <= 0))
+
+
+def peak(variable: Variable, term: Term) -> float:
+    """Return the middle of where a term's sampled membership is highest; rounding errors become 0."""
+    values = sample(variable, term)
+    place = float(np.mean(variable.universe[values >= values.max() - 1e-9]))
+    return 0.0 if abs(place) < 1e-9 * (variable.maximum - variable.minimum) else place

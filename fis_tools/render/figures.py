@@ -11,19 +11,18 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from fis_tools.analysis.arrays import Surface, surface
+from fis_tools.analysis.arrays import Surface, output_named, surface
 from fis_tools.array_types import Floats
 from fis_tools.model import FuzzySystem, Term, Variable
 from fis_tools.model.systems import has_sets
-from fis_tools.model.variables import sample
+from fis_tools.model.variables import peak, sample
 from fis_tools.render import lettering
-from fis_tools.render.inference import memberships, peak
+from fis_tools.render.inference import memberships
 from fis_tools.render.rules import firing_map, rule_cells, rule_matrix
 from fis_tools.render.surfaces import (
     colour_bar,
     draw_surface,
     held_words,
-    named,
     output_curve,
     over_axes,
     surface_space,
@@ -129,7 +128,7 @@ def surface_figure(
     theme : Theme
         Colours.
     """
-    concluded = named(system, "output", output)
+    concluded = output_named(system, output)
     combinations = _outer_terms(system)
     if len(combinations) > MOST_PANELS:
         combinations = [{}]
@@ -190,10 +189,7 @@ def _outer_terms(system: FuzzySystem) -> list[dict[str, Term]]:
 
 
 def _slice(system: FuzzySystem, terms: Mapping[str, Term], output: Variable) -> Surface:
-    fixed = {}
-    for name, term in terms.items():
-        variable = system.variable(name)
-        fixed[name] = peak(variable.universe, sample(variable, term))
+    fixed = {name: peak(system.variable(name), term) for name, term in terms.items()}
     x, y = system.inputs[-1].name, system.inputs[-2].name
     return surface(system, x, y, fixed=fixed, output=output.name, num_points=81)
 

@@ -12,7 +12,7 @@ from fis_tools.engines.inference import Inference, OutputInference
 from fis_tools.model import And, Expression, FuzzySystem, Hedged, Is, Not, Or, Rule, Variable
 from fis_tools.model.operators import AND_OPERATORS
 from fis_tools.model.systems import require_mamdani
-from fis_tools.model.variables import sample, sample_terms
+from fis_tools.model.variables import peak, sample, sample_terms
 from fis_tools.render import lettering
 from fis_tools.render.theme import LARGE, LIGHT, MEDIUM, SMALL, Theme, dress
 from fis_tools.words.text import METHODS, SHOWN_FROM, number, quantity, sentence, with_unit
@@ -40,7 +40,7 @@ def memberships(variable: Variable, ax: Axes, value: float | None = None, *, the
     functions = sample_terms(variable)
     for place, function in enumerate(functions):
         ax.plot(variable.universe, function, linewidth=1.8, clip_on=False, **theme.line(place))
-    room = _name(variable, functions, ax, theme)
+    room = _name(variable, ax, theme)
     ax.set(xlim=(variable.minimum, variable.maximum), ylim=(0.0, 1.0 / (1.0 - room)))
     ax.set(xlabel=with_unit(variable), ylabel="membership", yticks=(0.0, 0.5, 1.0))
     lettering.few_ticks(ax)
@@ -52,17 +52,11 @@ def memberships(variable: Variable, ax: Axes, value: float | None = None, *, the
     return ax
 
 
-def peak(universe: Floats, function: Floats) -> float:
-    """Return the middle of where a sampled membership function is highest."""
-    place = float(np.mean(universe[function == function.max()]))
-    return 0.0 if abs(place) < 1e-9 * (universe[-1] - universe[0]) else place
-
-
-def _name(variable: Variable, functions: Floats, ax: Axes, theme: Theme) -> float:
+def _name(variable: Variable, ax: Axes, theme: Theme) -> float:
     """Write each term's name over its peak, one line above the other; return the share of height taken."""
     across, down = lettering.inches(ax)
     span = variable.maximum - variable.minimum
-    peaks = [across * (peak(variable.universe, row) - variable.minimum) / span for row in functions]
+    peaks = [across * (peak(variable, term) - variable.minimum) / span for term in variable.terms]
     most_lines = max(1, int((_MOST_ROOM * down - 0.05) / lettering.height("", SMALL)))
     names = [term.name for term in variable.terms]
     widths = [1.0, 0.6, 0.45, 0.3, 0.2, 0.15, 0.1]

@@ -8,6 +8,7 @@ from functools import lru_cache
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties
 from matplotlib.textpath import TextToPath
 from matplotlib.ticker import MaxNLocator
@@ -129,11 +130,17 @@ def few_ticks(ax: Axes) -> None:
 
 def inches(ax: Axes) -> tuple[float, float]:
     """Return about how wide and high axes are; a layout that is still to come takes some more away."""
+    figure = figure_of(ax)
+    spare = 1.0 if figure.get_layout_engine() is None else 0.92
+    across, down = ax.bbox.size * (spare / figure.dpi)
+    return float(across), float(down)
+
+
+def figure_of(ax: Axes) -> Figure:
+    """Return the whole figure that axes stand in."""
     figure = ax.get_figure(root=True)
-    across, down = figure.get_size_inches() if figure is not None else (6.4, 4.8)
-    place = ax.get_position()
-    spare = 0.92 if figure is not None and figure.get_layout_engine() is not None else 1.0
-    return float(across * place.width * spare), float(down * place.height * spare)
+    assert figure is not None  # noqa: S101 - axes are drawn in one
+    return figure
 
 
 def make_room(ax: Axes, left: float = 0.0, below: float = 0.0) -> tuple[float, float]:
@@ -142,8 +149,8 @@ def make_room(ax: Axes, left: float = 0.0, below: float = 0.0) -> tuple[float, f
     Where no layout will make room, the axes give up as much of their own width and height as it takes, up to
     a half of the figure.
     """
-    figure = ax.get_figure(root=True)
-    if figure is None or figure.get_layout_engine() is not None:
+    figure = figure_of(ax)
+    if figure.get_layout_engine() is not None:
         return left, below
     across, down = (float(length) for length in figure.get_size_inches())
     place = ax.get_position()

@@ -1,7 +1,6 @@
 """Rules drawn: as a coloured table of output terms, and as they fire along a flight."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from math import prod
 from typing import Any
 
@@ -9,12 +8,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Rectangle
 
-from fis_tools.analysis.arrays import FIRED
+from fis_tools.analysis.arrays import FIRED, output_named
 from fis_tools.array_types import Floats, Integers
 from fis_tools.model import And, Consequent, FuzzySystem, Is, Rule, Variable
 from fis_tools.model.validate import nearest
 from fis_tools.render import lettering
-from fis_tools.render.surfaces import colour_bar, named
+from fis_tools.render.surfaces import colour_bar
 from fis_tools.render.theme import LIGHT, MEDIUM, SMALL, Theme, dress, readable_on, term_colours
 from fis_tools.words.text import antecedent_words, number
 
@@ -28,28 +27,13 @@ _MOST_BESIDE, _MOST_BELOW = 1.3, 1.1
 _LABEL_SIZES = (6.5, SMALL)
 
 
-@dataclass(frozen=True)
-class RuleCells:
-    """Rules laid out over the terms of the inputs.
-
-    Parameters
-    ----------
-    terms : (num_terms of each input…) int
-        The output's term that is concluded in each cell; -1 where no rule is.
-    weights : same shape
-        Of the consequents.
-    """
-
-    terms: Integers
-    weights: Floats
-
-
-def rule_cells(system: FuzzySystem, output: Variable) -> RuleCells | None:
+def rule_cells(system: FuzzySystem, output: Variable) -> tuple[Integers, Floats] | None:
     """Lay the rules that conclude on an output out as a table.
 
     Returns
     -------
-    RuleCells or None
+    terms, weights : (num_terms of each input…)
+        Of each cell the output's term that is concluded, -1 where no rule is, and the consequent's weight.
         None where some rule is not a plain conjunction, two rules conclude differently in one cell, or more
         than half of the cells would be empty.
     """
@@ -72,7 +56,7 @@ def rule_cells(system: FuzzySystem, output: Variable) -> RuleCells | None:
             if np.any(taken & ((terms[cell] != term) | (weights[cell] != consequent.weight))):
                 return None
             terms[cell], weights[cell] = term, consequent.weight
-    return RuleCells(terms, weights) if np.mean(terms != -1) >= _LEAST_FILLED else None
+    return (terms, weights) if np.mean(terms != -1) >= _LEAST_FILLED else None
 
 
 def rule_matrix(
@@ -106,7 +90,7 @@ def rule_matrix(
     ValueError
         If the rules are not a table, the output is unknown, or `fixed` names no term of an outer input.
     """
-    concluded = named(system, "output", output)
+    concluded = output_named(system, output)
     cells = rule_cells(system, concluded)
     if cells is None:
         raise ValueError(
@@ -115,8 +99,7 @@ def rule_matrix(
     *outer, last = system.inputs
     rows = outer.pop() if outer else None
     index = _fixed_terms(system, outer, dict(fixed or {}))
-    terms = cells.terms[index].reshape(-1, len(last.terms))
-    weights = cells.weights[index].reshape(terms.shape)
+    terms, weights = (part[index].reshape(-1, len(last.terms)) for part in cells)
     sizes = _label(ax, last, rows)
     _fill(ax, concluded, terms, weights, theme)
     ax.grid(visible=False)

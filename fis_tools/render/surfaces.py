@@ -1,7 +1,7 @@
 """An output over one input as a curve; over two as a map with contours, and as a surface in space."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -10,10 +10,9 @@ from matplotlib.contour import QuadContourSet
 from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator
 
-from fis_tools.analysis.arrays import Surface, evaluate, surface
+from fis_tools.analysis.arrays import Surface, evaluate, output_named, surface
 from fis_tools.array_types import Floats
-from fis_tools.model import FuzzySystem, Variable
-from fis_tools.model.validate import nearest
+from fis_tools.model import FuzzySystem
 from fis_tools.render import lettering
 from fis_tools.render.theme import BRIGHTNESS_MAP, LIGHT, MEDIUM, SMALL, Theme, dress, readable_on
 from fis_tools.words.text import number, quantity, with_unit
@@ -84,21 +83,6 @@ def entitle(ax: Any, words: str) -> None:
         ax.set_title(lettering.broken(words, lettering.inches(ax)[0], MEDIUM))
 
 
-def named(system: FuzzySystem, role: Literal["input", "output"], name: str | None) -> Variable:
-    """Return the input or the output of a name, without one the first.
-
-    Raises
-    ------
-    ValueError
-        If there is none of this name.
-    """
-    variables = system.inputs if role == "input" else system.outputs
-    names = [variable.name for variable in variables]
-    if name is not None and name not in names:
-        raise ValueError(f"system {system.name!r} has no {role} {name!r}; {nearest(name, names)}")
-    return variables[0 if name is None else names.index(name)]
-
-
 def output_curve(
     system: FuzzySystem,
     ax: Axes,
@@ -127,7 +111,7 @@ def output_curve(
     ValueError
         If the output is unknown, or there are several inputs.
     """
-    (along,), concluded = system.inputs, named(system, "output", output)
+    (along,), concluded = system.inputs, output_named(system, output)
     values = np.linspace(along.minimum, along.maximum, 401)
     outputs = evaluate(system, values[:, np.newaxis])[:, system.outputs.index(concluded)]
     if concluded.minimum < 0.0 < concluded.maximum:
@@ -236,13 +220,11 @@ def draw_surface(
 
 def colour_bar(axes: Sequence[Axes], image: Any, label: str, theme: Theme) -> None:
     """Put the scale of an image's colours beside axes."""
-    figure = axes[0].get_figure()
-    if figure is not None:
-        many = len(axes) > 1
-        scale = figure.colorbar(image, ax=axes, fraction=0.05 if many else 0.1, pad=0.02 if many else 0.04)
-        scale.set_label(label)
-        scale.outline.set_edgecolor(theme.muted)
-        dress(scale.ax, theme)
+    many = len(axes) > 1
+    sizes = {"fraction": 0.05 if many else 0.1, "pad": 0.02 if many else 0.04}
+    scale = lettering.figure_of(axes[0]).colorbar(image, ax=axes, label=label, **sizes)
+    scale.outline.set_edgecolor(theme.muted)
+    dress(scale.ax, theme)
 
 
 def _contours(result: Surface, ax: Axes, limits: tuple[float, float], ink: str | None = None) -> None:

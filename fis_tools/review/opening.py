@@ -11,8 +11,8 @@ from fis_tools.analysis import arrays
 from fis_tools.array_types import Floats
 from fis_tools.document import Block, Heading, Items, Paragraph, Table
 from fis_tools.errors import ControllerFileError
-from fis_tools.model import FuzzyController, FuzzySystem, Term, Variable
-from fis_tools.model.variables import sample
+from fis_tools.model import FuzzyController, FuzzySystem, Variable
+from fis_tools.model.variables import peak
 from fis_tools.review.content import extent, shown
 from fis_tools.review.flown import HEADS, Evaluation, Flight, Samples
 from fis_tools.words.text import percent, rule_tables, sentences
@@ -51,7 +51,7 @@ def _placed(system: FuzzySystem, rows: Sequence[Sequence[str]]) -> Table:
     """Return a rule table with the place of each term, and what the system answers there."""
     (corner, *_), *lines = rows
     output, last = system.outputs[0], system.inputs[-1]
-    places = [[_peak(variable, term) for term in variable.terms] for variable in system.inputs]
+    places = [[peak(variable, term) for term in variable.terms] for variable in system.inputs]
     grid = np.stack(np.meshgrid(*places, indexing="ij"), axis=-1).reshape(-1, len(places))
     answers = arrays.evaluate(system, grid)[:, 0].reshape(-1, len(last.terms))
     heads = [corner, *(_head(last, place) for place in range(len(last.terms)))]
@@ -68,13 +68,7 @@ def _placed(system: FuzzySystem, rows: Sequence[Sequence[str]]) -> Table:
 
 def _head(variable: Variable, place: int) -> str:
     term = variable.terms[place]
-    return f"{term.name}, {shown(variable, _peak(variable, term))}"
-
-
-def _peak(variable: Variable, term: Term) -> float:
-    """Return the middle of where a term holds most."""
-    values = sample(variable, term)
-    return float(np.mean(variable.universe[values >= values.max() - 1e-9]))
+    return f"{term.name}, {shown(variable, peak(variable, term))}"
 
 
 def inputs(controller: FuzzyController, samples: Mapping[str, Samples]) -> Table:

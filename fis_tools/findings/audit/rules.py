@@ -4,14 +4,13 @@ from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import combinations, product
-from typing import Any
 
 import numpy as np
 
 from fis_tools.analysis.measures import Measures, centre
 from fis_tools.array_types import Floats, Integers
 from fis_tools.findings.audit.report import Finding, Severity, Thresholds
-from fis_tools.model import And, Constant, Expression, FuzzySystem, Hedged, Is, Not, Or, Rule, conjunctions
+from fis_tools.model import Constant, FuzzySystem, Rule, canonical, conjunctions
 from fis_tools.words.text import amount, antecedent_words, consequent_words, listed, percent, place, span
 
 #: centres closer than this, as a fraction of the output's range, are the same
@@ -50,26 +49,6 @@ def find(system: FuzzySystem, measures: Measures, thresholds: Thresholds) -> Ite
     yield from _many(measures, thresholds)
 
 
-def _canonical(expression: Expression) -> tuple[Any, ...]:
-    """Return a form that is equal for antecedents that say the same in another order."""
-    match expression:
-        case Is(variable, term):
-            return ("is", variable, term)
-        case Not(Not(operand)):
-            return _canonical(operand)
-        case Not(operand):
-            return ("not", _canonical(operand))
-        case Hedged(hedge, operand):
-            return (hedge, _canonical(operand))
-        case And(operands) | Or(operands):
-            kind = "and" if isinstance(expression, And) else "or"
-            parts = [_canonical(operand) for operand in operands]
-            distinct = frozenset(
-                inner for part in parts for inner in (part[1] if part[0] == kind else (part,))
-            )
-            return next(iter(distinct)) if len(distinct) == 1 else (kind, distinct)
-
-
 def _concludes(rule: Rule) -> dict[str, str]:
     return {consequent.variable: consequent.term for consequent in rule.consequents}
 
@@ -89,9 +68,9 @@ def _weightless(system: FuzzySystem) -> Iterator[Finding]:
 
 
 def _repeated(system: FuzzySystem) -> Iterator[Finding]:
-    alike: dict[tuple[Any, ...], list[int]] = defaultdict(list)
+    alike: dict[object, list[int]] = defaultdict(list)
     for number, rule in enumerate(system.rules, start=1):
-        alike[_canonical(rule.antecedent)].append(number)
+        alike[canonical(rule.antecedent)].append(number)
     for numbers in alike.values():
         for first, second in combinations(numbers, 2):
             one, other = _concludes(system.rules[first - 1]), _concludes(system.rules[second - 1])

@@ -11,7 +11,7 @@ from fis_tools.analysis.arrays import distinguishability
 from fis_tools.analysis.measures import Measures, centre
 from fis_tools.array_types import Floats
 from fis_tools.findings.audit.report import Finding, Severity, Thresholds
-from fis_tools.model import FuzzySystem, Variable, statements_of
+from fis_tools.model import FuzzySystem, Variable, used_terms
 from fis_tools.model.variables import sample_terms
 from fis_tools.words.text import amount, listed, number, percent, span
 
@@ -131,8 +131,7 @@ def _weighed(system: FuzzySystem) -> Iterator[Finding]:
 
 
 def _unused(system: FuzzySystem) -> Iterator[Finding]:
-    used = {(s.variable, s.term) for rule in system.rules for s in statements_of(rule.antecedent)}
-    used |= {(c.variable, c.term) for rule in system.rules for c in rule.consequents}
+    used = used_terms(system.rules)
     for variable in (*system.inputs, *system.outputs):
         idle = [term.name for term in variable.terms if (variable.name, term.name) not in used]
         is_input = variable in system.inputs

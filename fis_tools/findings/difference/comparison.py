@@ -1,5 +1,6 @@
 """Two systems compared: what changed in variables, terms, rules and outputs."""
 
+from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Generic, NamedTuple, TypeVar
@@ -12,8 +13,8 @@ from fis_tools.array_types import Floats
 from fis_tools.engines.compiler import compile as compiled
 from fis_tools.model import FuzzySystem, Rule, Term, Variable
 from fis_tools.model.systems import has_sets
-from fis_tools.model.variables import sample
-from fis_tools.words.text import antecedent_words, number
+from fis_tools.model.variables import peak, sample
+from fis_tools.words.text import number
 
 Thing = TypeVar("Thing")
 
@@ -305,8 +306,7 @@ def _middle(variable: model.Variable, term: model.Term) -> float:
         return 0.0
     if isinstance(term.membership, model.Number):
         return term.membership.row(0)[-1]
-    values = sample(variable, term)
-    return float(np.mean(variable.universe[values == values.max()]))
+    return peak(variable, term)
 
 
 def _similarity(before: model.Variable, old: model.Term, after: model.Variable, new: model.Term) -> float:
@@ -340,52 +340,23 @@ def compare_rules(
 
     A renamed term counts as the same.
     """
-    gone: dict[str, list[tuple[int, model.Rule]]] = {}
+    gone: dict[object, list[tuple[object, int, model.Rule]]] = defaultdict(list)
     for index, rule in enumerate(before.rules, start=1):
-        gone.setdefault(_key(renamed(rule, names).antecedent), []).append((index, rule))
+        called = model.with_terms(rule, names)
+        gone[model.canonical(called.antecedent)].append((_meaning(called), index, rule))
     changes = []
     for index, rule in enumerate(after.rules, start=1):
-        same = gone.get(_key(rule.antecedent), [])
-        meant = _meaning(rule)
-        place = next((i for i, (_, old) in enumerate(same) if _meaning(renamed(old, names)) == meant), None)
-        if place is not None:
-            same.pop(place)
+        same = gone[model.canonical(rule.antecedent)]
+        kept = next((entry for entry in same if entry[0] == _meaning(rule)), None)
+        if kept is not None:
+            same.remove(kept)
         else:
             changes.append(RuleChange(None, rule, index))
     for position, change in enumerate(changes):
-        assert change.after is not None  # noqa: S101 - they have just been made
-        same = gone.get(_key(change.after.antecedent), [])
-        if same:
-            changes[position] = replace(change, before=same.pop(0)[1])
-    left = sorted((entry for entries in gone.values() for entry in entries), key=lambda entry: entry[0])
+        if same := gone[model.canonical(change.present.antecedent)]:
+            changes[position] = replace(change, before=same.pop(0)[2])
+    left = sorted((index, rule) for entries in gone.values() for _, index, rule in entries)
     return (*changes, *(RuleChange(rule, None, index) for index, rule in left))
-
-
-def renamed(rule: model.Rule, names: Names) -> model.Rule:
-    """Return a rule with the new names of its terms."""
-
-    def term(variable: str, old: str) -> str:
-        return names.get((variable, old), old)
-
-    consequents = (replace(c, term=term(c.variable, c.term)) for c in rule.consequents)
-    antecedent = model.with_statements(
-        rule.antecedent, lambda each: model.Is(each.variable, term(each.variable, each.term))
-    )
-    return replace(rule, antecedent=antecedent, consequents=tuple(consequents))
-
-
-def _key(expression: model.Expression) -> str:
-    """Return the same text for antecedents that differ in the order of their statements only."""
-    match expression:
-        case model.And(operands) | model.Or(operands) if len(operands) > 1:
-            return f"{type(expression).__name__}({', '.join(sorted(map(_key, operands)))})"
-        case model.And((operand,)) | model.Or((operand,)):
-            return _key(operand)
-        case model.Not(operand):
-            return f"Not({_key(operand)})"
-        case model.Hedged(hedge, operand):
-            return f"{hedge}({_key(operand)})"
-    return antecedent_words(expression)
 
 
 def _meaning(rule: model.Rule) -> tuple[object, ...]:
@@ -410,20 +381,17 @@ def compare_outputs(
     if sorted(names) != sorted(variable.name for variable in before.inputs):
         return ()
     spread = spread_inputs(over_both_ranges(before, after), NUM_SPREAD)
-    columns = [names.index(variable.name) for variable in before.inputs]
-    common = [output for output in after.outputs if output.name in {v.name for v in before.outputs}]
     changes = []
     for where, inputs in (("the ranges", spread), ("the flights", samples)):
         if inputs is not None and len(inputs):
-            old = compiled(before)(np.ascontiguousarray(inputs[:, columns]))
-            new = compiled(after)(inputs)
-            for output in common:
-                old_place = [variable.name for variable in before.outputs].index(output.name)
-                pair = np.array((old[:, old_place], new[:, after.outputs.index(output)]))
+            columns = dict(zip(names, inputs.T, strict=True))
+            old, new = compiled(before)(columns), compiled(after)(columns)
+            for output in (output for output in after.outputs if output.name in old):
+                pair = np.array((old[output.name], new[output.name]))
                 has_value = np.isfinite(pair).all(axis=0)  # a formula may have none
-                rows, pair = inputs[has_value], pair[:, has_value]
-                if len(rows):
-                    changes.append(_change(before.outputs[old_place], output, where, names, rows, pair))
+                if has_value.any():
+                    moved = (inputs[has_value], pair[:, has_value])
+                    changes.append(_change(before.variable(output.name), output, where, names, *moved))
     return tuple(changes)
 
 

@@ -15,10 +15,9 @@ from fis_tools.findings.difference.comparison import (
     TermChange,
     VariableChange,
     new_names,
-    renamed,
 )
 from fis_tools.findings.difference.pictures import draw_surfaces, draw_terms
-from fis_tools.model import Formula, Linear, Rule, Sampled, Term
+from fis_tools.model import Formula, Linear, Rule, Sampled, Term, with_terms
 from fis_tools.model.systems import has_sets
 from fis_tools.words import text
 
@@ -251,7 +250,7 @@ def changed_tables(system: SystemDifference) -> list[tuple[str, Table]] | None:
         return None
     concluded = {
         text.antecedent_words(rule.antecedent): text.consequent_words(rule.consequents)
-        for rule in (renamed(rule, names) for rule in system.before.rules)
+        for rule in (with_terms(rule, names) for rule in system.before.rules)
     }
     is_same_table = all(text.antecedent_words(rule.antecedent) in concluded for rule in system.after.rules)
     if not is_same_table or len(system.before.rules) != len(system.after.rules):

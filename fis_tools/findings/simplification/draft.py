@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from fis_tools import model
 from fis_tools.analysis.arrays import distinguishability
 from fis_tools.analysis.contribution import contributions
 from fis_tools.analysis.measures import centre
@@ -19,16 +20,13 @@ from fis_tools.model import (
     And,
     Expression,
     FuzzySystem,
-    Hedged,
     Is,
     MembershipFunction,
-    Not,
     Or,
     Rule,
     Sampled,
     Term,
     Variable,
-    statements_of,
 )
 from fis_tools.model.validate import parameter_problems
 from fis_tools.model.variables import shape_values
@@ -101,56 +99,33 @@ def merged(system: FuzzySystem, merger: Merger, importance: Floats) -> tuple[Fuz
     list of int
         Places of the rules that are kept.
     """
-    rules = tuple(_renamed(system, rule, merger) for rule in system.rules)
+    names = {(merger.variable, merger.dropped): merger.kept}
+    rules = tuple(_said_once(system, model.with_terms(rule, names)) for rule in system.rules)
     places = _without_rivals(system.rules, rules, importance)
-    variables = [
-        tuple(_with_merged(variable, merger) for variable in side) for side in (system.inputs, system.outputs)
-    ]
-    inputs, outputs = variables
-    kept = tuple(rules[place] for place in places)
-    return replace(system, inputs=inputs, outputs=outputs, rules=kept), places
+
+    def shorter(variable: Variable) -> Variable:
+        if variable.name != merger.variable:
+            return variable
+        kept = (term for term in variable.terms if term.name != merger.dropped)
+        terms = (Term(t.name, merger.membership) if t.name == merger.kept else t for t in kept)
+        return replace(variable, terms=tuple(terms))
+
+    simpler = model.with_variables(system, shorter)
+    return replace(simpler, rules=tuple(rules[place] for place in places)), places
 
 
-def _with_merged(variable: Variable, merger: Merger) -> Variable:
-    if variable.name != merger.variable:
-        return variable
-    terms = [
-        Term(term.name, merger.membership) if term.name == merger.kept else term
-        for term in variable.terms
-        if term.name != merger.dropped
-    ]
-    return replace(variable, terms=tuple(terms))
+def _said_once(system: FuzzySystem, rule: Rule) -> Rule:
+    """Return a rule that says nothing twice where that means the same."""
+    plain = {And: system.and_operator_of(rule) == "min", Or: system.or_operator_of(rule) == "max"}
 
+    def once(part: Expression) -> Expression:
+        if not isinstance(part, And | Or) or not plain[type(part)]:
+            return part
+        operands = tuple(dict.fromkeys(part.operands))
+        return operands[0] if len(operands) == 1 < len(part.operands) else type(part)(operands)
 
-def _renamed(system: FuzzySystem, rule: Rule, merger: Merger) -> Rule:
-    consequents = tuple(
-        dict.fromkeys(
-            replace(c, term=merger.kept) if (c.variable, c.term) == (merger.variable, merger.dropped) else c
-            for c in rule.consequents
-        )
-    )
-    plain: dict[type[Expression], bool] = {
-        And: system.and_operator_of(rule) == "min",
-        Or: system.or_operator_of(rule) == "max",
-    }
-    return replace(rule, antecedent=_renamed_in(rule.antecedent, merger, plain), consequents=consequents)
-
-
-def _renamed_in(expression: Expression, merger: Merger, plain: dict[type[Expression], bool]) -> Expression:
-    """Rename a term; what is then said twice is said once where that means the same (`plain`)."""
-    match expression:
-        case Is(variable, term):
-            is_dropped = (variable, term) == (merger.variable, merger.dropped)
-            return Is(variable, merger.kept) if is_dropped else expression
-        case Not(operand):
-            return Not(_renamed_in(operand, merger, plain))
-        case Hedged(hedge, operand):
-            return Hedged(hedge, _renamed_in(operand, merger, plain))
-        case And(operands) | Or(operands):
-            renamed = tuple(_renamed_in(operand, merger, plain) for operand in operands)
-            if renamed != operands and plain[type(expression)]:
-                renamed = tuple(dict.fromkeys(renamed))
-            return renamed[0] if len(renamed) == 1 < len(operands) else type(expression)(renamed)
+    antecedent = model.rebuilt(rule.antecedent, once)
+    return replace(rule, antecedent=antecedent, consequents=tuple(dict.fromkeys(rule.consequents)))
 
 
 def _without_rivals(before: Sequence[Rule], after: Sequence[Rule], importance: Floats) -> list[int]:
@@ -212,18 +187,13 @@ def without_rule(system: FuzzySystem, place: int) -> FuzzySystem | None:
 
 def pruned(system: FuzzySystem) -> FuzzySystem:
     """Drop terms that no rule uses; a variable without any used term keeps its first."""
-    used = {(s.variable, s.term) for rule in system.rules for s in statements_of(rule.antecedent)}
-    used |= {(c.variable, c.term) for rule in system.rules for c in rule.consequents}
+    used = model.used_terms(system.rules)
 
     def kept(variable: Variable) -> Variable:
         terms = tuple(term for term in variable.terms if (variable.name, term.name) in used)
         return replace(variable, terms=terms or variable.terms[:1])
 
-    return replace(
-        system,
-        inputs=tuple(kept(variable) for variable in system.inputs),
-        outputs=tuple(kept(variable) for variable in system.outputs),
-    )
+    return model.with_variables(system, kept)
 
 
 #: What is rounded together: the numbers of a term, by variable and term, or the ends of a range ("").
@@ -259,9 +229,7 @@ def rounded(system: FuzzySystem, digits: Mapping[Unit, int]) -> FuzzySystem:
     digits : mapping
         How many, for some of `units`; the others are not rounded.
     """
-    inputs = tuple(_rounded_variable(variable, digits) for variable in system.inputs)
-    outputs = tuple(_rounded_variable(variable, digits) for variable in system.outputs)
-    return replace(system, inputs=inputs, outputs=outputs)
+    return model.with_variables(system, lambda variable: _rounded_variable(variable, digits))
 
 
 def _rounded_variable(variable: Variable, digits: Mapping[Unit, int]) -> Variable:
