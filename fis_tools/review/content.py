@@ -2,16 +2,13 @@
 
 import json
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from itertools import count
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from fis_tools.analysis import arrays, bounds, contribution, shapley
 from fis_tools.analysis.measures import Measures
-from fis_tools.array_types import Floats
 from fis_tools.engines.compiler import compile
 from fis_tools.engines.interval import NotBounded
 from fis_tools.findings.audit import Audit, Finding
@@ -98,15 +95,6 @@ def level_styles() -> str:
     return "\n".join(rules) + "\n"
 
 
-@dataclass(frozen=True)
-class Cell:
-    """A cell of a rule matrix: the output's term, how bright it is, and the place of its rule."""
-
-    term: str
-    level: int
-    rule: int
-
-
 def texts(controller: FuzzyController) -> list[tuple[str, str]]:
     """Return the attributes of a controller that are no numbers."""
     return [(name, text) for name, text in controller.attributes if number_of(text) is None]
@@ -118,7 +106,7 @@ def facts(pairs: Sequence[tuple[str, str]]) -> list[tuple[str, str]]:
 
 
 def system_words(place: int, system: FuzzySystem, samples: Samples, measures: Measures) -> dict[str, Any]:
-    """Return what the template says of one system.
+    """Return what the template tells of one system.
 
     Parameters
     ----------
@@ -130,84 +118,30 @@ def system_words(place: int, system: FuzzySystem, samples: Samples, measures: Me
     measures : Measures
         What was measured of it.
     """
-    usage = arrays.rule_usage(arrays.firing(system, samples.inputs))
     compiled = compile(system)
     importance = shapley.importance(compiled, samples.inputs).max(axis=1)
-    needed = contribution.importance(compiled, samples.inputs).max(axis=1)
-    system_id = f"s{place}"
-    ranges, unbounded = range_rows(system)
+    ranges, unbounded = proved_ranges(system)
     return {
-        "id": system_id,
+        "id": f"s{place}",
         "place": place,
-        "name": system.name,
-        "summary": summary(system),
-        "num_inputs": len(system.inputs),
-        "across": system.inputs[-1].name,
-        "down": system.inputs[-2].name if len(system.inputs) > 1 else "",
-        "output": system.outputs[0].name,
-        "inputs": ", ".join(with_unit(variable) for variable in system.inputs),
-        "outputs": ", ".join(with_unit(variable) for variable in system.outputs),
+        "model": system,
         "samples": samples.words,
-        "leaders": _leaders(importance),
-        "never": int((usage.fired == 0).sum()),
-        "completeness": measures.completeness.least,
-        "gm3m": measures.gm3m,
-        "consistency": measures.rule_consistency.index,
-        "variables": list(_variables(system_id, system)),
-        "matrices": _matrices(system),
+        "measures": measures,
+        "matrices": rule_tables(system) or (),
         "ranges": ranges,
         "unbounded": unbounded,
         "order": np.argsort(-importance, kind="stable").tolist(),
-        "rules": list(zip(system.rules, map(sentence, system.rules), strict=True)),
-        "usage": usage,
+        "usage": arrays.rule_usage(arrays.firing(system, samples.inputs)),
         "importance": importance,
-        "needed": needed,
-        "consistencies": measures.rule_consistency.values,
+        "needed": contribution.importance(compiled, samples.inputs).max(axis=1),
     }
 
 
-def _leaders(importance: Floats) -> str:
-    """Say which rules matter most: ``rule 14 (4.1 %), rule 13 (2.0 %)``; empty where none does."""
-    order = np.argsort(-importance, kind="stable")[:3]
-    return ", ".join(
-        f"rule {rule + 1} ({100 * importance[rule]:.2g} %)" for rule in order if importance[rule]
-    )
-
-
-def _variables(system_id: str, system: FuzzySystem) -> Iterator[dict[str, Any]]:
-    for kind, variables in (("input", system.inputs), ("output", system.outputs)):
-        for place, variable in enumerate(variables):
-            yield {
-                "id": f"{system_id}-{kind[0]}{place + 1}",
-                "kind": kind,
-                "place": place,
-                "name": variable.name,
-                "title": with_unit(variable),
-                "extent": _extent(variable),
-                "description": variable.description.rstrip("."),
-                "terms": [(term.name, shape_words(term)) for term in variable.terms],
-            }
-
-
-def _extent(variable: Variable) -> str:
+def universe_words(variable: Variable) -> str:
+    """Say what a variable's universe is, and what it is when no rule fires."""
     extent = f"{number(variable.minimum)} to {number(variable.maximum)} {variable.unit}".rstrip()
     default = "" if variable.default is None else f"; {number(variable.default)} when no rule fires"
     return f"{extent}, {variable.num_points} points{default}".replace("-", "−")
-
-
-def _matrices(system: FuzzySystem) -> list[tuple[str, list[str], list[tuple[str, list[Cell]]]]]:
-    """Return a full rule table as title, head and rows of cells, for each combination of outer terms."""
-    terms = system.outputs[0].terms
-    levels = {term.name: level(place, len(terms)) for place, term in enumerate(terms)}
-    rules = count()
-    return [
-        (
-            title,
-            head[1:],
-            [(row[0], [Cell(term, levels[term], next(rules)) for term in row[1:]]) for row in rows],
-        )
-        for title, (head, *rows) in rule_tables(system) or ()
-    ]
 
 
 #: of many rules only so many are linked
@@ -276,42 +210,36 @@ TOLERANCE = 0.01
 MOST_BOXES = 5_000
 
 
-def range_rows(system: FuzzySystem) -> tuple[list[dict[str, Any]], str]:
-    """Return a row for each output; none, and why, where they cannot be bounded."""
+def proved_ranges(system: FuzzySystem) -> tuple[tuple[bounds.Range, ...], str]:
+    """Return the range of each output; none, and why, where they cannot be bounded."""
     try:
-        ranges = bounds.output_ranges(system, tolerance=TOLERANCE, max_boxes=MOST_BOXES)
+        return bounds.output_ranges(system, tolerance=TOLERANCE, max_boxes=MOST_BOXES), ""
     except NotBounded as error:
-        return [], str(error)
-    return list(_ranges(system, ranges)), ""
-
-
-def _ranges(system: FuzzySystem, ranges: tuple[bounds.Range, ...]) -> Iterator[dict[str, Any]]:
-    for found in ranges:
-        output = found.output
-        yield {
-            "output": output.name,
-            "declared": extent(output),
-            "proved": _interval(output, found.outer.low, found.outer.high),
-            "ends": [
-                (shown(output, value), _place(system, point), json.dumps(point))
-                for value, point in ((found.inner.low, found.least_at), (found.inner.high, found.greatest_at))
-            ],
-        }
+        return (), str(error)
 
 
 def extent(variable: Variable) -> str:
     """Say between which numbers a variable lies, as it is declared."""
-    return _interval(variable, variable.minimum, variable.maximum)
+    return interval_words(variable, variable.minimum, variable.maximum)
 
 
-def _interval(variable: Variable, low: float, high: float) -> str:
+def interval_words(variable: Variable, low: float, high: float) -> str:
+    """Say between which numbers values of a variable lie."""
     return f"{shown(variable, low)} to {shown(variable, high)}"
 
 
-def _place(system: FuzzySystem, point: dict[str, float]) -> str:
+def point_words(system: FuzzySystem, point: Mapping[str, float]) -> str:
+    """Say which inputs make up a point."""
     return ", ".join(f"{name} = {shown(system.variable(name), value)}" for name, value in point.items())
 
 
 def shown(variable: Variable, value: float) -> str:
     """Format a value with its unit and a minus sign as print has it."""
     return amount(variable, value).replace("-", "−", 1)
+
+
+#: What the template calls.
+CALLED: dict[str, Callable[..., Any]] = {
+    **{one.__name__: one for one in (with_unit, shape_words, sentence, summary, json.dumps)},
+    **{one.__name__: one for one in (level, universe_words, extent, interval_words, point_words, shown)},
+}

@@ -142,6 +142,7 @@ def write(
         findings=finding_rows(audited, controller),
         counted=finding_counts(audited),
         measure_words=report.measure_words(audited),
+        **content.CALLED,
         systems=[
             content.system_words(place, system, samples[system.name], measured.measures)
             | {"findings": finding_counts(audited, system.name)}
