@@ -17,16 +17,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fis_tools.analysis import coalitions
 from fis_tools.analysis.arrays import FIRED
-from fis_tools.analysis.coalitions import (
-    Cuts,
-    Leads,
-    Subsets,
-    blocks,
-    by_level,
-    num_coalitions,
-    weighted_coalitions,
-)
 from fis_tools.analysis.contribution import weighed_shares
 from fis_tools.array_types import Booleans, Floats, Integers
 from fis_tools.engines.compiler import CompiledSystem
@@ -80,10 +72,10 @@ class _Match(NamedTuple):
 
     compiled: CompiledSystem
     place: int
-    conclusions: list[Cuts]
+    conclusions: list[coalitions.Cuts]
     firing: Floats
     plays: Booleans
-    subsets: Subsets | None
+    subsets: coalitions.Subsets | None
 
 
 class _Game(NamedTuple):
@@ -98,7 +90,7 @@ class _Game(NamedTuple):
         The players, block by block.
     """
 
-    structure: tuple[Leads, ...] | None
+    structure: tuple[coalitions.Leads, ...] | None
     samples: Integers
     rules: Integers
 
@@ -151,7 +143,7 @@ def _match(compiled: CompiledSystem, place: int, firing: Floats) -> _Match:
     strongest = firing.max(axis=1, keepdims=True, initial=0.0, where=concludes)
     plays = concludes & (firing >= np.minimum(FIRED, strongest)) & (firing > 0.0)
     packed = compiled.packed
-    subsets = None if packed is None else Subsets(compiled.system, packed, firing, plays)
+    subsets = None if packed is None else coalitions.Subsets(compiled.system, packed, firing, plays)
     return _Match(compiled, place, conclusions, firing, plays, subsets)
 
 
@@ -172,7 +164,7 @@ def _games(match: _Match) -> Iterator[_Game]:
         cuts = [
             [(term, weight * strengths[rule]) for term, weight in match.conclusions[rule]] for rule in rules
         ]
-        found = blocks(cuts, accumulate, MOST_COALITIONS)
+        found = coalitions.blocks(cuts, accumulate, MOST_COALITIONS)
         if found is None:
             yield _Game(None, np.array([sample]), rules[np.newaxis])
             continue
@@ -211,24 +203,24 @@ def _games_by_level(match: _Match) -> Iterator[_Game]:
             met[pattern[start:end]].append(number)
     for key, numbers in met.items():
         structure, num_players = _structure(key)
-        if num_coalitions(structure) <= MOST_COALITIONS:
+        if coalitions.num_coalitions(structure) <= MOST_COALITIONS:
             samples = np.array(numbers)
             places = ends[samples, np.newaxis] + np.arange(-num_players, 0)
             yield _Game(structure, samples, rule[places])
 
 
 @lru_cache(maxsize=256)
-def _structure(pattern: bytes) -> tuple[tuple[Leads, ...], int]:
+def _structure(pattern: bytes) -> tuple[tuple[coalitions.Leads, ...], int]:
     """Return the structure of players that are given as twice their block, and one where a level begins."""
     block, begins = np.divmod(np.frombuffer(pattern, np.int64), 2)
     levels = [np.cumsum(begins[block == place]).tolist() for place in np.unique(block)]
-    return tuple(by_level(tuple(each)) for each in levels), len(block)
+    return tuple(coalitions.by_level(tuple(each)) for each in levels), len(block)
 
 
 def _exact(match: _Match, game: _Game) -> Floats:
     """Return the shares of the players of a game, (g, num_players)."""
     assert game.structure is not None  # noqa: S101 - any other is sampled
-    members, weights = weighted_coalitions(game.structure)
+    members, weights = coalitions.weighted_coalitions(game.structure)
     at_once = max(1, MOST_NUMBERS // (len(members) * match.firing.shape[1]))
     found = [
         _worth(match, game.samples[first : first + at_once], game.rules[first : first + at_once], members)

@@ -239,7 +239,7 @@ def _draw(
     from fis_tools import render  # noqa: PLC0415 - as in `plot`
 
     colours = render.THEMES[theme]
-    points = None if samples is None else render.over_axes(system, result, samples)
+    points = render.over_axes(system, result, samples)
     words = render.held_words(system, result.fixed)
     figure, ax = render.one_panel(system.name, theme=colours, in_space=in_space)
     draw = render.surface_space if in_space else render.draw_surface

@@ -254,7 +254,8 @@ def compile(
     Parameters
     ----------
     system : FuzzySystem, or scikit-fuzzy's ControlSystem or ControlSystemSimulation
-        The system to compile. It is read once: later changes of a control system have no effect.
+        The system to compile. It is read once: later changes of a control system have no effect. A compiled
+        system is returned as it is.
     defaults : mapping, optional
         For a control system: an output's value when no rule fires, by its name. Others get zero, or the end
         of their universe nearest to zero. A FuzzySystem declares its own.
@@ -271,6 +272,8 @@ def compile(
     ValueError
         If defaults are given for a FuzzySystem.
     """
+    if isinstance(system, CompiledSystem):
+        return system
     if isinstance(system, FuzzySystem):
         if defaults is not None:
             raise ValueError("defaults are for control systems; declare them in the outputs of a FuzzySystem")

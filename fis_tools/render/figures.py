@@ -16,18 +16,9 @@ from fis_tools.array_types import Floats
 from fis_tools.model import FuzzySystem, Term, Variable
 from fis_tools.model.systems import has_sets
 from fis_tools.model.variables import peak, sample
-from fis_tools.render import lettering
+from fis_tools.render import lettering, surfaces
 from fis_tools.render.inference import memberships
 from fis_tools.render.rules import firing_map, rule_cells, rule_matrix
-from fis_tools.render.surfaces import (
-    colour_bar,
-    draw_surface,
-    held_words,
-    output_curve,
-    over_axes,
-    surface_space,
-    value_limits,
-)
 from fis_tools.render.theme import LIGHT, MEDIUM, SMALL, Theme, head
 from fis_tools.words.text import with_unit
 
@@ -95,7 +86,7 @@ def surface_figures(
         name = kind if len(system.outputs) == 1 else f"{kind}-{output.name}"
         if kind == "curve":
             figure, ax = one_panel(output.name, theme=theme)
-            output_curve(system, ax, output=output.name, samples=samples, theme=theme)
+            surfaces.output_curve(system, ax, output=output.name, samples=samples, theme=theme)
         else:
             figure = surface_figure(system, output.name, samples=samples, in_space=in_space, theme=theme)
         yield name, figure
@@ -133,18 +124,19 @@ def surface_figure(
     if len(combinations) > MOST_PANELS:
         combinations = [{}]
     results = [_slice(system, terms, concluded) for terms in combinations]
-    limits = value_limits(results)
+    limits = surfaces.value_limits(results)
     size = (4.2, 3.9) if in_space else (3.9, 3.3)
     figure, axes = _panels(len(results), size, concluded.name, theme, "3d" if in_space else None)
     for terms, result, ax in zip(combinations, results, axes, strict=True):
-        points = None if samples is None else over_axes(system, result, _belonging(system, terms, samples))
-        words = held_words(system, result.fixed)
+        flown = None if samples is None else _belonging(system, terms, samples)
+        words: Any = {"title": surfaces.held_words(system, result.fixed), "theme": theme}
+        words["points"] = surfaces.over_axes(system, result, flown)
         if in_space:
-            surface_space(result, ax, limits, points=points, title=words, theme=theme)
+            surfaces.surface_space(result, ax, limits, **words)
         else:
-            draw_surface(result, ax, limits, points=points, title=words, has_colour_bar=False, theme=theme)
+            surfaces.draw_surface(result, ax, limits, has_colour_bar=False, **words)
     if not in_space:
-        colour_bar(axes, axes[0].images[0], with_unit(concluded), theme)
+        surfaces.colour_bar(axes, axes[0].images[0], with_unit(concluded), theme)
     return figure
 
 

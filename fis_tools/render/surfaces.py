@@ -26,14 +26,16 @@ def held_words(system: FuzzySystem, fixed: Mapping[str, float]) -> str:
     return ", ".join(f"{name} = {quantity(system.variable(name), value)}" for name, value in fixed.items())
 
 
-def over_axes(system: FuzzySystem, result: Surface, samples: Floats) -> Floats:
-    """Return where samples lie over the two inputs of a surface, clipped to their universes, (n, 2).
+def over_axes(system: FuzzySystem, result: Surface, samples: Floats | None) -> Floats | None:
+    """Return where samples, if any, lie over the two inputs of a surface, clipped to their universes, (n, 2).
 
     Raises
     ------
     ValueError
         If the samples have another number of inputs than the system.
     """
+    if samples is None:
+        return None
     if samples.ndim != 2 or samples.shape[1] != len(system.inputs):
         raise ValueError(
             f"samples have shape {samples.shape}; system {system.name!r} has {len(system.inputs)} inputs, "
@@ -153,7 +155,7 @@ def surface_map(
         If there is one input, or the samples have another number of inputs.
     """
     result = surface(system, *(variable.name for variable in system.inputs[:-3:-1]), num_points=81)
-    points = None if samples is None else over_axes(system, result, samples)
+    points = over_axes(system, result, samples)
     return draw_surface(result, ax, points=points, title=held_words(system, result.fixed), theme=theme)
 
 

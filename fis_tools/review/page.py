@@ -16,19 +16,9 @@ from fis_tools.errors import MissingExtra
 from fis_tools.findings.audit import Audit, audit, report
 from fis_tools.formats import serialize
 from fis_tools.model import FuzzyController, FuzzySystem
-from fis_tools.review import carried, content, opening
+from fis_tools.review import carried, content, flown, opening
 from fis_tools.review.content import BRIGHTNESS, constants, finding_counts, finding_rows, level_styles
-from fis_tools.review.flown import (
-    Samples,
-    evaluations,
-    failures,
-    noun_of,
-    outcome_rows,
-    read_flights,
-    recordings,
-    samples_of,
-    unique,
-)
+from fis_tools.review.flown import Samples
 from fis_tools.review.opening import read_evidence
 from fis_tools.words.text import sentences, shape_words, summary
 
@@ -87,17 +77,17 @@ def write(
         cannot be read, or is about another controller.
     """
     systems = controller.systems
-    paths = unique(recordings(flight_paths))
-    flown = read_flights(paths, controller, all_periods)
-    noun, is_flight = noun_of(paths), [flights.is_flight(path) for path in paths]
+    paths = flown.unique(flown.recordings(flight_paths))
+    logged = flown.read_flights(paths, controller, all_periods)
+    noun, is_flight = flown.noun_of(paths), [flights.is_flight(path) for path in paths]
     went = [flights.read_outcome(path) for path in compress(paths, is_flight)]
     meanings = {name: meaning for one in went for name, meaning in one.constants.items()}
     fingerprint = serialize.fingerprint(controller)
-    samples = {system.name: samples_of(system, flown, noun) for system in systems}
+    samples = {system.name: flown.samples_of(system, logged, noun) for system in systems}
     sensed = {name: some.inputs for name, some in samples.items() if some.are_flown}
-    audited = audit(controller, sensed if flown else None)
-    evaluated = evaluations(flight_paths)
-    names = [flight.name for flight in compress(flown, is_flight)]
+    audited = audit(controller, sensed if logged else None)
+    evaluated = flown.evaluations(flight_paths)
+    names = [flight.name for flight in compress(logged, is_flight)]
     told, requirements = (None, []) if evidence is None else read_evidence(evidence, fingerprint)
     title = "How it flew" if noun == "flight" else "How it answered"
     opening_blocks = [
@@ -107,9 +97,9 @@ def write(
         Heading("Inputs", 3),
         opening.inputs(controller, samples),
         Heading(title, id="logged"),
-        *(Paragraph(failures(one)) for one in evaluated),
-        *opening.flown_table(outcome_rows(evaluated, names, went)),
-        Paragraph(opening.along(flown, noun)),
+        *(Paragraph(flown.failures(one)) for one in evaluated),
+        *opening.flown_table(flown.outcome_rows(evaluated, names, went)),
+        Paragraph(opening.along(logged, noun)),
         Heading("What is not covered", id="uncovered"),
         Items(opening.not_covered(told, evaluated, samples, noun)),
     ]
@@ -123,7 +113,7 @@ def write(
         "quadrature": carried.quadrature_data(systems),
         "systems": [carried.system_data(system) for system in systems],
         "noun": noun,
-        "flights": [carried.flight_data(flight, systems, len(flown)) for flight in flown],
+        "flights": [carried.flight_data(flight, systems, len(logged)) for flight in logged],
     }
     return _assemble(
         data,
@@ -138,7 +128,7 @@ def write(
         fingerprint=fingerprint,
         checks={key: words.format(noun=noun, did=_DID[noun]) for key, words in CHECKS.items()},
         noun=noun,
-        flights=flown,
+        flights=logged,
         findings=finding_rows(audited, controller),
         counted=finding_counts(audited),
         measure_words=report.measure_words(audited),

@@ -86,6 +86,11 @@ def consequent_words(consequents: Sequence[model.Consequent]) -> str:
     )
 
 
+def rule_words(rule: model.Rule) -> str:
+    """Return a rule as a clause: ``if distance is near then force is PS``."""
+    return f"if {antecedent_words(rule.antecedent)} then {consequent_words(rule.consequents)}"
+
+
 def sentence(rule: model.Rule) -> str:
     """Return a rule in words: ``If distance is near and velocity is still then force is PS``.
 

@@ -11,16 +11,7 @@ from fis_tools.array_types import Floats
 from fis_tools.engines.compiler import compile as compiled
 from fis_tools.findings.audit.report import Finding, Severity, Thresholds
 from fis_tools.model import FuzzySystem
-from fis_tools.words.text import (
-    NEGLIGIBLE,
-    amount,
-    antecedent_words,
-    consequent_words,
-    listed,
-    percent,
-    place,
-    span,
-)
+from fis_tools.words.text import NEGLIGIBLE, amount, listed, percent, place, rule_words, span
 
 #: About how many points of the input ranges are evaluated.
 NUM_POINTS = 20_000
@@ -160,11 +151,8 @@ def _clipped(system: FuzzySystem, samples: Floats, thresholds: Thresholds) -> It
         if not outside.any():
             continue
         low, high = float(column.min()), float(column.max())
-        beyond = [
-            amount(variable, value)
-            for value, is_beyond in ((low, low < variable.minimum), (high, high > variable.maximum))
-            if is_beyond
-        ]
+        ends = [low] * (low < variable.minimum) + [high] * (high > variable.maximum)
+        beyond = [amount(variable, end) for end in ends]
         extent = f"{amount(variable, variable.minimum)} to {amount(variable, variable.maximum)}"
         part = float(outside.mean())
         yield Finding(
@@ -223,8 +211,7 @@ def _dominant(
         yield Finding(
             "dominant-rule",
             Severity.NOTE,
-            f"Rule {index + 1} (if {antecedent_words(rule.antecedent)} then "
-            f"{consequent_words(rule.consequents)}) {' and '.join(ways)}.",
+            f"Rule {index + 1} ({rule_words(rule)}) {' and '.join(ways)}.",
             "Split its terms where most inputs lie, or accept that this one rule decides.",
             rules=(index + 1,),
             evidence={"leading": lead, "share": share},

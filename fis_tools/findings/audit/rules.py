@@ -11,7 +11,16 @@ from fis_tools.analysis.measures import Measures, centre
 from fis_tools.array_types import Floats, Integers
 from fis_tools.findings.audit.report import Finding, Severity, Thresholds
 from fis_tools.model import Constant, FuzzySystem, Rule, canonical, conjunctions
-from fis_tools.words.text import amount, antecedent_words, consequent_words, listed, percent, place, span
+from fis_tools.words.text import (
+    amount,
+    antecedent_words,
+    consequent_words,
+    listed,
+    percent,
+    place,
+    rule_words,
+    span,
+)
 
 #: centres closer than this, as a fraction of the output's range, are the same
 SAME_LEVEL = 1e-6
@@ -110,7 +119,6 @@ def _overlapping(system: FuzzySystem) -> Iterator[Finding]:
         )
         against = np.flatnonzero(narrower & (consequents != consequents[wide]))
         if len(against):
-            rule = system.rules[wide]
             narrower_rules = [
                 f"rule {number + 1} ({consequent_words(system.rules[number].consequents)})"
                 for number in against
@@ -118,9 +126,8 @@ def _overlapping(system: FuzzySystem) -> Iterator[Finding]:
             yield Finding(
                 "overlapping-rules",
                 Severity.WARNING,
-                f"Rule {wide + 1} (if {antecedent_words(rule.antecedent)} then "
-                f"{consequent_words(rule.consequents)}) holds wherever {listed(narrower_rules)} does, which "
-                "says otherwise: the output lies between the two.",
+                f"Rule {wide + 1} ({rule_words(system.rules[wide])}) holds wherever "
+                f"{listed(narrower_rules)} does, which says otherwise: the output lies between the two.",
                 "Restrict the wider rule to what the narrower ones leave, or let them conclude the same.",
                 rules=(int(wide) + 1, *(int(number) + 1 for number in against)),
             )

@@ -6,16 +6,8 @@ from typing import Any
 
 from fis_tools.document import Block, Cell, Change, Document, Figure, Heading, Paragraph, Result, Table, plain
 from fis_tools.document.html import fragment, page
-from fis_tools.findings.difference.comparison import (
-    Fact,
-    OutputChange,
-    Pair,
-    Source,
-    SystemDifference,
-    TermChange,
-    VariableChange,
-    new_names,
-)
+from fis_tools.findings.difference import comparison
+from fis_tools.findings.difference.comparison import Fact, Pair, Source, SystemDifference, VariableChange
 from fis_tools.findings.difference.pictures import draw_surfaces, draw_terms
 from fis_tools.model import Formula, Linear, Rule, Sampled, Term, with_terms
 from fis_tools.model.systems import has_sets
@@ -151,7 +143,7 @@ def _counts(changes: Sequence[Pair[Any]], noun: str, total: int | None) -> str:
     return ", ".join([head, *(f"{number} {state}" for state, number in others)])
 
 
-def _outputs(changes: Sequence[OutputChange]) -> Iterator[Table]:
+def _outputs(changes: Sequence[comparison.OutputChange]) -> Iterator[Table]:
     """Tell how far the outputs moved: in their unit, and as a share of their range."""
     rows = [
         [
@@ -168,7 +160,7 @@ def _outputs(changes: Sequence[OutputChange]) -> Iterator[Table]:
         yield Table(heads, rows, numbers=(2, 3))
 
 
-def largest_words(change: OutputChange) -> str:
+def largest_words(change: comparison.OutputChange) -> str:
     """Describe where an output changed most, with both values."""
     output = change.output
     noise = 1e-12 * (output.maximum - output.minimum)
@@ -198,13 +190,13 @@ def _variable(change: VariableChange, pictures: bool) -> Iterator[Block]:
         yield Table(["term", f"membership function, before {TO} after", "how far"], rows)
 
 
-def term_name(change: TermChange) -> str:
+def term_name(change: comparison.TermChange) -> str:
     """Name a term: ``near``, or ``near → close`` where it was renamed."""
     names = [term.name for term in (change.before, change.after) if term is not None]
     return f" {TO} ".join(dict.fromkeys(names))
 
 
-def term_words(variable: VariableChange, change: TermChange) -> tuple[str, str]:
+def term_words(variable: VariableChange, change: comparison.TermChange) -> tuple[str, str]:
     """Describe a term before and after, and how far it moved."""
     if change.before is None or change.after is None:
         return text.shape_words(change.present), change.state
@@ -244,7 +236,7 @@ def changed_tables(system: SystemDifference) -> list[tuple[str, Table]] | None:
     """
     if system.before is None or system.after is None:
         return None
-    names = new_names(system.variables)
+    names = comparison.new_names(system.variables)
     old, new = text.rule_tables(system.before), text.rule_tables(system.after)
     if old is None or new is None or any(change.state != "changed" for change in system.rules):
         return None

@@ -11,16 +11,9 @@ from fis_tools.analysis import shapley
 from fis_tools.analysis.contribution import contributions, holding_back
 from fis_tools.analysis.flights import Points
 from fis_tools.document import Block, Document, Heading, Items, Paragraph, Result, Table, plain
+from fis_tools.engines.compiler import compile
 from fis_tools.engines.inference import infer
-from fis_tools.findings.explanation.flips import (
-    ClassFlip,
-    Flip,
-    class_flips,
-    compiled_once,
-    flips,
-    is_classifier,
-    row,
-)
+from fis_tools.findings.explanation.flips import ClassFlip, Flip, class_flips, flips, is_classifier
 from fis_tools.findings.explanation.points import made_of, missed_words, plain_parts, rehearsed
 from fis_tools.findings.explanation.shares import shares
 from fis_tools.model import FuzzySystem, Variable
@@ -356,9 +349,9 @@ def explain(
     ValueError
         If inputs are missing, unknown or NaN, `crossing` is not finite, or a formula has no value there.
     """
-    compiled = compiled_once(system)
-    given = row(compiled, inputs)
-    inference = infer(compiled.system, given)
+    compiled = compile(system)
+    inference = infer(compiled.system, inputs)
+    given = inference.inputs
     for output in inference.outputs:
         if not np.isfinite(output.value):
             raise ValueError(

@@ -88,8 +88,8 @@ def flips(system: object, inputs: ArrayLike | Mapping[str, float], value: float 
     ValueError
         If inputs are missing, unknown or NaN, or the value is not finite.
     """
-    compiled = compiled_once(system)
-    given = row(compiled, inputs)
+    compiled = compile(system)
+    given = infer(compiled.system, inputs).inputs
     if not np.isfinite(value):
         raise ValueError(f"the value to cross is {value}; give a finite number")
     ways = list(_ways(compiled, given))
@@ -160,29 +160,6 @@ def class_flips(compiled: CompiledSystem, given: Floats) -> tuple[ClassFlip, ...
         other = compiled.system.outputs[int(compiled(first[np.newaxis])[0].argmax())]
         found.append(ClassFlip(variable, float(given[index]), float(first[index]), other))
     return tuple(sorted(found, key=lambda flip: flip.share))
-
-
-def compiled_once(system: object) -> CompiledSystem:
-    """Compile a system, unless it is compiled already."""
-    return system if isinstance(system, CompiledSystem) else compile(system)
-
-
-def row(compiled: CompiledSystem, inputs: ArrayLike | Mapping[str, float]) -> Floats:
-    """Return inputs as one row of numbers, checked.
-
-    Raises
-    ------
-    ValueError
-        If there are too few or too many, one is unknown, or one is NaN.
-    """
-    if isinstance(inputs, Mapping):
-        compiled({name: np.asarray(number, dtype=np.float64).reshape(1) for name, number in inputs.items()})
-        return np.array([float(inputs[variable.name]) for variable in compiled.system.inputs])
-    values = np.asarray(inputs, dtype=np.float64)
-    if values.ndim != 1:
-        raise ValueError(f"inputs have shape {values.shape}; pass one number for each input")
-    compiled(values[np.newaxis])
-    return values
 
 
 def _ways(compiled: CompiledSystem, given: Floats) -> Iterator[tuple[int, int, Floats]]:

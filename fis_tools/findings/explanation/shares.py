@@ -10,7 +10,7 @@ from fis_tools.analysis.arrays import FIRED, rule_usage
 from fis_tools.analysis.contribution import importance
 from fis_tools.array_types import Floats
 from fis_tools.document import Block, Document, Heading, Paragraph, Result, Table, plain
-from fis_tools.findings.explanation.flips import compiled_once
+from fis_tools.engines.compiler import compile
 from fis_tools.model import FuzzySystem
 from fis_tools.words.text import amount, percent, sentence, with_unit
 
@@ -153,7 +153,7 @@ def shares(system: object, samples: Floats) -> Shares:
     ValueError
         If there are no samples, or they do not fit the system.
     """
-    compiled = compiled_once(system)
+    compiled = compile(system)
     usage = rule_usage(compiled.firing_strengths(samples))
     spans = np.array([variable.maximum - variable.minimum for variable in compiled.system.outputs])
     weights = shapley.importance(compiled, samples)

@@ -7,30 +7,10 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 
 from fis_tools.array_types import Floats
-from fis_tools.findings.simplification.draft import (
-    MOST_DIGITS,
-    Draft,
-    Proposal,
-    cleaned,
-    proposals,
-    rounded_draft,
-    units,
-    unused_words,
-    without_input,
-)
-from fis_tools.findings.simplification.report import (
-    FLOWN,
-    ROUNDING_ERROR,
-    Bench,
-    Budget,
-    Kind,
-    Simplification,
-    SimplifiedSystem,
-    Step,
-    bench_for,
-    budget_words,
-    num_terms,
-)
+from fis_tools.findings.simplification import draft as drafts
+from fis_tools.findings.simplification import report
+from fis_tools.findings.simplification.draft import Draft, Proposal
+from fis_tools.findings.simplification.report import Bench, Budget, Simplification, SimplifiedSystem, Step
 from fis_tools.formats.serialize import SIMPLIFIED, checked
 from fis_tools.model import FuzzyController, FuzzySystem
 from fis_tools.model.systems import require_mamdani
@@ -78,7 +58,7 @@ class Search:
             before, self.bench, self.ranking, self.draft = self.draft, bench, bench.thinned(), draft
             gone = tuple(number for number in before.numbers if number not in draft.numbers)
             changes = bench.measure(draft.system)
-            terms = num_terms(draft.system)
+            terms = report.num_terms(draft.system)
             self.steps.append(Step("input", words, gone, len(draft.numbers), terms, changes))
 
     def _shorter(self) -> Iterator[tuple[float, Bench, Draft, str]]:
@@ -88,7 +68,7 @@ class Search:
             bench = self.bench.without_input(place)
             for term in variable.terms:
                 self._report_progress()
-                shorter = without_input(system, variable.name, term.name)
+                shorter = drafts.without_input(system, variable.name, term.name)
                 if shorter is not None:
                     numbers = tuple(self.draft.numbers[rule] for rule in shorter[1])
                     words = f"leave out {variable.name}, as though it always were {term.name}"
@@ -96,8 +76,8 @@ class Search:
 
     def drop_unused_terms(self) -> None:
         """Remove unused terms, which changes nothing."""
-        clean = cleaned(self.draft)
-        gone = unused_words(self.draft.exact, clean.exact)
+        clean = drafts.cleaned(self.draft)
+        gone = drafts.unused_words(self.draft.exact, clean.exact)
         if gone:
             self._try(Proposal(("terms",), "terms", f"drop {gone}, which no rule uses", clean))
 
@@ -107,9 +87,9 @@ class Search:
             pass
 
     def _next(self, least_digits: int) -> list[Proposal]:
-        found = proposals(self.draft, self.ranking)
+        found = drafts.proposals(self.draft, self.ranking)
         if self.digits >= least_digits:
-            coarser = rounded_draft(self.draft, self.digits)
+            coarser = drafts.rounded_draft(self.draft, self.digits)
             words = f"round all numbers to {self.digits} digit{'s' if self.digits > 1 else ''}"
             rounding = Proposal(("round", str(self.digits)), "round", words, coarser)
             found.append((self.ranking.cost(self.ranking.measure(coarser.system)), rounding))
@@ -119,14 +99,14 @@ class Search:
     def round_one_by_one(self) -> None:
         """Round the numbers that can still be rounded, a term at a time, the finest first."""
         before = self.draft
-        for digits in range(MOST_DIGITS, 0, -1):
+        for digits in range(drafts.MOST_DIGITS, 0, -1):
             trials = []
-            for unit in units(self.draft.exact):
-                draft = rounded_draft(self.draft, digits, unit)
+            for unit in drafts.units(self.draft.exact):
+                draft = drafts.rounded_draft(self.draft, digits, unit)
                 if draft.system != self.draft.system:
                     trials.append((self.ranking.cost(self.ranking.measure(draft.system)), unit))
             for _, unit in sorted(trials, key=lambda trial: trial[0]):
-                draft = rounded_draft(self.draft, digits, unit)
+                draft = drafts.rounded_draft(self.draft, digits, unit)
                 if self.bench.cost(self.bench.measure(draft.system)) <= 1.0:
                     self.draft = draft
             self._report_progress()
@@ -136,7 +116,7 @@ class Search:
                 f"{now.count(digits)} to {digits} digit{'s' if digits > 1 else ''}"
                 for digits in sorted(set(now), reverse=True)
             ]
-            count = len(units(self.draft.exact))
+            count = len(drafts.units(self.draft.exact))
             words = f"of {count} terms and ranges round {listed(roundings, len(roundings))}"
             self._record("round", words, before)
 
@@ -154,21 +134,21 @@ class Search:
         self._record(proposal.kind, proposal.words, before)
         return True
 
-    def _record(self, kind: Kind, words: str, before: Draft) -> None:
+    def _record(self, kind: report.Kind, words: str, before: Draft) -> None:
         after = self.draft
         rules = tuple(number for number in before.numbers if number not in after.numbers)
-        gone = unused_words(before.exact, after.exact)
+        gone = drafts.unused_words(before.exact, after.exact)
         if gone and kind == "drop":
             words += f"; {gone} {'goes' if ' and ' not in gone else 'go'} with it"
         changes = self.bench.measure(after.system)
-        step = Step(kind, words, rules, len(after.numbers), num_terms(after.system), changes)
+        step = Step(kind, words, rules, len(after.numbers), report.num_terms(after.system), changes)
         changed = self._changes_more(step)
         last = self.steps[-1] if self.steps else None
         if last is not None and kind == last.kind == "drop" and not (changed or self._last_changed):
             self.steps.pop()
             rules = (*last.rules, *rules)
             numbers = [str(number) for number in sorted(rules)]
-            where = " along the logs" if self.bench.governing == (FLOWN,) else ""
+            where = " along the logs" if self.bench.governing == (report.FLOWN,) else ""
             words = f"drop rules {listed(numbers, len(numbers))}, without which nothing changes{where}"
             step = replace(step, sentence=words, rules=rules)
         self._last_changed = changed
@@ -180,14 +160,14 @@ class Search:
             now = (*step.changes[name].largest, *step.changes[name].mean)
             last = self.steps[-1].changes[name] if self.steps else None
             then = (*last.largest, *last.mean) if last is not None else (0.0,) * len(now)
-            if any(abs(a - b) > ROUNDING_ERROR for a, b in zip(now, then, strict=True)):
+            if any(abs(a - b) > report.ROUNDING_ERROR for a, b in zip(now, then, strict=True)):
                 return True
         return False
 
     def _report_progress(self) -> None:
         if self._progress is not None:
             system = self.draft.exact
-            self._progress(f"{system.name}: {len(system.rules)} rules, {num_terms(system)} terms")
+            self._progress(f"{system.name}: {len(system.rules)} rules, {report.num_terms(system)} terms")
 
 
 def simplify(
@@ -249,14 +229,14 @@ def _provenance(
     along = f" ({num_flown} inferences)" if num_flown else ""
     facts = dict(controller.provenance)
     facts[SIMPLIFIED] = controller.name
-    facts["simplified_within"] = budget_words(budget, flown=num_flown > 0) + along
+    facts["simplified_within"] = report.budget_words(budget, flown=num_flown > 0) + along
     return tuple(sorted(facts.items()))
 
 
 def _simplified(
     system: FuzzySystem, flown: Floats | None, budget: Budget, progress: Progress | None
 ) -> SimplifiedSystem:
-    bench = bench_for(system, flown, budget)
+    bench = report.bench_for(system, flown, budget)
     search = Search(bench, Draft(system, tuple(range(1, len(system.rules) + 1))), progress)
     search.drop_unused_terms()
     search.leave_out_inputs()

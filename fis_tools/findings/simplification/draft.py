@@ -16,18 +16,7 @@ from fis_tools.analysis.measures import centre
 from fis_tools.array_types import Floats
 from fis_tools.engines.compiler import compile
 from fis_tools.findings.simplification.report import Bench, Kind
-from fis_tools.model import (
-    And,
-    Expression,
-    FuzzySystem,
-    Is,
-    MembershipFunction,
-    Or,
-    Rule,
-    Sampled,
-    Term,
-    Variable,
-)
+from fis_tools.model import FuzzySystem, Rule, Term, Variable
 from fis_tools.model.validate import parameter_problems
 from fis_tools.model.variables import shape_values
 from fis_tools.words.text import listed, percent, sentence
@@ -53,7 +42,7 @@ class Merger:
     variable: str
     kept: str
     dropped: str
-    membership: MembershipFunction
+    membership: model.MembershipFunction
     is_mean: bool
     similarity: float
 
@@ -67,18 +56,18 @@ def mergers(system: FuzzySystem, look_alike: float) -> Iterator[Merger]:
             alike = float(similarity[first, second])
             yield Merger(variable.name, a.name, b.name, a.membership, False, alike)
             yield Merger(variable.name, b.name, a.name, b.membership, False, alike)
-            if type(a.membership) is type(b.membership) and not isinstance(a.membership, Sampled):
+            if type(a.membership) is type(b.membership) and not isinstance(a.membership, model.Sampled):
                 mean = _mean(a.membership, b.membership)
                 nearer_first = _likeness(variable, a, mean) >= _likeness(variable, b, mean)
                 names = (a.name, b.name) if nearer_first else (b.name, a.name)
                 yield Merger(variable.name, *names, mean, True, alike)
 
 
-def _mean(a: MembershipFunction, b: MembershipFunction) -> MembershipFunction:
+def _mean(a: model.MembershipFunction, b: model.MembershipFunction) -> model.MembershipFunction:
     return replace(a, **{f.name: 0.5 * (getattr(a, f.name) + getattr(b, f.name)) for f in fields(a)})
 
 
-def _likeness(variable: Variable, term: Term, membership: MembershipFunction) -> float:
+def _likeness(variable: Variable, term: Term, membership: model.MembershipFunction) -> float:
     pair = replace(variable, terms=(term, Term("mean", membership)))
     return float(distinguishability(pair).similarity[0, 1])
 
@@ -116,10 +105,10 @@ def merged(system: FuzzySystem, merger: Merger, importance: Floats) -> tuple[Fuz
 
 def _said_once(system: FuzzySystem, rule: Rule) -> Rule:
     """Return a rule that says nothing twice where that means the same."""
-    plain = {And: system.and_operator_of(rule) == "min", Or: system.or_operator_of(rule) == "max"}
+    plain = {model.And: system.and_operator_of(rule) == "min", model.Or: system.or_operator_of(rule) == "max"}
 
-    def once(part: Expression) -> Expression:
-        if not isinstance(part, And | Or) or not plain[type(part)]:
+    def once(part: model.Expression) -> model.Expression:
+        if not isinstance(part, model.And | model.Or) or not plain[type(part)]:
             return part
         operands = tuple(dict.fromkeys(part.operands))
         return operands[0] if len(operands) == 1 < len(part.operands) else type(part)(operands)
@@ -163,12 +152,12 @@ def without_input(system: FuzzySystem, name: str, term: str) -> tuple[FuzzySyste
     kept: list[Rule] = []
     places: list[int] = []
     for place, rule in enumerate(system.rules):
-        asked = rule.antecedent.operands if isinstance(rule.antecedent, And) else (rule.antecedent,)
-        others = tuple(s for s in asked if not (isinstance(s, Is) and s.variable == name))
-        if not others or not all(isinstance(s, Is) for s in others):
+        asked = rule.antecedent.operands if isinstance(rule.antecedent, model.And) else (rule.antecedent,)
+        others = tuple(s for s in asked if not (isinstance(s, model.Is) and s.variable == name))
+        if not others or not all(isinstance(s, model.Is) for s in others):
             return None
-        if all(s == Is(name, term) for s in asked if s not in others):
-            kept.append(replace(rule, antecedent=others[0] if len(others) == 1 else And(others)))
+        if all(s == model.Is(name, term) for s in asked if s not in others):
+            kept.append(replace(rule, antecedent=others[0] if len(others) == 1 else model.And(others)))
             places.append(place)
     if {c.variable for rule in kept for c in rule.consequents} != {v.name for v in system.outputs}:
         return None
@@ -206,11 +195,10 @@ def units(system: FuzzySystem) -> list[Unit]:
     """List what can be rounded: for each variable the ends of its range, and each of its terms."""
     found: list[Unit] = []
     for variable in (*system.inputs, *system.outputs):
-        is_sampled = any(isinstance(term.membership, Sampled) for term in variable.terms)
-        found += [] if is_sampled or variable.points is not None else [(variable.name, "")]
-        found += [
-            (variable.name, term.name) for term in variable.terms if not isinstance(term.membership, Sampled)
-        ]
+        shaped = [term for term in variable.terms if not isinstance(term.membership, model.Sampled)]
+        if len(shaped) == len(variable.terms) and variable.points is None:
+            found.append((variable.name, ""))
+        found += [(variable.name, term.name) for term in shaped]
     return found
 
 
@@ -264,7 +252,7 @@ def _rounded_term(
     bare: Variable, variable: Variable, term: Term, digits: int, ends: Mapping[float, float]
 ) -> Term:
     """Round a term, with more digits if it would lose its shape."""
-    if isinstance(term.membership, Sampled):
+    if isinstance(term.membership, model.Sampled):
         return term
     for count in range(digits, MOST_DIGITS + 2):
         numbers: dict[str, Any] = {}
