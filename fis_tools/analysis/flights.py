@@ -263,7 +263,7 @@ def read_outcome(path: Path | str) -> Outcome:
     recording = _read(path, topics=("/mission", CONTROL_TOPICS, f"{TOPIC_PREFIX}*"))
     episode, topics = recording.episode, recording.topics
     mission = topics.get("/mission")
-    control = next((topic for name, topic in topics.items() if name.endswith("/control")), None)
+    control = _topic(recording, "/control")
     end: dict[str, float | None] = dict.fromkeys(("delta_v_m_s", "inspection_rate_percent"))
     distance = np.array([])
     if mission is not None and len(mission):
@@ -378,10 +378,13 @@ def read_points(path: Path | str, time_s: float) -> Points | None:
     return None if found is None else found.at(time_s)
 
 
+def _topic(recording: "Recording", ending: str) -> "TopicColumns | None":
+    return next((topic for name, topic in recording.topics.items() if name.endswith(ending)), None)
+
+
 def _points_of(recording: "Recording") -> PointsAlong | None:
     """Return what points add to the inputs along a flight, where it says so."""
-    cloud = next((topic for name, topic in recording.topics.items() if name.endswith("/pulls")), None)
-    control = next((topic for name, topic in recording.topics.items() if name.endswith("/control")), None)
+    cloud, control = _topic(recording, "/pulls"), _topic(recording, "/control")
     if cloud is None or control is None or not len(cloud) or not len(control):
         return None
     names = tuple(recording.metadata.get(PULLS_METADATA, {}))

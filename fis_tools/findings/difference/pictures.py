@@ -3,6 +3,7 @@
 import base64
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,7 +13,7 @@ from fis_tools.analysis.arrays import Surface, surface
 from fis_tools.document.html import element, void
 from fis_tools.engines.compiler import compile as compiled
 from fis_tools.findings.difference.comparison import SystemDifference, VariableChange, over_both_ranges
-from fis_tools.model import FuzzySystem, Variable
+from fis_tools.model import FuzzySystem
 from fis_tools.model.variables import sample
 
 if TYPE_CHECKING:
@@ -49,14 +50,19 @@ def draw_surfaces(system: SystemDifference) -> list[Markup]:
 
     Nothing is drawn if the inputs changed, or are fewer than two.
     """
-    if system.before is None or system.after is None or len(system.after.inputs) < 2:
+    from fis_tools import render  # noqa: PLC0415 - differences are told without matplotlib
+
+    before, after = system.before, system.after
+    if before is None or after is None or len(after.inputs) < 2:
         return []
-    moved = {change.output.name for change in system.outputs if change.largest > 0.0}
-    return [
-        _surface_picture(system.before, system.after, output)
-        for output in system.after.outputs
-        if output.name in moved
-    ]
+    moved = [change.output.name for change in system.outputs if change.largest > 0.0]
+    pictures = []
+    for name in dict.fromkeys(moved):
+        surfaces = changed_surfaces(before, after, name)
+        held = render.held_words(after, surfaces[0].fixed)
+        caption = f"{name}, before, after and the difference" + (f", where {held}" if held else "")
+        pictures.append(_picture(caption, partial(_figure, surfaces)))
+    return pictures
 
 
 def changed_surfaces(
@@ -100,15 +106,6 @@ def _figure(surfaces: tuple[Surface, Surface, Surface], theme: "Theme") -> "Figu
         render.draw_surface(one, ax, None if limits[0] == limits[1] else limits, title=words, theme=theme)
     render.draw_surface(surfaces[2], last, title="after less before", is_change=True, theme=theme)
     return figure
-
-
-def _surface_picture(before: FuzzySystem, after: FuzzySystem, output: Variable) -> Markup:
-    from fis_tools import render  # noqa: PLC0415 - differences are told without matplotlib
-
-    surfaces = changed_surfaces(before, after, output.name)
-    held = render.held_words(after, surfaces[0].fixed)
-    caption = f"{output.name}, before, after and the difference" + (f", where {held}" if held else "")
-    return _picture(caption, lambda theme: _figure(surfaces, theme))
 
 
 def _picture(caption: str, drawn: "Callable[[Theme], Figure]") -> Markup:

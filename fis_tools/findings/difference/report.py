@@ -1,16 +1,19 @@
 """A difference: what there is to say of it, and as plain data."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import Any
 
+from fis_tools.array_types import Floats
 from fis_tools.document import Block, Cell, Change, Document, Figure, Heading, Paragraph, Result, Table, plain
 from fis_tools.document.html import fragment, page
 from fis_tools.findings.difference import comparison
 from fis_tools.findings.difference.comparison import Fact, Pair, Source, SystemDifference, VariableChange
 from fis_tools.findings.difference.pictures import draw_surfaces, draw_terms
-from fis_tools.model import Formula, Linear, Rule, Sampled, Term, with_terms
+from fis_tools.formats.serialize import fingerprint
+from fis_tools.model import Formula, FuzzyController, FuzzySystem, Linear, Rule, Sampled, Term, with_terms
 from fis_tools.model.systems import has_sets
+from fis_tools.model.validate import validate
 from fis_tools.words import text
 
 #: Between the old and the new value.
@@ -288,16 +291,21 @@ def _plain_system(system: SystemDifference) -> dict[str, object]:
         "name": system.name,
         "state": "same" if system.is_empty else system.state,
         "facts": plain(system.facts),
-        "variables": [_plain_variable(change) for change in system.variables],
-        "rules": [
+        "variables": [
             {
-                "number": change.number,
+                "name": change.present.name,
+                "kind": change.kind,
                 "state": change.state,
-                "before": None if change.before is None else text.sentence(change.before),
-                "after": None if change.after is None else text.sentence(change.after),
+                "facts": plain(change.facts),
+                "terms": [
+                    _plain_pair(term, lambda one: str(one.name))
+                    | {name: getattr(term, name) for name in ("moved", "share", "similarity")}
+                    for term in change.terms
+                ],
             }
-            for change in system.rules
+            for change in system.variables
         ],
+        "rules": [_plain_pair(change, text.sentence) | {"number": change.number} for change in system.rules],
         "outputs": [
             {name: getattr(change, name) for name in _OUTPUT_KEYS}
             | {"name": change.output.name, "unit": change.output.unit, "largest_at": change.inputs}
@@ -309,21 +317,65 @@ def _plain_system(system: SystemDifference) -> dict[str, object]:
 _OUTPUT_KEYS = ("where", "num_samples", "mean", "largest", "mean_share", "largest_share", "before", "after")
 
 
-def _plain_variable(change: VariableChange) -> dict[str, object]:
-    return {
-        "name": change.present.name,
-        "kind": change.kind,
-        "state": change.state,
-        "facts": plain(change.facts),
-        "terms": [
-            {
-                "before": None if term.before is None else term.before.name,
-                "after": None if term.after is None else term.after.name,
-                "state": term.state,
-                "moved": term.moved,
-                "share": term.share,
-                "similarity": term.similarity,
-            }
-            for term in change.terms
-        ],
-    }
+def _plain_pair(change: Pair[Any], words: Callable[[Any], str]) -> dict[str, object]:
+    sides = {"before": change.before, "after": change.after}
+    told = {side: None if thing is None else words(thing) for side, thing in sides.items()}
+    return {"state": change.state, **told}
+
+
+def difference(
+    before: FuzzyController | FuzzySystem,
+    after: FuzzyController | FuzzySystem,
+    samples: Mapping[str, Floats] | None = None,
+    files: tuple[str, str] = ("", ""),
+) -> Difference:
+    """Compare two controllers, system by system.
+
+    Parameters
+    ----------
+    before, after : FuzzyController or FuzzySystem
+        Without problems. Two systems are compared whatever their names; systems of controllers by name.
+    samples : mapping of str to (n, num_inputs), optional
+        Inputs by the system's name, such as `fis_tools.analysis.flights.inputs_along` returns: outputs are
+        compared over them too, besides the whole ranges of the inputs.
+    files : (str, str)
+        Where the two were read from; empty if from no file.
+
+    Raises
+    ------
+    InvalidSystem
+        If a system has problems.
+    """
+    sides = [
+        one if isinstance(one, FuzzyController) else FuzzyController(one.name, (one,))
+        for one in (before, after)
+    ]
+    old, new = ({system.name: system for system in side.systems} for side in sides)
+    if isinstance(before, FuzzySystem) and isinstance(after, FuzzySystem):
+        old = {after.name: before}
+    for system in (*old.values(), *new.values()):
+        validate(system)
+    sources = (Source(side.name, file, fingerprint(side)) for side, file in zip(sides, files, strict=True))
+    compared = [_compare(old.pop(name, None), system, samples) for name, system in new.items()]
+    gone = [SystemDifference(system, None) for system in old.values()]
+    return Difference(*sources, tuple(_facts(*sides)), (*compared, *gone))
+
+
+def _facts(before: FuzzyController, after: FuzzyController) -> Iterator[Fact]:
+    if before.name != after.name:
+        yield Fact("name", before.name, after.name)
+    old, new = (dict(one.attributes) for one in (before, after))
+    for key in sorted({*old, *new}):
+        if old.get(key) != new.get(key):
+            yield Fact(key, old.get(key, "none"), new.get(key, "none"))
+
+
+def _compare(
+    before: FuzzySystem | None, after: FuzzySystem, samples: Mapping[str, Floats] | None
+) -> SystemDifference:
+    if before is None:
+        return SystemDifference(None, after)
+    variables = comparison.compare_variables(before, after)
+    rules = comparison.compare_rules(before, after, comparison.new_names(variables))
+    outputs = comparison.compare_outputs(before, after, None if samples is None else samples.get(after.name))
+    return SystemDifference(before, after, comparison.system_facts(before, after), variables, rules, outputs)
