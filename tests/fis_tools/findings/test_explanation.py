@@ -249,7 +249,7 @@ def test_shares_tell_what_matters_and_count_the_rest() -> None:
         ([0.1, 0.2], 0.0, "pass"),
         ([np.nan], 0.0, "NaN"),
         ({"z": 1.0}, 0.0, "no input 'z'"),
-        ([[0.1]], 0.0, "pass one number for each input"),
+        ([[0.1]], 0.0, "pass one number for each"),
         ([0.1], np.inf, "finite"),
     ],
 )
