@@ -10,7 +10,6 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from fis_tools.findings.difference.comparison import renamed
 from fis_tools.formats.exchange.fll_rules import read_own
 from fis_tools.model import (
     Constant,
@@ -23,6 +22,7 @@ from fis_tools.model import (
     Triangular,
     Variable,
     with_statements,
+    with_terms,
 )
 from fis_tools.model.shape import SHAPES
 from fis_tools.model.systems import has_sets
@@ -171,7 +171,7 @@ def term_touched(
             return with_variable(system, replace(variable, terms=_with(variable.terms, term)))
         case "rename":
             names = {(variable.name, term): told["name"].strip()}
-            system = replace(system, rules=tuple(renamed(rule, names) for rule in system.rules))
+            system = replace(system, rules=tuple(with_terms(rule, names) for rule in system.rules))
             held = replace(held, name=told["name"].strip())
         case "reshape":
             held = reshaped(variable, held, told["shape"])

@@ -132,8 +132,8 @@ def inches(ax: Axes) -> tuple[float, float]:
     """Return about how wide and high axes are; a layout that is still to come takes some more away."""
     figure = figure_of(ax)
     spare = 1.0 if figure.get_layout_engine() is None else 0.92
-    across, down = ax.bbox.size * (spare / figure.dpi)
-    return float(across), float(down)
+    across, down = (spare * float(length) / figure.dpi for length in ax.bbox.size)
+    return across, down
 
 
 def figure_of(ax: Axes) -> Figure:

@@ -223,7 +223,7 @@ def draw_surface(
 def colour_bar(axes: Sequence[Axes], image: Any, label: str, theme: Theme) -> None:
     """Put the scale of an image's colours beside axes."""
     many = len(axes) > 1
-    sizes = {"fraction": 0.05 if many else 0.1, "pad": 0.02 if many else 0.04}
+    sizes: Any = {"fraction": 0.05 if many else 0.1, "pad": 0.02 if many else 0.04}
     scale = lettering.figure_of(axes[0]).colorbar(image, ax=axes, label=label, **sizes)
     scale.outline.set_edgecolor(theme.muted)
     dress(scale.ax, theme)

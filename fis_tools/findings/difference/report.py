@@ -355,10 +355,10 @@ def difference(
         old = {after.name: before}
     for system in (*old.values(), *new.values()):
         validate(system)
-    sources = (Source(side.name, file, fingerprint(side)) for side, file in zip(sides, files, strict=True))
+    one, other = (Source(side.name, file, fingerprint(side)) for side, file in zip(sides, files, strict=True))
     compared = [_compare(old.pop(name, None), system, samples) for name, system in new.items()]
     gone = [SystemDifference(system, None) for system in old.values()]
-    return Difference(*sources, tuple(_facts(*sides)), (*compared, *gone))
+    return Difference(one, other, tuple(_facts(*sides)), (*compared, *gone))
 
 
 def _facts(before: FuzzyController, after: FuzzyController) -> Iterator[Fact]:
