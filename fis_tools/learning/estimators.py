@@ -10,7 +10,7 @@ from fis_tools.engines.compiler import compile
 from fis_tools.errors import MissingExtra
 from fis_tools.learning.learner import Consequents, Learned, Recipe, learn_classes, learn_number
 from fis_tools.learning.rules import range_of
-from fis_tools.learning.table import Column, columns_over, distinct
+from fis_tools.learning.table import Column, Samples, distinct, samples_of
 from fis_tools.model import FuzzySystem
 
 try:
@@ -27,9 +27,9 @@ class _FuzzyEstimator(BaseEstimator):
 
     system_: FuzzySystem
 
-    def _columns(self, rows: Floats) -> list[Column]:
+    def _samples(self, rows: Floats, counts: Floats) -> Samples:
         labels = getattr(self, "feature_names_in_", [f"x{place}" for place in range(rows.shape[1])])
-        return columns_over(rows, list(map(str, labels)))
+        return samples_of(rows, list(map(str, labels)), counts)
 
     def _keep(self, learned: Learned) -> Self:
         self.system_ = learned.system
@@ -100,7 +100,7 @@ class FuzzyRegressor(RegressorMixin, _FuzzyEstimator):
         rows, values, counts = _counting(rows, np.asarray(values, dtype=np.float64), sample_weight)
         recipe = Recipe(**self.get_params())
         target = Column("y", "", *range_of(values))
-        return self._keep(learn_number(self._columns(rows), rows, target, values, recipe, counts))
+        return self._keep(learn_number(self._samples(rows, counts), target, values, recipe))
 
     def predict(self, X: ArrayLike) -> Floats:
         """Return the number of each row, (n,)."""
@@ -145,8 +145,8 @@ class FuzzyClassifier(ClassifierMixin, _FuzzyEstimator):
         names = [label if isinstance(label, str) else f"class_{label}" for label in self.classes_.tolist()]
         owners = np.eye(len(names))[place]
         recipe = Recipe(**self.get_params())
-        columns = self._columns(rows)
-        return self._keep(learn_classes("y", columns, rows, distinct(names), owners, recipe, counts))
+        samples = self._samples(rows, counts)
+        return self._keep(learn_classes("y", samples, distinct(names), owners, recipe))
 
     def predict_proba(self, X: ArrayLike) -> Floats:
         """Return the share of each class for each row, (n, num_classes), with a sum of one."""

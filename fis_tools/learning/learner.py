@@ -29,11 +29,12 @@ from fis_tools.learning.rules import (
 )
 from fis_tools.learning.table import (
     Column,
+    Samples,
     Table,
     as_table,
-    columns_over,
     columns_within,
     distinct,
+    samples_of,
 )
 from fis_tools.model import FuzzySystem, Variable
 from fis_tools.model.validate import MOST_INPUTS
@@ -86,17 +87,13 @@ class Recipe:
                 raise Unlearnable(f"{name} is {value!r}; give a whole number from {least} to {most}")
 
 
-def _chosen_columns(
-    columns: Sequence[Column], rows: Floats, targets: Floats, counts: Floats, recipe: Recipe, kind: Kind
-) -> tuple[int, ...]:
+def _chosen_columns(samples: Samples, targets: Floats, recipe: Recipe, kind: Kind) -> tuple[int, ...]:
     """Choose columns one after the other, each time the one that lowers the expected error most.
 
     Parameters
     ----------
-    columns : sequence of Column
-    rows : (n, num_columns)
+    samples : Samples
     targets : (n, num_targets)
-    counts : (n,)
     recipe : Recipe
         Terms of each column, and how many are chosen at most.
     kind : {"constants", "linear", "shares"}
@@ -107,22 +104,22 @@ def _chosen_columns(
     tuple of int
         Their places, in the order of the table; one at least, even if none lowers the error.
     """
-    inputs = min(recipe.max_inputs, len(columns))
+    inputs = min(recipe.max_inputs, len(samples.columns))
     if recipe.terms**inputs > MOST_RULES:
         raise Unlearnable(
             f"{recipe.terms} terms of {inputs} inputs are up to {recipe.terms**inputs:,} rules, more than "
             f"{MOST_RULES:,}, which nobody reads; lower terms or max_inputs"
         )
-    partitions = _even(columns, recipe.terms)
-    waiting = [place for place in range(len(columns)) if np.ptp(rows[:, place]) > 0.0] or [0]
+    varied = np.ptp(samples.rows, axis=0) > 0.0
+    waiting: list[int] = np.flatnonzero(varied).tolist() or [0]
     chosen: list[int] = []
     lowest = np.inf
     while waiting and len(chosen) < recipe.max_inputs:
-        scores = []
-        for place in waiting:
-            tried = [*chosen, place]
-            found = fit([partitions[p] for p in tried], rows[:, tried], targets, counts, kind)
-            scores.append(found.score)
+        tries = [samples.of([*chosen, place]) for place in waiting]
+        scores = [
+            fit(_even(tried.columns, recipe.terms), tried.rows, targets, tried.counts, kind).score
+            for tried in tries
+        ]
         best = int(np.argmin(scores))
         if chosen and not scores[best] < lowest:
             break
@@ -151,47 +148,27 @@ class Learned(NamedTuple):
     columns: tuple[int, ...]
 
 
-def learn_number(
-    columns: Sequence[Column],
-    rows: Floats,
-    target: Column,
-    values: Floats,
-    recipe: Recipe,
-    counts: Floats | None = None,
-) -> Learned:
+def learn_number(samples: Samples, target: Column, values: Floats, recipe: Recipe) -> Learned:
     """Learn a system whose output is a number; its mean where no rule fires.
 
     Parameters
     ----------
-    columns : sequence of Column
-        What rules may ask for.
-    rows : (n, num_columns)
-        Two rows or more.
+    samples : Samples
     target : Column
         What is to be learned.
     values : (n,)
         Its values.
     recipe : Recipe
-    counts : (n,), optional
-        As how many equal rows each counts; above zero, one by default.
     """
-    counts = np.ones(len(rows)) if counts is None else counts
-    mean = float((counts * values).sum() / counts.sum())
+    mean = float((samples.counts * values).sum() / samples.counts.sum())
     if recipe.consequents == "sets":
-        return _learn_sets(columns, rows, target, values, counts, mean, recipe)
+        return _learn_sets(samples, target, values, mean, recipe)
     output = bare_output(target.name, target.unit, (target.low, target.high), mean)
-    targets = values[:, np.newaxis]
-    return _learn_numbers(target.name, columns, rows, [output], targets, counts, recipe, recipe.consequents)
+    return _learn_numbers(target.name, samples, [output], values[:, np.newaxis], recipe, recipe.consequents)
 
 
 def learn_classes(
-    name: str,
-    columns: Sequence[Column],
-    rows: Floats,
-    classes: Sequence[str],
-    owners: Floats,
-    recipe: Recipe,
-    counts: Floats | None = None,
+    name: str, samples: Samples, classes: Sequence[str], owners: Floats, recipe: Recipe
 ) -> Learned:
     """Learn a system with an output for each class: the share of it among rows of such inputs.
 
@@ -199,85 +176,65 @@ def learn_classes(
     ----------
     name : str
         What the system is called.
-    columns : sequence of Column
-        What rules may ask for.
-    rows : (n, num_columns)
-        Two rows or more.
+    samples : Samples
     classes : sequence of str
         What they are called.
     owners : (n, num_classes)
         One where a row is of a class, else zero.
     recipe : Recipe
         What it says of consequents does not count.
-    counts : (n,), optional
-        As how many equal rows each counts; above zero, one by default.
     """
-    counts = np.ones(len(rows)) if counts is None else counts
-    shares = (counts[:, np.newaxis] * owners).sum(axis=0) / counts.sum()
+    shares = (samples.counts[:, np.newaxis] * owners).sum(axis=0) / samples.counts.sum()
     outputs = [
         bare_output(label, "", (0.0, 1.0), share)
         for label, share in zip(classes, shares.tolist(), strict=True)
     ]
-    return _learn_numbers(name, columns, rows, outputs, owners, counts, recipe, "shares")
+    return _learn_numbers(name, samples, outputs, owners, recipe, "shares")
 
 
 def _learn_numbers(
-    name: str,
-    columns: Sequence[Column],
-    rows: Floats,
-    outputs: Sequence[Variable],
-    targets: Floats,
-    counts: Floats,
-    recipe: Recipe,
-    kind: Kind,
+    name: str, samples: Samples, outputs: Sequence[Variable], targets: Floats, recipe: Recipe, kind: Kind
 ) -> Learned:
     """Learn a system whose rules conclude numbers."""
-    some = _spread(len(rows))
-    chosen = _chosen_columns(columns, rows[some], targets[some], counts[some], recipe, kind)
-    rows = rows[:, chosen]
-    fed = [columns[place] for place in chosen]
-    partitions = _even(fed, recipe.terms)
+    places = _spread(len(samples.rows))
+    chosen = _chosen_columns(samples.at(places), targets[places], recipe, kind)
+    fed = samples.of(chosen)
+    some = fed.at(places)
+    partitions = _even(fed.columns, recipe.terms)
     if recipe.tune:
         partitions = tuned(
-            partitions, lambda tried: fit(tried, rows[some], targets[some], counts[some], kind).score
+            partitions, lambda tried: fit(tried, some.rows, targets[places], some.counts, kind).score
         )
-    found = fit(partitions, rows, targets, counts, kind)
-    names = distinct([*(column.name for column in fed), *(output.name for output in outputs)])
-    inputs = [p.as_input(n, c.unit) for p, n, c in zip(partitions, names, fed, strict=False)]
-    outputs = [replace(output, name=n) for output, n in zip(outputs, names[len(fed) :], strict=True)]
+    found = fit(partitions, fed.rows, targets, fed.counts, kind)
+    names = distinct([*(column.name for column in fed.columns), *(output.name for output in outputs)])
+    inputs = [p.as_input(n, c.unit) for p, n, c in zip(partitions, names, fed.columns, strict=False)]
+    outputs = [replace(output, name=n) for output, n in zip(outputs, names[len(inputs) :], strict=True)]
     return Learned(takagi_sugeno(name, inputs, outputs, found), chosen)
 
 
-def _learn_sets(
-    columns: Sequence[Column],
-    rows: Floats,
-    target: Column,
-    values: Floats,
-    counts: Floats,
-    mean: float,
-    recipe: Recipe,
-) -> Learned:
+def _learn_sets(samples: Samples, target: Column, values: Floats, mean: float, recipe: Recipe) -> Learned:
     """Learn a Mamdani system."""
-    some = _spread(len(rows))
-    chosen = _chosen_columns(columns, rows[some], values[some, np.newaxis], counts[some], recipe, "constants")
-    rows = rows[:, chosen]
-    names = distinct([*(columns[place].name for place in chosen), target.name])
-    fed = [replace(columns[place], name=name) for place, name in zip(chosen, names, strict=False)]
+    places = _spread(len(samples.rows))
+    chosen = _chosen_columns(samples.at(places), values[places, np.newaxis], recipe, "constants")
+    fed = samples.of(chosen)
+    some = fed.at(places)
+    names = distinct([*(column.name for column in fed.columns), target.name])
 
-    def system(partitions: Partitions, among: slice | Integers) -> FuzzySystem:
+    def system(partitions: Partitions, among: Samples, values: Floats) -> FuzzySystem:
         *parts, last = partitions
-        inputs = [(p.as_input(c.name, c.unit), p) for p, c in zip(parts, fed, strict=True)]
+        units = [column.unit for column in among.columns]
+        inputs = [(p.as_input(n, unit), p) for p, n, unit in zip(parts, names, units, strict=False)]
         output = last.as_output(names[-1], target.unit, mean)
-        return wang_mendel(target.name, inputs, (output, last), rows[among], values[among], counts[among])
+        return wang_mendel(target.name, inputs, (output, last), among.rows, values, among.counts)
 
     def error(partitions: Partitions) -> float:
-        answers = compile(system(partitions, some))(rows[some])[:, 0]
-        return float((counts[some] * np.square(answers - values[some])).sum())
+        answers = compile(system(partitions, some, values[places]))(some.rows)[:, 0]
+        return float((some.counts * np.square(answers - values[places])).sum())
 
-    partitions = (*_even(fed, recipe.terms), even(target.low, target.high, recipe.output_terms))
+    partitions = (*_even(fed.columns, recipe.terms), even(target.low, target.high, recipe.output_terms))
     if recipe.tune:
         partitions = tuned(partitions, error)
-    return Learned(system(partitions, slice(None)), chosen)
+    return Learned(system(partitions, fed, values), chosen)
 
 
 def _even(columns: Sequence[Column], terms: int) -> tuple[Partition, ...]:
@@ -332,14 +289,14 @@ def learn(content: Any, target: str, *, inputs: list[str] | None = None, **recip
 
 def learn_table(table: Table, recipe: Recipe) -> Learned:
     """Learn a system, and tell which columns feed it."""
-    columns = columns_over(table.rows, table.labels)
+    samples = samples_of(table.rows, table.labels)
     name, unit = name_and_unit(table.target)
     if table.has_classes:
         classes, owner = np.unique(table.values, return_inverse=True)
         labels = distinct(name_and_unit(str(label))[0] for label in classes.tolist())
-        return learn_classes(name, columns, table.rows, labels, np.eye(len(classes))[owner], recipe)
+        return learn_classes(name, samples, labels, np.eye(len(classes))[owner], recipe)
     target = Column(name, unit, *range_of(table.values))
-    return learn_number(columns, table.rows, target, table.values, recipe)
+    return learn_number(samples, target, table.values, recipe)
 
 
 def cross_validated(table: Table, recipe: Recipe) -> Reached | None:
@@ -437,7 +394,8 @@ def imitate(
     taught = len(samples) - JUDGED_BY
     *_, name = distinct([*(column.name for column in columns), output])
     target = Column(name, "", *range_of(answers[:taught]))
-    learned = learn_number(columns, samples[:taught], target, answers[:taught], Recipe(**recipe))
+    told = Samples(columns, samples[:taught], np.ones(taught))
+    learned = learn_number(told, target, answers[:taught], Recipe(**recipe))
     fed = samples[taught:, list(learned.columns)]
     miss = compile(learned.system)(fed)[:, 0] - answers[taught:]
     return Imitation(learned.system, float(np.sqrt(np.mean(miss**2))), float(np.abs(miss).max()))

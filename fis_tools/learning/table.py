@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from fis_tools.analysis import tables
 from fis_tools.analysis.tables import name_and_unit
-from fis_tools.array_types import Floats
+from fis_tools.array_types import Floats, Integers
 from fis_tools.engines.inference import columns_of
 from fis_tools.errors import ControllerFileError
 from fis_tools.learning.rules import range_of
@@ -223,14 +223,42 @@ class Column:
     high: float
 
 
-def columns_over(rows: Floats, labels: Sequence[str]) -> list[Column]:
-    """Return the columns of a table, (n, num_columns), over the ranges of its rows."""
+@dataclass(frozen=True)
+class Samples:
+    """Rows to learn from.
+
+    Parameters
+    ----------
+    columns : sequence of Column
+        What rules may ask for.
+    rows : (n, num_columns)
+        Two or more.
+    counts : (n,)
+        As how many equal rows each counts; above zero.
+    """
+
+    columns: Sequence[Column]
+    rows: Floats
+    counts: Floats
+
+    def of(self, places: Sequence[int]) -> "Samples":
+        """Return them with some of the columns."""
+        return Samples([self.columns[place] for place in places], self.rows[:, list(places)], self.counts)
+
+    def at(self, rows: Integers) -> "Samples":
+        """Return some of them."""
+        return Samples(self.columns, self.rows[rows], self.counts[rows])
+
+
+def samples_of(rows: Floats, labels: Sequence[str], counts: Floats | None = None) -> Samples:
+    """Return the samples of a table, (n, num_columns), over the ranges of its rows; each counts once."""
     found = []
     for label, values in zip(labels, rows.T, strict=True):
         name, unit = name_and_unit(label)
         found.append(Column(name, unit, *range_of(values)))
     names = distinct(column.name for column in found)
-    return [replace(column, name=name) for column, name in zip(found, names, strict=True)]
+    columns = [replace(column, name=name) for column, name in zip(found, names, strict=True)]
+    return Samples(columns, rows, np.ones(len(rows)) if counts is None else counts)
 
 
 def columns_within(ranges: Mapping[str, tuple[float, float]]) -> list[Column]:

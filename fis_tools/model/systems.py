@@ -487,9 +487,9 @@ def conjunctions(system: FuzzySystem) -> tuple[Integers, Integers] | None:
                 return None
             place = places[statement.variable]
             cells[index, place] = system.inputs[place].term_index(statement.term)
-        consequent = rule.consequents[0]
-        if len(rule.consequents) != 1 or consequent.weight != 1.0 or rule.has_own_operators:
+        if len(rule.consequents) != 1 or rule.consequents[0].weight != 1.0 or rule.has_own_operators:
             return None
+        consequent = rule.consequents[0]
         consequents[index] = system.outputs[0].term_index(consequent.term)
     return cells, consequents
 

@@ -287,7 +287,12 @@ def _output_problems(system: FuzzySystem) -> Iterator[str]:
                 "cut by min and aggregated by max; drop it, or the other implication and aggregation"
             )
     for variable in system.inputs:
-        yield from _number_problems(variable)
+        for term in variable.terms:
+            if isinstance(term.membership, Number):
+                yield (
+                    f"input {variable.name!r}, term {term.name!r} is a number; terms of inputs are fuzzy "
+                    "sets, so give it a shape"
+                )
         usual = {"default": None, "defuzzifier": None, "accumulation": "max", "aggregation": "max"}
         for key, unset in usual.items():
             if getattr(variable, key) != unset:
@@ -350,16 +355,6 @@ def _formula_problems(system: FuzzySystem, output: Variable, formula: Formula) -
             yield (
                 f"the formula {formula.text[:40]!r} speaks of {name!r}, no input and no output before "
                 f"this one; choose of {', '.join(known)}"
-            )
-
-
-def _number_problems(variable: Variable) -> Iterator[str]:
-    """Yield the terms of an input that are numbers."""
-    for term in variable.terms:
-        if isinstance(term.membership, Number):
-            yield (
-                f"input {variable.name!r}, term {term.name!r} is a number; terms of inputs are fuzzy sets, "
-                "so give it a shape"
             )
 
 

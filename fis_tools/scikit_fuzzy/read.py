@@ -49,12 +49,6 @@ _DEFUZZIFIERS: tuple[model.Defuzzifier, ...] = ("centroid", "bisector", "mom", "
 ROUNDED = 1e-15
 #: Number types in which scikit-fuzzy computes without loss.
 _EXACT_TYPES = ("float64", "int32", "int64")
-#: What it does with others.
-_INEXACT_TYPES = {
-    "float32": "in which scikit-fuzzy rounds to seven digits",
-    "float16": "in which scikit-fuzzy rounds to three digits",
-    "bool": "which scikit-fuzzy cannot subtract",
-}
 #: Characters of a rule that is named by its words.
 MOST_WORDS = 120
 
@@ -174,10 +168,9 @@ def _term(source: Any, universe: Floats, term: FuzzyTerm) -> model.Term:
 def _exact(values: Any, what: str) -> Floats:
     array = np.asarray(values)
     if array.dtype.name not in _EXACT_TYPES:
-        reason = _INEXACT_TYPES.get(array.dtype.name, "in which scikit-fuzzy overflows or rounds")
         raise UnreadableControlSystem(
-            f"{what} is stored as {array.dtype.name}, {reason}; store it as float64 before you build the "
-            "system"
+            f"{what} is stored as {array.dtype.name}, with which scikit-fuzzy rounds or fails; store it as "
+            "float64 before you build the system"
         )
     return array.astype(np.float64)
 

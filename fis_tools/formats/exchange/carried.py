@@ -171,6 +171,3 @@ def _jumps_between_points(visible: FuzzySystem) -> Iterator[str]:
                 f"{output.name} {term.name} jumps at {number(between[0])}, between two points of its "
                 f"universe, {fact}; give the output more points"
             )
-
-
-# Adopting: what of the original still looks as it did when it was written.

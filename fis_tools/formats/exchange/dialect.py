@@ -422,7 +422,8 @@ def input_universe(
     if fitting.size and not jumps.size:
         return int(fitting[0]) + 1, None
     grid = np.linspace(minimum, maximum, int(fitting[0] if fitting.size else counts[0]) + 1)
-    added = np.concatenate([corners, *_beside(jumps, minimum, maximum)])
+    gap = np.spacing(max(abs(minimum), abs(maximum)))  # as near as numbers of the range are to each other
+    added = np.concatenate([corners, jumps - gap, jumps + gap])
     near = np.abs(np.subtract.outer(grid[1:-1], corners)).min(axis=1) < ON_POINT * (grid[1] - grid[0])
     points = np.union1d(np.concatenate([grid[:1], grid[1:-1][~near], grid[-1:]]), added)
     return len(points), tuple(points.tolist())
@@ -435,12 +436,6 @@ def corners_of(
     inside = [[x for x in shape.corners if minimum < x < maximum] for shape in shapes]
     jumps = [x for corners in inside for x, other in pairwise(corners) if x == other]
     return np.unique([x for corners in inside for x in corners]), np.unique(jumps)
-
-
-def _beside(jumps: Floats, minimum: float, maximum: float) -> tuple[Floats, Floats]:
-    """Return the points right before and after jumps: as near as numbers of the range are to each other."""
-    gap = np.spacing(max(abs(minimum), abs(maximum)))
-    return jumps - gap, jumps + gap
 
 
 def universe_of(

@@ -300,7 +300,7 @@ class TermWords:
             return concluded_formula(" ".join(values), inputs, where)
         found = places(values, where)
         if inputs is not None:
-            return concluded(word, found, len(inputs), self.file_format, where)
+            return concluded(word, found, len(inputs), extent, self.file_format, where)
         if word == TABLES[self.file_format]:
             return table(found, where)
         return shape(word, found, extent, shapes, self.flanks, where)
@@ -311,36 +311,28 @@ TABLES: Mapping[Format, str] = {"fis": "discretemf", "fll": "Discrete"}
 
 
 def concluded(
-    word: str, values: Sequence[float], num_inputs: int, file_format: Format, where: str
+    word: str, values: Sequence[float], num_inputs: int, extent: Extent, file_format: Format, where: str
 ) -> model.MembershipFunction:
     """Turn a word and its numbers into a term of an output that is weighed: a number, or a monotone shape.
 
     A linear number may lack its constant; older versions of MATLAB pad with zeros.
     """
-    shapes = words_of(file_format)
-    kind, order = (
-        (model.Ramp, ("start", "end")) if word == RAMPS[file_format] else shapes.get(word, (None, ()))
-    )
-    if kind is None or not issubclass(kind, _WEIGHED):
-        known = [RAMPS[file_format], *(w for w, (k, _) in shapes.items() if issubclass(k, _WEIGHED))]
+    shapes: ShapeWords = {**words_of(file_format), RAMPS[file_format]: (model.Ramp, ("start", "end"))}
+    known = [w for w, (kind, _) in shapes.items() if issubclass(kind, model.Number | model.MonotoneFunction)]
+    if word not in known:
         raise ControllerFileError(
             f"{where}: the output is a weighted average or sum, and its term is a {word[:40]!r}, which "
             f"cannot be weighed; use one of {', '.join(sorted(known))}"
         )
-    expected = num_inputs + 1 if kind is model.Linear else len(order)
-    if kind is model.Linear and len(values) == num_inputs:
-        values = [*values, 0.0]
-    if not any(values[expected:]):
-        values = values[:expected]
-    if len(values) != expected or not all(map(math.isfinite, values)):
+    if shapes[word][0] is not model.Linear:
+        return shape(word, values, extent, shapes, {}, where)
+    *factors, constant = [*values, 0.0] if len(values) == num_inputs else values[: num_inputs + 1] or [0.0]
+    if len(factors) != num_inputs or any(values[num_inputs + 1 :]) or not all(map(math.isfinite, values)):
         raise ControllerFileError(
-            f"{where}: {word} has the numbers {', '.join(f'{x:g}' for x in values)}; expected {expected} "
-            "finite ones"
+            f"{where}: {word} has the numbers {', '.join(f'{x:g}' for x in values)}; expected "
+            f"{num_inputs + 1} finite ones"
         )
-    if kind is model.Linear:
-        return model.Linear(tuple(values[:-1]), values[-1])
-    build: Callable[..., model.MembershipFunction] = kind
-    return build(**dict(zip(order, values, strict=True)))
+    return model.Linear(tuple(factors), constant)
 
 
 #: fuzzylite's words for terms.
@@ -350,7 +342,6 @@ FUZZYLITES = TermWords(
 
 #: The word of a format for a ramp, which elsewhere is read as a trapezoid.
 RAMPS: Mapping[Format, str] = {"fll": "Ramp", "fis": "rampmf"}
-_WEIGHED = (model.Number, model.MonotoneFunction)
 
 
 def kept_words(output: str) -> str:

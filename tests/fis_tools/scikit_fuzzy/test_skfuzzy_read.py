@@ -341,7 +341,7 @@ class _Unhashable:
         (_input_with(np.arange(5.0), np.eye(5, dtype=np.uint8)[0]), ["term 'odd' is stored as uint8"]),
         (
             _input_with(np.arange(5.0), np.eye(5, dtype=bool)[0]),
-            ["as bool, which scikit-fuzzy cannot subtract"],
+            ["as bool, with which scikit-fuzzy rounds or fails"],
         ),
         (_input_with(np.arange(5.0)[::-1], np.zeros(5)), ["universe of 'c'", "ascending", "sort it"]),
         (_input_with(np.array([1.0]), np.zeros(1)), ["two or more ascending numbers"]),
