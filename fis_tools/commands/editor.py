@@ -31,6 +31,7 @@ def edit(
         print the address and open no browser
     """
     controller = asked.read()
-    from fis_tools.edit.page import open_editor  # noqa: PLC0415 - the other commands do without a server
+    from fis_tools.edit.server import serve  # noqa: PLC0415, I001 - says first what is not installed
+    from fis_tools.edit.page import Editor  # noqa: PLC0415 - the other commands do without a server
 
-    open_editor(Path(asked.controller), controller, port=port, opens=not no_browser)
+    serve(lambda: Editor(Path(asked.controller), controller), controller.name, port, not no_browser)

@@ -35,14 +35,8 @@ def chart(x: Options, y: Options, series: list[Options], **more: Any) -> Options
     names = [one["name"] for one in series if "name" in one]
     legend = {"type": "scroll", "top": 0, "itemHeight": 9, "data": names} if names else {"show": False}
     grid = {"left": 58, "right": 14, "top": 28 if names else 10, "bottom": 42}
-    return {
-        "animation": False,
-        "grid": grid,
-        "legend": legend,
-        "xAxis": x,
-        "yAxis": y,
-        "series": series,
-    } | more
+    told: Options = {"animation": False, "grid": grid, "legend": legend}
+    return told | {"xAxis": x, "yAxis": y, "series": series} | more
 
 
 def line(points: Floats, colour: str, **more: Any) -> Options:

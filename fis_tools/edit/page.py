@@ -2,14 +2,15 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
+from types import MappingProxyType
 
 from nicegui import ui
 
 from fis_tools.document.html import read
-from fis_tools.edit import server
-from fis_tools.edit.panels import Answers, Changes, Findings, Panel, card, heading
-from fis_tools.edit.session import NotSaved, Session
+from fis_tools.edit.panels import Answers, Panel, Told, card, changes, findings, heading
+from fis_tools.edit.session import Session
 from fis_tools.edit.system_view import SystemView
 from fis_tools.formats.files import ENDINGS
 from fis_tools.model import FuzzyController
@@ -19,9 +20,9 @@ PLAIN = "flat no-caps"
 #: Ctrl+Z and Ctrl+Y, which fields of text keep for themselves
 KEYS = """<script>
 document.addEventListener("keydown", (event) => {
-  const word = { z: event.shiftKey ? "redo" : "undo", y: "redo" }[event.key.toLowerCase()];
-  const is_text = event.target.matches("input:not([type=range]), textarea, select");
-  if (word && (event.ctrlKey || event.metaKey) && !is_text) emitEvent(word);
+  const by = { z: event.shiftKey ? 1 : -1, y: 1 }[event.key.toLowerCase()];
+  const isText = event.target.matches("input:not([type=range]), textarea, select");
+  if (by && (event.ctrlKey || event.metaKey) && !isText) emitEvent("step", by);
 });
 </script>"""
 
@@ -31,15 +32,23 @@ class Editor:
 
     Parameters
     ----------
-    session : Session
+    path : Path
+        What the controller was read from; copies are proposed beside it.
+    controller : FuzzyController
     panels : sequence of Panel
         Those of whoever opened it, shown first.
     meanings : mapping of str to str
         What attributes of the controller mean, by their names.
     """
 
-    def __init__(self, session: Session, panels: Sequence[Panel], meanings: Mapping[str, str]) -> None:
-        self.session, self._meanings = session, meanings
+    def __init__(
+        self,
+        path: Path,
+        controller: FuzzyController,
+        panels: Sequence[Panel] = (),
+        meanings: Mapping[str, str] = MappingProxyType({}),
+    ) -> None:
+        self.session, self._meanings = Session(path, controller), meanings
         self._fields: dict[str, ui.input] = {}
         ui.colors(primary="#1f5fa8")
         ui.add_css(read("style.css") + read("style.css", "fis_tools.edit"))
@@ -51,7 +60,7 @@ class Editor:
             self._left = ui.element("div").classes("side")
         with beside:
             self._surface = ui.element("div")
-        own = (Findings(), Changes(session.original))
+        own = (Told("Findings", findings), Told("Changes", partial(changes, controller)))
         self._answers = Answers([*((sides[1], one) for one in panels), *((beside, one) for one in own)])
         self._choose(0)
         self._ask()
@@ -64,13 +73,12 @@ class Editor:
             self._status = ui.label().classes("status").props('role="status" aria-live="polite"')
             with ui.element("div").classes("buttons"):
                 self._undo, self._redo = (
-                    ui.button(word, on_click=lambda _, step=step: self._step(step)).props(PLAIN)
-                    for word, step in (("Undo", self.session.undo), ("Redo", self.session.redo))
+                    ui.button(word, on_click=partial(self._step, by)).props(PLAIN)
+                    for word, by in (("Undo", -1), ("Redo", 1))
                 )
                 ui.button("Save a copy", on_click=self._ask_to_save).props("unelevated no-caps")
         ui.add_body_html(KEYS)
-        for word, step in (("undo", self.session.undo), ("redo", self.session.redo)):
-            ui.on(word, lambda _, step=step: self._step(step))
+        ui.on("step", lambda event: self._step(event.args))
 
     def _choose(self, place: int) -> None:
         """Show another system."""
@@ -119,8 +127,8 @@ class Editor:
 
         self.touch(change)
 
-    def _step(self, step: Callable[[], None]) -> None:
-        step()
+    def _step(self, by: int) -> None:
+        self.session.step(by)
         self._show()
         self._ask()
 
@@ -131,8 +139,8 @@ class Editor:
         self._view.show()
         for one in constants(self.session.controller, self._meanings):
             self._fields[one.name].set_value(one.exact)
-        self._undo.set_enabled(self.session.can_undo)
-        self._redo.set_enabled(self.session.can_redo)
+        self._undo.set_enabled(self.session.can_step(-1))
+        self._redo.set_enabled(self.session.can_step(1))
 
     def _ask_to_save(self) -> None:
         with ui.dialog() as dialog, ui.card().classes("save"):
@@ -145,7 +153,7 @@ class Editor:
             def save() -> None:
                 try:
                     done = self.session.save(Path(place.value).expanduser(), replaces.value)
-                except (NotSaved, OSError) as refused:
+                except (ValueError, OSError) as refused:
                     refusal.set_text(str(refused))
                     return
                 self._status.set_text("; ".join(done))
@@ -157,32 +165,3 @@ class Editor:
                 ui.button("Save", on_click=save).props("unelevated no-caps")
         dialog.on("hide", dialog.delete)
         dialog.open()
-
-
-def open_editor(
-    path: Path,
-    controller: FuzzyController,
-    panels: Callable[[], Sequence[Panel]] = tuple,
-    meanings: Mapping[str, str] | None = None,
-    port: int = 0,
-    opens: bool = True,
-) -> None:
-    """Serve an editor of a controller until Ctrl-C; see `fis_tools.edit.server.serve`.
-
-    Parameters
-    ----------
-    path : Path
-        What it was read from; copies are proposed beside it.
-    controller : FuzzyController
-    panels : callable
-        Makes the panels of a window.
-    meanings : mapping of str to str
-        What its attributes mean, by their names.
-    port, opens
-        As of `serve`.
-    """
-
-    def page() -> None:
-        Editor(Session(path, controller), panels(), meanings or {})
-
-    server.serve(page, controller.name, port, opens)

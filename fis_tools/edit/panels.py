@@ -4,7 +4,7 @@ import asyncio
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from functools import partial
+from functools import lru_cache, partial
 from typing import Protocol
 
 from nicegui import background_tasks, run, ui
@@ -12,7 +12,7 @@ from nicegui import background_tasks, run, ui
 from fis_tools.document import Document, html
 from fis_tools.findings import audit as audits
 from fis_tools.findings.difference import difference
-from fis_tools.model import FuzzyController, FuzzySystem
+from fis_tools.model import FuzzyController
 
 #: shows one part of an answer on the page
 Show = Callable[[], object]
@@ -105,60 +105,51 @@ class Answers:
         self._asked.pop(panel, None)
 
 
-class Findings:
-    """What an audit finds; only systems that changed are audited again."""
-
-    title = "Findings"
-
-    def __init__(self) -> None:
-        self._known: dict[str, tuple[FuzzySystem, audits.Audit]] = {}
-
-    def build(self, again: Callable[[], None]) -> None:
-        """Put a list on the page."""
-        self._shown = document().props("role=status")
-
-    def answers(self, controller: FuzzyController) -> Iterator[Show]:
-        """Audit."""
-        for system in controller.systems:
-            if self._known.get(system.name, (None,))[0] is not system:
-                self._known[system.name] = (system, audits.audit(system))
-        found = [one for system in controller.systems for one in self._known[system.name][1].findings]
-        found.sort(key=lambda one: -one.severity)
-        counts = Counter(one.severity for one in found)
-        words = ", ".join(severity.counted(count) for severity, count in counts.items()) or "nothing found"
-        told = [html.element("p", words)]
-        for one in found:
-            summary = html.element("summary", f"{one.system}: {one.sentence}")
-            told.append(html.element("details", summary, one.cure, class_=f"finding {one.severity.word}"))
-        yield partial(self._shown.set_content, "".join(told))
-
-
-class Changes:
-    """What differs from the controller that was opened.
+class Told:
+    """A panel whose answer is a document.
 
     Parameters
     ----------
-    original : FuzzyController
+    title : str
+    answer : callable
+        Returns HTML that is escaped.
     """
 
-    title = "Changes"
-
-    def __init__(self, original: FuzzyController) -> None:
-        self._original = original
+    def __init__(self, title: str, answer: Callable[[FuzzyController], str]) -> None:
+        self.title, self._answer = title, answer
 
     def build(self, again: Callable[[], None]) -> None:
         """Put a document on the page."""
-        self._shown = document()
+        self._shown = document().props("role=status")
 
     def answers(self, controller: FuzzyController) -> Iterator[Show]:
-        """Compare; systems that are the same are left out."""
-        if controller == self._original:
-            yield partial(self._shown.set_content, "<p>Nothing changed.</p>")
-            return
-        before, after = self._original, controller
-        pairs = list(zip(before.systems, after.systems, strict=True))
-        changed = [pair for pair in pairs if pair[0] != pair[1]] or pairs[:1]
-        olds, news = (tuple(side) for side in zip(*changed, strict=True))
-        found = difference(replace(before, systems=olds), replace(after, systems=news))
-        body = html.body(Document(found.document().blocks[2:]))
-        yield partial(self._shown.set_content, str(body))
+        """Compute it."""
+        yield partial(self._shown.set_content, self._answer(controller))
+
+
+#: systems that did not change are not audited again
+_audit = lru_cache(maxsize=16)(audits.audit)
+
+
+def findings(controller: FuzzyController) -> str:
+    """Return what an audit finds, the worst first."""
+    found = [one for system in controller.systems for one in _audit(system).findings]
+    found.sort(key=lambda one: -one.severity)
+    counts = Counter(one.severity for one in found)
+    words = ", ".join(severity.counted(count) for severity, count in counts.items()) or "nothing found"
+    told = [html.element("p", words)]
+    for one in found:
+        summary = html.element("summary", f"{one.system}: {one.sentence}")
+        told.append(html.element("details", summary, one.cure, class_=f"finding {one.severity.word}"))
+    return "".join(told)
+
+
+def changes(before: FuzzyController, after: FuzzyController) -> str:
+    """Return what differs; systems that are the same are left out."""
+    if before == after:
+        return "<p>Nothing changed.</p>"
+    pairs = list(zip(before.systems, after.systems, strict=True))
+    changed = [pair for pair in pairs if pair[0] != pair[1]] or pairs[:1]
+    olds, news = (tuple(side) for side in zip(*changed, strict=True))
+    found = difference(replace(before, systems=olds), replace(after, systems=news))
+    return str(html.body(Document(found.document().blocks[2:])))

@@ -55,7 +55,7 @@ def _guarded(inside: Any, port: int, token: str) -> Any:
     return answer
 
 
-def serve(page: Callable[[], None], title: str, port: int = 0, opens: bool = True) -> None:
+def serve(page: Callable[[], object], title: str, port: int = 0, opens: bool = True) -> None:
     """Serve a page until Ctrl-C; each window that opens it has its own.
 
     Parameters

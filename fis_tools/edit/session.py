@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import chain, count
 from pathlib import Path
 
 from fis_tools.findings.difference import Difference, difference
@@ -16,10 +17,6 @@ from fis_tools.words.text import listed, sentence
 EDITED_FROM = "edited_from"
 #: changes of a kind that a saved copy tells one by one
 MOST_TOLD = 4
-
-
-class NotSaved(ValueError):  # noqa: N818
-    """A copy that is not written; the text says why and what to do."""
 
 
 class Session:
@@ -43,15 +40,14 @@ class Session:
         """The controller as it stands."""
         return self._history[self._place]
 
-    @property
-    def can_undo(self) -> bool:
-        """Whether there is a step to take back."""
-        return self._place > 0
+    def can_step(self, by: int) -> bool:
+        """Whether there is a step to take back (-1), or one that was taken back (1)."""
+        return 0 <= self._place + by < len(self._history)
 
-    @property
-    def can_redo(self) -> bool:
-        """Whether a step was taken back."""
-        return self._place + 1 < len(self._history)
+    def step(self, by: int) -> None:
+        """Take the last step back (-1), or the step again that was taken back last (1)."""
+        if self.can_step(by):
+            self._place, self._gesture = self._place + by, None
 
     def touch(self, change: Callable[[FuzzyController], FuzzyController], gesture: object = None) -> None:
         """Take a step; those of one gesture, such as a drag, are one step to undo.
@@ -70,22 +66,11 @@ class Session:
         self._history[keep:] = [changed]
         self._place, self._gesture = keep, gesture
 
-    def undo(self) -> None:
-        """Take the last step back."""
-        self._place, self._gesture = max(0, self._place - 1), None
-
-    def redo(self) -> None:
-        """Take the step again that was taken back last."""
-        self._place, self._gesture = min(self._place + 1, len(self._history) - 1), None
-
     def proposed(self) -> Path:
         """Return a place for a copy where no file is."""
-        folder = self.path if self.path.is_dir() else self.path.parent
-        for number in range(1, 1000):
-            name = f"{self.original.name}-edited{'' if number == 1 else f'-{number}'}.yaml"
-            if not (folder / name).exists():
-                return folder / name
-        return folder / "edited.yaml"
+        folder, stem = self.path if self.path.is_dir() else self.path.parent, f"{self.original.name}-edited"
+        names = chain([stem], (f"{stem}-{number}" for number in count(2)))
+        return next(place for name in names if not (place := folder / f"{name}.yaml").exists())
 
     def copy(self) -> FuzzyController:
         """Return the controller with what was changed by hand as a fact of its provenance."""
@@ -100,16 +85,13 @@ class Session:
 
         Raises
         ------
-        NotSaved
+        ValueError
             If there is a file already and it is not to be replaced, or the form cannot hold the controller.
         """
-        try:
-            files = written(self.copy(), place)
-        except ValueError as error:
-            raise NotSaved(str(error)) from error
+        files = written(self.copy(), place)
         there = [str(path) for path in files if path.exists()]
         if there and not replaces:
-            raise NotSaved(
+            raise ValueError(
                 f"{listed(there)} is there already; choose another name, or tick that it is replaced"
             )
         for path, file in files.items():

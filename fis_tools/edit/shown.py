@@ -81,38 +81,32 @@ def _handles(shape: MembershipFunction) -> Iterator[dict[str, Any]]:
 
 def rules(system: FuzzySystem, original: FuzzySystem | None, as_list: bool) -> list[dict[str, Any]]:
     """Return the rules as tables of terms that a press turns: a full table as such, others as a list."""
-    names = [one.name for one in system.outputs]
     tones = {
         Is(output.name, term.name): colour
         for output in system.outputs
         for term, colour in zip(output.terms, colours(len(output.terms)), strict=True)
     }
     before = original.rules if original is not None else ()
-    told = [
-        _RuleShown(system, place, before[place : place + 1] != (rule,), tones)
+    rows = [
+        _row(system, place, before[place : place + 1] != (rule,), tones)
         for place, rule in enumerate(system.rules)
     ]
     found = None if as_list else text.rule_tables(system)
     if found is None:
-        rows = [
-            {"head": f"rule {one.place + 1}", "rule": one.place}
-            | {"cells": [*one.asked(), *map(one.concluded, names)]}
-            for one in told
-        ]
         heads = ["rule", *(breakable(one.name) for one in (*system.inputs, *system.outputs))]
-        return [{"kind": "list", "heads": heads, "rows": rows}]
-    following = iter(told)
+        told = [{"head": f"rule {n + 1}", "rule": n, "cells": row} for n, row in enumerate(rows)]
+        return [{"kind": "list", "heads": heads, "rows": told}]
+    concluded = (row[-1] for row in rows)
     return [
         {
             "kind": "matrix",
             "title": title,
             "heads": list(map(breakable, heads)),
             "rows": [
-                {"head": breakable(head), "cells": [next(following).concluded(names[0]) for _ in cells]}
-                for head, *cells in rows
+                {"head": breakable(head), "cells": [next(concluded) for _ in cells]} for head, *cells in told
             ],
         }
-        for title, (heads, *rows) in found
+        for title, (heads, *told) in found
     ]
 
 
@@ -121,46 +115,33 @@ def breakable(name: str) -> str:
     return name.replace("_", "_\u200b")
 
 
-class _RuleShown:
-    """A rule, as cells of a table."""
+def _row(system: FuzzySystem, place: int, is_changed: bool, tones: dict[Is, str]) -> list[dict[str, Any]]:
+    """Return a cell for each input, or one in words for what is no conjunction, then for each output."""
+    rule = system.rules[place]
+    words = text.antecedent_words(rule.antecedent)
+    changed = "changed" if is_changed else ""
 
-    def __init__(self, system: FuzzySystem, place: int, is_changed: bool, tones: dict[Is, str]) -> None:
-        self._system, self.place, self._is_changed, self._tones = system, place, is_changed, tones
-        self._rule = system.rules[place]
-        self._words = text.antecedent_words(self._rule.antecedent)
+    def shown(side: str, n: int, one: Is | Consequent, told: str, **more: str) -> dict[str, Any]:
+        label = f"rule {place + 1}: {words}; {one.variable} is {one.term}{changed and ', changed'}; turn"
+        return {"rule": place, "side": side, "place": n, "words": breakable(told), "label": label} | more
 
-    def _term(self, side: str, place: int, one: Is | Consequent, words: str, **more: str) -> dict[str, Any]:
-        changed = ", changed" if self._is_changed else ""
-        return {
-            "rule": self.place,
-            "side": side,
-            "place": place,
-            "words": breakable(words),
-            "kind": f"{side}{' changed' if self._is_changed and side == 'then' else ''}",
-            "label": f"rule {self.place + 1}: {self._words}; {one.variable} is {one.term}{changed}; turn",
-        } | more
-
-    def concluded(self, output: str) -> dict[str, Any]:
-        """Return what it concludes of an output."""
-        return {
-            "terms": [
-                self._term("then", n, one, _weighted(one), tone=self._tones[Is(output, one.term)])
-                for n, one in enumerate(self._rule.consequents)
-                if one.variable == output
-            ]
-        }
-
-    def asked(self) -> list[dict[str, Any]]:
-        """Return what it asks of each input; in words alone unless it is a conjunction."""
-        antecedent, inputs = self._rule.antecedent, self._system.inputs
-        parts = antecedent.operands if isinstance(antecedent, And) else (antecedent,)
-        found: dict[str, dict[str, Any]] = {}
-        for place, part in enumerate(parts):
-            words, inside = text.before(part)
-            if not isinstance(inside, Is) or inside.variable in found:
-                return [{"words": self._words, "span": len(inputs)}]
-            found[inside.variable] = self._term("if", place, inside, " ".join([*words, inside.term]))
-        return [{"terms": [found[one.name]] if one.name in found else []} for one in inputs]
+    parts = rule.antecedent.operands if isinstance(rule.antecedent, And) else (rule.antecedent,)
+    asked = {}
+    for n, part in enumerate(parts):
+        hedges, inside = text.before(part)
+        if isinstance(inside, Is):
+            asked[inside.variable] = shown("if", n, inside, " ".join([*hedges, inside.term]), kind="if")
+    cells: list[dict[str, Any]] = [{"words": words, "span": len(system.inputs)}]
+    if len(asked) == len(parts):
+        cells = [{"terms": [asked[one.name]] if one.name in asked else []} for one in system.inputs]
+    for output in system.outputs:
+        told = [
+            shown("then", n, one, _weighted(one), kind=changed, tone=tones[Is(one.variable, one.term)])
+            for n, one in enumerate(rule.consequents)
+            if one.variable == output.name
+        ]
+        cells.append({"terms": told})
+    return cells
 
 
 def _weighted(one: Consequent) -> str:

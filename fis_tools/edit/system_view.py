@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -69,28 +70,22 @@ class SystemView:
             if rule_tables(system):
                 ui.switch("as a list", on_change=lambda event: self._list(event.value)).props("dense size=sm")
         self._rules = _RulesView()
-        self._rules.on("turn", lambda event: self._turn(**event.args))
+        self._rules.on("turn", lambda event: self._change(partial(touches.turned, **event.args)))
         self._rules.on("select", lambda event: self._select(event.args["rule"]))
         with ui.element("div").classes("rule-editor"):
             self._sentence = ui.input("the rule in words").props("dense stack-label")
             self._sentence.on("change", lambda: self._say(touches.said, self._sentence.value))
             with ui.row().classes("rule-tools"):
                 for name, known in (("and_operator", AND_OPERATORS), ("or_operator", OR_OPERATORS)):
-                    self._build_operator(system, name, list(known))
-                for words, label, count in (
+                    label, chosen = name.removesuffix("_operator"), partial(self._operate, name)
+                    choice = ui.select(list(known), label=f"{label}:", value=getattr(system, name))
+                    choice.props("dense options-dense stack-label borderless").on_value_change(chosen)
+                for words, label, times in (
                     ("+ rule", "repeat the rule", 2),
                     ("− rule", "remove the rule", 0),
                 ):
-                    button = ui.button(words, on_click=lambda _, n=count: self._say(touches.repeated, n))
+                    button = ui.button(words, on_click=partial(self._say, touches.repeated, times))
                     button.props("flat no-caps dense").props["aria-label"] = label
-
-    def _build_operator(self, system: FuzzySystem, name: str, known: list[str]) -> None:
-        def chosen(event: Any) -> None:
-            self._change(lambda one: replace(one, **{name: event.value}))
-
-        label = name.removesuffix("_operator")
-        choice = ui.select(known, label=f"{label}:", value=getattr(system, name), on_change=chosen)
-        choice.props("dense options-dense stack-label borderless")
 
     def _variable(self, kind: str, variable: Variable, place: int) -> _VariableView:
         view = _VariableView()
@@ -103,12 +98,10 @@ class SystemView:
         names = [one.name for one in system.inputs]
         with ui.element("div").classes("card-head"):
             heading(2, f"Surface of {system.outputs[0].name}")
-            self._axes = [
-                ui.select(names, value=name, on_change=self._show_surface).props(
-                    "dense options-dense borderless"
-                )
-                for name in (names[:2] if len(names) > 2 else [])
-            ]
+            shown_names = names[:2] if len(names) > 2 else []
+            self._axes = [ui.select(names, value=name, on_change=self._show_surface) for name in shown_names]
+            for choice in self._axes:
+                choice.props("dense options-dense borderless")
         self._surface = ui.echart({"series": []}).classes("surface")
 
     # what a hand does
@@ -120,8 +113,8 @@ class SystemView:
         gesture = (self.system.name, name, told.pop("gesture"))
         self._change(lambda system: touches.term_touched(system, system.variable(name), **told), gesture)
 
-    def _turn(self, rule: int, side: str, place: int, step: int) -> None:
-        self._change(lambda system: touches.turned(system, rule, side, place, step))
+    def _operate(self, name: str, event: Any) -> None:
+        self._change(lambda system: replace(system, **{name: event.value}))
 
     def _say(self, change: Callable[..., FuzzySystem], told: object) -> None:
         rule = self._rule

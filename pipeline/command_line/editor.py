@@ -39,10 +39,13 @@ def edit(arguments: Sequence[str]) -> int:
     from pipeline.controllers.source import load  # noqa: PLC0415 - compiled code, needed once the rest is right
 
     try:
-        from pipeline.edit.panels import open_editor  # noqa: PLC0415 - the other commands do without a server
+        from fis_tools.edit.server import serve  # noqa: PLC0415 - the other commands do without a server
     except MissingExtra as error:
         raise ConfigError(str(error)) from error
+    from fis_tools.edit.page import Editor  # noqa: PLC0415
+    from pipeline.edit.panels import panels  # noqa: PLC0415 - compiled code
     from pipeline.evaluation.assurance.requirements import read  # noqa: PLC0415 - compiled code
+    from pipeline.flight.state.signals import CONSTANTS  # noqa: PLC0415
 
     controller = load(experiment.controller, experiment.mission).fuzzy
     if controller is None:
@@ -50,5 +53,10 @@ def edit(arguments: Sequence[str]) -> int:
     name = experiment.assurance.requirements
     requirements = read(requirements_path(name).read_text(encoding="utf-8"), name).requirements
     path = Path(str(experiment.controller.get("path", f"{controller.name}.yaml")))
-    open_editor(path, controller, experiment, requirements, port=chosen.port, opens=not chosen.no_browser)
+    meanings = {name: kind.description for name, kind in CONSTANTS.items()}
+
+    def page() -> None:
+        Editor(path, controller, panels(controller, experiment, requirements), meanings)
+
+    serve(page, controller.name, chosen.port, not chosen.no_browser)
     return runs.OK

@@ -1,16 +1,13 @@
 """The mission's panels: what many flights came to, and one of them, scrubbed by time."""
 
 from collections.abc import Callable, Iterator, Sequence
-from functools import partial
-from pathlib import Path
-from typing import Any
+from functools import lru_cache, partial
 
 import numpy as np
 from markupsafe import Markup
-from nicegui import run, ui
+from nicegui import ui
 
 from fis_tools.document import Cell, Document, Mark, Table, html
-from fis_tools.edit import page
 from fis_tools.edit.charts import Options, axis, chart, dots, draw, line
 from fis_tools.edit.panels import Panel, Show, document
 from fis_tools.findings.explanation import explain
@@ -22,7 +19,7 @@ from pipeline.edit.flights import Cases, Flown, most_changed
 from pipeline.evaluation.assurance.requirements import Requirement
 from pipeline.evaluation.statistics import Compared
 from pipeline.flight.state.log import FlightLog
-from pipeline.flight.state.signals import AXES, CONSTANTS
+from pipeline.flight.state.signals import AXES
 from pipeline.flight.world.pack import inspection_points
 from pipeline.settings.experiment import Experiment
 
@@ -135,9 +132,8 @@ class OneFlight:
 
     def __init__(self, cases: Cases, original: FuzzyController) -> None:
         self._cases, self._original, self._case, self._sample = cases, original, 0, 0
-        self._points = inspection_points(cases.mission)
-        self._before: tuple[int, FlightLog] | None = None
-        self._flown: tuple[FuzzyController, FlightLog] | None = None
+        self._points, self._period_s = inspection_points(cases.mission), cases.mission.control_period_s
+        self._log = lru_cache(maxsize=2)(cases.log)
 
     def build(self, again: Callable[[], None]) -> None:
         """Put the path, the forces and a slider of time on the page."""
@@ -162,71 +158,43 @@ class OneFlight:
         self._again()
 
     def answers(self, controller: FuzzyController) -> Iterator[Show]:
-        """Fly the case twice."""
-        case = self._case
+        """Fly the case twice, unless another time is asked for."""
+        case, k = self._case, self._sample
         try:
-            if self._before is None or self._before[0] != case:
-                self._before = case, self._cases.log(self._original, case)
-            before, after = self._before[1], self._cases.log(controller, case)
+            before, after = (self._log(one, case) for one in (self._original, controller))
         except ValueError as refused:
             yield partial(self._end.set_text, str(refused))
             return
-        words = self._reasons(controller, after, self._sample)
-        yield partial(self._show, controller, before, after, words)
-
-    def _show(
-        self, controller: FuzzyController, before: FlightLog, after: FlightLog, words: list[str]
-    ) -> None:
-        self._flown = controller, after
-        draw(self._path, _path(before, after))
-        draw(self._forces, _forces(after, self._cases.mission.control_period_s))
         seen, lit = int(after.is_inspected[-1].sum()), int(after.is_inspectable.sum())
-        self._end.set_text(f"{after.delta_v_m_s[-1]:.3f} m/s, {seen} of {lit} points")
-        self._show_sample(after, self._sample, words)
+        end = f"{after.delta_v_m_s[-1]:.3f} m/s, {seen} of {lit} points"
+        words = "".join(html.element("p", one) for one in self._reasons(controller, after, k))
+        charts = _path(before, after, k, self._points), _forces(after, k, self._period_s)
+        yield partial(self._show, end, words, *charts)
 
-    async def _scrub(self, sample: int) -> None:
+    def _show(self, end: str, words: str, path: Options, forces: Options) -> None:
+        self._end.set_text(end)
+        self._words.set_content(words)
+        draw(self._path, path)
+        draw(self._forces, forces)
+
+    def _scrub(self, sample: int) -> None:
         self._sample = self._time.props["value"] = sample
-        if self._flown is None:
-            return
-        controller, log = self._flown
-        words = await run.io_bound(self._reasons, controller, log, sample)
-        if sample == self._sample and words is not None:  # else a later time is asked for
-            self._show_sample(log, sample, words)
-
-    def _show_sample(self, log: FlightLog, k: int, words: Sequence[str]) -> None:
-        self._words.set_content("".join(html.element("p", one) for one in words))
-        seen = log.is_inspected[k]
-        told = (
-            (SEEN_POINTS, self._points[seen]),
-            (LEFT_POINTS, self._points[~seen]),
-            (DEPUTY, log.position_m[[k]]),
-        )
-        series = [{"name": name, "data": _in_plane(points).round(2).tolist()} for name, points in told]
-        self._path.run_chart_method("setOption", {"series": series})
-        now = [{"xAxis": k * self._cases.mission.control_period_s}]
-        self._forces.run_chart_method(
-            "setOption", {"series": [{"name": "force_x", "markLine": {"data": now}}]}
-        )
+        self._again()
 
     def _reasons(self, controller: FuzzyController, log: FlightLog, k: int) -> list[str]:
         """Say what was so at a sample and, for each axis, what was fired, why, and by which rule most."""
         distance, count = np.linalg.norm(log.position_m[k]), int(log.is_inspected[k].sum())
-        told = [f"{k * self._cases.mission.control_period_s:g} s: {distance:.1f} m away, {count} points"]
+        told = [f"{k * self._period_s:g} s: {distance:.1f} m away, {count} points"]
         for place, system in enumerate(controller.systems):
             output = system.outputs[0].name
             asked = number(float(f"{log.force_asked_n[k, AXES[output]]:.3g}"))
             words = f"{output}: asked for {asked} N; {REASONS[REASON_OF[log.reason[k, AXES[output]]]]}"
             if log.is_decided[k]:
-                moves = explain(system, log.fis_input[k, place, : len(system.inputs)]).outputs[0].moves
-                rules = [
-                    f". Rule {one.rule} most: {sentence(system.rules[one.rule - 1])}" for one in moves[:1]
-                ]
-                words += "".join(rules)
+                found = explain(system, log.fis_input[k, place, : len(system.inputs)])
+                for one in found.outputs[0].moves[:1]:
+                    words += f". Rule {one.rule} most: {sentence(system.rules[one.rule - 1])}"
             told.append(words)
         return told
-
-
-SEEN_POINTS, LEFT_POINTS, DEPUTY = "inspected", "not yet", "deputy"
 
 
 def _in_plane(points: Floats) -> Floats:
@@ -234,63 +202,47 @@ def _in_plane(points: Floats) -> Floats:
     return points[:, 1::-1]
 
 
-def _path(before: FlightLog, after: FlightLog) -> Options:
-    paths = [_in_plane(log.position_m) for log in (before, after)]
+def _path(before: FlightLog, after: FlightLog, k: int, points_m: Floats) -> Options:
+    """Draw two paths, and at a sample of the second the deputy and the points, (n, 3)."""
+    paths, points = [_in_plane(log.position_m) for log in (before, after)], _in_plane(points_m)
     reach = round(1.1 * max(float(np.abs(path).max()) for path in paths))
     ends: Options = {"min": -reach, "max": reach, "splitLine": {"show": False}}
-    none = np.empty((0, 2))
-    lines = [
+    seen = after.is_inspected[k]
+    drawn = [
         line(paths[0], BEFORE, name=OPENED, lineStyle={"type": "dashed"}),
         line(paths[1], AFTER, name=NOW),
-        dots(none, SEEN, 4, name=SEEN_POINTS),
-        dots(none, MISSED, 4, name=LEFT_POINTS),
-        dots(none, INK, 11, name=DEPUTY),
+        dots(points[seen], SEEN, 4, name="inspected"),
+        dots(points[~seen], MISSED, 4, name="not yet"),
+        dots(paths[1][[k]], INK, 11, name="deputy"),
     ]
-    return chart(axis("along the track (m)", **ends), axis("radial (m)", 38, **ends), lines)
+    return chart(axis("along the track (m)", **ends), axis("radial (m)", 38, **ends), drawn)
 
 
-def _forces(log: FlightLog, period_s: float) -> Options:
+def _forces(log: FlightLog, k: int, period_s: float) -> Options:
+    """Draw the force on each axis, and a line at a sample."""
     times = np.arange(len(log.force_hill_n)) * period_s
     lines = [
         line(np.column_stack([times, log.force_hill_n[:, place]]), colour, name=name, step="end")
         for (name, place), colour in zip(AXES.items(), AXIS_COLOURS, strict=True)
     ]
-    # one line for the time that is shown
-    lines[0]["markLine"] = {
-        "symbol": "none",
-        "label": {"show": False},
-        "lineStyle": {"color": INK},
-        "data": [],
-    }
+    now: Options = {"symbol": "none", "label": {"show": False}, "lineStyle": {"color": INK}}
+    lines[0]["markLine"] = now | {"data": [{"xAxis": k * period_s}]}
     return chart(axis("time (s)", max=float(times[-1])), axis("force (N)", 42), lines)
 
 
-def open_editor(
-    path: Path,
-    controller: FuzzyController,
-    experiment: Experiment,
-    requirements: Sequence[Requirement],
-    **served: Any,
-) -> None:
-    """Serve an editor beside a mission until Ctrl-C; see `fis_tools.edit.page.open_editor`.
+def panels(
+    controller: FuzzyController, experiment: Experiment, requirements: Sequence[Requirement]
+) -> Sequence[Panel]:
+    """Return the panels of a window: the mission and the cases of an experiment are flown.
 
     Parameters
     ----------
-    path : Path
-        What the controller was read from.
     controller : FuzzyController
+        As it was opened.
     experiment : Experiment
-        Its mission and the cases of its evaluation are flown.
     requirements : sequence of Requirement
         Judged by these cases.
-    **served
-        ``port`` and ``opens``.
     """
-
-    def panels() -> Sequence[Panel]:
-        cases = Cases(experiment, requirements)
-        one = OneFlight(cases, controller)
-        return ManyFlights(cases, controller, one.choose), one
-
-    meanings = {name: kind.description for name, kind in CONSTANTS.items()}
-    page.open_editor(path, controller, panels, meanings, **served)
+    cases = Cases(experiment, requirements)
+    one = OneFlight(cases, controller)
+    return ManyFlights(cases, controller, one.choose), one
