@@ -1,7 +1,7 @@
 """Layouts of the views, for a window of about 1600 x 900, and the entities that they share."""
 
 from collections.abc import Iterable, Sequence
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 import rerun as rr
@@ -19,7 +19,6 @@ PLAYBACK_SPEED: Final = 60.0
 
 SCENE: Final = "/scene"
 CURVES: Final = "/curves"
-CHARTS: Final = "/charts"
 RULE_MAP: Final = "/rules/map"
 RULES_IN_WORDS: Final = "/rules/words"
 SUMMARY: Final = "/summary"
@@ -79,7 +78,13 @@ def replay(
     end_s = max(float(lines.instants[-1]) for lines in mission[0].curves)
     now = rrb.TextDocumentView(origin=NOW, name="Now")
     summary = rrb.TextDocumentView(origin=SUMMARY, name="Flight")
-    beside = rrb.Vertical(_camera_view(boresight), summary, row_shares=[43, 57])
+    camera = _space(
+        SEEN,
+        "As the deputy sees it",
+        -_CLOSE_UP_M * np.asarray(boresight, dtype=np.float64),
+        contents=[f"{SCENE}/chief/**"],
+    )
+    beside = rrb.Vertical(camera, summary, row_shares=[43, 57])
     force, torque = (_plot(plot, _ROOM_FOR_LEGEND * end_s) for plot in effort)
     asked = [_plot(plot, _ROOM_FOR_LEGEND * end_s) for plot in fis[:1]]
     tabs = [_plot(plot, _ROOM_FOR_NAMES * end_s) for plot in fis[1:]]
@@ -93,7 +98,8 @@ def replay(
         start=rrb.TimeRangeBoundary.infinite(),
         end=rrb.TimeRangeBoundary.cursor_relative(seconds=0.0),
     )
-    scene = _scene("Flight, Hill frame", farthest_m, trails, up_to_now)
+    overrides = dict.fromkeys(trails, up_to_now)
+    scene = _space(SCENE, "Flight, Hill frame", _around(farthest_m), overrides=overrides)
     plots = rrb.Vertical(*rows, row_shares=[31, 36, 33])
     top = rrb.Horizontal(scene, beside, plots, column_shares=[34, 17, 49])
     if not fis:
@@ -103,29 +109,20 @@ def replay(
     return _blueprint(rrb.Vertical(now, top, bottom, row_shares=[7, 56, 37]))
 
 
-def campaign(distance: Plot, charts: Sequence[tuple[str, str]], *, farthest_m: float) -> rrb.Blueprint:
+def campaign(distance: Plot, *, farthest_m: float) -> rrb.Blueprint:
     """Lay out the trajectories of many cases.
 
     Parameters
     ----------
     distance : Plot
         Over the time of the flights.
-    charts : sequence of (path, title)
-        Bar charts.
     farthest_m : float
         Largest distance, which the view covers.
     """
     end_s = max(float(lines.instants[-1]) for lines in distance.curves)
     summary = rrb.TextDocumentView(origin=SUMMARY, name="Outcomes")
-    without_legend = rrb.PlotLegend(visible=False)
-    bars = [rrb.BarChartView(origin=path, name=title, plot_legend=without_legend) for path, title in charts]
-    side = rrb.Vertical(
-        summary,
-        _plot(distance, _ROOM_FOR_LEGEND * end_s),
-        rrb.Grid(*bars, grid_columns=2),
-        row_shares=[41, 23, 36],
-    )
-    scene = _scene("All cases, Hill frame", farthest_m)
+    side = rrb.Vertical(summary, _plot(distance, _ROOM_FOR_LEGEND * end_s), row_shares=[60, 40])
+    scene = _space(SCENE, "All cases, Hill frame", _around(farthest_m))
     return _blueprint(rrb.Horizontal(scene, side, column_shares=[58, 42]))
 
 
@@ -155,32 +152,20 @@ def _events() -> rrb.View:
     return rrb.TextLogView(origin=EVENTS, name="Events", columns=columns)
 
 
-def _scene(
-    title: str, farthest_m: float, trails: Sequence[str] = (), span: rrb.VisibleTimeRanges | None = None
-) -> rrb.View:
-    eye = 1.8 * max(farthest_m, 40.0) * _EYE_DIRECTION
+def _around(farthest_m: float) -> Floats:
+    """Return where to look from so that a scene of this size is seen, Hill axes, m."""
+    return 1.8 * max(farthest_m, 40.0) * _EYE_DIRECTION
+
+
+def _space(origin: str, title: str, eye: Floats, **options: Any) -> rrb.View:
+    """Return a view of a scene in space from a place towards the chief."""
     return rrb.Spatial3DView(
-        origin=SCENE,
+        origin=origin,
         name=title,
         background=BACKGROUND,
         line_grid=rrb.LineGrid3D(visible=False),
         eye_controls=rrb.EyeControls3D(position=eye, look_target=[0, 0, 0], eye_up=[0, 0, 1]),
-        overrides=None if span is None else dict.fromkeys(trails, span),
-    )
-
-
-def _camera_view(boresight: Sequence[float]) -> rrb.View:
-    return rrb.Spatial3DView(
-        origin=SEEN,
-        contents=[f"{SCENE}/chief/**"],
-        name="As the deputy sees it",
-        background=BACKGROUND,
-        line_grid=rrb.LineGrid3D(visible=False),
-        eye_controls=rrb.EyeControls3D(
-            position=-_CLOSE_UP_M * np.asarray(boresight, dtype=np.float64),
-            look_target=[0, 0, 0],
-            eye_up=[0, 0, 1],
-        ),
+        **options,
     )
 
 
@@ -211,7 +196,7 @@ def _rule_map() -> rrb.View:
         name="Rules fired: one row each, rule 1 on top",
         background=BACKGROUND,
         visual_bounds=rrb.VisualBounds2D(
-            x_range=[-MAP_NAME_WIDTH, MAP_WIDTH + MAP_NAME_WIDTH],
+            x_range=[-MAP_NAME_WIDTH, MAP_WIDTH + _MAP_MARGIN],
             y_range=[-_MAP_MARGIN, MAP_HEIGHT + _MAP_MARGIN],
         ),
     )
@@ -221,16 +206,11 @@ BODY_COLOUR: Final = (44, 48, 62)
 SHELL_COLOUR: Final = (105, 42, 48)
 
 
-def seconds(instants: Floats) -> rr.TimeColumn:
-    """Return a column of flight times, s."""
-    return rr.TimeColumn(TIME, duration=instants)
-
-
 def send(
-    stream: rr.RecordingStream, entity: str, instants: rr.TimeColumn, columns: Iterable[rr.ComponentColumn]
+    stream: rr.RecordingStream, entity: str, time_s: Floats, columns: Iterable[rr.ComponentColumn]
 ) -> None:
     """Send the components of an entity at each time."""
-    stream.send_columns(entity, [instants], columns)
+    stream.send_columns(entity, [rr.TimeColumn(TIME, duration=time_s)], columns)
 
 
 def send_chief(stream: rr.RecordingStream, radius_m: float | None) -> None:
@@ -285,4 +265,4 @@ def send_values(stream: rr.RecordingStream, plots: Iterable[Plot]) -> None:
                 continue
             columns = rr.Scalars.columns(scalars=lines.values.ravel())
             entity = f"{plot_path(plot)}/{lines.name}"
-            send(stream, entity, seconds(lines.instants), columns.partition([num_lines] * num_instants))
+            send(stream, entity, lines.instants, columns.partition([num_lines] * num_instants))

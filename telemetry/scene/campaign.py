@@ -8,9 +8,9 @@ from typing import Final
 import numpy as np
 import rerun as rr
 
-from telemetry.array_types import Booleans, Bytes, Floats
+from telemetry.array_types import Booleans, Bytes
 from telemetry.scene import blueprint
-from telemetry.scene.blueprint import seconds, send
+from telemetry.scene.blueprint import send
 from telemetry.scene.curves import (
     LIMIT_COLOUR,
     PLAIN_COLOUR,
@@ -31,9 +31,7 @@ OUTCOME_COLOURS: Final[dict[Outcome, Colour]] = {
     Outcome.OUTSIDE: (240, 60, 60),
 }
 UNKNOWN_COLOUR: Final[Colour] = (120, 140, 175)
-BAR_COLOUR: Final[Colour] = (86, 160, 255)
 NAMED_COLOUR: Final[Colour] = PLAIN_COLOUR
-NUM_BARS: Final = 30
 
 
 @dataclass(frozen=True)
@@ -72,12 +70,8 @@ def scene(path: Path) -> Scene:
     """
     evaluation = read_evaluation(path)
     distance = distance_plot(evaluation)
-    charts = _charts(evaluation)
-    layout = blueprint.campaign(
-        distance,
-        [(f"{blueprint.CHARTS}/{key}", title) for key, title, _ in charts],
-        farthest_m=float(np.percentile(evaluation.distance_m.max(axis=1), 90)),
-    )
+    farthest_m = float(np.percentile(evaluation.distance_m.max(axis=1), 90))
+    layout = blueprint.campaign(distance, farthest_m=farthest_m)
 
     def send_all(stream: rr.RecordingStream) -> None:
         surroundings = evaluation.surroundings
@@ -89,8 +83,6 @@ def scene(path: Path) -> Scene:
         _send_deputies(stream, evaluation)
         for extreme in extremes(evaluation):
             _send_extreme(stream, evaluation, extreme)
-        for key, _, values in charts:
-            _send_histogram(stream, f"{blueprint.CHARTS}/{key}", values)
         text = rr.TextDocument(in_words(evaluation), media_type="text/markdown")
         stream.log(blueprint.SUMMARY, text, static=True)
 
@@ -100,25 +92,28 @@ def scene(path: Path) -> Scene:
 def extremes(evaluation: Evaluation) -> list[Extreme]:
     """Return the cases with the largest delta-v, the fewest points, and the smallest and largest distance."""
     distance = evaluation.distance_m
-    last = distance.shape[1] - 1
-    nearest, near_sample = np.unravel_index(np.argmin(distance), distance.shape)
-    farthest, far_sample = np.unravel_index(np.argmax(distance), distance.shape)
+    num_samples = distance.shape[1]
     found = [
-        _extreme(evaluation, "nearest", int(nearest), int(near_sample), f"{distance.min():.1f} m"),
-        _extreme(evaluation, "farthest", int(farthest), int(far_sample), f"{distance.max():.1f} m"),
+        ("nearest", int(distance.argmin()), f"{distance.min():.1f} m"),
+        ("farthest", int(distance.argmax()), f"{distance.max():.1f} m"),
     ]
     if evaluation.episodes:
         delta_v, count = evaluation.episodes["delta_v_m_s"], evaluation.episodes["inspected_count"]
-        row = int(np.argmax(delta_v))
-        found.append(_extreme(evaluation, "most delta-v", row, last, f"{delta_v[row]:.3f} m/s"))
-        row = int(np.argmin(count))
-        found.append(_extreme(evaluation, "least inspected", row, last, f"{count[row]} points"))
-    return found
-
-
-def _extreme(evaluation: Evaluation, what: str, row: int, sample: int, how_much: str) -> Extreme:
-    label = f"{what}: case {evaluation.case[row]}, {how_much}"
-    return Extreme(what.replace(" ", "_").replace("-", "_"), row, sample, label)
+        for what, row, how_much in (
+            ("most delta-v", int(delta_v.argmax()), f"{delta_v.max():.3f} m/s"),
+            ("least inspected", int(count.argmin()), f"{count.min()} points"),
+        ):
+            # labelled where the flight ends
+            found.append((what, (row + 1) * num_samples - 1, how_much))
+    return [
+        Extreme(
+            what.replace(" ", "_").replace("-", "_"),
+            place // num_samples,
+            place % num_samples,
+            f"{what}: case {evaluation.case[place // num_samples]}, {how_much}",
+        )
+        for what, place, how_much in found
+    ]
 
 
 def in_words(evaluation: Evaluation) -> str:
@@ -178,33 +173,6 @@ def distance_plot(evaluation: Evaluation) -> Plot:
     )
 
 
-def _charts(evaluation: Evaluation) -> list[tuple[str, str, Floats]]:
-    distance = evaluation.distance_m
-    charts = []
-    if evaluation.episodes:
-        charts = [
-            ("delta_v", "Cases over delta-v (m/s)", evaluation.episodes["delta_v_m_s"]),
-            (
-                "inspected",
-                "Cases over points inspected",
-                evaluation.episodes["inspected_count"].astype(np.float64),
-            ),
-        ]
-    return [
-        *charts,
-        ("nearest", "Cases over nearest distance (m)", distance.min(axis=1)),
-        ("farthest", "Cases over farthest distance (m)", distance.max(axis=1)),
-    ]
-
-
-def _send_histogram(stream: rr.RecordingStream, entity: str, values: Floats) -> None:
-    counts, edges = np.histogram(values, bins=NUM_BARS)
-    middles = (edges[:-1] + edges[1:]) / 2
-    widths = np.diff(edges).astype(np.float32)
-    chart = rr.BarChart(counts, color=BAR_COLOUR, abscissa=middles, widths=widths)
-    stream.log(entity, chart, static=True)
-
-
 def _colours(evaluation: Evaluation) -> Bytes:
     outcome = evaluation.outcome
     if outcome is None:
@@ -238,7 +206,7 @@ def _send_deputies(stream: rr.RecordingStream, evaluation: Evaluation) -> None:
     stream.log(entity, style, static=True)
     positions = np.ascontiguousarray(evaluation.position_m.transpose(1, 0, 2)).reshape(-1, 3)
     columns = rr.Points3D.columns(positions=positions)
-    send(stream, entity, seconds(evaluation.time_s), columns.partition([num_cases] * num_samples))
+    send(stream, entity, evaluation.time_s, columns.partition([num_cases] * num_samples))
 
 
 def _send_extreme(stream: rr.RecordingStream, evaluation: Evaluation, extreme: Extreme) -> None:

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from telemetry.array_types import Bytes, Floats, Integers
+from telemetry.array_types import Bytes, Floats
 from telemetry.file import topics
 from telemetry.file.metadata import FisDescription
 from telemetry.file.reader import Recording, TopicColumns
@@ -17,7 +17,7 @@ from telemetry.scene.curves import drawable, table
 #: size of the heat map in pixels; a 2D view keeps the aspect ratio
 MAP_WIDTH: Final = 1000
 MAP_HEIGHT: Final = 640
-#: space for the names of the systems, left of the map, and of their leading rules, right of it
+#: space for the names of the systems, left of the map
 MAP_NAME_WIDTH: Final = 260
 MAP_GAP: Final = 14
 
@@ -34,109 +34,51 @@ NUM_RULES_IN_WORDS: Final = 2
 _LEAST_STRENGTH_IN_WORDS: Final = 0.005
 
 
-@dataclass(frozen=True)
-class ActivationMap:
-    """The firing strengths of all rules of all fuzzy systems over time, as one picture.
-
-    Parameters
-    ----------
-    image : (MAP_HEIGHT, MAP_WIDTH) uint8
-        255 where a rule fires fully; one band of rows per system, its first rule on top, gaps between bands.
-    band_names : tuple of str
-        The systems, from top to bottom.
-    band_middles : tuple of float
-        In pixels from the top.
-    start_s, end_s : float
-        Simulation time at the left and the right edge.
-    strongest : (N, bands) int
-        Index of the strongest rule of each system at each sample; -1 where no force was fired.
-    strongest_middles : (N, bands) float
-        Middles of those rules' rows, in pixels from the top.
-    """
-
-    image: Bytes
-    band_names: tuple[str, ...]
-    band_middles: tuple[float, ...]
-    start_s: float
-    end_s: float
-    strongest: Integers
-    strongest_middles: Floats
-
-    def cursors(self, time_s: Floats) -> NDArray[np.float32]:
-        """Draw a vertical line across the picture at each time, in pixels, shape (N, 2, 2)."""
-        lines = np.zeros((len(time_s), 2, 2), dtype=np.float32)
-        lines[:, :, 0] = self._across(time_s)[:, None]
-        lines[:, 1, 1] = self.image.shape[0]
-        return lines
-
-    def markers(self, time_s: Floats) -> tuple[NDArray[np.float32], list[str], list[int]]:
-        """Mark the strongest rule of each system at each sample.
-
-        Returns
-        -------
-        points : (M, 2)
-            In pixels, sample by sample.
-        labels : list of str
-            One per point, to be written beside the map.
-        lengths : list of int
-            Number of points of each sample; 0 without an inference.
-        """
-        is_inferred = self.strongest >= 0
-        across = np.broadcast_to(self._across(time_s)[:, None], is_inferred.shape)
-        points = np.column_stack((across[is_inferred], self.strongest_middles[is_inferred]))
-        labels = [f"rule {rule + 1}" for rule in self.strongest[is_inferred].tolist()]
-        return points.astype(np.float32), labels, is_inferred.sum(axis=1).tolist()
-
-    def _across(self, time_s: Floats) -> Floats:
-        fraction = (time_s - self.start_s) / max(self.end_s - self.start_s, 1e-9)
-        across: Floats = np.clip(fraction, 0.0, 1.0) * self.image.shape[1]
-        return across
-
-
 def sample_times(recording: Recording) -> Floats:
     """Return the times of all messages, ascending."""
     return np.unique(np.concatenate([topic.time_s for topic in recording.topics.values()]))
 
 
-def activation_map(recording: Recording, sample_time_s: Floats) -> ActivationMap | None:
-    """Draw which rule fired when, where the force that it asked for was fired; None if nothing was inferred.
+def activation_map(recording: Recording, sample_time_s: Floats) -> tuple[Bytes, list[tuple[str, float]]]:
+    """Draw which rule fired when, where the force that it asked for was fired.
 
     Parameters
     ----------
     recording : Recording
     sample_time_s : (N,)
         Times of the samples of the flight, from left to right; dark where no force was fired.
+
+    Returns
+    -------
+    image : (MAP_HEIGHT, MAP_WIDTH) uint8
+        255 where a rule fires fully; one band of rows per system, its first rule on top, gaps between bands.
+    middles : list of (str, float)
+        Each system that inferred, and the middle of its band, in pixels from the top.
     """
-    names = tuple(n for n in recording.fis_names if len(recording[topics.fis_topic(n)]))
-    if not names:
-        return None
-    height = (MAP_HEIGHT - MAP_GAP * (len(names) - 1)) // len(names)
-    tops = [index * (height + MAP_GAP) for index in range(len(names))]
-    shape = (len(sample_time_s), len(names))
-    strongest, middles = np.full(shape, -1), np.zeros(shape)
+    names = [name for name in recording.fis_names if len(recording[topics.fis_topic(name)])]
+    height = (MAP_HEIGHT + MAP_GAP) // max(len(names), 1) - MAP_GAP
     columns = np.minimum(np.arange(MAP_WIDTH) * len(sample_time_s) // MAP_WIDTH, len(sample_time_s) - 1)
     image = np.zeros((MAP_HEIGHT, MAP_WIDTH), dtype=np.uint8)
-    for band, (name, top) in enumerate(zip(names, tops, strict=True)):
-        topic = recording[topics.fis_topic(name)]
+    middles = []
+    for band, name in enumerate(names):
         fired, fired_s = recording.fired(name)
-        strengths = topic["firing_strengths"][fired]
+        strengths = recording[topics.fis_topic(name)]["firing_strengths"][fired]
         num_rules = strengths.shape[1]
-        samples = np.searchsorted(sample_time_s, fired_s)
         over_samples = np.zeros((len(sample_time_s), num_rules))
-        over_samples[samples] = strengths
-        rows = np.arange(height) * num_rules // height
+        over_samples[np.searchsorted(sample_time_s, fired_s)] = strengths
+        rows, top = np.arange(height) * num_rules // height, band * (height + MAP_GAP)
         image[top : top + height] = np.round(255.0 * np.clip(over_samples[columns][:, rows].T, 0.0, 1.0))
-        strongest[samples, band] = np.argmax(strengths, axis=1) if len(strengths) else 0
-        middles[:, band] = top + (np.maximum(strongest[:, band], 0) + 0.5) * height / num_rules
-    return ActivationMap(
-        image,
-        tuple(map(drawable, names)),
-        tuple(top + height / 2 for top in tops),
-        float(sample_time_s[0]),
-        float(sample_time_s[-1]),
-        strongest,
-        middles,
-    )
+        middles.append((drawable(name), top + height / 2))
+    return image, middles
+
+
+def map_cursors(sample_time_s: Floats) -> NDArray[np.float32]:
+    """Draw a vertical line across the map at each of its samples, in pixels, shape (N, 2, 2)."""
+    since = sample_time_s - sample_time_s[0]
+    lines = np.zeros((len(since), 2, 2), dtype=np.float32)
+    lines[:, :, 0] = (MAP_WIDTH * since / max(since[-1], 1e-9))[:, None]
+    lines[:, 1, 1] = MAP_HEIGHT
+    return lines
 
 
 def inference_in_words(recording: Recording, sample_time_s: Floats) -> list[str]:

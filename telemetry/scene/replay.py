@@ -12,7 +12,7 @@ from telemetry.array_types import Floats
 from telemetry.file import RecordingError, topics
 from telemetry.file.reader import Recording, read
 from telemetry.scene import blueprint, curves, drawing
-from telemetry.scene.blueprint import seconds, send
+from telemetry.scene.blueprint import send
 from telemetry.scene.curves import AXIS_COLOURS, PLAIN_COLOUR, Colour
 from telemetry.scene.viewer import Scene
 
@@ -113,7 +113,7 @@ def _send_chief(stream: rr.RecordingStream, recording: Recording) -> None:
     transforms = recording[topics.TRANSFORMS]
     is_chief = transforms["child_frame"] == topics.CHIEF_FRAME
     columns = rr.Transform3D.columns(quaternion=transforms["quaternion"][is_chief])
-    send(stream, f"{blueprint.SCENE}/chief", seconds(transforms.time_s[is_chief]), columns)
+    send(stream, f"{blueprint.SCENE}/chief", transforms.time_s[is_chief], columns)
 
 
 def _send_points(stream: rr.RecordingStream, recording: Recording) -> None:
@@ -137,17 +137,15 @@ def _send_points(stream: rr.RecordingStream, recording: Recording) -> None:
     packed = (rgba[..., 0] << 24) | (rgba[..., 1] << 16) | (rgba[..., 2] << 8) | rgba[..., 3]
     of_points = rr.Points3D.columns(positions=positions.reshape(-1, 3), colors=packed.ravel(), radii=radii)
     num_samples, num_points = packed.shape
-    send(stream, entity, seconds(cloud.time_s), of_points.partition([num_points] * num_samples))
+    send(stream, entity, cloud.time_s, of_points.partition([num_points] * num_samples))
 
 
 def _send_deputy(stream: rr.RecordingStream, recording: Recording) -> None:
     state = recording[topics.DEPUTY_STATE]
     deputy = f"{blueprint.SCENE}/deputy"
     columns = rr.Transform3D.columns(translation=state["position_m"], quaternion=state["quaternion"])
-    send(stream, deputy, seconds(state.time_s), columns)
-    send(
-        stream, blueprint.SEEN, seconds(state.time_s), rr.Transform3D.columns(quaternion=state["quaternion"])
-    )
+    send(stream, deputy, state.time_s, columns)
+    send(stream, blueprint.SEEN, state.time_s, rr.Transform3D.columns(quaternion=state["quaternion"]))
     box = rr.Boxes3D(half_sizes=[(2.0, 2.0, 2.0)], colors=[PLAIN_COLOUR], fill_mode=FillMode.Solid)
     stream.log(f"{deputy}/body", box, static=True)
     axes = rr.Arrows3D(vectors=12.0 * np.eye(3), colors=AXIS_COLOURS, radii=0.45)
@@ -169,7 +167,7 @@ def _send_camera(stream: rr.RecordingStream, recording: Recording) -> None:
     stream.log(f"{camera}/view", cone, static=True)
     # the cone has unit depth: scaled, it reaches the chief's centre
     scale = np.repeat(_distances(recording)[:, None], 3, axis=1)
-    send(stream, camera, seconds(recording[topics.DEPUTY_STATE].time_s), rr.Transform3D.columns(scale=scale))
+    send(stream, camera, recording[topics.DEPUTY_STATE].time_s, rr.Transform3D.columns(scale=scale))
 
 
 def _send_arrows(stream: rr.RecordingStream, recording: Recording) -> None:
@@ -210,9 +208,9 @@ def _send_arrow(
     # what has no length has no arrow, and no label
     is_shown = np.any(vectors != 0.0, axis=1)
     columns = rr.Arrows3D.columns(origins=origins[is_shown], vectors=vectors[is_shown])
-    send(stream, entity, seconds(time_s), columns.partition(is_shown.astype(int)))
+    send(stream, entity, time_s, columns.partition(is_shown.astype(int)))
     tips = rr.Points3D.columns(positions=(origins + vectors)[is_shown])
-    send(stream, f"{entity}/tip", seconds(time_s), tips.partition(is_shown.astype(int)))
+    send(stream, f"{entity}/tip", time_s, tips.partition(is_shown.astype(int)))
 
 
 def _send_trail(stream: rr.RecordingStream, recording: Recording, entity: str, colour: Colour) -> None:
@@ -225,21 +223,21 @@ def _send_trail(stream: rr.RecordingStream, recording: Recording, entity: str, c
     style = rr.LineStrips3D.from_fields(colors=[colour], radii=rr.Radius.ui_points(1.6))
     stream.log(entity, style, static=True)
     segments = np.stack((position[:-1], position[1:]), axis=1)
-    send(stream, entity, seconds(state.time_s[1:]), rr.LineStrips3D.columns(strips=segments))
+    send(stream, entity, state.time_s[1:], rr.LineStrips3D.columns(strips=segments))
 
 
 def _send_inferences(stream: rr.RecordingStream, recording: Recording) -> None:
     time_s = drawing.sample_times(recording)
     told = [f"**{line}**" if line else "" for line in drawing.now_in_words(recording, time_s)]
     _send_texts(stream, blueprint.NOW, time_s, told)
-    picture = drawing.activation_map(recording, time_s)
-    if picture is None:
+    image, middles = drawing.activation_map(recording, time_s)
+    if not middles:
         return
-    image = rr.DepthImage(picture.image, colormap="inferno", depth_range=(0.0, 255.0), meter=255.0)
-    stream.log(f"{blueprint.RULE_MAP}/strengths", image, static=True)
+    strengths = rr.DepthImage(image, colormap="inferno", depth_range=(0.0, 255.0), meter=255.0)
+    stream.log(f"{blueprint.RULE_MAP}/strengths", strengths, static=True)
     names = rr.Points2D(
-        [(-drawing.MAP_NAME_WIDTH / 2, middle) for middle in picture.band_middles],
-        labels=list(picture.band_names),
+        [(-drawing.MAP_NAME_WIDTH / 2, middle) for _, middle in middles],
+        labels=[name for name, _ in middles],
         colors=[PLAIN_COLOUR],
         radii=0.5,
         show_labels=True,
@@ -248,31 +246,20 @@ def _send_inferences(stream: rr.RecordingStream, recording: Recording) -> None:
     now = f"{blueprint.RULE_MAP}/now"
     line = rr.LineStrips2D.from_fields(colors=[PLAIN_COLOUR], radii=rr.Radius.ui_points(1.0))
     stream.log(now, line, static=True)
-    send(stream, now, seconds(time_s), rr.LineStrips2D.columns(strips=picture.cursors(time_s)))
-    points, labels, lengths = picture.markers(time_s)
-    marks = f"{blueprint.RULE_MAP}/strongest"
-    style = rr.Points2D.from_fields(colors=[PLAIN_COLOUR], radii=rr.Radius.ui_points(2.5))
-    stream.log(marks, style, static=True)
-    send(stream, marks, seconds(time_s), rr.Points2D.columns(positions=points).partition(lengths))
-    beside = np.column_stack(
-        (np.full(len(points), drawing.MAP_WIDTH + 0.4 * drawing.MAP_NAME_WIDTH), points[:, 1])
-    )
-    stream.log(f"{marks}_named", rr.Points2D.from_fields(radii=0.5, show_labels=True), static=True)
-    columns = rr.Points2D.columns(positions=beside, labels=labels)
-    send(stream, f"{marks}_named", seconds(time_s), columns.partition(lengths))
+    send(stream, now, time_s, rr.LineStrips2D.columns(strips=drawing.map_cursors(time_s)))
     _send_texts(stream, blueprint.RULES_IN_WORDS, time_s, drawing.inference_in_words(recording, time_s))
 
 
 def _send_texts(stream: rr.RecordingStream, entity: str, time_s: Floats, texts: list[str]) -> None:
     columns = rr.TextDocument.columns(text=texts, media_type=["text/markdown"] * len(texts))
-    send(stream, entity, seconds(time_s), columns)
+    send(stream, entity, time_s, columns)
 
 
 def _send_words(stream: rr.RecordingStream, recordings: Sequence[Recording], names: Sequence[str]) -> None:
     rows = drawing.events_in_words(recordings, names)
     if rows:
         columns = rr.TextLog.columns(text=[row.text for row in rows], level=[row.level for row in rows])
-        send(stream, blueprint.EVENTS, seconds(np.array([row.time_s for row in rows])), columns)
+        send(stream, blueprint.EVENTS, np.array([row.time_s for row in rows]), columns)
     text = rr.TextDocument(drawing.flights_in_words(recordings, names), media_type="text/markdown")
     stream.log(blueprint.SUMMARY, text, static=True)
 
@@ -283,4 +270,4 @@ def _send_marker(
     entity = f"{blueprint.SCENE}/flights/{index}/deputy"
     state = recording[topics.DEPUTY_STATE]
     stream.log(entity, rr.Points3D.from_fields(radii=[1.6], colors=[colour], labels=[name]), static=True)
-    send(stream, entity, seconds(state.time_s), rr.Points3D.columns(positions=state["position_m"]))
+    send(stream, entity, state.time_s, rr.Points3D.columns(positions=state["position_m"]))

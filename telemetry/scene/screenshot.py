@@ -5,7 +5,6 @@ import tempfile
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Final
 
@@ -29,12 +28,8 @@ _PAUSE_S: Final = 0.6
 _END_S: Final = 10.0
 
 
-@dataclass(frozen=True)
-class Subject:
-    """A scene, and the times of it to draw, s, by the names of the pictures' files without their suffix."""
-
-    scene: Scene
-    pictures: Mapping[str, float]
+#: a scene, and the times of it to draw, s, by the names of the pictures' files without their suffix
+Subject = tuple[Scene, Mapping[str, float]]
 
 
 def subjects(paths: Sequence[Path], instants_s: Sequence[float]) -> list[Subject]:
@@ -52,15 +47,15 @@ def subjects(paths: Sequence[Path], instants_s: Sequence[float]) -> list[Subject
     RecordingError
         If a file cannot be read, or a folder holds no evaluation.
     """
-    found = []
+    found: list[Subject] = []
     flights = [path for path in paths if not path.is_dir()]
     if flights:
         pictures = {f"replay-{instant:g}": instant for instant in instants_s}
-        found.append(Subject(replay.scene(flights), pictures))
+        found.append((replay.scene(flights), pictures))
     folders = [path for path in paths if path.is_dir()]
     for folder in folders:
         name = "campaign" if len(folders) == 1 else f"campaign-{folder.resolve().name}"
-        found.append(Subject(campaign.scene(folder), {name: 0.0}))
+        found.append((campaign.scene(folder), {name: 0.0}))
     return found
 
 
@@ -84,16 +79,14 @@ def take(subjects: Sequence[Subject], folder: Path) -> Iterator[Path]:
         If the viewer does not start or reports a fault in a view, or a file cannot be written.
     """
     with tempfile.TemporaryDirectory() as scratch, headless() as client:
-        for number, subject in enumerate(subjects):
+        for number, (scene, pictures) in enumerate(subjects):
             file = Path(scratch) / f"{number}.rrd"
-            viewer.save(subject.scene, file)
+            viewer.save(scene, file)
             load(client, file)
-            for name, instant in subject.pictures.items():
+            for name, instant in pictures.items():
                 image = _draw(client, instant, Path(scratch) / "shot.png")
                 if found := complaints(client):
-                    raise RecordingError(
-                        f"the viewer cannot show all of {subject.scene.name}: {'; '.join(found)}"
-                    )
+                    raise RecordingError(f"the viewer cannot show all of {scene.name}: {'; '.join(found)}")
                 yield _write(image, folder / f"{name}.png")
             client.close("all")
 

@@ -89,32 +89,17 @@ def test_named_cases_are_drawn_with_their_labels(content: Content) -> None:
     np.testing.assert_array_equal(strip, synthetic_run.positions()[1])
 
 
-def test_distance_and_histograms_are_those_of_the_cases(content: Content) -> None:
+def test_the_distances_are_those_of_the_cases(content: Content) -> None:
     spread = content.numbers("/curves/distance/spread", "Scalars:scalars")
     assert spread[3].tolist() == [80.0, 55.0, 10.0]
     assert spread[5].tolist() == [120.0, 55.0, 40.0]
     assert content.column("/curves/distance/limit_15", "Scalars:scalars") == [[15.0], [15.0]]
-    for name, low, high in (
-        ("delta_v", 1.0, 4.0),
-        ("inspected", 70, 99),
-        ("nearest", 10, 80),
-        ("farthest", 40, 120),
-    ):
-        (tensor,) = content.column(f"/charts/{name}", "BarChart:values")[0]
-        counts = np.array(tensor["buffer"])
-        assert counts.sum() == 4
-        assert counts[0] >= 1
-        assert counts[-1] >= 1
-        (axis,) = content.column(f"/charts/{name}", "BarChart:abscissa")[0]
-        middles = np.array(axis["buffer"])
-        half = (middles[1] - middles[0]) / 2
-        np.testing.assert_allclose([middles[0] - half, middles[-1] + half], [low, high])
 
 
-def test_layout_has_scene_summary_curves_and_charts(run: Path, tmp_path: Path) -> None:
+def test_layout_has_scene_summary_and_curves(run: Path, tmp_path: Path) -> None:
     viewer.save(campaign.scene(run), tmp_path / "x.rrd")
     kinds = sorted(kind for kind, _ in views(tmp_path / "x.rrd"))
-    assert kinds == ["3D", "BarChart", "BarChart", "BarChart", "BarChart", "TextDocument", "TimeSeries"]
+    assert kinds == ["3D", "TextDocument", "TimeSeries"]
 
 
 def test_a_table_alone_is_shown_in_one_colour(run: Path, tmp_path: Path) -> None:

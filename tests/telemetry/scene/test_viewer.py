@@ -112,9 +112,8 @@ def test_a_viewer_that_ends_is_not_taken_for_one_without_a_driver(tmp_path):
         stream.log("text", rr.TextDocument("🚀"), static=True)
 
     scene = Scene("text", "text", rrb.Blueprint(rrb.TextDocumentView(origin="text")), send)
-    subject = screenshot.Subject(scene, {"x": 0.0})
     with pytest.raises(RecordingError, match=r"the viewer ended with exit code -?\d+: .*glyph"):
-        list(screenshot.take([subject], tmp_path))
+        list(screenshot.take([(scene, {"x": 0.0})], tmp_path))
 
 
 @pytest.mark.slow
