@@ -43,6 +43,7 @@ from pipeline.training.evolution.state import CheckpointError, load
 from telemetry.file.recover import recover
 from telemetry.file.summary import in_words, summarize
 from telemetry.scene import runs
+from tests.places import PROJECT
 
 CSV: Final = b"time_s,x,y\n0,0.1,1\n1,0.2,2\n2,0.4,1\n3,0.1,0\n"
 SWEEP: Final = {
@@ -80,18 +81,28 @@ class Reader:
     name: str
     read: Callable[[bytes, Path], object]
     samples: Sequence[bytes]
-    kind: str = "text"
-    refusals: tuple[type[Exception], ...] = REFUSALS
+    kind: str
+    refusals: tuple[type[Exception], ...]
 
 
-def _controller(kind: serialize.Kind) -> Callable[[bytes, Path], object]:
-    def read(content: bytes, folder: Path) -> object:
-        path = folder / f"controller.{kind}"
+#: takes the bytes of a file and a folder to put them in
+Read = Callable[[bytes, Path], object]
+
+
+def _in_file(name: str, read: Callable[[Path], object]) -> Read:
+    """Return a reader of files of a name."""
+
+    def read_content(content: bytes, folder: Path) -> object:
+        path = folder / name
         path.write_bytes(content)
-        controller = serialize.load(path)
-        return serialize.dump_json(controller), serialize.dump_yaml(controller)
+        return read(path)
 
-    return read
+    return read_content
+
+
+def _controller(path: Path) -> object:
+    controller = serialize.load(path)
+    return serialize.dump_json(controller), serialize.dump_yaml(controller)
 
 
 def _settings(content: bytes, _folder: Path) -> object:
@@ -118,40 +129,24 @@ def _minute() -> Mission:
     return compose_experiment(["+experiment=fly", "duration_s=60"]).experiment.mission
 
 
-def _forces(content: bytes, folder: Path) -> object:
-    path = folder / "forces.csv"
-    path.write_bytes(content)
-    return read_played(path, _minute())
-
-
-def _recording(content: bytes, folder: Path) -> object:
-    path = folder / "flight.mcap"
-    path.write_bytes(content)
-    (folder / "rescued.mcap").unlink(missing_ok=True)
+def _recording(path: Path) -> object:
+    path.with_name("rescued.mcap").unlink(missing_ok=True)
     with contextlib.suppress(telemetry.RecordingError):
-        recover(path, folder / "rescued.mcap")
+        recover(path, path.with_name("rescued.mcap"))
     recording = telemetry.read(path)
     return in_words(summarize(recording)), [
         telemetry.flat_table(recording, name) for name in recording.topics
     ]
 
 
-def _table(content: bytes, folder: Path) -> object:
-    path = folder / "trajectories.parquet"
-    path.write_bytes(content)
+def _table(path: Path) -> object:
     with contextlib.suppress(artifacts.ArtifactError):
-        tables.read_parquet(folder, path.name)
+        tables.read_parquet(path.parent, path.name)
     return runs.read_evaluation(path).distance_m
 
 
-def _checkpoint(content: bytes, folder: Path) -> object:
-    path = folder / "checkpoint.npz"
-    path.write_bytes(content)
-    return load(path, {})
-
-
 def _conditions(content: bytes, _folder: Path) -> object:
-    text = content.decode("utf-8", "replace")
+    text = _text(content)
     system = _champion().systems[0]
     return read_region(system, text), read_conditions(text, [variable.name for variable in system.inputs])
 
@@ -163,21 +158,8 @@ def _starts(content: bytes, _folder: Path) -> object:
     return [start_table.numbers(one, "starts.path") for one in tables]
 
 
-def _requirements(content: bytes, _folder: Path) -> object:
-    return requirements.read(content.decode("utf-8", "replace"), "requirements.yaml")
-
-
-def _policy(content: bytes, _folder: Path) -> object:
-    return policy_of("policy", content, "policy.onnx")
-
-
-def _mesh(suffix: str) -> Callable[[bytes, Path], object]:
-    def read(content: bytes, folder: Path) -> object:
-        path = folder / f"chief.{suffix}"
-        path.write_bytes(content)
-        return surface.spread_points(surface.read_mesh(str(path)), 20)
-
-    return read
+def _mesh(path: Path) -> object:
+    return surface.spread_points(surface.read_mesh(str(path)), 20)
 
 
 def _sweep(content: bytes, folder: Path) -> object:
@@ -185,36 +167,22 @@ def _sweep(content: bytes, folder: Path) -> object:
     return [sweep.state_of(folder, run) for run in sweep.read(folder)]
 
 
-def _journal(content: bytes, folder: Path) -> object:
-    path = folder / "journal.log"
-    path.write_bytes(content)
+def _journal(path: Path) -> object:
     space = {"optimizer": {"initial_step": {"low": 0.001, "high": 1.0}}}
     with contextlib.redirect_stderr(io.StringIO()):
         return list(trials(path, HparamsSearch(space=space, trials=2), 1, lambda _values: iter([1.0])))
 
 
-def _learned(suffix: str) -> Callable[[bytes, Path], object]:
-    def read(content: bytes, folder: Path) -> object:
-        path = folder / f"table.{suffix}"
-        path.write_bytes(content)
-        return table.as_table(table.read(path), "y", ["time_s", "x"])
-
-    return read
+def _learned(path: Path) -> object:
+    return table.as_table(table.read(path), "y", ["time_s", "x"])
 
 
-def _logged(suffix: str) -> Callable[[bytes, Path], object]:
-    def read(content: bytes, folder: Path) -> object:
-        path = folder / f"table.{suffix}"
-        path.write_bytes(content)
-        return logged.read(path, ["x", "y"])
-
-    return read
+def _logged(path: Path) -> object:
+    return logged.read(path, ["x", "y"])
 
 
-def _analyses(content: bytes, folder: Path) -> object:
+def _analyses(path: Path) -> object:
     """Read a controller and do with it what the commands do."""
-    path = folder / "controller.json"
-    path.write_bytes(content)
     controller = serialize.load(path)
     system = controller.systems[0]
     middle = [(variable.minimum + variable.maximum) / 2 for variable in system.inputs]
@@ -223,12 +191,6 @@ def _analyses(content: bytes, folder: Path) -> object:
     with contextlib.suppress(ValueError):
         source.write(controller)
     return str(audit(controller)), difference(controller, _champion()).text()
-
-
-def _verified(content: bytes, folder: Path) -> object:
-    path = folder / "flight.mcap"
-    path.write_bytes(content)
-    return fly_again(path)
 
 
 @cache
@@ -274,7 +236,7 @@ def _small_stl() -> bytes:
 
 
 def _tried_journal(folder: Path) -> bytes:
-    _journal(b"", folder)
+    _journal(folder / "journal.log")
     return (folder / "journal.log").read_bytes()
 
 
@@ -303,66 +265,78 @@ def _flown(folder: Path) -> bytes:
     return (folder / "flown" / "episodes" / "start.mcap").read_bytes()
 
 
+def _one() -> Any:
+    return replace(_champion(), systems=_champion().systems[:1])
+
+
+def _config() -> bytes:
+    return json.dumps(compose_experiment(["+experiment=train"]).config).encode()
+
+
+def _text(content: bytes) -> str:
+    return content.decode("utf-8", "replace")
+
+
+EXAMPLES: Final = PROJECT / "docs" / "examples"
+FORCES: Final = b"time_s,force_x_n,force_y_n,force_z_n\n0,0.1,0,0\n10,0,0.1,0\n"
+OR_VALUES: Final = (*REFUSALS, ValueError)
+#: of each reader: how it reads, what makes its samples in a folder, their kind, and what it may raise
+READERS: Final[
+    Mapping[str, tuple[Read, Callable[[Path], Sequence[bytes]], str, tuple[type[Exception], ...]]]
+] = {
+    "json": (_in_file("controller.json", _controller), lambda _: [serialize.dump_json(_one()).encode()],
+             "tree", REFUSALS),
+    "yaml": (_in_file("controller.yaml", _controller), lambda _: [serialize.dump_yaml(_one()).encode()],
+             "text", REFUSALS),
+    **{
+        Path(name).suffix[1:]: (
+            _in_file(f"controller{Path(name).suffix}", _controller),
+            lambda _, name=name: [(EXAMPLES / name).read_bytes()], "text", REFUSALS,
+        )
+        for name in ("tipper.fis", "dimmer.fll", "pendulum.fml")
+    },
+    "fcl": (_in_file("controller.fcl", _controller), lambda _: [fcl.write(_one()).text.encode()],
+            "text", REFUSALS),
+    "starts": (_starts, lambda _: [(EXAMPLES / "starts.csv").read_bytes()], "text", OR_VALUES),
+    "requirements": (lambda content, _: requirements.read(_text(content), "requirements.yaml"),
+                     lambda _: [requirements_path("inspection").read_bytes()], "text", OR_VALUES),
+    "settings": (_settings, lambda _: [_config()], "tree", OR_VALUES),
+    "run": (_run_folder, lambda _: [_config(), b'{"manifest_version": 2}'], "text", REFUSALS),
+    "forces": (_in_file("forces.csv", lambda path: read_played(path, _minute())), lambda _: [FORCES],
+               "text", OR_VALUES),
+    "conditions": (_conditions, lambda _: [b"distance > 3 and velocity_body_x <= 0.5", b"distance in [1, 2]"],
+                   "text", OR_VALUES),
+    "table": (_in_file("trajectories.parquet", _table), lambda _: [_parquet()], "table", REFUSALS),
+    "checkpoint": (_in_file("checkpoint.npz", lambda path: load(path, {})),
+                   lambda folder: [_saved_checkpoint(folder)], "bytes", REFUSALS),
+    "recording": (_in_file("flight.mcap", _recording), lambda folder: [_flown(folder)],
+                  "recording", REFUSALS),
+    "verify": (_in_file("flight.mcap", fly_again), lambda folder: [_flown(folder)],
+               "attachments", OR_VALUES),
+    "onnx": (lambda content, _: policy_of("policy", content, "policy.onnx"), lambda _: [_small_policy()],
+             "bytes", OR_VALUES),
+    "obj": (_in_file("chief.obj", _mesh),
+            lambda _: [(conf_folder() / "chief" / "satellite.obj").read_bytes()], "text", OR_VALUES),
+    "stl": (_in_file("chief.stl", _mesh), lambda _: [_small_stl()], "bytes", OR_VALUES),
+    "sweep": (_sweep, lambda _: [json.dumps(SWEEP).encode()], "tree", REFUSALS),
+    "journal": (_in_file("journal.log", _journal), lambda folder: [_tried_journal(folder)],
+                "text", OR_VALUES),
+    "learned_csv": (_in_file("table.csv", _learned), lambda _: [CSV], "text", OR_VALUES),
+    "learned_parquet": (_in_file("table.parquet", _learned), lambda _: [_numbers_as_parquet()],
+                        "table", OR_VALUES),
+    "logged_csv": (_in_file("table.csv", _logged), lambda _: [CSV], "text", OR_VALUES),
+    "logged_parquet": (_in_file("table.parquet", _logged), lambda _: [_numbers_as_parquet()],
+                       "table", OR_VALUES),
+    "analyses": (_in_file("controller.json", _analyses), lambda _: [serialize.dump_json(_one()).encode()],
+                 "tree", REFUSALS),
+}  # fmt: skip
+
+
 def all_readers(names: Sequence[str] = ()) -> Mapping[str, Reader]:
     """Return the readers with some names, all by default, with their samples."""
-    champion = _champion()
-    one = replace(champion, systems=champion.systems[:1])
-    examples = Path(__file__).parents[2] / "docs" / "examples"
-    config = compose_experiment(["+experiment=train"]).config
-    value_errors = (*REFUSALS, ValueError)
-    with tempfile.TemporaryDirectory() as made:
-        folder = Path(made)
-        makers: Mapping[str, Callable[[], Reader]] = {
-            "json": lambda: Reader("json", _controller("json"), [serialize.dump_json(one).encode()], "tree"),
-            "yaml": lambda: Reader("yaml", _controller("yaml"), [serialize.dump_yaml(one).encode()]),
-            "fis": lambda: Reader("fis", _controller("fis"), [(examples / "tipper.fis").read_bytes()]),
-            "fll": lambda: Reader("fll", _controller("fll"), [(examples / "dimmer.fll").read_bytes()]),
-            "fml": lambda: Reader("fml", _controller("fml"), [(examples / "pendulum.fml").read_bytes()]),
-            "fcl": lambda: Reader("fcl", _controller("fcl"), [fcl.write(one).text.encode()]),
-            "starts": lambda: Reader(
-                "starts", _starts, [(examples / "starts.csv").read_bytes()], "text", value_errors
-            ),
-            "requirements": lambda: Reader(
-                "requirements", _requirements, [requirements_path("inspection").read_bytes()], "text",
-                value_errors,
-            ),
-            "settings": lambda: Reader(
-                "settings", _settings, [json.dumps(config).encode()], "tree", value_errors
-            ),
-            "run": lambda: Reader(
-                "run", _run_folder, [json.dumps(config).encode(), b'{"manifest_version": 2}']
-            ),
-            "forces": lambda: Reader(
-                "forces", _forces,
-                [b"time_s,force_x_n,force_y_n,force_z_n\n0,0.1,0,0\n10,0,0.1,0\n"], "text", value_errors,
-            ),
-            "conditions": lambda: Reader(
-                "conditions", _conditions,
-                [b"distance > 3 and velocity_body_x <= 0.5", b"distance in [1, 2]"],
-                "text", value_errors,
-            ),
-            "table": lambda: Reader("table", _table, [_parquet()], "table"),
-            "checkpoint": lambda: Reader("checkpoint", _checkpoint, [_saved_checkpoint(folder)], "bytes"),
-            "recording": lambda: Reader("recording", _recording, [_flown(folder)], "recording"),
-            "verify": lambda: Reader("verify", _verified, [_flown(folder)], "attachments", value_errors),
-            "onnx": lambda: Reader("onnx", _policy, [_small_policy()], "bytes", value_errors),
-            "obj": lambda: Reader(
-                "obj", _mesh("obj"), [(conf_folder() / "chief" / "satellite.obj").read_bytes()], "text",
-                value_errors,
-            ),
-            "stl": lambda: Reader("stl", _mesh("stl"), [_small_stl()], "bytes", value_errors),
-            "sweep": lambda: Reader("sweep", _sweep, [json.dumps(SWEEP).encode()], "tree"),
-            "journal": lambda: Reader("journal", _journal, [_tried_journal(folder)], "text", value_errors),
-            "learned_csv": lambda: Reader("learned_csv", _learned("csv"), [CSV], "text", value_errors),
-            "learned_parquet": lambda: Reader(
-                "learned_parquet", _learned("parquet"), [_numbers_as_parquet()], "table", value_errors
-            ),
-            "logged_csv": lambda: Reader("logged_csv", _logged("csv"), [CSV], "text", value_errors),
-            "logged_parquet": lambda: Reader(
-                "logged_parquet", _logged("parquet"), [_numbers_as_parquet()], "table", value_errors
-            ),
-            "analyses": lambda: Reader(
-                "analyses", _analyses, [serialize.dump_json(one).encode()], "tree", value_errors
-            ),
-        }  # fmt: skip
-        return {name: makers[name]() for name in (names or makers)}
+    found = {}
+    for name in names or READERS:
+        read, make, kind, refusals = READERS[name]
+        with tempfile.TemporaryDirectory() as folder:
+            found[name] = Reader(name, read, make(Path(folder)), kind, refusals)
+    return found

@@ -4,39 +4,12 @@ import pytest
 
 from tests.hostile.attack import assert_survives_apart, attack
 from tests.hostile.giants import GIANTS, SIZE
-from tests.hostile.readers import all_readers
+from tests.hostile.readers import READERS, all_readers
 from tests.places import PROJECT
-
-NAMES = (
-    "json",
-    "yaml",
-    "fis",
-    "fll",
-    "fml",
-    "fcl",
-    "starts",
-    "requirements",
-    "settings",
-    "run",
-    "forces",
-    "conditions",
-    "table",
-    "checkpoint",
-    "onnx",
-    "obj",
-    "stl",
-    "sweep",
-    "journal",
-    "learned_csv",
-    "learned_parquet",
-    "logged_csv",
-    "logged_parquet",
-    "analyses",
-)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", [*NAMES, "recording", "verify"])
+@pytest.mark.parametrize("name", READERS)
 def test_a_reader_refuses_what_is_damaged(name, tmp_path):
     (reader,) = all_readers([name]).values()
     reader.read(reader.samples[0], tmp_path)

@@ -4,8 +4,9 @@ The deputy circles the chief on a tilted circle of constant radius, its camera a
 those that Clohessy and Wiltshire's equations ask for on that circle, so every number fits every other.
 """
 
-from dataclasses import dataclass
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,35 +30,16 @@ WORDS = ("NL", "NS", "ZE", "PS", "PL")
 ATTITUDE_OFFSETS = np.arange(10.0)
 
 
-@dataclass(frozen=True)
-class SyntheticFlight:
-    time_s: Floats
-    position_m: Floats
-    velocity_m_s: Floats
-    quaternion: Floats
-    chief_quaternion: Floats
-    angular_velocity_rad_s: Floats
-    attitude_quaternion: Floats
-    attitude_rate_rad_s: Floats
-    torque_n_m: Floats
-    force_body_n: Floats
-    force_hill_n: Floats
-    points_m: Floats
-    states: NDArray[np.int64]
-    inspected: NDArray[np.bool_]
-    num_candidates: NDArray[np.int64]
-    target_direction: Floats
-    lambda_u_rad: Floats
-    eta_u_rad: Floats
-    fis_inputs: Floats
-    firing_strengths: Floats
-    fis_output_n: Floats
-    sun_angle_rad: Floats
-    delta_v_m_s: Floats
+class SyntheticFlight(SimpleNamespace):
+    """What `fly` puts into it: arrays over samples, over controls, and over instants of the attitude."""
 
     @property
     def num_controls(self) -> int:
         return len(self.time_s) - 1
+
+    def but(self, **changes: Any) -> "SyntheticFlight":
+        """The same flight with other arrays."""
+        return SyntheticFlight(**{**vars(self), **changes})
 
 
 def fibonacci_sphere() -> Floats:

@@ -1,6 +1,5 @@
 """What a recording holds, seen through the mcap library's own readers."""
 
-import dataclasses
 from collections import Counter, defaultdict
 from typing import Any
 
@@ -15,33 +14,18 @@ from rerun.chunk import McapReader
 from telemetry.file.metadata import unsealed
 from tests.telemetry import synthetic_flight
 
-SCHEMA_OF_TOPIC = {
-    "/tf": "foxglove.FrameTransform",
-    "/deputy/pose": "foxglove.PoseInFrame",
-    "/chief/points": "foxglove.PointCloud",
-    "/deputy/state": "inspection.DeputyState",
-    "/deputy/attitude": "inspection.AttitudeHistory",
-    "/deputy/control": "inspection.Control",
-    "/guidance": "inspection.Guidance",
-    "/mission": "inspection.MissionStatus",
-    "/log": "foxglove.Log",
-    "/fis/f_x": "inspection.FisActivation",
-    "/fis/f_y": "inspection.FisActivation",
-    "/fis/f_z": "inspection.FisActivation",
-}
-COUNT_OF_TOPIC = {
-    "/tf": 1 + 2 * 361,
-    "/deputy/pose": 361,
-    "/chief/points": 361,
-    "/deputy/state": 361,
-    "/deputy/attitude": 360,
-    "/deputy/control": 360,
-    "/guidance": 361,
-    "/mission": 361,
-    "/log": 2,
-    "/fis/f_x": 360,
-    "/fis/f_y": 360,
-    "/fis/f_z": 360,
+#: the schema of each topic, and how many messages it has
+TOPICS = {
+    "/tf": ("foxglove.FrameTransform", 1 + 2 * 361),
+    "/deputy/pose": ("foxglove.PoseInFrame", 361),
+    "/chief/points": ("foxglove.PointCloud", 361),
+    "/deputy/state": ("inspection.DeputyState", 361),
+    "/deputy/attitude": ("inspection.AttitudeHistory", 360),
+    "/deputy/control": ("inspection.Control", 360),
+    "/guidance": ("inspection.Guidance", 361),
+    "/mission": ("inspection.MissionStatus", 361),
+    "/log": ("foxglove.Log", 2),
+    **{f"/fis/f_{axis}": ("inspection.FisActivation", 360) for axis in "xyz"},
 }
 #: the first that applies: inspected, in view but dark, lit, dark
 COLOURS = {3: (0, 190, 130, 255), 2: (204, 121, 167, 255), 1: (240, 228, 66, 255), 0: (86, 88, 102, 255)}
@@ -55,7 +39,7 @@ def messages(flight_file):
         reader = make_reader(stream, validate_crcs=True, decoder_factories=[DecoderFactory()])
         for schema, channel, message, decoded in reader.iter_decoded_messages():
             assert schema is not None
-            assert schema.name == SCHEMA_OF_TOPIC[channel.topic]
+            assert schema.name == TOPICS[channel.topic][0]
             assert (schema.encoding, channel.message_encoding) == ("protobuf", "protobuf")
             assert message.publish_time == message.log_time
             found[channel.topic].append((message.log_time, decoded))
@@ -63,7 +47,8 @@ def messages(flight_file):
 
 
 def test_every_topic_has_its_messages(messages):
-    assert {topic: len(rows) for topic, rows in messages.items()} == COUNT_OF_TOPIC
+    counts = {topic: count for topic, (_, count) in TOPICS.items()}
+    assert {topic: len(rows) for topic, rows in messages.items()} == counts
 
 
 def test_chunks_are_compressed_and_small_enough_to_lose(flight_file):
@@ -172,7 +157,7 @@ def test_a_flight_recorded_sample_by_sample_gives_the_same_bytes(flight, flight_
 def test_a_full_flight_of_three_systems_of_125_rules_stays_below_a_mebibyte(flight, tmp_path):
     # random numbers, which nothing compresses: no flight is larger
     strengths = np.random.default_rng(5).random((3, 360, 125))
-    many = dataclasses.replace(flight, firing_strengths=strengths)
+    many = flight.but(firing_strengths=strengths)
     path = synthetic_flight.record(many, tmp_path / "many.mcap")
     assert strengths.astype(np.float32).nbytes < path.stat().st_size < 1024 * 1024
 

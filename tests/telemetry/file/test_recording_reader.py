@@ -57,6 +57,8 @@ def test_time_is_chosen_with_both_ends(flight, flight_file):
     np.testing.assert_array_equal(state["position_m"], flight.position_m[60:71])
     late = telemetry.read(flight_file, "/deputy/state", start_s=3595.0)["/deputy/state"]
     assert late.time_s.tolist() == [3600.0]
+    whole = telemetry.read(flight_file, "/deputy/state", start_s=-inf, end_s=inf)["/deputy/state"]
+    np.testing.assert_array_equal(whole.time_s, flight.time_s)
 
 
 def test_samples_that_were_written_in_any_order_are_read_in_that_of_time(short_file, tmp_path):
@@ -95,29 +97,6 @@ def test_what_is_not_asked_for_is_not_read(flight_file, tmp_path):
     assert len(telemetry.read(path, end_s=1000.0)["/deputy/state"]) == 101
     with pytest.raises(RecordingError, match=r"is damaged.*python -m telemetry recover"):
         telemetry.read(path)
-
-
-def test_a_wrong_byte_never_gives_a_wrong_number(short_file, tmp_path):
-    whole = telemetry.read(short_file)
-    content = short_file.read_bytes()
-    generator = np.random.default_rng(11)
-    num_refused = 0
-    for position in generator.integers(0, len(content), 80).tolist():
-        damaged = bytearray(content)
-        damaged[position] ^= 1 << int(generator.integers(8))
-        path = tmp_path / "damaged.mcap"
-        path.write_bytes(damaged)
-        try:
-            recording = telemetry.read(path)
-        except RecordingError:
-            num_refused += 1
-            continue
-        assert recording.topics.keys() == whole.topics.keys()
-        for name, topic in whole.topics.items():
-            np.testing.assert_array_equal(recording[name].time_s, topic.time_s)
-            for field, values in topic.columns.items():
-                np.testing.assert_array_equal(recording[name][field], values)
-    assert num_refused > 40
 
 
 def test_a_wrong_byte_in_the_index_is_noticed(short_file, tmp_path):
@@ -183,18 +162,3 @@ def test_metadata_that_does_not_fit_the_inferences_is_refused(tmp_path):
 def test_times_that_are_no_span_are_not_taken_for_damage(short_file, start_s, end_s):
     with pytest.raises(RecordingError, match="there is no time"):
         telemetry.read(short_file, start_s=start_s, end_s=end_s)
-
-
-def test_infinity_is_no_limit(short_file):
-    everything = telemetry.read(short_file)["/deputy/state"].time_s
-    found = telemetry.read(short_file, start_s=-inf, end_s=inf)["/deputy/state"].time_s
-    np.testing.assert_array_equal(found, everything)
-
-
-def test_a_changed_attachment_is_damage(short_file, tmp_path):
-    path = tmp_path / "flight.mcap"
-    content = short_file.read_bytes()
-    assert content.count(b"seed: 7") == 1
-    path.write_bytes(content.replace(b"seed: 7", b"seed: 8"))
-    with pytest.raises(RecordingError, match="an attachment does not match its checksum"):
-        telemetry.read(path)

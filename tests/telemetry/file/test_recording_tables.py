@@ -35,16 +35,15 @@ def test_every_topic_is_a_file(short_flight, short_file, tmp_path, file_format):
     np.testing.assert_array_equal(position, short_flight.position_m)
 
 
-def test_attitude_instants_are_rows(short_flight, short_file, tmp_path):
+def test_attitude_instants_and_points_are_rows_with_units_and_states_in_words(
+    short_flight, short_file, tmp_path
+):
     export(telemetry.read(short_file), tmp_path, "parquet")
     table = pyarrow.parquet.read_table(tmp_path / "deputy_attitude.parquet")
     np.testing.assert_array_equal(table["time_s"].to_numpy(), np.arange(1300.0))
     expected = short_flight.torque_n_m[:, :, 2].ravel().astype(np.float32)
     np.testing.assert_array_equal(table["torque_z_n_m"].to_numpy(), expected)
-
-
-def test_points_are_rows_with_their_state_in_words(short_flight, short_file, tmp_path):
-    export(telemetry.read(short_file), tmp_path, "parquet")
+    assert units(table)["torque_x_n_m"] == "N m"
     table = pyarrow.parquet.read_table(tmp_path / "chief_points.parquet")
     assert table.num_rows == 131 * 99
     words = [("dark", "lit", "in_view_but_dark", "inspected")[state] for state in short_flight.states[130]]
@@ -156,9 +155,3 @@ def test_a_unit_that_no_suffix_tells_is_kept(tmp_path):
         writer.record("/fis/f_x", 0.0, inputs=[1.0, 2.0], firing_strengths=[0.5] * 25, output_n=0.1)
     told = units(telemetry.flat_table(telemetry.read(tmp_path / "odd.mcap"), "/fis/f_x"))
     assert (told["input_distance"], told["input_velocity_body_x"]) == ("furlong", "")
-
-
-def test_parquet_files_carry_the_units(short_file, tmp_path):
-    export(telemetry.read(short_file), tmp_path, "parquet")
-    table = pyarrow.parquet.read_table(tmp_path / "deputy_attitude.parquet")
-    assert units(table)["torque_x_n_m"] == "N m"

@@ -15,7 +15,6 @@ from numpy.typing import ArrayLike
 import telemetry
 from telemetry import EpisodeWriter
 from telemetry.file import topics
-from telemetry.file.metadata import unsealed
 from tests.places import PROJECT
 from tests.programs import missing, program
 from tests.telemetry import synthetic_flight
@@ -84,62 +83,6 @@ def run_node(folder: Path, *arguments: str | Path) -> Any:
     done = subprocess.run(command, check=False, cwd=folder, capture_output=True, text=True)  # noqa: S603
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout)
-
-
-@pytest.fixture(scope="module")
-def seen(reader, recorded):
-    """The recording as Foxglove's libraries tell it."""
-    told: dict[str, Any] = run_node(reader, "read.mjs", recorded)
-    return told
-
-
-def test_every_channel_is_decoded_in_full(seen, recording):
-    assert {name: topic["schema"] for name, topic in seen["topics"].items()} == {
-        name: topic.schema for name, topic in recording.topics.items()
-    }
-    for name, topic in recording.topics.items():
-        assert [message["time_s"] for message in seen["topics"][name]["messages"]] == topic.time_s.tolist()
-
-
-def test_our_messages_say_the_same_there(seen, recording):
-    num_fields = 0
-    for name, topic in recording.topics.items():
-        if topic.schema.startswith("inspection."):
-            for field, values in topic.columns.items():
-                told = [message.get(field, np.nan) for message in seen["topics"][name]["messages"]]
-                if field == "reason":
-                    told = [[topics.Reason(one).name.lower() for one in row] for row in told]
-                np.testing.assert_array_equal(np.array(told).reshape(values.shape), values)
-                num_fields += 1
-    assert num_fields == 4 + 4 + 11 + 6 + 5 + 9 + 3 * 4
-
-
-def test_foxgloves_messages_say_the_same_there(seen, recording):
-    def told(topic):
-        messages: list[dict[str, Any]] = seen["topics"][topic]["messages"]
-        return messages
-
-    def numbers(vectors, axes):
-        return np.array([[vector[axis] for axis in axes] for vector in vectors])
-
-    poses = [message["pose"] for message in told("/deputy/pose")]
-    pose, transforms = recording["/deputy/pose"], recording["/tf"]
-    np.testing.assert_array_equal(numbers([p["position"] for p in poses], "xyz"), pose["position_m"])
-    np.testing.assert_array_equal(numbers([p["orientation"] for p in poses], "xyzw"), pose["quaternion"])
-    frames = [message["child_frame_id"] for message in told("/tf")]
-    assert frames == transforms["child_frame"].tolist()
-    translations = numbers([message["translation"] for message in told("/tf")], "xyz")
-    np.testing.assert_array_equal(translations, transforms["translation_m"])
-    cloud = told("/chief/points")[7]
-    assert [field["name"] for field in cloud["fields"]] == ["x", "y", "z", "red", "green", "blue", "alpha"]
-    data = np.array(cloud["data"], dtype=np.uint8).reshape(-1, cloud["point_stride"])
-    np.testing.assert_array_equal(data[:, 12:], recording["/chief/points"]["colour_rgba"][7])
-    assert [message["message"] for message in told("/log")] == recording["/log"]["message"].tolist()
-
-
-def test_metadata_and_attachments_are_there(seen, recording):
-    assert {name: unsealed(name, entries) for name, entries in seen["metadata"].items()} == recording.metadata
-    assert {name: text.encode() for name, text in seen["attachments"].items()} == recording.attachments
 
 
 def panels(node: Any) -> Iterator[str]:

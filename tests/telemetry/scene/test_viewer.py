@@ -41,27 +41,6 @@ def client():
         yield client
 
 
-@pytest.fixture(params=["replay", "several", "campaign"])
-def scene(request, flight_file, short_file, run):
-    makers = {
-        "replay": lambda: replay.scene([flight_file]),
-        "several": lambda: replay.scene([flight_file, short_file]),
-        "campaign": lambda: campaign.scene(run),
-    }
-    return makers[request.param]()
-
-
-@pytest.mark.slow
-def test_viewer_shows_every_view_of_a_recording(client, scene, tmp_path):
-    viewer.save(scene, tmp_path / "x.rrd")
-    screenshot.load(client, tmp_path / "x.rrd")
-    client.save_screenshot(str(tmp_path / "x.png"))
-    state = client.get_state()
-    assert len(state.views) > 6
-    assert screenshot.complaints(client) == []
-    client.close("all")
-
-
 @pytest.mark.slow
 def test_the_viewer_can_write_every_sign_that_is_kept(client, tmp_path):
     """In both of its fonts: the viewer ends at a sign for which it has no glyph."""
