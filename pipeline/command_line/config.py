@@ -5,7 +5,7 @@ Hydra composes it; its errors are turned into sentences.
 
 import sys
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, cast
 
@@ -46,19 +46,14 @@ class Job:
         The experiment it describes.
     folder : Path
         The run's folder.
-    node : DictConfig
-        The configuration with Hydra's own.
+    sweep_folder : Path
+        That of the sweep that the run belongs to, if any.
     """
 
     config: dict[str, Any]
     experiment: Experiment
     folder: Path
-    node: DictConfig = field(repr=False)
-
-    @property
-    def sweep_folder(self) -> Path:
-        """The folder of the sweep that the run belongs to, if any."""
-        return Path(self.node.hydra.sweep.dir)
+    sweep_folder: Path
 
 
 def options(folders: Sequence[Path]) -> dict[str, list[str]]:
@@ -114,16 +109,17 @@ def compose_jobs(
     ConfigError, SettingError
     """
     composed: list[Job] = []
+    first: DictConfig | None = None
     for index, overrides in enumerate(jobs):
         own = [f"hydra.job.num={index}", f"hydra.sweep.subdir={quoted(names[index])}"] if names else []
         node = compose_node([*own, *overrides], config_dir)
-        if composed:
-            # resolvers such as `now` give all runs of a sweep the same value
-            OmegaConf.copy_cache(composed[0].node, node)
+        first = first or node
+        # resolvers such as `now` give all runs of a sweep the same value
+        OmegaConf.copy_cache(first, node)
         config = _resolved(node, overrides, config_dir)
-        sweep = node.hydra.sweep
-        folder = Path(sweep.dir, str(sweep.subdir)) if names else Path(node.hydra.run.dir)
-        composed.append(Job(config, experiment_from(config), folder, node))
+        together = Path(node.hydra.sweep.dir)
+        folder = together / str(node.hydra.sweep.subdir) if names else Path(node.hydra.run.dir)
+        composed.append(Job(config, experiment_from(config), folder, together))
     return composed
 
 

@@ -189,8 +189,8 @@ def compare(first: Path, second: Path) -> int:
     compared = statistics.compare(one, other, confidence)
     _print(sweep.compared_table(first.name, second.name, compared, confidence))
     sys.stdout.write("p: Wilcoxon's signed ranks; for shares of flights McNemar's exact test\n")
-    for told in differences(present(configs[0]), present(configs[1]), ()):
-        sys.stdout.write(f"they differ in {told.replace('(then ', '(A ').replace(', now ', ', B ')}\n")
+    for told in differences(present(configs[0]), present(configs[1]), but=(), words=("A", "B")):
+        sys.stdout.write(f"they differ in {told}\n")
     return OK
 
 

@@ -4,7 +4,7 @@ import shlex
 import shutil
 import sys
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,7 +13,7 @@ import numpy as np
 
 from pipeline.controllers.source import controller_of_run
 from pipeline.evaluation.monte_carlo import SUCCESS, episode_columns, fly_cases, summarise
-from pipeline.evaluation.statistics import RANKED, Column, percentiles, sensitivity
+from pipeline.evaluation.statistics import Column, percentiles, sensitivity
 from pipeline.flight.cases.starts import evaluation_scenarios
 from pipeline.flight.control.controller import Controller
 from pipeline.flight.fly.simulation import fly_all
@@ -55,10 +55,9 @@ def run(experiment: Experiment, folder: Path) -> None:
         f"success {100 * summary[SUCCESS]['fraction']:.1f} %, "
         f"outside {100 * summary['violated']['fraction']:.1f} %\n"
     )
-    lines = [*_lines_on(experiment, summary), *_dispersion_lines(summary), *_beside_lines(summary["optimum"])]
+    sys.stderr.write(_beside_in_words(summary["optimum"]))
     if (folder / artifacts.TRAJECTORIES).exists():
-        lines.append(f"to see them all: python -m telemetry campaign {shlex.quote(str(folder))}")
-    sys.stderr.writelines(f"  {line}\n" for line in lines)
+        sys.stderr.write(f"  to see them all: python -m telemetry campaign {shlex.quote(str(folder))}\n")
 
 
 def _flown(experiment: Experiment, controller: Controller, folder: Path) -> Mapping[str, Column]:
@@ -146,53 +145,13 @@ def _nominal(experiment: Experiment, controller: Controller, folder: Path) -> Ma
     return fly_cases(undispersed.mission, controller, scenarios, cases.workers)[0]
 
 
-def _lines_on(experiment: Experiment, summary: Mapping[str, Any]) -> Iterator[str]:
-    """Yield lines on the rate of inspectable points, the safety layer and propellant, if there are such."""
-    rate = summary["inspectable_rate_percent"]
-    if rate["mean"] != summary["inspection_rate_percent"]["mean"]:
-        yield (
-            f"of the {summary['inspectable_count']['mean']:.1f} points a flight that can be inspected, for "
-            f"the Sun shines on them, {rate['mean']:.2f} +- {rate['standard_deviation']:.2f} %; success "
-            "refers to these"
-        )
-    if experiment.mission.safety.kind != "none":
-        acted = summary["safety_acted"]
-        yield (
-            f"safety layer: acted in {acted['count']} of {summary['num_cases']} flights, in "
-            f"{summary['safety_periods']['mean']:.2f} periods a flight, changed the force by "
-            f"{summary['safety_delta_v_m_s']['mean']:.4f} m/s a flight"
-        )
-    if "propellant_kg" in summary:
-        used = summary["propellant_kg"]
-        yield f"propellant: {1e3 * used['mean']:.2f} +- {1e3 * used['standard_deviation']:.2f} g"
-
-
-def _dispersion_lines(summary: Mapping[str, Any]) -> Iterator[str]:
-    """Yield lines on the results without dispersions, the 99 % delta-v, and which dispersions matter."""
-    if "sensitivity" not in summary:
-        return
-    nominal, (_, _, most) = summary["nominal"], summary["percentiles"]["delta_v_m_s"]
-    upto = "" if most["high"] is None else f" (at most {most['high']:.3f})"
-    yield (
-        f"without dispersions: delta-v {nominal['delta_v_m_s']['mean']:.3f} m/s, "
-        f"success {100 * nominal[SUCCESS]['fraction']:.1f} %, "
-        f"outside {100 * nominal['violated']['fraction']:.1f} %"
+def _beside_in_words(beside: Mapping[str, Any]) -> str:
+    """Return a line on the ratio of fuel to the optimum; nothing if it is not compared."""
+    if "not_compared" in beside:
+        return ""
+    times = beside["times_optimum"]
+    return (
+        f"  {times['mean']:.2f} times the optimum in the mean of {beside['num_cases']} solved cases "
+        f"({times['min']:.2f} to {times['max']:.2f}), {beside['num_successful']} of them successful; "
+        f"{beside['times_optimum_as_seen']['mean']:.2f} times the plans that inspect as many points\n"
     )
-    yield f"99 % of the flights burn at most {most['value']:.3f} m/s{upto}"
-    for one in summary["sensitivity"]:
-        told = [
-            f"{word} {one[name]['value']:+.2f} ({one[name]['low']:+.2f} to {one[name]['high']:+.2f})"
-            for name, word in zip(RANKED, ("delta-v", "rate"), strict=True)
-        ]
-        yield f"{one['key']}: rank correlation with {', with '.join(told)}"
-
-
-def _beside_lines(beside: Mapping[str, Any]) -> Iterator[str]:
-    """Yield a line on the ratio of fuel to the optimum, if it is compared."""
-    if "not_compared" not in beside:
-        times = beside["times_optimum"]
-        yield (
-            f"{times['mean']:.2f} times the optimum in the mean of {beside['num_cases']} solved cases "
-            f"({times['min']:.2f} to {times['max']:.2f}), {beside['num_successful']} of them successful; "
-            f"{beside['times_optimum_as_seen']['mean']:.2f} times the plans that inspect as many points"
-        )

@@ -100,10 +100,9 @@ def test_the_summary_tells_what_flew_and_how_well(evaluated, capsys):
     assert f"delta-v {delta_v.mean():.3f} +- {delta_v.std(ddof=1):.3f} m/s" in told
     assert "5 cases in" in told
     assert "Sun random" in told
-    assert "safety layer" not in told
 
 
-def test_with_the_safety_layer_it_tells_what_that_did(tmp_path, capsys):
+def test_the_safety_layer_keeps_a_deputy_inside_that_flies_away(tmp_path):
     away = tmp_path / "away.csv"
     away.write_text(
         "time_s,force_x_n,force_y_n,force_z_n\n" + "".join(f"{10 * k},1,1,1\n" for k in range(30))
@@ -115,11 +114,6 @@ def test_with_the_safety_layer_it_tells_what_that_did(tmp_path, capsys):
     episodes = tables.read_parquet(tmp_path, artifacts.EPISODES)
     assert not episodes["violated"].any()
     assert episodes["safety_periods"].min() > 0
-    periods, changed = episodes["safety_periods"].mean(), episodes["safety_delta_v_m_s"].mean()
-    assert (
-        f"safety layer: acted in 5 of 5 flights, in {periods:.2f} periods a flight, changed the force by "
-        f"{changed:.4f} m/s a flight" in capsys.readouterr().err
-    )
 
 
 def test_a_champion_in_the_folder_flies_instead_of_the_configured_controller(tmp_path):
