@@ -227,7 +227,7 @@ def read_summary(folder: Path) -> dict[str, Any]:
         if isinstance(number, bool) or not isinstance(number, int | float):
             raise artifacts.ArtifactError(
                 f"{folder / artifacts.SUMMARY} has no number {name}, so it is no summary of an evaluation; "
-                f"repeat the stage {artifacts.WRITTEN_BY[artifacts.SUMMARY]}"
+                f"repeat the stage {artifacts.stage_of(artifacts.SUMMARY)}"
             )
     return told
 
@@ -245,7 +245,7 @@ def read_spread(folder: Path, evaluation: FlightSet | None) -> comparisons.Sprea
     except (AttributeError, KeyError, TypeError, ValueError) as error:
         raise artifacts.ArtifactError(
             f"{folder / artifacts.SUMMARY} does not tell of percentiles and dispersions what it should "
-            f"({type(error).__name__}: {error}); repeat the stage {artifacts.WRITTEN_BY[artifacts.SUMMARY]}"
+            f"({type(error).__name__}: {error}); repeat the stage {artifacts.stage_of(artifacts.SUMMARY)}"
         ) from error
 
 
@@ -262,7 +262,7 @@ def tracks_of(rows: Columns, cases: NDArray[Any]) -> NDArray[np.floating]:
     if not np.array_equal(found, np.sort(cases)) or np.ptp(counts) != 0:
         raise artifacts.ArtifactError(
             f"{artifacts.TRAJECTORIES} and {artifacts.EPISODES} are of different flights; repeat the stage "
-            f"{artifacts.WRITTEN_BY[artifacts.TRAJECTORIES]}"
+            f"{artifacts.stage_of(artifacts.TRAJECTORIES)}"
         )
     positions = np.stack([rows[name][order] for name in POSITION], axis=-1)
     by_case = positions.reshape(len(found), int(counts[0]), 3)

@@ -313,5 +313,5 @@ def _files(manifest: Mapping[str, Any] | None) -> dict[str, str]:
     return {
         name: digest
         for name, digest in (manifest or {}).get("sha256", {}).items()
-        if artifacts.WRITTEN_BY.get(name.split("/")[0]) != "report"
+        if artifacts.stage_of(name) != "report"
     }

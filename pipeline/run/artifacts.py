@@ -20,6 +20,7 @@ from typing import Any, BinaryIO, Final
 import yaml
 
 from fis_tools.plain_text import plain
+from pipeline.settings.experiment import STAGES
 from pipeline.settings.schema import only_results
 
 CONFIG: Final = "config.yaml"
@@ -72,28 +73,13 @@ UNFINISHED: Final = ".unfinished"
 MOST_CONFIG_BYTES: Final = 2 * 1024 * 1024
 MOST_DEEP: Final = 64
 
-#: the files of each stage that another may miss
-FILES_OF: Final[Mapping[str, Sequence[str]]] = {
-    "scenario": (SCENARIOS,),
-    "train": (LOGBOOK, HISTORY, CHECKPOINT, CHAMPION),
-    "evaluate": (EPISODES, TRAJECTORIES, SUMMARY, BESIDE_OPTIMUM),
-    "optimum": (OPTIMUM_CASES, OPTIMUM_PLANS, OPTIMUM_FORCES, OPTIMUM_SUMMARY),
-    "compare": (COMPARISON_TABLE, COMPARISON_EPISODES, COMPARISON),
-    "assure": (
-        REQUIREMENTS,
-        ASSURED_CASES,
-        SEARCHED,
-        WORST_FLIGHTS,
-        PROOF_BOXES,
-        DOMAIN,
-        EVIDENCE,
-        EVIDENCE_PAGE,
-    ),
-    "record": (RECORDINGS,),
-    "report": (FIGURES, REPORT, REVIEW),
+#: the stages of files that are in no folder of their stage's name
+ELSEWHERE: Final[Mapping[str, str]] = {
+    SCENARIOS: "scenario",
+    CHAMPION: "train",
+    RECORDINGS: "record",
+    **dict.fromkeys((FIGURES, REPORT, REVIEW), "report"),
 }
-#: the stage that writes each of them
-WRITTEN_BY: Final = {name: stage for stage, names in FILES_OF.items() for name in names}
 
 #: 2 added the roles of files, the scene and the command; runs of version 1 are read and resumed
 MANIFEST_VERSION: Final = 2
@@ -240,6 +226,12 @@ def _not_finite(content: Any, key: str = "") -> Iterator[str]:
             yield from _not_finite(value, f"{key}[{index}]")
 
 
+def stage_of(name: str) -> str | None:
+    """Return the stage that writes a file of a run, if one does: its folder bears the stage's name."""
+    first = PurePath(name).parts[0]
+    return ELSEWHERE.get(first, first if first in STAGES else None)
+
+
 def require(folder: Path, name: str) -> Path:
     """Return the path of a file of a run.
 
@@ -252,7 +244,7 @@ def require(folder: Path, name: str) -> Path:
     if any((folder / part).is_symlink() for part in (PurePath(name), *PurePath(name).parents)):
         raise ArtifactError(f"{path} is reached by a link, which is not followed; put a copy in its place")
     if not path.exists():
-        writer = WRITTEN_BY.get(name)
+        writer = stage_of(name)
         cure = f"the stage {writer} writes it, run that first" if writer else "choose the folder of a run"
         raise ArtifactError(f"{folder} has no {name}; {cure}")
     return path
