@@ -109,21 +109,10 @@ def _ranked_flights(experiment: Experiment, episodes: Columns) -> list[FlightToR
 
 
 def _evaluated_flight(name: str, episodes: Columns, row: int, scenarios: list[Scenario]) -> FlightToRecord:
-    """Return the flight of an evaluation's row, after checking that this run's case started there."""
+    """Return the flight of an evaluation's row."""
     case = int(episodes["case"][row])
-    # earlier versions had no elevation
-    start = [float(episodes[column][row]) if column in episodes else 0.0 for column in _START]
-    drawn = scenarios[case] if case < len(scenarios) else None
-    if drawn is None or start != [*drawn.position_m.tolist(), drawn.sun_angle_rad, drawn.sun_elevation_rad]:
-        raise artifacts.ArtifactError(
-            f"case {case} of {artifacts.EPISODES} did not start where this configuration's does; repeat the "
-            "stage evaluate"
-        )
     expected = int(episodes["inspected_count"][row]), float(episodes["delta_v_m_s"][row])
-    return FlightToRecord(f"{name}-case-{case}", f"case-{case}", drawn, expected)
-
-
-_START = ("position_x_m", "position_y_m", "position_z_m", "sun_angle_rad", "sun_elevation_rad")
+    return FlightToRecord(f"{name}-case-{case}", f"case-{case}", scenarios[case], expected)
 
 
 def _record(experiment: Experiment, folder: Path, flights: list[FlightToRecord]) -> None:

@@ -2,13 +2,14 @@
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+from fis_tools.errors import ControllerFileError
+from fis_tools.review import page as review
+from pipeline.report.contents import Contents, gather
+from pipeline.report.page import write
+from pipeline.report.pictures import OWN_FILES, draw
 from pipeline.run import artifacts
 from pipeline.settings.experiment import Experiment
-
-if TYPE_CHECKING:
-    from pipeline.report.contents import Contents
 
 
 def run(experiment: Experiment, folder: Path) -> None:
@@ -19,10 +20,6 @@ def run(experiment: Experiment, folder: Path) -> None:
     pipeline.run.artifacts.ArtifactError
         If a file of the run exists and cannot be read.
     """
-    from pipeline.report.contents import gather  # noqa: PLC0415 - takes a while, as do the others
-    from pipeline.report.page import write  # noqa: PLC0415
-    from pipeline.report.pictures import OWN_FILES, draw  # noqa: PLC0415
-
     contents = gather(experiment, folder)
     _write_review(contents, folder)
     illustrations = {illustration.name: illustration for illustration in draw(contents)}
@@ -40,11 +37,8 @@ def run(experiment: Experiment, folder: Path) -> None:
     )
 
 
-def _write_review(contents: "Contents", folder: Path) -> None:
+def _write_review(contents: Contents, folder: Path) -> None:
     """Write the review of the run's fuzzy controller; an earlier one is removed."""
-    from fis_tools.errors import ControllerFileError  # noqa: PLC0415 - as above
-    from fis_tools.review import page as review  # noqa: PLC0415
-
     path = folder / artifacts.REVIEW
     fuzzy = contents.controller.fuzzy if contents.controller else None
     if fuzzy is None:

@@ -201,14 +201,6 @@ def test_without_an_evaluation_there_is_nothing_to_rank(tmp_path):
         record.run(evaluated().experiment, tmp_path)
 
 
-def test_an_evaluation_of_other_starts_is_refused(tmp_path, finished):
-    content = (finished / artifacts.EPISODES).read_bytes()
-    artifacts.write_atomically(tmp_path / artifacts.EPISODES, content)
-    for other in ("seed=5", "monte_carlo.num_cases=1", "sun=fixed"):
-        with pytest.raises(ArtifactError, match="did not start where this configuration's does; repeat"):
-            record.flights_of(evaluated(other).experiment, tmp_path)
-
-
 def test_an_evaluation_of_another_controller_is_refused(tmp_path, finished):
     artifacts.write_atomically(tmp_path / artifacts.EPISODES, (finished / artifacts.EPISODES).read_bytes())
     run = evaluated("controller=coast")
