@@ -28,6 +28,7 @@ from fis_tools.formats.mapping import MOST_POINTS
 from fis_tools.learning.learner import Recipe, Unlearnable, cross_validated, learn_table
 from fis_tools.learning.table import Table, UnreadableTable, as_table, read
 from fis_tools.model import FuzzyController, FuzzySystem, Sampled, Variable
+from fis_tools.model.systems import with_variables
 from fis_tools.model.validate import InvalidSystem
 from fis_tools.source import is_program, read_controller
 from fis_tools.words.text import sentences, with_unit
@@ -154,9 +155,7 @@ def import_(
     points
         points of every evenly spaced universe
     """
-    ending = ".json" if output is None else Path(output).suffix.lower()
-    if ending not in {".json", ".yaml", ".yml"}:
-        raise UserMistake(f"{output} is no controller file; name one that ends in .json or .yaml")
+    form = form_of(output) or serialize.dump_json
     readings = [_reading(path, trust) for path in files]
     controllers = [reading.controller for reading in readings]
     systems = _systems(files, controllers)
@@ -169,9 +168,8 @@ def import_(
     names = list(dict.fromkeys(controller.name for controller in controllers))
     name = name or (names[0] if len(names) == 1 else Path(files[0]).stem)
     controller = FuzzyController(name, systems, attributes, provenance)
-    dump = serialize.dump_json if ending == ".json" else serialize.dump_yaml
     with mistakes(InvalidSystem):
-        content = dump(controller)
+        content = form(controller)
     write(output, content)
     for sentence in (sentence for reading in readings for sentence in reading.assumptions):
         print(f"assumed: {sentence}", file=sys.stderr)
@@ -204,9 +202,7 @@ def _resampled(system: FuzzySystem, num_points: int) -> FuzzySystem:
         is_fixed = any(isinstance(term.membership, Sampled) for term in variable.terms)
         return variable if is_fixed or variable.points else replace(variable, num_points=num_points)
 
-    return replace(
-        system, inputs=tuple(map(resampled, system.inputs)), outputs=tuple(map(resampled, system.outputs))
-    )
+    return with_variables(system, resampled)
 
 
 def _merged(facts: Iterable[tuple[tuple[str, str], ...]]) -> tuple[tuple[tuple[str, str], ...], list[str]]:

@@ -306,20 +306,18 @@ def _consequent_groups(
     consequents: Sequence[model.Consequent], outputs: Sequence[str], dialect: Dialect
 ) -> Iterator[tuple[model.Consequent, ...]]:
     """Part consequents into groups of one weight, and of different outputs where they may not repeat."""
-    groups: list[list[model.Consequent]] = []
+    groups: dict[tuple[float, int], list[model.Consequent]] = {}
     for consequent in consequents:
-        for group in groups:
-            is_repeated = any(other.variable == consequent.variable for other in group)
-            if group[0].weight == consequent.weight and (dialect.repeats_variables or not is_repeated):
-                group.append(consequent)
-                break
-        else:
-            groups.append([consequent])
-    for group in groups:
-        if dialect.repeats_variables:
-            yield tuple(group)
-        else:
-            yield tuple(sorted(group, key=lambda consequent: outputs.index(consequent.variable)))
+        key = consequent.weight, 0
+        while not dialect.repeats_variables and any(
+            other.variable == consequent.variable for other in groups.get(key, ())
+        ):
+            key = consequent.weight, key[1] + 1
+        groups.setdefault(key, []).append(consequent)
+    for group in groups.values():
+        if not dialect.repeats_variables:
+            group.sort(key=lambda consequent: outputs.index(consequent.variable))
+        yield tuple(group)
 
 
 def _expressed_variable(

@@ -12,8 +12,9 @@ shapes are read by the names that fuzzylite and jFuzzyLogic give them.
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from itertools import pairwise
 from typing import Any, TypeVar
+
+import numpy as np
 
 from fis_tools import model
 from fis_tools.errors import ControllerFileError
@@ -67,30 +68,16 @@ def _number_words(output: model.Variable, term: model.Term) -> str:
 
 def _points(variable: model.Variable, term: model.Term) -> list[tuple[float, float]]:
     """Return points between which the membership function is straight, level beyond them."""
-    shape = term.membership
-    corners: list[tuple[float, float]] = []
-    if isinstance(shape, model.Triangular):
-        corners = [(shape.left, 0.0), (shape.peak, 1.0), (shape.right, 0.0)]
-    elif isinstance(shape, model.Trapezoidal):
-        corners = [(shape.left, 0.0), (shape.left_top, 1.0), (shape.right_top, 1.0), (shape.right, 0.0)]
-    if corners:
-        inside = _without_walls_at_the_ends(corners, variable)
-        if all(left[0] < right[0] for left, right in pairwise(inside)):
-            return [(float(x), y) for x, y in inside]
-    values = sample(variable, term)
-    return [(float(x), float(y)) for x, y in zip(variable.universe, values, strict=True)]
-
-
-def _without_walls_at_the_ends(
-    corners: list[tuple[float, float]], variable: model.Variable
-) -> list[tuple[float, float]]:
-    """Drop the foot of a flank that is a wall at an end of the range, or a plateau of no width."""
-    kept = list(dict.fromkeys(corners))
-    if kept[0][0] == kept[1][0] <= variable.minimum:
-        kept = kept[1:]
-    if kept[-1][0] == kept[-2][0] >= variable.maximum:
-        kept = kept[:-1]
-    return kept
+    shape, values = term.membership, sample(variable, term)
+    x = variable.universe
+    if isinstance(shape, model.Triangular | model.Trapezoidal):
+        corners = np.unique(shape.corners)
+        heights = shape.at(corners)
+        is_foot = heights[[0, -1]] == 0.0
+        is_end = [corners[0] <= variable.minimum, corners[-1] >= variable.maximum]
+        if (is_foot | is_end).all():  # no wall stands inside the range
+            x, values = corners, heights
+    return list(zip(x.tolist(), values.tolist(), strict=True))
 
 
 _BLOCKS = ("VAR_INPUT", "VAR_OUTPUT", "FUZZIFY", "DEFUZZIFY", "RULEBLOCK")

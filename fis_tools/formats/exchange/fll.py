@@ -233,23 +233,17 @@ def _refuse_other_kind(
             )
 
 
-def _parted(line: int, words: str) -> tuple[str, str, list[str]]:
-    """Return the name of a term, its shape, and the rest."""
-    parts = words.split()
-    if len(parts) < 2:
-        raise ControllerFileError(
-            f"line {line}: {words[:40]!r} is not a term; expected a name, a shape and its numbers"
-        )
-    return parts[0], parts[1], parts[2:]
-
-
 def _terms(
     block: Block, extent: Extent, inputs: Sequence[str] | None = None
 ) -> list[tuple[str, model.MembershipFunction | Table]]:
     """Read the terms of a variable; `inputs` are those of an output that is weighed."""
     terms: list[tuple[str, model.MembershipFunction | Table]] = []
     for line, words in block.listed:
-        name, word, values = _parted(line, words)
+        if len(words.split()) < 2:
+            raise ControllerFileError(
+                f"line {line}: {words[:40]!r} is not a term; expected a name, a shape and its numbers"
+            )
+        name, word, *values = words.split()
         if inputs is None:
             values = _without_height(word, values, f"line {line}")
         terms.append((name, foreign.FUZZYLITES.read(word, values, extent, inputs, f"line {line}")))

@@ -100,7 +100,7 @@ def test_forms_to_read_are_printed(tmp_path, capsys):
         (["export", "GENERAL", "--format", "fis"], "room: rule 1 cannot be said in a .fis file"),
         (["export", "ALIKE", "--format", "fll", "-o", "FOLDER"], "both be written as a_b.fll"),
         (["import", "TIPPER", "TIPPER"], "both have a system 'tipper'"),
-        (["import", "TIPPER", "-o", "x.fis"], "is no controller file"),
+        (["import", "TIPPER", "-o", "x.fis"], "ends in none of .json, .yaml, .yml"),
         (["import", "TIPPER", "--points", "1"], "Give a whole number from 2 to 4000000"),
         (["import", "missing.fis"], "cannot be read"),
         (["import", "TIPPER", "--name", " "], "a name is printable text"),
