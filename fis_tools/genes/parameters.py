@@ -6,6 +6,7 @@ of every rule. Each inner mean moves inside its own window around its evenly spa
 their order and stay apart whatever the genes are.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -57,6 +58,10 @@ class Places:
     widths: tuple[slice, ...]
     reach: int
     rules: slice
+
+
+#: Of a variable of n systems: its ends, (n,), and the means and standard deviations of its terms, (n, terms).
+Numbers = tuple[Floats, Floats, Floats, Floats]
 
 
 @dataclass(frozen=True)
@@ -126,38 +131,35 @@ class SystemEncoding:
 
     def decode(self, genome: Floats) -> tuple[FuzzySystem, ...]:
         """Return the systems of one genome of shape (num_genes,)."""
-        genes = self._read(np.asarray(genome, dtype=np.float64)[np.newaxis])
+        genomes = self._checked(np.asarray(genome, dtype=np.float64)[np.newaxis])
         systems = []
-        for system in self.systems:
-            inputs = tuple(self._decoded(v, *self._take(genes, v, None)) for v in system.inputs)
-            output = system.outputs[0]
-            output = self._decoded(output, *self._take(genes, output, self.bounds.output_reach))
-            table = genes.terms(len(system.rules), len(output.terms))[0]
-            words = [output.terms[index].name for index in table]
+        for system, places in zip(self.systems, self.places(), strict=True):
+            variables = (*system.inputs, *system.outputs)
+            found = zip(variables, self._taken(genomes, system, places), strict=True)
+            *inputs, output = (self._decoded(variable, *numbers) for variable, numbers in found)
+            words = [output.terms[index].name for index in _terms(genomes[:, places.rules], output)[0]]
             rules = table_rules(inputs, output, words)
-            systems.append(replace(system, inputs=inputs, outputs=(output,), rules=rules))
+            systems.append(replace(system, inputs=tuple(inputs), outputs=(output,), rules=rules))
         return tuple(systems)
 
     def pack(self, genomes: Floats) -> Packed:
         """Pack a population, shape (n, num_genes), as `engines.packing.pack` packs each decoded genome."""
-        genes = self._read(np.asarray(genomes, dtype=np.float64))
+        genomes = self._checked(np.asarray(genomes, dtype=np.float64))
         layout, num_values, num_entries = packing.layout_of(self.systems)
         values = np.zeros((len(genomes), num_values))
         rules = np.zeros((len(genomes), num_entries), dtype=np.int64)
         cells: list[Integers] = []
-        for row, system in zip(layout, self.systems, strict=True):
-            for place, variable in enumerate(system.inputs):
-                low, high, means, widths = self._take(genes, variable, None)
-                terms = _memberships(low, high, variable.num_points, means, widths)
-                packing.fill_input(values, row, place, low, high, terms)
+        for row, system, places in zip(layout, self.systems, self.places(), strict=True):
+            *inputs, (low, high, means, widths) = self._taken(genomes, system, places)
+            for place, (variable, numbers) in enumerate(zip(system.inputs, inputs, strict=True)):
+                sampled = _memberships(*numbers[:2], variable.num_points, *numbers[2:])
+                packing.fill_input(values, row, place, *numbers[:2], sampled)
             output = system.outputs[0]
-            low, high, means, widths = self._take(genes, output, self.bounds.output_reach)
-            terms = _memberships(low, high, output.num_points, means, widths)
+            sampled = _memberships(low, high, output.num_points, means, widths)
             default = np.full(len(genomes), 0.0 if output.default is None else output.default)
-            packing.fill_output(values, rules, row, low, high, default, terms)
-            table = genes.terms(len(system.rules), len(output.terms))
+            packing.fill_output(values, rules, row, low, high, default, sampled)
             cells.append(table_cells(system.inputs))
-            packing.fill_rules(rules, row, cells[-1], table)
+            packing.fill_rules(rules, row, cells[-1], _terms(genomes[:, places.rules], output))
         return Packed(layout, values, rules, tuple(cells))
 
     def encode(self, systems: tuple[FuzzySystem, ...]) -> Floats:
@@ -187,30 +189,29 @@ class SystemEncoding:
             )
         return np.clip(np.array(genes, dtype=np.float64), 0.0, 1.0)
 
-    def _read(self, genomes: Floats) -> "_Genes":
+    def _checked(self, genomes: Floats) -> Floats:
         if genomes.ndim != 2 or genomes.shape[1] != self.num_genes:
             raise ValueError(
                 f"genomes have shape {genomes.shape[-1:]} each, this encoding has {self.num_genes} genes; "
                 "pass genomes of the same encoding"
             )
-        return _Genes(genomes)
+        return genomes
 
-    def _take(
-        self, genes: "_Genes", variable: Variable, reach: tuple[float, float] | None
-    ) -> tuple[Floats, Floats, Floats, Floats]:
-        """Read one variable's ends (n,), means and standard deviations (n, terms)."""
-        terms = len(variable.terms)
-        inner, widths = genes.take(terms - 2), genes.take(terms)
-        low = np.full(len(inner), variable.minimum)
-        high = np.full(len(inner), variable.maximum)
-        if reach is not None:
-            high = reach[0] * (reach[1] / reach[0]) ** genes.take(1)[:, 0]
-            low = -high
-        means, half = self._windows(low, high, terms)
-        means[:, 1:-1] += (2.0 * inner - 1.0) * half[:, np.newaxis]
-        least, greatest = self.bounds.standard_deviation
-        fractions = least + (greatest - least) * widths
-        return low, high, means, fractions * (high - low)[:, np.newaxis]
+    def _taken(self, genomes: Floats, system: FuzzySystem, places: Places) -> Iterator[Numbers]:
+        """Yield the numbers of each variable of a system, inputs first."""
+        variables = (*system.inputs, *system.outputs)
+        for variable, inner, widths in zip(variables, places.means, places.widths, strict=True):
+            low = np.full(len(genomes), variable.minimum)
+            high = np.full(len(genomes), variable.maximum)
+            if variable is system.outputs[0]:
+                shortest, longest = self.bounds.output_reach
+                high = shortest * (longest / shortest) ** genomes[:, places.reach]
+                low = -high
+            means, half = self._windows(low, high, len(variable.terms))
+            means[:, 1:-1] += (2.0 * genomes[:, inner] - 1.0) * half[:, np.newaxis]
+            least, greatest = self.bounds.standard_deviation
+            fractions = least + (greatest - least) * genomes[:, widths]
+            yield low, high, means, fractions * (high - low)[:, np.newaxis]
 
     def _windows(self, low: Floats, high: Floats, terms: int) -> tuple[Floats, Floats]:
         centres = np.linspace(low, high, terms, axis=-1)
@@ -225,21 +226,10 @@ class SystemEncoding:
         return replace(variable, minimum=float(low[0]), maximum=float(high[0]), terms=terms)
 
 
-class _Genes:
-    """Reads the columns of a population from left to right."""
-
-    def __init__(self, genomes: Floats) -> None:
-        self.genomes = genomes
-        self.at = 0
-
-    def take(self, count: int) -> Floats:
-        columns = self.genomes[:, self.at : self.at + count]
-        self.at += count
-        return columns
-
-    def terms(self, count: int, num_terms: int) -> Integers:
-        chosen = np.floor(num_terms * self.take(count)).astype(np.int64)
-        return np.minimum(chosen, num_terms - 1)
+def _terms(genes: Floats, output: Variable) -> Integers:
+    """Return the output term of each rule by its gene, (n, rules)."""
+    chosen = np.floor(len(output.terms) * genes).astype(np.int64)
+    return np.minimum(chosen, len(output.terms) - 1)
 
 
 def _fault(variable: Variable) -> str:

@@ -108,21 +108,6 @@ def hedged_rules(
     return [model.Rule(hedged(hedges, antecedent), tuple(group)) for hedges, group in groups.items()]
 
 
-def chained(rules: Sequence[model.Rule], outputs: Sequence[model.Variable]) -> list[model.Rule]:
-    """Say of the inputs alone what rules say of outputs that others conclude.
-
-    Raises
-    ------
-    ControllerFileError
-        If one of ours cannot say it.
-    """
-    named = [Named(f"rule {place}", rule) for place, rule in enumerate(rules, start=1)]
-    try:
-        return unchained(named, {output.name: output for output in outputs})
-    except NotResolvable as error:
-        raise ControllerFileError(str(error)) from error
-
-
 def assembled(
     name: str,
     inputs: Sequence[model.Variable],
@@ -156,12 +141,17 @@ def assembled(
             "system of ours has one implication; give each block a file of its own"
         )
     rules = [rule for _, group in groups for rule in group]
+    named = [Named(f"rule {place}", rule) for place, rule in enumerate(rules, start=1)]
+    try:
+        resolved = unchained(named, {output.name: output for output in outputs})
+    except NotResolvable as error:
+        raise ControllerFileError(str(error)) from error
     return settle(
         model.FuzzySystem(
             name=name or "unnamed",
             inputs=with_any(inputs, rules),
             outputs=tuple(outputs),
-            rules=tuple(chained(rules, outputs)),
+            rules=tuple(resolved),
             implication=next(iter(implications), "min"),
             **operators,
         )
