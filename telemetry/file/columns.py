@@ -50,34 +50,6 @@ _DTYPE_OF_POINT_FIELD: Final = {
 }
 
 
-def decode(schema: str, payloads: Sequence[bytes]) -> Columns:
-    """Decode the messages of one topic.
-
-    Parameters
-    ----------
-    schema : str
-        Full protobuf name of the messages, one of `known_schemas`.
-    payloads : sequence of bytes
-        Serialized messages, in order of time.
-
-    Returns
-    -------
-    dict of str to array
-        The first axis of each array is the message.
-
-    Raises
-    ------
-    RecordingError
-        If the messages differ in shape.
-    """
-    return _DECODERS[schema](payloads)
-
-
-def known_schemas() -> frozenset[str]:
-    """Return the names of the schemas that `decode` knows."""
-    return frozenset(_DECODERS)
-
-
 def _own_message(message_class: type[Message]) -> Callable[[Sequence[bytes]], Columns]:
     fields = message_class.DESCRIPTOR.fields
 
@@ -216,7 +188,9 @@ def _quaternions(quaternions: Sequence[Quaternion]) -> Floats:
     return np.array([(q.x, q.y, q.z, q.w) for q in quaternions], dtype=np.float64).reshape(-1, 4)
 
 
-_DECODERS: Final[Mapping[str, Callable[[Sequence[bytes]], Columns]]] = {
+#: by the full protobuf name of a schema: decodes the messages of a topic, which are bytes in order of time,
+#: into columns whose first axis is the message; a RecordingError tells of messages that differ in shape
+DECODERS: Final[Mapping[str, Callable[[Sequence[bytes]], Columns]]] = {
     "foxglove.FrameTransform": _transforms,
     "foxglove.PoseInFrame": _poses,
     "foxglove.PointCloud": _point_clouds,

@@ -9,20 +9,26 @@ import re
 import sys
 import zlib
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
-from typing import Final
+from dataclasses import MISSING, dataclass, fields
+from typing import Any, Final, Self
 
 from telemetry.file import RecordingError
 
 JsonValue = float | str | list[float] | list[str]
 
+#: keys with text, and with lists of words; all others have numbers
+TEXTS: Final = (
+    *("scenario_id", "product_version", "config_hash"),
+    *("output_name", "output_unit", "output_axes"),
+)
+WORDS: Final = ("input_names", "input_units", "rules", "names")
 #: keys with a list of numbers, and how many; None for any number
 NUMBERS_OF: Final[Mapping[str, int | None]] = {
     **dict.fromkeys(("position_m", "velocity_m_s", "boresight", "noise"), 3),
-    **dict.fromkeys(("settings", "costs_m_s")),
+    **dict.fromkeys(("settings", "costs_m_s", "holding")),
 }
 #: keys with whole numbers
-WHOLE: Final = ("seed", "noise")
+WHOLE: Final = ("seed", "noise", "holding")
 #: the greatest magnitudes of whole and of other numbers
 MOST_WHOLE: Final = 2**63 - 1
 MOST: Final = sys.float_info.max
@@ -57,7 +63,39 @@ def _checksum(name: str, entries: Mapping[str, str]) -> str:
 
 
 @dataclass(frozen=True, kw_only=True)
-class EpisodeDescription:
+class Description:
+    """What a metadata record says: a key for each field."""
+
+    def to_metadata(self) -> dict[str, str]:
+        """Encode the description as metadata, without the keys whose value is None."""
+        values = {field.name: getattr(self, field.name) for field in fields(self)}
+        return {
+            key: value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
+            for key, value in values.items()
+            if value is not None
+        }
+
+    @classmethod
+    def from_metadata(cls, metadata: Mapping[str, str]) -> Self:
+        """Decode metadata; unknown keys are ignored.
+
+        Raises
+        ------
+        RecordingError
+            If a key is missing, a value is not encoded as `to_metadata` does, or values contradict others.
+        """
+        known = {field.name: field for field in fields(cls)}
+        missing = {name for name, field in known.items() if field.default is MISSING} - metadata.keys()
+        if missing:
+            raise RecordingError(
+                f"the metadata lacks {', '.join(sorted(missing))}; "
+                f"write it with telemetry.file.metadata.{cls.__name__}"
+            )
+        return cls(**{key: _decoded(key, metadata[key]) for key in known.keys() & metadata.keys()})
+
+
+@dataclass(frozen=True, kw_only=True)
+class EpisodeDescription(Description):
     """Description of an episode, with what a replay needs to draw it; unknown values are None.
 
     Parameters
@@ -103,27 +141,9 @@ class EpisodeDescription:
     boresight: tuple[float, ...] | None = None
     inspection_threshold_percent: float | None = None
 
-    def to_metadata(self) -> dict[str, str]:
-        """Encode the description as metadata, without the keys whose value is None."""
-        return _entries(self)
-
-    @classmethod
-    def from_metadata(cls, metadata: Mapping[str, str]) -> "EpisodeDescription":
-        """Decode metadata; unknown keys are ignored.
-
-        Raises
-        ------
-        RecordingError
-            If a value is not encoded as `to_metadata` does.
-        """
-        words = ("scenario_id", "product_version", "config_hash")
-        known = {field.name for field in fields(cls)} & metadata.keys()
-        values = {key: metadata[key] if key in words else _numbers(key, metadata[key]) for key in known}
-        return cls(**values)  # type: ignore[arg-type]
-
 
 @dataclass(frozen=True, kw_only=True)
-class FisDescription:
+class FisDescription(Description):
     """Meaning of the numbers on a fuzzy system's topic.
 
     Parameters
@@ -147,38 +167,17 @@ class FisDescription:
     holding: tuple[int, ...] = ()
     output_axes: str = "hill"
 
-    def to_metadata(self) -> dict[str, str]:
-        """Encode the description as metadata."""
-        return _entries(self)
-
-    @classmethod
-    def from_metadata(cls, metadata: Mapping[str, str]) -> "FisDescription":
-        """Decode metadata.
-
-        Raises
-        ------
-        RecordingError
-            If a key is missing or a value is not encoded as `to_metadata` does.
-        """
-        missing = {field.name for field in fields(cls)} - {"holding", "output_axes"} - metadata.keys()
-        if missing:
+    def __post_init__(self) -> None:
+        """Raise RecordingError if a rule that holds back is none of them."""
+        if not all(1 <= number <= len(self.rules) for number in self.holding):
             raise RecordingError(
-                f"the metadata of a fuzzy system lacks {', '.join(sorted(missing))}; "
-                "write it with telemetry.file.metadata.FisDescription"
+                f"metadata 'holding' is {list(self.holding)}, but numbers of rules, from 1 to "
+                f"{len(self.rules)}, are expected"
             )
-        return cls(
-            input_names=_words_from_json("input_names", metadata["input_names"]),
-            input_units=_words_from_json("input_units", metadata["input_units"]),
-            output_name=metadata["output_name"],
-            output_unit=metadata["output_unit"],
-            rules=(rules := _words_from_json("rules", metadata["rules"])),
-            holding=_places("holding", metadata.get("holding", "[]"), len(rules)),
-            output_axes=metadata.get("output_axes", "hill"),
-        )
 
 
 @dataclass(frozen=True, kw_only=True)
-class Rehearsal:
+class Rehearsal(Description):
     """What was flown ahead to choose between ways to begin, the cheapest of which was taken.
 
     Parameters
@@ -195,33 +194,17 @@ class Rehearsal:
     costs_m_s: tuple[float, ...]
     until_s: float
 
-    def to_metadata(self) -> dict[str, str]:
-        """Encode the rehearsal as metadata."""
-        return _entries(self)
-
-    @classmethod
-    def from_metadata(cls, metadata: Mapping[str, str]) -> "Rehearsal":
-        """Decode metadata.
-
-        Raises
-        ------
-        RecordingError
-            If a value is not encoded as `to_metadata` does, or there is not one cost for each name.
-        """
-        names = _words_from_json("names", metadata.get("names", ""))
-        costs, until_s = (_numbers(key, metadata.get(key, "")) for key in ("costs_m_s", "until_s"))
-        if not isinstance(costs, tuple) or isinstance(until_s, tuple) or not 0 < len(names) == len(costs):
-            raise RecordingError(f"the metadata of a rehearsal has no cost for each of {len(names)} names")
-        return cls(names=names, costs_m_s=costs, until_s=until_s)
+    def __post_init__(self) -> None:
+        """Raise RecordingError if there is not one cost for each name."""
+        if not 0 < len(self.names) == len(self.costs_m_s):
+            raise RecordingError(f"a rehearsal has no cost for each of its {len(self.names)} names")
 
 
-def _entries(description: EpisodeDescription | FisDescription | Rehearsal) -> dict[str, str]:
-    values = {field.name: getattr(description, field.name) for field in fields(description)}
-    return {
-        key: value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
-        for key, value in values.items()
-        if value is not None
-    }
+def _decoded(key: str, text: str) -> Any:
+    """Decode the value of a key."""
+    if key in TEXTS:
+        return text
+    return _words(key, text) if key in WORDS else _numbers(key, text)
 
 
 def _from_json(key: str, text: str) -> JsonValue:
@@ -252,16 +235,7 @@ def _numbers(key: str, text: str) -> float | tuple[float, ...]:
     return tuple(value) if isinstance(value, list) else value  # type: ignore[return-value,arg-type]
 
 
-def _places(key: str, text: str, most: int) -> tuple[int, ...]:
-    value = _from_json(key, text)
-    if not isinstance(value, list) or not all(type(one) is int and 1 <= one <= most for one in value):
-        raise RecordingError(
-            f"metadata {key!r} is {text[:80]!r}, but a list of whole numbers from 1 to {most} is expected"
-        )
-    return tuple(value)  # type: ignore[arg-type]
-
-
-def _words_from_json(key: str, text: str) -> tuple[str, ...]:
+def _words(key: str, text: str) -> tuple[str, ...]:
     value = _from_json(key, text)
     if not isinstance(value, list):
         raise RecordingError(f"metadata {key!r} is {text!r}, but a JSON list of words is expected")

@@ -405,8 +405,7 @@ def _chosen_channels(path: Path, reader: SeekingReader, wanted: list[str] | None
     available = {
         channel.topic: schemas[channel.schema_id].name
         for channel in channels
-        if channel.message_encoding == "protobuf"
-        and schemas[channel.schema_id].name in columns.known_schemas()
+        if channel.message_encoding == "protobuf" and schemas[channel.schema_id].name in columns.DECODERS
     }
     if wanted is None:
         return available
@@ -459,7 +458,7 @@ def _topic_columns(
     payloads: list[bytes],
     metadata: Mapping[str, Mapping[str, str]],
 ) -> TopicColumns:
-    decoded = columns.decode(schema, payloads)
+    decoded = columns.DECODERS[schema](payloads)
     units = {field: topics.unit_of(field) for field in decoded}
     fis_metadata = metadata.get(topics.FIS_METADATA_PREFIX + topic.removeprefix(topics.FIS_PREFIX))
     if topic.startswith(topics.FIS_PREFIX) and fis_metadata is not None and "input_units" in fis_metadata:

@@ -26,56 +26,37 @@ def run(flown, tmp_path):
     return Path(shutil.copytree(flown, tmp_path / "run"))
 
 
+def controller(text):
+    return lambda content: forged(content, attachments={"controller.json": text.encode()})
+
+
+def configuration(text):
+    return lambda content: forged(content, attachments={"config.yaml": text.encode()})
+
+
+def episode(key, text):
+    return lambda content: forged(content, episode={key: text})
+
+
+NO_POLICY = json.dumps({"kind": "policy", "onnx": base64.b64encode(b"x" * 99).decode()})
 #: what is done to a recording, and what is told
 FORGERIES = {
-    "cut short": (lambda run, content: content[:5000], "start.mcap"),
-    "no recording": (lambda run, content: b"x" * 5000, "start.mcap"),
+    "cut short": (lambda content: content[:5000], "start.mcap"),
+    "no recording": (lambda _: b"x" * 5000, "start.mcap"),
     **{
-        f"controller {text}": (
-            lambda run, content, text=text: forged(content, attachments={"controller.json": text.encode()}),
-            "controller.json",
-        )
+        f"controller {text}": (controller(text), "controller.json")
         for text in ("5", "null", "[]", "{", '"x"')
     },
-    "policy": (
-        lambda run, content: forged(
-            content, attachments={"controller.json": b'{"kind": "policy", "onnx": "\\ud800!"}'}
-        ),
-        "policy cannot be read",
-    ),
-    "policy of nothing": (
-        lambda run, content: forged(
-            content,
-            attachments={
-                "controller.json": json.dumps(
-                    {"kind": "policy", "onnx": base64.b64encode(b"x" * 99).decode()}
-                ).encode()
-            },
-        ),
-        "policy",
-    ),
-    "configuration a list": (
-        lambda run, content: forged(content, attachments={"config.yaml": b"[]"}),
-        "config.yaml holds no configuration",
-    ),
-    "configuration of numbers": (
-        lambda run, content: forged(content, attachments={"config.yaml": b"{deputy: 3}"}),
-        "start.mcap",
-    ),
+    "policy": (controller('{"kind": "policy", "onnx": "\\ud800!"}'), "policy cannot be read"),
+    "policy of nothing": (controller(NO_POLICY), "policy"),
+    "configuration a list": (configuration("[]"), "config.yaml holds no configuration"),
+    "configuration of numbers": (configuration("{deputy: 3}"), "start.mcap"),
     **{
-        f"{key} {text}": (
-            lambda run, content, key=key, text=text: forged(content, episode={key: text}),
-            f"metadata '{key}'",
-        )
+        f"{key} {text}": (episode(key, text), f"metadata '{key}'")
         for key, text in (
-            ("noise", "[1e400, 1, 2]"),
-            ("noise", "[1, 2]"),
-            ("position_m", "[NaN, 1, 2]"),
-            ("position_m", '{"x": 1}'),
-            ("velocity_m_s", '["a", "b", "c"]'),
-            ("sun_angle_rad", "[]"),
-            ("seed", "1" * 4000),
-            ("settings", "3"),
+            *(("noise", "[1e400, 1, 2]"), ("noise", "[1, 2]"), ("position_m", "[NaN, 1, 2]")),
+            *(("position_m", '{"x": 1}'), ("velocity_m_s", '["a", "b", "c"]'), ("sun_angle_rad", "[]")),
+            *(("seed", "1" * 4000), ("settings", "3")),
         )
     },
 }
@@ -85,7 +66,7 @@ FORGERIES = {
 def test_a_damaged_recording_is_told_in_a_sentence(name, run, capsys):
     damage, told = FORGERIES[name]
     path = run / FLIGHT
-    path.write_bytes(damage(run, path.read_bytes()))
+    path.write_bytes(damage(path.read_bytes()))
     assert main(["verify", str(run)]) == 1
     said = capsys.readouterr()
     assert f"{FLIGHT} has CHANGED since it was written" in said.out

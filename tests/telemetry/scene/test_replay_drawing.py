@@ -1,5 +1,6 @@
 """The arrays and words behind a replay, by hand: maps, rules, the line on top, names and letters."""
 
+from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
 
@@ -137,15 +138,7 @@ def told(flown: Recording, place: int, reasons: list[str], missed: float) -> Rec
     words = np.full((len(control), 3), "fired", dtype="U9")
     words[place] = reasons
     columns = {**control.columns, "reason": words, "coasting_missed": np.full(len(control), missed)}
-    told_control = telemetry.file.reader.TopicColumns(
-        control.topic, control.schema, control.time_s, columns, control.units
-    )
-    return Recording(
-        flown.path,
-        {**flown.topics, topics.DEPUTY_CONTROL: told_control},
-        flown.metadata,
-        flown.attachments,
-    )
+    return replace(flown, topics={**flown.topics, topics.DEPUTY_CONTROL: replace(control, columns=columns)})
 
 
 def test_rules_are_ranked_by_their_shares(flown):
