@@ -10,9 +10,10 @@ from omegaconf import OmegaConf
 
 from fis_tools.compiled import cache
 from tests.browser import axe, browser, opened
+from tests.editors import open_page, window
 
 # fixtures for all tests: a process runs one browser
-__all__ = ["axe", "browser", "opened"]
+__all__ = ["axe", "browser", "open_page", "opened", "window"]
 
 #: Read by BLAS and OpenMP when they are loaded, and by the commands that tests start.
 THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")

@@ -4,10 +4,11 @@ import os
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 
-from playwright.sync_api import Browser, Page, expect
+import pytest
+from playwright.sync_api import Browser, BrowserContext, Page, expect
 
 from tests.places import PROJECT
 
@@ -35,16 +36,21 @@ def served(*words: str, folder: Path) -> Iterator[str]:
     assert "Traceback" not in complaints, complaints
 
 
-@contextmanager
-def pages_of(browser: Browser) -> Iterator[Callable[..., Page]]:
+@pytest.fixture(scope="session")
+def window(browser: Browser) -> Iterator[BrowserContext]:
+    """One window for all editors, which loads their library once."""
+    with closing(browser.new_context()) as window:
+        yield window
+
+
+@pytest.fixture
+def open_page(window: BrowserContext) -> Iterator[Callable[..., Page]]:
     """Open addresses as pages, as often as a test likes; nothing may be fetched elsewhere, or go wrong."""
     complaints: list[str] = []
-    contexts = []
 
     def open_page(address: str, width: int = 1280) -> Page:
-        context = browser.new_context(viewport={"width": width, "height": 900})
-        contexts.append(context)
-        page = context.new_page()
+        page = window.new_page()
+        page.set_viewport_size({"width": width, "height": 900})
         page.set_default_timeout(PATIENCE_MS)
         page.on("console", lambda message: complaints.append(f"{message.type}: {message.text}"))
         page.on("pageerror", lambda error: complaints.append(f"error: {error}"))
@@ -54,6 +60,6 @@ def pages_of(browser: Browser) -> Iterator[Callable[..., Page]]:
         return page
 
     yield open_page
-    for context in contexts:
-        context.close()
+    for page in window.pages:
+        page.close()
     assert not complaints, complaints

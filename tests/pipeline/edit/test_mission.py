@@ -2,13 +2,13 @@
 
 import json
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from playwright.sync_api import Browser, Page, expect
+from playwright.sync_api import Page, expect
 
 from fis_tools.edit.touches import turned, with_system
 from fis_tools.source import read_controller
@@ -20,7 +20,7 @@ from pipeline.evaluation.assurance.requirements import read
 from pipeline.evaluation.monte_carlo import fly_cases
 from pipeline.evaluation.statistics import METRICS
 from pipeline.settings.places import requirements_path
-from tests.editors import pages_of, served
+from tests.editors import served
 from tests.places import PROJECT
 
 pytestmark = pytest.mark.slow
@@ -52,12 +52,6 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def address(folder: Path) -> Iterator[str]:
     with served("pipeline", "edit", "controller=champion_27.yaml", *WORDS, folder=folder) as address:
         yield address
-
-
-@pytest.fixture
-def open_page(browser: Browser) -> Iterator[Callable[..., Page]]:
-    with pages_of(browser) as open_page:
-        yield open_page
 
 
 def broken(original, *rules: int):
