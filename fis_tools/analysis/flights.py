@@ -119,13 +119,8 @@ class Outcome(NamedTuple):
         Least and greatest distance.
     is_success, is_outside : bool or None
         Whether it reached the rate that it records as the goal, and left the distances it records as limits.
-    num_periods, num_fired : int
-        Control periods, and those in which any force was fired.
-    num_asked : int
-        Control periods in which the controller inferred a force, or, where that is recorded, asked for one.
-    reasons : dict of str to int
-        Of how many control periods each reason tells what became of some component of the force, on the way
-        to a command or when fired; empty in recordings that do not say.
+    num_safety : int or None
+        Control periods in which the safety layer acted.
     constants : dict of str to str
         The meanings of the controller's attributes, by their names.
     """
@@ -136,10 +131,7 @@ class Outcome(NamedTuple):
     farthest_m: float | None
     is_success: bool | None
     is_outside: bool | None
-    num_periods: int
-    num_fired: int
-    num_asked: int
-    reasons: dict[str, int]
+    num_safety: int | None
     constants: dict[str, str]
 
 
@@ -260,9 +252,8 @@ def read_outcome(path: Path | str) -> Outcome:
     ControllerFileError
         If the flight cannot be read.
     """
-    recording = _read(path, topics=("/mission", CONTROL_TOPICS, f"{TOPIC_PREFIX}*"))
-    episode, topics = recording.episode, recording.topics
-    mission = topics.get("/mission")
+    recording = _read(path, topics=("/mission", CONTROL_TOPICS))
+    episode, mission = recording.episode, recording.topics.get("/mission")
     control = _topic(recording, "/control")
     end: dict[str, float | None] = dict.fromkeys(("delta_v_m_s", "inspection_rate_percent"))
     distance = np.array([])
@@ -277,28 +268,18 @@ def read_outcome(path: Path | str) -> Outcome:
         limit is not None and bool(np.any(sign * (distance[1:] - limit) > 0.0))
         for sign, limit in zip((-1.0, 1.0), limits, strict=True)
     ]
-    inferred = [topic.time_s for name, topic in topics.items() if name.startswith(TOPIC_PREFIX)]
-    num_asked = len(np.unique(np.concatenate([np.empty(0), *inferred])))
-    num_periods = num_fired = 0
-    reasons: dict[str, int] = {}
+    acted = None
     if control is not None and len(control):
-        num_periods = len(control)
-        num_fired = int(np.any(control["force_hill_n"] != 0.0, axis=1).sum())
-        if control["force_asked_n"].size:
-            num_asked = int(np.any(control["force_asked_n"] != 0.0, axis=1).sum())
-        told = [control[name].reshape(num_periods, -1) for name in ("reason", "command_reason")]
-        words = np.hstack(told)
-        reasons = {str(word): int(np.any(words == word, axis=1).sum()) for word in np.unique(words)}
+        told = [control[name].reshape(len(control), -1) for name in ("reason", "command_reason")]
+        is_safety = np.hstack(told) == "safety"
+        acted = int(is_safety.any(axis=1).sum()) if is_safety.size else None
     return Outcome(
         **end,
         nearest_m=nearest,
         farthest_m=farthest,
         is_success=None if goal is None or rate is None else rate >= goal,
         is_outside=None if None in limits or not len(distance) else any(outside),
-        num_periods=num_periods,
-        num_fired=num_fired,
-        num_asked=num_asked,
-        reasons=reasons,
+        num_safety=acted,
         constants=dict(recording.metadata.get(CONSTANTS_METADATA, {})),
     )
 

@@ -443,20 +443,14 @@ def completeness(system: model.FuzzySystem) -> Completeness:
         place = np.array([coverage(variable).at for variable in system.inputs])
         return Completeness(float(arrays.firing(system, place[np.newaxis]).max()), place, True)
     grid = _grid([_turning_points(variable) for variable in system.inputs])
-    is_exact = grid is not None and _is_by_order(system)
+    operators = {(system.and_operator_of(rule), system.or_operator_of(rule)) for rule in system.rules}
+    is_exact = grid is not None and operators == {("min", "max")}
     tried = [] if grid is None else [grid]
     points = np.concatenate(tried if is_exact else [*tried, arrays.spread_inputs(system)])
     strongest = arrays.firing(system, points).max(axis=1)
     worst = int(np.argmin(strongest))
     least = float(strongest[worst])
     return Completeness(least, points[worst], is_exact or least == 0.0)
-
-
-def _is_by_order(system: model.FuzzySystem) -> bool:
-    return all(
-        system.and_operator_of(rule) == "min" and system.or_operator_of(rule) == "max"
-        for rule in system.rules
-    )
 
 
 def _has_every_combination(system: model.FuzzySystem) -> bool:

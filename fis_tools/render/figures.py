@@ -143,13 +143,7 @@ def surface_figure(
 def firing_figure(
     system: FuzzySystem, time_s: Floats, strengths: Floats, *, is_timed: bool = True, theme: Theme = LIGHT
 ) -> Figure:
-    """Draw how the rules of a system fired along a flight, with the share of each in all firing.
-
-    Raises
-    ------
-    ValueError
-        As `firing_map` does.
-    """
+    """Draw how the rules of a system fired along a flight, with the share of each in all firing."""
     count = min(20, len(system.rules))
     figure = Figure(figsize=(9.0, 1.3 + 0.22 * count), layout="constrained")
     head(figure, f"{system.name}: rules over {'time' if is_timed else 'rows'}", theme)

@@ -11,7 +11,6 @@ from matplotlib.patches import Rectangle
 from fis_tools.analysis.arrays import FIRED, output_named
 from fis_tools.array_types import Floats, Integers
 from fis_tools.model import And, Consequent, FuzzySystem, Is, Rule, Variable
-from fis_tools.model.validate import nearest
 from fis_tools.render import lettering
 from fis_tools.render.surfaces import colour_bar
 from fis_tools.render.theme import LIGHT, MEDIUM, SMALL, Theme, dress, readable_on, term_colours
@@ -110,10 +109,6 @@ def rule_matrix(
 
 
 def _fixed_terms(system: FuzzySystem, outer: list[Variable], fixed: dict[str, str]) -> tuple[int, ...]:
-    names = [variable.name for variable in outer]
-    for name in fixed:
-        if name not in names:
-            raise ValueError(f"system {system.name!r} has no outer input {name!r}; {nearest(name, names)}")
     for variable in outer:
         terms = [term.name for term in variable.terms]
         if fixed.get(variable.name) not in terms:
@@ -237,17 +232,7 @@ def firing_map(
         Whether ``time_s`` are times, and not numbers of rows.
     theme : Theme
         Colours.
-
-    Raises
-    ------
-    ValueError
-        If the shapes do not fit, there are no samples, or the times run backwards.
     """
-    expected = (len(time_s), len(system.rules))
-    if strengths.shape != expected or not len(time_s):
-        raise ValueError(f"strengths have shape {strengths.shape}; pass {expected}, one row or more")
-    if np.any(np.diff(time_s) < 0):
-        raise ValueError("the times run backwards; draw one flight at a time")
     mean = strengths.mean(axis=0)
     shares = mean / max(float(mean.sum()), np.finfo(np.float64).tiny)
     order = np.argsort(-shares, kind="stable")

@@ -1,7 +1,6 @@
 """What a review page says of a controller and its systems, in words and tables."""
 
 import json
-from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -171,12 +170,6 @@ def finding_rows(audit: Audit, controller: FuzzyController) -> list[dict[str, An
             }
         )
     return rows
-
-
-def finding_counts(audit: Audit, system: str = "") -> str:
-    """Say how many findings of each severity there are, maybe of one system: ``1 serious, 2 warnings``."""
-    counts = Counter(finding.severity for finding in audit.findings if system in ("", finding.system))
-    return ", ".join(one.counted(counts[one]) for one in sorted(counts, reverse=True)) or "none"
 
 
 def _links(finding: Finding, system: FuzzySystem, system_id: str) -> list[tuple[str, str]]:

@@ -70,11 +70,6 @@ def read_flights(
     ]
 
 
-def noun_of(paths: Sequence[Path | str]) -> str:
-    """Return what the page calls what it is given: a flight, or a log where none is among them."""
-    return "flight" if any(map(flights.is_flight, paths)) else "log"
-
-
 def unique(paths: Sequence[Path | str]) -> list[Path]:
     """Return each file once."""
     return list({Path(path).resolve(): Path(path) for path in paths}.values())
@@ -211,10 +206,7 @@ def outcome_rows(
     ]
 
 
-HEADS = (
-    *("flights", "delta-v (m/s)", "inspected (%)", "success", "distance (m)", "outside", "safety acted"),
-    "periods fired, of those asked for",
-)
+HEADS = ("flights", "delta-v (m/s)", "inspected (%)", "success", "distance (m)", "outside", "safety acted")
 
 
 def _evaluation_row(summary: Mapping[str, Any]) -> list[str]:
@@ -224,10 +216,9 @@ def _evaluation_row(summary: Mapping[str, Any]) -> list[str]:
         f"all {count} of the evaluation",
         f"{spent['mean']:.3f} ± {spent['standard_deviation']:.3f}",
         f"{rate['mean']:.2f} ± {rate['standard_deviation']:.2f}",
-        *(_share(summary.get(name), count) for name in ("success",)),
+        _share(summary.get("success"), count),
         UNKNOWN,
         *(_share(summary.get(name), count) for name in ("violated", "safety_acted")),
-        UNKNOWN,
     ]
 
 
@@ -246,8 +237,6 @@ def _flight_row(name: str, one: Outcome) -> list[str]:
         return UNKNOWN if value is None else "yes" if value else "no"
 
     distances = (one.nearest_m, one.farthest_m)
-    others = {key: count for key, count in one.reasons.items() if key not in {"fired", "silent", "unknown"}}
-    reasons = ", ".join(f"{count} {key.replace('_', ' ')}" for key, count in others.items())
     return [
         name,
         number(one.delta_v_m_s, 3),
@@ -255,7 +244,5 @@ def _flight_row(name: str, one: Outcome) -> list[str]:
         word(one.is_success),
         UNKNOWN if None in distances else " to ".join(number(each, 1) for each in distances),
         word(one.is_outside),
-        f"in {one.reasons.get('safety', 0)} periods" if one.reasons else UNKNOWN,
-        (f"{one.num_fired} of {one.num_asked}" if one.num_periods else UNKNOWN)
-        + (f"; {reasons}" if reasons else ""),
+        UNKNOWN if one.num_safety is None else f"in {one.num_safety} periods",
     ]

@@ -89,14 +89,13 @@ def _met(variable: Variable, values: Floats) -> str:
     return f"{shown(variable, low)} to {shown(variable, high)}{beyond}"
 
 
-def flown_table(rows: Sequence[Sequence[str]]) -> Iterator[Table]:
+def flown_table(rows: Sequence[Sequence[str]]) -> list[Table]:
     """Show how flights went, those of an evaluation together and each that was recorded."""
-    if rows:
-        caption = (
-            "Means ± standard deviations; 95 % confidence intervals of shares in brackets. Recorded flights "
-            "are chosen to be looked at. A control period counts as fired where any force was."
-        )
-        yield Table(HEADS, rows, caption=caption)
+    caption = (
+        "Means ± standard deviations; 95 % confidence intervals of shares in brackets. Recorded flights are "
+        "chosen to be looked at."
+    )
+    return [Table(HEADS, rows, caption=caption)] if rows else []
 
 
 def along(flown: Sequence[Flight], noun: str) -> str:

@@ -17,7 +17,7 @@ from fis_tools.findings.audit import Audit, audit, report
 from fis_tools.formats import serialize
 from fis_tools.model import FuzzyController, FuzzySystem
 from fis_tools.review import carried, content, flown, opening
-from fis_tools.review.content import BRIGHTNESS, constants, finding_counts, finding_rows, level_styles
+from fis_tools.review.content import BRIGHTNESS, constants, finding_rows, level_styles
 from fis_tools.review.flown import Samples
 from fis_tools.review.opening import read_evidence
 from fis_tools.words.text import sentences, shape_words, summary
@@ -79,7 +79,8 @@ def write(
     systems = controller.systems
     paths = flown.unique(flown.recordings(flight_paths))
     logged = flown.read_flights(paths, controller, all_periods)
-    noun, is_flight = flown.noun_of(paths), [flights.is_flight(path) for path in paths]
+    is_flight = [flights.is_flight(path) for path in paths]
+    noun = "flight" if any(is_flight) else "log"
     went = [flights.read_outcome(path) for path in compress(paths, is_flight)]
     meanings = {name: meaning for one in went for name, meaning in one.constants.items()}
     fingerprint = serialize.fingerprint(controller)
@@ -130,12 +131,12 @@ def write(
         noun=noun,
         flights=logged,
         findings=finding_rows(audited, controller),
-        counted=finding_counts(audited),
+        counted=audited.counted(),
         measure_words=report.measure_words(audited),
         **content.CALLED,
         systems=[
             content.system_words(place, system, samples[system.name], measured.measures)
-            | {"findings": finding_counts(audited, system.name)}
+            | {"findings": audited.counted(system.name) or "none"}
             for place, (system, measured) in enumerate(zip(systems, audited.systems, strict=True), start=1)
         ],
     )
@@ -182,9 +183,7 @@ def _without_scripts(
         Paragraph(f"SHA-256 {serialize.fingerprint(controller)}"),
         *opening,
         Heading("Findings", id="findings"),
-        Fold(finding_counts(audited), [Items(findings)])
-        if findings
-        else Paragraph("The audit found nothing."),
+        Fold(audited.counted(), [Items(findings)]) if findings else Paragraph("The audit found nothing."),
         Heading("Where it comes from", id="provenance"),
         _facts(controller),
     ]

@@ -171,12 +171,16 @@ class Audit(Result):
 
     def summary(self) -> str:
         """Return how many findings there are of each severity, in one line."""
-        counts = [(sum(f.severity == severity for f in self.findings), severity) for severity in _WORST_FIRST]
-        totals = ", ".join(severity.counted(count) for count, severity in counts if count)
+        totals = self.counted()
         flown = [system.num_samples for system in self.systems if system.num_samples is not None]
         along = f" and {sum(flown)} logged inferences" if flown else ", no logs"
         number = f"{len(self.systems)} system{'' if len(self.systems) == 1 else 's'}"
         return f"{self._name}: {totals or 'nothing found'} ({number}{along})"
+
+    def counted(self, system: str = "") -> str:
+        """Say how many findings of each severity there are, maybe of one system alone."""
+        found = [one.severity for one in self.findings if system in ("", one.system)]
+        return ", ".join(each.counted(found.count(each)) for each in _WORST_FIRST if each in found)
 
     @property
     def _name(self) -> str:

@@ -180,7 +180,9 @@ def _covered(
     if worst.least >= thresholds.coverage or variable in system.outputs:
         return
     least, fired = number(round(worst.least, 3)), measures.completeness.least
-    low, high = _gap(variable, worst.at, thresholds.coverage)
+    x, terms, level = variable.universe, sample_terms(variable), thresholds.coverage
+    low = _covered_up_to(x, terms, worst.at, level)
+    high = _covered_up_to(x[::-1], terms[:, ::-1], worst.at, level)
     severity = Severity.WARNING if fired < thresholds.coverage else Severity.NOTE
     yield Finding(
         "coverage",
@@ -192,12 +194,6 @@ def _covered(
         variable.name,
         evidence={"least": worst.least, "at": worst.at, "from": low, "to": high},
     )
-
-
-def _gap(variable: Variable, at: float, level: float) -> tuple[float, float]:
-    """Return the interval around a value in which no term reaches a membership."""
-    x, terms = variable.universe, sample_terms(variable)
-    return _covered_up_to(x, terms, at, level), _covered_up_to(x[::-1], terms[:, ::-1], at, level)
 
 
 def _covered_up_to(x: Floats, terms: Floats, at: float, level: float) -> float:

@@ -133,12 +133,9 @@ class Bench:
     def thinned(self) -> "Bench":
         """Return a bench of fewer samples, evenly picked, of those that the budget holds on."""
         steps = {name: -(-len(self.samples[name]) // NUM_RANKING) for name in self.governing}
-        return Bench(
-            self.budget,
-            {name: self.samples[name][::step] for name, step in steps.items()},
-            {name: self.outputs[name][::step] for name, step in steps.items()},
-            self.spans,
-        )
+        both = (self.samples, self.outputs)
+        samples, outputs = ({name: rows[name][::step] for name, step in steps.items()} for rows in both)
+        return replace(self, samples=samples, outputs=outputs)
 
 
 def bench_for(system: FuzzySystem, flown: Floats | None, budget: Budget) -> Bench:

@@ -173,21 +173,6 @@ def test_every_controller_of_a_population_answers_as_its_decoded_systems() -> No
     assert len(answers) == 3
 
 
-@pytest.mark.parametrize("function", [evaluate, firing_strengths])
-@pytest.mark.parametrize(
-    ("inputs", "message"),
-    [
-        (np.zeros((4, 3)), r"inputs have shape \(4, 3\); pass \(n, 2\), a row a sample"),
-        (np.zeros(2), r"inputs have shape \(2,\); pass \(n, 2\)"),
-        (np.array([[0.0, np.nan]]), r"inputs hold NaN or infinity; pass finite numbers"),
-        (np.array([[np.inf, 0.0]]), r"inputs hold NaN or infinity"),
-    ],
-)
-def test_inputs_that_cannot_be_inferred_are_refused(function, inputs, message) -> None:
-    with pytest.raises(ValueError, match=message):
-        function(pack(sparse_system(0.0)), inputs)
-
-
 def test_an_empty_batch_has_no_answers() -> None:
     assert evaluate(pack(sparse_system(0.0)), np.zeros((0, 2))).shape == (0,)
     assert firing_strengths(pack(sparse_system(0.0)), np.zeros((0, 2))).shape == (0, 9)
