@@ -205,20 +205,14 @@ class Explanation(Result):
         shared = {term: sum(move.share for move in moves) for term, moves in groups.items()}
         sentences = []
         for term in sorted(groups, key=lambda term: -abs(shared[term])):
-            who = [
-                str(move.rule)
-                for move in groups[term]
-                if abs(move.share) > NEGLIGIBLE * span(output.variable)
-            ]
+            least = NEGLIGIBLE * span(output.variable)
+            who = [str(move.rule) for move in groups[term] if abs(move.share) > least]
             if who:
-                alone, together = ("says so", "say so together")
-                if all(move.rule in output.holding for move in groups[term]):
-                    alone, together = ("holds back", "hold back together")
-                words = (
-                    f"rules {listed(who, MOST_RULES)} {together}"
-                    if len(who) > 1
-                    else f"rule {who[0]} {alone}"
-                )
+                holds = all(move.rule in output.holding for move in groups[term])
+                words = f"rule {who[0]} {'holds back' if holds else 'says so'}"
+                if len(who) > 1:
+                    does = "hold back" if holds else "say so"
+                    words = f"rules {listed(who, MOST_RULES)} {does} together"
                 of_all = f", {shared[term] / whole:.2f}" if abs(whole) > SMALL * span(output.variable) else ""
                 sentences.append(f"{term}{of_all} ({signed(output.variable, shared[term])}): {words}")
         return sentences
@@ -247,16 +241,15 @@ class Explanation(Result):
 
 
 def _question(output: ExplainedOutput) -> str:
-    variable, side = output.variable, output.flips[0].side
-    value = amount(variable, output.crossing)
+    name, side = output.variable.name, output.flips[0].side
+    value = amount(output.variable, output.crossing)
     if side == 0:
-        return f"What would move {variable.name} away from {value}, one input changed alone"
-    if output.crossing == 0.0:
-        sign = "negative" if side > 0 else "positive"
-        return f"What would make {variable.name} {sign}, one input changed alone"
-    return (
-        f"What would take {variable.name} {'below' if side > 0 else 'above'} {value}, one input changed alone"
-    )
+        does = f"move {name} away from {value}"
+    elif output.crossing == 0.0:
+        does = f"make {name} {'negative' if side > 0 else 'positive'}"
+    else:
+        does = f"take {name} {'below' if side > 0 else 'above'} {value}"
+    return f"What would {does}, one input changed alone"
 
 
 def _value(output: ExplainedOutput) -> str:
@@ -265,10 +258,8 @@ def _value(output: ExplainedOutput) -> str:
         return f"{value}, its default: no rule that concludes on it fires"
     variable, silent = output.variable, output.variable.default or 0.0
     way = f"{signed(variable, output.value - silent)} from {amount(variable, silent)}, where no rule fires"
-    error = (
-        f", sampled with a standard error of {amount(variable, output.error)} at most" if output.error else ""
-    )
-    return f"{value}: {way}. By shares{error}:"
+    sampled = f", sampled with a standard error of {amount(variable, output.error)} at most"
+    return f"{value}: {way}. By shares{sampled if output.error else ''}:"
 
 
 def _flip_words(output: ExplainedOutput) -> Iterator[str]:
@@ -283,15 +274,9 @@ def _flip_words(output: ExplainedOutput) -> Iterator[str]:
     for flip in output.flips:
         if flip.change is None or flip.first is None:
             continue
-        way = "up" if flip.way > 0 else "down"
-        if flip.share <= ANY_CHANGE:
-            words = f"{flip.input.name} {way} by any change"
-        else:
-            words = (
-                f"{flip.input.name} {way} by {amount(flip.input, abs(flip.change))}, to "
-                f"{amount(flip.input, flip.first)} ({percent(flip.share)} of its range)"
-            )
-        yield words + _landing(flip)
+        far = f"{amount(flip.input, abs(flip.change))}, to {amount(flip.input, flip.first)}"
+        by = "any change" if flip.share <= ANY_CHANGE else f"{far} ({percent(flip.share)} of its range)"
+        yield f"{flip.input.name} {flip.direction} by {by}{_landing(flip)}"
     for name in dict.fromkeys(flip.input.name for flip in output.flips):
         stuck = [flip for flip in output.flips if flip.input.name == name and flip.change is None]
         if len(stuck) == 2:
@@ -299,10 +284,10 @@ def _flip_words(output: ExplainedOutput) -> Iterator[str]:
             extent = f"from {amount(variable, variable.minimum)} to {amount(variable, variable.maximum)}"
             yield f"{name} alone cannot: no value {extent} does"
         elif stuck:
-            flip, word = stuck[0], "up" if stuck[0].way > 0 else "down"
+            flip = stuck[0]
             end = flip.input.maximum if flip.way > 0 else flip.input.minimum
             if (end - flip.given) * flip.way > 0.0:
-                yield f"{name} {word}: no value does, up to {amount(flip.input, end)}"
+                yield f"{name} {flip.direction}: no value does, up to {amount(flip.input, end)}"
 
 
 def _landing(flip: Flip) -> str:
@@ -321,7 +306,7 @@ def _plain_flip(flip: Flip) -> dict[str, Any]:
     return {
         "input": flip.input.name,
         "unit": flip.input.unit,
-        "way": "up" if flip.way > 0 else "down",
+        "way": flip.direction,
         **{name: getattr(flip, name) for name in keys},
     }
 

@@ -54,6 +54,11 @@ class Flip:
     takes_default: bool = False
 
     @property
+    def direction(self) -> str:
+        """``up`` or ``down``."""
+        return "up" if self.way > 0 else "down"
+
+    @property
     def change(self) -> float | None:
         """How far the input must change, with its sign."""
         return None if self.first is None else self.first - self.given
@@ -92,21 +97,20 @@ def flips(system: object, inputs: ArrayLike | Mapping[str, float], value: float 
     given = infer(compiled.system, inputs).inputs
     if not np.isfinite(value):
         raise ValueError(f"the value to cross is {value}; give a finite number")
-    ways = list(_ways(compiled, given))
-    ends = np.cumsum([len(rows) for *_, rows in ways])[:-1]
-    outputs = np.split(compiled(np.concatenate([rows for *_, rows in ways])) - value, ends)
     found: list[Flip] = []
     for place, output in enumerate(compiled.system.outputs):
+
+        def side_of(outputs: Floats, place: int = place, output: Variable = output) -> Floats:
+            differences = outputs[:, place] - value
+            return np.where(np.abs(differences) <= TOUCHING * span(output), 0.0, np.sign(differences))
+
         of_output = []
-        for (index, way, rows), differences in zip(ways, outputs, strict=True):
-            sides = _sides(output, differences[:, place])
-            variable = compiled.system.inputs[index]
-            start = Flip(output, variable, way, float(given[index]), int(sides[0]))
-            across = np.flatnonzero(_is_across(sides, sides[0]))
-            flip = start
-            if len(across):
-                bracket = rows[across[0] - 1 : across[0] + 1]
-                flip = _located(compiled, place, start, bracket, index, value)
+        for index, way, side, ends in _searched(compiled, given, side_of):
+            flip = Flip(output, compiled.system.inputs[index], way, float(given[index]), int(side))
+            if ends is not None:
+                before, after = (infer(compiled.system, one).outputs[place] for one in ends)
+                told = (float(ends[0][index]), float(ends[1][index]), before.value, after.value)
+                flip = Flip(output, flip.input, way, flip.given, flip.side, *told, after.is_default)
             of_output.append(flip)
         found += sorted(of_output, key=lambda flip: flip.share)
     return tuple(found)
@@ -144,22 +148,38 @@ def is_classifier(system: FuzzySystem) -> bool:
 
 def class_flips(compiled: CompiledSystem, given: Floats) -> tuple[ClassFlip, ...]:
     """Find the smallest changes of one input that flip the class, searched as in `flips`; smallest first."""
-    found = []
-    for index, _, rows in _ways(compiled, given):
-        classes = compiled(rows).argmax(axis=1)
-        across = np.flatnonzero(classes != classes[0])
-        if not len(across):
-            continue
-        variable = compiled.system.inputs[index]
-        bracket = rows[across[0] - 1 : across[0] + 1]
+    system, found = compiled.system, []
+    said = int(compiled(given[np.newaxis])[0].argmax())
 
-        def is_another(row: Floats, said: int = int(classes[0])) -> bool:
-            return int(compiled(row)[0].argmax()) != said
+    def side_of(outputs: Floats) -> Floats:
+        return np.where(outputs.argmax(axis=1) == said, 1.0, -1.0)
 
-        _, first = _halved(bracket, index, variable, is_another)
-        other = compiled.system.outputs[int(compiled(first[np.newaxis])[0].argmax())]
-        found.append(ClassFlip(variable, float(given[index]), float(first[index]), other))
+    for index, _, _, ends in _searched(compiled, given, side_of):
+        if ends is not None:
+            other = system.outputs[int(compiled(ends[1][np.newaxis])[0].argmax())]
+            found.append(ClassFlip(system.inputs[index], float(given[index]), float(ends[1][index]), other))
     return tuple(sorted(found, key=lambda flip: flip.share))
+
+
+def _searched(
+    compiled: CompiledSystem, given: Floats, side_of: Callable[[Floats], Floats]
+) -> Iterator[tuple[int, int, float, tuple[Floats, Floats] | None]]:
+    """Yield each input, each way, the side where it starts, and inputs before and after it is left.
+
+    Sides of outputs are 1, -1, or 0 for neither; from neither, either is another side.
+    """
+    for index, way, rows in _ways(compiled, given):
+        sides = side_of(compiled(rows))
+        across, ends = np.flatnonzero(_is_across(sides, sides[0])), None
+        if len(across):
+            last, first = rows[across[0] - 1], rows[across[0]]
+            while abs(first[index] - last[index]) > LOCATED * span(compiled.system.inputs[index]):
+                middle = last.copy()
+                middle[index] = 0.5 * (last[index] + first[index])
+                is_there = _is_across(side_of(compiled(middle[np.newaxis])), sides[0])[0]
+                last, first = (last, middle) if is_there else (middle, first)
+            ends = (last, first)
+        yield index, way, float(sides[0]), ends
 
 
 def _ways(compiled: CompiledSystem, given: Floats) -> Iterator[tuple[int, int, Floats]]:
@@ -178,36 +198,6 @@ def _ways(compiled: CompiledSystem, given: Floats) -> Iterator[tuple[int, int, F
             yield index, way, rows
 
 
-def _sides(output: Variable, differences: Floats) -> Floats:
-    return np.where(np.abs(differences) <= TOUCHING * span(output), 0.0, np.sign(differences))
-
-
 def _is_across(sides: Floats, start: float) -> Booleans:
     across: Booleans = sides != 0.0 if start == 0.0 else sides == -start
     return across
-
-
-def _located(
-    compiled: CompiledSystem, place: int, start: Flip, bracket: Floats, index: int, value: float
-) -> Flip:
-    """Locate the flip in a bracket of two rows, and evaluate both sides step by step."""
-
-    def is_across(row: Floats) -> bool:
-        return bool(_is_across(_sides(start.output, compiled(row)[:, place] - value), start.side)[0])
-
-    last, first = _halved(bracket, index, start.input, is_across)
-    before, after = (infer(compiled.system, one).outputs[place] for one in (last, first))
-    ends = (float(last[index]), float(first[index]), before.value, after.value, after.is_default)
-    return Flip(start.output, start.input, start.way, start.given, start.side, *ends)
-
-
-def _halved(
-    bracket: Floats, index: int, variable: Variable, is_across: Callable[[Floats], bool]
-) -> tuple[Floats, Floats]:
-    """Halve a bracket of two rows until what changes between them is located."""
-    last, first = bracket.copy()
-    while abs(first[index] - last[index]) > LOCATED * span(variable):
-        middle = last.copy()
-        middle[index] = 0.5 * (last[index] + first[index])
-        last, first = (last, middle) if is_across(middle[np.newaxis]) else (middle, first)
-    return last, first

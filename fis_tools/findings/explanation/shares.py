@@ -98,11 +98,8 @@ class Shares(Result):
     def _summary(self) -> str:
         first = self.rules[0]
         silent = sum(rule.fired == 0.0 for rule in self.rules)
-        decides = (
-            f"rule {first.rule} decides most, with {percent(first.share)} of all that rules moved"
-            if first.share > 0.0
-            else "no rule moved anything"
-        )
+        decides = f"rule {first.rule} decides most, with {percent(first.share)} of all that rules moved"
+        decides = decides if first.share > 0.0 else "no rule moved anything"
         return (
             f"{self.system.name} over {self.num_samples} inferences: {decides}; {silent} of "
             f"{len(self.rules)} rules never fire at {FIRED:g} or more"
@@ -117,11 +114,8 @@ class Shares(Result):
 
     def _rows(self, shown: tuple[RuleShare, ...]) -> list[list[str]]:
         outputs = self.system.outputs
-        heads = [
-            word if len(outputs) == 1 else f"{word} {with_unit(v)}"
-            for word in ("moved", "needed")
-            for v in outputs
-        ]
+        names = [""] if len(outputs) == 1 else [f" {with_unit(variable)}" for variable in outputs]
+        heads = [word + name for word in ("moved", "needed") for name in names]
         rows = [["share", *heads, "fired", "leading", "max", "rule"]]
         for rule in shown:
             values = zip((*outputs, *outputs), (*rule.moved, *rule.needed), strict=True)
