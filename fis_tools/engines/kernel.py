@@ -10,7 +10,6 @@ are not inserted, as in scikit-fuzzy. Lengths on the output's universe are measu
 in steps of its grid.
 """
 
-from functools import cache
 from typing import Any
 
 import numpy as np
@@ -354,15 +353,10 @@ def _strengths(
                 out[first + lane, rule] = strength
 
 
-@cache
-def _scratch_type(width: int) -> np.dtype[Any]:
-    rows = rows_of(SCRATCH, width).descr
-    return np.dtype([*rows, ("cut_terms", np.int64, 2 * MAX_TERMS)], align=True)
-
-
 def make_scratch(width: int = LANES) -> Any:
     """Allocate the working space of `infer`, for any system and `width` samples side by side."""
-    scratch = aligned(1, _scratch_type(width)).view(np.recarray)
+    fields = [*rows_of(SCRATCH, width).descr, ("cut_terms", np.int64, 2 * MAX_TERMS)]
+    scratch = aligned(1, np.dtype(fields, align=True)).view(np.recarray)
     scratch[0].memberships[ANY] = 1.0
     return scratch
 

@@ -112,11 +112,6 @@ def along(flown: Sequence[Flight], noun: str) -> str:
     return f"Reviewed along {which}.{'' if all(one.is_own for one in flown) else other} {fires}"
 
 
-def verdicts(told: Sequence[Mapping[str, Any]]) -> Iterator[Block]:
-    """Show what became of each requirement: its verdict in a sentence."""
-    yield Table(["requirement", "verdict"], [[one["name"], one["words"]] for one in told])
-
-
 def not_covered(
     evidence: Mapping[str, Any] | None,
     evaluations: Sequence[Evaluation],
@@ -149,7 +144,7 @@ def not_covered(
 SCHEMA = "evidence"
 
 
-def read_evidence(path: Path | str, fingerprint: str) -> tuple[dict[str, Any], list[dict[str, str]]]:
+def read_evidence(path: Path | str, fingerprint: str) -> tuple[dict[str, Any], list[list[str]]]:
     """Return evidence, and of each requirement its name and its verdict in words.
 
     Raises
@@ -163,10 +158,10 @@ def read_evidence(path: Path | str, fingerprint: str) -> tuple[dict[str, Any], l
             raise ValueError(content["schema"])
         about = content["controller"]
         found = [
-            {
-                "name": " ".join(str(one[key]) for key in ("id", "title") if key in one),
-                "words": str(one.get("sentence") or f"{one['verdict']}: {one['text']} {one['why']}"),
-            }
+            [
+                " ".join(str(one[key]) for key in ("id", "title") if key in one),
+                str(one.get("sentence") or f"{one['verdict']}: {one['text']} {one['why']}"),
+            ]
             for one in content["requirements"]
         ]
     except (OSError, ValueError, KeyError, TypeError) as error:

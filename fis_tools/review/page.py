@@ -91,8 +91,9 @@ def write(
     names = [flight.name for flight in compress(logged, is_flight)]
     told, requirements = (None, []) if evidence is None else read_evidence(evidence, fingerprint)
     title = "How it flew" if noun == "flight" else "How it answered"
-    opening_blocks = [
-        *([Heading("Verdicts", id="requirements"), *opening.verdicts(requirements)] if requirements else []),
+    heads = ["requirement", "verdict"]
+    opening_blocks: list[Block] = [
+        *([Heading("Verdicts", id="requirements"), Table(heads, requirements)] if requirements else []),
         Heading("What it does", id="does"),
         *opening.rules(controller),
         Heading("Inputs", 3),

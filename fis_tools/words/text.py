@@ -28,12 +28,6 @@ def with_unit(variable: model.Variable) -> str:
     return f"{variable.name} ({variable.unit})" if variable.unit else variable.name
 
 
-def extent_words(variable: model.Variable) -> str:
-    """Return the extent of a universe in words: ``0 to 200, 101 points``."""
-    points = f"{variable.num_points} {'uneven ' if variable.points is not None else ''}points"
-    return f"{number(variable.minimum)} to {number(variable.maximum)}, {points}"
-
-
 def antecedent_words(expression: model.Expression, hedges: Mapping[str, str] = MappingProxyType({})) -> str:
     """Return an antecedent in words: ``distance is not very near and not (wind is calm or heat is low)``.
 
@@ -326,7 +320,9 @@ def rule_list(controller: FuzzyController) -> Document:
 
 def _variable(kind: str, variable: Variable) -> list[Block]:
     default = "" if variable.default is None else f"; {number(variable.default)} when no rule fires"
-    about = f"From {extent_words(variable)}{default}. {_on_one_line(variable.description)}".rstrip()
+    points = f"{variable.num_points} {'uneven ' if variable.points is not None else ''}points"
+    extent = f"{number(variable.minimum)} to {number(variable.maximum)}, {points}"
+    about = f"From {extent}{default}. {_on_one_line(variable.description)}".rstrip()
     rows = [[term.name, shape_words(term)] for term in variable.terms]
     terms = [Table(["term", "membership function"], rows)] if rows else []
     return [Heading(f"{kind} {with_unit(variable)}", 3), Paragraph(about), *terms]

@@ -336,19 +336,16 @@ def _even(variable: Variable, measures: Measures, thresholds: Thresholds) -> Ite
         )
     if found is None or found.gm3m >= thresholds.partition:
         return
-    moved = int(np.argmin(found.displacement))
-    stretched = int(np.argmin(found.area))
-    parts = [f"{variable.terms[moved].name} has moved most (displacement {found.displacement[moved]:.2f})"]
-    parts.append(
-        f"{variable.terms[stretched].name} has changed its width most (area {found.area[stretched]:.2f})"
-    )
+    moved, stretched = int(np.argmin(found.displacement)), int(np.argmin(found.area))
+    names = (variable.terms[moved].name, variable.terms[stretched].name)
     yield Finding(
         "uneven-partition",
         Severity.NOTE,
-        f"The terms of {variable.name} are far from {measures.reference}, GM3M {found.gm3m:.2f}: "
-        f"{' and '.join(parts)}.",
+        f"The terms of {variable.name} are far from {measures.reference}, GM3M {found.gm3m:.2f}: {names[0]} "
+        f"has moved most (displacement {found.displacement[moved]:.2f}) and {names[1]} has changed its width "
+        f"most (area {found.area[stretched]:.2f}).",
         "Judge the terms by their pictures, not by their names, or tune within narrower bounds.",
         variable.name,
-        (variable.terms[moved].name, variable.terms[stretched].name),
+        names,
         evidence={"gm3m": found.gm3m},
     )
