@@ -91,9 +91,10 @@ def write(
     names = [flight.name for flight in compress(logged, is_flight)]
     told, requirements = (None, []) if evidence is None else read_evidence(evidence, fingerprint)
     title = "How it flew" if noun == "flight" else "How it answered"
-    heads = ["requirement", "verdict"]
+    verdicts: list[Block] = [Heading("Verdicts", id="requirements")]
+    verdicts.append(Table(["requirement", "verdict"], requirements))
     opening_blocks: list[Block] = [
-        *([Heading("Verdicts", id="requirements"), Table(heads, requirements)] if requirements else []),
+        *(verdicts if requirements else []),
         Heading("What it does", id="does"),
         *opening.rules(controller),
         Heading("Inputs", 3),

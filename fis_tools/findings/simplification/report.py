@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from itertools import chain
 from typing import Any, Literal
 
 import numpy as np
@@ -227,10 +228,7 @@ class Simplification(Result):
 
     def document(self) -> Document:
         """List the steps, in one table per system."""
-        blocks: list[Block] = [Heading(self.summary)]
-        for system in self.systems:
-            blocks += [*map(Paragraph, _heads(system)), *_table(system)]
-        return Document(blocks)
+        return Document([Heading(self.summary), *chain(*map(_blocks, self.systems))])
 
     def plain(self) -> dict[str, Any]:
         """Return the steps as plain JSON data.
@@ -275,34 +273,27 @@ def budget_words(budget: Budget, *, flown: bool) -> str:
 _PLACES = {FLOWN: "along the logs", SPREAD: "over the ranges"}
 
 
-def _heads(system: SimplifiedSystem) -> list[str]:
-    """Say in the units of the outputs how far a system departs."""
+def _blocks(system: SimplifiedSystem) -> Iterator[Block]:
+    """Say in the units of the outputs how far a system departs, then list its steps."""
+    name, sets = system.original.name, list(system.changes)
     if not system.steps:
-        return [f"{system.original.name}: nothing can be made simpler within the budget"]
-    lines = []
-    for place, output in enumerate(system.original.outputs):
-        changes = []
-        for name, change in system.changes.items():
-            most, mean = (part[place] * span(output) for part in (change.largest, change.mean))
-            changes.append(
-                f"{amount(output, most)} at most and {amount(output, mean)} on average {_PLACES[name]}"
-            )
-        lines.append(f"{system.original.name}: {output.name} departs by {'; by '.join(changes)}")
-    return lines
-
-
-def _table(system: SimplifiedSystem) -> Iterator[Table]:
-    if not system.steps:
+        yield Paragraph(f"{name}: nothing can be made simpler within the budget")
         return
-    sets = list(system.changes)
-    heads = [f"{word} {_PLACES[name].split()[-1]}" for name in sets for word in ("max,", "mean,")]
+    for place, output in enumerate(system.original.outputs):
+        departs = []
+        for where, change in system.changes.items():
+            most, mean = (
+                amount(output, part[place] * span(output)) for part in (change.largest, change.mean)
+            )
+            departs.append(f"{most} at most and {mean} on average {_PLACES[where]}")
+        yield Paragraph(f"{name}: {output.name} departs by {'; by '.join(departs)}")
+    heads = [f"{word} {_PLACES[where].split()[-1]}" for where in sets for word in ("max,", "mean,")]
     original = [str(len(system.original.rules)), str(num_terms(system.original))]
     rows = [[*original, *[""] * len(heads), "the original"]]
     for step in system.steps:
-        changes = [
-            f"{100.0 * value:.2f} %"
-            for name in sets
-            for value in (max(step.changes[name].largest), max(step.changes[name].mean))
-        ]
+        most_and_mean = (
+            max(part) for one in sets for part in (step.changes[one].largest, step.changes[one].mean)
+        )
+        changes = [f"{100.0 * value:.2f} %" for value in most_and_mean]
         rows.append([str(step.num_rules), str(step.num_terms), *changes, step.sentence])
     yield Table(["rules", "terms", *heads, "step"], rows, numbers=range(2 + len(heads)))
