@@ -4,7 +4,7 @@ Memberships are linear between the points of a universe, and the measures are ex
 between the points.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -91,6 +91,19 @@ class RuleUsage:
     fired: Floats
     leading: Floats
     max_strength: Floats
+
+
+def check_samples(systems: Sequence[FuzzySystem], samples: Mapping[str, Floats]) -> None:
+    """Raise a ValueError for samples of no system, or of another number of inputs."""
+    by_name = {system.name: system for system in systems}
+    for name, rows in samples.items():
+        if name not in by_name:
+            raise ValueError(f"samples are given for {name!r}; {nearest(name, by_name)}")
+        wanted = len(by_name[name].inputs)
+        if rows.ndim != 2 or rows.shape[1] != wanted:
+            raise ValueError(
+                f"samples of {name!r} have shape {rows.shape}; give one row per sample, {wanted} numbers each"
+            )
 
 
 def evaluate(system: FuzzySystem, inputs: Floats) -> Floats:

@@ -51,9 +51,9 @@ class Samples:
 
 
 def read_flights(
-    paths: Sequence[Path | str], controller: FuzzyController, all_periods: bool = False
+    paths: Sequence[Path], controller: FuzzyController, all_periods: bool = False
 ) -> list[Flight]:
-    """Read the flights and tables to review a controller along, each once.
+    """Read the flights and tables to review a controller along.
 
     One is called as its file, or as its path.
 
@@ -64,21 +64,12 @@ def read_flights(
     fis_tools.errors.ControllerFileError
         If one cannot be read, or its systems have other inputs than the controller's.
     """
-    once = unique(paths)
-    return [
-        _flight(name, path, controller, all_periods) for name, path in zip(_names(once), once, strict=True)
-    ]
-
-
-def unique(paths: Sequence[Path | str]) -> list[Path]:
-    """Return each file once."""
-    return list({Path(path).resolve(): Path(path) for path in paths}.values())
-
-
-def _flight(name: str, path: Path, controller: FuzzyController, all_periods: bool) -> Flight:
-    flown = _flown(path, controller, all_periods)
     own = {system.name: system for system in controller.systems}
-    return Flight(name, flown, all(one.system == own[key] for key, one in flown.items()))
+    found = []
+    for name, path in zip(_names(paths), paths, strict=True):
+        flown = _flown(path, controller, all_periods)
+        found.append(Flight(name, flown, all(one.system == own[key] for key, one in flown.items())))
+    return found
 
 
 def _names(paths: Sequence[Path]) -> list[str]:
@@ -126,7 +117,7 @@ UNKNOWN = "–"
 
 
 def recordings(paths: Sequence[Path | str]) -> list[Path]:
-    """Return the recordings that are named, and those of the folders of runs that are named.
+    """Return the recordings that are named, and those of the folders of runs that are named, each once.
 
     Raises
     ------
@@ -142,7 +133,7 @@ def recordings(paths: Sequence[Path | str]) -> list[Path]:
                 "flights, a flight, or a table (.csv, .parquet)"
             )
         found += inside
-    return found
+    return list({path.resolve(): path for path in found}.values())
 
 
 @dataclass(frozen=True)

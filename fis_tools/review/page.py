@@ -77,7 +77,7 @@ def write(
         cannot be read, or is about another controller.
     """
     systems = controller.systems
-    paths = flown.unique(flown.recordings(flight_paths))
+    paths = flown.recordings(flight_paths)
     logged = flown.read_flights(paths, controller, all_periods)
     is_flight = [flights.is_flight(path) for path in paths]
     noun = "flight" if any(is_flight) else "log"

@@ -6,6 +6,7 @@ from itertools import chain
 
 import numpy as np
 
+from fis_tools.analysis.arrays import check_samples
 from fis_tools.analysis.measures import measure
 from fis_tools.array_types import Floats
 from fis_tools.findings.audit import answers, rules, terms
@@ -48,7 +49,7 @@ def audit(
     """
     systems = (controller,) if isinstance(controller, FuzzySystem) else controller.systems
     thresholds = thresholds or Thresholds()
-    _check(systems, samples or {})
+    check_samples(systems, samples or {})
     name, findings = "", list[Finding]()
     if isinstance(controller, FuzzyController):
         name, findings = controller.name, [*_edited(controller)]
@@ -84,15 +85,3 @@ def _counterpart(system: FuzzySystem, reference: FuzzyController) -> tuple[str, 
     if system.name not in systems:
         raise ValueError(f"the reference has no system {system.name!r}; {nearest(system.name, systems)}")
     return f"those of {reference.name}", systems[system.name]
-
-
-def _check(systems: tuple[FuzzySystem, ...], samples: Mapping[str, Floats]) -> None:
-    by_name = {system.name: system for system in systems}
-    for name, rows in samples.items():
-        if name not in by_name:
-            raise ValueError(f"samples are given for {name!r}; {nearest(name, by_name)}")
-        wanted = len(by_name[name].inputs)
-        if rows.ndim != 2 or rows.shape[1] != wanted:
-            raise ValueError(
-                f"samples of {name!r} have shape {rows.shape}; give one row per sample, {wanted} numbers each"
-            )

@@ -6,6 +6,7 @@ The search takes the cheapest step first, while the budget lasts.
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 
+from fis_tools.analysis.arrays import check_samples
 from fis_tools.array_types import Floats
 from fis_tools.findings.simplification import draft as drafts
 from fis_tools.findings.simplification import report
@@ -14,7 +15,7 @@ from fis_tools.findings.simplification.report import Bench, Budget, Simplificati
 from fis_tools.formats.serialize import SIMPLIFIED, checked
 from fis_tools.model import FuzzyController, FuzzySystem
 from fis_tools.model.systems import require_mamdani
-from fis_tools.model.validate import nearest, validate
+from fis_tools.model.validate import validate
 from fis_tools.words.text import listed
 
 __all__ = ["Budget", "Simplification", "SimplifiedSystem", "simplify"]
@@ -206,10 +207,7 @@ def simplify(
         controller = FuzzyController(controller.name, (controller,))
     require_mamdani(controller.systems, "simplification")
     budget, samples = budget or Budget(), samples or {}
-    names = [system.name for system in controller.systems]
-    for name in samples:
-        if name not in names:
-            raise ValueError(f"samples are given for {name!r}; {nearest(name, names)}")
+    check_samples(controller.systems, samples)
     found = []
     for system in controller.systems:
         validate(system)
