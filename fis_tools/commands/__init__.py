@@ -18,6 +18,6 @@ COMMANDS = {
     "domain": ("analysis", "Tell when logged flights left the inputs that an evaluation met."),
     "simplify": ("findings", "Make a simpler controller that answers nearly the same."),
     "diff": ("findings", "Tell what changed from one controller to another."),
-    "edit": ("editor", "Edit a controller on a page that answers every touch."),
+    "edit": ("views", "Edit a controller on a page that answers every touch."),
     "review": ("views", "Write one HTML page to review a controller and sign it off."),
 }

@@ -256,32 +256,17 @@ def diff(
     is_page = not json and Path(output or "").suffix.lower() in {".html", ".htm"}
     if is_page:  # what pictures need is missed before anything is computed
         import_module("fis_tools.render")
-    old, new = (read_controller(path, asked.trust) for path in (asked.controller, after))
-    old, new = _limited(old, new, asked.system)
+    paths = (asked.controller, after)
+    old, new = (chosen(read_controller(path, asked.trust), asked.system) for path in paths)
     samples = flown_inputs(asked.flights, new, asked.all_periods)
     with analysing(old, new):
-        found = difference(old, new, samples, (asked.controller, after))
+        found = difference(old, new, samples, paths)
     if json:
         content = as_json("fuzzy-difference", 1, found.plain())
     else:
         content = found.html() if is_page else found.text()
     write(output, content)
     return int(exit_code and not found.is_empty)
-
-
-def _limited(
-    before: FuzzyController, after: FuzzyController, name: str | None
-) -> tuple[FuzzyController, FuzzyController]:
-    """Keep the system that is asked for in both, where one is."""
-    if name is None:
-        return before, after
-    has = [any(system.name == name for system in one.systems) for one in (before, after)]
-    if any(has) and not all(has):
-        which = after if has[0] else before
-        raise UserMistake(
-            f"controller {which.name!r} has no system {name!r}; leave --system out to see all changes"
-        )
-    return chosen(before, name), chosen(after, name)
 
 
 DEFAULTS = Budget()

@@ -206,11 +206,6 @@ def strongest(memberships: Sequence[Floats]) -> Integers:
     return np.stack([degrees.argmax(axis=1) for degrees in memberships], axis=1)
 
 
-def held(memberships: Sequence[Floats]) -> Integers:
-    """Return the combinations that some row belongs to most, (rules, num_inputs), the last input fastest."""
-    return np.unique(strongest(memberships), axis=0)
-
-
 def firing(memberships: Sequence[Floats], cells: Integers) -> Floats:
     """Return how far each row belongs to each combination, by the product: (n, rules)."""
     strengths = memberships[0][:, cells[:, 0]]
@@ -308,7 +303,7 @@ def fit(partitions: Sequence[Partition], rows: Floats, targets: Floats, counts: 
         Whether rules conclude a number, one that is linear in the inputs, or the share of a class.
     """
     memberships = [partition.memberships(x) for partition, x in zip(partitions, rows.T, strict=True)]
-    cells = held(memberships)
+    cells = np.unique(strongest(memberships), axis=0)
     weights = firing(memberships, cells)
     weights /= weights.sum(axis=1, keepdims=True)
     spent = CHARGE * sum(partition.num_moved for partition in partitions)

@@ -1,17 +1,22 @@
 """The model of a fuzzy system: variables, terms, rules, systems; their shapes, operators and checks."""
 
-from fis_tools.model.fuzzylite_shapes import Arc, Concave, Cosine, Ramp, SemiEllipse, Spike
 from fis_tools.model.numbers import Constant, Formula, Linear, Number
 from fis_tools.model.operators import Accumulation, Aggregation, AndOperator, Defuzzifier, Hedge, OrOperator
 from fis_tools.model.shape import MembershipFunction, MonotoneFunction
 from fis_tools.model.shapes import (
+    Arc,
+    Concave,
+    Cosine,
     Gaussian,
     GeneralizedBell,
     PiShape,
+    Ramp,
     Sampled,
+    SemiEllipse,
     Sigmoid,
     SigmoidDifference,
     SigmoidProduct,
+    Spike,
     SShape,
     Trapezoidal,
     Triangular,

@@ -39,8 +39,8 @@ from fis_tools.model import (
     ZShape,
     table_rules,
 )
-from fis_tools.model.fuzzylite_shapes import Arc, Concave, Cosine, SemiEllipse, Spike
 from fis_tools.model.operators import WEIGHING
+from fis_tools.model.shapes import Arc, Concave, Cosine, SemiEllipse, Spike
 
 Floats = NDArray[np.float64]
 DEFUZZIFIERS: tuple[Defuzzifier, ...] = tuple(way for way in get_args(Defuzzifier) if way not in WEIGHING)
