@@ -113,7 +113,7 @@ class Editor:
             self.session.touch(change, gesture)
         except (ValueError, KeyError, IndexError) as refused:
             self._status.set_text(str(refused.args[0] if refused.args else refused))
-            self._view.draw_anew()
+            self._view.forget()
             self._show()
             return
         self._status.set_text("")

@@ -19,7 +19,7 @@ from fis_tools.model.systems import has_sets
 from fis_tools.words.text import rule_tables
 
 #: points along each axis of a surface
-FINE = 45
+FINE = 33
 
 
 class _VariableView(ui.element, component="terms.js"):
@@ -137,10 +137,9 @@ class SystemView:
 
     # what it shows
 
-    def draw_anew(self) -> None:
-        """Put back what was refused."""
+    def forget(self) -> None:
+        """Send everything when it is shown next: the page has what was refused."""
         self._told.clear()
-        self.show()
 
     def show(self) -> None:
         """Show the system as it stands; only what changed is sent."""

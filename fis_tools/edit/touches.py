@@ -10,20 +10,9 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from fis_tools import model
 from fis_tools.formats.exchange.fll_rules import read_own
-from fis_tools.model import (
-    Constant,
-    FuzzyController,
-    FuzzySystem,
-    Is,
-    MembershipFunction,
-    Rule,
-    Term,
-    Triangular,
-    Variable,
-    with_statements,
-    with_terms,
-)
+from fis_tools.model import FuzzyController, FuzzySystem, Is, Rule, Term, Variable
 from fis_tools.model.shape import SHAPES
 from fis_tools.model.systems import has_sets
 from fis_tools.model.variables import sample
@@ -49,7 +38,7 @@ def with_variable(system: FuzzySystem, variable: Variable) -> FuzzySystem:
     return replace(system, inputs=inputs, outputs=outputs)
 
 
-def numbers_of(shape: MembershipFunction) -> dict[str, str]:
+def numbers_of(shape: model.MembershipFunction) -> dict[str, str]:
     """Return the numbers of a shape as they are typed, by their names; of a formula, its text."""
     found = {}
     for field in fields(shape):
@@ -59,7 +48,7 @@ def numbers_of(shape: MembershipFunction) -> dict[str, str]:
     return found
 
 
-def with_number(shape: MembershipFunction, name: str, typed: str) -> MembershipFunction:
+def with_number(shape: model.MembershipFunction, name: str, typed: str) -> model.MembershipFunction:
     """Return a shape with one of its numbers replaced, see `numbers_of`."""
     value: Any = typed
     match getattr(shape, name):
@@ -70,7 +59,7 @@ def with_number(shape: MembershipFunction, name: str, typed: str) -> MembershipF
     return replace(shape, **{name: value})
 
 
-def in_order(shape: MembershipFunction, key: str, value: float) -> float:
+def in_order(shape: model.MembershipFunction, key: str, value: float) -> float:
     """Return a number, held between those that it must not pass; a width stays above zero."""
     order, kinds = shape.entry.ascending, shape.entry.kinds
     if kinds[key] in ("width", "deviation"):
@@ -102,9 +91,9 @@ def new_term(variable: Variable) -> Term:
     taken = {term.name for term in variable.terms}
     name = next(name for n in range(1, len(taken) + 2) if (name := f"term_{n}") not in taken)
     if not has_sets(variable):
-        return Term(name, Constant(0.0))
+        return Term(name, model.Constant(0.0))
     middle, width = 0.5 * (variable.minimum + variable.maximum), 0.25 * (variable.maximum - variable.minimum)
-    return Term(name, Triangular(middle - width, middle, middle + width))
+    return Term(name, model.Triangular(middle - width, middle, middle + width))
 
 
 def with_rule(system: FuzzySystem, place: int, *rules: Rule) -> FuzzySystem:
@@ -124,7 +113,9 @@ def turned(system: FuzzySystem, rule: int, side: str, place: int, step: int) -> 
         return Is(one.variable, following(one.variable, one.term)) if next(seen) == place else one
 
     if side == "if":
-        return with_rule(system, rule, replace(held, antecedent=with_statements(held.antecedent, asked)))
+        return with_rule(
+            system, rule, replace(held, antecedent=model.with_statements(held.antecedent, asked))
+        )
     concluded = list(held.consequents)
     one = concluded[place]
     concluded[place] = replace(one, term=following(one.variable, one.term))
@@ -171,7 +162,7 @@ def term_touched(
             return with_variable(system, replace(variable, terms=_with(variable.terms, term)))
         case "rename":
             names = {(variable.name, term): told["name"].strip()}
-            system = replace(system, rules=tuple(with_terms(rule, names) for rule in system.rules))
+            system = replace(system, rules=tuple(model.with_terms(rule, names) for rule in system.rules))
             held = replace(held, name=told["name"].strip())
         case "reshape":
             held = reshaped(variable, held, told["shape"])

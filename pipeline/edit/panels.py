@@ -62,18 +62,26 @@ class ManyFlights:
             self._before = list(self._cases.fly(self._original))
         try:
             for before, after in zip(self._before, self._cases.fly(controller), strict=True):
-                numbers = html.body(Document([_numbers(self._cases.compare(before, after))]))
-                below = html.body(Document([_judged(after.verdicts(self._cases.requirements))]))
-                if controller != self._original:
-                    below = _changed_most(before, after) + below
-                yield partial(self._show, str(numbers), str(below), _histogram(before, after))
+                is_shown = before in (self._before[0], self._before[-1])
+                yield self._told(controller, before, after) if is_shown else _nothing
         except ValueError as refused:
             yield partial(self._numbers.set_content, str(html.element("p", str(refused), class_="worse")))
+
+    def _told(self, controller: FuzzyController, before: Flown, after: Flown) -> Show:
+        numbers = html.body(Document([_numbers(self._cases.compare(before, after))]))
+        below = html.body(Document([_judged(after.verdicts(self._cases.requirements))]))
+        if controller != self._original:
+            below = _changed_most(before, after) + below
+        return partial(self._show, str(numbers), str(below), _histogram(before, after))
 
     def _show(self, numbers: str, below: str, bars: Options) -> None:
         self._numbers.set_content(numbers)
         self._below.set_content(below)
         draw(self._chart, bars)
+
+
+def _nothing() -> None:
+    """Show nothing: a touch may have come between two parts."""
 
 
 def _judged(verdicts: Sequence[tuple[Requirement, str, str]]) -> Table:
