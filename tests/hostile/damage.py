@@ -10,9 +10,9 @@ from typing import Any, Final
 import pyarrow as pa
 import pyarrow.parquet as pq
 from mcap.reader import make_reader
-from mcap.writer import CompressionType, Writer
+from mcap.writer import CompressionType
 
-from tests.hostile.recordings import forged
+from tests.hostile.recordings import forged, rewritten
 
 #: byte sequences that readers are known to stumble over
 PIECES: Final = (
@@ -108,10 +108,6 @@ def damaged_table(content: bytes, rng: random.Random) -> bytes:
 
 def damaged_recording(content: bytes, rng: random.Random) -> bytes:
     """Return a rewritten recording, with correct checksums but some changed words and messages."""
-    reader = make_reader(io.BytesIO(content))
-    sink = io.BytesIO()
-    writer = Writer(sink, compression=rng.choice([*list(CompressionType)[:1], CompressionType.ZSTD]))
-    writer.start()
 
     def word(text: str) -> str:
         if rng.random() > 0.02:
@@ -120,26 +116,13 @@ def damaged_recording(content: bytes, rng: random.Random) -> bytes:
             (damaged_bytes(text.encode(), rng).decode("utf-8", "replace"), "[" * 100_000, "", "1e999")
         )
 
-    for record in reader.iter_metadata():
-        if rng.random() > 0.05:
-            entries = {key: word(text) for key, text in record.metadata.items() if key != "checksum"}
-            writer.add_metadata(
-                word(record.name), {k: v for k, v in entries.items() if not k.startswith("crc")}
-            )
-    for attachment in reader.iter_attachments():
-        writer.add_attachment(0, 0, word(attachment.name), "x", attachment.data)
-    schemas: dict[int, int] = {}
-    channels: dict[int, int] = {}
-    for schema, channel, message in reader.iter_messages():
-        if channel.id not in channels:
-            schemas[schema.id] = writer.register_schema(word(schema.name), schema.encoding, schema.data)
-            channels[channel.id] = writer.register_channel(
-                word(channel.topic), "protobuf", schemas[schema.id]
-            )
-        data = damaged_bytes(message.data, rng) if rng.random() < 0.01 else message.data
-        writer.add_message(channels[channel.id], message.log_time, data, message.publish_time)
-    writer.finish()
-    return sink.getvalue()
+    return rewritten(
+        content,
+        entries=lambda _, kept: {k: word(v) for k, v in kept.items()} if rng.random() > 0.05 else None,
+        word=word,
+        data=lambda data: damaged_bytes(data, rng) if rng.random() < 0.01 else data,
+        compression=rng.choice((CompressionType.NONE, CompressionType.ZSTD)),
+    )
 
 
 def damaged_attachment(content: bytes, rng: random.Random) -> bytes:

@@ -244,10 +244,15 @@ def test_a_disk_that_fills_up_meanwhile_is_said(short_file, tmp_path, monkeypatc
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_viewer_that_fails_is_said(short_file, monkeypatch):
-    monkeypatch.setattr("telemetry.scene.viewer._RERUN", ("false",))
-    with pytest.raises(RecordingError, match="ended with exit code 1"):
-        viewer.show(replay.scene([short_file]), in_browser=True)
+@pytest.mark.parametrize(("in_browser", "code"), [(False, 7), (True, 8)])
+def test_a_viewer_that_fails_is_said_and_only_a_browser_gets_a_page(
+    short_file, monkeypatch, *, in_browser, code
+):
+    asked = "import sys; sys.exit(8 if '--web-viewer' in sys.argv else 7)"
+    monkeypatch.setattr("telemetry.scene.viewer._RERUN", (sys.executable, "-c", asked))
+    monkeypatch.setenv("DISPLAY", ":0")
+    with pytest.raises(RecordingError, match=f"ended with exit code {code}"):
+        viewer.show(replay.scene([short_file]), in_browser=in_browser)
 
 
 def test_a_machine_without_a_display_is_told_what_else_to_do(short_file, monkeypatch):
