@@ -31,7 +31,6 @@ Columns = dict[str, NDArray[np.generic]]
 MOST_LETTERS: Final = 16 * 1024**2
 #: state of a point whose colour is not one of `topics.POINT_COLOURS_RGBA`
 UNKNOWN_STATE: Final = 255
-COLOURS: Final = ("red", "green", "blue", "alpha")
 
 _DTYPE_OF_FIELD: Final[Mapping[int, np.dtype[Any]]] = {
     FieldDescriptor.TYPE_DOUBLE: np.dtype(np.float64),
@@ -168,9 +167,10 @@ def _point_clouds(payloads: Sequence[bytes]) -> Columns:
     points = raw.view(layout).reshape(len(messages), -1)
     positions = np.stack([points[axis] for axis in ("x", "y", "z")], axis=-1)
     names = layout.names or ()
-    if not set(COLOURS) & set(names):
+    channels = topics.COLOUR_CHANNELS
+    if not set(channels) & set(names):
         return {"position_m": positions, **{plain(name): points[name] for name in names if name not in "xyz"}}
-    return _cloud_columns(positions, np.stack([points[channel] for channel in COLOURS], axis=-1))
+    return _cloud_columns(positions, np.stack([points[channel] for channel in channels], axis=-1))
 
 
 def _cloud_columns(positions: NDArray[np.float32], colours: Bytes) -> Columns:

@@ -13,30 +13,15 @@ from foxglove_schemas_protobuf.Quaternion_pb2 import Quaternion
 from foxglove_schemas_protobuf.Vector3_pb2 import Vector3
 from google.protobuf.descriptor import FieldDescriptor
 from google.protobuf.message import Message
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from telemetry.array_types import Booleans, Bytes, Floats, Integers
+from telemetry.array_types import Floats, Integers
 from telemetry.file import RecordingError, topics
 
 #: what fields hold, by their names
 Columns = dict[str, Any]
 
 NANOSECONDS: Final = 1_000_000_000
-
-POINT_DTYPE: Final = np.dtype(
-    [
-        ("x", "<f4"),
-        ("y", "<f4"),
-        ("z", "<f4"),
-        ("red", "u1"),
-        ("green", "u1"),
-        ("blue", "u1"),
-        ("alpha", "u1"),
-    ]
-)
-
-#: the colour of each `topics.PointState`, as it is written
-_COLOURS: Final = topics.POINT_COLOURS_RGBA.view("<u4")[:, 0]
 
 LOG_LEVELS: Final = {"debug": Log.DEBUG, "info": Log.INFO, "warning": Log.WARNING, "error": Log.ERROR}
 
@@ -136,14 +121,30 @@ def point_cloud(time_ns: Integers, points_m: ArrayLike, states: ArrayLike) -> Co
     RecordingError
         If the shapes do not match or a state is not a `topics.PointState`.
     """
-    clouds = _packed_points(len(time_ns), points_m, states)
-    return {"timestamp": _timestamp(time_ns), "data": clouds, **_layout(POINT_DTYPE)}
+    count, points, state = len(time_ns), np.asarray(points_m), np.asarray(states, dtype=np.int64)
+    if points.ndim != 2 or points.shape[1] != 3 or state.size != count * len(points):
+        wanted = "(P,)" if count == 1 else f"({count}, P)"
+        raise RecordingError(
+            f"points of shape {points.shape} come with states of shape {state.shape}, "
+            f"but (P, 3) and {wanted} are expected; pass one state for each point"
+        )
+    if state.size and not (state.min() >= 0 and state.max() < len(topics.POINT_COLOURS_RGBA)):
+        raise RecordingError(
+            f"point states range from {state.min()} to {state.max()}, but 0 to "
+            f"{len(topics.POINT_COLOURS_RGBA) - 1} are expected; see telemetry.file.topics.PointState"
+        )
+    colours = topics.POINT_COLOURS_RGBA[state.reshape(count, len(points))]
+    channels = dict(zip(topics.COLOUR_CHANNELS, np.moveaxis(colours, -1, 0), strict=True))
+    return cloud_of(time_ns, points, channels)
 
 
-def cloud_of(time_ns: Integers, points_m: ArrayLike, columns: Mapping[str, Floats | Booleans]) -> Columns:
-    """Tell clouds of points, (P, 3), chief axes, with columns of a row of P for each time, or one for all."""
+def cloud_of(time_ns: Integers, points_m: ArrayLike, columns: Mapping[str, NDArray[Any]]) -> Columns:
+    """Tell clouds of points, (P, 3), chief axes, with columns of a row of P for each time, or one for all.
+
+    Columns of bytes or booleans are written as bytes, others as doubles.
+    """
     points = np.asarray(points_m, dtype=np.float32)
-    kinds = {name: "u1" if values.dtype == np.bool_ else "<f8" for name, values in columns.items()}
+    kinds = {name: "u1" if values.dtype.itemsize == 1 else "<f8" for name, values in columns.items()}
     layout = np.dtype([*dict.fromkeys("xyz", "<f4").items(), *kinds.items()])
     clouds = np.empty((len(time_ns), len(points)), layout)
     for name, values in (*zip("xyz", points.T, strict=True), *columns.items()):
@@ -172,28 +173,6 @@ def log(time_ns: Integers, level: str, text: str) -> Columns:
 
 def _timestamp(time_ns: Integers) -> Columns:
     return {"seconds": time_ns // NANOSECONDS, "nanos": time_ns % NANOSECONDS}
-
-
-def _packed_points(count: int, points_m: ArrayLike, states: ArrayLike) -> Bytes:
-    points = np.asarray(points_m, dtype=np.float32)
-    state = np.asarray(states, dtype=np.int64)
-    if points.ndim != 2 or points.shape[1] != 3 or state.size != count * len(points):
-        wanted = "(P,)" if count == 1 else f"({count}, P)"
-        raise RecordingError(
-            f"points of shape {points.shape} come with states of shape {state.shape}, "
-            f"but (P, 3) and {wanted} are expected; pass one state for each point"
-        )
-    if state.size and not (state.min() >= 0 and state.max() < len(topics.POINT_COLOURS_RGBA)):
-        raise RecordingError(
-            f"point states range from {state.min()} to {state.max()}, but 0 to "
-            f"{len(topics.POINT_COLOURS_RGBA) - 1} are expected; see telemetry.file.topics.PointState"
-        )
-    # x, y and z, then the colour, in four bytes each
-    alike = np.zeros((len(points), 4), dtype="<f4")
-    alike[:, :3] = points
-    clouds = np.repeat(alike.view("<u4")[np.newaxis], count, axis=0)
-    clouds[:, :, 3] = _COLOURS[state.reshape(count, len(points))]
-    return clouds.view(np.uint8)
 
 
 _KINDS: Final = {

@@ -87,7 +87,8 @@ class Reason(IntEnum):
 #: what was asked for was commanded or fired, as far as the thruster goes, or may have been
 FIRED: Final = tuple(reason.name.lower() for reason in (Reason.FIRED, Reason.CLIPPED, Reason.UNKNOWN))
 
-#: red, green, blue, alpha of each `PointState`; distinguishable by colour-blind readers (after Okabe and Ito)
+COLOUR_CHANNELS: Final = ("red", "green", "blue", "alpha")
+#: of each `PointState`; distinguishable by colour-blind readers (after Okabe and Ito)
 POINT_COLOURS_RGBA: Final = np.array(
     [(86, 88, 102, 255), (240, 228, 66, 255), (204, 121, 167, 255), (0, 190, 130, 255)], dtype=np.uint8
 )
