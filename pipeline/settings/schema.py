@@ -11,13 +11,12 @@ from itertools import chain
 from typing import Any, Final, get_type_hints
 
 from pipeline.settings.checks import Freely, SettingError
-from pipeline.settings.experiment import Experiment, Mission, Sun
+from pipeline.settings.experiment import Experiment, Mission
 from pipeline.settings.groups import GROUPS, Only, names_of, value_at
 from pipeline.settings.keys import (
     DISPERSIONS,
     FREE,
     GONE,
-    did_you_mean,
     dotted,
     in_todays_words,
     unknown,
@@ -217,30 +216,21 @@ def in_world(experiment: Experiment, name: str) -> Experiment:
         If the world changes keys that are not part of a world, or sets a value that is not allowed.
     """
     changes = experiment.compare.worlds.get(name, {})
-    mission, sun = asdict(experiment.mission), asdict(experiment.sun)
+    there: dict[str, Any] = asdict(experiment.mission) | {"sun": asdict(experiment.sun)}
     for group, values in changes.items():
-        if group != "sun" and group not in mission:
-            guess = did_you_mean(group, ["sun", *mission])
-            raise SettingError(f"compare.worlds.{name} changes {group}, which is no part of a world{guess}")
-        target = sun if group == "sun" else mission[group]
-        if not isinstance(target, dict):
-            mission[group] = values
-        elif not isinstance(values, Mapping):
-            raise SettingError(
-                f"compare.worlds.{name}.{group} is {values}; give its keys, as in {group}: {{...}}"
-            )
-        else:
-            for key in values:
-                if key not in target:
-                    raise SettingError(f"compare.worlds.{name}: {unknown(f'{group}.{key}')}")
-            target.update(values)
-    there = {**mission, "sun": sun}
+        own = there.get(group)
+        there[group] = own | values if isinstance(own, dict) and isinstance(values, dict) else values
+    parts = dict(there)
+    try:
+        made = replace(experiment, sun=parts.pop("sun"), mission=Mission(**parts))
+    except SettingError as error:
+        raise SettingError(f"compare.worlds.{name}: {error}") from error
     for key, mark in idle(there).items():
         group, _, last = key.rpartition(".")
         # the Sun's mode is that of compare.suns
         if group != "sun" and last in changes.get(group, {}):
             raise SettingError(f"compare.worlds.{name}: {mark.refusal(key, there)}")
-    return replace(experiment, mission=Mission(**mission), sun=Sun(**sun))
+    return made
 
 
 def differences(

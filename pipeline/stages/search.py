@@ -1,19 +1,18 @@
 """Try settings of the experiment and keep the best: trials, the command for the best, its champion."""
 
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from fis_tools.formats import serialize
-from fis_tools.formats.csv import rows_as_text
 from pipeline.controllers import source
 from pipeline.flight.cases.starts import validation_scenarios
 from pipeline.flight.control.controller import Controller, from_fuzzy
 from pipeline.flight.fly.simulation import fly_all
-from pipeline.run import artifacts
+from pipeline.run import artifacts, tables
 from pipeline.run.progress import Progress
 from pipeline.settings.checks import SettingError
 from pipeline.settings.experiment import Experiment
@@ -42,7 +41,8 @@ def run(experiment: Experiment, folder: Path) -> None:
                 best = trial
                 _keep(experiment, folder, made)
             rows.append((trial.number, trial.state, trial.cost, len(trial.blocks), *trial.values.values()))
-            _write_table(folder, list(trial.values), rows)
+            header = ["trial", "state", "cost_m_s", "blocks", *trial.values]
+            tables.write_csv(folder / artifacts.SEARCH_TRIALS, header, rows)
             told = "none complete" if best is None else f"best {best.cost:.4f} m/s, trial {best.number}"
             progress.show(trial.number + 1, f"{trial.state} {trial.cost:.4f} m/s; {told}")
     if best is None:
@@ -88,8 +88,3 @@ def _keep(experiment: Experiment, folder: Path, made: Mapping[str, Controller]) 
         artifacts.write_atomically(
             folder / artifacts.CHAMPION, serialize.dump_json(made["last"].fuzzy) + "\n"
         )
-
-
-def _write_table(folder: Path, keys: Sequence[str], rows: Sequence[tuple[Any, ...]]) -> None:
-    text = rows_as_text([["trial", "state", "cost_m_s", "blocks", *keys], *rows])
-    artifacts.write_atomically(folder / artifacts.SEARCH_TRIALS, text)

@@ -72,7 +72,7 @@ def test_a_world_changes_what_it_names_and_nothing_else() -> None:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ("{ligth: {shadow: conical}}", "changes ligth, which is no part of a world; did you mean light?"),
+        ("{ligth: {shadow: conical}}", "compare.worlds.odd: there is no key ligth; did you mean light?"),
         ("{light: {shade: conical}}", "there is no key light.shade; did you mean light.shadow?"),
         ("{light: {shadow: round}}", "light.shadow is 'round'; it must be one of"),
     ],
