@@ -15,7 +15,7 @@ from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
 
 from pipeline.flight.state.signals import CONSTANTS, SIGNALS
-from pipeline.settings.reference import sections
+from pipeline.settings.reference import descriptions, in_code, of_group, rows_of, tables
 
 PROJECT = Path(__file__).resolve().parents[1]
 #: made by ``python -m docs.build``
@@ -104,12 +104,25 @@ def on_page_markdown(markdown: str, page: Page, **_: Any) -> str:
     for name, (head, rows) in TABLES.items():
         lines = (f"| {' | '.join(row)} |" for row in (head, ("---",) * len(head), *rows))
         markdown = markdown.replace(f"<!-- {name} -->", "\n".join(lines))
-    markdown = markdown.replace("<!-- keys -->", sections())
+    markdown = markdown.replace("<!-- keys -->", tables_of_keys())
     markdown = markdown.replace("<!-- messages -->", messages())
     patch = PROJECT / "docs" / PurePosixPath(page.file.src_uri).with_suffix(".diff")
     if patch.exists():
         markdown = markdown.replace("<!-- patch -->", f"```diff\n{patch.read_text(encoding='utf-8')}```")
     return markdown
+
+
+def tables_of_keys() -> str:
+    """Return a section for each group of keys."""
+    parts = []
+    for group, own in tables().items():
+        about = descriptions().get(group, "") if group else "The run, and the clocks of its flights."
+        shared = [mark for mark in of_group(group) if not mark.is_of_stages]
+        if shared:
+            about += f" Keys other than `{'`, `'.join(shared[0].keys)}` only with {in_code(shared)}."
+        table = ["key|default|range|meaning", "---|---|---|---", *map("|".join, rows_of(group, own))]
+        parts.append(f"## {group or 'At the top'}\n\n{about}\n\n" + "\n".join(table) + "\n")
+    return "\n".join(parts)
 
 
 def messages() -> str:

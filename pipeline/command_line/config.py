@@ -22,8 +22,7 @@ from pipeline.flight.state.signals import CONSTANTS
 from pipeline.settings import start_table
 from pipeline.settings.checks import SettingError
 from pipeline.settings.experiment import Experiment
-from pipeline.settings.groups import value_at
-from pipeline.settings.keys import did_you_mean
+from pipeline.settings.keys import did_you_mean, value_at
 from pipeline.settings.places import conf_folder
 from pipeline.settings.schema import completed, defaults, experiment_from, idle, schema
 

@@ -9,8 +9,7 @@ from omegaconf import OmegaConf
 from pipeline.command_line.arguments import ConfigError
 from pipeline.command_line.config import compose_node, job_of, options
 from pipeline.settings import reference
-from pipeline.settings.groups import value_at
-from pipeline.settings.keys import unknown
+from pipeline.settings.keys import unknown, value_at
 from pipeline.settings.places import conf_folder
 from pipeline.settings.reference import descriptions
 from pipeline.settings.schema import idle

@@ -16,7 +16,7 @@ from pydantic import ConfigDict, Field, ValidationError
 from pydantic.dataclasses import dataclass as checked_dataclass
 
 from pipeline.settings.checks import Cure, SettingError, expected, in_unit
-from pipeline.settings.keys import did_you_mean, dotted, register, unit_of, unknown
+from pipeline.settings.keys import did_you_mean, dotted, register, unit_of, unknown, value_at
 
 Kind = TypeVar("Kind")
 
@@ -60,14 +60,6 @@ class Only:
 
     def __str__(self) -> str:
         return " or ".join(one if "=" in one or ">" in one else f"{one} given" for one in self.conditions)
-
-
-def value_at(config: Mapping[str, Any], key: str, otherwise: Any = None) -> Any:
-    """Return the value of a dotted key, or another where there is none."""
-    node: Any = config
-    for name in key.split("."):
-        node = node.get(name, otherwise) if isinstance(node, Mapping) else otherwise
-    return node
 
 
 def _holds(condition: str, config: Mapping[str, Any]) -> bool:

@@ -85,15 +85,20 @@ def unknown(key: str) -> str:
     return f"there is no key {key}{did_you_mean(key, _known)}"
 
 
+def value_at(config: Mapping[str, Any], key: str, otherwise: Any = None) -> Any:
+    """Return the value of a dotted key, or another where there is none; of "" the configuration itself."""
+    node: Any = config
+    for name in filter(None, key.split(".")):
+        node = node.get(name, otherwise) if isinstance(node, Mapping) else otherwise
+    return node
+
+
 def in_todays_words(config: Mapping[str, Any]) -> dict[str, Any]:
     """Return a configuration with the keys of earlier versions under their present names."""
     told = copy.deepcopy(dict(config))
     for old, new in RENAMED.items():
-        *groups, was = old.split(".")
-        name = new.rpartition(".")[2]
-        node: Any = told
-        for group in groups:
-            node = node.get(group) if isinstance(node, dict) else None
+        (group, _, was), name = old.rpartition("."), new.rpartition(".")[2]
+        node = value_at(told, group)
         if isinstance(node, dict) and was in node and name not in node:
             node[name] = node.pop(was)
     logger = told.get("logger")
@@ -107,11 +112,9 @@ def without(config: Mapping[str, Any], keys: Iterable[str]) -> dict[str, Any]:
     """Return a configuration without some dotted keys."""
     left = copy.deepcopy(dict(config))
     for key in keys:
-        *groups, name = key.split(".")
-        node: Any = left
-        for group in groups:
-            node = node.get(group) if isinstance(node, dict) else None
-        if isinstance(node, dict) and groups:
+        group, _, name = key.rpartition(".")
+        node = value_at(left, group)
+        if isinstance(node, dict) and group:
             node.pop(name, None)
     return left
 

@@ -35,35 +35,24 @@ def tables() -> dict[str, list[Key]]:
     return found
 
 
-def sections() -> str:
-    """Return all keys in Markdown, a section for each group."""
-    parts = []
-    for group, keys in tables().items():
-        about = descriptions().get(group, "") if group else "The run, and the clocks of its flights."
-        shared = [mark for mark in _of_group(group) if not mark.is_of_stages]
-        if shared:
-            about += f" Keys other than `{'`, `'.join(shared[0].keys)}` only with {_in_code(shared)}."
-        table = ["key|default|range|meaning", "---|---|---|---", *map("|".join, rows_of(group, keys))]
-        parts.append(f"## {group or 'At the top'}\n\n{about}\n\n" + "\n".join(table) + "\n")
-    return "\n".join(parts)
-
-
 def rows_of(group: str, keys: list[Key]) -> Iterator[tuple[str, str, str, str]]:
     """Yield the name, default, range and meaning of each key of a group."""
     for key in keys:
         name = key.name.rpartition(".")[2]
         default = "" if key.default is MISSING else f"`{as_yaml(key.default)}` {unit_of(name)}".strip()
-        own = [mark for mark in key.only if not mark.is_of_stages and mark not in _of_group(group)]
+        own = [mark for mark in key.only if not mark.is_of_stages and mark not in of_group(group)]
         meaning = descriptions().get(f"{group}.{name}".lstrip("."), "")
-        only = f" Only with {_in_code(own)}." if own else ""
+        only = f" Only with {in_code(own)}." if own else ""
         yield f"`{name}`{marks_of(key)}", default, range_of(key), meaning + only
 
 
-def _of_group(group: str) -> tuple[Only, ...]:
+def of_group(group: str) -> tuple[Only, ...]:
+    """Return where the keys of a group exist."""
     return next((only for name, _, only in GROUPS if group and name == group), ())
 
 
-def _in_code(marks: list[Only]) -> str:
+def in_code(marks: list[Only]) -> str:
+    """Return conditions in Markdown."""
     return " and ".join("`" + str(mark).replace(" or ", "` or `") + "`" for mark in marks)
 
 

@@ -12,7 +12,7 @@ from typing import Any, Final, get_type_hints
 
 from pipeline.settings.checks import Freely, SettingError
 from pipeline.settings.experiment import Experiment, Mission
-from pipeline.settings.groups import GROUPS, Only, names_of, value_at
+from pipeline.settings.groups import GROUPS, Only, names_of
 from pipeline.settings.keys import (
     DISPERSIONS,
     FREE,
@@ -20,6 +20,7 @@ from pipeline.settings.keys import (
     dotted,
     in_todays_words,
     unknown,
+    value_at,
     without,
 )
 
@@ -125,11 +126,7 @@ def _place(config: dict[str, Any], key: str) -> tuple[dict[str, Any], str]:
 def completed(config: Mapping[str, Any]) -> dict[str, Any]:
     """Return a configuration with the defaults that it leaves out, without the keys that do not exist."""
     whole = _merged(defaults(), config)
-    for key in schema().values():
-        if not key.exists(whole):
-            node, name = _place(whole, key.name)
-            node.pop(name, None)
-    return whole
+    return without(whole, [key.name for key in schema().values() if not key.exists(whole)])
 
 
 def present(config: Mapping[str, Any]) -> dict[str, Any]:

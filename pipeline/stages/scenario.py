@@ -2,10 +2,9 @@
 
 from pathlib import Path
 
-from fis_tools.formats.csv import rows_as_text
 from pipeline.flight.cases.starts import evaluation_scenarios, training_scenarios
 from pipeline.flight.state.log import Scenario
-from pipeline.run import artifacts
+from pipeline.run import artifacts, tables
 from pipeline.settings.experiment import Experiment
 from pipeline.settings.start_table import COLUMNS
 
@@ -32,4 +31,4 @@ def run(experiment: Experiment, folder: Path) -> None:
         for name, scenarios in sets.items()
         for case, at in enumerate(scenarios)
     ]
-    artifacts.write_atomically(folder / artifacts.SCENARIOS, rows_as_text([COLUMNS, *rows]))
+    tables.write_csv(folder / artifacts.SCENARIOS, COLUMNS, rows)

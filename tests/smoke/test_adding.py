@@ -12,7 +12,6 @@ import pytest
 
 from docs import hooks
 from pipeline.flight.state.signals import CONSTANTS, SIGNALS
-from pipeline.settings.reference import sections
 from tests.places import PROJECT
 from tests.smoke.pages import DOCS, blocks
 
@@ -63,7 +62,7 @@ def on_the_site(name: str) -> str:
 
 
 def test_the_site_shows_patches_keys_signals_and_constants() -> None:
-    assert sections() in on_the_site("reference/keys.md")
+    assert hooks.tables_of_keys() in on_the_site("reference/keys.md")
     for what in MOST:
         assert patch_of(what).read_text(encoding="utf-8") in on_the_site(f"how-to/add-a-{what}.md")
     rows = on_the_site("reference/signals.md").splitlines()

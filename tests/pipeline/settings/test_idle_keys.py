@@ -6,11 +6,12 @@ from dataclasses import replace
 import pytest
 import yaml
 
+from docs import hooks
 from pipeline.command_line.cli import main
 from pipeline.command_line.config import compose_experiment
 from pipeline.settings.experiment import Mission, Safety, SettingError
-from pipeline.settings.groups import value_at
-from pipeline.settings.reference import commented, descriptions, sections, tables
+from pipeline.settings.keys import value_at
+from pipeline.settings.reference import commented, descriptions, tables
 from pipeline.settings.schema import completed, experiment_from, schema
 from tests.pipeline.command_line.cases import plain_config
 from tests.pipeline.flight.cases import mission
@@ -153,12 +154,12 @@ def test_every_key_and_group_has_a_meaning():
 
 
 def test_a_row_says_default_unit_range_and_condition():
-    rows = sections().splitlines()
+    rows = hooks.tables_of_keys().splitlines()
     assert "`mass_kg` **d**|`12.0` kg|greater than 0|Mass." in rows
     (row,) = (row for row in rows if row.startswith("`range_noise_m`"))
     assert row.startswith("`range_noise_m` **t**|`0.1` m|greater than 0|Standard deviation of a range.")
     assert row.endswith("Only with `navigation.measures=range_bearing`.")
-    assert "`num_points`|`100`|whole, from 1 to 10000|" in sections()
+    assert "`num_points`|`100`|whole, from 1 to 10000|" in hooks.tables_of_keys()
 
 
 def test_a_commented_configuration_reads_back_to_the_same_data():
