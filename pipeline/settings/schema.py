@@ -91,7 +91,12 @@ def with_values(config: Mapping[str, Any], values: Mapping[str, Any]) -> dict[st
     """Return a configuration with some dotted keys set; groups are made where they are missing."""
     changed = copy.deepcopy(dict(config))
     for key, value in values.items():
-        node, name = _place(changed, key)
+        *groups, name = key.split(".")
+        node = changed
+        for group in groups:
+            below = node.setdefault(group, {})
+            # the group is a new one if its place is taken by a value
+            node = below if isinstance(below, dict) else {}
         node[name] = copy.deepcopy(value)
     return changed
 
@@ -108,19 +113,6 @@ def with_tried(config: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str
         if value_at(config, key, ABSENT) is ABSENT:
             raise SettingError(f"hparams_search.space.{key} is no key of this experiment; leave it out")
     return with_values(config, values)
-
-
-def _place(config: dict[str, Any], key: str) -> tuple[dict[str, Any], str]:
-    """Return the group of a key, made if missing, and the key's name in it.
-
-    The group is a new one if its place is taken by a value.
-    """
-    *groups, name = key.split(".")
-    node = config
-    for group in groups:
-        below = node.setdefault(group, {})
-        node = below if isinstance(below, dict) else {}
-    return node, name
 
 
 def completed(config: Mapping[str, Any]) -> dict[str, Any]:
