@@ -73,8 +73,8 @@ def _take(section: Block, line: int, content: str, notes: list[str]) -> None:
     section.settings[key] = (line, value)
 
 
-#: All before a mark that stands in no quotes.
-_SAID = re.compile(r"""(?:'[^']*(?:'|$)|"[^"]*(?:"|$)|(?!//)[^'"%#])*""")
+#: All before a mark that stands in no quotes; nothing is tried twice, however long the line is.
+_SAID = re.compile(r"""(?:'[^']*+(?:'|$)|"[^"]*+(?:"|$)|[^'"%#/]++|/(?!/))*+""")
 
 
 def _without_remark(line: str) -> str:
