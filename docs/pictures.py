@@ -18,7 +18,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from PIL import Image
-from playwright.sync_api import sync_playwright
+from playwright.sync_api import Page, sync_playwright
 
 from docs import film
 from docs.screenshot import browser_found, screenshot
@@ -133,6 +133,14 @@ def edit(scratch: Path) -> None:
             server.terminate()
 
 
+def settle(page: Page) -> None:
+    """Wait until no panel of the editor computes, and all is drawn."""
+    page.wait_for_timeout(1000)
+    shown = "() => ![...document.querySelectorAll('.state')].some((one) => one.innerText)"
+    page.wait_for_function(shown, timeout=300_000)
+    page.wait_for_timeout(2000)
+
+
 def edited(address: str) -> None:
     """Turn a rule on the editor's page, and draw what comes of it."""
     with sync_playwright() as playwright:
@@ -142,14 +150,13 @@ def edited(address: str) -> None:
         page.add_style_tag(content=".head { position: static !important; }")
         page.get_by_label("rule 2:").click()
         flights, one = (page.get_by_role("region", name=name) for name in ("Flights", "One flight"))
-        for _ in range(2):  # the first answer, and all
-            flights.get_by_text("1,000 flights").wait_for(timeout=120_000)
-            page.wait_for_timeout(3000)
+        flights.get_by_text("1,000 flights").wait_for(timeout=300_000)
+        settle(page)
         page.screenshot(path=IMAGES / "edit-flights.png")
         page.get_by_role("button").filter(has_text="m/s,").first.click()
-        page.wait_for_timeout(3000)
+        settle(page)
         one.get_by_role("slider").fill("120")
-        page.wait_for_timeout(3000)
+        settle(page)
         one.screenshot(path=IMAGES / "edit-flight.png")
         browser.close()
 
