@@ -29,8 +29,8 @@ CONTROLLERS: Final = (
     "champion_27",
     "champion_27 controller.attributes.coast_below_points=1.0",
     "champion_27_fixed_sun controller.attributes.coast_below_points=1.0",
-    *("champion_afrl", "champion_afrl_weighted", "champion_27_fixed_sun", "champion_81"),
-    *("champion_any_sun", "champion_leo"),
+    *("champion_afrl", "champion_afrl_weighted", "champion_afrl_six_dof", "champion_27_fixed_sun"),
+    *("champion_81", "champion_any_sun", "champion_leo"),
     *("paper_champion", "lqr", "natural_motion", "coast", "receding_horizon"),
 )
 #: of those that take seconds a flight
