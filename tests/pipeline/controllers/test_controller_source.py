@@ -115,7 +115,14 @@ def shipped(name: str) -> FuzzyController:
 
 
 RULES = {"champion_81": 81, "champion_leo": 15} | dict.fromkeys(
-    ("champion_27", "champion_27_fixed_sun", "champion_afrl", "champion_afrl_weighted", "champion_afrl_six_dof"), 27
+    (
+        "champion_27",
+        "champion_27_fixed_sun",
+        "champion_afrl",
+        "champion_afrl_weighted",
+        "champion_afrl_six_dof",
+    ),
+    27,
 )
 
 
