@@ -74,7 +74,7 @@ def field(_: Path) -> None:
     for world in ("afrl", "afrl_weighted"):
         table = page.partition(f"`world={world}`, 1,000 starts")[2].partition("`world=")[0]
         marks = [
-            Mark(name.replace("`", "").removesuffix(", 100 starts"), (float(mean), 0.0), (float(share), 0.0))
+            Mark(re.sub(r"`|, \d+ starts$", "", name), (float(mean), 0.0), (float(share), 0.0))
             for name, mean, share in row.findall(table)
             if 0.0 < float(mean) < 3.0
         ]
@@ -82,7 +82,7 @@ def field(_: Path) -> None:
     with style():
         figure = compared(panels, 0.0)
         left, *_ = figure.axes
-        left.set(ylabel="success as AFRL counts it (%)", xlim=(0.1, 2.5), ylim=(118.0, 0.22))
+        left.set(ylabel="success as AFRL counts it (%)", xlim=(0.06, 2.5), ylim=(118.0, 0.22))
     (IMAGES / "field.png").write_bytes(save(figure, "field", 150).png)
 
 
