@@ -7,6 +7,7 @@ import numpy as np
 
 from pipeline.controllers import source
 from pipeline.evaluation.monte_carlo import fly_cases, summarise
+from pipeline.evaluation.statistics import SUCCESS
 from pipeline.flight.cases.starts import evaluation_scenarios
 from pipeline.flight.control.controller import from_fuzzy
 from pipeline.run import artifacts, tables
@@ -37,7 +38,7 @@ def main() -> None:
             scenarios = evaluation_scenarios(experiment.monte_carlo, sun, options.seed)
             summary = summarise(fly_cases(experiment.mission, controller, scenarios)[0], 95.0)
             means = [summary[name] for name in ("delta_v_m_s", "inspection_rate_percent")]
-            shares = [100.0 * summary[name]["fraction"] for name in ("success", "violated")]
+            shares = [100.0 * summary[name]["fraction"] for name in (SUCCESS, "violated")]
             print(
                 f"| {number + 1} | {mode} | {means[0]['mean']:.3f} | {means[1]['mean']:.2f} "
                 f"| {shares[0]:.1f} % | {shares[1]:.1f} % |"

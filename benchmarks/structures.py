@@ -19,6 +19,7 @@ from fis_tools.formats import serialize
 from fis_tools.genes.parameters import Bounds, SystemEncoding
 from fis_tools.genes.reduction import GREATEST_GAIN, Planes
 from fis_tools.model import FuzzyController, FuzzySystem, Gaussian, Term, Variable, table_rules
+from pipeline.evaluation.statistics import SUCCESS
 from pipeline.flight.state.signals import SIGNALS
 
 WORDS = {
@@ -155,7 +156,7 @@ def main() -> None:
     for name in options.names:
         summary = json.loads((options.folder / name / "evaluate" / "summary.json").read_text("utf-8"))
         means = [summary[key] for key in ("delta_v_m_s", "inspection_rate_percent")]
-        shares = [100.0 * summary[key]["fraction"] for key in ("success", "violated")]
+        shares = [100.0 * summary[key]["fraction"] for key in (SUCCESS, "violated")]
         rules = sum(len(system.rules) for system in template(name).systems)
         print(
             f"| {name} | {rules} | {means[0]['mean']:.3f} | {means[1]['mean']:.2f} "
