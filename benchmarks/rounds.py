@@ -6,8 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.controllers import source
-from pipeline.evaluation.monte_carlo import fly_cases, summarise
-from pipeline.evaluation.statistics import SUCCESS
+from pipeline.evaluation.monte_carlo import SUCCESS, fly_cases, summarise
 from pipeline.flight.cases.starts import evaluation_scenarios
 from pipeline.flight.control.controller import from_fuzzy
 from pipeline.run import artifacts, tables
