@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from pipeline.evaluation.statistics import Column, fraction, statistic, succeeds
 from pipeline.flight.cases.dispersions import drawn
 from pipeline.flight.control.controller import Controller
-from pipeline.flight.fly.simulation import fly_all
+from pipeline.flight.goals.flights import fly_all
+from pipeline.flight.goals.reach import Reached
 from pipeline.flight.state.log import Outcomes, Scenario, inspectable_rate
 from pipeline.flight.world.pack import inspection_points
 from pipeline.settings.dispersions import distributions
@@ -19,6 +20,8 @@ from pipeline.settings.mission import STANDARD_GRAVITY_M_S2
 
 #: what a summary calls the share of flights that succeed; its ``success`` counts those outside the limits too
 SUCCESS = "success_and_within_limits"
+#: columns of flights that must reach a goal, besides those of all
+OF_REACHED = ("end_s", "end_speed_m_s", "excess_m_s")
 
 
 def fly_cases(
@@ -40,7 +43,9 @@ def fly_cases(
 
 def episode_columns(mission: Mission, scenarios: list[Scenario], outcomes: Outcomes) -> dict[str, Column]:
     """Return the columns of `evaluate/episodes.parquet`, one entry per case."""
-    num_points = len(inspection_points(mission))
+    counts, num_points = outcomes.inspected_count, len(inspection_points(mission))
+    if isinstance(outcomes, Reached):
+        counts, num_points = outcomes.is_success(100.0).astype(np.int64), 1
     positions = np.array([scenario.position_m for scenario in scenarios])
     own = [dict(drawn(mission, scenario)) for scenario in scenarios]
     return {
@@ -50,8 +55,8 @@ def episode_columns(mission: Mission, scenarios: list[Scenario], outcomes: Outco
         "position_z_m": positions[:, 2],
         "sun_angle_rad": np.array([scenario.sun_angle_rad for scenario in scenarios]),
         "delta_v_m_s": outcomes.delta_v_m_s,
-        "inspected_count": outcomes.inspected_count,
-        "inspection_rate_percent": 100.0 * outcomes.inspected_count / num_points,
+        "inspected_count": counts,
+        "inspection_rate_percent": 100.0 * counts / num_points,
         "mean_distance_m": outcomes.mean_distance_m,
         "min_distance_m": outcomes.min_distance_m,
         "max_distance_m": outcomes.max_distance_m,
@@ -61,7 +66,8 @@ def episode_columns(mission: Mission, scenarios: list[Scenario], outcomes: Outco
         "safety_delta_v_m_s": outcomes.safety_delta_v_m_s,
         "sun_elevation_rad": np.array([scenario.sun_elevation_rad for scenario in scenarios]),
         "inspectable_count": outcomes.inspectable_count,
-        "inspectable_rate_percent": inspectable_rate(outcomes.inspected_count, outcomes.inspectable_count),
+        "inspectable_rate_percent": inspectable_rate(counts, outcomes.inspectable_count),
+        **{name: vars(outcomes)[name] for name in OF_REACHED if isinstance(outcomes, Reached)},
         **_propellant(mission, own, outcomes),
         **{one.key: np.array([of[one.key] for of in own]) for one in distributions(mission.dispersions)},
     }
@@ -86,6 +92,9 @@ def summarise(episodes: Mapping[str, Column], confidence_percent: float) -> dict
     if "safety_periods" in episodes:  # missing in those of earlier versions
         names += ["safety_periods", "safety_delta_v_m_s"]
         shares["safety_acted"] = episodes["safety_periods"] > 0
+    if "end_s" in episodes:
+        names += OF_REACHED
+        shares["held"] = episodes["excess_m_s"] == 0.0
     if "propellant_kg" in episodes:
         names.append("propellant_kg")
     if "inspectable_count" in episodes:  # these too

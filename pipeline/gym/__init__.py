@@ -19,6 +19,7 @@ from pipeline.gym.env import (
     NormalizedVectorObservation,
 )
 from pipeline.gym.episodes import AFRL, AFRL_WEIGHTED, Reward, Task, task_of
+from pipeline.gym.reach import ReachEnv, ReachReward
 from pipeline.gym.six_dof import AFRL_SIX_DOF, SixDofInspectionEnv, SixDofReward
 
 __all__ = [
@@ -30,6 +31,8 @@ __all__ = [
     "InspectionVectorEnv",
     "NormalizedObservation",
     "NormalizedVectorObservation",
+    "ReachEnv",
+    "ReachReward",
     "Reward",
     "SixDofInspectionEnv",
     "SixDofReward",
@@ -43,3 +46,4 @@ gymnasium.register(
     vector_entry_point="pipeline.gym.env:InspectionVectorEnv",
 )
 gymnasium.register("SixDofInspection-v0", entry_point="pipeline.gym.six_dof:SixDofInspectionEnv")
+gymnasium.register("Reach-v0", entry_point="pipeline.gym.reach:ReachEnv")

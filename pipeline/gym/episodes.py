@@ -151,7 +151,7 @@ class Task:
         """Draw a start, as an evaluation does."""
         cases, sun = self.experiment.monte_carlo, self.experiment.sun
         shell = cases.min_distance_m, cases.max_distance_m
-        rest = cases.max_speed_m_s, cases.directions
+        rest = cases.max_speed_m_s, cases.directions, cases.box
         return draw(int(generator.integers(MOST_SEED)), EPISODES, 0, shell, sun, *rest)
 
     def forces(self, actions: NDArray[Any]) -> Floats:
@@ -290,6 +290,11 @@ class Episodes:
     def observations(self) -> NDArray[np.float32]:
         """What is observed now, see `pipeline.flight.fly.stepping.Flights.seen`."""
         return self._flights.seen
+
+    @property
+    def known(self) -> Floats:
+        """What is known now, (n, NUM_OBSERVED), in the columns of `pipeline.flight.fly.stepping`."""
+        return self._flights.observed
 
     @property
     def facts(self) -> dict[str, NDArray[Any]]:

@@ -1,5 +1,6 @@
 """What happened in a flight, in words: points, limits, what the safety layer did, how it ended."""
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal
@@ -8,6 +9,7 @@ import numpy as np
 
 from fis_tools.model.thrust import ThrustLogic
 from pipeline.array_types import Floats
+from pipeline.flight.goals import reach
 from pipeline.flight.state.log import (
     KEEP_IN,
     KEEP_OUT,
@@ -72,9 +74,16 @@ def events(
         The last one sums the flight up.
     """
     found = [Event(0, "info", f"rehearsed: {told}") for told in _rehearsed(mission, log, num_rehearsed, tour)]
-    found += [*_progress(mission, log), *_limits(mission, log, near_limit_m), *_safety(mission, log)]
-    found += _coasting(mission, log, logic) if logic is not None else ()
-    found.append(_summary(mission, log))
+    inspects = mission.problem.kind == "inspection"
+    found += _progress(mission, log) if inspects else ()
+    found += [*_limits(mission, log, near_limit_m), *_safety(mission, log)]
+    found += _coasting(mission, log, logic) if logic is not None and inspects else ()
+    if inspects:
+        found.append(_summary(mission, log))
+    else:
+        found += [
+            Event(k, "warning" if fault else "info", told) for k, fault, told in reach.events(mission, log)
+        ]
     return sorted(found, key=lambda event: event.sample)
 
 
@@ -117,7 +126,7 @@ def _progress(mission: Mission, log: FlightLog) -> Iterator[Event]:
 
 def _limits(mission: Mission, log: FlightLog, near_limit_m: float) -> Iterator[Event]:
     """Say when the deputy comes near a distance limit, goes beyond it and comes back."""
-    low, high = mission.deputy.min_distance_m, mission.deputy.max_distance_m
+    low, high = mission.deputy.min_distance_m or -math.inf, mission.deputy.max_distance_m
     least, greatest = f"the least distance allowed ({low:g} m)", f"the greatest distance allowed ({high:g} m)"
     is_warned = is_outside = False
     for sample, distance in enumerate(_distances(log).tolist()):

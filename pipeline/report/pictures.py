@@ -30,7 +30,7 @@ from pipeline.settings.experiment import Experiment, Mission
 
 #: the files that this stage writes into the folder of figures, or once did, and no other
 OWN_FILES = re.compile(
-    r"(control|trajectories|distributions|convergence|front|optimum|comparison|safety|system)"
+    r"(approach|control|trajectories|distributions|convergence|front|optimum|comparison|safety|system)"
     r"(-[a-z0-9-]+)?\.png"
 )
 

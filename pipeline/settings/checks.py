@@ -69,6 +69,18 @@ def _pair(values: tuple[float, ...]) -> tuple[float, ...]:
     return values
 
 
+def _box(rows: tuple[tuple[float, ...], ...]) -> tuple[tuple[float, ...], ...]:
+    if len(rows) != 2 or any(len(row) != 6 for row in rows):
+        raise ValueError(
+            "{key} must be two rows of six numbers: the least and the greatest x, y, z (m), x', y', z' (m/s)"
+        )
+    if not all(low <= high for low, high in zip(*rows, strict=True)):
+        raise ValueError(
+            f"{{key}} is {[*map(list, rows)]}; no number of its first row may be above that of the second"
+        )
+    return rows
+
+
 def _thrusters(rows: tuple[tuple[float, ...], ...]) -> tuple[tuple[float, ...], ...]:
     """Raise ValueError unless each has a position, a unit vector and a maximum force."""
     if not 4 <= len(rows) <= 64:
@@ -175,6 +187,8 @@ Seed = Annotated[Whole, Field(ge=0, le=2**63 - 1)]
 Workers = Annotated[Whole | None, Field(ge=1, le=1024), Freely(), Cure(", or null for one a processor")]
 Vector = Annotated[tuple[Number, ...], AfterValidator(_vector)]
 Thrusters = Annotated[tuple[tuple[Number, ...], ...], AfterValidator(_thrusters)]
+#: least and greatest place (m) and velocity (m/s), Hill axes
+Box = Annotated[tuple[tuple[Number, ...], ...], AfterValidator(_box)]
 UnitVector = Annotated[Vector, AfterValidator(_unit_vector)]
 Quaternion = Annotated[tuple[Number, ...], AfterValidator(_quaternion)]
 Inertia = Annotated[tuple[tuple[Number, ...], ...], AfterValidator(_inertia)]

@@ -14,6 +14,7 @@ from pydantic import Field
 
 from pipeline.settings import checks, start_table
 from pipeline.settings.checks import (
+    Box,
     Cases,
     Count,
     Cure,
@@ -68,6 +69,8 @@ class MonteCarlo:
     """Greatest speed of a start, in any direction; 0: rest."""
     directions: Literal["even", "angles"] = "even"
     """Directions of starts and speeds: even on the sphere, or by even angles, denser at the poles (AFRL)."""
+    box: Box | None = None
+    """Least and greatest x, y, z, x', y', z' of starts drawn evenly between them; null: the shell."""
     table: Annotated[Text | None, Only("starts.kind=file")] = None
     """Starts in place of drawn ones, as CSV text."""
 

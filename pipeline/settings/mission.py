@@ -20,6 +20,7 @@ from pipeline.settings.mission_parts import (
     Light,
     Navigation,
     Orbit,
+    Problem,
     Safety,
     Sensor,
 )
@@ -41,8 +42,9 @@ SHARED = (
 
 @settings("")
 class Mission:
-    """One inspection flight: everything the simulation depends on except the start and the controller."""
+    """One flight: everything the simulation depends on except the start and the controller."""
 
+    problem: Problem = field(default_factory=Problem)
     orbit: Orbit = field(default_factory=Orbit)
     deputy: Deputy = field(default_factory=Deputy)
     chief: Chief = field(default_factory=Chief)

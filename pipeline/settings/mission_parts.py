@@ -132,6 +132,26 @@ class Chief:
     """File of the mesh, STL or OBJ, chief axes, m; null: the satellite that ships."""
 
 
+@settings("problem", Only("problem.kind=reach"))
+class Problem:
+    """What a flight is for: to inspect points, or to reach the chief without ever being too fast."""
+
+    kind: Literal["inspection", "reach"] = "inspection"
+    """To inspect the chief's points, or to reach the chief within a limit on the speed."""
+    goal_radius_m: Positive = 0.5
+    """Distance from the chief's centre at which a flight ends."""
+    goal_speed_m_s: Positive = 0.2
+    """Greatest speed there; faster is a crash."""
+    limit_base_m_s: NotNegative = 0.2
+    """Limit on the speed at limit_offset_m from the chief."""
+    limit_slope_per_s: NotNegative = 0.0
+    """How much the limit grows with each metre farther out."""
+    limit_offset_m: Number = 0.0
+    """Distance from the chief at which the limit is limit_base_m_s."""
+    most_excess_m_s: NotNegative = 0.0
+    """Sum over samples of what the speed is above the limit; beyond it a flight has failed."""
+
+
 @settings("sensor")
 class Sensor:
     """The deputy's camera."""

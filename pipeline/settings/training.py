@@ -9,6 +9,7 @@ from pydantic import Field
 
 from pipeline.settings import checks, start_table
 from pipeline.settings.checks import (
+    Box,
     Count,
     Cure,
     Flag,
@@ -60,6 +61,8 @@ class Starts:
     """Greatest speed of starts that are drawn, any direction; 0: rest."""
     directions: Literal["even", "angles"] = "even"
     """Directions of starts and speeds: even on the sphere, or by even angles, denser at the poles (AFRL)."""
+    box: Box | None = None
+    """Least and greatest x, y, z, x', y', z' of starts drawn evenly between them; null: the shell."""
     path: Annotated[Text | None, Only("starts.kind=file")] = None
     """The CSV file that the table came from."""
     table: Annotated[Text | None, Only("starts.kind=file")] = None

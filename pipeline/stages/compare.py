@@ -9,8 +9,6 @@ from pathlib import Path
 from threading import Event, Lock
 from typing import Any, cast
 
-import numpy as np
-
 from pipeline.controllers.source import named, remembering
 from pipeline.evaluation.comparison import (
     FLOWN,
@@ -30,7 +28,7 @@ from pipeline.evaluation.comparison import (
 from pipeline.evaluation.monte_carlo import episode_columns, fly_cases, summarise
 from pipeline.flight.cases.starts import evaluation_scenarios
 from pipeline.flight.control.controller import Controller
-from pipeline.flight.fly.simulation import fly_all
+from pipeline.flight.goals.flights import combined, fly_all
 from pipeline.flight.state.log import Outcomes, Scenario
 from pipeline.optimum.solved import IncomparableError, Solved, beside_optimum, solved_for, summarise_times
 from pipeline.run import artifacts, tables
@@ -190,9 +188,7 @@ def _fly_cases(
         part = scenarios[first : first + PART]
         parts.append(fly_all(mission, controller, part, workers))
         flights.note(len(part), label)
-    outcomes = Outcomes(
-        **{name: np.concatenate([vars(part)[name] for part in parts]) for name in vars(parts[0])}
-    )
+    outcomes = combined(parts)
     episodes = episode_columns(mission, scenarios, outcomes)
     spent, seconds = episodes["delta_v_m_s"].mean(), time.perf_counter() - started
     sys.stderr.write(f"  {label}: {len(scenarios)} cases in {seconds:.1f} s, {spent:.3f} m/s\n")

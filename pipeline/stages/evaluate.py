@@ -16,7 +16,7 @@ from pipeline.evaluation.monte_carlo import SUCCESS, episode_columns, fly_cases,
 from pipeline.evaluation.statistics import Column, percentiles, sensitivity
 from pipeline.flight.cases.starts import evaluation_scenarios
 from pipeline.flight.control.controller import Controller
-from pipeline.flight.fly.simulation import fly_all
+from pipeline.flight.goals.flights import fly_all
 from pipeline.optimum.solved import IncomparableError, beside_optimum, solved_for, summarise_times
 from pipeline.run import artifacts, tables
 from pipeline.run.progress import Progress
@@ -47,17 +47,28 @@ def run(experiment: Experiment, folder: Path) -> None:
     artifacts.write_json(folder / artifacts.SUMMARY, summary)
     # not before: what is killed until then goes on from its parts
     shutil.rmtree(folder / artifacts.EPISODE_PARTS, ignore_errors=True)
-    delta_v, rate = summary["delta_v_m_s"], summary["inspection_rate_percent"]
+    delta_v = summary["delta_v_m_s"]
     sys.stderr.write(
         f"  {num_cases} cases in {seconds:.2f} s, Sun {experiment.sun_in_words}: "
         f"delta-v {delta_v['mean']:.3f} +- {delta_v['standard_deviation']:.3f} m/s, "
-        f"rate {rate['mean']:.2f} +- {rate['standard_deviation']:.2f} %, "
+        f"{_done_in_words(summary)}, "
         f"success {100 * summary[SUCCESS]['fraction']:.1f} %, "
         f"outside {100 * summary['violated']['fraction']:.1f} %\n"
     )
     sys.stderr.write(_beside_in_words(summary["optimum"]))
     if (folder / artifacts.TRAJECTORIES).exists():
         sys.stderr.write(f"  to see them all: python -m telemetry campaign {shlex.quote(str(folder))}\n")
+
+
+def _done_in_words(summary: Mapping[str, Any]) -> str:
+    """Say what the flights came to, besides what they cost."""
+    if "end_s" not in summary:
+        rate = summary["inspection_rate_percent"]
+        return f"rate {rate['mean']:.2f} +- {rate['standard_deviation']:.2f} %"
+    end, speed = summary["end_s"], summary["end_speed_m_s"]
+    return f"at the end after {end['mean']:.0f} s with {speed['mean']:.3f} m/s, never above the limit " + (
+        f"{100 * summary['held']['fraction']:.1f} %"
+    )
 
 
 def _flown(experiment: Experiment, controller: Controller, folder: Path) -> Mapping[str, Column]:

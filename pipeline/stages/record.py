@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from pipeline.controllers.source import controller_of_run
 from pipeline.evaluation.monte_carlo import rank
 from pipeline.flight.cases.starts import evaluation_scenarios, start_shown, training_scenarios
-from pipeline.flight.fly.simulation import fly_logged
-from pipeline.flight.state.log import FlightLog, Scenario, points_in_words
+from pipeline.flight.goals.flights import achieved, fly_logged, in_words
+from pipeline.flight.state.log import Scenario
 from pipeline.recording.recorder import FlightRecorder
 from pipeline.run import artifacts
 from pipeline.settings.experiment import Experiment
@@ -127,30 +127,26 @@ def _record(experiment: Experiment, folder: Path, flights: list[FlightToRecord])
     )
     for flight in flights:
         log = fly_logged(experiment.mission, controller, flight.scenario)
-        _check_repeated(flight, log)
+        _check_repeated(flight, achieved(experiment.mission, log))
         path = folder / artifacts.RECORDINGS / f"{flight.name}.mcap"
         try:
             recorder.record(path, flight.scenario, log, flight.scenario_id)
         except RecordingError as error:
             raise artifacts.ArtifactError(str(error)) from error
-        sys.stderr.write(
-            f"  {path.relative_to(folder).as_posix()}: {points_in_words(log)}, "
-            f"{log.delta_v_m_s[-1]:.3f} m/s\n"
-        )
+        sys.stderr.write(f"  {path.relative_to(folder).as_posix()}: {in_words(experiment.mission, log)}\n")
     # the last: the best of an evaluation
     sys.stderr.write(f"  to watch one: python -m telemetry replay {shlex.quote(str(path))}\n")
 
 
-def _check_repeated(flight: FlightToRecord, log: FlightLog) -> None:
+def _check_repeated(flight: FlightToRecord, flown: tuple[int, float]) -> None:
     """Raise ArtifactError unless a worst, median or best flight repeats its evaluation."""
     if flight.expected is None:
         return
     count, delta_v = flight.expected
-    flown = int(log.is_inspected[-1].sum()), float(log.delta_v_m_s[-1])
     # another processor may round the last digits differently
     if flown[0] != count or not math.isclose(flown[1], delta_v, rel_tol=1e-9, abs_tol=1e-12):
         raise artifacts.ArtifactError(
-            f"{flight.scenario_id} now inspects {flown[0]} points for {flown[1]:.6f} m/s, but "
-            f"{artifacts.EPISODES} says {count} points for {delta_v:.6f} m/s; the controller or the program "
+            f"{flight.scenario_id} now achieves {flown[0]} for {flown[1]:.6f} m/s, but "
+            f"{artifacts.EPISODES} says {count} for {delta_v:.6f} m/s; the controller or the program "
             "has changed since: repeat the stage evaluate"
         )

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from fis_tools.errors import ControllerFileError
 from fis_tools.review import page as review
+from pipeline.report import goal
 from pipeline.report.contents import Contents, gather
 from pipeline.report.page import write
 from pipeline.report.pictures import OWN_FILES, draw
@@ -22,7 +23,9 @@ def run(experiment: Experiment, folder: Path) -> None:
     """
     contents = gather(experiment, folder)
     _write_review(contents, folder)
-    illustrations = {illustration.name: illustration for illustration in draw(contents)}
+    has_goal = experiment.mission.problem.kind == "reach"
+    drawn = goal.draw(contents) if has_goal else draw(contents)
+    illustrations = {illustration.name: illustration for illustration in drawn}
     pictures = folder / artifacts.FIGURES
     for name, illustration in illustrations.items():
         artifacts.write_atomically(pictures / f"{name}.png", illustration.png)
@@ -30,7 +33,7 @@ def run(experiment: Experiment, folder: Path) -> None:
         for path in pictures.iterdir():
             if OWN_FILES.fullmatch(path.name) and path.stem not in illustrations:
                 path.unlink()
-    page = write(contents, illustrations)
+    page = (goal.write if has_goal else write)(contents, illustrations)
     artifacts.write_atomically(folder / artifacts.REPORT, page)
     sys.stderr.write(
         f"  {folder / artifacts.REPORT}: {len(illustrations)} pictures, {len(page) / 1e6:.1f} MB\n"

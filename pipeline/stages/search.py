@@ -11,7 +11,7 @@ from fis_tools.formats import serialize
 from pipeline.controllers import source
 from pipeline.flight.cases.starts import validation_scenarios
 from pipeline.flight.control.controller import Controller, from_fuzzy
-from pipeline.flight.fly.simulation import fly_all
+from pipeline.flight.goals.flights import fly_all
 from pipeline.run import artifacts, tables
 from pipeline.run.progress import Progress
 from pipeline.settings.checks import SettingError

@@ -11,9 +11,9 @@ from fis_tools.analysis.measures import rule_consistency
 from pipeline.array_types import Floats
 from pipeline.flight.cases.starts import cases_of, hard_candidates, training_scenarios, validation_scenarios
 from pipeline.flight.control.controller import from_fuzzy, law_of
-from pipeline.flight.fly.population import fly_population, lanes_for
+from pipeline.flight.fly.population import lanes_for
 from pipeline.flight.fly.rehearsals import tour_images
-from pipeline.flight.fly.simulation import fly_all
+from pipeline.flight.goals.flights import fly_all, fly_genomes
 from pipeline.flight.state.log import Outcomes, Scenario
 from pipeline.flight.world.pack import pack_world
 from pipeline.settings.experiment import Experiment, Mission
@@ -117,7 +117,7 @@ def _flights_from(
         return fly_ahead
     world, law, cases = pack_world(mission), law_of(genome.template, mission), cases_of(mission, scenarios)
     lanes = lanes_for(len(scenarios))
-    return lambda genomes: fly_population(world, law, genome.pack(genomes), cases, workers, lanes=lanes)
+    return lambda genomes: fly_genomes(mission, world, law, genome.pack(genomes), cases, workers, lanes)
 
 
 def evolved(experiment: Experiment, genome: Genome, **kept: Any) -> Evolution:

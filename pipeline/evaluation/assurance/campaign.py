@@ -17,7 +17,7 @@ from pipeline.evaluation.assurance.formula import Formula, holds, quantities_of,
 from pipeline.evaluation.assurance.quantities import of_tracks
 from pipeline.evaluation.assurance.requirements import Requirement, RequirementError, require_heard
 from pipeline.flight.control.controller import Controller
-from pipeline.flight.fly.simulation import fly_all
+from pipeline.flight.goals.flights import fly_all
 from pipeline.flight.state.arrays import NUM_TRACKED
 from pipeline.flight.state.log import Scenario
 from pipeline.flight.world.pack import inspection_points

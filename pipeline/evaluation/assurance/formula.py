@@ -7,6 +7,7 @@ sums of recorded quantities and numbers, these with or without units, and joins 
     eventually[0:1800] (inspection_rate >= 50 %)
     always[0:3000] (distance > 150 m -> eventually[0:600] distance <= 150 m)
     not (speed > 0.3 m/s) until[0:600] distance < 60 m
+    always (speed <= 0.2 m/s + 0.002 per_s * distance)
 
 ``->`` binds least, then ``or``, ``and``, ``until``, and closest ``not``, ``always``, ``eventually``. Windows
 are in seconds, from now, both ends included; without one the rest of the flight counts.
@@ -129,6 +130,8 @@ _TOKEN: Final = re.compile(
     r"|(?P<sign>->|>=|<=|[-+*><()\[\]:,%]))"
 )
 _END: Final = "the end"
+#: the unit of a factor that makes a speed of a distance
+RATE: Final = "per_s"
 
 
 class FormulaError(ValueError):
@@ -255,10 +258,11 @@ class _Reader:
             if self.kind == "number":
                 value, own, _ = self._number()
                 if self._takes("*"):
-                    if own:
-                        self.refuse("a factor of a quantity is a number without a unit", place)
+                    if own not in ("", RATE):
+                        self.refuse(f"a factor of a quantity is a number without a unit, or in {RATE}", place)
                     place = self._place
                     name, told = self._quantity()
+                    told += "/s" if own else ""
                     factors[name] = factors.get(name, 0.0) + sign * value
                 else:
                     constant += sign * value
@@ -291,7 +295,7 @@ class _Reader:
         place, unit = self._place, ""
         if self.word == "%" or (self.kind == "name" and self.word not in KEYWORDS):
             unit = self.word
-            known = {*self._units.values(), "s"} - {""}
+            known = {*self._units.values(), "s", RATE} - {""}
             if unit not in known:
                 self.refuse(f"{unit} is no unit here; there are {', '.join(sorted(known))}")
             self._advance()

@@ -45,11 +45,13 @@ def draw(
     sun: Sun,
     max_speed_m_s: float = 0.0,
     directions: str = "even",
+    box: tuple[tuple[float, ...], ...] | None = None,
 ) -> Scenario:
     """Draw the start of a case: its direction, distance uniform in the shell; likewise its velocity.
 
     The shell is a least and a greatest distance, the speed uniform up to a greatest one, 0 for rest. A Sun
-    that alternates is fixed in even cases and random in odd ones. See `direction_of` for `directions`.
+    that alternates is fixed in even cases and random in odd ones. See `direction_of` for `directions`. From a
+    box, of the least and the greatest place and velocity, both are drawn evenly.
     """
     generator = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(stage, case)))
     direction = direction_of(generator, directions)
@@ -67,6 +69,9 @@ def draw(
     start = Scenario(
         distance * direction, np.zeros(3), angle, float(np.radians(elevation_deg)), (seed, stage, case)
     )
+    if box is not None:
+        drawn = start.generator(SPEED).uniform(*np.array(box))
+        return replace(start, position_m=drawn[:3], velocity_m_s=drawn[3:])
     if not max_speed_m_s > 0.0:
         return start
     generator = start.generator(SPEED)
@@ -89,7 +94,7 @@ def _drawn(
 ) -> list[Scenario]:
     """Draw the starts of some cases of a stage."""
     shell = starts.min_distance_m, starts.max_distance_m
-    rest = starts.max_speed_m_s, starts.directions
+    rest = starts.max_speed_m_s, starts.directions, starts.box
     return [draw(seed, stage, case, shell, sun, *rest) for case in cases]
 
 

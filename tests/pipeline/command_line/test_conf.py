@@ -27,16 +27,19 @@ def test_every_experiment_composes(name):
     assert experiment.stages
 
 
+PROBLEM = "problem"
 #: every option of every group: the first of each together, then the second of each, and so on
 TOGETHER = list(
     zip_longest(
         *(
             [f"{group}={name}" for name in names if (group, name) != ("starts", "file")]  # it needs a path
             for group, names in options([conf_folder()]).items()
-            if group not in ("experiment", "controller") and "/" not in group
+            if group not in ("experiment", "controller", PROBLEM) and "/" not in group
         )
     )
 )
+#: a problem brings its starts
+TOGETHER += [(f"{PROBLEM}={name}",) for name in options([conf_folder()])[PROBLEM]]
 
 
 @pytest.mark.parametrize("words", TOGETHER, ids=lambda words: " ".join(filter(None, words))[:60])
@@ -52,7 +55,7 @@ def test_an_option_says_what_differs_from_the_defaults_and_nothing_else(path: Pa
     # an option that builds on another may take back what that says
     builds_on_another = "defaults" in told
     for name, value in leaves({key: value for key, value in told.items() if key != "defaults"}):
-        key = schema()[f"{group}.{name}" if group not in (".", "world") else name]
+        key = schema()[f"{group}.{name}" if group not in (".", "world", PROBLEM) else name]
         is_choice = name in ("mode", "kind", "model", "shadow", "reflection", "algorithm")
         assert is_choice or builds_on_another or value != key.default, key.name
     assert path.name == "config.yaml" or path.read_text().startswith("# ")

@@ -1,0 +1,1 @@
+"""What flights are for: how those that must reach a goal are judged."""

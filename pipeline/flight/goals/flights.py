@@ -1,0 +1,102 @@
+"""Flights, judged by what their mission is for."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fis_tools.engines.kernel import LANES
+from fis_tools.engines.packing import Packed
+from pipeline.flight.cases.starts import Cases
+from pipeline.flight.control.controller import Controller
+from pipeline.flight.fly import simulation
+from pipeline.flight.fly.population import fly_population
+from pipeline.flight.goals import reach
+from pipeline.flight.goals.reach import judged
+from pipeline.flight.state.arrays import NUM_TRACKED, Law, World
+from pipeline.flight.state.log import FlightLog, Outcomes, Scenario, points_in_words
+from pipeline.settings.experiment import Mission
+
+#: numbers of tracks that are in memory at once
+MOST_TRACKED = 20_000_000
+
+
+def fly_all(
+    mission: Mission,
+    controller: Controller,
+    scenarios: list[Scenario],
+    workers: int | None = None,
+    tracks: NDArray[np.float32] | None = None,
+) -> Outcomes:
+    """Fly one controller from many starts; see `pipeline.flight.fly.simulation.fly_all`."""
+    if mission.problem.kind == "inspection":
+        return simulation.fly_all(mission, controller, scenarios, workers, tracks)
+    parts = []
+    for part in _parts(len(scenarios), mission):
+        whole = _room(part.stop - part.start, mission)
+        flown = simulation.fly_all(mission, controller, scenarios[part], workers, whole)
+        parts.append(judged(mission, flown, whole))
+        if tracks is not None:
+            tracks[part] = whole[..., : tracks.shape[-1]]
+    return combined(parts)
+
+
+def fly_genomes(
+    mission: Mission,
+    world: World,
+    law: Law,
+    numbers: Packed,
+    cases: Cases,
+    workers: int | None,
+    lanes: int = LANES,
+) -> Outcomes:
+    """Fly a population from every start, (n, m); see `pipeline.flight.fly.population.fly_population`."""
+    if mission.problem.kind == "inspection":
+        return fly_population(world, law, numbers, cases, workers, lanes=lanes)
+    rows = []
+    for row in range(len(numbers.values)):
+        tracks, one = _room(len(cases), mission), slice(row, row + 1)
+        own = replace(numbers, values=numbers.values[one], rules=numbers.rules[one])
+        flown = fly_population(world, law, own, cases, workers, tracks, lanes=lanes)
+        rows.append(judged(mission, Outcomes(**{name: of[0] for name, of in vars(flown).items()}), tracks))
+    return type(rows[0])(**{name: np.stack([vars(row)[name] for row in rows]) for name in vars(rows[0])})
+
+
+def combined(parts: Sequence[Outcomes]) -> Outcomes:
+    """Return the outcomes of some flights, then those of others, as those of all."""
+    names = vars(parts[0])
+    return type(parts[0])(**{name: np.concatenate([vars(part)[name] for part in parts]) for name in names})
+
+
+def _parts(count: int, mission: Mission) -> Iterator[slice]:
+    """Yield slices of flights whose tracks fit into memory."""
+    length = max(1, MOST_TRACKED // ((mission.num_controls + 1) * NUM_TRACKED))
+    yield from (slice(first, min(first + length, count)) for first in range(0, count, length))
+
+
+def _room(count: int, mission: Mission) -> NDArray[np.float32]:
+    return np.empty((count, mission.num_controls + 1, NUM_TRACKED), dtype=np.float32)
+
+
+def achieved(mission: Mission, log: FlightLog) -> tuple[int, float]:
+    """Return what a logged flight counts for: points inspected, or 1 for the goal, and its delta-v, m/s."""
+    if mission.problem.kind == "reach":
+        return reach.achieved(mission, log)
+    return int(log.is_inspected[-1].sum()), float(log.delta_v_m_s[-1])
+
+
+def fly_logged(mission: Mission, controller: Controller, scenario: Scenario) -> FlightLog:
+    """Fly one episode and log it; a goal that is reached counts as the one point."""
+    log = simulation.fly_logged(mission, controller, scenario)
+    if mission.problem.kind == "reach":
+        reach.mark(mission, log)
+    return log
+
+
+def in_words(mission: Mission, log: FlightLog) -> str:
+    """Say what a logged flight came to."""
+    done, delta_v = achieved(mission, log)
+    if mission.problem.kind == "reach":
+        return f"{'the goal is reached' if done else 'the goal is not reached'}, {delta_v:.3f} m/s"
+    return f"{points_in_words(log)}, {delta_v:.3f} m/s"

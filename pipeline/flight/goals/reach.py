@@ -1,0 +1,153 @@
+"""Flights that must reach the chief, and never be faster than a limit that falls with the distance.
+
+The limit at a distance is ``limit_base_m_s + limit_slope_per_s (distance - limit_offset_m)``. A flight ends
+at the first sample within ``goal_radius_m`` of the chief, or with more than ``most_excess_m_s`` of speeds
+above the limit, summed over samples 1, 2, ...; what it does afterwards does not count. It has reached its
+goal if it ends there no faster than ``goal_speed_m_s``. The start is given, so its own speed is not judged.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.array_types import Booleans, Floats
+from pipeline.flight.state.arrays import TRACK_SPENT
+from pipeline.flight.state.log import FlightLog, Outcomes
+from pipeline.settings.experiment import Mission
+from pipeline.settings.mission_parts import Problem
+
+
+@dataclass(frozen=True)
+class Reached(Outcomes):
+    """Results of flights towards a goal, all up to where they end.
+
+    The goal stands for one point: `inspected_count` is 1 if it is reached, and otherwise the share of the way
+    that is done, in the logarithm of the distance. `outside_m` is what is above a limit, m/s.
+    """
+
+    end_s: Floats
+    end_speed_m_s: Floats
+    excess_m_s: Floats  # of the speed over its limit, the greatest at a sample; zero where it is held
+
+
+def limit_at(problem: Problem, distance: Floats) -> Floats:
+    """Return the limit on the speed, m/s, at distances from the chief, m."""
+    return problem.limit_base_m_s + problem.limit_slope_per_s * (distance - problem.limit_offset_m)
+
+
+def ends(problem: Problem, distance: Floats, speed: Floats) -> tuple[Floats, Booleans, Floats]:
+    """Return of flights where they end, whether they are at the goal there, and the excess used by then.
+
+    Parameters
+    ----------
+    problem : Problem
+    distance, speed : (n, K+1) array
+        From the chief, m, and relative to Hill, m/s.
+
+    Returns
+    -------
+    last : (n,) array
+        Samples, from 0.
+    is_there : (n,) array
+    used : (n, K+1) array
+        The sum of excesses so far, m/s.
+    """
+    excess = np.maximum(speed - limit_at(problem, distance), 0.0)
+    excess[:, 0] = 0.0
+    used = np.cumsum(excess, axis=1)
+    is_there = distance <= problem.goal_radius_m
+    is_over = is_there | (used > problem.most_excess_m_s)
+    is_over[:, -1] = True
+    last = is_over.argmax(axis=1)
+    return last, is_there[np.arange(len(last)), last], used
+
+
+def achieved(mission: Mission, log: FlightLog) -> tuple[int, float]:
+    """Return 1 if a logged flight reached its goal, else 0, and the delta-v (m/s) spent by its end."""
+    last, outcome = _ended(mission, log)
+    return int(not outcome), float(np.float32(log.delta_v_m_s[last]))
+
+
+def mark(mission: Mission, log: FlightLog) -> None:
+    """Note in a flight's log from when on its goal is reached."""
+    last, fault = _ended(mission, log)
+    log.is_inspected[last:] = not fault
+
+
+def _ended(mission: Mission, log: FlightLog) -> tuple[int, str]:
+    """Return the sample at which a logged flight ends, and what went wrong, in words; empty if nothing."""
+    problem = mission.problem
+    # as tracks hold them
+    distance, speed = (
+        np.linalg.norm(vectors.astype(np.float32), axis=1)[np.newaxis].astype(np.float64)
+        for vectors in (log.position_m, log.velocity_m_s)
+    )
+    ends_at, is_there, used = ends(problem, distance, speed)
+    last = int(ends_at[0])
+    if used[0, last] > problem.most_excess_m_s:
+        return last, "too fast for too long"
+    if not is_there[0]:
+        return last, "not arrived in time"
+    return last, "" if speed[0, last] <= problem.goal_speed_m_s else "a crash"
+
+
+def events(mission: Mission, log: FlightLog) -> Iterator[tuple[int, bool, str]]:
+    """Yield what happened in a logged flight: the sample, whether it is a fault, and the words."""
+    distance, speed = np.linalg.norm(log.position_m, axis=1), np.linalg.norm(log.velocity_m_s, axis=1)
+    last, fault = _ended(mission, log)
+    over = speed - limit_at(mission.problem, distance)
+    too_fast = np.flatnonzero(over[1 : last + 1] > 0.0) + 1
+    for spell in np.split(too_fast, np.flatnonzero(np.diff(too_fast) > 1) + 1) if too_fast.size else ():
+        most, seconds = over[spell].max(), len(spell) * mission.control_period_s
+        yield (
+            int(spell[0]),
+            True,
+            f"above the limit on the speed for {seconds:g} s, by {most:.3f} m/s at most",
+        )
+    where = f"{distance[last]:.2f} m from the chief at {speed[last]:.3f} m/s"
+    spent = f"delta-v {log.delta_v_m_s[last]:.3f} m/s"
+    yield (
+        last,
+        bool(fault),
+        f"end: {fault or 'the goal is reached'}, {where}, {spent}; the rest does not count",
+    )
+
+
+def judged(mission: Mission, outcomes: Outcomes, tracks: NDArray[np.floating]) -> Reached:
+    """Judge flights by their tracks, (n, K+1, 15), see `pipeline.flight.fly.population.fly_population`.
+
+    Parameters
+    ----------
+    mission : Mission
+    outcomes : Outcomes
+        As flown to the end of time, (n,).
+    tracks : (n, K+1, 15) array
+    """
+    problem, rows = mission.problem, np.arange(len(tracks))
+    distance = np.linalg.norm(tracks[..., :3], axis=-1).astype(np.float64)
+    speed = np.linalg.norm(tracks[..., 3:6], axis=-1).astype(np.float64)
+    last, is_there, used = ends(problem, distance, speed)
+    is_flown = np.arange(distance.shape[1]) <= last[:, np.newaxis]
+    nearest = np.where(is_flown, distance, np.inf).min(axis=1)
+    end_speed = speed[rows, last]
+    too_fast = np.where(is_there, np.maximum(end_speed - problem.goal_speed_m_s, 0.0), 0.0)
+    outside = too_fast + np.maximum(used[rows, last] - problem.most_excess_m_s, 0.0)
+    way = np.log(np.maximum(distance[:, 0], 2.0 * problem.goal_radius_m) / problem.goal_radius_m)
+    left = np.clip(np.log(np.maximum(nearest, 1e-9) / problem.goal_radius_m) / way, 1e-9, 1.0)
+    of_outcomes = vars(outcomes) | {
+        "delta_v_m_s": tracks[rows, last, TRACK_SPENT].astype(np.float64),
+        "inspected_count": np.where(is_there & (outside == 0.0), 1.0, 1.0 - left),
+        "inspectable_count": np.ones(len(tracks), dtype=np.int64),
+        "mean_distance_m": np.where(is_flown, distance, 0.0).sum(axis=1) / (last + 1),
+        "min_distance_m": nearest,
+        "max_distance_m": np.where(is_flown, distance, 0.0).max(axis=1),
+        "outside_m": outside,
+    }
+    return Reached(
+        **of_outcomes,
+        end_s=last * mission.control_period_s,
+        end_speed_m_s=end_speed,
+        excess_m_s=np.where(is_flown, np.diff(used, axis=1, prepend=0.0), 0.0).max(axis=1),
+    )

@@ -1,0 +1,138 @@
+"""Flights towards a goal are judged as a plain loop over their samples judges them."""
+
+from math import log
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pipeline.command_line.config import compose_experiment
+from pipeline.controllers.source import named
+from pipeline.evaluation.monte_carlo import fly_cases
+from pipeline.flight.cases.starts import evaluation_scenarios
+from pipeline.flight.goals import reach
+from pipeline.flight.goals.flights import achieved, fly_all, fly_logged
+from pipeline.flight.state.arrays import NUM_TRACKED, TRACK_SPENT
+from pipeline.flight.state.log import Outcomes
+from pipeline.recording.events import events
+
+NAMES = ("delta_v_m_s", "inspected_count", "inspectable_count", "mean_distance_m", "min_distance_m")
+NAMES += ("max_distance_m", "outside_m", "safety_periods", "safety_delta_v_m_s")
+
+
+def mission_of(*overrides: str):
+    return compose_experiment(
+        ["+experiment=fly", "problem=docking", "controller=coast", *overrides]
+    ).experiment
+
+
+MISSION = mission_of().mission
+NUMBERS = st.floats(0.01, 3.0)
+
+
+def plainly(problem, track):
+    """Judge one flight as `problem` says it: sample after sample."""
+    used, over = 0.0, 0.0
+    for k, row in enumerate(track):
+        distance, speed = np.linalg.norm(row[:3]), np.linalg.norm(row[3:6])
+        limit = problem.limit_base_m_s + problem.limit_slope_per_s * (distance - problem.limit_offset_m)
+        if k > 0 and speed > limit:
+            used += speed - limit
+            over = max(over, speed - limit)
+        is_there = distance <= problem.goal_radius_m
+        if is_there or used > problem.most_excess_m_s or k == len(track) - 1:
+            is_held = used <= problem.most_excess_m_s
+            return (
+                k,
+                bool(is_there and speed <= problem.goal_speed_m_s and is_held),
+                speed,
+                over,
+                row[TRACK_SPENT],
+            )
+    raise AssertionError
+
+
+@given(st.lists(st.tuples(NUMBERS, NUMBERS, st.floats(0.0, 0.4)), min_size=2, max_size=12), st.data())
+def test_judged_as_by_a_plain_loop(samples, data):
+    problem = type(MISSION.problem)(
+        kind="reach",
+        goal_radius_m=data.draw(st.floats(0.005, 2.0)),
+        goal_speed_m_s=data.draw(st.floats(0.01, 0.4)),
+        limit_base_m_s=data.draw(st.floats(0.0, 0.4)),
+        limit_slope_per_s=data.draw(st.floats(0.0, 0.2)),
+        limit_offset_m=data.draw(st.floats(-1.0, 1.0)),
+        most_excess_m_s=data.draw(st.floats(0.0, 1.0)),
+    )
+    mission = mission_like(problem)
+    tracks = np.zeros((1, len(samples), NUM_TRACKED))
+    for k, (x, y, speed) in enumerate(samples):
+        tracks[0, k, [0, 1, 4]] = x, y, speed
+        tracks[0, k, TRACK_SPENT] = 0.1 * k
+    found = reach.judged(mission, Outcomes(**dict.fromkeys(NAMES, np.zeros(1))), tracks)
+    last, is_reached, speed, over, spent = plainly(problem, tracks[0])
+    assert found.end_s[0] == last * mission.control_period_s
+    assert (found.is_success(100.0) & ~found.is_violated)[0] == is_reached
+    assert found.end_speed_m_s[0] == pytest.approx(speed)
+    assert found.excess_m_s[0] == pytest.approx(over, abs=1e-12)
+    assert found.delta_v_m_s[0] == pytest.approx(spent)
+    nearest = min(np.linalg.norm(row[:3]) for row in tracks[0, : last + 1])
+    assert found.min_distance_m[0] == pytest.approx(nearest)
+    if not is_reached:
+        assert 0.0 <= found.inspected_count[0] < 1.0
+        first = max(np.linalg.norm(tracks[0, 0, :3]), 2.0 * problem.goal_radius_m)
+        way = log(max(nearest, problem.goal_radius_m) / problem.goal_radius_m)
+        left = min(way / log(first / problem.goal_radius_m), 1.0)
+        assert found.inspected_count[0] == pytest.approx(1.0 - left, abs=1e-8)
+
+
+def mission_like(problem):
+    return type(MISSION)(**{**vars(MISSION), "problem": problem})
+
+
+def test_what_is_flown_in_parts_logged_and_as_a_population_agrees(monkeypatch):
+    experiment = mission_of("monte_carlo.num_cases=7", "duration_s=300")
+    controller = named("approach", experiment.mission)
+    starts = evaluation_scenarios(experiment.monte_carlo, experiment.sun, experiment.seed)
+    tracks = np.empty((7, 301, 3), dtype=np.float32)
+    whole = fly_all(experiment.mission, controller, starts, 1, tracks)
+    monkeypatch.setattr("pipeline.flight.goals.flights.MOST_TRACKED", 2 * 301 * NUM_TRACKED)
+    parted = fly_all(experiment.mission, controller, starts, 1)
+    for name, values in vars(whole).items():
+        np.testing.assert_array_equal(values, vars(parted)[name], name)
+    episodes, flown = fly_cases(experiment.mission, controller, starts, 1)
+    np.testing.assert_array_equal(flown, tracks)
+    for case, start in enumerate(starts):
+        done, spent = achieved(experiment.mission, fly_logged(experiment.mission, controller, start))
+        assert done == episodes["inspected_count"][case]
+        assert spent == episodes["delta_v_m_s"][case]
+
+
+def test_events_tell_of_the_end_and_of_speeds_above_the_limit():
+    experiment = mission_of("deputy.initial_velocity_m_s=[0.6,0,0]", "duration_s=1500")
+    controller = named("approach", experiment.mission)
+    start = evaluation_scenarios(experiment.monte_carlo, experiment.sun, experiment.seed, [0])[0]
+    log_ = fly_logged(experiment.mission, controller, start)
+    told = events(experiment.mission, log_, 5.0)
+    assert "the goal is reached, 0.20 m from the chief" in told[-1].text
+    assert log_.is_inspected[told[-1].sample :].all()
+    assert not log_.is_inspected[: told[-1].sample].any()
+    speeds = np.linalg.norm(log_.velocity_m_s, axis=1)
+    limits = reach.limit_at(experiment.mission.problem, np.linalg.norm(log_.position_m, axis=1))
+    above = int(np.sum(speeds[1:] > limits[1:]))
+    assert any(f"above the limit on the speed for {above} s" in one.text for one in told) == (above > 0)
+
+
+def test_starts_of_a_box_lie_in_it_evenly():
+    experiment = compose_experiment(
+        ["+experiment=fly", "problem=docking_planar", "controller=coast", "monte_carlo.num_cases=2000"]
+    ).experiment
+    starts = evaluation_scenarios(experiment.monte_carlo, experiment.sun, experiment.seed)
+    drawn = np.array([[*start.position_m, *start.velocity_m_s] for start in starts])
+    low, high = np.array(experiment.monte_carlo.box)
+    assert (drawn >= low).all()
+    assert (drawn <= high).all()
+    np.testing.assert_allclose(
+        drawn.mean(axis=0), (low + high) / 2, atol=4 * (high - low).max() / 12**0.5 / 2000**0.5
+    )
+    np.testing.assert_allclose(drawn.std(axis=0), (high - low) / 12**0.5, rtol=0.06)
