@@ -66,6 +66,14 @@ def test_units_may_stand_or_not():
     )
 
 
+def test_a_rate_makes_a_speed_of_a_distance():
+    found = parse("speed <= 0.2 m/s + 0.002 per_s * distance", UNITS)
+    assert found.unit == "m/s"
+    assert dict(found.factors) == {"speed": -1.0, "distance": 0.002}
+    with pytest.raises(FormulaError, match="m/s does not go with m"):
+        parse("distance <= 0.002 per_s * distance", UNITS)
+
+
 def test_sums_come_to_one_side():
     formula = parse("0.5 * distance + 2 m >= distance - 3", UNITS)
     assert formula == Comparison((("distance", -0.5),), 5.0, False, "m")
@@ -210,7 +218,7 @@ def test_mistakes_name_the_requirement_and_the_cure(text, words):
 
 
 def test_requirements_that_are_not_there_are_told_with_those_that_ship(tmp_path):
-    with pytest.raises(FileNotFoundError, match="name those that ship \\(inspection\\)"):
+    with pytest.raises(FileNotFoundError, match="name those that ship \\(docking, inspection\\)"):
         requirements_path(str(tmp_path / "none.yaml"))
 
 
