@@ -42,6 +42,7 @@ options: --help, --help EXPERIMENT (what people change in it), --help GROUP (its
 #: what people change, groups and keys, in this order
 OFTEN = (
     "controller",
+    "problem",
     "world",
     "sun",
     "seed",

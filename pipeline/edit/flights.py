@@ -18,8 +18,7 @@ from pipeline.evaluation.monte_carlo import episode_columns
 from pipeline.evaluation.statistics import Column, Compared, compare, succeeds
 from pipeline.flight.cases.starts import evaluation_scenarios
 from pipeline.flight.control.controller import Controller, decision_stride, from_fuzzy
-from pipeline.flight.fly.simulation import fly_logged
-from pipeline.flight.goals.flights import fly_all
+from pipeline.flight.goals.flights import fly_all, fly_logged
 from pipeline.flight.state.arrays import NUM_TRACKED
 from pipeline.flight.state.log import FlightLog
 from pipeline.flight.world.pack import inspection_points

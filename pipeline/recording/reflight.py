@@ -16,7 +16,7 @@ from pipeline.controllers import source
 from pipeline.controllers.played import from_mapping
 from pipeline.controllers.policies import policy_of
 from pipeline.flight.control.controller import Controller, from_fuzzy, open_loop
-from pipeline.flight.fly.simulation import fly_logged
+from pipeline.flight.goals.flights import fly_logged
 from pipeline.flight.state.log import Scenario
 from pipeline.recording.recorder import CONFIG_ATTACHMENT, CONTROLLER_ATTACHMENT, FlightRecorder
 from pipeline.run import artifacts

@@ -13,8 +13,7 @@ from pipeline.evaluation import comparison
 from pipeline.evaluation.monte_carlo import SUCCESS
 from pipeline.flight.cases.starts import evaluation_scenarios
 from pipeline.flight.control.controller import Controller, open_loop
-from pipeline.flight.fly.simulation import fly_logged
-from pipeline.flight.goals.flights import fly_all
+from pipeline.flight.goals.flights import fly_all, fly_logged
 from pipeline.flight.state.log import FlightLog
 from pipeline.optimum.solved import IncomparableError, solved_for, summarise_times
 from pipeline.report.figures.comparison import Mark, Square

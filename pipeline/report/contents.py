@@ -17,7 +17,7 @@ from pipeline.evaluation.monte_carlo import SUCCESS, fly_cases, rank, summarise
 from pipeline.evaluation.statistics import Fraction, Statistic
 from pipeline.flight.cases.starts import evaluation_scenarios, start_shown, training_scenarios
 from pipeline.flight.control.controller import Controller
-from pipeline.flight.fly.simulation import fly_logged
+from pipeline.flight.goals.flights import fly_logged
 from pipeline.flight.state.log import FlightLog, Scenario
 from pipeline.report import comparisons
 from pipeline.run import artifacts, tables

@@ -49,11 +49,10 @@ def _blocks(contents: Contents, illustrations: Mapping[str, style.Illustration])
     if told:
         yield Paragraph(lead(who, told, experiment.mission))
         yield Heading("Results", id="results")
-        yield Table(
-            ["", "mean ± standard deviation", "least", "greatest"], list(_rows(told)), numbers=(1, 2, 3)
-        )
-    else:
-        yield Paragraph(f"{who} has flown no evaluation in this run.")
+        heads = ["", "mean ± standard deviation", "least", "greatest"]
+        yield Table(heads, list(_means(told)), numbers=(1, 2, 3))
+        heads = ["of the flights", "share", f"{told['confidence_percent']:g} % interval"]
+        yield Table(heads, list(_shares(told)), numbers=(1, 2))
     for illustration in illustrations.values():
         caption = element("figcaption", illustration.caption)
         yield Figure(element("figure", Markup(illustration.element), caption))  # noqa: S704 - drawn here
@@ -61,6 +60,7 @@ def _blocks(contents: Contents, illustrations: Mapping[str, style.Illustration])
         yield Table(list(comparison.HEADINGS), lines, caption=f"Controllers from the same starts, Sun {sun}.")
     if contents.recordings:
         yield Heading("Recorded flights", id="recordings")
+        yield Paragraph("Watch one, from the folder of the run:")
         yield Code("\n".join(f"python -m telemetry replay {name}" for name in contents.recordings))
     yield Heading("Provenance", id="provenance")
     if contents.command:
@@ -83,19 +83,18 @@ def lead(who: str, told: Mapping[str, Any], mission: Mission) -> str:
     )
 
 
-def _rows(told: Mapping[str, Any]) -> Iterator[list[str]]:
+def _means(told: Mapping[str, Any]) -> Iterator[list[str]]:
     for name, (words, places) in MEASURES.items():
         of = told[name]
         ends_at = (f"{of[end]:.{places}f}" for end in ("minimum", "maximum"))
         yield [words, f"{of['mean']:.{places}f} ± {of['standard_deviation']:.{places}f}", *ends_at]
+
+
+def _shares(told: Mapping[str, Any]) -> Iterator[list[str]]:
     for name, words in SHARES.items():
         of = told[name]
-        interval = (f"{100 * of[end]:.2f} %" for end in ("low", "high"))
-        yield [
-            f"{words}, with {told['confidence_percent']:g} % interval",
-            f"{100 * of['fraction']:.2f} %",
-            *interval,
-        ]
+        between = f"{100 * of['low']:.2f} to {100 * of['high']:.2f} %"
+        yield [words, f"{100 * of['fraction']:.2f} %", between]
 
 
 def draw(contents: Contents) -> Iterator[style.Illustration]:

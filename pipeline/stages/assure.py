@@ -39,7 +39,7 @@ from pipeline.evaluation.assurance.verdicts import (
 from pipeline.flight.cases.dispersions import drawn
 from pipeline.flight.cases.starts import evaluation_scenarios
 from pipeline.flight.control.controller import Controller
-from pipeline.flight.fly.simulation import fly_logged
+from pipeline.flight.goals.flights import fly_logged
 from pipeline.flight.state.log import Scenario
 from pipeline.recording.recorder import FlightRecorder
 from pipeline.report.evidence import write as page_of

@@ -18,7 +18,7 @@ from pipeline.evaluation.assurance.campaign import Outcome, Search, speed
 from pipeline.evaluation.assurance.requirements import Requirement
 from pipeline.flight.cases.dispersions import drawn
 from pipeline.flight.control.controller import Controller
-from pipeline.flight.fly.simulation import fly_logged
+from pipeline.flight.goals.flights import fly_logged
 from pipeline.flight.state.log import FlightLog, Scenario
 from pipeline.settings.experiment import Mission
 

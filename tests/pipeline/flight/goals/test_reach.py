@@ -1,5 +1,6 @@
 """Flights towards a goal are judged as a plain loop over their samples judges them."""
 
+import json
 from math import log
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from pipeline.command_line.cli import main
 from pipeline.command_line.config import compose_experiment
 from pipeline.controllers.source import named
 from pipeline.evaluation.monte_carlo import fly_cases
@@ -136,3 +138,18 @@ def test_starts_of_a_box_lie_in_it_evenly():
         drawn.mean(axis=0), (low + high) / 2, atol=4 * (high - low).max() / 12**0.5 / 2000**0.5
     )
     np.testing.assert_allclose(drawn.std(axis=0), (high - low) / 12**0.5, rtol=0.06)
+
+
+@pytest.mark.slow
+def test_a_run_is_reported_and_verified(tmp_path, capsys):
+    words = ["+experiment=evaluate", "problem=docking", "controller=approach", "monte_carlo.num_cases=12"]
+    assert main([*words, f"hydra.run.dir={tmp_path}"]) == 0
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    summary = json.loads((tmp_path / "evaluate" / "summary.json").read_text(encoding="utf-8"))
+    assert (
+        f"{summary['delta_v_m_s']['mean']:.3f} ± {summary['delta_v_m_s']['standard_deviation']:.3f}" in page
+    )
+    assert f"{100 * summary['held']['fraction']:.1f} % are never above the limit" in page
+    assert "points" not in page
+    assert main(["verify", str(tmp_path)]) == 0
+    assert capsys.readouterr().out.count("equal to the last bit") == 3
