@@ -76,21 +76,17 @@ class Form:
         How its names end; the first is written.
     is_read : bool
         Whether it is read as well as written.
-    is_latin : bool
-        Whether text that is not UTF-8 is Latin-1, which old programs write.
     """
 
     program: str
     endings: tuple[str, ...]
     is_read: bool = True
-    is_latin: bool = True
 
 
 #: The kinds of files of other programs; the module of `exchange` named after a kind writes and reads it.
 FORMS = {
     "fis": Form("MATLAB and Octave", (".fis",)),
     "fll": Form("fuzzylite", (".fll",)),
-    "fml": Form("IEEE 1855", (".fml", ".xml"), is_latin=False),
     "fcl": Form("IEC 61131-7", (".fcl",)),
 }
 
@@ -215,7 +211,7 @@ def _decoded(content: bytes, kind: Kind) -> tuple[str, tuple[str, ...]]:
     try:
         return content.decode("utf-8-sig"), ()
     except UnicodeDecodeError as error:
-        if kind in _PLAIN_READERS or not FORMS[kind].is_latin or b"\0" in content:
+        if kind in _PLAIN_READERS or b"\0" in content:
             raise
         byte = f"byte {error.start} is no UTF-8"
         return content.decode("latin-1"), (f"the file is text in Latin-1: {byte}",)
@@ -229,7 +225,7 @@ def loads(text: str, kind: Kind) -> FuzzyController:
     text : str
         The whole file.
     kind : str
-        Which kind of file it is: "json", "yaml", "fis", "fll", "fml" or "fcl".
+        Which kind of file it is: "json", "yaml", "fis", "fll" or "fcl".
 
     Raises
     ------

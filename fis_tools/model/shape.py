@@ -12,7 +12,7 @@ from typing import Annotated, ClassVar, Literal, TypeVar, dataclass_transform, g
 from fis_tools.array_types import Floats
 
 #: A file format of other programs that names shapes.
-Format = Literal["fis", "fll", "fml"]
+Format = Literal["fis", "fll"]
 
 # The kinds of numbers that a shape has.
 #: A point, in the unit of the variable.

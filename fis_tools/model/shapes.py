@@ -45,7 +45,6 @@ def gaussian(x: Floats, mean: Floats, standard_deviation: Floats) -> Floats:
     "Gaussian, mean {mean}, standard deviation {standard_deviation}",
     fis=("gaussmf", "standard_deviation", "mean"),
     fll=("Gaussian",),
-    fml=("gaussianShape",),
 )
 class Gaussian(MembershipFunction):
     """``exp(-(x - mean)^2 / (2 standard_deviation^2))``, in units of the variable."""
@@ -64,7 +63,6 @@ class Gaussian(MembershipFunction):
     ascending=("left", "peak", "right"),
     fis=("trimf",),
     fll=("Triangle",),
-    fml=("triangularShape",),
     corners=("left", "peak", "right"),
 )
 class Triangular(MembershipFunction):
@@ -93,7 +91,6 @@ class Triangular(MembershipFunction):
     ascending=("left", "left_top", "right_top", "right"),
     fis=("trapmf",),
     fll=("Trapezoid",),
-    fml=("trapezoidShape",),
 )
 class Trapezoidal(MembershipFunction):
     """Zero at `left` and `right`, one from `left_top` to `right_top`."""
@@ -244,7 +241,6 @@ class SigmoidProduct(_TwoSigmoids):
     flanks=(("foot", "top"),),
     fis=("smf",),
     fll=("SShape",),
-    fml=("sShape",),
 )
 class SShape(MonotoneFunction):
     """Two parabolas that rise from zero at `foot` over one half in the middle to one at `top`."""
@@ -268,7 +264,6 @@ class SShape(MonotoneFunction):
     flanks=(("top", "foot"),),
     fis=("zmf",),
     fll=("ZShape",),
-    fml=("zShape",),
 )
 class ZShape(MonotoneFunction):
     """Two parabolas that fall from one at `top` over one half in the middle to zero at `foot`."""

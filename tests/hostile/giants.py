@@ -66,13 +66,13 @@ GIANTS: Final[Mapping[tuple[str, str], Callable[[bytes], bytes]]] = {
     **{
         (reader, "digits and a letter"): lambda sample: _filled(sample, b"9", b"x")
         for reader in (
-            *("fis", "fll", "fml", "fcl", "json", "yaml", "forces", "conditions", "settings", "run"),
+            *("fis", "fll", "fcl", "json", "yaml", "forces", "conditions", "settings", "run"),
             *("starts", "requirements"),
         )
     },
     **{
         (reader, "lines again"): lambda sample: _filled(b"", sample + b"\n")
-        for reader in ("fis", "fll", "fml", "fcl", "yaml", "conditions", "run", "starts", "requirements")
+        for reader in ("fis", "fll", "fcl", "yaml", "conditions", "run", "starts", "requirements")
     },
     **{
         (reader, "bottomless"): lambda _sample: _filled(b"", b"[")
@@ -83,10 +83,6 @@ GIANTS: Final[Mapping[tuple[str, str], Callable[[bytes], bytes]]] = {
     ("json", "many terms"): _many_points,
     ("yaml", "flow lists"): lambda _sample: _filled(b"systems: [", b"[],", b"[]]"),
     ("run", "flow lists"): lambda _sample: _filled(b"systems: [", b"[],", b"[]]"),
-    ("fml", "elements"): lambda _sample: _filled(b"<fuzzySystem>", b"<a>", b""),
-    ("fml", "entities"): lambda _sample: (
-        b'<!DOCTYPE x [<!ENTITY a "' + b"a" * 100_000 + b'">]><fuzzySystem>' + b"&a;" * 100_000
-    ),
     ("forces", "rows"): lambda sample: _filled(sample, b"1e3,0,0,0\n"),
     ("conditions", "and"): lambda _sample: _filled(b"distance > 1", b" and distance > 1"),
     ("conditions", "not"): lambda _sample: _filled(b"", b"not ", b"distance > 1"),

@@ -293,7 +293,7 @@ READERS: Final[
             _in_file(f"controller{Path(name).suffix}", _controller),
             lambda _, name=name: [(EXAMPLES / name).read_bytes()], "text", REFUSALS,
         )
-        for name in ("tipper.fis", "dimmer.fll", "pendulum.fml")
+        for name in ("tipper.fis", "dimmer.fll")
     },
     "fcl": (_in_file("controller.fcl", _controller), lambda _: [fcl.write(_one()).text.encode()],
             "text", REFUSALS),

@@ -239,7 +239,7 @@ def test_the_toolkit_answers_the_same_with_numba_and_without(alone, fast):
     assert plain.stdout == compiled.stdout
 
 
-@pytest.mark.parametrize("name", ["tipper.fis", "dimmer.fll", "pendulum.fml"])
+@pytest.mark.parametrize("name", ["tipper.fis", "dimmer.fll", "pendulum.yaml"])
 def test_the_toolkit_alone_runs_every_command(alone, fast, tmp_path, name):
     own, simpler = tmp_path / "own.yaml", tmp_path / "simpler.yaml"
     alone.tools("import", EXAMPLES / name, "-o", own)

@@ -26,7 +26,7 @@ from fis_tools.formats.exchange.antecedents import (
 )
 from fis_tools.formats.exchange.vocabulary import HEDGES, Names
 from fis_tools.model.shape import Format
-from fis_tools.model.systems import has_sets, reach, said_once
+from fis_tools.model.systems import said_once
 from fis_tools.model.variables import sample
 from fis_tools.words.text import before
 
@@ -40,9 +40,6 @@ FINE_INPUT_POINTS = 10_001
 #: How near to a point, in steps between points, a corner lies on it.
 ON_POINT = 1e-9
 
-#: What all terms are of outputs that are weighed where a format knows them by their kind.
-_ONE_KIND = (model.Constant | model.Linear, model.Ramp | model.SShape | model.ZShape)
-
 
 @dataclass(frozen=True)
 class Dialect:
@@ -52,10 +49,10 @@ class Dialect:
     ----------
     title : str
         What a file of it is called in a sentence.
-    words : {"fis", "fll", "fml"}, optional
+    words : {"fis", "fll"}, optional
         Whose words for membership shapes it has; a shape without one is written as a table of points. None
         where every shape can be written.
-    holds_units, holds_descriptions, holds_defaults : bool
+    holds_descriptions, holds_defaults : bool
         Which facts of a variable it has a place for.
     resolution : int
         Intervals of an output where a file with a place for their number states none; 0 where there is no
@@ -71,12 +68,7 @@ class Dialect:
     has_walls : bool
         Whether triangles and trapezoids may rise or fall at once; otherwise a wall at an end of the range
         becomes a flank outside of it, which changes nothing inside.
-    has_unique_names : bool
-        Whether all names of a file, terms too, must differ.
-    weighs_one_kind : bool
-        Whether outputs that are weighted averages or sums are all of them, and numbers without a range, or
-        ramps, s_shapes and z_shapes.
-    hedges : {"fll", "fml", "fcl"}, optional
+    hedges : {"fll", "fcl"}, optional
         Whose words for hedges it has; a hedged statement without becomes a term of its own.
     most_words : int
         How many words may stand before a term, `not` among them.
@@ -88,7 +80,6 @@ class Dialect:
 
     title: str
     words: Format | None = None
-    holds_units: bool = False
     holds_descriptions: bool = False
     holds_defaults: bool = True
     resolution: int = 0
@@ -97,9 +88,7 @@ class Dialect:
     has_rule_operators: bool = True
     has_output_methods: bool = True
     has_walls: bool = True
-    has_unique_names: bool = False
-    weighs_one_kind: bool = False
-    hedges: Literal["fll", "fml", "fcl"] | None = None
+    hedges: Literal["fll", "fcl"] | None = None
     most_words: int = 1
     concludes_hedged: bool = False
     is_read: bool = True
@@ -148,8 +137,6 @@ def express(system: model.FuzzySystem, dialect: Dialect) -> Expressed:
     NotExpressible
         If the format cannot say it without changing what it computes.
     """
-    if system.weighed and dialect.weighs_one_kind:
-        _require_one_kind(system, dialect)
     refuse_joined(system)
     for output in system.outputs:
         if output.accumulation != "max":
@@ -158,7 +145,7 @@ def express(system: model.FuzzySystem, dialect: Dialect) -> Expressed:
                 f"which {dialect.title} cannot say; export as json"
             )
     system = _with_known_hedges(system, dialect)
-    names = Names(system, are_unique=dialect.has_unique_names)
+    names = Names(system)
     groups = [
         [renamed(expressed, names.statements) for expressed in _expressed_rules(place, rule, system, dialect)]
         for place, rule in enumerate(system.rules, start=1)
@@ -191,21 +178,10 @@ def express(system: model.FuzzySystem, dialect: Dialect) -> Expressed:
     if not dialect.has_rule_operators and any(rule.has_own_operators for rule in expressed.rules):
         raise NotExpressible(
             f"rules combine their statements in different ways, and {dialect.title} knows one way for all; "
-            "export as fll, fml or json"
+            "export as fll or json"
         )
     ends = np.cumsum([0, *map(len, groups)])
     return Expressed(expressed, tuple(expressed.rules[start:end] for start, end in pairwise(ends)), system)
-
-
-def _require_one_kind(system: model.FuzzySystem, dialect: Dialect) -> None:
-    """Refuse outputs that are weighed beside others, or of terms that IEEE 1855 has no rule base for."""
-    shapes = [term.membership for output in system.outputs for term in output.terms]
-    is_all = len(system.weighed) == len(system.outputs)
-    if not (is_all and any(all(isinstance(s, kind) for s in shapes) for kind in _ONE_KIND)):
-        raise NotExpressible(
-            f"output {system.weighed[0].name!r} is weighed, and {dialect.title} has such outputs where all "
-            "are numbers linear in the inputs, or all of ramps, s_shapes and z_shapes; export as fll or json"
-        )
 
 
 def refuse_joined(system: model.FuzzySystem) -> None:
@@ -337,7 +313,7 @@ def _expressed_variable(
     default = variable.default if dialect.holds_defaults else middle(variable.minimum, variable.maximum)
     return model.Variable(
         name=names.variables[variable.name],
-        unit=one_line(variable.unit) if dialect.holds_units else "",
+        unit="",
         minimum=float(variable.minimum),
         maximum=float(variable.maximum),
         terms=terms,
@@ -356,8 +332,7 @@ def _expressed_weighed(
     terms = []
     for term in output.terms:
         shape = term.membership
-        is_said = dialect.weighs_one_kind or isinstance(shape, model.Ramp)
-        if dialect.words and not is_said and dialect.words not in shape.entry.words:
+        if dialect.words and not isinstance(shape, model.Ramp) and dialect.words not in shape.entry.words:
             raise NotExpressible(
                 f"output {output.name!r} concludes {term.name!r}, for whose shape, {shape.entry.name}, "
                 f"{dialect.title} has no word; export as fll or json"
@@ -367,10 +342,7 @@ def _expressed_weighed(
         terms.append(model.Term(names.terms[output.name, term.name], shape))
     plain = replace(output, terms=(), num_points=OUTPUT_POINTS, points=None)
     expressed = _expressed_variable(plain, names, dialect, is_output=True)
-    low, high = (output.minimum, output.maximum)
-    if dialect.weighs_one_kind and not has_sets(output):
-        low, high = reach(output, system.inputs)
-    return replace(expressed, minimum=low, maximum=high, terms=tuple(terms), num_points=OUTPUT_POINTS)
+    return replace(expressed, terms=tuple(terms), num_points=OUTPUT_POINTS)
 
 
 def _expressed_membership(

@@ -371,7 +371,6 @@ def variable(
     *,
     is_output: bool,
     num_points: int | None = None,
-    unit: str = "",
     default: float | None = None,
     description: str = "",
     defuzzifier: model.Defuzzifier | None = None,
@@ -400,7 +399,7 @@ def variable(
         ]
     return model.Variable(
         name=name,
-        unit=unit,
+        unit="",
         minimum=extent.low,
         maximum=extent.high,
         terms=tuple(

@@ -140,7 +140,7 @@ def _differences(
 def _variable_differences(
     pairs: Sequence[tuple[model.Variable, model.Variable]], dialect: Dialect
 ) -> Iterator[tuple[str, list[str]]]:
-    yield "units are left out", [f"{v.name} in {v.unit}" for v, o in pairs if v.unit != o.unit]
+    yield "units are left out", [f"{v.name} in {v.unit}" for v, _ in pairs if v.unit]
     yield "descriptions are left out", [v.name for v, o in pairs if v.description != o.description]
     yield (
         "the points of universes are left out, and readers choose their own",
@@ -149,10 +149,6 @@ def _variable_differences(
             for v, o in pairs
             if (v.num_points, v.points) != (o.num_points, o.points)
         ],
-    )
-    yield (
-        "ranges are left out, and readers take what the terms reach",
-        [v.name for v, o in pairs if (v.minimum, v.maximum) != (o.minimum, o.maximum)],
     )
     defaults = [f"{v.name} {number(v.default)}" for v, _ in pairs if v.default is not None]
     yield "the output when no rule fires is left out", [] if dialect.holds_defaults else defaults

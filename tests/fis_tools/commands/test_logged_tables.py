@@ -181,7 +181,7 @@ def with_formula(text: str, folder: Path) -> str:
     return str(path)
 
 
-@pytest.mark.parametrize("form", ["c", "fmu", "fis", "fml"])
+@pytest.mark.parametrize("form", ["c", "fmu", "fis"])
 def test_forms_without_formulas_say_so(form, tmp_path, capsys):
     path = with_formula("sin(x0)", tmp_path)
     assert main(["export", path, "--format", form, "-o", str(tmp_path / f"sine.{form}")]) == 2
@@ -201,11 +201,7 @@ def test_where_a_formula_has_no_value_is_left_out(tmp_path, capsys):
     assert main(["plot", before, "-o", str(tmp_path), "--only", "surfaces"]) == 0
 
 
-def test_formats_without_the_words_refuse(files, capsys):
-    assert main(["export", str(files["mixed"]), "--format", "fml"]) == 2
-    assert "is weighed, and an FML file has such outputs where all" in capsys.readouterr().err
-    assert main(["export", str(files["constant"]), "--format", "fml"]) == 0
-    assert "<tskValue>-1.5</tskValue>" in capsys.readouterr().out
+def test_weighed_outputs_are_written_as_fcl(files, capsys):
     assert main(["export", str(files["constant"]), "--format", "fcl"]) == 0
     told = capsys.readouterr().out
     assert "TERM y_0 := -1.5;" in told

@@ -117,7 +117,7 @@ def test_what_cannot_be_crossed_is_told_as_such() -> None:
 
 
 COLUMNS = ("share", "needed", "strength", "rule")
-FOREIGN = ["tipper.fis", "dimmer.fll", "pendulum.fml"]
+FOREIGN = ["tipper.fis", "dimmer.fll", "pendulum.yaml"]
 
 
 @pytest.mark.parametrize(

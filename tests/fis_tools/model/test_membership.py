@@ -18,7 +18,7 @@ from fis_tools.engines.compiler import compile
 from fis_tools.findings.simplification.draft import rounded
 from fis_tools.formats import serialize
 from fis_tools.formats.c import source
-from fis_tools.formats.exchange import fcl, fis, fll, fml
+from fis_tools.formats.exchange import fcl, fis, fll
 from fis_tools.formats.serialize import Kind
 from fis_tools.model import (
     Arc,
@@ -335,7 +335,7 @@ def test_our_own_files_hold_it(kind: Kind) -> None:
     assert serialize.loads(text, kind) == CONTROLLER
 
 
-@pytest.mark.parametrize(("kind", "form"), [("fis", fis), ("fll", fll), ("fml", fml)])
+@pytest.mark.parametrize(("kind", "form"), [("fis", fis), ("fll", fll)])
 def test_other_programs_files_hold_it_or_its_points(kind: Kind, form: ModuleType) -> None:
     written = form.write(CONTROLLER).text
     assert serialize.loads(written, kind) == CONTROLLER

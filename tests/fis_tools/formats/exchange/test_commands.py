@@ -30,7 +30,7 @@ def saved(folder: Path, controller: FuzzyController, name: str = "controller.yam
     return path
 
 
-@pytest.mark.parametrize("form", ["fis", "fll", "fml"])
+@pytest.mark.parametrize("form", ["fis", "fll"])
 def test_systems_go_into_a_file_each_and_come_back_as_one_controller(tmp_path, capsys, form):
     source = saved(tmp_path, paper_like_controller())
     folder = tmp_path / "new" / "exchange"

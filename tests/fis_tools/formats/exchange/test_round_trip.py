@@ -9,7 +9,7 @@ import pytest
 from fis_tools.analysis.arrays import spread_inputs
 from fis_tools.engines.compiler import compile
 from fis_tools.formats import serialize
-from fis_tools.formats.exchange import antecedents, fcl, fis, fll, fml
+from fis_tools.formats.exchange import antecedents, fcl, fis, fll
 from fis_tools.formats.exchange.antecedents import NotExpressible
 from fis_tools.formats.exchange.carried import EDITED
 from fis_tools.formats.exchange.dialect import express
@@ -35,7 +35,7 @@ from tests.fis_tools.sample_controllers import force_x_system, force_z_system, g
 
 pytestmark = pytest.mark.slow
 
-FORMS = (fis, fll, fml)
+FORMS = (fis, fll)
 
 
 def without_comment(text: str) -> str:
@@ -89,8 +89,6 @@ WARM_BREEZE = And((Is("temperature", "warm"), Is("wind", "breeze")))
     [
         (fll, Not(Hedged("very", Is("wind", "calm"))), "wind is not very calm"),
         (fll, Hedged("intensely", WARM_BREEZE), "is extremely some"),
-        (fml, Hedged("extremely", Is("temperature", "warm")), 'modifier="extremely"'),
-        (fml, Hedged("intensely", WARM_BREEZE), '"intensify"'),
         (fcl, Not(Hedged("very", Is("wind", "calm"))), "wind is not very calm"),
     ],
 )
@@ -107,7 +105,7 @@ def test_hedges_are_said_in_the_words_of_a_format(form, asked, words):
 
 @pytest.mark.parametrize(
     ("form", "hedges"),
-    [(fis, ["very"]), (fll, ["extremely"]), (fml, ["very", "somewhat"]), (fcl, ["extremely"])],
+    [(fis, ["very"]), (fll, ["extremely"]), (fcl, ["extremely"])],
 )
 def test_a_hedge_without_a_word_is_refused(form, hedges):
     rule = Rule(antecedents.hedged(hedges, Is("wind", "calm")), (Consequent("heat", "some"),))
@@ -189,7 +187,6 @@ def test_not_before_a_conjunction_moves_inwards():
             fis,
             "rule 1 cannot be said in a .fis file: 'and' and 'or' are nested; rewrite it, or export as fll",
         ),
-        ({}, fml, "rule 1 cannot be said in an FML file: 'and' and 'or' are nested"),
         ({"and_operator": "product"}, fll, "rule 2 cannot be said in an .fll file: 'not' stands before"),
     ],
 )
@@ -206,9 +203,8 @@ def test_outputs_and_rules_with_ways_of_their_own():
         system, rules=(*system.rules[:3], replace(system.rules[3], and_operator="product"), *system.rules[4:])
     )
     summed = replace(system, outputs=(replace(heat, accumulation="bounded_sum"), flap))
-    for form in (fll, fml):
-        for each in (own, mixed):
-            assert form.read(form.write(alone(each)).text).controller == alone(each)
+    for each in (own, mixed):
+        assert fll.read(fll.write(alone(each)).text).controller == alone(each)
     for each, words in (
         (own, "knows one way for all"),
         (mixed, "combine their statements"),
@@ -222,7 +218,7 @@ def test_outputs_and_rules_with_ways_of_their_own():
     )
     with pytest.raises(NotExpressible, match="two things of one input"):
         fis.write(alone(twice))
-    assert fml.read(fml.write(alone(twice)).text).controller == alone(twice)
+    assert fll.read(fll.write(alone(twice)).text).controller == alone(twice)
 
 
 def test_losses_are_sentences_about_what_is_missing():
@@ -241,7 +237,6 @@ def test_losses_are_sentences_about_what_is_missing():
         "fis_tools reads it back",
     ):
         assert words in notes
-    assert "units" not in "\n".join(fml.write(alone(flat_system())).losses)
 
 
 # Files that were changed by hand after they were written.
@@ -249,9 +244,7 @@ def test_losses_are_sentences_about_what_is_missing():
 
 def edited(form: ModuleType, old: str, new: str, system: FuzzySystem | None = None) -> FuzzyController:
     text = form.write(alone(system or own_words(flat_system()))).text
-    head, mark, rest = text.partition(
-        "[System]" if form is fis else "Engine:" if form is fll else "<fuzzySystem"
-    )
+    head, mark, rest = text.partition("[System]" if form is fis else "Engine:")
     assert rest.count(old) == 1
     reading = form.read(head + mark + rest.replace(old, new))
     assert any("changed after it was written" in sentence for sentence in reading.assumptions)
@@ -264,7 +257,6 @@ def edited(form: ModuleType, old: str, new: str, system: FuzzySystem | None = No
     [
         (fis, "MF2='some':'gaussmf',[1.4 5.0]", "MF2='some':'gaussmf',[1.4 6.0]"),
         (fll, "some Gaussian 5.0 1.4", "some Gaussian 6.0 1.4"),
-        (fml, 'param1="5.0" param2="1.4"', 'param1="6.0" param2="1.4"'),
     ],
 )
 def test_of_a_file_that_was_changed_what_it_shows_counts(form, old, new):
@@ -311,7 +303,7 @@ def test_a_cut_fll_file_of_ours_is_told_by_its_end():
 
 def test_every_kind_is_read_by_its_ending(tmp_path):
     controller = alone(denied_system())
-    for form, ending in ((fis, "fis"), (fll, "FLL"), (fml, "fml"), (fml, "xml")):
+    for form, ending in ((fis, "fis"), (fll, "FLL")):
         path = tmp_path / f"system.{ending}"
         path.write_text(form.write(controller).text, encoding="utf-8")
         assert serialize.load(path) == controller
