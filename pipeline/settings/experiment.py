@@ -41,7 +41,10 @@ from pipeline.settings.training import Optimizer, Starts, dimensions
 __all__ = ["Experiment", "Mission", "Optimizer", "Safety", "SettingError", "Sun"]
 
 #: in the order in which they run: each reads the files of those before it
-STAGES = ("scenario", "search", "train", "evaluate", "record", "optimum", "compare", "assure", "report")
+STAGES = (
+    *("scenario", "search", "train", "evaluate", "record"),
+    *("optimum", "compare", "prove", "assure", "report"),
+)
 
 #: the minimum-fuel plans that come with the program, as a value of ``optimum.reference``
 SHIPPED = "shipped"
@@ -103,6 +106,14 @@ class Optimum:
     """Threads that solve cases; null: one a processor."""
     reference: Text | None = SHIPPED
     """Cases that evaluations are measured by: `shipped`, a run's folder, or null."""
+
+
+@settings("prove", Only("stages=prove"))
+class Prove:
+    """A proof that all starts of monte_carlo.box reach the goal within the speed limit."""
+
+    cells: Annotated[Whole, Field(ge=8, le=1000)] = 96
+    """Cells into which the range of a position is divided; more make a tighter tube, and take longer."""
 
 
 @settings("engine")
@@ -254,14 +265,15 @@ class Experiment:
     seed: Seed = 1
     """Of everything random."""
     stages: tuple[Text, ...]
-    """What is done, in this order: scenario, search, train, evaluate, record, optimum, compare, assure,
-    report."""
+    """What is done, in this order: scenario, search, train, evaluate, record, optimum, compare, prove,
+    assure, report."""
     mission: Mission = field(default_factory=Mission)
     sun: Sun = field(default_factory=Sun)
     starts: Starts = field(default_factory=Starts)
     optimizer: Optimizer = field(default_factory=Optimizer)
     monte_carlo: MonteCarlo = field(default_factory=MonteCarlo)
     optimum: Optimum = field(default_factory=Optimum)
+    prove: Prove = field(default_factory=Prove)
     compare: Compare = field(default_factory=Compare)
     assurance: Assurance = field(default_factory=Assurance)
     telemetry: Telemetry = field(default_factory=Telemetry)

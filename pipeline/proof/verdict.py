@@ -1,0 +1,157 @@
+"""Whether every start keeps the speed limit at all times and reaches the goal, as far as a tube shows it."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import astuple, dataclass
+from math import hypot
+
+import numpy as np
+
+from fis_tools.engines import interval
+from fis_tools.model import FuzzyController
+from pipeline.array_types import Floats
+from pipeline.physics.motion import Motion
+from pipeline.proof.loop import NotProvable, Theorem, system_of
+from pipeline.proof.surface import surface_of
+from pipeline.proof.tube import Axis, Enclosed, axis_of
+
+#: columns of a tube's table: a box of an axis after so many periods, and the plane of the force over it
+COLUMNS = (
+    *("step", "axis", "low_m", "high_m", "least_m_s", "greatest_m_s", "shear_per_s"),
+    *("constant_n", "per_position_n_m", "per_velocity_n_s_m", "residual_n"),
+)
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What a tube shows.
+
+    Parameters
+    ----------
+    rows : (n, 11)
+        The tube, with the columns `COLUMNS`.
+    num_periods : int
+        For so many periods the limit holds, at all times, from every start.
+    distance_m, speed_m_s : float
+        No state is farther or faster then.
+    fault : str
+        Why the tube ends there; empty at the goal.
+    """
+
+    rows: Floats
+    num_periods: int
+    distance_m: float
+    speed_m_s: float
+    fault: str
+
+
+def prove(
+    theorem: Theorem,
+    controller: FuzzyController,
+    motion: Motion,
+    cells: int,
+    max_periods: int,
+    progress: Callable[[int], object],
+) -> Verdict:
+    """Follow all starts until they are at the goal, the limit may break, or the time is over.
+
+    Parameters
+    ----------
+    theorem : Theorem
+    controller : FuzzyController
+    motion : Motion
+        Over one control period.
+    cells : int
+        Of positions, see `axis_of`.
+    max_periods : int
+        Control periods after which it ends.
+    progress : callable
+        Told how many periods are done.
+
+    Raises
+    ------
+    NotProvable
+        If the method does not cover the controller.
+    """
+    axes = _axes_of(theorem, controller, motion, cells)
+    ends = np.array([theorem.start_low, theorem.start_high])
+    boxes = {a: axis.start(*ends[:, [a, a + 3]]) for a, axis in axes.items()}
+    rows: list[tuple[float, ...]] = []
+    step, before, fault = 0, np.zeros((9, 2)), ""
+    while True:
+        tube = {a: {cell: (box, axes[a].surface.plane(box)) for cell, box in boxes[a].items()} for a in axes}
+        now = _happens(theorem, tube)
+        if step and (fault := limit_fault(theorem, before, now)):
+            step, now = step - 1, before
+            break
+        rows += [(step, a, *astuple(box), *astuple(plane)) for a in axes for box, plane in tube[a].values()]
+        reach = np.abs(now).max(axis=1)
+        if hypot(*reach[:3]) <= theorem.goal[0] and hypot(*reach[3:6]) <= theorem.goal[1]:
+            break
+        if step == max_periods:
+            fault = f"the time is over, and some may still be {hypot(*reach[:3]):.4g} m from the chief"
+            break
+        boxes = {a: axis.move(tube[a], now) for a, axis in axes.items()}
+        step, before = step + 1, now
+        progress(step)
+    reach = np.abs(now).max(axis=1)
+    return Verdict(np.array(rows), step, hypot(*reach[:3]), hypot(*reach[3:6]), fault)
+
+
+def _axes_of(theorem: Theorem, controller: FuzzyController, motion: Motion, cells: int) -> dict[int, Axis]:
+    """Return the axes along which not all starts stay at rest."""
+    axes, effects = {}, np.hstack([motion.transition[0], motion.control[0]])
+    for axis in range(3):
+        system, dead_band = system_of(controller, axis)
+        if axis in theorem.flown_axes:
+            surface = surface_of(system, dead_band, theorem.max_force_n)
+            columns = [axis, axis + 3, axis + 6]
+            axes[axis] = axis_of(system, effects[columns[:2]], columns, surface, cells)
+            continue
+        at_rest = np.zeros((1, 2))
+        pushed = np.abs(interval.bound(interval.pack(system), at_rest, at_rest)[:2]).max()
+        if not pushed < dead_band:
+            raise NotProvable(
+                f"all starts are at rest along {'xyz'[axis]}, where the rules push by up to {pushed:.2g} N; "
+                f"make the dead band, {dead_band:g} N, greater, so that flights stay in the plane"
+            )
+    return axes
+
+
+def _happens(theorem: Theorem, tube: Mapping[int, Enclosed]) -> Floats:
+    """Return intervals, (9, 2), of the positions, velocities and forces along each axis."""
+    found = np.zeros((9, 2))
+    for a, enclosed in tube.items():
+        ends = np.array([(*box.ends, *plane.ends(box)) for box, plane in enclosed.values()])
+        found[[a, a + 3, a + 6]] = np.stack([ends[:, ::2].min(axis=0), ends[:, 1::2].max(axis=0)], axis=-1)
+    found[6:] = np.clip(found[6:], -theorem.max_force_n, theorem.max_force_n)
+    return found
+
+
+def limit_fault(theorem: Theorem, now: Floats, after: Floats) -> str:
+    """Return how the limit may break in a period, empty if it holds at all times of it.
+
+    Between samples a position or a velocity leaves the line from one to the next by at most ``h^2/8`` times
+    its greatest second derivative.
+
+    Parameters
+    ----------
+    theorem : Theorem
+    now, after : (9, 2)
+        Intervals of the positions, velocities and forces along each axis, at its beginning and end.
+    """
+    h, n = theorem.period_s, theorem.mean_motion_rad_s
+    thrust = theorem.max_force_n / theorem.mass_kg
+    most = 2.0 * thrust  # of an acceleration along one axis: while it held, the sum below is less
+    far, fast = np.abs(now[:3]).max(), np.abs(now[3:6]).max() + h * most
+    if thrust + 3 * n**2 * (far + h * fast) + 2 * n * fast > most:
+        return "the limit cannot be shown between samples, for gravity is not small beside the thrust"
+    bend = h**2 / 8 * np.repeat([most, 3 * n**2 * fast + 2 * n * most], 3)
+    low = np.minimum(now, after)[:6, 0] - bend
+    high = np.maximum(now, after)[:6, 1] + bend
+    near = np.hypot.reduce(np.maximum(0.0, np.maximum(low, -high))[:3])
+    speed = np.hypot.reduce(np.maximum(-low, high)[3:])
+    base, slope, offset = theorem.limit
+    allowed = base + slope * (near - offset)
+    if speed < allowed - 1e-6:
+        return ""
+    return f"speeds may reach {speed:.4f} m/s and distances {near:.2f} m, where {allowed:.4f} m/s are allowed"

@@ -1,0 +1,80 @@
+"""Prove that every start of a box reaches the goal within the speed limit: prove/."""
+
+import hashlib
+import sys
+from dataclasses import asdict
+from pathlib import Path
+
+from fis_tools.engines.interval import NotBounded
+from fis_tools.formats.serialize import dump_json
+from pipeline.controllers.source import controller_of_run
+from pipeline.physics.motion import motion_over
+from pipeline.proof.loop import NotProvable, Theorem
+from pipeline.proof.surface import CELLS
+from pipeline.proof.verdict import COLUMNS, prove
+from pipeline.run import artifacts, tables
+from pipeline.run.progress import Progress
+from pipeline.settings.experiment import Experiment
+
+
+def run(experiment: Experiment, folder: Path) -> None:
+    """Write the tube of all starts, the theorem and the controller: a certificate that others can check."""
+    try:
+        sys.stderr.write(f"{_proved(experiment, folder)}\n")
+    except (NotProvable, NotBounded) as error:
+        sys.stderr.write(f"not proved: {error}\n")
+
+
+def theorem_of(experiment: Experiment) -> Theorem:
+    """Return what is to be proved.
+
+    Raises
+    ------
+    NotProvable
+        If the mission is not one that proofs are for.
+    """
+    mission, problem, box = experiment.mission, experiment.mission.problem, experiment.monte_carlo.box
+    parts = mission.dynamics.model, mission.safety.kind, mission.navigation.mode, mission.actuators.kind
+    is_plain = parts == ("cw", "none", "perfect", "ideal") and not mission.dispersions
+    if not is_plain or problem.kind != "reach" or box is None:
+        raise NotProvable(
+            "proofs are for dynamics=cw, safety=none, navigation=perfect and actuators=ideal without "
+            "dispersions, for problem.kind=reach, and for the starts of monte_carlo.box"
+        )
+    return Theorem(
+        start_low=box[0],
+        start_high=box[1],
+        limit=(problem.limit_base_m_s, problem.limit_slope_per_s, problem.limit_offset_m),
+        goal=(problem.goal_radius_m, problem.goal_speed_m_s),
+        mean_motion_rad_s=mission.orbit.mean_motion_rad_s,
+        mass_kg=mission.deputy.mass_kg,
+        period_s=mission.control_period_s,
+        max_force_n=mission.deputy.max_force_n,
+    )
+
+
+def _proved(experiment: Experiment, folder: Path) -> str:
+    """Follow all starts, write the certificate, and return the verdict."""
+    theorem, mission = theorem_of(experiment), experiment.mission
+    controller = controller_of_run(experiment, folder).fuzzy
+    if controller is None:
+        raise NotProvable("proofs follow the rules of a fuzzy controller, and this is none")
+    motion, text = motion_over(mission.orbit, mission.deputy, (theorem.period_s,)), dump_json(controller)
+    with Progress("followed", mission.num_controls) as progress:
+        found = prove(
+            theorem, controller, motion, experiment.prove.cells, mission.num_controls, progress.show
+        )
+    sha256 = hashlib.sha256(text.encode()).hexdigest()
+    told = {
+        "num_periods": found.num_periods,
+        "fault": found.fault,
+        "cells": CELLS,
+        "controller_sha256": sha256,
+    }
+    artifacts.write_json(folder / artifacts.THEOREM, asdict(theorem) | told)
+    artifacts.write_atomically(folder / artifacts.PROVED_CONTROLLER, text)
+    tables.write_parquet(folder / artifacts.TUBE, dict(zip(COLUMNS, found.rows.T, strict=True)))
+    kept = f"every start keeps the limit at all times of {found.num_periods * theorem.period_s:g} s"
+    if found.fault:
+        return f"not proved: {kept}, but then {found.fault}"
+    return f"proved: {kept}, and is then within {found.distance_m:.3f} m at up to {found.speed_m_s:.3f} m/s"

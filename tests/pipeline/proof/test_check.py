@@ -1,0 +1,111 @@
+"""The checker agrees with a proof, and refuses one in which a number is wrong."""
+
+import json
+import shutil
+from hashlib import sha256
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from pipeline.proof.verdict import COLUMNS
+from pipeline.run.runner import run_stages
+from tests.pipeline.proof.cases import job
+
+pytest.importorskip("flint", reason="the checker needs python-flint")
+from pipeline.proof.check import Refused, check
+
+
+@pytest.fixture(scope="module")
+def proved(tmp_path_factory) -> Path:
+    folder, run = tmp_path_factory.mktemp("proved"), job()
+    run_stages(run.experiment, run.config, folder)
+    return folder / "prove"
+
+
+@pytest.fixture
+def copy(proved, tmp_path) -> Path:
+    return Path(shutil.copytree(proved, tmp_path / "prove"))
+
+
+def test_a_proof_is_checked(proved):
+    told = json.loads((proved / "theorem.json").read_text(encoding="utf-8"))
+    text = check(proved)
+    assert f"{told['num_periods']} periods of 1.0 s" in text
+    assert told["controller_sha256"] in text
+
+
+#: by how much each number of a tube is changed: enough that it is wrong, and little beside what it is
+CHANGES = {
+    "low_m": 1e-3,
+    "high_m": -1e-3,
+    "least_m_s": 1e-4,
+    "greatest_m_s": -1e-4,
+    "shear_per_s": 0.01,
+    "constant_n": 0.02,
+    "per_position_n_m": 0.2,
+    "per_velocity_n_s_m": 2.0,
+    "residual_n": -0.5,  # times the residual
+    "step": 1.0,
+    "axis": 1.0,
+}
+
+
+@pytest.mark.parametrize("column", COLUMNS)
+def test_one_changed_number_is_refused(copy, column):
+    columns = pq.read_table(copy / "tube.parquet").to_pydict()
+    for row in np.random.default_rng(len(column)).integers(0, len(columns["step"]) // 3, 2).tolist():
+        changed = {name: list(values) for name, values in columns.items()}
+        was = changed[column][row]
+        wrong = was + CHANGES[column] * (was if column == "residual_n" else 1.0)
+        changed[column][row] = 0.0 if column == "axis" and wrong > 1.0 else wrong
+        pq.write_table(pa.table(changed), copy / "tube.parquet")
+        with pytest.raises(Refused):
+            check(copy)
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("goal", [1.4, 0.2]),
+        ("limit", [0.1, 0.0, 0.0]),
+        ("start_high", [3.6, 4.5, 0.0, 0.03, 0.03, 0.0]),
+        ("start_low", [3.0, 4.0, 0.0, -0.03, -0.04, 0.0]),
+        ("mass_kg", 11.9),
+        ("max_force_n", 0.2),
+        ("mean_motion_rad_s", 0.002),
+        ("period_s", 1.1),
+        ("num_periods", 30),
+        ("controller_sha256", "0" * 64),
+    ],
+)
+def test_another_theorem_is_refused(copy, key, value):
+    told = json.loads((copy / "theorem.json").read_text(encoding="utf-8"))
+    (copy / "theorem.json").write_text(json.dumps(told | {key: value}), encoding="utf-8")
+    with pytest.raises(Refused):
+        check(copy)
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ('"hill"', '"body"'),
+        ('"and_operator": "min"', '"and_operator": "product"'),
+        ('"peak": 0.96', '"peak": 0.95'),
+        ('"range": [-4.0, 4.0]', '"range": [-4.1, 4.1]'),
+        ('"negative_small", "negative_large"', '"zero", "negative_large"'),
+        ('"velocity_radial"', '"velocity_along_track"'),
+    ],
+)
+def test_another_controller_is_refused(copy, old, new):
+    text = (copy / "controller.json").read_text(encoding="utf-8")
+    assert old in text
+    text = text.replace(old, new, 1)
+    (copy / "controller.json").write_text(text, encoding="utf-8")
+    told = json.loads((copy / "theorem.json").read_text(encoding="utf-8"))
+    told["controller_sha256"] = sha256(text.encode()).hexdigest()
+    (copy / "theorem.json").write_text(json.dumps(told), encoding="utf-8")
+    with pytest.raises(Refused):
+        check(copy)

@@ -1,0 +1,104 @@
+"""What is proved holds for every flight, and what does not hold is not proved."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fis_tools.model import FuzzyController
+from pipeline.flight.control.controller import from_fuzzy
+from pipeline.flight.fly.simulation import fly_logged
+from pipeline.flight.state.log import Scenario
+from pipeline.physics.motion import motion_over
+from pipeline.proof.loop import NotProvable, Theorem
+from pipeline.proof.verdict import Verdict, limit_fault, prove
+from pipeline.stages.prove import theorem_of
+from tests.pipeline.proof.cases import job, reversed_in_sign, steady
+
+NUM_FLIGHTS = 24
+
+
+@pytest.fixture(scope="module")
+def experiment():
+    return job().experiment
+
+
+def followed(experiment, controller: FuzzyController, periods: int = 400, **changes) -> Verdict:
+    mission = experiment.mission
+    motion = motion_over(mission.orbit, mission.deputy, (mission.control_period_s,))
+    theorem = replace(theorem_of(experiment), **changes)
+    return prove(theorem, controller, motion, 48, periods, lambda done: None)
+
+
+@pytest.fixture(scope="module")
+def shown(experiment) -> Verdict:
+    return followed(experiment, steady())
+
+
+def test_every_flight_stays_in_the_tube_keeps_the_limit_and_arrives(experiment, shown):
+    assert shown.fault == ""
+    mission, theorem = experiment.mission, theorem_of(experiment)
+    controller, generator = from_fuzzy(steady()), np.random.default_rng(3)
+    low, high = np.array(theorem.start_low), np.array(theorem.start_high)
+    corners = [np.where(generator.integers(0, 2, 6) == 0, low, high) for _ in range(NUM_FLIGHTS // 2)]
+    for start in [*corners, *generator.uniform(low, high, (NUM_FLIGHTS // 2, 6))]:
+        log = fly_logged(mission, controller, Scenario(start[:3], start[3:], 0.0))
+        states = np.hstack([log.position_m, log.velocity_m_s])[: shown.num_periods + 1]
+        for step, state in enumerate(states):
+            for axis in (0, 1):
+                assert is_inside(shown.rows, step, axis, state[axis], state[axis + 3]), (step, axis, start)
+        distance, speed = np.linalg.norm(states[:, :3], axis=1), np.linalg.norm(states[:, 3:], axis=1)
+        base, slope, offset = theorem.limit
+        assert np.all(speed <= base + slope * (distance - offset))
+        assert distance[-1] <= shown.distance_m <= theorem.goal[0]
+        assert speed[-1] <= shown.speed_m_s <= theorem.goal[1]
+
+
+def is_inside(rows, step: int, axis: int, position: float, velocity: float) -> bool:
+    own = rows[(rows[:, 0] == step) & (rows[:, 1] == axis)]
+    leaning = velocity + own[:, 6] * position
+    fits = (own[:, 2] <= position) & (position <= own[:, 3]) & (own[:, 4] <= leaning) & (leaning <= own[:, 5])
+    return bool(fits.any())
+
+
+def test_rules_that_push_away_are_not_proved(experiment):
+    found = followed(experiment, reversed_in_sign(steady()), periods=60)
+    assert "speeds may reach" in found.fault or "time is over" in found.fault
+    assert found.distance_m > 1.5
+
+
+def test_a_limit_that_flights_break_is_not_proved(experiment):
+    found = followed(experiment, steady(), limit=(0.1, 0.0, 0.0))
+    assert "where 0.1000 m/s are allowed" in found.fault
+    assert found.num_periods < 60
+
+
+def test_a_time_that_is_too_short_is_said_and_what_held_until_then(experiment, shown):
+    found = followed(experiment, steady(), periods=20)
+    assert found.num_periods == 20
+    assert found.fault.startswith("the time is over")
+    np.testing.assert_array_equal(found.rows, shown.rows[shown.rows[:, 0] <= 20])
+
+
+def test_between_samples_more_is_allowed_for_than_at_them():
+    theorem = Theorem((0,) * 6, (0,) * 6, (0.2, 0.0, 0.0), (0.5, 0.2), 0.001027, 12.0, 1.0, 1.0)
+    now = np.zeros((9, 2))
+    now[3] = 0.0, 0.199999
+    assert limit_fault(theorem, now, now)
+    now[3] = 0.0, 0.1999
+    assert limit_fault(theorem, now, now) == ""
+    assert limit_fault(replace(theorem, max_force_n=1e-6), now, now)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda c: replace(c, systems=c.systems[:2]), "force_z"),
+        (lambda c: replace(c, attributes=(*c.attributes, ("decision_period_s", "30"))), "dead bands"),
+        (lambda c: replace(c, attributes=(("force_axes", "hill"),)), "dead band"),
+        (lambda c: replace(c, attributes=(("force_axes", "body"),)), "hill"),
+    ],
+)
+def test_others_are_refused_in_a_sentence(experiment, change, words):
+    with pytest.raises(NotProvable, match=words):
+        followed(experiment, change(steady()))
