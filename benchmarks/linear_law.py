@@ -4,7 +4,8 @@ Each force is a sum of the signals that the rules of its axis sense, each times 
 Everything else stays the controller's: constants, dead bands, when it decides and when it coasts.
 """
 
-from contextlib import AbstractContextManager
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from typing import Final
 from unittest.mock import patch
@@ -18,16 +19,18 @@ from fis_tools.engines.packing import Packed
 from fis_tools.genes.reduction import plane_gains
 from fis_tools.model import rule_table
 from pipeline.array_types import Floats
-from pipeline.flight.control.controller import Controller
-from pipeline.flight.fly import population
-from pipeline.flight.fly.many import Flights, Results, start_lanes, write_outcomes
+from pipeline.flight.control.controller import Controller, has_constants
+from pipeline.flight.fly import population, rehearsals, simulation
+from pipeline.flight.fly.many import Flights, Results, open_with, start_lanes, write_outcomes
+from pipeline.flight.fly.rehearsals import tour_images
 from pipeline.flight.period.decide.thrust import is_decision
 from pipeline.flight.period.decide.urgency import note_deadlines
 from pipeline.flight.period.steps import act, decide, look
 from pipeline.flight.state.arrays import Beyond, Control, Guard, Moment, State, Workspace, constant_of
 from pipeline.flight.state.errors import ModelErrors
 from pipeline.flight.state.lanes import clip, clip_three, four, one, to_hill
-from pipeline.flight.state.signals import BODY, FIRST_DEAD_BAND, SETTING, URGENCY
+from pipeline.flight.state.signals import BODY, CONSTANTS, FIRST_DEAD_BAND, SETTING, URGENCY
+from pipeline.training import judging
 
 #: numbers of one axis, last in a row of values: a slope for each of up to three inputs, a constant, a limit
 OFFSET, LIMIT, NUMBERS = 3, 4, 5
@@ -41,7 +44,8 @@ LIMITS: Final = (0.3, 3.0)
 def command_linearly(now: Moment, control: Control) -> None:
     """Command the linear law's forces in place of those that the rules have just asked for."""
     law, lanes, signals = control.law, now.state.lanes, now.work.signals
-    width, first = width_of(lanes), len(control.values) - NUMBERS * len(law.axes)
+    width, behind = width_of(lanes), law.constants if law.constants >= 0 else len(control.values)
+    first = behind - NUMBERS * len(law.axes)
     fires = one(lanes.coasts) == 0.0
     store_three(lanes.asked, 0, same(0.0, width))
     for system in range(len(law.axes)):
@@ -93,13 +97,44 @@ def fly_linearly(
             decide(now, optics, pushes, control)
             if is_decision(law, k):
                 command_linearly(now, control)
+            if k == 0 and len(flights.openings) > 0:
+                open_with(now, flights.openings)
             act(now, guard, errors, law.plans)
         flight += num_lanes
 
 
-def flying() -> AbstractContextManager[object]:
-    """Return a context in which populations fly under the linear laws behind their numbers."""
-    return patch.object(population, "fly_many", fly_linearly)
+@contextmanager
+def flying() -> Iterator[None]:
+    """Fly under linear laws, where controllers are those of `LinearLaw.decode`."""
+    with (
+        patch.object(population, "fly_many", fly_linearly),
+        patch.object(rehearsals, "tour_images", images_of),
+        patch.object(simulation, "tour_images", images_of),
+        patch.object(judging, "from_fuzzy", lambda controller: controller),
+    ):
+        yield
+
+
+def images_of(controller: Controller) -> list[Controller]:
+    """Return a controller for each image of a tour, as `tour_images` does, but under its linear law."""
+    return [
+        with_law(image, controller.numbers.values[0, place_of(controller)])
+        for image in tour_images(controller)
+    ]
+
+
+def place_of(controller: Controller) -> slice:
+    """Return where a controller's numbers have those of its law: before its constants."""
+    end = controller.numbers.values.shape[1] - len(CONSTANTS) * has_constants(controller)
+    return slice(end - NUMBERS * len(controller.systems), end)
+
+
+def with_law(controller: Controller, law: Floats) -> Controller:
+    """Return a copy of a controller that has a linear law, (n,), before its constants."""
+    copy, numbers = replace(controller), controller.numbers
+    values = np.insert(numbers.values, [place_of(controller).stop] * len(law), law, axis=1)
+    vars(copy)["numbers"] = replace(numbers, values=values)
+    return copy
 
 
 class LinearLaw:
@@ -110,7 +145,7 @@ class LinearLaw:
     """
 
     def __init__(self, champion: Controller) -> None:
-        self.template = champion
+        self.template = with_law(champion, np.zeros(NUMBERS * len(champion.systems)))
         self._has_offset = [
             any(variable.minimum != -variable.maximum for variable in system.inputs)
             for system in champion.systems
@@ -133,7 +168,19 @@ class LinearLaw:
         return np.clip(np.array(genes), 0.0, 1.0)
 
     def pack(self, genomes: Floats) -> Packed:
-        """Return a population, (n, num_genes), as the champion's numbers with those of the laws behind."""
+        """Return a population, (n, num_genes), as the champion's numbers with those of the laws."""
+        numbers = self.template.numbers
+        values = np.repeat(numbers.values, len(genomes), axis=0)
+        values[:, place_of(self.template)] = self._laws(genomes)
+        return replace(numbers, values=values, rules=np.repeat(numbers.rules, len(genomes), axis=0))
+
+    def decode(self, genome: Floats) -> Controller:
+        """Return the champion with the law of one genome, to be flown while `flying`."""
+        controller = replace(self.template)
+        vars(controller)["numbers"] = self.pack(genome[np.newaxis])
+        return controller
+
+    def _laws(self, genomes: Floats) -> Floats:
         laws = np.zeros((len(genomes), len(self.template.systems), NUMBERS))
         low, high = LIMITS
         at = 0
@@ -151,6 +198,4 @@ class LinearLaw:
                 at += 1
             laws[:, place, LIMIT] = reach * low * (high / low) ** genomes[:, at]
             at += 1
-        numbers = self.template.numbers
-        values = np.hstack([np.repeat(numbers.values, len(genomes), axis=0), laws.reshape(len(genomes), -1)])
-        return replace(numbers, values=values, rules=np.repeat(numbers.rules, len(genomes), axis=0))
+        return laws.reshape(len(genomes), -1)
