@@ -71,7 +71,7 @@ def row(name: str, flown: Sequence[Outcomes], threshold: float) -> str:
     spent = told([one.delta_v_m_s for one in flown], 3)
     rate = told([100.0 * one.inspected_count / one.inspectable_count for one in flown], 2)
     shares = (
-        np.concatenate([one.is_success(threshold) for one in flown]),
+        np.concatenate([one.is_success(threshold) & ~one.is_violated for one in flown]),
         np.concatenate([one.is_violated for one in flown]),
     )
     parts = [fraction(share, 95.0) for share in shares]

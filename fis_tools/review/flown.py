@@ -197,6 +197,8 @@ def outcome_rows(
     ]
 
 
+#: of a summary: enough inspected, and never outside
+SUCCESS = "success_and_within_limits"
 HEADS = ("flights", "delta-v (m/s)", "inspected (%)", "success", "distance (m)", "outside", "safety acted")
 
 
@@ -207,7 +209,7 @@ def _evaluation_row(summary: Mapping[str, Any]) -> list[str]:
         f"all {count} of the evaluation",
         f"{spent['mean']:.3f} ± {spent['standard_deviation']:.3f}",
         f"{rate['mean']:.2f} ± {rate['standard_deviation']:.2f}",
-        _share(summary.get("success"), count),
+        _share(summary.get(SUCCESS), count),
         UNKNOWN,
         *(_share(summary.get(name), count) for name in ("violated", "safety_acted")),
     ]
@@ -232,7 +234,7 @@ def _flight_row(name: str, one: Outcome) -> list[str]:
         name,
         number(one.delta_v_m_s, 3),
         number(one.inspection_rate_percent, 2),
-        word(one.is_success),
+        word(one.is_success and not one.is_outside),
         UNKNOWN if None in distances else " to ".join(number(each, 1) for each in distances),
         word(one.is_outside),
         UNKNOWN if one.num_safety is None else f"in {one.num_safety} periods",

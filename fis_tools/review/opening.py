@@ -127,10 +127,8 @@ def not_covered(
             f"Inputs outside the operational domain: {domain['num_left']:,} of {domain['num_tried']:,} "
             f"fresh flights left what {domain['num_made_from']:,} others had met."
         )
-    if evidence and (flown := evidence.get("conditions")):
-        named = ("Sun", "safety", "navigation", "thrusters", "dynamics")
-        words = ", ".join(f"{name} {flown[name.lower()]}" for name in named if name.lower() in flown)
-        told.append(f"Other conditions than those of the evidence: {words}.")
+    if evidence and evidence.get("conditions"):
+        told.append("Other conditions than those of the verdicts.")
     if not evaluations:
         told.append(
             f"How often it fails: no evaluation was given. Selected {noun}s are pictures, not statistics."
@@ -139,6 +137,16 @@ def not_covered(
         told.append("Inputs that come together in use: rules are counted over all inputs alike.")
     told.append("What happens between decisions, and whether a real system behaves as the simulated one.")
     return told
+
+
+def verdicts(evidence: Mapping[str, Any], rows: Sequence[Sequence[str]]) -> list[Block]:
+    """Show the requirements with their verdicts, and the conditions under which these hold."""
+    flown = evidence.get("conditions") or {}
+    named = ("Sun", "safety", "navigation", "thrusters", "dynamics")
+    words = ", ".join(f"{name} {flown[name.lower()]}" for name in named if name.lower() in flown)
+    caption = f"For flights with {words}." if words else ""
+    title = Heading("Verdicts", id="requirements")
+    return [title, Table(["requirement", "verdict"], rows, caption=caption)]
 
 
 SCHEMA = "evidence"

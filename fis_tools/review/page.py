@@ -91,10 +91,8 @@ def write(
     names = [flight.name for flight in compress(logged, is_flight)]
     told, requirements = (None, []) if evidence is None else read_evidence(evidence, fingerprint)
     title = "How it flew" if noun == "flight" else "How it answered"
-    verdicts: list[Block] = [Heading("Verdicts", id="requirements")]
-    verdicts.append(Table(["requirement", "verdict"], requirements))
     opening_blocks: list[Block] = [
-        *(verdicts if requirements else []),
+        *(opening.verdicts(told, requirements) if told and requirements else []),
         Heading("What it does", id="does"),
         *opening.rules(controller),
         Heading("Inputs", 3),

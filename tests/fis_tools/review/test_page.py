@@ -539,11 +539,14 @@ def test_how_it_flew_requirements_and_constants_are_told(opened, tmp_path):
     (run / "evaluate").mkdir()
     mean = {"mean": 0.5, "standard_deviation": 0.25}
     share = {"count": 57, "fraction": 0.95, "low": 0.863, "high": 0.983}
-    summary = {"num_cases": 60, "delta_v_m_s": mean, "inspection_rate_percent": mean, "success": share}
+    inside = {"count": 56, "fraction": 0.933, "low": 0.841, "high": 0.974}
+    shares = {"success": share, "success_and_within_limits": inside}
+    summary = {"num_cases": 60, "delta_v_m_s": mean, "inspection_rate_percent": mean, **shares}
     (run / "evaluate" / "summary.json").write_text(json.dumps(summary))
     evidence = {
         "schema": "evidence",
         "controller": {"name": controller.name, "sha256": serialize.fingerprint(controller)},
+        "conditions": {"sun": "random", "safety": "filter"},
         "requirements": [
             {
                 "id": "R1",
@@ -557,9 +560,11 @@ def test_how_it_flew_requirements_and_constants_are_told(opened, tmp_path):
     path = tmp_path / "evidence.json"
     path.write_text(json.dumps(evidence))
     shown = opened(written(controller, [run], evidence=path))
-    assert "57 of 60: 95.0 % (86.3 to 98.3)" in shown.locator("#logged").inner_text()
+    assert "56 of 60: 93.3 % (84.1 to 97.4)" in shown.locator("#logged").inner_text()
+    assert "57 of 60" not in shown.locator("#logged").inner_text()
     assert "R1" in shown.locator("#requirements").inner_text()
     assert "failed" in shown.locator("#requirements").inner_text()
+    assert "For flights with Sun random, safety filter." in shown.locator("#requirements").inner_text()
     assert "255.2" in shown.locator("#constants tr", has_text="urgency_time_s").inner_text()
     order = shown.evaluate("[...document.querySelectorAll('main > section')].map(({ id }) => id)")
     assert order[:7] == [*("requirements", "does", "logged", "uncovered", "findings", "constants", "systems")]
