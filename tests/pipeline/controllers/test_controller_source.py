@@ -16,11 +16,9 @@ from pipeline.command_line.arguments import ConfigError
 from pipeline.command_line.config import compose_experiment
 from pipeline.controllers.played import read_played
 from pipeline.controllers.source import load, named
-from pipeline.flight.cases.starts import cases_of, evaluation_scenarios
-from pipeline.flight.control.controller import ControllerError, decision_stride, law_of
-from pipeline.flight.fly.population import fly_population
-from pipeline.flight.fly.simulation import fly_logged
-from pipeline.flight.world.pack import pack_world
+from pipeline.flight.cases.starts import evaluation_scenarios
+from pipeline.flight.control.controller import ControllerError, decision_stride
+from pipeline.flight.fly.simulation import fly_all, fly_logged
 from pipeline.settings.schema import experiment_from
 from tests.pipeline.command_line.cases import plain_config
 from tests.places import PROJECT
@@ -93,12 +91,11 @@ def test_first_push_is_the_limited_sum_of_the_signals_beyond_the_dead_band() -> 
     mission = replace(experiment.mission, duration_s=experiment.mission.control_period_s)
     starts = evaluation_scenarios(experiment.monte_carlo, experiment.sun, experiment.seed)
     champion = named("champion_27", mission)
-    laws = linear_law.LinearLaw(champion)
-    numbers = laws.pack(np.array([[0.6, 0.4, 0.1, 0.7, 0.55, 0.5, 0.8, 0.3, 0.9]]))
+    genes = np.array([0.6, 0.4, 0.1, 0.7, 0.55, 0.5, 0.8, 0.3, 0.9])
+    controller = linear_law.LinearLaw(champion).decode(genes)
     with linear_law.flying():
-        world, law, cases = pack_world(mission), law_of(champion, mission), cases_of(mission, starts)
-        flown = fly_population(world, law, numbers, cases)
-    slopes = numbers.values[0, -3 * linear_law.NUMBERS :].reshape(3, linear_law.NUMBERS)
+        flown = fly_all(mission, controller, starts)
+    slopes = controller.numbers.values[0, linear_law.place_of(controller)].reshape(3, linear_law.NUMBERS)
     bands = [float(dict(champion.fuzzy.attributes)[f"dead_band_force_{axis}_n"]) for axis in "xyz"]
     expected = []
     for start in starts:
@@ -107,7 +104,7 @@ def test_first_push_is_the_limited_sum_of_the_signals_beyond_the_dead_band() -> 
         force[np.abs(force) < bands] = 0.0
         expected.append(np.abs(force).sum() * mission.control_period_s / mission.deputy.mass_kg)
     assert min(expected) > 0.0
-    np.testing.assert_allclose(flown.delta_v_m_s[0], expected, rtol=1e-9)
+    np.testing.assert_allclose(flown.delta_v_m_s, expected, rtol=1e-9)
 
 
 def shipped(name: str) -> FuzzyController:
