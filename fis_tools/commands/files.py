@@ -45,8 +45,8 @@ def export(
 
     - markdown, csv, text, html, latex: terms and rules to read
     - json, yaml: a controller file, which holds everything
-    - fis, fll, fcl: MATLAB and Octave, fuzzylite, IEC 61131-7: a file a system; what the form has no place
-      for is listed, and carried, where it has comments for that, in one that `import` reads
+    - fis, fll: MATLAB and Octave, fuzzylite: a file a system; what the form has no place for is listed, and
+      carried in a comment that `import` reads
     - c: C99 source that stands alone: for a controller that commands a force step(), which has its thrust
       logic; else a function a system
     - fmu: FMI 2.0 for co-simulation (Simulink, Dymola, OpenModelica): a file a system, its inference alone;

@@ -87,7 +87,6 @@ class Form:
 FORMS = {
     "fis": Form("MATLAB and Octave", (".fis",)),
     "fll": Form("fuzzylite", (".fll",)),
-    "fcl": Form("IEC 61131-7", (".fcl",)),
 }
 
 #: A kind of file: "json", "yaml", or one of other programs, see `FORMS`.
@@ -225,7 +224,7 @@ def loads(text: str, kind: Kind) -> FuzzyController:
     text : str
         The whole file.
     kind : str
-        Which kind of file it is: "json", "yaml", "fis", "fll" or "fcl".
+        Which kind of file it is: "json", "yaml", "fis" or "fll".
 
     Raises
     ------

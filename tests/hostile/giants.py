@@ -66,17 +66,17 @@ GIANTS: Final[Mapping[tuple[str, str], Callable[[bytes], bytes]]] = {
     **{
         (reader, "digits and a letter"): lambda sample: _filled(sample, b"9", b"x")
         for reader in (
-            *("fis", "fll", "fcl", "json", "yaml", "forces", "conditions", "settings", "run"),
+            *("fis", "fll", "json", "yaml", "forces", "conditions", "settings", "run"),
             *("starts", "requirements"),
         )
     },
     **{
         (reader, "lines again"): lambda sample: _filled(b"", sample + b"\n")
-        for reader in ("fis", "fll", "fcl", "yaml", "conditions", "run", "starts", "requirements")
+        for reader in ("fis", "fll", "yaml", "conditions", "run", "starts", "requirements")
     },
     **{
         (reader, "bottomless"): lambda _sample: _filled(b"", b"[")
-        for reader in ("json", "yaml", "fis", "fll", "fcl", "conditions", "settings", "run", "requirements")
+        for reader in ("json", "yaml", "fis", "fll", "conditions", "settings", "run", "requirements")
     },
     ("json", "keys again"): lambda _sample: _filled(b"{", b'"name":0,', b'"name":0}'),
     ("json", "rules of a missing term"): _rules_of_a_missing_term,

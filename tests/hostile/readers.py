@@ -23,7 +23,6 @@ from fis_tools.findings.difference import difference
 from fis_tools.findings.explanation import explain
 from fis_tools.formats import serialize
 from fis_tools.formats.c import source
-from fis_tools.formats.exchange import fcl
 from fis_tools.learning import table
 from fis_tools.model.validate import InvalidSystem
 from pipeline.command_line.config import compose_experiment
@@ -295,8 +294,6 @@ READERS: Final[
         )
         for name in ("tipper.fis", "dimmer.fll")
     },
-    "fcl": (_in_file("controller.fcl", _controller), lambda _: [fcl.write(_one()).text.encode()],
-            "text", REFUSALS),
     "starts": (_starts, lambda _: [(EXAMPLES / "starts.csv").read_bytes()], "text", OR_VALUES),
     "requirements": (lambda content, _: requirements.read(_text(content), "requirements.yaml"),
                      lambda _: [requirements_path("inspection").read_bytes()], "text", OR_VALUES),

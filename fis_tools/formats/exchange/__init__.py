@@ -1,1 +1,1 @@
-"""Files of MATLAB, fuzzylite and IEC 61131-7."""
+"""Files of MATLAB and fuzzylite."""

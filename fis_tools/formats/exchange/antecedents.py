@@ -9,7 +9,7 @@ from dataclasses import replace
 from functools import reduce
 
 from fis_tools import model
-from fis_tools.formats.exchange.vocabulary import HEDGES, meanings
+from fis_tools.formats.exchange.vocabulary import HEDGES
 
 #: A variable and one of its terms.
 Statement = tuple[str, str]
@@ -171,7 +171,7 @@ FUZZYLITES_FRACTIONS: dict[float, tuple[model.Hedge, ...]] = {
 #: fuzzylite's word for what every value belongs to, read as a term.
 ANY = "any"
 #: fuzzylite's words, with the hedges that they stand for.
-FUZZYLITES = {word: hedge for word, hedge in meanings(HEDGES, "fll").items() if word}
+FUZZYLITES = {word: hedge for hedge, word in HEDGES.items()}
 
 
 def hedged(hedges: Sequence[model.Hedge], expression: model.Expression) -> model.Expression:

@@ -8,7 +8,7 @@ assumes of such a file. The law of every format: reading what was written gives 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Literal, cast
+from typing import cast
 
 import numpy as np
 
@@ -68,12 +68,9 @@ class Dialect:
     has_walls : bool
         Whether triangles and trapezoids may rise or fall at once; otherwise a wall at an end of the range
         becomes a flank outside of it, which changes nothing inside.
-    hedges : {"fll", "fcl"}, optional
-        Whose words for hedges it has; a hedged statement without becomes a term of its own.
-    most_words : int
-        How many words may stand before a term, `not` among them.
-    concludes_hedged : bool
-        Whether a hedge before all that a rule asks for can stand before what it concludes.
+    has_hedges : bool
+        Whether it has fuzzylite's hedges, several before a term and also before what a rule concludes;
+        otherwise a rule with one is refused.
     is_read : bool
         Whether there is a reader, so that a comment carries what has no place.
     """
@@ -88,9 +85,7 @@ class Dialect:
     has_rule_operators: bool = True
     has_output_methods: bool = True
     has_walls: bool = True
-    hedges: Literal["fll", "fcl"] | None = None
-    most_words: int = 1
-    concludes_hedged: bool = False
+    has_hedges: bool = False
     is_read: bool = True
 
 
@@ -104,13 +99,10 @@ class Expressed:
         What a reader of the format sees.
     rules : tuple of tuple of Rule
         What each rule of the original became.
-    source : FuzzySystem
-        The original.
     """
 
     system: model.FuzzySystem
     rules: tuple[tuple[model.Rule, ...], ...]
-    source: model.FuzzySystem
 
 
 def only_system(controller: model.FuzzyController, dialect: Dialect) -> model.FuzzySystem:
@@ -181,7 +173,7 @@ def express(system: model.FuzzySystem, dialect: Dialect) -> Expressed:
             "export as fll or json"
         )
     ends = np.cumsum([0, *map(len, groups)])
-    return Expressed(expressed, tuple(expressed.rules[start:end] for start, end in pairwise(ends)), system)
+    return Expressed(expressed, tuple(expressed.rules[start:end] for start, end in pairwise(ends)))
 
 
 def refuse_joined(system: model.FuzzySystem) -> None:
@@ -227,21 +219,21 @@ def _finer(variable: model.Variable) -> model.Variable:
 
 def _with_known_hedges(system: model.FuzzySystem, dialect: Dialect) -> model.FuzzySystem:
     """Put every hedge before a statement, and refuse those that a format has no word for."""
-    known = {hedge for hedge, words in HEDGES.items() if dialect.hedges and getattr(words, dialect.hedges)}
+    known = set(HEDGES) if dialect.has_hedges else set()
 
     def expressed(place: int, rule: model.Rule) -> model.Rule:
         if not any(isinstance(part, model.Hedged) for part in model.parts_of(rule.antecedent)):
             return rule
         outside, asked = before(rule.antecedent)
         concludes = set(outside) <= known and all(c.weight == 1.0 for c in rule.consequents)
-        if not (dialect.concludes_hedged and concludes and not is_leaf(asked)):
+        if not (dialect.has_hedges and concludes and not is_leaf(asked)):
             outside, asked = [], rule.antecedent
         try:
             operators = system.and_operator_of(rule), system.or_operator_of(rule)
             moved = with_plain_not(on_statements(asked, *operators), *operators)
             for part in model.parts_of(moved):
                 words, _ = before(part)
-                if {*words} - {"not", *known} or len(words) > max(1, dialect.most_words):
+                if {*words} - {"not", *known}:
                     raise NotExpressible(f"it has no word for {' '.join(words)!r}")
         except NotExpressible as reason:
             raise _not_expressible(place, dialect, reason) from reason

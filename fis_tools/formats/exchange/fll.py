@@ -13,9 +13,10 @@ from typing import Any
 from fis_tools import model
 from fis_tools.errors import ControllerFileError
 from fis_tools.formats.exchange import foreign
+from fis_tools.formats.exchange.antecedents import with_any
 from fis_tools.formats.exchange.carried import MARK, understand
-from fis_tools.formats.exchange.dialect import Dialect, Expressed
-from fis_tools.formats.exchange.fll_rules import Operators, assembled, read_rules
+from fis_tools.formats.exchange.dialect import Dialect, Expressed, settle
+from fis_tools.formats.exchange.fll_rules import Operators, read_rules
 from fis_tools.formats.exchange.foreign import Block, Extent, Table
 from fis_tools.formats.exchange.vocabulary import (
     AGGREGATIONS,
@@ -30,7 +31,7 @@ from fis_tools.formats.mapping import MOST_POINTS
 from fis_tools.formats.serialize import Reading, Written
 from fis_tools.model.operators import WEIGHING
 from fis_tools.model.shape import words_of
-from fis_tools.model.systems import has_sets
+from fis_tools.model.systems import Named, NotResolvable, has_sets, unchained
 
 #: Intervals where a defuzzifier states none: fuzzylite leaves its own number out, this one since version 8.
 RESOLUTION = 1000
@@ -41,9 +42,7 @@ DIALECT = Dialect(
     holds_descriptions=True,
     resolution=RESOLUTION,
     is_nested=True,
-    hedges="fll",
-    most_words=99,
-    concludes_hedged=True,
+    has_hedges=True,
 )
 
 #: The last line of a file of ours: a copy that was cut is told by it from a whole one.
@@ -151,19 +150,45 @@ def _system(blocks: Sequence[Block]) -> model.FuzzySystem:
         (block, [rule for line, words in block.listed for rule in _own_rules(line, words, own)])
         for block, own in zip(rule_blocks, operators, strict=True)
     ]
+    rules = [rule for _, group in groups for rule in group]
     weighed = {output.name for output in outputs if output.defuzzifier in WEIGHING}
     for block in blocks:
         if block.kind == "OutputVariable" and block.name in weighed:
-            _refuse_joined(block, [rule for _, group in groups for rule in group])
-    return assembled(
-        engines[0].name,
-        inputs,
-        outputs,
-        groups,
-        lambda block: block.chosen(_AND, "implication", "none"),
-        and_operator=and_operator or "min",
-        or_operator=or_operator or "max",
+            _refuse_joined(block, rules)
+    named = [Named(f"rule {place}", rule) for place, rule in enumerate(rules, start=1)]
+    try:
+        resolved = unchained(named, {output.name: output for output in outputs})
+    except NotResolvable as error:
+        raise ControllerFileError(str(error)) from error
+    return settle(
+        model.FuzzySystem(
+            name=engines[0].name or "unnamed",
+            inputs=with_any(inputs, rules),
+            outputs=outputs,
+            rules=tuple(resolved),
+            implication=_implication(groups, weighed),
+            and_operator=and_operator or "min",
+            or_operator=or_operator or "max",
+        )
     )
+
+
+def _implication(
+    groups: Sequence[tuple[Block, Sequence[model.Rule]]], weighed: set[str]
+) -> model.AndOperator:
+    """Return how the blocks imply whose rules conclude fuzzy sets."""
+    implications: dict[model.AndOperator, int] = {}
+    for block, group in groups:
+        if any(consequent.variable not in weighed for rule in group for consequent in rule.consequents):
+            operator = block.chosen(_AND, "implication", "none")
+            if operator is not None:
+                implications.setdefault(operator, block.line)
+    if len(implications) > 1:
+        raise ControllerFileError(
+            f"line {list(implications.values())[1]}: the blocks imply by {' and '.join(implications)}, and a "
+            "system of ours has one implication; give each block a file of its own"
+        )
+    return next(iter(implications), "min")
 
 
 def _own_rules(line: int, words: str, own: Operators) -> list[model.Rule]:

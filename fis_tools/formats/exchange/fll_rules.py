@@ -3,15 +3,12 @@
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 from fis_tools import model
 from fis_tools.errors import ControllerFileError
 from fis_tools.formats.exchange import foreign
-from fis_tools.formats.exchange.antecedents import ANY, FUZZYLITES, hedged, joined, with_any
-from fis_tools.formats.exchange.dialect import settle
-from fis_tools.model.operators import HEDGES, WEIGHING
-from fis_tools.model.systems import Named, NotResolvable, unchained
+from fis_tools.formats.exchange.antecedents import ANY, FUZZYLITES, hedged, joined
+from fis_tools.model.operators import HEDGES
 from fis_tools.model.validate import MAX_NESTING
 
 #: The operators of a block of rules; None where it has none.
@@ -108,56 +105,6 @@ def hedged_rules(
     return [model.Rule(hedged(hedges, antecedent), tuple(group)) for hedges, group in groups.items()]
 
 
-def assembled(
-    name: str,
-    inputs: Sequence[model.Variable],
-    outputs: Sequence[model.Variable],
-    groups: Sequence[tuple[foreign.Block, Sequence[model.Rule]]],
-    implied: Callable[[foreign.Block], model.AndOperator | None],
-    **operators: Any,
-) -> model.FuzzySystem:
-    """Build a system of variables and of the rules of blocks.
-
-    Parameters
-    ----------
-    name : str
-    inputs, outputs : sequence of Variable
-    groups : sequence of (Block, rules)
-    implied : callable
-        How a block whose rules conclude fuzzy sets implies, if it says so.
-    **operators
-        Of the system, where no rule has its own.
-    """
-    weighed = {output.name for output in outputs if output.defuzzifier in WEIGHING}
-    implications: dict[model.AndOperator, int] = {}
-    for block, group in groups:
-        if any(consequent.variable not in weighed for rule in group for consequent in rule.consequents):
-            operator = implied(block)
-            if operator is not None:
-                implications.setdefault(operator, block.line)
-    if len(implications) > 1:
-        raise ControllerFileError(
-            f"line {list(implications.values())[1]}: the blocks imply by {' and '.join(implications)}, and a "
-            "system of ours has one implication; give each block a file of its own"
-        )
-    rules = [rule for _, group in groups for rule in group]
-    named = [Named(f"rule {place}", rule) for place, rule in enumerate(rules, start=1)]
-    try:
-        resolved = unchained(named, {output.name: output for output in outputs})
-    except NotResolvable as error:
-        raise ControllerFileError(str(error)) from error
-    return settle(
-        model.FuzzySystem(
-            name=name or "unnamed",
-            inputs=with_any(inputs, rules),
-            outputs=tuple(outputs),
-            rules=tuple(resolved),
-            implication=next(iter(implications), "min"),
-            **operators,
-        )
-    )
-
-
 def _disjunction(words: _Words, operators: Operators, depth: int) -> model.Expression:
     def conjunction() -> model.Expression:
         return _chain(words, "and", operators[0], lambda: _proposition(words, operators, depth))
@@ -190,7 +137,7 @@ def _proposition(words: _Words, operators: Operators, depth: int) -> model.Expre
         inner = _disjunction(words, operators, depth + 1)
         words.take(")")
         return inner
-    if words.peek() == "not":  # FCL has it before parentheses and statements
+    if words.peek() == "not":  # before parentheses and statements
         words.take()
         return model.Not(_proposition(words, operators, depth))
     variable = words.take()

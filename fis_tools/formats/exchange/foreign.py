@@ -429,11 +429,11 @@ def _universe(
 
 
 def rule_words(rule: model.Rule) -> str:
-    """Say a rule in the words of FLL and FCL; its consequents have one weight."""
+    """Say a rule in fuzzylite's words; its consequents have one weight."""
     words, asked = before(rule.antecedent)
     if isinstance(asked, model.Is):
         words, asked = [], rule.antecedent
-    known = {str(hedge): names.fll for hedge, names in HEDGES.items()}
+    known = {str(hedge): word for hedge, word in HEDGES.items()}
     hedges = "".join(f"{known[word]} " for word in words)
     concluded = " and ".join(f"{c.variable} is {hedges}{c.term}" for c in rule.consequents)
     weight = rule.consequents[0].weight

@@ -11,57 +11,53 @@ _Name = TypeVar("_Name", bound=str)
 
 
 class Words(NamedTuple):
-    """What the formats call one method. Words that IEC 61131-7 does not have are fuzzylite's for FCL."""
+    """What the formats call one method."""
 
     fis: str
     fll: str
-    fcl: str
 
 
 AND: dict[AndOperator, Words] = {
-    "min": Words("min", "Minimum", "MIN"),
-    "product": Words("prod", "AlgebraicProduct", "PROD"),
-    "bounded_difference": Words("bounded_difference", "BoundedDifference", "BDIF"),
-    "einstein_product": Words("einstein_product", "EinsteinProduct", "EPROD"),
-    "hamacher_product": Words("hamacher_product", "HamacherProduct", "HPROD"),
-    "drastic_product": Words("drastic_product", "DrasticProduct", "DPROD"),
-    "nilpotent_minimum": Words("nilpotent_minimum", "NilpotentMinimum", "NMIN"),
+    "min": Words("min", "Minimum"),
+    "product": Words("prod", "AlgebraicProduct"),
+    "bounded_difference": Words("bounded_difference", "BoundedDifference"),
+    "einstein_product": Words("einstein_product", "EinsteinProduct"),
+    "hamacher_product": Words("hamacher_product", "HamacherProduct"),
+    "drastic_product": Words("drastic_product", "DrasticProduct"),
+    "nilpotent_minimum": Words("nilpotent_minimum", "NilpotentMinimum"),
 }
 OR: dict[OrOperator, Words] = {
-    "max": Words("max", "Maximum", "MAX"),
-    "probabilistic_sum": Words("probor", "AlgebraicSum", "ASUM"),
-    "bounded_sum": Words("bounded_sum", "BoundedSum", "BSUM"),
-    "einstein_sum": Words("einstein_sum", "EinsteinSum", "ESUM"),
-    "hamacher_sum": Words("hamacher_sum", "HamacherSum", "HSUM"),
-    "drastic_sum": Words("drastic_sum", "DrasticSum", "DSUM"),
-    "nilpotent_maximum": Words("nilpotent_maximum", "NilpotentMaximum", "NMAX"),
+    "max": Words("max", "Maximum"),
+    "probabilistic_sum": Words("probor", "AlgebraicSum"),
+    "bounded_sum": Words("bounded_sum", "BoundedSum"),
+    "einstein_sum": Words("einstein_sum", "EinsteinSum"),
+    "hamacher_sum": Words("hamacher_sum", "HamacherSum"),
+    "drastic_sum": Words("drastic_sum", "DrasticSum"),
+    "nilpotent_maximum": Words("nilpotent_maximum", "NilpotentMaximum"),
 }
-AGGREGATIONS: dict[Aggregation, Words] = {"unbounded_sum": Words("sum", "UnboundedSum", "UnboundedSum")}
+AGGREGATIONS: dict[Aggregation, Words] = {"unbounded_sum": Words("sum", "UnboundedSum")}
 AGGREGATIONS.update(OR.items())
 #: Words of fuzzylite for what is known by another one: from two degrees of truth both make the same.
-NORMALIZED_SUMS: dict[str, OrOperator] = dict.fromkeys(
-    ("normalized_sum", "NormalizedSum", "NSUM"), "bounded_sum"
-)
+NORMALIZED_SUMS: dict[str, OrOperator] = dict.fromkeys(("normalized_sum", "NormalizedSum"), "bounded_sum")
 DEFUZZIFIERS: dict[Defuzzifier, Words] = {
-    "centroid": Words("centroid", "Centroid", "COG"),
-    "bisector": Words("bisector", "Bisector", "COA"),
-    "mom": Words("mom", "MeanOfMaximum", "MM"),
-    "som": Words("som", "SmallestOfMaximum", "LM"),
-    "lom": Words("lom", "LargestOfMaximum", "RM"),
-    "weighted_average": Words("wtaver", "WeightedAverage", "COGS"),
-    "weighted_sum": Words("wtsum", "WeightedSum", "COGSS"),
+    "centroid": Words("centroid", "Centroid"),
+    "bisector": Words("bisector", "Bisector"),
+    "mom": Words("mom", "MeanOfMaximum"),
+    "som": Words("som", "SmallestOfMaximum"),
+    "lom": Words("lom", "LargestOfMaximum"),
+    "weighted_average": Words("wtaver", "WeightedAverage"),
+    "weighted_sum": Words("wtsum", "WeightedSum"),
 }
-#: Nothing where a format has no word. fuzzylite's `extremely` is not that of MATLAB.
-HEDGES: dict[Hedge, Words] = {
-    "very": Words("", "very", "very"),
-    "somewhat": Words("", "somewhat", "somewhat"),
-    "extremely": Words("", "", ""),
-    "intensely": Words("", "extremely", "extremely"),
-    "seldom": Words("", "seldom", "seldom"),
+#: fuzzylite's words for hedges; the others have none. Its `extremely` is not that of MATLAB.
+HEDGES: dict[Hedge, str] = {
+    "very": "very",
+    "somewhat": "somewhat",
+    "intensely": "extremely",
+    "seldom": "seldom",
 }
 
 
-def meanings(methods: Mapping[_Name, Words], file_format: Literal["fis", "fll", "fcl"]) -> dict[str, _Name]:
+def meanings(methods: Mapping[_Name, Words], file_format: Literal["fis", "fll"]) -> dict[str, _Name]:
     """Return the words of a format with the methods they stand for."""
     return {getattr(words, file_format): name for name, words in methods.items()}
 

@@ -48,9 +48,7 @@ def written(
     """
     carried = comment(controller)
     expressed = express(only_system(controller, dialect), dialect)
-    words = {
-        name: getattr(vocabulary, name) for name in ("AND", "OR", "AGGREGATIONS", "DEFUZZIFIERS", "HEDGES")
-    }
+    words = {name: getattr(vocabulary, name) for name in ("AND", "OR", "AGGREGATIONS", "DEFUZZIFIERS")}
     text = rendered(
         f"exchange/{template}",
         system=expressed.system,

@@ -201,13 +201,6 @@ def test_where_a_formula_has_no_value_is_left_out(tmp_path, capsys):
     assert main(["plot", before, "-o", str(tmp_path), "--only", "surfaces"]) == 0
 
 
-def test_weighed_outputs_are_written_as_fcl(files, capsys):
-    assert main(["export", str(files["constant"]), "--format", "fcl"]) == 0
-    told = capsys.readouterr().out
-    assert "TERM y_0 := -1.5;" in told
-    assert "METHOD : COGS;" in told
-
-
 TIPPING = PROJECT / "docs" / "examples" / "tipping.py"
 PROGRAM = """\
 from pathlib import Path

@@ -18,7 +18,7 @@ from fis_tools.engines.compiler import compile
 from fis_tools.findings.simplification.draft import rounded
 from fis_tools.formats import serialize
 from fis_tools.formats.c import source
-from fis_tools.formats.exchange import fcl, fis, fll
+from fis_tools.formats.exchange import fis, fll
 from fis_tools.formats.serialize import Kind
 from fis_tools.model import (
     Arc,
@@ -350,8 +350,7 @@ def test_other_programs_files_hold_it_or_its_points(kind: Kind, form: ModuleType
     np.testing.assert_allclose(outputs, compile(SYSTEM)({"x": INPUTS})["y"], atol=1e-12)
 
 
-def test_formats_of_points_hold_its_points() -> None:
-    assert "TERM bump := (0.0, 0.0)" in fcl.write(CONTROLLER).text
+def test_c_holds_its_points() -> None:
     assert "double" in source.write(CONTROLLER)
 
 

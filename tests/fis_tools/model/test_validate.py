@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from fis_tools.formats.exchange import fcl, fis, fll
+from fis_tools.formats.exchange import fis, fll
 from fis_tools.formats.serialize import dump_json
 from fis_tools.model import (
     And,
@@ -252,7 +252,7 @@ def _shape_faults(shape: MembershipFunction) -> list[str]:
     return list(shape_problems(shape, 101))
 
 
-@pytest.mark.parametrize("write", [dump_json, fis.write, fll.write, fcl.write])
+@pytest.mark.parametrize("write", [dump_json, fis.write, fll.write])
 def test_writers_refuse_a_shape_that_they_do_not_know(write: Callable[[FuzzyController], object]) -> None:
     controller = FuzzyController("c", (_with_membership(_Narrow(0.0, 1.0)),))
     with pytest.raises(InvalidSystem, match="_Narrow is not a known shape"):

@@ -50,7 +50,7 @@ def octave_outputs(
 
 
 def fuzzylite_outputs(path: Path, inputs: Floats, folder: Path) -> Floats:
-    """Evaluate an `.fis`, `.fll` or `.fcl` file with fuzzylite's own program.
+    """Evaluate an `.fis` or `.fll` file with fuzzylite's own program.
 
     The program has no option for the resolution: it writes the engine that it understood as FLL, in which the
     resolution is raised, and evaluates that.

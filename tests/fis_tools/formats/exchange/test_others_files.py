@@ -1,4 +1,4 @@
-"""Files as other programs write them: FCL, hedges, chains, padding, remarks, letters of Latin-1."""
+"""Files as other programs write them: hedges, chains, padding, remarks, letters of Latin-1."""
 
 import importlib.util
 import warnings
@@ -12,92 +12,14 @@ from fis_tools.analysis.arrays import spread_inputs
 from fis_tools.engines.compiler import compile
 from fis_tools.errors import ControllerFileError
 from fis_tools.formats import serialize
-from fis_tools.formats.exchange import fcl, fis, fll
-from fis_tools.model import And, FuzzyController, FuzzySystem, Hedged, Is, Not, Or, Trapezoidal, Triangular
+from fis_tools.formats.exchange import fis, fll
+from fis_tools.model import FuzzyController, FuzzySystem, Hedged, Is, Not, Or, Triangular
 from tests.fis_tools.engines.random_systems import otherwise
 from tests.fis_tools.formats.exchange.outside import NUM_POINTS, Floats, fuzzylite_outputs, octave_outputs
 from tests.fis_tools.formats.exchange.systems import alone, denied_system, fine, flat_system, nested_system
 from tests.fis_tools.sample_controllers import force_x_system
 from tests.places import PROJECT
 from tests.programs import library
-
-TIPPER_FCL = """FUNCTION_BLOCK tipper  // as jFuzzyLogic writes it
-VAR_INPUT  service : REAL; food : REAL; END_VAR
-VAR_OUTPUT tip : REAL; END_VAR
-FUZZIFY service
-  TERM poor := (0, 1) (4, 0);
-  TERM good := (1, 0) (4, 1) (6, 1) (9, 0) (10, 0);
-END_FUZZIFY
-FUZZIFY food
-  RANGE := (0 .. 10);
-  TERM rancid := trape 0 0 1 3; (* a remark
-  of two lines *)
-  TERM delicious := gauss 9 2;
-END_FUZZIFY
-DEFUZZIFY tip
-  RANGE := (0 .. 30);
-  TERM cheap := TRIAN 0 5 10;
-  TERM generous := Triangle 20 25 30;
-  METHOD : COG;
-  ACCU : BSUM;
-  DEFAULT := 15;
-END_DEFUZZIFY
-RULEBLOCK No1
-  AND : PROD;
-  ACT : PROD;
-  RULE 1 : IF service IS poor
-    OR food IS rancid THEN tip IS cheap;
-  RULE 2 : IF NOT (service IS poor) AND food IS very delicious THEN tip IS generous WITH 0.5;
-END_RULEBLOCK
-END_FUNCTION_BLOCK
-"""
-
-
-def test_fcl_says_what_it_is_meant_to():
-    (system,) = serialize.loads(TIPPER_FCL, "fcl").systems
-    assert (system.implication, system.and_operator, system.outputs[0].aggregation) == (
-        "product",
-        "product",
-        "bounded_sum",
-    )
-    assert [(v.minimum, v.maximum) for v in system.inputs] == [(0.0, 10.0), (0.0, 10.0)]
-    assert [term.membership for term in system.outputs[0].terms] == [
-        Triangular(0.0, 5.0, 10.0),
-        Triangular(20.0, 25.0, 30.0),
-    ]
-    assert system.inputs[1].terms[0].membership == Trapezoidal(0.0, 0.0, 1.0, 3.0)
-    assert system.rules[0].antecedent == Or((Is("service", "poor"), Is("food", "rancid")))
-    assert system.rules[1].antecedent == And(
-        (Not(Is("service", "poor")), Hedged("very", Is("food", "delicious")))
-    )
-    strengths = compile(system).firing_strengths(np.array([[2.0, 7.0]]))
-    np.testing.assert_allclose(strengths, [[0.5, 0.5 * np.exp(-0.5) ** 2]], atol=1e-6)
-
-
-def test_fcl_of_ours_is_read_back():
-    system = flat_system()
-    (read,) = serialize.loads(fcl.write(alone(system)).text, "fcl").systems
-    rows = np.random.default_rng(2).uniform((-10.0, 0.0), (40.0, 25.0), (40, 2))
-    widths = [output.maximum - output.minimum for output in system.outputs]
-    # corners of inputs lie between points of the original universe: 4.4e-5 was measured
-    np.testing.assert_allclose(compile(read)(rows) / widths, compile(system)(rows) / widths, atol=1e-4)
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "words"),
-    [
-        ("COG;", "COGS;", "cannot be weighed"),
-        ("TRIAN 0 5 10;", "5;", "a number and no fuzzy set"),
-        ("TRIAN 0 5 10;", ";", "is not TERM name := "),
-        ("RANGE := (0 .. 30);", "", "has no RANGE"),
-        ("RULE 1 : IF", "RULE 1 IF service IS", "line 25"),
-        ("END_FUNCTION_BLOCK", "END_FUNCTION_BLOCK\nFUNCTION_BLOCK two", "2 function blocks"),
-    ],
-)
-def test_fcl_that_cannot_be_read_is_refused(old, new, words):
-    with pytest.raises(ControllerFileError, match=words):
-        serialize.loads(TIPPER_FCL.replace(old, new), "fcl")
-
 
 OLD_FIS = """[System]  % a remark
 Name='caf\u00e9 #1';
@@ -371,7 +293,7 @@ def test_octave_evaluates_our_files_as_we_do(tmp_path):
     [
         (name, form)
         for name in ("paper", "climate", "product", "denied", "nested", "tipper", "dimmer")
-        for form in (fis, fll, fcl)
+        for form in (fis, fll)
         # the dimmer's rules combine in two ways, which a .fis file cannot say
         if (name, form) not in {("dimmer", fis), ("nested", fis)}
     ],

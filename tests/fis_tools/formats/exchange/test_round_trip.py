@@ -9,11 +9,10 @@ import pytest
 from fis_tools.analysis.arrays import spread_inputs
 from fis_tools.engines.compiler import compile
 from fis_tools.formats import serialize
-from fis_tools.formats.exchange import antecedents, fcl, fis, fll
+from fis_tools.formats.exchange import antecedents, fis, fll
 from fis_tools.formats.exchange.antecedents import NotExpressible
 from fis_tools.formats.exchange.carried import EDITED
 from fis_tools.formats.exchange.dialect import express
-from fis_tools.formats.exchange.vocabulary import AGGREGATIONS
 from fis_tools.formats.serialize import ControllerFileError
 from fis_tools.model import (
     And,
@@ -89,7 +88,6 @@ WARM_BREEZE = And((Is("temperature", "warm"), Is("wind", "breeze")))
     [
         (fll, Not(Hedged("very", Is("wind", "calm"))), "wind is not very calm"),
         (fll, Hedged("intensely", WARM_BREEZE), "is extremely some"),
-        (fcl, Not(Hedged("very", Is("wind", "calm"))), "wind is not very calm"),
     ],
 )
 def test_hedges_are_said_in_the_words_of_a_format(form, asked, words):
@@ -105,7 +103,7 @@ def test_hedges_are_said_in_the_words_of_a_format(form, asked, words):
 
 @pytest.mark.parametrize(
     ("form", "hedges"),
-    [(fis, ["very"]), (fll, ["extremely"]), (fcl, ["extremely"])],
+    [(fis, ["very"]), (fll, ["extremely"])],
 )
 def test_a_hedge_without_a_word_is_refused(form, hedges):
     rule = Rule(antecedents.hedged(hedges, Is("wind", "calm")), (Consequent("heat", "some"),))
@@ -307,12 +305,3 @@ def test_every_kind_is_read_by_its_ending(tmp_path):
         path = tmp_path / f"system.{ending}"
         path.write_text(form.write(controller).text, encoding="utf-8")
         assert serialize.load(path) == controller
-
-
-@pytest.mark.parametrize("aggregation", AGGREGATIONS)
-def test_fcl_reads_the_aggregations_that_it_writes(aggregation):
-    system = flat_system()
-    outputs = tuple(replace(output, aggregation=aggregation) for output in system.outputs)
-    text = fcl.write(alone(replace(system, outputs=outputs))).text
-    read = fcl.read(text).controller.systems[0]
-    assert {output.aggregation for output in read.outputs} == {aggregation}

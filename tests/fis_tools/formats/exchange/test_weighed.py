@@ -8,7 +8,7 @@ import pytest
 
 from fis_tools.engines.compiler import compile
 from fis_tools.errors import ControllerFileError
-from fis_tools.formats.exchange import fcl, fis, fll
+from fis_tools.formats.exchange import fis, fll
 from fis_tools.formats.exchange.antecedents import NotExpressible
 from fis_tools.formats.exchange.dialect import express
 from fis_tools.model import FuzzySystem, Ramp
@@ -54,7 +54,6 @@ def test_what_is_written_is_read(name: str, form: ModuleType) -> None:
     [
         *((name, fis) for name in ("constant", "linear")),
         *((name, fll) for name in ("linear", "linear_sum", "tsukamoto", "mixed")),
-        *((name, fcl) for name in ("constant", "linear", "tsukamoto")),
     ],
 )
 def test_fuzzylite_weighs_as_we_do(name: str, form: ModuleType, tmp_path: Path) -> None:
