@@ -86,12 +86,6 @@ def field(_: Path) -> None:
     (IMAGES / "field.png").write_bytes(save(figure, "field", 150).png)
 
 
-def front(scratch: Path) -> None:
-    """Draw a front of controllers."""
-    words = ("controller=champion_fixed_sun", "starts=random", "starts.num_cases=96", "optimizer.rounds=4")
-    keep(run(scratch, "+experiment=train_front", *words) / "figures" / "front.png")
-
-
 def safety(scratch: Path) -> None:
     """Draw a flight with the safety layer and without."""
     # one of the flights that leave the outer limit without the layer
@@ -165,7 +159,7 @@ MAKERS: dict[str, Callable[[Path], None]] = {
     maker.__name__: maker
     for maker in (
         *(flight, replay, satellite, campaign, comparison),
-        *(field, front, safety, tour, review, edit),
+        *(field, safety, tour, review, edit),
     )
 }
 SCENE, FIGURES, CONTROLLERS = "telemetry/scene", "pipeline/report/figures", "conf/controller"
@@ -177,7 +171,6 @@ SOURCES: dict[str, tuple[str, ...]] = {
     "campaign": (SCENE, f"{CONTROLLERS}/paper_champion.yaml"),
     "comparison": (f"{FIGURES}/comparison.py", f"{FIGURES}/style.py", "conf/experiment/reproduce.yaml"),
     "field": (f"{FIGURES}/comparison.py", f"{FIGURES}/style.py", FIELD),
-    "front": (f"{FIGURES}/training.py", f"{FIGURES}/style.py", f"{CONTROLLERS}/champion_fixed_sun.yaml"),
     "safety": (f"{FIGURES}/trajectories.py", f"{FIGURES}/style.py", f"{CONTROLLERS}/paper_octants.yaml"),
     "tour": ("benchmarks/champion.py", f"{FIGURES}/trajectories.py", f"{CONTROLLERS}/champion_leo.yaml"),
     "edit": ("fis_tools/edit", "pipeline/edit", f"{CONTROLLERS}/champion_27.yaml"),

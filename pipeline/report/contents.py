@@ -92,8 +92,6 @@ class Contents:
     shown : sequence of ShownFlight
     logbook : mapping of str to (n,) array, optional
         One entry a generation.
-    front : mapping of str to (n,) array, optional
-        The columns of ``train/front.parquet``.
     manifest : mapping, optional
     config_text : str
         The resolved configuration, YAML.
@@ -115,7 +113,6 @@ class Contents:
     without_safety: comparisons.Without | None
     shown: Sequence[ShownFlight]
     logbook: Columns | None
-    front: Columns | None
     manifest: Mapping[str, Any] | None
     config_text: str
     command: str
@@ -176,7 +173,6 @@ def gather(experiment: Experiment, folder: Path) -> Contents:
         ),
         shown=fly_shown(experiment, controller, starts, evaluation, training_round) if controller else (),
         logbook=logbook,
-        front=_if_there(tables.read_parquet, folder, artifacts.FRONT_GENOMES),
         manifest=manifest,
         config_text=config.read_text(encoding="utf-8") if config.exists() else "",
         command=command_of(folder, manifest),

@@ -13,7 +13,7 @@ from pipeline.evaluation import comparison
 from pipeline.evaluation.monte_carlo import SUCCESS
 from pipeline.flight.state.log import Scenario, inspectable_rate, points_in_words, points_needed
 from pipeline.report import comparisons
-from pipeline.report.contents import POSITION, Columns, Contents, FlightSet, ShownFlight
+from pipeline.report.contents import POSITION, Contents, FlightSet, ShownFlight
 from pipeline.report.figures.style import MOST_POINTS, Illustration
 from pipeline.run import artifacts
 from pipeline.settings.experiment import Mission
@@ -22,16 +22,6 @@ from pipeline.settings.experiment import Mission
 DECIMALS = {"delta_v_m_s": 3, "inspection_rate_percent": 2, "mean_distance_m": 2}
 INSPECTABLE = "inspectable_rate_percent"
 SHARES = ("success", "violated", SUCCESS)
-#: column of a front: decimals on the page
-FRONT = {
-    "validation_delta_v_m_s": 3,
-    "validation_inspection_rate_percent": 2,
-    "validation_success_percent": 1,
-    "validation_outside_percent": 2,
-    "training_delta_v_m_s": 3,
-    "training_inspection_rate_percent": 2,
-    "rule_consistency": 2,
-}
 #: of many training flights only so many have a row of their own
 MOST_ROWS = 64
 
@@ -92,7 +82,6 @@ def write(contents: Contents, illustrations: Mapping[str, Illustration]) -> str:
         ),
         optimum_cases=comparisons.optimum_rows(contents.beside),
         has_crowd=bool(contents.training and contents.training.summary["num_cases"] > MOST_POINTS),
-        front=front_rows(contents.front),
         summary=summary,
         illustrations=illustrations,
         provenance=_provenance(contents.manifest),
@@ -273,20 +262,6 @@ def case_rows(training: FlightSet | None) -> list[list[str]]:
             comparisons.outcome(bool(episodes["success"][row]), bool(episodes["violated"][row])),
         ]
         for row in range(len(episodes["case"]))
-    ]
-
-
-def front_rows(front: Columns | None) -> list[list[str]]:
-    """Return one row of words for each controller of a front."""
-    if front is None:
-        return []
-    return [
-        [
-            f"{int(front['controller'][row]):02d}",
-            *(f"{front[name][row]:.{places}f}" for name, places in FRONT.items() if name in front),
-            "champion" if front["champion"][row] else "" if front["stands"][row] else "dominated",
-        ]
-        for row in range(len(front["controller"]))
     ]
 
 

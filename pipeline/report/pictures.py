@@ -5,11 +5,11 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
-from pipeline.evaluation.comparison import PAPER_TEST, ComparisonRow, worlds_of
+from pipeline.evaluation.comparison import ComparisonRow, worlds_of
 from pipeline.flight.state.log import FlightLog, points_needed
 from pipeline.flight.world.pack import inspection_points
 from pipeline.report.comparisons import Pair, Without, marks_of, squares_of
-from pipeline.report.contents import Columns, Contents, FlightSet, ShownFlight
+from pipeline.report.contents import Contents, FlightSet, ShownFlight
 from pipeline.report.figures.comparison import LINEAR, by_world, compared
 from pipeline.report.figures.flights import METRICS, Sample, controls, distributions
 from pipeline.report.figures.optimum import beside_optimum
@@ -24,9 +24,9 @@ from pipeline.report.figures.style import (
     illustrate,
     style,
 )
-from pipeline.report.figures.training import convergence, front_of_training
+from pipeline.report.figures.training import convergence
 from pipeline.report.figures.trajectories import MOST_TOLD_APART, Tracks, trajectories
-from pipeline.settings.experiment import Experiment, Mission
+from pipeline.settings.experiment import Mission
 
 #: the files that this stage writes into the folder of figures, or once did, and no other
 OWN_FILES = re.compile(
@@ -83,8 +83,6 @@ def _drawn(contents: Contents) -> Iterator[Drawn]:
         )
         figure = convergence(contents.logbook, len(inspection_points(mission)), _needed(mission))
         yield "convergence", caption, figure
-    if contents.front is not None:
-        yield _front(contents.front, contents.experiment)
 
 
 def _comparison(rows: Sequence[ComparisonRow], mission: Mission) -> Drawn:
@@ -171,18 +169,6 @@ def _two(flights: Mapping[str, FlightLog], mission: Mission) -> Figure:
     colours = dict(zip(names, (BLUE, VERMILION), strict=True))
     paths = np.stack([log.position_m for log in flights.values()])
     return trajectories(Tracks(paths, list(colours.values()), colours), mission)
-
-
-def _front(front: Columns, experiment: Experiment) -> Drawn:
-    threshold, means = experiment.mission.inspection_threshold_percent, PAPER_TEST.means
-    caption = (
-        "The front: delta-v and inspection rate of its controllers, means over "
-        f"{experiment.optimizer.validation_cases:,} starts that no training has flown, and how many of these "
-        f"flights reach {threshold:g} % or leave the distance limits. Open circles are dominated there by "
-        "others of the front. Numbers are those of the controller files. The paper's "
-        f"{means['delta_v_m_s']:g} m/s for {means['inspection_rate_percent']:g} % are not drawn."
-    )
-    return "front", caption, front_of_training(front, threshold)
 
 
 def _needed(mission: Mission) -> int:

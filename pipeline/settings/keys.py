@@ -36,6 +36,10 @@ RENAMED: Mapping[str, str] = {
     "search": "hparams_search",
     "tracking": "logger",
 }
+_FRONT = (
+    "fuel and points have prices; train with several, -m optimizer.penalty.missed_point_m_s=0.05,0.1,0.2, "
+    "whose sweep.html has the front"
+)
 _ISLANDS = "there is one population; train from several seeds, -m seed=1,2,3, and leave it out"
 #: keys of earlier versions that have no present one, and an option of a group, and why
 GONE: Mapping[str, str] = {
@@ -45,6 +49,7 @@ GONE: Mapping[str, str] = {
         "one process flies everything, on monte_carlo.workers or optimizer.workers threads; leave it out",
     ),
     "optimizer=islands": _ISLANDS,
+    **dict.fromkeys(("optimizer=front", "experiment=train_front", "optimizer.consistency"), _FRONT),
     **dict.fromkeys(("optimizer.islands", "optimizer.migrate_every", "optimizer.migrants"), _ISLANDS),
 }
 #: the group whose keys are those of the configuration

@@ -190,7 +190,6 @@ class Penalty:
 
 
 GENETIC = Only("optimizer.algorithm=genetic")
-BRED = Only("optimizer.algorithm=genetic", "optimizer.algorithm=nsga2")
 
 
 @settings("optimizer", TRAINS)
@@ -203,7 +202,7 @@ class Optimizer:
     """Generations after the first, in each round."""
     tournament_size: Annotated[Count, Field(le=MOST_INDIVIDUALS), GENETIC] = 4
     """Individuals in a tournament, whose best becomes a parent."""
-    crossover_rate: Annotated[Share, BRED] = 0.8
+    crossover_rate: Annotated[Share, GENETIC] = 0.8
     """Share of a generation that are children of two parents."""
     elitism_rate: Annotated[Number, Field(ge=0, le=0.9), GENETIC] = 0.1
     """Share that passes unchanged into the next."""
@@ -217,11 +216,11 @@ class Optimizer:
     penalty: Penalty = field(default_factory=Penalty)
     workers: Workers = None
     """Threads that fly; null: one a processor."""
-    algorithm: Literal["genetic", "cma_es", "nsga2"] = "genetic"
-    """Crossover and mutation; an adapting normal distribution; a front of two objectives."""
-    mutation: Annotated[Literal["adaptive_feasible", "local"], BRED] = "adaptive_feasible"
+    algorithm: Literal["genetic", "cma_es"] = "genetic"
+    """Crossover and mutation, or an adapting normal distribution."""
+    mutation: Annotated[Literal["adaptive_feasible", "local"], GENETIC] = "adaptive_feasible"
     """MATLAB's, all genes along one direction, or few genes by small normal steps."""
-    first_population: Annotated[Literal["random", "near"], BRED] = "random"
+    first_population: Annotated[Literal["random", "near"], GENETIC] = "random"
     """Besides the controller: drawn anywhere, or its local mutants."""
     next_round: Annotated[Literal["afresh", "carried"], Only("optimizer.rounds>1")] = "afresh"
     """How a later round begins: a new population and the champion, or the one it finds."""
@@ -235,15 +234,11 @@ class Optimizer:
     """Factor on the steps of local mutation from round to round."""
     validation_cases: Natural = 0
     """Starts on which the best of the rounds' champions is chosen; 0: the last."""
-    consistency: Annotated[Flag, Only("optimizer.algorithm=nsga2")] = False
-    """Whether rule consistency is an objective of a front."""
 
     def __post_init__(self) -> None:
         """Check that rates leave room for one another and the population suits the algorithm."""
-        least = {"cma_es": 5, "nsga2": 4}.get(self.algorithm, 2)
+        least = 5 if self.algorithm == "cma_es" else 2
         checks.within("optimizer.population_size", self.population_size, least, math.inf)
-        if self.algorithm == "nsga2":
-            self._check_front()
         prices = self.penalty.short_point_m_s, self.penalty.missed_point_m_s
         digits = (self.rounds - 1) * math.log10(self.penalty.growth) + math.log10(max(*prices, 1.0))
         if digits > math.log10(MOST_PRICE):
@@ -257,19 +252,6 @@ class Optimizer:
                 f"optimizer.crossover_rate is {self.crossover_rate} and optimizer.elitism_rate "
                 f"{self.elitism_rate}, together more than the whole population; lower one of them, or choose "
                 "optimizer.split=rest"
-            )
-
-    def _check_front(self) -> None:
-        """Check that there are starts to evaluate a front on, and steps that suit several objectives."""
-        if self.validation_cases < 1:
-            raise SettingError(
-                f"optimizer.validation_cases is {self.validation_cases}; it must be a whole number of at "
-                "least 1; a front is judged on them"
-            )
-        if self.mutation != "local":
-            raise SettingError(
-                f"optimizer.mutation is {self.mutation}, which follows a single fitness; with "
-                "optimizer.algorithm=nsga2 it must be local"
             )
 
     def step_of_round(self, round_index: int) -> float:

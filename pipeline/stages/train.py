@@ -1,6 +1,5 @@
-"""Evolve the controller's numbers: logbook, history, checkpoint, champion, and the front if there is one."""
+"""Evolve the controller's numbers: logbook, history, checkpoint, champion."""
 
-import sys
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -12,16 +11,12 @@ import numpy as np
 from fis_tools.formats import serialize
 from fis_tools.formats.serialize import described
 from pipeline.controllers import source
-from pipeline.flight.cases.starts import validation_scenarios
-from pipeline.flight.world.pack import inspection_points
 from pipeline.run import artifacts, maker, tables
 from pipeline.settings.experiment import Experiment
-from pipeline.training.evolution.genetic import Front
 from pipeline.training.evolution.rounds import Evolution
 from pipeline.training.evolution.state import Generation
-from pipeline.training.front import judged_front, write_front
 from pipeline.training.genome import Genome, genome_of
-from pipeline.training.judging import Choice, choose, evolved, fitness_from
+from pipeline.training.judging import Choice, choose, evolved
 from pipeline.training.progress import Log, TrainingProgress, logged
 
 #: the history is written at most once in this many seconds, because each writing waits for the disk; the
@@ -38,11 +33,7 @@ def run(experiment: Experiment, folder: Path) -> None:
     with logged(experiment.logger, folder) as log:
         result = _evolved(experiment, folder, genome, log)
         provenance = _provenance(folder, experiment, result.history, result.interrupted)
-        if result.front is None:
-            choice = choose(experiment, genome, result.history)
-        else:
-            last = result.history[-1].round
-            choice = _keep_front(folder, experiment, genome, result.front, last, provenance)
+        choice = choose(experiment, genome, result.history)
         write_champion(folder, experiment, genome, choice, provenance)
         if result.interrupted:
             raise KeyboardInterrupt
@@ -70,28 +61,6 @@ def _evolved(experiment: Experiment, folder: Path, genome: Genome, log: Log) -> 
         )
         write_history(folder, result.history)
     return result
-
-
-def _keep_front(
-    folder: Path,
-    experiment: Experiment,
-    genome: Genome,
-    front: Front,
-    round_index: int,
-    provenance: Mapping[str, str],
-) -> Choice:
-    """Fly a front from the validation starts and write it; the best there is the champion."""
-    num_cases = experiment.optimizer.validation_cases
-    sys.stderr.write(f"  flying the front's {len(front.genomes)} controllers from {num_cases} more starts\n")
-    scenarios = validation_scenarios(experiment.starts, experiment.sun, experiment.seed, num_cases)
-    validation = fitness_from(experiment, genome, scenarios, round_index)(front.genomes)
-    num_points = len(inspection_points(experiment.mission))
-    columns, genomes = judged_front(front, validation, num_points, num_cases)
-    controllers = [replace(genome.decode(g), name=_name(experiment, genome)) for g in genomes]
-    write_front(folder, columns, genomes, controllers, provenance)
-    best = int(np.argmax(columns["champion"]))
-    training, there = (columns[f"{starts}_fitness_m_s"][best] for starts in ("training", "validation"))
-    return Choice(genomes[best], float(training), float(there))
 
 
 def rows_of(history: Sequence[Generation]) -> list[dict[str, Any]]:

@@ -10,10 +10,6 @@ for a success: 95 of 99 at a threshold of 95 %. The distance limits are tightene
 that a champion keeps clear of them; at most `outside_most_m` of
 the metres outside are priced, so that a search for few exits is not dominated by the largest one
 (Choi, Kim and Leeghim, AAS 25-727, leave zeta's form open).
-
-For a front the fitness is the sum of two objectives, so that its champion is on the
-front: fuel spent and points missed. Faults, i.e. leaving the limits or missing the threshold
-of success, are charged half to each, so that no controller improves one objective by them.
 """
 
 import numpy as np
@@ -39,8 +35,7 @@ def fitness_parts(outcomes: Outcomes, penalty: Penalty, mission: Mission) -> dic
     -------
     dict of (n,) arrays
         ``fitness``, and its parts: ``delta_v_m_s`` and ``points`` (means), ``outside`` (flights that
-        left the limits), ``outside_m`` (mean), ``short`` (flights short of the threshold), ``failed``
-        (flights that did either).
+        left the limits), ``outside_m`` (mean), ``short`` (flights short of the threshold).
     """
     points = outcomes.inspected_count
     is_short = ~outcomes.is_success(mission.inspection_threshold_percent)
@@ -51,7 +46,6 @@ def fitness_parts(outcomes: Outcomes, penalty: Penalty, mission: Mission) -> dic
         "outside": outcomes.is_violated.sum(axis=-1).astype(np.float64),
         "outside_m": outcomes.outside_m.mean(axis=-1),
         "short": is_short.sum(axis=-1).astype(np.float64),
-        "failed": (is_short | outcomes.is_violated).sum(axis=-1).astype(np.float64),
     }
 
 
@@ -59,20 +53,6 @@ def costs(outcomes: Outcomes, penalty: Penalty, mission: Mission) -> Floats:
     """Return delta-v plus zeta of each flight, m/s, of the shape of the outcomes; see `fitness_parts`."""
     outside, short, missed = _prices(outcomes, penalty, mission)
     return np.asarray(outcomes.delta_v_m_s + (outside + short + missed))
-
-
-def objectives(outcomes: Outcomes, penalty: Penalty, mission: Mission) -> dict[str, Floats]:
-    """Split the fitness of a population into two objectives; see `fitness_parts`.
-
-    Returns
-    -------
-    dict of (n,) arrays
-        ``spent``, delta-v and half the price of faults, and ``missed``, the price of all points missed and
-        the other half; means over the flights, m/s.
-    """
-    outside, short, missed = _prices(outcomes, penalty, mission)
-    faults = 0.5 * (outside + short)
-    return {"spent": (outcomes.delta_v_m_s + faults).mean(axis=-1), "missed": (missed + faults).mean(axis=-1)}
 
 
 def _prices(outcomes: Outcomes, penalty: Penalty, mission: Mission) -> tuple[Floats, Floats, Floats]:

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from fis_tools.analysis.measures import rule_consistency
 from pipeline.array_types import Floats
 from pipeline.flight.cases.starts import cases_of, hard_candidates, training_scenarios, validation_scenarios
 from pipeline.flight.control.controller import from_fuzzy, law_of
@@ -18,14 +17,10 @@ from pipeline.flight.state.log import Outcomes, Scenario
 from pipeline.flight.world.pack import pack_world
 from pipeline.settings.experiment import Experiment, Mission
 from pipeline.training.evolution.generations import Evaluate
-from pipeline.training.evolution.genetic import OBJECTIVE
 from pipeline.training.evolution.rounds import Evolution, evolve_rounds
 from pipeline.training.evolution.state import Generation
-from pipeline.training.fitness import costs, fitness_parts, objectives
+from pipeline.training.fitness import costs, fitness_parts
 from pipeline.training.genome import Genome
-
-#: the third objective of a front, which needs no flight
-INCONSISTENCY = OBJECTIVE + "inconsistency"
 
 
 def fitness_of_round(
@@ -62,31 +57,9 @@ def fitness_from(
 
     def evaluate(genomes: Floats) -> Mapping[str, Floats]:
         outcomes = fly(genomes)
-        parts = fitness_parts(outcomes, penalty, mission)
-        if optimizer.algorithm == "nsga2":
-            split = objectives(outcomes, penalty, mission)
-            parts |= {OBJECTIVE + name: values for name, values in split.items()}
-            if optimizer.consistency:
-                parts[INCONSISTENCY] = inconsistency(genome, genomes)
-        return parts
+        return fitness_parts(outcomes, penalty, mission)
 
     return evaluate
-
-
-def inconsistency(genome: Genome, genomes: Floats) -> Floats:
-    """Return 1 minus the mean rule consistency of each controller, shape (n,).
-
-    0 if every rule, where it holds most, gives the output that it would give alone
-    (`fis_tools.analysis.measures.rule_consistency`).
-
-    Parameters
-    ----------
-    genome : Genome
-        Meaning of the genes.
-    genomes : (n, num_genes) array
-    """
-    rows = ([rule_consistency(one).values for one in genome.decode(genes).systems] for genes in genomes)
-    return np.array([1.0 - np.concatenate(row).mean() for row in rows])
 
 
 def costs_of(

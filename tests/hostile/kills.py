@@ -30,7 +30,6 @@ KINDS: Final[Mapping[str, Sequence[str]]] = {
         "optimizer.generations=4", "optimizer.validation_cases=8",
     ),
     "cma_es": ("+experiment=train_planes", "stages=[scenario,train,evaluate]", *FEW),
-    "nsga2": ("+experiment=train_front", "stages=[scenario,train,evaluate]", *FEW),
     "evaluate": (*EVALUATE, "stages=[scenario,evaluate,record]"),
     "planned": ("+experiment=evaluate", "controller=lqr", "stages=[scenario,evaluate,record]"),
     "safety": (

@@ -1,8 +1,7 @@
 """Generations of one population: the first of a round, and each from the one before.
 
 Smaller fitness is better. The genetic algorithm keeps each generation's elite as it is and fills the rest
-with children, and NSGA-II keeps the best of parents and children by two objectives
-(`pipeline.training.evolution.genetic`); CMA-ES draws each generation anew.
+with children (`pipeline.training.evolution.genetic`); CMA-ES draws each generation anew.
 
 CMA-ES (Hansen and Ostermeier, Evolutionary Computation 9, 2001), DEAP's `deap.cma`, samples around a centre
 that moves towards the better ones. Genes are sampled unbounded; the nearest point of [0, 1] is evaluated, and
@@ -20,7 +19,6 @@ from deap import cma
 
 from pipeline.array_types import Floats
 from pipeline.settings.experiment import Optimizer
-from pipeline.training.evolution import genetic
 from pipeline.training.evolution.genetic import Individual, adapt_step_size, breed, scatter, split_population
 from pipeline.training.evolution.state import Generation, State
 
@@ -87,9 +85,6 @@ def advance(state: State, evaluate: Evaluate, settings: Optimizer) -> None:
     if settings.algorithm == "cma_es":
         _sample_generation(state, evaluate, settings)
         return
-    if settings.algorithm == "nsga2":
-        _select_generation(state, evaluate, settings)
-        return
     if settings.mutation == "adaptive_feasible" and state.generation > 1:
         has_improved = state.history[-1].best < state.history[-2].best
         state.step_size = adapt_step_size(state.step_size, has_improved)
@@ -120,18 +115,6 @@ def record(state: State) -> None:
             champion=state.genomes[best].copy(),
         )
     )
-
-
-def _select_generation(state: State, evaluate: Evaluate, settings: Optimizer) -> None:
-    """Evaluate as many children as there are parents, and keep the best of both by their objectives."""
-    children = genetic.breed_front(state, settings)
-    fitness, parts = _evaluated_once(evaluate, children, state)
-    fitness = np.concatenate((state.fitness, fitness))
-    parts = {name: np.concatenate((old, parts[name])) for name, old in state.parts.items()}
-    kept = genetic.survivors(genetic.objectives_of(parts), fitness, settings.population_size)
-    state.genomes = np.concatenate((state.genomes, children))[kept]
-    state.fitness, state.parts = fitness[kept], {name: values[kept] for name, values in parts.items()}
-    state.evaluations += len(children)
 
 
 def _sample_generation(state: State, evaluate: Evaluate, settings: Optimizer) -> None:

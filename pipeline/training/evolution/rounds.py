@@ -14,7 +14,7 @@ import numpy as np
 
 from pipeline.array_types import Floats
 from pipeline.settings.experiment import Optimizer
-from pipeline.training.evolution import generations, genetic
+from pipeline.training.evolution import generations
 from pipeline.training.evolution.generations import Evaluate, EvaluateForRound
 from pipeline.training.evolution.state import Generation, State, load, save
 
@@ -30,14 +30,11 @@ class Evolution:
     ----------
     history : tuple of Generation
         One for each generation of each round.
-    front : Front, optional
-        Of the last population, if there are two objectives (NSGA-II).
     interrupted : bool
         Whether it was interrupted from the keyboard.
     """
 
     history: tuple[Generation, ...]
-    front: genetic.Front | None
     interrupted: bool
 
 
@@ -179,5 +176,4 @@ def evolve_rounds(
         if not history:
             raise
         interrupted = True
-    front = genetic.front_of(state) if state and settings.algorithm == "nsga2" else None
-    return Evolution(tuple(history), front, interrupted)
+    return Evolution(tuple(history), interrupted)

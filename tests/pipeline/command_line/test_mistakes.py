@@ -63,6 +63,7 @@ MISTAKES = [
     (["cluster", "slurm", "+experiment=train"], "cluster is gone; start each run of a sweep as a job of its"),
     ([*FLY, "engine=dask"], "there is no key engine any more: one process flies everything, on"),
     ([*FLY, "optimizer=islands"], "there is no optimizer=islands any more: there is one population"),
+    (["+experiment=train_front"], "there is no experiment=train_front any more: fuel and points have prices"),
     ([*FLY, "optimizer.islands=4"], "there is no key optimizer.islands any more: there is one population"),
     ([*FLY, "engine.scheduler=tcp://x:1"], "there is no key engine.scheduler any more: one process"),
     # values

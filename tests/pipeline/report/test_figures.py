@@ -12,7 +12,7 @@ from pipeline.flight.fly.simulation import fly_logged
 from pipeline.flight.state.log import Scenario
 from pipeline.report.figures.flights import METRICS, Sample, controls, distributions
 from pipeline.report.figures.style import BLUE, PALETTE, PURPLE, inline, save, style
-from pipeline.report.figures.training import convergence, front_of_training
+from pipeline.report.figures.training import convergence
 from pipeline.report.figures.trajectories import Tracks, trajectories
 from tests.pipeline.flight.missions import PAPER
 from tests.pipeline.report.runs import PAPER_CONTROLLER
@@ -185,27 +185,6 @@ def test_convergence_shows_the_logbook_and_the_rounds():
     assert fitness.yaxis.get_major_formatter()(1e-3) == "10⁻³"
     for ax in (fitness, delta_v, points, flights):
         assert [2.5, 2.5] in [list(line.get_xdata()) for line in ax.lines]
-
-
-def test_a_front_shows_each_controller_once_and_names_those_apart():
-    spent = np.array([0.1, 0.2, 0.2005, 0.3, 0.5])
-    front = {
-        "controller": np.arange(5),
-        "champion": np.array([False, False, False, True, False]),
-        "stands": np.array([True, True, True, True, False]),
-        "validation_delta_v_m_s": spent,
-        "validation_inspection_rate_percent": np.array([80.0, 90.0, 90.01, 98.0, 97.0]),
-        "validation_success_percent": np.array([10.0, 50.0, 50.0, 97.0, 93.0]),
-        "validation_outside_percent": np.array([0.0, 0.5, 1.0, 0.0, 0.0]),
-    }
-    rate, ends = front_of_training(front, 95.0).axes
-    drawn = {line.get_label(): line.get_xdata() for line in (*rate.lines[:3], *ends.lines)}
-    np.testing.assert_array_equal(drawn["controller of the front"], spent[:3])
-    np.testing.assert_array_equal(drawn["dominated on these starts"], spent[4:])
-    np.testing.assert_array_equal(drawn["champion: 0.300 m/s, 98.00 %"], spent[3:4])
-    np.testing.assert_array_equal(drawn["at least 95 % inspected"], spent)
-    assert [text.get_text() for text in rate.texts] == ["00", "01", "03"]
-    np.testing.assert_array_equal(ends.lines[1].get_ydata(), front["validation_outside_percent"])
 
 
 def test_an_svg_in_a_page_has_ids_of_its_own_and_takes_the_pages_colours():

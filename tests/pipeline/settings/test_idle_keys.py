@@ -182,14 +182,14 @@ def test_help_on_a_group_a_key_and_what_is_no_key(capsys):
     assert "did you mean deputy.mass_kg?" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("words", [["--help", "train_front"], ["+experiment=train_front", "--help"]])
+@pytest.mark.parametrize("words", [["--help", "train_polish"], ["+experiment=train_polish", "--help"]])
 def test_help_on_an_experiment_shows_what_people_change_with_its_values(words, capsys):
     assert main(words) == 0
     told = capsys.readouterr().out
-    assert told.startswith("+experiment=train_front: Breed a front")
+    assert told.startswith("+experiment=train_polish: Polish all but the rules")
     shown = re.findall(r"^  ([\w.]+)=(.*)$", told, re.MULTILINE)
     assert len(shown) == 11  # the stages, and ten keys or groups
-    composed = compose_experiment(["+experiment=train_front", "controller=champion_27"]).config
+    composed = compose_experiment(["+experiment=train_polish", "controller=champion_27"]).config
     values = {key: yaml.safe_load(value) for key, value in shown if value != "NAME"}
     assert values == {key: value_at(composed, key) for key in values}
     assert "optimizer.population_size" in values
