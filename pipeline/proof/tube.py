@@ -93,11 +93,8 @@ def _leaning(box: Box, shear: float) -> Box:
 
 def _joined(a: Box, b: Box) -> Box:
     """Return the box around two of one shear."""
-    lows, highs = (
-        (min(a.low, b.low), min(a.least, b.least)),
-        (max(a.high, b.high), max(a.greatest, b.greatest)),
-    )
-    return Box(lows[0], highs[0], lows[1], highs[1], a.shear)
+    low, high = min(a.low, b.low), max(a.high, b.high)
+    return Box(low, high, min(a.least, b.least), max(a.greatest, b.greatest), a.shear)
 
 
 def _widened(box: Box) -> Box:
