@@ -10,9 +10,8 @@ from pipeline.flight.state.log import FlightLog, points_needed
 from pipeline.flight.world.pack import inspection_points
 from pipeline.report.comparisons import Pair, Without, marks_of, squares_of
 from pipeline.report.contents import Contents, FlightSet, ShownFlight
-from pipeline.report.figures.comparison import LINEAR, by_world, compared
+from pipeline.report.figures.comparison import LINEAR, beside_optimum, by_world, compared
 from pipeline.report.figures.flights import METRICS, Sample, controls, distributions
-from pipeline.report.figures.optimum import beside_optimum
 from pipeline.report.figures.style import (
     BLUE,
     ORANGE,

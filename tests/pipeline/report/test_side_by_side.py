@@ -22,9 +22,8 @@ from pipeline.report.comparisons import (
     read_comparison,
     tables_of,
 )
-from pipeline.report.figures.comparison import MARKS, Mark, compared
-from pipeline.report.figures.optimum import ENDS
-from pipeline.report.figures.optimum import beside_optimum as drawn_beside
+from pipeline.report.figures.comparison import ENDS, MARKS, Mark, compared
+from pipeline.report.figures.comparison import beside_optimum as drawn_beside
 from pipeline.report.figures.style import PAPER, style
 from pipeline.run import artifacts, tables
 from pipeline.run.artifacts import ArtifactError
