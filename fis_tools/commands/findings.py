@@ -46,7 +46,6 @@ NARROWEST, WIDEST = 60, 120
 def audit(
     asked: AskedAlong,
     *,
-    reference: str | None = None,
     json: bool = False,
     fail_on: Literal["note", "warning", "serious"] | None = None,
     thresholds: str = "",
@@ -61,7 +60,6 @@ def audit(
         python -m fis_tools audit controller.yaml
         python -m fis_tools audit controller.yaml --flights episodes/*.mcap --fail-on serious
         python -m fis_tools audit episodes/best.mcap --json > audit.json
-        python -m fis_tools audit tuned.yaml --reference untuned.yaml
         python -m fis_tools audit controller.yaml --thresholds coverage=0.5,look_alike=0.6
 
     Thresholds, most of them shares from 0 to 1:
@@ -78,7 +76,6 @@ def audit(
     - reversal (0.1): the least way back of an output that counts, of its range
     - consistency (0.3): the least consistency of a rule
     - reach (0.5): an output should reach this much of its range
-    - partition (0.3): the least GM3M of a variable, against --reference or an even partition
     - clipped (0.05): an input should lie outside its range in no more of the inferences
     - dead (0.5): no more of the rules should never fire on flights
     - dominant (0.6): no rule should lead, or matter, by more
@@ -88,8 +85,6 @@ def audit(
 
     Parameters
     ----------
-    reference
-        compare terms with those of this controller, such as before tuning [default: an even partition]
     json
         print it for programs (schema fuzzy-audit, version 2)
     fail_on
@@ -98,15 +93,9 @@ def audit(
         from where on something is a finding: NAME=NUMBER,NAME=NUMBER
     """
     controller = asked.read()
-    compared = None if reference is None else read_controller(reference, asked.trust)
     limits = _thresholds(thresholds)
-    try:
-        with analysing(controller):
-            found = faults.audit(controller, asked.flown(controller), limits, compared)
-    except UserMistake:
-        raise
-    except ValueError as error:
-        raise UserMistake(f"{error}; give a --reference of the same systems") from error
+    with analysing(controller):
+        found = faults.audit(controller, asked.flown(controller), limits)
     if json:
         print(as_json(report.SCHEMA, report.SCHEMA_VERSION, found.plain()), end="")
     else:

@@ -132,7 +132,7 @@ def write(
         flights=logged,
         findings=finding_rows(audited, controller),
         counted=audited.counted(),
-        measure_words=report.measure_words(audited),
+        measure_words=report.MEASURE_WORDS,
         **content.CALLED,
         systems=[
             content.system_words(place, system, samples[system.name], measured.measures)

@@ -13,7 +13,7 @@ from fis_tools.findings.audit import answers, rules, terms
 from fis_tools.findings.audit.report import Audit, AuditedSystem, Finding, Severity, Thresholds
 from fis_tools.formats.serialize import edited
 from fis_tools.model import FuzzyController, FuzzySystem
-from fis_tools.model.validate import nearest, validate
+from fis_tools.model.validate import validate
 
 __all__ = ["Audit", "AuditedSystem", "Finding", "Severity", "Thresholds", "audit"]
 
@@ -22,7 +22,6 @@ def audit(
     controller: FuzzyController | FuzzySystem,
     samples: Mapping[str, Floats] | None = None,
     thresholds: Thresholds | None = None,
-    reference: FuzzyController | None = None,
 ) -> Audit:
     """Look for everything that the reviewer of a controller should know.
 
@@ -35,17 +34,13 @@ def audit(
         audit reports what the rules did there.
     thresholds : Thresholds, optional
         The limits beyond which something is a finding.
-    reference : FuzzyController, optional
-        With the terms that those of this controller should mean, such as before it was tuned; GM3M compares
-        them. Without it they are compared with an even partition.
 
     Raises
     ------
     InvalidSystem
         If a system has problems, with one line for each.
     ValueError
-        If samples are given for an unknown system, or their number of columns is not its number of inputs; if
-        the reference lacks a system, variable or term.
+        If samples are given for an unknown system, or their number of columns is not its number of inputs.
     """
     systems = (controller,) if isinstance(controller, FuzzySystem) else controller.systems
     thresholds = thresholds or Thresholds()
@@ -56,7 +51,7 @@ def audit(
     audited = []
     for system in systems:
         validate(system)
-        measures = measure(system, None if reference is None else _counterpart(system, reference))
+        measures = measure(system)
         found = [check.find(system, measures, thresholds) for check in (terms, rules, answers)]
         rows = None if samples is None else samples.get(system.name, np.empty((0, len(system.inputs))))
         if rows is not None:
@@ -77,11 +72,3 @@ def _edited(controller: FuzzyController) -> Iterator[Finding]:
             "Measure it anew, or take the controller that the figures are of.",
             system=controller.name,
         )
-
-
-def _counterpart(system: FuzzySystem, reference: FuzzyController) -> tuple[str, FuzzySystem]:
-    """Return the system of the same name in a reference, and how to call it."""
-    systems = {other.name: other for other in reference.systems}
-    if system.name not in systems:
-        raise ValueError(f"the reference has no system {system.name!r}; {nearest(system.name, systems)}")
-    return f"those of {reference.name}", systems[system.name]

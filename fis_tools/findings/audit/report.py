@@ -92,8 +92,6 @@ class Thresholds:
         The least consistency of a rule: agreement of the output with its consequent where it fires most.
     reach : float
         The least fraction of the output's range that should be reached.
-    partition : float
-        The least GM3M of a variable's terms, against the reference or an even partition.
     clipped : float
         The largest fraction of inferences in which an input may lie outside its universe.
     dead : float
@@ -118,7 +116,6 @@ class Thresholds:
     asymmetry: float = 0.1
     consistency: float = 0.3
     reach: float = 0.5
-    partition: float = 0.3
     clipped: float = 0.05
     dead: float = 0.5
     dominant: float = 0.6
@@ -197,7 +194,7 @@ class Audit(Result):
             ]
             blocks += [Heading(severity.word.upper()), Items(found)] if found else []
         table = _measure_table(self.systems)
-        return Document([*blocks, Heading("MEASURES"), table, Items(measure_words(self))])
+        return Document([*blocks, Heading("MEASURES"), table, Items(MEASURE_WORDS)])
 
     def plain(self) -> dict[str, Any]:
         """Return it as plain data, for the schema `SCHEMA`.
@@ -219,16 +216,12 @@ class Audit(Result):
 _WORST_FIRST = tuple(sorted(Severity, reverse=True))
 
 
-def measure_words(audit: Audit) -> tuple[str, ...]:
-    """Explain the measures, a sentence each; all are from 0 (worst) to 1."""
-    return (
-        "Completeness: how strongly the strongest rule fires where rules cover the inputs worst.",
-        "Nauck index: how easily the rules are read (few premises, few and evenly spread terms; Nauck 2003).",
-        f"GM3M: how near the terms are to {audit.systems[0].measures.reference}, by their places, symmetry "
-        "and areas (Gacto, Alcalá and Herrera 2010, who compare with the terms before tuning: --reference).",
-        "Rule consistency: how much the system answers what a rule says where that rule fires most strongly, "
-        "against the rule alone; our own index.",
-    )
+#: What the measures mean, a sentence each; all are from 0 (worst) to 1.
+MEASURE_WORDS = (
+    "Completeness: how strongly the strongest rule fires where rules cover the inputs worst.",
+    "Rule consistency: how much the system answers what a rule says where that rule fires most strongly, "
+    "against the rule alone; our own index.",
+)
 
 
 def _completeness(measures: Measures) -> str:
@@ -242,8 +235,6 @@ _ROWS: dict[str, Callable[[Measures], str]] = {
     "premises": lambda m: str(m.complexity.premises),
     "terms in, out": lambda m: f"{m.complexity.input_terms}, {m.complexity.output_terms}",
     "completeness (lowest maximum strength)": _completeness,
-    "Nauck index": lambda m: f"{m.nauck.index:.4f}",
-    "GM3M": lambda m: f"{m.gm3m:.2f}",
     "rule consistency (lowest)": lambda m: f"{m.rule_consistency.index:.2f}",
 }
 
@@ -260,13 +251,7 @@ def _plain_measures(measures: Measures) -> dict[str, Any]:
     complete, consistency = measures.completeness, measures.rule_consistency
     return {
         **plain(measures.complexity),
-        "nauck": plain(measures.nauck) | {"index": measures.nauck.index},
         "coverage": plain(measures.coverage),
         "completeness": {"least": complete.least, "at": plain(complete.at), "exact": complete.is_exact},
-        "gm3m": {
-            "reference": measures.reference,
-            "index": measures.gm3m,
-            "variables": {name: found.gm3m for name, found in measures.integrity.items()},
-        },
         "rule_consistency": {"index": consistency.index, "rules": plain(consistency.values)},
     }

@@ -314,7 +314,7 @@ def _many(measures: Measures, thresholds: Thresholds) -> Iterator[Finding]:
             "complexity",
             Severity.NOTE,
             f"{counted.rules} rules with {counted.premises} premises over {counted.input_terms} terms are "
-            f"more than a person can keep in mind (Nauck index {measures.nauck.index:.4f}).",
+            "more than a person can keep in mind.",
             "Remove rules that never matter and merge terms (fis_tools simplify proposes which).",
-            evidence={"rules": counted.rules, "premises": counted.premises, "nauck": measures.nauck.index},
+            evidence={"rules": counted.rules, "premises": counted.premises},
         )

@@ -115,7 +115,7 @@ def find(system: FuzzySystem, measures: Measures, thresholds: Thresholds) -> Ite
         yield from _named(variable, readings)
         yield from _signs(variable, readings)
         yield from _zero(variable, readings, thresholds)
-        yield from _even(variable, measures, thresholds)
+        yield from _many(variable, thresholds)
 
 
 def _weighed(system: FuzzySystem) -> Iterator[Finding]:
@@ -323,8 +323,7 @@ def _zero(variable: Variable, readings: list[Reading | None], thresholds: Thresh
         )
 
 
-def _even(variable: Variable, measures: Measures, thresholds: Thresholds) -> Iterator[Finding]:
-    found = measures.integrity.get(variable.name)
+def _many(variable: Variable, thresholds: Thresholds) -> Iterator[Finding]:
     if len(variable.terms) > thresholds.terms:
         yield Finding(
             "many-terms",
@@ -334,18 +333,3 @@ def _even(variable: Variable, measures: Measures, thresholds: Thresholds) -> Ite
             variable.name,
             evidence={"terms": len(variable.terms)},
         )
-    if found is None or found.gm3m >= thresholds.partition:
-        return
-    moved, stretched = int(np.argmin(found.displacement)), int(np.argmin(found.area))
-    names = (variable.terms[moved].name, variable.terms[stretched].name)
-    yield Finding(
-        "uneven-partition",
-        Severity.NOTE,
-        f"The terms of {variable.name} are far from {measures.reference}, GM3M {found.gm3m:.2f}: {names[0]} "
-        f"has moved most (displacement {found.displacement[moved]:.2f}) and {names[1]} has changed its width "
-        f"most (area {found.area[stretched]:.2f}).",
-        "Judge the terms by their pictures, not by their names, or tune within narrower bounds.",
-        variable.name,
-        names,
-        evidence={"gm3m": found.gm3m},
-    )

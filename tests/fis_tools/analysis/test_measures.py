@@ -1,7 +1,5 @@
 """Indices against closed forms and counts by hand."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -11,9 +9,6 @@ from fis_tools.analysis.measures import (
     centre,
     completeness,
     complexity,
-    half_widths,
-    integrity,
-    nauck,
     rule_consistency,
 )
 from fis_tools.engines.inference import firing_strengths
@@ -21,7 +16,6 @@ from fis_tools.model import (
     And,
     Consequent,
     FuzzySystem,
-    Gaussian,
     Is,
     Not,
     Or,
@@ -61,105 +55,13 @@ def test_complexity_is_counted_by_hand() -> None:
     assert complexity(force_x_system()).premises == 50
 
 
-def test_nauck_of_an_even_partition() -> None:
-    """Memberships that sum to one cover fully: 3 output terms over 18 premises, times 1, times 1 / 2."""
-    x = Variable("x", "", 0.0, 1.0, even_terms(THREE, 0.0, 1.0))
-    y = Variable("y", "", 0.0, 8.0, even_terms(THREE, 0.0, 8.0))
-    output = Variable("z", "", 0.0, 1.0, even_terms(THREE, 0.0, 1.0), default=0.0)
-    system = FuzzySystem("s", (x, y), (output,), table_rules((x, y), output, ["low"] * 9))
-    found = nauck(system)
-    assert found.complexity == pytest.approx(3 / 18)
-    assert found.coverage == pytest.approx(1.0, abs=1e-12)
-    assert found.partition == 0.5
-    assert found.index == pytest.approx(3 / 18 / 2)
-
-
-def test_nauck_coverage_below_and_above_one() -> None:
-    """One term that is 1 - x, another 1 everywhere: h = 2 - x lies above 1, and c = (2 - h) / (2 - 1) = x."""
-    terms = (Term("falls", Triangular(0.0, 0.0, 1.0)), Term("all", Trapezoidal(0.0, 0.0, 1.0, 1.0)))
-    x = Variable("x", "", 0.0, 1.0, terms, 2)
-    gap = Variable("y", "", 0.0, 4.0, (Term("low", Triangular(0.0, 0.0, 2.0)),), 5)
-    rule = Rule(And((Is("x", "all"), Is("y", "low"))), (Consequent("z", "low"),))
-    found = nauck(product_of(x, gap, (rule,)))
-    # the mean of x over [0, 1] is 1/2; a triangle of area 1 covers 1/4 of [0, 4]
-    assert found.coverage == pytest.approx((0.5 + 0.25) / 2, abs=1e-12)
-    assert found.partition == 1.0
-
-
-def test_an_even_partition_has_its_integrity() -> None:
-    found = integrity(Variable("x", "m", -2.0, 2.0, even_terms(("a", "b", "c", "d", "e"), -2.0, 2.0)))
-    np.testing.assert_allclose(found.displacement, 1.0, atol=1e-12)
-    np.testing.assert_allclose(found.symmetry, 1.0, atol=1e-12)
-    np.testing.assert_allclose(found.area, 1.0, atol=1e-12)
-    assert found.gm3m == pytest.approx(1.0)
-
-
-def test_integrity_of_a_tuned_term_by_hand() -> None:
-    """Spacing 2, so half of it 1: the middle peak moves by 0.4; sides 1.4 and 3.6; area 2.5 less the tail."""
-    terms = (
-        Term("low", Triangular(0.0, 0.0, 2.0)),
-        Term("medium", Triangular(1.0, 2.4, 6.0)),
-        Term("high", Triangular(2.0, 4.0, 4.0)),
-    )
-    found = integrity(Variable("x", "", 0.0, 4.0, terms, 401))
-    np.testing.assert_allclose(found.displacement, [1.0, 0.6, 1.0], atol=1e-12)
-    np.testing.assert_allclose(found.symmetry, [1.0, 1.4 / 3.6, 1.0], atol=1e-12)
-    # inside [0, 4] the tail beyond 4 is cut: 2.5 less a triangle of base 2 and height 2 / 3.6
-    inside = 0.5 * 5.0 - 0.5 * 2.0 * (2.0 / 3.6)
-    assert found.area[1] == pytest.approx(min(inside, 2.0) / max(inside, 2.0), abs=1e-12)
-    assert found.gm3m == pytest.approx((0.6 * (1.4 / 3.6) * found.area[1]) ** (1 / 3))
-
-
-def test_a_centre_that_moves_by_half_the_spacing_keeps_nothing() -> None:
-    terms = (Term("a", Gaussian(0, 1)), Term("b", Gaussian(5.0, 1)), Term("c", Gaussian(8.0, 1)))
-    assert integrity(Variable("x", "", 0.0, 8.0, terms)).displacement[1] == pytest.approx(0.5)
-    terms = (Term("a", Gaussian(0, 1)), Term("b", Gaussian(6.5, 1)), Term("c", Gaussian(8.0, 1)))
-    assert integrity(Variable("x", "", 0.0, 8.0, terms)).gm3m == 0.0
-    with pytest.raises(ValueError, match="one term"):
-        integrity(Variable("x", "", 0.0, 8.0, terms[:1]))
-
-
-def test_terms_are_compared_with_those_before_tuning() -> None:
-    """Untuned Gaussians are 1 against themselves; one of twice the width has twice the area."""
-    terms = tuple(Term(name, Gaussian(mean, 2.0)) for name, mean in (("a", 0.0), ("b", 40.0), ("c", 100.0)))
-    before = Variable("x", "", -50.0, 150.0, terms, 4001)
-    assert integrity(before, before).gm3m == 1.0
-    assert integrity(before).gm3m < 0.5
-    tuned = replace(before, terms=(terms[0], Term("b", Gaussian(46.0, 4.0)), terms[2]))
-    found = integrity(tuned, before)
-    # up by 6 of half the way of 60 to the next
-    np.testing.assert_allclose(found.displacement, [1.0, 0.8, 1.0], atol=1e-12)
-    np.testing.assert_allclose(found.area, [1.0, 0.5, 1.0], atol=1e-9)
-    assert found.gm3m == pytest.approx((0.8 * 0.5) ** (1 / 3))
-    wider = replace(
-        before,
-        minimum=-100.0,
-        maximum=300.0,
-        terms=tuple(Term(t.name, Gaussian(2 * t.membership.mean, 4.0)) for t in terms),
-    )
-    assert integrity(wider, before).gm3m == pytest.approx(1.0)
-
-
-def test_symmetry_is_against_that_of_the_reference() -> None:
-    ends = (Term("a", Triangular(0.0, 0.0, 1.0)), Term("c", Triangular(3.0, 4.0, 4.0)))
-    leaning = Variable("x", "", 0.0, 4.0, (ends[0], Term("b", Triangular(1.0, 2.0, 4.0)), ends[1]), 401)
-    upright = replace(leaning, terms=(ends[0], Term("b", Triangular(0.5, 2.0, 3.5)), ends[1]))
-    assert integrity(leaning, leaning).symmetry[1] == pytest.approx(1.0)
-    assert integrity(upright, leaning).symmetry[1] == pytest.approx(0.5)
-
-
-def test_centres_and_half_widths_of_every_shape() -> None:
+def test_centres_of_every_shape() -> None:
     points = (0.0, 1.0, 2.0, 3.0, 4.0, 5.0)
     sampled = Term("t", Sampled((0.0, 0.8, 0.8, 0.6, 0.2, 0.0)))
     variable = Variable("x", "", 0.0, 5.0, (sampled,), 6, points=points)
     assert centre(variable, sampled) == 1.5
-    # half of 0.8 is crossed half way up to 1, and half way between 0.6 and 0.2
-    assert half_widths(variable, sampled) == pytest.approx((1.0, 2.0))
     term = Term("t", Trapezoidal(0.0, 2.0, 4.0, 5.0))
     assert centre(variable, term) == 3.0
-    assert half_widths(variable, term) == (2.0, 1.5)
-    term = Term("t", Gaussian(1.0, 2.0))
-    assert half_widths(variable, term)[0] == pytest.approx(2.0 * np.sqrt(2 * np.log(2)))
 
 
 def test_completeness_of_a_full_table_is_where_both_inputs_are_worst() -> None:

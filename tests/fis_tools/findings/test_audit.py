@@ -209,29 +209,10 @@ def test_a_zero_that_is_not_at_zero():
     assert "0.40 in it, but 0.60 in NS" in finding.sentence
 
 
-def test_an_uneven_partition_and_many_terms():
-    system = with_terms(controller_of(), "rate", NS=Triangular(-2.0, -1.9, 0.0))
-    finding = the_one(system, "uneven-partition")
-    assert (finding.variable, finding.terms[0]) == ("rate", "NS")
+def test_many_terms():
     many = Variable("x", "", 0.0, 1.0, even_terms(tuple(f"x{i}" for i in range(12)), 0.0, 1.0))
     rules = table_rules((many,), TORQUE, ["ZE"] * 12)
     assert the_one(FuzzySystem("many", (many,), (TORQUE,), rules), "many-terms").evidence["terms"] == 12
-
-
-def test_terms_are_compared_with_a_reference():
-    system = with_terms(controller_of(), "rate", NS=Triangular(-2.0, -1.9, 0.0))
-    reference = FuzzyController("untuned", (controller_of(),))
-    found = audit(system, reference=reference)
-    assert found.systems[0].measures.reference == "those of untuned"
-    sentence = next(finding.sentence for finding in found.findings if finding.id == "uneven-partition")
-    assert "far from those of untuned" in sentence
-    assert "how near the terms are to those of untuned" in " ".join(repr(found).split())
-    assert audit(controller_of(), reference=reference).systems[0].measures.gm3m == 1.0
-    with pytest.raises(ValueError, match="the reference has no system"):
-        audit(replace(system, name="other"), reference=reference)
-    other = replace(system, inputs=(replace(system.inputs[0], name="speed"), system.inputs[1]))
-    with pytest.raises(ValueError, match="no variable 'error'"):
-        audit(system, reference=FuzzyController("other", (other,)))
 
 
 def test_rules_said_twice():
