@@ -26,6 +26,7 @@ CAMPAIGNS = (
     "policies",
     "scaling",
     "soak",
+    "tube",
     "worth",
 )
 PARTS = ("gym", "inference", "learning", "monte_carlo", "recording", "start", "steps", "tools", "training")
