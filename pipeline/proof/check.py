@@ -95,9 +95,16 @@ class Force:
                 left, peak, right = (arb(t[key]) for key in CORNERS)
                 strength = strength.min((x - left) / (peak - left)).min((right - x) / (right - peak))
             cuts[word] = cuts[word].max(strength)
-        parts = [(1 - (1 - cut) ** 2, self.peaks[word]) for word, cut in cuts.items()]
-        middle = sum(area.mid() * peak for area, peak in parts) / sum(area.mid() for area, _ in parts)
-        force = middle + sum(area * (peak - middle) for area, peak in parts) / sum(area for area, _ in parts)
+        peaks, means = list(self.peaks.values()), []
+        low, high = ([1 - (1 - end(cut)) ** 2 for cut in cuts.values()] for end in (arb.lower, arb.upper))
+        for first, last in (
+            (low, high),
+            (high, low),
+        ):  # an extreme mean weighs one side most, the other least
+            for place in range(1, len(peaks)):
+                weights = [*first[:place], *last[place:]]
+                means.append(sum(w * p for w, p in zip(weights, peaks, strict=True)) / sum(weights))
+        force = reduce(arb.union, means)
         if not abs(force) > self.band:
             force = arb(0) if abs(force) < self.band else force.union(arb(0))
         return force.min(self.most).max(-self.most)
