@@ -29,6 +29,8 @@ MEASURES: Mapping[str, tuple[str, int]] = {
 }
 SHARES = {SUCCESS: "the goal is reached", "violated": "a failure on the way", "held": "never above the limit"}
 COLOURS = ".document { --blue: light-dark(#0072b2, #4ea9e3); --vermilion: light-dark(#d55e00, #ff8b45); }"
+#: of the columns of a comparison, those that are not about points, plans and the safety layer
+OF_TABLE = (0, 1, 2, 4, 5)
 #: flights in the picture
 MOST_DRAWN = 200
 CAPTION = (
@@ -57,7 +59,10 @@ def _blocks(contents: Contents, illustrations: Mapping[str, style.Illustration])
         caption = element("figcaption", illustration.caption)
         yield Figure(element("figure", Markup(illustration.element), caption))  # noqa: S704 - drawn here
     for sun, lines in comparisons.tables_of(contents.comparison):
-        yield Table(list(comparison.HEADINGS), lines, caption=f"Controllers from the same starts, Sun {sun}.")
+        heads, *rows = ([line[place] for place in OF_TABLE] for line in (comparison.HEADINGS, *lines))
+        yield Table(
+            heads, rows, caption=f"Controllers from the same starts, Sun {sun}.", numbers=(1, 2, 3, 4)
+        )
     if contents.recordings:
         yield Heading("Recorded flights", id="recordings")
         yield Paragraph("Watch one, from the folder of the run:")

@@ -44,7 +44,7 @@ PART = 100
 
 def run(experiment: Experiment, folder: Path) -> None:
     """Fly all controllers, and write the table."""
-    rows = [published_row(PAPER_TEST)]
+    rows = [published_row(PAPER_TEST)] if experiment.mission.problem.kind == "inspection" else []
     flown: list[Row] = []
     lots = [lot for world in experiment.compare.worlds or [""] for lot in _lots(experiment, world)]
     for lot, of_lot in zip(lots, _fly(lots), strict=True):
@@ -201,10 +201,15 @@ def _told(experiment: Experiment, rows: list[ComparisonRow]) -> str:
     confidence = experiment.monte_carlo.confidence_percent
     deputy = experiment.mission.deputy
     table = worlds_in_words(rows) if experiment.compare.worlds else in_words(rows)
-    return (
+    flown = (
         f"\n{table}\n\n"
         f"  {experiment.monte_carlo.num_cases} cases of seed {experiment.seed}; mean ± standard deviation; "
-        f"shares with {confidence:g} % Wilson intervals; successful: at least {threshold:g} % of the points, "
+        f"shares with {confidence:g} % Wilson intervals; "
+    )
+    if experiment.mission.problem.kind == "reach":
+        return f"{flown}successful: the goal is reached; outside: a crash there, or too fast for too long.\n"
+    return (
+        f"{flown}successful: at least {threshold:g} % of the points, "
         f"inside the limits; outside: {deputy.min_distance_m:g} to {deputy.max_distance_m:g} m left.\n"
         f"  *published ({PAPER_NAME}), its Sun and its distance limits not stated; the optimum knows "
         "the whole flight beforehand, and is of other cases.\n"
