@@ -94,7 +94,7 @@ def mission_like(problem):
 
 def test_what_is_flown_in_parts_logged_and_as_a_population_agrees(monkeypatch):
     experiment = mission_of("monte_carlo.num_cases=7", "duration_s=300")
-    controller = named("approach", experiment.mission)
+    controller = named("steady", experiment.mission)
     starts = evaluation_scenarios(experiment.monte_carlo, experiment.sun, experiment.seed)
     tracks = np.empty((7, 301, 3), dtype=np.float32)
     whole = fly_all(experiment.mission, controller, starts, 1, tracks)
@@ -112,7 +112,7 @@ def test_what_is_flown_in_parts_logged_and_as_a_population_agrees(monkeypatch):
 
 def test_events_tell_of_the_end_and_of_speeds_above_the_limit():
     experiment = mission_of("deputy.initial_velocity_m_s=[0.6,0,0]", "duration_s=1500")
-    controller = named("approach", experiment.mission)
+    controller = named("steady", experiment.mission)
     start = evaluation_scenarios(experiment.monte_carlo, experiment.sun, experiment.seed, [0])[0]
     log_ = fly_logged(experiment.mission, controller, start)
     told = events(experiment.mission, log_, 5.0)
@@ -142,7 +142,7 @@ def test_starts_of_a_box_lie_in_it_evenly():
 
 @pytest.mark.slow
 def test_a_run_is_reported_and_verified(tmp_path, capsys):
-    words = ["+experiment=evaluate", "problem=docking", "controller=approach", "monte_carlo.num_cases=12"]
+    words = ["+experiment=evaluate", "problem=docking", "controller=steady", "monte_carlo.num_cases=12"]
     assert main([*words, f"hydra.run.dir={tmp_path}"]) == 0
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
     summary = json.loads((tmp_path / "evaluate" / "summary.json").read_text(encoding="utf-8"))
