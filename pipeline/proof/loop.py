@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fis_tools.model import FuzzyController, FuzzySystem
+from pipeline.settings.experiment import Experiment
 
 AXES = ("radial", "along_track", "cross_track")
 
@@ -43,6 +44,34 @@ class Theorem:
         """The axes along which not all starts are at rest at zero."""
         ends = np.array([self.start_low, self.start_high])
         return [axis for axis in range(3) if np.any(ends[:, [axis, 3 + axis]])]
+
+
+def theorem_of(experiment: Experiment) -> Theorem:
+    """Return what is to be proved.
+
+    Raises
+    ------
+    NotProvable
+        If the mission is not one that proofs are for.
+    """
+    mission, problem, box = experiment.mission, experiment.mission.problem, experiment.monte_carlo.box
+    parts = mission.dynamics.model, mission.safety.kind, mission.navigation.mode, mission.actuators.kind
+    is_plain = parts == ("cw", "none", "perfect", "ideal") and not mission.dispersions
+    if not is_plain or problem.kind != "reach" or box is None:
+        raise NotProvable(
+            "proofs are for dynamics=cw, safety=none, navigation=perfect and actuators=ideal without "
+            "dispersions, for problem.kind=reach, and for the starts of monte_carlo.box"
+        )
+    return Theorem(
+        start_low=box[0],
+        start_high=box[1],
+        limit=(problem.limit_base_m_s, problem.limit_slope_per_s, problem.limit_offset_m),
+        goal=(problem.goal_radius_m, problem.goal_speed_m_s),
+        mean_motion_rad_s=mission.orbit.mean_motion_rad_s,
+        mass_kg=mission.deputy.mass_kg,
+        period_s=mission.control_period_s,
+        max_force_n=mission.deputy.max_force_n,
+    )
 
 
 def system_of(controller: FuzzyController, axis: int) -> tuple[FuzzySystem, float]:

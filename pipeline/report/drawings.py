@@ -20,7 +20,10 @@ FIRST_SOLUTION_X, SOLUTION_STEP, RADIUS = 570, 116, 46
 TOP, FIRST_ROW, ROW = 20, 270, 118
 SPINE_X = 45
 #: ways of verification, as circles are lettered and columns are headed
-METHODS = {"cases": "cases", "search": "search", "bounds": "bounds", "safety_layer": "safety layer"}
+METHODS = {
+    **{"cases": "cases", "search": "search", "bounds": "bounds", "safety_layer": "safety layer"},
+    "tube": "tube",
+}
 
 
 def draw_argument(evidence: Mapping[str, Any]) -> Markup:

@@ -1,17 +1,18 @@
 """Gather evidence for requirements: flights, searches, proofs and a page of the results: assure/."""
 
 import hashlib
+import json
 import sys
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from fis_tools.analysis.domain import as_mapping
-from fis_tools.formats.serialize import fingerprint
+from fis_tools.formats.serialize import dump_json, fingerprint
 from pipeline.controllers.source import controller_of_run
 from pipeline.evaluation.assurance import evidence
 from pipeline.evaluation.assurance.campaign import Flights, Outcome, Search, case_space, judged, search, speed
@@ -22,6 +23,7 @@ from pipeline.evaluation.assurance.requirements import (
     CASES,
     SAFETY_LAYER,
     SEARCH,
+    TUBE,
     Requirement,
     Requirements,
     read,
@@ -29,6 +31,7 @@ from pipeline.evaluation.assurance.requirements import (
 from pipeline.evaluation.assurance.verdicts import (
     Found,
     Judgement,
+    TubeProof,
     cases_needed,
     certificates,
     failures_allowed,
@@ -41,6 +44,7 @@ from pipeline.flight.cases.starts import evaluation_scenarios
 from pipeline.flight.control.controller import Controller
 from pipeline.flight.goals.flights import fly_logged
 from pipeline.flight.state.log import Scenario
+from pipeline.proof.loop import NotProvable, theorem_of
 from pipeline.recording.recorder import FlightRecorder
 from pipeline.report.evidence import write as page_of
 from pipeline.run import artifacts, maker, tables
@@ -118,6 +122,7 @@ def _gather(experiment: Experiment, folder: Path, requirements: Requirements) ->
             _searches(experiment, flights, one, outcome),
             certificates(one, controller) if BOUNDS in one.verified_by else (),
             proof if SAFETY_LAYER in one.verified_by else None,
+            _tube(experiment, controller, folder) if TUBE in one.verified_by else None,
         )
         recorded = None if outcome is None else worst.record(one, scenarios, outcome, found.searches)
         all_found.append(found)
@@ -158,6 +163,24 @@ def _searches(
     )
     sys.stderr.write(f"  {requirement.id}: {speed(found, random).sentence}\n")
     return found
+
+
+def _tube(experiment: Experiment, controller: Controller, folder: Path) -> TubeProof:
+    """Return what the stage prove showed in this run, if it is about these flights."""
+    if not (folder / artifacts.THEOREM).exists() or controller.fuzzy is None:
+        return TubeProof("no proof of these rules is in this run; add the stage prove before assure")
+    told = artifacts.read_json(folder, artifacts.THEOREM)
+    try:
+        theorem = json.loads(json.dumps(asdict(theorem_of(experiment))))
+    except NotProvable as error:
+        return TubeProof(str(error))
+    sha256 = hashlib.sha256(dump_json(controller.fuzzy).encode()).hexdigest()
+    if told["controller_sha256"] != sha256 or any(told[name] != theorem[name] for name in theorem):
+        return TubeProof(f"{artifacts.THEOREM} is of other flights; repeat the stage prove")
+    if told["fault"]:
+        return TubeProof(f"not proved: {told['fault']}")
+    end_s = told["num_periods"] * theorem["period_s"]
+    return TubeProof("", end_s, tuple(theorem["limit"]), tuple(theorem["goal"]))
 
 
 def _domain(experiment: Experiment, controller: Controller, folder: Path) -> Domain | None:

@@ -9,7 +9,7 @@ from fis_tools.engines.interval import NotBounded
 from fis_tools.formats.serialize import dump_json
 from pipeline.controllers.source import controller_of_run
 from pipeline.physics.motion import motion_over
-from pipeline.proof.loop import NotProvable, Theorem
+from pipeline.proof.loop import NotProvable, theorem_of
 from pipeline.proof.surface import CELLS
 from pipeline.proof.verdict import COLUMNS, prove
 from pipeline.run import artifacts, tables
@@ -23,34 +23,6 @@ def run(experiment: Experiment, folder: Path) -> None:
         sys.stderr.write(f"{_proved(experiment, folder)}\n")
     except (NotProvable, NotBounded) as error:
         sys.stderr.write(f"not proved: {error}\n")
-
-
-def theorem_of(experiment: Experiment) -> Theorem:
-    """Return what is to be proved.
-
-    Raises
-    ------
-    NotProvable
-        If the mission is not one that proofs are for.
-    """
-    mission, problem, box = experiment.mission, experiment.mission.problem, experiment.monte_carlo.box
-    parts = mission.dynamics.model, mission.safety.kind, mission.navigation.mode, mission.actuators.kind
-    is_plain = parts == ("cw", "none", "perfect", "ideal") and not mission.dispersions
-    if not is_plain or problem.kind != "reach" or box is None:
-        raise NotProvable(
-            "proofs are for dynamics=cw, safety=none, navigation=perfect and actuators=ideal without "
-            "dispersions, for problem.kind=reach, and for the starts of monte_carlo.box"
-        )
-    return Theorem(
-        start_low=box[0],
-        start_high=box[1],
-        limit=(problem.limit_base_m_s, problem.limit_slope_per_s, problem.limit_offset_m),
-        goal=(problem.goal_radius_m, problem.goal_speed_m_s),
-        mean_motion_rad_s=mission.orbit.mean_motion_rad_s,
-        mass_kg=mission.deputy.mass_kg,
-        period_s=mission.control_period_s,
-        max_force_n=mission.deputy.max_force_n,
-    )
 
 
 def _proved(experiment: Experiment, folder: Path) -> str:

@@ -156,6 +156,8 @@ def of_requirement(
         ]
     if found.proof is not None:
         told["safety_layer"] = asdict(found.proof)
+    if found.tube is not None:
+        told["tube"] = asdict(found.tube)
     if worst is not None:
         told["worst"] = dict(worst)
     return told

@@ -12,8 +12,8 @@ from pipeline.settings.keys import choices_of, did_you_mean
 SCHEMA: Final = ("requirements", 2)
 #: methods of verification: many flights, a search for the worst case, boxes of inputs that bound the
 #: systems' outputs, and the proof of the safety layer
-CASES, SEARCH, BOUNDS, SAFETY_LAYER = "cases", "search", "bounds", "safety_layer"
-METHODS: Final = (CASES, SEARCH, BOUNDS, SAFETY_LAYER)
+CASES, SEARCH, BOUNDS, SAFETY_LAYER, TUBE = "cases", "search", "bounds", "safety_layer", "tube"
+METHODS: Final = (CASES, SEARCH, BOUNDS, SAFETY_LAYER, TUBE)
 #: how bad a failure is, the worst first
 SEVERITIES: Final = ("catastrophic", "critical", "marginal")
 TEXTS: Final = ("title", "text", "consequence", "severity", "reason", "source")

@@ -20,13 +20,14 @@ from fis_tools.engines.interval import NotBounded
 from fis_tools.model import FuzzySystem
 from pipeline.array_types import Floats
 from pipeline.evaluation.assurance.campaign import Search
-from pipeline.evaluation.assurance.formula import Always, And, Comparison, Eventually, Formula
+from pipeline.evaluation.assurance.formula import Always, And, Comparison, Eventually, Formula, Until
 from pipeline.evaluation.assurance.quantities import EXTREMES, UNITS
 from pipeline.evaluation.assurance.requirements import (
     BOUNDS,
     CASES,
     SAFETY_LAYER,
     SEARCH,
+    TUBE,
     Question,
     Requirement,
     RequirementError,
@@ -173,6 +174,56 @@ def safety_proof(mission: Mission, scenarios: Sequence[Scenario]) -> SafetyProof
     return SafetyProof(is_on, *spheres, len(scenarios), num_safe, failing, assumed, probability)
 
 
+@dataclass(frozen=True)
+class TubeProof:
+    """What a tube of all starts proves: the limit on the speed until the goal (`pipeline.proof`).
+
+    Parameters
+    ----------
+    fault : str
+        Why it proves nothing of these flights; empty if it does.
+    end_s : float
+        When all flights are at the goal.
+    limit : (float, float, float)
+        Base (m/s), slope (1/s) and offset (m) of the limit on the speed over the distance.
+    goal : (float, float)
+        Greatest distance (m) and speed (m/s) at the end.
+    """
+
+    fault: str
+    end_s: float = 0.0
+    limit: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    goal: tuple[float, float] = (0.0, 0.0)
+
+    def proves(self, formula: Formula) -> bool:
+        """Return whether ``limit until[0:T] goal`` follows from the tube; False if unclear."""
+        if (
+            not isinstance(formula, Until)
+            or formula.window.first_s > 0.0
+            or formula.window.last_s < self.end_s
+        ):
+            return False
+        base, slope, offset = self.limit
+        match formula.left:
+            case Comparison(factors, constant):
+                of = dict(factors)
+                keeps = of.pop("speed", 0.0) == -1.0 and of.pop("distance", 0.0) >= slope and not of
+                keeps &= constant >= base - slope * offset - 1e-12
+            case _:
+                return False
+        return keeps and self._reaches(formula.right)
+
+    def _reaches(self, formula: Formula) -> bool:
+        match formula:
+            case And(left, right):
+                return self._reaches(left) and self._reaches(right)
+            case Comparison((("distance", -1.0),), constant):
+                return constant >= self.goal[0]
+            case Comparison((("speed", -1.0),), constant):
+                return constant >= self.goal[1]
+        return False
+
+
 Verdict = Literal["shown", "refuted", "open"]
 
 
@@ -316,6 +367,7 @@ class Found:
     searches : tuple of Search
     certificates : tuple of Certificate
     proof : SafetyProof, optional
+    tube : TubeProof, optional
     """
 
     requirement: Requirement
@@ -323,6 +375,7 @@ class Found:
     searches: tuple[Search, ...] = ()
     certificates: tuple[Certificate, ...] = ()
     proof: SafetyProof | None = None
+    tube: TubeProof | None = None
 
 
 def outcomes(found: Found) -> dict[str, Outcome]:
@@ -336,6 +389,8 @@ def outcomes(found: Found) -> dict[str, Outcome]:
         judged[BOUNDS] = _of_bounds(found.certificates)
     if found.proof is not None:
         judged[SAFETY_LAYER] = _of_the_layer(found.requirement, found.proof)
+    if found.tube is not None:
+        judged[TUBE] = _of_a_tube(found.requirement, found.tube)
     return judged
 
 
@@ -348,11 +403,12 @@ def verdict(found: Found) -> Outcome:
     """
     judged = outcomes(found)
     failed = any(one.first_failed is not None for one in found.searches)
-    layer = judged.get(SAFETY_LAYER)
-    if layer is not None and layer.verdict == "shown":
-        if failed or (found.judgement and found.judgement.num_failed):
-            return Outcome("refuted", WORDS["refuted"], "flights contradict the proof of the safety layer")
-        return layer._replace(word=WORDS["shown"])
+    for method, what in ((SAFETY_LAYER, "of the safety layer"), (TUBE, "by a tube of all starts")):
+        proof = judged.get(method)
+        if proof is not None and proof.verdict == "shown":
+            if failed or (found.judgement and found.judgement.num_failed):
+                return Outcome("refuted", WORDS["refuted"], f"flights contradict the proof {what}")
+            return proof._replace(word=WORDS["shown"])
     if failed and found.requirement.probability == 1.0 and CASES in judged:
         return judged[SEARCH]._replace(word=WORDS["refuted"])
     decisive = [judged[name] for name in (CASES, BOUNDS) if name in judged] or list(judged.values())
@@ -424,6 +480,15 @@ def _of_the_layer(requirement: Requirement, proof: SafetyProof) -> Outcome:
             return Outcome("open", f"proved for {percent(proof.probability)}", why)
         return Outcome("shown", "proved", why, True, proof.probability, proof.assumed)
     return Outcome("open", "does not apply", why)
+
+
+def _of_a_tube(requirement: Requirement, tube: TubeProof) -> Outcome:
+    if tube.fault:
+        return Outcome("open", "does not apply", tube.fault)
+    kept = f"a tube holds all starts, keeps the limit, and is at the goal after {tube.end_s:g} s"
+    if requirement.formula is None or not tube.proves(requirement.formula):
+        return Outcome("open", "does not apply", f"{kept}, from which this does not follow")
+    return Outcome("shown", "proved", kept, is_proof=True)
 
 
 def percent(share: float) -> str:

@@ -15,6 +15,7 @@ from pipeline.evaluation.assurance.verdicts import (
     Certificate,
     Found,
     SafetyProof,
+    TubeProof,
     cases_needed,
     certificates,
     failures_allowed,
@@ -314,3 +315,31 @@ def test_a_search_alone_refutes_but_never_shows():
     only = replace(REQUIREMENT, verified_by=("search",))
     assert verdict(Found(only, searches=(searched(1.0, 2.0),))).word == "not shown"
     assert verdict(Found(only, searches=(searched(1.0, -2.0),))).word == "refuted"
+
+
+LIMIT = "(speed <= 0.2 m/s + 0.002 per_s * distance)"
+GOAL = "(distance <= 0.5 m and speed <= 0.2 m/s)"
+
+
+@pytest.mark.parametrize(
+    ("text", "follows"),
+    [
+        (f"{LIMIT} until {GOAL}", True),
+        (f"{LIMIT} until[0:900] {GOAL}", True),
+        (f"{LIMIT} until[0:899] {GOAL}", False),  # too early
+        (f"{LIMIT} until[1:900] {GOAL}", False),
+        (f"{LIMIT} until distance <= 0.5", True),
+        (f"{LIMIT} until distance <= 0.49", False),
+        (f"{LIMIT} until speed <= 0.19", False),
+        (f"{LIMIT} until (distance <= 0.5 or speed <= 0.2)", False),  # unclear to it
+        (f"(speed <= 0.3 + 0.003 per_s * distance) until {GOAL}", True),
+        (f"(speed <= 0.19 + 0.002 per_s * distance) until {GOAL}", False),
+        (f"(speed <= 0.2 + 0.0019 per_s * distance) until {GOAL}", False),
+        (f"(2 * speed <= 0.2 + 0.002 per_s * distance) until {GOAL}", False),
+        (f"(speed + velocity_radial <= 0.2 + 0.002 per_s * distance) until {GOAL}", False),
+        (f"always {LIMIT}", False),  # the tube ends at the goal
+    ],
+)
+def test_a_tube_proves_its_limit_until_its_goal_and_nothing_else(text, follows):
+    tube = TubeProof("", 900.0, (0.2, 0.002, 0.0), (0.5, 0.2))
+    assert tube.proves(parse(text, UNITS)) is follows
