@@ -301,9 +301,9 @@ class Navigation:
     """Standard deviation of accelerations unknown to the filter."""
     execution_error: Annotated[NotNegative, Field(le=1)] = 0.05
     """Standard deviation that the filter allows for in forces, a share."""
-    initial_position_m: Positive = 1.0
+    initial_position_m: Annotated[Positive, Field(le=1e4)] = 1.0
     """Standard deviation of the first estimate of the position, each axis."""
-    initial_velocity_m_s: Positive = 0.001
+    initial_velocity_m_s: Annotated[Positive, Field(le=1e3)] = 0.001
     """Standard deviation of the first estimate of the velocity, each axis."""
     measures: Literal["position", "range_bearing"] = "position"
     """What a fix is: a place, or range and bearing."""

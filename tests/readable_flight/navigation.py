@@ -79,7 +79,7 @@ def predicted(flight, belief, state, covariance, period):
 
 
 def correct(flight, belief, fixed):
-    """``K = P H' S^-1``, ``x <- x + K (z - H x)``, ``P <- P - K H P``; beyond the gate P widens instead."""
+    """``K = P H' S^-1``, ``x <- x + K (z - H x)``, P in Joseph's form; beyond the gate P widens instead."""
     law, place, spread = flight.mission.navigation, belief.state[:3], belief.covariance[:3, :3]
     innovation = spread + fix_covariance(law, place)
     off = fixed - place
@@ -88,7 +88,8 @@ def correct(flight, belief, fixed):
         return
     gain = np.linalg.solve(innovation, belief.covariance[:3]).T
     belief.state = belief.state + gain @ off
-    belief.covariance = belief.covariance - gain @ belief.covariance[:3]
+    kept, noise = np.eye(6) - gain @ np.eye(3, 6), fix_covariance(law, place)
+    belief.covariance = kept @ belief.covariance @ kept.T + gain @ noise @ gain.T
 
 
 def fix_covariance(law, place):

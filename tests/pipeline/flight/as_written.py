@@ -160,9 +160,7 @@ def allowed(flight, k, log, name):
     """How far a field may be off besides rounding: what integrators and inference may err by."""
     mission, period = flight.mission, flight.mission.control_period_s
     if name.startswith("estimate"):  # a correction takes great covariances off, whose rounding stays
-        greatest = np.abs(log.estimate_covariance[: k + 1]).max(axis=(1, 2))
-        rounded = 64.0 * np.finfo(np.float64).eps * greatest.max() / greatest[-1]
-        return (FILTERED + rounded) * np.abs(of_log(log, name, k)).max()
+        return (FILTERED + corrected_error(k, log)) * np.abs(of_log(log, name, k)).max()
     if k == mission.num_controls:
         return 0.0
     moved = moving_error(flight, k, log) if flight.orbit is not None else 0.0
@@ -184,6 +182,12 @@ def allowed(flight, k, log, name):
         "velocity_m_s-": pulled + moved * (flight.earth.fastest if flight.earth else 0.0),
         "delta_v_m_s-": 3.0 * pulled,
     }.get(name, 0.0)
+
+
+def corrected_error(k, log):
+    """What corrections have left of rounding in an estimate, as a share of it."""
+    greatest = np.abs(log.estimate_covariance[: k + 1]).max(axis=(1, 2))
+    return 64.0 * np.finfo(np.float64).eps * greatest.max() / greatest[-1]
 
 
 def turning_error(flight, k, log, name):
@@ -222,7 +226,7 @@ def moving_error(flight, k, log):
 def on_a_knifes_edge(flight, k, state, log):
     """Show that a period that differs is one of nearly the same inputs; return that of them most like it."""
     generator, differing = np.random.default_rng(0), []
-    runs = [nudged(flight, k, state, generator) for _ in range(NUDGES)]
+    runs = [nudged(flight, k, state, log, generator) for _ in range(NUDGES)]
     left = [differences(flight, k, run, log) for run in runs]
     for name in set.intersection(*map(set, left)):
         value = of_log(log, name, k)
@@ -235,12 +239,12 @@ def on_a_knifes_edge(flight, k, state, log):
     return runs[int(np.argmin([len(one) for one in left]))]
 
 
-def nudged(flight, k, state, generator):
+def nudged(flight, k, state, log, generator):
     """The period from inputs that differ by no more than rounding might."""
 
-    def near(values):
+    def near(values, nudge=NUDGE):
         values = np.asarray(values, dtype=np.float64)
-        return values + NUDGE * np.abs(values).max(initial=0.0) * generator.standard_normal(values.shape)
+        return values + nudge * np.abs(values).max(initial=0.0) * generator.standard_normal(values.shape)
 
     other = replace(flight, points=near(flight.points), normals=near(flight.normals))
     kept = {"chief", "mesh", "earth", "orbit", "hill_axes"} & flight.__dict__.keys()
@@ -255,7 +259,7 @@ def nudged(flight, k, state, generator):
     state.attitude = state.attitude * Rotation.from_rotvec(NUDGE * generator.standard_normal(3))
     state.centres = near(state.centres)
     if state.belief is not None:
-        state.belief.state = near(state.belief.state)
+        state.belief.state = near(state.belief.state, NUDGE + corrected_error(k, log))
         scale = 1.0 + NUDGE * generator.standard_normal(6)
         state.belief.covariance = state.belief.covariance * np.outer(scale, scale)
     return period(other, k, state)

@@ -204,7 +204,7 @@ def test_without_an_evaluation_there_is_nothing_to_rank(tmp_path):
 def test_an_evaluation_of_another_controller_is_refused(tmp_path, finished):
     artifacts.write_atomically(tmp_path / artifacts.EPISODES, (finished / artifacts.EPISODES).read_bytes())
     run = evaluated("controller=coast")
-    with pytest.raises(ArtifactError, match=r"says \d+ points for .* m/s; .* repeat the stage evaluate"):
+    with pytest.raises(ArtifactError, match=r"says \d+ for .* m/s; .* repeat the stage evaluate"):
         run_stages(run.experiment, run.config, tmp_path, ["record"])
 
 
