@@ -165,7 +165,12 @@ def move(matrix: Any, a: int, one: Row, now: list[Any], after: list[Row]) -> Non
         on_p, on_s, rest = (of_velocity * v + shear * p for p, v in zip(*lines, strict=True))
         return on_p * ball(one.low, one.high) + on_s * ball(one.least, one.greatest) + rest
 
-    covered(image(1.0, 0), lambda t: image(t.shear, 1), after)
+    at, v = image(1.0, 0), image(0.0, 1)
+
+    def leaning(t: Row) -> Any:
+        return image(t.shear, 1).intersection(v + t.shear * at.intersection(ball(t.low, t.high)))
+
+    covered(at, leaning, after)
 
 
 def limit(theorem: Any, now: list[Any], after: list[Any]) -> None:

@@ -67,7 +67,11 @@ class Axis:
             first = int(np.searchsorted(self.edges, whole.low, side="right")) - 1
             for cell in range(first, int(np.searchsorted(self.edges, whole.high, side="left"))):
                 low, high = np.clip([whole.low, whole.high], *self.edges[cell : cell + 2]).tolist()
-                one = replace(image(self.shears[cell]), low=low, high=high)
+                # a shear is for boxes as narrow as its cell: of a wide one, what falls into the cell leans
+                one = _leaning(replace(whole, low=low, high=high), self.shears[cell])
+                own = image(one.shear)
+                least, greatest = max(one.least, own.least), min(one.greatest, own.greatest)
+                one = replace(one, least=least, greatest=greatest)
                 boxes[cell] = _joined(one, boxes.get(cell, one))
         return {cell: _widened(boxes[cell]) for cell in sorted(boxes)}
 
