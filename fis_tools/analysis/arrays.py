@@ -6,6 +6,8 @@ between the points.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import count, islice
+from math import isqrt
 
 import numpy as np
 
@@ -13,7 +15,6 @@ from fis_tools.array_types import Floats
 from fis_tools.engines.compiler import compile
 from fis_tools.model import FuzzySystem, Variable
 from fis_tools.model.validate import nearest
-from fis_tools.model.variables import sample_terms
 
 #: Points and statements gone through for samples spread over ranges, a few seconds' worth.
 MOST_WORK = 200_000_000
@@ -173,15 +174,10 @@ def _radical_inverse(count: int, base: int) -> Floats:
     return inverse
 
 
-def _primes(count: int) -> list[int]:
+def _primes(number: int) -> list[int]:
     """Return the first primes."""
-    found: list[int] = []
-    candidate = 2
-    while len(found) < count:
-        if all(candidate % prime for prime in found):
-            found.append(candidate)
-        candidate += 1
-    return found
+    primes = (n for n in count(2) if all(n % divisor for divisor in range(2, isqrt(n) + 1)))
+    return list(islice(primes, number))
 
 
 def surface(
@@ -278,7 +274,7 @@ def coverage(variable: Variable) -> Coverage:
 
     A variable is well covered where each value has a membership of, say, 0.5 in some term.
     """
-    functions = sample_terms(variable)
+    functions = variable.memberships
     points = np.union1d(variable.universe, crossings(variable.universe, functions))
     highest = np.max([np.interp(points, variable.universe, function) for function in functions], axis=0)
     worst = int(np.argmin(highest))
@@ -290,9 +286,8 @@ def distinguishability(variable: Variable) -> Distinguishability:
 
     A term whose sampled membership is zero everywhere is like no other, itself included.
     """
-    functions = sample_terms(variable)
-    points = np.union1d(variable.universe, crossings(variable.universe, functions))
-    fine = np.stack([np.interp(points, variable.universe, function) for function in functions])
+    points = np.union1d(variable.universe, crossings(variable.universe, variable.memberships))
+    fine = np.stack([np.interp(points, variable.universe, function) for function in variable.memberships])
     lower = np.minimum(fine[:, np.newaxis], fine)
     higher = np.maximum(fine[:, np.newaxis], fine)
     shared, joint = np.trapezoid(lower, points), np.trapezoid(higher, points)

@@ -4,6 +4,7 @@ Each index is given with the formula that is used, because papers leave cases op
 exact for memberships that are linear between the points of their universe.
 """
 
+from collections import defaultdict
 from dataclasses import dataclass, replace
 from itertools import product
 from math import prod
@@ -13,9 +14,10 @@ import numpy as np
 from fis_tools import model
 from fis_tools.analysis import arrays
 from fis_tools.analysis.arrays import Coverage, coverage, crossings
-from fis_tools.array_types import Floats
-from fis_tools.engines.inference import infer
-from fis_tools.model.variables import sample, sample_terms
+from fis_tools.array_types import Floats, Integers
+from fis_tools.engines.interpreter import conclude
+from fis_tools.engines.program import assemble
+from fis_tools.model.variables import sample
 
 #: A grid of more points than this is replaced by samples.
 MOST_POINTS = 50_000
@@ -166,18 +168,16 @@ def rule_consistency(system: model.FuzzySystem) -> RuleConsistency:
     strengths, answers = arrays.firing(system, grid), arrays.evaluate(system, grid)
     has_value = ~np.isnan(answers).any(axis=1)  # a formula may have none
     grid, strengths, answers = grid[has_value], strengths[has_value], answers[has_value]
-    points, outputs, alone, values = [], [], [], []
-    for number in range(len(system.rules)):
-        firing = strengths[:, number]
-        places = np.flatnonzero(firing >= firing.max() - 1e-9)
-        own = _alone(system, number, grid[places[0]])
+    highest = strengths.max(axis=0)
+    is_highest = strengths >= highest - 1e-9
+    alone = _alone(system, strengths, grid, is_highest.argmax(axis=0))
+    best, values = [], []
+    for number, own in enumerate(alone):
+        places = np.flatnonzero(is_highest[:, number])
         meant = _meanings(system, number, answers[places], own)
-        best = int(np.argmax(meant))
-        points.append(grid[places[best]])
-        outputs.append(answers[places[best]])
-        alone.append(own)
-        values.append(meant[best] if firing.max() > 0 else 0.0)
-    return RuleConsistency(np.array(points), np.array(outputs), np.array(alone), np.array(values))
+        best.append(places[np.argmax(meant)])
+        values.append(meant.max() if highest[number] > 0 else 0.0)
+    return RuleConsistency(grid[best], answers[best], alone, np.array(values))
 
 
 def _landmarks(variable: model.Variable) -> Floats:
@@ -193,11 +193,18 @@ def _grid(axes: list[Floats]) -> Floats | None:
     return np.array(list(product(*axes)), dtype=np.float64)
 
 
-def _alone(system: model.FuzzySystem, number: int, point: Floats) -> Floats:
-    rule = system.rules[number]
-    concluded = [consequent.variable for consequent in rule.consequents]
-    values = infer(replace(system, rules=(rule,)), point).values
-    return np.where([variable.name in concluded for variable in system.outputs], values, np.nan)
+def _alone(system: model.FuzzySystem, strengths: Floats, grid: Floats, places: Integers) -> Floats:
+    """Return what each rule alone would answer at its place in a grid; NaN for what it says nothing on."""
+    alone = np.full((len(system.rules), len(system.outputs)), np.nan)
+    alike = defaultdict(list)
+    for number, rule in enumerate(system.rules):
+        alike[rule.consequents].append(number)
+    for consequents, rules in alike.items():
+        program = assemble(replace(system, rules=(system.rules[rules[0]],)))
+        at, says = places[rules], np.isin([v.name for v in system.outputs], [c.variable for c in consequents])
+        answers = conclude(program, strengths[at, rules][:, np.newaxis], grid[at])
+        alone[rules] = np.where(says, answers, np.nan)
+    return alone
 
 
 def _meanings(system: model.FuzzySystem, number: int, answers: Floats, own: Floats) -> Floats:
@@ -211,7 +218,7 @@ def _meanings(system: model.FuzzySystem, number: int, answers: Floats, own: Floa
             off = np.abs(answers[:, place] - own[place]) / (variable.maximum - variable.minimum)
             meant = np.minimum(meant, np.clip(1.0 - off, 0.0, 1.0))
             continue
-        function = sample(variable, variable.terms[variable.term_index(consequent.term)])
+        function = variable.memberships[variable.term_index(consequent.term)]
         like, most = (np.interp(y, variable.universe, function) for y in (answers[:, place], own[place]))
         meant = np.minimum(meant, like / most if most > 0 else like)
     return meant
@@ -251,7 +258,7 @@ def _has_every_combination(system: model.FuzzySystem) -> bool:
 def _turning_points(variable: model.Variable) -> Floats:
     """Return the ends of a universe, and where terms or their complements turn or cross in between."""
     x = variable.universe
-    terms = sample_terms(variable)
+    terms = variable.memberships
     functions = np.concatenate([terms, 1.0 - terms])
     turns = np.sign(np.diff(terms))
     found = [x[[0, -1]], x[1:-1][np.any(turns[:, 1:] != turns[:, :-1], axis=0)], crossings(x, functions)]

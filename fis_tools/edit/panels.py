@@ -78,9 +78,7 @@ class Answers:
         self._ask(*self._states)
 
     def _ask(self, *panels: Panel) -> None:
-        for panel in panels:
-            self._asked[panel] = object()
-            self._states[panel].set_text("…")
+        self._asked |= {panel: object() for panel in panels}
         if not self._is_busy and self._controller is not None:
             self._is_busy = True
             background_tasks.create(self._answer())
@@ -89,6 +87,8 @@ class Answers:
         try:
             while self._asked:
                 await asyncio.sleep(SENT_S)
+                for panel in self._asked:
+                    self._states[panel].set_text("…")
                 await self._answer_first(*next(iter(self._asked.items())))
         finally:
             self._is_busy = False

@@ -1,7 +1,7 @@
 // The rules as tables; a press on a term turns it to the next one.
 export default {
   template: `
-  <div class="rules">
+  <div class="rules" v-memo="[tables, strengths, selected]">
     <div class="wide" v-for="table in tables"><table :class="table.kind">
       <caption v-if="table.title">where {{ table.title }}</caption>
       <thead><tr><th v-for="head in table.heads" scope="col">{{ head }}</th></tr></thead>
@@ -31,7 +31,7 @@ export default {
       const step = { click: event.shiftKey ? -1 : 1, ArrowDown: -1, ArrowUp: 1 }[event.key || event.type];
       if (!step) return;
       event.preventDefault();
-      this.select(rule);
+      if (rule !== this.selected) this.select(rule);
       this.$emit("turn", { rule, side, place, step });
     },
   },

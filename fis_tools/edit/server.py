@@ -99,5 +99,7 @@ def serve(page: Callable[[], object], title: str, port: int = 0, opens: bool = T
     config = uvicorn.Config(
         guarded, log_level="warning", server_header=False, headers=HEADERS, ws_max_size=1 << 20
     )
+    config.ws_per_message_deflate = False  # nothing leaves this machine
+    sys.setswitchinterval(5e-4)  # an answer that is computed does not hold up what is sent
     with suppress(KeyboardInterrupt):
         uvicorn.Server(config).run(sockets=[listening])

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from contextlib import suppress
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -28,19 +29,13 @@ def colours(count: int) -> list[str]:
     ]
 
 
+@lru_cache(maxsize=64)
 def variable(shown: Variable) -> dict[str, Any]:
     """Return a variable, its terms as paths in a box of 1000 by 100, and their handles."""
     told = zip(shown.terms, colours(len(shown.terms)), strict=True)
-    return {
-        "name": shown.name,
-        "unit": shown.unit,
-        "description": shown.description,
-        "minimum": shown.minimum,
-        "maximum": shown.maximum,
-        "has_sets": has_sets(shown),
-        "shapes": SETS,
-        "terms": [_term(shown, term, colour) for term, colour in told],
-    }
+    terms = [_term(shown, term, colour) for term, colour in told]
+    found = {name: getattr(shown, name) for name in ("name", "unit", "description", "minimum", "maximum")}
+    return found | {"has_sets": has_sets(shown), "shapes": SETS, "terms": terms}
 
 
 def _term(shown: Variable, term: Term, colour: str) -> dict[str, Any]:

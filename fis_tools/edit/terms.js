@@ -1,7 +1,7 @@
 // A variable: its terms as curves with handles, its value as a slider, and the terms' numbers as fields.
 export default {
   template: `
-  <section class="variable" v-if="variable" :aria-label="kind + ' ' + variable.name">
+  <section class="variable" v-if="variable" v-memo="[variable, value, degrees]" :aria-label="kind + ' ' + variable.name">
     <div class="variable-head">
       <h3>{{ variable.name }} <span>{{ variable.unit }}</span></h3>
       <output v-if="value !== null">{{ short(value) }} {{ variable.unit }}</output>

@@ -7,6 +7,7 @@ point of the universe. Memberships below `fis_tools.model.variables.SMALLEST_MEM
 """
 
 import os
+from collections import deque
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
@@ -33,7 +34,6 @@ from fis_tools.engines.program import (
 )
 from fis_tools.model import FuzzySystem
 from fis_tools.model.validate import validate
-from fis_tools.model.variables import sample_terms
 
 #: Inputs that are identified by column names; see `fis_tools.engines.inference.columns_of`.
 Table = Any
@@ -51,6 +51,10 @@ LOWEST_PEAK = 0.5
 ROUNDED = 1e-12
 #: Error of scikit-fuzzy's sum over a universe, in units in the last place; it may be larger.
 UNITS_OFF = 16
+
+
+#: the systems that were compiled last: several questions about one compile it once
+_RECENT = deque["CompiledSystem"](maxlen=8)
 
 
 class NoRuleFired(ValueError):  # noqa: N818 - the sentence is the message
@@ -274,6 +278,10 @@ def compile(
     """
     if isinstance(system, CompiledSystem):
         return system
+    threads = threads or os.cpu_count() or 1
+    for recent in tuple(_RECENT):
+        if recent.system is system and recent.threads == threads and defaults is None:
+            return recent
     if isinstance(system, FuzzySystem):
         if defaults is not None:
             raise ValueError("defaults are for control systems; declare them in the outputs of a FuzzySystem")
@@ -285,7 +293,9 @@ def compile(
         read = read_control_system(system, defaults=defaults)
     if len(read.rules) >= MANY_RULES:
         advise_numba()
-    return CompiledSystem(read, assemble(read), _packed(read), threads or os.cpu_count() or 1)
+    compiled = CompiledSystem(read, assemble(read), _packed(read), threads)
+    _RECENT.append(compiled)
+    return compiled
 
 
 def _marked(conclusion: Conclusion | Weighing) -> Conclusion | Weighing:
@@ -323,8 +333,7 @@ def _packed(system: FuzzySystem) -> Packed | None:
     """
     if system.weighed:
         return None
-    for variable in (*system.inputs, *system.outputs):
-        memberships = sample_terms(variable)
+    for memberships in (variable.memberships for variable in (*system.inputs, *system.outputs)):
         if np.abs(np.diff(memberships)).max() > STEEPEST or memberships.max(axis=1).min() < LOWEST_PEAK:
             return None
     for output in system.outputs:

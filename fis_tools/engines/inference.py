@@ -16,7 +16,6 @@ from fis_tools import model
 from fis_tools.array_types import Floats, Integers
 from fis_tools.model.operators import ACCUMULATIONS, AGGREGATIONS, AND_OPERATORS, HEDGES, OR_OPERATORS
 from fis_tools.model.validate import nearest
-from fis_tools.model.variables import sample_terms
 
 #: scikit-fuzzy divides by the larger of the area and this.
 SMALLEST_AREA = float(np.finfo(np.float64).eps)
@@ -190,7 +189,7 @@ def fuzzify(system: model.FuzzySystem, inputs: Floats) -> list[Floats]:
     for variable, column in zip(system.inputs, inputs.T, strict=True):
         universe = variable.universe
         x = np.fmax(np.fmin(column, universe[-1]), universe[0])
-        terms = [np.interp(x, universe, mf, left=0.0, right=0.0) for mf in sample_terms(variable)]
+        terms = [np.interp(x, universe, mf, left=0.0, right=0.0) for mf in variable.memberships]
         memberships.append(np.stack(terms, axis=1))
     return memberships
 
@@ -338,7 +337,7 @@ def _cut_terms(system: model.FuzzySystem, variable: model.Variable, firing: Floa
 
 def _aggregate(variable: model.Variable, cuts: Floats) -> tuple[Floats, Floats]:
     grid = variable.universe
-    concluded = [(cut, mf) for cut, mf in zip(cuts, sample_terms(variable), strict=True) if not np.isnan(cut)]
+    concluded = [(cut, mf) for cut, mf in zip(cuts, variable.memberships, strict=True) if not np.isnan(cut)]
     crossings = [_crossings(grid, mf, cut) for cut, mf in concluded]
     universe = np.union1d(grid, np.concatenate([np.empty(0), *crossings]))
     aggregated = np.zeros(len(universe))
@@ -351,10 +350,9 @@ def _aggregate(variable: model.Variable, cuts: Floats) -> tuple[Floats, Floats]:
 def _conclude_by_rule(system: model.FuzzySystem, variable: model.Variable, firing: Floats) -> Floats:
     """Aggregate each rule's implied set, one after the other, at the points of the universe."""
     imply, aggregate = AND_OPERATORS[system.implication], AGGREGATIONS[variable.aggregation]
-    memberships = sample_terms(variable)
     aggregated = np.zeros(len(variable.universe))
     for place, consequent in conclusions_on(system, variable):
-        shape = memberships[variable.term_index(consequent.term)]
+        shape = variable.memberships[variable.term_index(consequent.term)]
         activation = np.full(len(shape), firing[place] * consequent.weight)
         aggregated = aggregate(aggregated, imply(activation, shape))
     return aggregated

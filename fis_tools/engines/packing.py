@@ -14,7 +14,7 @@ from fis_tools.array_types import Floats, Integers
 from fis_tools.compiled.vectors import ROW
 from fis_tools.model import FuzzySystem, Variable, conjunctions
 from fis_tools.model.validate import validate
-from fis_tools.model.variables import is_unimodal, sample_terms
+from fis_tools.model.variables import is_unimodal
 
 Layout = NDArray[np.void]
 
@@ -163,17 +163,16 @@ def pack(*systems: FuzzySystem) -> Packed:
     cells: list[Integers] = []
     for row, system in zip(layout, systems, strict=True):
         for place, variable in enumerate(system.inputs):
-            fill_input(values, row, place, *_ends(variable), sample_terms(variable)[np.newaxis])
+            fill_input(values, row, place, *_ends(variable), variable.memberships[np.newaxis])
         output = system.outputs[0]
-        memberships = sample_terms(output)
-        for term, sampled in zip(output.terms, memberships, strict=True):
+        for term, sampled in zip(output.terms, output.memberships, strict=True):
             if not is_unimodal(sampled):
                 raise NotCompilable(
                     f"system {system.name!r} cannot be compiled: output term {term.name!r} has more than "
                     "one peak; evaluate it with fis_tools.engines.inference"
                 )
         default = 0.0 if output.default is None else output.default
-        fill_output(values, rules, row, *_ends(output), np.array([default]), memberships[np.newaxis])
+        fill_output(values, rules, row, *_ends(output), np.array([default]), output.memberships[np.newaxis])
         rule_base = conjunctions(system)
         assert rule_base is not None  # noqa: S101 - others are rejected by layout_of
         cells.append(rule_base[0])

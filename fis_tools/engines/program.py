@@ -11,7 +11,6 @@ from fis_tools import model
 from fis_tools.array_types import Floats, Integers
 from fis_tools.compiled.decorator import compiled
 from fis_tools.engines.inference import conclusions_on
-from fis_tools.model.variables import sample_terms
 
 #: Operations as numbers, since compiled functions have no strings.
 AND_CODES = range(7)
@@ -286,7 +285,7 @@ def _antecedents(system: model.FuzzySystem) -> Antecedents:
 
 
 def _memberships_with_slopes(variable: model.Variable) -> Floats:
-    sampled = sample_terms(variable)
+    sampled = variable.memberships
     slopes = np.zeros_like(sampled)  # constant beyond the last point
     slopes[:, :-1] = np.diff(sampled) / np.diff(variable.universe)
     return np.concatenate([sampled, slopes]).T.ravel()
@@ -333,7 +332,7 @@ def _conclusion(system: model.FuzzySystem, output: model.Variable) -> Conclusion
     if system.cuts(output):
         concluded.sort(key=lambda each: each[0])
     rows = np.searchsorted(terms, [term for term, _, _ in concluded])
-    memberships = sample_terms(output)[terms]
+    memberships = output.memberships[terms]
     runs = [(term, *run) for term, sampled in enumerate(memberships) for run in _runs(sampled)]
     return Conclusion(
         universe=output.universe,

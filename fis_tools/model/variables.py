@@ -81,6 +81,13 @@ class Variable:
             return np.array(self.points, dtype=np.float64)
         return np.linspace(self.minimum, self.maximum, self.num_points)
 
+    @cached_property
+    def memberships(self) -> Floats:
+        """All terms, at least one, sampled on the universe, (num_terms, num_points); to be read only."""
+        sampled = np.stack([sample(self, term) for term in self.terms])
+        sampled.flags.writeable = False
+        return sampled
+
     @property
     def counts_strongest(self) -> bool:
         """Whether only the strongest of the rules that conclude a term counts."""
@@ -119,22 +126,6 @@ def sample(variable: Variable, term: Term) -> Floats:
     values = shape_values(variable.universe, term.membership)
     values[values < SMALLEST_MEMBERSHIP] = 0.0
     return values
-
-
-def sample_terms(variable: Variable) -> Floats:
-    """Sample all terms of a variable.
-
-    Parameters
-    ----------
-    variable : Variable
-        A variable with at least one term.
-
-    Returns
-    -------
-    array
-        Memberships in [0, 1], shape (num_terms, num_points).
-    """
-    return np.stack([sample(variable, term) for term in variable.terms])
 
 
 def shape_values(universe: Floats, shape: MembershipFunction) -> Floats:

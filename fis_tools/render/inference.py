@@ -12,7 +12,7 @@ from fis_tools.engines.inference import Inference, OutputInference
 from fis_tools.model import And, Expression, FuzzySystem, Hedged, Is, Not, Or, Rule, Variable
 from fis_tools.model.operators import AND_OPERATORS
 from fis_tools.model.systems import require_mamdani
-from fis_tools.model.variables import peak, sample, sample_terms
+from fis_tools.model.variables import peak, sample
 from fis_tools.render import lettering
 from fis_tools.render.theme import LARGE, LIGHT, MEDIUM, SMALL, Theme, dress
 from fis_tools.words.text import METHODS, SHOWN_FROM, number, quantity, sentence, with_unit
@@ -37,15 +37,14 @@ def memberships(variable: Variable, ax: Axes, value: float | None = None, *, the
     theme : Theme
         Colours.
     """
-    functions = sample_terms(variable)
-    for place, function in enumerate(functions):
+    for place, function in enumerate(variable.memberships):
         ax.plot(variable.universe, function, linewidth=1.8, clip_on=False, **theme.line(place))
     room = _name(variable, ax, theme)
     ax.set(xlim=(variable.minimum, variable.maximum), ylim=(0.0, 1.0 / (1.0 - room)))
     ax.set(xlabel=with_unit(variable), ylabel="membership", yticks=(0.0, 0.5, 1.0))
     lettering.few_ticks(ax)
     if value is not None:
-        _mark(variable, functions, value, ax, theme)
+        _mark(variable, variable.memberships, value, ax, theme)
     ax.spines[["top", "right"]].set_visible(False)
     ax.spines["left"].set_bounds(0.0, 1.0)
     dress(ax, theme)
@@ -153,7 +152,7 @@ def output_panel(output: OutputInference, system: FuzzySystem, ax: Axes, theme: 
     """Draw the aggregated output, the cut terms it is made of, and the number it becomes."""
     variable = output.variable
     imply = AND_OPERATORS[system.implication]
-    for index, (curve, cut) in enumerate(zip(sample_terms(variable), output.cuts, strict=True)):
+    for index, (curve, cut) in enumerate(zip(variable.memberships, output.cuts, strict=True)):
         if cut > 0:
             implied = imply(np.full(len(curve), cut), curve)
             ax.plot(variable.universe, implied, linewidth=1.2, clip_on=False, **theme.line(index))

@@ -26,6 +26,7 @@ from fis_tools.words.text import (
 SAME_LEVEL = 1e-6
 #: a symmetry shows in at least so many pairs of rules
 FEWEST_PAIRS = 4
+_Table = tuple[Integers, Floats]
 
 
 @dataclass(frozen=True)
@@ -49,11 +50,12 @@ def find(system: FuzzySystem, measures: Measures, thresholds: Thresholds) -> Ite
     yield from _weightless(system)
     yield from _repeated(system)
     yield from _overlapping(system)
-    for axis in range(len(system.inputs)):
-        steps = _steps(system, axis)
-        yield from _jumps(system, axis, steps, thresholds)
-        yield from _turns(system, axis, steps, thresholds)
-    yield from _symmetry(system, thresholds)
+    if (table := _table(system)) is not None:
+        for axis in range(len(system.inputs)):
+            steps = _steps(table, axis)
+            yield from _jumps(system, axis, steps, thresholds)
+            yield from _turns(system, axis, steps, thresholds)
+        yield from _symmetry(system, table, thresholds)
     yield from _consistency(system, measures, thresholds)
     yield from _many(measures, thresholds)
 
@@ -133,7 +135,7 @@ def _overlapping(system: FuzzySystem) -> Iterator[Finding]:
             )
 
 
-def _table(system: FuzzySystem) -> tuple[Integers, Floats] | None:
+def _table(system: FuzzySystem) -> _Table | None:
     """Lay plain conjunctions out as a table with one axis per input, terms in the order of their centres.
 
     Returns
@@ -164,10 +166,7 @@ def _table(system: FuzzySystem) -> tuple[Integers, Floats] | None:
     return numbers, centres[consequents[numbers - 1]]
 
 
-def _steps(system: FuzzySystem, axis: int) -> list[Step]:
-    table = _table(system)
-    if table is None:
-        return []
+def _steps(table: _Table, axis: int) -> list[Step]:
     numbers, levels = (np.moveaxis(part, axis, -1) for part in table)
     pairs = zip(numbers[..., :-1].ravel(), numbers[..., 1:].ravel(), np.diff(levels).ravel(), strict=True)
     return [Step((int(a), int(b)), float(change)) for a, b, change in pairs if a and b and a != b]
@@ -243,15 +242,14 @@ def _turns(system: FuzzySystem, axis: int, steps: list[Step], thresholds: Thresh
     )
 
 
-def _symmetry(system: FuzzySystem, thresholds: Thresholds) -> Iterator[Finding]:
+def _symmetry(system: FuzzySystem, table: _Table, thresholds: Thresholds) -> Iterator[Finding]:
     """Yield the few pairs of rules that break a symmetry of the rest of a full rule table.
 
     Where all inputs, or one, are mirrored, a table may conclude the mirrored term, or the same.
     """
-    table = _table(system)
-    if table is None or not table[0].all():
-        return
     numbers, levels = table
+    if not numbers.all():
+        return
     output, everywhere = system.outputs[0], tuple(range(numbers.ndim))
     middle = (output.minimum + output.maximum) / span(output)
     ones = [(place,) for place in everywhere] if len(everywhere) > 1 else []

@@ -12,7 +12,6 @@ from fis_tools.analysis.measures import Measures, centre
 from fis_tools.array_types import Floats
 from fis_tools.findings.audit.report import Finding, Severity, Thresholds
 from fis_tools.model import FuzzySystem, Variable, used_terms
-from fis_tools.model.variables import sample_terms
 from fis_tools.words.text import amount, listed, number, percent, span
 
 #: Words of a magnitude, from little to much.
@@ -61,10 +60,11 @@ def read_names(names: list[str]) -> list[Reading | None]:
     Names such as ``negative_large``, ``NL``, ``zero``, ``PositiveSmall`` are read first. Without two of them
     that differ, the scale that knows most of the names counts, ``very`` and its like moving a word outwards.
     """
-    signed = [_signed(_words(name)) for name in names]
+    told = [_words(name) for name in names]
+    signed = [_signed(words) for words in told]
     if len({reading.sign for reading in signed if reading is not None}) > 1:
         return signed
-    by_scale = [[_on_scale(_words(name), scale) for name in names] for scale in _SCALES]
+    by_scale = [[_on_scale(words, scale) for words in told] for scale in _SCALES]
     best = max(by_scale, key=lambda readings: sum(reading is not None for reading in readings))
     zeros = [reading if reading is not None and reading.sign == 0 else None for reading in signed]
     if sum(reading is not None for reading in best) < 2:
@@ -158,7 +158,7 @@ def _unused(system: FuzzySystem) -> Iterator[Finding]:
 
 
 def _low(variable: Variable) -> Iterator[Finding]:
-    for term, highest in zip(variable.terms, sample_terms(variable).max(axis=1), strict=True):
+    for term, highest in zip(variable.terms, variable.memberships.max(axis=1), strict=True):
         if highest < 0.5:
             yield Finding(
                 "term-height",
@@ -180,7 +180,7 @@ def _covered(
     if worst.least >= thresholds.coverage or variable in system.outputs:
         return
     least, fired = number(round(worst.least, 3)), measures.completeness.least
-    x, terms, level = variable.universe, sample_terms(variable), thresholds.coverage
+    x, terms, level = variable.universe, variable.memberships, thresholds.coverage
     low = _covered_up_to(x, terms, worst.at, level)
     high = _covered_up_to(x[::-1], terms[:, ::-1], worst.at, level)
     severity = Severity.WARNING if fired < thresholds.coverage else Severity.NOTE
@@ -211,7 +211,7 @@ def _covered_up_to(x: Floats, terms: Floats, at: float, level: float) -> float:
 
 def _alike(variable: Variable, thresholds: Thresholds) -> Iterator[Finding]:
     likeness = distinguishability(variable)
-    areas = np.asarray(np.trapezoid(sample_terms(variable), variable.universe))
+    areas = np.asarray(np.trapezoid(variable.memberships, variable.universe))
     for a, b in combinations(range(len(variable.terms)), 2):
         similarity = float(likeness.similarity[a, b])
         possibility = float(likeness.possibility[a, b])
@@ -304,7 +304,7 @@ def _signs(variable: Variable, readings: list[Reading | None]) -> Iterator[Findi
 def _zero(variable: Variable, readings: list[Reading | None], thresholds: Thresholds) -> Iterator[Finding]:
     if not variable.minimum <= 0.0 <= variable.maximum:
         return
-    at_zero = [float(np.interp(0.0, variable.universe, function)) for function in sample_terms(variable)]
+    at_zero = [float(np.interp(0.0, variable.universe, function)) for function in variable.memberships]
     for place, (reading, term) in enumerate(zip(readings, variable.terms, strict=True)):
         if reading is None or reading.sign != 0 or at_zero[place] >= thresholds.zero:
             continue

@@ -50,7 +50,7 @@ from fis_tools.model import (
 from fis_tools.model.operators import ACCUMULATIONS, AND_OPERATORS, OR_OPERATORS, Operator
 from fis_tools.model.shape import SHAPES, Floats, Place, Width, shape
 from fis_tools.model.validate import problems
-from fis_tools.model.variables import is_unimodal, sample, sample_terms, shape_values
+from fis_tools.model.variables import is_unimodal, sample, shape_values
 from fis_tools.words.text import outline, shape_words
 from tests.programs import library, program
 
@@ -68,7 +68,7 @@ def _variable(extent: tuple[float, float, int], *terms: Term) -> Variable:
 
 def test_gaussian_far_tails_are_zero_not_denormal():
     variable = Variable("x", "", 0.0, 40.0, (Term("t", Gaussian(0.0, 1.0)),), 4001)
-    values = sample_terms(variable)[0]
+    values = variable.memberships[0]
     positive = values[values > 0]
     assert positive.min() >= 1e-290
     # exp(-x^2/2) = 1e-290 at x = sqrt(2 * 290 * ln 10) = 36.544
@@ -170,7 +170,7 @@ def test_a_peak_on_a_grid_point_is_one_and_the_feet_are_zero():
 def test_samples_are_taken_as_they_are_and_terms_stack():
     terms = (Term("a", Sampled((0.0, 0.25, 1e-300))), Term("b", Triangular(0.0, 0.0, 2.0)))
     variable = Variable("x", "", 0.0, 2.0, terms, 3)
-    np.testing.assert_array_equal(sample_terms(variable), [[0.0, 0.25, 0.0], [1.0, 0.5, 0.0]])
+    np.testing.assert_array_equal(variable.memberships, [[0.0, 0.25, 0.0], [1.0, 0.5, 0.0]])
 
 
 @pytest.mark.parametrize(

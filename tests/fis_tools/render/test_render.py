@@ -15,7 +15,6 @@ from matplotlib.figure import Figure
 from fis_tools import render
 from fis_tools.engines.inference import infer
 from fis_tools.model import FuzzySystem, Gaussian, Term, Variable
-from fis_tools.model.variables import sample_terms
 from fis_tools.render import memberships, system_figures
 from fis_tools.render.inference import conclusion_panel, inference_figure, output_panel, statement_panel
 from fis_tools.render.rules import firing_map
@@ -36,7 +35,7 @@ def test_membership_functions_are_drawn_named_and_told_apart_without_colour() ->
     variable = force_x_system().inputs[0]
     ax = memberships(variable, Figure().subplots())
     assert [text.get_text() for text in ax.texts] == [term.name for term in variable.terms]
-    for line, function in zip(ax.lines, sample_terms(variable), strict=True):
+    for line, function in zip(ax.lines, variable.memberships, strict=True):
         np.testing.assert_array_equal(line.get_xdata(), variable.universe)
         np.testing.assert_array_equal(line.get_ydata(), function)
     assert len({line.get_linestyle() + str(line._dash_pattern) for line in ax.lines}) == 5  # type: ignore[attr-defined]
