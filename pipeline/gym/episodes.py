@@ -304,7 +304,7 @@ class Episodes:
             "delta_v_m_s": now[:, SPENT].copy(),
             "num_inspected": now[:, NUM_INSPECTED].copy(),
             "num_inspectable": self._flights.inspectable.copy(),
-            "is_success": self._inspected >= self._needed,
+            "is_success": (self._inspected >= self._needed) & (now[:, OUTSIDE] == 0.0),
             "outside_m": now[:, OUTSIDE].copy(),
             "safety_periods": now[:, NUM_ACTED].copy(),
             "safety_delta_v_m_s": now[:, CORRECTED].copy(),

@@ -99,7 +99,8 @@ class ReachEnv(InspectionEnv):
             - is_failed * paid.failure
         )
         is_cut = is_far or is_late or self._used > problem.most_excess_m_s
-        told = {"is_success": float(is_docked), "excess_m_s": excess, "excess_used_m_s": self._used}
+        is_success = is_docked and self._used <= problem.most_excess_m_s
+        told = {"is_success": float(is_success), "excess_m_s": excess, "excess_used_m_s": self._used}
         return observation, reward, is_there, is_cut, info | told
 
     def _state(self) -> tuple[float, float, float]:

@@ -132,7 +132,7 @@ class SixDofInspectionEnv(gymnasium.Env[NDArray[np.float32], NDArray[Any]]):
             Too far away, or the time is over.
         info : dict
             ``delta_v_m_s``, ``num_inspected``, ``weight_inspected``; ``is_success``: whether enough of the
-            weight is inspected, whatever free flight would do after that.
+            weight is inspected inside the distance limits, whatever free flight would do after that.
         """
         mission, deputy, reward = self._mission, self._mission.deputy, self._reward
         shares = np.clip(np.asarray(action, dtype=np.float64), -1.0, 1.0)
@@ -211,9 +211,11 @@ class SixDofInspectionEnv(gymnasium.Env[NDArray[np.float32], NDArray[Any]]):
         return np.concatenate((*parts, [self.weight_inspected, left])).astype(np.float32)
 
     def _info(self) -> dict[str, Any]:
+        deputy, distance = self._mission.deputy, np.linalg.norm(self._state[PLACE])
+        is_inside = bool(deputy.min_distance_m <= distance <= deputy.max_distance_m)
         return {
             "delta_v_m_s": self._spent,
             "num_inspected": float(self._is_inspected.sum()),
             "weight_inspected": self.weight_inspected,
-            "is_success": self._has_enough,
+            "is_success": self._has_enough and is_inside,
         }

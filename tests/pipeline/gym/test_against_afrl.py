@@ -84,6 +84,7 @@ def agreed(env: InspectionEnv | SixDofInspectionEnv, one: Episode) -> float:
         is_over = terminated or truncated
     assert terminated == (one.status in ("Success", "Crash"))
     assert truncated == (one.status in ("Out of Bounds", "Timeout"))
+    assert [row["is_success"] for row in rows] == [False] * len(rows[1:]) + [one.status == "Success"]
     assert [told["num_inspected"] for told in rows] == one.counts.tolist()
     if len(one.weights):
         np.testing.assert_allclose(

@@ -22,7 +22,7 @@ from pipeline.flight.fly.stepping import (
     SPENT,
     Flights,
 )
-from pipeline.flight.state.log import FlightLog
+from pipeline.flight.state.log import FlightLog, Scenario
 from pipeline.gym import (
     InspectionEnv,
     InspectionVectorEnv,
@@ -152,6 +152,21 @@ def test_rewards_are_what_they_are_said_to_be(flown) -> None:
     # the safety layer brakes
     gained, braked = told["num_inspected"] - before["num_inspected"], told["delta_v_m_s"]
     assert rewarded == pytest.approx(reward.per_point * gained - reward.per_delta_v * braked - reward.outside)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("kind", "world"), [(InspectionEnv, "afrl"), (SixDofInspectionEnv, "afrl_six_dof")])
+@pytest.mark.parametrize("velocity_m_s", [0.0, 400.0, -4.0])
+def test_success_is_inside_the_limits_alone(kind, world, velocity_m_s) -> None:
+    """A hundredth of the points is seen from the start; after 10 s it is there, too far, or too near."""
+    env = kind([f"world={world}", "inspection_threshold_percent=1"])
+    start = Scenario(np.array([-40.0, 0.0, 0.0]), np.array([-velocity_m_s, 0.0, 0.0]), np.pi)
+    priority = np.array([-1.0, 0.0, 0.0])
+    _, before = env.reset(options={"scenario": start, "priority": priority})
+    *_, told = env.step(np.zeros(env.action_space.shape))
+    assert before["is_success"]
+    assert told["num_inspected"] >= 1.0
+    assert told["is_success"] == (velocity_m_s == 0.0)
 
 
 @pytest.mark.slow
