@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from pipeline.evaluation.statistics import Column, fraction, statistic, succeeds
 from pipeline.flight.cases.dispersions import drawn
+from pipeline.flight.cases.starts import columns_of
 from pipeline.flight.control.controller import Controller
 from pipeline.flight.goals.flights import fly_all
 from pipeline.flight.goals.reach import Reached
@@ -46,13 +47,10 @@ def episode_columns(mission: Mission, scenarios: list[Scenario], outcomes: Outco
     counts, num_points = outcomes.inspected_count, len(inspection_points(mission))
     if isinstance(outcomes, Reached):
         counts, num_points = outcomes.is_success(100.0).astype(np.int64), 1
-    positions = np.array([scenario.position_m for scenario in scenarios])
     own = [dict(drawn(mission, scenario)) for scenario in scenarios]
     return {
         "case": np.arange(len(scenarios)),
-        "position_x_m": positions[:, 0],
-        "position_y_m": positions[:, 1],
-        "position_z_m": positions[:, 2],
+        **columns_of(scenarios),
         "sun_angle_rad": np.array([scenario.sun_angle_rad for scenario in scenarios]),
         "delta_v_m_s": outcomes.delta_v_m_s,
         "inspected_count": counts,

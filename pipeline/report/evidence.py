@@ -223,13 +223,17 @@ def _search_facts(search: Mapping[str, Any], unit: str) -> list[list[str]]:
 
 
 def _worst_facts(worst: Mapping[str, Any], unit: str) -> list[list[str]]:
-    start = ", ".join(f"{value:.3f}" for value in worst["position_m"]).replace("-", "−")
+    start, velocity = (
+        ", ".join(f"{value:.3f}" for value in worst.get(name, ())).replace("-", "−")
+        for name in ("position_m", "velocity_m_s")
+    )
     left = len(worst["left_domain"])
     return [
         ["found by", worst["found_by"]],
         ["margin", _quantity(worst["margin"], unit)],
         ["margin of the recording, read back", _quantity(worst["recorded_margin"], unit)],
         ["start, Hill axes", f"({start}) m"],
+        *([["velocity there", f"({velocity}) m/s"]] if any(worst.get("velocity_m_s", ())) else []),
         ["Sun at the start", _sun(worst)],
         *([key, f"{value:.6g}"] for key, value in worst["settings"].items()),
         ["left the operational domain", "never" if not left else "once" if left == 1 else f"{left} times"],

@@ -252,6 +252,7 @@ class _Worst:
 def _start(mission: Mission, scenario: Scenario) -> dict[str, Any]:
     return {
         "position_m": scenario.position_m.tolist(),
+        "velocity_m_s": scenario.velocity_m_s.tolist(),
         "sun_angle_rad": float(scenario.sun_angle_rad),
         "sun_elevation_rad": float(scenario.sun_elevation_rad),
         "settings": dict(drawn(mission, scenario)),

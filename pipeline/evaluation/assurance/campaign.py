@@ -7,7 +7,7 @@ worst of them. Every flight counts.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -111,27 +111,31 @@ def joined(parts: Sequence[Outcome]) -> Outcome:
 SPAWN_KEY = 0x5EA
 #: share of a dispersed setting's values at either end that a search excludes: three standard deviations
 TAIL = 0.00135
+#: genes that are shares of a turn, and those of a start from a box
+ANGLES = ("azimuth", "heading_azimuth", "sun_angle")
+COORDINATES = ("x", "y", "z", "x_rate", "y_rate", "z_rate")
 
 
 @dataclass(frozen=True)
 class CaseSpace:
-    """The random variables of a case: direction, distance, the Sun unless fixed, and dispersed settings.
+    """The random variables of a case: its start, the Sun unless fixed, and dispersed settings.
 
     Parameters
     ----------
-    shell_m : (float, float)
-        Least and greatest distance of a start, m.
+    starts : MonteCarlo
+        From where starts are drawn: places and velocities of a box, or directions and distances of a shell,
+        and directions and speeds up to a greatest one.
     sun : Sun
     dispersed : tuple of Distribution
         Of settings, sorted by their keys. The quantiles from `TAIL` to one minus that can be chosen.
-    turned : (float, float)
-        Shifts of the azimuth and the Sun's angle from their genes, as shares of a turn.
+    turned : mapping of str to float
+        Shifts of angles from their genes, as shares of a turn.
     """
 
-    shell_m: tuple[float, float]
+    starts: MonteCarlo
     sun: Sun
     dispersed: tuple[Distribution, ...] = ()
-    turned: tuple[float, float] = (0.0, 0.0)
+    turned: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def genes(self) -> tuple[str, ...]:
@@ -139,48 +143,70 @@ class CaseSpace:
         angle = () if self.sun.mode == "fixed" else ("sun_angle",)
         ranges = self.sun.mode != "fixed" and self.sun.elevation_range_deg is not None
         elevation = ("sun_elevation",) if ranges else ()
-        return ("height", "azimuth", "distance", *angle, *elevation, *(one.key for one in self.dispersed))
+        return (*self._of_start, *angle, *elevation, *(one.key for one in self.dispersed))
+
+    @property
+    def _of_start(self) -> tuple[str, ...]:
+        if self.starts.box is not None:
+            ranges = zip(COORDINATES, *self.starts.box, strict=True)
+            return tuple(name for name, low, high in ranges if low < high)
+        moving = ("heading_height", "heading_azimuth", "speed") if self.starts.max_speed_m_s > 0.0 else ()
+        return ("height", "azimuth", "distance", *moving)
 
     def centred_on(self, genes: Floats) -> tuple["CaseSpace", Floats]:
         """Return the same space shifted so that the angles of some genes are central, and these genes there.
 
         A search that begins there does not run into the ends of an angle's range.
         """
-        moved, turned = genes.copy(), list(self.turned)
-        for place, name in enumerate(("azimuth", "sun_angle")):
-            if name in self.genes:
-                gene = self.genes.index(name)
-                turned[place] += genes[gene] - 0.5
+        moved, turned = genes.copy(), dict(self.turned)
+        for gene, name in enumerate(self.genes):
+            if name in ANGLES:
+                turned[name] = turned.get(name, 0.0) + genes[gene] - 0.5
                 moved[gene] = 0.5
-        return replace(self, turned=(turned[0], turned[1])), moved
+        return replace(self, turned=turned), moved
 
     def scenario(self, genes: Floats) -> Scenario:
         """Return the case of some genes, (num_genes,); uniform ones are isotropic and uniform in distance."""
         told = dict(zip(self.genes, genes.tolist(), strict=True))
-        height, azimuth = 2.0 * told["height"] - 1.0, 2.0 * np.pi * (told["azimuth"] + self.turned[0])
-        across = np.sqrt(max(0.0, 1.0 - height * height))
-        direction = np.array([across * np.cos(azimuth), across * np.sin(azimuth), height])
-        distance = self.shell_m[0] + (self.shell_m[1] - self.shell_m[0]) * told["distance"]
+        told |= {name: told[name] + self.turned.get(name, 0.0) for name in ANGLES if name in told}
         angle, elevation_deg = np.radians(self.sun.angle_deg), self.sun.elevation_deg
         if "sun_angle" in told:
-            angle = 2.0 * np.pi * ((told["sun_angle"] + self.turned[1]) % 1.0)
+            angle = 2.0 * np.pi * (told["sun_angle"] % 1.0)
         if self.sun.elevation_range_deg is not None and "sun_elevation" in told:
             low, high = self.sun.elevation_range_deg
             elevation_deg = low + told["sun_elevation"] * (high - low)
         settings = tuple(one.value(TAIL + (1.0 - 2.0 * TAIL) * told[one.key]) for one in self.dispersed)
         return Scenario(
-            distance * direction,
-            np.zeros(3),
-            float(angle),
-            float(np.radians(elevation_deg)),
-            settings=settings or None,
+            *self._start(told), float(angle), float(np.radians(elevation_deg)), settings=settings or None
         )
+
+    def _start(self, told: Mapping[str, float]) -> tuple[Floats, Floats]:
+        """Return position (m) and velocity (m/s)."""
+        starts = self.starts
+        if starts.box is not None:
+            low, high = np.array(starts.box)
+            state = low + (high - low) * [told.get(name, 0.0) for name in COORDINATES]
+            return state[:3], state[3:]
+        shell_m = starts.max_distance_m - starts.min_distance_m
+        position = (starts.min_distance_m + shell_m * told["distance"]) * _direction(
+            told["height"], told["azimuth"]
+        )
+        if "speed" not in told:
+            return position, np.zeros(3)
+        heading = _direction(told["heading_height"], told["heading_azimuth"])
+        return position, starts.max_speed_m_s * told["speed"] * heading
+
+
+def _direction(height: float, azimuth: float) -> Floats:
+    """Return the unit vector of a height, a share of the way from -z to +z, and of a share of a turn."""
+    z, turn = 2.0 * height - 1.0, 2.0 * np.pi * azimuth
+    across = np.sqrt(max(0.0, 1.0 - z * z))
+    return np.array([across * np.cos(turn), across * np.sin(turn), z])
 
 
 def case_space(monte_carlo: MonteCarlo, sun: Sun, mission: Mission) -> CaseSpace:
     """Return the random variables of an evaluation's cases."""
-    shell_m = (monte_carlo.min_distance_m, monte_carlo.max_distance_m)
-    return CaseSpace(shell_m, sun, distributions(mission.dispersions))
+    return CaseSpace(monte_carlo, sun, distributions(mission.dispersions))
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,7 @@ from pipeline.evaluation.assurance import verdicts
 from pipeline.evaluation.assurance.campaign import Outcome, Search, speed
 from pipeline.evaluation.assurance.requirements import Requirement
 from pipeline.flight.cases.dispersions import drawn
+from pipeline.flight.cases.starts import columns_of
 from pipeline.flight.control.controller import Controller
 from pipeline.flight.goals.flights import fly_logged
 from pipeline.flight.state.log import FlightLog, Scenario
@@ -297,9 +298,8 @@ def box_columns(found: Sequence[verdicts.Found]) -> Columns:
 
 def _starts(mission: Mission, scenarios: Sequence[Scenario]) -> Columns:
     own = [dict(drawn(mission, one)) for one in scenarios] if mission.dispersions else []
-    positions = np.array([one.position_m for one in scenarios])
     return {
-        **{f"position_{axis}_m": positions[:, n] for n, axis in enumerate("xyz")},
+        **columns_of(scenarios),
         "sun_angle_rad": np.array([one.sun_angle_rad for one in scenarios]),
         "sun_elevation_rad": np.array([one.sun_elevation_rad for one in scenarios]),
         **{key: np.array([of[key] for of in own]) for key in (own[0] if own else ())},

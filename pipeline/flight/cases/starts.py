@@ -176,6 +176,18 @@ def starts_in(columns: Mapping[str, NDArray[Any]]) -> list[Scenario]:
     ]
 
 
+def columns_of(scenarios: Sequence[Scenario]) -> dict[str, Floats]:
+    """Return the places of starts as columns that `starts_in` reads, and the velocities if any moves."""
+    positions, velocities = (
+        np.array([getattr(one, name) for one in scenarios]).reshape(-1, 3)
+        for name in ("position_m", "velocity_m_s")
+    )
+    columns = {f"position_{axis}_m": positions[:, n] for n, axis in enumerate("xyz")}
+    if velocities.any():
+        columns |= {f"velocity_{axis}_m_s": velocities[:, n] for n, axis in enumerate("xyz")}
+    return columns
+
+
 StartRows = np.recarray[Any, Any]  # an array of `CASE`
 
 

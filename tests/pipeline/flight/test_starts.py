@@ -15,7 +15,14 @@ from pipeline.command_line.config import compose_experiment
 from pipeline.controllers.source import named
 from pipeline.evaluation.monte_carlo import fly_cases
 from pipeline.flight.cases.dispersions import drawn, mission_of_case
-from pipeline.flight.cases.starts import EVALUATION, draw, evaluation_scenarios, training_scenarios
+from pipeline.flight.cases.starts import (
+    EVALUATION,
+    columns_of,
+    draw,
+    evaluation_scenarios,
+    starts_in,
+    training_scenarios,
+)
 from pipeline.flight.fly.simulation import fly_all, fly_logged
 from pipeline.flight.period.act.attitude import turn_body
 from pipeline.flight.state.log import Scenario
@@ -172,6 +179,16 @@ def test_starts_that_move_stand_where_those_at_rest_do() -> None:
     assert stats.kstest(speeds, "uniform", (0.0, 0.3)).pvalue > 0.01
     for axis in range(3):  # Archimedes: a component of an isotropic direction is uniform
         assert stats.kstest(velocities[:, axis] / speeds, "uniform", (-1.0, 2.0)).pvalue > 0.01
+
+
+def test_starts_survive_a_table(cases: list[Scenario]) -> None:
+    moving = evaluation_scenarios(replace(CASES, num_cases=3, max_speed_m_s=0.3), RANDOM, 1)
+    for starts in (cases[:3], moving):
+        columns = columns_of(starts) | {"sun_angle_rad": np.array([one.sun_angle_rad for one in starts])}
+        assert ("velocity_x_m_s" in columns) == (starts is moving)
+        for read, start in zip(starts_in(columns), starts, strict=True):
+            assert (read.position_m == start.position_m).all()
+            assert (read.velocity_m_s == start.velocity_m_s).all()
 
 
 def test_directions_by_even_angles_are_denser_at_the_poles() -> None:
