@@ -23,6 +23,7 @@ CAMPAIGNS = (
     "fuzz",
     "imitated",
     "kills",
+    "networks",
     "policies",
     "scaling",
     "soak",

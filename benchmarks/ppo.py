@@ -14,20 +14,28 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-import onnx
 import torch
 from numpy.typing import NDArray
-from onnx import TensorProto, checker, helper, numpy_helper
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
-from stable_baselines3.common.vec_env import VecEnv, VecNormalize
+from stable_baselines3.common.monitor import Monitor
+from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv, VecNormalize
 
-from pipeline.gym import InspectionVectorEnv, NormalizedVectorObservation, Reward
+from benchmarks.networks import CLIP, TANH, write_policy
+from pipeline.gym import (
+    InspectionVectorEnv,
+    NormalizedObservation,
+    NormalizedVectorObservation,
+    ReachEnv,
+    Reward,
+    Task,
+    task_of,
+)
 
-#: AFRL's settings (safe-autonomy-sims 6d71f7e, `configs/translational-inspection`: its base files with what
-#: `task.yml` overrides, for 5 million steps) with RLlib's defaults for the rest; and settings that learn more
-#: from few steps. `num_envs`, `layers` and `log_std` (of the initial noise, a share of the largest force) are
-#: not `PPO`'s own.
+#: AFRL's settings (safe-autonomy-sims 6d71f7e, `configs/translational-inspection` and `configs/docking`:
+#: base files with what `task.yml` overrides, for 5 and 10 million steps) with RLlib's defaults for the rest;
+#: and settings that learn more from few steps. `num_envs`, `layers` and `log_std` (of the initial noise, a
+#: share of the largest force) are not `PPO`'s own.
 SETTINGS: Final[Mapping[str, Mapping[str, Any]]] = {
     "afrl": {
         "num_envs": 1,
@@ -35,6 +43,19 @@ SETTINGS: Final[Mapping[str, Mapping[str, Any]]] = {
         "batch_size": 1500,
         "n_epochs": 30,
         "gamma": 0.99,
+        "gae_lambda": 0.928544,
+        "learning_rate": 5e-5,
+        "clip_range": 0.3,
+        "vf_coef": 1.0,
+        "layers": (256, 256),
+        "log_std": 0.0,
+    },
+    "afrl_docking": {
+        "num_envs": 18,
+        "n_steps": 2000,
+        "batch_size": 3600,
+        "n_epochs": 30,
+        "gamma": 0.968559,
         "gae_lambda": 0.928544,
         "learning_rate": 5e-5,
         "clip_range": 0.3,
@@ -129,7 +150,28 @@ class Flights(VecEnv):
         return [False] * self.num_envs
 
 
-def layers_of(model: PPO, flights: Flights, normal: VecNormalize) -> list[tuple[Any, Any]]:
+class Goals(DummyVecEnv):
+    """Flights towards a goal, one after the other, with AFRL's rewards and its price of fuel."""
+
+    def __init__(self, num_envs: int, words: Sequence[str], seed: int) -> None:
+        super().__init__([lambda: Monitor(NormalizedObservation(ReachEnv(words)))] * num_envs)
+        self.seed(seed * SEEDS_APART)
+        self.task: Task = task_of(words)
+        self.price = 0.0
+        #: as of `Flights`; the rate is the success
+        self.ends: list[tuple[float, ...]] = []
+
+    def step_wait(self) -> tuple[Any, ...]:
+        """Step them."""
+        stepped = super().step_wait()
+        for told in stepped[3]:
+            if "episode" in told:
+                success, spent = told["is_success"], told["delta_v_m_s"]
+                self.ends.append((told["episode"]["r"], success, spent, success, told["outside_m"] > 0.0))
+        return stepped
+
+
+def layers_of(model: PPO, flights: Flights | Goals, normal: VecNormalize) -> list[tuple[Any, Any]]:
     """Return a policy's weights and biases, from observations in their units to shares of the force.
 
     The scaling of the observations, and that of the training, is merged into the first layer.
@@ -146,44 +188,23 @@ def layers_of(model: PPO, flights: Flights, normal: VecNormalize) -> list[tuple[
     return layers
 
 
-def write(model: PPO, flights: Flights, normal: VecNormalize, path: Path) -> None:
+def write(model: PPO, flights: Flights | Goals, normal: VecNormalize, path: Path) -> None:
     """Write the noise-free policy as ONNX, from observations to a force in N, Hill axes.
 
     The description of the training, `training.json`, is included in the file.
     """
-    limits = {"low": -1.0, "high": 1.0, "force": flights.task.mission.deputy.max_force_n}
-    constants = {name: np.array(value) for name, value in limits.items()}
-    nodes, name = [], "observed"
-    for place, (weights, added) in enumerate(layers_of(model, flights, normal)):
-        if place > 0:
-            nodes.append(helper.make_node("Tanh", [name], [f"value{place}"]))
-            name = f"value{place}"
-        constants |= {f"weights{place}": weights, f"added{place}": added}
-        inputs = [name, f"weights{place}", f"added{place}"]
-        nodes.append(helper.make_node("Gemm", inputs, [f"sum{place}"], transB=1))
-        name = f"sum{place}"
-    nodes.append(helper.make_node("Clip", [name, "low", "high"], ["share"]))
-    nodes.append(helper.make_node("Mul", ["share", "force"], ["force_n"]))
-    ends = [
-        helper.make_tensor_value_info(label, TensorProto.FLOAT, [None, size])
-        for label, size in (("observed", len(flights.task.scales)), ("force_n", 3))
-    ]
-    tensors = [
-        numpy_helper.from_array(values.astype(np.float32), label) for label, values in constants.items()
-    ]
-    graph = helper.make_graph(nodes, "policy", ends[:1], ends[1:], tensors)
-    whole = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 13)], ir_version=8)
+    layers = layers_of(model, flights, normal)
+    kinds = [*[TANH] * (len(layers) - 1), CLIP]
     told = json.loads((path.parent / "training.json").read_text(encoding="utf-8"))
-    helper.set_model_props(whole, {"training": json.dumps({**told, "done": model.num_timesteps})})
-    checker.check_model(whole)
-    onnx.save(whole, path)
+    told = json.dumps({**told, "done": model.num_timesteps})
+    write_policy(layers, kinds, flights.task.mission.deputy.max_force_n, path, {"training": told})
 
 
 class Progress(BaseCallback):
     """Gradually raises the price of fuel, and regularly prints a line and writes the policy."""
 
     def __init__(
-        self, flights: Flights, normal: VecNormalize, folder: Path, options: argparse.Namespace
+        self, flights: Flights | Goals, normal: VecNormalize, folder: Path, options: argparse.Namespace
     ) -> None:
         super().__init__()
         self._flights, self._normal, self._folder, self._options = flights, normal, folder, options
@@ -235,8 +256,12 @@ def main(arguments: Sequence[str]) -> int:
     text = json.dumps({**told, "settings": {"name": options.settings, **chosen}}, indent=1)
     (options.folder / "training.json").write_text(text + "\n", encoding="utf-8")
     num_envs, layers, log_std = (chosen.pop(name) for name in ("num_envs", "layers", "log_std"))
-    reward = Reward(per_delta_v=0.0, outside=options.outside)
-    flights = Flights(InspectionVectorEnv(num_envs, options.words, reward), options.seed)
+    flights: Flights | Goals
+    if task_of(options.words).mission.problem.kind == "reach":
+        flights = Goals(num_envs, options.words, options.seed)
+    else:
+        reward = Reward(per_delta_v=0.0, outside=options.outside)
+        flights = Flights(InspectionVectorEnv(num_envs, options.words, reward), options.seed)
     normal = VecNormalize(flights, norm_reward=False, clip_obs=np.inf)
     shape = {"net_arch": list(layers), "activation_fn": torch.nn.Tanh, "log_std_init": log_std}
     model = PPO("MlpPolicy", normal, seed=options.seed, device="cpu", policy_kwargs=shape, **chosen)
