@@ -4,6 +4,8 @@ import math
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from markupsafe import Markup
+
 from fis_tools.document import (
     Block,
     Cell,
@@ -20,6 +22,7 @@ from fis_tools.document import (
 from fis_tools.document.html import element, page, read
 from pipeline.evaluation.assurance.requirements import SEVERITIES
 from pipeline.report.drawings import METHODS, css, css_of, draw_argument, draw_margins, number
+from pipeline.report.figures.style import Illustration
 from pipeline.run import artifacts
 
 _DRAWN = (
@@ -35,13 +38,20 @@ _WHY_LAYER = (
 )
 
 
-def write(evidence: Mapping[str, Any]) -> str:
-    """Write the page of what `pipeline.evaluation.assurance.evidence` tells: it runs no script."""
-    return page(document(evidence), read("templates/evidence.css", "pipeline.report"))
+def write(evidence: Mapping[str, Any], tube: Illustration | None = None) -> str:
+    """Write the page of what `pipeline.evaluation.assurance.evidence` tells: it runs no script.
+
+    Parameters
+    ----------
+    evidence : mapping
+    tube : Illustration, optional
+        Of a proof about all starts.
+    """
+    return page(document(evidence, tube), read("templates/evidence.css", "pipeline.report"))
 
 
-def document(evidence: Mapping[str, Any]) -> Document:
-    """Return evidence as a document."""
+def document(evidence: Mapping[str, Any], tube: Illustration | None = None) -> Document:
+    """Return evidence as a document; see `write`."""
     told, conditions = evidence["requirements"], evidence["conditions"]
     errors = [word for word in uncertain(conditions) if word != "Sun"]
     run = (
@@ -60,7 +70,7 @@ def document(evidence: Mapping[str, Any]) -> Document:
         Heading("Requirements", id="requirements"),
     ]
     for one in told:
-        blocks += _requirement(one)
+        blocks += _requirement(one, tube)
     blocks += [Heading("Operational domain", id="domain"), *_domain(evidence["domain"])]
     caption = (
         "The factors of NASA-STD-7009B. Levels, 0 to 4, are for a reviewer to give; this page claims none."
@@ -118,7 +128,7 @@ def _brief(told: Mapping[str, Any], method: str) -> str:
     )
 
 
-def _requirement(told: Mapping[str, Any]) -> Iterator[Block]:
+def _requirement(told: Mapping[str, Any], tube: Illustration | None) -> Iterator[Block]:
     unit, methods = told["unit"], told["methods"]
     yield Heading(f"{told['id']} {told['title']}", 3, told["id"])
     yield Paragraph(told["sentence"])
@@ -147,6 +157,9 @@ def _requirement(told: Mapping[str, Any]) -> Iterator[Block]:
                 f"The boxes: {artifacts.PROOF_BOXES}. Over each, interval arithmetic rules the answer out."
             ),
         ]
+    if "tube" in details and tube:
+        caption = element("figcaption", tube.caption)
+        details["tube"].append(Figure(element("figure", Markup(tube.element), caption)))  # noqa: S704 - drawn here
     if "safety_layer" in details:
         details["safety_layer"].append(Paragraph(_WHY_LAYER))
     for name, blocks in details.items():

@@ -47,6 +47,8 @@ from pipeline.flight.state.log import Scenario
 from pipeline.proof.loop import NotProvable, theorem_of
 from pipeline.recording.recorder import FlightRecorder
 from pipeline.report.evidence import write as page_of
+from pipeline.report.figures import tube
+from pipeline.report.figures.style import Illustration
 from pipeline.run import artifacts, maker, tables
 from pipeline.settings.dispersions import distributions
 from pipeline.settings.experiment import Experiment, Mission
@@ -56,6 +58,8 @@ from telemetry.file.topics import DEPUTY_CONTROL, DEPUTY_STATE, MISSION
 
 #: of the bound on how many flights leave the operational domain
 CONFIDENCE = 0.9
+#: flights in the picture of a tube
+MOST_DRAWN = 100
 
 
 def run(experiment: Experiment, folder: Path) -> None:
@@ -76,7 +80,8 @@ def run(experiment: Experiment, folder: Path) -> None:
     artifacts.write_atomically(folder / artifacts.REQUIREMENTS, text)
     gathered = _gather(experiment, folder, requirements)
     artifacts.write_json(folder / artifacts.EVIDENCE, gathered)
-    artifacts.write_atomically(folder / artifacts.EVIDENCE_PAGE, page_of(gathered))
+    page = page_of(gathered, _tube_drawn(experiment, folder, gathered["requirements"]))
+    artifacts.write_atomically(folder / artifacts.EVIDENCE_PAGE, page)
     for one in gathered["requirements"]:
         sys.stderr.write(f"  {one['id']} {one['title']}. {one['sentence']}\n")
     sys.stderr.write(f"  {folder / artifacts.EVIDENCE_PAGE}\n")
@@ -181,6 +186,21 @@ def _tube(experiment: Experiment, controller: Controller, folder: Path) -> TubeP
         return TubeProof(f"not proved: {told['fault']}")
     end_s = told["num_periods"] * theorem["period_s"]
     return TubeProof("", end_s, tuple(theorem["limit"]), tuple(theorem["goal"]))
+
+
+def _tube_drawn(
+    experiment: Experiment, folder: Path, told: Sequence[Mapping[str, Any]]
+) -> Illustration | None:
+    """Draw the tube of the proof that a requirement rests on, over the first cases."""
+    if not any("tube" in one and not one["tube"]["fault"] for one in told):
+        return None
+    mission, num_cases = experiment.mission, min(MOST_DRAWN, experiment.assurance.num_cases)
+    flights = Flights(mission, controller_of_run(experiment, folder), experiment.assurance.workers)
+    tracks = flights.tracks(_scenarios(experiment, num_cases))
+    boxes = tables.read_parquet(folder, artifacts.TUBE)
+    return tube.draw(
+        boxes, tracks, mission.problem, mission.control_period_s, experiment.report.dots_per_inch
+    )
 
 
 def _domain(experiment: Experiment, controller: Controller, folder: Path) -> Domain | None:
