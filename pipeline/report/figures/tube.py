@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pipeline.array_types import Floats
 from pipeline.flight.goals.reach import ends, limit_at
@@ -17,7 +18,11 @@ CAPTION = (
 
 
 def draw(
-    tube: Mapping[str, Floats], tracks: Floats, problem: Problem, period_s: float, dots_per_inch: int
+    tube: Mapping[str, Floats],
+    tracks: NDArray[np.float32],
+    problem: Problem,
+    period_s: float,
+    dots_per_inch: int,
 ) -> style.Illustration:
     """Draw a tube, as `prove` writes it, over flights.
 
