@@ -451,15 +451,14 @@ def _least_ahead(values: Floats, first: int, last: int | None) -> Floats:
 
 def _until(left: Floats, right: Floats, first: int, last: int | None) -> Floats:
     """Return the value of `Until` at each sample."""
-    num_samples = left.shape[1]
-    last = num_samples - 1 if last is None else min(last, num_samples - 1)
-    found = np.full_like(left, -np.inf)
-    before = np.full_like(left, np.inf)
-    for count in range(last + 1):
-        if count >= first:
-            found = np.maximum(found, np.minimum(before, _ahead(right, count, -np.inf)))
-        before = np.minimum(before, _ahead(left, count, -np.inf))
-    return found
+    found = right.copy()
+    for k in range(right.shape[1] - 2, -1, -1):
+        found[:, k] = np.maximum(right[:, k], np.minimum(left[:, k], found[:, k + 1]))
+    found = _ahead(found, first, -np.inf)
+    if first > 0:
+        found = np.minimum(found, _least_ahead(left, 0, first - 1))
+    # a window ends by what must come within it (Donzé, Ferrère and Maler, CAV 2013)
+    return found if last is None else np.minimum(found, -_least_ahead(-right, first, last))
 
 
 def _ahead(values: Floats, count: int, beyond: float) -> Floats:
