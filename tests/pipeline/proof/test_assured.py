@@ -44,13 +44,13 @@ def test_a_requirement_is_shown_by_the_proof_of_its_run_alone(tmp_path: Path) ->
     assert "is at the goal after" in verdict()[1]
     page = folder / "assure" / "evidence.html"
     assert ">tube<" in page.read_text()
-    assert 'id="figure-tube"' in page.read_text()
+    assert 'id="tube-figure_1"' in page.read_text()
     theorem = folder / "prove" / "theorem.json"
     told = json.loads(theorem.read_text())
     theorem.write_text(json.dumps(told | {"mass_kg": 11.0}))
     assert main([*words, "stages=[assure]"]) == 0
     assert verdict() == ("not shown", "prove/theorem.json is of other flights; repeat the stage prove")
-    assert "figure-tube" not in page.read_text()
+    assert "tube-figure_1" not in page.read_text()
     theorem.unlink()
     assert main([*words, "stages=[assure]"]) == 0
     assert "add the stage prove" in verdict()[1]

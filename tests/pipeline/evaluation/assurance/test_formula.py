@@ -172,7 +172,9 @@ def test_what_ships_can_be_read_and_uses_every_way_of_verification():
     found = read(SHIPPED, "inspection")
     assert found.name == "inspection"
     assert [one.id for one in found.requirements] == [f"R{number}" for number in range(1, 7)]
-    assert all(needs(found.requirements, method) for method in METHODS)
+    planar = read(requirements_path("docking_planar").read_text(encoding="utf-8"), "docking_planar")
+    everything = (*found.requirements, *planar.requirements)
+    assert all(needs(everything, method) for method in METHODS)
     keep_out, thrust = found.requirements[0], found.requirements[-1]
     assert (keep_out.unit, keep_out.probability, keep_out.confidence) == ("m", 1.0, 0.9)
     assert (keep_out.consequence, keep_out.severity) == ("a collision", "catastrophic")
@@ -218,7 +220,7 @@ def test_mistakes_name_the_requirement_and_the_cure(text, words):
 
 
 def test_requirements_that_are_not_there_are_told_with_those_that_ship(tmp_path):
-    with pytest.raises(FileNotFoundError, match="name those that ship \\(docking, inspection\\)"):
+    with pytest.raises(FileNotFoundError, match="name those that ship \\(docking, docking_planar, inspection\\)"):
         requirements_path(str(tmp_path / "none.yaml"))
 
 
