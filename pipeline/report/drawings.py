@@ -69,13 +69,13 @@ def _top(evidence: Mapping[str, Any]) -> list[Markup]:
     conditions = evidence["conditions"]
     near, far = conditions["start_distance_m"]
     speed = conditions.get("start_speed_m_s", 0.0)
-    moving = f"at up to {speed:g} m/s" if speed else "at rest"
+    moving = f"at up to {speed:.3g} m/s" if speed else "at rest"
     verdicts = [one["verdict"] for one in evidence["requirements"]]
     overall = next((word for word in ("refuted", "not shown") if word in verdicts), "shown")
     claim = f"{evidence['controller']['name']} meets the requirements {evidence['name']}"
     standing = "stands as its goals do, each for its share" if overall == "shown" else overall
     worlds = [
-        f"C1: starts {moving}, {near:g} to {far:g} m away, Sun {conditions['sun']}, "
+        f"C1: starts {moving}, {near:.3g} to {far:.3g} m away, Sun {conditions['sun']}, "
         f"safety {conditions['safety']}, {conditions['duration_s']:g} s",
         "C2: the operational domain: inputs that flights have met"
         if evidence["domain"]
@@ -128,7 +128,7 @@ def _goal(label: str, words: str, verdict: str, x: float, y: float, link: str) -
     place = {"x": f"{x:g}", "y": f"{y:g}"}
     outline = element("rect", class_=css(verdict), **place, width=GOAL_WIDTH, height=GOAL_HEIGHT)
     named = element("text", label, class_="name", x=f"{x + 10:g}", y=f"{y + 18:g}")
-    return _link(link, outline + named + _text(words, x + GOAL_WIDTH / 2, y + GOAL_HEIGHT / 2 + 9, 54))
+    return _link(link, outline + named + _text(words, x + GOAL_WIDTH / 2, y + GOAL_HEIGHT / 2 + 9, 50))
 
 
 def _link(target: str, inside: Markup) -> Markup:

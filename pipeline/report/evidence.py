@@ -100,8 +100,7 @@ def lead(evidence: Mapping[str, Any]) -> str:
 
 def _matrix(told: list[Mapping[str, Any]]) -> Table:
     rows: list[list[Cell]] = []
-    # few requirements are proved by a tube
-    shown = [name for name in METHODS if name != "tube" or any(name in one["methods"] for one in told)]
+    shown = [name for name in METHODS if any(name in one["methods"] for one in told)]
     for one in told:
         word = Mark(one["verdict"], css(one["verdict"]), note=f"{one['share']}; {_stake(one)}")
         rows.append([Mark(f"{one['id']} {one['title']}", link=one["id"]), word])

@@ -51,7 +51,7 @@ from pipeline.report.figures import tube
 from pipeline.report.figures.style import Illustration
 from pipeline.run import artifacts, maker, tables
 from pipeline.settings.dispersions import distributions
-from pipeline.settings.experiment import Experiment, Mission
+from pipeline.settings.experiment import Experiment, Mission, MonteCarlo
 from pipeline.settings.places import requirements_path
 from telemetry.file import reader
 from telemetry.file.topics import DEPUTY_CONTROL, DEPUTY_STATE, MISSION
@@ -294,11 +294,21 @@ def _fingerprint(controller: Controller) -> str | None:
     return fingerprint(controller.fuzzy) if controller.fuzzy else None
 
 
+def _bounds_of_starts(cases: MonteCarlo) -> tuple[float, float, float]:
+    """Return the least and the greatest distance of starts, m, and their greatest speed, m/s."""
+    if cases.box is None:
+        return cases.min_distance_m, cases.max_distance_m, cases.max_speed_m_s
+    low, high = np.array(cases.box)
+    nearest, farthest = np.clip(0.0, low, high), np.maximum(np.abs(low), np.abs(high))
+    near, far, speed = (np.linalg.norm(part) for part in (nearest[:3], farthest[:3], farthest[3:]))
+    return float(near), float(far), float(speed)
+
+
 def _provenance(
     experiment: Experiment, folder: Path, controller: Controller, requirements: Requirements
 ) -> dict[str, Any]:
     """Return the subject and the sources of the evidence."""
-    shell, mission = experiment.monte_carlo, experiment.mission
+    mission, (near, far, speed) = experiment.mission, _bounds_of_starts(experiment.monte_carlo)
     files = [name for name in artifacts.list_artifacts(folder) if name.startswith(artifacts.ASSURANCE)]
     own = (artifacts.EVIDENCE, artifacts.EVIDENCE_PAGE)
     return {
@@ -309,8 +319,8 @@ def _provenance(
         "conditions": {
             "num_cases": experiment.assurance.num_cases,
             "seed": experiment.seed,
-            "start_distance_m": [shell.min_distance_m, shell.max_distance_m],
-            "start_speed_m_s": shell.max_speed_m_s,
+            "start_distance_m": [near, far],
+            "start_speed_m_s": speed,
             "sun": experiment.sun.mode,
             "safety": mission.safety.kind,
             "navigation": mission.navigation.mode,
