@@ -113,6 +113,8 @@ class Outcome(NamedTuple):
 
     Attributes
     ----------
+    end_s : float or None
+        When it ended; None too where its time did.
     delta_v_m_s, inspection_rate_percent : float or None
         At its end.
     nearest_m, farthest_m : float or None
@@ -125,6 +127,7 @@ class Outcome(NamedTuple):
         The meanings of the controller's attributes, by their names.
     """
 
+    end_s: float | None
     delta_v_m_s: float | None
     inspection_rate_percent: float | None
     nearest_m: float | None
@@ -258,8 +261,9 @@ def read_outcome(path: Path | str) -> Outcome:
     end: dict[str, float | None] = dict.fromkeys(("delta_v_m_s", "inspection_rate_percent"))
     distance = np.array([])
     if mission is not None and len(mission):
-        end = {name: float(mission[name][-1]) for name in end}
-        distance = mission["distance_m"].astype(np.float64)
+        last = recording.last_sample
+        end = {name: float(mission[name][last]) for name in end}
+        distance = mission["distance_m"][: last + 1].astype(np.float64)
     nearest, farthest = (float(distance.min()), float(distance.max())) if len(distance) else (None, None)
     goal, rate = episode.inspection_threshold_percent, end["inspection_rate_percent"]
     limits = (episode.min_distance_m, episode.max_distance_m)
@@ -274,6 +278,7 @@ def read_outcome(path: Path | str) -> Outcome:
         is_safety = np.hstack(told) == "safety"
         acted = int(is_safety.any(axis=1).sum()) if is_safety.size else None
     return Outcome(
+        end_s=episode.end_s,
         **end,
         nearest_m=nearest,
         farthest_m=farthest,
@@ -311,7 +316,7 @@ def read_periods(
     else:
         recording = _read(path, topics=(f"{TOPIC_PREFIX}*", CONTROL_TOPICS, PULLS_TOPICS))
         flown_systems = _all_flown(recording)
-        starts = recording.control_time_s
+        starts = recording.control_time_s[recording.control_time_s < recording.end_s]
     times = [starts] if len(starts) else [flown.time_s for flown in flown_systems]
     starts = np.unique(np.concatenate([np.empty(0), *times]))
     hold = float(starts[-1] - starts[-2]) if len(starts) > 1 else 0.0
@@ -503,4 +508,5 @@ def _flown(recording: "Recording", controller: FuzzyController, system: FuzzySys
     reason = recording.reasons(system.outputs[0].name, messages.time_s, axes)
     logged = (messages.time_s, columns["inputs"], columns["firing_strengths"], output, reason)
     points = _points_of(recording)
-    return FlownSystem(system, *logged, delay_s=recording.command_age_s, points=points)
+    flown = FlownSystem(system, *logged, delay_s=recording.command_age_s, points=points)
+    return flown.at(messages.time_s < recording.end_s)

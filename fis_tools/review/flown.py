@@ -159,11 +159,13 @@ def _worst(path: Path) -> str:
     if not path.is_file():
         return ""
     wanted = ("case", "success", "violated", "inspection_rate_percent")
-    told = tables.read_parquet(path, lambda names: [name for name in wanted if name in names])
+    told = tables.read_parquet(path, lambda names: [name for name in (*wanted, END) if name in names])
     if set(wanted) - set(told):
         return ""
     failed = ~told["success"].astype(bool) | told["violated"].astype(bool)
     order = sorted(np.flatnonzero(failed), key=lambda row: told["inspection_rate_percent"][row])[:MOST_NAMED]
+    if END in told:
+        return ", ".join(f"case {told['case'][row]} (ends after {told[END][row]:g} s)" for row in order)
     return ", ".join(
         f"case {told['case'][row]} ({told['inspection_rate_percent'][row]:.1f} %"
         f"{', outside' if told['violated'][row] else ''})"
@@ -174,13 +176,16 @@ def _worst(path: Path) -> str:
 def failures(evaluation: Evaluation) -> str:
     """Say how often flights fail, over all that were evaluated, and which worst."""
     told, count = evaluation.summary, evaluation.summary["num_cases"]
+    missing, leaving = ("inspect too little", "leave the limits")
+    if END in told:
+        missing, leaving = ("do not reach the goal", "fail on the way")
     parts = []
     if found := told.get("success"):
         failed, low, high = count - found["count"], 1 - found["high"], 1 - found["low"]
         missed = {"count": failed, "fraction": failed / count, "low": low, "high": high}
-        parts.append(f"{_share(missed, count)} inspect too little")
+        parts.append(f"{_share(missed, count)} {missing}")
     if found := told.get("violated"):
-        parts.append(f"{_share(found, count)} leave the limits")
+        parts.append(f"{_share(found, count)} {leaving}")
     worst = f" The worst: {evaluation.worst}." if evaluation.worst else ""
     return f"Over all {count:,} flights of the evaluation: {'; '.join(parts)}.{worst}"
 
@@ -188,7 +193,7 @@ def failures(evaluation: Evaluation) -> str:
 def outcome_rows(
     told: Sequence[Evaluation], names: Sequence[str], flown: Sequence[Outcome]
 ) -> list[list[str]]:
-    """Return the rows of the table, as many cells each as `HEADS` has: evaluations, then single flights.
+    """Return the rows of the table, as many cells each as `heads` returns: evaluations, then single flights.
 
     Recorded flights are chosen, and stand for no others: nothing is counted over them.
     """
@@ -197,9 +202,17 @@ def outcome_rows(
     ]
 
 
+def heads(told: Sequence[Evaluation], flown: Sequence[Outcome]) -> tuple[str, ...]:
+    """Return the heads of the table's columns, in the words of flights that inspect or that reach a goal."""
+    has_goal = any(END in one.summary for one in told) or any(one.end_s is not None for one in flown)
+    achieved, failed = ("goal reached (%)", "failed on the way") if has_goal else ("inspected (%)", "outside")
+    return ("flights", "delta-v (m/s)", achieved, "success", "distance (m)", failed, "safety acted")
+
+
 #: of a summary: enough inspected, and never outside
 SUCCESS = "success_and_within_limits"
-HEADS = ("flights", "delta-v (m/s)", "inspected (%)", "success", "distance (m)", "outside", "safety acted")
+#: of a summary of flights towards a goal: when they end
+END = "end_s"
 
 
 def _evaluation_row(summary: Mapping[str, Any]) -> list[str]:

@@ -14,7 +14,7 @@ from fis_tools.errors import ControllerFileError
 from fis_tools.model import FuzzyController, FuzzySystem, Variable
 from fis_tools.model.variables import peak
 from fis_tools.review.content import extent, shown
-from fis_tools.review.flown import HEADS, Evaluation, Flight, Samples
+from fis_tools.review.flown import Evaluation, Flight, Samples
 from fis_tools.words.text import percent, rule_tables, sentences
 
 #: rules that are no table are listed at the top up to so many
@@ -89,13 +89,13 @@ def _met(variable: Variable, values: Floats) -> str:
     return f"{shown(variable, low)} to {shown(variable, high)}{beyond}"
 
 
-def flown_table(rows: Sequence[Sequence[str]]) -> list[Table]:
+def flown_table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> list[Table]:
     """Show how flights went, those of an evaluation together and each that was recorded."""
     caption = (
         "Means ± standard deviations; 95 % confidence intervals of shares in brackets. Recorded flights are "
         "chosen to be looked at."
     )
-    return [Table(HEADS, rows, caption=caption)] if rows else []
+    return [Table(heads, rows, caption=caption)] if rows else []
 
 
 def along(flown: Sequence[Flight], noun: str) -> str:
@@ -174,8 +174,8 @@ def read_evidence(path: Path | str, fingerprint: str) -> tuple[dict[str, Any], l
         ]
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise ControllerFileError(
-            f"{path} is no evidence that can be read ({error}); give the evidence.json that "
-            "`python -m pipeline assure RUN` writes"
+            f"{path} is no evidence that can be read ({error}); give the assure/evidence.json of a run of "
+            "+experiment=assure"
         ) from error
     if about.get("sha256") != fingerprint:
         raise ControllerFileError(

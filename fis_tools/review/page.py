@@ -99,7 +99,7 @@ def write(
         opening.inputs(controller, samples),
         Heading(title, id="logged"),
         *(Paragraph(flown.failures(one)) for one in evaluated),
-        *opening.flown_table(flown.outcome_rows(evaluated, names, went)),
+        *opening.flown_table(flown.heads(evaluated, went), flown.outcome_rows(evaluated, names, went)),
         Paragraph(opening.along(logged, noun)),
         Heading("What is not covered", id="uncovered"),
         Items(opening.not_covered(told, evaluated, samples, noun)),

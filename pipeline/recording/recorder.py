@@ -31,6 +31,7 @@ from pipeline.flight.cases.navigation import errors_of, filter_of, measured
 from pipeline.flight.control.controller import Controller, decision_stride, rehearsed_pushes
 from pipeline.flight.fly.rehearsals import IMAGES, tour_images
 from pipeline.flight.fly.workspace import lit_and_seen
+from pipeline.flight.goals.reach import ended
 from pipeline.flight.period.look.optics import note_lit_and_seen
 from pipeline.flight.state.log import FlightLog, Scenario
 from pipeline.flight.state.signals import CONSTANTS, SIGNALS
@@ -144,13 +145,14 @@ class FlightRecorder:
         telemetry.RecordingError
             If the disk refuses.
         """
-        metadata = {topics.EPISODE_METADATA: self._episode(scenario, scenario_id), **self._systems}
+        metadata = {topics.EPISODE_METADATA: self._episode(scenario, scenario_id, log), **self._systems}
         metadata |= self._rehearsals(log)
         with EpisodeWriter(path, metadata=metadata, attachments=self._attachments) as writer:
             self._write(writer, scenario, log)
 
-    def _episode(self, scenario: Scenario, scenario_id: str) -> dict[str, str]:
+    def _episode(self, scenario: Scenario, scenario_id: str, log: FlightLog) -> dict[str, str]:
         mission = self._mission
+        has_goal = mission.problem.kind == "reach"
         description = EpisodeDescription(
             scenario_id=scenario_id,
             seed=self._seed,
@@ -169,6 +171,7 @@ class FlightRecorder:
             half_angle_rad=math.radians(mission.sensor.half_angle_deg),
             boresight=mission.sensor.boresight,
             inspection_threshold_percent=mission.inspection_threshold_percent,
+            end_s=mission.control_period_s * ended(mission, log)[0] if has_goal else None,
         )
         return {
             **description.to_metadata(),

@@ -121,6 +121,8 @@ class EpisodeDescription(Description):
         Unit vector, body axes.
     inspection_threshold_percent : float
         A flight is a success from this inspection rate on.
+    end_s : float
+        When a flight towards a goal ends: what follows does not count. None where it ends with its time.
     """
 
     scenario_id: str | None = None
@@ -140,6 +142,7 @@ class EpisodeDescription(Description):
     half_angle_rad: float | None = None
     boresight: tuple[float, ...] | None = None
     inspection_threshold_percent: float | None = None
+    end_s: float | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

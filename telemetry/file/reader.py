@@ -166,6 +166,17 @@ class Recording:
         return np.empty(0) if control is None else control.time_s
 
     @property
+    def end_s(self) -> float:
+        """When the flight ends; infinite where it ends with its time."""
+        end_s = self.episode.end_s
+        return np.inf if end_s is None else end_s
+
+    @property
+    def last_sample(self) -> int:
+        """The place on `/mission` of the last sample that counts."""
+        return max(0, int(np.searchsorted(self[topics.MISSION].time_s, self.end_s, side="right")) - 1)
+
+    @property
     def command_age_s(self) -> float:
         """How long before a control period what it fires was commanded; 0 where that is not recorded."""
         control = self.topics.get(topics.DEPUTY_CONTROL)

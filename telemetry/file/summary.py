@@ -52,13 +52,14 @@ def _outcome(recording: Recording) -> dict[str, float]:
     mission = recording.topics.get(topics.MISSION)
     if mission is None or not len(mission):
         return {}
-    distance = mission["distance_m"].astype(np.float64)
-    return {
-        "inspected_count": int(mission["inspected_count"][-1]),
+    end_s, last = recording.episode.end_s, recording.last_sample
+    distance = mission["distance_m"][: last + 1].astype(np.float64)
+    return ({} if end_s is None else {"end_s": end_s}) | {
+        "inspected_count": int(mission["inspected_count"][last]),
         "num_points": mission["inspected_mask"].shape[1],
-        "inspectable_count": int(mission["inspectable_count"][-1]),
-        "inspection_rate_percent": float(mission["inspection_rate_percent"][-1]),
-        "delta_v_m_s": float(mission["delta_v_m_s"][-1]),
+        "inspectable_count": int(mission["inspectable_count"][last]),
+        "inspection_rate_percent": float(mission["inspection_rate_percent"][last]),
+        "delta_v_m_s": float(mission["delta_v_m_s"][last]),
         "min_distance_m": float(distance.min()),
         "max_distance_m": float(distance.max()),
     }
@@ -105,12 +106,22 @@ def _outcome_in_words(outcome: Mapping[str, float]) -> dict[str, str]:
         return {}
     counted = outcome["inspectable_count"]
     inspectable = f", of which {counted} can be" if 0 < counted < outcome["num_points"] else ""
-    return {
-        "points inspected": f"{outcome['inspected_count']} of {outcome['num_points']}" + inspectable,
-        "inspection rate": f"{outcome['inspection_rate_percent']:.2f} %",
+    if "end_s" in outcome:
+        told = {"end": ending(outcome["inspected_count"] > 0, outcome["end_s"])}
+    else:
+        told = {
+            "points inspected": f"{outcome['inspected_count']} of {outcome['num_points']}" + inspectable,
+            "inspection rate": f"{outcome['inspection_rate_percent']:.2f} %",
+        }
+    return told | {
         "delta-v": f"{outcome['delta_v_m_s']:.4f} m/s",
         "distance": f"{outcome['min_distance_m']:.1f} to {outcome['max_distance_m']:.1f} m",
     }
+
+
+def ending(is_reached: bool, end_s: float) -> str:
+    """Say how a flight towards a goal ended, and when (s)."""
+    return f"the goal is {'' if is_reached else 'not '}reached, {end_s:g} s; the rest does not count"
 
 
 def _indented(entries: Mapping[str, str]) -> list[str]:

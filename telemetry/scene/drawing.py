@@ -12,6 +12,7 @@ from telemetry.array_types import Bytes, Floats
 from telemetry.file import topics
 from telemetry.file.metadata import FisDescription
 from telemetry.file.reader import Recording, TopicColumns
+from telemetry.file.summary import ending
 from telemetry.scene.curves import drawable, table
 
 #: size of the heat map in pixels; a 2D view keeps the aspect ratio
@@ -186,10 +187,17 @@ def flights_in_words(recordings: Sequence[Recording], names: Sequence[str]) -> s
 
 def _facts(recording: Recording) -> list[tuple[str, str]]:
     mission = recording[topics.MISSION]
-    distance, num_points = mission["distance_m"].astype(np.float64), mission["inspected_mask"].shape[1]
+    last, num_points = recording.last_sample, mission["inspected_mask"].shape[1]
+    distance, count = (
+        mission["distance_m"][: last + 1].astype(np.float64),
+        int(mission["inspected_count"][last]),
+    )
+    end_s = recording.episode.end_s
     facts = [
-        ("inspected", f"{mission['inspected_count'][-1]} of {num_points} points"),
-        ("delta-v", f"{mission['delta_v_m_s'][-1]:.3f} m/s"),
+        ("inspected", f"{count} of {num_points} points")
+        if end_s is None
+        else ("end", ending(count > 0, end_s)),
+        ("delta-v", f"{mission['delta_v_m_s'][last]:.3f} m/s"),
         ("distance", f"{distance.min():.1f} to {distance.max():.1f} m"),
         ("duration", f"{mission.time_s[-1]:.0f} s"),
     ]

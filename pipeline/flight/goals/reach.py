@@ -66,17 +66,17 @@ def ends(problem: Problem, distance: Floats, speed: Floats) -> tuple[Floats, Boo
 
 def achieved(mission: Mission, log: FlightLog) -> tuple[int, float]:
     """Return 1 if a logged flight reached its goal, else 0, and the delta-v (m/s) spent by its end."""
-    last, outcome = _ended(mission, log)
+    last, outcome = ended(mission, log)
     return int(not outcome), float(np.float32(log.delta_v_m_s[last]))
 
 
 def mark(mission: Mission, log: FlightLog) -> None:
     """Note in a flight's log from when on its goal is reached."""
-    last, fault = _ended(mission, log)
+    last, fault = ended(mission, log)
     log.is_inspected[last:] = not fault
 
 
-def _ended(mission: Mission, log: FlightLog) -> tuple[int, str]:
+def ended(mission: Mission, log: FlightLog) -> tuple[int, str]:
     """Return the sample at which a logged flight ends, and what went wrong, in words; empty if nothing."""
     problem = mission.problem
     # as tracks hold them
@@ -96,7 +96,7 @@ def _ended(mission: Mission, log: FlightLog) -> tuple[int, str]:
 def events(mission: Mission, log: FlightLog) -> Iterator[tuple[int, bool, str]]:
     """Yield what happened in a logged flight: the sample, whether it is a fault, and the words."""
     distance, speed = np.linalg.norm(log.position_m, axis=1), np.linalg.norm(log.velocity_m_s, axis=1)
-    last, fault = _ended(mission, log)
+    last, fault = ended(mission, log)
     over = speed - limit_at(mission.problem, distance)
     too_fast = np.flatnonzero(over[1 : last + 1] > 0.0) + 1
     for spell in np.split(too_fast, np.flatnonzero(np.diff(too_fast) > 1) + 1) if too_fast.size else ():

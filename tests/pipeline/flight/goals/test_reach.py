@@ -8,6 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import telemetry
+from fis_tools.analysis import flights
+from fis_tools.errors import ControllerFileError
 from pipeline.command_line.cli import main
 from pipeline.command_line.config import compose_experiment
 from pipeline.controllers.source import named
@@ -18,6 +21,8 @@ from pipeline.flight.goals.flights import achieved, fly_all, fly_logged
 from pipeline.flight.state.arrays import NUM_TRACKED, TRACK_SPENT
 from pipeline.flight.state.log import Outcomes
 from pipeline.recording.events import events
+from pipeline.recording.recorder import FlightRecorder
+from telemetry.file.summary import summarize
 
 NAMES = ("delta_v_m_s", "inspected_count", "inspectable_count", "mean_distance_m", "min_distance_m")
 NAMES += ("max_distance_m", "outside_m", "safety_periods", "safety_delta_v_m_s")
@@ -123,6 +128,27 @@ def test_events_tell_of_the_end_and_of_speeds_above_the_limit():
     limits = reach.limit_at(experiment.mission.problem, np.linalg.norm(log_.position_m, axis=1))
     above = int(np.sum(speeds[1:] > limits[1:]))
     assert any(f"above the limit on the speed for {above} s" in one.text for one in told) == (above > 0)
+
+
+def test_a_recording_counts_up_to_the_end_alone(tmp_path):
+    """What the page, `explain` and `info` say is of the flight to the dock, not of the stay there."""
+    experiment = mission_of("duration_s=1500")
+    controller = named("steady", experiment.mission)
+    start = evaluation_scenarios(experiment.monte_carlo, experiment.sun, experiment.seed, [0])[0]
+    log_ = fly_logged(experiment.mission, controller, start)
+    judged, path = fly_all(experiment.mission, controller, [start], 1), tmp_path / "docked.mcap"
+    recorder = FlightRecorder(experiment.mission, controller, seed=1, config={}, near_limit_m=5.0)
+    recorder.record(path, start, log_, "docked")
+    went, told = flights.read_outcome(path), summarize(telemetry.read(path))["outcome"]
+    assert 0.0 < judged.end_s[0] < 1500.0
+    assert went.end_s == told["end_s"] == judged.end_s[0]
+    assert went.is_success == judged.is_success(100.0)[0]
+    assert went.delta_v_m_s == pytest.approx(judged.delta_v_m_s[0])
+    assert went.delta_v_m_s < log_.delta_v_m_s[-1]
+    assert told["min_distance_m"] == pytest.approx(judged.min_distance_m[0])
+    assert all(one.time_s[-1] < judged.end_s[0] for one in flights.read_flight(path, all_periods=True))
+    with pytest.raises(ControllerFileError, match="is on no control period"):
+        flights.read_periods(path, judged.end_s[0] + 1.0)
 
 
 def test_starts_of_a_box_lie_in_it_evenly():
