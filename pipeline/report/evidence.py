@@ -90,7 +90,7 @@ def lead(evidence: Mapping[str, Any]) -> str:
     first, *others = told
     rest = [
         f"{', '.join(one['id'] for one in others if one['verdict'] == word)}: {said}"
-        for word, said in zip(verdicts, ("refuted", "open", "met for the shares below"), strict=True)
+        for word, said in zip(verdicts, ("refuted", "open", "shown, each as it is worded below"), strict=True)
         if any(one["verdict"] == word for one in others)
     ]
     return f"{first['id']}, {first['severity']}. {first['sentence']}" + (
@@ -325,7 +325,7 @@ def factors(evidence: Mapping[str, Any]) -> list[list[str]]:
         (
             "data pedigree",
             "masses, limits and gains are settings of the run, kept in its config.yaml",
-            "they are the paper's; no measurement of a spacecraft stands behind them",
+            "they are those of published problems; no measurement of a spacecraft stands behind them",
         ),
         (
             "verification",
