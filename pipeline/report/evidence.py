@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+import yaml
 from markupsafe import Markup
 
 from fis_tools.document import (
@@ -315,70 +316,21 @@ def factors(evidence: Mapping[str, Any]) -> list[list[str]]:
 
     Levels are for a reviewer to give, and none is claimed.
     """
-    recorded = [one["worst"] for one in evidence["requirements"] if "worst" in one]
-    conditions, domain = evidence["conditions"], evidence["domain"]
-    num_cases = conditions["num_cases"]
-    searched = sum(one["search"]["num_flights"] for one in evidence["requirements"] if "search" in one)
-    boxes = sum(part["num_boxes"] for one in evidence["requirements"] for part in one.get("bounds", ()))
-    revision = evidence["git_revision"] or "none (not in a repository)"
-    capability = [
-        (
-            "data pedigree",
-            "masses, limits and gains are settings of the run, kept in its config.yaml",
-            "they are those of published problems; no measurement of a spacecraft stands behind them",
-        ),
-        (
-            "verification",
-            f"{len(recorded)} worst flights were flown again, recorded, read back, and judged with the same "
-            "margins"
-            if recorded
-            else "nothing in this run",
-            "the product's tests (twins, closed forms, other programs) ran elsewhere, not here",
-        ),
-        (
-            "validation",
-            "nothing",
-            "no flight was compared with a real one, or with a model of higher fidelity",
-        ),
-        ("development technical review", "nothing", "reviews are made by people"),
-        (
-            "development process and product management",
-            f"product {evidence['versions'].get('product')}, source revision {revision}",
-            "the development process itself",
-        ),
-    ]
-    results = [
-        (
-            "use assessment",
-            "inputs met in flight make the operational domain; "
-            f"{domain['num_left']} of {domain['num_tried']} fresh flights leave it"
-            if domain
-            else "nothing: the controller has no fuzzy inputs",
-            "whether that domain is the one of the intended use",
-        ),
-        (
-            "input pedigree",
-            f"cases are drawn from seed {conditions['seed']}, case by case; requirements and configuration "
-            "are hashed",
-            "whether starts and Suns are spread as in the intended use",
-        ),
-        (
-            "uncertainty characterization",
-            f"one-sided binomial bounds over {num_cases:,} cases for {_listed(uncertain(conditions))}",
-            "all else is known exactly here: no error of it is flown",
-        ),
-        (
-            "results robustness",
-            f"{searched:,} flights search for the worst cases; {boxes:,} boxes of inputs prove what systems "
-            "can ask for",
-            "sensitivity to the controller's own numbers and to the model's",
-        ),
-        ("use technical review", "nothing", "reviews are made by people"),
-        (
-            "use process and product management",
-            "every file of the evidence is hashed, and the command that repeats it is below",
-            "who may use the result, and for what",
-        ),
-    ]
-    scales = {"model capability": capability, "results": results}
-    return [[name, scale, *told] for scale, rows in scales.items() for name, *told in rows]
+    conditions, domain, told = evidence["conditions"], evidence["domain"] or {}, evidence["requirements"]
+    facts = {
+        "recorded": sum("worst" in one for one in told),
+        "product": evidence["versions"].get("product"),
+        "revision": evidence["git_revision"] or "none (not in a repository)",
+        "left": domain.get("num_left"),
+        "tried": domain.get("num_tried"),
+        "seed": conditions["seed"],
+        "num_cases": conditions["num_cases"],
+        "uncertain": _listed(uncertain(conditions)),
+        "searched": sum(one["search"]["num_flights"] for one in told if "search" in one),
+        "boxes": sum(part["num_boxes"] for one in told for part in one.get("bounds", ())),
+    }
+    rows = yaml.safe_load(read("templates/credibility.yaml", "pipeline.report"))
+    for row in rows:
+        missing = [words for fact, words in row.get("without", {}).items() if not facts[fact]]
+        row["shows"] = missing[0] if missing else row["shows"].format(**facts)
+    return [[row[name] for name in ("factor", "scale", "shows", "not_shown")] for row in rows]
