@@ -1,9 +1,10 @@
-"""Controllers in the worlds of AFRL's inspection, as AFRL counts: ``python -m benchmarks field``.
+"""Controllers in the worlds of AFRL and bsk_rl, as these count: ``python -m benchmarks field``.
 
 An episode ends, as in safe-autonomy-sims, at success, out of bounds, in the chief or with its time; fuel and
 points are those up to there. *Their* success is all points, or 0.95 of the weight and then an orbit of free
-flight outside 15 m; *ours* is 95 % of the points, and all of the time within the limits. Interquartile means
-have intervals by the bootstrap over starts, as in `benchmarks.policies`.
+flight outside 15 m, or in bsk_rl 0.9 of the points lit so far; *ours* is 95 % (90 %) of the points that are
+lit at some time, and all of the time within the limits. Interquartile means have intervals by the bootstrap
+over starts, as in `benchmarks.policies`.
 """
 
 import argparse
@@ -13,19 +14,20 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from benchmarks.policies import interquartile_mean, resampled
+from pipeline.array_types import Booleans
 from pipeline.command_line.config import compose_experiment
 from pipeline.controllers.source import load, named
 from pipeline.evaluation.statistics import fraction
-from pipeline.flight.cases.starts import PRIORITY, direction_of, evaluation_scenarios
+from pipeline.flight.cases.starts import PRIORITY, direction_of, evaluation_scenarios, starts_of
 from pipeline.flight.fly.simulation import fly_logged
+from pipeline.flight.fly.workspace import lit_at_samples
 from pipeline.flight.state.log import FlightLog, Scenario, points_needed
-from pipeline.flight.world.pack import inspection_points
+from pipeline.flight.world.pack import inspection_points, pack_world
 from pipeline.flight.world.surface import priority_weights
 from pipeline.physics.motion import nearest_in_orbit
 from pipeline.settings.experiment import Mission
 
-WORLDS: Final = ("afrl", "afrl_weighted", "afrl_six_dof")
-CONTROLLERS: Final = (
+AFRL: Final = (
     "champion_27",
     "champion_27 controller.attributes.coast_below_points=1.0",
     "champion_27_fixed_sun controller.attributes.coast_below_points=1.0",
@@ -33,13 +35,21 @@ CONTROLLERS: Final = (
     *("champion_81", "champion_any_sun", "champion_leo"),
     *("paper_champion", "lqr", "natural_motion", "coast", "receding_horizon"),
 )
+#: a command in `world=rso` lasts 60 s
+RSO: Final = (
+    *("champion_27_fixed_sun controller.attributes.decision_period_s=60", "champion_any_sun", "champion_leo"),
+    *("champion_rso", "lqr", "natural_motion", "coast"),
+)
+WORLDS: Final = {"afrl": AFRL, "afrl_weighted": AFRL, "afrl_six_dof": AFRL, "rso": RSO}
 #: of those that take seconds a flight
 SLOW: Final = {"receding_horizon": 100}
 OUR_PERCENT: Final = 95.0
+#: bsk_rl judges as soon as so many of the points have been lit, or an orbit has passed
+FIRST_LIT_PERCENT: Final = 40.0
 
 
 class Judged(NamedTuple):
-    """An episode as AFRL counts, and whether it is a success as we count."""
+    """An episode as the world's authors count, and whether it is a success as we count."""
 
     delta_v_m_s: float
     points_percent: float
@@ -48,31 +58,48 @@ class Judged(NamedTuple):
     is_our_success: bool
 
 
-def judged(mission: Mission, scenario: Scenario, log: FlightLog) -> Judged:
-    """Judge a flight."""
-    points, deputy, seen = inspection_points(mission), mission.deputy, log.is_inspected
-    is_weighted = mission.chief.weights == "priority"
+def is_enough_in_rso(mission: Mission, scenario: Scenario, log: FlightLog) -> Booleans:
+    """Return at which samples bsk_rl says that enough is seen, from which on it pays its bonus."""
+    lit = np.logical_or.accumulate(lit_at_samples(pack_world(mission), starts_of([scenario])))
+    lit_count, seen_count = lit.sum(axis=1), log.is_inspected.sum(axis=1)
+    time = mission.control_period_s * np.arange(len(lit))
+    is_judged = 100.0 * lit.mean(axis=1) >= FIRST_LIT_PERCENT
+    is_judged |= time > 2.0 * np.pi / mission.orbit.mean_motion_rad_s
+    return np.asarray(is_judged & (100.0 * seen_count >= mission.inspection_threshold_percent * lit_count))
+
+
+def is_enough_in_afrl(mission: Mission, scenario: Scenario, log: FlightLog) -> Booleans:
+    """Return at which samples AFRL says that enough is seen."""
+    points = inspection_points(mission)
     direction = direction_of(scenario.generator(PRIORITY))
+    is_weighted = mission.chief.weights == "priority"
     weights = priority_weights(points, direction) if is_weighted else np.ones(len(points))
     needed = mission.inspection_threshold_percent / 100.0 * weights.sum()
+    return np.asarray(log.is_inspected @ weights >= needed - 1e-9)
+
+
+def judged(world: str, mission: Mission, scenario: Scenario, log: FlightLog) -> Judged:
+    """Judge a flight."""
+    deputy, seen, is_rso = mission.deputy, log.is_inspected, world == "rso"
     distance = np.linalg.norm(log.position_m, axis=1)
     is_outside = (distance < deputy.min_distance_m) | (distance > deputy.max_distance_m)
     is_outside[0] = False  # AFRL looks after the first step, too
-    is_enough = seen @ weights >= needed - 1e-9
+    is_enough = (is_enough_in_rso if is_rso else is_enough_in_afrl)(mission, scenario, log)
     is_enough[0] = False
     ends = is_outside | is_enough
     end = int(ends.argmax()) if ends.any() else len(ends) - 1
     is_success = bool(is_enough[end] and not is_outside[end])
-    if is_success and is_weighted:
+    if is_success and mission.chief.weights == "priority":
         state = np.concatenate((log.position_m[end], log.velocity_m_s[end]))
         is_success = nearest_in_orbit(mission.orbit, deputy, state) >= deputy.min_distance_m
-    ours = seen[-1].sum() >= points_needed(int(log.is_inspectable.sum()), OUR_PERCENT)
+    num_lit = int(log.is_inspectable.sum())
+    our_percent = mission.inspection_threshold_percent if is_rso else OUR_PERCENT
     return Judged(
         float(log.delta_v_m_s[end]),
-        100.0 * float(seen[end].mean()),
+        100.0 * float(seen[end].sum()) / num_lit,
         is_success,
         bool(is_outside[end]),
-        bool(ours and not is_outside.any()),
+        bool(seen[-1].sum() >= points_needed(num_lit, our_percent) and not is_outside.any()),
     )
 
 
@@ -109,7 +136,7 @@ def main(arguments: Sequence[str]) -> int:
         print(f"\n`world={world}`, {options.cases} starts\n")
         print("| controller | points (%) | delta-v (m/s) | their success | our success | out of bounds |")
         print("|---|---|---|---|---|---|", flush=True)
-        for name in options.controller or CONTROLLERS:
+        for name in options.controller or WORLDS[world]:
             first, *rest = name.split()
             is_file = "/" in first
             option = "coast" if is_file else first
@@ -119,7 +146,7 @@ def main(arguments: Sequence[str]) -> int:
             starts = evaluation_scenarios(cases, experiment.sun, experiment.seed)
             controller = named(first, mission) if is_file else load(experiment.controller, mission)
             flown = [
-                judged(mission, start, fly_logged(mission, controller, start))
+                judged(world, mission, start, fly_logged(mission, controller, start))
                 for start in starts[: SLOW.get(name, options.cases)]
             ]
             print(row(name, flown, options.cases), flush=True)

@@ -118,6 +118,7 @@ RULES = {"champion_81": 81, "champion_leo": 15} | dict.fromkeys(
         "champion_afrl",
         "champion_afrl_weighted",
         "champion_afrl_six_dof",
+        "champion_rso",
     ),
     27,
 )
