@@ -24,8 +24,8 @@ __all__ = ["Explanation", "Flip", "explain", "flips", "missed_words", "rehearsed
 #: Rules that moved an output by less than this fraction of its range, or beyond so many, are told on demand.
 WORTH_TELLING = 0.01
 MOST_RULES = 8
-#: Of an output nearer to its default than this fraction of its range, shares are told as amounts alone.
-SMALL = 1e-3
+#: Where rules cancel to less than this fraction of the greatest share, shares are told as amounts alone.
+CANCELLED = 0.1
 #: An output that changes by more than this share of its range at a flip jumps there.
 JUMP = 1e-3
 #: A change of less than this share of an input's range is any change at all.
@@ -203,6 +203,7 @@ class Explanation(Result):
             groups.setdefault(" and ".join(terms), []).append(move)
         whole = output.value - (output.variable.default or 0.0)
         shared = {term: sum(move.share for move in moves) for term, moves in groups.items()}
+        is_told = abs(whole) > CANCELLED * max(map(abs, shared.values()), default=0.0)
         sentences = []
         for term in sorted(groups, key=lambda term: -abs(shared[term])):
             least = NEGLIGIBLE * span(output.variable)
@@ -213,7 +214,7 @@ class Explanation(Result):
                 if len(who) > 1:
                     does = "hold back" if holds else "say so"
                     words = f"rules {listed(who, MOST_RULES)} {does} together"
-                of_all = f", {shared[term] / whole:.2f}" if abs(whole) > SMALL * span(output.variable) else ""
+                of_all = f", {shared[term] / whole:.2f}" if is_told else ""
                 sentences.append(f"{term}{of_all} ({signed(output.variable, shared[term])}): {words}")
         return sentences
 

@@ -203,6 +203,16 @@ def test_an_explanation_is_plain_json() -> None:
     assert output["flips"][1]["change"] is None
 
 
+def test_where_rules_cancel_shares_are_amounts_alone() -> None:
+    """Of next to nothing, both would be thousands."""
+    told = explain(ramp(0.0), [0.5 - 1e-5])
+    assert told.outputs[0].value == pytest.approx(0.0, abs=1e-3)
+    assert all(
+        re.fullmatch(r"(left|right) \([+-].* N\): rule \d says so", one)
+        for one in told.conclusions(told.outputs[0])
+    )
+
+
 def test_rules_that_agree_say_so_together() -> None:
     system = ramp()
     told = explain(replace(system, rules=(*system.rules, *system.rules[:1] * 2)), [0.2])
