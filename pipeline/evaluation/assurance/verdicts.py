@@ -545,6 +545,8 @@ def _flown(found: Found) -> str:
         parts.append(failed if judgement.num_failed else f"all {judgement.num_cases:,} did")
     if num_found:
         parts.append(f"{num_found} of {len(searches)} searches found a flight that did not")
+    elif searches:
+        parts.append(f"all {sum(len(one.scenarios) for one in searches):,} flights of searches did")
     worst = worst_words(found.requirement, min(margins))
     has_failed = num_found or (judgement and judgement.num_failed)
     consequence = found.requirement.consequence

@@ -272,15 +272,15 @@ def test_what_all_cases_must_meet_is_shown_by_a_proof_alone_and_refuted_by_one_f
         margins = np.r_[-np.ones(num_failed), np.ones(1000 - num_failed)]
         return judge(margins, margins > 0, 1.0, 0.9)
 
-    flown = Found(everywhere, cases_of_all(0), (searched(1.0),), proof=OFF)
+    flown = Found(everywhere, cases_of_all(0), (searched(2.0, 0.5),), proof=OFF)
     assert verdict(flown).word == "not shown"
     assert "only a proof shows" in sentence(flown, verdict(flown))
     # 0.1^(1/1000), the lower bound after 1,000 cases without a failure
     assert "at least 99.77 % of such cases" in verdict(flown).why
     proved = replace(flown, proof=LAYER)
     assert sentence(proved, verdict(proved)) == (
-        "Shown: in all cases (proved) the deputy stays away; all 1,000 did, the nearest 16 m from its "
-        "centre; failing means a collision."
+        "Shown: in all cases (proved) the deputy stays away; all 1,000 did and all 2 flights of "
+        "searches did, the nearest 15.5 m from its centre; failing means a collision."
     )
     assert verdict(replace(flown, judgement=cases_of_all(1))).word == "refuted"
     found = replace(flown, searches=(searched(-0.5),))
