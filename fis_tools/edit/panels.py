@@ -152,4 +152,4 @@ def changes(before: FuzzyController, after: FuzzyController) -> str:
     changed = [pair for pair in pairs if pair[0] != pair[1]] or pairs[:1]
     olds, news = (tuple(side) for side in zip(*changed, strict=True))
     found = difference(replace(before, systems=olds), replace(after, systems=news))
-    return str(html.body(Document(found.document().blocks[2:])))
+    return str(html.body(Document(found.blocks())))

@@ -11,7 +11,8 @@ from fis_tools import model
 from fis_tools.analysis.arrays import spread_inputs
 from fis_tools.array_types import Floats
 from fis_tools.engines.compiler import compile as compiled
-from fis_tools.model import FuzzySystem, Rule, Term, Variable
+from fis_tools.formats.serialize import fingerprint
+from fis_tools.model import FuzzyController, FuzzySystem, Rule, Term, Variable
 from fis_tools.model.systems import has_sets
 from fis_tools.model.variables import peak, sample
 from fis_tools.words.text import number
@@ -24,13 +25,18 @@ class Source(NamedTuple):
 
     Attributes
     ----------
-    name, file, sha256 : str
-        Its name, where it was read from (empty if from no file), and its fingerprint, as of what is signed.
+    controller : FuzzyController
+    file : str
+        Where it was read from; empty if from no file.
     """
 
-    name: str
+    controller: FuzzyController
     file: str
-    sha256: str
+
+    def plain(self) -> dict[str, str]:
+        """Return its name, its file, and its fingerprint, as of what is signed."""
+        sha256 = fingerprint(self.controller)
+        return {"name": self.controller.name, "file": self.file, "sha256": sha256}
 
 
 @dataclass(frozen=True)

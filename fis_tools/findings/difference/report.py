@@ -10,7 +10,6 @@ from fis_tools.document.html import fragment, page
 from fis_tools.findings.difference import comparison
 from fis_tools.findings.difference.comparison import Fact, Pair, Source, SystemDifference, VariableChange
 from fis_tools.findings.difference.pictures import draw_surfaces, draw_terms
-from fis_tools.formats.serialize import fingerprint
 from fis_tools.model import Formula, FuzzyController, FuzzySystem, Linear, Rule, Sampled, Term, with_terms
 from fis_tools.model.systems import has_sets
 from fis_tools.model.validate import validate
@@ -51,26 +50,25 @@ class Difference(Result):
 
     def document(self, *, pictures: bool = False) -> Document:
         """Say what changed; on demand with pictures of terms and surfaces, for pages."""
-        rows = [
-            [word, source.file or source.name, f"SHA-256 {source.sha256}"]
-            for word, source in (("before", self.before), ("after", self.after))
-        ]
-        blocks: list[Block] = [
-            Heading(f"{self.before.name} {TO} {self.after.name}", 1),
-            Table([], rows),
-            *_fact_table(self.facts),
-        ]
+        told = {"before": self.before.plain(), "after": self.after.plain()}
+        rows = [[word, one["file"] or one["name"], f"SHA-256 {one['sha256']}"] for word, one in told.items()]
+        title = f"{told['before']['name']} {TO} {told['after']['name']}"
+        return Document([Heading(title, 1), Table([], rows), *self.blocks(pictures)])
+
+    def blocks(self, pictures: bool = False) -> list[Block]:
+        """Say what changed, but not of what."""
+        blocks: list[Block] = [*_fact_table(self.facts)]
         if self.is_empty:
             blocks.append(Paragraph("Nothing changed."))
         for system in self.systems:
             blocks += [Heading(system.name), *_system(system, pictures)]
-        return Document(blocks)
+        return blocks
 
     def plain(self) -> dict[str, object]:
         """Return it as plain data, for the schema fuzzy-difference, version 1."""
         return {
-            "before": self.before._asdict(),
-            "after": self.after._asdict(),
+            "before": self.before.plain(),
+            "after": self.after.plain(),
             "facts": plain(self.facts),
             "systems": [_plain_system(system) for system in self.systems],
         }
@@ -355,7 +353,7 @@ def difference(
         old = {after.name: before}
     for system in (*old.values(), *new.values()):
         validate(system)
-    one, other = (Source(side.name, file, fingerprint(side)) for side, file in zip(sides, files, strict=True))
+    one, other = (Source(*side) for side in zip(sides, files, strict=True))
     compared = [_compare(old.pop(name, None), system, samples) for name, system in new.items()]
     gone = [SystemDifference(system, None) for system in old.values()]
     return Difference(one, other, tuple(_facts(*sides)), (*compared, *gone))
