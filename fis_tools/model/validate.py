@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator
 from difflib import get_close_matches
 from itertools import islice, pairwise
 from typing import get_args
+from weakref import WeakValueDictionary
 
 import numpy as np
 
@@ -52,6 +53,10 @@ class InvalidSystem(ValueError):  # noqa: N818
     """A fuzzy system or controller that cannot be used; the message lists every problem."""
 
 
+#: systems that were found valid, which cannot change
+_VALID: WeakValueDictionary[int, FuzzySystem] = WeakValueDictionary()
+
+
 def validate(system: FuzzySystem) -> None:
     """Raise InvalidSystem for a system with problems.
 
@@ -60,9 +65,12 @@ def validate(system: FuzzySystem) -> None:
     InvalidSystem
         With one line for each problem.
     """
+    if _VALID.get(id(system)) is system:
+        return
     found = problems(system)
     if found:
         raise InvalidSystem("\n".join(found))
+    _VALID[id(system)] = system
 
 
 def controller_problems(controller: FuzzyController) -> list[str]:
