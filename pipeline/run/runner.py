@@ -140,12 +140,13 @@ def _edited(source: Mapping[str, Any]) -> str | None:
 
 def scene_of(mission: Mission) -> dict[str, float]:
     """Return the parameters for plotting a mission's flights, see `artifacts.write_manifest`."""
+    threshold = {"threshold_percent": mission.inspection_threshold_percent}
     return {
         "sample_period_s": mission.control_period_s,
         "min_distance_m": mission.deputy.min_distance_m,
         "max_distance_m": mission.deputy.max_distance_m,
-        "threshold_percent": mission.inspection_threshold_percent,
         "chief_radius_m": mission.chief.inspection_radius_m,
+        **(threshold if mission.problem.kind == "inspection" else {}),
     }
 
 

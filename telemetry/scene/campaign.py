@@ -99,10 +99,10 @@ def extremes(evaluation: Evaluation) -> list[Extreme]:
     ]
     if evaluation.episodes:
         delta_v, count = evaluation.episodes["delta_v_m_s"], evaluation.episodes["inspected_count"]
-        for what, row, how_much in (
-            ("most delta-v", int(delta_v.argmax()), f"{delta_v.max():.3f} m/s"),
-            ("least inspected", int(count.argmin()), f"{count.min()} points"),
-        ):
+        told = [("most delta-v", int(delta_v.argmax()), f"{delta_v.max():.3f} m/s")]
+        if evaluation.surroundings.threshold_percent is not None:
+            told.append(("least inspected", int(count.argmin()), f"{count.min()} points"))
+        for what, row, how_much in told:
             # labelled where the flight ends
             found.append((what, (row + 1) * num_samples - 1, how_much))
     return [
@@ -127,10 +127,10 @@ def in_words(evaluation: Evaluation) -> str:
         for kind, words in _outcomes_in_words(evaluation).items():
             count = int(np.sum(outcome == kind))
             rows.append((words, f"{count} ({100 * count / num_cases:.1f} %)"))
-        for title, name, unit, digits in (
-            ("delta-v", "delta_v_m_s", "m/s", 3),
-            ("inspected", "inspection_rate_percent", "%", 1),
-        ):
+        measures = [("delta-v", "delta_v_m_s", "m/s", 3), ("inspected", "inspection_rate_percent", "%", 1)]
+        for title, name, unit, digits in measures[
+            : 1 if evaluation.surroundings.threshold_percent is None else 2
+        ]:
             values = evaluation.episodes[name]
             spread = values.std(ddof=min(1, num_cases - 1))
             told = f"{values.mean():.{digits}f} ± {spread:.{digits}f} {unit}"
@@ -144,13 +144,13 @@ def in_words(evaluation: Evaluation) -> str:
 
 def _outcomes_in_words(evaluation: Evaluation) -> dict[Outcome, str]:
     around = evaluation.surroundings
-    goal = "the goal" if around.threshold_percent is None else f"{around.threshold_percent:g} %"
+    goal = "the goal" if around.threshold_percent is None else f"{around.threshold_percent:g} % inspected"
     limits = "the limits"
     if around.min_distance_m is not None and around.max_distance_m is not None:
         limits = f"{around.min_distance_m:g} to {around.max_distance_m:g} m"
     return {
-        Outcome.SUCCESS: f"green: success, {goal} inspected",
-        Outcome.SHORT: f"orange: short of {goal}",
+        Outcome.SUCCESS: f"green: success, {goal}",
+        Outcome.SHORT: f"orange: short of {goal.removesuffix(' inspected')}",
         Outcome.OUTSIDE: f"red: outside {limits}",
     }
 

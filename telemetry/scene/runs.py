@@ -52,7 +52,7 @@ class Surroundings:
     min_distance_m, max_distance_m : float
         Limits of a deputy's distance.
     threshold_percent : float
-        Inspection rate from which a flight is a success.
+        Inspection rate from which a flight is a success; None for flights that inspect nothing, too.
     chief_radius_m : float
         Of the sphere of inspection points.
     """
