@@ -3,8 +3,8 @@
 const MOST_RULES = 8;
 const LOW_PLOT = 60;
 const SHOWN_FROM = 0.005;
-// of an output nearer to its default than this part of its range, shares are told as amounts alone
-const SMALL = 1e-3;
+// where rules cancel to less than this part of the greatest share, shares are told as amounts alone
+const CANCELLED = 0.1;
 
 /** The number that a text says, or null: a point before the decimals, no other mark, so that 12,5 is not 125. */
 function numberSaid(text) {
@@ -117,12 +117,13 @@ function conclusionItems({ system, inference }, output, share, nothing, id) {
     group.value += value;
     groups.set(terms, group);
   });
+  const greatest = Math.max(0, ...[...groups.values()].map(({ value }) => Math.abs(value)));
+  const isTold = Math.abs(whole) > CANCELLED * greatest;
   return [...groups.values()]
     .sort((a, b) => Math.abs(b.value) - Math.abs(a.value))
     .map(({ terms, rules, value }) => {
       rules.sort((a, b) => Math.abs(share[b]) - Math.abs(share[a]) || a - b);
-      const isLarge = Math.abs(whole) > SMALL * (variable.maximum - variable.minimum);
-      const ofAll = isLarge ? `, ${(value / whole).toFixed(2).replace("-", "−")}` : "";
+      const ofAll = isTold ? `, ${(value / whole).toFixed(2).replace("-", "−")}` : "";
       const [noun, verb] = rules.length > 1 ? ["rules", "say so together"] : ["rule", "says so"];
       const words = `${ofAll} (${signed(value, variable, 3)}): ${noun} `;
       return make("li", {}, make("strong", {}, terms), words, ...ruleLinks(rules, id), ` ${verb}`);
