@@ -21,7 +21,15 @@ from fis_tools.model import rule_table
 from pipeline.array_types import Floats
 from pipeline.flight.control.controller import Controller, has_constants
 from pipeline.flight.fly import population, rehearsals, simulation
-from pipeline.flight.fly.many import Flights, Results, open_with, start_lanes, write_outcomes
+from pipeline.flight.fly.many import (
+    Flights,
+    Results,
+    open_with,
+    start_lanes,
+    write_fired,
+    write_outcomes,
+    write_track,
+)
 from pipeline.flight.fly.rehearsals import tour_images
 from pipeline.flight.period.decide.thrust import is_decision
 from pipeline.flight.period.decide.urgency import note_deadlines
@@ -79,7 +87,7 @@ def fly_linearly(
     """Fly as `pipeline.flight.fly.many.fly_many` does, but under linear laws; nothing is logged."""
     width = width_of(state.lanes)
     flights, state, work, results = borrowed((flights, state, work, results))
-    world, law = flights.world, flights.law
+    world, law, tracks = flights.world, flights.law, results.tracks
     num_starts, flight = len(flights.cases), first
     while flight < last:
         row, start = flight // num_starts, flight % num_starts
@@ -91,6 +99,8 @@ def fly_linearly(
         for k in range(world.num_controls + 1):
             now = Moment(world, state, work, start, num_lanes, k)
             look(now, optics, clusters, errors, law.plans)
+            for lane in range(num_lanes if len(tracks) > 0 else 0):
+                write_track(now, lane, tracks[flight + lane, k])
             if k == world.num_controls:
                 write_outcomes(now, flight, results.outcomes)
                 break
@@ -100,6 +110,8 @@ def fly_linearly(
             if k == 0 and len(flights.openings) > 0:
                 open_with(now, flights.openings)
             act(now, guard, errors, law.plans)
+            for lane in range(num_lanes if len(tracks) > 0 else 0):
+                write_fired(state, lane, tracks[flight + lane, k])
         flight += num_lanes
 
 

@@ -25,7 +25,7 @@ from pipeline.controllers.source import named
 from pipeline.evaluation.statistics import fraction, statistic
 from pipeline.flight.cases.starts import evaluation_scenarios, training_scenarios
 from pipeline.flight.control.controller import Controller, from_fuzzy
-from pipeline.flight.fly.simulation import fly_all
+from pipeline.flight.goals.flights import fly_all
 from pipeline.flight.state.log import Outcomes, Scenario
 from pipeline.flight.state.signals import CONSTANTS
 from pipeline.optimum.solved import solved_for
@@ -87,6 +87,7 @@ STUDIES: Final[Mapping[str, tuple[Sequence[str], str, int]]] = {
         "random",
         15,
     ),
+    "champion_docking": (("+experiment=train_docking", "problem=docking"), "random", 15),
     "champion_leo": ((*TOUR, "world=leo"), "random", 6),
     "paper_champion": (("+experiment=train_champion", "optimizer.generations=10"), "fixed", 150),
     "champion_fixed_sun": (LARGE, "fixed", 96),
@@ -187,7 +188,7 @@ def row(words: Sequence[object], flown: Outcomes, threshold: float) -> str:
 def rows(name: str, cases: int, rounds: int | None, folder: Path, plans: Path | None) -> Iterator[str]:
     """Yield the rows of a champion and of what stands beside it."""
     training, (_, sun, numbers) = training_of(name, rounds), STUDIES[name]
-    world = [word for word in STUDIES[name][0] if word.startswith("world=")]
+    world = [word for word in STUDIES[name][0] if word.startswith(("world=", "problem="))]
     flying_words = ["+experiment=evaluate", f"controller={name}", *world, f"sun={sun}", f"seed={SEED}"]
     judged = compose_experiment([*flying_words, f"monte_carlo.num_cases={cases}"]).experiment
     starts = evaluation_scenarios(judged.monte_carlo, judged.sun, judged.seed)
