@@ -32,36 +32,28 @@ from pipeline.gym import (
     task_of,
 )
 
+#: what AFRL's two problems are trained with alike
+_OF_BOTH: Final[Mapping[str, Any]] = {
+    "n_epochs": 30,
+    "gae_lambda": 0.928544,
+    "learning_rate": 5e-5,
+    "clip_range": 0.3,
+    "vf_coef": 1.0,
+    "layers": (256, 256),
+    "log_std": 0.0,
+}
 #: AFRL's settings (safe-autonomy-sims 6d71f7e, `configs/translational-inspection` and `configs/docking`:
 #: base files with what `task.yml` overrides, for 5 and 10 million steps) with RLlib's defaults for the rest;
 #: and settings that learn more from few steps. `num_envs`, `layers` and `log_std` (of the initial noise, a
 #: share of the largest force) are not `PPO`'s own.
 SETTINGS: Final[Mapping[str, Mapping[str, Any]]] = {
-    "afrl": {
-        "num_envs": 1,
-        "n_steps": 1500,
-        "batch_size": 1500,
-        "n_epochs": 30,
-        "gamma": 0.99,
-        "gae_lambda": 0.928544,
-        "learning_rate": 5e-5,
-        "clip_range": 0.3,
-        "vf_coef": 1.0,
-        "layers": (256, 256),
-        "log_std": 0.0,
-    },
+    "afrl": {**_OF_BOTH, "num_envs": 1, "n_steps": 1500, "batch_size": 1500, "gamma": 0.99},
     "afrl_docking": {
+        **_OF_BOTH,
         "num_envs": 18,
         "n_steps": 2000,
         "batch_size": 3600,
-        "n_epochs": 30,
         "gamma": 0.968559,
-        "gae_lambda": 0.928544,
-        "learning_rate": 5e-5,
-        "clip_range": 0.3,
-        "vf_coef": 1.0,
-        "layers": (256, 256),
-        "log_std": 0.0,
     },
     "ours": {
         "num_envs": 64,
