@@ -20,8 +20,41 @@ from pipeline.run import interrupts, maker
 from pipeline.run.runner import Interrupted
 
 INTERRUPTED = 130
-#: other commands, to the modules with a function of that name; few runs need them
-COMMANDS = {"edit": "editor", "summary": "results", "verify": "results", "warm": "cli"}
+#: other commands, to the modules with a function of that name, which few runs need, and what --help tells
+COMMANDS = {
+    "edit": (
+        "editor",
+        """edit [key=value ...] [--port PORT] [--no-browser]
+
+Open a page on which rules and terms of controller=NAME change; each touch flies 1,000 paired cases anew, in
+the world, sun and starts that the keys give. Ctrl-C ends it; only a copy that you save is written.
+""",
+    ),
+    "summary": (
+        "results",
+        """summary SWEEP_FOLDER
+
+Print the results of a sweep (python -m pipeline -m ...) run by run, and what each key changed; write both
+into its folder, as a page and as Parquet.
+""",
+    ),
+    "verify": (
+        "results",
+        """verify RUN_FOLDER [OTHER_RUN_FOLDER]
+
+Check every file of a run against its manifest and fly its recordings again; or compare the files of two runs.
+Exit code 0 if all is well, 1 if something differs.
+""",
+    ),
+    "warm": (
+        "cli",
+        """warm
+
+Compile what the shipped experiments need, so that later runs need not. `python -m pipeline warm &` does it in
+the background.
+""",
+    ),
+}
 #: what short runs are given
 FEW: Final = ("duration_s=600", "monte_carlo.num_cases=8")
 SMALL: Final = ("optimizer.population_size=8", "optimizer.generations=2")
@@ -70,7 +103,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _dispatch(arguments: Sequence[str]) -> int:
     """Print what is only printed, or run the rest."""
     if arguments and arguments[0] in COMMANDS:
-        module = import_module(f"pipeline.command_line.{COMMANDS[arguments[0]]}")
+        name, told = COMMANDS[arguments[0]]
+        if {"--help", "-h"} & set(arguments[1:]):
+            sys.stdout.write(f"usage: python -m pipeline {told}")
+            return OK
+        module = import_module(f"pipeline.command_line.{name}")
         run: Callable[[Sequence[str]], int] = getattr(module, arguments[0])
         return run(arguments[1:])
     asked = read_arguments(arguments)
@@ -106,7 +143,7 @@ def warm(given: Sequence[str]) -> int:
         If anything is given.
     """
     if given:
-        raise ConfigError("warm takes no arguments; python -m pipeline warm & does it in the background")
+        raise ConfigError("warm takes no arguments; python -m pipeline warm --help says what it does")
     with tempfile.TemporaryDirectory() as folder:
         for number, words in enumerate(WARMED):
             sys.stderr.write(f"[{number + 1}/{len(WARMED)}] {' '.join(words)}\n")

@@ -2,7 +2,7 @@
 
 import pytest
 
-from pipeline.command_line.cli import main
+from pipeline.command_line.cli import COMMANDS, main
 from tests.pipeline.command_line.cases import use_stages
 
 FLY = ["+experiment=fly", "controller=coast"]
@@ -134,3 +134,9 @@ def test_controller_files_that_cannot_be_read(content, message, tmp_path, monkey
     assert message in told
     assert "Traceback" not in told
     assert not (tmp_path / "outputs").exists()
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_a_command_tells_what_it_does_and_does_nothing(command, capsys):
+    assert main([command, "--help"]) == 0
+    assert capsys.readouterr().out.startswith(f"usage: python -m pipeline {command}")
