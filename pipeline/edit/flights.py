@@ -12,8 +12,9 @@ import numpy as np
 from fis_tools.model import FuzzyController
 from pipeline.array_types import Integers
 from pipeline.evaluation.assurance.campaign import Outcome, joined, judged
+from pipeline.evaluation.assurance.judgement import judge
 from pipeline.evaluation.assurance.requirements import CASES, Requirement, needs
-from pipeline.evaluation.assurance.verdicts import Found, judge, verdict
+from pipeline.evaluation.assurance.verdicts import Found, verdict
 from pipeline.evaluation.monte_carlo import episode_columns
 from pipeline.evaluation.statistics import Column, Compared, compare, succeeds
 from pipeline.flight.cases.starts import evaluation_scenarios

@@ -17,6 +17,8 @@ from pipeline.controllers.source import controller_of_run
 from pipeline.evaluation.assurance import evidence
 from pipeline.evaluation.assurance.campaign import Flights, Outcome, Search, case_space, judged, search, speed
 from pipeline.evaluation.assurance.evidence import Domain, domain_of, left_on
+from pipeline.evaluation.assurance.judgement import Judgement, cases_needed, failures_allowed, judge
+from pipeline.evaluation.assurance.proofs import TubeProof, certificates, safety_proof
 from pipeline.evaluation.assurance.quantities import track_of
 from pipeline.evaluation.assurance.requirements import (
     BOUNDS,
@@ -28,17 +30,7 @@ from pipeline.evaluation.assurance.requirements import (
     Requirements,
     read,
 )
-from pipeline.evaluation.assurance.verdicts import (
-    Found,
-    Judgement,
-    TubeProof,
-    cases_needed,
-    certificates,
-    failures_allowed,
-    judge,
-    percent,
-    safety_proof,
-)
+from pipeline.evaluation.assurance.verdicts import Found, percent
 from pipeline.flight.cases.dispersions import drawn
 from pipeline.flight.cases.starts import evaluation_scenarios
 from pipeline.flight.control.controller import Controller

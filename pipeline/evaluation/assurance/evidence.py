@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from fis_tools.analysis.domain import Box, Departure, box_of, departures
 from fis_tools.analysis.domain import as_mapping as domain_mapping
 from pipeline.array_types import Floats
-from pipeline.evaluation.assurance import verdicts
+from pipeline.evaluation.assurance import judgement, verdicts
 from pipeline.evaluation.assurance.campaign import Outcome, Search, speed
 from pipeline.evaluation.assurance.requirements import Requirement
 from pipeline.flight.cases.dispersions import drawn
@@ -81,7 +81,7 @@ def domain_of(
         for inputs in flown[half:]
     )
     num_tried = len(scenarios) - half
-    _, high = verdicts.share_bounds(num_left, num_tried, confidence)
+    _, high = judgement.share_bounds(num_left, num_tried, confidence)
     return Domain(tuple(boxes.values()), half, num_tried, num_left, high, confidence)
 
 
@@ -137,7 +137,7 @@ def of_requirement(
             **asdict(found.judgement),
             "needed_without_failure": None
             if requirement.probability == 1.0
-            else verdicts.cases_needed(requirement.probability, requirement.confidence),
+            else judgement.cases_needed(requirement.probability, requirement.confidence),
         }
         if random is not None:
             told["cases"]["histogram"] = histogram(random.margins)

@@ -9,23 +9,17 @@ from scipy.stats import binom, binomtest
 from fis_tools.engines import inference
 from pipeline.evaluation.assurance.campaign import Outcome, Search
 from pipeline.evaluation.assurance.formula import parse
-from pipeline.evaluation.assurance.quantities import UNITS
-from pipeline.evaluation.assurance.requirements import Question, Requirement, RequirementError
-from pipeline.evaluation.assurance.verdicts import (
+from pipeline.evaluation.assurance.judgement import cases_needed, failures_allowed, judge, share_bounds
+from pipeline.evaluation.assurance.proofs import (
     Certificate,
-    Found,
     SafetyProof,
     TubeProof,
-    cases_needed,
     certificates,
-    failures_allowed,
-    judge,
-    outcomes,
     safety_proof,
-    sentence,
-    share_bounds,
-    verdict,
 )
+from pipeline.evaluation.assurance.quantities import UNITS
+from pipeline.evaluation.assurance.requirements import Question, Requirement, RequirementError
+from pipeline.evaluation.assurance.verdicts import Found, outcomes, sentence, verdict
 from pipeline.flight.state.log import Scenario
 from tests.pipeline.evaluation.assurance.cases import champion, experiment, scenarios
 

@@ -1,0 +1,204 @@
+"""What proofs demonstrate: bounds of rules, the safety layer's proof, and a tube of all starts."""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fis_tools.analysis.bounds import ask
+from fis_tools.engines.interval import NotBounded
+from fis_tools.model import FuzzySystem
+from pipeline.array_types import Floats
+from pipeline.evaluation.assurance.formula import Always, And, Comparison, Formula, Until
+from pipeline.evaluation.assurance.requirements import Question, Requirement, RequirementError
+from pipeline.flight.control.controller import Controller
+from pipeline.flight.period.act.bounds import bounds_of, is_exact, premises, spheres_of
+from pipeline.flight.period.act.safety import STANDING, most_exceeded
+from pipeline.flight.state.log import Scenario
+from pipeline.flight.world.pack import pack_world
+from pipeline.settings.experiment import Mission
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """The answer to a question about a system's outputs, with the boxes that prove a negative one.
+
+    Parameters
+    ----------
+    question : Question
+    system : str
+    verdict : str
+        ``no`` if it is proved that the outputs cannot, ``yes`` if an example shows that they can,
+        ``undecided``, or ``unbounded`` for systems that cannot be bounded.
+    sentence : str
+        The answer in words.
+    inputs : tuple of str
+        The columns of the boxes.
+    low, high : (n, num_inputs)
+        The boxes; none without a proof.
+    """
+
+    question: Question
+    system: str
+    verdict: str
+    sentence: str
+    inputs: tuple[str, ...]
+    low: Floats
+    high: Floats
+
+
+def certificates(requirement: Requirement, controller: Controller) -> tuple[Certificate, ...]:
+    """Answer a requirement's questions about the systems of a controller.
+
+    Raises
+    ------
+    RequirementError
+        If a question cannot be read.
+    """
+    return tuple(
+        _certificate(question, system, requirement.id)
+        for question in requirement.questions
+        for system in controller.systems
+        if _is_about(question, system)
+    )
+
+
+def _is_about(question: Question, system: FuzzySystem) -> bool:
+    words = set(re.findall(r"[A-Za-z_]\w*", question.ask))
+    return any(variable.name in words for variable in system.outputs)
+
+
+def _certificate(question: Question, system: FuzzySystem, name: str) -> Certificate:
+    inputs = tuple(variable.name for variable in system.inputs)
+    none = np.empty((0, len(inputs)))
+    try:
+        answer = ask(system, question.ask, question.where)
+    except NotBounded as error:
+        return Certificate(question, system.name, "unbounded", str(error), inputs, none, none)
+    except ValueError as error:
+        raise RequirementError(f"{name}, its bounds {question.ask!r}: {error}") from error
+    low = none if answer.refuted_low is None else answer.refuted_low
+    high = none if answer.refuted_high is None else answer.refuted_high
+    return Certificate(question, system.name, answer.verdict, answer.sentence, inputs, low, high)
+
+
+@dataclass(frozen=True)
+class SafetyProof:
+    """The premises of the safety layer's proof for some flights, and whether they hold.
+
+    Parameters
+    ----------
+    is_on : bool
+        Whether the layer is active.
+    failing : tuple of str
+        Premises that do not hold, each said in words; none if all do.
+    assumed : tuple of str
+        Those that are taken for granted, in words.
+    probability : float
+        With which a flight's errors are within the bounds that the proof takes for them; 1 if all is exact.
+    keep_out_m, keep_in_m : float
+        The spheres between which it keeps the deputy: samples where all is exact, else any time.
+    num_starts, num_safe : int
+        Starts, and how many of them are safe states, the base case of the induction.
+    """
+
+    is_on: bool
+    keep_out_m: float
+    keep_in_m: float
+    num_starts: int
+    num_safe: int
+    failing: tuple[str, ...] = ()
+    assumed: tuple[str, ...] = ()
+    probability: float = 1.0
+
+    def proves(self, formula: Formula) -> bool:
+        """Return whether the layer's proof implies a formula, for these flights at their samples."""
+        return (
+            self.is_on
+            and not self.failing
+            and self.num_safe == self.num_starts
+            and _follows(formula, (self.keep_out_m, self.keep_in_m))
+        )
+
+
+def _follows(formula: Formula, distances_m: tuple[float, float]) -> bool:
+    """Return whether a formula holds wherever the distance is between two values; False if unclear."""
+    match formula:
+        case And(left, right):
+            return _follows(left, distances_m) and _follows(right, distances_m)
+        case Always(_, Comparison((("distance", factor),), constant)):
+            # linear: positive at both ends means positive between them
+            return all(factor * distance + constant > 0.0 for distance in distances_m)
+    return False
+
+
+def safety_proof(mission: Mission, scenarios: Sequence[Scenario]) -> SafetyProof:
+    """Check the premises of the safety layer's proof for the starts of some flights."""
+    is_on = mission.safety.kind == "filter"
+    bounds, probability = bounds_of(mission), 1.0
+    failing: tuple[str, ...] = ()
+    assumed: tuple[str, ...] = ()
+    spheres = mission.keep_out_m, mission.keep_in_m
+    if is_on and not is_exact(mission):
+        failing, assumed = premises(mission, bounds)
+        probability = mission.safety.probability or 0.0
+        # the limits themselves, but for rounding: all margins are for errors
+        out, far = spheres_of(mission, bounds)
+        spheres = out - bounds.keep_out_m, far + bounds.keep_in_m
+    num_safe = 0
+    if is_on:
+        world = pack_world(mission)
+        states = (np.concatenate([one.position_m, one.velocity_m_s]) for one in scenarios)
+        num_safe = sum(most_exceeded(world, state, STANDING)[2] <= 0.0 for state in states)
+    return SafetyProof(is_on, *spheres, len(scenarios), num_safe, failing, assumed, probability)
+
+
+@dataclass(frozen=True)
+class TubeProof:
+    """What a tube of all starts proves: the limit on the speed until the goal (`pipeline.proof`).
+
+    Parameters
+    ----------
+    fault : str
+        Why it proves nothing of these flights; empty if it does.
+    end_s : float
+        When all flights are at the goal.
+    limit : (float, float, float)
+        Base (m/s), slope (1/s) and offset (m) of the limit on the speed over the distance.
+    goal : (float, float)
+        Greatest distance (m) and speed (m/s) at the end.
+    """
+
+    fault: str
+    end_s: float = 0.0
+    limit: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    goal: tuple[float, float] = (0.0, 0.0)
+
+    def proves(self, formula: Formula) -> bool:
+        """Return whether ``limit until[0:T] goal`` follows from the tube; False if unclear."""
+        if (
+            not isinstance(formula, Until)
+            or formula.window.first_s > 0.0
+            or formula.window.last_s < self.end_s
+        ):
+            return False
+        base, slope, offset = self.limit
+        match formula.left:
+            case Comparison(factors, constant):
+                of = dict(factors)
+                keeps = of.pop("speed", 0.0) == -1.0 and of.pop("distance", 0.0) >= slope and not of
+                keeps &= constant >= base - slope * offset - 1e-12
+            case _:
+                return False
+        return keeps and self._reaches(formula.right)
+
+    def _reaches(self, formula: Formula) -> bool:
+        match formula:
+            case And(left, right):
+                return self._reaches(left) and self._reaches(right)
+            case Comparison((("distance", -1.0),), constant):
+                return constant >= self.goal[0]
+            case Comparison((("speed", -1.0),), constant):
+                return constant >= self.goal[1]
+        return False
