@@ -6,6 +6,7 @@ between the points.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import count, islice
 from math import isqrt
 
@@ -269,6 +270,7 @@ def _axes(system: FuzzySystem, x: str | None, y: str | None, held: dict[str, flo
     return chosen[0], chosen[1]
 
 
+@lru_cache(maxsize=64)
 def coverage(variable: Variable) -> Coverage:
     """Find the value of a variable whose highest membership in any term is lowest.
 

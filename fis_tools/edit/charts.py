@@ -62,7 +62,8 @@ def surface(found: Surface) -> Options:
     )
     ends = {"min": found.output.minimum, "max": found.output.maximum}
     colours = {**ends, "show": False, "inRange": {"color": list(RAMP)}}
-    return chart(x, y, [{"type": "heatmap", "data": points, "progressive": 0}], visualMap=colours)
+    still = {"progressive": 0, "silent": True, "emphasis": {"disabled": True}}
+    return chart(x, y, [{"type": "heatmap", "data": points, **still}], visualMap=colours)
 
 
 def curve(system: FuzzySystem, points: Floats, values: Floats) -> Options:

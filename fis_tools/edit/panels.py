@@ -1,6 +1,7 @@
 """Panels: what stands beside the terms and rules, and answers every change in its own time."""
 
 import asyncio
+import json
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
@@ -16,8 +17,10 @@ from fis_tools.model import FuzzyController
 
 #: shows one part of an answer on the page
 Show = Callable[[], object]
+#: sends what stands in a field
+ENTERED = "(event) => emit(event.target.value)"
 #: until what the page shows of a touch at once is on its way, s
-SENT_S = 0.005
+SENT_S = 0.002
 
 
 def heading(level: int, words: str) -> None:
@@ -31,9 +34,14 @@ def card(title: str) -> ui.element:
     return ui.element("section").classes("card").props(f'aria-label="{title}"')
 
 
-def document() -> ui.html:
-    """Put a document there, to be written by `fis_tools.document.html`, which escapes."""
-    return ui.html("", sanitize=False).classes("document")
+def document() -> ui.element:
+    """Put a document there, to be told as ``innerHTML`` from `fis_tools.document.html`, which escapes."""
+    return ui.element("div").classes("document")
+
+
+def tell(place: ui.element, **properties: object) -> None:
+    """Set properties of an element in the page itself: its framework would go through the whole page anew."""
+    place.client.run_javascript(f"Object.assign(getHtmlElement({place.id}), {json.dumps(properties)})")
 
 
 class Panel(Protocol):
@@ -64,11 +72,11 @@ class Answers:
         self._states = {panel: self._build(place, panel) for place, panel in panels}
         self._is_busy = False
 
-    def _build(self, place: ui.element, panel: Panel) -> ui.label:
+    def _build(self, place: ui.element, panel: Panel) -> ui.element:
         with place, card(panel.title):
             with ui.element("div").classes("card-head"):
                 heading(2, panel.title)
-                state = ui.label().classes("state")
+                state = ui.element("span").classes("state")
             panel.build(lambda: self._ask(panel))
         return state
 
@@ -78,7 +86,9 @@ class Answers:
         self._ask(*self._states)
 
     def _ask(self, *panels: Panel) -> None:
-        self._asked |= {panel: object() for panel in panels}
+        for panel in panels:
+            self._asked[panel] = object()
+            tell(self._states[panel], textContent="…")
         if not self._is_busy and self._controller is not None:
             self._is_busy = True
             background_tasks.create(self._answer())
@@ -87,8 +97,6 @@ class Answers:
         try:
             while self._asked:
                 await asyncio.sleep(SENT_S)
-                for panel in self._asked:
-                    self._states[panel].set_text("…")
                 await self._answer_first(*next(iter(self._asked.items())))
         finally:
             self._is_busy = False
@@ -99,9 +107,8 @@ class Answers:
         while (show := await run.io_bound(next, parts, None)) is not None:
             if self._asked.get(panel) is not asked:
                 return
-            with self._states[panel]:
-                show()
-        self._states[panel].set_text("")
+            show()
+        tell(self._states[panel], textContent="")
         self._asked.pop(panel, None)
 
 
@@ -124,7 +131,7 @@ class Told:
 
     def answers(self, controller: FuzzyController) -> Iterator[Show]:
         """Compute it."""
-        yield partial(self._shown.set_content, self._answer(controller))
+        yield partial(tell, self._shown, innerHTML=self._answer(controller))
 
 
 #: systems that did not change are not audited again

@@ -24,7 +24,7 @@ export default {
     return { tables: [], strengths: [], selected: null };
   },
   methods: {
-    show(tables) { this.tables = tables; },
+    show(tables) { this.tables = Object.freeze(tables); },
     fire(strengths) { this.strengths = strengths; },
     select(rule) { this.selected = rule; this.$emit("select", { rule }); },
     turn(event, { rule, side, place }) {

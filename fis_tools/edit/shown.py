@@ -8,12 +8,14 @@ from typing import Any
 import numpy as np
 
 from fis_tools.edit.touches import numbers_of, said
-from fis_tools.model import And, Consequent, FuzzySystem, Is, MembershipFunction, Term, Variable
+from fis_tools.model import And, Consequent, FuzzySystem, Is, MembershipFunction, Rule, Term, Variable
 from fis_tools.model.shape import SHAPES
 from fis_tools.model.systems import has_sets
 from fis_tools.model.variables import sample, shape_values
 from fis_tools.words import text
 
+#: what a row of a table shows
+Cells = list[dict[str, Any]]
 #: from the lowest term over the middle one to the highest
 LOW, MIDDLE, HIGH = "#1f5fa8", "#626973", "#be5014"
 #: shapes that any term of a set may take
@@ -76,14 +78,12 @@ def _handles(shape: MembershipFunction) -> Iterator[dict[str, Any]]:
 
 def rules(system: FuzzySystem, original: FuzzySystem | None, as_list: bool) -> list[dict[str, Any]]:
     """Return the rules as tables of terms that a press turns: a full table as such, others as a list."""
-    tones = {
-        Is(output.name, term.name): colour
-        for output in system.outputs
-        for term, colour in zip(output.terms, colours(len(output.terms)), strict=True)
-    }
+    inputs = tuple(one.name for one in system.inputs)
+    terms = [(one.name, [term.name for term in one.terms]) for one in system.outputs]
+    tones = tuple((name, tuple(zip(held, colours(len(held)), strict=True))) for name, held in terms)
     before = original.rules if original is not None else ()
     rows = [
-        _row(system, place, before[place : place + 1] != (rule,), tones)
+        _row(inputs, tones, rule, place, before[place : place + 1] != (rule,))
         for place, rule in enumerate(system.rules)
     ]
     found = None if as_list else text.rule_tables(system)
@@ -110,9 +110,9 @@ def breakable(name: str) -> str:
     return name.replace("_", "_\u200b")
 
 
-def _row(system: FuzzySystem, place: int, is_changed: bool, tones: dict[Is, str]) -> list[dict[str, Any]]:
+@lru_cache(maxsize=4096)
+def _row(inputs: tuple[str, ...], tones: tuple[Any, ...], rule: Rule, place: int, is_changed: bool) -> Cells:
     """Return a cell for each input, or one in words for what is no conjunction, then for each output."""
-    rule = system.rules[place]
     words = text.antecedent_words(rule.antecedent)
     changed = "changed" if is_changed else ""
 
@@ -126,14 +126,14 @@ def _row(system: FuzzySystem, place: int, is_changed: bool, tones: dict[Is, str]
         hedges, inside = text.before(part)
         if isinstance(inside, Is):
             asked[inside.variable] = shown("if", n, inside, " ".join([*hedges, inside.term]), kind="if")
-    cells: list[dict[str, Any]] = [{"words": words, "span": len(system.inputs)}]
+    cells: Cells = [{"words": words, "span": len(inputs)}]
     if len(asked) == len(parts):
-        cells = [{"terms": [asked[one.name]] if one.name in asked else []} for one in system.inputs]
-    for output in system.outputs:
+        cells = [{"terms": [asked[name]] if name in asked else []} for name in inputs]
+    for output, colour in tones:
         told = [
-            shown("then", n, one, _weighted(one), kind=changed, tone=tones[Is(one.variable, one.term)])
+            shown("then", n, one, _weighted(one), kind=changed, tone=dict(colour)[one.term])
             for n, one in enumerate(rule.consequents)
-            if one.variable == output.name
+            if one.variable == output
         ]
         cells.append({"terms": told})
     return cells

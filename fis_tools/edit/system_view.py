@@ -10,7 +10,7 @@ from nicegui import ui
 
 from fis_tools.analysis import arrays
 from fis_tools.edit import charts, shown, touches
-from fis_tools.edit.panels import card, heading
+from fis_tools.edit.panels import ENTERED, card, heading, tell
 from fis_tools.edit.session import Session
 from fis_tools.engines.inference import infer
 from fis_tools.model import FuzzySystem, Variable
@@ -73,8 +73,8 @@ class SystemView:
         self._rules.on("turn", lambda event: self._change(partial(touches.turned, **event.args)))
         self._rules.on("select", lambda event: self._select(event.args["rule"]))
         with ui.element("div").classes("rule-editor"):
-            self._sentence = ui.input("the rule in words").props("dense stack-label")
-            self._sentence.on("change", lambda: self._say(touches.said, self._sentence.value))
+            self._sentence = ui.element("input").props('aria-label="the rule in words"')
+            self._sentence.on("change", lambda event: self._say(touches.said, event.args), js_handler=ENTERED)
             with ui.row().classes("rule-tools"):
                 for name, known in (("and_operator", AND_OPERATORS), ("or_operator", OR_OPERATORS)):
                     label, chosen = name.removesuffix("_operator"), partial(self._operate, name)
@@ -163,8 +163,7 @@ class SystemView:
         if self._rule is not None and self._rule >= len(rules):
             self._rule = None
         words = None if self._rule is None else shown.sentence(self.system, self._rule)
-        self._sentence.set_value(words or "")
-        self._sentence.set_enabled(words is not None)
+        tell(self._sentence, value=words or "", disabled=words is None)
 
     def _infer(self) -> None:
         inference = infer(self.system, np.array(self._values))

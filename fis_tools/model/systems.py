@@ -7,6 +7,7 @@ that term is cut by the rules computed so far. So the antecedents of those rules
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from itertools import chain, product
 from math import prod
 from typing import Any, TypeVar
@@ -93,6 +94,7 @@ def with_statements(expression: Expression, change: Callable[[Is], Expression]) 
     return rebuilt(expression, lambda part: change(part) if isinstance(part, Is) else part)
 
 
+@lru_cache(maxsize=4096)
 def canonical(expression: Expression) -> tuple[Any, ...]:
     """Return the same for antecedents that differ in the order and grouping of statements alone."""
     match expression:
@@ -434,6 +436,8 @@ def rule_table(system: FuzzySystem) -> Integers | None:
 
 def with_terms(rule: Rule, names: Mapping[tuple[str, str], str]) -> Rule:
     """Return a rule with other terms, by variable and term, in what it asks and concludes."""
+    if not names:
+        return rule
 
     def asked(one: Is) -> Is:
         return Is(one.variable, names.get((one.variable, one.term), one.term))

@@ -9,7 +9,7 @@ from nicegui import ui
 
 from fis_tools.document import Cell, Document, Mark, Table, html
 from fis_tools.edit.charts import Options, axis, chart, dots, draw, line
-from fis_tools.edit.panels import Panel, Show, document
+from fis_tools.edit.panels import ENTERED, Panel, Show, document, tell
 from fis_tools.findings.explanation import explain
 from fis_tools.model import FuzzyController
 from fis_tools.model.thrust import REASONS
@@ -65,7 +65,7 @@ class ManyFlights:
                 is_shown = before in (self._before[0], self._before[-1])
                 yield self._told(controller, before, after) if is_shown else _nothing
         except ValueError as refused:
-            yield partial(self._numbers.set_content, str(html.element("p", str(refused), class_="worse")))
+            yield partial(tell, self._numbers, innerHTML=html.element("p", str(refused), class_="worse"))
 
     def _told(self, controller: FuzzyController, before: Flown, after: Flown) -> Show:
         numbers = html.body(Document([_numbers(self._cases.compare(before, after))]))
@@ -75,8 +75,8 @@ class ManyFlights:
         return partial(self._show, str(numbers), str(below), _histogram(before, after))
 
     def _show(self, numbers: str, below: str, bars: Options) -> None:
-        self._numbers.set_content(numbers)
-        self._below.set_content(below)
+        tell(self._numbers, innerHTML=numbers)
+        tell(self._below, innerHTML=below)
         draw(self._chart, bars)
 
 
@@ -155,8 +155,7 @@ class OneFlight:
         last = self._cases.mission.num_controls - 1
         self._time = ui.element("input").classes("value").props(f"type=range min=0 max={last} value=0")
         self._time.props["aria-label"] = "time in the flight"
-        read = "(event) => emit(Number(event.target.value))"
-        self._time.on("input", lambda event: self._scrub(event.args), js_handler=read)
+        self._time.on("input", lambda event: self._scrub(int(event.args)), js_handler=ENTERED)
         self._words = document().props('role="status"')
 
     def choose(self, case: int) -> None:
@@ -181,7 +180,7 @@ class OneFlight:
 
     def _show(self, end: str, words: str, path: Options, forces: Options) -> None:
         self._end.set_text(end)
-        self._words.set_content(words)
+        tell(self._words, innerHTML=words)
         draw(self._path, path)
         draw(self._forces, forces)
 

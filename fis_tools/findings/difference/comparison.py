@@ -335,7 +335,7 @@ def new_names(variables: Sequence[VariableChange]) -> Names:
         (change.present.name, term.before.name): term.after.name
         for change in variables
         for term in change.terms
-        if term.before is not None and term.after is not None
+        if term.before is not None and term.after is not None and term.before.name != term.after.name
     }
 
 

@@ -242,14 +242,14 @@ def changed_tables(system: SystemDifference) -> list[tuple[str, Table]] | None:
     if old is None or new is None or any(change.state != "changed" for change in system.rules):
         return None
     concluded = {
-        text.antecedent_words(rule.antecedent): text.consequent_words(rule.consequents)
+        rule.antecedent: text.consequent_words(rule.consequents)
         for rule in (with_terms(rule, names) for rule in system.before.rules)
     }
-    is_same_table = all(text.antecedent_words(rule.antecedent) in concluded for rule in system.after.rules)
+    is_same_table = all(rule.antecedent in concluded for rule in system.after.rules)
     if not is_same_table or len(system.before.rules) != len(system.after.rules):
         return None
     output = system.after.outputs[0].name
-    before = iter(concluded[text.antecedent_words(rule.antecedent)] for rule in system.after.rules)
+    before = iter(concluded[rule.antecedent] for rule in system.after.rules)
     across = system.after.inputs[-1].name
     tables = []
     for title, (heads, *rows) in new:
