@@ -29,19 +29,19 @@ TOUCH = """async ([rule, conditions]) => {
         return small.getImageData(0, 0, 24, 24).data.join();
     };
     const part = (name) => document.querySelector(`section[aria-label="${name}"]`);
-    const numbers = () => part("Flights")?.querySelector("table")?.textContent;
+    const [flights, findings, changes] = ["Flights", "Findings", "Changes"].map(part);
+    const numbers = () => flights?.querySelector("table")?.textContent;
     const rule_button = document.querySelector(`button.term[aria-label^="rule ${rule}:"]:not(.if)`);
     rule_button.focus();
     await new Promise((pressed) => setTimeout(pressed, 80));
     const found = {}, before = pixels(), old = numbers(), start = performance.now();
-    const shown = (name) => requestAnimationFrame(() => setTimeout(() => {
-        found[name] ??= performance.now() - start;
-    }));
+    const painted = (name) => setTimeout(() => { found[name] ??= performance.now() - start; });
+    const shown = (name) => requestAnimationFrame(() => painted(name));
     const asked = {};
     let answered = false;
     new MutationObserver(() => {
-        for (const [name, title] of [["findings", "Findings"], ["difference", "Changes"]]) {
-            const waiting = part(title).textContent.includes("…");
+        for (const [name, told] of [["findings", findings], ["difference", changes]]) {
+            const waiting = told.querySelector(".state").textContent !== "";
             asked[name] ||= waiting;
             if (asked[name] && !waiting) shown(name);
         }
@@ -52,7 +52,7 @@ TOUCH = """async ([rule, conditions]) => {
     rule_button.click();
     while (conditions.some((name) => !(name in found)) && performance.now() - start < 30000) {
         await new Promise(requestAnimationFrame);
-        if (!("surface" in found) && pixels() !== before) shown("surface");
+        if (!("surface" in found) && pixels() !== before) painted("surface");
     }
     return found;
 }"""
