@@ -10,6 +10,7 @@ import sys
 import tempfile
 from collections.abc import Callable, Sequence
 from importlib import import_module
+from inspect import cleandoc
 from pathlib import Path
 from typing import Final
 
@@ -20,41 +21,8 @@ from pipeline.run import interrupts, maker
 from pipeline.run.runner import Interrupted
 
 INTERRUPTED = 130
-#: other commands, to the modules with a function of that name, which few runs need, and what --help tells
-COMMANDS = {
-    "edit": (
-        "editor",
-        """edit [key=value ...] [--port PORT] [--no-browser]
-
-Open a page on which rules and terms of controller=NAME change; each touch flies 1,000 paired cases anew, in
-the world, sun and starts that the keys give. Ctrl-C ends it; only a copy that you save is written.
-""",
-    ),
-    "summary": (
-        "results",
-        """summary SWEEP_FOLDER
-
-Print the results of a sweep (python -m pipeline -m ...) run by run, and what each key changed; write both
-into its folder, as a page and as Parquet.
-""",
-    ),
-    "verify": (
-        "results",
-        """verify RUN_FOLDER [OTHER_RUN_FOLDER]
-
-Check every file of a run against its manifest and fly its recordings again; or compare the files of two runs.
-Exit code 0 if all is well, 1 if something differs.
-""",
-    ),
-    "warm": (
-        "cli",
-        """warm
-
-Compile what the shipped experiments need, so that later runs need not. `python -m pipeline warm &` does it in
-the background.
-""",
-    ),
-}
+#: other commands, to the modules with a function of that name, which few runs need; --help prints its text
+COMMANDS = {"edit": "editor", "summary": "results", "verify": "results", "warm": "cli"}
 #: what short runs are given
 FEW: Final = ("duration_s=600", "monte_carlo.num_cases=8")
 SMALL: Final = ("optimizer.population_size=8", "optimizer.generations=2")
@@ -103,12 +71,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _dispatch(arguments: Sequence[str]) -> int:
     """Print what is only printed, or run the rest."""
     if arguments and arguments[0] in COMMANDS:
-        name, told = COMMANDS[arguments[0]]
-        if {"--help", "-h"} & set(arguments[1:]):
-            sys.stdout.write(f"usage: python -m pipeline {told}")
-            return OK
-        module = import_module(f"pipeline.command_line.{name}")
+        module = import_module(f"pipeline.command_line.{COMMANDS[arguments[0]]}")
         run: Callable[[Sequence[str]], int] = getattr(module, arguments[0])
+        if {"--help", "-h"} & set(arguments[1:]):
+            sys.stdout.write(cleandoc(run.__doc__ or "").partition("\n\nReturns")[0] + "\n")
+            return OK
         return run(arguments[1:])
     asked = read_arguments(arguments)
     if asked.version:
@@ -133,9 +100,17 @@ def _dispatch(arguments: Sequence[str]) -> int:
 
 
 def warm(given: Sequence[str]) -> int:
-    """Run each of `WARMED` twice in a folder of its own, for what is wanted once is not compiled yet.
+    """Compile what the shipped experiments need, so that later runs need not.
 
-    Return the exit code of the first that fails, else 0.
+    Usage: python -m pipeline warm
+
+    Each of some short runs is run twice, in a folder of its own, for what is wanted once is not compiled yet.
+    `python -m pipeline warm &` does it in the background.
+
+    Returns
+    -------
+    int
+        The exit code of the first run that fails, else 0.
 
     Raises
     ------

@@ -16,7 +16,17 @@ DEFAULT = "+experiment=evaluate"
 
 
 def edit(arguments: Sequence[str]) -> int:
-    """Serve the page until Ctrl-C; return the exit code.
+    """Open a page on which rules and terms change, and each touch flies 1,000 paired cases anew.
+
+    Usage: python -m pipeline edit [key=value ...] [--port PORT] [--no-browser]
+
+    Keys are those of +experiment=evaluate, such as controller=champion_27, world=leo or sun=random. Ctrl-C
+    ends it. Nothing is written but the copy that you save.
+
+    Returns
+    -------
+    int
+        The exit code.
 
     Raises
     ------

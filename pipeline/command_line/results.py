@@ -29,7 +29,16 @@ MOST_PRINTED = 20
 
 
 def verify(given: Sequence[str]) -> int:
-    """Check a run, or compare two; print the findings and return the exit code: 1 if something differs.
+    """Check every file of a run against its manifest and fly its recordings again; or compare two runs.
+
+    Usage: python -m pipeline verify RUN_FOLDER [OTHER_RUN_FOLDER]
+
+    The exit code is 0 if all is well, and 1 if something differs, is missing or cannot be read.
+
+    Returns
+    -------
+    int
+        The exit code.
 
     Raises
     ------
@@ -151,6 +160,15 @@ def _flies_again(path: Path) -> bool:
 
 def summary(given: Sequence[str]) -> int:
     """Print the results of a sweep, and write them as Parquet and HTML into its folder.
+
+    Usage: python -m pipeline summary SWEEP_FOLDER
+
+    The folder of a sweep, python -m pipeline -m ..., is outputs/NAME-sweep/TIME.
+
+    Returns
+    -------
+    int
+        The exit code.
 
     Raises
     ------

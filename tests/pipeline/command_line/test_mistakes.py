@@ -139,4 +139,4 @@ def test_controller_files_that_cannot_be_read(content, message, tmp_path, monkey
 @pytest.mark.parametrize("command", COMMANDS)
 def test_a_command_tells_what_it_does_and_does_nothing(command, capsys):
     assert main([command, "--help"]) == 0
-    assert capsys.readouterr().out.startswith(f"usage: python -m pipeline {command}")
+    assert f"\nUsage: python -m pipeline {command}" in capsys.readouterr().out
