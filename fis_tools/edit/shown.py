@@ -92,17 +92,11 @@ def rules(system: FuzzySystem, original: FuzzySystem | None, as_list: bool) -> l
         told = [{"head": f"rule {n + 1}", "rule": n, "cells": row} for n, row in enumerate(rows)]
         return [{"kind": "list", "heads": heads, "rows": told}]
     concluded = (row[-1] for row in rows)
-    return [
-        {
-            "kind": "matrix",
-            "title": title,
-            "heads": list(map(breakable, heads)),
-            "rows": [
-                {"head": breakable(head), "cells": [next(concluded) for _ in cells]} for head, *cells in told
-            ],
-        }
-        for title, (heads, *told) in found
-    ]
+    tables = []
+    for title, (heads, *held) in found:
+        cells = [{"head": breakable(head), "cells": [next(concluded) for _ in row]} for head, *row in held]
+        tables.append({"kind": "matrix", "title": title, "heads": [*map(breakable, heads)], "rows": cells})
+    return tables
 
 
 def breakable(name: str) -> str:

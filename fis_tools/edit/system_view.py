@@ -80,10 +80,8 @@ class SystemView:
                     label, chosen = name.removesuffix("_operator"), partial(self._operate, name)
                     choice = ui.select(list(known), label=f"{label}:", value=getattr(system, name))
                     choice.props("dense options-dense stack-label borderless").on_value_change(chosen)
-                for words, label, times in (
-                    ("+ rule", "repeat the rule", 2),
-                    ("− rule", "remove the rule", 0),
-                ):
+                buttons = (("+ rule", "repeat the rule", 2), ("− rule", "remove the rule", 0))
+                for words, label, times in buttons:
                     button = ui.button(words, on_click=partial(self._say, touches.repeated, times))
                     button.props("flat no-caps dense").props["aria-label"] = label
 

@@ -115,9 +115,8 @@ class Cases:
 
 def _joined(parts: Sequence[Flown]) -> Flown:
     episodes = {name: np.concatenate([one.episodes[name] for one in parts]) for name in parts[0].episodes}
-    return Flown(
-        episodes, {name: joined([one.outcomes[name] for one in parts]) for name in parts[0].outcomes}
-    )
+    outcomes = {name: joined([one.outcomes[name] for one in parts]) for name in parts[0].outcomes}
+    return Flown(episodes, outcomes)
 
 
 def most_changed(before: Flown, after: Flown, count: int) -> Integers:

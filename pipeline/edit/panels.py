@@ -62,8 +62,11 @@ class ManyFlights:
             self._before = list(self._cases.fly(self._original))
         try:
             for before, after in zip(self._before, self._cases.fly(controller), strict=True):
-                is_shown = before in (self._before[0], self._before[-1])
-                yield self._told(controller, before, after) if is_shown else _nothing
+                is_shown = before in (
+                    self._before[0],
+                    self._before[-1],
+                )  # a touch may come between
+                yield self._told(controller, before, after) if is_shown else lambda: None
         except ValueError as refused:
             yield partial(tell, self._numbers, innerHTML=html.element("p", str(refused), class_="worse"))
 
@@ -78,10 +81,6 @@ class ManyFlights:
         tell(self._numbers, innerHTML=numbers)
         tell(self._below, innerHTML=below)
         draw(self._chart, bars)
-
-
-def _nothing() -> None:
-    """Show nothing: a touch may have come between two parts."""
 
 
 def _judged(verdicts: Sequence[tuple[Requirement, str, str]]) -> Table:

@@ -245,8 +245,7 @@ def changed_tables(system: SystemDifference) -> list[tuple[str, Table]] | None:
         rule.antecedent: text.consequent_words(rule.consequents)
         for rule in (with_terms(rule, names) for rule in system.before.rules)
     }
-    is_same_table = all(rule.antecedent in concluded for rule in system.after.rules)
-    if not is_same_table or len(system.before.rules) != len(system.after.rules):
+    if concluded.keys() != {rule.antecedent for rule in system.after.rules}:
         return None
     output = system.after.outputs[0].name
     before = iter(concluded[rule.antecedent] for rule in system.after.rules)
