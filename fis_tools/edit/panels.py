@@ -19,8 +19,6 @@ from fis_tools.model import FuzzyController
 Show = Callable[[], object]
 #: sends what stands in a field
 ENTERED = "(event) => emit(event.target.value)"
-#: until what the page shows of a touch at once is on its way, s
-SENT_S = 0.002
 
 
 def heading(level: int, words: str) -> None:
@@ -96,7 +94,7 @@ class Answers:
     async def _answer(self) -> None:
         try:
             while self._asked:
-                await asyncio.sleep(SENT_S)
+                await asyncio.sleep(0)  # what the page shows at once is on its way first
                 await self._answer_first(*next(iter(self._asked.items())))
         finally:
             self._is_busy = False
