@@ -12,6 +12,7 @@ from fis_tools.document.html import read
 from fis_tools.edit.panels import Answers, Panel, Told, card, changes, findings, heading
 from fis_tools.edit.session import Session
 from fis_tools.edit.system_view import SystemView
+from fis_tools.edit.touches import number
 from fis_tools.formats.files import ENDINGS
 from fis_tools.model import FuzzyController
 from fis_tools.review.content import constants
@@ -122,7 +123,7 @@ class Editor:
 
     def _set(self, name: str, value: str) -> None:
         def change(controller: FuzzyController) -> FuzzyController:
-            facts = dict(controller.attributes) | {name: f"{float(value):.12g}"}
+            facts = dict(controller.attributes) | {name: f"{number(value):.12g}"}
             return replace(controller, attributes=tuple(sorted(facts.items())))
 
         self.touch(change)

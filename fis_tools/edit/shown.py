@@ -46,7 +46,7 @@ def _term(shown: Variable, term: Term, colour: str) -> dict[str, Any]:
         "name": term.name,
         "shape": shape.entry.name,
         "colour": colour,
-        "numbers": [{"key": key, "label": _label(key), "value": value} for key, value in numbers.items()],
+        "numbers": [{"key": key, "value": value} for key, value in numbers.items()],
     }
     if not has_sets(shown):
         constant = getattr(shape, "value", getattr(shape, "constant", 0.0))
@@ -56,10 +56,6 @@ def _term(shown: Variable, term: Term, colour: str) -> dict[str, Any]:
     points = " L".join(f"{a:.5g} {100 - 100 * b:.4g}" for a, b in zip(x, values, strict=True))
     middle = shown.universe[np.flatnonzero(values == values.max())[[0, -1]]].mean()
     return found | {"middle": float(middle), "path": f"M{points}", "handles": list(_handles(shape))}
-
-
-def _label(key: str) -> str:
-    return key.replace("_", " ")
 
 
 def _handles(shape: MembershipFunction) -> Iterator[dict[str, Any]]:
@@ -73,7 +69,7 @@ def _handles(shape: MembershipFunction) -> Iterator[dict[str, Any]]:
         origin, value = 0.0 if kind == "place" else getattr(shape, of, first), getattr(shape, key)
         x = origin + value
         height = float(shape_values(np.array([x]), shape)[0])
-        yield {"key": key, "label": _label(key), "x": x, "y": height, "value": value, "origin": origin}
+        yield {"key": key, "x": x, "y": height, "value": value, "origin": origin}
 
 
 def rules(system: FuzzySystem, original: FuzzySystem | None, as_list: bool) -> list[dict[str, Any]]:

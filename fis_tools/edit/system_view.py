@@ -47,8 +47,8 @@ class SystemView:
     def __init__(self, session: Session, place: int, touch: Callable[..., None], beside: ui.element) -> None:
         self._session, self._place, self._touch = session, place, touch
         self._rule: int | None = None
-        self._as_list = False
         self._told: dict[tuple[ui.element, str], object] = {}
+        self._operators: dict[str, ui.select] = {}
         system = self.system
         self._values = [0.5 * (one.minimum + one.maximum) for one in system.inputs]
         with card("rules"):
@@ -67,8 +67,8 @@ class SystemView:
     def _build_rules(self, system: FuzzySystem) -> None:
         with ui.element("div").classes("card-head"):
             heading(2, "Rules")
-            if rule_tables(system):
-                ui.switch("as a list", on_change=lambda event: self._list(event.value)).props("dense size=sm")
+            self._as_list = ui.switch("as a list", on_change=self.show).props("dense size=sm")
+            self._as_list.set_visibility(rule_tables(system) is not None)
         self._rules = _RulesView()
         self._rules.on("turn", lambda event: self._change(partial(touches.turned, **event.args)))
         self._rules.on("select", lambda event: self._select(event.args["rule"]))
@@ -77,9 +77,9 @@ class SystemView:
             self._sentence.on("change", lambda event: self._say(touches.said, event.args), js_handler=ENTERED)
             with ui.row().classes("rule-tools"):
                 for name, known in (("and_operator", AND_OPERATORS), ("or_operator", OR_OPERATORS)):
-                    label, chosen = name.removesuffix("_operator"), partial(self._operate, name)
-                    choice = ui.select(list(known), label=f"{label}:", value=getattr(system, name))
-                    choice.props("dense options-dense stack-label borderless").on_value_change(chosen)
+                    choice = ui.select(list(known), label=f"{name.removesuffix('_operator')}:")
+                    choice.props("dense options-dense stack-label borderless")
+                    self._operators[name] = choice.on("update:model-value", partial(self._operate, name))
                 buttons = (("+ rule", "repeat the rule", 2), ("− rule", "remove the rule", 0))
                 for words, label, times in buttons:
                     button = ui.button(words, on_click=partial(self._say, touches.repeated, times))
@@ -111,8 +111,8 @@ class SystemView:
         gesture = (self.system.name, name, told.pop("gesture"))
         self._change(lambda system: touches.term_touched(system, system.variable(name), **told), gesture)
 
-    def _operate(self, name: str, event: Any) -> None:
-        self._change(lambda system: replace(system, **{name: event.value}))
+    def _operate(self, name: str) -> None:
+        self._change(lambda system: replace(system, **{name: self._operators[name].value}))
 
     def _say(self, change: Callable[..., FuzzySystem], told: object) -> None:
         rule = self._rule
@@ -124,10 +124,6 @@ class SystemView:
         self._infer()
         if len(self._values) > 2:
             self._show_surface()
-
-    def _list(self, as_list: bool) -> None:
-        self._as_list = as_list
-        self.show()
 
     def _select(self, rule: int) -> None:
         self._rule = rule
@@ -145,8 +141,10 @@ class SystemView:
         variables = (*system.inputs, *system.outputs)
         for view, variable in zip((*self._inputs, *self._outputs), variables, strict=True):
             self._tell(view, "show", shown.variable(variable))
+        for name, choice in self._operators.items():
+            choice.set_value(getattr(system, name))
         before = {one.name: one for one in self._session.original.systems}.get(system.name)
-        self._tell(self._rules, "show", shown.rules(system, before, self._as_list))
+        self._tell(self._rules, "show", shown.rules(system, before, self._as_list.value))
         self._show_sentence()
         self._show_surface()
         self._infer()

@@ -20,7 +20,7 @@ export default {
       <template v-for="term in variable.terms">
         <input v-for="handle in term.handles" :key="term.name + handle.key" class="handle" type="range" :min="variable.minimum" :max="variable.maximum" :step="span / 400"
           :value="handle.x" :style="{ top: 100 - 100 * handle.y + '%', color: term.colour }" :class="{ out: share(handle.x) % 100 === 0 }"
-          :title="term.name + ', ' + handle.label + ': ' + short(handle.value)" :aria-label="term.name + ', ' + handle.label" :aria-valuetext="short(handle.value) + ' ' + variable.unit"
+          :title="term.name + ', ' + words(handle.key) + ': ' + short(handle.value)" :aria-label="term.name + ', ' + words(handle.key)" :aria-valuetext="short(handle.value) + ' ' + variable.unit"
           @pointerdown="gesture++" @focus="gesture++" @input="say('drag', term, { key: handle.key, value: $event.target.value - handle.origin })" />
       </template>
     </div>
@@ -33,9 +33,9 @@ export default {
         <tr v-for="term in variable.terms" :key="term.name">
           <td><input class="name" :value.attr="term.name" :aria-label="'name of ' + term.name" @change="say('rename', term, { name: $event.target.value })" /></td>
           <td><select v-if="variable.has_sets" :aria-label="'shape of ' + term.name" @change="say('reshape', term, { shape: $event.target.value })">
-            <option v-for="shape in new Set([...variable.shapes, term.shape])" :value="shape" :selected.attr="shape === term.shape || null">{{ shape.replaceAll('_', ' ') }}</option></select></td>
-          <td><label v-for="number in term.numbers" :key="number.key"><span>{{ number.label }}</span>
-            <input inputmode="decimal" :value.attr="number.value" :aria-label="term.name + ', ' + number.label" @change="say('number', term, { key: number.key, value: $event.target.value })" /></label></td>
+            <option v-for="shape in new Set([...variable.shapes, term.shape])" :value="shape" :selected.attr="shape === term.shape || null">{{ words(shape) }}</option></select></td>
+          <td><label v-for="number in term.numbers" :key="number.key"><span>{{ words(number.key) }}</span>
+            <input inputmode="decimal" :value.attr="number.value" :aria-label="term.name + ', ' + words(number.key)" @change="say('number', term, { key: number.key, value: $event.target.value })" /></label></td>
           <td><button type="button" class="quiet" :aria-label="'remove ' + term.name" @click="say('remove', term)">✕</button></td>
         </tr>
       </table></form>
@@ -52,6 +52,7 @@ export default {
   methods: {
     share(x) { return Math.min(100, Math.max(0, (100 * (x - this.variable.minimum)) / this.span)); },
     short(x) { return Math.abs(x) < 1e-9 * this.span ? "0" : String(Number(Number(x).toPrecision(4))); },
+    words(key) { return key.replaceAll("_", " "); },
     show(variable) { this.variable = variable; },
     // the answer of an inference: degrees of the terms and, of an output, its value
     infer(degrees, value = this.value) { [this.degrees, this.value] = [degrees, value]; },

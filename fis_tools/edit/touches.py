@@ -48,14 +48,22 @@ def numbers_of(shape: model.MembershipFunction) -> dict[str, str]:
     return found
 
 
+def number(typed: str) -> float:
+    """Return a number that was typed, or raise ValueError."""
+    try:
+        return float(typed)
+    except ValueError:
+        raise ValueError(f"{typed.strip()!r} is no number; type one such as 0.25") from None
+
+
 def with_number(shape: model.MembershipFunction, name: str, typed: str) -> model.MembershipFunction:
     """Return a shape with one of its numbers replaced, see `numbers_of`."""
     value: Any = typed
     match getattr(shape, name):
         case tuple():
-            value = tuple(float(one) for one in typed.split(","))
+            value = tuple(map(number, typed.split(",")))
         case float():
-            value = float(typed)
+            value = number(typed)
     return replace(shape, **{name: value})
 
 

@@ -119,7 +119,7 @@ def test_two_pages_do_not_share_their_changes(open_page, address) -> None:
     assert (conclusion(one, 5), conclusion(other, 1)) == ("zero", "negative_large")
 
 
-def test_the_keyboard_suffices(open_page, address) -> None:
+def test_the_keyboard_suffices(open_page, address, tmp_path) -> None:
     page = open_page(address)
     page.get_by_label("rule 1:").focus()
     page.keyboard.press("Enter")
@@ -140,11 +140,40 @@ def test_the_keyboard_suffices(open_page, address) -> None:
     words.press("Enter")
     expect(page.get_by_label("rule 1:").last).to_contain_text("zero × 0.5")
     expect(page.get_by_label("rule 1:").first).to_have_text("not very negative")
+    said = words.input_value()
     words.fill("If aim_radial is huge then force_x is zero")
     words.press("Enter")
     expect(page.get_by_role("status").first).to_contain_text("huge")
+    expect(words).to_have_value(said)
     expect(page.get_by_label("rule 1:").last).to_contain_text("zero × 0.5")
-    assert "zero × 0.5" in page.get_by_label("rule 1:").last.inner_text()
+    page.get_by_role("button", name="Save a copy").focus()
+    page.keyboard.press("Enter")
+    expect(page.get_by_label("file", exact=True)).to_be_focused()
+    page.keyboard.press("Control+a")
+    page.keyboard.type(str(tmp_path / "typed.json"))
+    page.keyboard.press("Enter")
+    expect(page.get_by_role("status").first).to_contain_text("wrote")
+    assert read_controller(tmp_path / "typed.json").systems[0].rules[0].consequents[0].weight == 0.5
+
+
+def test_an_operator_that_is_taken_back_is_shown_so(open_page, address) -> None:
+    page = open_page(address)
+    operator = page.get_by_label("and:")
+    operator.press("ArrowDown")
+    page.get_by_role("option", name="product", exact=True).last.click()
+    expect(page.get_by_text("and operator")).to_be_visible()
+    page.get_by_role("button", name="Undo").click()
+    expect(page.get_by_text("Nothing changed.")).to_be_visible()
+    expect(operator).to_have_value("min")
+
+
+def test_what_is_no_number_is_refused(open_page, address) -> None:
+    page = open_page(address)
+    constant = page.get_by_label("coast_margin_m")
+    constant.fill("far")
+    constant.press("Enter")
+    expect(page.get_by_role("status").first).to_have_text("'far' is no number; type one such as 0.25")
+    expect(constant).to_have_value("4.1")
 
 
 def test_everybody_can_use_it(open_page, address, axe) -> None:
