@@ -87,6 +87,7 @@ STUDIES: Final[Mapping[str, tuple[Sequence[str], str, int]]] = {
         "random",
         15,
     ),
+    "champion_rso": ((*READABLE, "optimizer.penalty.short_point_m_s=5", "world=rso"), "random", 15),
     "champion_docking": (("+experiment=train_docking", "problem=docking"), "random", 15),
     "champion_leo": ((*TOUR, "world=leo"), "random", 6),
     "paper_champion": (("+experiment=train_champion", "optimizer.generations=10"), "fixed", 150),
