@@ -12,7 +12,8 @@ def main() -> int:
     interrupts.remember()
     atexit.register(gc.freeze)  # taking apart in the end what is loaded takes a fifth of a second
     try:
-        from pipeline.command_line import cli  # noqa: PLC0415 - takes a while, and may be interrupted
+        with interrupts.heeded():
+            from pipeline.command_line import cli  # noqa: PLC0415 - takes a while, and may be interrupted
     except KeyboardInterrupt:
         sys.stderr.write("\ninterrupted before anything was done; nothing to keep\n")
         return 130

@@ -95,8 +95,7 @@ def _dispatch(arguments: Sequence[str]) -> int:
     from pipeline.command_line.experiments import plan  # noqa: PLC0415 - Hydra, which the others do without
 
     with interrupts.heeded():
-        carry_out = plan(asked)
-    return carry_out()
+        return plan(asked)()
 
 
 def warm(given: Sequence[str]) -> int:

@@ -31,6 +31,6 @@ def test_a_stopped_run_leaves_no_traceback(how, tmp_path):
     words = words_of("parts", Path("run"))
     was_stopped, code, said = killed_after(words, 1.0, how, environment(), tmp_path)
     assert was_stopped
-    assert code in (130, -signal.SIGTERM, -signal.SIGINT)
+    assert code in (130, -signal.SIGTERM, -signal.SIGINT), said
     assert "Traceback" not in said
     assert os.listdir(tmp_path) in ([], ["run"])

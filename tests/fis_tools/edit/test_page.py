@@ -196,6 +196,43 @@ def test_an_answer_leaves_what_is_being_typed(open_page, address) -> None:
     expect(page.get_by_label("name of negative_far")).to_be_visible()
 
 
+SLOW = """
+import time
+from functools import partial
+from pathlib import Path
+from nicegui import ui
+from fis_tools.edit.page import Editor
+from fis_tools.edit.server import serve
+from fis_tools.source import read_controller
+
+class Slow:
+    title = "Slow"
+
+    def build(self, again):
+        self._said = ui.label()
+
+    def answers(self, controller):
+        yield partial(self._said.set_text, f"{dict(controller.attributes)['coast_margin_m']} m")
+        time.sleep(2.0)
+
+path = Path("champion_27.yaml")
+serve(lambda: Editor(path, read_controller(path), [Slow()]), "slow", 0, False)
+"""
+
+
+def test_a_touch_at_the_end_of_an_answer_is_answered_too(open_page, folder) -> None:
+    (folder / "slow.py").write_text(SLOW, encoding="utf-8")
+    with served("slow", folder=folder) as address:
+        page = open_page(address)
+        said = page.get_by_role("region", name="Slow")
+        expect(said.get_by_text("4.1 m")).to_be_visible()
+        constant = page.get_by_label("coast_margin_m")
+        constant.fill("5")
+        constant.press("Enter")
+        expect(said.get_by_text("5 m")).to_be_visible()
+        expect(said.locator(".state")).to_have_text("")
+
+
 QUERY = "?EIO=4&transport=websocket"
 
 
