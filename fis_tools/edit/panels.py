@@ -102,14 +102,13 @@ class Answers:
     async def _answer_first(self, panel: Panel, asked: object) -> None:
         assert self._controller is not None  # noqa: S101 - it comes with what is asked
         parts = panel.answers(self._controller)
-        while self._asked.get(panel) is asked:  # a touch may come while a part is computed
-            show = await run.io_bound(next, parts, partial(self._done, panel))
-            if self._asked.get(panel) is asked:
-                show()
-
-    def _done(self, panel: Panel) -> None:
-        del self._asked[panel]
-        tell(self._states[panel], textContent="")
+        while (show := await run.io_bound(next, parts, None)) is not None:
+            if self._asked.get(panel) is not asked:
+                return
+            show()
+        if self._asked.get(panel) is asked:  # a touch may come while the end is looked for
+            del self._asked[panel]
+            tell(self._states[panel], textContent="")
 
 
 class Told:

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Sequence
+from functools import partial
 from importlib import import_module
 from inspect import cleandoc
 from pathlib import Path
@@ -52,7 +53,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     words = sys.orig_argv[1:] if arguments is None else ["-m", "pipeline", *arguments]
     arguments = list(sys.argv[1:] if arguments is None else arguments)
     try:
-        return _dispatch(arguments)
+        with interrupts.heeded():
+            do = _chosen(arguments)
+        return do()
     except maker.NotInForce:
         return maker.start_anew(words)
     except Interrupted as interrupt:
@@ -68,34 +71,34 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return MISTAKE
 
 
-def _dispatch(arguments: Sequence[str]) -> int:
-    """Print what is only printed, or run the rest."""
+def _chosen(arguments: Sequence[str]) -> Callable[[], int]:
+    """Return what does what is asked, with the code loaded that it needs; it returns the exit code."""
     if arguments and arguments[0] in COMMANDS:
         module = import_module(f"pipeline.command_line.{COMMANDS[arguments[0]]}")
         run: Callable[[Sequence[str]], int] = getattr(module, arguments[0])
         if {"--help", "-h"} & set(arguments[1:]):
-            sys.stdout.write(cleandoc(run.__doc__ or "").partition("\n\nReturns")[0] + "\n")
-            return OK
-        return run(arguments[1:])
+            return partial(_print, cleandoc(run.__doc__ or "").partition("\n\nReturns")[0] + "\n")
+        return partial(run, arguments[1:])
     asked = read_arguments(arguments)
     if asked.version:
-        sys.stdout.write(f"{maker.DISTRIBUTION} {maker.product_version()}\n")
-        return OK
+        return partial(_print, f"{maker.DISTRIBUTION} {maker.product_version()}\n")
     if asked.help or not (asked.overrides or asked.resume or asked.compare or asked.cfg):
         from pipeline.command_line.guide import help_on, help_text  # noqa: PLC0415 - it loads compiled code
 
-        sys.stdout.write(
-            help_on(asked.topics, asked.folders) if asked.topics else help_text(asked.folders) + "\n"
-        )
-        return OK if asked.help else MISTAKE
+        text = help_on(asked.topics, asked.folders) if asked.topics else help_text(asked.folders) + "\n"
+        return partial(_print, text, OK if asked.help else MISTAKE)
     if asked.compare is not None:
         from pipeline.command_line.results import compare  # noqa: PLC0415 - as above
 
-        return compare(*asked.compare)
+        return partial(compare, *asked.compare)
     from pipeline.command_line.experiments import plan  # noqa: PLC0415 - Hydra, which the others do without
 
-    with interrupts.heeded():
-        return plan(asked)()
+    return plan(asked)
+
+
+def _print(text: str, code: int = OK) -> int:
+    sys.stdout.write(text)
+    return code
 
 
 def warm(given: Sequence[str]) -> int:
