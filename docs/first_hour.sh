@@ -5,10 +5,11 @@
 #   docs/first_hour.sh flight review     some steps, with the python that is on the path
 #
 # After each step it prints seconds of processor time, the largest memory of a process, and what the step left on disk.
-# Everything is written to the folder first_hour, or to $FIRST_HOUR.
+# Everything is written to the folder first_hour, or to $FIRST_HOUR; FIRST_HOUR_CASES=20 flies few cases.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 folder=${FIRST_HOUR:-first_hour}
+cases=${FIRST_HOUR_CASES:-} searches=${FIRST_HOUR_CASES:+1}
 steps=(set_up flight flight_again start rule sweep review evidence learn)
 mkdir -p "$folder"
 
@@ -64,13 +65,13 @@ rule() {
 }
 
 sweep() {
-  measured "a sweep" python -m pipeline -m +experiment=evaluate controller=paper_champion,natural_motion monte_carlo.num_cases=200 \
+  measured "a sweep" python -m pipeline -m +experiment=evaluate controller=paper_champion,natural_motion monte_carlo.num_cases="${cases:-200}" \
     hydra.sweep.dir="$folder/sweep"
 }
 
 review() { measured "a review" python -m fis_tools review conf/controller/champion_27.yaml -o "$folder/review.html"; }
 
-evidence() { pipeline "evidence" evidence +experiment=assure controller=paper_champion assurance.num_cases=1000 assurance.searches=4; }
+evidence() { pipeline "evidence" evidence +experiment=assure controller=paper_champion assurance.num_cases="${cases:-1000}" assurance.searches="${searches:-4}"; }
 
 learn() {
   measured "learning from a table" python -m fis_tools learn docs/examples/iris.csv --target species -o "$folder/iris.json"

@@ -2,7 +2,6 @@
 
 import json
 import re
-import signal
 from pathlib import Path
 
 import pyarrow.parquet as pq
@@ -11,9 +10,7 @@ import yaml
 
 import telemetry
 from fis_tools.formats import serialize
-from pipeline.command_line.cli import main
 from pipeline.run import artifacts
-from pipeline.stages import train
 from tests.smoke.command_line import EXPERIMENTS, FEW, MINIATURE, NUM_SAMPLES, PROJECT, run_pipeline
 
 pytestmark = pytest.mark.slow
@@ -169,48 +166,3 @@ def numbers(folder: Path) -> tuple[object, str, str]:
 def test_the_same_seed_finds_the_same_champion_on_any_number_of_workers(first, tmp_path):
     again = run_pipeline(*TRAINING, "optimizer.workers=2", "monte_carlo.workers=2", folder=tmp_path / "again")
     assert numbers(again) == numbers(first)
-
-
-@pytest.fixture
-def heeded_interrupt():
-    """Ctrl-C as in a terminal: what runs in the background may be started with it ignored."""
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    yield
-    signal.signal(signal.SIGINT, before)
-
-
-@pytest.mark.usefixtures("heeded_interrupt")
-def test_an_interrupted_training_goes_on_as_if_nothing_had_been(first, tmp_path, monkeypatch, capsys):
-    show = train.TrainingProgress.show_generation
-
-    def show_and_interrupt(self, generation):
-        show(self, generation)
-        if generation.generation == 1:
-            signal.raise_signal(signal.SIGINT)
-
-    folder = tmp_path / "interrupted"
-    words = [*TRAINING, *ONE_WORKER, f"hydra.run.dir={folder}"]
-    with monkeypatch.context() as patched:
-        patched.setattr(train.TrainingProgress, "show_generation", show_and_interrupt)
-        assert main(words) == 130
-    assert f"python -m pipeline resume={folder}" in capsys.readouterr().err
-    assert artifacts.read_manifest(folder)["finished_stages"] == ["scenario"]
-    kept = json.loads((folder / artifacts.CHAMPION).read_text())
-    assert kept["provenance"]["interrupted"] == "true"
-    assert main([f"resume={folder}"]) == 0
-    assert (folder / artifacts.CHAMPION).read_bytes() == (first / artifacts.CHAMPION).read_bytes()
-    assert numbers(folder) == numbers(first)
-
-
-def test_a_stage_alone_is_repeated_on_an_earlier_runs_files(first):
-    words = ["stages=[report]", f"hydra.run.dir={first}"]
-    assert main(words) == 0
-    before = artifacts.read_manifest(first)
-    (first / artifacts.REPORT).unlink()
-    assert main(words) == 0
-    after = artifacts.read_manifest(first)
-    assert after["finished_stages"] == ["scenario", "train", "evaluate", "report"]
-    assert after["sha256"].keys() == before["sha256"].keys()
-    # the page names the stages that were finished before it
-    same = {name for name, digest in after["sha256"].items() if before["sha256"][name] == digest}
-    assert after["sha256"].keys() - same <= {artifacts.REPORT}

@@ -77,12 +77,12 @@ def test_the_toolkits_wheel_holds_its_package_and_the_licence(small_wheel):
     assert zipfile.ZipFile(small_wheel).read("fis_tools/LICENSE") == (PROJECT / "LICENSE").read_bytes()
 
 
-@pytest.mark.parametrize("folder", [PROJECT, PROJECT / "fis_tools"], ids=["project", "toolkit"])
-def test_a_source_distribution_builds_the_same_wheel(folder, tmp_path):
-    archive = build(folder, tmp_path / "sources", "sdist")
+@pytest.mark.parametrize(("folder", "built"), [(".", "wheel"), ("fis_tools", "small_wheel")])
+def test_a_source_distribution_builds_the_same_wheel(folder, built, tmp_path, request):
+    archive = build(PROJECT / folder, tmp_path / "sources", "sdist")
     shutil.unpack_archive(archive, tmp_path / "unpacked", filter="data")
     (unpacked,) = (tmp_path / "unpacked").iterdir()
-    wheels = [build(folder, tmp_path / "here"), build(unpacked, tmp_path / "there")]
+    wheels = [request.getfixturevalue(built), build(unpacked, tmp_path / "there")]
     assert wheels[0].name == wheels[1].name
     one, other = ({name: zipfile.ZipFile(path).read(name) for name in content(path)} for path in wheels)
     assert one == other

@@ -174,10 +174,7 @@ def test_explain_takes_the_inputs_of_a_logged_flight(tmp_path, capsys):
         (["surface", "PAPER", "--system", "force_x", "--fixed", "a=1"], "no input 'a'"),
         (["surface", "PAPER", "--system", "force_z", "--fixed", "eta_u=inf"], "finite"),
         (["surface", "PAPER", "--system", "force_x", "--3d"], "--3d and --flights are for pictures; add -o"),
-        (
-            ["surface", "PAPER", "--system", "force_x", "-o", "x.jpg"],
-            "ends in none of .png, .svg, .pdf, .csv",
-        ),
+        (["surface", "PAPER", "--system", "force_x", "-o", "x.jpg"], "ends in none of .png, .svg, .pdf,"),
         (["surface", "PAPER", "--system", "force_x", "--fixed", "a=1,a=2"], "'a' is given twice"),
         (["plot", "PAPER", "--only", "rules", "--inputs", "distance=1"], "add --only inference"),
         (["plot", "PAPER", "--time", "1"], "--time is for one file of logged data"),
@@ -192,10 +189,7 @@ def test_explain_takes_the_inputs_of_a_logged_flight(tmp_path, capsys):
         (["explain", "PAPER", "--inputs", "distance"], "write NAME=NUMBER"),
         (["explain", "PAPER", "--inputs", "distance=nan"], "write NAME=NUMBER"),
         (["explain", "PAPER", "--time", "1"], "--time is for one file of logged data"),
-        (
-            ["explain", "PAPER", "--inputs", "distance=1", "--flights", "FLIGHT"],
-            "drop --inputs, or the flights",
-        ),
+        (["explain", "PAPER", "--inputs", "distance=1", "--flights", "FLIGHT"], "drop --inputs, or the"),
         (["explain", "FLIGHT", "--steps"], "about one inference; add --time"),
         (["explain", "FLIGHT", "--time", "1", "--steps", "--json"], "drop one of them"),
         (["explain", "FLIGHT", "--time", "1", "--crossing", "nan"], "Give a finite number"),

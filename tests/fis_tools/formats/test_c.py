@@ -195,21 +195,6 @@ def test_the_ends_and_beyond_and_no_number(compiled):
         assert np.isnan(missing).all()
 
 
-def test_the_compiled_code_holds_constants_alone_and_needs_nothing_but_a_square_root(tmp_path):
-    (tmp_path / "controller.c").write_text(source.write(general_controller()), encoding="utf-8")
-    assert gcc(tmp_path, "-c", "controller.c").returncode == 0
-    command = [program("nm", "binutils"), "--format=posix", "controller.o"]
-    listed = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)  # noqa: S603
-    symbols = [line.split()[:2] for line in listed.stdout.splitlines()]
-    assert {kind for _, kind in symbols} <= {"T", "t", "r", "U"}
-    assert {name for name, kind in symbols if kind == "U"} <= {
-        "sqrt",
-        "__stack_chk_fail",
-        "_GLOBAL_OFFSET_TABLE_",
-    }
-    assert [name for name, kind in symbols if kind == "T"] == ["infer_room"]
-
-
 def test_it_refuses_arithmetic_that_is_not_exact(tmp_path):
     (tmp_path / "controller.c").write_text(source.write(general_controller()), encoding="utf-8")
     done = gcc(tmp_path, "-ffast-math", "-c", "controller.c")

@@ -254,18 +254,13 @@ def test_of_very_many_problems_the_first_are_told():
     ("text", "message"),
     [
         (controller([variable(f"x{i}") for i in range(24)], ["low"]), "has 24 inputs; at most 12 are read"),
-        (
-            controller([variable("x", terms=terms(3000))], ["low"] * 3000),
-            "3000 terms of one variable; at most",
-        ),
+        (controller([variable("x", terms=terms(3000))], ["low"] * 3000), "3000 terms of one variable"),
         (
             controller([variable("x", terms=terms(1000), points=10_001)], ["low"] * 1000),
             "memberships, terms times points; at most",
         ),
-        (controller([variable("x", range=[0, 10**400])], ["low"]), "too large a number"),
-        (controller([variable("x")], ["low"], points=10**400), "is more than 4000000"),
     ],
-    ids=["inputs", "terms", "memberships", "digits", "points"],
+    ids=["inputs", "terms", "memberships"],
 )
 def test_systems_that_no_analysis_ends_for(text, message):
     tracemalloc.start()
@@ -273,11 +268,6 @@ def test_systems_that_no_analysis_ends_for(text, message):
         serialize.loads(text, "json")
     assert tracemalloc.get_traced_memory()[1] < 100e6
     tracemalloc.stop()
-
-
-def test_yaml_that_takes_minutes_is_too_long():
-    with pytest.raises(ControllerFileError, match="longer than"):
-        serialize.loads("x: [" + "[]," * 700_000 + "1]", "yaml")
 
 
 CHAMPION = PROJECT / "conf" / "controller" / "champion_27.yaml"

@@ -245,16 +245,12 @@ TERM = (*INPUT, "terms", 0)
         (_edit(*TERM, "shape", to="gausian"), ["unknown shape 'gausian'", "did you mean 'gaussian'?"]),
         (_edit(*TERM, "shape", to="triangular"), ["unknown key 'mean'"]),
         (_edit(*TERM, "standard_deviation", to=0), ["'very near'", "not positive"]),
-        (_edit(*TERM, "standard_deviation", to=math.nan), ["finite"]),
         (_edit(*TERM, to="near"), ["terms[0] is 'near'", "expected a mapping"]),
         (_edit(*INPUT, "range", to=[0, 1, 2]), ["3 numbers", "[lowest, highest]"]),
-        (_edit(*INPUT, "range", to=[5, 1]), ["empty", "swap"]),
         (_edit(*INPUT, "points", to=101.0), ["points is 101.0", "whole number"]),
         (_edit(*INPUT, "points", to=10**9), ["points is more than 4000000"]),
-        (_edit(*INPUT, "points", to=1), ["at least 2"]),
         (_edit(*INPUT, "universe", to=[0, 1]), ["unknown key 'range'"]),
         (_edit(*INPUT, "default", to=1), ["unknown key 'default'"]),
-        (_drop(*SYSTEM, "outputs", 0, "default"), ["declare default: the output when no rule fires"]),
         (_edit(*SYSTEM, "rules", to=["NL"] * 24), ["25 rules", "24 consequents"]),
         (_edit(*SYSTEM, "rules", 7, to="XL"), ["rule 8", "no term 'XL'"]),
         (_edit(*SYSTEM, "rules", 7, to=7), ["rules[0] is 'PL'"]),
@@ -266,9 +262,7 @@ TERM = (*INPUT, "terms", 0)
             ["1 words", "[variable, term]"],
         ),
         (_edit(*SYSTEM, "rules", to=[{"if": {"is": ["a", "b"]}}]), ["'then' is missing"]),
-        (_edit(*SYSTEM, "defuzzifier", to="centre"), ["defuzzifier 'centre'"]),
         (_edit(*SYSTEM, "defuzzifier", to=None), ["defuzzifier is empty", "expected a word"]),
-        (_edit(*SYSTEM, "outputs", 0, "defuzzifier", to="centre"), ["'force_x'", "'centre'"]),
         (_edit(*SYSTEM, "outputs", 0, "accumulation", to=1), ["accumulation is 1", "expected a word"]),
         (_edit(*INPUT, "accumulation", to="max"), ["unknown key 'accumulation'"]),
         (_edit(*TERM, "shape", to="pi_shape"), ["unknown key 'mean'", "left_top"]),
@@ -405,22 +399,6 @@ def test_a_file_cut_anywhere_is_refused_with_a_sentence():
             with pytest.raises(ControllerFileError):
                 loads(text[:length], kind)  # type: ignore[arg-type]
         assert loads(text[:whole], kind) == controller  # type: ignore[arg-type]
-
-
-@settings(max_examples=150, deadline=None)
-@given(st.sampled_from(["json", "yaml"]), st.data())
-def test_no_damage_gives_anything_but_a_sentence(kind, data):
-    controller = general_controller()
-    text = dump_json(controller) if kind == "json" else dump_yaml(controller)
-    for _ in range(data.draw(st.integers(1, 3))):
-        start = data.draw(st.integers(0, len(text)))
-        length = data.draw(st.integers(0, 6))
-        damage = data.draw(st.sampled_from(list("[]{},:&*!#'\"-.0e\n \t\\")) | st.text(max_size=2))
-        text = text[:start] + damage + text[start + length :]
-    try:
-        loads(text, kind)
-    except ControllerFileError as refusal:
-        assert str(refusal)  # noqa: PT017 - a damaged file may still be a right one
 
 
 def test_a_yaml_file_cut_between_two_systems_is_refused():

@@ -97,10 +97,7 @@ FOUR = tuple(replace(MANY, name=name, terms=MANY.terms[:1]) for name in "abcd")
             "its rules are not plain conjunctions .* without operators of their own",
         ),
         (with_output(SPARSE, num_points=5, terms=TWO_PEAKS), "output term 'left' has more than one peak"),
-        (
-            with_output(SPARSE, points=(-1.0, 0.5, 1.0), num_points=3),
-            "the universe of 'y' is not evenly spaced",
-        ),
+        (with_output(SPARSE, points=(-1.0, 0.5, 1.0), num_points=3), "the universe of 'y' is not evenly"),
         (
             replace(SPARSE, inputs=FOUR, rules=table_rules(FOUR, SPARSE.outputs[0], ["left"])),
             "it has 4 inputs, 1 to 3 are covered",

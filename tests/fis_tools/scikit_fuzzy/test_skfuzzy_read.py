@@ -46,6 +46,7 @@ from fis_tools.scikit_fuzzy.read import UnreadableControlSystem, read_control_sy
 from fis_tools.scikit_fuzzy.recognition import recognise
 from tests.fis_tools.control_systems import build_control_system, build_simulation
 from tests.fis_tools.engines.random_systems import any_shape, inputs_for, random_general_system
+from tests.fis_tools.reference_engine import ReferenceEngine
 from tests.fis_tools.sample_controllers import force_x_system, force_z_system, general_controller
 from tests.fis_tools.scikit_fuzzy.random_control_systems import (
     compute,
@@ -93,7 +94,8 @@ def test_the_tipping_problem_is_read_as_it_was_written():
         Term("medium", Triangular(0.0, 13.0, 25.0)),
         Term("high", Triangular(13.0, 25.0, 25.0)),
     )
-    assert read_control_system(source, "tipping") == FuzzySystem(
+    system = read_control_system(source, "tipping")
+    assert system == FuzzySystem(
         "tipping",
         tuple(Variable(name, "", 0.0, 10.0, terms, 11) for name in ("quality", "service")),
         (Variable("tip", "", 0.0, 25.0, tip_terms, 26, default=0.0),),
@@ -103,6 +105,8 @@ def test_the_tipping_problem_is_read_as_it_was_written():
             Rule(Or((Is("service", "good"), Is("quality", "good"))), (Consequent("tip", "high"),)),
         ),
     )
+    # 19.84 % for quality 6.5 and service 9.8, as the documentation prints it
+    assert infer(system, np.array([6.5, 9.8])).values[0] == pytest.approx(19.84, abs=0.01)
 
 
 def _told_by_scikit_fuzzy(system: FuzzySystem) -> FuzzySystem:
@@ -489,3 +493,27 @@ def test_what_is_built_is_read_again(seed):
     np.testing.assert_array_equal(inference.evaluate(read, rows), inference.evaluate(system, rows))
     again = read_control_system(build_control_system(read), system.name, defaults=defaults)
     assert again == read
+
+
+def test_an_input_no_rule_mentions_is_left_alone_and_an_output_no_rule_concludes_is_its_default() -> None:
+    system = force_x_system()
+    unused_input = replace(system.inputs[0], name="unused")
+    unused_output = replace(system.outputs[0], name="silent", default=0.75)
+    system = replace(system, inputs=(unused_input, *system.inputs), outputs=(*system.outputs, unused_output))
+    outputs = ReferenceEngine(system).compute(np.array([1.0, 20.0, 0.1]))
+    assert outputs[1] == 0.75
+    assert outputs[0] == ReferenceEngine(force_x_system()).compute(np.array([20.0, 0.1]))[0]
+    np.testing.assert_array_equal(infer(system, np.array([1.0, 20.0, 0.1])).values, outputs)
+
+
+def test_weights_scale_the_cut() -> None:
+    system = force_x_system()
+    rule = Rule(Is("distance", "near"), (Consequent("force_x", "PL", 0.25),))
+    cuts = infer(replace(system, rules=(rule,)), np.array([50.0, 0.0])).outputs[0].cuts
+    np.testing.assert_array_equal(cuts, [np.nan] * 4 + [0.25])
+
+
+@pytest.mark.parametrize("inputs", [[1.0], [1.0, 2.0, 3.0], [np.nan, 1.0]])
+def test_wrong_inputs_are_refused(inputs: list[float]) -> None:
+    with pytest.raises(ValueError, match=r"inputs have shape|NaN"):
+        infer(force_x_system(), np.array(inputs))

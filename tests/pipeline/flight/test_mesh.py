@@ -38,7 +38,6 @@ def rays_are_free(directions: np.ndarray, points: np.ndarray, normals: np.ndarra
     return ~met & (np.sum(normals * directions, axis=1) > 0.0)
 
 
-@pytest.mark.slow
 def test_points_lie_evenly_on_the_faces_and_look_out_of_the_body() -> None:
     found = surface()
     assert 80 <= len(found.points) <= 100

@@ -74,11 +74,11 @@ def test_nothing_leads_a_guarded_deputy_out_of_its_limits(name: str, safety: str
     assert outcomes.min_distance_m.min() > KEEP_OUT_M - 1e-4
     assert outcomes.max_distance_m.max() < KEEP_IN_M + 1e-4
     assert outcomes.safety_periods.max() > 0
-    # and without it they would be lost
-    off = fly_all(replace(what, safety=replace(LAST_MOMENT, kind="none")), HOSTILE[name], starts, 1)
-    assert off.is_violated.mean() > 0.5
-    assert not off.safety_periods.any()
-    assert not off.safety_delta_v_m_s.any()
+    if safety == "early":  # and without it they would be lost
+        off = fly_all(replace(what, safety=replace(LAST_MOMENT, kind="none")), HOSTILE[name], starts, 1)
+        assert off.is_violated.mean() > 0.5
+        assert not off.safety_periods.any()
+        assert not off.safety_delta_v_m_s.any()
 
 
 @pytest.mark.slow

@@ -19,6 +19,8 @@ from pipeline.flight.world.pack import inspection_points
 from pipeline.gym import AFRL, AFRL_WEIGHTED, InspectionEnv, SixDofInspectionEnv, task_of
 from tests.places import PROJECT
 
+pytestmark = pytest.mark.slow
+
 #: of those, positions are kept
 EVERY = 10
 #: theirs integrates with a tolerance of 1e-3 and takes forces in single precision
@@ -96,7 +98,6 @@ def agreed(env: InspectionEnv | SixDofInspectionEnv, one: Episode) -> float:
     return float(np.abs(np.array([*places[:-1:EVERY], places[-1]]) - one.places).max())
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("world", WORLDS)
 def test_the_same_actions_give_the_same_episode(world: str) -> None:
     """Half of the episodes are random."""
@@ -106,7 +107,6 @@ def test_the_same_actions_give_the_same_episode(world: str) -> None:
     assert {one.status for one in found} == {"Success", "Crash", "Out of Bounds", "Timeout"}
 
 
-@pytest.mark.slow
 def test_the_same_actions_turn_the_deputy_as_theirs() -> None:
     """Random torques meet the limit of the rate, where their integrator makes much of rounding."""
     theirs = "chief.initial_angular_velocity_rad_s=[0,0,0]", "inspection_threshold_percent=45"
@@ -119,7 +119,6 @@ def test_the_same_actions_turn_the_deputy_as_theirs() -> None:
     assert apart.max() < 0.1
 
 
-@pytest.mark.slow
 def test_a_camera_of_60_degrees_sees_what_theirs_would() -> None:
     """Their law, from where the deputy is and how it is turned; the torques stay within 1 mN m."""
     task = task_of(["world=afrl_six_dof", "seed=3"])

@@ -55,7 +55,6 @@ def test_rank_by_violation_then_points_then_delta_v():
     assert rank(table([(False, 97, 1.0)] * 3)).tolist() == [0, 1, 2]
 
 
-@pytest.mark.slow
 def test_worst_median_and_best_of_a_table(tmp_path, finished):
     run = evaluated()
     episodes = tables.read_parquet(finished, artifacts.EPISODES)

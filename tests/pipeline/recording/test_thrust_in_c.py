@@ -2,9 +2,8 @@
 
 import ctypes
 import subprocess
-from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
+from functools import partial
 
 import numpy as np
 import pytest
@@ -52,7 +51,7 @@ FLOWN: dict[str, tuple[FuzzyController, Mission]] = {
         mission(deputy={"max_force_n": 0.02}, control_period_s=20.0),
     ),
 }
-FLIGHTS_EACH = 20
+FLIGHTS_EACH = 5
 
 
 @pytest.fixture
@@ -139,36 +138,20 @@ def stepped(
     return fired, asked, REASON_WORDS[reason]
 
 
-def assert_flown_alike(
-    name: str, num_flights: int, folder: Path, compiled: Callable[[FuzzyController], ctypes.CDLL]
-) -> set[str]:
-    controller, what = FLOWN[name]
-    library, flown = compiled(controller), from_fuzzy(controller)
-    run = cases.composed()
-    recorder = FlightRecorder(what, flown, seed=3, config=run.config, near_limit_m=5.0)
-    reasons: set[str] = set()
-    for place, start in enumerate(random_starts(num_flights, 31)):
-        path = folder / f"{place}.mcap"
-        recorder.record(path, start, fly_logged(what, flown, start), scenario_id="x")
-        found = telemetry.read(path)
-        control = found["/deputy/control"]
-        fired, asked, reason = stepped(library, controller, what, found)
-        np.testing.assert_allclose(fired, control["force_hill_n"], rtol=0, atol=1e-12)
-        np.testing.assert_allclose(asked, control["force_asked_n"], rtol=0, atol=1e-12)
-        np.testing.assert_array_equal(reason, control["reason"])
-        reasons |= set(np.unique(reason).tolist())
-    return reasons
-
-
-@pytest.mark.parametrize("name", ["any Sun", "all of it in body axes"])
-def test_c_fires_what_two_flights_fired(name, tmp_path, compiled):
-    assert "fired" in assert_flown_alike(name, 2, tmp_path, compiled)
-
-
 @pytest.mark.slow
-def test_c_fires_what_a_hundred_recorded_flights_fired(tmp_path, compiled):
+def test_c_fires_what_recorded_flights_fired(tmp_path, compiled):
     reasons: set[str] = set()
-    for name in FLOWN:
-        reasons |= assert_flown_alike(name, FLIGHTS_EACH, tmp_path, compiled)
-    assert FLIGHTS_EACH * len(FLOWN) == 100
+    recorder_of = partial(FlightRecorder, seed=3, config=cases.composed().config, near_limit_m=5.0)
+    for controller, what in FLOWN.values():
+        library, flown = compiled(controller), from_fuzzy(controller)
+        for start in random_starts(FLIGHTS_EACH, 31):
+            path = tmp_path / "flight.mcap"
+            recorder_of(what, flown).record(path, start, fly_logged(what, flown, start), scenario_id="x")
+            found = telemetry.read(path)
+            control = found["/deputy/control"]
+            fired, asked, reason = stepped(library, controller, what, found)
+            np.testing.assert_allclose(fired, control["force_hill_n"], rtol=0, atol=1e-12)
+            np.testing.assert_allclose(asked, control["force_asked_n"], rtol=0, atol=1e-12)
+            np.testing.assert_array_equal(reason, control["reason"])
+            reasons |= set(np.unique(reason).tolist())
     assert reasons >= {"fired", "dead_band", "waiting", "coasting", "complete", "clipped"}

@@ -160,7 +160,6 @@ def test_repeating_an_early_stage_leaves_the_later_ones_to_do(monkeypatch):
 
 
 @pytest.mark.slow
-@pytest.mark.slow
 def test_a_repeated_stage_may_have_its_own_settings_but_no_others(monkeypatch, capsys):
     use_stages(monkeypatch)
     main(EVALUATE)
@@ -194,7 +193,6 @@ def test_stages_alone_are_for_a_folder_that_holds_a_run(is_there, monkeypatch, c
     assert not is_there or not list(Path("typo").iterdir())
 
 
-@pytest.mark.slow
 @pytest.mark.slow
 def test_the_jobs_of_a_sweep_leave_another_sweeps_runs_alone(monkeypatch, capsys):
     use_stages(monkeypatch)

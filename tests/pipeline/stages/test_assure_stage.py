@@ -42,7 +42,6 @@ def evidence(assured):
     return dict(json.loads((assured / artifacts.EVIDENCE).read_text(encoding="utf-8")))
 
 
-@pytest.mark.slow
 def test_verdicts_follow_from_the_table_of_cases(assured, evidence):
     table = pq.read_table(assured / artifacts.ASSURED_CASES)
     assert table.num_rows == 60

@@ -77,18 +77,9 @@ def test_a_missing_folder_is_said(short_flight, tmp_path):
     ("mistake", "text"),
     [
         (lambda w: w.log(5.0, "info", "before what is in the file"), "are in order of time"),
-        (
-            lambda w: w.record(topics.GUIDANCE, [20.0, 15.0], num_candidates=[1, 1]),
-            "15.0 s follows one of 20.0 s",
-        ),
-        (
-            lambda w: w.record(topics.DEPUTY_CONTROL, 20.0, force_body_n=np.zeros(2)),
-            "force_body_n has 2 values, but 3",
-        ),
-        (
-            lambda w: w.record(topics.DEPUTY_STATE, 20.0, place_m=np.zeros(3)),
-            "has no field 'place_m'; inspection.DeputyState has position_m, velocity_m_s",
-        ),
+        (lambda w: w.record(topics.GUIDANCE, [20.0, 15.0], num_candidates=[1, 1]), "follows one of 20.0 s"),
+        (lambda w: w.record(topics.DEPUTY_CONTROL, 20.0, force_body_n=np.zeros(2)), "has 2 values, but 3"),
+        (lambda w: w.record(topics.DEPUTY_STATE, 20.0, place_m=np.zeros(3)), "has no field 'place_m'"),
         (lambda w: w.record("/fis/f_w", 20.0, inputs=[0.0]), "does not describe the fuzzy system 'f_w'"),
         (lambda w: w.log(20.0, "loud", "words"), "no log level 'loud'"),
         (lambda w: w.points(20.0, np.zeros((4, 3)), np.zeros(5)), "one state for each point"),

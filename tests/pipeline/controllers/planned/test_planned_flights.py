@@ -163,10 +163,7 @@ def test_forces_follow_the_law_to_a_ring_in_phase_with_the_sun():
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        (
-            {"ring_size_m": 110.0},
-            "a ring from 110 to 221.5 m from the chief; it must stay within deputy.min_",
-        ),
+        ({"ring_size_m": 110.0}, "a ring from 110 to 221.5 m from the chief; it must stay within"),
         ({"ring_size_m": 10.0}, "controller.ring_size_m is 10"),
         ({"ring_size_m": "big"}, "controller.ring_size_m is 'big'; it must be a number"),
         ({"position_tolerance_m": 0.0}, "controller.position_tolerance_m is 0.0; it must be greater than 0"),
