@@ -9,7 +9,7 @@ from pipeline.controllers import source
 from pipeline.evaluation.monte_carlo import SUCCESS, fly_cases, summarise
 from pipeline.flight.cases.starts import evaluation_scenarios
 from pipeline.flight.control.controller import from_fuzzy
-from pipeline.run import artifacts, tables
+from pipeline.run import artifacts, configuration, tables
 from pipeline.settings.experiment import Sun
 from pipeline.settings.schema import experiment_from
 from pipeline.training.genome import genome_of
@@ -23,7 +23,7 @@ def main() -> None:
         "--seed", type=int, default=777, help="of the starts; choose one that no training used"
     )
     options = parser.parse_args()
-    experiment = experiment_from(artifacts.read_config(options.folder))
+    experiment = experiment_from(configuration.read(options.folder))
     history = tables.read_parquet(options.folder, artifacts.HISTORY)
     template = source.load(experiment.controller, experiment.mission)
     tuned = genome_of(template, experiment.optimizer.encoding)

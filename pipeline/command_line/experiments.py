@@ -29,7 +29,7 @@ from pipeline.command_line.overrides import (
     single_runs,
 )
 from pipeline.command_line.runs import FAULT, MISTAKE, OK, sentence
-from pipeline.run import artifacts, sweep
+from pipeline.run import artifacts, configuration, sweep
 from pipeline.run.lock import held
 from pipeline.run.runner import Interrupted
 from pipeline.run.sweep import DONE, SWEEP, SweptRun, state_of
@@ -118,7 +118,7 @@ def _start_sweep(jobs: Sequence[Job], swept: Sequence[SweptRun], folder: Path) -
         for job in jobs:
             # so that it can be resumed; what is there is kept
             if not (job.folder / artifacts.CONFIG).exists():
-                artifacts.write_config(job.folder, job.config)
+                configuration.write(job.folder, job.config)
         # last: what is in its file can be resumed
         sweep.write(folder, known)
         begun = [(run, partial(runs.start, job, run.command)) for job, run in zip(jobs, swept, strict=True)]

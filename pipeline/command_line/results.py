@@ -16,7 +16,7 @@ from fis_tools.document import Block, Document, text
 from pipeline.command_line.arguments import ConfigError
 from pipeline.evaluation import statistics
 from pipeline.report import sweep
-from pipeline.run import artifacts, tables
+from pipeline.run import artifacts, configuration, manifests, tables, writing
 from pipeline.run.maker import present_maker, require_reproducible, unlike
 from pipeline.settings.schema import differences, present
 from telemetry import RecordingError
@@ -56,9 +56,9 @@ def verify(given: Sequence[str]) -> int:
     if others:
         return OK if _checked("comparison", lambda: _compare_files(folder, others[0])) else DIFFERENT
     if not (folder / artifacts.MANIFEST).exists():
-        artifacts.read_config(folder)  # says why, of a folder that is none of a run
+        configuration.read(folder)  # says why, of a folder that is none of a run
     with suppress(artifacts.ArtifactError):  # told below, as a file that is missing or changed
-        if artifacts.read_config(folder).get("reproducible") is True:
+        if configuration.read(folder).get("reproducible") is True:
             require_reproducible()
     checks = {"files": _check_files, "makers": _tell_makers, "flights": _fly_again}
     are_right = [_checked(what, partial(check, folder)) for what, check in checks.items()]
@@ -80,7 +80,7 @@ def _check_files(folder: Path) -> bool:
 
     The configuration is also compared by content.
     """
-    manifest = artifacts.read_manifest(folder)
+    manifest = manifests.read(folder)
     told: dict[str, str] = manifest.get("sha256", {})
     there = set(artifacts.list_artifacts(folder))
     changed = {name for name in there & set(told) if artifacts.file_hash(folder / name) != told[name]}
@@ -98,32 +98,32 @@ def _check_files(folder: Path) -> bool:
 
 def _is_own_config(folder: Path, manifest: Mapping[str, Any]) -> bool:
     try:
-        return artifacts.is_config_of(artifacts.read_config(folder), manifest)
+        return configuration.is_of(configuration.read(folder), manifest)
     except artifacts.ArtifactError:
         return False
 
 
 def _tell_makers(folder: Path) -> bool:
     """Print how the makers of a run differ from the present one; return True, for that is no damage."""
-    for maker in artifacts.read_manifest(folder).get("makers", []):
+    for maker in manifests.read(folder).get("makers", []):
         _tell_unlike("made by another maker", unlike(maker, present_maker()))
     return True
 
 
 def _compare_files(folder: Path, other: Path) -> bool:
     """Print how two runs differ, and whether that is to be expected; return whether they are equal."""
-    manifests = [artifacts.read_manifest(place) for place in (folder, other)]
-    one, two = (manifest.get("sha256", {}) for manifest in manifests)
+    both = [manifests.read(place) for place in (folder, other)]
+    one, two = (manifest.get("sha256", {}) for manifest in both)
     names = sorted({*one, *two} - {artifacts.CONFIG})
     shared = [name for name in names if name in one and name in two]
     different = [name for name in shared if one[name] != two[name]]
-    configs = artifacts.read_config(folder), artifacts.read_config(other)
+    configs = configuration.read(folder), configuration.read(other)
     for told in differences(*configs, but=("hydra",), words=("here", "there")):
         sys.stdout.write(f"configuration: {told}\n")
     sys.stdout.write(f"files: {len(shared) - len(different)} equal to the last bit\n")
     sys.stdout.writelines(f"  {name} differs\n" for name in different)
     sys.stdout.writelines(f"  {name} is in one of them alone\n" for name in names if name not in shared)
-    for here, there in product(*(manifest.get("makers", []) for manifest in manifests)):
+    for here, there in product(*(manifest.get("makers", []) for manifest in both)):
         _tell_unlike("makers differ", unlike(here, there))
     return len(different) == 0 and names == shared
 
@@ -183,7 +183,7 @@ def summary(given: Sequence[str]) -> int:
     swept = sweep.gather(folder)
     tables.write_parquet(folder / RUNS, sweep.columns_of(swept))
     tables.write_parquet(folder / EFFECTS, sweep.effect_columns(swept))
-    artifacts.write_atomically(folder / PAGE, sweep.write(swept))
+    writing.write_atomically(folder / PAGE, sweep.write(swept))
     _print([*sweep.runs_table(swept), *sweep.effects_table(swept)])
     for run in swept.offered:
         sys.stdout.write(f"to fly {run.name}: {run.fly}\n")
@@ -201,7 +201,7 @@ def compare(first: Path, second: Path) -> int:
     ValueError, OSError
         If one cannot be read, was not evaluated, or they share no case.
     """
-    configs = [artifacts.read_config(folder) for folder in (first, second)]
+    configs = [configuration.read(folder) for folder in (first, second)]
     confidence = float(artifacts.read_json(first, artifacts.SUMMARY)["confidence_percent"])
     one, other = (tables.read_parquet(folder, artifacts.EPISODES) for folder in (first, second))
     compared = statistics.compare(one, other, confidence)

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline.command_line.arguments import EXPERIMENT, ConfigError
-from pipeline.run import artifacts, maker
+from pipeline.run import artifacts, configuration, maker, manifests
 from pipeline.run.lock import held
 from pipeline.run.runner import finished_stages, run_stages
 from pipeline.settings.experiment import Experiment
@@ -70,7 +70,7 @@ def _check_vacant(job: "Job") -> None:
         if (job.folder / artifacts.CONFIG).exists():
             _experiment_of(job.folder, _stored(job.folder))
         return
-    if not artifacts.is_config_of(job.config, artifacts.read_manifest(job.folder)):
+    if not configuration.is_of(job.config, manifests.read(job.folder)):
         shown = _shown(job.folder)
         raise ConfigError(
             f"{shown} holds another run; choose another hydra.run.dir (for sweeps hydra.sweep.dir), or go on "
@@ -113,7 +113,7 @@ def resume(folder: Path, overrides: Sequence["Override"], command: Sequence[str]
     command : sequence of str, optional
         The arguments with which it is started, for a run of a sweep that was not begun.
     """
-    artifacts.read_config(folder)
+    configuration.read(folder)
     with held(folder):
         stored = _stored(folder)
         given = _given_again(overrides, _experiment_of(folder, stored).name)
@@ -146,7 +146,7 @@ def _given_again(overrides: Sequence["Override"], name: str) -> dict[str, Any]:
 
 def repeat(folder: Path, overrides: Sequence["Override"], config_dir: Path | None) -> int:
     """Repeat stages on the files of an earlier run, with its configuration; return the exit code."""
-    artifacts.read_config(folder)
+    configuration.read(folder)
     with held(folder):
         config = _stored(folder)
         experiment = _experiment_of(folder, config)
@@ -176,15 +176,13 @@ def repeat(folder: Path, overrides: Sequence["Override"], config_dir: Path | Non
 
 def _stored(folder: Path) -> dict[str, Any]:
     """Return a run's configuration as it is stored; raise an error if it was edited since."""
-    config = artifacts.read_config(folder)
+    config = configuration.read(folder)
     if not artifacts.holds_run(folder):
         raise artifacts.ArtifactError(
             f"{folder} is no run's folder, it has no {artifacts.MANIFEST}; give the folder of a run, "
             "outputs/NAME/TIME"
         )
-    if (folder / artifacts.MANIFEST).exists() and not artifacts.is_config_of(
-        config, artifacts.read_manifest(folder)
-    ):
+    if (folder / artifacts.MANIFEST).exists() and not configuration.is_of(config, manifests.read(folder)):
         raise artifacts.ArtifactError(
             f"{folder / artifacts.CONFIG} is not what the run was made with (its hash is not the "
             "manifest's); restore it, or start a new run"

@@ -24,7 +24,7 @@ from pipeline.flight.control.controller import (
     from_fuzzy,
 )
 from pipeline.flight.state.log import Scenario
-from pipeline.run import artifacts
+from pipeline.run import artifacts, configuration, writing
 from pipeline.settings.controllers import PLANNED, Planned, check_controller, planned_settings
 from pipeline.settings.experiment import Experiment, Mission
 from pipeline.settings.keys import choices_of
@@ -101,7 +101,7 @@ def named(name: str, mission: Mission) -> Controller:
             "path of its file, .json, .yaml, .onnx or a .csv of forces"
         )
     path = conf_folder() / "controller" / f"{name}.yaml"
-    source = artifacts.parse_config(path.read_bytes())
+    source = configuration.parse(path.read_bytes())
     if "kind" not in source:
         return load({"path": str(path)}, mission)
     check_controller(source)
@@ -126,7 +126,7 @@ def controller_of_run(experiment: Experiment, folder: Path) -> Controller:
         return from_fuzzy(serialize.load(kept))
     controller = load(experiment.controller, experiment.mission)
     if controller.fuzzy is not None and "path" in experiment.controller:
-        artifacts.write_atomically(kept, serialize.dump_json(controller.fuzzy) + "\n")
+        writing.write_atomically(kept, serialize.dump_json(controller.fuzzy) + "\n")
     return controller
 
 

@@ -24,7 +24,7 @@ from optuna.storages import JournalStorage
 from optuna.storages.journal import BaseJournalBackend
 from optuna.trial import FrozenTrial, Trial, TrialState
 
-from pipeline.run import artifacts
+from pipeline.run import writing
 from pipeline.settings.checks import SettingError
 from pipeline.settings.experiment import HparamsSearch
 from pipeline.settings.training import Dimension, dimensions
@@ -115,7 +115,7 @@ class _Journal(BaseJournalBackend):
     def write(self) -> None:
         """Write all steps."""
         text = "".join(json.dumps(log, separators=(",", ":")) + "\n" for log in self._logs)
-        artifacts.write_atomically(self._path, text)
+        writing.write_atomically(self._path, text)
 
 
 def _resumed(path: Path, search: HparamsSearch) -> tuple[optuna.Study, _Journal]:

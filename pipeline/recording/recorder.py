@@ -40,7 +40,7 @@ from pipeline.flight.world.surface import surface_of
 from pipeline.physics.quaternion import dcm_b_from_h
 from pipeline.recording.events import events
 from pipeline.recording.points import parts_of_points, sensed_of_points
-from pipeline.run import artifacts, maker
+from pipeline.run import configuration, maker
 from pipeline.settings.experiment import Mission
 from pipeline.settings.schema import only_results
 from telemetry import EpisodeWriter
@@ -90,10 +90,10 @@ class FlightRecorder:
         self._controller = controller
         self._seed = seed
         self._near_limit_m = near_limit_m
-        self._config_hash = artifacts.config_hash(config)
+        self._config_hash = configuration.config_hash(config)
         self._product_version = maker.product()["versions"]["product"]
         self._attachments = {
-            CONFIG_ATTACHMENT: artifacts.config_text(only_results(config)).encode(),
+            CONFIG_ATTACHMENT: configuration.text(only_results(config)).encode(),
             CONTROLLER_ATTACHMENT: controller_text(controller).encode(),
         }
         self._compiled = [compile(system) for system in controller.systems]

@@ -19,7 +19,7 @@ from pipeline.flight.control.controller import Controller, from_fuzzy, open_loop
 from pipeline.flight.goals.flights import fly_logged
 from pipeline.flight.state.log import Scenario
 from pipeline.recording.recorder import CONFIG_ATTACHMENT, CONTROLLER_ATTACHMENT, FlightRecorder
-from pipeline.run import artifacts
+from pipeline.run import configuration
 from pipeline.settings.experiment import Experiment
 from pipeline.settings.schema import experiment_from
 from telemetry import RecordingError
@@ -114,7 +114,7 @@ def _judged(path: Path, exact: Comparison, close: Comparison) -> Reflight:
 
 def _config_of(recording: Recording) -> Mapping[str, Any]:
     try:
-        config = artifacts.parse_config(_attached(recording, CONFIG_ATTACHMENT))
+        config = configuration.parse(_attached(recording, CONFIG_ATTACHMENT))
     except ValueError as error:
         raise RecordingError(f"{recording.path}: its {CONFIG_ATTACHMENT} cannot be read ({error})") from error
     if not isinstance(config, dict):

@@ -20,7 +20,7 @@ from pipeline.flight.control.controller import Controller
 from pipeline.flight.goals.flights import fly_logged
 from pipeline.flight.state.log import FlightLog, Scenario
 from pipeline.report import comparisons
-from pipeline.run import artifacts, tables
+from pipeline.run import artifacts, configuration, manifests, tables
 from pipeline.settings.experiment import Experiment
 
 Columns = Mapping[str, NDArray[Any]]
@@ -154,7 +154,7 @@ def gather(experiment: Experiment, folder: Path) -> Contents:
         starts = training_scenarios(experiment.starts, experiment.sun, experiment.seed, last)
     training_round = int(logbook["round"][-1]) + 1 if logbook and experiment.starts.redraw else None
     config = folder / artifacts.CONFIG
-    manifest = artifacts.read_manifest(folder) if (folder / artifacts.MANIFEST).exists() else None
+    manifest = manifests.read(folder) if (folder / artifacts.MANIFEST).exists() else None
     recordings = sorted((folder / artifacts.RECORDINGS).glob("*.mcap"))
     return Contents(
         experiment=experiment,
@@ -345,7 +345,7 @@ def _command_kept_by_hydra(folder: Path) -> list[str]:
 def _kept_by_hydra(path: Path, *keys: str) -> list[Any]:
     """Return a list from a file that Hydra wrote, empty where there is none."""
     try:
-        node = artifacts.parse_config(path.read_bytes())
+        node = configuration.parse(path.read_bytes())
         for key in keys:
             node = node[key]
     except (OSError, ValueError, KeyError, TypeError):

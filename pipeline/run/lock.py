@@ -15,7 +15,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import IO, Final
 
-from pipeline.run import artifacts
+from pipeline.run import artifacts, writing
 
 LOCK: Final = ".lock"
 
@@ -41,7 +41,7 @@ def held(folder: Path) -> Iterator[None]:
         If another process holds it.
     pipeline.run.artifacts.ArtifactError
         If it contains links, pipes or devices.
-    pipeline.run.artifacts.WriteError
+    pipeline.run.writing.WriteError
         If the folder cannot be made or written to.
     """
     path = folder / LOCK
@@ -54,13 +54,13 @@ def held(folder: Path) -> Iterator[None]:
             left = _holder(stream)
             _sign(stream)
         except OSError as error:
-            raise artifacts.WriteError(
+            raise writing.WriteError(
                 f"{folder} cannot be a run's folder ({error.strerror}); choose one that can be written to, "
                 "hydra.run.dir=..., or make room"
             ) from error
         if left:
             sys.stderr.write(f"{folder} was held by {left}, which is gone; its lock is taken over\n")
-        artifacts.drop_unfinished(folder)
+        writing.drop_unfinished(folder)
         try:
             yield
         finally:

@@ -10,7 +10,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from pipeline.run import artifacts, interrupts, maker
+from pipeline.run import artifacts, configuration, interrupts, maker, manifests, writing
 from pipeline.run.maker import present_maker, unlike
 from pipeline.settings.experiment import STAGES, Experiment, Mission
 
@@ -25,7 +25,7 @@ def finished_stages(folder: Path) -> list[str]:
     """Return the finished stages of a run's folder, none for a new one."""
     if not (folder / artifacts.MANIFEST).exists():
         return []
-    return list(artifacts.read_manifest(folder)["finished_stages"])
+    return list(manifests.read(folder)["finished_stages"])
 
 
 def run_stages(
@@ -60,7 +60,7 @@ def run_stages(
         maker.require_reproducible()
     stages = experiment.stages if stages is None else tuple(stages)
     folder.mkdir(parents=True, exist_ok=True)
-    earlier = artifacts.read_manifest(folder) if (folder / artifacts.MANIFEST).exists() else {}
+    earlier = manifests.read(folder) if (folder / artifacts.MANIFEST).exists() else {}
     finished: list[str] = earlier.get("finished_stages", [])
     makers, made_by = _makers(earlier), {str(k): list(v) for k, v in earlier.get("made_by", {}).items()}
     known: dict[str, Any] = {
@@ -71,8 +71,8 @@ def run_stages(
         "controller_edited": _edited(config.get("controller", {})),
     }
     _begin(made_by, stages[0], len(makers) - 1, is_resumed=experiment.resume)
-    artifacts.write_config(folder, config)
-    artifacts.write_manifest(folder, config, finished, **known)
+    configuration.write(folder, config)
+    manifests.write(folder, config, finished, **known)
     with _logged_to(folder / artifacts.LOG):
         for index, name in enumerate(stages, start=1):
             sys.stderr.write(f"[{index}/{len(stages)}] {name}\n")
@@ -81,7 +81,7 @@ def run_stages(
                 with interrupts.heeded():
                     import_module(f"pipeline.stages.{name}").run(experiment, folder)
             except KeyboardInterrupt as error:
-                artifacts.write_manifest(folder, config, finished, **known)
+                manifests.write(folder, config, finished, **known)
                 _LOG.info("stage %s interrupted", name)
                 raise Interrupted(_kept(folder, name, finished)) from error
             except Exception:  # raised again below: here the run's own log records it too
@@ -93,13 +93,13 @@ def run_stages(
             finished = [other for other in finished if STAGES.index(other) < STAGES.index(name)] + [name]
             if index < len(stages):
                 _begin(made_by, stages[index], len(makers) - 1, is_resumed=False)
-            artifacts.write_manifest(folder, config, finished, **known)
+            manifests.write(folder, config, finished, **known)
 
 
 def _check_there(folder: Path) -> None:
     """Raise WriteError if the run's folder has been deleted or moved."""
     if not (folder / artifacts.CONFIG).exists():
-        raise artifacts.WriteError(
+        raise writing.WriteError(
             f"{folder} has been deleted or moved while the run was at work; start the run again"
         )
 
@@ -139,7 +139,7 @@ def _edited(source: Mapping[str, Any]) -> str | None:
 
 
 def scene_of(mission: Mission) -> dict[str, float]:
-    """Return the parameters for plotting a mission's flights, see `artifacts.write_manifest`."""
+    """Return the parameters for plotting a mission's flights, see `manifests.write`."""
     threshold = {"threshold_percent": mission.inspection_threshold_percent}
     return {
         "sample_period_s": mission.control_period_s,

@@ -5,11 +5,11 @@ from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path, PurePosixPath
 from typing import Final
 
-from pipeline.run import artifacts
+from pipeline.run import artifacts, configuration, manifests, writing
 
 SWEEP: Final = "sweep.json"
 SWEEP_VERSION: Final = 1
-#: see `pipeline.run.artifacts.fits`
+#: see `pipeline.run.manifests.fits`
 RUN_SHAPE: Final = {"folder": str, "differs": dict, "command": [str], "failure": str}
 #: of a folder, bytes, on the usual file systems
 LONGEST_NAME: Final = 255
@@ -41,7 +41,7 @@ class SweptRun:
 
 def write(folder: Path, runs: Sequence[SweptRun]) -> None:
     """Write the file of a sweep."""
-    artifacts.write_json(
+    writing.write_json(
         folder / SWEEP, {"sweep_version": SWEEP_VERSION, "runs": [asdict(run) for run in runs]}
     )
 
@@ -71,7 +71,7 @@ def read(folder: Path) -> list[SweptRun]:
 
 def _run_of(told: Mapping[str, object]) -> SweptRun:
     """Return a run, after checking that its folder is inside the sweep's."""
-    if not artifacts.fits(told, RUN_SHAPE):
+    if not manifests.fits(told, RUN_SHAPE):
         raise ValueError(f"{str(told)[:80]} is no run")
     run = SweptRun(**{field.name: told[field.name] for field in fields(SweptRun)})  # type: ignore[arg-type]
     path = PurePosixPath(run.folder)
@@ -97,7 +97,7 @@ def state_of(folder: Path, run: SweptRun) -> str:
     """Return whether a run is `DONE`, `FAILED` or `UNFINISHED`, by the files in its folder."""
     own = folder / run.folder
     if (own / artifacts.MANIFEST).exists():
-        finished = artifacts.read_manifest(own)["finished_stages"]
-        if set(artifacts.read_config(own).get("stages", [])) <= set(finished):
+        finished = manifests.read(own)["finished_stages"]
+        if set(configuration.read(own).get("stages", [])) <= set(finished):
             return DONE
     return FAILED if run.failure else UNFINISHED

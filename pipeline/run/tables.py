@@ -11,7 +11,7 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from fis_tools.formats.csv import rows_as_text
-from pipeline.run import artifacts
+from pipeline.run import artifacts, writing
 
 #: rows that a table's groups have, however many were written at a time
 GROUP_ROWS: Final = 65536
@@ -49,7 +49,7 @@ def join_parquet(path: Path, parts: Sequence[Path]) -> None:
 def _writer(path: Path, schema: pa.Schema) -> Iterator[pq.ParquetWriter]:
     # measured numbers hardly repeat: dictionary encoding would take six times as long and more space
     with (
-        artifacts.beside(path) as stream,
+        writing.beside(path) as stream,
         pq.ParquetWriter(
             stream, schema, compression="zstd", use_dictionary=False, store_schema=False
         ) as writer,
@@ -113,4 +113,4 @@ class Columns(Mapping[str, NDArray[Any]]):
 
 def write_csv(path: Path, names: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
     """Write rows under a header."""
-    artifacts.write_atomically(path, rows_as_text([names, *rows]))
+    writing.write_atomically(path, rows_as_text([names, *rows]))

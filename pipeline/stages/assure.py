@@ -41,7 +41,7 @@ from pipeline.recording.recorder import FlightRecorder
 from pipeline.report.evidence import write as page_of
 from pipeline.report.figures import tube
 from pipeline.report.figures.style import Illustration
-from pipeline.run import artifacts, maker, tables
+from pipeline.run import artifacts, configuration, maker, tables, writing
 from pipeline.settings.dispersions import distributions
 from pipeline.settings.experiment import Experiment, Mission, MonteCarlo
 from pipeline.settings.places import requirements_path
@@ -69,11 +69,11 @@ def run(experiment: Experiment, folder: Path) -> None:
     _tell_needs(requirements.requirements, experiment.assurance.num_cases)
     for path in (folder / artifacts.WORST_FLIGHTS).glob("*.mcap"):
         path.unlink()
-    artifacts.write_atomically(folder / artifacts.REQUIREMENTS, text)
+    writing.write_atomically(folder / artifacts.REQUIREMENTS, text)
     gathered = _gather(experiment, folder, requirements)
-    artifacts.write_json(folder / artifacts.EVIDENCE, gathered)
+    writing.write_json(folder / artifacts.EVIDENCE, gathered)
     page = page_of(gathered, _tube_drawn(experiment, folder, gathered["requirements"]))
-    artifacts.write_atomically(folder / artifacts.EVIDENCE_PAGE, page)
+    writing.write_atomically(folder / artifacts.EVIDENCE_PAGE, page)
     for one in gathered["requirements"]:
         sys.stderr.write(f"  {one['id']} {one['title']}. {one['sentence']}\n")
     sys.stderr.write(f"  {folder / artifacts.EVIDENCE_PAGE}\n")
@@ -202,7 +202,7 @@ def _domain(experiment: Experiment, controller: Controller, folder: Path) -> Dom
         return None
     scenarios = _scenarios(experiment, 2 * experiment.assurance.domain_cases)
     domain = domain_of(experiment.mission, controller, scenarios, CONFIDENCE, experiment.assurance.workers)
-    artifacts.write_json(folder / artifacts.DOMAIN, as_mapping(domain.boxes))
+    writing.write_json(folder / artifacts.DOMAIN, as_mapping(domain.boxes))
     return domain
 
 
@@ -218,7 +218,7 @@ class _Worst:
             experiment.mission,
             controller,
             seed=experiment.seed,
-            config=artifacts.read_config(folder),
+            config=configuration.read(folder),
             near_limit_m=experiment.telemetry.near_limit_m,
         )
 
@@ -321,7 +321,7 @@ def _provenance(
             "dispersed": sorted([one.key for one in distributions(mission.dispersions)] + [*mission.varying]),
             "duration_s": mission.duration_s,
         },
-        "config_hash": artifacts.config_hash(artifacts.read_config(folder)),
+        "config_hash": configuration.config_hash(configuration.read(folder)),
         **maker.present_maker(),
         "sha256": {name: artifacts.file_hash(folder / name) for name in files if name not in own},
     }

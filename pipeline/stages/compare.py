@@ -31,7 +31,7 @@ from pipeline.flight.control.controller import Controller
 from pipeline.flight.goals.flights import combined, fly_all
 from pipeline.flight.state.log import Outcomes, Scenario
 from pipeline.optimum.solved import IncomparableError, Solved, beside_optimum, solved_for, summarise_times
-from pipeline.run import artifacts, tables
+from pipeline.run import artifacts, tables, writing
 from pipeline.run.progress import Progress
 from pipeline.settings.experiment import Experiment, Mission, Safety
 from pipeline.settings.schema import in_world
@@ -60,7 +60,7 @@ def run(experiment: Experiment, folder: Path) -> None:
         "confidence_percent": experiment.monte_carlo.confidence_percent,
         "rows": [asdict(row) for row in rows],
     }
-    artifacts.write_json(folder / artifacts.COMPARISON, summary)
+    writing.write_json(folder / artifacts.COMPARISON, summary)
     sys.stderr.write(_told(experiment, rows))
 
 

@@ -18,7 +18,7 @@ from pipeline.flight.cases.starts import evaluation_scenarios
 from pipeline.flight.control.controller import Controller
 from pipeline.flight.goals.flights import fly_all
 from pipeline.optimum.solved import IncomparableError, beside_optimum, solved_for, summarise_times
-from pipeline.run import artifacts, tables
+from pipeline.run import artifacts, tables, writing
 from pipeline.run.progress import Progress
 from pipeline.settings.dispersions import distributions
 from pipeline.settings.experiment import Experiment
@@ -44,7 +44,7 @@ def run(experiment: Experiment, folder: Path) -> None:
         **_dispersed(experiment, controller, episodes, folder),
         "optimum": _beside_optimum(experiment, controller, folder),
     }
-    artifacts.write_json(folder / artifacts.SUMMARY, summary)
+    writing.write_json(folder / artifacts.SUMMARY, summary)
     # not before: what is killed until then goes on from its parts
     shutil.rmtree(folder / artifacts.EPISODE_PARTS, ignore_errors=True)
     delta_v = summary["delta_v_m_s"]

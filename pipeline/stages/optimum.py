@@ -15,7 +15,7 @@ from pipeline.flight.state.log import Scenario
 from pipeline.flight.world.pack import inspection_points
 from pipeline.optimum.plan import CasePlan, solve
 from pipeline.optimum.solved import case_row, summarise, terms_of
-from pipeline.run import artifacts, tables
+from pipeline.run import artifacts, tables, writing
 from pipeline.run.progress import Progress
 from pipeline.settings.experiment import Experiment
 
@@ -129,7 +129,7 @@ def _finish(experiment: Experiment, folder: Path, rows: Mapping[int, CaseRow]) -
         "mission": terms_of(experiment.mission),
         **summarise([rows[case] for case in sorted(rows)]),
     }
-    artifacts.write_json(folder / artifacts.OPTIMUM_SUMMARY, summary)
+    writing.write_json(folder / artifacts.OPTIMUM_SUMMARY, summary)
     told = f"  {summary['num_feasible']} of {len(rows)} cases solved"
     if "delta_v_m_s" in summary:
         spent, bound = summary["delta_v_m_s"], summary["delta_v_bound_m_s"]

@@ -12,7 +12,7 @@ from pipeline.physics.motion import motion_over
 from pipeline.proof.loop import NotProvable, theorem_of
 from pipeline.proof.surface import CELLS
 from pipeline.proof.verdict import COLUMNS, prove
-from pipeline.run import artifacts, tables
+from pipeline.run import artifacts, tables, writing
 from pipeline.run.progress import Progress
 from pipeline.settings.experiment import Experiment
 
@@ -43,8 +43,8 @@ def _proved(experiment: Experiment, folder: Path) -> str:
         "cells": CELLS,
         "controller_sha256": sha256,
     }
-    artifacts.write_json(folder / artifacts.THEOREM, asdict(theorem) | told)
-    artifacts.write_atomically(folder / artifacts.PROVED_CONTROLLER, text)
+    writing.write_json(folder / artifacts.THEOREM, asdict(theorem) | told)
+    writing.write_atomically(folder / artifacts.PROVED_CONTROLLER, text)
     tables.write_parquet(folder / artifacts.TUBE, dict(zip(COLUMNS, found.rows.T, strict=True)))
     kept = f"every start keeps the limit at all times of {found.num_periods * theorem.period_s:g} s"
     if found.fault:

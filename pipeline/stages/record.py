@@ -17,7 +17,7 @@ from pipeline.flight.cases.starts import evaluation_scenarios, start_shown, trai
 from pipeline.flight.goals.flights import achieved, fly_logged, in_words
 from pipeline.flight.state.log import Scenario
 from pipeline.recording.recorder import FlightRecorder
-from pipeline.run import artifacts
+from pipeline.run import artifacts, configuration
 from pipeline.settings.experiment import Experiment
 from telemetry import RecordingError
 
@@ -122,7 +122,7 @@ def _record(experiment: Experiment, folder: Path, flights: list[FlightToRecord])
         experiment.mission,
         controller,
         seed=experiment.seed,
-        config=artifacts.read_config(folder),
+        config=configuration.read(folder),
         near_limit_m=experiment.telemetry.near_limit_m,
     )
     for flight in flights:

@@ -9,7 +9,7 @@ from pipeline.report import goal
 from pipeline.report.contents import Contents, gather
 from pipeline.report.page import write
 from pipeline.report.pictures import OWN_FILES, draw
-from pipeline.run import artifacts
+from pipeline.run import artifacts, writing
 from pipeline.settings.experiment import Experiment
 
 
@@ -28,13 +28,13 @@ def run(experiment: Experiment, folder: Path) -> None:
     illustrations = {illustration.name: illustration for illustration in drawn}
     pictures = folder / artifacts.FIGURES
     for name, illustration in illustrations.items():
-        artifacts.write_atomically(pictures / f"{name}.png", illustration.png)
+        writing.write_atomically(pictures / f"{name}.png", illustration.png)
     if pictures.is_dir():
         for path in pictures.iterdir():
             if OWN_FILES.fullmatch(path.name) and path.stem not in illustrations:
                 path.unlink()
     page = (goal.write if has_goal else write)(contents, illustrations)
-    artifacts.write_atomically(folder / artifacts.REPORT, page)
+    writing.write_atomically(folder / artifacts.REPORT, page)
     sys.stderr.write(
         f"  {folder / artifacts.REPORT}: {len(illustrations)} pictures, {len(page) / 1e6:.1f} MB\n"
     )
@@ -51,5 +51,5 @@ def _write_review(contents: Contents, folder: Path) -> None:
         page = review.write(fuzzy, [folder / name for name in contents.recordings])
     except ControllerFileError as error:
         raise artifacts.ArtifactError(f"{error}; repeat the stage record") from error
-    artifacts.write_atomically(path, page)
+    writing.write_atomically(path, page)
     sys.stderr.write(f"  {path}: {len(page) / 1e6:.1f} MB\n")

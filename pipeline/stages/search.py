@@ -12,7 +12,7 @@ from pipeline.controllers import source
 from pipeline.flight.cases.starts import validation_scenarios
 from pipeline.flight.control.controller import Controller, from_fuzzy
 from pipeline.flight.goals.flights import fly_all
-from pipeline.run import artifacts, tables
+from pipeline.run import artifacts, configuration, tables, writing
 from pipeline.run.progress import Progress
 from pipeline.settings.checks import SettingError
 from pipeline.settings.experiment import Experiment
@@ -33,7 +33,7 @@ def run(experiment: Experiment, folder: Path) -> None:
     search, journal = experiment.hparams_search, folder / artifacts.SEARCH_JOURNAL
     if not experiment.resume:
         journal.unlink(missing_ok=True)
-    config, made = artifacts.read_config(folder), dict[str, Controller]()
+    config, made = configuration.read(folder), dict[str, Controller]()
     best, rows = None, list[tuple[Any, ...]]()
     with Progress("trial", search.trials) as progress:
         for trial in trials(journal, search, experiment.seed, partial(_judge, experiment, config, made)):
@@ -50,7 +50,7 @@ def run(experiment: Experiment, folder: Path) -> None:
             "no trial of the search could be flown to its end; choose an hparams_search.space that fits"
         )
     words = [f"{key}={value}" for key, value in best.values.items()]
-    artifacts.write_json(
+    writing.write_json(
         folder / artifacts.SEARCH_BEST,
         {"trial": best.number, "cost_m_s": best.cost, "values": dict(best.values), "words": words},
     )
@@ -85,6 +85,4 @@ def _trained(experiment: Experiment) -> Controller:
 def _keep(experiment: Experiment, folder: Path, made: Mapping[str, Controller]) -> None:
     """Write the controller that was trained last; one of an earlier process is already written."""
     if experiment.hparams_search.trains and "last" in made and made["last"].fuzzy is not None:
-        artifacts.write_atomically(
-            folder / artifacts.CHAMPION, serialize.dump_json(made["last"].fuzzy) + "\n"
-        )
+        writing.write_atomically(folder / artifacts.CHAMPION, serialize.dump_json(made["last"].fuzzy) + "\n")

@@ -11,7 +11,7 @@ import numpy as np
 from fis_tools.formats import serialize
 from fis_tools.formats.serialize import described
 from pipeline.controllers import source
-from pipeline.run import artifacts, maker, tables
+from pipeline.run import artifacts, configuration, maker, tables, writing
 from pipeline.settings.experiment import Experiment
 from pipeline.training.evolution.rounds import Evolution
 from pipeline.training.evolution.state import Generation
@@ -88,7 +88,7 @@ def write_champion(
     if choice.rounds:
         tables.write_csv(folder / artifacts.VALIDATION, ["round", "training", "validation"], choice.rounds)
     champion = described(replace(genome.decode(choice.champion), name=_name(experiment, genome)), told)
-    artifacts.write_atomically(folder / artifacts.CHAMPION, serialize.dump_json(champion) + "\n")
+    writing.write_atomically(folder / artifacts.CHAMPION, serialize.dump_json(champion) + "\n")
 
 
 def _name(experiment: Experiment, genome: Genome) -> str:
@@ -102,7 +102,7 @@ def _provenance(
     return {
         "experiment": experiment.name,
         "seed": str(experiment.seed),
-        "config_hash": artifacts.config_hash(artifacts.read_config(folder)),
+        "config_hash": configuration.config_hash(configuration.read(folder)),
         "product_version": maker.product_version(),
         "git_revision": maker.git_revision() or "none",
         "generations": str(len(history)),

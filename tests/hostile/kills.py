@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
-from pipeline.run import artifacts, sweep
+from pipeline.run import artifacts, manifests, sweep
 
 SMALL: Final = ("duration_s=600", "optimizer.population_size=12", "optimizer.generations=12",
                 "monte_carlo.num_cases=40", "telemetry.record_training=false")  # fmt: skip
@@ -189,7 +189,7 @@ def differences(folder: Path, other: Path) -> list[str]:
 
 
 def _differences(folder: Path, other: Path) -> list[str]:
-    one, two = (artifacts.read_manifest(place) for place in (folder, other))
+    one, two = (manifests.read(place) for place in (folder, other))
     if one["finished_stages"] != two["finished_stages"]:
         return ["finished_stages"]
     names = sorted({*one["sha256"], *two["sha256"]})

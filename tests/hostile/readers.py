@@ -33,7 +33,7 @@ from pipeline.evaluation.trials import trials
 from pipeline.flight.fly.stepping import NUM_SEEN
 from pipeline.flight.world import surface
 from pipeline.recording.reflight import fly_again
-from pipeline.run import artifacts, sweep, tables
+from pipeline.run import artifacts, configuration, manifests, sweep, tables
 from pipeline.settings import start_table
 from pipeline.settings.experiment import HparamsSearch, Mission
 from pipeline.settings.places import conf_folder, requirements_path
@@ -115,7 +115,7 @@ def _settings(content: bytes, _folder: Path) -> object:
 def _run_folder(content: bytes, folder: Path) -> object:
     (folder / artifacts.CONFIG).write_bytes(content)
     (folder / artifacts.MANIFEST).write_bytes(content)
-    for read in (artifacts.read_config, artifacts.read_manifest):
+    for read in (configuration.read, manifests.read):
         try:
             read(folder)
         except artifacts.ArtifactError:

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from pipeline.command_line.cli import main
-from pipeline.run import artifacts
+from pipeline.run import artifacts, manifests
 from tests.hostile import faults
 from tests.pipeline.command_line.cases import use_stages
 from tests.places import PROJECT
@@ -35,14 +35,14 @@ def alone(tmp_path_factory):
     """A run that nothing befell."""
     folder = tmp_path_factory.mktemp("runs") / "alone"
     assert main(words(folder)) == 0
-    return artifacts.read_manifest(folder)["sha256"]
+    return manifests.read(folder)["sha256"]
 
 
 def goes_on(folder: Path, alone: dict[str, str]) -> None:
     """Go on with a run, or begin it anew where nothing was kept; it ends as one left alone."""
     again = [f"resume={folder}"] if folder.is_dir() and artifacts.holds_run(folder) else words(folder)
     assert main(again) == 0
-    assert artifacts.read_manifest(folder)["sha256"] == alone
+    assert manifests.read(folder)["sha256"] == alone
     assert not list(folder.rglob(".*"))
 
 
@@ -117,7 +117,7 @@ def test_two_first_starts_at_once(alone, tmp_path):
     for process, told in [(process, process.communicate()[1]) for process in both]:
         assert process.returncode == 0 or (process.returncode, "is held by" in told) == (2, True)
     assert 0 in [process.returncode for process in both]
-    assert artifacts.read_manifest(tmp_path / "run")["sha256"] == alone
+    assert manifests.read(tmp_path / "run")["sha256"] == alone
 
 
 def test_a_clock_that_is_set_back(alone, tmp_path, monkeypatch, capsys):

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from pipeline.command_line.cli import main
-from pipeline.run import artifacts
+from pipeline.run import artifacts, configuration, manifests, writing
 from tests.pipeline.command_line.cases import plain_config, use_stages
 
 EVALUATE = ["+experiment=evaluate", "controller=coast"]
@@ -19,7 +19,7 @@ def received(folder: Path, **groups) -> Path:
     config = plain_config() | groups
     if "tracking" in groups:  # the name that the group had in 0.1.0
         del config["logger"]
-    artifacts.write_config(folder, config)
+    configuration.write(folder, config)
     return folder
 
 
@@ -57,18 +57,18 @@ def test_settings_that_no_result_depends_on_change_no_hash():
     plain = plain_config()
     changed = plain | {"engine": {"kind": "dask", "scheduler": "tcp://x:1"}, "logger": {"kind": "none"}}
     changed["monte_carlo"] = plain["monte_carlo"] | {"workers": 7}
-    assert artifacts.config_hash(changed) == artifacts.config_hash(plain)
-    assert artifacts.config_hash(plain | {"seed": 99}) != artifacts.config_hash(plain)
+    assert configuration.config_hash(changed) == configuration.config_hash(plain)
+    assert configuration.config_hash(plain | {"seed": 99}) != configuration.config_hash(plain)
 
 
 def test_a_run_of_a_version_that_hashed_every_key_is_resumed(tmp_path, monkeypatch):
     use_stages(monkeypatch)
     folder = received(tmp_path / "run", engine={"kind": "dask", "processes": 3, "scheduler": "tcp://x:1"})
     assert main([f"resume={folder}"]) == 0
-    manifest = artifacts.read_manifest(folder)
-    whole = json.dumps(artifacts.read_config(folder), sort_keys=True)
+    manifest = manifests.read(folder)
+    whole = json.dumps(configuration.read(folder), sort_keys=True)
     manifest["config_hash"] = hashlib.sha256(whole.encode()).hexdigest()
-    artifacts.write_json(folder / artifacts.MANIFEST, manifest)
+    writing.write_json(folder / artifacts.MANIFEST, manifest)
     assert main([f"resume={folder}"]) == 0
 
 

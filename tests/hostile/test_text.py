@@ -7,7 +7,7 @@ import pytest
 import telemetry
 from fis_tools.formats import serialize
 from fis_tools.plain_text import MISSING_SIGN, plain
-from pipeline.run import artifacts
+from pipeline.run import configuration
 from telemetry.file import metadata
 from tests.fis_tools.sample_controllers import paper_like_controller
 
@@ -50,7 +50,7 @@ def test_what_a_recording_and_a_configuration_say(tmp_path):
         pass
     told = telemetry.read(path).metadata["fis.x"]
     assert told["output_name"] == f"{MISSING_SIGN}[2J"
-    assert artifacts.parse_config(b'{name: "\\e[31m", list: ["\\u202e"]}') == {
+    assert configuration.parse(b'{name: "\\e[31m", list: ["\\u202e"]}') == {
         "name": f"{MISSING_SIGN}[31m",
         "list": [MISSING_SIGN],
     }

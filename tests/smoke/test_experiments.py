@@ -10,7 +10,7 @@ import yaml
 
 import telemetry
 from fis_tools.formats import serialize
-from pipeline.run import artifacts
+from pipeline.run import artifacts, configuration, manifests
 from tests.smoke.command_line import EXPERIMENTS, FEW, MINIATURE, NUM_SAMPLES, PROJECT, run_pipeline
 
 pytestmark = pytest.mark.slow
@@ -60,12 +60,12 @@ def stages_of(experiment: str) -> list[str]:
 
 def test_all_stages_finish_and_the_manifest_knows_every_file(finished):
     experiment, folder = finished
-    manifest = artifacts.read_manifest(folder)
+    manifest = manifests.read(folder)
     assert manifest["finished_stages"] == stages_of(experiment)
     assert manifest["sha256"] == {
         name: artifacts.file_hash(folder / name) for name in artifacts.list_artifacts(folder)
     }
-    assert manifest["config_hash"] == artifacts.config_hash(artifacts.read_config(folder))
+    assert manifest["config_hash"] == configuration.config_hash(configuration.read(folder))
 
 
 def test_each_stage_leaves_its_files(finished):
@@ -103,7 +103,7 @@ def test_evaluations_have_a_row_for_each_case_and_sample(finished):
         assert not (folder / "evaluate").exists()
         return
     assert pq.read_table(folder / artifacts.EPISODES).num_rows == 3
-    period = artifacts.read_config(folder)["control_period_s"]
+    period = configuration.read(folder)["control_period_s"]
     assert pq.read_table(folder / artifacts.TRAJECTORIES).num_rows == 3 * (1 + 600 / period)
     assert artifacts.read_json(folder, artifacts.SUMMARY)["num_cases"] == 3
 

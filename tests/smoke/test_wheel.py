@@ -16,7 +16,7 @@ import pytest
 from packaging.requirements import Requirement
 
 from fis_tools.formats.serialize import load
-from pipeline.run import artifacts, maker
+from pipeline.run import maker, manifests
 from tests.places import PROJECT
 from tests.smoke.command_line import run_module
 
@@ -107,7 +107,7 @@ def test_it_flies_from_any_folder_with_experiments_of_ones_own(wheel, small_whee
     )
     folder = tmp_path / done.stdout.strip()
     assert (folder / "episodes" / "start.mcap").is_file()
-    versions = artifacts.read_manifest(folder)["versions"]
+    versions = manifests.read(folder)["versions"]
     assert versions["product"] == maker.product_version()
     listed = run_module(
         "pipeline", "--help", "--config-dir", "mine", folder=tmp_path, environment=environment

@@ -6,7 +6,7 @@ from typing import Any, Final
 
 from pipeline.evaluation.assurance.formula import Formula, FormulaError, idle_window, parse, unit_of
 from pipeline.evaluation.assurance.quantities import UNITS
-from pipeline.run.artifacts import parse_config
+from pipeline.run import configuration
 from pipeline.settings.keys import choices_of, did_you_mean
 
 SCHEMA: Final = ("requirements", 2)
@@ -111,7 +111,7 @@ def read(text: str, source: str) -> Requirements:
     RequirementError
     """
     try:
-        told = parse_config(text.encode())
+        told = configuration.parse(text.encode())
     except ValueError as error:
         raise RequirementError(f"{source} is no YAML: {' '.join(str(error).split())}") from error
     if not isinstance(told, dict) or (told.get("schema"), told.get("schema_version")) != SCHEMA:

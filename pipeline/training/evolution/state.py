@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from pipeline.array_types import Floats
-from pipeline.run.artifacts import write_atomically
+from pipeline.run.writing import write_atomically
 
 
 @dataclass(frozen=True, kw_only=True)

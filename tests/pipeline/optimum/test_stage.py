@@ -26,7 +26,7 @@ from pipeline.optimum.solved import (
     summarise,
     summarise_times,
 )
-from pipeline.run import artifacts, tables
+from pipeline.run import artifacts, tables, writing
 from pipeline.run.runner import run_stages
 from pipeline.settings.experiment import SettingError
 from tests.pipeline.optimum.cases import composed
@@ -350,7 +350,7 @@ def test_what_no_plan_depends_on_does_not_matter():
 def test_the_reason_is_kept_and_an_older_table_goes(tmp_path):
     run = compose_experiment([*EVALUATE, "duration_s=300"])
     stale = tmp_path / artifacts.BESIDE_OPTIMUM
-    artifacts.write_atomically(stale, b"older")
+    writing.write_atomically(stale, b"older")
     run_stages(run.experiment, run.config, tmp_path)
     told = artifacts.read_json(tmp_path, artifacts.SUMMARY)["optimum"]
     assert told == {"not_compared": "duration_s is 300.0 here, and 3600.0 where the plans were made"}

@@ -12,7 +12,7 @@ from pipeline.command_line.config import Job, compose_experiment
 from pipeline.evaluation.monte_carlo import rank
 from pipeline.flight.cases.dispersions import mission_of_case
 from pipeline.flight.cases.starts import evaluation_scenarios, training_scenarios
-from pipeline.run import artifacts, tables
+from pipeline.run import artifacts, tables, writing
 from pipeline.run.artifacts import ArtifactError
 from pipeline.run.runner import run_stages
 from pipeline.stages import record
@@ -201,7 +201,7 @@ def test_without_an_evaluation_there_is_nothing_to_rank(tmp_path):
 
 
 def test_an_evaluation_of_another_controller_is_refused(tmp_path, finished):
-    artifacts.write_atomically(tmp_path / artifacts.EPISODES, (finished / artifacts.EPISODES).read_bytes())
+    writing.write_atomically(tmp_path / artifacts.EPISODES, (finished / artifacts.EPISODES).read_bytes())
     run = evaluated("controller=coast")
     with pytest.raises(ArtifactError, match=r"says \d+ for .* m/s; .* repeat the stage evaluate"):
         run_stages(run.experiment, run.config, tmp_path, ["record"])

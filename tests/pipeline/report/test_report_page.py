@@ -21,8 +21,9 @@ from pipeline.report import contents
 from pipeline.report.contents import command_of, gather, read_evaluation, tracks_of
 from pipeline.report.page import write
 from pipeline.report.pictures import draw
-from pipeline.run import artifacts, tables
-from pipeline.run.artifacts import SUMMARY, ArtifactError, write_json
+from pipeline.run import artifacts, manifests, tables
+from pipeline.run.artifacts import SUMMARY, ArtifactError
+from pipeline.run.writing import write_json
 from tests.pipeline.report.runs import (
     HOSTILE,
     SECTIONS,
@@ -179,7 +180,7 @@ def test_text_stands_out_from_the_page_in_light_and_dark(trained):
 @pytest.mark.slow
 def test_the_page_says_where_the_run_comes_from(trained):
     folder, experiment, _, page = trained
-    manifest = artifacts.read_manifest(folder)
+    manifest = manifests.read(folder)
     words = page.text["provenance"]
     assert manifest["config_hash"] in words
     assert manifest["versions"]["numpy"] in words
@@ -308,7 +309,7 @@ def test_one_flight_is_reported_alone(tmp_path):
         assert "This run has no" in page.text[section]
     first = (tmp_path / artifacts.REPORT).read_bytes()
     run_of(tmp_path, ("report",), *overrides)
-    assert "report" in artifacts.read_manifest(tmp_path)["finished_stages"]
+    assert "report" in manifests.read(tmp_path)["finished_stages"]
     assert (tmp_path / artifacts.REPORT).read_bytes() == first
 
 

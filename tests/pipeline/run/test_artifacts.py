@@ -14,7 +14,7 @@ import yaml
 
 from fis_tools.errors import ControllerFileError
 from fis_tools.source import read_controller
-from pipeline.run import artifacts, maker, tables
+from pipeline.run import artifacts, configuration, maker, manifests, tables, writing
 from pipeline.run.artifacts import ArtifactError
 from telemetry import RecordingError
 from telemetry.scene import runs
@@ -23,7 +23,7 @@ from tests.pipeline.command_line.cases import plain_config
 
 def test_a_write_that_fails_leaves_the_old_file_and_nothing_else(tmp_path, monkeypatch):
     path = tmp_path / "new" / "file.txt"
-    artifacts.write_atomically(path, "old\r\n")
+    writing.write_atomically(path, "old\r\n")
     assert path.read_bytes() == b"old\r\n"
 
     def fail(*_arguments):
@@ -31,7 +31,7 @@ def test_a_write_that_fails_leaves_the_old_file_and_nothing_else(tmp_path, monke
 
     monkeypatch.setattr("os.replace", fail)
     with pytest.raises(OSError, match="no space left"):
-        artifacts.write_atomically(path, b"new")
+        writing.write_atomically(path, b"new")
     assert [p.name for p in path.parent.iterdir()] == ["file.txt"]
     assert path.read_bytes() == b"old\r\n"
 
@@ -39,22 +39,22 @@ def test_a_write_that_fails_leaves_the_old_file_and_nothing_else(tmp_path, monke
 def test_config_hash_is_that_of_sorted_json_without_hydra():
     config = {"b": [1, 2.5, None], "a": {"y": "ü", "x": True}}
     by_hand = '{"a": {"x": true, "y": "\\u00fc"}, "b": [1, 2.5, null]}'
-    assert artifacts.config_hash(config) == hashlib.sha256(by_hand.encode()).hexdigest()
-    assert artifacts.config_hash({**config, "hydra": {"run": 1}}) == artifacts.config_hash(config)
-    assert artifacts.config_hash({**config, "b": []}) != artifacts.config_hash(config)
+    assert configuration.config_hash(config) == hashlib.sha256(by_hand.encode()).hexdigest()
+    assert configuration.config_hash({**config, "hydra": {"run": 1}}) == configuration.config_hash(config)
+    assert configuration.config_hash({**config, "b": []}) != configuration.config_hash(config)
 
 
 def test_the_written_configuration_reads_back_to_the_same_hash(tmp_path):
     config = plain_config("optimizer.penalty.missed_point_m_s=1e-5", "report.title='Ångström: yes'")
-    artifacts.write_config(tmp_path, config)
-    assert artifacts.read_config(tmp_path) == config
+    configuration.write(tmp_path, config)
+    assert configuration.read(tmp_path) == config
     read = yaml.safe_load((tmp_path / "config.yaml").read_text(encoding="utf-8"))
-    assert artifacts.config_hash(read) == artifacts.config_hash(config)
+    assert configuration.config_hash(read) == configuration.config_hash(config)
 
 
 def test_manifest_accounts_for_finished_files_only(tmp_path):
     config = plain_config("seed=3")
-    artifacts.write_config(tmp_path, config)
+    configuration.write(tmp_path, config)
     for name in (
         "champion.json",
         "train/checkpoint.npz",
@@ -62,13 +62,13 @@ def test_manifest_accounts_for_finished_files_only(tmp_path):
         "episodes/b.mcap.partial",
         ".hydra/x",
     ):
-        artifacts.write_atomically(tmp_path / name, name)
+        writing.write_atomically(tmp_path / name, name)
     (tmp_path / "pipeline.log").write_text("x")
-    artifacts.write_manifest(tmp_path, config, ["scenario"], makers=[maker.present_maker()])
-    manifest = artifacts.read_manifest(tmp_path)
+    manifests.write(tmp_path, config, ["scenario"], makers=[maker.present_maker()])
+    manifest = manifests.read(tmp_path)
     assert set(manifest["sha256"]) == {"config.yaml", "champion.json", "episodes/a.mcap"}
     assert manifest["sha256"]["champion.json"] == hashlib.sha256(b"champion.json").hexdigest()
-    assert manifest["config_hash"] == artifacts.config_hash(config)
+    assert manifest["config_hash"] == configuration.config_hash(config)
     assert (manifest["seed"], manifest["finished_stages"], manifest["name"]) == (3, ["scenario"], "evaluate")
     assert manifest["versions"]["product"] == maker.product_version()
     assert manifest["versions"]["numpy"] != "absent"
@@ -97,7 +97,7 @@ def test_git_revision_is_that_of_the_sources_or_none(tmp_path, monkeypatch):
 )
 def test_reading_what_is_not_there_or_cut(name, content, message, tmp_path):
     if content is not None:
-        artifacts.write_atomically(tmp_path / name, content)
+        writing.write_atomically(tmp_path / name, content)
     with pytest.raises(ArtifactError, match=message):
         artifacts.read_json(tmp_path, name)
 
@@ -115,26 +115,26 @@ def test_configurations_that_are_none(content, message, tmp_path):
     if content is not None:
         (tmp_path / "config.yaml").write_text(content)
     with pytest.raises(ArtifactError, match=message):
-        artifacts.read_config(tmp_path)
+        configuration.read(tmp_path)
 
 
 def test_manifest_of_another_version(tmp_path):
     (tmp_path / "manifest.json").write_text(json.dumps({"manifest_version": 99}))
     with pytest.raises(ArtifactError, match="manifest version 99, this program reads 1 and 2"):
-        artifacts.read_manifest(tmp_path)
+        manifests.read(tmp_path)
 
 
 def test_numbers_that_json_does_not_have_are_refused(tmp_path):
     content = {"seed": 1, "cases": [{"mean": 0.5}, {"mean": float("nan")}]}
     with pytest.raises(ArtifactError, match=r"x\.json is not written, for cases\[1\]\.mean is not finite"):
-        artifacts.write_json(tmp_path / "x.json", content)
+        writing.write_json(tmp_path / "x.json", content)
     assert list(tmp_path.iterdir()) == []
 
 
 def test_a_key_that_is_no_text_is_refused():
     for content in (b"1: 2\na: 3", b"a: [{on: 3}]"):
         with pytest.raises(ValueError, match="is no text; write it in quotes"):
-            artifacts.parse_config(content)
+            configuration.parse(content)
 
 
 def test_columns_come_back_as_they_were(tmp_path: Path) -> None:
@@ -220,7 +220,7 @@ def test_configurations(content, message, tmp_path):
     (tmp_path / artifacts.CONFIG).write_bytes(content)
     tracemalloc.start()
     with pytest.raises(artifacts.ArtifactError, match=message):
-        artifacts.read_config(tmp_path)
+        configuration.read(tmp_path)
     assert tracemalloc.get_traced_memory()[1] < 50e6
     tracemalloc.stop()
 
@@ -229,7 +229,7 @@ def test_deep_manifests(tmp_path):
     (tmp_path / artifacts.CONFIG).write_text("a: 1\n")
     (tmp_path / artifacts.MANIFEST).write_text("[" * 100_000)
     with pytest.raises(artifacts.ArtifactError, match=r"manifest\.json cannot be read"):
-        artifacts.read_manifest(tmp_path)
+        manifests.read(tmp_path)
     with pytest.raises(RecordingError, match=r"manifest\.json cannot be read"):
         runs.file_of(tmp_path, "evaluation_episodes")
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from pipeline.command_line.cli import main
-from pipeline.run import artifacts, runner
+from pipeline.run import artifacts, configuration, manifests, runner
 from pipeline.run.lock import LOCK, HeldError, held
 from pipeline.run.maker import present_maker
 from tests.pipeline.command_line.cases import use_stages
@@ -35,7 +35,7 @@ def folder(tmp_path, monkeypatch):
 
 
 def test_a_run_that_another_maker_goes_on_with_names_both(folder, monkeypatch, capsys):
-    first = artifacts.read_manifest(folder)
+    first = manifests.read(folder)
     assert first["made_by"] == {"scenario": [0], "evaluate": [0]}
     capsys.readouterr()
     use_stages(monkeypatch)
@@ -45,7 +45,7 @@ def test_a_run_that_another_maker_goes_on_with_names_both(folder, monkeypatch, c
     assert (
         "note: another maker began this run (other sources); what is made now may" in capsys.readouterr().err
     )
-    manifest = artifacts.read_manifest(folder)
+    manifest = manifests.read(folder)
     assert manifest["makers"] == [*first["makers"], other]
     assert manifest["made_by"] == {"scenario": [0], "evaluate": [0, 1], "record": [1], "report": [1]}
 
@@ -55,7 +55,7 @@ def test_the_same_maker_is_named_once_and_nothing_is_told(folder, monkeypatch, c
     capsys.readouterr()
     assert main([f"resume={folder}"]) == 0
     assert "another maker" not in capsys.readouterr().err
-    manifest = artifacts.read_manifest(folder)
+    manifest = manifests.read(folder)
     assert len(manifest["makers"]) == 1
     assert set(manifest["makers"][0]["processor"]) == {
         *("machine", "compiled_for", "features", "libm", "numpy", "blas", "reproducible")
@@ -73,7 +73,7 @@ def test_a_run_of_a_version_without_makers_keeps_what_it_told(folder, monkeypatc
     capsys.readouterr()
     assert main([f"resume={folder}"]) == 0
     assert "(numpy 1.0, now " in capsys.readouterr().err
-    assert artifacts.read_manifest(folder)["makers"][0]["versions"]["numpy"] == "1.0"
+    assert manifests.read(folder)["makers"][0]["versions"]["numpy"] == "1.0"
 
 
 def test_verify_tells_each_file_that_is_not_what_was_written(folder, monkeypatch, capsys):
@@ -105,8 +105,8 @@ def test_two_runs_are_compared_with_what_may_make_them_differ(folder, tmp_path, 
     manifest["makers"][0]["processor"] |= {"libm": "glibc 2.99 with fma", "compiled_for": "znver9"}
     manifest["sha256"] |= {"evaluate.txt": "0", "more.txt": "0"}
     (other / artifacts.MANIFEST).write_text(json.dumps(manifest))
-    config = artifacts.read_config(other)
-    artifacts.write_config(other, {**config, "seed": 5})
+    config = configuration.read(other)
+    configuration.write(other, {**config, "seed": 5})
     assert main(["verify", str(folder), str(other)]) == 1
     libm = present_maker()["processor"]["libm"]
     assert capsys.readouterr().out.splitlines() == [
@@ -180,8 +180,8 @@ def test_a_second_run_of_another_seed_leaves_the_first_ones_results_alone(tmp_pa
     assert main([*FLY, "seed=1", f"hydra.run.dir={folder}"]) == 0
     assert codes == [2, 2]
     assert f"is held by process {os.getpid()} on" in capsys.readouterr().err
-    assert artifacts.read_config(folder)["seed"] == 1
-    assert artifacts.read_manifest(folder)["seed"] == 1
+    assert configuration.read(folder)["seed"] == 1
+    assert manifests.read(folder)["seed"] == 1
 
 
 @pytest.mark.parametrize("resumed", [True, False])
@@ -190,10 +190,10 @@ def test_a_run_killed_before_its_manifest_goes_on_or_begins_anew(resumed, tmp_pa
     folder = tmp_path / "run"
     words = [*FLY, "seed=4", f"hydra.run.dir={folder}"]
     with monkeypatch.context() as patched:
-        patched.setattr(artifacts, "write_manifest", lambda *_, **__: (_ for _ in ()).throw(SystemExit(9)))
+        patched.setattr(manifests, "write", lambda *_, **__: (_ for _ in ()).throw(SystemExit(9)))
         with pytest.raises(SystemExit):
             main(words)
     assert [path.name for path in folder.iterdir()] == [artifacts.CONFIG]
     assert main([f"resume={folder}"] if resumed else words) == 0
     assert [(name, e.seed) for name, e, _ in called] == [("record", 4)]
-    assert artifacts.read_manifest(folder)["finished_stages"] == ["record"]
+    assert manifests.read(folder)["finished_stages"] == ["record"]

@@ -9,7 +9,7 @@ import pytest
 
 from pipeline.command_line.cli import main
 from pipeline.command_line.config import compose_experiment
-from pipeline.run import artifacts, maker
+from pipeline.run import maker, manifests
 from pipeline.run.runner import run_stages
 from tests.places import PROJECT
 
@@ -60,7 +60,7 @@ def test_a_run_starts_anew_with_what_it_asks_of_libraries(tmp_path):
     command = [sys.executable, "-m", "pipeline", *WORDS, f"hydra.run.dir={tmp_path / 'run'}"]
     done = subprocess.run(command, cwd=PROJECT, capture_output=True, text=True, check=True)  # noqa: S603
     assert done.stderr.count("run folder:") == 1
-    processor = artifacts.read_manifest(tmp_path / "run")["makers"][0]["processor"]
+    processor = manifests.read(tmp_path / "run")["makers"][0]["processor"]
     assert processor["reproducible"] is True
     assert (processor["numpy"], processor["blas"]) == ("baseline", "Nehalem x1")
     assert processor["libm"].endswith("without fma")

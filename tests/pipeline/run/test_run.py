@@ -9,7 +9,7 @@ import yaml
 
 from pipeline.command_line.cli import main
 from pipeline.evaluation.monte_carlo import summarise
-from pipeline.run import artifacts, sweep, tables
+from pipeline.run import artifacts, configuration, manifests, sweep, tables, writing
 from tests.pipeline.command_line.cases import use_stages
 from tests.pipeline.evaluation.test_statistics import evaluation
 
@@ -82,7 +82,7 @@ def test_experiments_of_the_users(monkeypatch, tmp_path):
 @pytest.mark.slow
 def test_an_interrupt_says_what_was_kept_and_resume_goes_on(monkeypatch, capsys):
     def stop(_experiment, folder):
-        artifacts.write_atomically(folder / artifacts.CHECKPOINT, "state")
+        writing.write_atomically(folder / artifacts.CHECKPOINT, "state")
         raise KeyboardInterrupt
 
     use_stages(monkeypatch, evaluate=stop)
@@ -142,7 +142,7 @@ def test_a_stage_is_repeated_on_an_earlier_runs_files(base, monkeypatch):
     assert not called[0][1].resume
     assert (folder / "report.txt").read_text() == "again"
     assert (folder / "config.yaml").read_text() == before
-    manifest = artifacts.read_manifest(folder)
+    manifest = manifests.read(folder)
     assert manifest["finished_stages"] == STAGES
     assert manifest["sha256"]["report.txt"] == artifacts.file_hash(folder / "report.txt")
 
@@ -153,7 +153,7 @@ def test_repeating_an_early_stage_leaves_the_later_ones_to_do(monkeypatch):
     main(EVALUATE)
     folder = run_folder("evaluate")
     main(["stages=[evaluate]", f"hydra.run.dir={folder}"])
-    assert artifacts.read_manifest(folder)["finished_stages"] == ["scenario", "evaluate"]
+    assert manifests.read(folder)["finished_stages"] == ["scenario", "evaluate"]
     called = use_stages(monkeypatch)
     main([f"resume={folder}"])
     assert [name for name, _, _ in called] == ["record", "report"]
@@ -168,7 +168,7 @@ def test_a_repeated_stage_may_have_its_own_settings_but_no_others(monkeypatch, c
     again = [*EVALUATE, "stages=[report]", f"hydra.run.dir={folder}"]
     assert main([*again, "report.dots_per_inch=300"]) == 0
     assert called[0][1].report.dots_per_inch == 300
-    assert artifacts.read_config(folder)["stages"] == STAGES
+    assert configuration.read(folder)["stages"] == STAGES
     assert main([*again, "report.dots_per_inch=300", "seed=2"]) == 2
     assert "was made with another seed" in capsys.readouterr().err
     assert main([*EVALUATE, f"hydra.run.dir={folder}"]) == 2
@@ -233,7 +233,7 @@ def test_an_error_in_a_stage_is_told_and_logged(error, monkeypatch, capsys):
     assert f"error: {error}" in told
     assert "Traceback" not in told
     assert "Traceback" in (run_folder("fly") / "pipeline.log").read_text()
-    assert artifacts.read_manifest(run_folder("fly"))["finished_stages"] == []
+    assert manifests.read(run_folder("fly"))["finished_stages"] == []
 
 
 @pytest.mark.slow
@@ -282,7 +282,7 @@ def evaluate(experiment, folder):
     tables.write_parquet(folder / artifacts.EPISODES, episodes)
     names = {"mean_distance_m": np.ones(40)}
     summary = {"confidence_percent": 95.0, "num_cases": 40, **summarise({**episodes, **names}, 95.0)}
-    artifacts.write_json(folder / artifacts.SUMMARY, summary)
+    writing.write_json(folder / artifacts.SUMMARY, summary)
 
 
 def key_of(experiment):
@@ -325,7 +325,7 @@ def test_a_sweep_with_injected_failures_is_summarised(monkeypatch, capsys):
     assert "16 of 16 runs are done" in capsys.readouterr().err
     known = sweep.read(OUT)
     assert [run.failure for run in known] == [""] * 16
-    assert artifacts.read_manifest(OUT / known[0].folder)["command"] == list(known[0].command)
+    assert manifests.read(OUT / known[0].folder)["command"] == list(known[0].command)
     assert main(["resume=out"]) == 0
     assert "nothing is left to do: all 16 runs are finished" in capsys.readouterr().err
 

@@ -4,7 +4,7 @@ from functools import cache
 from pathlib import Path
 
 from pipeline.command_line.config import Job, compose_experiment
-from pipeline.run import artifacts
+from pipeline.run import configuration
 
 MINIATURE = (
     "optimizer.population_size=6",
@@ -24,5 +24,5 @@ def composed(*overrides: str, experiment: str = "train") -> Job:
 def prepared(folder: Path, *overrides: str, experiment: str = "train") -> Job:
     """A run's folder as the stages find it, and what they are to do there."""
     run = composed(*overrides, experiment=experiment)
-    artifacts.write_config(folder, run.config)
+    configuration.write(folder, run.config)
     return run

@@ -12,7 +12,7 @@ from fis_tools.analysis.domain import from_mapping
 from pipeline.command_line.cli import main
 from pipeline.evaluation.assurance.judgement import judge
 from pipeline.report.evidence import write
-from pipeline.run import artifacts
+from pipeline.run import artifacts, manifests
 from tests.browser import serious_violations
 from tests.policies import check_policy, source_hash
 
@@ -117,7 +117,7 @@ def test_hashes_are_those_of_the_files(assured, evidence):
     assert {artifacts.REQUIREMENTS, artifacts.ASSURED_CASES, artifacts.DOMAIN} < set(evidence["sha256"])
     for name, digest in evidence["sha256"].items():
         assert hashlib.sha256((assured / name).read_bytes()).hexdigest() == digest
-    assert artifacts.EVIDENCE_PAGE in artifacts.read_manifest(assured)["sha256"]
+    assert artifacts.EVIDENCE_PAGE in manifests.read(assured)["sha256"]
 
 
 def test_the_page_is_what_the_data_says_and_needs_nothing_else(assured, evidence):

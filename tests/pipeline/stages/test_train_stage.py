@@ -23,7 +23,7 @@ from pipeline.flight.cases.starts import (
 )
 from pipeline.flight.control.controller import ControllerError, from_fuzzy
 from pipeline.flight.fly.simulation import fly_all
-from pipeline.run import artifacts
+from pipeline.run import artifacts, configuration, writing
 from pipeline.stages import record, train
 from pipeline.training import judging
 from pipeline.training.fitness import costs
@@ -110,7 +110,7 @@ def test_the_champion_is_the_last_genome_and_says_where_it_comes_from(trained):
     provenance = dict(champion.provenance)
     assert provenance["experiment"] == "train"
     assert provenance["seed"] == "1"
-    assert provenance["config_hash"] == artifacts.config_hash(run.config)
+    assert provenance["config_hash"] == configuration.config_hash(run.config)
     assert float(provenance["training_fitness"]) == logbook(folder)[-1]["best"]
     assert (provenance["generations"], provenance["interrupted"]) == ("4", "false")
 
@@ -247,15 +247,15 @@ class Disk:
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, num_files: int):
         self.room = num_files
-        self.write = artifacts.beside
-        monkeypatch.setattr(artifacts, "beside", self.beside)
+        self.write = writing.beside
+        monkeypatch.setattr(writing, "beside", self.beside)
         monkeypatch.setattr(train, "WRITE_EVERY_S", 0.0)
 
     @contextmanager
     def beside(self, path: Path) -> Iterator[BinaryIO]:
         self.room -= 1
         if self.room < 0:
-            raise artifacts.WriteError(f"{path} cannot be written: {STOPPED}")
+            raise writing.WriteError(f"{path} cannot be written: {STOPPED}")
         with self.write(path) as stream:
             yield stream
 
@@ -266,7 +266,7 @@ def test_training_goes_on_once_there_is_room(trained, tmp_path, monkeypatch, num
     run = prepared(tmp_path).experiment
     with monkeypatch.context() as patched:
         Disk(patched, num_files)
-        with pytest.raises(artifacts.WriteError, match=STOPPED):
+        with pytest.raises(writing.WriteError, match=STOPPED):
             train.run(run, tmp_path)
     assert not (tmp_path / artifacts.CHAMPION).exists()
     assert not list(tmp_path.rglob("*.partial")) + list(tmp_path.glob("train/.*"))
@@ -277,7 +277,7 @@ def test_training_goes_on_once_there_is_room(trained, tmp_path, monkeypatch, num
 def test_before_the_first_generation_the_file_is_named(tmp_path, monkeypatch):
     run = prepared(tmp_path).experiment
     Disk(monkeypatch, 0)
-    with pytest.raises(artifacts.WriteError, match=rf"{artifacts.CHECKPOINT} cannot be written: {STOPPED}"):
+    with pytest.raises(writing.WriteError, match=rf"{artifacts.CHECKPOINT} cannot be written: {STOPPED}"):
         train.run(run, tmp_path)
     assert not (tmp_path / artifacts.CHAMPION).exists()
 

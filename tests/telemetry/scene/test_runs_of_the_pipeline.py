@@ -9,7 +9,7 @@ import pytest
 
 from fis_tools import source
 from pipeline.command_line.config import Job
-from pipeline.run import artifacts
+from pipeline.run import artifacts, manifests, writing
 from pipeline.run.runner import scene_of
 from pipeline.stages import evaluate, train
 from telemetry.scene import campaign, runs, viewer
@@ -26,9 +26,9 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> tuple[Job, Path]:
 
 
 def test_both_call_the_files_the_same() -> None:
-    assert {role: artifacts.ROLES[role] for role in runs.FILES} == runs.FILES
+    assert {role: manifests.ROLES[role] for role in runs.FILES} == runs.FILES
     assert (runs.MANIFEST, source.MANIFEST) == (artifacts.MANIFEST,) * 2
-    assert artifacts.ROLES["champion"] == source.CHAMPION
+    assert manifests.ROLES["champion"] == source.CHAMPION
 
 
 def test_files_and_scene_are_what_the_manifest_says(run: tuple[Job, Path], tmp_path: Path) -> None:
@@ -39,16 +39,16 @@ def test_files_and_scene_are_what_the_manifest_says(run: tuple[Job, Path], tmp_p
     (moved / artifacts.CONFIG).unlink(missing_ok=True)
     (moved / artifacts.CHAMPION).rename(moved / "best.json")
     scene = scene_of(replace(composed.experiment.mission, control_period_s=20.0))
-    artifacts.write_manifest(moved, composed.config, [], scene=scene)
+    manifests.write(moved, composed.config, [], scene=scene)
     named = {
         "evaluation_trajectories": "evaluate/paths.parquet",
         "evaluation_episodes": "evaluate/ends.parquet",
         "champion": "best.json",
     }
     told = json.loads((moved / artifacts.MANIFEST).read_text())
-    assert told["files"].items() >= artifacts.ROLES.items()
+    assert told["files"].items() >= manifests.ROLES.items()
     told["files"] |= named
-    artifacts.write_json(moved / artifacts.MANIFEST, told)
+    writing.write_json(moved / artifacts.MANIFEST, told)
     evaluation = runs.read_evaluation(moved)
     assert evaluation.surroundings.sample_period_s == 20.0
     assert evaluation.surroundings.chief_radius_m == composed.experiment.mission.chief.inspection_radius_m

@@ -1,0 +1,125 @@
+"""The resolved configuration that a run keeps: plain data as YAML, and the hash of what results depend on."""
+
+import hashlib
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Final
+
+import yaml
+
+from fis_tools.plain_text import plain
+from pipeline.run.artifacts import CONFIG, ArtifactError, require
+from pipeline.run.writing import write_atomically
+from pipeline.settings.schema import only_results
+
+#: limits of a configuration that is read: bytes, and nesting levels of groups and lists
+MOST_CONFIG_BYTES: Final = 2 * 1024 * 1024
+MOST_DEEP: Final = 64
+
+
+def config_hash(config: Mapping[str, Any]) -> str:
+    """Hash what the results of a resolved configuration depend on.
+
+    Parameters
+    ----------
+    config : mapping
+        Plain data. Settings that no result depends on do not count, nor does its part ``hydra``, which only
+        sets output folders.
+
+    Returns
+    -------
+    str
+        SHA-256 of ``json.dumps(config, sort_keys=True)``, 64 hexadecimal digits.
+    """
+    return _hash_of(only_results(config))
+
+
+def _hash_of(config: Mapping[str, Any]) -> str:
+    counted = {key: value for key, value in config.items() if key != "hydra"}
+    return hashlib.sha256(json.dumps(counted, sort_keys=True).encode()).hexdigest()
+
+
+def is_of(config: Mapping[str, Any], manifest: Mapping[str, Any]) -> bool:
+    """Return whether a manifest is of a run with a configuration; earlier versions hashed every key."""
+    return manifest["config_hash"] in (config_hash(config), _hash_of(config))
+
+
+def text(config: Mapping[str, Any]) -> str:
+    """Write a resolved configuration as YAML that reads back to the same data."""
+    dumper = getattr(yaml, "CSafeDumper", yaml.SafeDumper)  # the first is ten times as fast
+    return str(
+        yaml.dump(
+            dict(config),
+            Dumper=dumper,
+            sort_keys=False,
+            allow_unicode=True,
+            default_flow_style=None,
+            width=110,
+        )
+    )
+
+
+def _check_events(content: bytes, loader: Any) -> None:
+    """Raise ValueError for aliases, by which a page of text grows to gigabytes, and excessive nesting."""
+    depth = 0
+    for event in yaml.parse(content, loader):
+        if isinstance(event, yaml.AliasEvent):
+            raise ValueError("it has an alias (*), and none is written")
+        depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
+        if depth > MOST_DEEP:
+            raise ValueError(f"it is nested more than {MOST_DEEP} deep")
+
+
+def parse(content: bytes) -> Any:
+    """Turn the output of `text`, or anything else, into plain data.
+
+    Raises
+    ------
+    ValueError
+        If it is larger, deeper or of another kind than `text` writes.
+    """
+    if len(content) > MOST_CONFIG_BYTES:
+        raise ValueError(f"it has {len(content)} bytes, and at most {MOST_CONFIG_BYTES} are read")
+    loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # the first is ten times as fast
+    try:
+        _check_events(content, loader)
+        found = plain(yaml.load(content, loader))  # noqa: S506 - a safe one
+    except yaml.YAMLError as error:
+        raise ValueError(str(error)) from error
+    _check_keys(found)
+    return found
+
+
+def _check_keys(value: Any) -> None:
+    """Raise ValueError for a key that is no text: JSON, and with it the hash, knows no other."""
+    for key in value if isinstance(value, dict) else ():
+        if not isinstance(key, str):
+            raise ValueError(f"the key {key!r} is no text; write it in quotes")
+    for one in value.values() if isinstance(value, dict) else value if isinstance(value, list) else ():
+        _check_keys(one)
+
+
+def write(folder: Path, config: Mapping[str, Any]) -> None:
+    """Write a resolved configuration into a run's folder, see `text`."""
+    write_atomically(folder / CONFIG, text(config))
+
+
+def read(folder: Path) -> dict[str, Any]:
+    """Read the configuration of a run as it is stored.
+
+    Raises
+    ------
+    ArtifactError
+        If the folder contains no run, or its configuration cannot be read.
+    """
+    if not folder.is_dir():
+        raise ArtifactError(f"{folder} is no folder; give the folder of a run, outputs/NAME/TIME")
+    path = require(folder, CONFIG)
+    try:
+        config = parse(path.read_bytes())
+    except (OSError, ValueError) as error:
+        raise ArtifactError(f"{path} cannot be read ({error})") from error
+    if not isinstance(config, dict):
+        raise ArtifactError(f"{path} holds no configuration; it must be a mapping of keys to values")
+    return config

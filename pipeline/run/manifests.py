@@ -1,0 +1,132 @@
+"""The manifest of a run: what its files come from.
+
+It holds the hash of the run's configuration, software and hardware (`pipeline.run.maker`), the seed, the
+finished stages, and the SHA-256 of each file. For programs that know nothing of this one, it also says which
+file has which role (`ROLES`) and gives the scene of its flights (`docs/reference/run-folder.md`).
+"""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+from pipeline.run import artifacts
+from pipeline.run.artifacts import MANIFEST, ArtifactError
+from pipeline.run.configuration import config_hash
+from pipeline.run.writing import write_json
+
+#: 2 added the roles of files, the scene and the command; runs of version 1 are read and resumed
+MANIFEST_VERSION: Final = 2
+VERSIONS_READ: Final = (1, 2)
+
+#: the files that other programs look for in a run's folder, by these names in the manifest
+ROLES: Final[Mapping[str, str]] = {
+    "configuration": artifacts.CONFIG,
+    "champion": artifacts.CHAMPION,
+    "training_history": artifacts.HISTORY,
+    "evaluation_episodes": artifacts.EPISODES,
+    "evaluation_trajectories": artifacts.TRAJECTORIES,
+    "recordings": artifacts.RECORDINGS,
+}
+
+#: the shape of a manifest, see `fits`; those of earlier versions may lack all but `MANIFEST_NEEDS`
+MANIFEST_SHAPE: Final[Mapping[Any, Any]] = {
+    "config_hash": str,
+    "finished_stages": [str],
+    "sha256": {str: str},
+    "makers": [{"versions": {str: str}, "processor": dict}],
+    "made_by": {str: [int]},
+    "command": [str],
+    "files": {str: str},
+    "versions": {str: str},
+}
+MANIFEST_NEEDS: Final = ("config_hash", "finished_stages")
+
+
+def write(
+    folder: Path,
+    config: Mapping[str, Any],
+    finished: Sequence[str],
+    *,
+    command: Sequence[str] = (),
+    scene: Mapping[str, float] | None = None,
+    makers: Sequence[Mapping[str, Any]] = (),
+    made_by: Mapping[str, Sequence[int]] | None = None,
+    controller_edited: str | None = None,
+) -> None:
+    """Write the manifest of a run.
+
+    Parameters
+    ----------
+    folder : Path
+        The run's.
+    config : mapping
+        Resolved, plain data.
+    finished : sequence of str
+        The finished stages.
+    command : sequence of str
+        The arguments with which the run was started, after ``python -m pipeline``.
+    scene : mapping of str to float, optional
+        Parameters for plotting its flights: ``sample_period_s``, ``min_distance_m`` and ``max_distance_m``
+        (limits), ``threshold_percent`` (of a success), ``chief_radius_m``.
+    makers : sequence of mapping
+        All that have worked on the run, see `pipeline.run.maker`; the last is the present one.
+    made_by : mapping of str to sequence of int, optional
+        For each stage that was begun, the indices of its makers.
+    controller_edited : str, optional
+        How the configured controller differs from what its provenance tells of.
+    """
+    manifest: dict[str, Any] = {
+        "manifest_version": MANIFEST_VERSION,
+        "name": config["name"],
+        "config_hash": config_hash(config),
+        "seed": config["seed"],
+        "command": list(command),
+        "finished_stages": list(finished),
+        "files": dict(ROLES),
+        "scene": dict(scene or {}),
+        "versions": makers[-1]["versions"] if makers else {},
+        "makers": [dict(maker) for maker in makers],
+        "made_by": {stage: list(indices) for stage, indices in (made_by or {}).items()},
+    }
+    if controller_edited is not None:
+        manifest["controller_edited"] = controller_edited
+    if makers and (revision := makers[-1]["git_revision"]):
+        manifest["git_revision"] = revision
+    manifest["sha256"] = {
+        name: artifacts.file_hash(folder / name) for name in artifacts.list_artifacts(folder)
+    }
+    write_json(folder / MANIFEST, manifest)
+
+
+def fits(value: Any, shape: Any) -> bool:
+    """Return whether plain data is of a shape: a type, ``[shape]``, ``{str: shape}``, or named keys."""
+    if isinstance(shape, list):
+        return isinstance(value, list) and all(fits(one, shape[0]) for one in value)
+    if isinstance(shape, Mapping):
+        return isinstance(value, Mapping) and all(
+            fits(one, shape.get(key, shape.get(str, object))) for key, one in value.items()
+        )
+    return isinstance(value, shape)
+
+
+def read(folder: Path) -> dict[str, Any]:
+    """Read the manifest of a run.
+
+    Raises
+    ------
+    ArtifactError
+        If it is missing, cannot be read, is of another version or lacks a key that is read.
+    """
+    manifest = artifacts.read_json(folder, MANIFEST)
+    version = manifest.get("manifest_version") if isinstance(manifest, dict) else None
+    if version not in VERSIONS_READ:
+        raise ArtifactError(
+            f"{folder / MANIFEST} has manifest version {version}, this program reads "
+            f"{' and '.join(map(str, VERSIONS_READ))}; use the program that made the run"
+        )
+    for name, shape in MANIFEST_SHAPE.items():
+        if not (fits(manifest[name], shape) if name in manifest else name not in MANIFEST_NEEDS):
+            raise ArtifactError(
+                f"{folder / MANIFEST} is damaged, it has no proper {name}; restore it, or start a new run"
+            )
+    return dict(manifest)

@@ -1,0 +1,107 @@
+"""Files of a run that are written whole or not at all."""
+
+import json
+import math
+import os
+import secrets
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, BinaryIO, Final
+
+from pipeline.run.artifacts import CONFIG, ArtifactError
+
+#: suffix of the hidden name of a file while it is written
+UNFINISHED: Final = ".unfinished"
+
+
+class WriteError(OSError):
+    """A file of a run that could not be written; the one it was to replace is unchanged."""
+
+
+def write_atomically(path: Path, content: bytes | str) -> None:
+    """Write a file atomically: at every moment either the old or the new content is there, never a part.
+
+    Parameters
+    ----------
+    path : Path
+        Its folder is made if missing.
+    content : bytes or str
+        Text is written as UTF-8 with its line ends unchanged.
+
+    Raises
+    ------
+    WriteError
+        If the disk is full, or the folder may not be written to.
+    """
+    with beside(path) as stream:
+        stream.write(content.encode() if isinstance(content, str) else content)
+
+
+@contextmanager
+def beside(path: Path) -> Iterator[BinaryIO]:
+    """Yield a file beside a path that takes its place once it is whole and safely on disk.
+
+    Raises
+    ------
+    WriteError
+        As `write_atomically`.
+    """
+    name = path.with_name(f".{path.name}.{secrets.token_hex(4)}{UNFINISHED}")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with name.open("xb") as stream:
+            yield stream
+            stream.flush()
+            os.fsync(stream.fileno())
+        name.replace(path)
+    except OSError as error:
+        raise WriteError(
+            f"{path} cannot be written: {error.strerror or error}; make room, or choose a folder that may be "
+            "written to"
+        ) from error
+    finally:
+        name.unlink(missing_ok=True)
+
+
+def drop_unfinished(folder: Path) -> None:
+    """Remove the files that a process was writing when it was killed; no other process may be at work there.
+
+    Those of runs inside it, where others may be at work, stay: each run removes its own.
+    """
+    for path in folder.rglob(f".*{UNFINISHED}"):
+        inner = [parent for parent in path.parents if folder in parent.parents]
+        if not any((parent / CONFIG).exists() for parent in inner):
+            path.unlink(missing_ok=True)
+
+
+def write_json(path: Path, content: Any) -> None:
+    """Write plain data as JSON.
+
+    Raises
+    ------
+    ArtifactError
+        If a number is not finite, which JSON cannot hold.
+    WriteError
+        See `write_atomically`.
+    """
+    try:
+        text = json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False)
+    except ValueError as error:
+        key = next(_not_finite(content), "a number")
+        raise ArtifactError(
+            f"{path} is not written, for {key} is not finite; settings or files that were read make no sense"
+        ) from error
+    write_atomically(path, text + "\n")
+
+
+def _not_finite(content: Any, key: str = "") -> Iterator[str]:
+    """Yield the keys of the numbers that JSON cannot hold."""
+    if isinstance(content, float) and not math.isfinite(content):
+        yield key
+    elif isinstance(content, Mapping):
+        for name, value in content.items():
+            yield from _not_finite(value, f"{key}.{name}".lstrip("."))
+    elif isinstance(content, list | tuple):
+        for index, value in enumerate(content):
+            yield from _not_finite(value, f"{key}[{index}]")
