@@ -62,10 +62,8 @@ class ManyFlights:
             self._before = list(self._cases.fly(self._original))
         try:
             for before, after in zip(self._before, self._cases.fly(controller), strict=True):
-                is_shown = before in (
-                    self._before[0],
-                    self._before[-1],
-                )  # a touch may come between
+                # parts that are not shown let a touch come between
+                is_shown = before in (self._before[0], self._before[-1])
                 yield self._told(controller, before, after) if is_shown else lambda: None
         except ValueError as refused:
             yield partial(tell, self._numbers, innerHTML=html.element("p", str(refused), class_="worse"))
