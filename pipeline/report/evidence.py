@@ -56,7 +56,7 @@ def document(evidence: Mapping[str, Any], tube: Illustration | None = None) -> D
     told, conditions = evidence["requirements"], evidence["conditions"]
     errors = [word for word in uncertain(conditions) if word != "Sun"]
     run = (
-        f"Requirements {evidence['name']}; {conditions['num_cases']:,} cases, seed {conditions['seed']}, Sun "
+        f"Requirements \"{evidence['name']}\"; {conditions['num_cases']:,} cases, seed {conditions['seed']}, Sun "
         f"{conditions['sun']}, safety {conditions['safety']}{', with ' if errors else ''}{', '.join(errors)}."
     )
     drawn = element("figcaption", _DRAWN)

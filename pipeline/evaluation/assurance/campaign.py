@@ -326,7 +326,7 @@ class Speed:
         """The comparison in words, without a full stop."""
         told = f"{self.num_found} of {self.num_searches} searches find a failure"
         if self.flights_per_find is not None:
-            told += f", one in {self.flights_per_find:,.0f} flights"
+            told += f", one flight in {self.flights_per_find:,.0f}"
         if self.random_flights_per_find is None:
             return f"{told}; at random there is none"
         told += f"; at random one in {self.random_flights_per_find:,.0f}"

@@ -250,7 +250,7 @@ def test_speed_counts_flights_until_the_first_failure():
     assert (told.num_found, told.flights_per_find, told.random_flights_per_find) == (2, 4.0, 100.0)
     assert told.ratio == 25.0
     assert told.sentence == (
-        "2 of 3 searches find a failure, one in 4 flights; at random one in 100: 25.0 times as many"
+        "2 of 3 searches find a failure, one flight in 4; at random one in 100: 25.0 times as many"
     )
     assert speed([found([1])], random).ratio is None
 
