@@ -91,7 +91,7 @@ def lead(evidence: Mapping[str, Any]) -> str:
     first, *others = told
     rest = [
         f"{', '.join(one['id'] for one in others if one['verdict'] == word)}: {said}"
-        for word, said in zip(verdicts, ("refuted", "open", "shown, each as it is worded below"), strict=True)
+        for word, said in zip(verdicts, ("refuted", "not shown", "shown, each as it is worded below"), strict=True)
         if any(one["verdict"] == word for one in others)
     ]
     return f"{first['id']}, {first['severity']}. {first['sentence']}" + (
