@@ -72,7 +72,7 @@ def _top(evidence: Mapping[str, Any]) -> list[Markup]:
     moving = f"at up to {speed:.3g} m/s" if speed else "at rest"
     verdicts = [one["verdict"] for one in evidence["requirements"]]
     overall = next((word for word in ("refuted", "not shown") if word in verdicts), "shown")
-    claim = f"{evidence['controller']['name']} meets the requirements \"{evidence['name']}\""
+    claim = f'{evidence["controller"]["name"]} meets the requirements "{evidence["name"]}"'
     standing = "stands as its goals do, each for its share" if overall == "shown" else overall
     worlds = [
         f"C1: starts {moving}, {near:.3g} to {far:.3g} m away, Sun {conditions['sun']}, "

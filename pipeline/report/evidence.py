@@ -56,8 +56,8 @@ def document(evidence: Mapping[str, Any], tube: Illustration | None = None) -> D
     told, conditions = evidence["requirements"], evidence["conditions"]
     errors = [word for word in uncertain(conditions) if word != "Sun"]
     run = (
-        f"Requirements \"{evidence['name']}\"; {conditions['num_cases']:,} cases, seed {conditions['seed']}, Sun "
-        f"{conditions['sun']}, safety {conditions['safety']}{', with ' if errors else ''}{', '.join(errors)}."
+        f'Requirements "{evidence["name"]}"; {conditions["num_cases"]:,} cases, seed {conditions["seed"]}, '
+        f"Sun {conditions['sun']}, safety {conditions['safety']}{', with ' if errors else ''}{', '.join(errors)}."
     )
     drawn = element("figcaption", _DRAWN)
     blocks: list[Block] = [
@@ -90,9 +90,9 @@ def lead(evidence: Mapping[str, Any]) -> str:
     )
     first, *others = told
     rest = [
-        f"{', '.join(one['id'] for one in others if one['verdict'] == word)}: {said}"
-        for word, said in zip(verdicts, ("refuted", "not shown", "shown, each as it is worded below"), strict=True)
-        if any(one["verdict"] == word for one in others)
+        f"{', '.join(ids)}: {word}" + (", each as it is worded below" if word == "shown" else "")
+        for word in verdicts
+        if (ids := [one["id"] for one in others if one["verdict"] == word])
     ]
     return f"{first['id']}, {first['severity']}. {first['sentence']}" + (
         f" The others: {'; '.join(rest)}." if rest else ""
