@@ -54,10 +54,10 @@ def write(evidence: Mapping[str, Any], tube: Illustration | None = None) -> str:
 def document(evidence: Mapping[str, Any], tube: Illustration | None = None) -> Document:
     """Return evidence as a document; see `write`."""
     told, conditions = evidence["requirements"], evidence["conditions"]
-    errors = [word for word in uncertain(conditions) if word != "Sun"]
+    errors = ", ".join(word for word in uncertain(conditions) if word != "Sun")
     run = (
         f'Requirements "{evidence["name"]}"; {conditions["num_cases"]:,} cases, seed {conditions["seed"]}, '
-        f"Sun {conditions['sun']}, safety {conditions['safety']}{', with ' if errors else ''}{', '.join(errors)}."
+        f"Sun {conditions['sun']}, safety {conditions['safety']}{errors and f', with {errors}'}."
     )
     drawn = element("figcaption", _DRAWN)
     blocks: list[Block] = [
