@@ -1,4 +1,4 @@
-"""Check a proof: ``python -m pipeline.proof.check FOLDER``, a run's folder with ``prove/`` in it.
+"""Check a proof: ``python -m pipeline.proof.check [FOLDER]``, of a run with ``prove/`` in it.
 
 Shares no code with what made the proof. All numbers are balls of FLINT (Johansson, IEEE Transactions on
 Computers 66, 2017), whose operations hold every result that is possible for real numbers inside them.
@@ -206,6 +206,6 @@ def check(folder: Path) -> str:
 
 if __name__ == "__main__":
     try:
-        sys.stdout.write(check(Path(sys.argv[1]) / "prove") + "\n")
-    except (ValueError, KeyError) as error:
+        sys.stdout.write(check(Path(*sys.argv[1:]) / "prove") + "\n")
+    except (ArithmeticError, AttributeError, LookupError, OSError, TypeError, ValueError) as error:
         sys.exit(f"refused: {error}")

@@ -2,6 +2,8 @@
 
 import json
 import shutil
+import subprocess
+import sys
 from hashlib import sha256
 from pathlib import Path
 
@@ -13,6 +15,7 @@ import pytest
 from pipeline.proof.verdict import COLUMNS
 from pipeline.run.runner import run_stages
 from tests.pipeline.proof.cases import job
+from tests.places import PROJECT
 
 pytest.importorskip("flint", reason="the checker needs python-flint")
 from pipeline.proof.check import check
@@ -109,3 +112,18 @@ def test_another_controller_is_refused(copy, old, new, fault):
     (copy / "theorem.json").write_text(json.dumps(told), encoding="utf-8")
     with pytest.raises(ValueError, match=fault):
         check(copy)
+
+
+@pytest.mark.parametrize(
+    ("name", "damage"), [(None, b""), ("theorem.json", b"[]"), ("tube.parquet", b"PAR1")]
+)
+def test_what_is_no_proof_is_refused_in_a_sentence(copy, name, damage):
+    if name is None:
+        shutil.rmtree(copy)
+    else:
+        (copy / name).write_bytes(damage)
+    command = [sys.executable, "-m", "pipeline.proof.check", str(copy.parent)]
+    done = subprocess.run(command, check=False, capture_output=True, text=True, cwd=PROJECT)  # noqa: S603
+    assert (done.returncode, done.stdout) == (1, "")
+    assert done.stderr.startswith("refused: ")
+    assert "Traceback" not in done.stderr
