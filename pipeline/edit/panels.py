@@ -23,8 +23,8 @@ from pipeline.flight.state.signals import AXES
 from pipeline.flight.world.pack import inspection_points
 from pipeline.settings.experiment import Experiment
 
-#: bins of the histogram, and flights that changed most, as shown
-BINS, MOST = 40, 6
+#: bins of the histogram at most, and from one label to the next; flights that changed most, as shown
+BINS, LABELLED, MOST = 40, 5, 6
 OPENED, NOW = "as opened", "now"
 BEFORE, AFTER, SEEN, MISSED, INK = "#9aa4ae", "#1f5fa8", "#3f7d3a", "#a02018", "#1b1f24"
 AXIS_COLOURS = ("#be5014", AFTER, SEEN)
@@ -114,14 +114,18 @@ def _numbers(compared: Sequence[Compared]) -> Table:
 
 def _histogram(before: Flown, after: Flown) -> Options:
     spent = [one.episodes["delta_v_m_s"] for one in (before, after)]
-    edges = np.linspace(0.0, max(1e-9, *(column.max() for column in spent)), BINS + 1)
+    most = max(1e-9, *(column.max() for column in spent))
+    width = 10.0 ** np.floor(np.log10(most / BINS)) * np.array([1.0, 2.0, 5.0, 10.0])
+    width = width[width * BINS >= most][0]
+    edges = width * np.arange(np.ceil(most / width) + 1.0)
     bars = [
         {"name": name, "type": "bar", "barGap": "-100%", "barCategoryGap": "5%", "color": colour}
         | {"itemStyle": {"opacity": 0.65}, "data": np.histogram(column, edges)[0].tolist()}
         for name, column, colour in zip((OPENED, NOW), spent, (BEFORE, AFTER), strict=True)
     ]
-    labels = [f"{edge:.2f}" for edge in edges[:-1]]
-    return chart(axis("delta-v (m/s)", type="category", data=labels), axis("flights", 40), bars)
+    labels = [f"{edge:.3g}" for edge in edges[:-1]]
+    x = axis("delta-v (m/s)", type="category", data=labels, axisLabel={"interval": LABELLED - 1})
+    return chart(x, axis("flights", 40), bars)
 
 
 class OneFlight:
