@@ -341,8 +341,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except CycloptsError as error:
-        told = f"{words[0]} is gone: {GONE[words[0]]}" if words[0] in GONE else error
-        print(f"telemetry: {told} `python -m telemetry --help` tells more.", file=sys.stderr)
+        fault = f"{words[0]} is gone: {GONE[words[0]]}" if words[0] in GONE else error
+        print(f"telemetry: {fault} `python -m telemetry --help` tells more.", file=sys.stderr)
         return MISTAKE
     except RecordingError as error:
         print(f"telemetry: {error}", file=sys.stderr)

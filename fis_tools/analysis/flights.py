@@ -274,8 +274,8 @@ def read_outcome(path: Path | str) -> Outcome:
     ]
     acted = None
     if control is not None and len(control):
-        told = [control[name].reshape(len(control), -1) for name in ("reason", "command_reason")]
-        is_safety = np.hstack(told) == "safety"
+        reasons = [control[name].reshape(len(control), -1) for name in ("reason", "command_reason")]
+        is_safety = np.hstack(reasons) == "safety"
         acted = int(is_safety.any(axis=1).sum()) if is_safety.size else None
     return Outcome(
         end_s=episode.end_s,
@@ -344,10 +344,10 @@ def read_rehearsals(path: Path | str, time_s: float) -> dict[str, list[tuple[flo
         return {}
     recording = _read(path, topics=())
     with _understood():
-        told = recording.rehearsals
+        rehearsals = recording.rehearsals
     return {
         what: sorted(zip(one.costs_m_s, one.names, strict=True))
-        for what, one in told.items()
+        for what, one in rehearsals.items()
         if time_s < one.until_s
     }
 

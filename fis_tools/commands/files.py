@@ -277,16 +277,16 @@ def learn(
             tune=not no_tuning,
         )
         system = learn_table(read_table, recipe).system
-    told = _reached(read_table, recipe)
+    held_out = _reached(read_table, recipe)
     if form is not None:
         facts = {
             "learned_from": f"{Path(table).name}, {len(read_table.values)} rows",
             "target": target,
-            "held_out": told,
+            "held_out": held_out,
         }
         write(output, form(FuzzyController(system.name, (system,), provenance=tuple(facts.items()))))
     asked = ", ".join(with_unit(variable) for variable in system.inputs)
-    print("\n".join([*sentences(system), "", f"{len(system.rules)} rules of {asked}", told]))
+    print("\n".join([*sentences(system), "", f"{len(system.rules)} rules of {asked}", held_out]))
 
 
 def _reached(table: Table, recipe: Recipe) -> str:

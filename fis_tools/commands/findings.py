@@ -186,10 +186,10 @@ def _of_instants(
     if json:
         plain = [one.plain() for one in explained]
         idle = [{"system": one.system.name, "words": one.note} for one in found if one.inputs is None]
-        told: dict[str, Any] = {"rehearsed": rehearsed} if rehearsed else {}
+        more: dict[str, Any] = {"rehearsed": rehearsed} if rehearsed else {}
         if now is not None and now.is_missed is not None:
-            told["missed"] = np.flatnonzero(now.is_missed).tolist()
-        return as_json(*EXPLANATION, {"explanations": plain, "not_fired": idle, **told})
+            more["missed"] = np.flatnonzero(now.is_missed).tolist()
+        return as_json(*EXPLANATION, {"explanations": plain, "not_fired": idle, **more})
     ahead = [text.write(explanation.rehearsed(what, ways, all)) for what, ways in rehearsed.items()]
     missed = [f"{words}\n"] if now is not None and (words := explanation.missed_words(now)) else []
     return "\n".join([*(one.text(everything=all) for one in explained), *silent, *missed, *ahead])

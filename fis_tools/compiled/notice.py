@@ -67,11 +67,11 @@ class _Notice(event.Listener):
     def _show(self, function: Callable[..., Any]) -> None:
         """Say what is compiled: with the seconds in a terminal, until compilation ends; else as a line."""
         name = f"{function.__module__}.{function.__qualname__}"
-        told = f"compiling {name}: about {expected_s(function):.0f} s, once"
+        line = f"compiling {name}: about {expected_s(function):.0f} s, once"
         if sys.stderr is None or not sys.stderr.isatty():
-            _write(told)
+            _write(line)
             return
-        self._shown.enter_context(waiting(told))
+        self._shown.enter_context(waiting(line))
 
     def _heed(self, unraisable: Any) -> None:
         if issubclass(unraisable.exc_type, KeyboardInterrupt):

@@ -161,8 +161,8 @@ def plain(value: Any) -> Any:
 
 def as_json(schema: str, version: int, content: Mapping[str, Any]) -> str:
     """Write data as JSON that says which schema it follows; keys may be added to a version, not changed."""
-    told = {"schema": schema, "schema_version": version, **content}
-    return json.dumps(told, indent=2, allow_nan=False, ensure_ascii=False) + "\n"
+    entries = {"schema": schema, "schema_version": version, **content}
+    return json.dumps(entries, indent=2, allow_nan=False, ensure_ascii=False) + "\n"
 
 
 class Result(ABC):

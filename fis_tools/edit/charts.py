@@ -26,8 +26,8 @@ def draw(place: ui.echart, options: Options) -> None:
 
 def axis(name: str, gap: int = 26, **more: Any) -> Options:
     """Return an axis with its name beside it."""
-    told = {"type": "value", "name": name, "nameLocation": "middle", "nameGap": gap}
-    return told | {"axisTick": {"show": False}} | more
+    options = {"type": "value", "name": name, "nameLocation": "middle", "nameGap": gap}
+    return options | {"axisTick": {"show": False}} | more
 
 
 def chart(x: Options, y: Options, series: list[Options], **more: Any) -> Options:
@@ -35,8 +35,8 @@ def chart(x: Options, y: Options, series: list[Options], **more: Any) -> Options
     names = [one["name"] for one in series if "name" in one]
     legend = {"type": "scroll", "top": 0, "itemHeight": 9, "data": names} if names else {"show": False}
     grid = {"left": 58, "right": 14, "top": 28 if names else 10, "bottom": 42}
-    told: Options = {"animation": False, "grid": grid, "legend": legend}
-    return told | {"xAxis": x, "yAxis": y, "series": series} | more
+    options: Options = {"animation": False, "grid": grid, "legend": legend}
+    return options | {"xAxis": x, "yAxis": y, "series": series} | more
 
 
 def line(points: Floats, colour: str, **more: Any) -> Options:
@@ -46,8 +46,8 @@ def line(points: Floats, colour: str, **more: Any) -> Options:
 
 def dots(points: Floats, colour: str, size: int, **more: Any) -> Options:
     """Return points of shape (n, 2)."""
-    told = {"type": "scatter", "symbolSize": size, "silent": True, "color": colour}
-    return told | {"data": points.round(6).tolist()} | more
+    options = {"type": "scatter", "symbolSize": size, "silent": True, "color": colour}
+    return options | {"data": points.round(6).tolist()} | more
 
 
 def surface(found: Surface) -> Options:

@@ -143,11 +143,11 @@ def findings(controller: FuzzyController) -> str:
     found.sort(key=lambda one: -one.severity)
     counts = Counter(one.severity for one in found)
     words = ", ".join(severity.counted(count) for severity, count in counts.items()) or "nothing found"
-    told = [html.element("p", words)]
+    parts = [html.element("p", words)]
     for one in found:
         summary = html.element("summary", f"{one.system}: {one.sentence}")
-        told.append(html.element("details", summary, one.cure, class_=f"finding {one.severity.word}"))
-    return "".join(told)
+        parts.append(html.element("details", summary, one.cure, class_=f"finding {one.severity.word}"))
+    return "".join(parts)
 
 
 def changes(before: FuzzyController, after: FuzzyController) -> str:

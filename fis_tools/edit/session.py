@@ -76,8 +76,8 @@ class Session:
         """Return the controller with what was changed by hand as a fact of its provenance."""
         if self.controller == self.original:
             return self.original
-        told = f"{fingerprint(self.original)}: {changes_in_words(difference(self.original, self.controller))}"
-        facts = dict(self.controller.provenance) | {EDITED_FROM: told}
+        edit = f"{fingerprint(self.original)}: {changes_in_words(difference(self.original, self.controller))}"
+        facts = dict(self.controller.provenance) | {EDITED_FROM: edit}
         return checked(replace(self.controller, provenance=tuple(sorted(facts.items()))))
 
     def save(self, place: Path, replaces: bool) -> list[str]:
@@ -108,7 +108,7 @@ def changes_in_words(found: Difference) -> str:
     for system in found.systems:
         if system.is_empty:
             continue
-        told = [
+        how = [
             f"{variable.present.name} {term.present.name} {shape_change(term.before, term.after)}"
             for variable in system.variables
             for term in variable.terms
@@ -116,8 +116,8 @@ def changes_in_words(found: Difference) -> str:
         ]
         for change in system.rules:
             sides = [sentence(rule) for rule in (change.before, change.after) if rule is not None]
-            told.append(f"rule {change.number}: {f' {TO} '.join(sides)}")
+            how.append(f"rule {change.number}: {f' {TO} '.join(sides)}")
         words.append(
-            f"{system.present.name}: {headline(system)}" + (f" ({listed(told, MOST_TOLD)})" if told else "")
+            f"{system.present.name}: {headline(system)}" + (f" ({listed(how, MOST_TOLD)})" if how else "")
         )
     return "; ".join(words)

@@ -34,8 +34,8 @@ def colours(count: int) -> list[str]:
 @lru_cache(maxsize=64)
 def variable(shown: Variable) -> dict[str, Any]:
     """Return a variable, its terms as paths in a box of 1000 by 100, and their handles."""
-    told = zip(shown.terms, colours(len(shown.terms)), strict=True)
-    terms = [_term(shown, term, colour) for term, colour in told]
+    pairs = zip(shown.terms, colours(len(shown.terms)), strict=True)
+    terms = [_term(shown, term, colour) for term, colour in pairs]
     found = {name: getattr(shown, name) for name in ("name", "unit", "description", "minimum", "maximum")}
     return found | {"has_sets": has_sets(shown), "shapes": SETS, "terms": terms}
 
@@ -85,8 +85,8 @@ def rules(system: FuzzySystem, original: FuzzySystem | None, as_list: bool) -> l
     found = None if as_list else text.rule_tables(system)
     if found is None:
         heads = ["rule", *(breakable(one.name) for one in (*system.inputs, *system.outputs))]
-        told = [{"head": f"rule {n + 1}", "rule": n, "cells": row} for n, row in enumerate(rows)]
-        return [{"kind": "list", "heads": heads, "rows": told}]
+        entries = [{"head": f"rule {n + 1}", "rule": n, "cells": row} for n, row in enumerate(rows)]
+        return [{"kind": "list", "heads": heads, "rows": entries}]
     concluded = (row[-1] for row in rows)
     tables = []
     for title, (heads, *held) in found:
@@ -106,9 +106,9 @@ def _row(inputs: tuple[str, ...], tones: tuple[Any, ...], rule: Rule, place: int
     words = text.antecedent_words(rule.antecedent)
     changed = "changed" if is_changed else ""
 
-    def shown(side: str, n: int, one: Is | Consequent, told: str, **more: str) -> dict[str, Any]:
+    def shown(side: str, n: int, one: Is | Consequent, text: str, **more: str) -> dict[str, Any]:
         label = f"rule {place + 1}: {words}; {one.variable} is {one.term}{changed and ', changed'}; turn"
-        return {"rule": place, "side": side, "place": n, "words": breakable(told), "label": label} | more
+        return {"rule": place, "side": side, "place": n, "words": breakable(text), "label": label} | more
 
     parts = rule.antecedent.operands if isinstance(rule.antecedent, And) else (rule.antecedent,)
     asked = {}
@@ -120,12 +120,12 @@ def _row(inputs: tuple[str, ...], tones: tuple[Any, ...], rule: Rule, place: int
     if len(asked) == len(parts):
         cells = [{"terms": [asked[name]] if name in asked else []} for name in inputs]
     for output, colour in tones:
-        told = [
+        terms = [
             shown("then", n, one, _weighted(one), kind=changed, tone=dict(colour)[one.term])
             for n, one in enumerate(rule.consequents)
             if one.variable == output
         ]
-        cells.append({"terms": told})
+        cells.append({"terms": terms})
     return cells
 
 

@@ -107,17 +107,17 @@ class SystemView:
     def _change(self, change: Callable[[FuzzySystem], FuzzySystem], gesture: object = None) -> None:
         self._touch(lambda one: touches.with_system(one, change(self.system)), gesture)
 
-    def _touch_term(self, name: str, told: dict[str, Any]) -> None:
-        gesture = (self.system.name, name, told.pop("gesture"))
-        self._change(lambda system: touches.term_touched(system, system.variable(name), **told), gesture)
+    def _touch_term(self, name: str, details: dict[str, Any]) -> None:
+        gesture = (self.system.name, name, details.pop("gesture"))
+        self._change(lambda system: touches.term_touched(system, system.variable(name), **details), gesture)
 
     def _operate(self, name: str) -> None:
         self._change(lambda system: replace(system, **{name: self._operators[name].value}))
 
-    def _say(self, change: Callable[..., FuzzySystem], told: object) -> None:
+    def _say(self, change: Callable[..., FuzzySystem], value: object) -> None:
         rule = self._rule
         if rule is not None:
-            self._change(lambda system: change(system, rule, told))
+            self._change(lambda system: change(system, rule, value))
 
     def _slide(self, place: int, value: float) -> None:
         self._values[place] = value
@@ -149,10 +149,10 @@ class SystemView:
         self._show_surface()
         self._infer()
 
-    def _tell(self, view: ui.element, method: str, *told: object) -> None:
-        if self._told.get((view, method)) != told:
-            self._told[view, method] = told
-            view.run_method(method, *told)
+    def _tell(self, view: ui.element, method: str, *arguments: object) -> None:
+        if self._told.get((view, method)) != arguments:
+            self._told[view, method] = arguments
+            view.run_method(method, *arguments)
 
     def _show_sentence(self) -> None:
         rules = self.system.rules

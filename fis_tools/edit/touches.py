@@ -149,7 +149,7 @@ def repeated(system: FuzzySystem, rule: int, times: int) -> FuzzySystem:
 
 
 def term_touched(
-    system: FuzzySystem, variable: Variable, what: str, term: str = "", **told: Any
+    system: FuzzySystem, variable: Variable, what: str, term: str = "", **details: Any
 ) -> FuzzySystem:
     """Return a system after a touch of a variable's terms, as ``terms.js`` tells of it.
 
@@ -169,14 +169,14 @@ def term_touched(
         case "remove":
             return with_variable(system, replace(variable, terms=_with(variable.terms, term)))
         case "rename":
-            names = {(variable.name, term): told["name"].strip()}
+            names = {(variable.name, term): details["name"].strip()}
             system = replace(system, rules=tuple(model.with_terms(rule, names) for rule in system.rules))
-            held = replace(held, name=told["name"].strip())
+            held = replace(held, name=details["name"].strip())
         case "reshape":
-            held = reshaped(variable, held, told["shape"])
+            held = reshaped(variable, held, details["shape"])
         case "drag":
-            value = in_order(shape, told["key"], float(f"{float(told['value']):.6g}"))
-            held = replace(held, membership=replace(shape, **{told["key"]: value}))
+            value = in_order(shape, details["key"], float(f"{float(details['value']):.6g}"))
+            held = replace(held, membership=replace(shape, **{details["key"]: value}))
         case "number":
-            held = replace(held, membership=with_number(shape, told["key"], told["value"]))
+            held = replace(held, membership=with_number(shape, details["key"], details["value"]))
     return with_variable(system, replace(variable, terms=_with(variable.terms, term, held)))

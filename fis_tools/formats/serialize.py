@@ -277,19 +277,19 @@ def content_hash(controller: FuzzyController) -> str:
 
 def described(controller: FuzzyController, facts: Mapping[str, str]) -> FuzzyController:
     """Return a controller with facts about it as its provenance, and the hash of what they are about."""
-    told = {**facts, CONTENT_HASH: content_hash(controller)}
-    return replace(controller, provenance=tuple(sorted(told.items())))
+    provenance = {**facts, CONTENT_HASH: content_hash(controller)}
+    return replace(controller, provenance=tuple(sorted(provenance.items())))
 
 
 def checked(controller: FuzzyController) -> FuzzyController:
     """Return a controller that was read; where its provenance is of another, that says so."""
-    told = dict(controller.provenance)
-    expected = told.get(CONTENT_HASH)
+    provenance = dict(controller.provenance)
+    expected = provenance.get(CONTENT_HASH)
     if expected is None or expected == content_hash(controller):
         return controller
-    who = "by simplify" if SIMPLIFIED in told else "by hand"
-    told[EDITED] = f"{who} after training; fitness and figures are of hash {expected}"
-    return replace(controller, provenance=tuple(sorted(told.items())))
+    who = "by simplify" if SIMPLIFIED in provenance else "by hand"
+    provenance[EDITED] = f"{who} after training; fitness and figures are of hash {expected}"
+    return replace(controller, provenance=tuple(sorted(provenance.items())))
 
 
 def edited(controller: FuzzyController) -> str | None:

@@ -394,8 +394,8 @@ def imitate(
     taught = len(samples) - JUDGED_BY
     *_, name = distinct([*(column.name for column in columns), output])
     target = Column(name, "", *range_of(answers[:taught]))
-    told = Samples(columns, samples[:taught], np.ones(taught))
-    learned = learn_number(told, target, answers[:taught], Recipe(**recipe))
+    sampled = Samples(columns, samples[:taught], np.ones(taught))
+    learned = learn_number(sampled, target, answers[:taught], Recipe(**recipe))
     fed = samples[taught:, list(learned.columns)]
     miss = compile(learned.system)(fed)[:, 0] - answers[taught:]
     return Imitation(learned.system, float(np.sqrt(np.mean(miss**2))), float(np.abs(miss).max()))

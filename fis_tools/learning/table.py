@@ -114,11 +114,11 @@ def as_table(content: Any, target: str, inputs: list[str] | None = None) -> Tabl
 
 def _idle(column: NDArray[Any]) -> str:
     """Return why no rule can ask for a column; nothing if one can."""
-    told = column[~_gaps(column)].tolist() if column.ndim == 1 else []
-    if told and not any(map(_says_number, told)):
+    values = column[~_gaps(column)].tolist() if column.ndim == 1 else []
+    if values and not any(map(_says_number, values)):
         return "holds words, while rules ask for numbers,"
-    if len(told) > 1 and len(set(told)) == 1:
-        return f"is {told[0]} in every row"
+    if len(values) > 1 and len(set(values)) == 1:
+        return f"is {values[0]} in every row"
     return ""
 
 

@@ -159,52 +159,52 @@ def _worst(path: Path) -> str:
     if not path.is_file():
         return ""
     wanted = ("case", "success", "violated", "inspection_rate_percent")
-    told = tables.read_parquet(path, lambda names: [name for name in (*wanted, END) if name in names])
-    if set(wanted) - set(told):
+    rows = tables.read_parquet(path, lambda names: [name for name in (*wanted, END) if name in names])
+    if set(wanted) - set(rows):
         return ""
-    failed = ~told["success"].astype(bool) | told["violated"].astype(bool)
-    order = sorted(np.flatnonzero(failed), key=lambda row: told["inspection_rate_percent"][row])[:MOST_NAMED]
-    if END in told:
-        return ", ".join(f"case {told['case'][row]} (ends after {told[END][row]:g} s)" for row in order)
+    failed = ~rows["success"].astype(bool) | rows["violated"].astype(bool)
+    order = sorted(np.flatnonzero(failed), key=lambda row: rows["inspection_rate_percent"][row])[:MOST_NAMED]
+    if END in rows:
+        return ", ".join(f"case {rows['case'][row]} (ends after {rows[END][row]:g} s)" for row in order)
     return ", ".join(
-        f"case {told['case'][row]} ({told['inspection_rate_percent'][row]:.1f} %"
-        f"{', outside' if told['violated'][row] else ''})"
+        f"case {rows['case'][row]} ({rows['inspection_rate_percent'][row]:.1f} %"
+        f"{', outside' if rows['violated'][row] else ''})"
         for row in order
     )
 
 
 def failures(evaluation: Evaluation) -> str:
     """Say how often flights fail, over all that were evaluated, and which worst."""
-    told, count = evaluation.summary, evaluation.summary["num_cases"]
+    summary, count = evaluation.summary, evaluation.summary["num_cases"]
     missing, leaving = ("inspect too little", "leave the limits")
-    if END in told:
+    if END in summary:
         missing, leaving = ("do not reach the goal", "fail on the way")
     parts = []
-    if found := told.get("success"):
+    if found := summary.get("success"):
         failed, low, high = count - found["count"], 1 - found["high"], 1 - found["low"]
         missed = {"count": failed, "fraction": failed / count, "low": low, "high": high}
         parts.append(f"{_share(missed, count)} {missing}")
-    if found := told.get("violated"):
+    if found := summary.get("violated"):
         parts.append(f"{_share(found, count)} {leaving}")
     worst = f" The worst: {evaluation.worst}." if evaluation.worst else ""
     return f"Over all {count:,} flights of the evaluation: {'; '.join(parts)}.{worst}"
 
 
 def outcome_rows(
-    told: Sequence[Evaluation], names: Sequence[str], flown: Sequence[Outcome]
+    evaluations: Sequence[Evaluation], names: Sequence[str], flown: Sequence[Outcome]
 ) -> list[list[str]]:
     """Return the rows of the table, as many cells each as `heads` returns: evaluations, then single flights.
 
     Recorded flights are chosen, and stand for no others: nothing is counted over them.
     """
-    return [_evaluation_row(one.summary) for one in told] + [
+    return [_evaluation_row(one.summary) for one in evaluations] + [
         _flight_row(name, one) for name, one in zip(names, flown, strict=True)
     ]
 
 
-def heads(told: Sequence[Evaluation], flown: Sequence[Outcome]) -> tuple[str, ...]:
+def heads(evaluations: Sequence[Evaluation], flown: Sequence[Outcome]) -> tuple[str, ...]:
     """Return the heads of the table's columns, in the words of flights that inspect or that reach a goal."""
-    has_goal = any(END in one.summary for one in told) or any(one.end_s is not None for one in flown)
+    has_goal = any(END in one.summary for one in evaluations) or any(one.end_s is not None for one in flown)
     achieved, failed = ("goal reached (%)", "failed on the way") if has_goal else ("inspected (%)", "outside")
     return ("flights", "delta-v (m/s)", achieved, "success", "distance (m)", failed, "safety acted")
 

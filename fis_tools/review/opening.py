@@ -119,24 +119,24 @@ def not_covered(
     noun: str,
 ) -> list[str]:
     """Say what nothing on the page speaks about."""
-    told = []
+    gaps = []
     if evidence is None:
-        told.append("Requirements: no evidence was given, so that none is judged here.")
+        gaps.append("Requirements: no evidence was given, so that none is judged here.")
     elif domain := evidence.get("domain"):
-        told.append(
+        gaps.append(
             f"Inputs outside the operational domain: {domain['num_left']:,} of {domain['num_tried']:,} "
             f"fresh flights left what {domain['num_made_from']:,} others had met."
         )
     if evidence and evidence.get("conditions"):
-        told.append("Other conditions than those of the verdicts.")
+        gaps.append("Other conditions than those of the verdicts.")
     if not evaluations:
-        told.append(
+        gaps.append(
             f"How often it fails: no evaluation was given. Selected {noun}s are pictures, not statistics."
         )
     if not all(one.are_flown for one in samples.values()):
-        told.append("Inputs that come together in use: rules are counted over all inputs alike.")
-    told.append("What happens between decisions, and whether a real system behaves as the simulated one.")
-    return told
+        gaps.append("Inputs that come together in use: rules are counted over all inputs alike.")
+    gaps.append("What happens between decisions, and whether a real system behaves as the simulated one.")
+    return gaps
 
 
 def verdicts(evidence: Mapping[str, Any], rows: Sequence[Sequence[str]]) -> list[Block]:

@@ -89,10 +89,10 @@ def write(
     audited = audit(controller, sensed if logged else None)
     evaluated = flown.evaluations(flight_paths)
     names = [flight.name for flight in compress(logged, is_flight)]
-    told, requirements = (None, []) if evidence is None else read_evidence(evidence, fingerprint)
+    evidenced, requirements = (None, []) if evidence is None else read_evidence(evidence, fingerprint)
     title = "How it flew" if noun == "flight" else "How it answered"
     opening_blocks: list[Block] = [
-        *(opening.verdicts(told, requirements) if told and requirements else []),
+        *(opening.verdicts(evidenced, requirements) if evidenced and requirements else []),
         Heading("What it does", id="does"),
         *opening.rules(controller),
         Heading("Inputs", 3),
@@ -102,7 +102,7 @@ def write(
         *opening.flown_table(flown.heads(evaluated, went), flown.outcome_rows(evaluated, names, went)),
         Paragraph(opening.along(logged, noun)),
         Heading("What is not covered", id="uncovered"),
-        Items(opening.not_covered(told, evaluated, samples, noun)),
+        Items(opening.not_covered(evidenced, evaluated, samples, noun)),
     ]
     lead = opening.lead(controller)
     if any(system.weighed for system in systems):
@@ -193,8 +193,8 @@ def _without_scripts(
 
 
 def _facts(controller: FuzzyController) -> Block:
-    told = [[key.replace("_", " "), value] for key, value in (*controller.provenance, *controller.attributes)]
-    return Table([], told) if told else Paragraph("Its file does not say: no data, no errors, no author.")
+    rows = [[key.replace("_", " "), value] for key, value in (*controller.provenance, *controller.attributes)]
+    return Table([], rows) if rows else Paragraph("Its file does not say: no data, no errors, no author.")
 
 
 def _blocks(system: FuzzySystem, samples: Samples) -> Iterator[Block]:

@@ -224,8 +224,8 @@ def _expand_worlds(config: dict[str, Any], overrides: Sequence[str], config_dir:
     worlds = value_at(config, f"{COMPARE}.worlds")
     if not isinstance(worlds, dict):
         return
-    for name, told in worlds.items():
-        changes = {WORLD: told} if isinstance(told, str) else told
+    for name, given in worlds.items():
+        changes = {WORLD: given} if isinstance(given, str) else given
         if not isinstance(changes, dict):
             continue
         chosen = {group: value for group, value in changes.items() if isinstance(value, str)}

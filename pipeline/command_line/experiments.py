@@ -168,7 +168,7 @@ def _attempt(begin: Callable[[], int]) -> tuple[int, str]:
     try:
         return begin(), ""
     except (ValueError, OSError, MemoryError) as error:
-        sys.stderr.write(runs.told(error))
+        sys.stderr.write(runs.in_words(error))
         return MISTAKE, sentence(error)
     except Exception as error:  # noqa: BLE001 - the failure of one run must not lose the others
         traceback.print_exc()

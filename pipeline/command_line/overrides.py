@@ -178,8 +178,8 @@ def folder_names(differing: Sequence[Mapping[str, str]]) -> list[str]:
     """Return unique folder names for a sweep's runs by their differences, such as ``seed=1``."""
     names = []
     for number, differs in enumerate(differing):
-        told = "+".join(f"{key}={value.rsplit('/', 1)[-1]}" for key, value in differs.items())
-        name = re.sub(r"[^\w.+=-]+", "-", told) or str(number)
+        joined = "+".join(f"{key}={value.rsplit('/', 1)[-1]}" for key, value in differs.items())
+        name = re.sub(r"[^\w.+=-]+", "-", joined) or str(number)
         if len(name) > LONGEST_NAME or name in names:
             name = f"{number}-{name[:LONGEST_NAME]}"
         names.append(name)

@@ -70,8 +70,8 @@ def _checked(what: str, check: Callable[[], bool]) -> bool:
     try:
         return check()
     except Exception as error:  # noqa: BLE001 - reporting damage is what this command is for
-        told = str(error) if isinstance(error, ValueError | OSError | RecordingError) else ""
-        sys.stdout.write(f"{what}: CANNOT BE CHECKED: {told or type(error).__name__}\n")
+        reason = str(error) if isinstance(error, ValueError | OSError | RecordingError) else ""
+        sys.stdout.write(f"{what}: CANNOT BE CHECKED: {reason or type(error).__name__}\n")
         return False
 
 
@@ -81,16 +81,16 @@ def _check_files(folder: Path) -> bool:
     The configuration is also compared by content.
     """
     manifest = manifests.read(folder)
-    told: dict[str, str] = manifest.get("sha256", {})
+    expected: dict[str, str] = manifest.get("sha256", {})
     there = set(artifacts.list_artifacts(folder))
-    changed = {name for name in there & set(told) if artifacts.file_hash(folder / name) != told[name]}
+    changed = {name for name in there & set(expected) if artifacts.file_hash(folder / name) != expected[name]}
     if artifacts.CONFIG in there and not _is_own_config(folder, manifest):
         changed.add(artifacts.CONFIG)
-    missing, strangers = sorted(set(told) - there), list(artifacts.strangers(folder))
-    lines = [f"files: {len((there & set(told)) - changed)} as they were written"]
+    missing, strangers = sorted(set(expected) - there), list(artifacts.strangers(folder))
+    lines = [f"files: {len((there & set(expected)) - changed)} as they were written"]
     lines += [f"  {name} has CHANGED since it was written" for name in sorted(changed)]
     lines += [f"  {name} is MISSING" for name in missing]
-    lines += [f"  {name} is not in the manifest" for name in sorted(there - set(told))]
+    lines += [f"  {name} is not in the manifest" for name in sorted(there - set(expected))]
     lines += [f"  {stranger}, which is not followed" for stranger in strangers]
     sys.stdout.write("\n".join(lines) + "\n")
     return not (changed or missing or strangers)
@@ -118,8 +118,8 @@ def _compare_files(folder: Path, other: Path) -> bool:
     shared = [name for name in names if name in one and name in two]
     different = [name for name in shared if one[name] != two[name]]
     configs = configuration.read(folder), configuration.read(other)
-    for told in differences(*configs, but=("hydra",), words=("here", "there")):
-        sys.stdout.write(f"configuration: {told}\n")
+    for difference in differences(*configs, but=("hydra",), words=("here", "there")):
+        sys.stdout.write(f"configuration: {difference}\n")
     sys.stdout.write(f"files: {len(shared) - len(different)} equal to the last bit\n")
     sys.stdout.writelines(f"  {name} differs\n" for name in different)
     sys.stdout.writelines(f"  {name} is in one of them alone\n" for name in names if name not in shared)
@@ -150,11 +150,11 @@ def _flies_again(path: Path) -> bool:
     from pipeline.recording.reflight import fly_again  # noqa: PLC0415 - compiled code, only if there are flights
 
     again = fly_again(path)
-    told = "equal to the last bit"
+    outcome = "equal to the last bit"
     if not again.is_equal:
         how = "equal but for the last digits" if again.is_close else "DIFFERENT"
-        told = f"{how}: by {again.greatest:.3g} in {again.where}"
-    sys.stdout.write(f"  {path.name}: flown again, {told}\n")
+        outcome = f"{how}: by {again.greatest:.3g} in {again.where}"
+    sys.stdout.write(f"  {path.name}: flown again, {outcome}\n")
     return again.is_close
 
 
@@ -207,8 +207,8 @@ def compare(first: Path, second: Path) -> int:
     compared = statistics.compare(one, other, confidence)
     _print(sweep.compared_table(first.name, second.name, compared, confidence))
     sys.stdout.write("p: Wilcoxon's signed ranks; for shares of flights McNemar's exact test\n")
-    for told in differences(present(configs[0]), present(configs[1]), but=(), words=("A", "B")):
-        sys.stdout.write(f"they differ in {told}\n")
+    for difference in differences(present(configs[0]), present(configs[1]), but=(), words=("A", "B")):
+        sys.stdout.write(f"they differ in {difference}\n")
     return OK
 
 

@@ -45,7 +45,7 @@ def sentence(error: Exception) -> str:
     )
 
 
-def told(error: Exception) -> str:
+def in_words(error: Exception) -> str:
     """Return the message of a user error, with its notes."""
     return "\n".join([f"error: {sentence(error)}", *getattr(error, "__notes__", ())]) + "\n"
 

@@ -96,7 +96,7 @@ def to_mapping(controller: Controller) -> dict[str, Any]:
     }
 
 
-def from_mapping(told: Mapping[str, Any]) -> Controller:
+def from_mapping(entries: Mapping[str, Any]) -> Controller:
     """Return the flight to play from the data of `to_mapping`.
 
     Raises
@@ -106,13 +106,13 @@ def from_mapping(told: Mapping[str, Any]) -> Controller:
     """
     try:
         forces, attitudes, torques = (
-            np.array(told[key], dtype=np.float64).reshape(-1, width)
+            np.array(entries[key], dtype=np.float64).reshape(-1, width)
             for key, width in (("forces_n", 3), ("attitudes", 4), ("torques_n_m", 3))
         )
     except (KeyError, TypeError, ValueError) as error:
         raise ControllerError(f"what was played is not told as numbers ({error})") from error
-    axes = "body" if told.get("force_axes") == "body" else "hill"
-    return open_loop(str(told.get("name")), forces, axes, Turns(attitudes, torques))
+    axes = "body" if entries.get("force_axes") == "body" else "hill"
+    return open_loop(str(entries.get("name")), forces, axes, Turns(attitudes, torques))
 
 
 def _check_header(path: Path, names: tuple[str, ...]) -> None:

@@ -47,8 +47,8 @@ def read_policy(path: Path) -> Controller:
     return policy_of(path.stem, source, str(path))
 
 
-def policy_of(name: str, source: bytes, told: str) -> Controller:
-    """Return the controller of an ONNX file's content; `told` names the file in errors.
+def policy_of(name: str, source: bytes, label: str) -> Controller:
+    """Return the controller of an ONNX file's content; `label` names the file in errors.
 
     Raises
     ------
@@ -58,7 +58,7 @@ def policy_of(name: str, source: bytes, told: str) -> Controller:
     try:
         network = _network(_graph(source))
     except _UnreadableError as error:
-        raise ControllerError(f"{told} cannot fly: {error}") from error
+        raise ControllerError(f"{label} cannot fly: {error}") from error
     return Controller(name, (), "hill", pilot=Policy(network, source))
 
 
@@ -152,10 +152,10 @@ def _network(graph: Any) -> Network:
             raise _UnreadableError(
                 f"it has the operator {node.op_type}; only a chain of {', '.join(OPERATORS)} is flown"
             )
-        told = {attribute.name for attribute in node.attribute} - ATTRIBUTES.get(node.op_type, set())
-        if told:
+        unknown = {attribute.name for attribute in node.attribute} - ATTRIBUTES.get(node.op_type, set())
+        if unknown:
             raise _UnreadableError(
-                f"its operator {node.op_type} has the attribute {min(told)!r}; use opset 13 or later"
+                f"its operator {node.op_type} has the attribute {min(unknown)!r}; use opset 13 or later"
             )
         is_chain = list(node.input).count(now) == 1 and len(node.output) == 1
         if not is_chain or not all(name == now or name in constants for name in node.input if name):
@@ -234,11 +234,11 @@ def _follow(chain: _Chain, node: Any, values: Sequence[Floats | None]) -> None:
 
 
 def _follow_gemm(chain: _Chain, node: Any, matrix: Floats, bias: Sequence[Floats | None]) -> None:
-    told: Mapping[str, Any] = {one.name: one for one in node.attribute}
-    alpha, beta = (told[name].f if name in told else 1.0 for name in ("alpha", "beta"))
-    if "transA" in told and told["transA"].i:
+    attributes: Mapping[str, Any] = {one.name: one for one in node.attribute}
+    alpha, beta = (attributes[name].f if name in attributes else 1.0 for name in ("alpha", "beta"))
+    if "transA" in attributes and attributes["transA"].i:
         raise _UnreadableError("its operator Gemm turns its numbers about (transA)")
-    if "transB" in told and told["transB"].i:
+    if "transB" in attributes and attributes["transB"].i:
         matrix = matrix.T
     chain.multiply(alpha * matrix)
     if bias and bias[0] is not None:

@@ -74,8 +74,8 @@ def load(source: Mapping[str, Any], mission: Mission) -> Controller:
         fuzzy = serialize.from_mapping(source)
     else:
         fuzzy = serialize.load(Path(str(source["path"])))
-        told = {name: str(value) for name, value in source.get("attributes", {}).items()}
-        fuzzy = replace(fuzzy, attributes=tuple(sorted((dict(fuzzy.attributes) | told).items())))
+        given = {name: str(value) for name, value in source.get("attributes", {}).items()}
+        fuzzy = replace(fuzzy, attributes=tuple(sorted((dict(fuzzy.attributes) | given).items())))
     controller = from_fuzzy(fuzzy)
     decision_stride(controller, mission)  # its decisions must fit the mission's clock
     return controller

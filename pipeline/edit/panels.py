@@ -192,7 +192,7 @@ class OneFlight:
     def _reasons(self, controller: FuzzyController, log: FlightLog, k: int) -> list[str]:
         """Say what was so at a sample and, for each axis, what was fired, why, and by which rule most."""
         distance, count = np.linalg.norm(log.position_m[k]), int(log.is_inspected[k].sum())
-        told = [f"{k * self._period_s:g} s: {distance:.1f} m away, {count} points"]
+        sentences = [f"{k * self._period_s:g} s: {distance:.1f} m away, {count} points"]
         for place, system in enumerate(controller.systems):
             output = system.outputs[0].name
             asked = number(float(f"{log.force_asked_n[k, AXES[output]]:.3g}"))
@@ -201,8 +201,8 @@ class OneFlight:
                 found = explain(system, log.fis_input[k, place, : len(system.inputs)])
                 for one in found.outputs[0].moves[:1]:
                     words += f". Rule {one.rule} most: {sentence(system.rules[one.rule - 1])}"
-            told.append(words)
-        return told
+            sentences.append(words)
+        return sentences
 
 
 def _in_plane(points: Floats) -> Floats:

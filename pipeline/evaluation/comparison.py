@@ -118,7 +118,7 @@ def published_row(reported: Reported) -> ComparisonRow:
     return ComparisonRow("the paper", PUBLISHED, "", "none", reported.num_cases, None, summary)
 
 
-def row_of(told: Mapping[str, Any]) -> ComparisonRow:
+def row_of(entry: Mapping[str, Any]) -> ComparisonRow:
     """Return the row from plain data.
 
     Raises
@@ -127,7 +127,7 @@ def row_of(told: Mapping[str, Any]) -> ComparisonRow:
         If it is something else.
     """
     # earlier versions had no worlds
-    known = {"world": "", **told}
+    known = {"world": "", **entry}
     return ComparisonRow(**{field.name: known[field.name] for field in fields(ComparisonRow)})
 
 
@@ -179,25 +179,25 @@ def cells_in_words(row: ComparisonRow, guarded: ComparisonRow | None) -> list[st
 
 def mean(row: ComparisonRow, name: str, places: int) -> str:
     """Return a mean with its standard deviation."""
-    told = row.summary[name]
-    return f"{told['mean']:.{places}f} ± {told['standard_deviation']:.{places}f}"
+    measure = row.summary[name]
+    return f"{measure['mean']:.{places}f} ± {measure['standard_deviation']:.{places}f}"
 
 
 def rate(row: ComparisonRow) -> str:
     """Return the inspection rate, and that of the points that are ever lit if some are not."""
-    told, of_lit = row.summary["inspection_rate_percent"], row.summary.get("inspectable_rate_percent")
+    measure, of_lit = row.summary["inspection_rate_percent"], row.summary.get("inspectable_rate_percent")
     words = mean(row, "inspection_rate_percent", 2)
-    if of_lit is None or of_lit["mean"] == told["mean"]:
+    if of_lit is None or of_lit["mean"] == measure["mean"]:
         return words
     return f"{words}, of lit {of_lit['mean']:.2f}"
 
 
 def share(row: ComparisonRow, name: str) -> str:
     """Return a share of cases in per cent with its interval; empty if unknown."""
-    told = row.summary.get(name)
-    if told is None:
+    measure = row.summary.get(name)
+    if measure is None:
         return ""
-    return f"{100 * told['fraction']:.1f} ({100 * told['low']:.1f}-{100 * told['high']:.1f})"
+    return f"{100 * measure['fraction']:.1f} ({100 * measure['low']:.1f}-{100 * measure['high']:.1f})"
 
 
 def lines_of(rows: Sequence[ComparisonRow], sun: str) -> list[list[str]]:
@@ -256,8 +256,8 @@ def matrices(rows: Sequence[ComparisonRow]) -> list[tuple[str, str, list[list[st
     for sun, layer in dict.fromkeys((row.sun, row.safety) for row in flown):
         chosen = [row for row in flown if (row.sun, row.safety) == (sun, layer)]
         names = list(dict.fromkeys(row.controller for row in chosen))
-        told = {(row.world, row.controller): _cell(row) for row in chosen}
-        lines = [[world, *(told.get((world, name), "") for name in names)] for world in worlds_of(chosen)]
+        cells = {(row.world, row.controller): _cell(row) for row in chosen}
+        lines = [[world, *(cells.get((world, name), "") for name in names)] for world in worlds_of(chosen)]
         found.append((sun, layer, [["world", *names], *lines]))
     return found
 

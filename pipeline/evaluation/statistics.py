@@ -169,10 +169,10 @@ def sensitivity(
     """
     found = []
     for key in keys:
-        told: dict[str, Any] = {"key": key}
+        entry: dict[str, Any] = {"key": key}
         for name in RANKED:
-            told[name] = asdict(rank_correlation(episodes[key], episodes[name], confidence_percent))
-        found.append(told)
+            entry[name] = asdict(rank_correlation(episodes[key], episodes[name], confidence_percent))
+        found.append(entry)
     return sorted(found, key=lambda one: -max(abs(one[name]["value"]) for name in RANKED))
 
 
@@ -377,8 +377,8 @@ def effects(runs: Sequence[Flown], confidence_percent: float) -> list[Effect]:
             ]
             for metric in METRICS if pairs else ():
                 gained, unit = _gained(pairs, metric)
-                told = difference(gained, confidence_percent)
-                found.append(Effect(factor, level, baseline, metric, told, unit))
+                gain = difference(gained, confidence_percent)
+                found.append(Effect(factor, level, baseline, metric, gain, unit))
     return found
 
 

@@ -68,8 +68,8 @@ class InspectionEnv(gymnasium.Env[Observation, NDArray[Any]]):
     def step(self, action: NDArray[Any]) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Fly a control period."""
         rewards, terminated, truncated = self._episodes.step(np.asarray(action)[np.newaxis])
-        told = self._episodes.observations[0]
-        return told, float(rewards[0]), bool(terminated[0]), bool(truncated[0]), self._info()
+        observation = self._episodes.observations[0]
+        return observation, float(rewards[0]), bool(terminated[0]), bool(truncated[0]), self._info()
 
     def _info(self) -> dict[str, Any]:
         return {name: float(values[0]) for name, values in self._episodes.facts.items()}
@@ -82,10 +82,10 @@ class InspectionEnv(gymnasium.Env[Observation, NDArray[Any]]):
         from pipeline.report.figures.style import PALETTE, pixels  # noqa: PLC0415
         from pipeline.report.figures.trajectories import Tracks, trajectories  # noqa: PLC0415
 
-        told, places = self._info(), self.log().position_m[: self._episodes.num_samples(0)]
+        info, places = self._info(), self.log().position_m[: self._episodes.num_samples(0)]
         if len(places) == 1:  # a line has two ends
             places = np.repeat(places, 2, axis=0)
-        words = f"{told['num_inspected']:.0f} points, {told['delta_v_m_s']:.3f} m/s"
+        words = f"{info['num_inspected']:.0f} points, {info['delta_v_m_s']:.3f} m/s"
         colour = PALETTE[0]
         return pixels(trajectories(Tracks(places[np.newaxis], [colour], {words: colour}), self.task.mission))
 

@@ -72,9 +72,9 @@ class ReachEnv(InspectionEnv):
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
         """Start an episode; see `pipeline.gym.env.InspectionEnv.reset`."""
-        told = super().reset(seed=seed, options=options)
+        start = super().reset(seed=seed, options=options)
         self._used = 0.0
-        return told
+        return start
 
     def step(self, action: NDArray[Any]) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Fly a control period."""
@@ -100,8 +100,8 @@ class ReachEnv(InspectionEnv):
         )
         is_cut = is_far or is_late or self._used > problem.most_excess_m_s
         is_success = is_docked and self._used <= problem.most_excess_m_s
-        told = {"is_success": float(is_success), "excess_m_s": excess, "excess_used_m_s": self._used}
-        return observation, reward, is_there, is_cut, info | told
+        progress = {"is_success": float(is_success), "excess_m_s": excess, "excess_used_m_s": self._used}
+        return observation, reward, is_there, is_cut, info | progress
 
     def _state(self) -> tuple[float, float, float]:
         """Return distance (m), speed and delta-v (m/s)."""

@@ -84,8 +84,8 @@ class SixDofInspectionEnv(gymnasium.Env[NDArray[np.float32], NDArray[Any]]):
         plain = task_of(["world=afrl_six_dof"]).mission
         changed = [part for part in LEFT_OUT if getattr(mission, part) != getattr(plain, part)]
         if changed or self.task.is_tilted:
-            told = ", ".join(changed) or "a Sun out of the orbit plane"
-            raise ValueError(f"{told}: this is not flown with six degrees of freedom; leave it out")
+            reason = ", ".join(changed) or "a Sun out of the orbit plane"
+            raise ValueError(f"{reason}: this is not flown with six degrees of freedom; leave it out")
         self.observation_space = Box(-np.inf, np.inf, (NUM_OBSERVED,), np.float32)
         self.action_space = Box(-1.0, 1.0, (6,), np.float32)
         self._surface, self._optics = surface_of(mission), optics_of(mission)

@@ -73,7 +73,7 @@ def events(
     list of Event
         The last one sums the flight up.
     """
-    found = [Event(0, "info", f"rehearsed: {told}") for told in _rehearsed(mission, log, num_rehearsed, tour)]
+    found = [Event(0, "info", f"rehearsed: {text}") for text in _rehearsed(mission, log, num_rehearsed, tour)]
     inspects = mission.problem.kind == "inspection"
     found += _progress(mission, log) if inspects else ()
     found += [*_limits(mission, log, near_limit_m), *_safety(mission, log)]
@@ -82,7 +82,7 @@ def events(
         found.append(_summary(mission, log))
     else:
         found += [
-            Event(k, "warning" if fault else "info", told) for k, fault, told in reach.events(mission, log)
+            Event(k, "warning" if fault else "info", text) for k, fault, text in reach.events(mission, log)
         ]
     return sorted(found, key=lambda event: event.sample)
 

@@ -264,9 +264,9 @@ class FlightRecorder:
         images = tour_images(self._controller)
         flown = images[log.tour_costs_m_s.argmin()] if images else self._controller
         parts = parts_of_points(world, flown, log, samples)
-        told = np.hstack([*parts.values(), log.is_missed[samples]])
+        columns = np.hstack([*parts.values(), log.is_missed[samples]])
         # while the deputy coasts little changes
-        is_new = np.append(True, np.any(told[1:] != told[:-1], axis=1))[: len(samples)]
+        is_new = np.append(True, np.any(columns[1:] != columns[:-1], axis=1))[: len(samples)]
         parts = {name: values[is_new] for name, values in parts.items()}
         samples = samples[is_new]
         writer.pulls(times[samples], self._points, parts, log.last_light_s, log.is_missed[samples])

@@ -144,29 +144,29 @@ def _controller_of(recording: Recording, experiment: Experiment) -> Controller:
     """Return the controller that is attached; the forces of one that plays them are those recorded."""
     text = _attached(recording, CONTROLLER_ATTACHMENT).decode("utf-8", "replace")
     try:
-        told = json.loads(text)
+        content = json.loads(text)
     except (ValueError, RecursionError) as error:
         raise RecordingError(
             f"{recording.path}: its {CONTROLLER_ATTACHMENT} cannot be read ({error})"
         ) from error
-    if not isinstance(told, dict):
+    if not isinstance(content, dict):
         raise RecordingError(f"{recording.path}: its {CONTROLLER_ATTACHMENT} holds no controller")
-    if "systems" in told:
-        return from_fuzzy(serialize.from_mapping(told))
-    if told.get("kind") == "open_loop" and "forces_n" in told:
-        return from_mapping(told)
-    if told.get("kind") == "open_loop":  # of recordings that only name it
+    if "systems" in content:
+        return from_fuzzy(serialize.from_mapping(content))
+    if content.get("kind") == "open_loop" and "forces_n" in content:
+        return from_mapping(content)
+    if content.get("kind") == "open_loop":  # of recordings that only name it
         forces = recording[DEPUTY_CONTROL]["force_hill_n"].astype(np.float64)
-        return open_loop(str(told.get("name")), forces)
-    if told.get("kind") == "policy":
-        return _policy_of(recording, told)
-    return source.load({**experiment.controller, "kind": told.get("kind")}, experiment.mission)
+        return open_loop(str(content.get("name")), forces)
+    if content.get("kind") == "policy":
+        return _policy_of(recording, content)
+    return source.load({**experiment.controller, "kind": content.get("kind")}, experiment.mission)
 
 
-def _policy_of(recording: Recording, told: Mapping[str, Any]) -> Controller:
+def _policy_of(recording: Recording, entry: Mapping[str, Any]) -> Controller:
     try:
-        content = base64.b64decode(str(told.get("onnx")), validate=True)
-        return policy_of(str(told.get("name")), content, f"the policy of {recording.path}")
+        content = base64.b64decode(str(entry.get("onnx")), validate=True)
+        return policy_of(str(entry.get("name")), content, f"the policy of {recording.path}")
     except ValueError as error:  # also of a controller that is none
         raise RecordingError(f"{recording.path}: its policy cannot be read ({error})") from error
 

@@ -31,9 +31,9 @@ def read_comparison(folder: Path) -> list[comparison.ComparisonRow]:
     """
     if not (folder / artifacts.COMPARISON).exists():
         return []
-    told = artifacts.read_json(folder, artifacts.COMPARISON)
+    summary = artifacts.read_json(folder, artifacts.COMPARISON)
     try:
-        rows = [comparison.row_of(row) for row in told["rows"]]
+        rows = [comparison.row_of(row) for row in summary["rows"]]
         comparison.in_words(rows)  # which needs every number that is shown
     except (KeyError, TypeError, ValueError) as error:
         raise artifacts.ArtifactError(
@@ -79,8 +79,8 @@ def marks_of(rows: Sequence[comparison.ComparisonRow]) -> list[tuple[str, list[M
     return panels
 
 
-def _pair(told: Mapping[str, Any]) -> tuple[float, float]:
-    return float(told["mean"]), float(told["standard_deviation"])
+def _pair(measure: Mapping[str, Any]) -> tuple[float, float]:
+    return float(measure["mean"]), float(measure["standard_deviation"])
 
 
 #: of what there are percentiles: name and decimals
@@ -119,11 +119,11 @@ def spread_of(summary: Mapping[str, Any]) -> Spread:
     KeyError, TypeError, ValueError
         If it tells something else.
     """
-    told = summary.get("percentiles", {})
+    by_metric = summary.get("percentiles", {})
     percentiles = [
         [name, _share(one["percent"]), f"{one['value']:.{places}f}", _between(one, places)]
         for metric, (name, places) in METRICS.items()
-        for one in told.get(metric, ())
+        for one in by_metric.get(metric, ())
     ]
     if "nominal" not in summary:
         return Spread(percentiles)
@@ -140,24 +140,24 @@ def _share(percent: float) -> str:
     return f"{percent:g} % have at most" if percent >= 50.0 else f"{100.0 - percent:g} % have at least"
 
 
-def _between(told: Mapping[str, float | None], places: int) -> str:
-    low, high = (None if told[end] is None else f"{told[end]:.{places}f}" for end in ("low", "high"))
+def _between(interval: Mapping[str, float | None], places: int) -> str:
+    low, high = (None if interval[end] is None else f"{interval[end]:.{places}f}" for end in ("low", "high"))
     if low is None and high is None:
         return "not told by so few"
     return f"up to {high}" if low is None else f"{low} and more" if high is None else f"{low} to {high}"
 
 
-def _outcome(told: Mapping[str, Any]) -> list[str]:
-    delta_v, rate = told["delta_v_m_s"], told["inspectable_rate_percent"]
+def _outcome(summary: Mapping[str, Any]) -> list[str]:
+    delta_v, rate = summary["delta_v_m_s"], summary["inspectable_rate_percent"]
     return [
         f"{delta_v['mean']:.3f} ± {delta_v['standard_deviation']:.3f}",
         f"{rate['mean']:.2f} ± {rate['standard_deviation']:.2f}",
-        *(f"{100 * told[name]['fraction']:.1f} %" for name in (SUCCESS, "violated")),
+        *(f"{100 * summary[name]['fraction']:.1f} %" for name in (SUCCESS, "violated")),
     ]
 
 
-def _correlation(told: Mapping[str, float]) -> str:
-    words = f"{told['value']:+.2f} ({told['low']:+.2f} to {told['high']:+.2f})"
+def _correlation(correlation: Mapping[str, float]) -> str:
+    words = f"{correlation['value']:+.2f} ({correlation['low']:+.2f} to {correlation['high']:+.2f})"
     return words.replace("-", "−")
 
 
@@ -218,10 +218,10 @@ def read_beside(folder: Path) -> BesideOptimum:
                 "repeat the stage evaluate"
             )
         return BesideOptimum(columns, summarise_times(columns), "")
-    told: Any = (
+    summary: Any = (
         artifacts.read_json(folder, artifacts.SUMMARY) if (folder / artifacts.SUMMARY).exists() else {}
     )
-    part = told.get("optimum") if isinstance(told, dict) else None
+    part = summary.get("optimum") if isinstance(summary, dict) else None
     reason = part.get("not_compared", "") if isinstance(part, dict) else ""
     return BesideOptimum(None, {}, str(reason))
 
@@ -254,16 +254,17 @@ def optimum_in_words(beside: BesideOptimum, threshold_percent: float) -> str:
     """Say how many times the optimum the controller burns; empty where it was not compared."""
     if beside.columns is None:
         return ""
-    told, times = beside.summary, beside.summary["times_optimum"]
+    summary, times = beside.summary, beside.summary["times_optimum"]
     fewest = int(np.min(beside.columns["optimum_inspected_count"]))
-    cases = "the one solved case" if told["num_cases"] == 1 else f"{told['num_cases']} solved cases"
+    cases = "the one solved case" if summary["num_cases"] == 1 else f"{summary['num_cases']} solved cases"
     return (
         f"In the mean of {cases} it burns {times['mean']:.2f} times the optimum, which is the fuel of a plan "
         f"that knows the whole flight in advance and inspects at least {fewest} points. The median is "
         f"{times['median']:.2f}, the range {times['min']:.2f} to {times['max']:.2f} (case "
-        f"{times['max_case']}). A case costs it {told['delta_v_m_s']['mean']:.3f} m/s, the plan "
-        f"{told['optimum_delta_v_m_s']['mean']:.3f} m/s. In {told['num_successful']} of "
-        f"{told['num_cases']} it inspects at least {threshold_percent:g} % of the points within the limits."
+        f"{times['max_case']}). A case costs it {summary['delta_v_m_s']['mean']:.3f} m/s, the plan "
+        f"{summary['optimum_delta_v_m_s']['mean']:.3f} m/s. In {summary['num_successful']} of "
+        f"{summary['num_cases']} it inspects at least {threshold_percent:g} % of the points within the "
+        "limits."
     )
 
 

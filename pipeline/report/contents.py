@@ -211,10 +211,10 @@ def read_summary(folder: Path) -> dict[str, Any]:
         If it cannot be read, or lacks a number that the stage evaluate writes.
     """
     summary = artifacts.read_json(folder, artifacts.SUMMARY)
-    told = summary if isinstance(summary, dict) else {}
-    numbers = {"num_cases": told.get("num_cases")}
+    mapping = summary if isinstance(summary, dict) else {}
+    numbers = {"num_cases": mapping.get("num_cases")}
     for name, kind in SUMMARY_PARTS.items():
-        part = told.get(name)
+        part = mapping.get(name)
         numbers |= {
             f"{name}.{field.name}": part.get(field.name) if isinstance(part, dict) else None
             for field in fields(kind)
@@ -225,7 +225,7 @@ def read_summary(folder: Path) -> dict[str, Any]:
                 f"{folder / artifacts.SUMMARY} has no number {name}, so it is no summary of an evaluation; "
                 f"repeat the stage {artifacts.stage_of(artifacts.SUMMARY)}"
             )
-    return told
+    return mapping
 
 
 def read_spread(folder: Path, evaluation: FlightSet | None) -> comparisons.Spread:

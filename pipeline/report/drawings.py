@@ -111,8 +111,8 @@ def _row(requirement: Mapping[str, Any], y: float) -> list[Markup]:
         circle = element("circle", class_=css_of(found), cx=x, cy=f"{centre:g}", r=RADIUS)
         parts.append(_line(f"M{GOAL_X + GOAL_WIDTH} {bus:g}H{x}"))
         parts.append(_arrow(x, bus, x, centre - RADIUS, "solved-by"))
-        told = wrap(found["word"].replace(" cases", ""), 12)
-        label = _lines([f"Sn-{name}", METHODS[method], *told], x, centre, "small")
+        wrapped = wrap(found["word"].replace(" cases", ""), 12)
+        label = _lines([f"Sn-{name}", METHODS[method], *wrapped], x, centre, "small")
         parts.append(_link(f"#{name}-{method}", circle + label))
     return parts
 

@@ -53,7 +53,7 @@ def write(evidence: Mapping[str, Any], tube: Illustration | None = None) -> str:
 
 def document(evidence: Mapping[str, Any], tube: Illustration | None = None) -> Document:
     """Return evidence as a document; see `write`."""
-    told, conditions = evidence["requirements"], evidence["conditions"]
+    requirements, conditions = evidence["requirements"], evidence["conditions"]
     errors = ", ".join(word for word in uncertain(conditions) if word != "Sun")
     run = (
         f'Requirements "{evidence["name"]}"; {conditions["num_cases"]:,} cases, seed {conditions["seed"]}, '
@@ -65,12 +65,12 @@ def document(evidence: Mapping[str, Any], tube: Illustration | None = None) -> D
         Paragraph(run),
         Heading("Verdicts", id="verdicts"),
         Paragraph(lead(evidence)),
-        _matrix(told),
+        _matrix(requirements),
         Heading("Argument", id="argument"),
         Figure(element("figure", draw_argument(evidence), drawn, tabindex=0)),
         Heading("Requirements", id="requirements"),
     ]
-    for one in told:
+    for one in requirements:
         blocks += _requirement(one, tube)
     blocks += [Heading("Operational domain", id="domain"), *_domain(evidence["domain"])]
     caption = (
@@ -84,11 +84,11 @@ def document(evidence: Mapping[str, Any], tube: Illustration | None = None) -> D
 def lead(evidence: Mapping[str, Any]) -> str:
     """Say what came out: the worst verdict about the gravest requirement, and what became of the others."""
     verdicts = ("refuted", "not shown", "shown")
-    told = sorted(
+    ranked = sorted(
         evidence["requirements"],
         key=lambda one: (verdicts.index(one["verdict"]), SEVERITIES.index(one["severity"])),
     )
-    first, *others = told
+    first, *others = ranked
     rest = [
         f"{', '.join(ids)}: {word}" + (", each as it is worded below" if word == "shown" else "")
         for word in verdicts
@@ -99,10 +99,10 @@ def lead(evidence: Mapping[str, Any]) -> str:
     )
 
 
-def _matrix(told: list[Mapping[str, Any]]) -> Table:
+def _matrix(requirements: list[Mapping[str, Any]]) -> Table:
     rows: list[list[Cell]] = []
-    shown = [name for name in METHODS if any(name in one["methods"] for one in told)]
-    for one in told:
+    shown = [name for name in METHODS if any(name in one["methods"] for one in requirements)]
+    for one in requirements:
         word = Mark(one["verdict"], css(one["verdict"]), note=f"{one['share']}; {_stake(one)}")
         rows.append([Mark(f"{one['id']} {one['title']}", link=one["id"]), word])
         for method in shown:
@@ -114,60 +114,54 @@ def _matrix(told: list[Mapping[str, Any]]) -> Table:
     return Table(["requirement", "verdict", *(METHODS[name] for name in shown)], rows, caption=_MATRIX)
 
 
-def _stake(told: Mapping[str, Any]) -> str:
-    return f"failing means {told['consequence']} ({told['severity']})"
+def _stake(requirement: Mapping[str, Any]) -> str:
+    return f"failing means {requirement['consequence']} ({requirement['severity']})"
 
 
-def _brief(told: Mapping[str, Any], method: str) -> str:
+def _brief(requirement: Mapping[str, Any], method: str) -> str:
     if method == "search":
-        return f"{told['search']['num_found']} of {told['search']['num_searches']} searches"
+        return f"{requirement['search']['num_found']} of {requirement['search']['num_searches']} searches"
     return (
-        f"{sum(part['num_boxes'] for part in told['bounds']):,} boxes"
-        if "bounds" in told and method == "bounds"
+        f"{sum(part['num_boxes'] for part in requirement['bounds']):,} boxes"
+        if "bounds" in requirement and method == "bounds"
         else ""
     )
 
 
-def _requirement(told: Mapping[str, Any], tube: Illustration | None) -> Iterator[Block]:
-    unit, methods = told["unit"], told["methods"]
-    yield Heading(f"{told['id']} {told['title']}", 3, told["id"])
-    yield Paragraph(told["sentence"])
-    accepted = f" Accepted: {told['accepted']}" if told["accepted"] else ""
-    yield Paragraph(f"Why: {told['reason']} Source: {told['source']}.{accepted}")
-    if told["formula"]:
-        yield Code(told["formula"])
+def _requirement(requirement: Mapping[str, Any], tube: Illustration | None) -> Iterator[Block]:
+    unit, methods = requirement["unit"], requirement["methods"]
+    yield Heading(f"{requirement['id']} {requirement['title']}", 3, requirement["id"])
+    yield Paragraph(requirement["sentence"])
+    accepted = f" Accepted: {requirement['accepted']}" if requirement["accepted"] else ""
+    yield Paragraph(f"Why: {requirement['reason']} Source: {requirement['source']}.{accepted}")
+    if requirement["formula"]:
+        yield Code(requirement["formula"])
     details: dict[str, list[Block]] = {name: [Paragraph(_full(methods[name]["why"]))] for name in methods}
-    if "cases" in told:
-        drawn = draw_margins(told["cases"]["histogram"], unit, told["id"])
-        details["cases"] += [Table([], _case_facts(told["cases"], unit)), Figure(element("figure", drawn))]
-    if "search" in told:
+    if cases := requirement.get("cases"):
+        drawn = draw_margins(cases["histogram"], unit, requirement["id"])
+        details["cases"] += [Table([], _case_facts(cases, unit)), Figure(element("figure", drawn))]
+    if search := requirement.get("search"):
         details["search"] += [
-            Paragraph(_full(told["search"]["sentence"])),
-            Table([], _search_facts(told["search"], unit)),
+            Paragraph(_full(search["sentence"])),
+            Table([], _search_facts(search, unit)),
         ]
-    if "bounds" in told:
-        details["bounds"] += [
-            Items(
-                [
-                    f"{part['system']}: {part['sentence']} Boxes: {part['num_boxes']:,}."
-                    for part in told["bounds"]
-                ]
-            ),
-            Paragraph(
-                f"The boxes: {artifacts.PROOF_BOXES}. Over each, interval arithmetic rules the answer out."
-            ),
-        ]
+    if bounds := requirement.get("bounds"):
+        boxes = f"The boxes: {artifacts.PROOF_BOXES}. Over each, interval arithmetic rules the answer out."
+        parts = [f"{part['system']}: {part['sentence']} Boxes: {part['num_boxes']:,}." for part in bounds]
+        details["bounds"] += [Items(parts), Paragraph(boxes)]
     if "tube" in details and tube:
         caption = element("figcaption", tube.caption)
         details["tube"].append(Figure(element("figure", Markup(tube.element), caption)))  # noqa: S704 - drawn here
     if "safety_layer" in details:
         details["safety_layer"].append(Paragraph(_WHY_LAYER))
     for name, blocks in details.items():
-        yield Fold(f"{METHODS[name].capitalize()}: {methods[name]['word']}", blocks, f"{told['id']}-{name}")
-    if "worst" in told:
-        left = [_departure(one) for one in told["worst"]["left_domain"]]
-        replay = Code(f"python -m telemetry replay {told['worst']['recording']}")
-        facts = Table([], _worst_facts(told["worst"], unit))
+        yield Fold(
+            f"{METHODS[name].capitalize()}: {methods[name]['word']}", blocks, f"{requirement['id']}-{name}"
+        )
+    if worst := requirement.get("worst"):
+        left = [_departure(one) for one in worst["left_domain"]]
+        replay = Code(f"python -m telemetry replay {worst['recording']}")
+        facts = Table([], _worst_facts(worst, unit))
         yield Fold("The worst case that is known", [facts, replay, *([Items(left)] if left else [])])
 
 
@@ -316,9 +310,10 @@ def factors(evidence: Mapping[str, Any]) -> list[list[str]]:
 
     Levels are for a reviewer to give, and none is claimed.
     """
-    conditions, domain, told = evidence["conditions"], evidence["domain"] or {}, evidence["requirements"]
+    conditions, requirements = evidence["conditions"], evidence["requirements"]
+    domain = evidence["domain"] or {}
     facts = {
-        "recorded": sum("worst" in one for one in told),
+        "recorded": sum("worst" in one for one in requirements),
         "product": evidence["versions"].get("product"),
         "revision": evidence["git_revision"] or "none (not in a repository)",
         "left": domain.get("num_left"),
@@ -326,8 +321,8 @@ def factors(evidence: Mapping[str, Any]) -> list[list[str]]:
         "seed": conditions["seed"],
         "num_cases": conditions["num_cases"],
         "uncertain": _listed(uncertain(conditions)),
-        "searched": sum(one["search"]["num_flights"] for one in told if "search" in one),
-        "boxes": sum(part["num_boxes"] for one in told for part in one.get("bounds", ())),
+        "searched": sum(one["search"]["num_flights"] for one in requirements if "search" in one),
+        "boxes": sum(part["num_boxes"] for one in requirements for part in one.get("bounds", ())),
     }
     rows = yaml.safe_load(read("templates/credibility.yaml", "pipeline.report"))
     for row in rows:

@@ -46,15 +46,15 @@ def write(contents: Contents, illustrations: Mapping[str, style.Illustration]) -
 
 
 def _blocks(contents: Contents, illustrations: Mapping[str, style.Illustration]) -> Iterator[Block]:
-    experiment, told = contents.experiment, contents.evaluation.summary if contents.evaluation else None
+    experiment, summary = contents.experiment, contents.evaluation.summary if contents.evaluation else None
     who = f"The controller {contents.controller.name}" if contents.controller else "No controller"
-    if told:
-        yield Paragraph(lead(who, told, experiment.mission))
+    if summary:
+        yield Paragraph(lead(who, summary, experiment.mission))
         yield Heading("Results", id="results")
         heads = ["", "mean ± standard deviation", "least", "greatest"]
-        yield Table(heads, list(_means(told)), numbers=(1, 2, 3))
-        heads = ["of the flights", "share", f"{told['confidence_percent']:g} % interval"]
-        yield Table(heads, list(_shares(told)), numbers=(1, 2))
+        yield Table(heads, list(_means(summary)), numbers=(1, 2, 3))
+        heads = ["of the flights", "share", f"{summary['confidence_percent']:g} % interval"]
+        yield Table(heads, list(_shares(summary)), numbers=(1, 2))
     for illustration in illustrations.values():
         caption = element("figcaption", illustration.caption)
         yield Figure(element("figure", Markup(illustration.element), caption))  # noqa: S704 - drawn here
@@ -75,12 +75,12 @@ def _blocks(contents: Contents, illustrations: Mapping[str, style.Illustration])
             yield Paragraph(f"{name}: {value}")
 
 
-def lead(who: str, told: Mapping[str, Any], mission: Mission) -> str:
+def lead(who: str, summary: Mapping[str, Any], mission: Mission) -> str:
     """Say in a sentence or two what came out."""
-    problem, spent, end, speed = mission.problem, *(told[name] for name in list(MEASURES)[:3])
-    reached, held = (100 * told[name]["fraction"] for name in (SUCCESS, "held"))
+    problem, spent, end, speed = mission.problem, *(summary[name] for name in list(MEASURES)[:3])
+    reached, held = (100 * summary[name]["fraction"] for name in (SUCCESS, "held"))
     return (
-        f"{who}, flown from {told['num_cases']:,} starts, comes within {problem.goal_radius_m:g} m of the "
+        f"{who}, flown from {summary['num_cases']:,} starts, comes within {problem.goal_radius_m:g} m of the "
         f"chief, no faster than {problem.goal_speed_m_s:g} m/s, in {reached:.1f} % of the flights. They end "
         f"after {end['mean']:.0f} s in the mean, at {speed['mean']:.4f} m/s, and spend {spent['mean']:.3f} ± "
         f"{spent['standard_deviation']:.3f} m/s. {held:.1f} % are never above the limit on the speed after "
@@ -88,16 +88,16 @@ def lead(who: str, told: Mapping[str, Any], mission: Mission) -> str:
     )
 
 
-def _means(told: Mapping[str, Any]) -> Iterator[list[str]]:
+def _means(summary: Mapping[str, Any]) -> Iterator[list[str]]:
     for name, (words, places) in MEASURES.items():
-        of = told[name]
+        of = summary[name]
         ends_at = (f"{of[end]:.{places}f}" for end in ("minimum", "maximum"))
         yield [words, f"{of['mean']:.{places}f} ± {of['standard_deviation']:.{places}f}", *ends_at]
 
 
-def _shares(told: Mapping[str, Any]) -> Iterator[list[str]]:
+def _shares(summary: Mapping[str, Any]) -> Iterator[list[str]]:
     for name, words in SHARES.items():
-        of = told[name]
+        of = summary[name]
         between = f"{100 * of['low']:.2f} to {100 * of['high']:.2f} %"
         yield [words, f"{100 * of['fraction']:.2f} %", between]
 

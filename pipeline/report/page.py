@@ -95,16 +95,16 @@ def lead(contents: Contents) -> str:
     mission = contents.experiment.mission
     who = f"The controller {contents.controller.name}" if contents.controller else "The controller"
     for _, flights, _ in contents.sets[-1:]:
-        told, starts = flights.summary, "random starts" if contents.evaluation else "training starts"
-        delta_v, rate = told["delta_v_m_s"], told["inspection_rate_percent"]
-        outside, of_these = told["violated"]["count"], _inspectable_words(told)
-        sun = f" with the Sun {told['sun']}" if "sun" in told else ""
+        summary, starts = flights.summary, "random starts" if contents.evaluation else "training starts"
+        delta_v, rate = summary["delta_v_m_s"], summary["inspection_rate_percent"]
+        outside, of_these = summary["violated"]["count"], _inspectable_words(summary)
+        sun = f" with the Sun {summary['sun']}" if "sun" in summary else ""
         leave = "none leaves" if not outside else "one leaves" if outside == 1 else f"{outside:,} leave"
         return (
-            f"{who}, flown from {told['num_cases']:,} {starts}{sun}, spends "
+            f"{who}, flown from {summary['num_cases']:,} {starts}{sun}, spends "
             f"{delta_v['mean']:.3f} ± {delta_v['standard_deviation']:.3f} m/s and inspects "
             f"{rate['mean']:.2f} ± {rate['standard_deviation']:.2f} % of the points{of_these}. "
-            f"{100 * told[SUCCESS]['fraction']:.1f} % of the flights reach "
+            f"{100 * summary[SUCCESS]['fraction']:.1f} % of the flights reach "
             f"{mission.inspection_threshold_percent:g} % inside the limits; {leave} {_limits(mission)}."
         )
     if contents.shown:
@@ -119,20 +119,20 @@ def lead(contents: Contents) -> str:
     return "This run has no flights yet."
 
 
-def _inspectable_words(told: Mapping[str, Any]) -> str:
+def _inspectable_words(summary: Mapping[str, Any]) -> str:
     """Say what the rate is of the points that can be inspected, where some cannot be."""
-    if not can_see_less(told):
+    if not can_see_less(summary):
         return ""
-    count, rate = told["inspectable_count"]["mean"], told[INSPECTABLE]
+    count, rate = summary["inspectable_count"]["mean"], summary[INSPECTABLE]
     return (
         f", {rate['mean']:.2f} ± {rate['standard_deviation']:.2f} % of the {count:.1f} a flight that can be "
         "inspected, to which success refers"
     )
 
 
-def can_see_less(told: Mapping[str, Any]) -> bool:
+def can_see_less(flown: Mapping[str, Any]) -> bool:
     """Tell whether a summary is of flights in which some points could not be inspected."""
-    return INSPECTABLE in told and told[INSPECTABLE]["mean"] != told["inspection_rate_percent"]["mean"]
+    return INSPECTABLE in flown and flown[INSPECTABLE]["mean"] != flown["inspection_rate_percent"]["mean"]
 
 
 def _sees_less(contents: Contents) -> bool:
@@ -160,19 +160,19 @@ def tiles(contents: Contents) -> list[tuple[str, str, str, str]]:
     if not contents.sets:
         return []
     _, flights, reported = contents.sets[-1]
-    told = flights.summary
+    summary = flights.summary
     means = (
         ("mean Δv", "delta_v_m_s", 2, "m/s"),
         ("mean inspection rate", "inspection_rate_percent", 1, "%"),
     )
     shares = (("successful flights", SUCCESS), ("flights outside the limits", "violated"))
     found = [
-        (label, f"{told[name]['mean']:.{places}f}", unit, f"paper {reported.means[name]:g} {unit}")
+        (label, f"{summary[name]['mean']:.{places}f}", unit, f"paper {reported.means[name]:g} {unit}")
         for label, name, places, unit in means
     ]
     for label, name in shares:
-        share = told[name]
-        beside = f"{share['count']:,} of {told['num_cases']:,}"
+        share = summary[name]
+        beside = f"{share['count']:,} of {summary['num_cases']:,}"
         found.append((label, f"{100 * share['fraction']:.1f}", "%", beside))
     return [*found, *comparisons.times_tile(contents.beside)]
 
@@ -181,28 +181,28 @@ def summary_rows(contents: Contents) -> list[SummaryRow]:
     """Return the rows of the summary: ours, and the paper's under each."""
     rows = []
     for word, flights, reported in contents.sets:
-        told = flights.summary
-        note = f"{told['num_cases']:,} flights" + (f", Sun {told['sun']}" if "sun" in told else "")
+        summary = flights.summary
+        note = f"{summary['num_cases']:,} flights" + (f", Sun {summary['sun']}" if "sun" in summary else "")
         if flights is contents.training and contents.training_round:
             note += f", starts of round {contents.training_round}"
-        cells = [*(_mean_cell(told[name], places) for name, places in DECIMALS.items())]
-        cells += [_share_cell(told[name]) for name in SHARES]
+        cells = [*(_mean_cell(summary[name], places) for name, places in DECIMALS.items())]
+        cells += [_share_cell(summary[name]) for name in SHARES]
         paper = _paper_row(reported)
         if _sees_less(contents):
-            cells.insert(2, _mean_cell(told[INSPECTABLE], 2))
+            cells.insert(2, _mean_cell(summary[INSPECTABLE], 2))
             paper.cells.insert(2, Cell("not stated"))
         rows += [SummaryRow(word, note, cells, is_ours=True), paper]
     return rows
 
 
-def _mean_cell(told: Mapping[str, float], places: int) -> Cell:
-    shown = f"{told['mean']:.{places}f} ± {told['standard_deviation']:.{places}f}"
-    return Cell(shown, told["mean"], f"{told['low']:.{places}f} to {told['high']:.{places}f}")
+def _mean_cell(measure: Mapping[str, float], places: int) -> Cell:
+    shown = f"{measure['mean']:.{places}f} ± {measure['standard_deviation']:.{places}f}"
+    return Cell(shown, measure["mean"], f"{measure['low']:.{places}f} to {measure['high']:.{places}f}")
 
 
-def _share_cell(told: Mapping[str, float]) -> Cell:
-    note = f"{100 * told['low']:.1f} to {100 * told['high']:.1f} %"
-    return Cell(f"{100 * told['fraction']:.1f} %", told["fraction"], note)
+def _share_cell(measure: Mapping[str, float]) -> Cell:
+    note = f"{100 * measure['low']:.1f} to {100 * measure['high']:.1f} %"
+    return Cell(f"{100 * measure['fraction']:.1f} %", measure["fraction"], note)
 
 
 def _paper_row(reported: comparison.Reported) -> SummaryRow:

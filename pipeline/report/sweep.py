@@ -124,38 +124,38 @@ def gather(folder: Path) -> Swept:
         If the folder holds no sweep, or a file in it cannot be read.
     """
     runs, flown, confidence = [], [], CONFIDENCE_PERCENT
-    for told in sweep.read(folder):
-        own = folder / told.folder
+    for run in sweep.read(folder):
+        own = folder / run.folder
         summary = artifacts.read_json(own, artifacts.SUMMARY) if (own / artifacts.SUMMARY).exists() else None
         if summary is not None:
             confidence = float(summary["confidence_percent"])
-            flown.append((told.differs, tables.read_parquet(own, artifacts.EPISODES)))
-        runs.append(_run(folder, told, summary))
+            flown.append((run.differs, tables.read_parquet(own, artifacts.EPISODES)))
+        runs.append(_run(folder, run, summary))
     found = tuple(effect for effect in effects(flown, confidence) if effect.factor != REPLICATE)
     return Swept(folder, tuple(runs), found, confidence)
 
 
-def _run(folder: Path, told: sweep.SweptRun, summary: Mapping[str, Any] | None) -> Run:
+def _run(folder: Path, run: sweep.SweptRun, summary: Mapping[str, Any] | None) -> Run:
     return Run(
-        told.folder,
-        told.differs,
-        sweep.state_of(folder, told),
-        told.failure,
+        run.folder,
+        run.differs,
+        sweep.state_of(folder, run),
+        run.failure,
         int(summary["num_cases"]) if summary else 0,
         {metric.name: _value(summary, metric.name) for metric in METRICS} if summary else {},
-        _command(folder / told.folder, told) if summary else "",
+        _command(folder / run.folder, run) if summary else "",
     )
 
 
 def _value(summary: Mapping[str, Any], name: str) -> Value:
-    told = summary[SHARES.get(name, name)]
+    measure = summary[SHARES.get(name, name)]
     value, scale = ("fraction", 100.0) if name in SHARES else ("mean", 1.0)
-    return Value(*(scale * float(told[part]) for part in (value, "low", "high")))
+    return Value(*(scale * float(measure[part]) for part in (value, "low", "high")))
 
 
-def _command(folder: Path, told: sweep.SweptRun) -> str:
+def _command(folder: Path, run: sweep.SweptRun) -> str:
     """Return the command that flies the controller of a run once, in the world of the run."""
-    kept = [word for word in told.command if not word.startswith(NOT_FLOWN)]
+    kept = [word for word in run.command if not word.startswith(NOT_FLOWN)]
     for name in (artifacts.CHAMPION, artifacts.CONTROLLER):
         if (folder / name).exists():
             kept = [word for word in kept if not word.startswith("controller")]
@@ -234,10 +234,10 @@ def effects_table(swept: Swept) -> list[Block]:
         (
             factor,
             f"{level} against {baseline}",
-            f"{told[0].difference.count:,} {told[0].unit}",
-            *(differing(effect.difference, effect.metric) for effect in told),
+            f"{group[0].difference.count:,} {group[0].unit}",
+            *(differing(effect.difference, effect.metric) for effect in group),
         )
-        for (factor, baseline, level), told in found.items()
+        for (factor, baseline, level), group in found.items()
     ]
     if not rows:
         return []
@@ -262,13 +262,13 @@ def compared_table(one: str, other: str, compared: Sequence[Compared], confidenc
     count = compared[0].difference.count
     rows = [
         (
-            _headed(told.metric),
-            *(f"{mean:.{told.metric.places}f}" for mean in told.means),
-            differing(told.difference, told.metric),
-            f"{told.better:,} / {told.worse:,} / {count - told.better - told.worse:,}",
-            f"{told.p_value:.2g}",
+            _headed(row.metric),
+            *(f"{mean:.{row.metric.places}f}" for mean in row.means),
+            differing(row.difference, row.metric),
+            f"{row.better:,} / {row.worse:,} / {count - row.better - row.worse:,}",
+            f"{row.p_value:.2g}",
         )
-        for told in compared
+        for row in compared
     ]
     title = f"{count:,} common cases; B against A, {confidence:g} % intervals; * where without zero:"
     heads = ["", f"A: {one}", f"B: {other}", "B - A", "B better / worse / equal", "p"]

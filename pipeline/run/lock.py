@@ -135,7 +135,7 @@ def _holder(stream: IO[str]) -> str:
     """Return the holder named in a lock file; nothing if it cannot be read."""
     stream.seek(0)
     try:
-        told = json.loads(stream.read(1000))
-        return f"process {int(told['process'])} on {told['host']} since {told['since']}"
+        holder = json.loads(stream.read(1000))
+        return f"process {int(holder['process'])} on {holder['host']} since {holder['since']}"
     except (ValueError, KeyError, TypeError):
         return ""

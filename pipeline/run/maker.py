@@ -62,20 +62,20 @@ def product() -> Mapping[str, Any]:
 
 def unlike(one: Mapping[str, Any], other: Mapping[str, Any]) -> list[str]:
     """Return, in words, the differences between two makers."""
-    told = []
+    differences = []
     for name, value in one.get("versions", {}).items():
         now = other.get("versions", {}).get(name)
         if now != value:
-            told.append(f"{name} {value}, now {now}")
+            differences.append(f"{name} {value}, now {now}")
     if one.get("sources") != other.get("sources"):
-        told.append("other sources" if one.get("sources") else "unknown sources")
+        differences.append("other sources" if one.get("sources") else "unknown sources")
     here, there = one.get("processor", {}), other.get("processor", {})
-    told += [
+    differences += [
         f"{name} {here[name]}, now {there.get(name)}"
         for name in ROUNDING
         if name in here and here[name] != there.get(name)
     ]
-    return told
+    return differences
 
 
 def sources_hash() -> str:
@@ -154,10 +154,10 @@ def git_revision() -> str | None:
         return None
     command = ["git", "-C", str(SOURCES), "status", "--porcelain=v2", "--branch", "--untracked-files=no"]
     try:
-        told = subprocess.run(command, check=True, capture_output=True, text=True, timeout=20)  # noqa: S603
+        done = subprocess.run(command, check=True, capture_output=True, text=True, timeout=20)  # noqa: S603
     except (OSError, subprocess.SubprocessError):
         return None
-    lines = told.stdout.splitlines()
+    lines = done.stdout.splitlines()
     revision = lines[0].removeprefix("# branch.oid ")
     if revision == "(initial)":
         return None
@@ -210,8 +210,8 @@ def require_reproducible() -> None:
     NotInForce
     """
     if not is_in_force():
-        told = " ".join(f"{name}='{value}'" for name, value in environment().items())
-        raise NotInForce(f"reproducible is true, and Python was not started for it; start it with {told}")
+        settings = " ".join(f"{name}='{value}'" for name, value in environment().items())
+        raise NotInForce(f"reproducible is true, and Python was not started for it; start it with {settings}")
 
 
 def start_anew(words: Sequence[str]) -> NoReturn:

@@ -63,6 +63,6 @@ class Progress:
         if now - self._last_line >= SECONDS_BETWEEN_LINES or done == self._total:
             self._last_line = now
             left = (now - self._started) / (done - self._done_before) * (self._total - done)
-            told = f"  {self._what} {done}/{self._total}, {text}, {left:.0f} s left\n"
-            sys.stderr.write(told.replace(", , ", ", "))
+            line = f"  {self._what} {done}/{self._total}, {text}, {left:.0f} s left\n"
+            sys.stderr.write(line.replace(", , ", ", "))
             sys.stderr.flush()

@@ -58,22 +58,22 @@ def read(folder: Path) -> list[SweptRun]:
         raise artifacts.ArtifactError(
             f"{folder} holds no sweep, it has no {SWEEP}; give the folder that python -m pipeline -m printed"
         )
-    told = artifacts.read_json(folder, SWEEP)
+    content = artifacts.read_json(folder, SWEEP)
     try:
-        if told["sweep_version"] != SWEEP_VERSION:
-            raise ValueError(f"its version is {told['sweep_version']}, {SWEEP_VERSION} is read")
-        return [_run_of(one) for one in told["runs"]]
+        if content["sweep_version"] != SWEEP_VERSION:
+            raise ValueError(f"its version is {content['sweep_version']}, {SWEEP_VERSION} is read")
+        return [_run_of(one) for one in content["runs"]]
     except (KeyError, TypeError, ValueError) as error:
         raise artifacts.ArtifactError(
             f"{folder / SWEEP} is no file of a sweep ({error!r}); restore it"
         ) from error
 
 
-def _run_of(told: Mapping[str, object]) -> SweptRun:
+def _run_of(entry: Mapping[str, object]) -> SweptRun:
     """Return a run, after checking that its folder is inside the sweep's."""
-    if not manifests.fits(told, RUN_SHAPE):
-        raise ValueError(f"{str(told)[:80]} is no run")
-    run = SweptRun(**{field.name: told[field.name] for field in fields(SweptRun)})  # type: ignore[arg-type]
+    if not manifests.fits(entry, RUN_SHAPE):
+        raise ValueError(f"{str(entry)[:80]} is no run")
+    run = SweptRun(**{field.name: entry[field.name] for field in fields(SweptRun)})  # type: ignore[arg-type]
     path = PurePosixPath(run.folder)
     if path.is_absolute() or ".." in path.parts:
         raise ValueError(f"{run.folder} lies outside")

@@ -123,14 +123,14 @@ def _read(node: Mapping[str, Any], above: tuple[str, ...]) -> Iterator[Distribut
             yield from _read(value, place)
 
 
-def _distribution(key: str, told: Mapping[str, Any]) -> Distribution:
-    kind, where = told["kind"], f"dispersions.{key}"
+def _distribution(key: str, node: Mapping[str, Any]) -> Distribution:
+    kind, where = node["kind"], f"dispersions.{key}"
     if kind not in KINDS:
         raise SettingError(
             f"{where}.kind is {kind!r}; it must be one of {', '.join(KINDS)}{did_you_mean(str(kind), KINDS)}"
         )
     needed, allowed = KINDS[kind]
-    names = set(told) - {"kind"}
+    names = set(node) - {"kind"}
     if not needed <= names <= needed | allowed:
         extra = f", and may have {', '.join(sorted(allowed))}" if allowed else ""
         raise SettingError(
@@ -138,10 +138,10 @@ def _distribution(key: str, told: Mapping[str, Any]) -> Distribution:
             f"{', '.join(sorted(needed))}{extra}"
         )
     for name in names:
-        number = told[name]
+        number = node[name]
         if isinstance(number, bool) or not isinstance(number, int | float) or not math.isfinite(number):
             raise SettingError(f"{where}.{name} is {number!r}; it must be a finite number")
-    found = Distribution(key, kind, **{name: float(told[name]) for name in names})
+    found = Distribution(key, kind, **{name: float(node[name]) for name in names})
     if not found.low < found.high:
         raise SettingError(
             f"{where}.low is {found.low:g} and {where}.high {found.high:g}; the first must be less"

@@ -100,17 +100,17 @@ def value_at(config: Mapping[str, Any], key: str, otherwise: Any = None) -> Any:
 
 def in_todays_words(config: Mapping[str, Any]) -> dict[str, Any]:
     """Return a configuration with the keys of earlier versions under their present names."""
-    told = copy.deepcopy(dict(config))
+    renamed = copy.deepcopy(dict(config))
     for old, new in RENAMED.items():
         (group, _, was), name = old.rpartition("."), new.rpartition(".")[2]
-        node = value_at(told, group)
+        node = value_at(renamed, group)
         if isinstance(node, dict) and was in node and name not in node:
             node[name] = node.pop(was)
-    logger = told.get("logger")
+    logger = renamed.get("logger")
     if isinstance(logger, dict) and logger.get("kind") == "mlflow":
         # a sink that is no more: such a run is read and goes on without
         logger["kind"] = "none"
-    return told
+    return renamed
 
 
 def without(config: Mapping[str, Any], keys: Iterable[str]) -> dict[str, Any]:

@@ -141,16 +141,16 @@ def _commented(node: Mapping[str, Any], above: str, indent: str) -> Iterator[str
 @cache
 def descriptions() -> dict[str, str]:
     """Return the meaning of each key, and of each group, from the sources of their classes."""
-    told: dict[str, str] = {}
+    texts: dict[str, str] = {}
     for group, kind, _ in GROUPS:
         prefix = f"{_group_of(group, kind)}." if group else ""
-        told[prefix.rstrip(".")] = (inspect.getdoc(kind) or "").partition("\n")[0]
+        texts[prefix.rstrip(".")] = (inspect.getdoc(kind) or "").partition("\n")[0]
         for owner in inspect.getmro(kind)[:-1]:
             for name, text in (
                 _meanings(sys.modules[owner.__module__].__file__ or "").get(owner.__name__, {}).items()
             ):
-                told.setdefault(prefix + name, text)
-    return told
+                texts.setdefault(prefix + name, text)
+    return texts
 
 
 @cache

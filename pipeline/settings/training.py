@@ -290,29 +290,29 @@ def dimensions(space: Mapping[str, Any]) -> tuple[Dimension, ...]:
     SettingError
         If a key is unknown, or its entry has another form.
     """
-    return tuple(_dimension(key, told) for key, told in sorted(_leaves(space, ())))
+    return tuple(_dimension(key, leaf) for key, leaf in sorted(_leaves(space, ())))
 
 
 def _leaves(node: Mapping[str, Any], above: tuple[str, ...]) -> Iterator[tuple[str, Any]]:
-    for name, told in node.items():
-        if isinstance(told, Mapping) and told and not set(told) & {"low", "high", "choices"}:
-            yield from _leaves(told, (*above, str(name)))
+    for name, leaf in node.items():
+        if isinstance(leaf, Mapping) and leaf and not set(leaf) & {"low", "high", "choices"}:
+            yield from _leaves(leaf, (*above, str(name)))
         else:
-            yield ".".join((*above, str(name))), told
+            yield ".".join((*above, str(name))), leaf
 
 
-def _dimension(key: str, told: Any) -> Dimension:
+def _dimension(key: str, leaf: Any) -> Dimension:
     if not is_key(key):
         raise SettingError(f"hparams_search.space: {unknown(key)}")
-    if isinstance(told, Mapping) and set(told) == {"choices"} and isinstance(told["choices"], list):
-        if len(told["choices"]) > 1:
-            return Dimension(key, choices=tuple(told["choices"]))
-    elif isinstance(told, Mapping) and {"low", "high"} <= set(told) <= {"low", "high", "log"}:
-        low, high, is_log = told["low"], told["high"], told.get("log", False)
+    if isinstance(leaf, Mapping) and set(leaf) == {"choices"} and isinstance(leaf["choices"], list):
+        if len(leaf["choices"]) > 1:
+            return Dimension(key, choices=tuple(leaf["choices"]))
+    elif isinstance(leaf, Mapping) and {"low", "high"} <= set(leaf) <= {"low", "high", "log"}:
+        low, high, is_log = leaf["low"], leaf["high"], leaf.get("log", False)
         are_numbers = all(type(value) in (int, float) and math.isfinite(value) for value in (low, high))
         if are_numbers and low < high and isinstance(is_log, bool) and (low > 0 or not is_log):
             return Dimension(key, low, high, is_log)
     raise SettingError(
-        f"hparams_search.space.{key} is {told}; give a range, {{low: 0.1, high: 10.0, log: true}}, the lower "
+        f"hparams_search.space.{key} is {leaf}; give a range, {{low: 0.1, high: 10.0, log: true}}, the lower "
         "end less than the upper and with log positive, or {choices: [a, b]}, two or more"
     )

@@ -110,7 +110,7 @@ def _gather(experiment: Experiment, folder: Path, requirements: Requirements) ->
     domain = _domain(experiment, controller, folder)
     proof = safety_proof(mission, scenarios)
     worst = _Worst(experiment, folder, controller, domain)
-    told, all_found = [], []
+    entries, all_found = [], []
     for one in requirements.requirements:
         outcome = outcomes.get(one.id)
         found = Found(
@@ -123,13 +123,13 @@ def _gather(experiment: Experiment, folder: Path, requirements: Requirements) ->
         )
         recorded = None if outcome is None else worst.record(one, scenarios, outcome, found.searches)
         all_found.append(found)
-        told.append(evidence.of_requirement(found, outcome, recorded))
+        entries.append(evidence.of_requirement(found, outcome, recorded))
     _write(folder, artifacts.SEARCHED, evidence.search_columns(mission, all_found))
     _write(folder, artifacts.PROOF_BOXES, evidence.box_columns(all_found))
     return {
         **_provenance(experiment, folder, controller, requirements),
         "domain": None if domain is None else evidence.of_domain(domain),
-        "requirements": told,
+        "requirements": entries,
     }
 
 
@@ -166,25 +166,25 @@ def _tube(experiment: Experiment, controller: Controller, folder: Path) -> TubeP
     """Return what the stage prove showed in this run, if it is about these flights."""
     if not (folder / artifacts.THEOREM).exists() or controller.fuzzy is None:
         return TubeProof("no proof of these rules is in this run; add the stage prove before assure")
-    told = artifacts.read_json(folder, artifacts.THEOREM)
+    written = artifacts.read_json(folder, artifacts.THEOREM)
     try:
         theorem = json.loads(json.dumps(asdict(theorem_of(experiment))))
     except NotProvable as error:
         return TubeProof(str(error))
     sha256 = hashlib.sha256(dump_json(controller.fuzzy).encode()).hexdigest()
-    if told["controller_sha256"] != sha256 or any(told[name] != theorem[name] for name in theorem):
+    if written["controller_sha256"] != sha256 or any(written[name] != theorem[name] for name in theorem):
         return TubeProof(f"{artifacts.THEOREM} is of other flights; repeat the stage prove")
-    if told["fault"]:
-        return TubeProof(f"not proved: {told['fault']}")
-    end_s = told["num_periods"] * theorem["period_s"]
+    if written["fault"]:
+        return TubeProof(f"not proved: {written['fault']}")
+    end_s = written["num_periods"] * theorem["period_s"]
     return TubeProof("", end_s, tuple(theorem["limit"]), tuple(theorem["goal"]))
 
 
 def _tube_drawn(
-    experiment: Experiment, folder: Path, told: Sequence[Mapping[str, Any]]
+    experiment: Experiment, folder: Path, entries: Sequence[Mapping[str, Any]]
 ) -> Illustration | None:
     """Draw the tube of the proof that a requirement rests on, over the first cases."""
-    if not any("tube" in one and not one["tube"]["fault"] for one in told):
+    if not any("tube" in one and not one["tube"]["fault"] for one in entries):
         return None
     mission, num_cases = experiment.mission, min(MOST_DRAWN, experiment.assurance.num_cases)
     flights = Flights(mission, controller_of_run(experiment, folder), experiment.assurance.workers)

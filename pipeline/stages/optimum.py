@@ -130,11 +130,11 @@ def _finish(experiment: Experiment, folder: Path, rows: Mapping[int, CaseRow]) -
         **summarise([rows[case] for case in sorted(rows)]),
     }
     writing.write_json(folder / artifacts.OPTIMUM_SUMMARY, summary)
-    told = f"  {summary['num_feasible']} of {len(rows)} cases solved"
+    line = f"  {summary['num_feasible']} of {len(rows)} cases solved"
     if "delta_v_m_s" in summary:
         spent, bound = summary["delta_v_m_s"], summary["delta_v_bound_m_s"]
-        told += (
+        line += (
             f": delta-v {spent['mean']:.4f} m/s in the mean, {spent['max']:.4f} at most; "
             f"no plan does with less than {bound['mean']:.4f} in the mean"
         )
-    sys.stderr.write(told + "\n")
+    sys.stderr.write(line + "\n")

@@ -37,13 +37,13 @@ def _proved(experiment: Experiment, folder: Path) -> str:
             theorem, controller, motion, experiment.prove.cells, mission.num_controls, progress.show
         )
     sha256 = hashlib.sha256(text.encode()).hexdigest()
-    told = {
+    outcome = {
         "num_periods": found.num_periods,
         "fault": found.fault,
         "cells": CELLS,
         "controller_sha256": sha256,
     }
-    writing.write_json(folder / artifacts.THEOREM, asdict(theorem) | told)
+    writing.write_json(folder / artifacts.THEOREM, asdict(theorem) | outcome)
     writing.write_atomically(folder / artifacts.PROVED_CONTROLLER, text)
     tables.write_parquet(folder / artifacts.TUBE, dict(zip(COLUMNS, found.rows.T, strict=True)))
     kept = f"every start keeps the limit at all times of {found.num_periods * theorem.period_s:g} s"

@@ -43,8 +43,8 @@ def run(experiment: Experiment, folder: Path) -> None:
             rows.append((trial.number, trial.state, trial.cost, len(trial.blocks), *trial.values.values()))
             header = ["trial", "state", "cost_m_s", "blocks", *trial.values]
             tables.write_csv(folder / artifacts.SEARCH_TRIALS, header, rows)
-            told = "none complete" if best is None else f"best {best.cost:.4f} m/s, trial {best.number}"
-            progress.show(trial.number + 1, f"{trial.state} {trial.cost:.4f} m/s; {told}")
+            so_far = "none complete" if best is None else f"best {best.cost:.4f} m/s, trial {best.number}"
+            progress.show(trial.number + 1, f"{trial.state} {trial.cost:.4f} m/s; {so_far}")
     if best is None:
         raise SettingError(
             "no trial of the search could be flown to its end; choose an hparams_search.space that fits"

@@ -82,12 +82,12 @@ def write_champion(
     folder: Path, experiment: Experiment, genome: Genome, choice: Choice, provenance: Mapping[str, str]
 ) -> None:
     """Write the champion as a controller file with its provenance."""
-    told = {"training_fitness": repr(choice.fitness), **provenance}
+    facts = {"training_fitness": repr(choice.fitness), **provenance}
     if choice.validation_fitness is not None:
-        told["validation_fitness"] = repr(choice.validation_fitness)
+        facts["validation_fitness"] = repr(choice.validation_fitness)
     if choice.rounds:
         tables.write_csv(folder / artifacts.VALIDATION, ["round", "training", "validation"], choice.rounds)
-    champion = described(replace(genome.decode(choice.champion), name=_name(experiment, genome)), told)
+    champion = described(replace(genome.decode(choice.champion), name=_name(experiment, genome)), facts)
     writing.write_atomically(folder / artifacts.CHAMPION, serialize.dump_json(champion) + "\n")
 
 

@@ -133,7 +133,7 @@ class Recording:
         """What was flown ahead before the flight, by what was chosen."""
         prefix = topics.REHEARSAL_METADATA_PREFIX
         found = {name: values for name, values in self.metadata.items() if name.startswith(prefix)}
-        return {name.removeprefix(prefix): Rehearsal.from_metadata(told) for name, told in found.items()}
+        return {name.removeprefix(prefix): Rehearsal.from_metadata(one) for name, one in found.items()}
 
     def fis_description(self, name: str) -> FisDescription:
         """Return the meaning of the numbers of the fuzzy system `name`.

@@ -107,13 +107,13 @@ def _outcome_in_words(outcome: Mapping[str, float]) -> dict[str, str]:
     counted = outcome["inspectable_count"]
     inspectable = f", of which {counted} can be" if 0 < counted < outcome["num_points"] else ""
     if "end_s" in outcome:
-        told = {"end": ending(outcome["inspected_count"] > 0, outcome["end_s"])}
+        words = {"end": ending(outcome["inspected_count"] > 0, outcome["end_s"])}
     else:
-        told = {
+        words = {
             "points inspected": f"{outcome['inspected_count']} of {outcome['num_points']}" + inspectable,
             "inspection rate": f"{outcome['inspection_rate_percent']:.2f} %",
         }
-    return told | {
+    return words | {
         "delta-v": f"{outcome['delta_v_m_s']:.4f} m/s",
         "distance": f"{outcome['min_distance_m']:.1f} to {outcome['max_distance_m']:.1f} m",
     }

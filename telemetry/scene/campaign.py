@@ -99,10 +99,10 @@ def extremes(evaluation: Evaluation) -> list[Extreme]:
     ]
     if evaluation.episodes:
         delta_v, count = evaluation.episodes["delta_v_m_s"], evaluation.episodes["inspected_count"]
-        told = [("most delta-v", int(delta_v.argmax()), f"{delta_v.max():.3f} m/s")]
+        picked = [("most delta-v", int(delta_v.argmax()), f"{delta_v.max():.3f} m/s")]
         if evaluation.surroundings.threshold_percent is not None:
-            told.append(("least inspected", int(count.argmin()), f"{count.min()} points"))
-        for what, row, how_much in told:
+            picked.append(("least inspected", int(count.argmin()), f"{count.min()} points"))
+        for what, row, how_much in picked:
             # labelled where the flight ends
             found.append((what, (row + 1) * num_samples - 1, how_much))
     return [
@@ -133,8 +133,8 @@ def in_words(evaluation: Evaluation) -> str:
         ]:
             values = evaluation.episodes[name]
             spread = values.std(ddof=min(1, num_cases - 1))
-            told = f"{values.mean():.{digits}f} ± {spread:.{digits}f} {unit}"
-            rows.append((title, f"{told}, {values.min():.{digits}f} to {values.max():.{digits}f}"))
+            text = f"{values.mean():.{digits}f} ± {spread:.{digits}f} {unit}"
+            rows.append((title, f"{text}, {values.min():.{digits}f} to {values.max():.{digits}f}"))
     for extreme in extremes(evaluation):
         name, _, rest = extreme.label.partition(": ")
         rows.append((name, rest))

@@ -111,11 +111,11 @@ def _rest_in_words(recording: Recording, sample_time_s: Floats) -> list[str]:
         return [NO_INFERENCE] * len(sample_time_s)
     kinds = [", ".join(dict.fromkeys(row)).replace("_", " ") for row in control["reason"].tolist()]
     is_fired = np.any(control["force_hill_n"], axis=1)
-    told = [
+    sentences = [
         f"*{'No rule asked for what is fired' if fires else 'Nothing is fired'}: {kind}.*"
         for kind, fires in zip(kinds, is_fired, strict=True)
     ]
-    words = dict(zip(control.time_s.tolist(), told, strict=True))
+    words = dict(zip(control.time_s.tolist(), sentences, strict=True))
     return [words.get(time_s, NO_INFERENCE) for time_s in sample_time_s.tolist()]
 
 
@@ -220,10 +220,10 @@ def pulls(recording: Recording, sample_time_s: Floats) -> Floats | None:
     num_points = recording[topics.CHIEF_POINTS]["position_m"].shape[1]
     if cloud is None or not len(cloud) or not names or not num_points:
         return None
-    told = [cloud.columns[name] for name in names if name in cloud.columns]
-    if len(told) < len(names) or any(values.shape != (len(cloud), num_points) for values in told):
+    columns = [cloud.columns[name] for name in names if name in cloud.columns]
+    if len(columns) < len(names) or any(values.shape != (len(cloud), num_points) for values in columns):
         return None
-    parts = np.abs(np.array(told, dtype=np.float64))
+    parts = np.abs(np.array(columns, dtype=np.float64))
     most = np.max(parts / np.maximum(parts.max(axis=(1, 2), keepdims=True), 1e-300), axis=0)
     rows = np.searchsorted(cloud.time_s, sample_time_s, side="right") - 1
     found: Floats = np.where((rows >= 0)[:, None], most[rows], 0.0)

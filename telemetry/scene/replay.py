@@ -228,8 +228,8 @@ def _send_trail(stream: rr.RecordingStream, recording: Recording, entity: str, c
 
 def _send_inferences(stream: rr.RecordingStream, recording: Recording) -> None:
     time_s = drawing.sample_times(recording)
-    told = [f"**{line}**" if line else "" for line in drawing.now_in_words(recording, time_s)]
-    _send_texts(stream, blueprint.NOW, time_s, told)
+    texts = [f"**{line}**" if line else "" for line in drawing.now_in_words(recording, time_s)]
+    _send_texts(stream, blueprint.NOW, time_s, texts)
     image, middles = drawing.activation_map(recording, time_s)
     if not middles:
         return

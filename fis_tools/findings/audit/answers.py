@@ -203,11 +203,11 @@ def _dominant(
         lead, share = float(leading[index]), float(shares[index])
         if len(system.rules) < 3 or max(lead, share) <= thresholds.dominant:
             continue
-        told = (
+        by_share = (
             (lead, f"fires most strongly in {percent(lead)} of the inferences"),
             (share, f"makes up {percent(share)} of the effect of all rules"),
         )
-        ways = [words for part, words in told if part > thresholds.dominant]
+        ways = [words for part, words in by_share if part > thresholds.dominant]
         yield Finding(
             "dominant-rule",
             Severity.NOTE,

@@ -241,7 +241,7 @@ _ROWS: dict[str, Callable[[Measures], str]] = {
 
 def _measure_table(systems: tuple[AuditedSystem, ...]) -> Table:
     """Return the measures with one column per system."""
-    rows = [[words, *(told(system.measures) for system in systems)] for words, told in _ROWS.items()]
+    rows = [[words, *(cell(system.measures) for system in systems)] for words, cell in _ROWS.items()]
     if any(system.num_samples is not None for system in systems):
         rows.append(["logged inferences", *(str(system.num_samples) for system in systems)])
     return Table(["", *(system.name for system in systems)], rows, numbers=range(1, 1 + len(systems)))

@@ -262,13 +262,13 @@ def _symmetry(system: FuzzySystem, table: _Table, thresholds: Thresholds) -> Ite
         if kept < FEWEST_PAIRS or not 0 < len(broken) <= max(1.0, thresholds.asymmetry * len(pairs)):
             continue
         rules = sorted({number for pair in broken for number in pair})
-        told = [f"{_concludes(system.rules[n - 1])[output.name]} (rule {n})" for n in rules]
+        named = [f"{_concludes(system.rules[n - 1])[output.name]} (rule {n})" for n in rules]
         yield Finding(
             "broken-symmetry",
             Severity.WARNING,
             f"With {listed([system.inputs[axis].name for axis in axes])} mirrored, {output.name} is "
             f"{'mirrored too' if is_odd else 'the same'} in {kept} of {len(pairs)} pairs of rules, but not "
-            f"in {listed(told, 2 * FEWEST_PAIRS)}.",
+            f"in {listed(named, 2 * FEWEST_PAIRS)}.",
             "Check these rules: a single pair against the others is often a slip.",
             rules=tuple(rules),
             evidence={"pairs": len(pairs), "broken": broken},

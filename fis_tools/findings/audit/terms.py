@@ -60,11 +60,11 @@ def read_names(names: list[str]) -> list[Reading | None]:
     Names such as ``negative_large``, ``NL``, ``zero``, ``PositiveSmall`` are read first. Without two of them
     that differ, the scale that knows most of the names counts, ``very`` and its like moving a word outwards.
     """
-    told = [_words(name) for name in names]
-    signed = [_signed(words) for words in told]
+    phrases = [_words(name) for name in names]
+    signed = [_signed(words) for words in phrases]
     if len({reading.sign for reading in signed if reading is not None}) > 1:
         return signed
-    by_scale = [[_on_scale(words, scale) for words in told] for scale in _SCALES]
+    by_scale = [[_on_scale(words, scale) for words in phrases] for scale in _SCALES]
     best = max(by_scale, key=lambda readings: sum(reading is not None for reading in readings))
     zeros = [reading if reading is not None and reading.sign == 0 else None for reading in signed]
     if sum(reading is not None for reading in best) < 2:

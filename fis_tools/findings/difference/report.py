@@ -50,9 +50,9 @@ class Difference(Result):
 
     def document(self, *, pictures: bool = False) -> Document:
         """Say what changed; on demand with pictures of terms and surfaces, for pages."""
-        told = {"before": self.before.plain(), "after": self.after.plain()}
-        rows = [[word, one["file"] or one["name"], f"SHA-256 {one['sha256']}"] for word, one in told.items()]
-        title = f"{told['before']['name']} {TO} {told['after']['name']}"
+        sides = {"before": self.before.plain(), "after": self.after.plain()}
+        rows = [[word, one["file"] or one["name"], f"SHA-256 {one['sha256']}"] for word, one in sides.items()]
+        title = f"{sides['before']['name']} {TO} {sides['after']['name']}"
         return Document([Heading(title, 1), Table([], rows), *self.blocks(pictures)])
 
     def blocks(self, pictures: bool = False) -> list[Block]:
@@ -316,8 +316,8 @@ _OUTPUT_KEYS = ("where", "num_samples", "mean", "largest", "mean_share", "larges
 
 def _plain_pair(change: Pair[Any], words: Callable[[Any], str]) -> dict[str, object]:
     sides = {"before": change.before, "after": change.after}
-    told = {side: None if thing is None else words(thing) for side, thing in sides.items()}
-    return {"state": change.state, **told}
+    plain = {side: None if thing is None else words(thing) for side, thing in sides.items()}
+    return {"state": change.state, **plain}
 
 
 def difference(

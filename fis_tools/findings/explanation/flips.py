@@ -109,8 +109,8 @@ def flips(system: object, inputs: ArrayLike | Mapping[str, float], value: float 
             flip = Flip(output, compiled.system.inputs[index], way, float(given[index]), int(side))
             if ends is not None:
                 before, after = (infer(compiled.system, one).outputs[place] for one in ends)
-                told = (float(ends[0][index]), float(ends[1][index]), before.value, after.value)
-                flip = Flip(output, flip.input, way, flip.given, flip.side, *told, after.is_default)
+                numbers = (float(ends[0][index]), float(ends[1][index]), before.value, after.value)
+                flip = Flip(output, flip.input, way, flip.given, flip.side, *numbers, after.is_default)
             of_output.append(flip)
         found += sorted(of_output, key=lambda flip: flip.share)
     return tuple(found)

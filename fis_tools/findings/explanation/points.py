@@ -40,7 +40,7 @@ def made_of(
 
 def in_short(points: Points | None, system: FuzzySystem, inputs: Sequence[float]) -> str:
     """Tell in a sentence which points add most to each input; empty where nobody knows."""
-    told = []
+    sentences = []
     for variable, value in zip(system.inputs, inputs, strict=True):
         if points is None or variable.name not in points.parts:
             continue
@@ -54,8 +54,8 @@ def in_short(points: Points | None, system: FuzzySystem, inputs: Sequence[float]
             )
         if len(order) > FEW_POINTS:
             words.append(f"{len(order) - FEW_POINTS} more")
-        told.append(f"{variable.name} = {amount(variable, value)}: {', '.join(words) or 'no point'}")
-    return "; ".join(told)
+        sentences.append(f"{variable.name} = {amount(variable, value)}: {', '.join(words) or 'no point'}")
+    return "; ".join(sentences)
 
 
 def plain_parts(points: Points, system: FuzzySystem) -> dict[str, Any]:
@@ -83,9 +83,9 @@ def missed_words(points: Points) -> str:
     places = np.flatnonzero(points.is_missed).tolist()
     if not places:
         return "firing nothing any more would leave no point unseen"
-    told = [f"{place} at {' '.join(_where(points, place)[1:3])}" for place in places]
+    named = [f"{place} at {' '.join(_where(points, place)[1:3])}" for place in places]
     noun = "point" if len(places) == 1 else "points"
-    return f"firing nothing any more would leave {len(places)} {noun} unseen: {listed(told, MOST_POINTS)}"
+    return f"firing nothing any more would leave {len(places)} {noun} unseen: {listed(named, MOST_POINTS)}"
 
 
 def rehearsed(what: str, ways: Sequence[tuple[float, str]], everything: bool = False) -> Document:

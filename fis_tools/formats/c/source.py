@@ -108,8 +108,8 @@ def _header(controller: model.FuzzyController, logic: ThrustLogic | None, has_st
     text = rendered("c/head.jinja", controller=controller, logic=logic, has_step=has_step, warnings=WARNINGS)
     title, *paragraphs = (" ".join(paragraph.split()) for paragraph in text.split("\n\n"))
     facts = [f"{key}: {value}" for key, value in (*controller.attributes, *controller.provenance)]
-    told = (line for paragraph in paragraphs for line in ("", paragraph))
-    return _comment([title, *(["", *facts] if facts else []), *told])
+    lines = (line for paragraph in paragraphs for line in ("", paragraph))
+    return _comment([title, *(["", *facts] if facts else []), *lines])
 
 
 def _comment(paragraphs: Sequence[str], indent: int = 0) -> str:

@@ -167,34 +167,34 @@ class CaseSpace:
 
     def scenario(self, genes: Floats) -> Scenario:
         """Return the case of some genes, (num_genes,); uniform ones are isotropic and uniform in distance."""
-        told = dict(zip(self.genes, genes.tolist(), strict=True))
-        told |= {name: told[name] + self.turned.get(name, 0.0) for name in ANGLES if name in told}
+        values = dict(zip(self.genes, genes.tolist(), strict=True))
+        values |= {name: values[name] + self.turned.get(name, 0.0) for name in ANGLES if name in values}
         angle, elevation_deg = np.radians(self.sun.angle_deg), self.sun.elevation_deg
-        if "sun_angle" in told:
-            angle = 2.0 * np.pi * (told["sun_angle"] % 1.0)
-        if self.sun.elevation_range_deg is not None and "sun_elevation" in told:
+        if "sun_angle" in values:
+            angle = 2.0 * np.pi * (values["sun_angle"] % 1.0)
+        if self.sun.elevation_range_deg is not None and "sun_elevation" in values:
             low, high = self.sun.elevation_range_deg
-            elevation_deg = low + told["sun_elevation"] * (high - low)
-        settings = tuple(one.value(TAIL + (1.0 - 2.0 * TAIL) * told[one.key]) for one in self.dispersed)
+            elevation_deg = low + values["sun_elevation"] * (high - low)
+        settings = tuple(one.value(TAIL + (1.0 - 2.0 * TAIL) * values[one.key]) for one in self.dispersed)
         return Scenario(
-            *self._start(told), float(angle), float(np.radians(elevation_deg)), settings=settings or None
+            *self._start(values), float(angle), float(np.radians(elevation_deg)), settings=settings or None
         )
 
-    def _start(self, told: Mapping[str, float]) -> tuple[Floats, Floats]:
+    def _start(self, values: Mapping[str, float]) -> tuple[Floats, Floats]:
         """Return position (m) and velocity (m/s)."""
         starts = self.starts
         if starts.box is not None:
             low, high = np.array(starts.box)
-            state = low + (high - low) * [told.get(name, 0.0) for name in COORDINATES]
+            state = low + (high - low) * [values.get(name, 0.0) for name in COORDINATES]
             return state[:3], state[3:]
         shell_m = starts.max_distance_m - starts.min_distance_m
-        position = (starts.min_distance_m + shell_m * told["distance"]) * _direction(
-            told["height"], told["azimuth"]
+        position = (starts.min_distance_m + shell_m * values["distance"]) * _direction(
+            values["height"], values["azimuth"]
         )
-        if "speed" not in told:
+        if "speed" not in values:
             return position, np.zeros(3)
-        heading = _direction(told["heading_height"], told["heading_azimuth"])
-        return position, starts.max_speed_m_s * told["speed"] * heading
+        heading = _direction(values["heading_height"], values["heading_azimuth"])
+        return position, starts.max_speed_m_s * values["speed"] * heading
 
 
 def _direction(height: float, azimuth: float) -> Floats:
@@ -324,13 +324,13 @@ class Speed:
     @property
     def sentence(self) -> str:
         """The comparison in words, without a full stop."""
-        told = f"{self.num_found} of {self.num_searches} searches find a failure"
+        text = f"{self.num_found} of {self.num_searches} searches find a failure"
         if self.flights_per_find is not None:
-            told += f", one flight in {self.flights_per_find:,.0f}"
+            text += f", one flight in {self.flights_per_find:,.0f}"
         if self.random_flights_per_find is None:
-            return f"{told}; at random there is none"
-        told += f"; at random one in {self.random_flights_per_find:,.0f}"
-        return told if self.ratio is None else f"{told}: {self.ratio:.1f} times as many"
+            return f"{text}; at random there is none"
+        text += f"; at random one in {self.random_flights_per_find:,.0f}"
+        return text if self.ratio is None else f"{text}: {self.ratio:.1f} times as many"
 
 
 def speed(searches: Sequence[Search], random: Outcome) -> Speed:

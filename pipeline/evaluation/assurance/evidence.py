@@ -121,7 +121,7 @@ def of_requirement(
     """
     requirement = found.requirement
     judged = verdicts.verdict(found)
-    told: dict[str, Any] = {
+    entry: dict[str, Any] = {
         **_claim(requirement),
         "verdict": judged.word,
         "share": verdicts.share(requirement, judged),
@@ -133,18 +133,18 @@ def of_requirement(
         },
     }
     if found.judgement is not None:
-        told["cases"] = {
+        entry["cases"] = {
             **asdict(found.judgement),
             "needed_without_failure": None
             if requirement.probability == 1.0
             else judgement.cases_needed(requirement.probability, requirement.confidence),
         }
         if random is not None:
-            told["cases"]["histogram"] = histogram(random.margins)
+            entry["cases"]["histogram"] = histogram(random.margins)
     if found.searches and random is not None:
-        told["search"] = of_searches(found.searches, random)
+        entry["search"] = of_searches(found.searches, random)
     if found.certificates:
-        told["bounds"] = [
+        entry["bounds"] = [
             {
                 "system": one.system,
                 "ask": one.question.ask,
@@ -156,12 +156,12 @@ def of_requirement(
             for one in found.certificates
         ]
     if found.proof is not None:
-        told["safety_layer"] = asdict(found.proof)
+        entry["safety_layer"] = asdict(found.proof)
     if found.tube is not None:
-        told["tube"] = asdict(found.tube)
+        entry["tube"] = asdict(found.tube)
     if worst is not None:
-        told["worst"] = dict(worst)
-    return told
+        entry["worst"] = dict(worst)
+    return entry
 
 
 def _claim(requirement: Requirement) -> dict[str, Any]:
@@ -244,9 +244,9 @@ def of_worst(
 
 def of_domain(domain: Domain) -> dict[str, Any]:
     """Return an operational domain and how often flights that did not define it leave it."""
-    told = asdict(domain)
-    del told["boxes"]
-    return {**domain_mapping(domain.boxes), **told}
+    entry = asdict(domain)
+    del entry["boxes"]
+    return {**domain_mapping(domain.boxes), **entry}
 
 
 Columns = dict[str, NDArray[Any]]

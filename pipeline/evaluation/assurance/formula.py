@@ -254,23 +254,23 @@ class _Reader:
         constant, unit, sign = 0.0, None, -1.0 if self._takes("-") else 1.0
         while True:
             place = self._place
-            told: str | None
+            quantity_unit: str | None
             if self.kind == "number":
                 value, own, _ = self._number()
                 if self._takes("*"):
                     if own not in ("", RATE):
                         self.refuse(f"a factor of a quantity is a number without a unit, or in {RATE}", place)
                     place = self._place
-                    name, told = self._quantity()
-                    told += "/s" if own else ""
+                    name, quantity_unit = self._quantity()
+                    quantity_unit += "/s" if own else ""
                     factors[name] = factors.get(name, 0.0) + sign * value
                 else:
                     constant += sign * value
-                    told = own or None
+                    quantity_unit = own or None
             else:
-                name, told = self._quantity()
+                name, quantity_unit = self._quantity()
                 factors[name] = factors.get(name, 0.0) + sign
-            unit = self._agreed(unit, told, place)
+            unit = self._agreed(unit, quantity_unit, place)
             if self.word not in ("+", "-"):
                 return factors, constant, unit
             sign = 1.0 if self.word == "+" else -1.0

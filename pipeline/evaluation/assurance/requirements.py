@@ -111,77 +111,77 @@ def read(text: str, source: str) -> Requirements:
     RequirementError
     """
     try:
-        told = configuration.parse(text.encode())
+        content = configuration.parse(text.encode())
     except ValueError as error:
         raise RequirementError(f"{source} is no YAML: {' '.join(str(error).split())}") from error
-    if not isinstance(told, dict) or (told.get("schema"), told.get("schema_version")) != SCHEMA:
+    if not isinstance(content, dict) or (content.get("schema"), content.get("schema_version")) != SCHEMA:
         raise RequirementError(
             f"{source} holds no requirements; its first lines must say schema: {SCHEMA[0]} and "
             f"schema_version: {SCHEMA[1]} (version 1 lacked consequence, severity, reason and source)"
         )
-    entries = told.get("requirements")
+    entries = content.get("requirements")
     if not isinstance(entries, list) or not entries or not all(isinstance(one, dict) for one in entries):
         raise RequirementError(f"{source}: requirements must be a list of at least one, each with an id")
     found = tuple(_requirement(one, f"{source}, requirement {n}") for n, one in enumerate(entries, 1))
     names = [one.id for one in found]
     if twice := next((name for name in names if names.count(name) > 1), None):
         raise RequirementError(f"{source}: {twice} is the id of two requirements; give each its own")
-    return Requirements(str(told.get("name", source)), found)
+    return Requirements(str(content.get("name", source)), found)
 
 
-def _requirement(told: Mapping[str, Any], where: str) -> Requirement:
-    for key in told:
+def _requirement(entry: Mapping[str, Any], where: str) -> Requirement:
+    for key in entry:
         if key not in (known := (*OTHER_KEYS, *TEXTS)):
             raise RequirementError(f"{where}: there is no key {key}{did_you_mean(str(key), known)}")
-    name = _text(told, "id", where)
+    name = _text(entry, "id", where)
     if not name.replace("-", "_").isidentifier():
         raise RequirementError(
             f"{where}: its id is {name!r}; it names files: use letters, digits, - and _, a letter first"
         )
     where = where.rpartition(",")[0] + f", {name}"
-    methods = told.get("verified_by")
+    methods = entry.get("verified_by")
     if not isinstance(methods, list) or not methods:
         raise RequirementError(f"{where}: verified_by must be a list of {', '.join(METHODS)}")
     for method in methods:
         if method not in METHODS:
             raise RequirementError(f"{where}: verified_by has {method!r}{choices_of(str(method), METHODS)}")
-    texts: dict[str, Any] = {key: _text(told, key, where) for key in TEXTS}
+    texts: dict[str, Any] = {key: _text(entry, key, where) for key in TEXTS}
     requirement = Requirement(id=name, **texts, verified_by=tuple(methods))
     if requirement.severity not in SEVERITIES:
         raise RequirementError(
             f"{where}: severity is {requirement.severity!r}{choices_of(requirement.severity, SEVERITIES)}"
         )
-    flown = _flown(told, where) if set(methods) - {BOUNDS} else {}
-    asked = {"questions": _questions(told.get("bounds"), where)} if BOUNDS in methods else {}
+    flown = _flown(entry, where) if set(methods) - {BOUNDS} else {}
+    asked = {"questions": _questions(entry.get("bounds"), where)} if BOUNDS in methods else {}
     return Requirement(**{**vars(requirement), **flown, **asked})
 
 
-def _flown(told: Mapping[str, Any], where: str) -> dict[str, Any]:
+def _flown(entry: Mapping[str, Any], where: str) -> dict[str, Any]:
     """Return the part of a requirement about flights."""
-    text = _text(told, "formula", where)
+    text = _text(entry, "formula", where)
     try:
         formula = parse(text, UNITS)
     except FormulaError as error:
         raise RequirementError(f"{where}, its formula:\n{error}") from error
     found: dict[str, Any] = {"formula_text": text, "formula": formula}
-    if CASES in told["verified_by"]:
-        found["confidence"] = _share(told, "confidence", where)
-        is_catastrophic = told["severity"] == SEVERITIES[0]
-        if "probability" in told or not is_catastrophic:
-            found["probability"] = _share(told, "probability", where)
-            found["accepted"] = _text(told, "accepted", where, ACCEPTANCE) if is_catastrophic else ""
+    if CASES in entry["verified_by"]:
+        found["confidence"] = _share(entry, "confidence", where)
+        is_catastrophic = entry["severity"] == SEVERITIES[0]
+        if "probability" in entry or not is_catastrophic:
+            found["probability"] = _share(entry, "probability", where)
+            found["accepted"] = _text(entry, "accepted", where, ACCEPTANCE) if is_catastrophic else ""
     return found
 
 
-def _share(told: Mapping[str, Any], key: str, where: str) -> float:
-    value = told.get(key)
+def _share(entry: Mapping[str, Any], key: str, where: str) -> float:
+    value = entry.get(key)
     if not isinstance(value, float) or not 0.0 < value < 1.0:
         raise RequirementError(f"{where}: {key} is {value!r}; it must be above 0 and below 1, such as 0.99")
     return value
 
 
-def _questions(told: Any, where: str) -> tuple[Question, ...]:
-    asked = told if isinstance(told, list) else []
+def _questions(entries: Any, where: str) -> tuple[Question, ...]:
+    asked = entries if isinstance(entries, list) else []
     if not asked or not all(
         isinstance(one, dict) and {"ask"} <= set(one) <= {"ask", "where"} for one in asked
     ):
@@ -192,8 +192,8 @@ def _questions(told: Any, where: str) -> tuple[Question, ...]:
     return tuple(Question(str(one["ask"]), str(one.get("where", ""))) for one in asked)
 
 
-def _text(told: Mapping[str, Any], key: str, where: str, cure: str = "give it a text") -> str:
-    value = told.get(key)
+def _text(entry: Mapping[str, Any], key: str, where: str, cure: str = "give it a text") -> str:
+    value = entry.get(key)
     if not isinstance(value, str) or not value.strip():
         raise RequirementError(f"{where}: {key} is missing; {cure}")
     return value.strip()

@@ -221,12 +221,12 @@ def sentence(found: Found, judged: Outcome) -> str:
     claim = f"{judged.word.capitalize()}: in {share(requirement, judged)} {text}".replace(
         ": in all inputs", ": for all inputs"
     )
-    told = (
+    words = (
         f"{claim}; {_flown(found)}."
         if found.judgement or found.searches
         else (f"{claim}; failing means {requirement.consequence}.")
     )
-    return told if judged.verdict == "shown" else f"{told} {judged.why[0].upper()}{judged.why[1:]}."
+    return words if judged.verdict == "shown" else f"{words} {judged.why[0].upper()}{judged.why[1:]}."
 
 
 def _flown(found: Found) -> str:

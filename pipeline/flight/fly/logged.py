@@ -176,12 +176,12 @@ def _of_commands(world: World, law: Law, log: FlightLog, num_counted: int, is_op
 def _of_firing(errors: ModelErrors, log: FlightLog) -> Codes:
     """Return why something was, or was not, fired along each of Hill's axes."""
     is_commanded, is_fired = (np.abs(f) >= SILENT_N for f in (log.force_commanded_n, log.force_hill_n))
-    told, count = log.command_reason, len(log.reason)
+    reasons, count = log.command_reason, len(log.reason)
     # from body axes, three components may add up to nothing along one of Hill's
-    found = np.where(np.isin(told, (logs.FIRED, logs.CLIPPED)) & ~is_commanded, logs.SILENT, told)
+    found = np.where(np.isin(reasons, (logs.FIRED, logs.CLIPPED)) & ~is_commanded, logs.SILENT, reasons)
     delay = min(errors.firing.thrusters.delay, count)
-    is_due, due = np.zeros_like(is_commanded), np.full_like(told, logs.FIRED)
-    is_due[delay:], due[delay:] = is_commanded[: count - delay], told[: count - delay]
+    is_due, due = np.zeros_like(is_commanded), np.full_like(reasons, logs.FIRED)
+    is_due[delay:], due[delay:] = is_commanded[: count - delay], reasons[: count - delay]
     share_left = log.mass_kg[:-1, np.newaxis] / log.mass_kg[0] - errors.firing.thrusters.dry
     found = np.where(is_commanded, logs.DELAYED, found)
     found = np.where(is_due, np.where(share_left > EMPTY, logs.BELOW_LEAST_IMPULSE, logs.EMPTY_TANK), found)
