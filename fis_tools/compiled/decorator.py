@@ -7,6 +7,7 @@ and gives it its own cache folder (`fis_tools.compiled.cache`). numba's settings
 compiled functions of other packages, are unaffected.
 """
 
+import hashlib
 import os
 import sys
 import threading
@@ -25,7 +26,7 @@ from fis_tools.compiled import cache
 
 F = TypeVar("F", bound=Callable[..., Any])
 
-#: Dispatchers are created one at a time: this changes numba's cache setting for a moment.
+#: Dispatchers and their caches are created one at a time: this changes numba's setting for a moment.
 _making = threading.RLock()
 
 #: The package whose functions currently run as plain Python; see `sparingly`.
@@ -162,10 +163,29 @@ def _dispatcher(function: Callable[..., Any], options: dict[str, Any]) -> Any:
         with _numba_caching_in(place):
             dispatcher = njit(cache=True, **options)(function)
         if Path(dispatcher.stats.cache_path).is_relative_to(place):
+            _keep_apart(dispatcher, place)
             return dispatcher
         place = cache.Refused(f"numba cannot write to {place}")
     notice.tell_refusal(place.reason)
     return njit(**options)(function)
+
+
+def _keep_apart(dispatcher: Any, place: Path) -> None:
+    """Give the code for each signature a folder of its own.
+
+    numba keeps one index for all of them, which two processes that compile for different signatures at once
+    overwrite for each other: one signature then loads the code of the other.
+    """
+    compile_, making = dispatcher.compile, threading.RLock()
+
+    def compile_apart(signature: Any) -> Any:
+        folder = place / hashlib.sha256(str(signature).encode()).hexdigest()[:16]
+        with making:  # until it is kept, no other thread may change where
+            with _numba_caching_in(folder):
+                dispatcher.enable_caching()
+            return compile_(signature)
+
+    dispatcher.compile = compile_apart
 
 
 def _inside(function: Callable[..., Any], options: dict[str, Any]) -> Any:
@@ -214,9 +234,10 @@ def _numba_caching_in(folder: Path) -> Iterator[None]:
     from numba import config  # noqa: PLC0415 - as above
 
     settings: Any = config  # as above
-    before = settings.CACHE_DIR
-    settings.CACHE_DIR = os.fspath(folder)
-    try:
-        yield
-    finally:
-        settings.CACHE_DIR = before
+    with _making:
+        before = settings.CACHE_DIR
+        settings.CACHE_DIR = os.fspath(folder)
+        try:
+            yield
+        finally:
+            settings.CACHE_DIR = before

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from types import ModuleType
 
@@ -93,6 +94,44 @@ def test_what_is_wanted_once_is_not_compiled_until_it_is_wanted_again(package):
     assert package.run(ask).stdout.split() == ["7", "0", "8", "1", "2.5", "1"]
     # whole numbers were wanted twice, others once
     assert package.run(ask).stdout.split() == ["7", "1", "8", "1", "2.5", "2"]
+
+
+#: Compiles functions for numbers of one type, and keeps the code of each as another process keeps its own.
+KEEP = """
+import time
+from pathlib import Path
+from numba.core import event
+from kernels import several
+
+class Meeting(event.Listener):
+    def on_start(self, event):
+        pass
+
+    def on_end(self, event):
+        name = event.data["dispatcher"].py_func.__name__
+        Path(f"{name}-TYPE").touch()
+        while not (Path(f"{name}-int").exists() and Path(f"{name}-float").exists()):
+            time.sleep(0.0)
+
+event.register("numba:compile", Meeting())
+for name in several.NAMES:
+    getattr(several, name)(TYPE(3))
+"""
+
+
+@pytest.mark.slow
+def test_processes_that_keep_code_at_once_do_not_take_one_for_the_other(package):
+    names = [f"half_{n}" for n in range(20)]
+    functions = [f"@compiled\ndef {name}(x):\n    return x / 2\n" for name in names]
+    head = f"from fis_tools.compiled.decorator import compiled\nNAMES = {names}"
+    package.write("several", "\n\n\n".join([head, *functions]))
+    with ThreadPoolExecutor() as pool:
+        list(pool.map(package.run, [KEEP.replace("TYPE", kind) for kind in ("int", "float")]))
+    look = (
+        "from kernels import several\nfor name in several.NAMES:\n    f = getattr(several, name)\n"
+        "    print(f(3), f(5.0), sum(f.stats.cache_hits.values()))"
+    )
+    assert package.run(look).stdout.split() == ["1.5", "2.5", "2"] * len(names)
 
 
 def test_what_takes_vectors_runs_as_plain_python_with_the_package_that_calls_it():
