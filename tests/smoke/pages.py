@@ -8,7 +8,8 @@ from tests.smoke.command_line import PROJECT
 
 DOCS = PROJECT / "docs"
 PAGES = [
-    *(PROJECT / name for name in ("README.md", "CONTRIBUTING.md", "telemetry/README.md")),
+    *sorted(PROJECT.glob("*.md")),
+    PROJECT / "telemetry" / "README.md",
     *sorted(DOCS.rglob("*.md")),
 ]
 #: run whole, with what it prints, by test_tutorial.py

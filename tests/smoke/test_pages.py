@@ -183,6 +183,13 @@ def test_links_lead_somewhere(page):
         assert target.startswith("https://") or is_generated or path.exists(), target
 
 
+@pytest.mark.parametrize("page", PAGES, ids=name_of)
+def test_a_test_that_holds_a_promise_is_there(page):
+    named = re.findall(r"`([\w/]*test_\w+\.py)`", page.read_text(encoding="utf-8"))
+    made_by_the_reader = page.parent.name == "how-to"
+    assert made_by_the_reader or [name for name in named if not (PROJECT / name).is_file()] == []
+
+
 def test_a_picture_is_stale_once_what_draws_it_has_changed(tmp_path, monkeypatch):
     assert pictures.SOURCES.keys() == pictures.MAKERS.keys()
     kept = {name: pictures.drawn_by(name) for name in pictures.MAKERS}
