@@ -60,7 +60,7 @@ PAIR = ("champion_27", "paper_champion")
 #: hashes stay those of revisions that did not tell commands from what is fired, nor points and rehearsals
 FOLLOWING = (
     *("force_commanded_n", "reason", "is_missed", "is_candidate", "looks", "last_light_s"),
-    *("push_costs_m_s", "tour_costs_m_s"),
+    *("push_costs_m_s", "tour_costs_m_s", "fix_m", "innovation_m", "innovation_square"),
 )
 KNOWN_AS = {"command_reason": "reason"}
 

@@ -48,13 +48,7 @@ _OF_BOTH: Final[Mapping[str, Any]] = {
 #: share of the largest force) are not `PPO`'s own.
 SETTINGS: Final[Mapping[str, Mapping[str, Any]]] = {
     "afrl": {**_OF_BOTH, "num_envs": 1, "n_steps": 1500, "batch_size": 1500, "gamma": 0.99},
-    "afrl_docking": {
-        **_OF_BOTH,
-        "num_envs": 18,
-        "n_steps": 2000,
-        "batch_size": 3600,
-        "gamma": 0.968559,
-    },
+    "afrl_docking": {**_OF_BOTH, "num_envs": 18, "n_steps": 2000, "batch_size": 3600, "gamma": 0.968559},
     "ours": {
         "num_envs": 64,
         "n_steps": 128,

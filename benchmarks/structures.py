@@ -54,11 +54,7 @@ VARIANTS = {
         ("urgency_time_s", "skirt_distance_m"),
     ),
     "setting": (
-        (
-            (*ALONG[:2], "target_radial"),
-            (*RADIAL[:2], "target_setting"),
-            (*ACROSS[:2], "target_cross_track"),
-        ),
+        ((*ALONG[:2], "target_radial"), (*RADIAL[:2], "target_setting"), (*ACROSS[:2], "target_cross_track")),
         (5, 5, 3),
         ("urgency_time_s", "skirt_distance_m"),
     ),

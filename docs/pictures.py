@@ -157,10 +157,7 @@ def edited(address: str) -> None:
 
 MAKERS: dict[str, Callable[[Path], None]] = {
     maker.__name__: maker
-    for maker in (
-        *(flight, replay, satellite, campaign, comparison),
-        *(field, safety, tour, review, edit),
-    )
+    for maker in (*(flight, replay, satellite, campaign, comparison), *(field, safety, tour, review, edit))
 }
 SCENE, FIGURES, CONTROLLERS = "telemetry/scene", "pipeline/report/figures", "conf/controller"
 #: files and folders that draw a picture, beside its maker, or that it shows

@@ -11,14 +11,7 @@ from fis_tools.analysis import flights as logged
 from fis_tools.analysis import tables
 from fis_tools.analysis.bounds import NUM_BOXES, ask, output_ranges
 from fis_tools.analysis.domain import Box, Departure, departures, from_mapping
-from fis_tools.commands.arguments import (
-    Asked,
-    UserMistake,
-    analysing,
-    expected,
-    mistakes,
-    the_system,
-)
+from fis_tools.commands.arguments import Asked, UserMistake, analysing, expected, mistakes, the_system
 from fis_tools.errors import ControllerFileError
 
 

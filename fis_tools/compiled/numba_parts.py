@@ -24,18 +24,5 @@ except ImportError as error:
         "they are tested with numba 0.68; install it: pip install 'numba>=0.62,<0.69'"
     ) from error
 
-__all__ = [
-    "VERSIONS",
-    "AbstractTemplate",
-    "AttributeTemplate",
-    "GetItemBuffer",
-    "SetItemBuffer",
-    "binding",
-    "cgutils",
-    "event",
-    "infer_global",
-    "ir",
-]
-
 #: The releases that compile.
 VERSIONS = (numba.__version__, llvmlite.__version__)

@@ -137,52 +137,6 @@ def infer(system: model.FuzzySystem, inputs: Any) -> Inference:
     )
 
 
-def evaluate(system: model.FuzzySystem, inputs: Any) -> Floats:
-    """Evaluate a valid system for many samples, one after the other.
-
-    Parameters
-    ----------
-    system : FuzzySystem
-        A valid system.
-    inputs : (n, num_inputs) array, mapping, or table
-        One row per sample, or columns by their names; clipped to the universes.
-
-    Returns
-    -------
-    (n, num_outputs)
-    """
-    rows = _checked(system, as_rows(system, inputs))
-    firing, clipped = _fire(system, fuzzify(system, rows)), _clipped(system, rows)
-    outputs = [
-        [output.value for output in _infer_outputs(system, *sample)]
-        for sample in zip(firing, clipped, strict=True)
-    ]
-    return np.array(outputs).reshape(len(firing), len(system.outputs))
-
-
-def firing_strengths(system: model.FuzzySystem, inputs: Any) -> Floats:
-    """Return each rule's firing strength, before weights.
-
-    Parameters
-    ----------
-    system : FuzzySystem
-        A valid system.
-    inputs : (n, num_inputs) array, mapping, or table
-        One row per sample, or columns by their names; clipped to the universes.
-
-    Returns
-    -------
-    (n, num_rules)
-        In the order of the rules.
-
-    Raises
-    ------
-    ValueError
-        If the shape is wrong or an input is NaN.
-    """
-    return _fire(system, fuzzify(system, _checked(system, as_rows(system, inputs))))
-
-
 def fuzzify(system: model.FuzzySystem, inputs: Floats) -> list[Floats]:
     """Return for each input the degrees of membership of samples in its terms, shape (n, num_terms)."""
     memberships = []

@@ -84,10 +84,7 @@ class Form:
 
 
 #: The kinds of files of other programs; the module of `exchange` named after a kind writes and reads it.
-FORMS = {
-    "fis": Form("MATLAB and Octave", (".fis",)),
-    "fll": Form("fuzzylite", (".fll",)),
-}
+FORMS = {"fis": Form("MATLAB and Octave", (".fis",)), "fll": Form("fuzzylite", (".fll",))}
 
 #: A kind of file: "json", "yaml", or one of other programs, see `FORMS`.
 Kind = str

@@ -27,15 +27,7 @@ from fis_tools.learning.rules import (
     tuned,
     wang_mendel,
 )
-from fis_tools.learning.table import (
-    Column,
-    Samples,
-    Table,
-    as_table,
-    columns_within,
-    distinct,
-    samples_of,
-)
+from fis_tools.learning.table import Column, Samples, Table, as_table, columns_within, distinct, samples_of
 from fis_tools.model import FuzzySystem, Variable
 from fis_tools.model.validate import MOST_INPUTS
 from fis_tools.source import as_controller

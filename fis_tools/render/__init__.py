@@ -28,35 +28,5 @@ from fis_tools.render.figures import (
 )
 from fis_tools.render.inference import inference_figure, memberships
 from fis_tools.render.rules import rule_matrix
-from fis_tools.render.surfaces import (
-    draw_surface,
-    held_words,
-    over_axes,
-    surface_map,
-    surface_space,
-)
+from fis_tools.render.surfaces import draw_surface, held_words, over_axes, surface_map, surface_space
 from fis_tools.render.theme import DARK, LIGHT, THEMES, Theme
-
-__all__ = [
-    "DARK",
-    "LIGHT",
-    "THEMES",
-    "Figure",
-    "Theme",
-    "draw_surface",
-    "encode",
-    "firing_figure",
-    "held_words",
-    "inference_figure",
-    "memberships",
-    "memberships_figure",
-    "one_panel",
-    "over_axes",
-    "rule_matrix",
-    "rules_figures",
-    "save",
-    "surface_figures",
-    "surface_map",
-    "surface_space",
-    "system_figures",
-]

@@ -12,13 +12,7 @@ from hydra.core.override_parser.types import Override
 
 from pipeline.command_line import runs
 from pipeline.command_line.arguments import EXPERIMENT, Asked, ConfigError
-from pipeline.command_line.config import (
-    Job,
-    check_stages,
-    compose_experiment,
-    compose_jobs,
-    options,
-)
+from pipeline.command_line.config import Job, check_stages, compose_experiment, compose_jobs, options
 from pipeline.command_line.overrides import (
     check_overrides,
     check_sweeps,

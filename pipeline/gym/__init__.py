@@ -22,24 +22,6 @@ from pipeline.gym.episodes import AFRL, AFRL_WEIGHTED, Reward, Task, task_of
 from pipeline.gym.reach import ReachEnv, ReachReward
 from pipeline.gym.six_dof import AFRL_SIX_DOF, SixDofInspectionEnv, SixDofReward
 
-__all__ = [
-    "AFRL",
-    "AFRL_SIX_DOF",
-    "AFRL_WEIGHTED",
-    "OBSERVED",
-    "InspectionEnv",
-    "InspectionVectorEnv",
-    "NormalizedObservation",
-    "NormalizedVectorObservation",
-    "ReachEnv",
-    "ReachReward",
-    "Reward",
-    "SixDofInspectionEnv",
-    "SixDofReward",
-    "Task",
-    "task_of",
-]
-
 gymnasium.register(
     "Inspection-v0",
     entry_point="pipeline.gym.env:InspectionEnv",

@@ -127,30 +127,6 @@ def _advance(stage: int, duration: float, start: Floats, rate: Floats, state: Fl
 
 
 @compiled
-def tumbling_step(
-    quaternion_c_from_h: Floats,
-    inertial_rate_c: Floats,
-    inertia: Floats,
-    inverse_inertia: Floats,
-    mean_motion: float,
-    duration: float,
-) -> tuple[Floats, Floats]:
-    """Return attitude and rate of a torque-free chief after one step of the classical Runge-Kutta method."""
-    hill_rate = np.array([0.0, 0.0, mean_motion])
-    free = np.zeros(3)
-    q = quaternion_c_from_h.copy()
-    w = inertial_rate_c.copy()
-    q_next = quaternion_c_from_h.copy()
-    w_next = inertial_rate_c.copy()
-    for stage in range(4):
-        q_rate = derivative(q, w - times(dcm_b_from_h(q), hill_rate))
-        w_rate = euler_angular_acceleration(inertia, inverse_inertia, w, free)
-        _advance(stage, duration, quaternion_c_from_h, q_rate, q, q_next)
-        _advance(stage, duration, inertial_rate_c, w_rate, w, w_next)
-    return normalised(q_next), w_next
-
-
-@compiled
 def tumble(
     quaternion_c_from_h: Floats,
     inertial_rate_c: Floats,
@@ -160,9 +136,15 @@ def tumble(
     duration: float,
     num_steps: int,
 ) -> tuple[Floats, Floats]:
-    """Return attitude and rate of a torque-free chief after a time, in a number of steps."""
+    """Return attitude and rate of a torque-free chief after steps of the classical Runge-Kutta method."""
+    hill_rate, free, step = np.array([0.0, 0.0, mean_motion]), np.zeros(3), duration / num_steps
+    attitude, rate = quaternion_c_from_h, inertial_rate_c
     for _ in range(num_steps):
-        quaternion_c_from_h, inertial_rate_c = tumbling_step(
-            quaternion_c_from_h, inertial_rate_c, inertia, inverse_inertia, mean_motion, duration / num_steps
-        )
-    return quaternion_c_from_h, inertial_rate_c
+        q, w, q_next, w_next = attitude.copy(), rate.copy(), attitude.copy(), rate.copy()
+        for stage in range(4):
+            q_rate = derivative(q, w - times(dcm_b_from_h(q), hill_rate))
+            w_rate = euler_angular_acceleration(inertia, inverse_inertia, w, free)
+            _advance(stage, step, attitude, q_rate, q, q_next)
+            _advance(stage, step, rate, w_rate, w, w_next)
+        attitude, rate = normalised(q_next), w_next
+    return attitude, rate

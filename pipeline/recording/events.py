@@ -25,12 +25,7 @@ from pipeline.settings.experiment import Mission
 Level = Literal["info", "warning", "error"]
 
 #: what the safety layer acts for, in words
-SAFETY_WORDS = {
-    KEEP_OUT: "keep-out",
-    KEEP_IN: "keep-in",
-    SPEED: "speed",
-    PASSIVE_SAFETY: "passive safety",
-}
+SAFETY_WORDS = {KEEP_OUT: "keep-out", KEEP_IN: "keep-in", SPEED: "speed", PASSIVE_SAFETY: "passive safety"}
 #: the safety layer has ceased to act once it has left the force alone for so many periods
 REST_PERIODS = 6
 

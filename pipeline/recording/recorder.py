@@ -27,7 +27,6 @@ from pipeline.array_types import Floats
 from pipeline.controllers.played import to_mapping
 from pipeline.flight.cases.actuators import thrusters_of
 from pipeline.flight.cases.dispersions import mission_of_case
-from pipeline.flight.cases.navigation import errors_of, filter_of, measured
 from pipeline.flight.control.controller import Controller, decision_stride, rehearsed_pushes
 from pipeline.flight.fly.rehearsals import IMAGES, tour_images
 from pipeline.flight.fly.workspace import lit_and_seen
@@ -37,7 +36,6 @@ from pipeline.flight.state.log import FlightLog, Scenario
 from pipeline.flight.state.signals import CONSTANTS, SIGNALS
 from pipeline.flight.world.pack import pack_world
 from pipeline.flight.world.surface import surface_of
-from pipeline.physics.quaternion import dcm_b_from_h
 from pipeline.recording.events import events
 from pipeline.recording.points import parts_of_points, sensed_of_points
 from pipeline.run import configuration, maker
@@ -219,7 +217,9 @@ class FlightRecorder:
                 velocity_m_s=log.estimate[:, 3:],
                 position_deviation_m=deviation[:, :3],
                 velocity_deviation_m_s=deviation[:, 3:],
-                fix_m=self._fixes(scenario, log),
+                fix_m=log.fix_m,
+                innovation_m=log.innovation_m,
+                innovation_square=log.innovation_square,
                 fix_age_s=self._mission.navigation.delay_s,
                 quaternion=log.sensed_quaternion_b_from_h,
             )
@@ -330,19 +330,6 @@ class FlightRecorder:
         # dark is zero, and of the others at most one applies
         states: States = LIT * is_lit + IN_VIEW_BUT_DARK * is_seen + INSPECTED * log.is_inspected
         return states
-
-    def _fixes(self, scenario: Scenario, log: FlightLog) -> Floats:
-        """Return the fix that comes into use at each sample, m, Hill axes, shape (K+1, 3); NaN for none."""
-        fixes = np.full(log.position_m.shape, np.nan)
-        if self._mission.navigation.mode == "fixes":
-            law, errors = filter_of(self._mission), errors_of(self._mission, [scenario])
-            for place, used in enumerate(range(law.delay, len(fixes), law.stride)):
-                k = place * law.stride
-                seen = errors.of_sight[0, place] if errors.of_sight.size else None
-                tilt = errors.of_attitude[0, k] if errors.of_attitude.size else np.zeros(3)
-                tilt_h = dcm_b_from_h(log.quaternion_b_from_h[k]).T @ tilt
-                fixes[used] = measured(log.position_m[k], errors.of_fixes[0, place], seen, tilt_h)
-        return fixes
 
 
 def stl_of(corners: Floats) -> bytes:

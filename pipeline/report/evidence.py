@@ -141,10 +141,7 @@ def _requirement(requirement: Mapping[str, Any], tube: Illustration | None) -> I
         drawn = draw_margins(cases["histogram"], unit, requirement["id"])
         details["cases"] += [Table([], _case_facts(cases, unit)), Figure(element("figure", drawn))]
     if search := requirement.get("search"):
-        details["search"] += [
-            Paragraph(_full(search["sentence"])),
-            Table([], _search_facts(search, unit)),
-        ]
+        details["search"] += [Paragraph(_full(search["sentence"])), Table([], _search_facts(search, unit))]
     if bounds := requirement.get("bounds"):
         boxes = f"The boxes: {artifacts.PROOF_BOXES}. Over each, interval arithmetic rules the answer out."
         parts = [f"{part['system']}: {part['sentence']} Boxes: {part['num_boxes']:,}." for part in bounds]

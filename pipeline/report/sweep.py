@@ -104,10 +104,7 @@ class Swept:
             for name in ("delta_v_m_s", "inspection_rate_percent")
         )
         chosen = [run for run, stands in zip(runs, on_front(spent, inspected), strict=True) if stands]
-        return sorted(
-            chosen,
-            key=lambda run: (-run.values["success"].value, run.values["delta_v_m_s"].value),
-        )
+        return sorted(chosen, key=lambda run: (-run.values["success"].value, run.values["delta_v_m_s"].value))
 
     @property
     def offered(self) -> list[Run]:

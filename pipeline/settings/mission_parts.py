@@ -297,10 +297,11 @@ class Navigation:
     """Standard deviation of an outlier along each axis."""
     gate_sigma: Positive | None = 5.0
     """Standard deviations beyond which a fix is not believed; null: all are."""
-    process_noise_m_s2: NotNegative = 1.0e-5
-    """Standard deviation of accelerations unknown to the filter."""
-    execution_error: Annotated[NotNegative, Field(le=1)] = 0.05
-    """Standard deviation that the filter allows for in forces, a share."""
+    process_noise_m_s2: NotNegative | None = None
+    """Standard deviation of accelerations unknown to the filter; null: 0.06 of the bound on those of
+    `dynamics` that Clohessy and Wiltshire's equations neglect."""
+    execution_error: Annotated[NotNegative, Field(le=1)] = 0.0
+    """Standard deviation that the filter allows for in forces, a share, besides the thrusters' errors."""
     initial_position_m: Annotated[Positive, Field(le=1e4)] = 1.0
     """Standard deviation of the first estimate of the position, each axis."""
     initial_velocity_m_s: Annotated[Positive, Field(le=1e3)] = 0.001

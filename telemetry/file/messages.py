@@ -163,12 +163,7 @@ def log(time_ns: Integers, level: str, text: str) -> Columns:
     """
     if level not in LOG_LEVELS:
         raise RecordingError(f"there is no log level {level!r}; choose one of {', '.join(LOG_LEVELS)}")
-    return {
-        "timestamp": _timestamp(time_ns),
-        "level": LOG_LEVELS[level],
-        "message": text,
-        "name": "episode",
-    }
+    return {"timestamp": _timestamp(time_ns), "level": LOG_LEVELS[level], "message": text, "name": "episode"}
 
 
 def _timestamp(time_ns: Integers) -> Columns:

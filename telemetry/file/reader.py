@@ -433,11 +433,7 @@ def _chosen_channels(path: Path, reader: SeekingReader, wanted: list[str] | None
 
 
 def _messages(
-    reader: SeekingReader,
-    chosen: Iterable[str],
-    start_s: float | None,
-    end_s: float | None,
-    size: int,
+    reader: SeekingReader, chosen: Iterable[str], start_s: float | None, end_s: float | None, size: int
 ) -> tuple[dict[str, list[int]], dict[str, list[bytes]]]:
     log_times: dict[str, list[int]] = defaultdict(list)
     payloads: dict[str, list[bytes]] = defaultdict(list)

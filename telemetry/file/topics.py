@@ -29,9 +29,9 @@ FIS_PREFIX: Final = "/fis/"
 #: how many numbers a field holds, of the attitude clock for each instant; others hold what they are given
 LENGTHS: Final = {
     **dict.fromkeys(("position_m", "velocity_m_s", "angular_velocity_rad_s", "torque_n_m"), 3),
-    **dict.fromkeys(("position_deviation_m", "velocity_deviation_m_s", "fix_m", "target_direction"), 3),
+    **dict.fromkeys(("position_deviation_m", "velocity_deviation_m_s", "fix_m", "innovation_m"), 3),
     **dict.fromkeys(("force_body_n", "force_hill_n", "force_asked_n", "force_commanded_n"), 3),
-    **dict.fromkeys(("reason", "command_reason"), 3),
+    **dict.fromkeys(("reason", "command_reason", "target_direction"), 3),
     "quaternion": 4,
 }
 

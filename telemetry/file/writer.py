@@ -76,11 +76,7 @@ class EpisodeWriter:
     """
 
     def __init__(
-        self,
-        path: Path | str,
-        *,
-        metadata: Mapping[str, Mapping[str, str]],
-        attachments: Mapping[str, bytes],
+        self, path: Path | str, *, metadata: Mapping[str, Mapping[str, str]], attachments: Mapping[str, bytes]
     ):
         self.path = Path(path)
         self._metadata = {name: dict(entries) for name, entries in metadata.items()}

@@ -128,11 +128,7 @@ def campaign(distance: Plot, *, farthest_m: float) -> rrb.Blueprint:
 
 def _blueprint(root: rrb.Container) -> rrb.Blueprint:
     time = rrb.TimePanel(
-        state="collapsed",
-        timeline=TIME,
-        playback_speed=PLAYBACK_SPEED,
-        play_state="playing",
-        loop_mode="all",
+        state="collapsed", timeline=TIME, playback_speed=PLAYBACK_SPEED, play_state="playing", loop_mode="all"
     )
     return rrb.Blueprint(
         root,
@@ -146,8 +142,7 @@ def _blueprint(root: rrb.Container) -> rrb.Blueprint:
 
 def _events() -> rrb.View:
     columns = rrb.TextLogColumns(
-        timeline_columns=[rrb.encodings.TimelineColumn(TIME, visible=False)],
-        text_log_columns=["Body"],
+        timeline_columns=[rrb.encodings.TimelineColumn(TIME, visible=False)], text_log_columns=["Body"]
     )
     return rrb.TextLogView(origin=EVENTS, name="Events", columns=columns)
 
@@ -177,8 +172,7 @@ def _plot(plot: Plot, end_s: float | None = None) -> rrb.View:
     axis_x = None
     if end_s is not None:
         whole_flight = rr.TimeRange(
-            start=rr.TimeRangeBoundary.absolute(seconds=0.0),
-            end=rr.TimeRangeBoundary.absolute(seconds=end_s),
+            start=rr.TimeRangeBoundary.absolute(seconds=0.0), end=rr.TimeRangeBoundary.absolute(seconds=end_s)
         )
         axis_x = rrb.TimeAxis(link="Independent", view_range=whole_flight)
     return rrb.TimeSeriesView(

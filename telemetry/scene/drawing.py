@@ -334,10 +334,7 @@ def _line(recording: Recording, row: int, left: int, was_asked: bool) -> str:
         return "Coasting: every point is inspected"
     if "coasting" in reasons or (not reasons and not was_asked):
         return f"Coasting: {_points(left)}{_foreseen(recording, row, left)}"
-    why = next(
-        (WHY[reason] for reason in AT_REST if reason in reasons),
-        "No burn",
-    )
+    why = next((WHY[reason] for reason in AT_REST if reason in reasons), "No burn")
     return f"{why}: {_points(left)}"
 
 

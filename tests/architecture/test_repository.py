@@ -93,10 +93,7 @@ def read_lock(name: str) -> dict[str, tuple[str, int]]:
 
 @pytest.mark.parametrize(
     ("name", "requirements"),
-    [
-        ("requirements.txt", NEEDED),
-        ("requirements-dev.txt", NEEDED + TABLE["optional-dependencies"]["dev"]),
-    ],
+    [("requirements.txt", NEEDED), ("requirements-dev.txt", NEEDED + TABLE["optional-dependencies"]["dev"])],
 )
 def test_the_lock_holds_what_the_project_asks_for(name, requirements):
     locked = read_lock(name)

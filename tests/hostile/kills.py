@@ -110,11 +110,7 @@ def is_begun(folder: Path) -> bool:
 
 
 def killed_after(
-    words: Sequence[str],
-    seconds: float,
-    how: tuple[signal.Signals, str],
-    env: Mapping[str, str],
-    cwd: Path,
+    words: Sequence[str], seconds: float, how: tuple[signal.Signals, str], env: Mapping[str, str], cwd: Path
 ) -> tuple[bool, int, str]:
     """Run until it ends or is signalled; return whether it was, its exit code and its last output.
 

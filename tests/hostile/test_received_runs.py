@@ -27,11 +27,7 @@ def received(folder: Path, **groups) -> Path:
 @pytest.mark.parametrize("again", [["stages=[train]"], []])
 def test_a_logger_in_a_stored_configuration_writes_nowhere_else(again, group, tmp_path):
     own = plain_config("controller=paper_champion")["controller"]
-    small = {
-        "controller": own,
-        "optimizer": {"population_size": 4, "generations": 1},
-        "duration_s": 60.0,
-    }
+    small = {"controller": own, "optimizer": {"population_size": 4, "generations": 1}, "duration_s": 60.0}
     logger = {"kind": "tensorboard", "place": str(tmp_path / "elsewhere")}
     folder = received(tmp_path / "run", stages=["train"], **{group: logger}, **small)
     if again:

@@ -68,10 +68,18 @@ def divided(flight, commanded, attitude, wanted):
     return Thrust(commanded, attitude.apply(forces @ directions), forces.sum(), flight.errors.arm, twist)
 
 
-def believed(flight, command):
-    """The force that the deputy expects of a command; it does not know the thrusters of a layout."""
+def believed(flight, command, fired):
+    """What a command became as far as thrusters tell, which is along which axes they fired, and these axes.
+
+    Those of a layout tell nothing.
+    """
     law = flight.mission.actuators
-    return command if law.kind == "ideal" or law.thrusters is not None else impulses(flight, command)
+    if law.kind == "ideal" or law.thrusters is not None:
+        return command, np.ones(3, dtype=bool)
+    least = max(law.impulse_step_n_s, law.least_impulse_n_s) / flight.mission.control_period_s
+    known = impulses(flight, command)
+    known = np.where(known == 0.0, least * np.sign(command), known)
+    return np.where(fired == 0.0, 0.0, known), fired != 0.0
 
 
 def mass_after(flight, thrust, mass):

@@ -1,4 +1,4 @@
-"""What the deputy knows of its state: Kalman's filter on fixes (docs/explanation/navigation.md)."""
+"""What the deputy knows of its state: a Kalman filter on fixes (docs/explanation/navigation.md)."""
 
 from dataclasses import dataclass
 
@@ -16,17 +16,25 @@ class Belief:
 
     Attributes
     ----------
-    state, covariance : (6,), (6, 6)
+    state, covariance : (6,), (18, 18)
+        The covariance is of the state and, after it, of twelve constant errors: scales and rotations of the
+        thrusters, rotations of the sensed attitude and biases of fixes.
     fixes : list of (3,)
         Measured so far, m.
     acting : (K, 3)
         Commands in the control periods in which they act, N.
+    has_fired : (K, 3)
+        Along which axes anything was fired in a period.
+    sensed : list of (3, 3)
+        Body axes as sensed so far, Hill axes, in rows.
     """
 
     state: np.ndarray
     covariance: np.ndarray
     fixes: list
     acting: np.ndarray
+    has_fired: np.ndarray
+    sensed: list
 
 
 def first_belief(flight, state):
@@ -34,7 +42,21 @@ def first_belief(flight, state):
     law = flight.mission.navigation
     spread = [law.initial_position_m] * 3 + [law.initial_velocity_m_s] * 3
     start = state + flight.errors.at_start
-    return Belief(start, np.diag(np.square(spread)), [], np.zeros((flight.mission.num_controls, 3)))
+    shape = flight.mission.num_controls, 3
+    covariance = np.diag(np.concatenate((np.square(spread), considered(flight.mission))))
+    return Belief(start, covariance, [], np.zeros(shape), np.ones(shape, dtype=bool), [])
+
+
+def considered(mission):
+    """Variances of the constant errors."""
+    law, thrusters, is_real = mission.navigation, mission.actuators, mission.actuators.kind == "real"
+    deviations = (
+        thrusters.scale_error * is_real,
+        np.radians(thrusters.misalignment_deg) * is_real,
+        np.radians(law.attitude_bias_deg),
+        law.bias_m,
+    )
+    return np.square(np.repeat(deviations, 3))
 
 
 def fix(flight, k, position, attitude):
@@ -51,44 +73,63 @@ def fix(flight, k, position, attitude):
     return seen + errors.of_fixes[k // stride]
 
 
-def estimate(flight, k, belief, measured):
+def estimate(flight, k, belief, measured, sensed):
     """Take a fix in, once its delay has passed; return the estimate of the state now, and its covariance."""
     law = flight.mission.navigation
     stride, delay = flight.periods(law.fix_period_s), flight.periods(law.delay_s)
+    belief.sensed.append(sensed.apply(np.eye(3)))
     if measured is not None:
         belief.fixes.append(measured)
     at = k - delay
     if at > 0:
         belief.state, belief.covariance = predicted(flight, belief, belief.state, belief.covariance, at - 1)
     if at >= 0 and at % stride == 0:
-        correct(flight, belief, belief.fixes[at // stride])
+        correct(flight, belief, at)
     known = belief.state, belief.covariance
     for period in range(max(at, 0), k):
         known = predicted(flight, belief, *known, period)
-    return known
+    return known[0], known[1][:6, :6]
 
 
 def predicted(flight, belief, state, covariance, period):
     """``x <- Phi x + Gamma f``, ``P <- Phi P Phi' + Q``."""
     mission, law, force = flight.mission, flight.mission.navigation, belief.acting[period]
     phi, gamma = transition(mission.orbit.mean_motion_rad_s, mission.control_period_s, mission.deputy.mass_kg)
-    tilt = np.radians([law.attitude_bias_deg, law.attitude_noise_deg])
+    tilt = np.radians(law.attitude_noise_deg)
     unknown = (mission.deputy.mass_kg * law.process_noise_m_s2) ** 2
-    unknown += (law.execution_error**2 + tilt @ tilt) * (force @ force)
-    return phi @ state + gamma @ force, phi @ covariance @ phi.T + unknown * gamma @ gamma.T
+    unknown += (law.execution_error**2 + tilt**2) * (force @ force)
+    noise, both = np.zeros((18, 18)), np.eye(18)
+    noise[:6, :6] = unknown * gamma @ gamma.T
+    both[:6, :6], both[:6, 6:] = phi, gamma @ pushes(flight, belief, period)
+    return phi @ state + gamma @ force, both @ covariance @ both.T + noise
 
 
-def correct(flight, belief, fixed):
-    """``K = P H' S^-1``, ``x <- x + K (z - H x)``, P in Joseph's form; beyond the gate P widens instead."""
-    law, place, spread = flight.mission.navigation, belief.state[:3], belief.covariance[:3, :3]
-    innovation = spread + fix_covariance(law, place)
-    off = fixed - place
+def pushes(flight, belief, period):
+    """Forces that unit constant errors add, (3, 12): thrusters turn with the body that is sensed askew."""
+    force, delay = belief.acting[period], flight.periods(flight.mission.actuators.delay_s)
+    delay *= flight.mission.actuators.kind == "real"
+    axes = belief.sensed[max(0, period - delay)]
+    found = (np.diag(force), np.cross(np.eye(3), force).T, np.cross(force, axes).T, np.zeros((3, 3)))
+    return belief.has_fired[period][:, np.newaxis] * np.hstack(found)
+
+
+def correct(flight, belief, at):
+    """``K = P H' S^-1``, nothing for constant errors, and P in Joseph's form; beyond the gate P widens."""
+    law, place = flight.mission.navigation, belief.state[:3]
+    shifts = np.zeros((3, 12))
+    shifts[:, 9:] = np.eye(3)
+    if law.measures == "range_bearing":
+        shifts[:, 6:9] = np.cross(belief.sensed[at], place).T
+    seen, noise = np.hstack((np.eye(3, 6), shifts)), fix_covariance(law, place)
+    innovation = seen @ belief.covariance @ seen.T + noise
+    off = belief.fixes[at // flight.periods(law.fix_period_s)] - place
     if law.gate_sigma is not None and off @ np.linalg.solve(innovation, off) > law.gate_sigma**2:
-        belief.covariance = WIDER * belief.covariance
+        belief.covariance[:6, :6] *= WIDER
         return
-    gain = np.linalg.solve(innovation, belief.covariance[:3]).T
-    belief.state = belief.state + gain @ off
-    kept, noise = np.eye(6) - gain @ np.eye(3, 6), fix_covariance(law, place)
+    gain = np.linalg.solve(innovation, seen @ belief.covariance).T
+    gain[6:] = 0.0
+    belief.state = belief.state + gain[:6] @ off
+    kept = np.eye(18) - gain @ seen
     belief.covariance = kept @ belief.covariance @ kept.T + gain @ noise @ gain.T
 
 
@@ -98,9 +139,9 @@ def fix_covariance(law, place):
     Bordonaro, Willett and Bar-Shalom, IEEE Transactions on Aerospace and Electronic Systems 50, 2014.
     """
     if law.measures == "position":
-        return (law.noise_m**2 + law.bias_m**2) * np.eye(3)
-    turns = np.radians([law.bearing_noise_deg, law.attitude_bias_deg, law.attitude_noise_deg])
+        return law.noise_m**2 * np.eye(3)
+    turns = np.radians([law.bearing_noise_deg, law.attitude_noise_deg])
     square = place @ place
     along = np.outer(place, place) / square
     across = (turns @ turns) * square * (np.eye(3) - along)
-    return law.bias_m**2 * np.eye(3) + law.range_noise_m**2 * along + across
+    return law.range_noise_m**2 * along + across

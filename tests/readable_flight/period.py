@@ -90,12 +90,11 @@ def look(flight, k, state):
     is_inspected = state.is_inspected | (is_lit & seen_points(flight, k, position, boresight, flight.suns[k]))
     candidates = flight.surface_at(k)[0][is_lit & ~is_inspected]
     target, state.centres = chosen_target(mission, candidates, position, state.centres)
-    known, covariance = state.truth, np.zeros((6, 6))
+    known, covariance, sensed = state.truth, np.zeros((6, 6)), attitude * flight.tilt(k)
     if state.belief is not None:
         measured = navigation.fix(flight, k, position, attitude)
-        known, covariance = navigation.estimate(flight, k, state.belief, measured)
+        known, covariance = navigation.estimate(flight, k, state.belief, measured, sensed)
         y = next_y(mission, known[:3], state.y)
-    sensed = attitude * flight.tilt(k)
     return Look(attitude, sensed, is_lit, is_inspected, candidates, target, known, covariance, y)
 
 
@@ -105,10 +104,17 @@ def remember(flight, k, state, seen, commanded):
     if state.belief is not None:
         acts = k + (flight.periods(mission.actuators.delay_s) if mission.actuators.kind == "real" else 0)
         if acts < mission.num_controls:
-            state.belief.acting[acts] = actuators.believed(flight, commanded)
+            state.belief.acting[acts] = commanded
         meant = seen.attitude.apply(seen.sensed.inv().apply(commanded))
         meant = np.clip(meant, -mission.deputy.max_force_n, mission.deputy.max_force_n)
     state.commands.append(meant)
+
+
+def hear(flight, k, state, fired):
+    """Note for the filter what thrusters tell of what they fired."""
+    belief = state.belief
+    if belief is not None:
+        belief.acting[k], belief.has_fired[k] = actuators.believed(flight, belief.acting[k], fired)
 
 
 def act(flight, k, state, seen, decision):
@@ -120,6 +126,7 @@ def act(flight, k, state, seen, decision):
         commanded, limit = Layer(mission, flight.errors.margins).assured(seen.known, asked)
     remember(flight, k, state, seen, commanded)
     thrust = actuators.fired(flight, k, commanded, state.commands, seen.attitude, state.mass)
+    hear(flight, k, state, thrust.fired)
     state.attitude = seen.attitude
     attitude, rate, y, instants = turn_through_period(flight, k, state, seen.known, seen.y, thrust)
     mass = actuators.mass_after(flight, thrust, state.mass)

@@ -7,11 +7,7 @@ from pathlib import Path
 from tests.smoke.command_line import PROJECT
 
 DOCS = PROJECT / "docs"
-PAGES = [
-    *sorted(PROJECT.glob("*.md")),
-    PROJECT / "telemetry" / "README.md",
-    *sorted(DOCS.rglob("*.md")),
-]
+PAGES = [*sorted(PROJECT.glob("*.md")), PROJECT / "telemetry" / "README.md", *sorted(DOCS.rglob("*.md"))]
 #: run whole, with what it prints, by test_tutorial.py
 FOLLOWED = DOCS / "tutorial" / "your-own-case.md"
 #: what a page says where the reader puts a name of their own, and a name that will do

@@ -146,11 +146,7 @@ TRAINING = ("+experiment=train", *MINIATURE, "stages=[scenario,train,evaluate]")
 @pytest.fixture(scope="module")
 def first(tmp_path_factory) -> Path:
     """A training that everything else is compared with."""
-    return run_pipeline(
-        *TRAINING,
-        *ONE_WORKER,
-        folder=tmp_path_factory.mktemp("first") / "run",
-    )
+    return run_pipeline(*TRAINING, *ONE_WORKER, folder=tmp_path_factory.mktemp("first") / "run")
 
 
 def numbers(folder: Path) -> tuple[object, str, str]:

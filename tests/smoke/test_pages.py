@@ -32,16 +32,7 @@ GENERATED = ("live", "classics.md", "reference/commands.md", "reference/api")
 
 
 #: words of commands that work on what an earlier one made, or the reader has, and one that takes long
-NEED_A_FOLDER = (
-    "resume=",
-    "compare=",
-    "hydra.run.dir=",
-    "--config-dir",
-    "verify",
-    "summary",
-    "edit",
-    "warm",
-)
+NEED_A_FOLDER = ("resume=", "compare=", "hydra.run.dir=", "--config-dir", "verify", "summary", "edit", "warm")
 
 
 #: those of the README; a developer does not wait for all others

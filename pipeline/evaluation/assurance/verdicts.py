@@ -9,14 +9,7 @@ from pipeline.evaluation.assurance.formula import Always, Comparison, Eventually
 from pipeline.evaluation.assurance.judgement import Judgement, Verdict, cases_needed
 from pipeline.evaluation.assurance.proofs import Certificate, SafetyProof, TubeProof
 from pipeline.evaluation.assurance.quantities import EXTREMES, UNITS
-from pipeline.evaluation.assurance.requirements import (
-    BOUNDS,
-    CASES,
-    SAFETY_LAYER,
-    SEARCH,
-    TUBE,
-    Requirement,
-)
+from pipeline.evaluation.assurance.requirements import BOUNDS, CASES, SAFETY_LAYER, SEARCH, TUBE, Requirement
 
 #: from the best to the worst, and in words
 WORDS: Mapping[Verdict, str] = {"shown": "shown", "open": "not shown", "refuted": "refuted"}

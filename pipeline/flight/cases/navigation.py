@@ -3,7 +3,12 @@
 The filter is Kalman's (A new approach to linear filtering and prediction problems, Journal of Basic
 Engineering 82, 1960, 35-45) over the six numbers of position and velocity, moving by Clohessy and Wiltshire's
 equations under the commanded forces. Its process noise is a constant acceleration in each control
-period, and a share of each commanded force. It knows the thrusters' impulses and delay.
+period, and a share of each commanded force. It knows the thrusters' impulses and delay, and along which axes
+they fired.
+
+Errors that a flight keeps are considered, not estimated (Schmidt, Application of state-space methods to
+navigation problems, Advances in Control Systems 3, 1966, 293-340): scales and rotations of the thrusters,
+rotations of the sensed attitude and biases of fixes, to first order, each with its variance.
 
 A fix is a place, or a range and a bearing. These are converted to a place; its covariance is taken
 along and across the line of sight that the filter predicts, so that it does not depend on the fix's own error
@@ -23,7 +28,16 @@ import numpy as np
 
 from pipeline.array_types import Floats
 from pipeline.flight.cases.processes import in_time, varies
-from pipeline.flight.state.errors import Errors, Filter, Fixes
+from pipeline.flight.period.act.bounds import process_noise
+from pipeline.flight.state.errors import (
+    MOST_CONSTANT,
+    OF_ATTITUDE,
+    OF_FIXES,
+    OF_ROTATION,
+    Errors,
+    Filter,
+    Fixes,
+)
 from pipeline.flight.state.log import Scenario
 from pipeline.physics.motion import motion_over
 from pipeline.settings.experiment import Mission
@@ -32,54 +46,51 @@ from pipeline.settings.mission_parts import Actuators, Dynamics, Navigation
 #: place in the spawn key of the random numbers for navigation, after the case
 FIXES = 1
 #: of a deputy that knows its state
-NO_FIXES = Fixes(
-    False,
-    Filter(1, 0, np.zeros((6, 6)), np.zeros((6, 6)), np.zeros((6, 6)), 0.0, np.inf, 0.0, 0.0),
-    Errors(np.zeros((0, 6)), np.zeros((0, 0, 3)), np.zeros((0, 0, 4)), np.zeros((0, 0, 3))),
-)
+NO_ERRORS = Errors(np.zeros((0, 6)), np.zeros((0, 0, 3)), np.zeros((0, 0, 4)), np.zeros((0, 0, 3)))
 
 
 def fixes_of(mission: Mission, scenarios: list[Scenario]) -> Fixes:
     """Return how the deputies of some flights know their state."""
-    if mission.navigation.mode != "fixes":
-        return NO_FIXES
-    return Fixes(True, filter_of(mission), errors_of(mission, scenarios))
+    is_on = mission.navigation.mode == "fixes"
+    return Fixes(is_on, filter_of(mission), errors_of(mission, scenarios) if is_on else NO_ERRORS)
 
 
 def filter_of(mission: Mission) -> Filter:
-    """Return the filter of a mission whose deputy navigates by fixes."""
+    """Return the filter of a mission."""
     navigation, period = mission.navigation, mission.control_period_s
     control = motion_over(mission.orbit, mission.deputy, (period,)).control[0]
     unit = control @ control.T
     is_seen = navigation.measures == "range_bearing"
-    bearing, tilt_1, tilt_2 = np.radians(
-        (navigation.bearing_noise_deg, navigation.attitude_bias_deg, navigation.attitude_noise_deg)
-    )
-    tilt = float(tilt_1**2 + tilt_2**2)
+    bearing, tilt = np.square(np.radians((navigation.bearing_noise_deg, navigation.attitude_noise_deg)))
+    variances = considered(mission)
+    actuators, is_real = mission.actuators, mission.actuators.kind == "real"
     start = [navigation.initial_position_m] * 3 + [navigation.initial_velocity_m_s] * 3
     return Filter(
         round(navigation.fix_period_s / period),
         round(navigation.delay_s / period),
         np.diag(np.square(start)),
-        unit * (navigation.process_noise_m_s2 * mission.deputy.mass_kg) ** 2,
+        unit * (process_noise(mission) * mission.deputy.mass_kg) ** 2,
         unit * (navigation.execution_error**2 + tilt),
-        navigation.bias_m**2 + (0.0 if is_seen else navigation.noise_m**2),
+        round(actuators.delay_s / period) if is_real else 0,
+        np.flatnonzero(variances),
+        variances[variances > 0.0],
+        0.0 if is_seen else navigation.noise_m**2,
         np.inf if navigation.gate_sigma is None else navigation.gate_sigma**2,
+        is_seen,
         navigation.range_noise_m**2 if is_seen else 0.0,
-        float(bearing**2) + tilt if is_seen else 0.0,
+        float(bearing + tilt) if is_seen else 0.0,
     )
 
 
-def measured(place: Floats, of_fix: Floats, of_sight: Floats | None, tilt_h: Floats) -> Floats:
-    """Return a fix, m, Hill axes, shape (3,), of a deputy at a place.
-
-    Its errors are rows of `Errors.of_fixes` and `Errors.of_sight`, the latter None if a fix is a place, and
-    the rotation of the sensed attitude, rad, Hill axes.
-    """
-    if of_sight is None:
-        return np.asarray(place + of_fix)
-    turned = place + np.cross(of_sight[1:] + tilt_h, place)
-    return np.asarray(turned / np.linalg.norm(turned) * (np.linalg.norm(place) + of_sight[0]) + of_fix)
+def considered(mission: Mission) -> Floats:
+    """Return the variances of the constant errors that the filter may consider, shape (MOST_CONSTANT,)."""
+    navigation, actuators, found = mission.navigation, mission.actuators, np.zeros(MOST_CONSTANT)
+    if actuators.kind == "real":
+        found[:OF_ROTATION] = actuators.scale_error**2
+        found[OF_ROTATION:OF_ATTITUDE] = np.radians(actuators.misalignment_deg) ** 2
+    found[OF_ATTITUDE:OF_FIXES] = np.radians(navigation.attitude_bias_deg) ** 2
+    found[OF_FIXES:] = navigation.bias_m**2
+    return found
 
 
 def errors_of(mission: Mission, scenarios: list[Scenario]) -> Errors:

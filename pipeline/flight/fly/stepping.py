@@ -55,6 +55,8 @@ def state_of(states: State, flight: int) -> State:
         states.fixes[flight],
         states.commands[flight],
         states.acting[flight],
+        states.has_fired[flight],
+        states.sensed[flight],
         states.thrust[flight],
     )
 

@@ -42,6 +42,8 @@ def make_states(world: World, errors: ModelErrors | None, lanes: int, count: int
         fixes=np.zeros((count, num_fixes, 3, lanes)),
         commands=np.zeros((count, num_controls, 3, lanes)),
         acting=np.zeros((count, num_controls, 3, lanes)),
+        has_fired=np.ones((count, num_controls, 3, lanes)),
+        sensed=np.zeros((count, 3 * num_controls + 3, 3, lanes)),
         thrust=np.zeros((count, num_thrusters, lanes)),
     )
 

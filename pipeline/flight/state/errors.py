@@ -3,16 +3,21 @@
 from typing import NamedTuple
 
 from fis_tools.compiled.vectors import Rows
-from pipeline.array_types import Floats
+from pipeline.array_types import Floats, Integers
 from pipeline.physics.orbit import Course
 
+#: constant errors that the filter may consider, three each: scales of the thrusters, and where their
+#: rotations, those of the sensed attitude and the biases of fixes begin
+OF_ROTATION, OF_ATTITUDE, OF_FIXES, MOST_CONSTANT = 3, 6, 9, 12
 #: What navigation works with, a lane for each flight.
 ESTIMATED: Rows = {
     "filtered": (6,),  # estimate from the fixes up to `delay` periods ago
-    "covariance": (6, 6),  # its covariance
+    "covariance": (6, 6 + MOST_CONSTANT),  # its covariance, and beside it that with the constant errors
     "known": (6,),  # the same estimate, propagated to now
-    "now": (6, 6),  # its covariance, where a flight is logged
-    "half": (6, 6),  # scratch
+    "now": (6, 6 + MOST_CONSTANT),  # its covariance, where a flight is logged
+    "half": (6, 6 + MOST_CONSTANT),  # scratch
+    "pushes": (6, MOST_CONSTANT),  # of the constant errors on the state in a control period
+    "innovation": (4,),  # the last fix minus the place expected, m, and its square in standard deviations
     "turn": (4,),  # from the true attitude to the sensed one
     "tilt": (3,),  # the same as an angle about each axis, Hill axes
 }
@@ -32,8 +37,12 @@ class Filter(NamedTuple):
     at_start: Floats  # (6, 6) covariance of the first estimate
     process: Floats  # (6, 6) added to the covariance in each control period
     process_per_force: Floats  # (6, 6) added as well for each square newton commanded
+    command_delay: int  # control periods from a command to its force
+    constants: Integers  # (E,) constant errors that are considered, as numbers up to `MOST_CONSTANT`
+    variances: Floats  # (E,) of them: 1, rad^2, m^2
     fix: float  # variance of a fix along each axis, m^2
     gate: float  # square of the number of standard deviations beyond which a fix is rejected
+    is_sight: bool  # whether fixes are a range and a bearing, not places
     range: float  # further variance along the line of sight, m^2
     bearing: float  # and of its direction about each axis, rad^2
 

@@ -105,13 +105,16 @@ class FlightLog(NamedTuple):
     # position (m) and velocity (m/s) as the deputy knew them, if it navigates by fixes
     estimate: Annotated[Floats, "K+1", 6]
     estimate_covariance: Annotated[Floats, "K+1", 6, 6]
+    fix_m: Annotated[Floats, "K+1", 3]  # that comes into use; NaN where none does, like the next two
+    innovation_m: Annotated[Floats, "K+1", 3]  # it minus the place that the filter expects
+    innovation_square: Annotated[Floats, "K+1"]  # in standard deviations (NIS), of 3 degrees of freedom
     # costs by which the first push, and the image of the tour, were chosen, m/s; none without a rehearsal
     push_costs_m_s: Annotated[Floats, "R"]
     tour_costs_m_s: Annotated[Floats, "R"]
 
 
 def empty_log(num_controls: int, num_attitude_steps: int, num_points: int, num_systems: int) -> FlightLog:
-    """Allocate the log of a flight: zeros; NaN in `foreseen`, and all of the Sun and of the points."""
+    """Allocate the log of a flight: zeros; NaN in `foreseen` and fixes, all of the Sun and points."""
     sizes = {"K": num_controls, "K+1": num_controls + 1, "S": num_attitude_steps}
     sizes |= {"P": num_points, "F": num_systems, "R": 0}
     arrays = {}
@@ -120,7 +123,9 @@ def empty_log(num_controls: int, num_attitude_steps: int, num_points: int, num_s
         (element,) = get_args(get_args(kind)[1])
         arrays[name] = np.zeros([sizes.get(size, size) for size in shape], element)
     log = FlightLog(**arrays)
-    log.foreseen[:], log.visible_sun_share[:], log.is_inspectable[:] = np.nan, 1.0, True
+    log.visible_sun_share[:], log.is_inspectable[:] = 1.0, True
+    for unknown in (log.foreseen, log.fix_m, log.innovation_m, log.innovation_square):
+        unknown[:] = np.nan
     return log
 
 

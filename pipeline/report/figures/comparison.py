@@ -233,11 +233,7 @@ def _name_front(ax: Axes, points: Sequence[Point]) -> None:
 Columns = Mapping[str, NDArray[Any]]
 
 #: how a controller's flight ended: words, colour, marker
-ENDS = {
-    "success": (BLUE, "o"),
-    "too few points": (ORANGE, "v"),
-    "outside the distance limits": (PURPLE, "X"),
-}
+ENDS = {"success": (BLUE, "o"), "too few points": (ORANGE, "v"), "outside the distance limits": (PURPLE, "X")}
 #: from so many cases on their numbers are too small to be read
 MOST_NUMBERED = 64
 

@@ -74,12 +74,7 @@ class Picture:
 
 
 def grid(
-    figure: Figure,
-    rows: int,
-    columns: int,
-    margins: Sequence[float],
-    between: Sequence[float],
-    **ratios: Any,
+    figure: Figure, rows: int, columns: int, margins: Sequence[float], between: Sequence[float], **ratios: Any
 ) -> GridSpec:
     """Part a figure into places for axes, for labels of a known size: to measure them takes long.
 

@@ -39,12 +39,7 @@ class Evolution:
 
 
 def _begun(
-    round_index: int,
-    evaluate: Evaluate,
-    seeds: Floats,
-    settings: Optimizer,
-    seed: int,
-    before: State | None,
+    round_index: int, evaluate: Evaluate, seeds: Floats, settings: Optimizer, seed: int, before: State | None
 ) -> State:
     """Return the first population of a round, given the last of the round before."""
     step = settings.step_of_round(round_index)

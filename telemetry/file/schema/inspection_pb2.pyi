@@ -84,7 +84,7 @@ class Control(_message.Message):
     def __init__(self, force_body_n: _Optional[_Iterable[float]] = ..., force_hill_n: _Optional[_Iterable[float]] = ..., force_asked_n: _Optional[_Iterable[float]] = ..., reason: _Optional[_Iterable[_Union[Control.Reason, str]]] = ..., coasting_missed: _Optional[float] = ..., coasting_nearest_m: _Optional[float] = ..., coasting_farthest_m: _Optional[float] = ..., force_commanded_n: _Optional[_Iterable[float]] = ..., command_reason: _Optional[_Iterable[_Union[Control.Reason, str]]] = ..., command_age_s: _Optional[float] = ...) -> None: ...
 
 class Navigation(_message.Message):
-    __slots__ = ("position_m", "velocity_m_s", "position_deviation_m", "velocity_deviation_m_s", "fix_m", "fix_age_s", "quaternion")
+    __slots__ = ("position_m", "velocity_m_s", "position_deviation_m", "velocity_deviation_m_s", "fix_m", "fix_age_s", "quaternion", "innovation_m", "innovation_square")
     POSITION_M_FIELD_NUMBER: _ClassVar[int]
     VELOCITY_M_S_FIELD_NUMBER: _ClassVar[int]
     POSITION_DEVIATION_M_FIELD_NUMBER: _ClassVar[int]
@@ -92,6 +92,8 @@ class Navigation(_message.Message):
     FIX_M_FIELD_NUMBER: _ClassVar[int]
     FIX_AGE_S_FIELD_NUMBER: _ClassVar[int]
     QUATERNION_FIELD_NUMBER: _ClassVar[int]
+    INNOVATION_M_FIELD_NUMBER: _ClassVar[int]
+    INNOVATION_SQUARE_FIELD_NUMBER: _ClassVar[int]
     position_m: _containers.RepeatedScalarFieldContainer[float]
     velocity_m_s: _containers.RepeatedScalarFieldContainer[float]
     position_deviation_m: _containers.RepeatedScalarFieldContainer[float]
@@ -99,7 +101,9 @@ class Navigation(_message.Message):
     fix_m: _containers.RepeatedScalarFieldContainer[float]
     fix_age_s: float
     quaternion: _containers.RepeatedScalarFieldContainer[float]
-    def __init__(self, position_m: _Optional[_Iterable[float]] = ..., velocity_m_s: _Optional[_Iterable[float]] = ..., position_deviation_m: _Optional[_Iterable[float]] = ..., velocity_deviation_m_s: _Optional[_Iterable[float]] = ..., fix_m: _Optional[_Iterable[float]] = ..., fix_age_s: _Optional[float] = ..., quaternion: _Optional[_Iterable[float]] = ...) -> None: ...
+    innovation_m: _containers.RepeatedScalarFieldContainer[float]
+    innovation_square: float
+    def __init__(self, position_m: _Optional[_Iterable[float]] = ..., velocity_m_s: _Optional[_Iterable[float]] = ..., position_deviation_m: _Optional[_Iterable[float]] = ..., velocity_deviation_m_s: _Optional[_Iterable[float]] = ..., fix_m: _Optional[_Iterable[float]] = ..., fix_age_s: _Optional[float] = ..., quaternion: _Optional[_Iterable[float]] = ..., innovation_m: _Optional[_Iterable[float]] = ..., innovation_square: _Optional[float] = ...) -> None: ...
 
 class Guidance(_message.Message):
     __slots__ = ("num_candidates", "target_direction", "lambda_u_rad", "eta_u_rad")

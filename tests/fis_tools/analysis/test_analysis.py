@@ -19,10 +19,10 @@ from fis_tools.analysis.arrays import (
 )
 from fis_tools.analysis.contribution import contributions, importance
 from fis_tools.analysis.domain import as_mapping, box_of, departures, from_mapping
-from fis_tools.engines import inference
 from fis_tools.engines.compiler import compile
 from fis_tools.errors import ControllerFileError
 from fis_tools.model import Consequent, FuzzySystem, Gaussian, Is, Rule, Term, Triangular, Variable
+from tests.fis_tools import step_by_step
 from tests.fis_tools.reference_engine import ReferenceEngine
 from tests.fis_tools.sample_controllers import (
     force_x_system,
@@ -212,10 +212,10 @@ def adding_room() -> FuzzySystem:
 def test_a_contribution_is_what_silencing_the_rule_takes_away(system: FuzzySystem) -> None:
     inputs = spread_inputs(system, 20)
     found = contributions(compile(system), inputs)
-    outputs = inference.evaluate(system, inputs)
+    outputs = step_by_step.evaluate(system, inputs)
     assert found.shape == (20, len(system.rules), len(system.outputs))
     for index in range(len(system.rules)):
-        expected = outputs - inference.evaluate(without(system, index), inputs)
+        expected = outputs - step_by_step.evaluate(without(system, index), inputs)
         np.testing.assert_allclose(found[:, index], expected, rtol=0, atol=1e-14)
     assert np.count_nonzero(found) > 20
 

@@ -23,6 +23,7 @@ from fis_tools.model import (
     Variable,
     table_rules,
 )
+from tests.fis_tools import step_by_step
 from tests.fis_tools.engines.random_systems import (
     full_table_system,
     hedged,
@@ -93,7 +94,7 @@ def test_the_inference_that_equals_scikit_fuzzy_stays_inside_too():
         low, high = _boxes(system, generator, 2)
         least, greatest, _ = interval.bound(interval.pack(system), low, high)
         for box in range(len(low)):
-            outputs = inference.evaluate(system, _inside(low[box], high[box], generator, 2))
+            outputs = step_by_step.evaluate(system, _inside(low[box], high[box], generator, 2))
             assert ((outputs >= least[box]) & (outputs <= greatest[box])).all()
 
 
@@ -102,7 +103,7 @@ def test_at_a_point_the_interval_is_tight_about_the_output(system):
     generator = np.random.default_rng(94)
     inputs = generator.uniform(*_ends(system), (300, len(system.inputs)))
     least, greatest, _ = interval.bound(interval.pack(system), inputs, inputs)
-    outputs = inference.evaluate(system, inputs[:40])
+    outputs = step_by_step.evaluate(system, inputs[:40])
     assert ((outputs >= least[:40]) & (outputs <= greatest[:40])).all()
     width = (greatest - least)[:, 0] / (system.outputs[0].maximum - system.outputs[0].minimum)
     assert np.quantile(width, 0.5) < 1e-11
@@ -181,7 +182,7 @@ def test_outputs_that_collapse_for_want_of_area_stay_inside():
     y = Variable("y", "", 1e-16, 2e-16, (Term("only", Gaussian(1.5e-16, 1e-17)),), default=1.5e-16)
     x = Variable("x", "", 0.0, 1.0, (Term("any", Triangular(0.0, 1.0, 1.0)),))
     system = FuzzySystem("tiny", (x,), (y,), (Rule(Is("x", "any"), (Consequent("y", "only"),)),))
-    output = inference.evaluate(system, np.array([[0.5]]))[0, 0]
+    output = step_by_step.evaluate(system, np.array([[0.5]]))[0, 0]
     assert output < y.minimum
     bounded = _bounds(system, x=(0.4, 0.6))["y"]
     assert bounded.low <= output <= bounded.high

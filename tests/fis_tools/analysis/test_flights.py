@@ -10,13 +10,7 @@ import telemetry
 from fis_tools.__main__ import main
 from fis_tools.analysis import tables
 from fis_tools.analysis.arrays import rule_usage
-from fis_tools.analysis.flights import (
-    inputs_along,
-    read_controller,
-    read_flight,
-    read_periods,
-    read_points,
-)
+from fis_tools.analysis.flights import inputs_along, read_controller, read_flight, read_periods, read_points
 from fis_tools.engines.inference import infer
 from fis_tools.errors import ControllerFileError
 from fis_tools.formats.serialize import dump_json
@@ -235,10 +229,7 @@ def test_points_are_read_as_they_are_at_a_time_and_told_with_the_inputs(tmp_path
     (carried,) = flight_data(Flight("x", {"force_x": flown}, is_own=True), [system], 1)["systems"]
     first_two = "point 2 (90° S 0° E, dark in 0.1 min) +40 m, point 0 (0° N 0° E, dark in 1.0 min) +30 m"
     assert carried["points"][0] == f"distance = 70 m: {first_two}"
-    for all_of_them, words in (
-        ((), "+40 m 2 90° S 0° E 0.1 min"),
-        (("--json",), '"part": 40.0'),
-    ):
+    for all_of_them, words in (((), "+40 m 2 90° S 0° E 0.1 min"), (("--json",), '"part": 40.0')):
         assert main(["explain", str(path), "--time", "0", *all_of_them]) == 0
         assert words in " ".join(capsys.readouterr().out.split())
 

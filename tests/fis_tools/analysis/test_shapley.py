@@ -15,6 +15,7 @@ from fis_tools.engines.compiler import compile
 from fis_tools.formats import serialize
 from fis_tools.model import Consequent, FuzzySystem, Is, Rule, Term, Triangular, Variable
 from fis_tools.model.operators import ACCUMULATIONS
+from tests.fis_tools import step_by_step
 from tests.fis_tools.engines.random_systems import inputs_for, random_general_system
 from tests.fis_tools.sample_controllers import force_x_system
 from tests.places import PROJECT
@@ -39,7 +40,7 @@ def silenced(system: FuzzySystem, output: str, rules: set[int]) -> FuzzySystem:
 def enumerated(system: FuzzySystem, row: np.ndarray, place: int) -> np.ndarray:
     """Shapley's sum over all coalitions, each inferred step by step."""
     output = system.outputs[place]
-    strengths = inference.firing_strengths(system, row[np.newaxis])[0]
+    strengths = step_by_step.firing_strengths(system, row[np.newaxis])[0]
     concludes = [
         any(c.variable == output.name and c.weight for c in rule.consequents) for rule in system.rules
     ]

@@ -105,10 +105,7 @@ def test_what_a_hand_changes_is_what_a_copy_holds(open_page, address, folder) ->
         opened.close()
     assert read_controller(folder / "up.fis").systems[0].outputs[0].terms[3].name == "up"
     again = {"again-force_x.fis", "again-force_y.fis", "again-force_z.fis", "up.fis"}
-    assert {path.name for path in folder.iterdir()} == {
-        "champion_27.yaml",
-        "champion_27-edited.yaml",
-    } | again
+    assert {path.name for path in folder.iterdir()} == {"champion_27.yaml", "champion_27-edited.yaml"} | again
 
 
 def test_two_pages_do_not_share_their_changes(open_page, address) -> None:

@@ -32,6 +32,7 @@ from fis_tools.model import (
 from fis_tools.model.numbers import NotAFormula, parse
 from fis_tools.model.operators import AGGREGATIONS, AND_OPERATORS, HEDGES
 from fis_tools.model.validate import problems
+from tests.fis_tools import step_by_step
 from tests.fis_tools.engines.random_systems import hedged, inputs_for, otherwise, random_general_system
 from tests.places import PROJECT
 
@@ -124,7 +125,7 @@ def test_all_engines_agree_about_formulas_of_inputs_and_outputs() -> None:
     exact = np.sin(x) / x + np.fmax(y, -0.5) ** 2
     np.testing.assert_allclose(outputs[:, 1], exact, rtol=1e-15)
     np.testing.assert_allclose(outputs[:, 2], np.abs(outputs[:, 0] - exact), rtol=1e-14)
-    np.testing.assert_allclose(outputs, inference.evaluate(system, ROWS), rtol=1e-14)
+    np.testing.assert_allclose(outputs, step_by_step.evaluate(system, ROWS), rtol=1e-14)
     np.testing.assert_array_equal([compiled.prepare()(*row) for row in ROWS], outputs)
     parts = shares(compiled, ROWS).values.sum(axis=1)
     np.testing.assert_allclose(parts, outputs, atol=1e-12)
@@ -201,11 +202,11 @@ def test_all_engines_agree_about_hedges_anywhere() -> None:
         assert problems(system) == []
         rows = inputs_for(system, generator, 30)
         program = assemble(system)
-        expected = inference.firing_strengths(system, rows)
+        expected = step_by_step.firing_strengths(system, rows)
         np.testing.assert_allclose(interpreter.fire(program, rows), expected, rtol=0, atol=1e-14)
         widths = np.array([output.maximum - output.minimum for output in system.outputs])
         outputs = interpreter.evaluate(program, rows) / widths
-        np.testing.assert_allclose(outputs, inference.evaluate(system, rows) / widths, rtol=0, atol=1e-12)
+        np.testing.assert_allclose(outputs, step_by_step.evaluate(system, rows) / widths, rtol=0, atol=1e-12)
 
 
 def two_rules(implication: str, aggregation: str) -> FuzzySystem:
@@ -249,7 +250,7 @@ def test_every_pair_is_compiled_as_it_is_defined() -> None:
         assert problems(system) == []
         rows = inputs_for(system, generator, 6)
         with np.errstate(all="ignore"):
-            expected = inference.evaluate(system, rows)
+            expected = step_by_step.evaluate(system, rows)
         widths = [output.maximum - output.minimum for output in system.outputs]
         np.testing.assert_allclose(compile(system)(rows) / widths, expected / widths, rtol=0, atol=1e-12)
 

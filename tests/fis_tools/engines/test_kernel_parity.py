@@ -27,6 +27,7 @@ from fis_tools.model import (
 )
 from fis_tools.model.shape import SHAPES
 from fis_tools.model.validate import problems
+from tests.fis_tools import step_by_step
 from tests.fis_tools.engines.random_systems import (
     ACCUMULATIONS,
     AND_OPERATORS,
@@ -83,7 +84,7 @@ def test_sparse_rule_bases_agree_with_scikit_fuzzy(seed: int) -> None:
     packed = pack(system)
     np.testing.assert_allclose(evaluate(packed, inputs), expected, rtol=0, atol=TOLERANCE * _width(system))
     np.testing.assert_allclose(
-        firing_strengths(packed, inputs), inference.firing_strengths(system, inputs), rtol=0, atol=1e-13
+        firing_strengths(packed, inputs), step_by_step.firing_strengths(system, inputs), rtol=0, atol=1e-13
     )
 
 
@@ -95,13 +96,13 @@ def test_many_more_agree_with_the_inference_that_equals_scikit_fuzzy() -> None:
         packed = pack(system)
         np.testing.assert_allclose(
             evaluate(packed, inputs),
-            inference.evaluate(system, inputs)[:, 0],
+            step_by_step.evaluate(system, inputs)[:, 0],
             rtol=0,
             atol=TOLERANCE * _width(system),
         )
         np.testing.assert_allclose(
             firing_strengths(packed, inputs),
-            inference.firing_strengths(system, inputs),
+            step_by_step.firing_strengths(system, inputs),
             rtol=0,
             atol=TOLERANCE,
         )
@@ -179,7 +180,7 @@ def test_any_system_agrees_bit_for_bit(seed: int) -> None:
     rows = inputs_for(system, generator, 8)
     program = assemble(system)
     firing = interpreter.fire(program, rows)
-    np.testing.assert_array_equal(firing, inference.firing_strengths(system, rows))
+    np.testing.assert_array_equal(firing, step_by_step.firing_strengths(system, rows))
     with np.errstate(divide="ignore", invalid="ignore"):  # a bisector of an area with a gap
         outputs = interpreter.evaluate(program, rows)
         np.testing.assert_array_equal(outputs, interpreter.conclude(program, firing))
@@ -187,7 +188,7 @@ def test_any_system_agrees_bit_for_bit(seed: int) -> None:
     digits = [
         8e-16 * (v.maximum - v.minimum) if system.defuzzifier_of(v) == "mom" else 0.0 for v in system.outputs
     ]
-    for column, expected, digit in zip(outputs.T, inference.evaluate(system, rows).T, digits, strict=True):
+    for column, expected, digit in zip(outputs.T, step_by_step.evaluate(system, rows).T, digits, strict=True):
         np.testing.assert_allclose(column, expected, rtol=4 * digit, atol=digit)
 
 
@@ -247,7 +248,7 @@ def test_general_systems_agree_bit_for_bit(seed: int) -> None:
     rows = inputs_for(system, generator, 8)
     expected = np.array([engine.compute(inputs) for inputs in rows])
     np.testing.assert_array_equal(np.array([infer(system, inputs).values for inputs in rows]), expected)
-    np.testing.assert_array_equal(inference.evaluate(system, rows), expected)
+    np.testing.assert_array_equal(step_by_step.evaluate(system, rows), expected)
 
 
 def test_the_general_systems_above_cover_what_they_should() -> None:

@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 
 from fis_tools.analysis.shapley import shares
-from fis_tools.engines import inference, interval
+from fis_tools.engines import interval
 from fis_tools.engines.compiler import compile
 from fis_tools.engines.defuzzifier import invert
 from fis_tools.engines.program import INVERTED
 from fis_tools.model.variables import shape_values
+from tests.fis_tools import step_by_step
 from tests.fis_tools.engines.weighed_systems import ENDLESS, MONOTONE, mixed, samples, systems
 
 
@@ -16,7 +17,7 @@ from tests.fis_tools.engines.weighed_systems import ENDLESS, MONOTONE, mixed, sa
 def test_the_compiled_form_is_the_readable_one(name: str) -> None:
     system = systems()[name]
     rows = samples(system)
-    np.testing.assert_allclose(compile(system)(rows), inference.evaluate(system, rows), rtol=0, atol=1e-13)
+    np.testing.assert_allclose(compile(system)(rows), step_by_step.evaluate(system, rows), rtol=0, atol=1e-13)
 
 
 def test_an_average_is_the_mean_of_numbers_by_strength() -> None:

@@ -10,7 +10,6 @@ import pytest
 from fis_tools.__main__ import main
 from fis_tools.analysis.arrays import spread_inputs
 from fis_tools.document import text
-from fis_tools.engines import inference
 from fis_tools.engines.inference import infer
 from fis_tools.findings.difference import Difference, SystemDifference, difference
 from fis_tools.findings.difference.pictures import changed_surfaces
@@ -28,6 +27,7 @@ from fis_tools.model import (
     Variable,
     table_rules,
 )
+from tests.fis_tools import step_by_step
 from tests.fis_tools.sample_controllers import (
     force_x_system,
     force_z_system,
@@ -261,7 +261,7 @@ def test_outputs_are_compared_along_flights_too():
     changed = replace(system, and_operator="product")
     samples = spread_inputs(system, 50)
     ranges, flights = _only(difference(system, changed, {"force_x": samples})).outputs
-    sizes = np.abs(inference.evaluate(changed, samples) - inference.evaluate(system, samples))[:, 0]
+    sizes = np.abs(step_by_step.evaluate(changed, samples) - step_by_step.evaluate(system, samples))[:, 0]
     assert (ranges.where, flights.where, flights.num_samples) == ("the ranges", "the flights", 50)
     assert flights.mean == pytest.approx(sizes.mean(), abs=1e-14)
     assert flights.largest == pytest.approx(sizes.max(), abs=1e-14)

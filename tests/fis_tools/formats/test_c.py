@@ -15,7 +15,6 @@ from fmpy.validation import validate_fmu
 from numpy.typing import NDArray
 
 from fis_tools.__main__ import main
-from fis_tools.engines import inference
 from fis_tools.engines.compiler import compile
 from fis_tools.formats.c import fmu, source
 from fis_tools.formats.serialize import dump_json, load
@@ -36,6 +35,7 @@ from fis_tools.model.operators import AGGREGATIONS, AND_OPERATORS
 from fis_tools.model.validate import controller_problems
 from fis_tools.source import read_controller
 from fis_tools.words.text import sentence
+from tests.fis_tools import step_by_step
 from tests.fis_tools.engines.random_systems import (
     full_table_system,
     hedged,
@@ -98,7 +98,7 @@ def infer(library: ctypes.CDLL, name: str, system: FuzzySystem, rows: Floats) ->
 
 def assert_equal(outputs: Floats, system: FuzzySystem, rows: Floats) -> None:
     ranges = np.array([variable.maximum - variable.minimum for variable in system.outputs])
-    expected = inference.evaluate(system, rows)
+    expected = step_by_step.evaluate(system, rows)
     np.testing.assert_allclose(outputs / ranges, expected / ranges, rtol=0, atol=TOLERANCE)
 
 

@@ -266,10 +266,7 @@ TERM = (*INPUT, "terms", 0)
         (_edit(*SYSTEM, "outputs", 0, "accumulation", to=1), ["accumulation is 1", "expected a word"]),
         (_edit(*INPUT, "accumulation", to="max"), ["unknown key 'accumulation'"]),
         (_edit(*TERM, "shape", to="pi_shape"), ["unknown key 'mean'", "left_top"]),
-        (
-            _edit(*TERM, to={"name": "near", "shape": "s_shape", "foot": 1.0}),
-            ["'top' is missing"],
-        ),
+        (_edit(*TERM, to={"name": "near", "shape": "s_shape", "foot": 1.0}), ["'top' is missing"]),
         (
             _edit(*SYSTEM, "rules", to=[{"if": {"is": ["a", "b"]}, "then": [], "and_operator": 2}]),
             ["rules[0].and_operator is 2"],

@@ -15,10 +15,7 @@ from fis_tools.render.rules import firing_map, rule_names
 from fis_tools.render.theme import contrast, luminance, term_colours
 from fis_tools.words.text import outline
 from tests.fis_tools.analysis.test_flights import log_flight
-from tests.fis_tools.render.picture_systems import (
-    one_input_system,
-    room_system,
-)
+from tests.fis_tools.render.picture_systems import one_input_system, room_system
 from tests.fis_tools.sample_controllers import (
     force_x_system,
     force_z_system,

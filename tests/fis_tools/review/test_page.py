@@ -14,7 +14,7 @@ from playwright.sync_api import expect
 from fis_tools import __main__ as command_line
 from fis_tools.analysis import arrays
 from fis_tools.analysis.flights import inputs_along
-from fis_tools.engines.inference import firing_strengths, infer
+from fis_tools.engines.inference import infer
 from fis_tools.errors import ControllerFileError
 from fis_tools.findings.audit import audit
 from fis_tools.formats import serialize
@@ -22,14 +22,9 @@ from fis_tools.model import FuzzyController
 from fis_tools.review import carried, page
 from fis_tools.words.text import sentence
 from tests.browser import opening, serious_violations
-from tests.fis_tools.review.cases import (
-    HOSTILE,
-    hostile_controller,
-    log_flight,
-    path_of,
-    system_of_125_rules,
-)
+from tests.fis_tools.review.cases import HOSTILE, hostile_controller, log_flight, path_of, system_of_125_rules
 from tests.fis_tools.sample_controllers import force_z_system, general_controller, paper_like_controller
+from tests.fis_tools.step_by_step import firing_strengths
 from tests.policies import Page, check_policy
 from tests.programs import program
 

@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 
 from fis_tools.analysis import arrays, contribution, shapley
-from fis_tools.engines import compiler, inference
+from fis_tools.engines import compiler
 from fis_tools.findings import explanation
 from fis_tools.formats import serialize
 from fis_tools.model import FuzzyController, FuzzySystem
 from fis_tools.review import content, page
+from tests.fis_tools import step_by_step
 from tests.fis_tools.engines.random_systems import (
     full_table_system,
     hedged,
@@ -90,10 +91,10 @@ def test_outputs_and_firing_are_those_of_python(opened, name):
         told = browser_page.evaluate(INFER, [place, rows.tolist()])
         values = np.array([[float(value) for value in sample["values"]] for sample in told])
         ranges = np.array([variable.maximum - variable.minimum for variable in system.outputs])
-        expected = inference.evaluate(system, rows)
+        expected = step_by_step.evaluate(system, rows)
         np.testing.assert_allclose(values / ranges, expected / ranges, rtol=0, atol=1e-9)
         firing = np.array([sample["firing"] for sample in told])
-        np.testing.assert_allclose(firing, inference.firing_strengths(system, rows), rtol=0, atol=1e-12)
+        np.testing.assert_allclose(firing, step_by_step.firing_strengths(system, rows), rtol=0, atol=1e-12)
         num_values.append(np.unique(expected[~np.isnan(expected)]).size)
     assert np.median(num_values) > NUM_SAMPLES / 4
     # every picture can be drawn; a complaint of the page would fail the module

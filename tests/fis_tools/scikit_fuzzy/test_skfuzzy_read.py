@@ -15,7 +15,6 @@ from hypothesis import strategies as st
 from skfuzzy import control
 from skfuzzy.control import ControlSystem
 
-from fis_tools.engines import inference
 from fis_tools.engines.inference import infer
 from fis_tools.model import (
     And,
@@ -44,6 +43,7 @@ from fis_tools.model import (
 from fis_tools.model.variables import sample
 from fis_tools.scikit_fuzzy.read import UnreadableControlSystem, read_control_system
 from fis_tools.scikit_fuzzy.recognition import recognise
+from tests.fis_tools import step_by_step
 from tests.fis_tools.control_systems import build_control_system, build_simulation
 from tests.fis_tools.engines.random_systems import any_shape, inputs_for, random_general_system
 from tests.fis_tools.reference_engine import ReferenceEngine
@@ -490,7 +490,7 @@ def test_what_is_built_is_read_again(seed):
     defaults = {output.name: output.default for output in system.outputs if output.default is not None}
     read = read_control_system(build_control_system(system), system.name, defaults=defaults)
     rows = inputs_for(system, generator, 8)
-    np.testing.assert_array_equal(inference.evaluate(read, rows), inference.evaluate(system, rows))
+    np.testing.assert_array_equal(step_by_step.evaluate(read, rows), step_by_step.evaluate(system, rows))
     again = read_control_system(build_control_system(read), system.name, defaults=defaults)
     assert again == read
 

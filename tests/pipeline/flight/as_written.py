@@ -20,7 +20,7 @@ from pipeline.flight.cases.navigation import errors_of
 from pipeline.flight.cases.processes import in_time
 from pipeline.flight.control.controller import Controller
 from pipeline.flight.fly.simulation import fly_logged
-from pipeline.flight.period.act.bounds import bounds_of, spheres_of
+from pipeline.flight.period.act.bounds import bounds_of, process_noise, spheres_of
 from pipeline.flight.state.log import FlightLog, Scenario
 from pipeline.flight.world.surface import surface_of
 from pipeline.settings.experiment import Mission
@@ -28,7 +28,7 @@ from tests.readable_flight.errors import Errors
 from tests.readable_flight.flight import Flight
 from tests.readable_flight.guidance import relative_angle
 from tests.readable_flight.light import share_of_sun, sun_direction
-from tests.readable_flight.period import period, remember, start
+from tests.readable_flight.period import hear, period, remember, start
 from tests.readable_flight.thrust import SILENT_N
 
 #: largest difference that counts as rounding, as a share of the largest component
@@ -58,6 +58,8 @@ def written(mission: Mission, controller: Controller, scenario: Scenario) -> Fli
     if mission.navigation.mode == "fixes":
         drawn = errors_of(mission, [scenario])
         errors |= {name: values[0] for name, values in drawn._asdict().items()}
+        filtered = replace(mission.navigation, process_noise_m_s2=process_noise(mission))
+        mission = replace(mission, navigation=filtered)
     if mission.actuators.kind == "real":
         errors |= {"table": thrusters_of(mission).table}
         thrust = thrust_errors(mission, [scenario])
@@ -111,9 +113,10 @@ def followed(flight, k, result, log):
     wanted = np.clip(sensed.apply(log.force_body_n[k]), -limit, limit)
     if state.belief is not None and flight.mission.navigation.delay_s == 0.0:
         state.belief.state = log.estimate[k].copy()
-        state.belief.covariance = log.estimate_covariance[k].copy()
+        state.belief.covariance[:6, :6] = log.estimate_covariance[k]
     state.commands.pop()
     remember(flight, k, state, seen, wanted + log.safety_force_hill_n[k])
+    hear(flight, k, state, log.force_hill_n[k])
     state.truth = np.concatenate((log.position_m[k + 1], log.velocity_m_s[k + 1]))
     state.attitude = Rotation.from_quat(log.quaternion_b_from_h[k + 1])
     state.rate = log.angular_velocity_b_rad_s[k + 1]
@@ -260,7 +263,7 @@ def nudged(flight, k, state, log, generator):
     state.centres = near(state.centres)
     if state.belief is not None:
         state.belief.state = near(state.belief.state, NUDGE + corrected_error(k, log))
-        scale = 1.0 + NUDGE * generator.standard_normal(6)
+        scale = 1.0 + NUDGE * generator.standard_normal(18)
         state.belief.covariance = state.belief.covariance * np.outer(scale, scale)
     return period(other, k, state)
 

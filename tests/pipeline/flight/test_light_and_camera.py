@@ -38,8 +38,7 @@ WORLDS = {
     "a Sun out of the plane": mission(attitude=POINTED),
     "shadow": mission(attitude=POINTED, light=SHADOW),
     "a camera of little sight": mission(
-        attitude=POINTED,
-        sensor={"max_incidence_deg": 65.0, "max_range_m": 90.0, "min_sun_angle_deg": 35.0},
+        attitude=POINTED, sensor={"max_incidence_deg": 65.0, "max_range_m": 90.0, "min_sun_angle_deg": 35.0}
     ),
     "a camera that sees more than half of all, backwards": mission(
         attitude=POINTED, sensor={"half_angle_deg": 120.0, "boresight": (0.0, 0.0, 1.0)}

@@ -9,11 +9,7 @@ from pipeline.flight.control.controller import coast
 from pipeline.flight.fly.simulation import fly_logged
 from pipeline.flight.state.log import Scenario
 from tests.pipeline.flight.cases import STEERING
-from tests.pipeline.flight.missions import (
-    BEHIND,
-    MEAN_MOTION,
-    PAPER,
-)
+from tests.pipeline.flight.missions import BEHIND, MEAN_MOTION, PAPER
 
 SHORT = replace(PAPER, duration_s=200.0)
 

@@ -66,13 +66,23 @@ def test_estimates_by_range_and_bearing_are_as_good_as_the_filter_says() -> None
     assert np.sqrt(np.mean([np.diag(log.estimate_covariance[-1])[:3] for log in logs])) < 0.3
 
 
-def test_a_filter_that_allows_for_thrusters_with_errors_does_not_promise_too_much() -> None:
-    real = REAL | {"scale_error": 0.05, "misalignment_deg": 2.0, "least_impulse_n_s": 0.0}
-    # the errors of a flight stay the same, so that a filter for new ones each time has to allow for more
-    honest = flights(world(KNOWN | {"execution_error": 0.2}, real), 30)
-    blind = flights(world(KNOWN | {"gate_sigma": None}, real), 30)
-    assert np.mean(squared(honest, 60)) < 12.0
-    assert np.mean(squared(blind, 60)) > 100.0
+@pytest.mark.parametrize(
+    ("navigation", "actuators"),
+    [
+        ({"bias_m": 2.0}, EXACT),
+        ({}, EXACT | {"scale_error": 0.05, "misalignment_deg": 2.0}),
+        ({"delay_s": 40.0}, REAL | {"scale_error": 0.05, "misalignment_deg": 2.0, "delay_s": 20.0}),
+        ({"measures": "range_bearing", "attitude_bias_deg": 0.2}, EXACT),
+    ],
+)
+def test_constant_errors_are_considered(navigation: dict[str, object], actuators: dict[str, object]) -> None:
+    """Squared errors and innovations stay chi-squared, though errors of fixes and forces last."""
+    logs = flights(world(KNOWN | {"gate_sigma": None} | navigation, actuators), 40)
+    for sample in (7, 40, 120):
+        distances = sum(log.innovation_square[sample] for log in logs)
+        for size, total in ((6, squared(logs, sample).sum()), (3, distances)):
+            low, high = chi2.ppf([1e-4, 1 - 1e-4], size * len(logs))
+            assert low < total < high, (sample, size)
 
 
 def test_fixes_beyond_the_gate_are_not_believed() -> None:

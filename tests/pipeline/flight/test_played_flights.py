@@ -22,14 +22,7 @@ from pipeline.flight.fly.simulation import fly_all, fly_logged
 from pipeline.flight.state.lanes import arctangent, exponential
 from pipeline.flight.state.log import FlightLog, Scenario
 from pipeline.flight.world.pack import pack_world
-from tests.pipeline.flight.cases import (
-    COMPLETED,
-    MIXED,
-    OVER_POLES,
-    STARTS,
-    STEERING,
-    mission,
-)
+from tests.pipeline.flight.cases import COMPLETED, MIXED, OVER_POLES, STARTS, STEERING, mission
 from tests.pipeline.flight.missions import FULL_INERTIA, MEAN_MOTION
 from tests.places import PROJECT
 

@@ -50,11 +50,7 @@ def test_an_error_is_a_process_of_gauss_and_markov_along_each_axis():
 @pytest.mark.parametrize(
     ("key", "told", "law"),
     [
-        (
-            "dynamics.drag_m_s2",
-            {"mean": 3e-7, "std": 2e-7, "low": 0.0},
-            truncnorm(-1.5, np.inf, 3e-7, 2e-7),
-        ),
+        ("dynamics.drag_m_s2", {"mean": 3e-7, "std": 2e-7, "low": 0.0}, truncnorm(-1.5, np.inf, 3e-7, 2e-7)),
         ("navigation.noise_m", {"low": 0.5, "high": 2.0}, uniform(0.5, 1.5)),
     ],
 )

@@ -261,10 +261,7 @@ def test_the_change_is_the_least() -> None:
             lambda f, wish=asked: np.sum((f - wish) ** 2),
             force,
             bounds=[(-1.0, 1.0)] * 3,
-            constraints={
-                "type": "ineq",
-                "fun": lambda f, at=at: -layer.excesses(step(PERIOD, at, f), 2),
-            },
+            constraints={"type": "ineq", "fun": lambda f, at=at: -layer.excesses(step(PERIOD, at, f), 2)},
             method="SLSQP",
             options={"ftol": 1e-12},
         )

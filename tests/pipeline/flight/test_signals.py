@@ -90,9 +90,7 @@ def silent(*systems: tuple) -> list:
 
 
 def test_in_free_motion_the_centre_keeps_its_height_and_drifts_along_the_track():
-    systems = silent(
-        ("force_x", 0.01, ("centre_radial", "m", 60.0), ("centre_along_track", "m", 60.0)),
-    )
+    systems = silent(("force_x", 0.01, ("centre_radial", "m", 60.0), ("centre_along_track", "m", 60.0)))
     quiet = controller(tuple(systems), "hill", dead_band_force_x_n=1.0)
     log = fly_logged(mission(), quiet, STARTS[0])
     assert not log.force_hill_n.any()
@@ -107,7 +105,7 @@ def test_in_free_motion_the_centre_keeps_its_height_and_drifts_along_the_track()
 
 def test_a_deputy_on_the_ring_stays_on_it_and_away_from_it_the_error_turns_with_the_sun():
     systems = silent(
-        ("force_y", 0.01, ("ring_error_radial", "m", 60.0), ("ring_error_along_track", "m", 60.0)),
+        ("force_y", 0.01, ("ring_error_radial", "m", 60.0), ("ring_error_along_track", "m", 60.0))
     )
     place = SUN_RAD - LEAD_RAD
     on_the_ring = Scenario(

@@ -16,11 +16,7 @@ import pytest
 
 from fis_tools.formats import serialize
 from pipeline.controllers import source
-from pipeline.flight.cases.starts import (
-    hard_candidates,
-    training_scenarios,
-    validation_scenarios,
-)
+from pipeline.flight.cases.starts import hard_candidates, training_scenarios, validation_scenarios
 from pipeline.flight.control.controller import ControllerError, from_fuzzy
 from pipeline.flight.fly.simulation import fly_all
 from pipeline.run import artifacts, configuration, writing

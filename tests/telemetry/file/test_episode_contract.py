@@ -116,11 +116,7 @@ def test_pose_turns_body_axes_into_hill_axes(flight, messages):
     for k in (0, 123, 360):
         pose = messages["/deputy/pose"][k][1].pose
         q = pose.orientation
-        x_axis = [
-            1.0 - 2.0 * (q.y**2 + q.z**2),
-            2.0 * (q.x * q.y + q.z * q.w),
-            2.0 * (q.x * q.z - q.y * q.w),
-        ]
+        x_axis = [1.0 - 2.0 * (q.y**2 + q.z**2), 2.0 * (q.x * q.y + q.z * q.w), 2.0 * (q.x * q.z - q.y * q.w)]
         position = np.array([pose.position.x, pose.position.y, pose.position.z])
         np.testing.assert_array_equal(position, flight.position_m[k])
         np.testing.assert_allclose(x_axis, position / np.linalg.norm(position), atol=1e-12)

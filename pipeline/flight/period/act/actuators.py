@@ -48,13 +48,38 @@ def three_in_impulses(thrusters: Thrusters, force: Three) -> Three:
 def note_command(now: Moment, firing: Firing) -> None:
     """Store the command of a sample for the period in which it acts, as the force of ideal thrusters."""
     state, k, delay = now.state, now.k, firing.thrusters.delay
-    width, force = width_of(state.lanes), load_three(state.lanes.commanded, 0)
-    if firing.is_on and len(firing.thrusters.table) == 0:
-        force = three_in_impulses(firing.thrusters, force)
     if k < delay:
-        store_at(state.acting, k, same(0.0, width))
+        store_at(state.acting, k, same(0.0, width_of(state.lanes)))
     if k + delay < now.world.num_controls:
-        store_at(state.acting, k + delay, force)
+        store_at(state.acting, k + delay, load_three(state.lanes.commanded, 0))
+
+
+@compiled(error_model="numpy", forceinline=True)
+def believed(thrusters: Thrusters, command: Vector, fired: Vector) -> Vector:
+    """Return the force that a command is believed to become, by impulses and whether thrusters fired."""
+    force, smallest = (
+        in_impulses(command, thrusters.step, thrusters.least),
+        max(thrusters.step, thrusters.least),
+    )
+    one_impulse = select(command > 0.0, smallest, select(command < 0.0, -smallest, 0.0))
+    return select(fired == 0.0, 0.0, select(force == 0.0, one_impulse, force))
+
+
+@compiled(error_model="numpy")
+def note_fired(now: Moment, thrusters: Thrusters) -> None:
+    """Correct the stored command of a period by whether thrusters fired along each axis, which they tell."""
+    state, width = now.state, width_of(now.state.lanes)
+    command, fired = load_at(state.acting, now.k, width), load_three(state.lanes.force, 0)
+    known = Three(
+        believed(thrusters, command.x, fired.x),
+        believed(thrusters, command.y, fired.y),
+        believed(thrusters, command.z, fired.z),
+    )
+    store_at(state.acting, now.k, known)
+    has_fired = Three(
+        select(fired.x == 0.0, 0.0, 1.0), select(fired.y == 0.0, 0.0, 1.0), select(fired.z == 0.0, 0.0, 1.0)
+    )
+    store_at(state.has_fired, now.k, has_fired)
 
 
 @compiled(error_model="numpy")
@@ -178,6 +203,8 @@ def carry_out(now: Moment, errors: ModelErrors) -> None:
             turn_with_body(now)
     if errors.firing.is_on:
         fire(now, errors.firing)
+        if errors.fixes.is_on and len(errors.firing.thrusters.table) == 0:
+            note_fired(now, errors.firing.thrusters)
 
 
 @compiled(error_model="numpy")

@@ -21,6 +21,9 @@ if TYPE_CHECKING:  # as in `pipeline.flight.period.look.guidance`
     from pipeline.settings.experiment import Mission
 
 SQRT_3 = sqrt(3.0)
+#: what the neglected acceleration amounts to as white noise, as a share of its bound: with it, errors are
+#: as large as the filter says (python -m benchmarks consistency)
+SHARE_OF_UNKNOWN = 0.06
 #: kept besides, beyond the accumulated rounding of a flight
 ROUNDING_M = 0.001
 
@@ -201,36 +204,53 @@ def unknown_acceleration(mission: "Mission") -> float:
     return pull + abs(dynamics.drag_m_s2) + abs(dynamics.radiation_m_s2)
 
 
+def process_noise(mission: "Mission") -> float:
+    """Return the standard deviation of the accelerations that the filter allows for, m/s^2."""
+    given = mission.navigation.process_noise_m_s2
+    return SHARE_OF_UNKNOWN * unknown_acceleration(mission) if given is None else given
+
+
 def covariances(mission: "Mission") -> Floats:
-    """Return the filter's covariances, shape (K+1, 6, 6), in a flight under the greatest planned force.
+    """Return covariances of the estimates' noise, shape (K+1, 6, 6), under the greatest planned force.
 
     Fixes are from the farthest place; smaller forces and nearer places give smaller covariances.
     """
+    from scipy.linalg import block_diag  # noqa: PLC0415 - slow to import, used only here
+
     navigation, safety, period = mission.navigation, mission.safety, mission.control_period_s
     motion = motion_over(mission.orbit, mission.deputy, (period,))
     phi, gamma = motion.transition[0], motion.control[0]
     tilts = np.radians((navigation.attitude_bias_deg, navigation.attitude_noise_deg))
     per_force = navigation.execution_error**2 + float(tilts @ tilts)
+    if mission.actuators.kind == "real":
+        per_force += max(mission.actuators.scale_error, radians(mission.actuators.misalignment_deg)) ** 2
     square = 3.0 * safety.planned_force_n**2 * per_force
-    process = gamma @ gamma.T * (square + (navigation.process_noise_m_s2 * mission.deputy.mass_kg) ** 2)
-    fix = navigation.bias_m**2 + navigation.noise_m**2
+    process = gamma @ gamma.T * (square + (process_noise(mission) * mission.deputy.mass_kg) ** 2)
+    noise, constant = navigation.noise_m**2, navigation.bias_m**2
     if navigation.measures == "range_bearing":
-        across = mission.deputy.max_distance_m * sqrt(
-            radians(navigation.bearing_noise_deg) ** 2 + float(tilts @ tilts)
-        )
-        fix = navigation.bias_m**2 + max(navigation.range_noise_m, across) ** 2
+        far = mission.deputy.max_distance_m
+        across = far * sqrt(radians(navigation.bearing_noise_deg) ** 2 + float(tilts[1]) ** 2)
+        noise = max(navigation.range_noise_m, across) ** 2
+        constant += (far * float(tilts[0])) ** 2
     stride, delay = round(navigation.fix_period_s / period), round(navigation.delay_s / period)
     start = [navigation.initial_position_m] * 3 + [navigation.initial_velocity_m_s] * 3
-    covariance, found = np.diag(np.square(start)), []
+    # position, velocity and a constant error of the fixes, which the filter considers: as it has them, and by
+    # noise alone
+    phi, more = block_diag(phi, np.eye(3)), block_diag(process, np.zeros((3, 3)))
+    seen, found = np.hstack([np.eye(3, 6), np.eye(3)]), []
+    noisy = np.diag(np.r_[np.square(start), np.zeros(3)])
+    believed = noisy + np.diag(np.r_[np.zeros(6), np.full(3, constant)])
     for k in range(mission.num_controls + 1):
         if k % stride == 0:
-            gain = covariance[:, :3] @ np.linalg.inv(covariance[:3, :3] + fix * np.eye(3))
-            covariance = covariance - gain @ covariance[:3]
-        now = covariance
+            gain = believed @ seen.T @ np.linalg.inv(seen @ believed @ seen.T + noise * np.eye(3))
+            gain[6:] = 0.0
+            kept = np.eye(9) - gain @ seen
+            believed, noisy = (kept @ one @ kept.T + noise * gain @ gain.T for one in (believed, noisy))
+        now = noisy
         for _ in range(delay):
-            now = phi @ now @ phi.T + process
-        found.append(now)
-        covariance = phi @ covariance @ phi.T + process
+            now = phi @ now @ phi.T + more
+        found.append(now[:6, :6])
+        believed, noisy = (phi @ one @ phi.T + more for one in (believed, noisy))
     return np.asarray(found)
 
 

@@ -16,7 +16,9 @@ from fis_tools.compiled.three import (
     load_three,
     minus,
     plus,
+    same,
     scaled,
+    store_at,
     store_three,
     three_of,
     write_lane,
@@ -24,7 +26,7 @@ from fis_tools.compiled.three import (
 from fis_tools.compiled.vectors import Vector, load, select, splat, store, width_of
 from pipeline.array_types import Floats
 from pipeline.flight.state.arrays import Moment, State
-from pipeline.flight.state.errors import Errors, Filter, Fixes
+from pipeline.flight.state.errors import OF_ATTITUDE, OF_FIXES, OF_ROTATION, Errors, Filter, Fixes
 from pipeline.flight.state.lanes import flight_of, four, to_hill, turned, write_four
 from pipeline.flight.state.log import FlightLog
 from pipeline.physics.motion import place_after, step_of, velocity_after
@@ -40,24 +42,73 @@ def entry(matrix: Floats, row: int, column: int) -> Vector:
     return load(matrix, (row, column, 0), width_of(matrix))
 
 
+@compiled(error_model="numpy", forceinline=True)
+def unit(axis: int) -> Three:
+    """Return the unit vector of an axis, of numbers."""
+    return Three(1.0 * (axis == 0), 1.0 * (axis == 1), 1.0 * (axis == 2))
+
+
+@compiled(error_model="numpy")
+def force_of(law: Filter, state: State, which: int, force: Three, period: int) -> Three:
+    """Return the force of a unit constant error in a control period, to first order, N."""
+    width, error = width_of(state.estimate), law.constants[which]
+    if error >= OF_ATTITUDE:
+        # thrusters turn with the true body
+        sensed = 3 * max(0, period - law.command_delay)
+        return cross(force, load_at(state.sensed, sensed + error - OF_ATTITUDE, width))
+    axis = unit(error % 3)
+    if error >= OF_ROTATION:
+        return cross(scaled(splat(1.0, width), axis), force)
+    return Three(axis.x * force.x, axis.y * force.y, axis.z * force.z)
+
+
+@compiled(error_model="numpy")
+def shift_of(law: Filter, state: State, which: int, fix: int, place: Three) -> Three:
+    """Return how far a unit constant error shifts a fix, to first order, m."""
+    width, error = width_of(state.estimate), law.constants[which]
+    if error >= OF_FIXES:
+        return scaled(splat(1.0, width), unit(error - OF_FIXES))
+    if error >= OF_ATTITUDE and law.is_sight:
+        return cross(load_at(state.sensed, 3 * fix * law.stride + error - OF_ATTITUDE, width), place)
+    return same(0.0, width)
+
+
 @compiled(error_model="numpy")
 def propagate_covariance(now: Moment, law: Filter, covariance: Floats, period: int) -> None:
-    """Propagate covariances through a control period: ``P <- Phi P Phi' + Q``."""
-    width = width_of(now.state.estimate)
-    phi, half = now.world.motion.transition, now.state.estimate.half
-    force = load_at(now.state.acting, period, width)
+    """Propagate covariances through a control period.
+
+    With G the pushes of constant errors of variances V on the state, ``C <- Phi C + G V`` and
+    ``P <- Phi P Phi' + Phi C_before G' + G C' + Q``.
+    """
+    state, phi, gamma = now.state, now.world.motion.transition[0], now.world.motion.control[0]
+    width, half, pushes = width_of(state.estimate), state.estimate.half, state.estimate.pushes
+    force, has_fired = load_at(state.acting, period, width), load_at(state.has_fired, period, width)
+    count = 6 + len(law.constants)
     square = dot(force, force)
     for row in range(6):
-        for column in range(6):
+        for column in range(count):
             entries = splat(0.0, width)
             for i in range(6):
-                entries += phi[0, row, i] * entry(covariance, i, column)
+                entries += phi[row, i] * entry(covariance, i, column)
             store(half, (row, column, 0), entries)
+    for which in range(len(law.constants)):
+        x, y, z = same(0.0, width)
+        if law.constants[which] < OF_FIXES:
+            x, y, z = force_of(law, state, which, force, period)
+            x, y, z = x * has_fired.x, y * has_fired.y, z * has_fired.z
+        for row in range(6):
+            push = gamma[row, 0] * x + gamma[row, 1] * y + gamma[row, 2] * z
+            store(pushes, (row, which, 0), push)
+            more = entry(half, row, 6 + which) + law.variances[which] * push
+            store(covariance, (row, 6 + which, 0), more)
     for row in range(6):
         for column in range(row, 6):
             entries = law.process[row, column] + law.process_per_force[row, column] * square
             for i in range(6):
-                entries += entry(half, row, i) * phi[0, column, i]
+                entries += entry(half, row, i) * phi[column, i]
+            for which in range(len(law.constants)):
+                entries += entry(half, row, 6 + which) * entry(pushes, column, which)
+                entries += entry(pushes, row, which) * entry(covariance, column, 6 + which)
             store(covariance, (row, column, 0), entries)
             store(covariance, (column, row, 0), entries)
 
@@ -71,46 +122,77 @@ def advance(now: Moment, estimate: Floats, period: int) -> None:
     store_three(estimate, 3, velocity_after(step, place, velocity, force))
 
 
+@compiled(error_model="numpy", forceinline=True)
+def inverse(first: Three, second: Three, third: Three) -> tuple[Three, Three, Three]:
+    """Return the rows of the inverse of a symmetric matrix, by cofactors."""
+    x, y, z = cross(second, third), cross(third, first), cross(first, second)
+    scale = 1.0 / dot(first, x)
+    return scaled(scale, x), scaled(scale, y), scaled(scale, z)
+
+
 @compiled(error_model="numpy")
-def correct(law: Filter, state: State, which: int) -> None:
-    """Correct the filtered state by a fix, unless the fix is beyond the gate: ``K = P H' S^-1``."""
-    filtered, p, gain = state.estimate.filtered, state.estimate.covariance, state.estimate.half
-    x, y, z = load_three(filtered, 0)
-    dx, dy, dz = minus(load_at(state.fixes, which, width_of(filtered)), Three(x, y, z))
-    # the inverse of S, which is symmetric, by cofactors; a fix has one variance across the line of sight and
-    # another along it
+def correct(law: Filter, state: State, fix: int) -> None:
+    """Correct the filtered state by a fix, unless the fix is beyond the gate.
+
+    With N the shifts of a fix by constant errors, ``L = P H' + C N'``, ``M = H C + N V``,
+    ``S = H L + N M' + R`` and ``K = L S^-1``: ``P <- P - K L'`` and ``C <- C - K M``.
+    """
+    estimate, count = state.estimate, len(law.constants)
+    filtered, p, work, width = estimate.filtered, estimate.covariance, estimate.half, width_of(estimate)
+    place = load_three(filtered, 0)
+    x, y, z = place
+    off = minus(load_at(state.fixes, fix, width), place)
+    for row in range(6):
+        for axis in range(3):
+            store(work, (row, axis, 0), entry(p, row, axis))
+    # a fix has one variance across the line of sight and another along it
     square = x * x + y * y + z * z
     across = law.fix + law.bearing * square
     more = (law.range - law.bearing * square) / square
-    a, b = entry(p, 0, 0) + across + more * x * x, entry(p, 0, 1) + more * x * y
-    c, d = entry(p, 0, 2) + more * x * z, entry(p, 1, 1) + across + more * y * y
-    e, f = entry(p, 1, 2) + more * y * z, entry(p, 2, 2) + across + more * z * z
-    aa, ab, ac = d * f - e * e, c * e - b * f, b * e - c * d
-    bb, bc, cc = a * f - c * c, b * c - a * e, a * d - b * b
-    scale = 1.0 / (a * aa + b * ab + c * ac)
-    # S^-1 times the difference
-    wx = (aa * dx + ab * dy + ac * dz) * scale
-    wy = (ab * dx + bb * dy + bc * dz) * scale
-    wz = (ac * dx + bc * dy + cc * dz) * scale
-    is_believed = wx * dx + wy * dy + wz * dz <= law.gate
+    a, b, c = across + more * x * x, more * x * y, more * x * z
+    d, e, f = across + more * y * y, more * y * z, across + more * z * z
+    for which in range(count):
+        nx, ny, nz = shift_of(law, state, which, fix, place)
+        for row in range(6):
+            common = entry(p, row, 6 + which)
+            store(work, (row, 0, 0), entry(work, row, 0) + common * nx)
+            store(work, (row, 1, 0), entry(work, row, 1) + common * ny)
+            store(work, (row, 2, 0), entry(work, row, 2) + common * nz)
+        mx = entry(p, 0, 6 + which) + law.variances[which] * nx
+        my = entry(p, 1, 6 + which) + law.variances[which] * ny
+        mz = entry(p, 2, 6 + which) + law.variances[which] * nz
+        store(work, (0, 6 + which, 0), mx)
+        store(work, (1, 6 + which, 0), my)
+        store(work, (2, 6 + which, 0), mz)
+        a, b, c = a + nx * mx, b + nx * my, c + nx * mz
+        d, e, f = d + ny * my, e + ny * mz, f + nz * mz
+    a, b, c = a + entry(work, 0, 0), b + entry(work, 0, 1), c + entry(work, 0, 2)
+    d, e, f = d + entry(work, 1, 1), e + entry(work, 1, 2), f + entry(work, 2, 2)
+    first, second, third = inverse(Three(a, b, c), Three(b, d, e), Three(c, e, f))
+    wx, wy, wz = dot(first, off), dot(second, off), dot(third, off)
+    distance = wx * off.x + wy * off.y + wz * off.z
+    is_believed = distance <= law.gate
+    store_three(estimate.innovation, 0, off)
+    store(estimate.innovation, 3, distance)
     for row in range(6):
-        px, py, pz = entry(p, row, 0), entry(p, row, 1), entry(p, row, 2)
-        before = load(filtered, row, width_of(filtered))
-        store(filtered, row, select(is_believed, before + (px * wx + py * wy + pz * wz), before))
-        store(gain, (row, 0, 0), (px * aa + py * ab + pz * ac) * scale)
-        store(gain, (row, 1, 0), (px * ab + py * bb + pz * bc) * scale)
-        store(gain, (row, 2, 0), (px * ac + py * bc + pz * cc) * scale)
-    # P <- P - K H P, below the diagonal by symmetry
-    for row in range(5, -1, -1):
-        kx, ky, kz = entry(gain, row, 0), entry(gain, row, 1), entry(gain, row, 2)
-        for column in range(row + 1):
-            before = entry(p, column, row)
-            less = kx * entry(p, 0, column) + ky * entry(p, min(1, column), max(1, column))
-            less += kz * entry(p, min(2, column), max(2, column))
-            store(p, (row, column, 0), select(is_believed, before - less, WIDER * before))
+        left = Three(entry(work, row, 0), entry(work, row, 1), entry(work, row, 2))
+        before = load(filtered, row, width)
+        store(filtered, row, select(is_believed, before + (left.x * wx + left.y * wy + left.z * wz), before))
+        store(work, (row, 3, 0), dot(left, first))
+        store(work, (row, 4, 0), dot(left, second))
+        store(work, (row, 5, 0), dot(left, third))
     for row in range(6):
-        for column in range(row):
-            store(p, (column, row, 0), entry(p, row, column))
+        kx, ky, kz = entry(work, row, 3), entry(work, row, 4), entry(work, row, 5)
+        for column in range(row, 6):
+            before = entry(p, row, column)
+            less = kx * entry(work, column, 0) + ky * entry(work, column, 1) + kz * entry(work, column, 2)
+            after = select(is_believed, before - less, WIDER * before)
+            store(p, (row, column, 0), after)
+            store(p, (column, row, 0), after)
+        for column in range(6, 6 + count):
+            before = entry(p, row, column)
+            less = kx * entry(work, 0, column) + ky * entry(work, 1, column) + kz * entry(work, 2, column)
+            store(p, (row, column, 0), select(is_believed, before - less, before))
 
 
 @compiled(error_model="numpy")
@@ -171,8 +253,8 @@ def start_estimate(now: Moment, fixes: Fixes) -> None:
             filtered[axis, lane] = state.truth.position[axis, lane] + error[axis]
             filtered[3 + axis, lane] = state.truth.velocity[axis, lane] + error[3 + axis]
     for row in range(6):
-        for column in range(6):
-            covariance = splat(fixes.law.at_start[row, column], width)
+        for column in range(6 + len(fixes.law.constants)):
+            covariance = splat(fixes.law.at_start[row, column] if column < 6 else 0.0, width)
             store(state.estimate.covariance, (row, column, 0), covariance)
 
 
@@ -187,12 +269,23 @@ def measure(now: Moment, errors: Errors, which: int) -> None:
         write_lane(state.fixes[which], 0, lane, plus(place, three_of(errors.of_fixes[case, which])))
 
 
+@compiled(error_model="numpy", forceinline=True)
+def is_corrected(law: Filter, k: int) -> bool:
+    """Return whether the filter takes a fix at sample k: one of `delay` periods before."""
+    return k >= law.delay and (k - law.delay) % law.stride == 0
+
+
 @compiled(error_model="numpy")
 def write_estimate(now: Moment, law: Filter, log: FlightLog) -> None:
-    """Log lane 0's estimate and its covariance."""
+    """Log lane 0's estimate and its covariance, and the fix that comes into use."""
     estimate, k = now.state.estimate, now.k
+    if is_corrected(law, k):
+        for axis in range(3):
+            log.fix_m[k, axis] = now.state.fixes[(k - law.delay) // law.stride, axis, 0]
+            log.innovation_m[k, axis] = estimate.innovation[axis, 0]
+        log.innovation_square[k] = estimate.innovation[3, 0]
     for row in range(6):
-        for column in range(6):
+        for column in range(6 + len(law.constants)):
             store(estimate.now, (row, column, 0), entry(estimate.covariance, row, column))
     for period in range(max(k - law.delay, 0), k):
         propagate_covariance(now, law, estimate.now, period)
@@ -208,6 +301,8 @@ def navigate(now: Moment, fixes: Fixes) -> None:
     state, law, k = now.state, fixes.law, now.k
     estimate, width = state.estimate, width_of(state.estimate)
     sense_attitude(now, fixes.errors)
+    for axis in range(3):
+        store_at(state.sensed, 3 * k + axis, to_hill(four(state.belief.attitude), unit(axis)))
     if k == 0:
         start_estimate(now, fixes)
     if k % law.stride == 0:
@@ -216,7 +311,7 @@ def navigate(now: Moment, fixes: Fixes) -> None:
     if filtered_to > 0:
         advance(now, estimate.filtered, filtered_to - 1)
         propagate_covariance(now, law, estimate.covariance, filtered_to - 1)
-    if filtered_to >= 0 and filtered_to % law.stride == 0:
+    if is_corrected(law, k):
         correct(law, state, filtered_to // law.stride)
     for row in range(6):
         store(estimate.known, row, load(estimate.filtered, row, width))

@@ -101,10 +101,7 @@ def test_hedges_are_said_in_the_words_of_a_format(form, asked, words):
     np.testing.assert_allclose(compile(shown)(rows) / widths, compile(system)(rows) / widths, atol=2e-3)
 
 
-@pytest.mark.parametrize(
-    ("form", "hedges"),
-    [(fis, ["very"]), (fll, ["extremely"])],
-)
+@pytest.mark.parametrize(("form", "hedges"), [(fis, ["very"]), (fll, ["extremely"])])
 def test_a_hedge_without_a_word_is_refused(form, hedges):
     rule = Rule(antecedents.hedged(hedges, Is("wind", "calm")), (Consequent("heat", "some"),))
     with pytest.raises(NotExpressible, match=f"no word for '{' '.join(hedges)}'"):

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from scipy.stats import binom, binomtest
 
-from fis_tools.engines import inference
 from pipeline.evaluation.assurance.campaign import Outcome, Search
 from pipeline.evaluation.assurance.formula import parse
 from pipeline.evaluation.assurance.judgement import cases_needed, failures_allowed, judge, share_bounds
@@ -21,6 +20,7 @@ from pipeline.evaluation.assurance.quantities import UNITS
 from pipeline.evaluation.assurance.requirements import Question, Requirement, RequirementError
 from pipeline.evaluation.assurance.verdicts import Found, outcomes, sentence, verdict
 from pipeline.flight.state.log import Scenario
+from tests.fis_tools import step_by_step
 from tests.pipeline.evaluation.assurance.cases import champion, experiment, scenarios
 
 
@@ -106,7 +106,7 @@ def test_boxes_cover_the_region_and_rule_the_answer_out_everywhere():
     assert np.prod(found.high - found.low, axis=1).sum() == pytest.approx(np.prod(high - low), rel=1e-9)
     draws = np.random.default_rng(1).random((20, *found.low.shape))
     inputs = (found.low + draws * (found.high - found.low)).reshape(-1, 3)
-    assert np.max(inference.evaluate(system, inputs)) <= 0.03
+    assert np.max(step_by_step.evaluate(system, inputs)) <= 0.03
 
 
 def test_what_an_example_answers_with_yes_is_no_proof():
@@ -253,10 +253,7 @@ def test_too_many_failures_and_too_few_cases():
     assert verdict(Found(REQUIREMENT, cases(9), proof=OFF)).word == "not shown"
     assert verdict(Found(REQUIREMENT, cases(40), proof=OFF)).word == "refuted"
     few = verdict(Found(REQUIREMENT, cases(0, 50), proof=OFF))
-    assert (few.word, few.why) == (
-        "not shown",
-        "99 % with 90 % confidence needs 230 cases without a failure",
-    )
+    assert (few.word, few.why) == ("not shown", "99 % with 90 % confidence needs 230 cases without a failure")
 
 
 def test_what_all_cases_must_meet_is_shown_by_a_proof_alone_and_refuted_by_one_flight():

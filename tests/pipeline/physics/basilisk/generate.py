@@ -147,10 +147,7 @@ def flown(dynamics: dict[str, float], has_shadow: bool, start: Any, folder: Path
     process.addTask(simulation.CreateNewTask("task", macros.sec2nano(STEP_S)))
     kept: list[Any] = [earth_of(dynamics["j2"], folder)]
     recorders = []
-    for name, at, speed in (
-        ("chief", place, velocity),
-        ("deputy", deputy_place, deputy_velocity),
-    ):
+    for name, at, speed in (("chief", place, velocity), ("deputy", deputy_place, deputy_velocity)):
         craft = spacecraft.Spacecraft()
         craft.ModelTag, craft.hub.mHub = name, MASS
         craft.hub.r_CN_NInit, craft.hub.v_CN_NInit = list(at), list(speed)
