@@ -1,8 +1,9 @@
 """Controllers that mean harm, against the safety layer: ``python -m benchmarks adversaries --starts 10000``.
 
-From random starts at rest between the layer's spheres, in every world of ``+experiment=robustness``, six
-adversaries push at 1 N and at 0.01 N: towards the chief, away from it, along each axis, and at random. It
-counts flights that leave the limits at a sample, and logged ones at any second.
+From random starts at rest between the layer's spheres, in every world of ``+experiment=robustness``, and in
+the last with dispersed settings too, six adversaries push at 1 N and at 0.01 N: towards the chief, away from
+it, along each axis, and at random. It counts flights that leave the limits at a sample, and logged ones at
+any second.
 """
 
 import argparse
@@ -13,6 +14,7 @@ import numpy as np
 
 from fis_tools.model import FuzzyController, FuzzySystem, Gaussian, Term, Variable, table_rules
 from pipeline.command_line.config import compose_experiment
+from pipeline.flight.cases.dispersions import mission_of_case
 from pipeline.flight.control.controller import Controller, from_fuzzy, open_loop
 from pipeline.flight.fly.simulation import fly_all, fly_logged
 from pipeline.flight.period.act.bounds import bounds_of, spheres_of
@@ -24,6 +26,25 @@ from pipeline.settings.schema import in_world
 #: noise seeds of the starts, as of an evaluation
 SEED, STAGE = 20261122, 1
 FORCES_N = (1.0, 0.01)
+#: of the settings of the last world
+DISPERSIONS = {
+    "deputy": {
+        "mass_kg": {"kind": "normal", "mean": 12.0, "std": 0.5},
+        "max_torque_n_m": {"kind": "normal", "mean": 0.01, "std": 0.002, "low": 0.005},
+    },
+    "dynamics": {"drag_m_s2": {"kind": "uniform", "low": -6e-7, "high": 6e-7}},
+    "navigation": {"noise_m": {"kind": "uniform", "low": 0.5, "high": 2.0}},
+}
+
+
+def missions(safety: str) -> Iterator[tuple[str, Mission]]:
+    """Yield each world's mission and its name."""
+    composed = compose_experiment(["+experiment=robustness", f"safety={safety}"]).experiment
+    for name in composed.compare.worlds:
+        mission = in_world(composed, name).mission
+        mission = replace(mission, attitude=replace(mission.attitude, mode="ideal"))
+        yield name, mission
+    yield f"{name}, dispersed", replace(mission, dispersions=DISPERSIONS)
 
 
 def radial(force_n: float) -> Controller:
@@ -72,19 +93,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Fly them; print a row for each world and strength."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks adversaries", description=__doc__)
     parser.add_argument("--starts", type=int, default=10_000, help="of each adversary in each world")
+    parser.add_argument("--dispersed", type=int, default=100, help="the same where each case is a world")
     parser.add_argument("--logged", type=int, default=2, help="of them, flown again and checked each second")
     parser.add_argument("--safety", default="robust", help="an option of conf/safety")
     parser.add_argument("--only", default="", help="worlds with this text in their name")
     options = parser.parse_args(arguments)
-    composed = compose_experiment(["+experiment=robustness", f"safety={options.safety}"]).experiment
     print("| world | push (N) | flights | outside | nearest, farthest (m) | logged: outside at any second |")
     print("|---|---|---|---|---|---|")
-    for name in composed.compare.worlds:
+    for name, mission in missions(options.safety):
         if options.only not in name:
             continue
-        mission = in_world(composed, name).mission
-        mission = replace(mission, attitude=replace(mission.attitude, mode="ideal"))
-        starts = starts_in(mission, options.starts)
+        starts = starts_in(mission, options.dispersed if mission.dispersions else options.starts)
         for force in FORCES_N:
             outside = logged = 0
             nearest, farthest, limits = np.inf, 0.0, mission.deputy
@@ -94,7 +113,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 nearest = min(nearest, float(outcomes.min_distance_m.min()))
                 farthest = max(farthest, float(outcomes.max_distance_m.max()))
                 for case in np.argsort(outcomes.min_distance_m)[: options.logged].tolist():
-                    found = distances_each_second(mission, fly_logged(mission, controller, starts[case]))
+                    log = fly_logged(mission, controller, starts[case])
+                    found = distances_each_second(mission_of_case(mission, starts[case]), log)
                     logged += bool(found.min() < limits.min_distance_m or found.max() > limits.max_distance_m)
             print(
                 f"| {name} | {force:g} | {6 * len(starts):,} | {outside:,} | {nearest:.2f}, {farthest:.2f} | "
