@@ -14,8 +14,9 @@ SPREAD = 0.003
 
 
 def alone() -> None:
-    """Print steps per second of single environments, to set beside those of AFRL's own."""
-    for env in (InspectionEnv(["world=afrl"]), SixDofInspectionEnv()):
+    """Print steps per second of single environments, to set beside those of AFRL's own and of bsk_rl's."""
+    envs = {world: InspectionEnv([world]) for world in ("world=afrl", "world=rso")}
+    for what, env in {**envs, "six degrees of freedom": SixDofInspectionEnv()}.items():
         size = env.action_space.shape or (3,)
         actions = np.random.default_rng(1).normal(0.0, SPREAD, (NUM_STEPS, *size)).astype(np.float32)
 
@@ -25,7 +26,7 @@ def alone() -> None:
                 if any(env.step(action)[2:4]):
                     env.reset()
 
-        line(f"one {type(env).__name__}: steps a second", f"{NUM_STEPS / best_cpu_seconds(fly):,.0f}")
+        line(f"one {type(env).__name__}, {what}: steps a second", f"{NUM_STEPS / best_cpu_seconds(fly):,.0f}")
 
 
 def run() -> None:

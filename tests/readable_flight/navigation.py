@@ -16,9 +16,10 @@ class Belief:
 
     Attributes
     ----------
-    state, covariance : (6,), (18, 18)
-        The covariance is of the state and, after it, of twelve constant errors: scales and rotations of the
-        thrusters, rotations of the sensed attitude and biases of fixes.
+    state, covariance : (6,), (21, 21)
+        The covariance is of the state and, after it, of fifteen constant errors: scales and rotations of the
+        thrusters, rotations of the sensed attitude, biases of fixes, and shares of the distance, along the
+        body axes, by which rotated bearings shift a fix to second order.
     fixes : list of (3,)
         Measured so far, m.
     acting : (K, 3)
@@ -55,6 +56,7 @@ def considered(mission):
         np.radians(thrusters.misalignment_deg) * is_real,
         np.radians(law.attitude_bias_deg),
         law.bias_m,
+        np.sqrt(2.0) * np.radians(law.attitude_bias_deg) ** 2 * (law.measures == "range_bearing"),
     )
     return np.square(np.repeat(deviations, 3))
 
@@ -98,28 +100,29 @@ def predicted(flight, belief, state, covariance, period):
     tilt = np.radians(law.attitude_noise_deg)
     unknown = (mission.deputy.mass_kg * law.process_noise_m_s2) ** 2
     unknown += (law.execution_error**2 + tilt**2) * (force @ force)
-    noise, both = np.zeros((18, 18)), np.eye(18)
+    noise, both = np.zeros((21, 21)), np.eye(21)
     noise[:6, :6] = unknown * gamma @ gamma.T
     both[:6, :6], both[:6, 6:] = phi, gamma @ pushes(flight, belief, period)
     return phi @ state + gamma @ force, both @ covariance @ both.T + noise
 
 
 def pushes(flight, belief, period):
-    """Forces that unit constant errors add, (3, 12): thrusters turn with the body that is sensed askew."""
+    """Forces that unit constant errors add, (3, 15): thrusters turn with the body that is sensed askew."""
     force, delay = belief.acting[period], flight.periods(flight.mission.actuators.delay_s)
     delay *= flight.mission.actuators.kind == "real"
     axes = belief.sensed[max(0, period - delay)]
-    found = (np.diag(force), np.cross(np.eye(3), force).T, np.cross(force, axes).T, np.zeros((3, 3)))
+    found = (np.diag(force), np.cross(np.eye(3), force).T, np.cross(force, axes).T, np.zeros((3, 6)))
     return belief.has_fired[period][:, np.newaxis] * np.hstack(found)
 
 
 def correct(flight, belief, at):
     """``K = P H' S^-1``, nothing for constant errors, and P in Joseph's form; beyond the gate P widens."""
     law, place = flight.mission.navigation, belief.state[:3]
-    shifts = np.zeros((3, 12))
-    shifts[:, 9:] = np.eye(3)
+    shifts = np.zeros((3, 15))
+    shifts[:, 9:12] = np.eye(3)
     if law.measures == "range_bearing":
         shifts[:, 6:9] = np.cross(belief.sensed[at], place).T
+        shifts[:, 12:] = np.linalg.norm(place) * belief.sensed[at].T
     seen, noise = np.hstack((np.eye(3, 6), shifts)), fix_covariance(law, place)
     innovation = seen @ belief.covariance @ seen.T + noise
     off = belief.fixes[at // flight.periods(law.fix_period_s)] - place
@@ -129,7 +132,7 @@ def correct(flight, belief, at):
     gain = np.linalg.solve(innovation, seen @ belief.covariance).T
     gain[6:] = 0.0
     belief.state = belief.state + gain[:6] @ off
-    kept = np.eye(18) - gain @ seen
+    kept = np.eye(21) - gain @ seen
     belief.covariance = kept @ belief.covariance @ kept.T + gain @ noise @ gain.T
 
 

@@ -8,7 +8,8 @@ they fired.
 
 Errors that a flight keeps are considered, not estimated (Schmidt, Application of state-space methods to
 navigation problems, Advances in Control Systems 3, 1966, 293-340): scales and rotations of the thrusters,
-rotations of the sensed attitude and biases of fixes, to first order, each with its variance.
+rotations of the sensed attitude and biases of fixes, to first order, each with its variance. To second order
+a rotation of bearings shifts a fix as three more errors along the body axes, shares of the distance, would.
 
 A fix is a place, or a range and a bearing. These are converted to a place; its covariance is taken
 along and across the line of sight that the filter predicts, so that it does not depend on the fix's own error
@@ -34,6 +35,7 @@ from pipeline.flight.state.errors import (
     OF_ATTITUDE,
     OF_FIXES,
     OF_ROTATION,
+    OF_SQUARES,
     Errors,
     Filter,
     Fixes,
@@ -88,8 +90,11 @@ def considered(mission: Mission) -> Floats:
     if actuators.kind == "real":
         found[:OF_ROTATION] = actuators.scale_error**2
         found[OF_ROTATION:OF_ATTITUDE] = np.radians(actuators.misalignment_deg) ** 2
-    found[OF_ATTITUDE:OF_FIXES] = np.radians(navigation.attitude_bias_deg) ** 2
-    found[OF_FIXES:] = navigation.bias_m**2
+    tilt = np.radians(navigation.attitude_bias_deg) ** 2
+    found[OF_ATTITUDE:OF_FIXES] = tilt
+    found[OF_FIXES:OF_SQUARES] = navigation.bias_m**2
+    # E (|turn|^2/2)^2 of the two turns across the line of sight
+    found[OF_SQUARES:] = 2.0 * tilt**2 * (navigation.measures == "range_bearing")
     return found
 
 

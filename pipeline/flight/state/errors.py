@@ -7,8 +7,8 @@ from pipeline.array_types import Floats, Integers
 from pipeline.physics.orbit import Course
 
 #: constant errors that the filter may consider, three each: scales of the thrusters, and where their
-#: rotations, those of the sensed attitude and the biases of fixes begin
-OF_ROTATION, OF_ATTITUDE, OF_FIXES, MOST_CONSTANT = 3, 6, 9, 12
+#: rotations, those of the sensed attitude, biases of fixes, and squares of the attitude's rotations begin
+OF_ROTATION, OF_ATTITUDE, OF_FIXES, OF_SQUARES, MOST_CONSTANT = 3, 6, 9, 12, 15
 #: What navigation works with, a lane for each flight.
 ESTIMATED: Rows = {
     "filtered": (6,),  # estimate from the fixes up to `delay` periods ago
@@ -39,7 +39,7 @@ class Filter(NamedTuple):
     process_per_force: Floats  # (6, 6) added as well for each square newton commanded
     command_delay: int  # control periods from a command to its force
     constants: Integers  # (E,) constant errors that are considered, as numbers up to `MOST_CONSTANT`
-    variances: Floats  # (E,) of them: 1, rad^2, m^2
+    variances: Floats  # (E,) of them: 1, rad^2, m^2, rad^4
     fix: float  # variance of a fix along each axis, m^2
     gate: float  # square of the number of standard deviations beyond which a fix is rejected
     is_sight: bool  # whether fixes are a range and a bearing, not places

@@ -73,6 +73,7 @@ def test_estimates_by_range_and_bearing_are_as_good_as_the_filter_says() -> None
         ({}, EXACT | {"scale_error": 0.05, "misalignment_deg": 2.0}),
         ({"delay_s": 40.0}, REAL | {"scale_error": 0.05, "misalignment_deg": 2.0, "delay_s": 20.0}),
         ({"measures": "range_bearing", "attitude_bias_deg": 0.2}, EXACT),
+        ({"measures": "range_bearing", "attitude_bias_deg": 2.0}, EXACT),
     ],
 )
 def test_constant_errors_are_considered(navigation: dict[str, object], actuators: dict[str, object]) -> None:

@@ -26,7 +26,7 @@ from fis_tools.compiled.three import (
 from fis_tools.compiled.vectors import Vector, load, select, splat, store, width_of
 from pipeline.array_types import Floats
 from pipeline.flight.state.arrays import Moment, State
-from pipeline.flight.state.errors import OF_ATTITUDE, OF_FIXES, OF_ROTATION, Errors, Filter, Fixes
+from pipeline.flight.state.errors import OF_ATTITUDE, OF_FIXES, OF_ROTATION, OF_SQUARES, Errors, Filter, Fixes
 from pipeline.flight.state.lanes import flight_of, four, to_hill, turned, write_four
 from pipeline.flight.state.log import FlightLog
 from pipeline.physics.motion import place_after, step_of, velocity_after
@@ -64,8 +64,11 @@ def force_of(law: Filter, state: State, which: int, force: Three, period: int) -
 
 @compiled(error_model="numpy")
 def shift_of(law: Filter, state: State, which: int, fix: int, place: Three) -> Three:
-    """Return how far a unit constant error shifts a fix, to first order, m."""
+    """Return how far a unit constant error shifts a fix, m."""
     width, error = width_of(state.estimate), law.constants[which]
+    if error >= OF_SQUARES:
+        axis = load_at(state.sensed, 3 * fix * law.stride + error - OF_SQUARES, width)
+        return scaled(length(place), axis)
     if error >= OF_FIXES:
         return scaled(splat(1.0, width), unit(error - OF_FIXES))
     if error >= OF_ATTITUDE and law.is_sight:
