@@ -1,7 +1,5 @@
 """One browser for all tests of pages; a page that asks for anything, or complains, fails."""
 
-import shutil
-import subprocess
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -10,7 +8,7 @@ import pytest
 from playwright.sync_api import Browser, Page, sync_playwright
 
 from docs.screenshot import BROWSERS, browser_found
-from tests.programs import missing, program
+from tests.programs import installed, missing
 
 #: no sandbox, no screen, and no word to anybody
 ARGUMENTS = (
@@ -31,12 +29,7 @@ def browser() -> Iterator[Browser]:
 @pytest.fixture(scope="session")
 def axe(tmp_path_factory: pytest.TempPathFactory) -> str:
     """The script of axe-core, which finds what keeps people from using a page."""
-    folder = tmp_path_factory.mktemp("npm") / "axe"
-    shutil.copytree(Path(__file__).parent / "axe", folder)
-    command = [program("npm", "npm"), "ci", "--ignore-scripts", "--no-audit", "--no-fund"]
-    done = subprocess.run(command, check=False, cwd=folder, capture_output=True, text=True)  # noqa: S603
-    if done.returncode:
-        missing(f"npm cannot install axe-core: {done.stderr.strip()[-500:]}")
+    folder = installed(Path(__file__).parent / "axe", tmp_path_factory.mktemp("npm") / "axe")
     return (folder / "node_modules" / "axe-core" / "axe.min.js").read_text(encoding="utf-8")
 
 

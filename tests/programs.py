@@ -2,6 +2,7 @@
 
 import os
 import shutil
+import subprocess
 from pathlib import Path
 from typing import NoReturn
 
@@ -21,6 +22,16 @@ def library(path: str, package: str) -> Path:
     if not Path(path).exists():
         missing(f"{path} is not installed; apt-get install {package}")
     return Path(path)
+
+
+def installed(source: Path, folder: Path) -> Path:
+    """Copy a folder, and install there what its lock names for node."""
+    shutil.copytree(source, folder, ignore=shutil.ignore_patterns("node_modules"))
+    command = [program("npm", "npm"), "ci", "--ignore-scripts", "--no-audit", "--no-fund"]
+    done = subprocess.run(command, check=False, cwd=folder, capture_output=True, text=True)  # noqa: S603
+    if done.returncode:
+        missing(f"npm cannot install what {source.name} needs: {done.stderr.strip()[-500:]}")
+    return folder
 
 
 def missing(message: str) -> NoReturn:

@@ -4,6 +4,7 @@ The deputy circles the chief on a tilted circle of constant radius, its camera a
 those that Clohessy and Wiltshire's equations ask for on that circle, so every number fits every other.
 """
 
+from collections.abc import Iterable
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -28,6 +29,11 @@ HALF_ANGLE = np.deg2rad(15.0)
 FIS_NAMES = ("f_x", "f_y", "f_z")
 WORDS = ("NL", "NS", "ZE", "PS", "PL")
 ATTITUDE_OFFSETS = np.arange(10.0)
+#: fields that are called as the flight's arrays, by topic
+PLAIN_FIELDS = {
+    topics.DEPUTY_STATE: ("position_m", "velocity_m_s", "quaternion", "angular_velocity_rad_s"),
+    topics.GUIDANCE: ("num_candidates", "target_direction", "lambda_u_rad", "eta_u_rad"),
+}
 
 
 class SyntheticFlight(SimpleNamespace):
@@ -98,16 +104,12 @@ def inspect(
     is_lit = sun @ points.T > 0.0
     is_in_view = is_facing & is_in_cone
     inspected = np.logical_or.accumulate(is_in_view & is_lit, axis=0)
-    states = np.where(
-        inspected,
-        PointState.INSPECTED,
-        np.where(
-            is_in_view & ~is_lit,
-            PointState.IN_VIEW_BUT_DARK,
-            np.where(is_lit, PointState.LIT, PointState.DARK),
-        ),
-    )
-    return states, inspected
+    ranked = {
+        PointState.INSPECTED: inspected,
+        PointState.IN_VIEW_BUT_DARK: is_in_view,
+        PointState.LIT: is_lit,
+    }
+    return np.select(list(ranked.values()), list(ranked), PointState.DARK), inspected
 
 
 def fly(num_controls: int = 360, radius: float = 75.0) -> SyntheticFlight:
@@ -182,32 +184,26 @@ def metadata(flight: SyntheticFlight) -> dict[str, dict[str, str]]:
         boresight=(-1.0, 0.0, 0.0),
         inspection_threshold_percent=95.0,
     )
-    signals = {"f_x": ("distance", "m"), "f_y": ("lambda_u", "rad"), "f_z": ("eta_u", "rad")}
     systems = {}
-    for name, axis in zip(FIS_NAMES, "xyz", strict=True):
-        signal, unit = signals[name]
-        rate = f"velocity_body_{axis}"
+    for axis, signal, unit in (("x", "distance", "m"), ("y", "lambda_u", "rad"), ("z", "eta_u", "rad")):
+        name, rate = f"f_{axis}", f"velocity_body_{axis}"
         rules = tuple(
             f"if {signal} is {WORDS[i]} and {rate} is {WORDS[j]} then {name} is {WORDS[(i + j) // 2]}"
             for i in range(5)
             for j in range(5)
         )
-        systems[f"fis.{name}"] = FisDescription(
-            input_names=(signal, rate),
-            input_units=(unit, "m/s"),
-            output_name=name,
-            output_unit="N",
-            rules=rules,
-        ).to_metadata()
+        words = {"input_names": (signal, rate), "input_units": (unit, "m/s"), "rules": rules}
+        description = FisDescription(**words, output_name=name, output_unit="N")
+        systems[f"fis.{name}"] = description.to_metadata()
     return {"episode": episode.to_metadata(), **systems}
 
 
 ATTACHMENTS = {"config.yaml": b"seed: 7\n", "controller.json": b'{"name": "circle"}\n'}
 
 
-def record(flight: SyntheticFlight, path: Path) -> Path:
-    """Record a flight topic by topic, each at once."""
-    with EpisodeWriter(path, metadata=metadata(flight), attachments=ATTACHMENTS) as writer:
+def record(flight: SyntheticFlight, path: Path, **others: Any) -> Path:
+    """Record a flight topic by topic, each at once; others are arguments of the writer."""
+    with EpisodeWriter(path, **{"metadata": metadata(flight), "attachments": ATTACHMENTS} | others) as writer:
         write_state(writer, flight, slice(None))
         write_control(writer, flight, slice(flight.num_controls))
         for k in range(flight.num_controls + 1):
@@ -215,19 +211,13 @@ def record(flight: SyntheticFlight, path: Path) -> Path:
     return path
 
 
-def record_by_samples(flight: SyntheticFlight, path: Path) -> Path:
-    """Record a flight as it is flown, sample by sample."""
-    with EpisodeWriter(path, metadata=metadata(flight), attachments=ATTACHMENTS) as writer:
-        for k in range(flight.num_controls + 1):
-            write_sample(writer, flight, k)
-    return path
-
-
-def write_sample(writer: EpisodeWriter, flight: SyntheticFlight, k: int) -> None:
-    write_state(writer, flight, k)
-    if k < flight.num_controls:
-        write_control(writer, flight, k)
-    write_events(writer, flight, k)
+def write_samples(writer: EpisodeWriter, flight: SyntheticFlight, samples: Iterable[int]) -> None:
+    """Write samples one by one, as they are flown."""
+    for k in samples:
+        write_state(writer, flight, k)
+        if k < flight.num_controls:
+            write_control(writer, flight, k)
+        write_events(writer, flight, k)
 
 
 def write_events(writer: EpisodeWriter, flight: SyntheticFlight, k: int) -> None:
@@ -269,26 +259,11 @@ def write_control(writer: EpisodeWriter, flight: SyntheticFlight, k: int | slice
 
 def write_state(writer: EpisodeWriter, flight: SyntheticFlight, k: int | slice) -> None:
     """Write what a sample has, or some have, whoever flies."""
-    time_s = flight.time_s[k]
-    position = flight.position_m[k]
+    time_s, position = flight.time_s[k], flight.position_m[k]
     writer.poses(time_s, position, flight.quaternion[k], flight.chief_quaternion[k])
     writer.points(time_s, flight.points_m, flight.states[k])
-    writer.record(
-        topics.DEPUTY_STATE,
-        time_s,
-        position_m=position,
-        velocity_m_s=flight.velocity_m_s[k],
-        quaternion=flight.quaternion[k],
-        angular_velocity_rad_s=flight.angular_velocity_rad_s[k],
-    )
-    writer.record(
-        topics.GUIDANCE,
-        time_s,
-        num_candidates=flight.num_candidates[k],
-        target_direction=flight.target_direction[k],
-        lambda_u_rad=flight.lambda_u_rad[k],
-        eta_u_rad=flight.eta_u_rad[k],
-    )
+    for topic, fields in PLAIN_FIELDS.items():
+        writer.record(topic, time_s, **{field: getattr(flight, field)[k] for field in fields})
     count = flight.inspected[k].sum(axis=-1)
     writer.record(
         topics.MISSION,

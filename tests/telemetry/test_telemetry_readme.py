@@ -21,10 +21,10 @@ def section(topic: str) -> str:
     return match.group(0)
 
 
-@pytest.mark.parametrize("topic", [*topics.FIXED_TOPICS, topics.NAVIGATION, "/fis/<name>"])
-def test_every_topic_has_a_place(topic):
+def test_every_topic_has_a_place():
     headings = re.findall(r"^### `(.+)` · ", README + messages(), re.MULTILINE)
-    assert headings.count(topic) == 1
+    for topic in (*topics.FIXED_TOPICS, topics.NAVIGATION, "/fis/<name>"):
+        assert headings.count(topic) == 1, topic
 
 
 @pytest.mark.parametrize("message", inspection_pb2.DESCRIPTOR.message_types_by_name)

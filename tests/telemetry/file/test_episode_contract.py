@@ -11,6 +11,7 @@ from mcap.stream_reader import StreamReader
 from mcap_protobuf.decoder import DecoderFactory
 from rerun.chunk import McapReader
 
+from telemetry import EpisodeWriter
 from telemetry.file.metadata import unsealed
 from tests.telemetry import synthetic_flight
 
@@ -27,6 +28,7 @@ TOPICS = {
     "/log": ("foxglove.Log", 2),
     **{f"/fis/f_{axis}": ("inspection.FisActivation", 360) for axis in "xyz"},
 }
+FRAMES = {("hill", "deputy"): 361, ("hill", "chief"): 361}
 #: the first that applies: inspected, in view but dark, lit, dark
 COLOURS = {3: (0, 190, 130, 255), 2: (204, 121, 167, 255), 1: (240, 228, 66, 255), 0: (86, 88, 102, 255)}
 
@@ -46,9 +48,12 @@ def messages(flight_file):
     return found
 
 
-def test_every_topic_has_its_messages(messages):
+def test_every_topic_has_its_messages_and_the_root_transform_comes_first(messages):
     counts = {topic: count for topic, (_, count) in TOPICS.items()}
     assert {topic: len(rows) for topic, rows in messages.items()} == counts
+    (time, root), *rest = messages["/tf"]
+    assert (time, root.rotation.w, root.parent_frame_id, root.child_frame_id) == (0, 1.0, "tf#/", "hill")
+    assert Counter((m.parent_frame_id, m.child_frame_id) for _, m in rest) == FRAMES
 
 
 def test_chunks_are_compressed_and_small_enough_to_lose(flight_file):
@@ -67,9 +72,8 @@ def test_metadata_and_attachments_come_before_the_first_message(flight, flight_f
     metadata = {r.name: r.metadata for r in records[:first_message] if isinstance(r, Metadata)}
     attachments = {r.name: r.data for r in records[:first_message] if isinstance(r, Attachment)}
     # each record carries a checksum besides, which MCAP does not give it
-    assert {name: unsealed(name, entries) for name, entries in metadata.items()} == synthetic_flight.metadata(
-        flight
-    )
+    opened = {name: unsealed(name, entries) for name, entries in metadata.items()}
+    assert opened == synthetic_flight.metadata(flight)
     assert all("crc32" in entries for entries in metadata.values())
     assert attachments == synthetic_flight.ATTACHMENTS
     kinds = Counter(type(record) for record in records)
@@ -80,35 +84,20 @@ def test_numbers_come_back_in_full_precision(flight, messages):
     def column(topic, field):
         return np.array([getattr(message, field) for _, message in messages[topic]])
 
+    plain = synthetic_flight.PLAIN_FIELDS | {
+        "/deputy/control": ("force_body_n", "force_hill_n"),
+        "/mission": ("sun_angle_rad", "delta_v_m_s"),
+    }
     expected = {
-        ("/deputy/state", "position_m"): flight.position_m,
-        ("/deputy/state", "velocity_m_s"): flight.velocity_m_s,
-        ("/deputy/state", "quaternion"): flight.quaternion,
-        ("/deputy/state", "angular_velocity_rad_s"): flight.angular_velocity_rad_s,
-        ("/deputy/control", "force_body_n"): flight.force_body_n,
-        ("/deputy/control", "force_hill_n"): flight.force_hill_n,
-        ("/guidance", "num_candidates"): flight.num_candidates,
-        ("/guidance", "target_direction"): flight.target_direction,
-        ("/guidance", "lambda_u_rad"): flight.lambda_u_rad,
-        ("/guidance", "eta_u_rad"): flight.eta_u_rad,
+        **{(topic, field): getattr(flight, field) for topic, fields in plain.items() for field in fields},
         ("/fis/f_y", "inputs"): flight.fis_inputs[1],
         ("/fis/f_y", "output_n"): flight.fis_output_n[1],
         ("/fis/f_z", "firing_strengths"): flight.firing_strengths[2].astype(np.float32),
-        ("/mission", "sun_angle_rad"): flight.sun_angle_rad,
-        ("/mission", "delta_v_m_s"): flight.delta_v_m_s,
         ("/mission", "inspected_count"): flight.inspected.sum(axis=1),
         ("/mission", "inspection_rate_percent"): 100.0 * flight.inspected.sum(axis=1) / 99,
     }
     for (topic, field), values in expected.items():
         np.testing.assert_array_equal(column(topic, field), values, err_msg=f"{topic} {field}")
-
-
-def test_root_transform_comes_first_and_once(messages):
-    time, root = messages["/tf"][0]
-    assert (time, root.parent_frame_id, root.child_frame_id) == (0, "tf#/", "hill")
-    assert root.rotation.w == 1.0
-    pairs = [(m.parent_frame_id, m.child_frame_id) for _, m in messages["/tf"][1:]]
-    assert Counter(pairs) == {("hill", "deputy"): 361, ("hill", "chief"): 361}
 
 
 def test_pose_turns_body_axes_into_hill_axes(flight, messages):
@@ -140,14 +129,13 @@ def test_points_keep_their_order_and_wear_the_colour_of_their_state(flight, mess
     assert set(np.unique(flight.states)) == {0, 1, 2, 3}
 
 
-def test_the_same_flight_gives_the_same_bytes(flight, flight_file, tmp_path):
+def test_the_same_flight_gives_the_same_bytes_also_sample_by_sample(flight, flight_file, tmp_path):
     again = synthetic_flight.record(flight, tmp_path / "again.mcap")
     assert again.read_bytes() == flight_file.read_bytes()
-
-
-def test_a_flight_recorded_sample_by_sample_gives_the_same_bytes(flight, flight_file, tmp_path):
-    one_by_one = synthetic_flight.record_by_samples(flight, tmp_path / "one_by_one.mcap")
-    assert one_by_one.read_bytes() == flight_file.read_bytes()
+    told = {"metadata": synthetic_flight.metadata(flight), "attachments": synthetic_flight.ATTACHMENTS}
+    with EpisodeWriter(tmp_path / "one_by_one.mcap", **told) as writer:
+        synthetic_flight.write_samples(writer, flight, range(361))
+    assert (tmp_path / "one_by_one.mcap").read_bytes() == flight_file.read_bytes()
 
 
 def test_a_full_flight_of_three_systems_of_125_rules_stays_below_a_mebibyte(flight, tmp_path):
@@ -160,16 +148,11 @@ def test_a_full_flight_of_three_systems_of_125_rules_stays_below_a_mebibyte(flig
 
 def test_plain_rerun_sees_points_pose_and_transforms(flight, flight_file):
     columns: dict[tuple[str, str], list[Any]] = defaultdict(list)
+    kinds = ("Points3D", "InstancePoses3D", "Transform3D", "TextLog", "CoordinateFrame")
     for chunk in McapReader(str(flight_file)).stream():
         batch = chunk.to_record_batch()
         for name in batch.schema.names:
-            if name.split(":")[0] in {
-                "Points3D",
-                "InstancePoses3D",
-                "Transform3D",
-                "TextLog",
-                "CoordinateFrame",
-            }:
+            if name.startswith(kinds):
                 columns[chunk.entity_path, name] += batch.column(name).to_pylist()
     assert len(columns["/chief/points", "Points3D:colors"]) == 361
     positions = np.array(columns["/chief/points", "Points3D:positions"][100])
@@ -179,9 +162,5 @@ def test_plain_rerun_sees_points_pose_and_transforms(flight, flight_file):
     np.testing.assert_allclose(pose, flight.position_m, atol=1e-4)
     parents = [parent for (parent,) in columns["/tf", "Transform3D:parent_frame"]]
     children = [child for (child,) in columns["/tf", "Transform3D:child_frame"]]
-    assert Counter(zip(parents, children, strict=True)) == {
-        ("tf#/", "hill"): 1,
-        ("hill", "deputy"): 361,
-        ("hill", "chief"): 361,
-    }
+    assert Counter(zip(parents, children, strict=True)) == {("tf#/", "hill"): 1, **FRAMES}
     assert len(columns["/log", "TextLog:text"]) == 2

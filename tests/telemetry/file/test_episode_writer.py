@@ -19,19 +19,13 @@ def open_writer(flight: SyntheticFlight, path: Path) -> EpisodeWriter:
     return EpisodeWriter(path, metadata=synthetic_flight.metadata(flight), attachments={})
 
 
-def test_file_has_its_name_only_once_it_is_complete(short_flight, tmp_path):
-    path = tmp_path / "flight.mcap"
-    with open_writer(short_flight, path) as writer:
-        for k in range(131):
-            synthetic_flight.write_sample(writer, short_flight, k)
-        assert [p.name for p in tmp_path.iterdir()] == ["flight.mcap.partial"]
-    assert [p.name for p in tmp_path.iterdir()] == ["flight.mcap"]
-
-
-def test_a_complete_file_takes_the_place_of_an_earlier_one(short_flight, tmp_path):
+def test_a_file_takes_the_place_of_an_earlier_one_only_once_it_is_complete(short_flight, tmp_path):
     path = tmp_path / "flight.mcap"
     path.write_bytes(b"old")
-    synthetic_flight.record(short_flight, path)
+    with open_writer(short_flight, path) as writer:
+        synthetic_flight.write_samples(writer, short_flight, range(131))
+        assert path.read_bytes() == b"old"
+    assert [p.name for p in tmp_path.iterdir()] == ["flight.mcap"]
     assert len(telemetry.read(path)["/deputy/state"]) == 131
 
 
@@ -40,8 +34,7 @@ def test_an_exception_leaves_what_was_flown_to_be_rescued(short_flight, tmp_path
 
     def fly_until_interrupted():
         with open_writer(short_flight, path) as writer:
-            for k in range(41):
-                synthetic_flight.write_sample(writer, short_flight, k)
+            synthetic_flight.write_samples(writer, short_flight, range(41))
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
@@ -93,7 +86,7 @@ def test_a_missing_folder_is_said(short_flight, tmp_path):
 def test_a_wrong_record_is_refused(short_flight, tmp_path, mistake, text):
     def fly_and_err():
         with open_writer(short_flight, tmp_path / "flight.mcap") as writer:
-            synthetic_flight.write_sample(writer, short_flight, 1)
+            synthetic_flight.write_samples(writer, short_flight, [1])
             writer.log(10.0, "info", "everything so far is in the file")
             mistake(writer)
 

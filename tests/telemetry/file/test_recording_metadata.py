@@ -21,7 +21,6 @@ from telemetry.file.metadata import EpisodeDescription, FisDescription, Rehearsa
 from telemetry.file.schema import inspection_pb2
 from telemetry.file.schema.inspection_pb2 import Control, MissionStatus
 from telemetry.file.topics import FIRED, FORCE_COMPONENTS, Reason
-from tests.telemetry import synthetic_flight
 
 SCHEMA, PROTO = Path(inspection_pb2.__file__).parent, "inspection.proto"
 
@@ -64,20 +63,8 @@ def test_a_fuzzy_system_comes_back(description):
     assert FisDescription.from_metadata(description.to_metadata()) == description
 
 
-def test_an_episode_has_the_keys_of_the_contract():
-    spelled = synthetic_flight.metadata(synthetic_flight.fly(1))["episode"]
-    promised = "scenario_id seed position_m velocity_m_s sun_angle_rad product_version config_hash"
-    assert set(promised.split()) <= spelled.keys()
-    assert (spelled["scenario_id"], spelled["seed"]) == ("circle-0", "7")
-    assert spelled["boresight"] == "[-1.0, 0.0, 0.0]"
-
-
-def test_keys_of_others_are_left_alone():
-    episode = EpisodeDescription.from_metadata({"seed": "3", "mood": "calm"})
-    assert episode == EpisodeDescription(seed=3)
-
-
-def test_nonsense_is_refused():
+def test_keys_of_others_are_left_alone_and_nonsense_is_refused():
+    assert EpisodeDescription.from_metadata({"seed": "3", "mood": "calm"}) == EpisodeDescription(seed=3)
     with pytest.raises(RecordingError, match="metadata 'seed' is 'seven'"):
         EpisodeDescription.from_metadata({"seed": "seven"})
     with pytest.raises(RecordingError, match="lacks input_units, output_unit, rules"):
@@ -98,12 +85,8 @@ def test_sealed_entries_come_back_and_changed_ones_do_not(name, entries):
 def test_a_rehearsal_is_read_as_it_was_written_and_has_a_cost_for_each_name():
     told = Rehearsal(names=("up", "down"), costs_m_s=(0.25, 1e4), until_s=10.0)
     assert Rehearsal.from_metadata(told.to_metadata()) == told
-    for wrong in (
-        {"costs_m_s": "[0.25]"},
-        {"names": "[]", "costs_m_s": "[]"},
-        {"costs_m_s": "1"},
-        {"until_s": "x"},
-    ):
+    odd = ({"costs_m_s": "[0.25]"}, {"names": "[]", "costs_m_s": "[]"}, {"costs_m_s": "1"}, {"until_s": "x"})
+    for wrong in odd:
         with pytest.raises(RecordingError):
             Rehearsal.from_metadata({**told.to_metadata(), **wrong})
 
@@ -145,50 +128,37 @@ CONTRACT = {
     "double inspection_rate_percent delta_v_m_s bytes inspected_mask "
     "double sun_elevation_rad sun_hidden_share uint32 inspectable_count double mass_kg",
 }
-TYPES = {
-    FieldDescriptor.TYPE_DOUBLE: "double",
-    FieldDescriptor.TYPE_FLOAT: "float",
-    FieldDescriptor.TYPE_UINT32: "uint32",
-    FieldDescriptor.TYPE_BYTES: "bytes",
-    FieldDescriptor.TYPE_ENUM: "enum",
-}
+KINDS = ("double", "float", "uint32", "bytes", "enum")
+TYPES = {getattr(FieldDescriptor, f"TYPE_{kind.upper()}"): kind for kind in KINDS}
 
 
-def test_generated_module_is_that_of_the_proto_file(tmp_path: Path) -> None:
+def test_generated_module_and_stub_are_those_of_the_proto_file(tmp_path: Path) -> None:
     compiled = tmp_path / "inspection.desc"
-    arguments = ["protoc", f"-I{SCHEMA}", f"--descriptor_set_out={compiled}", PROTO]
-    assert protoc.main(arguments) == 0
+    outputs = [f"--descriptor_set_out={compiled}", f"--pyi_out={tmp_path}"]
+    assert protoc.main(["protoc", f"-I{SCHEMA}", *outputs, PROTO]) == 0
+    stub = "inspection_pb2.pyi"
+    assert (tmp_path / stub).read_text() == (SCHEMA / stub).read_text(), "generate it, see CONTRIBUTING.md"
     expected = FileDescriptorSet.FromString(compiled.read_bytes()).file[0]
     generated = FileDescriptorProto.FromString(inspection_pb2.DESCRIPTOR.serialized_pb)
     for description in (expected, generated):
         for message in description.message_type:
             for field in message.field:
-                field.ClearField(
-                    "json_name"
-                )  # which of the two spells it out depends on the compiler's release
+                # which of the two spells it out depends on the compiler's release
+                field.ClearField("json_name")
     assert generated == expected, "generate it, see CONTRIBUTING.md"
 
 
-def test_generating_gives_the_type_stub_that_is_kept(tmp_path: Path) -> None:
-    assert protoc.main(["protoc", f"-I{SCHEMA}", f"--pyi_out={tmp_path}", PROTO]) == 0
-    kept = SCHEMA / "inspection_pb2.pyi"
-    assert (tmp_path / "inspection_pb2.pyi").read_text() == kept.read_text()
-
-
-def test_package_holds_the_messages_of_the_contract() -> None:
+def test_messages_and_fields_are_those_of_the_contract() -> None:
     assert inspection_pb2.DESCRIPTOR.package == "inspection"
-    assert set(inspection_pb2.DESCRIPTOR.message_types_by_name) == set(CONTRACT)
-
-
-@pytest.mark.parametrize("message", CONTRACT)
-def test_fields_are_those_of_the_contract(message: str) -> None:
-    fields = inspection_pb2.DESCRIPTOR.message_types_by_name[message].fields
-    told, kind = list[str](), ""
-    for field in fields:
-        before, kind = kind, TYPES[field.type] + "[]" * field.is_repeated
-        told += [field.name] if kind == before else [kind, field.name]
-    assert told == CONTRACT[message].split()
-    assert [field.number for field in fields] == list(range(1, len(fields) + 1))
+    messages = inspection_pb2.DESCRIPTOR.message_types_by_name
+    assert set(messages) == set(CONTRACT)
+    for message, contract in CONTRACT.items():
+        fields, told, kind = messages[message].fields, list[str](), ""
+        for field in fields:
+            before, kind = kind, TYPES[field.type] + "[]" * field.is_repeated
+            told += [field.name] if kind == before else [kind, field.name]
+        assert told == contract.split()
+        assert [field.number for field in fields] == list(range(1, len(fields) + 1))
 
 
 def test_reasons_are_those_of_the_thrust_logic() -> None:

@@ -28,25 +28,20 @@ def test_columns_are_the_flight(flight, flight_file):
     assert recording["/log"]["message"].tolist() == ["50 of 99 points inspected", "95 of 99 points inspected"]
     assert recording.fis_names == ("f_x", "f_y", "f_z")
     assert recording.attachments == synthetic_flight.ATTACHMENTS
-
-
-def test_columns_keep_their_types(flight_file):
-    recording = telemetry.read(flight_file)
-    assert recording["/deputy/state"]["position_m"].dtype == np.float64
-    assert recording["/deputy/attitude"]["torque_n_m"].dtype == np.float32
-    assert recording["/fis/f_x"]["firing_strengths"].dtype == np.float32
-    assert recording["/mission"]["inspected_count"].dtype == np.int64
-    assert recording["/mission"]["inspected_mask"].dtype == np.bool_
+    for topic, field, kind in (
+        ("/deputy/state", "position_m", np.float64),
+        ("/deputy/attitude", "torque_n_m", np.float32),
+        ("/fis/f_x", "firing_strengths", np.float32),
+        ("/mission", "inspected_count", np.int64),
+        ("/mission", "inspected_mask", np.bool_),
+    ):
+        assert recording[topic][field].dtype == kind
 
 
 def test_topics_are_chosen_by_name_or_pattern(flight_file):
     assert list(telemetry.read(flight_file, "/mission").topics) == ["/mission"]
-    assert list(telemetry.read(flight_file, ["/fis/*", "/log"]).topics) == [
-        "/log",
-        "/fis/f_x",
-        "/fis/f_y",
-        "/fis/f_z",
-    ]
+    chosen = telemetry.read(flight_file, ["/fis/*", "/log"])
+    assert list(chosen.topics) == ["/log", "/fis/f_x", "/fis/f_y", "/fis/f_z"]
     nothing = telemetry.read(flight_file, [])
     assert (len(nothing.topics), len(nothing.metadata)) == (0, 4)
 
@@ -68,10 +63,9 @@ def test_samples_that_were_written_in_any_order_are_read_in_that_of_time(short_f
         instants = [list(each) for _, each in groupby(found, lambda one: one[2].log_time)]
         writer = Writer(output, chunk_size=20_000)
         writer.start()
-        channels: dict[str, int] = {}
+        channels = {}
         for place in np.random.default_rng(2).permutation(len(instants)):
             for schema, channel, message in instants[place]:
-                assert schema is not None
                 if channel.topic not in channels:
                     kind = writer.register_schema(schema.name, schema.encoding, schema.data)
                     channels[channel.topic] = writer.register_channel(channel.topic, "protobuf", kind)
@@ -89,7 +83,6 @@ def test_what_is_not_asked_for_is_not_read(flight_file, tmp_path):
     """Damage in the last chunk shows only to a reader that goes there."""
     with flight_file.open("rb") as stream:
         summary = make_reader(stream).get_summary()
-    assert summary is not None
     content = bytearray(flight_file.read_bytes())
     content[summary.chunk_indexes[-1].chunk_start_offset + 200] ^= 0xFF
     path = tmp_path / "damaged.mcap"
@@ -147,10 +140,8 @@ def test_a_bad_file_is_said(tmp_path, content, text):
 
 
 def test_metadata_that_does_not_fit_the_inferences_is_refused(tmp_path):
-    flight = synthetic_flight.fly(2)
-    with EpisodeWriter(
-        tmp_path / "odd.mcap", metadata=synthetic_flight.metadata(flight), attachments={}
-    ) as writer:
+    metadata = synthetic_flight.metadata(synthetic_flight.fly(2))
+    with EpisodeWriter(tmp_path / "odd.mcap", metadata=metadata, attachments={}) as writer:
         writer.record("/fis/f_x", 0.0, inputs=[1.0, 2.0], firing_strengths=[0.5] * 9, output_n=0.1)
     with pytest.raises(RecordingError, match="2 inputs and 25 rules, but 2 and 9 are recorded"):
         telemetry.read(tmp_path / "odd.mcap").fis_description("f_x")

@@ -9,6 +9,9 @@ import pyarrow as pa
 from numpy.typing import NDArray
 from rerun.chunk import RrdReader
 
+from telemetry.scene import viewer
+from telemetry.scene.viewer import Scene
+
 _VIEW_CLASS = "ViewBlueprint:class_identifier"
 _VIEW_NAME = "ViewBlueprint:display_name"
 
@@ -41,8 +44,11 @@ def views(path: Path) -> Iterator[tuple[str, str]]:
     for chunk in reader.stream(store=reader.blueprints()[0]):
         batch = chunk.to_record_batch()
         if {_VIEW_CLASS, _VIEW_NAME} <= set(batch.schema.names):
-            (kind,), (name,) = (
-                batch.column(_VIEW_CLASS).to_pylist()[0],
-                batch.column(_VIEW_NAME).to_pylist()[0],
-            )
+            (kind,), (name,) = (batch.column(one).to_pylist()[0] for one in (_VIEW_CLASS, _VIEW_NAME))
             yield kind, name
+
+
+def saved(scene: Scene, folder: Path) -> Content:
+    """Save something, and read it back."""
+    viewer.save(scene, folder / "x.rrd")
+    return Content(folder / "x.rrd")

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from telemetry import RecordingError
-from telemetry.scene import campaign, runs, viewer
+from telemetry.scene import campaign, runs
 from telemetry.scene.campaign import OUTCOME_COLOURS
 from telemetry.scene.runs import Outcome
 from tests.telemetry import synthetic_run
-from tests.telemetry.scene.rrd_content import Content, views
+from tests.telemetry.scene.rrd_content import Content, saved, views
 
 
 @pytest.fixture
@@ -18,15 +18,14 @@ def run(tmp_path: Path) -> Path:
     return synthetic_run.write_evaluation(tmp_path / "evaluated")
 
 
-def saved(path: Path, output: Path) -> Content:
-    viewer.save(campaign.scene(path), output)
-    return Content(output)
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("campaign")
 
 
 @pytest.fixture(scope="module")
-def content(tmp_path_factory: pytest.TempPathFactory) -> Content:
-    folder = tmp_path_factory.mktemp("campaign")
-    return saved(synthetic_run.write_evaluation(folder / "evaluated"), folder / "x.rrd")
+def content(folder: Path) -> Content:
+    return saved(campaign.scene(synthetic_run.write_evaluation(folder / "evaluated")), folder)
 
 
 def test_cases_are_read_with_their_outcomes(run: Path) -> None:
@@ -74,7 +73,8 @@ def test_all_paths_are_there_in_the_colour_of_their_outcome(content: Content) ->
         assert colour >> 8 == int.from_bytes(bytes(OUTCOME_COLOURS[kind]), "big")
 
 
-def test_deputies_fly_together(content: Content) -> None:
+def test_deputies_fly_together(content: Content, folder: Path) -> None:
+    assert sorted(kind for kind, _ in views(folder / "x.rrd")) == ["3D", "TextDocument", "TimeSeries"]
     entity = "/scene/deputies"
     assert content.times(entity, "Points3D:positions").tolist() == [20.0 * k for k in range(7)]
     flown = content.numbers(entity, "Points3D:positions")
@@ -96,12 +96,6 @@ def test_the_distances_are_those_of_the_cases(content: Content) -> None:
     assert content.column("/curves/distance/limit_15", "Scalars:scalars") == [[15.0], [15.0]]
 
 
-def test_layout_has_scene_summary_and_curves(run: Path, tmp_path: Path) -> None:
-    viewer.save(campaign.scene(run), tmp_path / "x.rrd")
-    kinds = sorted(kind for kind, _ in views(tmp_path / "x.rrd"))
-    assert kinds == ["3D", "TextDocument", "TimeSeries"]
-
-
 def test_a_table_alone_is_shown_in_one_colour(run: Path, tmp_path: Path) -> None:
     table = tmp_path / "elsewhere" / "some" / "trajectories.parquet"
     table.parent.mkdir(parents=True)
@@ -110,24 +104,18 @@ def test_a_table_alone_is_shown_in_one_colour(run: Path, tmp_path: Path) -> None
     assert evaluation.outcome is None
     assert {extreme.key for extreme in campaign.extremes(evaluation)} == {"nearest", "farthest"}
     assert "outcome | unknown" in campaign.in_words(evaluation)
-    content = saved(table, tmp_path / "x.rrd")
+    content = saved(campaign.scene(table), tmp_path)
     assert len(content.column("/scene/paths/all", "LineStrips3D:strips")[0]) == 4
     assert "/scene/limits/nearest" not in content.batches
 
 
-def test_a_folder_without_an_evaluation_is_refused(tmp_path: Path) -> None:
+def test_what_is_no_evaluation_is_refused(run: Path, tmp_path: Path, short_file: Path) -> None:
     with pytest.raises(
-        RecordingError, match=r"evaluate/trajectories.parquet does not exist; give the folder of a run"
+        RecordingError, match=r"trajectories.parquet does not exist; give the folder of a run"
     ):
         campaign.scene(tmp_path)
-
-
-def test_a_flight_is_sent_to_replay(short_file: Path) -> None:
     with pytest.raises(RecordingError, match=r"to look at a flight: python -m telemetry replay "):
         campaign.scene(short_file)
-
-
-def test_a_damaged_table_is_refused(run: Path) -> None:
     table = run / "evaluate/trajectories.parquet"
     table.write_bytes(table.read_bytes()[:-20])
     with pytest.raises(RecordingError, match=r"trajectories.parquet cannot be read .* repeat the stage"):

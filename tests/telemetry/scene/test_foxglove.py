@@ -2,7 +2,6 @@
 
 import json
 import re
-import shutil
 import subprocess
 from collections.abc import Iterator
 from pathlib import Path
@@ -16,7 +15,7 @@ import telemetry
 from telemetry import EpisodeWriter
 from telemetry.file import topics
 from tests.places import PROJECT
-from tests.programs import missing, program
+from tests.programs import installed, program
 from tests.telemetry import synthetic_flight
 
 pytestmark = pytest.mark.slow
@@ -24,6 +23,7 @@ pytestmark = pytest.mark.slow
 READER = Path(__file__).parent / "foxglove_reader"
 FOLDER = PROJECT / "docs" / "foxglove"
 LAYOUT = FOLDER / "inspection.json"
+layout = json.loads(LAYOUT.read_text(encoding="utf-8"))
 MESSAGE_PATH = re.compile(r"(?P<topic>(?:/\w+)+)\.(?P<field>\w+)(?:\[(?P<index>\d+)\])?")
 
 
@@ -41,14 +41,11 @@ def flown():
 
 @pytest.fixture(scope="module")
 def recorded(flown, tmp_path_factory):
-    metadata = {
-        name.replace("fis.f_", "fis.force_"): entries
-        for name, entries in synthetic_flight.metadata(flown).items()
-    }
+    described = synthetic_flight.metadata(flown).items()
+    metadata = {name.replace("fis.f_", "fis.force_"): entries for name, entries in described}
     path = tmp_path_factory.mktemp("foxglove") / "flight.mcap"
     with PaperWriter(path, metadata=metadata, attachments=synthetic_flight.ATTACHMENTS) as writer:
-        for k in range(21):
-            synthetic_flight.write_sample(writer, flown, k)
+        synthetic_flight.write_samples(writer, flown, range(21))
         writer.log(200.0, "warning", "the end")
     return path
 
@@ -56,33 +53,6 @@ def recorded(flown, tmp_path_factory):
 @pytest.fixture(scope="module")
 def recording(recorded):
     return telemetry.read(recorded)
-
-
-@pytest.fixture(scope="module")
-def layout():
-    content: dict[str, Any] = json.loads(LAYOUT.read_text(encoding="utf-8"))
-    return content
-
-
-@pytest.fixture(scope="module")
-def reader(tmp_path_factory):
-    """A folder with Foxglove's own libraries for reading, of the versions that the lock names."""
-    program("node", "nodejs")
-    npm = program("npm", "npm")
-    folder = tmp_path_factory.mktemp("npm") / "reader"
-    shutil.copytree(READER, folder, ignore=shutil.ignore_patterns("node_modules"))
-    command = [npm, "ci", "--ignore-scripts", "--no-audit", "--no-fund"]
-    done = subprocess.run(command, check=False, cwd=folder, capture_output=True, text=True)  # noqa: S603
-    if done.returncode != 0:
-        missing(f"npm cannot install what reads recordings: {done.stderr.strip()[-500:]}")
-    return folder
-
-
-def run_node(folder: Path, *arguments: str | Path) -> Any:
-    command = [program("node", "nodejs"), *map(str, arguments)]
-    done = subprocess.run(command, check=False, cwd=folder, capture_output=True, text=True)  # noqa: S603
-    assert done.returncode == 0, done.stderr
-    return json.loads(done.stdout)
 
 
 def panels(node: Any) -> Iterator[str]:
@@ -94,84 +64,78 @@ def panels(node: Any) -> Iterator[str]:
         yield from panels(node["second"])
 
 
-def message_paths(layout: dict[str, Any]) -> Iterator[str]:
-    for config in layout["configById"].values():
-        for series in config.get("paths", ()):
-            yield series["value"]
+PLOTTED = [series["value"] for config in layout["configById"].values() for series in config.get("paths", ())]
+#: what the layout's scripts make
+OUTPUTS = {
+    re.search(r'^export const output = "(.+)";$', script["sourceCode"], re.MULTILINE).group(1)
+    for script in layout["userNodes"].values()
+}
 
 
-def output_of(source: str) -> str:
-    match = re.search(r'^export const output = "(.+)";$', source, re.MULTILINE)
-    assert match is not None
-    return match.group(1)
-
-
-def test_every_panel_has_a_place_and_a_configuration(layout):
+def test_every_panel_has_a_place_and_a_configuration():
     placed = list(panels(layout["layout"]))
     assert sorted(placed) == sorted(layout["configById"])
     assert {name.split("!")[0] for name in placed} == {"3D", "Plot", "StateTransitions", "RosOut"}
 
 
-def test_every_field_that_the_layout_plots_is_recorded(layout, recording):
-    outputs = {output_of(script["sourceCode"]) for script in layout["userNodes"].values()}
+def test_every_field_that_the_layout_plots_is_recorded(recording):
     plotted = set()
-    for path in message_paths(layout):
+    for path in PLOTTED:
         if re.fullmatch(r"\d+", path):
             continue  # a line at a limit
         match = MESSAGE_PATH.fullmatch(path)
         assert match is not None, path
-        if match["topic"] in outputs:
+        if match["topic"] in OUTPUTS:
             continue
         values = recording[match["topic"]][match["field"]]
         assert (values.ndim > 1) == (match["index"] is not None), path
         if match["index"]:
             assert int(match["index"]) < values[0].size, path
         plotted.add(f"{match['topic']}.{match['field']}")
+    status = ("distance_m", "inspection_rate_percent", "delta_v_m_s")
     assert plotted >= {
-        "/deputy/control.force_hill_n",
-        "/deputy/attitude.torque_n_m",
-        "/mission.distance_m",
-        "/mission.inspection_rate_percent",
-        "/mission.delta_v_m_s",
+        *("/deputy/control.force_hill_n", "/deputy/attitude.torque_n_m"),
+        *(f"/mission.{field}" for field in status),
         *(f"/fis/force_{axis}.inputs" for axis in "xyz"),
     }
 
 
-def test_every_topic_and_frame_that_the_scene_shows_is_recorded(layout, recording):
+def test_every_topic_and_frame_that_the_scene_shows_is_recorded(recording):
     scene = layout["configById"]["3D!scene"]
     frames = set(recording["/tf"]["child_frame"]) | set(recording["/tf"]["parent_frame"])
     assert scene["followTf"] in frames
     assert {name.removeprefix("frame:") for name in scene["transforms"]} == frames
-    outputs = {output_of(script["sourceCode"]) for script in layout["userNodes"].values()}
-    assert set(scene["topics"]) - outputs == {topics.CHIEF_POINTS, topics.DEPUTY_POSE}
-    assert set(scene["topics"]) & outputs == {"/studio_script/scene"}
+    shown = {topics.CHIEF_POINTS, topics.DEPUTY_POSE, "/studio_script/scene"}
+    assert set(scene["topics"]) == shown
+    assert shown & OUTPUTS == {"/studio_script/scene"}
     assert layout["configById"]["RosOut!events"]["topicToRender"] == topics.LOG
 
 
-def test_the_layout_carries_the_scripts_that_lie_beside_it(layout):
+def test_the_layout_carries_the_scripts_that_lie_beside_it():
     """After a change of a script: ``node docs/foxglove/embed.mjs``."""
     assert set(layout["userNodes"]) == {path.stem for path in FOLDER.glob("*.ts")}
     for name, script in layout["userNodes"].items():
         assert script == {"name": name, "sourceCode": (FOLDER / f"{name}.ts").read_text(encoding="utf-8")}
 
 
-def test_the_layouts_variables_and_lines_are_the_papers(layout, recording):
+def test_the_layouts_variables_and_lines_are_the_papers(recording):
     episode, variables = recording.episode, layout["globalVariables"]
-    assert (variables["min_distance_m"], variables["max_distance_m"]) == (
-        episode.min_distance_m,
-        episode.max_distance_m,
-    )
+    for name in ("min_distance_m", "max_distance_m"):
+        assert variables[name] == getattr(episode, name)
     assert np.deg2rad(variables["half_angle_deg"]) == pytest.approx(episode.half_angle_rad)
     assert tuple(variables[f"boresight_{axis}"] for axis in "xyz") == episode.boresight
-    lines = {float(path) for path in message_paths(layout) if re.fullmatch(r"\d+", path)}
+    lines = {float(path) for path in PLOTTED if re.fullmatch(r"\d+", path)}
     assert lines == {15.0, 200.0, episode.inspection_threshold_percent}
 
 
 @pytest.fixture(scope="module")
-def made(reader, recorded):
-    """What the layout's scripts, compiled strictly, make of the recording."""
-    told: dict[str, list[dict[str, Any]]] = run_node(reader, "run_scripts.mjs", LAYOUT, recorded)
-    return told
+def made(recorded, tmp_path_factory):
+    """What the layout's scripts, compiled strictly, make of the recording as Foxglove's libraries read it."""
+    folder = installed(READER, tmp_path_factory.mktemp("npm") / "reader")
+    command = [program("node", "nodejs"), "run_scripts.mjs", str(LAYOUT), str(recorded)]
+    done = subprocess.run(command, check=False, cwd=folder, capture_output=True, text=True)  # noqa: S603
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
 
 
 def turned(quaternion: dict[str, float], vector: ArrayLike) -> np.ndarray:
@@ -202,9 +166,8 @@ def test_arrows_of_the_scene_point_where_the_numbers_say(made, flown, sample):
     for name, direction in expected.items():
         (arrow,) = scene[name]["arrows"]
         assert scene[name]["frame_id"] == "hill"
-        np.testing.assert_allclose(
-            turned(arrow["pose"]["orientation"], [1.0, 0.0, 0.0]), direction, atol=1e-9
-        )
+        drawn = turned(arrow["pose"]["orientation"], [1.0, 0.0, 0.0])
+        np.testing.assert_allclose(drawn, direction, atol=1e-9)
     (arrow,) = scene["force"]["arrows"]
     np.testing.assert_array_equal(point(arrow["pose"]["position"]), flown.position_m[sample])
     assert arrow["shaft_length"] + arrow["head_length"] == pytest.approx(3000.0 * np.linalg.norm(force))

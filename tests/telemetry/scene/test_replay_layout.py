@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from collections import Counter
 from dataclasses import replace
 from typing import Any
 
@@ -14,7 +15,7 @@ from telemetry import EpisodeWriter, RecordingError
 from telemetry.file.reader import TopicColumns
 from telemetry.scene import replay, viewer
 from tests.telemetry import synthetic_flight
-from tests.telemetry.scene.rrd_content import Content, views
+from tests.telemetry.scene.rrd_content import Content, saved, views
 
 
 @pytest.fixture(scope="module")
@@ -35,45 +36,22 @@ def test_rerun_finds_the_file_sound(replay_file):
     assert done.returncode == 0, done.stderr
 
 
-def test_layout_holds_every_view(replay_file):
-    found = sorted(views(replay_file))
-    kinds = [kind for kind, _ in found]
-    assert {kind: kinds.count(kind) for kind in set(kinds)} == {
-        "3D": 2,
-        "2D": 1,
-        "TimeSeries": 9,
-        "TextDocument": 3,
-        "TextLog": 1,
-    }
-    titles = [name for _, name in found]
-    for expected in (
-        "Flight, Hill frame",
-        "As the deputy sees it",
-        "Distance (m; limits 15, 200)",
-        "Inspected (%; goal 95)",
-        "Force, Hill axes (N; limit ±1)",
-        "Torque, body axes (mN m; limit ±10)",
-        "Delta-v (m/s)",
-        "Outputs that were fired (N)",
-        "Inputs (m)",
-        "Inputs (rad)",
-        "Inputs (m/s)",
-        "Events",
-    ):
-        assert expected in titles
-
-
-def test_layout_plays_the_flight_in_a_minute(replay_file):
+def test_layout_holds_every_view_and_plays_the_flight_in_a_minute(replay_file):
+    found = list(views(replay_file))
+    kinds = Counter(kind for kind, _ in found)
+    assert kinds == {"3D": 2, "2D": 1, "TimeSeries": 9, "TextDocument": 3, "TextLog": 1}
+    expected = """Flight, Hill frame | As the deputy sees it | Distance (m; limits 15, 200)
+        | Inspected (%; goal 95) | Force, Hill axes (N; limit ±1) | Torque, body axes (mN m; limit ±10)
+        | Delta-v (m/s) | Events | Outputs that were fired (N) | Inputs (m) | Inputs (rad) | Inputs (m/s)"""
+    assert {title.strip() for title in expected.split("|")} <= {name for _, name in found}
     reader = RrdReader(str(replay_file))
     panel: dict[str, Any] = {}
     for chunk in reader.stream(store=reader.blueprints()[0]):
         if chunk.entity_path == "/time_panel":
             batch = chunk.to_record_batch()
-            for name in batch.schema.names:
-                if name.startswith("TimePanelBlueprint:"):
-                    panel[name.split(":")[1]] = batch.column(name).to_pylist()[0]
-    assert panel["timeline"] == ["time"]
-    assert panel["playback_speed"] == [60.0]
+            panel |= {name: batch.column(name).to_pylist()[0] for name in batch.schema.names}
+    assert panel["TimePanelBlueprint:timeline"] == ["time"]
+    assert panel["TimePanelBlueprint:playback_speed"] == [60.0]
 
 
 def test_deputy_flies_where_it_flew(flight, content):
@@ -87,11 +65,9 @@ def test_deputy_flies_where_it_flew(flight, content):
 
 def test_field_of_view_reaches_the_chief(flight, content):
     """The drawn rim, in Hill axes, lies 15 degrees off the line to the chief and goes around its centre."""
-    strips = content.column("/scene/deputy/camera/view", "LineStrips3D:strips")[0]
+    k, strips = 90, content.column("/scene/deputy/camera/view", "LineStrips3D:strips")[0]
     rim = np.array(strips[-1])
-    scale = content.numbers("/scene/deputy/camera", "Transform3D:scale")[:, 0]
-    k = 90
-    rim_body = scale[k] * rim
+    rim_body = content.numbers("/scene/deputy/camera", "Transform3D:scale")[k, 0] * rim
     back = flight.quaternion[k] * [-1.0, -1.0, -1.0, 1.0]
     rim_hill = flight.position_m[k] + synthetic_flight.rotate_to_body(np.tile(back, (len(rim), 1)), rim_body)
     np.testing.assert_allclose(rim_hill.mean(axis=0), 0.0, atol=4.0)
@@ -110,10 +86,8 @@ def test_points_wear_the_colours_of_their_states(flight, content):
 
 
 def test_sun_target_and_force_are_arrows(flight, content):
-    sun = content.numbers("/scene/sun", "Arrows3D:vectors")[:, 0]
-    expected = np.column_stack(
-        (np.cos(flight.sun_angle_rad), np.sin(flight.sun_angle_rad), 0 * flight.time_s)
-    )
+    sun, angle = content.numbers("/scene/sun", "Arrows3D:vectors")[:, 0], flight.sun_angle_rad
+    expected = np.column_stack((np.cos(angle), np.sin(angle), 0 * angle))
     np.testing.assert_allclose(sun / np.linalg.norm(sun, axis=1, keepdims=True), expected, atol=1e-6)
     target = content.numbers("/scene/target", "Arrows3D:vectors")[:, 0]
     np.testing.assert_allclose(target / 16.0, flight.target_direction, atol=1e-6)
@@ -124,29 +98,23 @@ def test_sun_target_and_force_are_arrows(flight, content):
     np.testing.assert_allclose(origin, flight.position_m[:-1], atol=1e-4)
 
 
-def test_shells_stand_at_the_limits(content):
-    half_sizes = [
-        content.column(f"/scene/limits/{name}", "Ellipsoids3D:half_sizes")[0][0]
-        for name in ("nearest", "farthest")
-    ]
-    assert half_sizes == [[15.0] * 3, [200.0] * 3]
-
-
-def test_curves_are_the_flight(flight, content):
+def test_curves_and_shells_are_the_flights(flight, content):
     scalars = "Scalars:scalars"
-    np.testing.assert_allclose(content.numbers("/curves/force/applied", scalars), flight.force_hill_n)
-    torque = content.numbers("/curves/torque/applied", scalars)
-    np.testing.assert_allclose(torque, 1e3 * flight.torque_n_m.reshape(-1, 3), atol=1e-6)
-    instants = content.times("/curves/torque/applied", scalars)
-    np.testing.assert_allclose(instants, np.arange(3600.0))
-    delta_v = content.numbers("/curves/delta_v/flight_0", scalars)[:, 0]
-    np.testing.assert_allclose(delta_v, flight.delta_v_m_s)
-    rate = content.numbers("/curves/rate/flight_0", scalars)[:, 0]
-    np.testing.assert_allclose(rate, 100.0 * flight.inspected.sum(axis=1) / 99)
-    assert content.column("/curves/rate/goal", scalars) == [[95.0], [95.0]]
-    assert content.column("/curves/distance/limit_200", scalars) == [[200.0], [200.0]]
-    output = content.numbers("/curves/fis_outputs/system_1", scalars)[:, 0]
-    np.testing.assert_allclose(output, flight.fis_output_n[1])
+    for curve, expected in {
+        "force/applied": flight.force_hill_n,
+        "torque/applied": 1e3 * flight.torque_n_m.reshape(-1, 3),
+        "delta_v/flight_0": flight.delta_v_m_s[:, np.newaxis],
+        "rate/flight_0": 100.0 * flight.inspected.sum(axis=1, keepdims=True) / 99,
+        "fis_outputs/system_1": flight.fis_output_n[1][:, np.newaxis],
+        "rate/goal": [[95.0], [95.0]],
+        "distance/limit_200": [[200.0], [200.0]],
+    }.items():
+        found = content.numbers(f"/curves/{curve}", scalars)
+        np.testing.assert_allclose(found, expected, rtol=1e-7, atol=1e-6 if "torque" in curve else 0)
+    np.testing.assert_allclose(content.times("/curves/torque/applied", scalars), np.arange(3600.0))
+    for name, radius in (("nearest", 15.0), ("farthest", 200.0)):
+        half_sizes = content.column(f"/scene/limits/{name}", "Ellipsoids3D:half_sizes")
+        assert half_sizes[0][0] == [radius] * 3
 
 
 def test_rules_are_told_in_words_at_each_instant(flight, content):
@@ -160,17 +128,12 @@ def test_rules_are_told_in_words_at_each_instant(flight, content):
 
 def test_trail_and_events_are_there(content):
     assert len(content.column("/scene/flights/0/trail", "LineStrips3D:strips")) == 360
-    events = content.column("/events", "TextLog:text")
-    assert [text for (text,) in events] == [
-        "1190 s: 50 of 99 points inspected",
-        "3290 s: 95 of 99 points inspected",
-    ]
+    events = [text for (text,) in content.column("/events", "TextLog:text")]
+    assert events == ["1190 s: 50 of 99 points inspected", "3290 s: 95 of 99 points inspected"]
 
 
 def test_flights_are_laid_over_each_other(flight_file, short_flight, short_file, tmp_path):
-    output = tmp_path / "two.rrd"
-    viewer.save(replay.scene([flight_file, short_file]), output)
-    content = Content(output)
+    content = saved(replay.scene([flight_file, short_file]), tmp_path)
     positions = content.numbers("/scene/flights/1/deputy", "Points3D:positions")[:, 0]
     np.testing.assert_allclose(positions, short_flight.position_m, atol=1e-4)
     assert content.column("/curves/distance/flight_1", "SeriesLines:names") == [["short"]]
@@ -189,58 +152,42 @@ def test_flights_are_laid_over_each_other(flight_file, short_flight, short_file,
     assert len(content.column("/curves/delta_v/flight_1", "Scalars:scalars")) == 131
 
 
-def test_a_flight_without_fuzzy_systems_is_shown(tmp_path):
-    flight = synthetic_flight.fly(4)
-    path = tmp_path / "coast.mcap"
-    metadata = {"episode": synthetic_flight.metadata(flight)["episode"]}
+@pytest.mark.parametrize(
+    ("described", "missing"), [(["episode"], "/rules/words"), ([], "/scene/limits/nearest")]
+)
+def test_a_flight_is_shown_without_fuzzy_systems_or_any_words_on_it(described, missing, tmp_path):
+    flight, path = synthetic_flight.fly(4), tmp_path / "coast.mcap"
+    metadata = {name: synthetic_flight.metadata(flight)[name] for name in described}
     with EpisodeWriter(path, metadata=metadata, attachments={}) as writer:
-        for k in range(5):
-            synthetic_flight.write_state(writer, flight, k)
-    viewer.save(replay.scene([path]), tmp_path / "coast.rrd")
-    assert "/rules/words" not in Content(tmp_path / "coast.rrd").batches
-    assert "2D" not in {kind for kind, _ in views(tmp_path / "coast.rrd")}
-
-
-def test_a_flight_whose_metadata_is_lost_is_shown(tmp_path):
-    flight = synthetic_flight.fly(2)
-    path = tmp_path / "bare.mcap"
-    with EpisodeWriter(path, metadata={}, attachments={}) as writer:
-        for k in range(3):
-            synthetic_flight.write_state(writer, flight, k)
-    viewer.save(replay.scene([path]), tmp_path / "bare.rrd")
-    entities = Content(tmp_path / "bare.rrd").batches
+        synthetic_flight.write_state(writer, flight, slice(None))
+    entities = saved(replay.scene([path]), tmp_path).batches
     assert "/scene/deputy" in entities
-    assert not any(entity.startswith("/scene/limits") for entity in entities)
+    assert missing not in entities
+    assert "2D" not in {kind for kind, _ in views(tmp_path / "x.rrd")}
 
 
 def test_a_recording_without_a_flight_is_refused(tmp_path):
     with EpisodeWriter(tmp_path / "empty.mcap", metadata={}, attachments={}):
         pass
     with pytest.raises(RecordingError, match="holds no messages on /deputy/state, /mission"):
-        viewer.save(replay.scene([tmp_path / "empty.mcap"]), tmp_path / "empty.rrd")
-    assert not (tmp_path / "empty.rrd").exists()
+        saved(replay.scene([tmp_path / "empty.mcap"]), tmp_path)
+    assert not (tmp_path / "x.rrd").exists()
 
 
-def test_an_impossible_output_is_said(flight_file, tmp_path):
-    with pytest.raises(RecordingError, match=r"nowhere/x\.rrd cannot be written: No such file"):
-        viewer.save(replay.scene([flight_file]), tmp_path / "nowhere" / "x.rrd")
-
-
-def test_a_full_disk_is_said(short_file, tmp_path):
-    # a file that takes no byte
-    (tmp_path / "x.rrd.partial").symlink_to("/dev/full")
-    with pytest.raises(RecordingError, match=r"x\.rrd cannot be written: .* free space"):
-        viewer.save(replay.scene([short_file]), tmp_path / "x.rrd")
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_a_disk_that_fills_up_meanwhile_is_said(short_file, tmp_path, monkeypatch):
+def test_an_impossible_output_and_a_full_disk_are_said(short_file, tmp_path, monkeypatch):
     def flush(_stream):
         raise RuntimeError("File-writer thread shut down prematurely")
 
+    with pytest.raises(RecordingError, match=r"nowhere/x\.rrd cannot be written: No such file"):
+        saved(replay.scene([short_file]), tmp_path / "nowhere")
+    # a file that takes no byte
+    (tmp_path / "x.rrd.partial").symlink_to("/dev/full")
+    with pytest.raises(RecordingError, match=r"x\.rrd cannot be written: .* free space"):
+        saved(replay.scene([short_file]), tmp_path)
+    assert list(tmp_path.iterdir()) == []
     monkeypatch.setattr("rerun.RecordingStream.flush", flush)
     with pytest.raises(RecordingError, match=r"x\.rrd cannot be written: File-writer .* free space"):
-        viewer.save(replay.scene([short_file]), tmp_path / "x.rrd")
+        saved(replay.scene([short_file]), tmp_path)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -255,25 +202,21 @@ def test_a_viewer_that_fails_is_said_and_only_a_browser_gets_a_page(
         viewer.show(replay.scene([short_file]), in_browser=in_browser)
 
 
-def test_a_machine_without_a_display_is_told_what_else_to_do(short_file, monkeypatch):
-    monkeypatch.setattr("telemetry.scene.viewer.sys.platform", "linux")
-    monkeypatch.delenv("DISPLAY", raising=False)
-    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
-    with pytest.raises(RecordingError, match=r"no display.*--web.*--save FILE\.rrd"):
-        viewer.show(replay.scene([short_file]), in_browser=False)
-
-
 @pytest.mark.parametrize(
-    ("name", "text"),
-    [("none.mcap", "none.mcap cannot be opened: No such file"), ("a.yaml", "not an MCAP file")],
+    ("names", "text"),
+    [
+        (["none.mcap"], "none.mcap cannot be opened: No such file"),
+        (["a.yaml"], "not an MCAP file"),
+        ([], r"no display.*--web.*--save FILE\.rrd"),
+    ],
 )
-def test_a_wrong_path_is_told_before_a_missing_display(tmp_path, monkeypatch, short_file, name, text):
+def test_a_wrong_path_is_told_before_a_missing_display(tmp_path, monkeypatch, short_file, names, text):
     monkeypatch.setattr("sys.platform", "linux")
     for variable in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(variable, raising=False)
     (tmp_path / "a.yaml").write_text("kind: mamdani\n")
     with pytest.raises(RecordingError, match=text):
-        viewer.show(replay.scene([short_file, tmp_path / name]), in_browser=False)
+        viewer.show(replay.scene([short_file, *(tmp_path / name for name in names)]), in_browser=False)
 
 
 def test_points_glow_by_how_much_they_add(short_file, tmp_path, monkeypatch):
@@ -286,8 +229,7 @@ def test_points_glow_by_how_much_they_add(short_file, tmp_path, monkeypatch):
     metadata = {**flight.metadata, "pulls": {"aim": "m/s", "calm": ""}}
     pulled = replace(flight, topics={**flight.topics, "/chief/pulls": cloud}, metadata=metadata)
     monkeypatch.setattr(replay, "read", lambda path: pulled)
-    viewer.save(replay.scene([short_file]), tmp_path / "x.rrd")
-    shown = Content(tmp_path / "x.rrd")
+    shown = saved(replay.scene([short_file]), tmp_path)
     sizes = shown.numbers("/scene/chief/points", "Points3D:radii")
     np.testing.assert_allclose(sizes[:10], 0.75, rtol=1e-5)
     np.testing.assert_allclose(sizes[10:, 3], 1.5, rtol=1e-5)

@@ -34,17 +34,16 @@ def test_both_call_the_files_the_same() -> None:
 def test_files_and_scene_are_what_the_manifest_says(run: tuple[Job, Path], tmp_path: Path) -> None:
     composed, folder = run
     moved = shutil.copytree(folder, tmp_path / "moved")
-    (moved / artifacts.TRAJECTORIES).rename(moved / "evaluate" / "paths.parquet")
-    (moved / artifacts.EPISODES).rename(moved / "evaluate" / "ends.parquet")
     (moved / artifacts.CONFIG).unlink(missing_ok=True)
-    (moved / artifacts.CHAMPION).rename(moved / "best.json")
-    scene = scene_of(replace(composed.experiment.mission, control_period_s=20.0))
-    manifests.write(moved, composed.config, [], scene=scene)
     named = {
         "evaluation_trajectories": "evaluate/paths.parquet",
         "evaluation_episodes": "evaluate/ends.parquet",
         "champion": "best.json",
     }
+    for role, name in named.items():
+        (moved / manifests.ROLES[role]).rename(moved / name)
+    scene = scene_of(replace(composed.experiment.mission, control_period_s=20.0))
+    manifests.write(moved, composed.config, [], scene=scene)
     told = json.loads((moved / artifacts.MANIFEST).read_text())
     assert told["files"].items() >= manifests.ROLES.items()
     told["files"] |= named
@@ -56,7 +55,7 @@ def test_files_and_scene_are_what_the_manifest_says(run: tuple[Job, Path], tmp_p
     assert source.read_controller(moved).systems == source.read_controller(folder).systems
 
 
-def test_an_evaluation_is_read_with_its_surroundings(run: tuple[Job, Path]) -> None:
+def test_an_evaluation_is_read_with_its_surroundings_and_shown(run: tuple[Job, Path], tmp_path: Path) -> None:
     composed, folder = run
     mission, evaluation = composed.experiment.mission, runs.read_evaluation(folder)
     assert evaluation.position_m.shape == (5, mission.num_controls + 1, 3)
@@ -66,8 +65,5 @@ def test_an_evaluation_is_read_with_its_surroundings(run: tuple[Job, Path]) -> N
     assert around.max_distance_m == mission.deputy.max_distance_m
     assert around.threshold_percent == mission.inspection_threshold_percent
     assert around.chief_radius_m == mission.chief.inspection_radius_m
-
-
-def test_it_is_shown(run: tuple[Job, Path], tmp_path: Path) -> None:
-    viewer.save(campaign.scene(run[1]), tmp_path / "x.rrd")
+    viewer.save(campaign.scene(folder), tmp_path / "x.rrd")
     assert (tmp_path / "x.rrd").stat().st_size > 10_000
