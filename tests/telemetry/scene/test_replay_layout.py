@@ -49,7 +49,8 @@ def test_layout_holds_every_view_and_plays_the_flight_in_a_minute(replay_file):
     for chunk in reader.stream(store=reader.blueprints()[0]):
         if chunk.entity_path == "/time_panel":
             batch = chunk.to_record_batch()
-            panel |= {name: batch.column(name).to_pylist()[0] for name in batch.schema.names}
+            names = [name for name in batch.schema.names if name.startswith("TimePanelBlueprint:")]
+            panel |= {name: batch.column(name).to_pylist()[0] for name in names}
     assert panel["TimePanelBlueprint:timeline"] == ["time"]
     assert panel["TimePanelBlueprint:playback_speed"] == [60.0]
 
