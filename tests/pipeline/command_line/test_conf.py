@@ -18,13 +18,14 @@ VALUES = [path for path in FILES if path.relative_to(conf_folder()).parts[0] not
 VALUES = [path for path in VALUES if path.parent.name not in ("controller", "champions", "requirements")]
 
 
+def composed(name):
+    return compose_experiment([f"+experiment={name}", "controller=file", "controller.path=x.json"]).experiment
+
+
 @pytest.mark.parametrize("name", EXPERIMENTS)
 def test_every_experiment_composes(name):
-    experiment = compose_experiment(
-        [f"+experiment={name}", "controller=file", "controller.path=x.json"]
-    ).experiment
-    assert experiment.name == name
-    assert experiment.stages
+    assert composed(name).name == name
+    assert composed(name).stages
 
 
 PROBLEM = "problem"
@@ -80,36 +81,29 @@ def test_the_fixed_keys_stand():
 
 def test_the_papers_numbers():
     config = plain_config()
-    assert config["orbit"]["mean_motion_rad_s"] == 0.0011068
-    assert config["deputy"]["mass_kg"] == 12
-    assert config["deputy"]["max_force_n"] == 1
-    assert config["deputy"]["max_torque_n_m"] == 0.010
-    assert (config["deputy"]["min_distance_m"], config["deputy"]["max_distance_m"]) == (15, 200)
+    papers = """
+        orbit: {mean_motion_rad_s: 0.0011068}
+        deputy: {mass_kg: 12, max_force_n: 1, max_torque_n_m: 0.010, min_distance_m: 15, max_distance_m: 200}
+        sensor: {half_angle_deg: 15, boresight: [-1, 0, 0]}
+        chief: {inspection_radius_m: 10}
+        optimizer: {population_size: 200, generations: 500, tournament_size: 4, crossover_rate: 0.8}
+        monte_carlo: {num_cases: 1000, min_distance_m: 50, max_distance_m: 100}
+        """
+    for group, told in yaml.safe_load(papers).items():
+        assert config[group].items() >= told.items()
     assert math.hypot(*config["deputy"]["initial_position_m"]) == pytest.approx(75, rel=1e-15)
     assert len(set(config["deputy"]["initial_position_m"])) == 1
-    sensor = {"half_angle_deg": 15, "boresight": [-1, 0, 0]}
     beyond = {"max_incidence_deg": 90, "max_range_m": None, "min_sun_angle_deg": 0}
-    assert config["sensor"] == sensor | beyond
+    assert config["sensor"].items() >= beyond.items()
     assert config["light"] == {"shadow": "none", "past_terminator_deg": 0, "reflection": "none"}
-    assert config["chief"]["inspection_radius_m"] == 10
+    assert config["optimizer"]["elitism_rate"] == 0.1
     assert config["inspection_threshold_percent"] == 95
     assert (config["duration_s"], config["control_period_s"]) == (3600, 10)
-    algorithm = config["optimizer"]
-    assert (algorithm["population_size"], algorithm["generations"], algorithm["tournament_size"]) == (
-        200,
-        500,
-        4,
-    )
-    assert (algorithm["crossover_rate"], algorithm["elitism_rate"]) == (0.8, 0.1)
-    assert config["monte_carlo"]["num_cases"] == 1000
-    assert (config["monte_carlo"]["min_distance_m"], config["monte_carlo"]["max_distance_m"]) == (50, 100)
 
 
 @pytest.mark.parametrize("name", ["train", "train_champion"])
 def test_no_controller_that_breaks_a_limit_beats_one_that_breaks_none(name):
-    experiment = compose_experiment(
-        [f"+experiment={name}", "controller=file", "controller.path=x.json"]
-    ).experiment
+    experiment = composed(name)
     deputy = experiment.mission.deputy
     penalty = experiment.optimizer.penalty.of_round(experiment.optimizer.rounds - 1)
     # the greatest delta-v: full force along three axes all the time
@@ -118,6 +112,4 @@ def test_no_controller_that_breaks_a_limit_beats_one_that_breaks_none(name):
     short, missed = penalty.short_point_m_s, penalty.missed_point_m_s
     if name == "train":  # the champion's training puts a price on points, see conf/optimizer/champion.yaml
         assert short / cases > greatest + 99 * missed
-    assert (
-        penalty.outside_m_s / cases > greatest + 95 * penalty.short_point_m_s + 99 * penalty.missed_point_m_s
-    )
+    assert penalty.outside_m_s / cases > greatest + 95 * short + 99 * missed

@@ -2,7 +2,6 @@
 
 import os
 import re
-import shutil
 import subprocess
 import sys
 import tomllib
@@ -27,106 +26,64 @@ from pipeline.command_line.overrides import (
 from pipeline.flight.state.signals import SIGNALS
 from pipeline.run import maker
 
-HEAVY = [
-    "numpy",
-    "numba",
-    "sklearn",
-    "matplotlib",
-    "deap",
-    "pyarrow",
-    "rerun",
-    "mcap",
-    "skfuzzy",
-    "pipeline.flight.fly.many",
-]
+HEAVY = ["numpy", "numba", "sklearn", "matplotlib", "deap", "pyarrow", "rerun", "mcap", "skfuzzy"]
+HEAVY += ["pipeline.flight.fly.many"]
 
 
-def run_python(*arguments: str, folder: Path, path: Path) -> subprocess.CompletedProcess[str]:
+def run_python(*arguments: str, folder: Path, path: Path = maker.SOURCES) -> CompletedProcess[str]:
     environment = {**os.environ, "PYTHONPATH": str(path)}
     command = [sys.executable, *arguments]
     return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)  # noqa: S603
 
 
-def test_a_mistake_is_told_before_anything_heavy_is_loaded(tmp_path):
-    code = (
-        "import sys; from pipeline.command_line.cli import main; code = main(['+experiment=fly', 'sede=3']); "
-        f"print(code, [name for name in {HEAVY} if name in sys.modules])"
-    )
-    done = run_python("-c", code, folder=tmp_path, path=maker.SOURCES)
-    assert done.stdout == "2 []\n"
-
-
-def test_a_flight_loads_neither_scipy_nor_tables_nor_readers_of_other_programs(tmp_path):
-    unused = ["scipy", "pyarrow", "fis_tools.formats.exchange.dialect"]
-    code = (
-        "import sys, pipeline.command_line.cli, pipeline.controllers.source, pipeline.stages.record\n"
-        f"print([name for name in {unused} if name in sys.modules])"
-    )
-    assert run_python("-c", code, folder=tmp_path, path=maker.SOURCES).stdout == "[]\n"
+def test_a_mistake_and_a_flight_load_no_more_than_they_need(tmp_path):
+    """A mistake nothing heavy; a flight neither SciPy nor tables nor readers of other programs."""
+    code = f"""
+import sys
+from pipeline.command_line.cli import main
+print(main(["+experiment=fly", "sede=3"]), [name for name in {HEAVY} if name in sys.modules])
+import pipeline.controllers.source, pipeline.stages.record
+unused = ("scipy", "pyarrow", "fis_tools.formats.exchange.dialect")
+print([name for name in unused if name in sys.modules])
+"""
+    assert run_python("-c", code, folder=tmp_path).stdout == "2 []\n[]\n"
 
 
 def test_ctrl_c_while_the_program_is_loaded_ends_in_a_sentence(tmp_path):
-    code = (
-        "import sys\n"
-        "from pipeline.__main__ import main\n"
-        "class Stopping:\n"
-        "    def find_spec(self, name, path, target=None):\n"
-        "        if name == 'hydra': raise KeyboardInterrupt\n"
-        "sys.meta_path.insert(0, Stopping())\n"
-        "sys.exit(main())"
-    )
-    done = run_python("-c", code, folder=tmp_path, path=maker.SOURCES)
+    code = """
+import sys
+from pipeline.__main__ import main
+class Stopping:
+    def find_spec(self, name, path, target=None):
+        if name == "hydra": raise KeyboardInterrupt
+sys.meta_path.insert(0, Stopping())
+sys.exit(main())
+"""
+    done = run_python("-c", code, folder=tmp_path)
     assert done.returncode == 130
     assert done.stderr == "\ninterrupted before anything was done; nothing to keep\n"
 
 
-@pytest.mark.slow
-def test_it_runs_where_conf_lies_inside_the_package(tmp_path):
-    for package in ("pipeline", "fis_tools", "telemetry"):
-        ignored = shutil.ignore_patterns("__pycache__", "conf")
-        shutil.copytree(maker.SOURCES / package, tmp_path / "installed" / package, ignore=ignored)
-    shutil.copytree(conf_folder(), tmp_path / "installed" / "pipeline" / "conf")
-    (tmp_path / "elsewhere").mkdir()
-    words = ["-m", "pipeline", "+experiment=fly", "controller=coast", "--cfg", "job"]
-    done = run_python(*words, folder=tmp_path / "elsewhere", path=tmp_path / "installed")
-    assert (done.returncode, done.stderr) == (0, "")
-    assert "name: fly" in done.stdout
-    misspelt = run_python(
-        "-m", "pipeline", "+experiment=fyl", folder=tmp_path / "elsewhere", path=tmp_path / "installed"
-    )
-    assert misspelt.returncode == 2
-    assert misspelt.stderr.startswith("error: there is no experiment=fyl; did you mean fly?")
+def test_to_warm_each_experiment_is_started_twice_in_new_folders_and_a_failure_ends_it(monkeypatch, capsys):
+    started, codes = [], [0] * 2 * len(cli.WARMED) + [2]
 
+    def run(command, **_):
+        started.append(command)
+        return CompletedProcess(command, codes[len(started) - 1])
 
-def test_the_distributions_name_is_the_projects():
-    project = tomllib.loads((maker.SOURCES / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    assert project["name"] == maker.DISTRIBUTION
-    assert maker.product_version() == project["version"]
-
-
-@pytest.mark.parametrize("words", cli.WARMED, ids=" ".join)
-def test_each_run_is_one_of_the_shipped_experiments(words):
-    assert compose_experiment(list(words)).experiment.stages
-
-
-def test_each_is_started_twice_in_new_folders_and_a_failure_ends_it(monkeypatch, capsys):
-    started = []
-    monkeypatch.setattr(
-        cli.subprocess, "run", lambda command, **_: started.append(command) or CompletedProcess(command, 0)
-    )
+    monkeypatch.setattr(cli.subprocess, "run", run)
     assert main(["warm"]) == 0
     assert len({command[-1] for command in started}) == 2 * len(cli.WARMED)
     assert [command[3:-1] for command in started[::2]] == [list(words) for words in cli.WARMED]
-    monkeypatch.setattr(cli.subprocess, "run", lambda command, **_: CompletedProcess(command, 2))
+    for words in cli.WARMED:
+        assert compose_experiment(list(words)).experiment.stages
     assert main(["warm"]) == 2
     assert main(["warm", "champion_27"]) == 2
     assert "error: warm takes no arguments" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(("arguments", "code"), [([], 2), (["--help"], 0), (["-h"], 0)])
-def test_help_lists_experiments_controllers_and_signals_with_units(
-    arguments, code, capsys, tmp_path, monkeypatch
-):
+def test_help_lists_experiments_controllers_and_signals(arguments, code, capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert main(arguments) == code
     text = capsys.readouterr().out
@@ -147,10 +104,10 @@ def test_help_lists_the_users_own(capsys, tmp_path):
     assert re.search(r"^  own +My own flight\.$", capsys.readouterr().out, re.MULTILINE)
 
 
-def test_version(capsys):
+def test_name_and_version_are_the_projects(capsys):
+    project = tomllib.loads((maker.SOURCES / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     assert main(["--version"]) == 0
-    assert capsys.readouterr().out == f"fuzzy-spacecraft-inspection {maker.product_version()}\n"
-    assert re.fullmatch(r"\d+\.\d+\.\d+\S*", maker.product_version())
+    assert capsys.readouterr().out == f"{project['name']} {project['version']}\n"
 
 
 GROUPS = {"sun": ["fixed", "mixed", "random"]}
@@ -181,18 +138,16 @@ def test_a_sweep_is_every_value_with_every_other() -> None:
     expected = [["seed=1", "name=x", "sun=fixed"], ["seed=1", "name=x", "sun=random"]]
     assert list(runs) == [*expected, *[["seed=2", *words[1:]] for words in expected]]
     assert list(single_runs(parse(["seed=range(1,3)"]), {})) == [["seed=1"], ["seed=2"]]
+    with pytest.raises(ConfigError, match=r"seed=interval\(1,2\) is an interval"):
+        check_sweeps(parse(["seed=interval(1,2)"]), is_multirun=True)
 
 
 def test_folders_of_a_sweep_are_named_by_what_differs() -> None:
-    words = [
-        "+experiment=evaluate",
-        "seed=1,2",
-        "controller=x/a b.json,y/a b.json",
-        "monte_carlo.num_cases=9",
-    ]
-    differing = differences_of(parse(rewrite_paths(words)), {})
+    words = ["+experiment=evaluate", "seed=1,2", "controller=x/a b.json,y/a b.json", "duration_s=9"]
+    read = parse(rewrite_paths(words))
+    differing = differences_of(read, {})
     assert differing[1] == {"seed": "1", "controller": "y/a b.json"}
-    assert len(differing) == len(list(single_runs(parse(rewrite_paths(words)), {}))) == 4
+    assert len(differing) == len(list(single_runs(read, {}))) == 4
     names = folder_names(differing)
     assert names[0] == "seed=1+controller=a-b.json"
     assert len(set(names)) == 4  # also those whose words are the same
@@ -206,11 +161,6 @@ def test_two_runs_are_compared_by_their_folders() -> None:
     assert read_arguments(["compare=default"]).compare is None
     with pytest.raises(ConfigError, match="takes nothing else"):
         read_arguments(["compare=a,b", "seed=1"])
-
-
-def test_an_interval_is_no_sweep() -> None:
-    with pytest.raises(ConfigError, match=r"seed=interval\(1,2\) is an interval"):
-        check_sweeps(parse(["seed=interval(1,2)"]), is_multirun=True)
 
 
 def test_the_runs_of_a_sweep_lie_side_by_side() -> None:

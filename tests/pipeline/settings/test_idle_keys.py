@@ -52,24 +52,25 @@ def test_a_key_that_counts_for_nothing_is_refused(words, message):
     assert message in str(refusal.value)
 
 
-@pytest.mark.parametrize(
-    "words",
-    [
-        "navigation.mode=fixes navigation.noise_m=5",
-        "sun=random sun.elevation_range_deg=[-10,10]",
-        "light=shadow orbit.radius_m=7000000",
-        "safety.kind=filter safety.braking_force_n=0.5",
-        "optimizer.rounds=2 optimizer.next_round=carried",
-    ],
-)
+COUNTING = [
+    ("navigation.mode=fixes", "navigation.noise_m=5"),
+    ("sun=random", "sun.elevation_range_deg=[-10,10]"),
+    ("light=shadow", "orbit.radius_m=7000000"),
+    ("safety.kind=filter", "safety.braking_force_n=0.5"),
+    ("optimizer.rounds=2", "optimizer.next_round=carried"),
+]
+
+
+@pytest.mark.parametrize("words", COUNTING, ids=" ".join)
 def test_a_key_that_counts_is_taken(words):
-    config = compose_experiment([*FLY, *words.split()]).config
-    key, _, value = words.split()[-1].partition("=")
-    group, _, name = key.partition(".")
-    assert config[group][name] == yaml.safe_load(value)
+    key, _, value = words[-1].partition("=")
+    assert value_at(compose_experiment([*FLY, *words]).config, key) == yaml.safe_load(value)
 
 
-def test_what_a_file_says_in_vain_is_told_and_left_out(tmp_path, capsys):
+def test_what_counts_for_nothing_is_left_out_and_told_if_a_file_says_it(tmp_path, capsys):
+    config = compose_experiment([*FLY, "world=leo", "sun=fixed", "sun.angle_deg=60"]).config
+    assert config["sun"] == {"mode": "fixed", "angle_deg": 60, "elevation_deg": 0.0}
+    assert capsys.readouterr().err == ""
     (tmp_path / "world").mkdir()
     (tmp_path / "world" / "own.yaml").write_text("# @package _global_\ndynamics: {j2: 0.001}\n")
     config = compose_experiment([*FLY, "world=own"], tmp_path).config
@@ -77,24 +78,16 @@ def test_what_a_file_says_in_vain_is_told_and_left_out(tmp_path, capsys):
     assert "note: a file sets dynamics.j2, but dynamics.j2 counts only with" in capsys.readouterr().err
 
 
-def test_what_an_override_makes_idle_is_left_out(capsys):
-    config = compose_experiment([*FLY, "world=leo", "sun=fixed", "sun.angle_deg=60"]).config
-    assert config["sun"] == {"mode": "fixed", "angle_deg": 60, "elevation_deg": 0.0}
-    assert capsys.readouterr().err == ""
-
-
-def test_flights_of_an_evaluation_are_not_those_of_evidence(tmp_path, monkeypatch, capsys):
+def test_keys_of_other_stages_are_told_or_refused_where_they_mislead(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     assert main(["+experiment=assure", "controller=coast", "monte_carlo.num_cases=500"]) == 2
     assert "monte_carlo.num_cases counts in the stages scenario, search, train," in capsys.readouterr().err
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_keys_that_no_stage_reads_are_told(capsys):
     words = ["optimizer.generations=5", "assurance.num_cases=5", "seed=3"]
     assert main([*FLY, *words, "--cfg", "job"]) == 0
-    told = capsys.readouterr().err
-    assert told == "note: no stage of this run reads optimizer.generations, assurance.num_cases\n"
+    told = capsys.readouterr()
+    assert told.err == "note: no stage of this run reads optimizer.generations, assurance.num_cases\n"
+    assert "mass_kg: 12.0" in told.out
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_configuration_of_the_first_version_is_read_with_its_idle_numbers():
@@ -118,18 +111,14 @@ def test_a_configuration_holds_each_key_that_counts_and_no_other():
         assert (node is not key) == key.exists(config), key.name
 
 
-def test_every_key_and_group_has_a_meaning():
+def test_every_key_and_group_has_a_meaning_and_a_row():
     names = {*schema(), *tables()} - {""}
     assert [name for name in names if not descriptions().get(name, "").endswith(".")] == []
-
-
-def test_a_row_says_default_unit_range_and_condition():
     rows = hooks.tables_of_keys().splitlines()
     assert "`mass_kg` **d**|`12.0` kg|greater than 0|Mass." in rows
     (row,) = (row for row in rows if row.startswith("`range_noise_m`"))
     assert row.startswith("`range_noise_m` **t**|`0.1` m|greater than 0|Standard deviation of a range.")
     assert row.endswith("Only with `navigation.measures=range_bearing`.")
-    assert "`num_points`|`100`|whole, from 1 to 10000|" in hooks.tables_of_keys()
 
 
 def test_a_commented_configuration_reads_back_to_the_same_data():
@@ -141,9 +130,7 @@ def test_a_commented_configuration_reads_back_to_the_same_data():
 
 def test_help_on_a_group_a_key_and_what_is_no_key(capsys):
     assert main(["--help", "safety"]) == 0
-    assert (
-        "  safety.braking_force_n=0.8 N\n      Greatest force along each Hill axis" in capsys.readouterr().out
-    )
+    assert "  safety.braking_force_n=0.8 N\n      Greatest force along each" in capsys.readouterr().out
     assert main(["--help", "sun.mode", "seed"]) == 0
     told = capsys.readouterr().out
     assert "(fixed, random, mixed)" in told
