@@ -19,6 +19,8 @@ from pipeline.controllers.source import controller_of_run
 from pipeline.flight.control.controller import Controller, from_fuzzy
 from pipeline.flight.fly.simulation import fly_logged
 from pipeline.flight.state.log import FlightLog, Scenario
+from pipeline.recording.recorder import FlightRecorder
+from pipeline.settings.experiment import Mission
 from tests.places import PROJECT
 
 #: twelve points on a chief that shows all sides to the Sun: complete after 200 s, then adrift over the limit
@@ -74,6 +76,14 @@ def contents(path: Path) -> Contents:
 @cache
 def composed(*overrides: str) -> Job:
     return compose_experiment(["+experiment=fly", *overrides])
+
+
+def recorded(path: Path, mission: Mission, controller: Controller, start: Scenario) -> FlightLog:
+    """Fly, record in a file, and return the log."""
+    log = fly_logged(mission, controller, start)
+    recorder = FlightRecorder(mission, controller, seed=3, config=composed().config, near_limit_m=5.0)
+    recorder.record(path, start, log, scenario_id="x")
+    return log
 
 
 def champion() -> Controller:

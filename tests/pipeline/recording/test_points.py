@@ -17,29 +17,25 @@ from pipeline.flight.fly.simulation import fly_logged
 from pipeline.flight.state.log import FlightLog
 from pipeline.flight.world.pack import pack_world
 from pipeline.recording.points import parts_of_points, sensed_of_points
-from pipeline.recording.recorder import FlightRecorder
 from pipeline.settings.experiment import Mission
 from tests.pipeline.flight.as_written import written
 from tests.pipeline.flight.cases import STARTS, controller, leaning_system, mission
+from tests.pipeline.recording.cases import recorded
 from tests.places import PROJECT
 from tests.readable_flight.see_push import KS2, cheapest_looks
 from tests.readable_flight.tour import tour_push
 from tests.readable_flight.urgency import turned_aside, urgency
 
+HALF = {"attitude": {"mode": "ideal"}, "duration_s": 1800.0}
+REAL = {
+    "light": {"shadow": "conical"},
+    "sensor": {"max_incidence_deg": 70.0},
+    "navigation": {"mode": "fixes"},
+}
 WORLDS = {
-    "the paper's": mission(attitude={"mode": "ideal"}, duration_s=1800.0),
-    "tumbling": mission(
-        attitude={"mode": "ideal"},
-        chief={"initial_angular_velocity_rad_s": (0.01, -0.02, 0.005)},
-        duration_s=1800.0,
-    ),
-    "low orbit": mission(
-        duration_s=1800.0,
-        attitude={"mode": "ideal"},
-        light={"shadow": "conical"},
-        sensor={"max_incidence_deg": 70.0},
-        navigation={"mode": "fixes"},
-    ),
+    "the paper's": mission(**HALF),
+    "tumbling": mission(**HALF, chief={"initial_angular_velocity_rad_s": (0.01, -0.02, 0.005)}),
+    "low orbit": mission(**HALF, **REAL),
 }
 SHIPPED = sorted((PROJECT / "conf" / "controller").glob("*.yaml"))
 
@@ -153,9 +149,8 @@ def test_what_coasting_would_miss_is_not_seen_by_coasting() -> None:
     np.testing.assert_array_equal(log.is_missed[asked].sum(axis=1), log.foreseen[asked, 0])
     for k in asked[:: max(1, len(asked) // 4)]:
         angle = log.sun_angle_rad[k]
-        start = replace(
-            STARTS[0], position_m=log.position_m[k], velocity_m_s=log.velocity_m_s[k], sun_angle_rad=angle
-        )
+        place = {"position_m": log.position_m[k], "velocity_m_s": log.velocity_m_s[k]}
+        start = replace(STARTS[0], **place, sun_angle_rad=angle)
         left = replace(what, duration_s=what.duration_s - k * what.control_period_s)
         seen = fly_logged(left, coast(), start).is_inspected[-1] | log.is_inspected[k]
         # on the way the camera sees a few more than at the places that are previewed
@@ -166,11 +161,7 @@ def test_what_coasting_would_miss_is_not_seen_by_coasting() -> None:
 def test_a_recording_holds_what_rehearsals_cost(tmp_path: Path) -> None:
     flying = from_fuzzy(serialize.load(PROJECT / "conf" / "controller" / "champion_27_rehearsed.yaml"))
     what = replace(WORLDS["the paper's"], duration_s=600.0)
-    log, recorder = (
-        fly_logged(what, flying, STARTS[0]),
-        FlightRecorder(what, flying, seed=0, config={}, near_limit_m=2.0),
-    )
-    recorder.record(tmp_path / "x.mcap", STARTS[0], log, "x")
+    log = recorded(tmp_path / "x.mcap", what, flying, STARTS[0])
     (told,) = telemetry.read(tmp_path / "x.mcap").rehearsals.values()
     assert told.costs_m_s == tuple(log.push_costs_m_s.tolist())
     assert told.names[0] == "0 mm/s radially, 0 along the track, 0 across"
@@ -187,8 +178,7 @@ def test_a_recording_holds_them_and_one_without_such_inputs_has_no_topic(tmp_pat
     what = WORLDS["the paper's"]
     for name, senses in (("champion_27", True), ("paper_champion", False)):
         flying = from_fuzzy(serialize.load(PROJECT / "conf" / "controller" / f"{name}.yaml"))
-        recorder = FlightRecorder(what, flying, seed=0, config={}, near_limit_m=2.0)
-        recorder.record(tmp_path / "x.mcap", STARTS[0], fly_logged(what, flying, STARTS[0]), "x")
+        recorded(tmp_path / "x.mcap", what, flying, STARTS[0])
         flight = telemetry.read(tmp_path / "x.mcap")
         assert ("/chief/pulls" in flight.topics) == ("pulls" in flight.metadata) == senses
         if senses:

@@ -13,9 +13,8 @@ import telemetry
 from fis_tools.formats import serialize
 from fis_tools.model.thrust import thrust_logic
 from pipeline.flight.control.controller import Controller, coast, open_loop
-from pipeline.flight.fly.simulation import fly_logged
 from pipeline.flight.state.log import Scenario
-from pipeline.recording.recorder import FlightRecorder, controller_text, directions
+from pipeline.recording.recorder import directions
 from pipeline.run.runner import run_stages
 from tests.pipeline.recording import cases
 from tests.pipeline.recording.cases import Contents
@@ -25,11 +24,8 @@ SHORT = ("duration_s=100.0",)
 
 def recorded(path: Path, controller: Controller) -> Contents:
     """The miniature flight of a controller, from 75 m along i."""
-    run = cases.composed(*SHORT)
-    mission, scenario = run.experiment.mission, Scenario(np.array([75.0, 0.0, 0.0]), np.zeros(3), 0.3)
-    log = fly_logged(mission, controller, scenario)
-    recorder = FlightRecorder(mission, controller, seed=3, config=run.config, near_limit_m=5.0)
-    recorder.record(path, scenario, log, scenario_id="x")
+    start = Scenario(np.array([75.0, 0.0, 0.0]), np.zeros(3), 0.3)
+    cases.recorded(path, cases.composed(*SHORT).experiment.mission, controller, start)
     return cases.contents(path)
 
 
@@ -53,15 +49,9 @@ def test_the_log_of_an_eventful_flight(coasting: Contents):
     info, warning, error = 2, 3, 4
     assert [level for _, level, _ in lines] == [info, info, warning, error, warning]
     samples = [sample for sample, _, _ in lines]
-    assert samples == sorted(samples)
-    inspected, distance = (
-        coasting.values("/mission", "inspected_count"),
-        coasting.values("/mission", "distance_m"),
-    )
-    assert samples[0] == samples[1] == np.flatnonzero(inspected == 12)[0]
-    assert samples[2] == np.flatnonzero(distance > 140.0)[0]
-    assert samples[3] == np.flatnonzero(distance > 200.0)[0]
-    assert samples[4] == 90
+    inspected, distance = (coasting.values("/mission", key) for key in ("inspected_count", "distance_m"))
+    firsts = [np.flatnonzero(such)[0] for such in (inspected == 12, distance > 140.0, distance > 200.0)]
+    assert samples == [firsts[0], *firsts, 90]
     words = ("95 % reached", "complete: all 12", "from the greatest", "beyond the greatest", "end: 12 of 12")
     for (_, _, text), beginning in zip(lines, words, strict=True):
         assert beginning in text
@@ -70,20 +60,15 @@ def test_the_log_of_an_eventful_flight(coasting: Contents):
 def test_a_system_of_one_input_records_one(tmp_path):
     fuzzy = serialize.from_mapping(cases.composed().config["controller"])
     system = fuzzy.systems[0]
-    lean = replace(
-        system,
-        inputs=system.inputs[1:],
-        rules=tuple(replace(rule, antecedent=rule.antecedent.operands[1]) for rule in system.rules[:5]),
-    )
-    controller = Controller("lean", (lean,), "hill")
-    found = recorded(tmp_path / "lean.mcap", controller)
+    rules = tuple(replace(rule, antecedent=rule.antecedent.operands[1]) for rule in system.rules[:5])
+    lean = replace(system, inputs=system.inputs[1:], rules=rules)
+    found = recorded(tmp_path / "lean.mcap", Controller("lean", (lean,), "hill"))
     assert found.values("/fis/force_x", "inputs").shape == (10, 1)
     assert found.values("/fis/force_x", "firing_strengths").shape == (10, 5)
     assert json.loads(found.metadata["fis.force_x"]["input_names"]) == ["velocity_body_x"]
     # in Hill axes the output is the force along i, whatever the attitude
-    assert_array_equal(
-        found.values("/deputy/control", "force_hill_n")[:, 0], found.values("/fis/force_x", "output_n")
-    )
+    fired = found.values("/deputy/control", "force_hill_n")[:, 0]
+    assert_array_equal(fired, found.values("/fis/force_x", "output_n"))
     rebuilt = serialize.loads(found.attachments["controller.json"].decode(), "json")
     assert rebuilt.systems == (lean,)
     assert dict(rebuilt.attributes) == {"force_axes": "hill"}
@@ -97,12 +82,10 @@ def test_open_loop(tmp_path):
     applied = np.zeros((10, 3))
     applied[:2] = [[0.5, -0.25, 0.0], [0.0, 0.0, 1.0]]
     assert_array_equal(found.values("/deputy/control", "force_hill_n"), applied)
-    asked = np.zeros((10, 3))
-    asked[:2] = plan
+    asked = np.vstack((plan, np.zeros((8, 3))))
     attitude = Rotation.from_quat(found.values("/deputy/state", "quaternion")[:10])
-    np.testing.assert_allclose(
-        found.values("/deputy/control", "force_body_n"), attitude.inv().apply(asked), atol=1e-14
-    )
+    body = found.values("/deputy/control", "force_body_n")
+    np.testing.assert_allclose(body, attitude.inv().apply(asked), atol=1e-14)
     assert found.values("/mission", "delta_v_m_s")[-1] == pytest.approx(1.75 * 10.0 / 12.0, rel=1e-15)
     told = json.loads(found.attachments["controller.json"])
     assert (told["kind"], told["name"], told["force_axes"]) == ("open_loop", "table", "hill")
@@ -126,24 +109,14 @@ def test_ideal_pointing_and_another_clock(tmp_path):
     assert not found.values("/deputy/attitude", "torque_n_m").any()
 
 
-def test_a_controller_in_words_rebuilds_itself():
-    fuzzy = serialize.from_mapping(cases.composed().config["controller"])
-    text = controller_text(Controller(fuzzy.name, fuzzy.systems, "body", fuzzy=fuzzy))
-    assert serialize.loads(text, "json") == fuzzy
-
-
 def test_no_target_has_no_direction():
     vectors = np.array([[0.0, 0.0, 0.0], [3.0, 0.0, -4.0], [1e-9, 0.0, 0.0]])
     assert_array_equal(directions(vectors), [[0.0, 0.0, 0.0], [0.6, 0.0, -0.8], [1.0, 0.0, 0.0]])
 
 
 def test_what_was_asked_for_and_why_it_was_not_fired_is_recorded(tmp_path):
-    run = cases.composed("duration_s=3600.0", "chief.num_points=99")
-    mission, controller = run.experiment.mission, cases.champion()
-    scenario = Scenario(np.array([43.3, 43.3, 43.3]), np.zeros(3), np.pi)
-    log = fly_logged(mission, controller, scenario)
-    recorder = FlightRecorder(mission, controller, seed=3, config=run.config, near_limit_m=5.0)
-    recorder.record(tmp_path / "a.mcap", scenario, log, scenario_id="x")
+    controller, start = cases.champion(), Scenario(np.array([43.3, 43.3, 43.3]), np.zeros(3), np.pi)
+    cases.recorded(tmp_path / "a.mcap", cases.composed().experiment.mission, controller, start)
     found = telemetry.read(tmp_path / "a.mcap")
     control, logic = found["/deputy/control"], thrust_logic(controller.fuzzy)
     asked, reason, fired = control["force_asked_n"], control["reason"], control["force_hill_n"]

@@ -3,7 +3,6 @@
 import ctypes
 import subprocess
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 import pytest
@@ -14,8 +13,6 @@ from fis_tools.formats.c import parts, source
 from fis_tools.model import FuzzyController
 from fis_tools.model.thrust import LOGIC_REASONS, ThrustLogic, thrust_logic
 from pipeline.flight.control.controller import from_fuzzy
-from pipeline.flight.fly.simulation import fly_logged
-from pipeline.recording.recorder import FlightRecorder
 from pipeline.settings.experiment import Mission
 from telemetry.file.reader import Recording
 from tests.pipeline.flight.cases import STEERING, mission, random_starts
@@ -27,30 +24,27 @@ CONTROLLERS = PROJECT / "conf" / "controller"
 REASON_WORDS = np.array(LOGIC_REASONS)
 
 
-def shipped(name: str, **attributes: str) -> FuzzyController:
-    fuzzy = serialize.load(CONTROLLERS / f"{name}.yaml")
+def but(fuzzy: FuzzyController, **attributes: str) -> FuzzyController:
     return replace(fuzzy, attributes=tuple(sorted((dict(fuzzy.attributes) | attributes).items())))
 
 
-def steering(**attributes: str) -> FuzzyController:
-    assert STEERING.fuzzy is not None
-    attributes = dict(STEERING.fuzzy.attributes) | attributes
-    return replace(STEERING.fuzzy, attributes=tuple(sorted(attributes.items())))
+def shipped(name: str, **attributes: str) -> FuzzyController:
+    return but(serialize.load(CONTROLLERS / f"{name}.yaml"), **attributes)
 
 
+COASTING = {"dead_band_force_y_n": "0.01", "coast_below_points": "9", "coast_margin_m": "5"}
 #: controllers, each with how it is flown: dead bands, coasting, a decision period, body axes, a weak thruster
-FLOWN: dict[str, tuple[FuzzyController, Mission]] = {
-    "any Sun": (shipped("champion_any_sun"), mission()),
-    "fixed Sun, every 30 s": (shipped("champion_fixed_sun", decision_period_s="30"), mission()),
-    "ellipse, weak": (shipped("ellipse"), mission(deputy={"max_force_n": 0.015})),
-    "body axes": (shipped("paper_champion"), mission()),
-    "all of it in body axes": (
-        steering(
-            decision_period_s="20.0", dead_band_force_y_n="0.01", coast_below_points="9", coast_margin_m="5"
-        ),
+FLOWN: list[tuple[FuzzyController, Mission]] = [
+    (shipped("champion_any_sun"), mission()),
+    (shipped("champion_fixed_sun", decision_period_s="30"), mission()),
+    (shipped("ellipse"), mission(deputy={"max_force_n": 0.015})),
+    (shipped("paper_champion"), mission()),
+    # all of it in body axes
+    (
+        but(STEERING.fuzzy, decision_period_s="20.0", **COASTING),
         mission(deputy={"max_force_n": 0.02}, control_period_s=20.0),
     ),
-}
+]
 FLIGHTS_EACH = 5
 
 
@@ -141,12 +135,11 @@ def stepped(
 @pytest.mark.slow
 def test_c_fires_what_recorded_flights_fired(tmp_path, compiled):
     reasons: set[str] = set()
-    recorder_of = partial(FlightRecorder, seed=3, config=cases.composed().config, near_limit_m=5.0)
-    for controller, what in FLOWN.values():
+    for controller, what in FLOWN:
         library, flown = compiled(controller), from_fuzzy(controller)
         for start in random_starts(FLIGHTS_EACH, 31):
             path = tmp_path / "flight.mcap"
-            recorder_of(what, flown).record(path, start, fly_logged(what, flown, start), scenario_id="x")
+            cases.recorded(path, what, flown, start)
             found = telemetry.read(path)
             control = found["/deputy/control"]
             fired, asked, reason = stepped(library, controller, what, found)

@@ -14,9 +14,7 @@ from fis_tools.model.thrust import COMPONENTS
 from pipeline.controllers.source import WITH_PATHS, named
 from pipeline.flight.cases.actuators import thrust_errors
 from pipeline.flight.control.controller import Controller
-from pipeline.flight.fly.simulation import fly_logged
 from pipeline.flight.state.log import Scenario
-from pipeline.recording.recorder import FlightRecorder
 from pipeline.settings.experiment import Mission
 from telemetry.file import reader
 from telemetry.file.reader import Recording
@@ -28,7 +26,7 @@ from tests.places import PROJECT
 
 SHIPPED = sorted(path.stem for path in (PROJECT / "conf" / "controller").glob("*.yaml"))
 WORLDS = {"leo": ("world=leo",), "late": ("actuators=real", "actuators.delay_s=10.0"), "guarded": ()}
-DOCKING = {"docking": ("problem=docking", "safety=none")}
+DOCKING = {"docking": ("problem=docking", "safety=none", "duration_s=300.0")}
 DOCKS = ("champion_docking", "steady")
 FLOWN = [
     (name, world)
@@ -42,12 +40,10 @@ ROUNDING_N = 1e-12
 
 
 def recorded(path: Path, name: str, world: str) -> tuple[Mission, Controller, Recording]:
-    run = cases.composed("duration_s=900.0", *(WORLDS | DOCKING)[world])
-    mission = guarded(PASSIVE, duration_s=1800.0) if world == "guarded" else run.experiment.mission
+    composed = cases.composed("duration_s=900.0", *(WORLDS | DOCKING)[world]).experiment.mission
+    mission = guarded(PASSIVE, duration_s=1800.0) if world == "guarded" else composed
     controller = PAUSING if name == "pausing" else named(name, mission)
-    log = fly_logged(mission, controller, START)
-    recorder = FlightRecorder(mission, controller, seed=3, config=run.config, near_limit_m=5.0)
-    recorder.record(path, START, log, scenario_id="x")
+    cases.recorded(path, mission, controller, START)
     return mission, controller, telemetry.read(path)
 
 
