@@ -15,7 +15,7 @@ from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
 
 from pipeline.flight.state.signals import CONSTANTS, SIGNALS
-from pipeline.settings.reference import descriptions, in_code, of_group, rows_of, tables
+from pipeline.settings.schema import descriptions, in_code, of_group, rows_of, tables
 
 PROJECT = Path(__file__).resolve().parents[1]
 #: made by ``python -m docs.build``

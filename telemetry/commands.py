@@ -1,4 +1,21 @@
-"""The command line: ``python -m telemetry``."""
+"""Look at recorded inspection flights (MCAP files).
+
+`python -m pipeline +experiment=fly` writes its flight into episodes/ in its run folder. Any MCAP tool reads
+it too: open it in Foxglove, or run `rerun FILE.mcap`.
+
+For example:
+
+    python -m telemetry replay flight.mcap
+    python -m telemetry campaign outputs/evaluate/RUN
+    python -m telemetry screenshot flight.mcap -o pictures
+    python -m telemetry info flight.mcap
+    python -m telemetry recover flight.mcap.partial
+    python -m telemetry export flight.mcap --format parquet -o tables
+    python -m telemetry compare a.mcap b.mcap
+
+Exit codes: 0 success; 1 compared flights differ; 2 usage error, explained in one sentence; 130 Ctrl-C; 143
+ended by SIGTERM.
+"""
 
 import atexit
 import gc
@@ -282,25 +299,6 @@ COMMANDS: tuple[Callable[..., int | None], ...] = (
     *(info, recover, export, compare),
 )
 
-HELP = """\
-Look at recorded inspection flights (MCAP files).
-
-`python -m pipeline +experiment=fly` writes its flight into episodes/ in its run folder. Any MCAP tool reads
-it too: open it in Foxglove, or run `rerun FILE.mcap`.
-
-For example:
-
-    python -m telemetry replay flight.mcap
-    python -m telemetry campaign outputs/evaluate/RUN
-    python -m telemetry screenshot flight.mcap -o pictures
-    python -m telemetry info flight.mcap
-    python -m telemetry recover flight.mcap.partial
-    python -m telemetry export flight.mcap --format parquet -o tables
-    python -m telemetry compare a.mcap b.mcap
-
-Exit codes: 0 success; 1 compared flights differ; 2 usage error, explained in one sentence; 130 Ctrl-C; 143
-ended by SIGTERM.
-"""
 
 MISTAKE = 2
 #: as shells do for SIGINT
@@ -376,7 +374,7 @@ def command_line() -> App:
     """Return the commands, whose functions say what they take and what it means."""
     app = App(
         name="python -m telemetry",
-        help=HELP,
+        help=__doc__,
         help_format="markdown",
         version_flags=(),
         suppress_keyboard_interrupt=False,

@@ -53,7 +53,7 @@ def edit(arguments: Sequence[str]) -> int:
     except MissingExtra as error:
         raise ConfigError(str(error)) from error
     from fis_tools.edit.page import Editor  # noqa: PLC0415
-    from pipeline.edit.panels import panels  # noqa: PLC0415 - compiled code
+    from pipeline.edit import panels  # noqa: PLC0415 - compiled code
     from pipeline.evaluation.assurance.requirements import read  # noqa: PLC0415 - compiled code
     from pipeline.flight.state.signals import CONSTANTS  # noqa: PLC0415
 

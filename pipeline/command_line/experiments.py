@@ -4,7 +4,8 @@ import os
 import sys
 import time
 import traceback
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from pipeline.command_line import runs
 from pipeline.command_line.arguments import EXPERIMENT, Asked, ConfigError
 from pipeline.command_line.config import Job, check_stages, compose_experiment, compose_jobs, options
 from pipeline.command_line.overrides import (
+    Groups,
     check_overrides,
     check_sweeps,
     differences_of,
@@ -27,7 +29,7 @@ from pipeline.run import artifacts, configuration, sweep
 from pipeline.run.lock import held
 from pipeline.run.runner import Interrupted
 from pipeline.run.sweep import DONE, SWEEP, SweptRun, state_of
-from pipeline.settings.reference import commented
+from pipeline.settings.schema import commented
 
 
 def plan(asked: Asked) -> Callable[[], int]:
@@ -85,9 +87,7 @@ def _print(words: Sequence[str], asked: Asked) -> int:
     return OK
 
 
-def _sweep(
-    asked: Asked, overrides: Sequence[Override], groups: Mapping[str, Sequence[str]]
-) -> Callable[[], int]:
+def _sweep(asked: Asked, overrides: Sequence[Override], groups: Groups) -> Callable[[], int]:
     """Compose every combination of values, each in a folder named after them, and check them.
 
     Return a function that runs them all, in a new or an extended sweep, and returns the exit code.
@@ -108,7 +108,9 @@ def _sweep(
 
 def _start_sweep(jobs: Sequence[Job], swept: Sequence[SweptRun], folder: Path) -> int:
     with held(folder):
-        known = sweep.merged(sweep.read(folder) if (folder / SWEEP).exists() else [], swept)
+        # a sweep may be extended
+        earlier = sweep.read(folder) if (folder / SWEEP).exists() else []
+        known = list({run.folder: run for run in (*earlier, *swept)}.values())
         for job in jobs:
             # so that it can be resumed; what is there is kept
             if not (job.folder / artifacts.CONFIG).exists():
@@ -144,7 +146,7 @@ def _run_all(folder: Path, known: list[SweptRun], begun: Sequence[tuple[SweptRun
                 f"python -m pipeline resume={folder}"
             ) from interrupt
         codes.append(code)
-        known = sweep.with_failure(known, run.folder, failure)
+        known = [replace(one, failure=failure) if one.folder == run.folder else one for one in known]
         sweep.write(folder, known)
         per_run = (time.perf_counter() - started) / number
         word = f"FAILED: {failure}" if failure else "done"

@@ -1,21 +1,4 @@
-"""The help text: commands, experiments, controllers, and the signals that an input may sense."""
-
-from collections.abc import Sequence
-from pathlib import Path
-from typing import Any
-
-from omegaconf import OmegaConf
-
-from pipeline.command_line.arguments import ConfigError
-from pipeline.command_line.config import compose_node, job_of, options
-from pipeline.settings import reference
-from pipeline.settings.keys import unknown, value_at
-from pipeline.settings.places import conf_folder
-from pipeline.settings.reference import descriptions
-from pipeline.settings.schema import idle
-
-USAGE = """\
-Design, fly and review fuzzy controllers that inspect a spacecraft.
+"""Design, fly and review fuzzy controllers that inspect a spacecraft.
 
 usage: python -m pipeline +experiment=NAME [controller=NAME_OR_PATH] [key=value ...]
 
@@ -39,24 +22,25 @@ options: --help, --help EXPERIMENT (what people change in it), --help GROUP (its
          each key with its meaning, and stop)
 """
 
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from omegaconf import OmegaConf
+
+from pipeline.command_line.arguments import ConfigError
+from pipeline.command_line.config import compose_node, job_of, options
+from pipeline.settings import schema
+from pipeline.settings.keys import unknown, value_at
+from pipeline.settings.places import conf_folder
+from pipeline.settings.schema import descriptions, idle
+
 #: what people change, groups and keys, in this order
 OFTEN = (
-    "controller",
-    "problem",
-    "world",
-    "sun",
-    "seed",
-    "monte_carlo.num_cases",
-    "optimizer.population_size",
-    "optimizer.generations",
-    "starts",
-    "assurance.num_cases",
-    "assurance.searches",
-    "deputy.initial_position_m",
-    "safety",
-    "duration_s",
-    "deputy.mass_kg",
-    "guidance",
+    *("controller", "problem", "world", "sun", "seed", "monte_carlo.num_cases"),
+    *("optimizer.population_size", "optimizer.generations", "starts", "assurance.num_cases"),
+    *("assurance.searches", "deputy.initial_position_m", "safety", "duration_s", "deputy.mass_kg"),
+    *("guidance",),
 )
 MOST_OFTEN = 10
 INDENT = 6 * " "
@@ -88,7 +72,7 @@ def help_text(folders: Sequence[Path]) -> str:
         others.pop(shown, None)
     return "\n".join(
         [
-            USAGE,
+            __doc__ or "",
             "experiments (+experiment=NAME)",
             *_table(_described(folders, "experiment", groups)),
             "\ncontrollers (controller=NAME, or the path of a .json or .yaml file)",
@@ -102,7 +86,7 @@ def help_text(folders: Sequence[Path]) -> str:
             "\nother choices (GROUP=NAME)",
             *_table(list(others.items())),
             "\ngroups of keys (--help GROUP lists them; --cfg job prints all values)",
-            *_table([(name, descriptions()[name]) for name in reference.tables() if name]),
+            *_table([(name, descriptions()[name]) for name in schema.tables() if name]),
         ]
     )
 
@@ -118,7 +102,7 @@ def help_on(topics: Sequence[str], folders: Sequence[Path]) -> str:
     experiments = dict(_described(folders, "experiment", options(folders)))
     found = []
     for topic in topics:
-        text = _experiment(topic, experiments[topic]) if topic in experiments else reference.help_on(topic)
+        text = _experiment(topic, experiments[topic]) if topic in experiments else schema.help_on(topic)
         if not text:
             raise ConfigError(unknown(topic))
         found.append(f"{text}\n")
@@ -130,7 +114,7 @@ def _experiment(name: str, about: str) -> str:
     config: Any = OmegaConf.to_container(job_of(compose_node([f"+experiment={name}"])))
     unread = idle(config, stages=True)
     groups = options([conf_folder()])
-    lines = [f"+experiment={name}: {about}", f"  stages={reference.as_yaml(value_at(config, 'stages'))}"]
+    lines = [f"+experiment={name}: {about}", f"  stages={schema.as_yaml(value_at(config, 'stages'))}"]
     for key in [key for key in OFTEN if key in groups or key not in unread][:MOST_OFTEN]:
         if key in groups:
             lines += [
@@ -138,7 +122,7 @@ def _experiment(name: str, about: str) -> str:
                 f"      One of {', '.join(one for one in groups[key] if '/' not in one)}.",
             ]
         else:
-            lines += [f"  {key}={reference.as_yaml(value_at(config, key))}", f"{INDENT}{descriptions()[key]}"]
+            lines += [f"  {key}={schema.as_yaml(value_at(config, key))}", f"{INDENT}{descriptions()[key]}"]
     return "\n".join([*lines, "--cfg job prints all keys, --help GROUP those of a group."])
 
 

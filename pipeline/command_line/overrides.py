@@ -11,6 +11,8 @@ from hydra.errors import HydraException
 from pipeline.command_line.arguments import EXPERIMENT, ConfigError
 from pipeline.settings.keys import GONE, all_keys, choices_of, did_you_mean, is_key, nearest, renamed, unknown
 
+#: groups of options, to the names of these
+Groups = Mapping[str, Sequence[str]]
 CONTROLLER = "controller"
 TABLE_SUFFIX = ".csv"
 #: endings of files that a group takes instead of an option, and the option that reads them
@@ -91,7 +93,7 @@ def _values(text: str, value: str) -> list[str]:
     return [] if isinstance(override.value(), Glob) else _choices(override, ())
 
 
-def check_overrides(overrides: Sequence[Override], groups: Mapping[str, Sequence[str]]) -> None:
+def check_overrides(overrides: Sequence[Override], groups: Groups) -> None:
     """Raise ConfigError for unknown keys and options, with the nearest known one.
 
     Raises
@@ -152,26 +154,20 @@ def check_sweeps(overrides: Sequence[Override], is_multirun: bool) -> None:
             )
 
 
-def single_runs(overrides: Sequence[Override], groups: Mapping[str, Sequence[str]]) -> Iterator[list[str]]:
+def single_runs(overrides: Sequence[Override], groups: Groups) -> Iterator[list[str]]:
     """Yield the overrides of each run of a sweep: every combination of values."""
     for chosen in product(*(_written(override, groups) for override in overrides)):
         yield list(chosen)
 
 
-def differences_of(
-    overrides: Sequence[Override], groups: Mapping[str, Sequence[str]]
-) -> list[dict[str, str]]:
+def differences_of(overrides: Sequence[Override], groups: Groups) -> list[dict[str, str]]:
     """Return for each run of a sweep, in the order of `single_runs`, its differences: key to value."""
     swept = [override for override in overrides if override.is_sweep_override()]
-    keys = [_told_key(override.key_or_group) for override in swept]
+    # as they are typed: a path replaces its group, see `rewrite_paths`
+    paths = {f"{group}.path": group for group in SUFFIXES}
+    keys = [paths.get(override.key_or_group, override.key_or_group) for override in swept]
     values = [_choices(override, groups.get(override.key_or_group, ())) for override in swept]
     return [dict(zip(keys, chosen, strict=True)) for chosen in product(*values)]
-
-
-def _told_key(key: str) -> str:
-    """Return a key as it is typed: a path replaces its group, see `rewrite_paths`."""
-    group = key.removesuffix(".path")
-    return group if group in SUFFIXES else key
 
 
 def folder_names(differing: Sequence[Mapping[str, str]]) -> list[str]:
@@ -186,7 +182,7 @@ def folder_names(differing: Sequence[Mapping[str, str]]) -> list[str]:
     return names
 
 
-def _written(override: Override, groups: Mapping[str, Sequence[str]]) -> list[str]:
+def _written(override: Override, groups: Groups) -> list[str]:
     """Return an override as text, once for each value of its sweep."""
     text = override.input_line or ""
     if not override.is_sweep_override():

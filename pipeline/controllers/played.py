@@ -74,10 +74,8 @@ def read_played(path: Path, mission: Mission) -> Controller:
             "deputy; choose attitude=flown, or leave them out"
         )
     deputy = mission.deputy
-    for numbers, most, unit in (
-        (forces, deputy.max_force_n, "N"),
-        (turns.torques, deputy.max_torque_n_m, "N m"),
-    ):
+    clips = (forces, deputy.max_force_n, "N"), (turns.torques, deputy.max_torque_n_m, "N m")
+    for numbers, most, unit in clips:
         clipped = int(np.sum(np.abs(numbers) > most))
         if clipped:
             _LOG.warning("%s: %d components beyond %g %s are clipped", path, clipped, most, unit)

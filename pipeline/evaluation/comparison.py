@@ -32,18 +32,13 @@ class Reported:
     standard_deviations: dict[str, float]
 
 
-PAPER_TRAINING = Reported(
-    "training",
-    8,
-    {"delta_v_m_s": 4.799, "inspection_rate_percent": 99.748, "mean_distance_m": 67.030},
-    {"delta_v_m_s": 0.458, "inspection_rate_percent": 0.468, "mean_distance_m": 1.280},
-)
-PAPER_TEST = Reported(
-    "test",
-    1000,
-    {"delta_v_m_s": 5.62, "inspection_rate_percent": 96.667, "mean_distance_m": 66.629},
-    {"delta_v_m_s": 0.715, "inspection_rate_percent": 3.919, "mean_distance_m": 1.039},
-)
+def _reported(label: str, num_cases: int, *measures: tuple[float, float, float]) -> Reported:
+    names = ("delta_v_m_s", "inspection_rate_percent", "mean_distance_m")
+    return Reported(label, num_cases, *(dict(zip(names, numbers, strict=True)) for numbers in measures))
+
+
+PAPER_TRAINING = _reported("training", 8, (4.799, 99.748, 67.030), (0.458, 0.468, 1.280))
+PAPER_TEST = _reported("test", 1000, (5.62, 96.667, 66.629), (0.715, 3.919, 1.039))
 
 FLOWN, PUBLISHED, PLANNED = "flown", "published", "plans of least fuel"
 
@@ -165,16 +160,10 @@ def cells_in_words(row: ComparisonRow, guarded: ComparisonRow | None) -> list[st
     layer = ["", "", ""]
     if guarded is not None:
         layer = [share(guarded, "violated"), mean(guarded, "delta_v_m_s", 3), share(guarded, "safety_acted")]
-    return [
-        row.controller + mark,
-        "-" if row.rules is None else str(row.rules),
-        mean(row, "delta_v_m_s", 3),
-        rate(row),
-        share(row, SUCCESS),
-        share(row, "violated"),
-        f"{row.times['times_optimum']['mean']:.1f}" if row.times else "",
-        *layer,
-    ]
+    name, rules = row.controller + mark, "-" if row.rules is None else str(row.rules)
+    ended = share(row, SUCCESS), share(row, "violated")
+    times = f"{row.times['times_optimum']['mean']:.1f}" if row.times else ""
+    return [name, rules, mean(row, "delta_v_m_s", 3), rate(row), *ended, times, *layer]
 
 
 def mean(row: ComparisonRow, name: str, places: int) -> str:

@@ -1,13 +1,12 @@
 """An evaluation: one controller from many starts, as a table and as statistics."""
 
-from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.evaluation.statistics import Column, fraction, statistic, succeeds
+from pipeline.evaluation.statistics import Column, Columns, fraction, statistic, succeeds
 from pipeline.flight.cases.dispersions import drawn
 from pipeline.flight.cases.starts import columns_of
 from pipeline.flight.control.controller import Controller
@@ -55,9 +54,7 @@ def episode_columns(mission: Mission, scenarios: list[Scenario], outcomes: Outco
         "delta_v_m_s": outcomes.delta_v_m_s,
         "inspected_count": counts,
         "inspection_rate_percent": 100.0 * counts / num_points,
-        "mean_distance_m": outcomes.mean_distance_m,
-        "min_distance_m": outcomes.min_distance_m,
-        "max_distance_m": outcomes.max_distance_m,
+        **{name: vars(outcomes)[name] for name in ("mean_distance_m", "min_distance_m", "max_distance_m")},
         "success": outcomes.is_success(mission.inspection_threshold_percent),
         "violated": outcomes.is_violated,
         "safety_periods": outcomes.safety_periods,
@@ -83,7 +80,7 @@ def _propellant(mission: Mission, own: list[dict[str, float]], outcomes: Outcome
     return {"propellant_kg": masses * used}
 
 
-def summarise(episodes: Mapping[str, Column], confidence_percent: float) -> dict[str, Any]:
+def summarise(episodes: Columns, confidence_percent: float) -> dict[str, Any]:
     """Return means with standard deviations and intervals, and shares of cases with Wilson intervals."""
     names = ["delta_v_m_s", "inspection_rate_percent", "mean_distance_m"]
     shares = {"success": episodes["success"], "violated": episodes["violated"], SUCCESS: succeeds(episodes)}
@@ -102,7 +99,7 @@ def summarise(episodes: Mapping[str, Column], confidence_percent: float) -> dict
     }
 
 
-def rank(episodes: Mapping[str, Column]) -> NDArray[np.int64]:
+def rank(episodes: Columns) -> NDArray[np.int64]:
     """Return the rows of an evaluation from the worst to the best.
 
     A flight outside the limits is worse than one inside; then fewer points are worse; then more delta-v.

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.array_types import Floats
+from pipeline.settings.start_table import POSITION
 
 
 @dataclass(frozen=True)
@@ -94,12 +95,9 @@ def percentile(values: Floats, percent: float, confidence_percent: float) -> Per
     # P(fewer than r of n lie below the percentile) is at most the tail, for the greatest such r; and so above
     below = binomial_quantile(tail, number, share)
     above = binomial_quantile(1.0 - tail, number, share) + 1
-    return Percentile(
-        percent,
-        float(np.quantile(ordered, share, method="inverted_cdf")),
-        float(ordered[below - 1]) if below >= 1 else None,
-        float(ordered[above - 1]) if above <= number else None,
-    )
+    value = float(np.quantile(ordered, share, method="inverted_cdf"))
+    low = float(ordered[below - 1]) if below >= 1 else None
+    return Percentile(percent, value, low, float(ordered[above - 1]) if above <= number else None)
 
 
 def binomial_quantile(probability: float, number: int, share: float) -> int:
@@ -136,20 +134,20 @@ def _z(confidence_percent: float) -> float:
 
 
 Column = NDArray[Any]
+Columns = Mapping[str, Column]
 
 #: percentiles of the flights: upper ones of delta-v and greatest distance, lower ones of rate
 #: and least distance
+UPPER, LOWER = (50.0, 90.0, 99.0), (50.0, 10.0, 1.0)
 PERCENTS: Mapping[str, tuple[float, ...]] = {
-    "delta_v_m_s": (50.0, 90.0, 99.0),
-    "inspectable_rate_percent": (50.0, 10.0, 1.0),
-    "max_distance_m": (50.0, 90.0, 99.0),
-    "min_distance_m": (50.0, 10.0, 1.0),
+    **{"delta_v_m_s": UPPER, "inspectable_rate_percent": LOWER},
+    **{"max_distance_m": UPPER, "min_distance_m": LOWER},
 }
 #: quantities that dispersions are ranked by
 RANKED = ("delta_v_m_s", "inspectable_rate_percent")
 
 
-def percentiles(episodes: Mapping[str, Column], confidence_percent: float) -> dict[str, list[dict[str, Any]]]:
+def percentiles(episodes: Columns, confidence_percent: float) -> dict[str, list[dict[str, Any]]]:
     """Return percentiles with intervals by column, see `PERCENTS`."""
     return {
         name: [asdict(percentile(episodes[name], percent, confidence_percent)) for percent in percents]
@@ -157,9 +155,7 @@ def percentiles(episodes: Mapping[str, Column], confidence_percent: float) -> di
     }
 
 
-def sensitivity(
-    episodes: Mapping[str, Column], keys: Sequence[str], confidence_percent: float
-) -> list[dict[str, Any]]:
+def sensitivity(episodes: Columns, keys: Sequence[str], confidence_percent: float) -> list[dict[str, Any]]:
     """Rank dispersed settings by their correlation with delta-v and rate.
 
     Returns
@@ -176,14 +172,14 @@ def sensitivity(
     return sorted(found, key=lambda one: -max(abs(one[name]["value"]) for name in RANKED))
 
 
-def succeeds(episodes: Mapping[str, Column]) -> NDArray[np.bool_]:
+def succeeds(episodes: Columns) -> NDArray[np.bool_]:
     """Return which flights succeed: they inspect enough, and stay inside the limits."""
     found: NDArray[np.bool_] = np.asarray(episodes["success"]) & ~np.asarray(episodes["violated"])
     return found
 
 
 #: columns that identify a case's start: cases that share them are the same case
-START = ("position_x_m", "position_y_m", "position_z_m", "sun_angle_rad", "sun_elevation_rad")
+START = (*POSITION, "sun_angle_rad", "sun_elevation_rad")
 
 
 @dataclass(frozen=True)
@@ -196,7 +192,7 @@ class Metric:
     is_less_better: bool
     places: int
 
-    def of(self, episodes: Mapping[str, Column]) -> Floats:
+    def of(self, episodes: Columns) -> Floats:
         """Return its value per case; a share is 0 or 100 %."""
         column = succeeds(episodes) if self.name == "success" else episodes[self.name]
         return np.asarray(column * (100.0 if column.dtype == np.bool_ else 1.0), dtype=np.float64)
@@ -244,12 +240,10 @@ def difference(values: Floats, confidence_percent: float) -> Difference:
     return Difference(mean, mean - reach, mean + reach, number)
 
 
-def common_cases(
-    first: Mapping[str, Column], second: Mapping[str, Column]
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def common_cases(first: Columns, second: Columns) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Return the rows of the cases that two evaluations share, bit-identical in `START`."""
 
-    def keys(episodes: Mapping[str, Column]) -> list[bytes]:
+    def keys(episodes: Columns) -> list[bytes]:
         count = len(episodes["case"])
         nothing = np.zeros(count)  # earlier versions had no elevation
         starts = np.column_stack([episodes.get(name, nothing) for name in START])
@@ -286,9 +280,7 @@ class Compared:
     p_value: float
 
 
-def compare(
-    first: Mapping[str, Column], second: Mapping[str, Column], confidence_percent: float
-) -> list[Compared]:
+def compare(first: Columns, second: Columns, confidence_percent: float) -> list[Compared]:
     """Compare two runs by every metric on the cases that they share.
 
     Raises
@@ -349,7 +341,7 @@ class Effect:
     unit: str
 
 
-Flown = tuple[Mapping[str, str], Mapping[str, Column]]
+Flown = tuple[Mapping[str, str], Columns]
 
 
 def effects(runs: Sequence[Flown], confidence_percent: float) -> list[Effect]:
@@ -364,7 +356,7 @@ def effects(runs: Sequence[Flown], confidence_percent: float) -> list[Effect]:
     """
     found = []
     for factor in dict.fromkeys(name for levels, _ in runs for name in levels):
-        by_level: dict[str, dict[tuple[tuple[str, str], ...], Mapping[str, Column]]] = {}
+        by_level: dict[str, dict[tuple[tuple[str, str], ...], Columns]] = {}
         for levels, episodes in runs:
             rest = tuple((name, value) for name, value in levels.items() if name != factor)
             by_level.setdefault(levels[factor], {})[rest] = episodes
@@ -382,9 +374,7 @@ def effects(runs: Sequence[Flown], confidence_percent: float) -> list[Effect]:
     return found
 
 
-def _gained(
-    pairs: Sequence[tuple[Mapping[str, Column], Mapping[str, Column]]], metric: Metric
-) -> tuple[Floats, str]:
+def _gained(pairs: Sequence[tuple[Columns, Columns]], metric: Metric) -> tuple[Floats, str]:
     """Return the differences per pair of runs; for a single pair with common cases, those per case."""
     gained = []
     for first, second in pairs:

@@ -17,9 +17,10 @@ from pipeline.gym.env import (
     InspectionVectorEnv,
     NormalizedObservation,
     NormalizedVectorObservation,
+    ReachEnv,
+    ReachReward,
 )
 from pipeline.gym.episodes import AFRL, AFRL_WEIGHTED, Reward, Task, task_of
-from pipeline.gym.reach import ReachEnv, ReachReward
 from pipeline.gym.six_dof import AFRL_SIX_DOF, SixDofInspectionEnv, SixDofReward
 
 gymnasium.register(
@@ -28,4 +29,4 @@ gymnasium.register(
     vector_entry_point="pipeline.gym.env:InspectionVectorEnv",
 )
 gymnasium.register("SixDofInspection-v0", entry_point="pipeline.gym.six_dof:SixDofInspectionEnv")
-gymnasium.register("Reach-v0", entry_point="pipeline.gym.reach:ReachEnv")
+gymnasium.register("Reach-v0", entry_point="pipeline.gym.env:ReachEnv")

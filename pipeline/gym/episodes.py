@@ -16,23 +16,13 @@ from pipeline.array_types import Floats
 from pipeline.command_line.config import compose_experiment
 from pipeline.flight.cases.starts import PRIORITY, direction_of, draw
 from pipeline.flight.control.controller import open_loop
+from pipeline.flight.fly import stepping
 from pipeline.flight.fly.simulation import fly_logged
-from pipeline.flight.fly.stepping import (
-    CORRECTED,
-    NUM_ACTED,
-    NUM_INSPECTED,
-    NUM_UNSEEN,
-    OUTSIDE,
-    SPENT,
-    TARGET,
-    VELOCITY,
-    Flights,
-)
 from pipeline.flight.state.log import FlightLog, Scenario, points_needed
 from pipeline.flight.world.pack import inspection_points
 from pipeline.flight.world.surface import priority_weights
 from pipeline.physics.motion import nearest_in_orbit
-from pipeline.recording.recorder import FlightRecorder
+from pipeline.recording.recorder import recorder_of
 from pipeline.settings.experiment import Experiment, Mission
 
 Truths = NDArray[np.bool_]
@@ -118,15 +108,8 @@ class Task:
         speed, points = 1.0, float(mission.chief.num_points)
         distance = mission.deputy.max_distance_m
         size = mission.chief.inspection_radius_m
-        groups = (
-            [distance] * 3,
-            [speed] * 3,
-            [size] * 3,
-            [1.0] * 6,
-            [points] * 2,
-            [speed, mission.duration_s],
-        )
-        return np.concatenate([np.array(group) for group in groups])
+        amounts = (distance, speed, size, 1.0, points, speed, mission.duration_s)
+        return np.repeat(amounts, (3, 3, 3, 6, 2, 1, 1))
 
     def observation_space(self) -> "Box[np.float32]":
         """Return the space of observations, in physical units; no flight can leave it."""
@@ -200,7 +183,7 @@ class Episodes:
 
     def __init__(self, task: Task, num_episodes: int) -> None:
         self.task = task
-        self._flights = Flights(task.mission, num_episodes, is_tilted=task.is_tilted)
+        self._flights = stepping.Flights(task.mission, num_episodes, is_tilted=task.is_tilted)
         self._scenarios: list[Scenario | None] = [None] * num_episodes
         self._forces = np.zeros((num_episodes, task.mission.num_controls, 3))
         self._needed = np.zeros(num_episodes)
@@ -245,33 +228,30 @@ class Episodes:
         self._forces[rows, flights.samples[rows]] = forces[rows]
         flights.step(forces)
         now, inspected = flights.observed, self._inspected
-        is_outside = now[:, OUTSIDE] > 0.0
-        is_far = is_outside & (np.linalg.norm(now[:, :VELOCITY], axis=1) > self._middle_m)
+        is_outside = now[:, stepping.OUTSIDE] > 0.0
+        deputy = self.task.mission.deputy
+        middle_m = 0.5 * (deputy.min_distance_m + deputy.max_distance_m)
+        is_far = is_outside & (np.linalg.norm(now[:, : stepping.VELOCITY], axis=1) > middle_m)
         is_enough = inspected >= self._needed
         rewards = reward.per_point * (inspected - self._paid)
-        rewards -= reward.per_delta_v * (now[:, SPENT] - self._spent)
+        rewards -= reward.per_delta_v * (now[:, stepping.SPENT] - self._spent)
         rewards += reward.success * self._succeeds(is_begun & is_enough & (self._paid < self._needed))
         too_far = reward.outside if reward.too_far is None else reward.too_far
         rewards -= np.where(is_far, too_far, reward.outside * is_outside)
-        terminated = is_begun & (is_outside | (now[:, NUM_UNSEEN] == 0.0))
+        terminated = is_begun & (is_outside | (now[:, stepping.NUM_UNSEEN] == 0.0))
         truncated = is_begun & ~terminated & (flights.samples == self.task.mission.num_controls)
         if reward.as_afrl:
             terminated = is_begun & (is_outside & ~is_far | is_enough)
             truncated |= is_begun & is_far
-        self._spent[:] = now[:, SPENT]
+        self._spent[:] = now[:, stepping.SPENT]
         self._paid[:] = np.where(is_begun, inspected, 0.0) if reward.as_afrl else inspected
         return np.where(is_begun, rewards, 0.0), terminated, truncated
-
-    @property
-    def _middle_m(self) -> float:
-        deputy = self.task.mission.deputy
-        return 0.5 * (deputy.min_distance_m + deputy.max_distance_m)
 
     @property
     def _inspected(self) -> Floats:
         """How many points each has inspected, or their weight."""
         if self._weights is None:
-            return self._flights.observed[:, NUM_INSPECTED].copy()
+            return self._flights.observed[:, stepping.NUM_INSPECTED].copy()
         return np.asarray(np.sum(self._weights * self._flights.is_inspected, axis=1))
 
     def _succeeds(self, has_enough: Truths) -> Floats:
@@ -281,7 +261,7 @@ class Episodes:
         if self.task.reward.as_afrl and self._weights is not None:
             for row in np.flatnonzero(has_enough):
                 nearest = nearest_in_orbit(
-                    mission.orbit, mission.deputy, self._flights.observed[row, :TARGET]
+                    mission.orbit, mission.deputy, self._flights.observed[row, : stepping.TARGET]
                 )
                 signs[row] = 1.0 if nearest >= mission.deputy.min_distance_m else -1.0
         return signs
@@ -301,13 +281,13 @@ class Episodes:
         """What is told beside observations: see `pipeline.flight.fly.stepping`."""
         now = self._flights.observed
         return {
-            "delta_v_m_s": now[:, SPENT].copy(),
-            "num_inspected": now[:, NUM_INSPECTED].copy(),
+            "delta_v_m_s": now[:, stepping.SPENT].copy(),
+            "num_inspected": now[:, stepping.NUM_INSPECTED].copy(),
             "num_inspectable": self._flights.inspectable.copy(),
-            "is_success": (self._inspected >= self._needed) & (now[:, OUTSIDE] == 0.0),
-            "outside_m": now[:, OUTSIDE].copy(),
-            "safety_periods": now[:, NUM_ACTED].copy(),
-            "safety_delta_v_m_s": now[:, CORRECTED].copy(),
+            "is_success": (self._inspected >= self._needed) & (now[:, stepping.OUTSIDE] == 0.0),
+            "outside_m": now[:, stepping.OUTSIDE].copy(),
+            "safety_periods": now[:, stepping.NUM_ACTED].copy(),
+            "safety_delta_v_m_s": now[:, stepping.CORRECTED].copy(),
         } | ({} if self._weights is None else {"weight_inspected": self._inspected})
 
     def num_samples(self, episode: int) -> int:
@@ -324,14 +304,8 @@ class Episodes:
     def record(self, episode: int, path: Path) -> None:
         """Record an episode as every flight is, see `telemetry`."""
         scenario, log = self.log(episode)
-        experiment = self.task.experiment
-        recorder = FlightRecorder(
-            self.task.mission,
-            open_loop("episode", self._played(episode)),
-            seed=scenario.noise[0],
-            config=self.task.config,
-            near_limit_m=experiment.telemetry.near_limit_m,
-        )
+        controller = open_loop("episode", self._played(episode))
+        recorder = recorder_of(self.task.experiment, controller, self.task.config, scenario.noise[0])
         recorder.record(path, scenario, log, "episode")
 
     def _played(self, episode: int) -> Floats:

@@ -17,6 +17,7 @@ from pipeline.flight.state.log import Scenario
 from pipeline.flight.world.chief import chief_attitudes
 from pipeline.flight.world.pack import optics_of
 from pipeline.flight.world.surface import priority_weights, surface_of
+from pipeline.gym.env import Started
 from pipeline.gym.episodes import AFRL_WEIGHTED, Reward, task_of
 from pipeline.physics.illumination import sun_angle, sun_direction_h
 from pipeline.physics.motion import nearest_in_orbit
@@ -92,9 +93,7 @@ class SixDofInspectionEnv(gymnasium.Env[NDArray[np.float32], NDArray[Any]]):
         self._inertia = np.array(mission.deputy.inertia_kg_m2)
         self._chief = chief_attitudes(mission)
 
-    def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[NDArray[np.float32], dict[str, Any]]:
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> Started:
         """Start an episode: drawn, or ``options["scenario"]`` and ``options["priority"]``, (3,)."""
         super().reset(seed=seed)
         given = options or {}
@@ -213,9 +212,6 @@ class SixDofInspectionEnv(gymnasium.Env[NDArray[np.float32], NDArray[Any]]):
     def _info(self) -> dict[str, Any]:
         deputy, distance = self._mission.deputy, np.linalg.norm(self._state[PLACE])
         is_inside = bool(deputy.min_distance_m <= distance <= deputy.max_distance_m)
-        return {
-            "delta_v_m_s": self._spent,
-            "num_inspected": float(self._is_inspected.sum()),
-            "weight_inspected": self.weight_inspected,
-            "is_success": self._has_enough and is_inside,
-        }
+        counts = {"delta_v_m_s": self._spent, "num_inspected": float(self._is_inspected.sum())}
+        is_success = self._has_enough and is_inside
+        return {**counts, "weight_inspected": self.weight_inspected, "is_success": is_success}

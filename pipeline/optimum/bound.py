@@ -23,10 +23,9 @@ any of them. It is not an estimate: less is impossible, but the true minimum may
 from math import inf, pi
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fis_tools.compiled.decorator import compiled
-from pipeline.array_types import Floats
+from pipeline.array_types import Floats, Integers
 from pipeline.optimum.problem import Problem
 
 Edge = tuple[int, int]
@@ -89,9 +88,7 @@ def can_cover(edges: list[Edge], spare: int) -> bool:
     return any(can_cover([edge for edge in edges if end not in edge], spare - 1) for end in set(edges[0]))
 
 
-def _pair_costs(
-    problem: Problem, costs: Floats, points: NDArray[np.int64], ceiling: float
-) -> dict[Edge, float]:
+def _pair_costs(problem: Problem, costs: Floats, points: Integers, ceiling: float) -> dict[Edge, float]:
     """Return the cost of each pair, m/s, and of each point with itself; capped at the ceiling."""
     takes: dict[Edge, float] = {}
     slopes = {int(j): slopes_of(problem.gain, problem.normals[:, :, j]) for j in points}

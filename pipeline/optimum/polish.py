@@ -24,7 +24,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.array_types import Floats
+from pipeline.array_types import Floats, Integers
 from pipeline.optimum.problem import Problem, margins_along, path_of, sight_demands
 
 Constraint = tuple[Floats, int, float]
@@ -110,7 +110,7 @@ def step(problem: Problem, last: Floats, needed: int, prices: Floats, stride: in
     return replace(done, prices=new_prices)
 
 
-def _solve(problem: Problem, rows: Sequence[Constraint], periods: NDArray[np.int64]) -> Step:
+def _solve(problem: Problem, rows: Sequence[Constraint], periods: Integers) -> Step:
     """Solve one linear program; its prices are those of the rows."""
     matrix, least = _rows(problem, rows, periods)
     forces = np.zeros((problem.num_controls, 3))
@@ -124,7 +124,7 @@ def _solve(problem: Problem, rows: Sequence[Constraint], periods: NDArray[np.int
     return Step(forces, spent, solved.slack, solved.prices)
 
 
-def choose(best: Floats, needed: int, prices: Floats) -> NDArray[np.int64]:
+def choose(best: Floats, needed: int, prices: Floats) -> Integers:
     """Return the points to require: those seen best, or, if enough are seen, the cheapest."""
     is_seen = best >= -SIGHT_MARGIN
     if is_seen.sum() >= needed:
@@ -155,9 +155,7 @@ def _far_planes(problem: Problem, path: Floats, reach: float) -> Iterable[Constr
         yield -path[k] / distances[k], int(k), FAR_MARGIN - farthest
 
 
-def _rows(
-    problem: Problem, demands: Sequence[Constraint], periods: NDArray[np.int64]
-) -> tuple[Floats, Floats]:
+def _rows(problem: Problem, demands: Sequence[Constraint], periods: Integers) -> tuple[Floats, Floats]:
     """Turn constraints ``direction . position_k >= least`` into rows over the forces of some periods."""
     directions, samples = np.array([direction for direction, *_ in demands]), [k for _, k, _ in demands]
     gain = problem.gain.transpose(1, 0, 2).reshape(3, -1)
@@ -262,8 +260,5 @@ def _columns(rows: Floats) -> tuple[NDArray[np.int32], NDArray[np.int32], Floats
     places, values = np.broadcast_to(own, by_force.shape)[is_set], by_force[is_set]
     counts = np.count_nonzero(is_set, axis=1)
     starts = np.cumsum(np.concatenate([[0], counts, counts, np.ones_like(own)]))
-    return (
-        starts.astype(np.int32),
-        np.concatenate([places, places, own]),
-        np.concatenate([values, -values, np.full(len(rows), -1.0)]),
-    )
+    all_values = np.concatenate([values, -values, np.full(len(rows), -1.0)])
+    return starts.astype(np.int32), np.concatenate([places, places, own]), all_values

@@ -16,7 +16,8 @@ from pipeline.flight.world.pack import inspection_points
 from pipeline.optimum.plan import CasePlan, num_agreeing
 from pipeline.run import artifacts, tables
 from pipeline.settings.experiment import SHIPPED, Experiment, Mission, SettingError, Sun
-from pipeline.settings.mission_parts import Dynamics
+from pipeline.settings.mission import Dynamics
+from pipeline.settings.start_table import POSITION, VELOCITY
 
 Column = NDArray[Any]
 
@@ -120,14 +121,9 @@ def read_solved(folder: Path) -> Solved:
     columns = tables.read_parquet(folder, artifacts.OPTIMUM_CASES)
     summary = artifacts.read_json(folder, artifacts.OPTIMUM_SUMMARY)
     path = artifacts.require(folder, artifacts.OPTIMUM_FORCES)
-    try:
+    with artifacts.explained(f"{folder} has no readable plans of least fuel", "repeat the stage optimum"):
         fired = np.loadtxt(path, delimiter=",", skiprows=1, ndmin=2).reshape(-1, 5)
         is_solved = columns["is_feasible"].astype(np.bool_) & (columns["delta_v_m_s"] > 0.0)
-    except (OSError, ValueError, KeyError) as error:
-        raise artifacts.ArtifactError(
-            f"{folder} has no readable plans of least fuel ({type(error).__name__}: {error}); "
-            "repeat the stage optimum"
-        ) from error
     return Solved(folder, {name: column[is_solved] for name, column in columns.items()}, fired, summary)
 
 
@@ -183,20 +179,16 @@ def _elevations(sun: Sun) -> tuple[float, float]:
     return sun.elevation_deg, sun.elevation_deg
 
 
-_POSITION = ("position_x_m", "position_y_m", "position_z_m")
-_VELOCITY = ("velocity_x_m_s", "velocity_y_m_s", "velocity_z_m_s")
-
-
 def case_row(case: int, scenario: Scenario, plan: CasePlan, num_points: int) -> dict[str, Any]:
     """Return the row of a case in `optimum/cases.parquet`."""
     flight, restarts = plan.flight, plan.restart_delta_v
     settled = restarts[np.isfinite(restarts)]
     return {
         "case": case,
-        **dict(zip(_POSITION, scenario.position_m.tolist(), strict=True)),
+        **dict(zip(POSITION, scenario.position_m.tolist(), strict=True)),
         "sun_angle_rad": scenario.sun_angle_rad,
         "sun_elevation_rad": scenario.sun_elevation_rad,
-        **dict(zip(_VELOCITY, scenario.velocity_m_s.tolist(), strict=True)),
+        **dict(zip(VELOCITY, scenario.velocity_m_s.tolist(), strict=True)),
         "delta_v_m_s": flight.delta_v,
         "inspected_count": flight.num_inspected,
         "inspection_rate_percent": 100.0 * flight.num_inspected / num_points,

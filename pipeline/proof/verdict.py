@@ -11,8 +11,7 @@ from fis_tools.model import FuzzyController
 from pipeline.array_types import Floats
 from pipeline.physics.motion import Motion
 from pipeline.proof.loop import NotProvable, Theorem, system_of
-from pipeline.proof.surface import surface_of
-from pipeline.proof.tube import Axis, Enclosed, axis_of
+from pipeline.proof.tube import Axis, Enclosed, axis_of, surface_of
 
 #: columns of a tube's table: a box of an axis after so many periods, and the plane of the force over it
 COLUMNS = (

@@ -39,7 +39,7 @@ from pipeline.flight.world.surface import surface_of
 from pipeline.recording.events import events
 from pipeline.recording.points import parts_of_points, sensed_of_points
 from pipeline.run import configuration, maker
-from pipeline.settings.experiment import Mission
+from pipeline.settings.experiment import Experiment, Mission
 from pipeline.settings.schema import only_results
 from telemetry import EpisodeWriter
 from telemetry.file import topics
@@ -85,7 +85,7 @@ class FlightRecorder:
         near_limit_m: float,
     ):
         self._mission = mission
-        self._controller = controller
+        self.controller = controller
         self._seed = seed
         self._near_limit_m = near_limit_m
         self._config_hash = configuration.config_hash(config)
@@ -162,24 +162,18 @@ class FlightRecorder:
             sun_elevation_rad=float(scenario.sun_elevation_rad),
             product_version=self._product_version,
             config_hash=self._config_hash,
-            min_distance_m=mission.deputy.min_distance_m,
-            max_distance_m=mission.deputy.max_distance_m,
-            max_force_n=mission.deputy.max_force_n,
-            max_torque_n_m=mission.deputy.max_torque_n_m,
+            **_named(mission.deputy, "min_distance_m", "max_distance_m", "max_force_n", "max_torque_n_m"),
             half_angle_rad=math.radians(mission.sensor.half_angle_deg),
             boresight=mission.sensor.boresight,
             inspection_threshold_percent=mission.inspection_threshold_percent,
             end_s=mission.control_period_s * ended(mission, log)[0] if has_goal else None,
         )
-        return {
-            **description.to_metadata(),
-            "inspection_radius_m": json.dumps(mission.chief.inspection_radius_m),
-            "num_points": json.dumps(len(self._points)),
-        }
+        radius, count = json.dumps(mission.chief.inspection_radius_m), json.dumps(len(self._points))
+        return {**description.to_metadata(), "inspection_radius_m": radius, "num_points": count}
 
     def _rehearsals(self, log: FlightLog) -> dict[str, dict[str, str]]:
         """Tell what each of the first pushes, and of the images of the tour, would have cost."""
-        pushes = (1e3 * rehearsed_pushes(self._controller)).tolist()
+        pushes = (1e3 * rehearsed_pushes(self.controller)).tolist()
         ways = [f"{x:.0f} mm/s radially, {y:.0f} along the track, {z:.0f} across" for x, y, z in pushes]
         mission, tours = self._mission, log.tour_costs_m_s
         found = {
@@ -199,14 +193,8 @@ class FlightRecorder:
         times: Floats = self._mission.control_period_s * np.arange(len(log.position_m), dtype=np.float64)
         position, quaternion = log.position_m, log.quaternion_b_from_h
         writer.poses(times, position, quaternion, log.quaternion_c_from_h)
-        writer.record(
-            topics.DEPUTY_STATE,
-            times,
-            position_m=position,
-            velocity_m_s=log.velocity_m_s,
-            quaternion=quaternion,
-            angular_velocity_rad_s=log.angular_velocity_b_rad_s,
-        )
+        turned = {"quaternion": quaternion, "angular_velocity_rad_s": log.angular_velocity_b_rad_s}
+        writer.record(topics.DEPUTY_STATE, times, **_named(log, "position_m", "velocity_m_s"), **turned)
         writer.points(times, self._points, self._point_states(log))
         if self._mission.navigation.mode == "fixes":
             deviation = np.sqrt(np.diagonal(log.estimate_covariance, axis1=1, axis2=2))
@@ -217,38 +205,27 @@ class FlightRecorder:
                 velocity_m_s=log.estimate[:, 3:],
                 position_deviation_m=deviation[:, :3],
                 velocity_deviation_m_s=deviation[:, 3:],
-                fix_m=log.fix_m,
-                innovation_m=log.innovation_m,
-                innovation_square=log.innovation_square,
+                **_named(log, "fix_m", "innovation_m", "innovation_square"),
                 fix_age_s=self._mission.navigation.delay_s,
                 quaternion=log.sensed_quaternion_b_from_h,
             )
         self._write_pulls(writer, times, scenario, log)
-        writer.record(
-            topics.GUIDANCE,
-            times,
-            num_candidates=log.num_candidates,
-            target_direction=directions(log.target_m),
-            lambda_u_rad=log.lambda_u_rad,
-            eta_u_rad=log.eta_u_rad,
-        )
+        angles = _named(log, "num_candidates", "lambda_u_rad", "eta_u_rad")
+        writer.record(topics.GUIDANCE, times, target_direction=directions(log.target_m), **angles)
         inspected_count = log.is_inspected.sum(axis=1)
         writer.record(
             topics.MISSION,
             times,
-            sun_angle_rad=log.sun_angle_rad,
+            **_named(log, "sun_angle_rad", "sun_elevation_rad", "delta_v_m_s", "mass_kg"),
             distance_m=np.linalg.norm(position, axis=1),
             inspected_count=inspected_count,
             inspection_rate_percent=100.0 * inspected_count / len(self._points),
-            delta_v_m_s=log.delta_v_m_s,
             inspected_mask=log.is_inspected,
-            sun_elevation_rad=log.sun_elevation_rad,
             sun_hidden_share=1.0 - log.visible_sun_share,
             inspectable_count=int(log.is_inspectable.sum()),
-            mass_kg=log.mass_kg,
         )
         self._write_control(writer, times[: len(log.force_hill_n)], log)
-        if (fuzzy := self._controller.fuzzy) is not None and (how := edited(fuzzy)) is not None:
+        if (fuzzy := self.controller.fuzzy) is not None and (how := edited(fuzzy)) is not None:
             writer.log(times[0], "warning", f"{fuzzy.name} was edited {how}")
         tour = IMAGES[log.tour_costs_m_s.argmin()] if len(log.tour_costs_m_s) else None
         for event in events(self._mission, log, self._near_limit_m, self._logic, self._num_rehearsed, tour):
@@ -260,9 +237,9 @@ class FlightRecorder:
             return
         mission = mission_of_case(self._mission, scenario)
         world = self._world if mission is self._mission else pack_world(mission)
-        samples = np.arange(0, len(log.is_decided), decision_stride(self._controller, mission))
-        images = tour_images(self._controller)
-        flown = images[log.tour_costs_m_s.argmin()] if images else self._controller
+        samples = np.arange(0, len(log.is_decided), decision_stride(self.controller, mission))
+        images = tour_images(self.controller)
+        flown = images[log.tour_costs_m_s.argmin()] if images else self.controller
         parts = parts_of_points(world, flown, log, samples)
         columns = np.hstack([*parts.values(), log.is_missed[samples]])
         # while the deputy coasts little changes
@@ -286,14 +263,11 @@ class FlightRecorder:
         writer.record(
             topics.DEPUTY_CONTROL,
             times,
-            force_body_n=log.force_body_n,
-            force_hill_n=log.force_hill_n,
-            force_asked_n=log.force_asked_n,
+            **_named(log, "force_body_n", "force_hill_n", "force_asked_n", "force_commanded_n"),
             reason=REASON_OF[log.reason],
             coasting_missed=missed,
             coasting_nearest_m=nearest,
             coasting_farthest_m=farthest,
-            force_commanded_n=log.force_commanded_n,
             command_reason=REASON_OF[log.command_reason],
             command_age_s=self._delay * self._mission.control_period_s,
         )
@@ -305,21 +279,16 @@ class FlightRecorder:
             is_fired = self._is_fired(log, decided, COMPONENTS.index(system.outputs[0].name))
             shares = np.zeros_like(strengths)
             shares[is_fired] = shapley.shares(compiled, inputs[is_fired]).values[:, :, 0]
-            writer.record(
-                topics.fis_topic(system.name),
-                times[decided],
-                inputs=inputs,
-                firing_strengths=strengths,
-                output_n=log.fis_output_n[decided, place],
-                shares_n=shares,
-            )
+            answers = {"output_n": log.fis_output_n[decided, place], "shares_n": shares}
+            told = {"inputs": inputs, "firing_strengths": strengths, **answers}
+            writer.record(topics.fis_topic(system.name), times[decided], **told)
 
     def _is_fired(self, log: FlightLog, decided: NDArray[np.intp], axis: int) -> NDArray[np.bool_]:
         """Tell at which decisions, by their samples, what was asked for along an axis came to be fired."""
         due = np.minimum(decided + self._delay, len(log.reason) - 1)
         is_commanded = np.isin(log.command_reason[decided, axis], IN_EFFECT)
         # along a body axis, a force is one along all of Hill's
-        own = slice(None) if self._controller.force_axes == "body" else [axis]
+        own = slice(None) if self.controller.force_axes == "body" else [axis]
         is_fired = np.isin(log.reason[due], IN_EFFECT)[:, own].any(axis=1)
         found: NDArray[np.bool_] = is_commanded & is_fired & (decided + self._delay < len(log.reason))
         return found
@@ -330,6 +299,19 @@ class FlightRecorder:
         # dark is zero, and of the others at most one applies
         states: States = LIT * is_lit + IN_VIEW_BUT_DARK * is_seen + INSPECTED * log.is_inspected
         return states
+
+
+def _named(owner: object, *names: str) -> dict[str, Any]:
+    """Return what is called in a recording as it is elsewhere."""
+    return {name: getattr(owner, name) for name in names}
+
+
+def recorder_of(
+    experiment: Experiment, controller: Controller, config: Mapping[str, Any], seed: int | None = None
+) -> FlightRecorder:
+    """Return what records flights of a controller in an experiment's mission, see `FlightRecorder`."""
+    seed, near_limit_m = experiment.seed if seed is None else seed, experiment.telemetry.near_limit_m
+    return FlightRecorder(experiment.mission, controller, seed=seed, config=config, near_limit_m=near_limit_m)
 
 
 def stl_of(corners: Floats) -> bytes:

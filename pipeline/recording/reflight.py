@@ -18,7 +18,7 @@ from pipeline.controllers.policies import policy_of
 from pipeline.flight.control.controller import Controller, from_fuzzy, open_loop
 from pipeline.flight.goals.flights import fly_logged
 from pipeline.flight.state.log import Scenario
-from pipeline.recording.recorder import CONFIG_ATTACHMENT, CONTROLLER_ATTACHMENT, FlightRecorder
+from pipeline.recording.recorder import CONFIG_ATTACHMENT, CONTROLLER_ATTACHMENT, recorder_of
 from pipeline.run import configuration
 from pipeline.settings.experiment import Experiment
 from pipeline.settings.schema import experiment_from
@@ -77,13 +77,7 @@ def fly_again(path: Path) -> Reflight:
     controller = _controller_of(recording, experiment)
     log = fly_logged(experiment.mission, controller, scenario)
     episode = recording.episode
-    recorder = FlightRecorder(
-        experiment.mission,
-        controller,
-        seed=experiment.seed if episode.seed is None else episode.seed,
-        config=config,
-        near_limit_m=experiment.telemetry.near_limit_m,
-    )
+    recorder = recorder_of(experiment, controller, config, episode.seed)
     with tempfile.TemporaryDirectory() as folder:
         again = Path(folder, path.name)
         recorder.record(again, scenario, log, episode.scenario_id or "")
@@ -130,14 +124,12 @@ def _start_of(recording: Recording) -> Scenario:
         )
     # of flights without any errors recordings do not tell what they were drawn from
     seed, stage, case = episode.noise or (0, 0, 0)
-    return Scenario(
-        np.array(episode.position_m),
-        np.array(episode.velocity_m_s),
-        episode.sun_angle_rad,
-        episode.sun_elevation_rad or 0.0,
+    place, velocity = np.array(episode.position_m), np.array(episode.velocity_m_s)
+    suns, noise = (
+        (episode.sun_angle_rad, episode.sun_elevation_rad or 0.0),
         (int(seed), int(stage), int(case)),
-        episode.settings,
     )
+    return Scenario(place, velocity, *suns, noise, episode.settings)
 
 
 def _controller_of(recording: Recording, experiment: Experiment) -> Controller:

@@ -1,22 +1,22 @@
 """What flights are compared with: other controllers, plans of least fuel, flights without dispersions."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.evaluation import comparison
 from pipeline.evaluation.monte_carlo import SUCCESS
+from pipeline.evaluation.statistics import Columns
 from pipeline.flight.cases.starts import evaluation_scenarios
 from pipeline.flight.control.controller import Controller, open_loop
 from pipeline.flight.goals.flights import fly_all, fly_logged
 from pipeline.flight.state.log import FlightLog
 from pipeline.optimum.solved import IncomparableError, solved_for, summarise_times
-from pipeline.report.figures.comparison import Mark, Square
+from pipeline.report.figures.comparison import Mark
 from pipeline.run import artifacts, tables
 from pipeline.settings.experiment import Experiment, Safety
 
@@ -32,14 +32,9 @@ def read_comparison(folder: Path) -> list[comparison.ComparisonRow]:
     if not (folder / artifacts.COMPARISON).exists():
         return []
     summary = artifacts.read_json(folder, artifacts.COMPARISON)
-    try:
+    with artifacts.explained(f"{folder / artifacts.COMPARISON} is no comparison", "repeat the stage compare"):
         rows = [comparison.row_of(row) for row in summary["rows"]]
         comparison.in_words(rows)  # which needs every number that is shown
-    except (KeyError, TypeError, ValueError) as error:
-        raise artifacts.ArtifactError(
-            f"{folder / artifacts.COMPARISON} is no comparison ({type(error).__name__}: {error}); repeat the "
-            "stage compare"
-        ) from error
     return rows
 
 
@@ -50,20 +45,6 @@ def tables_of(rows: Sequence[comparison.ComparisonRow]) -> list[tuple[str, list[
     """
     suns = [] if comparison.worlds_of(rows) else comparison.suns_of(rows)
     return [(sun, comparison.lines_of(rows, sun)) for sun in suns]
-
-
-def squares_of(rows: Sequence[comparison.ComparisonRow]) -> list[tuple[str, list[Square]]]:
-    """Return the panels of the grid of worlds, one for each Sun setting and layer."""
-    panels: dict[str, list[Square]] = {}
-    first: dict[tuple[str, str], comparison.ComparisonRow] = {}
-    for row in (row for row in rows if row.source == comparison.FLOWN):
-        title = f"Sun {row.sun}, safety layer {row.safety}"
-        known = first.setdefault((title, row.controller), row)
-        success, spent = row.summary[SUCCESS]["fraction"], row.summary["delta_v_m_s"]["mean"]
-        breaks = comparison.is_worse(row, known)
-        square = Square(row.controller, row.world, float(success), float(spent), breaks)
-        panels.setdefault(title, []).append(square)
-    return list(panels.items())
 
 
 def marks_of(rows: Sequence[comparison.ComparisonRow]) -> list[tuple[str, list[Mark]]]:
@@ -160,8 +141,6 @@ def _correlation(correlation: Mapping[str, float]) -> str:
     words = f"{correlation['value']:+.2f} ({correlation['low']:+.2f} to {correlation['high']:+.2f})"
     return words.replace("-", "−")
 
-
-Columns = Mapping[str, NDArray[Any]]
 
 #: of `evaluate/optimum.parquet`, the columns shown for each case
 COLUMNS = (
@@ -268,41 +247,31 @@ def optimum_in_words(beside: BesideOptimum, threshold_percent: float) -> str:
     )
 
 
-def times_tile(beside: BesideOptimum) -> list[tuple[str, str, str, str]]:
-    """Return the headline number: label, number, unit, and what stands beside it; none without cases."""
-    if beside.columns is None:
-        return []
-    times = beside.summary["times_optimum"]
-    note = f"median {times['median']:.1f} of {beside.summary['num_cases']}"
-    return [("times the optimum", f"{times['mean']:.1f}", "×", note)]
-
-
 def optimum_rows(beside: BesideOptimum) -> list[list[str]]:
     """Return one row of words for each case, the greatest ratio first."""
-    columns = beside.columns
-    if columns is None:
+    if beside.columns is None:
         return []
-    return [
-        [
-            str(int(columns["case"][row])),
-            f"{math.degrees(columns['sun_angle_rad'][row]):.1f}",
-            f"{columns['delta_v_m_s'][row]:.3f}",
-            f"{columns['optimum_delta_v_m_s'][row]:.3f}",
-            f"{columns['times_optimum'][row]:.2f}",
-            str(int(columns["inspected_count"][row])),
-            str(int(columns["optimum_inspected_count"][row])),
-            f"{columns['min_distance_m'][row]:.1f} to {columns['max_distance_m'][row]:.1f}",
-            outcome(bool(columns["success"][row]), bool(columns["violated"][row])),
-        ]
-        for row in np.argsort(-columns["times_optimum"], kind="stable")
-    ]
+    spent = ("{delta_v_m_s:.3f}", "{optimum_delta_v_m_s:.3f}", "{times_optimum:.2f}")
+    points = ("{inspected_count:.0f}", "{optimum_inspected_count:.0f}")
+    cells = ("{case:.0f}", "{sun_deg:.1f}", *spent, *points, *ENDED)
+    order = np.argsort(-beside.columns["times_optimum"], kind="stable")
+    return rows_in_words(beside.columns, order.tolist(), cells)
 
 
-def outcome(is_success: bool, is_violated: bool) -> str:
-    """Say how a flight ended."""
-    if is_violated:
-        return "outside the limits"
-    return "success" if is_success else "too few points"
+#: of flights case by case: extremes of the distance, and how they ended
+ENDED = ("{min_distance_m:.1f} to {max_distance_m:.1f}", "{outcome}")
+
+
+def rows_in_words(columns: Columns, rows: Iterable[int], cells: Sequence[str]) -> list[list[str]]:
+    """Return rows of a table of flights in words, each cell a format of the values in a row."""
+    found = []
+    for row in rows:
+        values = {name: column[row] for name, column in columns.items()}
+        ended = "success" if values["success"] else "too few points"
+        values["outcome"] = "outside the limits" if values["violated"] else ended
+        values["sun_deg"] = math.degrees(values["sun_angle_rad"])
+        found.append([cell.format(**values) for cell in cells])
+    return found
 
 
 @dataclass(frozen=True)
@@ -351,12 +320,8 @@ def fly_without(experiment: Experiment, controller: Controller, episodes: Column
         limits.min_distance_m - outcomes.min_distance_m, outcomes.max_distance_m - limits.max_distance_m
     )
     row = int(np.argmax(beyond))
-    return Without(
-        num_outside=int(outcomes.is_violated.sum()),
-        case=int(episodes["case"][acted[row]]),
-        guarded=fly_logged(mission, controller, scenarios[row]),
-        unguarded=fly_logged(off, controller, scenarios[row]),
-    )
+    logs = (fly_logged(world, controller, scenarios[row]) for world in (mission, off))
+    return Without(int(outcomes.is_violated.sum()), cases[row], *logs)
 
 
 def safety_words(flights: str, summary: Mapping[str, Any], without: Without | None) -> str:

@@ -14,25 +14,24 @@ from numpy.typing import NDArray
 from pipeline.controllers.source import controller_of_run
 from pipeline.evaluation.comparison import PAPER_TEST, PAPER_TRAINING, ComparisonRow, Reported
 from pipeline.evaluation.monte_carlo import SUCCESS, fly_cases, rank, summarise
-from pipeline.evaluation.statistics import Fraction, Statistic
+from pipeline.evaluation.statistics import Columns, Fraction, Statistic
 from pipeline.flight.cases.starts import evaluation_scenarios, start_shown, training_scenarios
 from pipeline.flight.control.controller import Controller
 from pipeline.flight.goals.flights import fly_logged
 from pipeline.flight.state.log import FlightLog, Scenario
 from pipeline.report import comparisons
+from pipeline.report.figures.training import HISTORY_COLUMNS
 from pipeline.run import artifacts, configuration, manifests, tables
 from pipeline.settings.experiment import Experiment
+from pipeline.settings.start_table import POSITION
 
-Columns = Mapping[str, NDArray[Any]]
 Read = TypeVar("Read")
 
-POSITION = ("position_x_m", "position_y_m", "position_z_m")
 #: what a summary says of each metric and of each share of flights
 SUMMARY_PARTS: Mapping[str, type] = {
     **dict.fromkeys(("delta_v_m_s", "inspection_rate_percent", "mean_distance_m"), Statistic),
     **dict.fromkeys(("success", "violated", SUCCESS), Fraction),
 }
-LOGBOOK_COLUMNS = ("round", "best", "mean", "delta_v_m_s", "points", "outside", "short")
 
 
 @dataclass(frozen=True)
@@ -214,11 +213,8 @@ def read_summary(folder: Path) -> dict[str, Any]:
     mapping = summary if isinstance(summary, dict) else {}
     numbers = {"num_cases": mapping.get("num_cases")}
     for name, kind in SUMMARY_PARTS.items():
-        part = mapping.get(name)
-        numbers |= {
-            f"{name}.{field.name}": part.get(field.name) if isinstance(part, dict) else None
-            for field in fields(kind)
-        }
+        part = mapping[name] if isinstance(mapping.get(name), dict) else {}
+        numbers |= {f"{name}.{field.name}": part.get(field.name) for field in fields(kind)}
     for name, number in numbers.items():
         if isinstance(number, bool) or not isinstance(number, int | float):
             raise artifacts.ArtifactError(
@@ -236,13 +232,10 @@ def read_spread(folder: Path, evaluation: FlightSet | None) -> comparisons.Sprea
     pipeline.run.artifacts.ArtifactError
         If it tells something else.
     """
-    try:
+    what = f"{folder / artifacts.SUMMARY} does not tell of percentiles and dispersions what it should"
+    cure = f"repeat the stage {artifacts.stage_of(artifacts.SUMMARY)}"
+    with artifacts.explained(what, cure, AttributeError):
         return comparisons.spread_of(evaluation.summary) if evaluation else comparisons.Spread()
-    except (AttributeError, KeyError, TypeError, ValueError) as error:
-        raise artifacts.ArtifactError(
-            f"{folder / artifacts.SUMMARY} does not tell of percentiles and dispersions what it should "
-            f"({type(error).__name__}: {error}); repeat the stage {artifacts.stage_of(artifacts.SUMMARY)}"
-        ) from error
 
 
 def tracks_of(rows: Columns, cases: NDArray[Any]) -> NDArray[np.floating]:
@@ -311,14 +304,10 @@ def read_logbook(folder: Path) -> dict[str, NDArray[np.float64]] | None:
         If it cannot be read.
     """
     path = artifacts.require(folder, artifacts.LOGBOOK)
-    try:
+    with artifacts.explained(f"{path} cannot be read", "repeat the stage train", csv.Error):
         with path.open(encoding="utf-8", newline="") as stream:
             rows = list(csv.DictReader(stream))
-        columns = {name: np.array([float(row[name]) for row in rows]) for name in LOGBOOK_COLUMNS}
-    except (OSError, ValueError, KeyError, TypeError, csv.Error) as error:
-        raise artifacts.ArtifactError(
-            f"{path} cannot be read ({type(error).__name__}: {error}); repeat the stage train"
-        ) from error
+        columns = {name: np.array([float(row[name]) for row in rows]) for name in HISTORY_COLUMNS}
     return columns if rows else None
 
 

@@ -2,6 +2,8 @@
 
 import math
 from collections.abc import Iterator, Mapping
+from functools import partial
+from textwrap import wrap
 from typing import Any
 
 import yaml
@@ -20,12 +22,16 @@ from fis_tools.document import (
     Paragraph,
     Table,
 )
-from fis_tools.document.html import element, page, read
+from fis_tools.document.html import element, page, read, template
+from pipeline.evaluation.assurance.requirements import METHODS as ALL_METHODS
 from pipeline.evaluation.assurance.requirements import SEVERITIES
-from pipeline.report.drawings import METHODS, css, css_of, draw_argument, draw_margins, number
 from pipeline.report.figures.style import Illustration
 from pipeline.run import artifacts
 
+#: ways of verification, as circles are lettered and columns are headed
+METHODS = {name: name.replace("_", " ") for name in ALL_METHODS}
+#: of a histogram, in its own units: a number nearer to the zero than this would stand on it
+ROOM = 40.0
 _DRAWN = (
     "Goal structure (GSN): goals are rectangles, the strategy a parallelogram, contexts rounded, solutions "
     "circles. Full outlines: shown or proved for the share that is named; dashed: not shown; dotted: refuted."
@@ -67,7 +73,7 @@ def document(evidence: Mapping[str, Any], tube: Illustration | None = None) -> D
         Paragraph(lead(evidence)),
         _matrix(requirements),
         Heading("Argument", id="argument"),
-        Figure(element("figure", draw_argument(evidence), drawn, tabindex=0)),
+        Figure(element("figure", _drawings().argument(evidence), drawn, tabindex=0)),
         Heading("Requirements", id="requirements"),
     ]
     for one in requirements:
@@ -79,6 +85,70 @@ def document(evidence: Mapping[str, Any], tube: Illustration | None = None) -> D
     heads = ["factor", "scale", "this run shows", "it does not show"]
     blocks += [Heading("Credibility", id="credibility"), Table(heads, factors(evidence), caption=caption)]
     return Document([*blocks, Heading("Provenance", id="provenance"), *_provenance(evidence)])
+
+
+def _drawings() -> Any:
+    """Return the macros that draw."""
+    words = {"wrapped": partial(wrap, max_lines=3, placeholder=" …"), "narrow": partial(wrap, width=12)}
+    known = {"css": css, "css_of": css_of, "methods": METHODS, **words}
+    return template("pipeline.report", "templates", "drawings.html").make_module(known)
+
+
+def draw_margins(histogram: Mapping[str, Any], unit: str, name: str) -> Markup:
+    """Draw a histogram of margins as an SVG element.
+
+    Parameters
+    ----------
+    histogram : mapping
+        ``edges``, one more than ``counts``; zero is an edge where margins of both signs are.
+    unit : str
+        Of the margins.
+    name : str
+        Of the requirement, for whom does not see the picture.
+    """
+    edges, counts = histogram["edges"], histogram["counts"]
+    first, last = edges[0], edges[-1]
+
+    def place(value: float) -> float:
+        return float(10.0 + 620.0 * (value - first) / (last - first))
+
+    bars = [
+        (
+            "refuted" if high <= 0.0 else "shown",
+            f"{count:,} from {low:.4g} to {high:.4g} {unit}".strip(),
+            place(low),
+            # the square root, so that few failures among thousands are seen
+            max(2.0, 100.0 * (count / max(counts)) ** 0.5),
+            max(1.0, place(high) - place(low) - 1.0),
+        )
+        for low, high, count in zip(edges[:-1], edges[1:], counts, strict=True)
+        if count
+    ]
+    ends, is_mixed = {"start": first, "end": last}, first < 0.0 < last
+    shown = {
+        anchor: end for anchor, end in ends.items() if not is_mixed or abs(place(end) - place(0.0)) > ROOM
+    }
+    shown |= {"middle": 0.0} if is_mixed else {}
+    marks = [(anchor, place(value), number(value)) for anchor, value in shown.items()]
+    label = f"Margins of the cases of {name}: from {first:.4g} to {last:.4g} {unit}"
+    return Markup(_drawings().margins(bars, marks, unit, label))  # noqa: S704 - escaped by the template
+
+
+def css_of(found: Mapping[str, Any]) -> str:
+    """Return how an outcome is drawn; a failure that a search finds refutes no share of the cases."""
+    return {"failure found": "not-shown", "none found": "neutral", "does not apply": "neutral"}.get(
+        found["word"], css(found["verdict"])
+    )
+
+
+def css(verdict: str) -> str:
+    """Return the class of what is drawn in a verdict's colour."""
+    return verdict.replace(" ", "-")
+
+
+def number(value: float) -> str:
+    """Write a number with a true minus sign."""
+    return f"{value:.4g}".replace("-", "−")
 
 
 def lead(evidence: Mapping[str, Any]) -> str:
@@ -103,7 +173,8 @@ def _matrix(requirements: list[Mapping[str, Any]]) -> Table:
     rows: list[list[Cell]] = []
     shown = [name for name in METHODS if any(name in one["methods"] for one in requirements)]
     for one in requirements:
-        word = Mark(one["verdict"], css(one["verdict"]), note=f"{one['share']}; {_stake(one)}")
+        stake = f"failing means {one['consequence']} ({one['severity']})"
+        word = Mark(one["verdict"], css(one["verdict"]), note=f"{one['share']}; {stake}")
         rows.append([Mark(f"{one['id']} {one['title']}", link=one["id"]), word])
         for method in shown:
             found = one["methods"].get(method)
@@ -114,18 +185,12 @@ def _matrix(requirements: list[Mapping[str, Any]]) -> Table:
     return Table(["requirement", "verdict", *(METHODS[name] for name in shown)], rows, caption=_MATRIX)
 
 
-def _stake(requirement: Mapping[str, Any]) -> str:
-    return f"failing means {requirement['consequence']} ({requirement['severity']})"
-
-
 def _brief(requirement: Mapping[str, Any], method: str) -> str:
     if method == "search":
         return f"{requirement['search']['num_found']} of {requirement['search']['num_searches']} searches"
-    return (
-        f"{sum(part['num_boxes'] for part in requirement['bounds']):,} boxes"
-        if "bounds" in requirement and method == "bounds"
-        else ""
-    )
+    if method != "bounds" or "bounds" not in requirement:
+        return ""
+    return f"{sum(part['num_boxes'] for part in requirement['bounds']):,} boxes"
 
 
 def _requirement(requirement: Mapping[str, Any], tube: Illustration | None) -> Iterator[Block]:
@@ -147,8 +212,7 @@ def _requirement(requirement: Mapping[str, Any], tube: Illustration | None) -> I
         parts = [f"{part['system']}: {part['sentence']} Boxes: {part['num_boxes']:,}." for part in bounds]
         details["bounds"] += [Items(parts), Paragraph(boxes)]
     if "tube" in details and tube:
-        caption = element("figcaption", tube.caption)
-        details["tube"].append(Figure(element("figure", Markup(tube.element), caption)))  # noqa: S704 - drawn here
+        details["tube"].append(tube.block)
     if "safety_layer" in details:
         details["safety_layer"].append(Paragraph(_WHY_LAYER))
     for name, blocks in details.items():
@@ -171,16 +235,11 @@ def _domain(domain: Mapping[str, Any] | None) -> Iterator[Block]:
         yield Paragraph("The controller has no fuzzy systems: there are no inputs to make a domain of.")
         return
     yield Paragraph(domain_words(domain))
-    rows = [
-        [
-            f"{one['name']}{' (' + one['unit'] + ')' if one['unit'] else ''}",
-            system["system"],
-            *map(number, ends),
-        ]
-        for system in domain["systems"]
-        for one in system["inputs"]
-        for ends in [(one["low"], one["high"])]
-    ]
+    rows = []
+    for system in domain["systems"]:
+        for one in system["inputs"]:
+            name = f"{one['name']} ({one['unit']})" if one["unit"] else one["name"]
+            rows.append([name, system["system"], number(one["low"]), number(one["high"])])
     caption = f"What the systems sensed where inference decided, in {domain['num_made_from']:,} flights."
     yield Table(["input", "system", "least", "greatest"], rows, (2, 3), caption=caption)
     yield Paragraph("A monitor says when a recorded flight leaves it, in which input and by how much:")

@@ -1,48 +1,30 @@
-"""The page of a report: what it says in words and tables, put into the template."""
+"""The page of a report: what it says in words and tables, put into the template; another one with a goal."""
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
 
-from fis_tools.document.html import policy, template
+from fis_tools.document import Block, Code, Document, Heading, Paragraph, Table
+from fis_tools.document.html import page, policy, template
 from fis_tools.words.text import summary
 from pipeline.evaluation import comparison
 from pipeline.evaluation.monte_carlo import SUCCESS
 from pipeline.flight.state.log import Scenario, inspectable_rate, points_in_words, points_needed
 from pipeline.report import comparisons
-from pipeline.report.contents import POSITION, Contents, FlightSet, ShownFlight
+from pipeline.report.contents import Contents, FlightSet, ShownFlight
 from pipeline.report.figures.style import MOST_POINTS, Illustration
 from pipeline.run import artifacts
 from pipeline.settings.experiment import Mission
+from pipeline.settings.start_table import POSITION
 
-#: metric of a summary: decimals on the page
-DECIMALS = {"delta_v_m_s": 3, "inspection_rate_percent": 2, "mean_distance_m": 2}
 INSPECTABLE = "inspectable_rate_percent"
+#: metrics of the summary with their decimals, and shares of flights
+MEANS = (("delta_v_m_s", 3), ("inspection_rate_percent", 2), (INSPECTABLE, 2), ("mean_distance_m", 2))
 SHARES = ("success", "violated", SUCCESS)
 #: of many training flights only so many have a row of their own
 MOST_ROWS = 64
-
-
-@dataclass(frozen=True)
-class Cell:
-    """A number on the page: as it is shown, as it is, and what is said of it beneath."""
-
-    shown: str
-    value: float | None = None
-    note: str = ""
-
-
-@dataclass(frozen=True)
-class SummaryRow:
-    """A row of the summary."""
-
-    label: str
-    note: str
-    cells: list[Cell]
-    is_ours: bool
 
 
 def write(contents: Contents, illustrations: Mapping[str, Illustration]) -> str:
@@ -58,161 +40,56 @@ def write(contents: Contents, illustrations: Mapping[str, Illustration]) -> str:
     str
         HTML that needs no other file, and leads to the review page beside it.
     """
-    experiment, rows = contents.experiment, contents.comparison
+    experiment, mission, rows = contents.experiment, contents.experiment.mission, contents.comparison
+    if mission.problem.kind == "reach":
+        heading = Heading(experiment.report.title, 1)
+        return page(Document([heading, *_towards_goal(contents, illustrations)]), COLOURS)
+    has_unseen = any(sees_less(flights.summary) for _, flights, _ in contents.sets)
     return template("pipeline.report", "templates", "report.html").render(
         policy=policy(),
         contents=contents,
         experiment=experiment,
-        lead=lead(contents),
         safety=safety(contents),
-        tiles=tiles(contents),
-        rows=summary_rows(contents),
+        success=SUCCESS,
+        means=[measure for measure in MEANS if has_unseen or measure[0] != INSPECTABLE],
+        shares=SHARES,
         confidence=f"{experiment.monte_carlo.confidence_percent:g}",
-        limits=_limits(experiment.mission),
-        threshold=f"{experiment.mission.inspection_threshold_percent:g}",
+        limits=f"{mission.deputy.min_distance_m:g} to {mission.deputy.max_distance_m:g} m",
+        threshold=f"{mission.inspection_threshold_percent:g}",
         start_name=next((flight.name for flight in contents.shown if flight.is_alone), "start"),
-        flights=[(f"control-{f.name}", f.title, flight_facts(f, experiment.mission)) for f in contents.shown],
-        sees_less=_sees_less(contents),
+        flights=[(f"control-{one.name}", one.title, flight_facts(one, mission)) for one in contents.shown],
+        points_in_words=points_in_words,
+        sees_less=sees_less,
+        has_unseen=has_unseen,
         cases=case_rows(contents.training),
         compared=comparison,
         comparison=comparisons.tables_of(rows),
         worlds=comparison.matrices(rows) if comparison.worlds_of(rows) else [],
-        optimum_words=comparisons.optimum_in_words(
-            contents.beside, experiment.mission.inspection_threshold_percent
-        ),
+        optimum_words=comparisons.optimum_in_words(contents.beside, mission.inspection_threshold_percent),
         optimum_cases=comparisons.optimum_rows(contents.beside),
         has_crowd=bool(contents.training and contents.training.summary["num_cases"] > MOST_POINTS),
         summary=summary,
         illustrations=illustrations,
-        provenance=_provenance(contents.manifest),
-        files=_files(contents.manifest),
         artifacts=artifacts,
     )
 
 
-def lead(contents: Contents) -> str:
-    """Say in a sentence or two what came out."""
-    mission = contents.experiment.mission
-    who = f"The controller {contents.controller.name}" if contents.controller else "The controller"
-    for _, flights, _ in contents.sets[-1:]:
-        summary, starts = flights.summary, "random starts" if contents.evaluation else "training starts"
-        delta_v, rate = summary["delta_v_m_s"], summary["inspection_rate_percent"]
-        outside, of_these = summary["violated"]["count"], _inspectable_words(summary)
-        sun = f" with the Sun {summary['sun']}" if "sun" in summary else ""
-        leave = "none leaves" if not outside else "one leaves" if outside == 1 else f"{outside:,} leave"
-        return (
-            f"{who}, flown from {summary['num_cases']:,} {starts}{sun}, spends "
-            f"{delta_v['mean']:.3f} ± {delta_v['standard_deviation']:.3f} m/s and inspects "
-            f"{rate['mean']:.2f} ± {rate['standard_deviation']:.2f} % of the points{of_these}. "
-            f"{100 * summary[SUCCESS]['fraction']:.1f} % of the flights reach "
-            f"{mission.inspection_threshold_percent:g} % inside the limits; {leave} {_limits(mission)}."
-        )
-    if contents.shown:
-        log = contents.shown[0].log
-        return f"{who} inspects {points_in_words(log)} for {log.delta_v_m_s[-1]:.3f} m/s."
-    if contents.comparison:
-        flown = [row for row in contents.comparison if row.source == comparison.FLOWN]
-        return (
-            f"{len({row.controller for row in flown})} controllers, flown side by side from "
-            f"{flown[0].num_cases:,} random starts each."
-        )
-    return "This run has no flights yet."
-
-
-def _inspectable_words(summary: Mapping[str, Any]) -> str:
-    """Say what the rate is of the points that can be inspected, where some cannot be."""
-    if not can_see_less(summary):
-        return ""
-    count, rate = summary["inspectable_count"]["mean"], summary[INSPECTABLE]
-    return (
-        f", {rate['mean']:.2f} ± {rate['standard_deviation']:.2f} % of the {count:.1f} a flight that can be "
-        "inspected, to which success refers"
-    )
-
-
-def can_see_less(flown: Mapping[str, Any]) -> bool:
+def sees_less(flown: Mapping[str, Any]) -> bool:
     """Tell whether a summary is of flights in which some points could not be inspected."""
     return INSPECTABLE in flown and flown[INSPECTABLE]["mean"] != flown["inspection_rate_percent"]["mean"]
 
 
-def _sees_less(contents: Contents) -> bool:
-    return any(can_see_less(flights.summary) for _, flights, _ in contents.sets)
-
-
-def safety(contents: Contents) -> list[str]:
+def safety(contents: Contents) -> str:
     """Say, a sentence or two for each set of flights, what the safety layer did; nothing where it is off."""
-    if contents.experiment.mission.safety.kind == "none":
-        return []
-    off = {"Evaluation": contents.without_safety}
-    words = [
-        comparisons.safety_words(word.lower(), flights.summary, off.get(word))
-        for word, flights, _ in reversed(contents.sets)
-    ]
-    return [text for text in words if text]
-
-
-def _limits(mission: Mission) -> str:
-    return f"{mission.deputy.min_distance_m:g} to {mission.deputy.max_distance_m:g} m"
-
-
-def tiles(contents: Contents) -> list[tuple[str, str, str, str]]:
-    """Return the headline numbers: label, number, unit, and the paper's."""
-    if not contents.sets:
-        return []
-    _, flights, reported = contents.sets[-1]
-    summary = flights.summary
-    means = (
-        ("mean Δv", "delta_v_m_s", 2, "m/s"),
-        ("mean inspection rate", "inspection_rate_percent", 1, "%"),
+    is_off, unguarded = (
+        contents.experiment.mission.safety.kind == "none",
+        {"Evaluation": contents.without_safety},
     )
-    shares = (("successful flights", SUCCESS), ("flights outside the limits", "violated"))
-    found = [
-        (label, f"{summary[name]['mean']:.{places}f}", unit, f"paper {reported.means[name]:g} {unit}")
-        for label, name, places, unit in means
-    ]
-    for label, name in shares:
-        share = summary[name]
-        beside = f"{share['count']:,} of {summary['num_cases']:,}"
-        found.append((label, f"{100 * share['fraction']:.1f}", "%", beside))
-    return [*found, *comparisons.times_tile(contents.beside)]
-
-
-def summary_rows(contents: Contents) -> list[SummaryRow]:
-    """Return the rows of the summary: ours, and the paper's under each."""
-    rows = []
-    for word, flights, reported in contents.sets:
-        summary = flights.summary
-        note = f"{summary['num_cases']:,} flights" + (f", Sun {summary['sun']}" if "sun" in summary else "")
-        if flights is contents.training and contents.training_round:
-            note += f", starts of round {contents.training_round}"
-        cells = [*(_mean_cell(summary[name], places) for name, places in DECIMALS.items())]
-        cells += [_share_cell(summary[name]) for name in SHARES]
-        paper = _paper_row(reported)
-        if _sees_less(contents):
-            cells.insert(2, _mean_cell(summary[INSPECTABLE], 2))
-            paper.cells.insert(2, Cell("not stated"))
-        rows += [SummaryRow(word, note, cells, is_ours=True), paper]
-    return rows
-
-
-def _mean_cell(measure: Mapping[str, float], places: int) -> Cell:
-    shown = f"{measure['mean']:.{places}f} ± {measure['standard_deviation']:.{places}f}"
-    return Cell(shown, measure["mean"], f"{measure['low']:.{places}f} to {measure['high']:.{places}f}")
-
-
-def _share_cell(measure: Mapping[str, float]) -> Cell:
-    note = f"{100 * measure['low']:.1f} to {100 * measure['high']:.1f} %"
-    return Cell(f"{100 * measure['fraction']:.1f} %", measure["fraction"], note)
-
-
-def _paper_row(reported: comparison.Reported) -> SummaryRow:
-    cells = [
-        Cell(f"{reported.means[name]:g} ± {reported.standard_deviations[name]:g}", reported.means[name])
-        for name in DECIMALS
-    ]
-    cells += [Cell("not stated") for _ in SHARES]
-    note = f"{reported.num_cases:,} flights, Sun not stated"
-    return SummaryRow(f"Paper, {reported.label}", note, cells, is_ours=False)
+    words = (
+        comparisons.safety_words(word.lower(), flights.summary, unguarded.get(word))
+        for word, flights, _ in reversed(contents.sets)
+    )
+    return "" if is_off else " ".join(filter(None, words))
 
 
 def flight_facts(flight: ShownFlight, mission: Mission) -> list[tuple[str, str]]:
@@ -224,19 +101,15 @@ def flight_facts(flight: ShownFlight, mission: Mission) -> list[tuple[str, str]]
     reached = np.flatnonzero(counts >= needed)
     distances = np.linalg.norm(log.position_m, axis=1)
     start = ", ".join(_signed(component, 2) for component in flight.scenario.position_m)
+    after = f"after {reached[0] * mission.control_period_s:g} s" if reached.size else "not in this flight"
+    extremes = f"{distances.min():.1f} to {distances.max():.1f} m"
     return [
         ("start, Hill axes", f"({start}) m"),
         ("Sun at the start", _sun_in_words(flight.scenario)),
         ("Δv", f"{log.delta_v_m_s[-1]:.3f} m/s"),
         ("inspected", f"{points_in_words(log)}, {inspectable_rate(counts[-1], inspectable):.2f} %"),
-        (
-            f"{mission.inspection_threshold_percent:g} % reached",
-            f"after {reached[0] * mission.control_period_s:g} s" if reached.size else "not in this flight",
-        ),
-        (
-            "distance",
-            f"{distances.min():.1f} to {distances.max():.1f} m, {distances.mean():.1f} m in the mean",
-        ),
+        (f"{mission.inspection_threshold_percent:g} % reached", after),
+        ("distance", f"{extremes}, {distances.mean():.1f} m in the mean"),
     ]
 
 
@@ -249,20 +122,11 @@ def case_rows(training: FlightSet | None) -> list[list[str]]:
     """Return one row of words for each training flight, none where they are too many."""
     if training is None or training.episodes is None or len(training.episodes["case"]) > MOST_ROWS:
         return []
-    episodes = training.episodes
-    return [
-        [
-            str(int(episodes["case"][row])),
-            ", ".join(_signed(episodes[name][row], 1) for name in POSITION),
-            f"{math.degrees(episodes['sun_angle_rad'][row]):.1f}",
-            f"{episodes['delta_v_m_s'][row]:.3f}",
-            f"{episodes['inspection_rate_percent'][row]:.2f}",
-            f"{episodes['mean_distance_m'][row]:.2f}",
-            f"{episodes['min_distance_m'][row]:.1f} to {episodes['max_distance_m'][row]:.1f}",
-            comparisons.outcome(bool(episodes["success"][row]), bool(episodes["violated"][row])),
-        ]
-        for row in range(len(episodes["case"]))
-    ]
+    start = ", ".join(f"{{{name}:.1f}}" for name in POSITION)
+    flown = ("{delta_v_m_s:.3f}", "{inspection_rate_percent:.2f}", "{mean_distance_m:.2f}")
+    cells = ("{case:.0f}", start, "{sun_deg:.1f}", *flown, *comparisons.ENDED)
+    rows = comparisons.rows_in_words(training.episodes, range(len(training.episodes["case"])), cells)
+    return [[cell.replace("-", "−") for cell in row] for row in rows]
 
 
 def _signed(value: float, places: int) -> str:
@@ -270,23 +134,75 @@ def _signed(value: float, places: int) -> str:
     return f"{value:.{places}f}".replace("-", "−")
 
 
-def _provenance(manifest: Mapping[str, Any] | None) -> list[tuple[str, str]]:
-    if manifest is None:
-        return []
-    # an earlier report is replaced by this one: a repeated page must not differ for it
-    finished = [name for name in manifest["finished_stages"] if name != "report"]
-    return [
-        ("configuration, SHA-256", str(manifest["config_hash"])),
-        ("seed", str(manifest["seed"])),
-        ("revision of the sources", str(manifest.get("git_revision", "not in a repository"))),
-        ("stages finished before this page", ", ".join(finished) or "none"),
-    ]
+#: columns of an evaluation and shares of its flights, each with its words and, of columns, decimals
+MEASURES: Mapping[str, tuple[str, int]] = {
+    "delta_v_m_s": ("Δv until the end (m/s)", 3),
+    "end_s": ("time of the end (s)", 0),
+    "end_speed_m_s": ("speed at the end (m/s)", 4),
+    "excess_m_s": ("greatest speed above the limit (m/s)", 4),
+    "mean_distance_m": ("mean distance (m)", 1),
+}
+OUTCOMES = {
+    SUCCESS: "the goal is reached",
+    "violated": "a failure on the way",
+    "held": "never above the limit",
+}
+COLOURS = ".document { --blue: light-dark(#0072b2, #4ea9e3); --vermilion: light-dark(#d55e00, #ff8b45); }"
+#: of the columns of a comparison, those that are not about points, plans and the safety layer
+OF_TABLE = (0, 1, 2, 4, 5)
 
 
-def _files(manifest: Mapping[str, Any] | None) -> dict[str, str]:
-    """Return the files that the report is made from, and their hashes."""
-    return {
-        name: digest
-        for name, digest in (manifest or {}).get("sha256", {}).items()
-        if artifacts.stage_of(name) != "report"
-    }
+def _towards_goal(contents: Contents, illustrations: Mapping[str, Illustration]) -> Iterator[Block]:
+    """Tell of flights that must reach a goal: how fast they are, and how near."""
+    experiment, summary = contents.experiment, contents.evaluation.summary if contents.evaluation else None
+    who = f"The controller {contents.controller.name}" if contents.controller else "No controller"
+    if summary:
+        yield Paragraph(lead(who, summary, experiment.mission))
+        yield from _results(summary)
+    yield from (illustration.block for illustration in illustrations.values())
+    for sun, lines in comparisons.tables_of(contents.comparison):
+        heads, *rows = ([line[place] for place in OF_TABLE] for line in (comparison.HEADINGS, *lines))
+        yield Table(
+            heads, rows, caption=f"Controllers from the same starts, Sun {sun}.", numbers=(1, 2, 3, 4)
+        )
+    if contents.recordings:
+        yield Heading("Recorded flights", id="recordings")
+        yield Paragraph("Watch one, from the folder of the run:")
+        yield Code("\n".join(f"python -m telemetry replay {name}" for name in contents.recordings))
+    yield Heading("Provenance", id="provenance")
+    if contents.command:
+        yield Code(contents.command)
+    for name, value in (contents.manifest or {}).items():
+        if name in ("config_hash", "seed", "git_revision"):
+            yield Paragraph(f"{name}: {value}")
+
+
+def lead(who: str, summary: Mapping[str, Any], mission: Mission) -> str:
+    """Say in a sentence or two what came out."""
+    problem, spent, end, speed = mission.problem, *(summary[name] for name in list(MEASURES)[:3])
+    reached, held = (100 * summary[name]["fraction"] for name in (SUCCESS, "held"))
+    return (
+        f"{who}, flown from {summary['num_cases']:,} starts, comes within {problem.goal_radius_m:g} m of the "
+        f"chief, no faster than {problem.goal_speed_m_s:g} m/s, in {reached:.1f} % of the flights. They end "
+        f"after {end['mean']:.0f} s in the mean, at {speed['mean']:.4f} m/s, and spend {spent['mean']:.3f} ± "
+        f"{spent['standard_deviation']:.3f} m/s. {held:.1f} % are never above the limit on the speed after "
+        "their start."
+    )
+
+
+def _results(summary: Mapping[str, Any]) -> Iterator[Block]:
+    """Tell of means and extremes, and of shares of the flights."""
+    yield Heading("Results", id="results")
+    heads = ["", "mean ± standard deviation", "least", "greatest"]
+    means = []
+    for name, (words, places) in MEASURES.items():
+        of = summary[name]
+        ends = (f"{of[end]:.{places}f}" for end in ("minimum", "maximum"))
+        means.append([words, f"{of['mean']:.{places}f} ± {of['standard_deviation']:.{places}f}", *ends])
+    yield Table(heads, means, numbers=(1, 2, 3))
+    heads = ["of the flights", "share", f"{summary['confidence_percent']:g} % interval"]
+    shares = []
+    for name, words in OUTCOMES.items():
+        share, *ends = (f"{100 * summary[name][part]:.2f}" for part in ("fraction", "low", "high"))
+        shares.append([words, f"{share} %", f"{ends[0]} to {ends[1]} %"])
+    yield Table(heads, shares, numbers=(1, 2))

@@ -5,18 +5,17 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
-from markupsafe import Markup
 from numpy.typing import NDArray
 
 from fis_tools.document import Block, Code, Document, Figure, Heading, Items, Paragraph, Table, html
-from fis_tools.document.html import element, read
+from fis_tools.document.html import read
 from pipeline.evaluation.monte_carlo import SUCCESS
 from pipeline.evaluation.statistics import METRICS, Compared, Difference, Effect, Metric, effects, on_front
 from pipeline.report.figures.comparison import Point, front_of_runs
-from pipeline.report.figures.style import inline, save, style
+from pipeline.report.figures.style import illustrate, style
 from pipeline.run import artifacts, sweep, tables
 
 Columns = dict[str, list[Any] | NDArray[Any]]
@@ -33,8 +32,7 @@ NOT_FLOWN = ("+experiment=", "stages=", "hydra.", "seed=", "name=", "monte_carlo
 MOST_OFFERED = 5
 
 
-@dataclass(frozen=True)
-class Value:
+class Value(NamedTuple):
     """A metric of a run with its interval."""
 
     value: float
@@ -133,15 +131,11 @@ def gather(folder: Path) -> Swept:
 
 
 def _run(folder: Path, run: sweep.SweptRun, summary: Mapping[str, Any] | None) -> Run:
-    return Run(
-        run.folder,
-        run.differs,
-        sweep.state_of(folder, run),
-        run.failure,
-        int(summary["num_cases"]) if summary else 0,
-        {metric.name: _value(summary, metric.name) for metric in METRICS} if summary else {},
-        _command(folder / run.folder, run) if summary else "",
-    )
+    came = run.folder, run.differs, sweep.state_of(folder, run), run.failure
+    if summary is None:
+        return Run(*came, 0, {}, "")
+    values = {metric.name: _value(summary, metric.name) for metric in METRICS}
+    return Run(*came, int(summary["num_cases"]), values, _command(folder / run.folder, run))
 
 
 def _value(summary: Mapping[str, Any], name: str) -> Value:
@@ -172,8 +166,8 @@ def columns_of(swept: Swept) -> Columns:
     for metric in METRICS:
         name = f"{metric.name}_percent" if metric.name in SHARES else metric.name
         values = [run.values.get(metric.name, nothing) for run in runs]
-        for part, suffix in (("value", ""), ("low", "_low"), ("high", "_high")):
-            columns[name + suffix] = np.array([getattr(value, part) for value in values])
+        for suffix, column in zip(("", "_low", "_high"), np.array(values).reshape(-1, 3).T, strict=True):
+            columns[name + suffix] = column
     return columns
 
 
@@ -201,14 +195,11 @@ def _headed(metric: Metric) -> str:
 def runs_table(swept: Swept) -> list[Block]:
     """Return the runs, a line each: what they differ in, what came out, and where they stand."""
     factors = swept.factors
-    rows = [
-        (
-            *(run.differs.get(key, "") for key in factors),
-            "on the front" if run in swept.front else run.state,
-            *(_valued(run.values.get(metric.name), metric) for metric in METRICS),
-        )
-        for run in swept.runs
-    ]
+    rows = []
+    for run in swept.runs:
+        values = [_valued(run.values.get(metric.name), metric) for metric in METRICS]
+        state = "on the front" if run in swept.front else run.state
+        rows.append((*(run.differs.get(key, "") for key in factors), state, *values))
     confidence = f"{swept.confidence_percent:g} % intervals"
     heads = [*factors, "state", *map(_headed, METRICS)]
     table = Table(heads, rows, numbers=range(len(factors) + 1, len(heads)))
@@ -227,15 +218,11 @@ def effects_table(swept: Swept) -> list[Block]:
     found: dict[tuple[str, str, str], list[Effect]] = {}
     for effect in swept.effects:
         found.setdefault((effect.factor, effect.baseline, effect.level), []).append(effect)
-    rows = [
-        (
-            factor,
-            f"{level} against {baseline}",
-            f"{group[0].difference.count:,} {group[0].unit}",
-            *(differing(effect.difference, effect.metric) for effect in group),
-        )
-        for (factor, baseline, level), group in found.items()
-    ]
+    rows = []
+    for (factor, baseline, level), group in found.items():
+        gained = [differing(effect.difference, effect.metric) for effect in group]
+        pairs = f"{group[0].difference.count:,} {group[0].unit}"
+        rows.append((factor, f"{level} against {baseline}", pairs, *gained))
     if not rows:
         return []
     title = f"Effects: paired differences, {swept.confidence_percent:g} % intervals; * where without zero:"
@@ -257,29 +244,32 @@ def differing(difference: Difference, metric: Metric) -> str:
 def compared_table(one: str, other: str, compared: Sequence[Compared], confidence: float) -> list[Block]:
     """Return two runs side by side, a line a metric."""
     count = compared[0].difference.count
-    rows = [
-        (
-            _headed(row.metric),
-            *(f"{mean:.{row.metric.places}f}" for mean in row.means),
-            differing(row.difference, row.metric),
-            f"{row.better:,} / {row.worse:,} / {count - row.better - row.worse:,}",
-            f"{row.p_value:.2g}",
-        )
-        for row in compared
-    ]
+    rows = []
+    for row in compared:
+        means = [f"{mean:.{row.metric.places}f}" for mean in row.means]
+        counts = f"{row.better:,} / {row.worse:,} / {count - row.better - row.worse:,}"
+        gained = differing(row.difference, row.metric)
+        rows.append((_headed(row.metric), *means, gained, counts, f"{row.p_value:.2g}"))
     title = f"{count:,} common cases; B against A, {confidence:g} % intervals; * where without zero:"
     heads = ["", f"A: {one}", f"B: {other}", "B - A", "B better / worse / equal", "p"]
     return [Paragraph(title), Table(heads, rows, numbers=range(1, len(heads)))]
 
 
 DOTS_PER_INCH = 100
+_BEST = (
+    "No other run spends as little and inspects as much; first those that succeed most often: that inspect "
+    "enough inside the limits."
+)
 _EFFECTS = (
     "Each value of a setting against its first, in runs that differ in nothing else, on the cases that they "
     "share. Where several pairs of runs differ so, each pair counts once; where one does, each case."
 )
 
 
-_FRONT = "Means with their intervals; the line joins the runs that no other surpasses."
+_FRONT = (
+    "Mean inspection rate over mean delta-v, with their intervals; the line joins the runs that no other "
+    "surpasses."
+)
 
 
 def write(swept: Swept) -> str:
@@ -295,12 +285,7 @@ def _document(swept: Swept) -> Document:
         Heading("Best, ready to fly"),
     ]
     if swept.offered:
-        blocks.append(
-            Paragraph(
-                "No other run spends as little and inspects as much; first those that succeed most often: "
-                "that inspect enough inside the limits."
-            )
-        )
+        blocks.append(Paragraph(_BEST))
         for run in swept.offered:
             blocks += [Heading(run.name, 3), Code(run.fly)]
     else:
@@ -317,15 +302,9 @@ def _document(swept: Swept) -> Document:
 
 
 def _picture(swept: Swept) -> Figure:
-    words = "Mean inspection rate over mean delta-v"
+    names = ("delta_v_m_s", "inspection_rate_percent")
+    points = [
+        Point(run.name, *(run.values[name] for name in names), run in swept.front) for run in swept.evaluated
+    ]
     with style():
-        figure = front_of_runs([_point(run, swept) for run in swept.evaluated])
-        drawn = Markup(inline(save(figure, "front", DOTS_PER_INCH).svg, "front", words))  # noqa: S704 - escaped there
-    return Figure(element("figure", drawn, element("figcaption", _FRONT)))
-
-
-def _point(run: Run, swept: Swept) -> Point:
-    spent, rate = run.values["delta_v_m_s"], run.values["inspection_rate_percent"]
-    return Point(
-        run.name, (spent.value, spent.low, spent.high), (rate.value, rate.low, rate.high), run in swept.front
-    )
+        return illustrate("front", _FRONT, front_of_runs(points), DOTS_PER_INCH).block

@@ -5,6 +5,7 @@ import json
 import os
 import stat
 from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path, PurePath
 from typing import Any, Final
 
@@ -68,6 +69,16 @@ class ArtifactError(ValueError):
     """A file of a run that is missing or cannot be read."""
 
 
+@contextmanager
+def explained(what: str, cure: str = "", *also: type[Exception]) -> Iterator[None]:
+    """Turn errors of what is read into an ArtifactError that says what is wrong and how to mend it."""
+    try:
+        yield
+    except (OSError, ValueError, KeyError, TypeError, *also) as error:
+        ending = f"; {cure}" if cure else ""
+        raise ArtifactError(f"{what} ({type(error).__name__}: {error}){ending}") from error
+
+
 def strangers(folder: Path) -> Iterator[str]:
     """Yield the paths of what no run makes in its folder, links, pipes and devices, with what they are."""
     for place, folders, files in os.walk(folder):
@@ -124,10 +135,8 @@ def read_json(folder: Path, name: str) -> Any:
         If it is missing, cut short or not JSON.
     """
     path = require(folder, name)
-    try:
+    with explained(f"{path} cannot be read", "repeat the stage that writes it", RecursionError):
         return plain(json.loads(path.read_text(encoding="utf-8")))
-    except (OSError, ValueError, RecursionError) as error:
-        raise ArtifactError(f"{path} cannot be read ({error}); repeat the stage that writes it") from error
 
 
 def file_hash(path: Path) -> str:

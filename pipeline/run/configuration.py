@@ -9,7 +9,7 @@ from typing import Any, Final
 import yaml
 
 from fis_tools.plain_text import plain
-from pipeline.run.artifacts import CONFIG, ArtifactError, require
+from pipeline.run.artifacts import CONFIG, ArtifactError, explained, require
 from pipeline.run.writing import write_atomically
 from pipeline.settings.schema import only_results
 
@@ -48,16 +48,8 @@ def is_of(config: Mapping[str, Any], manifest: Mapping[str, Any]) -> bool:
 def text(config: Mapping[str, Any]) -> str:
     """Write a resolved configuration as YAML that reads back to the same data."""
     dumper = getattr(yaml, "CSafeDumper", yaml.SafeDumper)  # the first is ten times as fast
-    return str(
-        yaml.dump(
-            dict(config),
-            Dumper=dumper,
-            sort_keys=False,
-            allow_unicode=True,
-            default_flow_style=None,
-            width=110,
-        )
-    )
+    layout: Any = {"sort_keys": False, "allow_unicode": True, "default_flow_style": None, "width": 110}
+    return str(yaml.dump(dict(config), Dumper=dumper, **layout))
 
 
 def _check_events(content: bytes, loader: Any) -> None:
@@ -116,10 +108,8 @@ def read(folder: Path) -> dict[str, Any]:
     if not folder.is_dir():
         raise ArtifactError(f"{folder} is no folder; give the folder of a run, outputs/NAME/TIME")
     path = require(folder, CONFIG)
-    try:
+    with explained(f"{path} cannot be read"):
         config = parse(path.read_bytes())
-    except (OSError, ValueError) as error:
-        raise ArtifactError(f"{path} cannot be read ({error})") from error
     if not isinstance(config, dict):
         raise ArtifactError(f"{path} holds no configuration; it must be a mapping of keys to values")
     return config

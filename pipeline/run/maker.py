@@ -24,18 +24,8 @@ DISTRIBUTION: Final = "fuzzy-spacecraft-inspection"
 SOURCES: Final = Path(__file__).resolve().parents[2]
 #: packages whose version may change a result or a file
 LIBRARIES: Final = (
-    "numpy",
-    "scipy",
-    "numba",
-    "scikit-fuzzy",
-    "scikit-learn",
-    "deap",
-    "hydra-core",
-    "mcap",
-    "protobuf",
-    "pyarrow",
-    "matplotlib",
-    "rerun-sdk",
+    *("numpy", "scipy", "numba", "scikit-fuzzy", "scikit-learn", "deap", "hydra-core", "mcap"),
+    *("protobuf", "pyarrow", "matplotlib", "rerun-sdk"),
 )
 #: packages whose sources affect results
 PACKAGES: Final = ("pipeline", "fis_tools", "telemetry")
@@ -101,11 +91,8 @@ def processor() -> dict[str, Any]:
     if features is None:
         features = own.flatten()
     has_fma = own.get("fma", False) and own.get("avx2", False) and not is_libm_fixed()
-    blas = {
-        f"{one.get('architecture')} x{one['num_threads']}"
-        for one in threadpool_info()
-        if one["user_api"] == "blas"
-    }
+    pools = [one for one in threadpool_info() if one["user_api"] == "blas"]
+    blas = {f"{one.get('architecture')} x{one['num_threads']}" for one in pools}
     return {
         "machine": platform.machine(),
         "compiled_for": os.environ.get("NUMBA_CPU_NAME") or binding.get_host_cpu_name(),
@@ -135,11 +122,8 @@ def product_version() -> str:
 
 def versions() -> dict[str, str]:
     """Return the versions of this product, Python, the relevant libraries, and the platform."""
-    found = {
-        "product": product_version(),
-        "python": platform.python_version(),
-        "platform": platform.platform(),
-    }
+    found = {"product": product_version(), "python": platform.python_version()}
+    found["platform"] = platform.platform()
     for library in LIBRARIES:
         try:
             found[library] = metadata.version(library)

@@ -59,14 +59,10 @@ def read(folder: Path) -> list[SweptRun]:
             f"{folder} holds no sweep, it has no {SWEEP}; give the folder that python -m pipeline -m printed"
         )
     content = artifacts.read_json(folder, SWEEP)
-    try:
+    with artifacts.explained(f"{folder / SWEEP} is no file of a sweep", "restore it"):
         if content["sweep_version"] != SWEEP_VERSION:
             raise ValueError(f"its version is {content['sweep_version']}, {SWEEP_VERSION} is read")
         return [_run_of(one) for one in content["runs"]]
-    except (KeyError, TypeError, ValueError) as error:
-        raise artifacts.ArtifactError(
-            f"{folder / SWEEP} is no file of a sweep ({error!r}); restore it"
-        ) from error
 
 
 def _run_of(entry: Mapping[str, object]) -> SweptRun:
@@ -81,16 +77,6 @@ def _run_of(entry: Mapping[str, object]) -> SweptRun:
         raise ValueError(f"{run.folder[:80]}... is longer than the name of a folder can be")
     differs = {str(key): str(value) for key, value in run.differs.items()}
     return replace(run, differs=differs, command=tuple(map(str, run.command)), failure=str(run.failure))
-
-
-def with_failure(runs: Sequence[SweptRun], folder: str, failure: str) -> list[SweptRun]:
-    """Return the runs with the failure of one recorded, or, if empty, cleared."""
-    return [replace(run, failure=failure) if run.folder == folder else run for run in runs]
-
-
-def merged(earlier: Sequence[SweptRun], now: Sequence[SweptRun]) -> list[SweptRun]:
-    """Return the runs of an extended sweep: the earlier ones, and the new ones in their places."""
-    return list({run.folder: run for run in (*earlier, *now)}.values())
 
 
 def state_of(folder: Path, run: SweptRun) -> str:

@@ -48,12 +48,8 @@ def join_parquet(path: Path, parts: Sequence[Path]) -> None:
 @contextmanager
 def _writer(path: Path, schema: pa.Schema) -> Iterator[pq.ParquetWriter]:
     # measured numbers hardly repeat: dictionary encoding would take six times as long and more space
-    with (
-        writing.beside(path) as stream,
-        pq.ParquetWriter(
-            stream, schema, compression="zstd", use_dictionary=False, store_schema=False
-        ) as writer,
-    ):
+    how: Any = {"compression": "zstd", "use_dictionary": False, "store_schema": False}
+    with writing.beside(path) as stream, pq.ParquetWriter(stream, schema, **how) as writer:
         yield writer
 
 
@@ -66,7 +62,7 @@ def read_parquet(folder: Path, name: str) -> dict[str, NDArray[Any]]:
         If it is missing or cannot be read.
     """
     path = artifacts.require(folder, name)
-    try:
+    with artifacts.explained(f"{path} cannot be read", "repeat the stage that writes it", pa.ArrowException):
         claimed = pq.read_metadata(path)
         unpacked = sum(claimed.row_group(index).total_byte_size for index in range(claimed.num_row_groups))
         # runs of equal numbers are packed as one
@@ -75,10 +71,6 @@ def read_parquet(folder: Path, name: str) -> dict[str, NDArray[Any]]:
         if unpacked > most:
             raise ValueError(f"it unpacks to {unpacked} bytes, and at most {most} are read")
         table = pq.read_table(path)
-    except (OSError, ValueError, pa.ArrowException) as error:
-        raise artifacts.ArtifactError(
-            f"{path} cannot be read ({error}); repeat the stage that writes it"
-        ) from error
     return {column: table[column].to_numpy() for column in table.column_names}
 
 

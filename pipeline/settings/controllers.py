@@ -7,8 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from pipeline.settings.checks import Count, NotNegative, Number, Positive, SettingError
-from pipeline.settings.groups import settings
+from pipeline.settings.checks import Count, NotNegative, Number, Positive, SettingError, settings
 from pipeline.settings.keys import FREE, did_you_mean
 
 Angle = Annotated[Number, Field(ge=-math.pi, le=math.pi)]

@@ -148,9 +148,8 @@ def _distribution(key: str, node: Mapping[str, Any]) -> Distribution:
         )
     if kind == "normal" and not found.std > 0.0:
         raise SettingError(f"{where}.std is {found.std:g}; it must be greater than 0")
-    if kind == "normal" and not (
-        found.low - found.mean < 8 * found.std and found.mean - found.high < 8 * found.std
-    ):
+    apart = max(found.low - found.mean, found.mean - found.high)
+    if kind == "normal" and not apart < 8 * found.std:
         raise SettingError(
             f"{where}.low and {where}.high lie more than eight standard deviations beside the mean; move them"
         )

@@ -13,28 +13,10 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from pipeline.settings import checks, start_table
-from pipeline.settings.checks import (
-    Box,
-    Cases,
-    Count,
-    Cure,
-    Flag,
-    Freely,
-    Natural,
-    NotNegative,
-    Number,
-    Positive,
-    Seed,
-    SettingError,
-    Text,
-    Whole,
-    Workers,
-)
+from pipeline.settings.checks import Only, SettingError, settings
 from pipeline.settings.controllers import check_controller
-from pipeline.settings.groups import Only, settings
 from pipeline.settings.keys import choices_of, did_you_mean
-from pipeline.settings.mission import Mission
-from pipeline.settings.mission_parts import Safety, Sun
+from pipeline.settings.mission import Mission, Safety, Sun
 from pipeline.settings.training import Optimizer, Starts, dimensions
 
 #: names of other modules that are imported from here
@@ -55,37 +37,32 @@ class MonteCarlo:
     """The evaluation: flights from starts drawn, isotropic and uniform in distance, or from a given table."""
 
     num_cases: Annotated[
-        Cases,
-        Cure("; without scenarios there is nothing to fly"),
+        checks.Cases,
+        checks.Cure("; without scenarios there is nothing to fly"),
         Only(*(f"stages={stage}" for stage in STAGES if stage != "assure")),
     ] = 1000
     """Flights."""
-    min_distance_m: Positive = 50.0
+    min_distance_m: checks.Positive = 50.0
     """Least distance of a start from the chief."""
-    max_distance_m: Number = 100.0
+    max_distance_m: checks.Number = 100.0
     """Greatest distance of a start from the chief."""
-    confidence_percent: Annotated[Number, Field(ge=50, le=99.99)] = 95.0
+    confidence_percent: Annotated[checks.Number, Field(ge=50, le=99.99)] = 95.0
     """Confidence of the intervals in the summary."""
-    workers: Workers = None
+    workers: checks.Workers = None
     """Threads that fly; null: one a processor."""
-    max_speed_m_s: Annotated[NotNegative, Field(le=100)] = 0.0
+    max_speed_m_s: Annotated[checks.NotNegative, Field(le=100)] = 0.0
     """Greatest speed of a start, in any direction; 0: rest."""
     directions: Literal["even", "angles"] = "even"
     """Directions of starts and speeds: even on the sphere, or by even angles, denser at the poles (AFRL)."""
-    box: Box | None = None
+    box: checks.Box | None = None
     """Least and greatest x, y, z, x', y', z' of starts drawn evenly between them; null: the shell."""
-    table: Annotated[Text | None, Only("starts.kind=file")] = None
+    table: Annotated[checks.Text | None, Only("starts.kind=file")] = None
     """Starts in place of drawn ones, as CSV text."""
 
     def __post_init__(self) -> None:
         """Check that the shell's bounds ascend."""
         checks.shell("monte_carlo", self.min_distance_m, self.max_distance_m)
-        num_given = self.num_cases if self.table is None else start_table.num_rows(self.table)
-        if self.num_cases != num_given:
-            raise SettingError(
-                f"monte_carlo.num_cases is {self.num_cases}, but {num_given} starts are given; leave "
-                "monte_carlo.num_cases out: all starts of a file are flown"
-            )
+        start_table.check_count("monte_carlo", self.num_cases, self.table)
 
 
 @settings("optimum", Only("stages=optimum", "stages=evaluate", "stages=compare", is_told=True))
@@ -94,17 +71,17 @@ class Optimum:
 
     cases: Literal["evaluation", "start"] = "evaluation"
     """What is solved: the cases of the evaluation, or the start that the deputy is given."""
-    points: Count | None = None
+    points: checks.Count | None = None
     """Points to be inspected; null: those that make a success in each case."""
-    restarts: Count = 24
+    restarts: checks.Count = 24
     """Most beginnings of the global search; it ends when three find the same."""
-    burns: Annotated[Whole, Field(ge=2, le=5)] = 3
+    burns: Annotated[checks.Whole, Field(ge=2, le=5)] = 3
     """Most burns of the global search, the first at the start."""
-    kicks: Natural = 12
+    kicks: checks.Natural = 12
     """Disturbances of the best plan in a row that better nothing, to the end."""
-    workers: Workers = None
+    workers: checks.Workers = None
     """Threads that solve cases; null: one a processor."""
-    reference: Text | None = SHIPPED
+    reference: checks.Text | None = SHIPPED
     """Cases that evaluations are measured by: `shipped`, a run's folder, or null."""
 
 
@@ -112,7 +89,7 @@ class Optimum:
 class Prove:
     """A proof that all starts of monte_carlo.box reach the goal within the speed limit."""
 
-    cells: Annotated[Whole, Field(ge=8, le=1000)] = 96
+    cells: Annotated[checks.Whole, Field(ge=8, le=1000)] = 96
     """Cells into which the range of a position is divided; more make a tighter tube, and take longer."""
 
 
@@ -120,7 +97,7 @@ class Prove:
 class Engine:
     """How a campaign is cut into parts."""
 
-    part_cases: Annotated[Count, Freely()] = 10000
+    part_cases: Annotated[checks.Count, checks.Freely()] = 10000
     """Flights of a part, which are kept as a file once they are flown."""
 
 
@@ -128,7 +105,7 @@ class Engine:
 class Logger:
     """Where each generation of a training is logged besides its logbook."""
 
-    kind: Annotated[Literal["none", "tensorboard"], Freely()] = "none"
+    kind: Annotated[Literal["none", "tensorboard"], checks.Freely()] = "none"
     """Nowhere else, or in train/tensorboard for TensorBoard."""
 
 
@@ -138,15 +115,15 @@ class HparamsSearch:
 
     space: dict[str, Any] = field(default_factory=dict, hash=False)
     """Keys, each with {low: 0.1, high: 10.0, log: true} or {choices: [a, b]}."""
-    trials: Count = 40
+    trials: checks.Count = 40
     """How many are tried."""
-    num_cases: Count = 400
+    num_cases: checks.Count = 400
     """Starts of a trial, flown by no training."""
-    block_cases: Count = 40
+    block_cases: checks.Count = 40
     """Of them, those flown before a trial is compared with the best."""
-    prune_below: Annotated[NotNegative, Field(le=1)] = 0.1
+    prune_below: Annotated[checks.NotNegative, Field(le=1)] = 0.1
     """The p of Wilcoxon's test below which a trial ends; 0: never."""
-    trains: Flag = False
+    trains: checks.Flag = False
     """Whether each trial trains its controller, or flies the configured one."""
 
     def __post_init__(self) -> None:
@@ -158,11 +135,13 @@ class HparamsSearch:
 class Compare:
     """Comparison of controllers: which fly, and under which conditions."""
 
-    controllers: tuple[Text, ...] = ("coast", "natural_motion", "lqr", "receding_horizon", "paper_champion")
+    controllers: tuple[checks.Text, ...] = (
+        *("coast", "natural_motion", "lqr", "receding_horizon", "paper_champion"),
+    )
     """Names as in controller=NAME, or paths of controllers and tables."""
-    suns: tuple[Text, ...] = ("fixed", "random")
+    suns: tuple[checks.Text, ...] = ("fixed", "random")
     """Sun settings under which each flies: fixed, random, mixed."""
-    safety: tuple[Text, ...] = ("none", "filter")
+    safety: tuple[checks.Text, ...] = ("none", "filter")
     """Safety layers under which each flies: none, filter."""
     worlds: dict[str, dict[str, Any]] = field(default_factory=dict, hash=False)
     """By name, what differs from the experiment's own, or the name of a world."""
@@ -188,23 +167,23 @@ class Compare:
 class Assurance:
     """Evidence for requirements: which, and how thoroughly they are tested."""
 
-    requirements: Text = "inspection"
+    requirements: checks.Text = "inspection"
     """Those that ship, by name, or the path of a file."""
-    num_cases: Annotated[Count, Cure("; without flights nothing is shown")] = 10000
+    num_cases: Annotated[checks.Count, checks.Cure("; without flights nothing is shown")] = 10000
     """Flights on which claims are judged."""
-    searches: Count = 24
+    searches: checks.Count = 24
     """Searches for the worst case of each requirement."""
-    search_starts: Count = 32
+    search_starts: checks.Count = 32
     """Random flights that a search begins with."""
-    search_population: Annotated[Whole, Field(ge=5)] = 16
+    search_population: Annotated[checks.Whole, Field(ge=5)] = 16
     """Flights in each generation of a search (CMA-ES)."""
-    search_generations: Count = 20
+    search_generations: checks.Count = 20
     """Generations after the first flights."""
-    search_step: Annotated[Positive, Field(le=1)] = 0.1
+    search_step: Annotated[checks.Positive, Field(le=1)] = 0.1
     """First spread of a search, as a share of what is chosen."""
-    domain_cases: Count = 200
+    domain_cases: checks.Count = 200
     """Flights that make the operational domain, and as many that try it."""
-    workers: Workers = None
+    workers: checks.Workers = None
     """Threads that fly; null: one a processor."""
 
 
@@ -212,13 +191,13 @@ class Assurance:
 class Telemetry:
     """Which flights are recorded, and the distances that the log calls near."""
 
-    record_training: Flag = True
+    record_training: checks.Flag = True
     """The flights of the training scenarios."""
-    record_ranked: Flag = True
+    record_ranked: checks.Flag = True
     """Of the evaluation: the worst, the median and the best flight."""
-    record_start: Flag = False
+    record_start: checks.Flag = False
     """The flight from deputy.initial_position_m, or of a case of the evaluation."""
-    near_limit_m: NotNegative = 5.0
+    near_limit_m: checks.NotNegative = 5.0
     """The log warns when a distance limit is nearer."""
 
 
@@ -226,11 +205,11 @@ class Telemetry:
 class Report:
     """Appearance of the report."""
 
-    title: Text = "Spacecraft inspection by fuzzy control"
+    title: checks.Text = "Spacecraft inspection by fuzzy control"
     """Heading of the page."""
-    dots_per_inch: Annotated[Whole, Field(ge=20, le=1200)] = 150
+    dots_per_inch: Annotated[checks.Whole, Field(ge=20, le=1200)] = 150
     """Of the PNG files."""
-    training_case: Natural = 0
+    training_case: checks.Natural = 0
     """The training scenario that is drawn, from 0."""
 
 
@@ -260,11 +239,11 @@ class Experiment:
         Whether to go on from a checkpoint in the run's folder; not part of the configuration.
     """
 
-    name: Text = "pipeline"
+    name: checks.Text = "pipeline"
     """Names the run's folder: letters, digits, _ - and . only."""
-    seed: Seed = 1
+    seed: checks.Seed = 1
     """Of everything random."""
-    stages: tuple[Text, ...]
+    stages: tuple[checks.Text, ...]
     """What is done, in this order: scenario, search, train, evaluate, record, optimum, compare, prove,
     assure, report."""
     mission: Mission = field(default_factory=Mission)
@@ -283,9 +262,9 @@ class Experiment:
     engine: Engine = field(default_factory=Engine)
     hparams_search: HparamsSearch = field(default_factory=HparamsSearch)
     logger: Logger = field(default_factory=Logger)
-    reproducible: Flag = False
+    reproducible: checks.Flag = False
     """Whether libraries compute alike on all x86-64 processors."""
-    case: Natural | None = None
+    case: checks.Natural | None = None
     """Case of the evaluation that telemetry.record_start flies; null: the given start."""
     resume: bool = False
 
@@ -297,19 +276,15 @@ class Experiment:
             )
         self._check_stages()
         check_controller(self.controller)
-        self._check_start()
         limits = self.mission.deputy.min_distance_m, self.mission.deputy.max_distance_m
+        self._check_start(limits)
         for table in (self.starts.table, self.monte_carlo.table):
             if table is not None:
                 start_table.check_within(table, f"the starts of {self.starts.path}", limits)
         for group, shell in (("starts", self.starts), ("monte_carlo", self.monte_carlo)):
             for key in ("min_distance_m", "max_distance_m"):
                 value = getattr(shell, key)
-                if not limits[0] <= value <= limits[1]:
-                    raise SettingError(
-                        f"{group}.{key} is {value}, outside the limits of the flight; it must be from "
-                        f"deputy.min_distance_m={limits[0]:g} to deputy.max_distance_m={limits[1]:g} (m)"
-                    )
+                start_table.check_distance(f"{group}.{key} is {value}", value, limits)
         if self.report.training_case >= self.starts.num_cases:
             raise SettingError(
                 f"report.training_case is {self.report.training_case}, but there are {self.starts.num_cases} "
@@ -321,28 +296,15 @@ class Experiment:
         """The Sun of the evaluation: its mode, or that the starts define it."""
         return self.sun.mode if self.monte_carlo.table is None else "of the starts"
 
-    def _check_start(self) -> None:
-        if self.case is not None:
-            self._check_case(self.case)
-            return
-        if "record" not in self.stages or not self.telemetry.record_start:
-            return
-        deputy = self.mission.deputy
-        distance = math.hypot(*deputy.initial_position_m)
-        # a billionth outside is rounding: a start on a limit, which is inside, may be written by its axes
-        if not deputy.min_distance_m * (1 - 1e-9) <= distance <= deputy.max_distance_m * (1 + 1e-9):
+    def _check_start(self, limits_m: tuple[float, float]) -> None:
+        count = self.monte_carlo.num_cases
+        if self.case is None and "record" in self.stages and self.telemetry.record_start:
+            distance = math.hypot(*self.mission.deputy.initial_position_m)
+            what = f"deputy.initial_position_m is {distance:.6g} m from the chief"
+            start_table.check_distance(what, distance, limits_m)
+        elif self.case is not None and self.monte_carlo.table is not None and self.case >= count:
             raise SettingError(
-                f"deputy.initial_position_m is {distance:.6g} m from the chief, outside the limits of the "
-                f"flight; it must be from deputy.min_distance_m={deputy.min_distance_m:g} to "
-                f"deputy.max_distance_m={deputy.max_distance_m:g} (m): move the start, or a limit"
-            )
-
-    def _check_case(self, case: int) -> None:
-        table = self.monte_carlo.table
-        if table is not None and not case < self.monte_carlo.num_cases:
-            raise SettingError(
-                f"case is {case}, but there are {self.monte_carlo.num_cases} starts; choose one from 0 to "
-                f"{self.monte_carlo.num_cases - 1}"
+                f"case is {self.case}, but there are {count} starts; choose one from 0 to {count - 1}"
             )
 
     def _check_stages(self) -> None:

@@ -152,10 +152,9 @@ def nearest(word: str, known: Iterable[str]) -> str | None:
     siblings = {name[2]: key for key, name in names.items() if dot and name[0] == group}
     if found := get_close_matches(last, siblings, n=1):
         return siblings[found[0]]
-    if begun := [
-        key for name, key in siblings.items() if len(last) >= COMMON and name[:COMMON] == last[:COMMON]
-    ]:
-        return begun[0]
+    for name, key in siblings.items():
+        if len(last) >= COMMON and name[:COMMON] == last[:COMMON]:
+            return key
     lower = {key.lower(): key for key in candidates}
     if found := get_close_matches(word.lower(), lower, n=1):
         return lower[found[0]]

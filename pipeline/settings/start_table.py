@@ -86,6 +86,16 @@ def num_rows(text: str) -> int:
     return text.strip().count("\n")
 
 
+def check_count(group: str, num_cases: int, table: str | None) -> None:
+    """Raise SettingError unless a table, if there is one, has so many starts."""
+    num_given = num_cases if table is None else num_rows(table)
+    if num_cases != num_given:
+        raise SettingError(
+            f"{group}.num_cases is {num_cases}, but {num_given} starts are given; leave {group}.num_cases "
+            "out: all starts of a file are flown"
+        )
+
+
 def check_within(text: str, key: str, limits_m: tuple[float, float]) -> None:
     """Raise SettingError if a start of a table is outside the distance limits.
 
@@ -97,14 +107,18 @@ def check_within(text: str, key: str, limits_m: tuple[float, float]) -> None:
 
     columns = numbers(text, key)
     distances = np.sqrt(sum(np.square(columns[name]) for name in POSITION))
-    # a billionth outside is rounding
-    outside = (distances < limits_m[0] * (1 - 1e-9)) | (distances > limits_m[1] * (1 + 1e-9))
-    if outside.any():
-        row = int(np.flatnonzero(outside)[0])
+    for row, distance in enumerate(distances.tolist(), 1):
+        check_distance(f"{key}: row {row} starts {distance:.6g} m from the chief", distance, limits_m)
+
+
+def check_distance(what: str, distance_m: float, limits_m: tuple[float, float]) -> None:
+    """Raise SettingError if a start, what of which is told first, is outside the distance limits."""
+    low, high = limits_m
+    # a billionth outside is rounding: a start on a limit, which is inside, may be written by its axes
+    if not low * (1 - 1e-9) <= distance_m <= high * (1 + 1e-9):
         raise SettingError(
-            f"{key}: row {row + 1} starts {distances[row]:.6g} m from the chief, outside the limits of the "
-            f"flight; it must be from deputy.min_distance_m={limits_m[0]:g} to "
-            f"deputy.max_distance_m={limits_m[1]:g} (m): move the start, or a limit"
+            f"{what}, outside the limits of the flight; it must be from deputy.min_distance_m={low:g} to "
+            f"deputy.max_distance_m={high:g} (m): move the start, or a limit"
         )
 
 

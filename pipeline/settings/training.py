@@ -8,25 +8,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from pipeline.settings import checks, start_table
-from pipeline.settings.checks import (
-    Box,
-    Count,
-    Cure,
-    Flag,
-    Interval,
-    Natural,
-    NotNegative,
-    NotNegativeInterval,
-    Number,
-    Positive,
-    PositiveInterval,
-    SettingError,
-    Share,
-    Text,
-    Whole,
-    Workers,
-)
-from pipeline.settings.groups import Only, settings
+from pipeline.settings.checks import Only, SettingError, settings
 from pipeline.settings.keys import is_key, unknown
 
 #: of a population, or a tournament
@@ -45,27 +27,27 @@ class Starts:
 
     kind: Literal["octants", "random", "file"] = "octants"
     """The octants' diagonals, drawn in a shell, or the rows of a file."""
-    num_cases: Annotated[Count, Cure("; without scenarios nothing can be trained")] = 8
+    num_cases: Annotated[checks.Count, checks.Cure("; without scenarios nothing can be trained")] = 8
     """Training scenarios."""
-    min_distance_m: Positive = 75.0
+    min_distance_m: checks.Positive = 75.0
     """Least distance from the chief; equal to the greatest for the octants."""
-    max_distance_m: Number = 75.0
+    max_distance_m: checks.Number = 75.0
     """Greatest distance from the chief."""
-    redraw: Annotated[Flag, Only("starts.kind=random", "starts.kind=octants")] = False
+    redraw: Annotated[checks.Flag, Only("starts.kind=random", "starts.kind=octants")] = False
     """Whether each round of training draws its own."""
-    num_hard: Natural = 0
+    num_hard: checks.Natural = 0
     """More starts, from the second round on: of hard_from, the champion's worst."""
-    hard_from: Annotated[Natural, Only("starts.num_hard>0")] = 0
+    hard_from: Annotated[checks.Natural, Only("starts.num_hard>0")] = 0
     """Starts among which the hard ones are sought."""
-    max_speed_m_s: Annotated[NotNegative, Field(le=100)] = 0.0
+    max_speed_m_s: Annotated[checks.NotNegative, Field(le=100)] = 0.0
     """Greatest speed of starts that are drawn, any direction; 0: rest."""
     directions: Literal["even", "angles"] = "even"
     """Directions of starts and speeds: even on the sphere, or by even angles, denser at the poles (AFRL)."""
-    box: Box | None = None
+    box: checks.Box | None = None
     """Least and greatest x, y, z, x', y', z' of starts drawn evenly between them; null: the shell."""
-    path: Annotated[Text | None, Only("starts.kind=file")] = None
+    path: Annotated[checks.Text | None, Only("starts.kind=file")] = None
     """The CSV file that the table came from."""
-    table: Annotated[Text | None, Only("starts.kind=file")] = None
+    table: Annotated[checks.Text | None, Only("starts.kind=file")] = None
     """The rows of that file, as CSV text."""
 
     def __post_init__(self) -> None:
@@ -81,12 +63,7 @@ class Starts:
             raise SettingError(
                 f"starts.kind is {self.kind} and starts.table is {given}; choose a file by starts=PATH.csv"
             )
-        num_given = self.num_cases if self.table is None else start_table.num_rows(self.table)
-        if self.num_cases != num_given:
-            raise SettingError(
-                f"starts.num_cases is {self.num_cases}, but the file has {num_given} training starts; leave "
-                "starts.num_cases out"
-            )
+        start_table.check_count("starts", self.num_cases, self.table)
         if self.kind == "octants" and (self.num_cases != 8 or self.min_distance_m != self.max_distance_m):
             raise SettingError(
                 f"starts.kind is octants with {self.num_cases} cases from {self.min_distance_m} to "
@@ -99,47 +76,47 @@ class Starts:
 class Encoding:
     """Range of the genes; a constant with bounds is tuned, null keeps the controller's."""
 
-    mean_window: Annotated[Positive, Field(le=0.99)] = 0.9
+    mean_window: Annotated[checks.Positive, Field(le=0.99)] = 0.9
     """Window of an inner mean, in spacings of evenly spaced terms."""
-    standard_deviation_fraction: PositiveInterval = (0.04, 0.3)
+    standard_deviation_fraction: checks.PositiveInterval = (0.04, 0.3)
     """Bounds of standard deviations, in widths of a variable's range."""
-    output_range_n: PositiveInterval = (0.01, 0.3)
+    output_range_n: checks.PositiveInterval = (0.01, 0.3)
     """Bounds of the half-width of the output's range."""
     rules: Literal["free", "planes", "fixed"] = "free"
     """A gene for the term of each rule; rule tables as planes; or rules kept."""
-    stretch: PositiveInterval | None = None
+    stretch: checks.PositiveInterval | None = None
     """Bounds of factors on ranges with all their terms, in place of means and widths."""
-    digits: Annotated[Whole | None, Field(ge=1, le=17), Cure(", or null for all")] = None
+    digits: Annotated[checks.Whole | None, Field(ge=1, le=17), checks.Cure(", or null for all")] = None
     """Significant digits of stretched ranges and of constants; null: all."""
-    ring_size_m: NotNegativeInterval | None = None
+    ring_size_m: checks.NotNegativeInterval | None = None
     """Height of the ring."""
-    ring_lead_rad: Interval | None = None
+    ring_lead_rad: checks.Interval | None = None
     """How far the Sun is ahead of the place on the ring."""
-    dead_band_n: NotNegativeInterval | None = None
+    dead_band_n: checks.NotNegativeInterval | None = None
     """A smaller force is not fired; a gene for each axis."""
-    prediction_time_s: NotNegativeInterval | None = None
+    prediction_time_s: checks.NotNegativeInterval | None = None
     """How far ahead predicted_centre_along_track looks."""
-    coast_below_points: NotNegativeInterval | None = None
+    coast_below_points: checks.NotNegativeInterval | None = None
     """With fewer points missed by coasting, it coasts."""
-    coast_margin_m: NotNegativeInterval | None = None
+    coast_margin_m: checks.NotNegativeInterval | None = None
     """Unless that comes nearer to a distance limit."""
-    urgency_time_s: NotNegativeInterval | None = None
+    urgency_time_s: checks.NotNegativeInterval | None = None
     """Time before its last light within which a point becomes urgent."""
-    skirt_distance_m: NotNegativeInterval | None = None
+    skirt_distance_m: checks.NotNegativeInterval | None = None
     """Nearer to the chief, directions turn aside from it."""
-    see_horizon_s: NotNegativeInterval | None = None
+    see_horizon_s: checks.NotNegativeInterval | None = None
     """Points that go dark for good within this time count in see_push_* and aim_*."""
-    see_damping_ks2: PositiveInterval | None = None
+    see_damping_ks2: checks.PositiveInterval | None = None
     """What keeps that push small, 1e6 s^2."""
-    aim_urgent_m_s: NotNegativeInterval | None = None
+    aim_urgent_m_s: checks.NotNegativeInterval | None = None
     """Speed that the urgent direction adds to it in aim_*."""
-    tour_time_s: PositiveInterval | None = None
+    tour_time_s: checks.PositiveInterval | None = None
     """Time in which a place on the tour is to be reached."""
-    tour_wait_s: NotNegativeInterval | None = None
+    tour_wait_s: checks.NotNegativeInterval | None = None
     """Longest wait for the end of a shadow over the tour."""
-    tour_lean_m: NotNegativeInterval | None = None
+    tour_lean_m: checks.NotNegativeInterval | None = None
     """How far the tour leans towards what is urgent."""
-    tour_m: Interval | None = None
+    tour_m: checks.Interval | None = None
     """Each mean and wave of the tour that the controller sets."""
 
     def __post_init__(self) -> None:
@@ -164,29 +141,26 @@ class Penalty:
     and any delta-v (1e7/8 > 900 + 95e4).
     """
 
-    outside_m_s: NotNegative = 1.0e7
+    outside_m_s: checks.NotNegative = 1.0e7
     """For a flight outside the distance limits, and again for each metre outside."""
-    outside_most_m: NotNegative | None = None
+    outside_most_m: checks.NotNegative | None = None
     """Metres outside that are paid for at most; null: all."""
-    short_point_m_s: NotNegative = 1.0e4
+    short_point_m_s: checks.NotNegative = 1.0e4
     """For each point short of a success."""
-    missed_point_m_s: NotNegative = 0.05
+    missed_point_m_s: checks.NotNegative = 0.05
     """For each point that is not inspected."""
-    growth: Annotated[Number, Field(ge=1, le=10), Only("optimizer.rounds>1")] = 1.0
+    growth: Annotated[checks.Number, Field(ge=1, le=10), Only("optimizer.rounds>1")] = 1.0
     """Factor on the prices of points from one round to the next."""
-    near_margin_m: NotNegative = 0.0
+    near_margin_m: checks.NotNegative = 0.0
     """By which training draws the least distance in."""
-    far_margin_m: NotNegative = 0.0
+    far_margin_m: checks.NotNegative = 0.0
     """By which training draws the greatest distance in."""
 
     def of_round(self, round_index: int) -> "Penalty":
         """Return the prices of a round, counted from 0."""
         factor = self.growth**round_index
-        return replace(
-            self,
-            short_point_m_s=factor * self.short_point_m_s,
-            missed_point_m_s=factor * self.missed_point_m_s,
-        )
+        short, missed = factor * self.short_point_m_s, factor * self.missed_point_m_s
+        return replace(self, short_point_m_s=short, missed_point_m_s=missed)
 
 
 GENETIC = Only("optimizer.algorithm=genetic")
@@ -196,25 +170,27 @@ GENETIC = Only("optimizer.algorithm=genetic")
 class Optimizer:
     """The evolutionary algorithm: by default the paper's genetic algorithm."""
 
-    population_size: Annotated[Whole, Field(ge=2, le=MOST_INDIVIDUALS)] = 200
+    population_size: Annotated[checks.Whole, Field(ge=2, le=MOST_INDIVIDUALS)] = 200
     """Individuals in a generation."""
-    generations: Count = 500
+    generations: checks.Count = 500
     """Generations after the first, in each round."""
-    tournament_size: Annotated[Count, Field(le=MOST_INDIVIDUALS), GENETIC] = 4
+    tournament_size: Annotated[checks.Count, Field(le=MOST_INDIVIDUALS), GENETIC] = 4
     """Individuals in a tournament, whose best becomes a parent."""
-    crossover_rate: Annotated[Share, GENETIC] = 0.8
+    crossover_rate: Annotated[checks.Share, GENETIC] = 0.8
     """Share of a generation that are children of two parents."""
-    elitism_rate: Annotated[Number, Field(ge=0, le=0.9), GENETIC] = 0.1
+    elitism_rate: Annotated[checks.Number, Field(ge=0, le=0.9), GENETIC] = 0.1
     """Share that passes unchanged into the next."""
     split: Annotated[Literal["whole", "rest"], GENETIC] = "whole"
     """What crossover_rate counts: the whole generation, or the rest without elite."""
-    stall_generations: Annotated[Whole | None, Field(ge=1, le=checks.MOST), Cure(", or null for none")] = None
+    stall_generations: Annotated[
+        checks.Whole | None, Field(ge=1, le=checks.MOST), checks.Cure(", or null for none")
+    ] = None
     """Without improvement, after which a round ends; null: none."""
-    rounds: Count = 1
+    rounds: checks.Count = 1
     """Times that training starts from the last champion."""
     encoding: Encoding = field(default_factory=Encoding)
     penalty: Penalty = field(default_factory=Penalty)
-    workers: Workers = None
+    workers: checks.Workers = None
     """Threads that fly; null: one a processor."""
     algorithm: Literal["genetic", "cma_es"] = "genetic"
     """Crossover and mutation, or an adapting normal distribution."""
@@ -225,14 +201,14 @@ class Optimizer:
     next_round: Annotated[Literal["afresh", "carried"], Only("optimizer.rounds>1")] = "afresh"
     """How a later round begins: a new population and the champion, or the one it finds."""
     initial_step: Annotated[
-        Number,
+        checks.Number,
         Field(ge=1e-6, le=1),
         Only("optimizer.algorithm=cma_es", "optimizer.mutation=local", "optimizer.first_population=near"),
     ] = 0.1
     """Standard deviation of local mutation, and of CMA-ES's first sample, in genes."""
-    cooling: Annotated[Number, Field(ge=0.1, le=1), Only("optimizer.mutation=local")] = 1.0
+    cooling: Annotated[checks.Number, Field(ge=0.1, le=1), Only("optimizer.mutation=local")] = 1.0
     """Factor on the steps of local mutation from round to round."""
-    validation_cases: Natural = 0
+    validation_cases: checks.Natural = 0
     """Starts on which the best of the rounds' champions is chosen; 0: the last."""
 
     def __post_init__(self) -> None:

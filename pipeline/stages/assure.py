@@ -17,7 +17,6 @@ from pipeline.controllers.source import controller_of_run
 from pipeline.evaluation.assurance import evidence
 from pipeline.evaluation.assurance.campaign import Flights, Outcome, Search, case_space, judged, search, speed
 from pipeline.evaluation.assurance.evidence import Domain, domain_of, left_on
-from pipeline.evaluation.assurance.judgement import Judgement, cases_needed, failures_allowed, judge
 from pipeline.evaluation.assurance.proofs import TubeProof, certificates, safety_proof
 from pipeline.evaluation.assurance.quantities import track_of
 from pipeline.evaluation.assurance.requirements import (
@@ -30,16 +29,16 @@ from pipeline.evaluation.assurance.requirements import (
     Requirements,
     read,
 )
-from pipeline.evaluation.assurance.verdicts import Found, percent
+from pipeline.evaluation.assurance.verdicts import Found, cases_needed, failures_allowed, judge, percent
 from pipeline.flight.cases.dispersions import drawn
 from pipeline.flight.cases.starts import evaluation_scenarios
 from pipeline.flight.control.controller import Controller
 from pipeline.flight.goals.flights import fly_logged
 from pipeline.flight.state.log import Scenario
 from pipeline.proof.loop import NotProvable, theorem_of
-from pipeline.recording.recorder import FlightRecorder
+from pipeline.recording.recorder import FlightRecorder, recorder_of
 from pipeline.report.evidence import write as page_of
-from pipeline.report.figures import tube
+from pipeline.report.figures.flights import draw_tube
 from pipeline.report.figures.style import Illustration
 from pipeline.run import artifacts, configuration, maker, tables, writing
 from pipeline.settings.dispersions import distributions
@@ -109,19 +108,24 @@ def _gather(experiment: Experiment, folder: Path, requirements: Requirements) ->
     _write(folder, artifacts.ASSURED_CASES, evidence.case_columns(mission, scenarios, outcomes))
     domain = _domain(experiment, controller, folder)
     proof = safety_proof(mission, scenarios)
-    worst = _Worst(experiment, folder, controller, domain)
+    recorder = recorder_of(experiment, controller, configuration.read(folder))
     entries, all_found = [], []
     for one in requirements.requirements:
         outcome = outcomes.get(one.id)
+        judgement = None
+        if outcome is not None and CASES in one.verified_by:
+            judgement = judge(outcome.margins, outcome.is_met, one.probability, one.confidence)
         found = Found(
             one,
-            _judged(one, outcome),
+            judgement,
             _searches(experiment, flights, one, outcome),
             certificates(one, controller) if BOUNDS in one.verified_by else (),
             proof if SAFETY_LAYER in one.verified_by else None,
             _tube(experiment, controller, folder) if TUBE in one.verified_by else None,
         )
-        recorded = None if outcome is None else worst.record(one, scenarios, outcome, found.searches)
+        recorded = None
+        if outcome is not None:
+            recorded = _record_worst(experiment, folder, recorder, domain, found, scenarios, outcome)
         all_found.append(found)
         entries.append(evidence.of_requirement(found, outcome, recorded))
     _write(folder, artifacts.SEARCHED, evidence.search_columns(mission, all_found))
@@ -137,13 +141,6 @@ def _scenarios(experiment: Experiment, num_cases: int) -> list[Scenario]:
     """Return the first cases of an evaluation from this seed."""
     cases = replace(experiment.monte_carlo, num_cases=num_cases)
     return evaluation_scenarios(cases, experiment.sun, experiment.seed)
-
-
-def _judged(requirement: Requirement, outcome: Outcome | None) -> Judgement | None:
-    """Evaluate a requirement on its cases, if it asks for that."""
-    if outcome is None or CASES not in requirement.verified_by:
-        return None
-    return judge(outcome.margins, outcome.is_met, requirement.probability, requirement.confidence)
 
 
 def _searches(
@@ -190,7 +187,7 @@ def _tube_drawn(
     flights = Flights(mission, controller_of_run(experiment, folder), experiment.assurance.workers)
     tracks = flights.tracks(_scenarios(experiment, num_cases))
     boxes = tables.read_parquet(folder, artifacts.TUBE)
-    return tube.draw(
+    return draw_tube(
         boxes, tracks, mission.problem, mission.control_period_s, experiment.report.dots_per_inch
     )
 
@@ -206,59 +203,42 @@ def _domain(experiment: Experiment, controller: Controller, folder: Path) -> Dom
     return domain
 
 
-class _Worst:
-    """Records the worst known case of each requirement."""
-
-    def __init__(
-        self, experiment: Experiment, folder: Path, controller: Controller, domain: Domain | None
-    ) -> None:
-        self._experiment, self._folder = experiment, folder
-        self._controller, self._domain = controller, domain
-        self._recorder = FlightRecorder(
-            experiment.mission,
-            controller,
-            seed=experiment.seed,
-            config=configuration.read(folder),
-            near_limit_m=experiment.telemetry.near_limit_m,
+def _record_worst(
+    experiment: Experiment,
+    folder: Path,
+    recorder: FlightRecorder,
+    domain: Domain | None,
+    found: Found,
+    scenarios: Sequence[Scenario],
+    outcome: Outcome,
+) -> dict[str, Any]:
+    """Fly the worst known case of a requirement again, logged; record it, and evaluate the recording."""
+    requirement, mission, controller = found.requirement, experiment.mission, recorder.controller
+    case = int(np.argmin(outcome.margins))
+    margin, scenario, source = float(outcome.margins[case]), scenarios[case], f"case {case}"
+    for number, one in enumerate(found.searches):
+        least = float(one.outcome.margins[one.worst])
+        if least < margin:
+            margin, scenario = least, one.scenarios[one.worst]
+            source = f"search {number}, flight {one.worst}"
+    name = f"{artifacts.WORST_FLIGHTS}/{requirement.id}-worst.mcap"
+    path = folder / name
+    path.parent.mkdir(parents=True, exist_ok=True)
+    log = fly_logged(mission, controller, scenario)
+    recorder.record(path, scenario, log, f"{requirement.id}-worst")
+    assert requirement.formula is not None  # noqa: S101 - flown ones have one
+    track, num_points = track_of(reader.read(path, (DEPUTY_CONTROL, DEPUTY_STATE, MISSION)))
+    again = judged(track, num_points, {requirement.id: requirement.formula}, mission.control_period_s)
+    recorded = float(again[requirement.id].margins[0])
+    if not abs(recorded - margin) <= 1e-5 * max(1.0, abs(margin)):
+        raise artifacts.ArtifactError(
+            f"{path} has a margin of {recorded:g}, but {source} was found with {margin:g}; the flight is "
+            "not the one that was found: report this"
         )
-
-    def record(
-        self,
-        requirement: Requirement,
-        scenarios: Sequence[Scenario],
-        outcome: Outcome,
-        searches: Sequence[Search],
-    ) -> dict[str, Any]:
-        """Fly the worst case again, logged; record it, and evaluate the recording."""
-        case = int(np.argmin(outcome.margins))
-        margin, scenario, source = float(outcome.margins[case]), scenarios[case], f"case {case}"
-        for number, one in enumerate(searches):
-            least = float(one.outcome.margins[one.worst])
-            if least < margin:
-                margin, scenario = least, one.scenarios[one.worst]
-                source = f"search {number}, flight {one.worst}"
-        name = f"{artifacts.WORST_FLIGHTS}/{requirement.id}-worst.mcap"
-        path = self._folder / name
-        path.parent.mkdir(parents=True, exist_ok=True)
-        mission = self._experiment.mission
-        log = fly_logged(mission, self._controller, scenario)
-        self._recorder.record(path, scenario, log, f"{requirement.id}-worst")
-        recorded = self._judged_again(requirement, path)
-        if not abs(recorded - margin) <= 1e-5 * max(1.0, abs(margin)):
-            raise artifacts.ArtifactError(
-                f"{path} has a margin of {recorded:g}, but {source} was found with {margin:g}; the flight is "
-                "not the one that was found: report this"
-            )
-        left = left_on(self._domain, log, self._controller, mission.control_period_s) if self._domain else ()
-        return evidence.of_worst(source, _start(mission, scenario), margin, recorded, name, left)
-
-    def _judged_again(self, requirement: Requirement, path: Path) -> float:
-        """Return a requirement's margin from the topics of a recording."""
-        assert requirement.formula is not None  # noqa: S101 - flown ones have one
-        track, num_points = track_of(reader.read(path, (DEPUTY_CONTROL, DEPUTY_STATE, MISSION)))
-        period = self._experiment.mission.control_period_s
-        found = judged(track, num_points, {requirement.id: requirement.formula}, period)
-        return float(found[requirement.id].margins[0])
+    left = left_on(domain, log, controller, mission.control_period_s) if domain else ()
+    margins = {"margin": margin, "recorded_margin": recorded, "recording": name}
+    departures = [asdict(one) for one in left]
+    return {"found_by": source, **_start(mission, scenario), **margins, "left_domain": departures}
 
 
 def _start(mission: Mission, scenario: Scenario) -> dict[str, Any]:

@@ -10,21 +10,7 @@ from threading import Event, Lock
 from typing import Any, cast
 
 from pipeline.controllers.source import named, remembering
-from pipeline.evaluation.comparison import (
-    FLOWN,
-    HEADER,
-    PAPER_NAME,
-    PAPER_TEST,
-    Column,
-    ComparisonRow,
-    as_cells,
-    in_words,
-    joined,
-    planned_row,
-    published_row,
-    rules_of,
-    worlds_in_words,
-)
+from pipeline.evaluation import comparison
 from pipeline.evaluation.monte_carlo import episode_columns, fly_cases, summarise
 from pipeline.flight.cases.starts import evaluation_scenarios
 from pipeline.flight.control.controller import Controller
@@ -36,7 +22,7 @@ from pipeline.run.progress import Progress
 from pipeline.settings.experiment import Experiment, Mission, Safety
 from pipeline.settings.schema import in_world
 
-Row = tuple[ComparisonRow, dict[str, Column]]
+Row = tuple[comparison.ComparisonRow, dict[str, comparison.Column]]
 
 #: flights between two looks at the clock
 PART = 100
@@ -44,16 +30,19 @@ PART = 100
 
 def run(experiment: Experiment, folder: Path) -> None:
     """Fly all controllers, and write the table."""
-    rows = [published_row(PAPER_TEST)] if experiment.mission.problem.kind == "inspection" else []
+    is_inspection = experiment.mission.problem.kind == "inspection"
+    rows = [comparison.published_row(comparison.PAPER_TEST)] if is_inspection else []
     flown: list[Row] = []
     lots = [lot for world in experiment.compare.worlds or [""] for lot in _lots(experiment, world)]
     for lot, of_lot in zip(lots, _fly(lots), strict=True):
         flown += of_lot
         rows += [row for row, _ in of_lot]
         if lot.solved is not None:
-            rows.append(planned_row(lot.experiment, lot.solved))
-    tables.write_csv(folder / artifacts.COMPARISON_TABLE, HEADER, [as_cells(row) for row in rows])
-    tables.write_parquet(folder / artifacts.COMPARISON_EPISODES, joined(flown))
+            rows.append(comparison.planned_row(lot.experiment, lot.solved))
+    tables.write_csv(
+        folder / artifacts.COMPARISON_TABLE, comparison.HEADER, [comparison.as_cells(row) for row in rows]
+    )
+    tables.write_parquet(folder / artifacts.COMPARISON_EPISODES, comparison.joined(flown))
     summary = {
         "seed": experiment.seed,
         "num_cases": experiment.monte_carlo.num_cases,
@@ -147,17 +136,10 @@ def _rows(lot: Lot, name: str, controller: Controller, flights: _Flights) -> lis
         if lot.solved is not None:
             beside, _ = fly_cases(mission, controller, lot.solved.scenarios, workers)
             times = summarise_times(beside_optimum(beside, lot.solved.cases, lot.solved.harder))
-        row = ComparisonRow(
-            label_of(name, experiment.compare.controllers),
-            FLOWN,
-            experiment.sun.mode,
-            layer,
-            len(lot.scenarios),
-            rules_of(controller),
-            summarise(episodes, experiment.monte_carlo.confidence_percent),
-            times,
-            lot.world,
-        )
+        label, num_rules = label_of(name, experiment.compare.controllers), comparison.rules_of(controller)
+        flown = label, comparison.FLOWN, experiment.sun.mode, layer, len(lot.scenarios), num_rules
+        summary = summarise(episodes, experiment.monte_carlo.confidence_percent)
+        row = comparison.ComparisonRow(*flown, summary, times, lot.world)
         rows.append((row, episodes))
     return rows
 
@@ -180,7 +162,7 @@ def _fly_cases(
     workers: int | None,
     label: str,
     flights: _Flights,
-) -> dict[str, Column]:
+) -> dict[str, comparison.Column]:
     """Fly all starts part by part, with a line at the end."""
     started = time.perf_counter()
     parts: list[Outcomes] = []
@@ -195,12 +177,12 @@ def _fly_cases(
     return episodes
 
 
-def _told(experiment: Experiment, rows: list[ComparisonRow]) -> str:
+def _told(experiment: Experiment, rows: list[comparison.ComparisonRow]) -> str:
     """Write the table and the meaning of its columns."""
     threshold = experiment.mission.inspection_threshold_percent
     confidence = experiment.monte_carlo.confidence_percent
     deputy = experiment.mission.deputy
-    table = worlds_in_words(rows) if experiment.compare.worlds else in_words(rows)
+    table = comparison.worlds_in_words(rows) if experiment.compare.worlds else comparison.in_words(rows)
     flown = (
         f"\n{table}\n\n"
         f"  {experiment.monte_carlo.num_cases} cases of seed {experiment.seed}; mean ± standard deviation; "
@@ -211,6 +193,6 @@ def _told(experiment: Experiment, rows: list[ComparisonRow]) -> str:
     return (
         f"{flown}successful: at least {threshold:g} % of the points, "
         f"inside the limits; outside: {deputy.min_distance_m:g} to {deputy.max_distance_m:g} m left.\n"
-        f"  *published ({PAPER_NAME}), its Sun and its distance limits not stated; the optimum knows "
-        "the whole flight beforehand, and is of other cases.\n"
+        f"  *published ({comparison.PAPER_NAME}), its Sun and its distance limits not stated; the optimum "
+        "knows the whole flight beforehand, and is of other cases.\n"
     )

@@ -18,6 +18,7 @@ from pipeline.optimum.solved import case_row, summarise, terms_of
 from pipeline.run import artifacts, tables, writing
 from pipeline.run.progress import Progress
 from pipeline.settings.experiment import Experiment
+from pipeline.settings.start_table import POSITION
 
 CaseRow = dict[str, Any]
 
@@ -68,7 +69,7 @@ def kept_rows(folder: Path, scenarios: list[Scenario]) -> dict[int, CaseRow]:
     for place, case in enumerate(columns["case"].tolist()):
         row = {name: column[place].item() for name, column in columns.items()}
         if case < len(scenarios) and plan_path(folder, case).exists():
-            start = [row[f"position_{axis}_m"] for axis in "xyz"]
+            start = [row[name] for name in POSITION]
             start += [row["sun_angle_rad"], row.get("sun_elevation_rad", 0.0)]
             scenario = scenarios[case]
             suns = [scenario.sun_angle_rad, scenario.sun_elevation_rad]

@@ -10,7 +10,7 @@ from fis_tools.formats.serialize import dump_json
 from pipeline.controllers.source import controller_of_run
 from pipeline.physics.motion import motion_over
 from pipeline.proof.loop import NotProvable, theorem_of
-from pipeline.proof.surface import CELLS
+from pipeline.proof.tube import CELLS
 from pipeline.proof.verdict import COLUMNS, prove
 from pipeline.run import artifacts, tables, writing
 from pipeline.run.progress import Progress
@@ -36,13 +36,8 @@ def _proved(experiment: Experiment, folder: Path) -> str:
         found = prove(
             theorem, controller, motion, experiment.prove.cells, mission.num_controls, progress.show
         )
-    sha256 = hashlib.sha256(text.encode()).hexdigest()
-    outcome = {
-        "num_periods": found.num_periods,
-        "fault": found.fault,
-        "cells": CELLS,
-        "controller_sha256": sha256,
-    }
+    outcome = {"num_periods": found.num_periods, "fault": found.fault, "cells": CELLS}
+    outcome["controller_sha256"] = hashlib.sha256(text.encode()).hexdigest()
     writing.write_json(folder / artifacts.THEOREM, asdict(theorem) | outcome)
     writing.write_atomically(folder / artifacts.PROVED_CONTROLLER, text)
     tables.write_parquet(folder / artifacts.TUBE, dict(zip(COLUMNS, found.rows.T, strict=True)))

@@ -4,7 +4,6 @@ import math
 import re
 import shlex
 import sys
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -13,15 +12,14 @@ from numpy.typing import NDArray
 
 from pipeline.controllers.source import controller_of_run
 from pipeline.evaluation.monte_carlo import rank
+from pipeline.evaluation.statistics import Columns
 from pipeline.flight.cases.starts import evaluation_scenarios, start_shown, training_scenarios
 from pipeline.flight.goals.flights import achieved, fly_logged, in_words
 from pipeline.flight.state.log import Scenario
-from pipeline.recording.recorder import FlightRecorder
+from pipeline.recording.recorder import recorder_of
 from pipeline.run import artifacts, configuration
 from pipeline.settings.experiment import Experiment
 from telemetry import RecordingError
-
-Columns = Mapping[str, NDArray[Any]]
 
 #: only the first of many random training scenarios are recorded
 MOST_TRAINING_FLIGHTS: Final = 8
@@ -103,28 +101,18 @@ def _last_round(folder: Path) -> int:
 def _ranked_flights(experiment: Experiment, episodes: Columns) -> list[FlightToRecord]:
     """Return the worst, the median and the best flight of an evaluation."""
     scenarios = evaluation_scenarios(experiment.monte_carlo, experiment.sun, experiment.seed)
-    order = rank(episodes)
-    chosen = {"worst": order[0], "median": order[len(order) // 2], "best": order[-1]}
-    return [_evaluated_flight(name, episodes, int(row), scenarios) for name, row in chosen.items()]
-
-
-def _evaluated_flight(name: str, episodes: Columns, row: int, scenarios: list[Scenario]) -> FlightToRecord:
-    """Return the flight of an evaluation's row."""
-    case = int(episodes["case"][row])
-    expected = int(episodes["inspected_count"][row]), float(episodes["delta_v_m_s"][row])
-    return FlightToRecord(f"{name}-case-{case}", f"case-{case}", scenarios[case], expected)
+    order, flights = rank(episodes), []
+    for name, row in (("worst", order[0]), ("median", order[len(order) // 2]), ("best", order[-1])):
+        case = int(episodes["case"][row])
+        expected = int(episodes["inspected_count"][row]), float(episodes["delta_v_m_s"][row])
+        flights.append(FlightToRecord(f"{name}-case-{case}", f"case-{case}", scenarios[case], expected))
+    return flights
 
 
 def _record(experiment: Experiment, folder: Path, flights: list[FlightToRecord]) -> None:
     """Fly and record, with one line per flight."""
     controller = controller_of_run(experiment, folder)
-    recorder = FlightRecorder(
-        experiment.mission,
-        controller,
-        seed=experiment.seed,
-        config=configuration.read(folder),
-        near_limit_m=experiment.telemetry.near_limit_m,
-    )
+    recorder = recorder_of(experiment, controller, configuration.read(folder))
     for flight in flights:
         log = fly_logged(experiment.mission, controller, flight.scenario)
         _check_repeated(flight, achieved(experiment.mission, log))

@@ -5,7 +5,6 @@ from pathlib import Path
 
 from fis_tools.errors import ControllerFileError
 from fis_tools.review import page as review
-from pipeline.report import goal
 from pipeline.report.contents import Contents, gather
 from pipeline.report.page import write
 from pipeline.report.pictures import OWN_FILES, draw
@@ -23,9 +22,7 @@ def run(experiment: Experiment, folder: Path) -> None:
     """
     contents = gather(experiment, folder)
     _write_review(contents, folder)
-    has_goal = experiment.mission.problem.kind == "reach"
-    drawn = goal.draw(contents) if has_goal else draw(contents)
-    illustrations = {illustration.name: illustration for illustration in drawn}
+    illustrations = {illustration.name: illustration for illustration in draw(contents)}
     pictures = folder / artifacts.FIGURES
     for name, illustration in illustrations.items():
         writing.write_atomically(pictures / f"{name}.png", illustration.png)
@@ -33,7 +30,7 @@ def run(experiment: Experiment, folder: Path) -> None:
         for path in pictures.iterdir():
             if OWN_FILES.fullmatch(path.name) and path.stem not in illustrations:
                 path.unlink()
-    page = (goal.write if has_goal else write)(contents, illustrations)
+    page = write(contents, illustrations)
     writing.write_atomically(folder / artifacts.REPORT, page)
     sys.stderr.write(
         f"  {folder / artifacts.REPORT}: {len(illustrations)} pictures, {len(page) / 1e6:.1f} MB\n"

@@ -1,6 +1,7 @@
 """Write the starts of all flights of the experiment: scenarios.csv."""
 
 from pathlib import Path
+from typing import Any
 
 from pipeline.flight.cases.starts import evaluation_scenarios, training_scenarios
 from pipeline.flight.state.log import Scenario
@@ -19,16 +20,9 @@ def run(experiment: Experiment, folder: Path) -> None:
             sets[f"training-{index}"] = starts
     if "evaluate" in experiment.stages:
         sets["evaluation"] = evaluation_scenarios(experiment.monte_carlo, experiment.sun, experiment.seed)
-    rows = [
-        [
-            name,
-            case,
-            *at.position_m.tolist(),
-            *at.velocity_m_s.tolist(),
-            at.sun_angle_rad,
-            at.sun_elevation_rad,
-        ]
-        for name, scenarios in sets.items()
-        for case, at in enumerate(scenarios)
-    ]
+    rows: list[list[Any]] = []
+    for name, scenarios in sets.items():
+        for case, at in enumerate(scenarios):
+            suns = at.sun_angle_rad, at.sun_elevation_rad
+            rows.append([name, case, *at.position_m.tolist(), *at.velocity_m_s.tolist(), *suns])
     tables.write_csv(folder / artifacts.SCENARIOS, COLUMNS, rows)

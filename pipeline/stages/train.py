@@ -52,13 +52,8 @@ def _evolved(experiment: Experiment, folder: Path, genome: Genome, log: Log) -> 
             log(rows_of(history))
             progress.show_generation(history[-1])
 
-        result = evolved(
-            experiment,
-            genome,
-            checkpoint=folder / artifacts.CHECKPOINT,
-            resume=experiment.resume,
-            on_generation=keep,
-        )
+        kept: Any = {"checkpoint": folder / artifacts.CHECKPOINT, "resume": experiment.resume}
+        result = evolved(experiment, genome, on_generation=keep, **kept)
         write_history(folder, result.history)
     return result
 

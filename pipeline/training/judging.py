@@ -95,13 +95,9 @@ def _flights_from(
 
 def evolved(experiment: Experiment, genome: Genome, **kept: Any) -> Evolution:
     """Train from the genome's template; `kept` goes to `pipeline.training.evolution.evolve_rounds`."""
+    judge, first = partial(fitness_of_round, experiment, genome), genome.encode()[np.newaxis]
     return evolve_rounds(
-        partial(fitness_of_round, experiment, genome),
-        genome.num_genes,
-        experiment.optimizer,
-        experiment.seed,
-        initial=genome.encode()[np.newaxis],
-        **kept,
+        judge, genome.num_genes, experiment.optimizer, experiment.seed, initial=first, **kept
     )
 
 

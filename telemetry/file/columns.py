@@ -10,8 +10,6 @@ from foxglove_schemas_protobuf.Log_pb2 import Log
 from foxglove_schemas_protobuf.PackedElementField_pb2 import PackedElementField
 from foxglove_schemas_protobuf.PointCloud_pb2 import PointCloud
 from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
-from foxglove_schemas_protobuf.Quaternion_pb2 import Quaternion
-from foxglove_schemas_protobuf.Vector3_pb2 import Vector3
 from google.protobuf.descriptor import FieldDescriptor
 from google.protobuf.message import Message
 from numpy.typing import NDArray
@@ -37,15 +35,9 @@ _DTYPE_OF_FIELD: Final[Mapping[int, np.dtype[Any]]] = {
     FieldDescriptor.TYPE_FLOAT: np.dtype(np.float32),
     FieldDescriptor.TYPE_UINT32: np.dtype(np.int64),
 }
-_DTYPE_OF_POINT_FIELD: Final = {
-    PackedElementField.UINT8: "u1",
-    PackedElementField.INT8: "i1",
-    PackedElementField.UINT16: "<u2",
-    PackedElementField.INT16: "<i2",
-    PackedElementField.UINT32: "<u4",
-    PackedElementField.INT32: "<i4",
-    PackedElementField.FLOAT32: "<f4",
-    PackedElementField.FLOAT64: "<f8",
+_DTYPE_OF_POINT_FIELD: Final[Mapping[int, str]] = {
+    PackedElementField.NumericType.Value(np.dtype(kind).name.upper()): kind
+    for kind in ("u1", "i1", "<u2", "<i2", "<u4", "<i4", "<f4", "<f8")
 }
 
 
@@ -129,7 +121,7 @@ def _transforms(payloads: Sequence[bytes]) -> Columns:
         "parent_frame": _words([m.parent_frame_id for m in messages]),
         "child_frame": _words([m.child_frame_id for m in messages]),
         "translation_m": _vectors([m.translation for m in messages]),
-        "quaternion": _quaternions([m.rotation for m in messages]),
+        "quaternion": _vectors([m.rotation for m in messages], "xyzw"),
     }
 
 
@@ -138,7 +130,7 @@ def _poses(payloads: Sequence[bytes]) -> Columns:
     return {
         "frame": _words([m.frame_id for m in messages]),
         "position_m": _vectors([m.pose.position for m in messages]),
-        "quaternion": _quaternions([m.pose.orientation for m in messages]),
+        "quaternion": _vectors([m.pose.orientation for m in messages], "xyzw"),
     }
 
 
@@ -180,12 +172,9 @@ def _cloud_columns(positions: NDArray[np.float32], colours: Bytes) -> Columns:
     return {"position_m": positions, "colour_rgba": colours, "state": states}
 
 
-def _vectors(vectors: Sequence[Vector3]) -> Floats:
-    return np.array([(v.x, v.y, v.z) for v in vectors], dtype=np.float64).reshape(-1, 3)
-
-
-def _quaternions(quaternions: Sequence[Quaternion]) -> Floats:
-    return np.array([(q.x, q.y, q.z, q.w) for q in quaternions], dtype=np.float64).reshape(-1, 4)
+def _vectors(vectors: Sequence[Message], axes: str = "xyz") -> Floats:
+    rows = [[getattr(vector, axis) for axis in axes] for vector in vectors]
+    return np.array(rows, dtype=np.float64).reshape(-1, len(axes))
 
 
 #: by the full protobuf name of a schema: decodes the messages of a topic, which are bytes in order of time,

@@ -167,18 +167,15 @@ def compare(first: Recording, second: Recording, tolerance: float = 0.0) -> Comp
     for name in sorted({topic.topic for topic in recorded}, key=_flow):
         pair = first.topics.get(name), second.topics.get(name)
         rows, other_rows = _common_rows(*pair)
-        lone += _lone_messages(name, pair, (rows, other_rows), samples)
+        for topic, common, is_in_first in zip(pair, (rows, other_rows), (True, False), strict=True):
+            times = np.empty(0) if topic is None else np.delete(topic.time_s, common)
+            if times.size:
+                since = _sample(samples, times[0]), float(times[0])
+                lone.append(LoneMessages(name, is_in_first, len(times), *since))
         if pair[0] is not None and pair[1] is not None and rows.size:
             fields += _compared_fields(pair[0], pair[1], (rows, other_rows), samples, tolerance)
-    return Comparison(
-        first.path,
-        second.path,
-        tolerance,
-        len(samples),
-        tuple(fields),
-        tuple(lone),
-        tuple(_told_apart(first, second)),
-    )
+    differing = tuple(fields), tuple(lone), tuple(_told_apart(first, second))
+    return Comparison(first.path, second.path, tolerance, len(samples), *differing)
 
 
 def _told_apart(first: Recording, second: Recording) -> Iterator[str]:
@@ -212,18 +209,6 @@ def _keys(topic: TopicColumns | None) -> NDArray[np.void]:
     return keys
 
 
-def _lone_messages(
-    name: str,
-    pair: tuple[TopicColumns | None, TopicColumns | None],
-    rows: tuple[Indices, Indices],
-    samples: Floats,
-) -> Iterator[LoneMessages]:
-    for topic, common, is_in_first in zip(pair, rows, (True, False), strict=True):
-        times = np.empty(0) if topic is None else np.delete(topic.time_s, common)
-        if times.size:
-            yield LoneMessages(name, is_in_first, len(times), _sample(samples, times[0]), float(times[0]))
-
-
 def _compared_fields(
     first: TopicColumns,
     second: TopicColumns,
@@ -245,14 +230,8 @@ def _compared_fields(
             sample, time_s = _sample(samples, times[row]), float(times[row])
             component, value, other_value = _values(one, other, apart, row)
             parting = Parting(first.topic, field, unit, sample, time_s, component, value, other_value)
-        yield FieldComparison(
-            topic=first.topic,
-            field=field,
-            unit=unit,
-            greatest=float(greatest.max()),
-            greatest_time_s=float(times[greatest.argmax()]),
-            parting=parting,
-        )
+        most, when_s = float(greatest.max()), float(times[greatest.argmax()])
+        yield FieldComparison(first.topic, field, unit, most, when_s, parting)
 
 
 def _apart(one: NDArray[np.generic], other: NDArray[np.generic]) -> Floats:
@@ -331,16 +310,10 @@ def _table(fields: tuple[FieldComparison, ...]) -> list[str]:
     rows = [("field", "differs from", "largest difference", "at")]
     for field in fields:
         if field.greatest > 0.0:
-            rows.append(
-                (
-                    f"{field.topic} {field.field}",
-                    "within the tolerance" if field.parting is None else f"{field.parting.time_s:g} s",
-                    f"{field.greatest:.6g}{_spaced(field.unit)}"
-                    if np.isfinite(field.greatest)
-                    else "differs",
-                    f"{field.greatest_time_s:g} s",
-                )
-            )
+            since = "within the tolerance" if field.parting is None else f"{field.parting.time_s:g} s"
+            is_number = np.isfinite(field.greatest)
+            most = f"{field.greatest:.6g}{_spaced(field.unit)}" if is_number else "differs"
+            rows.append((f"{field.topic} {field.field}", since, most, f"{field.greatest_time_s:g} s"))
     if len(rows) == 1:
         return []
     return ["", *aligned(rows), "", f"  the other {len(fields) - len(rows) + 1} fields are the same"]

@@ -25,8 +25,7 @@ from mcap.writer import MCAP0_MAGIC
 from numpy.typing import NDArray
 
 from telemetry.array_types import Floats
-from telemetry.file import RecordingError, claims, columns, topics
-from telemetry.file.messages import NANOSECONDS
+from telemetry.file import RecordingError, claims, columns, explained, topics
 from telemetry.file.metadata import EpisodeDescription, FisDescription, Rehearsal, unsealed
 
 if TYPE_CHECKING:
@@ -76,11 +75,9 @@ class TopicColumns:
 
         Each field's metadata holds its ``unit``; `telemetry.flat_table` returns one number per cell instead.
         """
-        return columns.arrow_table(
-            {"time_s": self.time_s, **self.columns},
-            {"time_s": "s", **self.units},
-            {"topic": self.topic, "schema": self.schema},
-        )
+        described = {"topic": self.topic, "schema": self.schema}
+        values, units = {"time_s": self.time_s, **self.columns}, {"time_s": "s", **self.units}
+        return columns.arrow_table(values, units, described)
 
     def __arrow_c_stream__(self, requested_schema: object | None = None) -> object:
         # anything that accepts Arrow's stream protocol accepts a topic: polars.DataFrame(topic), duckdb
@@ -300,15 +297,11 @@ def read(
         metadata = {record.name: unsealed(record.name, record.metadata) for record in reader.iter_metadata()}
         attachments = {record.name: record.data for record in reader.iter_attachments()}
         log_times, payloads = _messages(reader, chosen.keys(), start_s, end_s, path.stat().st_size)
-        return Recording(
-            path=path,
-            topics={
-                topic: _topic_columns(topic, schema, log_times[topic], payloads[topic], metadata)
-                for topic, schema in chosen.items()
-            },
-            metadata=metadata,
-            attachments=attachments,
-        )
+        found = {
+            topic: _topic_columns(topic, schema, log_times[topic], payloads[topic], metadata)
+            for topic, schema in chosen.items()
+        }
+        return Recording(path, found, metadata, attachments)
 
 
 def _check_span(start_s: float | None, end_s: float | None) -> None:
@@ -335,12 +328,8 @@ def damage_explained(path: Path) -> Iterator[None]:
 
 @contextmanager
 def _opened(path: Path) -> Iterator[BinaryIO]:
-    try:
+    with explained(f"{path} cannot be opened", "give the path of a recording, a .mcap file"):
         stream = path.open("rb")
-    except OSError as error:
-        raise RecordingError(
-            f"{path} cannot be opened: {error.strerror or error}; give the path of a recording, a .mcap file"
-        ) from error
     with stream:
         check_is_whole(path, stream)
         yield stream
@@ -440,8 +429,8 @@ def _messages(
     most = claims.most_messages(size)
     found = reader.iter_messages(
         topics=list(chosen),
-        starting_at=None if start_s is None or start_s == -inf else round(start_s * NANOSECONDS),
-        ending_before=None if end_s is None or end_s == inf else round(end_s * NANOSECONDS) + 1,
+        starting_at=None if start_s is None or start_s == -inf else round(start_s * topics.NANOSECONDS),
+        ending_before=None if end_s is None or end_s == inf else round(end_s * topics.NANOSECONDS) + 1,
         # a queue that orders the messages of all topics takes as long as all the rest
         log_time_order=False,
     )
@@ -474,5 +463,5 @@ def _topic_columns(
         raise ValueError(f"the points on {topic} have no colours")
     if topic == topics.CHIEF_PULLS:
         units |= metadata.get(topics.PULLS_METADATA, {})
-    time_s = np.array(log_times, dtype=np.float64) / NANOSECONDS
+    time_s = np.array(log_times, dtype=np.float64) / topics.NANOSECONDS
     return TopicColumns(topic, schema, time_s, decoded, units)

@@ -16,8 +16,7 @@ from mcap.records import Attachment, Channel, Chunk, Footer, McapRecord, Message
 from mcap.stream_reader import StreamReader, breakup_chunk
 from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
 
-from telemetry.file import RecordingError, claims, topics
-from telemetry.file.messages import NANOSECONDS
+from telemetry.file import RecordingError, claims, explained, topics
 from telemetry.file.metadata import sealed, unsealed
 from telemetry.file.partial_file import PARTIAL_SUFFIX, whole_file
 from telemetry.file.reader import DAMAGE, check_attachment
@@ -122,13 +121,9 @@ def recover(path: Path | str, output: Path | str | None = None) -> Recovery:
                 f"nothing in {path} is intact: it ends before its first flushed step; fly the episode again"
             )
         _write(path, output, salvage)
-    return Recovery(
-        output=None if is_whole else output,
-        num_messages=len(log_times),
-        end_s=max(log_times) / NANOSECONDS if log_times else None,
-        num_bytes_lost=path.stat().st_size - salvage.num_bytes_read,
-        num_damaged_records=salvage.num_damaged_records,
-    )
+    end_s = max(log_times) / topics.NANOSECONDS if log_times else None
+    num_lost, written = path.stat().st_size - salvage.num_bytes_read, None if is_whole else output
+    return Recovery(written, len(log_times), end_s, num_lost, salvage.num_damaged_records)
 
 
 def _default_output(path: Path) -> Path:
@@ -137,12 +132,8 @@ def _default_output(path: Path) -> Path:
 
 
 def _content(path: Path) -> bytes:
-    try:
+    with explained(f"{path} cannot be read", "give the path of a recording"):
         content = path.read_bytes()
-    except OSError as error:
-        raise RecordingError(
-            f"{path} cannot be read: {error.strerror or error}; give the path of a recording"
-        ) from error
     if content[: len(MCAP0_MAGIC)] != MCAP0_MAGIC[: len(content)]:
         raise RecordingError(
             f"{path} is not an MCAP file, so there is no recording to rescue in it; give the path of a .mcap "
@@ -215,14 +206,9 @@ def _chunk_records(chunk: Chunk) -> list[McapRecord]:
 def _write(source: Path, output: Path, salvage: _Salvage) -> None:
     if output.exists():
         raise RecordingError(f"{output} exists; remove it or choose another name with -o")
-    try:
-        with whole_file(output) as stream:
-            _copy(Writer(stream, compression=CompressionType.ZSTD), source, salvage)
-    except OSError as error:
-        raise RecordingError(
-            f"{output} cannot be written: {error.strerror or error}; "
-            "make room, or choose another file with -o"
-        ) from error
+    cure = "make room, or choose another file with -o"
+    with explained(f"{output} cannot be written", cure), whole_file(output) as stream:
+        _copy(Writer(stream, compression=CompressionType.ZSTD), source, salvage)
 
 
 def _copy(writer: Writer, source: Path, salvage: _Salvage) -> None:
@@ -232,25 +218,19 @@ def _copy(writer: Writer, source: Path, salvage: _Salvage) -> None:
     log_times = salvage.log_times
     remark = {"source": source.name, "num_messages": str(len(log_times))}
     if log_times:
-        remark["end_s"] = str(max(log_times) / NANOSECONDS)
+        remark["end_s"] = str(max(log_times) / topics.NANOSECONDS)
     writer.add_metadata(topics.RECOVERY_METADATA, sealed(topics.RECOVERY_METADATA, remark))
-    for attachment in salvage.attachments:
-        writer.add_attachment(
-            attachment.create_time,
-            attachment.log_time,
-            attachment.name,
-            attachment.media_type,
-            attachment.data,
-        )
+    for one in salvage.attachments:
+        writer.add_attachment(one.create_time, one.log_time, one.name, one.media_type, one.data)
     schema_ids = {
         schema.id: writer.register_schema(schema.name, schema.encoding, schema.data)
         for schema in salvage.schemas.values()
     }
     channel_ids = {
-        channel.id: writer.register_channel(
-            channel.topic, channel.message_encoding, schema_ids[channel.schema_id], channel.metadata
+        one.id: writer.register_channel(
+            one.topic, one.message_encoding, schema_ids[one.schema_id], one.metadata
         )
-        for channel in salvage.channels.values()
+        for one in salvage.channels.values()
     }
     for chunk in salvage.chunks:
         for m in chunk:

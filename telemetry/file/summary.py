@@ -39,7 +39,7 @@ def summarize(recording: Recording) -> dict[str, Any]:
         "end_s": float(times.max()) if times.size else None,
         "is_rescued": topics.RECOVERY_METADATA in recording.metadata,
         "episode": dict(recording.metadata.get(topics.EPISODE_METADATA, {})),
-        "outcome": _outcome(recording),
+        "outcome": outcome_of(recording),
         "fuzzy_systems": {name: _system(recording, name) for name in recording.fis_names},
         "topics": {
             name: {"schema": topic.schema, "messages": len(topic)} for name, topic in recording.topics.items()
@@ -48,7 +48,8 @@ def summarize(recording: Recording) -> dict[str, Any]:
     }
 
 
-def _outcome(recording: Recording) -> dict[str, float]:
+def outcome_of(recording: Recording) -> dict[str, float]:
+    """Return what a flight came to; empty where the recording does not say."""
     mission = recording.topics.get(topics.MISSION)
     if mission is None or not len(mission):
         return {}
@@ -67,12 +68,9 @@ def _outcome(recording: Recording) -> dict[str, float]:
 
 def _system(recording: Recording, name: str) -> dict[str, Any]:
     words = recording.fis_description(name)
-    return {
-        "inputs": dict(zip(words.input_names, words.input_units, strict=True)),
-        "output": words.output_name,
-        "output_unit": words.output_unit,
-        "num_rules": len(words.rules),
-    }
+    output = {"output": words.output_name, "output_unit": words.output_unit}
+    inputs = dict(zip(words.input_names, words.input_units, strict=True))
+    return {"inputs": inputs, **output, "num_rules": len(words.rules)}
 
 
 def in_words(summary: Mapping[str, Any]) -> list[str]:

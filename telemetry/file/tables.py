@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from telemetry.file import RecordingError, topics
+from telemetry.file import RecordingError, explained, topics
 from telemetry.file.columns import arrow_table
 from telemetry.file.partial_file import whole_file
 from telemetry.file.reader import Recording, TopicColumns
@@ -52,7 +52,7 @@ def export(recording: Recording, folder: Path, file_format: Format) -> list[Path
     import pyarrow.parquet  # noqa: PLC0415
 
     paths = []
-    try:
+    with explained(f"{folder} cannot be written to", "make room, or choose another folder with -o"):
         folder.mkdir(parents=True, exist_ok=True)
         for name, topic in recording.topics.items():
             if not len(topic):
@@ -65,11 +65,6 @@ def export(recording: Recording, folder: Path, file_format: Format) -> list[Path
                 else:
                     pyarrow.parquet.write_table(table, stream)
             paths.append(path)
-    except OSError as error:
-        raise RecordingError(
-            f"{folder} cannot be written to: {error.strerror or error}; "
-            "make room, or choose another folder with -o"
-        ) from error
     return paths
 
 

@@ -18,6 +18,8 @@ GUIDANCE: Final = "/guidance"
 NAVIGATION: Final = "/navigation"
 MISSION: Final = "/mission"
 LOG: Final = "/log"
+#: in a second
+NANOSECONDS: Final = 1_000_000_000
 #: topics of every recording; each fuzzy system adds one
 FIXED_TOPICS: Final = (
     *(TRANSFORMS, DEPUTY_POSE, CHIEF_POINTS),

@@ -1,34 +1,205 @@
-"""Writes an episode to an MCAP file, which gets its final name only when it is complete."""
+"""Writes an episode to an MCAP file, which gets its final name only when it is complete.
+
+First what the fields of messages hold, of one sample or of many, and these messages as protobuf writes them.
+"""
 
 import math
 import sys
 from bisect import bisect_right
 from collections import Counter
-from collections.abc import Mapping
-from contextlib import suppress
-from itertools import groupby, pairwise
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import AbstractContextManager, suppress
+from itertools import groupby, pairwise, repeat
 from operator import itemgetter
 from pathlib import Path
-from types import TracebackType
 from typing import Any, Final, Self
 
 import numpy as np
 from foxglove_schemas_protobuf.FrameTransform_pb2 import FrameTransform
 from foxglove_schemas_protobuf.Log_pb2 import Log
+from foxglove_schemas_protobuf.PackedElementField_pb2 import PackedElementField
 from foxglove_schemas_protobuf.PointCloud_pb2 import PointCloud
+from foxglove_schemas_protobuf.Pose_pb2 import Pose
 from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
+from foxglove_schemas_protobuf.Quaternion_pb2 import Quaternion
+from foxglove_schemas_protobuf.Vector3_pb2 import Vector3
 from google.protobuf.descriptor import FieldDescriptor
 from google.protobuf.message import Message
 from mcap.writer import Writer
 from mcap_protobuf.schema import register_schema
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from telemetry.array_types import Booleans, Floats, Integers
-from telemetry.file import RecordingError, messages, topics
-from telemetry.file.messages import NANOSECONDS, encode, nanoseconds, rows
+from telemetry.file import RecordingError, explained, topics
 from telemetry.file.metadata import sealed
 from telemetry.file.partial_file import PARTIAL_SUFFIX, PartialFile
 from telemetry.file.schema import inspection_pb2
+
+#: what fields hold, by their names
+Columns = dict[str, Any]
+
+
+LOG_LEVELS: Final = {"debug": Log.DEBUG, "info": Log.INFO, "warning": Log.WARNING, "error": Log.ERROR}
+
+
+_REAL: Final = (FieldDescriptor.CPPTYPE_DOUBLE, FieldDescriptor.CPPTYPE_FLOAT)
+
+
+def encode(kind: type[Message], columns: Mapping[str, Any], count: int) -> Iterator[bytes]:
+    """Yield messages as protobuf writes them.
+
+    Parameters
+    ----------
+    kind : type
+        Of the messages.
+    columns : mapping
+        What each field holds: an array of a row a message, (n,) for a number, (n, k) for repeated numbers
+        and for bytes; a mapping of this kind for a message inside; or anything else that protobuf takes, the
+        same in all messages. NaN leaves an optional field out.
+    count : int
+        How many messages.
+
+    Raises
+    ------
+    KeyError
+        If there is no field of a name.
+    """
+    for fields in _fields(kind.DESCRIPTOR, columns, count):
+        yield kind(**fields).SerializeToString()
+
+
+def _fields(descriptor: Any, columns: Mapping[str, Any], count: int) -> Iterator[dict[str, Any]]:
+    known = descriptor.fields_by_name
+    values = (_values(known[name], column, count) for name, column in columns.items())
+    return (dict(zip(columns, row, strict=True)) for row in zip(*values, strict=False))
+
+
+def _values(field: FieldDescriptor, column: Any, count: int) -> Iterable[Any]:
+    """Return what a field holds in each message; None leaves it out."""
+    if isinstance(column, Mapping):
+        return _fields(field.message_type, column, count)
+    if not isinstance(column, np.ndarray):
+        return repeat(column, count)
+    if field.type == FieldDescriptor.TYPE_BYTES:
+        return (row.tobytes() for row in column.astype(np.uint8))
+    values = (column if field.cpp_type in _REAL else column.astype(np.int64)).tolist()
+    return [None if math.isnan(value) else value for value in values] if field.has_presence else values
+
+
+def nanoseconds(time_s: ArrayLike) -> Integers:
+    """Return times, or one, as whole nanoseconds, (n,)."""
+    return np.rint(np.atleast_1d(np.asarray(time_s, dtype=np.float64)) * topics.NANOSECONDS).astype(np.int64)
+
+
+def rows(values: ArrayLike, count: int, length: int, field: str) -> Floats:
+    """Return an array as that many rows of a length.
+
+    Raises
+    ------
+    RecordingError
+        If it does not hold as many values.
+    """
+    found = np.asarray(values, dtype=np.float64)
+    if found.size != count * length:
+        raise RecordingError(
+            f"{field} has {found.size} values, but {count * length} are expected; pass all of them"
+        )
+    return found.reshape(count, length)
+
+
+def transform(
+    time_ns: Integers, parent: str, child: str, translation_m: Floats, quaternion: Floats
+) -> Columns:
+    """Tell transforms of a child frame; quaternions (scalar last) turn child axes into parent axes."""
+    return {
+        "timestamp": _timestamp(time_ns),
+        "parent_frame_id": parent,
+        "child_frame_id": child,
+        "translation": dict(zip("xyz", translation_m.T, strict=True)),
+        "rotation": dict(zip("xyzw", quaternion.T, strict=True)),
+    }
+
+
+def pose_in_hill(time_ns: Integers, position_m: Floats, quaternion: Floats) -> Columns:
+    """Tell poses of a body in Hill; quaternions (scalar last) turn body axes into Hill axes."""
+    pose = {
+        "position": dict(zip("xyz", position_m.T, strict=True)),
+        "orientation": dict(zip("xyzw", quaternion.T, strict=True)),
+    }
+    return {"timestamp": _timestamp(time_ns), "frame_id": topics.HILL_FRAME, "pose": pose}
+
+
+def point_cloud(time_ns: Integers, points_m: ArrayLike, states: ArrayLike) -> Columns:
+    """Tell clouds of points, (P, 3), chief axes, coloured by their states, a row of P for each time.
+
+    Raises
+    ------
+    RecordingError
+        If the shapes do not match or a state is not a `topics.PointState`.
+    """
+    count, points, state = len(time_ns), np.asarray(points_m), np.asarray(states, dtype=np.int64)
+    if points.ndim != 2 or points.shape[1] != 3 or state.size != count * len(points):
+        wanted = "(P,)" if count == 1 else f"({count}, P)"
+        raise RecordingError(
+            f"points of shape {points.shape} come with states of shape {state.shape}, "
+            f"but (P, 3) and {wanted} are expected; pass one state for each point"
+        )
+    if state.size and not (state.min() >= 0 and state.max() < len(topics.POINT_COLOURS_RGBA)):
+        raise RecordingError(
+            f"point states range from {state.min()} to {state.max()}, but 0 to "
+            f"{len(topics.POINT_COLOURS_RGBA) - 1} are expected; see telemetry.file.topics.PointState"
+        )
+    colours = topics.POINT_COLOURS_RGBA[state.reshape(count, len(points))]
+    channels = dict(zip(topics.COLOUR_CHANNELS, np.moveaxis(colours, -1, 0), strict=True))
+    return cloud_of(time_ns, points, channels)
+
+
+def cloud_of(time_ns: Integers, points_m: ArrayLike, columns: Mapping[str, NDArray[Any]]) -> Columns:
+    """Tell clouds of points, (P, 3), chief axes, with columns of a row of P for each time, or one for all.
+
+    Columns of bytes or booleans are written as bytes, others as doubles.
+    """
+    points = np.asarray(points_m, dtype=np.float32)
+    kinds = {name: "u1" if values.dtype.itemsize == 1 else "<f8" for name, values in columns.items()}
+    layout = np.dtype([*dict.fromkeys("xyz", "<f4").items(), *kinds.items()])
+    clouds = np.empty((len(time_ns), len(points)), layout)
+    for name, values in (*zip("xyz", points.T, strict=True), *columns.items()):
+        clouds[name] = values
+    packed = clouds.view(np.uint8).reshape(len(time_ns), -1)
+    return {"timestamp": _timestamp(time_ns), "data": packed, **_layout(layout)}
+
+
+def event(time_ns: Integers, level: str, text: str) -> Columns:
+    """Tell a line of the event log.
+
+    Raises
+    ------
+    RecordingError
+        If `level` is not one of `LOG_LEVELS`.
+    """
+    if level not in LOG_LEVELS:
+        raise RecordingError(f"there is no log level {level!r}; choose one of {', '.join(LOG_LEVELS)}")
+    return {"timestamp": _timestamp(time_ns), "level": LOG_LEVELS[level], "message": text, "name": "episode"}
+
+
+def _timestamp(time_ns: Integers) -> Columns:
+    return {"seconds": time_ns // topics.NANOSECONDS, "nanos": time_ns % topics.NANOSECONDS}
+
+
+def _layout(dtype: np.dtype[Any]) -> Columns:
+    """Return what all clouds of points of a type have alike."""
+    fields = [(name, *dtype.fields[name][:2]) for name in dtype.names or ()]  # type: ignore[index]
+    number_of = PackedElementField.NumericType.Value
+    return {
+        "frame_id": topics.CHIEF_FRAME,
+        "pose": Pose(position=Vector3(), orientation=Quaternion(w=1.0)),
+        "point_stride": dtype.itemsize,
+        "fields": [
+            PackedElementField(name=name, offset=offset, type=number_of(kind.name.upper()))
+            for name, kind, offset in fields
+        ],
+    }
+
 
 #: a process that is killed loses at most this many samples
 SAMPLES_PER_CHUNK: Final = 60
@@ -89,39 +260,29 @@ class EpisodeWriter:
         self._num_written: Counter[int] = Counter()
 
     def __enter__(self) -> Self:
-        try:
+        with self._explained():
             self._file = PartialFile(self.path)
-        except OSError as error:
-            raise self._explained(error) from error
-        try:
-            self._mcap = self._begun()
-        except OSError as error:
-            self._file.abandon()
-            raise self._explained(error) from error
+            try:
+                self._mcap = self._begun()
+            except OSError:
+                self._file.abandon()
+                raise
         start, origin = nanoseconds(0.0), np.zeros((1, 3))
-        root = messages.transform(start, topics.VIEWER_ROOT_FRAME, topics.HILL_FRAME, origin, _UPRIGHT)
+        root = transform(start, topics.VIEWER_ROOT_FRAME, topics.HILL_FRAME, origin, _UPRIGHT)
         self._write(topics.TRANSFORMS, start, root)
         return self
 
-    def __exit__(
-        self,
-        exception_type: type[BaseException] | None,
-        exception: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        if exception_type is not None:
-            # report the first error, but save what can be saved
-            with suppress(OSError):
+    def __exit__(self, exception_type: type[BaseException] | None, *_: object) -> None:
+        # report the first error, but save what can be saved
+        with self._explained() if exception_type is None else suppress(OSError):
+            try:
                 self._write_waiting()
-            self._file.abandon()
-            return
-        try:
-            self._write_waiting()
-            self._mcap.finish()  # type: ignore[no-untyped-call]
-            self._file.commit()
-        except OSError as error:
-            self._file.abandon()
-            raise self._explained(error) from error
+                if exception_type is None:
+                    self._mcap.finish()  # type: ignore[no-untyped-call]
+                    self._file.commit()
+            finally:
+                # after a commit there is nothing left to close
+                self._file.abandon()
 
     def poses(
         self,
@@ -145,13 +306,12 @@ class EpisodeWriter:
         position = rows(position_m, len(time_ns), 3, "position_m")
         deputy = rows(quaternion_b_from_h, len(time_ns), 4, "quaternion_b_from_h")
         chief = rows(quaternion_c_from_h, len(time_ns), 4, "quaternion_c_from_h")
-        for child, origin, turned in (
-            (topics.DEPUTY_FRAME, position, deputy),
-            (topics.CHIEF_FRAME, np.zeros_like(position), chief),
-        ):
-            columns = messages.transform(time_ns, topics.HILL_FRAME, child, origin, turned)
+        origin = np.zeros_like(position)
+        bodies = {topics.DEPUTY_FRAME: (position, deputy), topics.CHIEF_FRAME: (origin, chief)}
+        for child, (place, turned) in bodies.items():
+            columns = transform(time_ns, topics.HILL_FRAME, child, place, turned)
             self._write(topics.TRANSFORMS, time_ns, columns)
-        self._write(topics.DEPUTY_POSE, time_ns, messages.pose_in_hill(time_ns, position, deputy))
+        self._write(topics.DEPUTY_POSE, time_ns, pose_in_hill(time_ns, position, deputy))
 
     def points(self, time_s: ArrayLike, points_m: ArrayLike, states: ArrayLike) -> None:
         """Record the inspection points and their states.
@@ -166,7 +326,7 @@ class EpisodeWriter:
             A `telemetry.file.topics.PointState` for each point.
         """
         time_ns = nanoseconds(time_s)
-        self._write(topics.CHIEF_POINTS, time_ns, messages.point_cloud(time_ns, points_m, states))
+        self._write(topics.CHIEF_POINTS, time_ns, point_cloud(time_ns, points_m, states))
 
     def pulls(
         self,
@@ -192,12 +352,8 @@ class EpisodeWriter:
             Whether coasting to the end would leave it unseen.
         """
         time_ns = nanoseconds(time_s)
-        columns: dict[str, Floats | Booleans] = {
-            **parts,
-            "last_light_s": last_light_s,
-            "is_missed": is_missed,
-        }
-        self._write(topics.CHIEF_PULLS, time_ns, messages.cloud_of(time_ns, points_m, columns))
+        columns: dict[str, Any] = {**parts, "last_light_s": last_light_s, "is_missed": is_missed}
+        self._write(topics.CHIEF_PULLS, time_ns, cloud_of(time_ns, points_m, columns))
 
     def record(self, topic: str, time_s: ArrayLike, **fields: ArrayLike) -> None:
         """Record messages of one of this project's own kinds.
@@ -246,7 +402,7 @@ class EpisodeWriter:
             One sentence.
         """
         time_ns = nanoseconds(time_s)
-        self._write(topics.LOG, time_ns, messages.log(time_ns, level, text))
+        self._write(topics.LOG, time_ns, event(time_ns, level, text))
         self._flush(int(time_ns[0]))
 
     def _begun(self) -> Writer:
@@ -296,8 +452,9 @@ class EpisodeWriter:
         for before, after in pairwise([self._written_until_ns, *times]):
             if after < before:
                 raise RecordingError(
-                    f"a record of {after / NANOSECONDS} s follows one of {before / NANOSECONDS} s, but "
-                    "recordings are in order of time; write the records of a sample together"
+                    f"a record of {after / topics.NANOSECONDS} s follows one of "
+                    f"{before / topics.NANOSECONDS} s, but recordings are in order of time; write the "
+                    "records of a sample together"
                 )
         contents = encode(kind, columns, len(times))
         self._waiting += ((time, channel, content) for time, content in zip(times, contents, strict=True))
@@ -305,12 +462,13 @@ class EpisodeWriter:
 
     def _flush(self, until_ns: float = math.inf) -> None:
         """Bring messages to the file, up to a time or all."""
-        try:
-            self._write_waiting(until_ns)
-        except OSError as error:
-            # after a chunk that is lost others would leave a gap
-            self._waiting, self._waiting_times = [], set()
-            raise self._explained(error) from error
+        with self._explained():
+            try:
+                self._write_waiting(until_ns)
+            except OSError:
+                # after a chunk that is lost others would leave a gap
+                self._waiting, self._waiting_times = [], set()
+                raise
 
     def _write_waiting(self, until_ns: float = math.inf) -> None:
         """Give messages to the file in order of time; those of one time in the order in which they came."""
@@ -329,9 +487,10 @@ class EpisodeWriter:
         self._waiting = self._waiting[len(given) :]
         self._waiting_times = {time_ns for time_ns, _, _ in self._waiting}
 
-    def _explained(self, error: OSError) -> RecordingError:
-        return RecordingError(
-            f"the recording {self.path} cannot be written: {error.strerror or error}; it needs an existing, "
-            "writable folder with about 1 MiB free: make room or choose another one (`python -m telemetry "
-            f"recover` reads the steps that are already in {self.path.name}{PARTIAL_SUFFIX})"
+    def _explained(self) -> AbstractContextManager[None]:
+        cure = (
+            "it needs an existing, writable folder with about 1 MiB free: make room or choose another one "
+            "(`python -m telemetry recover` reads the steps that are already in "
+            f"{self.path.name}{PARTIAL_SUFFIX})"
         )
+        return explained(f"the recording {self.path} cannot be written", cure)

@@ -78,12 +78,8 @@ def replay(
     end_s = max(float(lines.instants[-1]) for lines in mission[0].curves)
     now = rrb.TextDocumentView(origin=NOW, name="Now")
     summary = rrb.TextDocumentView(origin=SUMMARY, name="Flight")
-    camera = _space(
-        SEEN,
-        "As the deputy sees it",
-        -_CLOSE_UP_M * np.asarray(boresight, dtype=np.float64),
-        contents=[f"{SCENE}/chief/**"],
-    )
+    eye = -_CLOSE_UP_M * np.asarray(boresight, dtype=np.float64)
+    camera = _space(SEEN, "As the deputy sees it", eye, contents=[f"{SCENE}/chief/**"])
     beside = rrb.Vertical(camera, summary, row_shares=[43, 57])
     force, torque = (_plot(plot, _ROOM_FOR_LEGEND * end_s) for plot in effort)
     asked = [_plot(plot, _ROOM_FOR_LEGEND * end_s) for plot in fis[:1]]
@@ -93,11 +89,8 @@ def replay(
         rrb.Horizontal(force, *asked),
         rrb.Tabs(*tabs, torque, active_tab=0),
     ]
-    up_to_now = rrb.VisibleTimeRanges(
-        timeline=TIME,
-        start=rrb.TimeRangeBoundary.infinite(),
-        end=rrb.TimeRangeBoundary.cursor_relative(seconds=0.0),
-    )
+    start, now_s = rrb.TimeRangeBoundary.infinite(), rrb.TimeRangeBoundary.cursor_relative(seconds=0.0)
+    up_to_now = rrb.VisibleTimeRanges(timeline=TIME, start=start, end=now_s)
     overrides = dict.fromkeys(trails, up_to_now)
     scene = _space(SCENE, "Flight, Hill frame", _around(farthest_m), overrides=overrides)
     plots = rrb.Vertical(*rows, row_shares=[31, 36, 33])
@@ -130,14 +123,8 @@ def _blueprint(root: rrb.Container) -> rrb.Blueprint:
     time = rrb.TimePanel(
         state="collapsed", timeline=TIME, playback_speed=PLAYBACK_SPEED, play_state="playing", loop_mode="all"
     )
-    return rrb.Blueprint(
-        root,
-        time,
-        rrb.SelectionPanel(state="hidden"),
-        rrb.BlueprintPanel(state="hidden"),
-        auto_layout=False,
-        auto_views=False,
-    )
+    hidden = rrb.SelectionPanel(state="hidden"), rrb.BlueprintPanel(state="hidden")
+    return rrb.Blueprint(root, time, *hidden, auto_layout=False, auto_views=False)
 
 
 def _events() -> rrb.View:
@@ -175,39 +162,29 @@ def _plot(plot: Plot, end_s: float | None = None) -> rrb.View:
             start=rr.TimeRangeBoundary.absolute(seconds=0.0), end=rr.TimeRangeBoundary.absolute(seconds=end_s)
         )
         axis_x = rrb.TimeAxis(link="Independent", view_range=whole_flight)
+    legend, name = rrb.PlotLegend(corner, visible=plot.has_legend), drawable(plot.title)
     return rrb.TimeSeriesView(
-        origin=plot_path(plot),
-        name=drawable(plot.title),
-        axis_x=axis_x,
-        axis_y=axis_y,
-        plot_legend=rrb.PlotLegend(corner, visible=plot.has_legend),
+        origin=plot_path(plot), name=name, axis_x=axis_x, axis_y=axis_y, plot_legend=legend
     )
 
 
 def _rule_map() -> rrb.View:
-    return rrb.Spatial2DView(
-        origin=RULE_MAP,
-        name="Rules fired: one row each, rule 1 on top",
-        background=BACKGROUND,
-        visual_bounds=rrb.VisualBounds2D(
-            x_range=[-MAP_NAME_WIDTH, MAP_WIDTH + _MAP_MARGIN],
-            y_range=[-_MAP_MARGIN, MAP_HEIGHT + _MAP_MARGIN],
-        ),
-    )
+    x, y = [-MAP_NAME_WIDTH, MAP_WIDTH + _MAP_MARGIN], [-_MAP_MARGIN, MAP_HEIGHT + _MAP_MARGIN]
+    bounds, name = rrb.VisualBounds2D(x_range=x, y_range=y), "Rules fired: one row each, rule 1 on top"
+    return rrb.Spatial2DView(origin=RULE_MAP, name=name, background=BACKGROUND, visual_bounds=bounds)
 
 
+Stream = rr.RecordingStream
 BODY_COLOUR: Final = (44, 48, 62)
 SHELL_COLOUR: Final = (105, 42, 48)
 
 
-def send(
-    stream: rr.RecordingStream, entity: str, time_s: Floats, columns: Iterable[rr.ComponentColumn]
-) -> None:
+def send(stream: Stream, entity: str, time_s: Floats, columns: Iterable[rr.ComponentColumn]) -> None:
     """Send the components of an entity at each time."""
     stream.send_columns(entity, [rr.TimeColumn(TIME, duration=time_s)], columns)
 
 
-def send_chief(stream: rr.RecordingStream, radius_m: float | None) -> None:
+def send_chief(stream: Stream, radius_m: float | None) -> None:
     """Send the chief's body, slightly smaller than the sphere of its points, if its radius is known."""
     if radius_m is None:
         return
@@ -215,29 +192,23 @@ def send_chief(stream: rr.RecordingStream, radius_m: float | None) -> None:
     stream.log(f"{SCENE}/chief/body", body, static=True)
 
 
-def send_mesh(stream: rr.RecordingStream, stl: bytes) -> None:
+def send_mesh(stream: Stream, stl: bytes) -> None:
     """Send the chief's body as the triangles of an STL file in its axes, m."""
     body = rr.Asset3D(contents=stl, media_type="model/stl", albedo_factor=BODY_COLOUR)
     stream.log(f"{SCENE}/chief/body", body, static=True)
 
 
-def send_limits(
-    stream: rr.RecordingStream, min_distance_m: float | None, max_distance_m: float | None
-) -> None:
+def send_limits(stream: Stream, min_distance_m: float | None, max_distance_m: float | None) -> None:
     """Send the shells that limit the deputy's distance, if they are known."""
     for name, radius in (("nearest", min_distance_m), ("farthest", max_distance_m)):
         if radius is None:
             continue
-        shell = rr.Ellipsoids3D(
-            radii=[radius],
-            colors=[SHELL_COLOUR],
-            line_radii=rr.Radius.ui_points(0.6),
-            fill_mode=FillMode.MajorWireframe,
-        )
+        look: Any = {"line_radii": rr.Radius.ui_points(0.6), "fill_mode": FillMode.MajorWireframe}
+        shell = rr.Ellipsoids3D(radii=[radius], colors=[SHELL_COLOUR], **look)
         stream.log(f"{SCENE}/limits/{name}", shell, static=True)
 
 
-def send_styles(stream: rr.RecordingStream, plots: Iterable[Plot]) -> None:
+def send_styles(stream: Stream, plots: Iterable[Plot]) -> None:
     """Send colours, names and widths of curves."""
     for plot in plots:
         for lines in plot.curves:
@@ -250,7 +221,7 @@ def send_styles(stream: rr.RecordingStream, plots: Iterable[Plot]) -> None:
             stream.log(f"{plot_path(plot)}/{lines.name}", style, static=True)
 
 
-def send_values(stream: rr.RecordingStream, plots: Iterable[Plot]) -> None:
+def send_values(stream: Stream, plots: Iterable[Plot]) -> None:
     """Send the values of curves."""
     for plot in plots:
         for lines in plot.curves:

@@ -3,35 +3,24 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 import rerun as rr
 
 from telemetry.array_types import Booleans, Bytes
-from telemetry.scene import blueprint
-from telemetry.scene.blueprint import send
-from telemetry.scene.curves import (
-    LIMIT_COLOUR,
-    PLAIN_COLOUR,
-    SIGNAL_COLOURS,
-    Colour,
-    Curves,
-    Plot,
-    drawable,
-    level,
-    table,
-)
+from telemetry.scene import blueprint, curves
+from telemetry.scene.blueprint import Stream, send
 from telemetry.scene.runs import Evaluation, Outcome, read_evaluation
 from telemetry.scene.viewer import Scene
 
-OUTCOME_COLOURS: Final[dict[Outcome, Colour]] = {
+OUTCOME_COLOURS: Final[dict[Outcome, curves.Colour]] = {
     Outcome.SUCCESS: (0, 190, 130),
     Outcome.SHORT: (255, 170, 60),
     Outcome.OUTSIDE: (240, 60, 60),
 }
-UNKNOWN_COLOUR: Final[Colour] = (120, 140, 175)
-NAMED_COLOUR: Final[Colour] = PLAIN_COLOUR
+UNKNOWN_COLOUR: Final[curves.Colour] = (120, 140, 175)
+NAMED_COLOUR: Final[curves.Colour] = curves.PLAIN_COLOUR
 
 
 @dataclass(frozen=True)
@@ -73,7 +62,7 @@ def scene(path: Path) -> Scene:
     farthest_m = float(np.percentile(evaluation.distance_m.max(axis=1), 90))
     layout = blueprint.campaign(distance, farthest_m=farthest_m)
 
-    def send_all(stream: rr.RecordingStream) -> None:
+    def send_all(stream: Stream) -> None:
         surroundings = evaluation.surroundings
         blueprint.send_chief(stream, surroundings.chief_radius_m)
         blueprint.send_limits(stream, surroundings.min_distance_m, surroundings.max_distance_m)
@@ -86,7 +75,9 @@ def scene(path: Path) -> Scene:
         text = rr.TextDocument(in_words(evaluation), media_type="text/markdown")
         stream.log(blueprint.SUMMARY, text, static=True)
 
-    return Scene("evaluation", f"{drawable(evaluation.name)}: {len(evaluation.case)} cases", layout, send_all)
+    return Scene(
+        "evaluation", f"{curves.drawable(evaluation.name)}: {len(evaluation.case)} cases", layout, send_all
+    )
 
 
 def extremes(evaluation: Evaluation) -> list[Extreme]:
@@ -105,15 +96,12 @@ def extremes(evaluation: Evaluation) -> list[Extreme]:
         for what, row, how_much in picked:
             # labelled where the flight ends
             found.append((what, (row + 1) * num_samples - 1, how_much))
-    return [
-        Extreme(
-            what.replace(" ", "_").replace("-", "_"),
-            place // num_samples,
-            place % num_samples,
-            f"{what}: case {evaluation.case[place // num_samples]}, {how_much}",
-        )
-        for what, place, how_much in found
-    ]
+    extremes = []
+    for what, place, how_much in found:
+        row, sample = divmod(place, num_samples)
+        key = what.replace(" ", "_").replace("-", "_")
+        extremes.append(Extreme(key, row, sample, f"{what}: case {evaluation.case[row]}, {how_much}"))
+    return extremes
 
 
 def in_words(evaluation: Evaluation) -> str:
@@ -128,9 +116,8 @@ def in_words(evaluation: Evaluation) -> str:
             count = int(np.sum(outcome == kind))
             rows.append((words, f"{count} ({100 * count / num_cases:.1f} %)"))
         measures = [("delta-v", "delta_v_m_s", "m/s", 3), ("inspected", "inspection_rate_percent", "%", 1)]
-        for title, name, unit, digits in measures[
-            : 1 if evaluation.surroundings.threshold_percent is None else 2
-        ]:
+        num_measures = 1 if evaluation.surroundings.threshold_percent is None else 2
+        for title, name, unit, digits in measures[:num_measures]:
             values = evaluation.episodes[name]
             spread = values.std(ddof=min(1, num_cases - 1))
             text = f"{values.mean():.{digits}f} ± {spread:.{digits}f} {unit}"
@@ -139,7 +126,7 @@ def in_words(evaluation: Evaluation) -> str:
         name, _, rest = extreme.label.partition(": ")
         rows.append((name, rest))
     legend = "White: the cases named above. Dots: the deputies at the selected time."
-    return f"{table(rows)}\n\n{legend}"
+    return f"{curves.table(rows)}\n\n{legend}"
 
 
 def _outcomes_in_words(evaluation: Evaluation) -> dict[Outcome, str]:
@@ -155,22 +142,19 @@ def _outcomes_in_words(evaluation: Evaluation) -> dict[Outcome, str]:
     }
 
 
-def distance_plot(evaluation: Evaluation) -> Plot:
+def distance_plot(evaluation: Evaluation) -> curves.Plot:
     """Plot the smallest, median and largest distance of all cases over time, with the limits."""
     distance, time_s = evaluation.distance_m, evaluation.time_s
     spread = np.column_stack((distance.max(axis=0), np.median(distance, axis=0), distance.min(axis=0)))
-    colours = (SIGNAL_COLOURS[3], PLAIN_COLOUR, SIGNAL_COLOURS[2])
-    curves = [Curves("spread", time_s, spread, ("farthest", "median", "nearest"), colours)]
+    colours = (curves.SIGNAL_COLOURS[3], curves.PLAIN_COLOUR, curves.SIGNAL_COLOURS[2])
+    lines = [curves.Curves("spread", time_s, spread, ("farthest", "median", "nearest"), colours)]
     around = evaluation.surroundings
     limits = [limit for limit in (around.min_distance_m, around.max_distance_m) if limit is not None]
-    curves += [level(f"limit_{limit:g}", float(time_s[-1]), limit, LIMIT_COLOUR) for limit in limits]
-    return Plot(
-        "distance",
-        "Distance of all cases (m)",
-        tuple(curves),
-        0.0,
-        1.05 * max(float(spread.max()), *limits, 0.0),
-    )
+    lines += [
+        curves.level(f"limit_{limit:g}", float(time_s[-1]), limit, curves.LIMIT_COLOUR) for limit in limits
+    ]
+    most = 1.05 * max(float(spread.max()), *limits, 0.0)
+    return curves.Plot("distance", "Distance of all cases (m)", tuple(lines), 0.0, most)
 
 
 def _colours(evaluation: Evaluation) -> Bytes:
@@ -180,9 +164,9 @@ def _colours(evaluation: Evaluation) -> Bytes:
     return np.array([OUTCOME_COLOURS[kind] for kind in Outcome], dtype=np.uint8)[outcome]
 
 
-def _send_paths(stream: rr.RecordingStream, evaluation: Evaluation) -> None:
+def _send_paths(stream: Stream, evaluation: Evaluation) -> None:
     outcome = evaluation.outcome
-    kinds: Sequence[tuple[str, Colour, Booleans]]
+    kinds: Sequence[tuple[str, curves.Colour, Booleans]]
     if outcome is None:
         kinds = [("all", UNKNOWN_COLOUR, np.ones(len(evaluation.case), dtype=np.bool_))]
     else:
@@ -199,7 +183,7 @@ def _send_paths(stream: rr.RecordingStream, evaluation: Evaluation) -> None:
         stream.log(f"{blueprint.SCENE}/paths/{name}", lines, static=True)
 
 
-def _send_deputies(stream: rr.RecordingStream, evaluation: Evaluation) -> None:
+def _send_deputies(stream: Stream, evaluation: Evaluation) -> None:
     entity = f"{blueprint.SCENE}/deputies"
     num_cases, num_samples = evaluation.position_m.shape[:2]
     style = rr.Points3D.from_fields(colors=_colours(evaluation), radii=rr.Radius.ui_points(2.8))
@@ -209,16 +193,11 @@ def _send_deputies(stream: rr.RecordingStream, evaluation: Evaluation) -> None:
     send(stream, entity, evaluation.time_s, columns.partition([num_cases] * num_samples))
 
 
-def _send_extreme(stream: rr.RecordingStream, evaluation: Evaluation, extreme: Extreme) -> None:
+def _send_extreme(stream: Stream, evaluation: Evaluation, extreme: Extreme) -> None:
     entity = f"{blueprint.SCENE}/named/{extreme.key}"
     track = evaluation.position_m[extreme.row]
     lines = rr.LineStrips3D([track], colors=[NAMED_COLOUR], radii=rr.Radius.ui_points(1.4))
     stream.log(entity, lines, static=True)
-    place = rr.Points3D(
-        [track[extreme.sample]],
-        labels=[extreme.label],
-        colors=[NAMED_COLOUR],
-        radii=rr.Radius.ui_points(4.0),
-        show_labels=True,
-    )
+    look: Any = {"colors": [NAMED_COLOUR], "radii": rr.Radius.ui_points(4.0), "show_labels": True}
+    place = rr.Points3D([track[extreme.sample]], labels=[extreme.label], **look)
     stream.log(f"{entity}/label", place, static=True)

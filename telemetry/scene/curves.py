@@ -131,14 +131,11 @@ def mission_plots(recordings: Sequence[Recording], colours: Sequence[Colour]) ->
     bounds = "; limits " + ", ".join(f"{limit:g}" for limit in limits) if limits else ""
     delta_v = _of_each(recordings, colours, "delta_v_m_s")
     spent = _reach(max(float(curve.values.max()) for curve in delta_v) or 1.0)
+    ends, spent_ends = (-0.12 * farthest, 1.15 * farthest), (-0.12 * spent, 1.1 * spent)
     return (
-        Plot(
-            "distance", f"Distance (m{bounds})", distance, -0.12 * farthest, 1.15 * farthest, has_legend=False
-        ),
+        Plot("distance", f"Distance (m{bounds})", distance, *ends, has_legend=False),
         Plot("rate", f"Inspected (%{goal})", rate, -12.0, 115.0, has_legend=False),
-        Plot(
-            "delta_v", "Delta-v (m/s)", delta_v, -0.12 * spent, 1.1 * spent, has_legend=has_legend, rises=True
-        ),
+        Plot("delta_v", "Delta-v (m/s)", delta_v, *spent_ends, has_legend=has_legend, rises=True),
     )
 
 
@@ -213,19 +210,13 @@ def fis_plots(recording: Recording) -> list[Plot]:
 def _of_each(
     recordings: Sequence[Recording], colours: Sequence[Colour], field: str, *, in_steps: bool = False
 ) -> tuple[Curves, ...]:
-    return tuple(
-        Curves(
-            f"flight_{index}",
-            recording[topics.MISSION].time_s,
-            _floats(recording[topics.MISSION][field])[:, None],
-            (name,),
-            (colour,),
-            in_steps,
-        )
-        for index, (recording, name, colour) in enumerate(
-            zip(recordings, flight_names(recordings), colours, strict=True)
-        )
-    )
+    found = []
+    looks = zip(flight_names(recordings), colours, strict=True)
+    for index, (recording, (name, colour)) in enumerate(zip(recordings, looks, strict=True)):
+        mission = recording[topics.MISSION]
+        values = _floats(mission[field])[:, None]
+        found.append(Curves(f"flight_{index}", mission.time_s, values, (name,), (colour,), in_steps))
+    return tuple(found)
 
 
 def level(name: str, end_s: float, value: float, colour: Colour) -> Curves:

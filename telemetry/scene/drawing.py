@@ -12,7 +12,7 @@ from telemetry.array_types import Bytes, Floats
 from telemetry.file import topics
 from telemetry.file.metadata import FisDescription
 from telemetry.file.reader import Recording, TopicColumns
-from telemetry.file.summary import ending
+from telemetry.file.summary import ending, outcome_of
 from telemetry.scene.curves import drawable, table
 
 #: size of the heat map in pixels; a 2D view keeps the aspect ratio
@@ -96,9 +96,8 @@ def inference_in_words(recording: Recording, sample_time_s: Floats) -> list[str]
         description = recording.fis_description(name)
         fired, fired_s = recording.fired(name)
         columns = [topic[field][fired] for field in ("inputs", "firing_strengths", "output_n", "shares_n")]
-        for index, row in zip(
-            np.searchsorted(sample_time_s, fired_s), zip(*columns, strict=True), strict=True
-        ):
+        places = np.searchsorted(sample_time_s, fired_s)
+        for index, row in zip(places, zip(*columns, strict=True), strict=True):
             samples[index] += _one_inference(description, *row)
     at_rest = _rest_in_words(recording, sample_time_s)
     return [drawable("\n".join(lines)) or rest for lines, rest in zip(samples, at_rest, strict=True)]
@@ -186,22 +185,16 @@ def flights_in_words(recordings: Sequence[Recording], names: Sequence[str]) -> s
 
 
 def _facts(recording: Recording) -> list[tuple[str, str]]:
-    mission = recording[topics.MISSION]
-    last, num_points = recording.last_sample, mission["inspected_mask"].shape[1]
-    distance, count = (
-        mission["distance_m"][: last + 1].astype(np.float64),
-        int(mission["inspected_count"][last]),
-    )
-    end_s = recording.episode.end_s
+    outcome, end_s = outcome_of(recording), recording.episode.end_s
+    count, num_points = outcome["inspected_count"], outcome["num_points"]
+    inspected = ("inspected", f"{count} of {num_points} points")
     facts = [
-        ("inspected", f"{count} of {num_points} points")
-        if end_s is None
-        else ("end", ending(count > 0, end_s)),
-        ("delta-v", f"{mission['delta_v_m_s'][last]:.3f} m/s"),
-        ("distance", f"{distance.min():.1f} to {distance.max():.1f} m"),
-        ("duration", f"{mission.time_s[-1]:.0f} s"),
+        inspected if end_s is None else ("end", ending(count > 0, end_s)),
+        ("delta-v", f"{outcome['delta_v_m_s']:.3f} m/s"),
+        ("distance", f"{outcome['min_distance_m']:.1f} to {outcome['max_distance_m']:.1f} m"),
+        ("duration", f"{recording[topics.MISSION].time_s[-1]:.0f} s"),
     ]
-    inspectable = int(mission["inspectable_count"][-1])
+    inspectable = outcome["inspectable_count"]
     if 0 < inspectable < num_points:
         facts.insert(1, ("ever lit", f"{inspectable} points"))
     if recording.episode.scenario_id:

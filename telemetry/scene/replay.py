@@ -12,7 +12,7 @@ from telemetry.array_types import Floats
 from telemetry.file import RecordingError, topics
 from telemetry.file.reader import Recording, read
 from telemetry.scene import blueprint, curves, drawing
-from telemetry.scene.blueprint import send
+from telemetry.scene.blueprint import Stream, send
 from telemetry.scene.curves import AXIS_COLOURS, PLAIN_COLOUR, Colour
 from telemetry.scene.viewer import Scene
 
@@ -66,7 +66,7 @@ def scene(paths: Sequence[Path]) -> Scene:
         trails=[blueprint.trail_path(index) for index in range(len(recordings))],
     )
 
-    def send_all(stream: rr.RecordingStream) -> None:
+    def send_all(stream: Stream) -> None:
         plots = (*mission, *effort, *fis)
         blueprint.send_styles(stream, plots)
         blueprint.send_values(stream, plots)
@@ -99,7 +99,7 @@ def _distances(recording: Recording) -> Floats:
     return distances
 
 
-def _send_flight(stream: rr.RecordingStream, recording: Recording) -> None:
+def _send_flight(stream: Stream, recording: Recording) -> None:
     _send_chief(stream, recording)
     _send_points(stream, recording)
     _send_deputy(stream, recording)
@@ -109,14 +109,14 @@ def _send_flight(stream: rr.RecordingStream, recording: Recording) -> None:
     blueprint.send_limits(stream, episode.min_distance_m, episode.max_distance_m)
 
 
-def _send_chief(stream: rr.RecordingStream, recording: Recording) -> None:
+def _send_chief(stream: Stream, recording: Recording) -> None:
     transforms = recording[topics.TRANSFORMS]
     is_chief = transforms["child_frame"] == topics.CHIEF_FRAME
     columns = rr.Transform3D.columns(quaternion=transforms["quaternion"][is_chief])
     send(stream, f"{blueprint.SCENE}/chief", transforms.time_s[is_chief], columns)
 
 
-def _send_points(stream: rr.RecordingStream, recording: Recording) -> None:
+def _send_points(stream: Stream, recording: Recording) -> None:
     cloud = recording[topics.CHIEF_POINTS]
     if not len(cloud):
         return
@@ -140,7 +140,7 @@ def _send_points(stream: rr.RecordingStream, recording: Recording) -> None:
     send(stream, entity, cloud.time_s, of_points.partition([num_points] * num_samples))
 
 
-def _send_deputy(stream: rr.RecordingStream, recording: Recording) -> None:
+def _send_deputy(stream: Stream, recording: Recording) -> None:
     state = recording[topics.DEPUTY_STATE]
     deputy = f"{blueprint.SCENE}/deputy"
     columns = rr.Transform3D.columns(translation=state["position_m"], quaternion=state["quaternion"])
@@ -152,25 +152,22 @@ def _send_deputy(stream: rr.RecordingStream, recording: Recording) -> None:
     stream.log(f"{deputy}/axes", axes, static=True)
 
 
-def _send_camera(stream: rr.RecordingStream, recording: Recording) -> None:
+def _send_camera(stream: Stream, recording: Recording) -> None:
     episode = recording.episode
     if episode.half_angle_rad is None or episode.boresight is None:
         return
     if episode.half_angle_rad > drawing.WIDEST_CONE_RAD:
         return
     camera = f"{blueprint.SCENE}/deputy/camera"
-    cone = rr.LineStrips3D(
-        drawing.view_cone(episode.boresight, episode.half_angle_rad),
-        colors=[CAMERA_COLOUR],
-        radii=rr.Radius.ui_points(0.8),
-    )
+    strips = drawing.view_cone(episode.boresight, episode.half_angle_rad)
+    cone = rr.LineStrips3D(strips, colors=[CAMERA_COLOUR], radii=rr.Radius.ui_points(0.8))
     stream.log(f"{camera}/view", cone, static=True)
     # the cone has unit depth: scaled, it reaches the chief's centre
     scale = np.repeat(_distances(recording)[:, None], 3, axis=1)
     send(stream, camera, recording[topics.DEPUTY_STATE].time_s, rr.Transform3D.columns(scale=scale))
 
 
-def _send_arrows(stream: rr.RecordingStream, recording: Recording) -> None:
+def _send_arrows(stream: Stream, recording: Recording) -> None:
     mission = recording[topics.MISSION]
     sun = drawing.sun_directions(mission)
     # the shorter, the more of the Sun the Earth hides
@@ -191,13 +188,7 @@ def _send_arrows(stream: rr.RecordingStream, recording: Recording) -> None:
 
 
 def _send_arrow(
-    stream: rr.RecordingStream,
-    label: str,
-    time_s: Floats,
-    *,
-    origins: Floats,
-    vectors: Floats,
-    colour: Colour,
+    stream: Stream, label: str, time_s: Floats, *, origins: Floats, vectors: Floats, colour: Colour
 ) -> None:
     if not len(time_s):
         return
@@ -213,7 +204,7 @@ def _send_arrow(
     send(stream, f"{entity}/tip", time_s, tips.partition(is_shown.astype(int)))
 
 
-def _send_trail(stream: rr.RecordingStream, recording: Recording, entity: str, colour: Colour) -> None:
+def _send_trail(stream: Stream, recording: Recording, entity: str, colour: Colour) -> None:
     state = recording[topics.DEPUTY_STATE]
     position = state["position_m"].astype(np.float32)
     ahead = rr.LineStrips3D([position], colors=[(*colour, 45)], radii=rr.Radius.ui_points(0.7))
@@ -226,7 +217,7 @@ def _send_trail(stream: rr.RecordingStream, recording: Recording, entity: str, c
     send(stream, entity, state.time_s[1:], rr.LineStrips3D.columns(strips=segments))
 
 
-def _send_inferences(stream: rr.RecordingStream, recording: Recording) -> None:
+def _send_inferences(stream: Stream, recording: Recording) -> None:
     time_s = drawing.sample_times(recording)
     texts = [f"**{line}**" if line else "" for line in drawing.now_in_words(recording, time_s)]
     _send_texts(stream, blueprint.NOW, time_s, texts)
@@ -235,13 +226,9 @@ def _send_inferences(stream: rr.RecordingStream, recording: Recording) -> None:
         return
     strengths = rr.DepthImage(image, colormap="inferno", depth_range=(0.0, 255.0), meter=255.0)
     stream.log(f"{blueprint.RULE_MAP}/strengths", strengths, static=True)
-    names = rr.Points2D(
-        [(-drawing.MAP_NAME_WIDTH / 2, middle) for _, middle in middles],
-        labels=[name for name, _ in middles],
-        colors=[PLAIN_COLOUR],
-        radii=0.5,
-        show_labels=True,
-    )
+    places = [(-drawing.MAP_NAME_WIDTH / 2, middle) for _, middle in middles]
+    labels = [name for name, _ in middles]
+    names = rr.Points2D(places, labels=labels, colors=[PLAIN_COLOUR], radii=0.5, show_labels=True)
     stream.log(f"{blueprint.RULE_MAP}/names", names, static=True)
     now = f"{blueprint.RULE_MAP}/now"
     line = rr.LineStrips2D.from_fields(colors=[PLAIN_COLOUR], radii=rr.Radius.ui_points(1.0))
@@ -250,12 +237,12 @@ def _send_inferences(stream: rr.RecordingStream, recording: Recording) -> None:
     _send_texts(stream, blueprint.RULES_IN_WORDS, time_s, drawing.inference_in_words(recording, time_s))
 
 
-def _send_texts(stream: rr.RecordingStream, entity: str, time_s: Floats, texts: list[str]) -> None:
+def _send_texts(stream: Stream, entity: str, time_s: Floats, texts: list[str]) -> None:
     columns = rr.TextDocument.columns(text=texts, media_type=["text/markdown"] * len(texts))
     send(stream, entity, time_s, columns)
 
 
-def _send_words(stream: rr.RecordingStream, recordings: Sequence[Recording], names: Sequence[str]) -> None:
+def _send_words(stream: Stream, recordings: Sequence[Recording], names: Sequence[str]) -> None:
     rows = drawing.events_in_words(recordings, names)
     if rows:
         columns = rr.TextLog.columns(text=[row.text for row in rows], level=[row.level for row in rows])
@@ -264,9 +251,7 @@ def _send_words(stream: rr.RecordingStream, recordings: Sequence[Recording], nam
     stream.log(blueprint.SUMMARY, text, static=True)
 
 
-def _send_marker(
-    stream: rr.RecordingStream, recording: Recording, index: int, name: str, colour: Colour
-) -> None:
+def _send_marker(stream: Stream, recording: Recording, index: int, name: str, colour: Colour) -> None:
     entity = f"{blueprint.SCENE}/flights/{index}/deputy"
     state = recording[topics.DEPUTY_STATE]
     stream.log(entity, rr.Points3D.from_fields(radii=[1.6], colors=[colour], labels=[name]), static=True)

@@ -11,7 +11,7 @@ from typing import IO, Final
 from PIL import Image, ImageChops
 from rerun.experimental import ViewerClient
 
-from telemetry.file import RecordingError
+from telemetry.file import RecordingError, explained
 from telemetry.file.partial_file import whole_file
 from telemetry.scene import blueprint, campaign, replay, viewer
 from telemetry.scene.viewer import Scene
@@ -179,12 +179,8 @@ def _write(image: Image.Image, path: Path) -> Path:
     small = image.crop((0, _BAR, *image.size)).quantize(
         _COLOURS, Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE
     )
-    try:
+    with explained(f"{path} cannot be written", "make room, or choose another folder"):
         path.parent.mkdir(parents=True, exist_ok=True)
         with whole_file(path) as stream:
             small.save(stream, "PNG", optimize=True)
-    except OSError as error:
-        raise RecordingError(
-            f"{path} cannot be written: {error.strerror or error}; make room, or choose another folder"
-        ) from error
     return path

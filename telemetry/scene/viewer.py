@@ -16,7 +16,7 @@ from typing import IO, Any, Final
 import rerun as rr
 import rerun.blueprint as rrb
 
-from telemetry.file import RecordingError
+from telemetry.file import RecordingError, explained
 from telemetry.file.partial_file import PARTIAL_SUFFIX
 
 APPLICATION: Final = "fuzzy-spacecraft-inspection"
@@ -71,19 +71,17 @@ def save(scene: Scene, output: Path) -> None:
             f"choose a name such as {output.with_suffix(ENDING)}"
         )
     unfinished = output.with_name(output.name + PARTIAL_SUFFIX)
+    cure = "choose an existing folder with free space"
     try:
-        # the library would notice only later, and drop its data with a warning
-        unfinished.open("wb").close()
-        stream = _stream(scene)
-        stream.save(unfinished, default_blueprint=scene.layout)
-        _fill(stream, scene)
-        stream.disconnect()
-        unfinished.replace(output)
-    except (OSError, RuntimeError) as error:  # the second where the library's file takes no more
-        raise RecordingError(
-            f"{output} cannot be written: {getattr(error, 'strerror', None) or error}; "
-            "choose an existing folder with free space"
-        ) from error
+        # RuntimeError where the library's file takes no more
+        with explained(f"{output} cannot be written", cure, RuntimeError):
+            # the library would notice only later, and drop its data with a warning
+            unfinished.open("wb").close()
+            stream = _stream(scene)
+            stream.save(unfinished, default_blueprint=scene.layout)
+            _fill(stream, scene)
+            stream.disconnect()
+            unfinished.replace(output)
     finally:
         with suppress(OSError):
             unfinished.unlink(missing_ok=True)

@@ -87,17 +87,9 @@ def ring_elements(ring: Ring, scenario: Scenario, angles: Floats) -> Floats:
     """
     phase = scenario.sun_angle_rad - ring.ring_lead_rad - angles
     amplitude = np.clip(scenario.position_m[2], -ring.max_height_m, ring.max_height_m)
-    zeros = np.zeros(len(angles))
-    return np.column_stack(
-        [
-            zeros,
-            zeros,
-            ring.ring_size_m * np.cos(phase),
-            ring.ring_size_m * np.sin(phase),
-            amplitude * np.cos(angles + ring.height_lead_rad),
-            -amplitude * np.sin(angles + ring.height_lead_rad),
-        ]
-    )
+    centre, swing = np.zeros((2, len(angles))), angles + ring.height_lead_rad
+    in_plane = ring.ring_size_m * np.array([np.cos(phase), np.sin(phase)])
+    return np.column_stack([*centre, *in_plane, amplitude * np.cos(swing), -amplitude * np.sin(swing)])
 
 
 #: numbers of burns to search with; the cheapest plan is taken

@@ -71,13 +71,8 @@ def horizon_of(world: World, length: int, spacing: int) -> Horizon:
             responses[sample - 1, :, place] = motion.control[sample - 1 - period]
     flat = responses.reshape(length, 6, -1)
     elements = elements_matrix(world.mean_motion)
-    return Horizon(
-        periods=periods,
-        free_end=elements @ motion.transition[-1],
-        end=elements @ flat[-1],
-        free=motion.transition[:, :3],
-        path=flat[:, :3],
-    )
+    ends = elements @ motion.transition[-1], elements @ flat[-1]
+    return Horizon(periods, *ends, motion.transition[:, :3], flat[:, :3])
 
 
 def controller(settings: RecedingHorizon, mission: Mission) -> Controller:
@@ -106,12 +101,8 @@ class RecedingHorizonPlanner:
         self.horizons = {
             length: horizon_of(self.world, length, spacing) for length in sorted(set(self.lengths.values()))
         }
-        centre, ring, height = (
-            settings.centre_tolerance_m,
-            settings.ring_tolerance_m,
-            settings.height_tolerance_m,
-        )
-        self.tolerances = np.array([centre, centre, ring, ring, height, height])
+        of_pairs = settings.centre_tolerance_m, settings.ring_tolerance_m, settings.height_tolerance_m
+        self.tolerances = np.repeat(of_pairs, 2)
         self.routes = Routes(mission, first) if settings.follows == "route" else None
         if self.routes is None:
             check_within_limits(settings, mission)

@@ -338,9 +338,6 @@ def speed(searches: Sequence[Search], random: Outcome) -> Speed:
     needed = sum(one.first_failed or len(one.scenarios) for one in searches)
     num_found = sum(one.first_failed is not None for one in searches)
     num_random = int(np.count_nonzero(~random.is_met))
-    return Speed(
-        num_found,
-        len(searches),
-        needed / num_found if num_found else None,
-        len(random.is_met) / num_random if num_random else None,
-    )
+    per_find = needed / num_found if num_found else None
+    per_random_find = len(random.is_met) / num_random if num_random else None
+    return Speed(num_found, len(searches), per_find, per_random_find)

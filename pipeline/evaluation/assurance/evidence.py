@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from fis_tools.analysis.domain import Box, Departure, box_of, departures
 from fis_tools.analysis.domain import as_mapping as domain_mapping
 from pipeline.array_types import Floats
-from pipeline.evaluation.assurance import judgement, verdicts
+from pipeline.evaluation.assurance import verdicts
 from pipeline.evaluation.assurance.campaign import Outcome, Search, speed
 from pipeline.evaluation.assurance.requirements import Requirement
 from pipeline.flight.cases.dispersions import drawn
@@ -81,7 +81,7 @@ def domain_of(
         for inputs in flown[half:]
     )
     num_tried = len(scenarios) - half
-    _, high = judgement.share_bounds(num_left, num_tried, confidence)
+    _, high = verdicts.share_bounds(num_left, num_tried, confidence)
     return Domain(tuple(boxes.values()), half, num_tried, num_left, high, confidence)
 
 
@@ -117,7 +117,7 @@ def of_requirement(
     random : Outcome, optional
         Of the random cases.
     worst : mapping, optional
-        The worst case found and recorded, see `of_worst`.
+        The worst case found and recorded, see `pipeline.stages.assure`.
     """
     requirement = found.requirement
     judged = verdicts.verdict(found)
@@ -137,7 +137,7 @@ def of_requirement(
             **asdict(found.judgement),
             "needed_without_failure": None
             if requirement.probability == 1.0
-            else judgement.cases_needed(requirement.probability, requirement.confidence),
+            else verdicts.cases_needed(requirement.probability, requirement.confidence),
         }
         if random is not None:
             entry["cases"]["histogram"] = histogram(random.margins)
@@ -145,14 +145,8 @@ def of_requirement(
         entry["search"] = of_searches(found.searches, random)
     if found.certificates:
         entry["bounds"] = [
-            {
-                "system": one.system,
-                "ask": one.question.ask,
-                "where": one.question.where,
-                "verdict": one.verdict,
-                "sentence": one.sentence,
-                "num_boxes": len(one.low),
-            }
+            {"system": one.system, **asdict(one.question), "verdict": one.verdict, "sentence": one.sentence}
+            | {"num_boxes": len(one.low)}
             for one in found.certificates
         ]
     if found.proof is not None:
@@ -166,14 +160,9 @@ def of_requirement(
 
 def _claim(requirement: Requirement) -> dict[str, Any]:
     return {
-        "id": requirement.id,
-        "title": requirement.title,
-        "text": requirement.text,
-        "consequence": requirement.consequence,
-        "severity": requirement.severity,
+        **{name: getattr(requirement, name) for name in ("id", "title", "text", "consequence", "severity")},
         "accepted": requirement.accepted or None,
-        "reason": requirement.reason,
-        "source": requirement.source,
+        **{name: getattr(requirement, name) for name in ("reason", "source")},
         "verified_by": list(requirement.verified_by),
         "formula": requirement.formula_text or None,
         "unit": requirement.unit,
@@ -206,39 +195,6 @@ def of_searches(searches: Sequence[Search], random: Outcome) -> dict[str, Any]:
         "worst_margin": min(float(one.outcome.margins.min()) for one in searches),
         "random_worst_margin": float(random.margins.min()),
         "first_failed": [one.first_failed for one in searches],
-    }
-
-
-def of_worst(
-    source: str,
-    start: Mapping[str, Any],
-    margin: float,
-    recorded: float,
-    path: str,
-    left: Sequence[Departure],
-) -> dict[str, Any]:
-    """Return the worst case of a requirement.
-
-    Parameters
-    ----------
-    source : str
-        The method that found it.
-    start : mapping
-        Its start.
-    margin, recorded : float
-        When found, and computed again from the recording.
-    path : str
-        Of the recording, in the run's folder.
-    left : sequence of Departure
-        When it left the operational domain.
-    """
-    return {
-        "found_by": source,
-        **start,
-        "margin": margin,
-        "recorded_margin": recorded,
-        "recording": path,
-        "left_domain": [asdict(one) for one in left],
     }
 
 

@@ -176,19 +176,16 @@ class _Reader:
         raise FormulaError(f"{self._text}\n{' ' * (self._place if place is None else place)}^ {words}")
 
     def implication(self) -> Formula:
-        left = self._disjunction()
+        left = self._joined()
         return Or(Not(left), self.implication()) if self._takes("->") else left
 
-    def _disjunction(self) -> Formula:
-        left = self._conjunction()
-        while self._takes("or"):
-            left = Or(left, self._conjunction())
-        return left
-
-    def _conjunction(self) -> Formula:
-        left = self._until()
-        while self._takes("and"):
-            left = And(left, self._until())
+    def _joined(self, words: tuple[str, ...] = ("or", "and")) -> Formula:
+        """Read a disjunction, or what is within one: the operators from the loosest to the tightest."""
+        if not words:
+            return self._until()
+        left = self._joined(words[1:])
+        while self._takes(words[0]):
+            left = {"or": Or, "and": And}[words[0]](left, self._joined(words[1:]))
         return left
 
     def _until(self) -> Formula:

@@ -10,7 +10,7 @@ from fis_tools.analysis.bounds import ask
 from fis_tools.engines.interval import NotBounded
 from fis_tools.model import FuzzySystem
 from pipeline.array_types import Floats
-from pipeline.evaluation.assurance.formula import Always, And, Comparison, Formula, Until
+from pipeline.evaluation.assurance.formula import Always, And, Comparison, Formula, Until, Window
 from pipeline.evaluation.assurance.requirements import Question, Requirement, RequirementError
 from pipeline.flight.control.controller import Controller
 from pipeline.flight.period.act.bounds import bounds_of, is_exact, premises, spheres_of
@@ -114,12 +114,8 @@ class SafetyProof:
 
     def proves(self, formula: Formula) -> bool:
         """Return whether the layer's proof implies a formula, for these flights at their samples."""
-        return (
-            self.is_on
-            and not self.failing
-            and self.num_safe == self.num_starts
-            and _follows(formula, (self.keep_out_m, self.keep_in_m))
-        )
+        is_proved = self.is_on and not self.failing and self.num_safe == self.num_starts
+        return is_proved and _follows(formula, (self.keep_out_m, self.keep_in_m))
 
 
 def _follows(formula: Formula, distances_m: tuple[float, float]) -> bool:
@@ -177,21 +173,13 @@ class TubeProof:
 
     def proves(self, formula: Formula) -> bool:
         """Return whether ``limit until[0:T] goal`` follows from the tube; False if unclear."""
-        if (
-            not isinstance(formula, Until)
-            or formula.window.first_s > 0.0
-            or formula.window.last_s < self.end_s
-        ):
-            return False
         base, slope, offset = self.limit
-        match formula.left:
-            case Comparison(factors, constant):
+        match formula:
+            case Until(Window(0.0, last_s), Comparison(factors, constant), goal) if last_s >= self.end_s:
                 of = dict(factors)
                 keeps = of.pop("speed", 0.0) == -1.0 and of.pop("distance", 0.0) >= slope and not of
-                keeps &= constant >= base - slope * offset - 1e-12
-            case _:
-                return False
-        return keeps and self._reaches(formula.right)
+                return keeps and constant >= base - slope * offset - 1e-12 and self._reaches(goal)
+        return False
 
     def _reaches(self, formula: Formula) -> bool:
         match formula:

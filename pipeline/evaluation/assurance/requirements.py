@@ -182,9 +182,8 @@ def _share(entry: Mapping[str, Any], key: str, where: str) -> float:
 
 def _questions(entries: Any, where: str) -> tuple[Question, ...]:
     asked = entries if isinstance(entries, list) else []
-    if not asked or not all(
-        isinstance(one, dict) and {"ask"} <= set(one) <= {"ask", "where"} for one in asked
-    ):
+    are_questions = (isinstance(one, dict) and {"ask"} <= set(one) <= {"ask", "where"} for one in asked)
+    if not asked or not all(are_questions):
         raise RequirementError(
             f"{where}: bounds must be a list of questions to be answered with no, each "
             "{ask: conditions on outputs, where: conditions on inputs}"

@@ -43,7 +43,7 @@ from pipeline.flight.state.errors import (
 from pipeline.flight.state.log import Scenario
 from pipeline.physics.motion import motion_over
 from pipeline.settings.experiment import Mission
-from pipeline.settings.mission_parts import Actuators, Dynamics, Navigation
+from pipeline.settings.mission import Actuators, Dynamics, Navigation
 
 #: place in the spawn key of the random numbers for navigation, after the case
 FIXES = 1

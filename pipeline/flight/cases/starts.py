@@ -23,7 +23,7 @@ from pipeline.flight.state.errors import Errors, Firing, Fixes, ModelErrors, Thr
 from pipeline.flight.state.log import Scenario
 from pipeline.physics.orbit import Course
 from pipeline.settings.experiment import Experiment, Mission, MonteCarlo, Sun
-from pipeline.settings.mission_parts import Deputy
+from pipeline.settings.mission import Deputy
 from pipeline.settings.start_table import numbers
 from pipeline.settings.training import Starts
 

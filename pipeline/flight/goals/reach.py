@@ -16,7 +16,7 @@ from pipeline.array_types import Booleans, Floats
 from pipeline.flight.state.arrays import TRACK_SPENT
 from pipeline.flight.state.log import FlightLog, Outcomes
 from pipeline.settings.experiment import Mission
-from pipeline.settings.mission_parts import Problem
+from pipeline.settings.mission import Problem
 
 
 @dataclass(frozen=True)

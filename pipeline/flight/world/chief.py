@@ -9,7 +9,7 @@ from pipeline.physics.attitude import longest_tumbling_step, tumble
 from pipeline.physics.illumination import EARTH_RADIUS_M, orbit_radius
 from pipeline.physics.orbit import NO_COURSE, Course, course_of
 from pipeline.settings.experiment import Mission, SettingError
-from pipeline.settings.mission_parts import Orbit
+from pipeline.settings.mission import Orbit
 
 
 def chief_course(mission: Mission) -> Course:

@@ -10,7 +10,7 @@ import numpy as np
 from pipeline.array_types import Floats
 from pipeline.physics.sight import Occlusion, nothing_hidden, occlusion_of
 from pipeline.settings.experiment import Mission, SettingError
-from pipeline.settings.mission_parts import Chief
+from pipeline.settings.mission import Chief
 from pipeline.settings.places import conf_folder, content_of
 
 #: most triangles; beyond this, looking from every point in every direction takes minutes

@@ -3,7 +3,7 @@
 A controller also beside the minimum-fuel plans: all cases by their ratio.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,26 +15,16 @@ from matplotlib.patches import Rectangle
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from numpy.typing import NDArray
 
-from pipeline.report.figures.style import (
-    BESIDE,
-    BLUE,
-    CENTRED,
-    DOTS,
-    INK,
-    MUTED,
-    ORANGE,
-    PALETTE,
-    PAPER,
-    PURPLE,
-    VERMILION,
-    grid,
-)
+from pipeline.evaluation.comparison import FLOWN, ComparisonRow, is_worse
+from pipeline.evaluation.monte_carlo import SUCCESS
+from pipeline.evaluation.statistics import Columns
+from pipeline.report.figures import style
 
 #: colour, marker and its face; markers tell controllers apart without colours, and are open the second time
 MARKS = tuple(
     (colour, marker, face or colour)
-    for face in ("", PAPER)
-    for colour, marker in zip((*PALETTE, MUTED), "os^DvPX*h", strict=True)
+    for face in ("", style.PAPER)
+    for colour, marker in zip((*style.PALETTE, style.MUTED), "os^DvPX*h", strict=True)
 )
 #: up to here the scale of delta-v is linear, beyond it logarithmic, m/s
 LINEAR = 0.1
@@ -82,7 +72,7 @@ def compared(panels: Sequence[tuple[str, Sequence[Mark]]], threshold: float) -> 
 def _draw_marks(
     ax: Axes, marks: Sequence[Mark], styles: dict[str, tuple[str, str, str]], threshold: float
 ) -> None:
-    ax.axhline(100.0 - threshold, color=MUTED, linewidth=0.9, linestyle=DOTS)
+    ax.axhline(100.0 - threshold, color=style.MUTED, linewidth=0.9, linestyle=style.DOTS)
     for mark in marks:
         colour, marker, face = styles[mark.name]
         (delta_v, across), (rate, up) = mark.delta_v, mark.rate
@@ -90,18 +80,9 @@ def _draw_marks(
         spread: dict[str, Any] = {"color": colour, "linewidth": 0.9, "alpha": 0.35, "zorder": 1}
         ax.plot([max(delta_v - across, 0.0), delta_v + across], [missed, missed], **spread)
         ax.plot([delta_v, delta_v], [max(missed - up, LEAST_MISSED), min(missed + up, 100.0)], **spread)
-        ax.plot(
-            delta_v,
-            missed,
-            color=colour,
-            marker=marker,
-            markersize=7.0,
-            markerfacecolor=face,
-            markeredgecolor=INK if face == colour else colour,
-            markeredgewidth=0.6 if face == colour else 1.4,
-            linestyle="none",
-            label=mark.name,
-        )
+        edge, width = (style.INK, 0.6) if face == colour else (colour, 1.4)
+        look = {"markersize": 7.0, "mfc": face, "mec": edge, "mew": width, "linestyle": "none"}
+        ax.plot(delta_v, missed, color=colour, marker=marker, label=mark.name, **look)
     ax.set_xscale("symlog", linthresh=LINEAR, linscale=0.6)
     ax.set_xticks(TICKS)
     ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
@@ -119,57 +100,42 @@ def _draw_marks(
 
 
 #: from no success to all
-SHADES = LinearSegmentedColormap.from_list("success", [PAPER, BLUE])
+SHADES = LinearSegmentedColormap.from_list("success", [style.PAPER, style.BLUE])
 #: from this share of success on words are written in the paper's colour
 DARK = 0.6
 
 
-@dataclass(frozen=True)
-class Square:
-    """A controller in a world: share of successful flights, mean delta-v (m/s), and whether it breaks."""
-
-    controller: str
-    world: str
-    success: float
-    delta_v: float
-    is_broken: bool
-
-
-def by_world(panels: Sequence[tuple[str, Sequence[Square]]]) -> Figure:
-    """Draw a grid for each Sun setting and safety layer.
-
-    Parameters
-    ----------
-    panels : sequence of (title, squares)
-        Worlds and controllers in the order in which they come.
-    """
-    names = list(dict.fromkeys(square.controller for _, squares in panels for square in squares))
-    worlds = list(dict.fromkeys(square.world for _, squares in panels for square in squares))
+def by_world(rows: Sequence[ComparisonRow]) -> Figure:
+    """Draw a grid of the worlds and controllers of flown rows, for each Sun setting and safety layer."""
+    flown = [row for row in rows if row.source == FLOWN]
+    names, worlds = (list(dict.fromkeys(getattr(row, of) for row in flown)) for of in ("controller", "world"))
+    kinds = list(dict.fromkeys((row.sun, row.safety) for row in flown))
     height = 1.1 + 0.42 * len(worlds)
-    figure = Figure(figsize=(9.6, 0.4 + height * len(panels)), layout="constrained")
-    for ax, (title, squares) in zip(
-        figure.subplots(len(panels), 1, squeeze=False)[:, 0], panels, strict=True
-    ):
-        _draw_squares(ax, squares, names, worlds)
-        ax.set_title(title)
+    figure = Figure(figsize=(9.6, 0.4 + height * len(kinds)), layout="constrained")
+    for ax, kind in zip(figure.subplots(len(kinds), 1, squeeze=False)[:, 0], kinds, strict=True):
+        _draw_squares(ax, [row for row in flown if (row.sun, row.safety) == kind], names, worlds)
+        ax.set_title("Sun {}, safety layer {}".format(*kind))
     return figure
 
 
-def _draw_squares(ax: Axes, squares: Sequence[Square], names: Sequence[str], worlds: Sequence[str]) -> None:
-    for square in squares:
-        x, y = names.index(square.controller), worlds.index(square.world)
-        edge, width = (VERMILION, 1.8) if square.is_broken else (PAPER, 1.0)
-        shade, place = SHADES(square.success), (x - 0.47, y - 0.45)
-        ax.add_patch(Rectangle(place, 0.94, 0.9, facecolor=shade, edgecolor=edge, linewidth=width))
-        words = f"{100 * square.success:.0f} %, {square.delta_v:.2f}"
-        ax.text(x, y, words, color=PAPER if square.success >= DARK else INK, fontsize=8.0, **CENTRED)
+def _draw_squares(ax: Axes, rows: Sequence[ComparisonRow], names: list[str], worlds: list[str]) -> None:
+    """Draw a square a row, with the share of successful flights and the mean delta-v (m/s)."""
+    first: dict[str, ComparisonRow] = {}
+    for row in rows:
+        x, y = names.index(row.controller), worlds.index(row.world)
+        is_broken = is_worse(row, first.setdefault(row.controller, row))
+        edge, width = (style.VERMILION, 1.8) if is_broken else (style.PAPER, 1.0)
+        success, place = float(row.summary[SUCCESS]["fraction"]), (x - 0.47, y - 0.45)
+        ax.add_patch(Rectangle(place, 0.94, 0.9, facecolor=SHADES(success), edgecolor=edge, linewidth=width))
+        words = f"{100 * success:.0f} %, {row.summary['delta_v_m_s']['mean']:.2f}"
+        colour = style.PAPER if success >= DARK else style.INK
+        ax.text(x, y, words, color=colour, fontsize=8.0, **style.CENTRED)
     ax.set_xlim(-0.5, len(names) - 0.5)
     ax.set_ylim(len(worlds) - 0.5, -0.5)
     ax.set_xticks(range(len(names)), names, fontsize=7.5)
     ax.set_yticks(range(len(worlds)), worlds)
     ax.tick_params(length=0)
-    for spine in ax.spines.values():
-        spine.set_visible(False)
+    ax.spines[:].set_visible(False)
 
 
 #: of names in a picture, in shares of its sides
@@ -190,24 +156,16 @@ def front_of_runs(points: Sequence[Point]) -> Figure:
     """Draw mean inspection rate over mean delta-v with their intervals, a point a run, and the front."""
     figure = Figure(figsize=(9.6, 4.8), layout="constrained")
     ax = figure.subplots()
-    for kind, colour, label in ((False, MUTED, "surpassed by another run"), (True, BLUE, "on the front")):
+    looks = {False: (style.MUTED, "surpassed by another run"), True: (style.BLUE, "on the front")}
+    for kind, (colour, label) in looks.items():
         chosen = sorted((point for point in points if point.is_on_front is kind), key=lambda p: p.delta_v)
         if not chosen:
             continue
         spent, rate = np.array([p.delta_v for p in chosen]), np.array([p.rate for p in chosen])
-        ax.errorbar(
-            spent[:, 0],
-            rate[:, 0],
-            xerr=np.abs(spent[:, 1:] - spent[:, :1]).T,
-            yerr=np.abs(rate[:, 1:] - rate[:, :1]).T,
-            color=colour,
-            marker="o",
-            markersize=5.5,
-            elinewidth=0.8,
-            linestyle="-" if kind else "none",
-            linewidth=0.8,
-            label=label,
-        )
+        across, up = (np.abs(values[:, 1:] - values[:, :1]).T for values in (spent, rate))
+        look: Any = {"marker": "o", "markersize": 5.5, "linewidth": 0.8, "elinewidth": 0.8}
+        look |= {"color": colour, "linestyle": "-" if kind else "none", "label": label}
+        ax.errorbar(spent[:, 0], rate[:, 0], xerr=across, yerr=up, **look)
     ax.set(xlabel="mean Δv (m/s)", ylabel="mean inspection rate (%)")
     ax.margins(x=0.08, y=0.12)
     _name_front(ax, [point for point in points if point.is_on_front])
@@ -227,13 +185,17 @@ def _name_front(ax: Axes, points: Sequence[Point]) -> None:
         if all(np.max(np.abs(place - other)) >= NAMES_APART for other in named):
             named.append(place)
             at = (point.delta_v[0], point.rate[0])
-            ax.annotate(point.name, at, (5, 5), textcoords="offset points", fontsize=7.5, color=INK)
+            ax.annotate(point.name, at, (5, 5), textcoords="offset points", fontsize=7.5, color=style.INK)
 
-
-Columns = Mapping[str, NDArray[Any]]
 
 #: how a controller's flight ended: words, colour, marker
-ENDS = {"success": (BLUE, "o"), "too few points": (ORANGE, "v"), "outside the distance limits": (PURPLE, "X")}
+ENDS = {
+    "success": (style.BLUE, "o"),
+    "too few points": (style.ORANGE, "v"),
+    "outside the distance limits": (style.PURPLE, "X"),
+}
+#: how plans are marked
+PLANNED: dict[str, Any] = {"markersize": 4.5, "color": style.INK, "markerfacecolor": style.PAPER}
 #: from so many cases on their numbers are too small to be read
 MOST_NUMBERED = 64
 
@@ -249,7 +211,7 @@ def beside_optimum(columns: Columns, needed: int) -> Figure:
         Points that make a flight a success.
     """
     figure = Figure(figsize=(9.6, 5.2))
-    rows = grid(figure, 2, 1, (0.65, 0.12, 0.43, 0.28), (0.0, 0.16), height_ratios=(3.0, 1.2))
+    rows = style.grid(figure, 2, 1, (0.65, 0.12, 0.43, 0.28), (0.0, 0.16), height_ratios=(3.0, 1.2))
     spent, points = np.asarray(rows.subplots(sharex=True))
     order = np.argsort(columns["times_optimum"], kind="stable")
     sorted_columns = {name: column[order] for name, column in columns.items()}
@@ -269,9 +231,9 @@ def _draw_spent_by_case(ax: Axes, columns: Columns) -> None:
     ours, least, times = (columns[name] for name in ("delta_v_m_s", "optimum_delta_v_m_s", "times_optimum"))
     places = np.arange(len(ours))
     ax.vlines(
-        places, np.minimum(ours, least), np.maximum(ours, least), color=MUTED, linewidth=0.9, zorder=1.0
+        places, np.minimum(ours, least), np.maximum(ours, least), color=style.MUTED, linewidth=0.9, zorder=1.0
     )
-    ax.plot(places, least, "o", markersize=4.5, color=INK, markerfacecolor=PAPER, label="plan of least fuel")
+    ax.plot(places, least, "o", label="plan of least fuel", **PLANNED)
     for label, (is_so, colour, marker) in _ended(columns).items():
         ax.plot(
             places[is_so], ours[is_so], marker, markersize=5.0, color=colour, label=f"controller, {label}"
@@ -287,7 +249,7 @@ def _draw_spent_by_case(ax: Axes, columns: Columns) -> None:
         # over the neighbours, which it reaches across
         beside = slice(max(place - 1, 0), place + 2)
         at = (place, max(ours[beside].max(), least[beside].max()))
-        ax.annotate(f"{times[place]:.3g}×", at, (0, 6), fontsize=8.5, fontweight="bold", **BESIDE)
+        ax.annotate(f"{times[place]:.3g}×", at, (0, 6), fontsize=8.5, fontweight="bold", **style.BESIDE)
     ax.set(ylabel="Δv (m/s)")
     ax.grid(axis="y")
     ax.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=4, borderaxespad=0.2, handletextpad=0.3)
@@ -304,9 +266,9 @@ def _ended(columns: Columns) -> dict[str, tuple[NDArray[np.bool_], str, str]]:
 
 def _draw_points_by_case(ax: Axes, columns: Columns, needed: int) -> None:
     places = np.arange(len(columns["case"]))
-    ax.axhline(needed, color=MUTED, linestyle=DOTS, linewidth=1.0)
+    ax.axhline(needed, color=style.MUTED, linestyle=style.DOTS, linewidth=1.0)
     plans = columns["optimum_inspected_count"]
-    ax.plot(places, plans, "o", markersize=4.5, color=INK, markerfacecolor=PAPER)
+    ax.plot(places, plans, "o", **PLANNED)
     for is_so, colour, marker in _ended(columns).values():
         ax.plot(places[is_so], columns["inspected_count"][is_so], marker, markersize=4.0, color=colour)
     ax.set(ylabel="points")

@@ -1,4 +1,4 @@
-"""A flight over time, what the safety layer changed of it, and how the outcomes of many flights spread."""
+"""A flight over time, how the outcomes of many flights spread, and the tube of a proof over flights."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -10,21 +10,13 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from pipeline.array_types import Floats
+from pipeline.flight.goals.reach import ends, limit_at
 from pipeline.flight.state.log import FlightLog
-from pipeline.report.figures.style import (
-    BLUE,
-    DOTS,
-    GREEN,
-    INK,
-    MOST_POINTS,
-    MUTED,
-    SMALL_PRINT,
-    VERMILION,
-    grid,
-)
+from pipeline.report.figures import style
 from pipeline.settings.experiment import Mission
+from pipeline.settings.mission import Problem
 
-AXIS_COLOURS = (BLUE, VERMILION, GREEN)
+AXIS_COLOURS = (style.BLUE, style.VERMILION, style.GREEN)
 AXIS_STYLES = ("-", (0, (5, 1.5)), (0, (1, 1)))
 
 
@@ -34,7 +26,7 @@ def controls(log: FlightLog, mission: Mission) -> Figure:
     The torque is drawn in two parts, for turning to the chief takes a hundred times what following it does.
     """
     figure = Figure(figsize=(9.6, 4.8))
-    places = grid(figure, 2, 2, (0.75, 0.13, 0.44, 0.24), (0.82, 0.66))
+    places = style.grid(figure, 2, 2, (0.75, 0.13, 0.44, 0.24), (0.82, 0.66))
     force, turning, following = map(figure.add_subplot, (places[:, 0], places[0, 1], places[1, 1]))
     steps = np.arange(mission.num_controls + 1) * mission.control_period_s
     _three_lines(force, steps, log.force_hill_n, ("radial", "along-track", "cross-track"))
@@ -80,12 +72,12 @@ def _limit_lines(ax: Axes, limit: float, unit: str) -> None:
     reach = max((float(np.abs(line.get_ydata()).max()) for line in ax.lines), default=0.0)
     if reach < 0.5 * limit:
         text = f"limits ± {limit:g} {unit} off scale"
-        ax.text(1.0, 1.02, text, transform=ax.transAxes, ha="right", va="bottom", **SMALL_PRINT)
+        ax.text(1.0, 1.02, text, transform=ax.transAxes, ha="right", va="bottom", **style.SMALL_PRINT)
         return
     for sign in (-1.0, 1.0):
-        ax.axhline(sign * limit, color=MUTED, linestyle=DOTS, linewidth=1.0)
+        ax.axhline(sign * limit, color=style.MUTED, linestyle=style.DOTS, linewidth=1.0)
     words = f"limit {limit:g} {unit}"
-    ax.text(0.01, limit, words, transform=ax.get_yaxis_transform(), va="bottom", **SMALL_PRINT)
+    ax.text(0.01, limit, words, transform=ax.get_yaxis_transform(), va="bottom", **style.SMALL_PRINT)
 
 
 #: of which the spread is drawn
@@ -117,17 +109,17 @@ def distributions(samples: Sequence[Sample], num_points: int) -> Figure:
     num_points : int
         Inspection points: rates are multiples of 100/num_points.
     """
-    heights = [1.1 if len(sample.values["delta_v_m_s"]) <= MOST_POINTS else 2.0 for sample in samples]
+    heights = [1.1 if len(sample.values["delta_v_m_s"]) <= style.MOST_POINTS else 2.0 for sample in samples]
     figure = Figure(figsize=(9.6, sum(heights) + 0.65 * len(samples) + 0.3))
     margins, between = (0.58, 0.1, 0.44, 0.4), (0.4, 0.65)
-    places = grid(figure, len(samples), len(METRICS), margins, between, height_ratios=heights)
+    places = style.grid(figure, len(samples), len(METRICS), margins, between, height_ratios=heights)
     rows = np.asarray(places.subplots(squeeze=False, sharex="col"))
     for column, (metric, label) in enumerate(METRICS.items()):
         step = 100.0 / num_points if metric == "inspection_rate_percent" else None
         edges = _bin_edges([sample.values[metric] for sample in samples], step)
         for sample, ax in zip(samples, rows[:, column], strict=True):
             values = sample.values[metric]
-            if len(values) <= MOST_POINTS:
+            if len(values) <= style.MOST_POINTS:
                 _draw_values(ax, values)
             else:
                 _draw_histogram(ax, values, edges)
@@ -135,7 +127,7 @@ def distributions(samples: Sequence[Sample], num_points: int) -> Figure:
         rows[-1, column].set_xlabel(label)
     for sample, ax in zip(samples, rows[:, 0], strict=True):
         ax.set_title(sample.label, pad=18)
-        if len(sample.values["delta_v_m_s"]) > MOST_POINTS:
+        if len(sample.values["delta_v_m_s"]) > style.MOST_POINTS:
             ax.set_ylabel("flights")
     return figure
 
@@ -161,7 +153,7 @@ def _bin_edges(samples: Sequence[Floats], step: float | None) -> Floats:
 def _ends(values: Floats) -> tuple[float, float]:
     """Return the least and the greatest value; of large samples, at most a width of their bulk beyond it."""
     low, high = float(values.min()), float(values.max())
-    if len(values) > MOST_POINTS:
+    if len(values) > style.MOST_POINTS:
         first, last = np.percentile(values, (1.0, 99.0))
         low, high = max(low, first - (last - first)), min(high, last + (last - first))
     return low, high
@@ -169,33 +161,23 @@ def _ends(values: Floats) -> tuple[float, float]:
 
 def _draw_values(ax: Axes, values: Floats) -> None:
     """Draw a box from quartile to quartile, its whiskers to the ends, and above it every value."""
-    muted = {"color": MUTED}
-    ax.boxplot(
-        values,
-        orientation="horizontal",
-        positions=[0.0],
-        widths=0.28,
-        whis=(0, 100),
-        showfliers=False,
-        manage_ticks=False,
-        boxprops=muted,
-        whiskerprops=muted,
-        capprops=muted,
-        medianprops={**muted, "linewidth": 1.6},
-    )
+    muted = {"color": style.MUTED}
+    look: dict[str, Any] = dict.fromkeys(("boxprops", "whiskerprops", "capprops"), muted)
+    look |= {"medianprops": {**muted, "linewidth": 1.6}, "orientation": "horizontal", "widths": 0.28}
+    ax.boxplot(values, positions=[0.0], whis=(0, 100), showfliers=False, manage_ticks=False, **look)
     # equal values stand on one another
     heights = [0.32 + 0.11 * int(np.sum(np.isclose(values[:i], value))) for i, value in enumerate(values)]
-    ax.plot(values, heights, "o", color=BLUE, markersize=4.5, alpha=0.85)
+    ax.plot(values, heights, "o", color=style.BLUE, markersize=4.5, alpha=0.85)
     ax.set(ylim=(-0.3, max(1.3, max(heights) + 0.2)), yticks=[])
     ax.spines["left"].set_visible(False)
 
 
 def _draw_histogram(ax: Axes, values: Floats, edges: Floats) -> None:
-    ax.hist(values, bins=edges.tolist(), color=BLUE, alpha=0.75)
+    ax.hist(values, bins=edges.tolist(), color=style.BLUE, alpha=0.75)
     ax.grid(axis="y")
     ax.set_axisbelow(True)
     beyond = int(np.sum(values < edges[0])), int(np.sum(values > edges[-1]))
-    words = {"transform": ax.transAxes, "va": "top", **SMALL_PRINT}
+    words = {"transform": ax.transAxes, "va": "top", **style.SMALL_PRINT}
     if beyond[0]:
         ax.text(0.01, 0.97, f"← {beyond[0]} more", **words)
     if beyond[1]:
@@ -206,14 +188,99 @@ def _mark_means(ax: Axes, mean: float, paper: float | None, edges: Floats) -> No
     """Mark our mean, and the paper's where it is known: by a line, or an arrow where it is off the scale."""
     low, high = float(edges[0]), float(edges[-1])
     ax.set_xlim(low, high)
-    ax.axvline(mean, color=INK, linewidth=1.6)
+    ax.axvline(mean, color=style.INK, linewidth=1.6)
     words: dict[str, Any] = {"transform": ax.transAxes, "va": "bottom", "fontsize": 8}
-    ax.text(0.0, 1.02, f"— mean {mean:.4g}", color=INK, **words)
+    ax.text(0.0, 1.02, f"— mean {mean:.4g}", color=style.INK, **words)
     if paper is None:
         return
     arrow = (" →", "← ")[paper < low] if not low <= paper <= high else ""
     text = f"{arrow}paper {paper:g}" if paper < low else f"paper {paper:g}{arrow}"
     if not arrow:
-        ax.axvline(paper, color=VERMILION, linewidth=1.4, linestyle=(0, (4, 2)))
+        ax.axvline(paper, color=style.VERMILION, linewidth=1.4, linestyle=(0, (4, 2)))
         text = f"- - {text}"
-    ax.text(1.0, 1.02, text, color=VERMILION, ha="right", **words)
+    ax.text(1.0, 1.02, text, color=style.VERMILION, ha="right", **words)
+
+
+TUBE_CAPTION = (
+    "What the proof bounds for all starts, second by second (shaded), and {count} flights of the cases "
+    "(lines): the distance from the chief, and the speed, with its limit at the least distance that is "
+    "possible then (dashed)."
+)
+
+
+def draw_tube(
+    tube: Mapping[str, Floats],
+    tracks: NDArray[np.float32],
+    problem: Problem,
+    period_s: float,
+    dots_per_inch: int,
+) -> style.Illustration:
+    """Draw a tube, as `prove` writes it, over flights.
+
+    Parameters
+    ----------
+    tube : mapping of (n,)
+        Boxes by step and axis: positions, m, and velocities plus ``shear_per_s`` times the position, m/s.
+    tracks : (num_flights, num_samples, 6 or more)
+        Positions and velocities, m and m/s.
+    problem : Problem
+    period_s : float
+        From sample to sample.
+    dots_per_inch : int
+    """
+    least, most, fastest = bounds(tube)
+    time = period_s * np.arange(len(most))
+    with style.style():
+        figure = style.Figure(figsize=(8.0, 5.6), layout="constrained")
+        far, fast = figure.subplots(2, 1, sharex=True)
+        far.fill_between(time, least, most, color=style.BLUE, alpha=0.2, linewidth=0)
+        fast.fill_between(time, 0.0, fastest, color=style.BLUE, alpha=0.2, linewidth=0)
+        fast.plot(time, limit_at(problem, least), color=style.VERMILION, linestyle="--", label="limit")
+        for flown in _until_goal(problem, tracks):
+            for ax, values in zip((far, fast), flown, strict=True):
+                ax.plot(period_s * np.arange(len(values)), values, color=style.BLUE, linewidth=0.5)
+        far.set(ylabel="distance from the chief (m)", ylim=(0.0, None))
+        fast.set(xlabel="time (s)", ylabel="speed (m/s)", xlim=(0.0, time[-1]), ylim=(0.0, None))
+        fast.legend(loc="upper right")
+        return style.illustrate("tube", TUBE_CAPTION.format(count=len(tracks)), figure, dots_per_inch)
+
+
+def approach(tracks: NDArray[np.float32], problem: Problem) -> Figure:
+    """Draw speed over distance of flights, (n, K+1, 6 or more), m and m/s, each up to its end."""
+    figure = Figure(figsize=(8.0, 4.4), layout="constrained")
+    ax = figure.add_subplot()
+    flights = _until_goal(problem, tracks)
+    for distance, speed in flights:
+        ax.plot(distance, speed, color=style.BLUE, linewidth=0.6, alpha=0.5)
+    far = np.geomspace(problem.goal_radius_m, max(distance[0] for distance, _ in flights))
+    ax.plot(far, limit_at(problem, far), color=style.VERMILION, linestyle="--", label="limit")
+    ax.axvline(problem.goal_radius_m, color=style.INK, linestyle=style.DOTS, label="goal")
+    ax.set(xlabel="distance from the chief (m)", ylabel="speed (m/s)", xscale="log", ylim=(0.0, None))
+    ax.xaxis.set_major_formatter("{x:g}")
+    ax.legend(loc="upper left")
+    return figure
+
+
+def _until_goal(problem: Problem, tracks: NDArray[np.float32]) -> list[tuple[Floats, Floats]]:
+    """Return the distance, m, and the speed, m/s, of each flight up to its end."""
+    distance, speed = (
+        np.linalg.norm(tracks[..., first : first + 3], axis=-1).astype(np.float64) for first in (0, 3)
+    )
+    last, _, _ = ends(problem, distance, speed)
+    return [(distance[row, : end + 1], speed[row, : end + 1]) for row, end in enumerate(last)]
+
+
+def bounds(tube: Mapping[str, Floats]) -> tuple[Floats, Floats, Floats]:
+    """Return the least and greatest distance, m, and the greatest speed, m/s, after each step."""
+    step, axis = (tube[name].astype(np.int64) for name in ("step", "axis"))
+    low, high, shear = tube["low_m"], tube["high_m"], tube["shear_per_s"]
+    leaning = np.sort([shear * low, shear * high], axis=0)
+    fast = np.maximum(np.abs(tube["least_m_s"] - leaning[1]), np.abs(tube["greatest_m_s"] - leaning[0]))
+    squared = np.zeros((3, step.max() + 1, 3))
+    squared[0] = np.inf
+    np.minimum.at(squared[0], (step, axis), np.maximum(0.0, np.maximum(low, -high)) ** 2)
+    np.maximum.at(squared[1], (step, axis), np.maximum(np.abs(low), np.abs(high)) ** 2)
+    np.maximum.at(squared[2], (step, axis), fast**2)
+    squared[0][np.isinf(squared[0])] = 0.0
+    least, most, fastest = np.sqrt(squared.sum(axis=-1))
+    return least, most, fastest

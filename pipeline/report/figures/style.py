@@ -10,16 +10,23 @@ from typing import Any
 
 import matplotlib as mpl
 import numpy as np
+from markupsafe import Markup
 from matplotlib.figure import Figure
 from matplotlib.gridspec import GridSpec
 from numpy.typing import NDArray
 
+from fis_tools import document
+from fis_tools.document.html import element
+
 __all__ = ["STYLE", "Figure", "Picture", "grid", "pixels", "save", "style"]
 
-#: colours with a part to play; a page may put others in their places
-INK, MUTED, GRID, PAPER = "#1b1f24", "#5b6571", "#d4d9df", "#fffffe"
-BLUE, VERMILION, GREEN, PURPLE = "#0072B2", "#D55E00", "#009E73", "#AA4499"
-ORANGE, SKY, OLIVE = "#E69F00", "#56B4E9", "#7A7A29"
+#: colours with a part to play; a page puts its variables of these names in their places
+COLOURS = {
+    **{"ink": "#1b1f24", "muted": "#5b6571", "grid": "#d4d9df", "paper": "#fffffe"},
+    **{"blue": "#0072B2", "vermilion": "#D55E00", "green": "#009E73", "purple": "#AA4499"},
+    **{"orange": "#E69F00", "sky": "#56B4E9", "olive": "#7A7A29"},
+}
+INK, MUTED, GRID, PAPER, BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY, OLIVE = COLOURS.values()
 #: of what is drawn side by side, in this order
 PALETTE = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY, OLIVE, INK)
 
@@ -38,28 +45,22 @@ COMPRESSION = 3
 MOST_POINTS = 40
 
 STYLE: dict[Any, Any] = {
+    **dict.fromkeys(("text.color", "axes.labelcolor"), INK),
+    **dict.fromkeys(("axes.edgecolor", "xtick.color", "ytick.color"), MUTED),
+    # a name with a dollar sign is a name
+    **dict.fromkeys(("text.parse_math", "axes.formatter.use_mathtext", "legend.frameon"), False),
+    **dict.fromkeys(("axes.spines.top", "axes.spines.right"), False),
     "font.family": "DejaVu Sans",
     "font.size": 9.0,
     "axes.titlesize": 9.5,
     "axes.titlelocation": "left",
     "axes.titleweight": "bold",
     "axes.titley": 1.0,
-    "axes.labelcolor": INK,
-    "axes.edgecolor": MUTED,
     "axes.linewidth": 0.8,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "text.color": INK,
-    # a name with a dollar sign is a name
-    "text.parse_math": False,
     # fitting letters to pixels takes long, gains nothing so fine, and bends those that stand upright
     "text.hinting": "none",
-    "axes.formatter.use_mathtext": False,
-    "xtick.color": MUTED,
-    "ytick.color": MUTED,
     "grid.color": GRID,
     "grid.linewidth": 0.6,
-    "legend.frameon": False,
     "legend.fontsize": 8.5,
     "svg.fonttype": "none",
 }
@@ -145,21 +146,6 @@ def save(figure: Figure, name: str, dots_per_inch: int) -> Picture:
     return Picture(png.getvalue(), svg.getvalue())
 
 
-#: colours that a page replaces by its own, to the names of the page's variables
-VARIABLES = {
-    INK: "ink",
-    MUTED: "muted",
-    GRID: "grid",
-    PAPER: "paper",
-    BLUE: "blue",
-    VERMILION: "vermilion",
-    GREEN: "green",
-    PURPLE: "purple",
-    ORANGE: "orange",
-    SKY: "sky",
-    OLIVE: "olive",
-}
-
 _PROLOGUE = re.compile(r"\A.*?(?=<svg)", re.DOTALL)
 _LEFT_OUT = re.compile(r"<metadata>.*?</metadata>|<style[^>]*>.*?</style>|<!--.*?-->", re.DOTALL)
 _TAG = re.compile(r"<[^>]+>")
@@ -189,7 +175,7 @@ def inline(svg: str, name: str, description: str) -> str:
     str
         HTML; colours of `VARIABLES` are ``var(--name)``.
     """
-    variables = {colour.lower(): f"var(--{variable})" for colour, variable in VARIABLES.items()}
+    variables = {colour.lower(): f"var(--{name})" for name, colour in COLOURS.items()}
 
     def fit(tag: re.Match[str]) -> str:
         text = tag[0].replace("xlink:href", "href")
@@ -224,6 +210,12 @@ class Illustration:
     caption: str
     png: bytes
     element: str
+
+    @property
+    def block(self) -> document.Figure:
+        """The picture above its caption, as a block of a page."""
+        caption = element("figcaption", self.caption)
+        return document.Figure(element("figure", Markup(self.element), caption))  # noqa: S704 - drawn here
 
 
 def illustrate(name: str, caption: str, figure: Figure, dots_per_inch: int) -> Illustration:

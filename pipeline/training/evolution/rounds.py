@@ -64,25 +64,10 @@ def _is_finished(state: State, settings: Optimizer) -> bool:
 def _fingerprint(settings: Optimizer, seed: int, num_genes: int) -> dict[str, Any]:
     """Return everything that must be the same for a resumed run to equal an uninterrupted one."""
     names = (
-        "algorithm",
-        "population_size",
-        "tournament_size",
-        "crossover_rate",
-        "elitism_rate",
-        "split",
-        "mutation",
-        "first_population",
-        "next_round",
-        "initial_step",
-        "cooling",
+        *("algorithm", "population_size", "tournament_size", "crossover_rate", "elitism_rate"),
+        *("split", "mutation", "first_population", "next_round", "initial_step", "cooling"),
     )
     return {"seed": seed, "genes": num_genes} | {f"optimizer.{n}": getattr(settings, n) for n in names}
-
-
-def _champion_before(history: Sequence[Generation], round_index: int) -> Floats | None:
-    """Return the champion of the previous round."""
-    earlier = [generation.champion for generation in history if generation.round < round_index]
-    return earlier[-1] if earlier else None
 
 
 def evolve_rounds(
@@ -157,7 +142,8 @@ def evolve_rounds(
     interrupted = False
     try:
         for round_index in range(state.round if state else 0, settings.rounds):
-            evaluate = evaluate_for_round(round_index, _champion_before(history, round_index))
+            earlier = [generation.champion for generation in history if generation.round < round_index]
+            evaluate = evaluate_for_round(round_index, earlier[-1] if earlier else None)
             if state is None or state.round < round_index:
                 state = _begun(round_index, evaluate, seeds, settings, seed, state)
                 history = state.history

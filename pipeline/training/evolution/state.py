@@ -96,6 +96,8 @@ class State:
 
 VERSION = 2
 
+#: numbers of a state that are kept as they are
+_NUMBERS = ("round", "generation", "evaluations", "step_size")
 _ARRAYS = ("genomes", "fitness", "parts", "champions")
 #: prefix of the arrays with CMA-ES's state
 _STRATEGY = "strategy_"
@@ -119,10 +121,7 @@ def save(path: Path, state: State, fingerprint: Mapping[str, Any]) -> None:
     note = {
         "version": VERSION,
         "fingerprint": dict(fingerprint),
-        "round": state.round,
-        "generation": state.generation,
-        "evaluations": state.evaluations,
-        "step_size": state.step_size,
+        **{name: getattr(state, name) for name in _NUMBERS},
         "parts": list(state.parts),
         "strategy": list(state.strategy),
         "python_state": state.python_state,
@@ -210,10 +209,7 @@ def _state_from(note: Mapping[str, Any], arrays: Mapping[str, Any]) -> State:
     random.Random().setstate(python_state)  # noqa: S311 - a test, nothing is drawn
     rows = zip(note["history"], arrays["champions"], strict=True)
     return State(
-        round=note["round"],
-        generation=note["generation"],
-        evaluations=note["evaluations"],
-        step_size=note["step_size"],
+        **{name: note[name] for name in _NUMBERS},
         genomes=arrays["genomes"],
         fitness=arrays["fitness"],
         parts=dict(zip(note["parts"], arrays["parts"], strict=True)),

@@ -15,7 +15,7 @@ from fis_tools.source import read_controller
 from pipeline.command_line.cli import main
 from pipeline.command_line.config import compose_experiment
 from pipeline.controllers.source import load
-from pipeline.edit.flights import FIRST, Cases, most_changed
+from pipeline.edit import FIRST, Cases, most_changed
 from pipeline.evaluation.assurance.requirements import read
 from pipeline.evaluation.monte_carlo import fly_cases
 from pipeline.evaluation.statistics import METRICS

@@ -9,7 +9,7 @@ from fis_tools.edit.panels import findings
 from fis_tools.edit.touches import turned, with_system
 from fis_tools.source import read_controller
 from pipeline.command_line.config import compose_experiment
-from pipeline.edit.flights import Cases, most_changed
+from pipeline.edit import Cases, most_changed
 from pipeline.evaluation.assurance.requirements import read
 from pipeline.evaluation.statistics import succeeds
 from pipeline.settings.places import requirements_path

@@ -7,7 +7,7 @@ import numpy as np
 from fis_tools.model import FuzzySystem, Gaussian, Term, Variable, table_rules
 from pipeline.flight.state.log import Scenario
 from pipeline.settings.experiment import Mission, Safety
-from pipeline.settings.mission_parts import Attitude, Chief, Deputy, Guidance, Orbit, Sensor
+from pipeline.settings.mission import Attitude, Chief, Deputy, Guidance, Orbit, Sensor
 
 MEAN_MOTION = 0.0011068
 IDENTITY = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))

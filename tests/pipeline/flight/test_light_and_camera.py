@@ -19,7 +19,7 @@ from pipeline.flight.world.chief import chief_attitudes, num_chief_steps, semi_m
 from pipeline.flight.world.pack import pack_world
 from pipeline.physics.illumination import EARTH_RADIUS_M
 from pipeline.settings.experiment import SettingError
-from pipeline.settings.mission_parts import Dynamics, Light
+from pipeline.settings.mission import Dynamics, Light
 from tests.pipeline.flight.as_written import assert_as_written
 from tests.pipeline.flight.cases import SEEING, STARTS, mission
 from tests.pipeline.flight.missions import IDEAL, MEAN_MOTION, PAPER

@@ -12,7 +12,7 @@ from fis_tools.compiled.three import Three
 from pipeline.flight.world.surface import Surface, surface_of
 from pipeline.physics.sight import EDGE_CELLS, cell_of, centre_of
 from pipeline.settings.experiment import Mission, SettingError
-from pipeline.settings.mission_parts import Light
+from pipeline.settings.mission import Light
 from tests.pipeline.flight.as_written import assert_as_written
 from tests.pipeline.flight.cases import SEEING, mission
 from tests.pipeline.flight.missions import IDEAL

@@ -14,7 +14,7 @@ from pipeline.flight.control.controller import coast, open_loop
 from pipeline.flight.fly.simulation import fly_all, fly_logged
 from pipeline.flight.state.log import FlightLog, Scenario
 from pipeline.settings.experiment import Mission, SettingError
-from pipeline.settings.mission_parts import Actuators
+from pipeline.settings.mission import Actuators
 from tests.pipeline.flight.cases import STARTS, STEERING, mission
 from tests.pipeline.flight.departures import ASKEW, FIXES, REAL, VARYING
 from tests.pipeline.flight.guarded import LAST_MOMENT

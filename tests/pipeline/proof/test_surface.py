@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fis_tools.engines import interpreter, interval
-from pipeline.proof.surface import Box, Surface, surface_of
+from pipeline.proof.tube import Box, Surface, surface_of
 from tests.pipeline.proof.cases import steady
 
 DEAD_BAND_N, MOST_N = 0.05, 0.8

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from pipeline.report.figures.tube import bounds
+from pipeline.report.figures.flights import bounds
 
 
 def test_bounds_hold_corners_and_are_met_by_them() -> None:

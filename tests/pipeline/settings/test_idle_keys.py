@@ -11,8 +11,7 @@ from pipeline.command_line.cli import main
 from pipeline.command_line.config import compose_experiment
 from pipeline.settings.experiment import Mission, Safety, SettingError
 from pipeline.settings.keys import value_at
-from pipeline.settings.reference import commented, descriptions, tables
-from pipeline.settings.schema import completed, experiment_from, schema
+from pipeline.settings.schema import commented, completed, descriptions, experiment_from, schema, tables
 from tests.pipeline.command_line.cases import plain_config
 from tests.pipeline.flight.cases import mission
 from tests.pipeline.flight.guarded import EARLY, guarded

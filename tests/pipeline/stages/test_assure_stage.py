@@ -10,7 +10,7 @@ import pytest
 
 from fis_tools.analysis.domain import from_mapping
 from pipeline.command_line.cli import main
-from pipeline.evaluation.assurance.judgement import judge
+from pipeline.evaluation.assurance.verdicts import judge
 from pipeline.report.evidence import write
 from pipeline.run import artifacts, manifests
 from tests.browser import serious_violations

@@ -8,7 +8,6 @@ from scipy.stats import binom, binomtest
 
 from pipeline.evaluation.assurance.campaign import Outcome, Search
 from pipeline.evaluation.assurance.formula import parse
-from pipeline.evaluation.assurance.judgement import cases_needed, failures_allowed, judge, share_bounds
 from pipeline.evaluation.assurance.proofs import (
     Certificate,
     SafetyProof,
@@ -18,7 +17,16 @@ from pipeline.evaluation.assurance.proofs import (
 )
 from pipeline.evaluation.assurance.quantities import UNITS
 from pipeline.evaluation.assurance.requirements import Question, Requirement, RequirementError
-from pipeline.evaluation.assurance.verdicts import Found, outcomes, sentence, verdict
+from pipeline.evaluation.assurance.verdicts import (
+    Found,
+    cases_needed,
+    failures_allowed,
+    judge,
+    outcomes,
+    sentence,
+    share_bounds,
+    verdict,
+)
 from pipeline.flight.state.log import Scenario
 from tests.fis_tools import step_by_step
 from tests.pipeline.evaluation.assurance.cases import champion, experiment, scenarios

@@ -8,7 +8,7 @@ import threading
 import numpy as np
 import pytest
 
-from pipeline.training.evolution import generations, genetic
+from pipeline.training.evolution import generations
 from pipeline.training.evolution.rounds import Evolution, evolve_rounds
 from pipeline.training.evolution.state import CheckpointError
 from tests.pipeline.training.evolution.cases import (
@@ -43,7 +43,7 @@ def test_elite_is_kept_verbatim_and_nothing_is_evaluated_again(monkeypatch):
     sphere, bred = Sphere(), []
 
     def breed(*given):
-        bred.append(genetic.breed(*given))
+        bred.append(generations.breed(*given))
         return bred[-1]
 
     monkeypatch.setattr(generations, "breed", breed)

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
-from pipeline.training.evolution.genetic import (
+from pipeline.training.evolution.generations import (
     SMALLEST_STEP,
     Individual,
     adapt_step_size,
