@@ -16,10 +16,8 @@ MISTAKES = [
     (["experiment=train"], "write +experiment=train"),
     ([*FLY, "sede=3"], "there is no key sede; did you mean seed?"),
     ([*FLY, "+sede=3"], "there is no key sede; did you mean seed?"),
-    ([*FLY, "++sede=3"], "there is no key sede; did you mean seed?"),
     ([*FLY, "~sede"], "there is no key sede; did you mean seed?"),
     ([*FLY, "+seed=3"], "the key seed exists already; write seed=3 without the +"),
-    ([*FLY, "optimizer.popp=3"], "did you mean optimizer.population_size?"),
     ([*FLY, "+optimizer.popp=3"], "did you mean optimizer.population_size?"),
     ([*FLY, "++optimiser.population_size=3"], "did you mean optimizer.population_size?"),
     ([*FLY, "population_size=3"], "did you mean optimizer.population_size?"),
@@ -30,7 +28,6 @@ MISTAKES = [
     ([*FLY, "+deputy={mas_kg:3}"], "the key deputy exists already"),
     ([*FLY, "++deputy={mas_kg:3}"], "there is no key deputy.mas_kg; did you mean deputy.mass_kg?"),
     ([*FLY, "hydra.runn.dir=x"], "there is no key hydra.runn.dir; did you mean hydra.run.dir?"),
-    ([*FLY, "hydra.run.dirr=x"], "did you mean hydra.run.dir?"),
     ([*FLY, "+controller.knd=x"], "controller has the keys kind, knd; one of kind coast has kind"),
     ([*FLY[:1], "controller=aim", "controller.attributes.skirt_distance=9"], "mean skirt_distance_m?"),
     # options
@@ -61,7 +58,6 @@ MISTAKES = [
     ([*FLY, "optimizer=islands"], "there is no optimizer=islands any more: there is one population"),
     (["+experiment=train_front"], "there is no experiment=train_front any more: fuel and points have prices"),
     ([*FLY, "optimizer.islands=4"], "there is no key optimizer.islands any more: there is one population"),
-    ([*FLY, "engine.scheduler=tcp://x:1"], "there is no key engine.scheduler any more: one process"),
     # values
     ([*FLY, "deputy.mass_kg=-1"], "deputy.mass_kg is -1.0; it must be greater than 0 (kg)"),
     ([*FLY, "seed=1,-2", "-m"], "seed is -2; it must be a whole number of at least 0"),

@@ -55,13 +55,8 @@ def test_the_written_configuration_reads_back_to_the_same_hash(tmp_path):
 def test_manifest_accounts_for_finished_files_only(tmp_path):
     config = plain_config("seed=3")
     configuration.write(tmp_path, config)
-    for name in (
-        "champion.json",
-        "train/checkpoint.npz",
-        "episodes/a.mcap",
-        "episodes/b.mcap.partial",
-        ".hydra/x",
-    ):
+    others = ("train/checkpoint.npz", "episodes/b.mcap.partial", ".hydra/x")
+    for name in ("champion.json", "episodes/a.mcap", *others):
         writing.write_atomically(tmp_path / name, name)
     (tmp_path / "pipeline.log").write_text("x")
     manifests.write(tmp_path, config, ["scenario"], makers=[maker.present_maker()])
@@ -89,39 +84,24 @@ def test_git_revision_is_that_of_the_sources_or_none(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("name", "content", "message"),
+    ("read", "name", "content", "message"),
     [
-        ("champion.json", None, r"has no champion.json; the stage train writes it, run that first"),
-        ("evaluate/summary.json", '{"a": ', r"summary.json cannot be read .*; repeat the stage"),
+        (artifacts.read_json, "champion.json", None, r"has no champion.json; the stage train writes it"),
+        (artifacts.read_json, "x/summary.json", b'{"a": ', r"summary.json cannot be read .*; repeat the"),
+        (
+            manifests.read,
+            "manifest.json",
+            b'{"manifest_version": 99}',
+            "version 99, this program reads 1 and",
+        ),
+        (tables.read_parquet, artifacts.EPISODES, None, "has no evaluate/episodes.parquet; the stage eval"),
     ],
 )
-def test_reading_what_is_not_there_or_cut(name, content, message, tmp_path):
+def test_reading_what_is_not_there_or_cut(read, name, content, message, tmp_path):
     if content is not None:
         writing.write_atomically(tmp_path / name, content)
     with pytest.raises(ArtifactError, match=message):
-        artifacts.read_json(tmp_path, name)
-
-
-@pytest.mark.parametrize(
-    ("content", "message"),
-    [
-        ("- 1\n", "holds no configuration"),
-        ("a: [1", "cannot be read"),
-        ("a: !!python/object/apply:os.getcwd []", "cannot be read"),
-        (None, "has no config.yaml; choose the folder of a run"),
-    ],
-)
-def test_configurations_that_are_none(content, message, tmp_path):
-    if content is not None:
-        (tmp_path / "config.yaml").write_text(content)
-    with pytest.raises(ArtifactError, match=message):
-        configuration.read(tmp_path)
-
-
-def test_manifest_of_another_version(tmp_path):
-    (tmp_path / "manifest.json").write_text(json.dumps({"manifest_version": 99}))
-    with pytest.raises(ArtifactError, match="manifest version 99, this program reads 1 and 2"):
-        manifests.read(tmp_path)
+        read(tmp_path, *[name] * (read is not manifests.read))
 
 
 def test_numbers_that_json_does_not_have_are_refused(tmp_path):
@@ -129,12 +109,6 @@ def test_numbers_that_json_does_not_have_are_refused(tmp_path):
     with pytest.raises(ArtifactError, match=r"x\.json is not written, for cases\[1\]\.mean is not finite"):
         writing.write_json(tmp_path / "x.json", content)
     assert list(tmp_path.iterdir()) == []
-
-
-def test_a_key_that_is_no_text_is_refused():
-    for content in (b"1: 2\na: 3", b"a: [{on: 3}]"):
-        with pytest.raises(ValueError, match="is no text; write it in quotes"):
-            configuration.parse(content)
 
 
 def test_columns_come_back_as_they_were(tmp_path: Path) -> None:
@@ -151,9 +125,7 @@ def test_columns_come_back_as_they_were(tmp_path: Path) -> None:
     for name, values in columns.items():
         np.testing.assert_array_equal(found[name], values)
         assert name == "word" or found[name].dtype == np.asarray(values).dtype
-
-
-def test_a_matrix_becomes_a_list_a_row(tmp_path: Path) -> None:
+    # a matrix becomes a list a row
     rows = np.random.default_rng(1).random((3, 4))
     tables.write_parquet(tmp_path / "table.parquet", {"genome": rows})
     np.testing.assert_array_equal(np.stack(tables.read_parquet(tmp_path, "table.parquet")["genome"]), rows)
@@ -164,17 +136,8 @@ def test_a_cut_table_is_refused(kept: int, tmp_path: Path) -> None:
     path = tmp_path / "table.parquet"
     tables.write_parquet(path, {"count": np.arange(100)})
     path.write_bytes(path.read_bytes()[:kept])
-    with pytest.raises(
-        ArtifactError, match=r"table.parquet cannot be read .*; repeat the stage that writes it"
-    ):
+    with pytest.raises(ArtifactError, match=r"table.parquet cannot be read .*; repeat the stage that writes"):
         tables.read_parquet(tmp_path, "table.parquet")
-
-
-def test_a_missing_table_is_told_with_the_stage_that_writes_it(tmp_path: Path) -> None:
-    with pytest.raises(
-        ArtifactError, match=r"has no evaluate/episodes.parquet; the stage evaluate writes it"
-    ):
-        tables.read_parquet(tmp_path, "evaluate/episodes.parquet")
 
 
 def test_numbers_in_csv_read_back_to_the_same_bits(tmp_path: Path) -> None:
@@ -209,6 +172,12 @@ TRACK = {"case": [0, 0], "sample": [0, 1], **{f"position_{axis}_m": [0.0, 1.0] f
 @pytest.mark.parametrize(
     ("content", "message"),
     [
+        (None, "has no config.yaml; choose the folder of a run"),
+        (b"- 1\n", "holds no configuration"),
+        (b"a: [1", "cannot be read"),
+        (b"a: !!python/object/apply:os.getcwd []", "cannot be read"),
+        (b"1: 2\na: 3", "is no text; write it in quotes"),
+        (b"a: [{on: 3}]", "is no text; write it in quotes"),
         (BILLION, r"it has an alias \(\*\)"),
         (b"a: " + b"[" * 100_000, "nested more than 64 deep"),
         (b"#" * 3_000_000, "it has 3000000 bytes, and at most"),
@@ -216,8 +185,9 @@ TRACK = {"case": [0, 0], "sample": [0, 1], **{f"position_{axis}_m": [0.0, 1.0] f
         (b"a: 99-99-99T\nb: 2001-99-99\n", "cannot be read"),
     ],
 )
-def test_configurations(content, message, tmp_path):
-    (tmp_path / artifacts.CONFIG).write_bytes(content)
+def test_configurations_that_are_none(content, message, tmp_path):
+    if content is not None:
+        (tmp_path / artifacts.CONFIG).write_bytes(content)
     tracemalloc.start()
     with pytest.raises(artifacts.ArtifactError, match=message):
         configuration.read(tmp_path)
@@ -236,9 +206,8 @@ def test_deep_manifests(tmp_path):
 
 @pytest.mark.parametrize("name", ["../secret.json", "/etc/passwd"])
 def test_a_manifest_leads_nowhere_else(name, tmp_path):
-    (tmp_path / artifacts.MANIFEST).write_text(
-        json.dumps({"files": {"champion": name, "evaluation_episodes": name}})
-    )
+    files = {"champion": name, "evaluation_episodes": name}
+    (tmp_path / artifacts.MANIFEST).write_text(json.dumps({"files": files}))
     with pytest.raises(RecordingError, match="lies outside the folder"):
         runs.file_of(tmp_path, "evaluation_episodes")
     with pytest.raises(ControllerFileError, match="names a champion outside the folder"):

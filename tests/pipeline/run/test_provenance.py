@@ -1,7 +1,8 @@
-"""Who made a run: several makers are all named, and told; and what its files were is checked."""
+"""Who made a run, with what processor: makers are named and told, files checked, results reproduced."""
 
 import json
 import os
+import platform
 import shutil
 import subprocess
 import sys
@@ -12,9 +13,11 @@ from pathlib import Path
 import pytest
 
 from pipeline.command_line.cli import main
-from pipeline.run import artifacts, configuration, manifests, runner
+from pipeline.command_line.config import compose_experiment
+from pipeline.run import artifacts, configuration, maker, manifests, runner
 from pipeline.run.lock import LOCK, HeldError, held
 from pipeline.run.maker import present_maker
+from pipeline.run.runner import run_stages
 from tests.pipeline.command_line.cases import use_stages
 from tests.places import PROJECT
 
@@ -22,8 +25,8 @@ EVALUATE = ["+experiment=evaluate", "controller=coast"]
 
 
 @pytest.fixture
-def folder(tmp_path, monkeypatch):
-    """A run of whose stages the second failed."""
+def folder(tmp_path, monkeypatch, capsys):
+    """A run of whose stages the second failed, and will not any more."""
 
     def fail(_experiment, _folder):
         raise OSError("disk full")
@@ -31,53 +34,45 @@ def folder(tmp_path, monkeypatch):
     with monkeypatch.context() as patched:
         use_stages(patched, evaluate=fail)
         assert main([*EVALUATE, f"hydra.run.dir={tmp_path / 'run'}"]) == 2
+    use_stages(monkeypatch)
+    capsys.readouterr()
     return tmp_path / "run"
 
 
 def test_a_run_that_another_maker_goes_on_with_names_both(folder, monkeypatch, capsys):
     first = manifests.read(folder)
     assert first["made_by"] == {"scenario": [0], "evaluate": [0]}
-    capsys.readouterr()
-    use_stages(monkeypatch)
     other = {**present_maker(), "sources": "0" * 64}
     monkeypatch.setattr(runner, "present_maker", lambda: other)
     assert main([f"resume={folder}"]) == 0
-    assert (
-        "note: another maker began this run (other sources); what is made now may" in capsys.readouterr().err
-    )
+    assert "note: another maker began this run (other sources); what is" in capsys.readouterr().err
     manifest = manifests.read(folder)
     assert manifest["makers"] == [*first["makers"], other]
     assert manifest["made_by"] == {"scenario": [0], "evaluate": [0, 1], "record": [1], "report": [1]}
 
 
-def test_the_same_maker_is_named_once_and_nothing_is_told(folder, monkeypatch, capsys):
-    use_stages(monkeypatch)
-    capsys.readouterr()
+def test_the_same_maker_is_named_once_and_nothing_is_told(folder, capsys):
     assert main([f"resume={folder}"]) == 0
     assert "another maker" not in capsys.readouterr().err
     manifest = manifests.read(folder)
     assert len(manifest["makers"]) == 1
-    assert set(manifest["makers"][0]["processor"]) == {
-        *("machine", "compiled_for", "features", "libm", "numpy", "blas", "reproducible")
-    }
+    names = {"machine", "compiled_for", "features", "libm", "numpy", "blas", "reproducible"}
+    assert set(manifest["makers"][0]["processor"]) == names
     assert manifest["made_by"]["evaluate"] == [0]
 
 
-def test_a_run_of_a_version_without_makers_keeps_what_it_told(folder, monkeypatch, capsys):
-    use_stages(monkeypatch)
+def test_a_run_of_a_version_without_makers_keeps_what_it_told(folder, capsys):
     manifest = json.loads((folder / artifacts.MANIFEST).read_text())
     for name in ("makers", "made_by"):
         del manifest[name]
     manifest["versions"]["numpy"] = "1.0"
     (folder / artifacts.MANIFEST).write_text(json.dumps(manifest))
-    capsys.readouterr()
     assert main([f"resume={folder}"]) == 0
     assert "(numpy 1.0, now " in capsys.readouterr().err
     assert manifests.read(folder)["makers"][0]["versions"]["numpy"] == "1.0"
 
 
-def test_verify_tells_each_file_that_is_not_what_was_written(folder, monkeypatch, capsys):
-    use_stages(monkeypatch)
+def test_verify_tells_each_file_that_is_not_what_was_written(folder, capsys):
     assert main([f"resume={folder}"]) == 0
     capsys.readouterr()
     assert main(["verify", str(folder)]) == 0
@@ -91,10 +86,12 @@ def test_verify_tells_each_file_that_is_not_what_was_written(folder, monkeypatch
     assert "evaluate.txt has CHANGED since it was written" in told
     assert "record.txt is MISSING" in told
     assert "more.txt is not in the manifest" in told
+    for words in ([], ["a", "b", "c"], ["nowhere"]):
+        assert main(["verify", *words]) == 2
+        assert capsys.readouterr().err.startswith("error: ")
 
 
-def test_two_runs_are_compared_with_what_may_make_them_differ(folder, tmp_path, monkeypatch, capsys):
-    use_stages(monkeypatch)
+def test_two_runs_are_compared_with_what_may_make_them_differ(folder, tmp_path, capsys):
     assert main([f"resume={folder}"]) == 0
     other = tmp_path / "other"
     shutil.copytree(folder, other)
@@ -118,12 +115,6 @@ def test_two_runs_are_compared_with_what_may_make_them_differ(folder, tmp_path, 
     ]
 
 
-@pytest.mark.parametrize("words", [["verify"], ["verify", "a", "b", "c"], ["verify", "nowhere"]])
-def test_verify_takes_a_run_or_two(words, capsys):
-    assert main(words) == 2
-    assert capsys.readouterr().err.startswith("error: ")
-
-
 HOLD = "import sys, time; from pathlib import Path; from pipeline.run.lock import held\n" + (
     "with held(Path(sys.argv[1])):\n    print('held', flush=True)\n    time.sleep(600)\n"
 )
@@ -143,7 +134,7 @@ def holder(folder: Path) -> Iterator[subprocess.Popen]:
             process.kill()
 
 
-def test_a_second_process_is_refused_and_told_whose_the_folder_is(tmp_path, monkeypatch, capsys):
+def test_one_process_holds_a_folder_until_it_is_gone(tmp_path, monkeypatch, capsys):
     called = use_stages(monkeypatch)
     folder = tmp_path / "run"
     with holder(folder) as process:
@@ -153,13 +144,7 @@ def test_a_second_process_is_refused_and_told_whose_the_folder_is(tmp_path, monk
         assert f"is held by process {process.pid} on" in capsys.readouterr().err
     assert called == []
     assert not (folder / artifacts.CONFIG).exists()
-
-
-def test_the_lock_of_a_killed_process_is_told_and_taken_over(tmp_path, monkeypatch, capsys):
-    use_stages(monkeypatch)
-    folder = tmp_path / "run"
-    with holder(folder) as process:
-        pass
+    # the lock of a killed process is told and taken over
     assert (folder / LOCK).exists()
     assert main([*FLY, f"hydra.run.dir={folder}"]) == 0
     told = capsys.readouterr().err
@@ -197,3 +182,86 @@ def test_a_run_killed_before_its_manifest_goes_on_or_begins_anew(resumed, tmp_pa
     assert main([f"resume={folder}"] if resumed else words) == 0
     assert [(name, e.seed) for name, e, _ in called] == [("record", 4)]
     assert manifests.read(folder)["finished_stages"] == ["record"]
+
+
+WORDS = ["+experiment=evaluate", "controller=coast", "stages=[scenario]", "reproducible=true"]
+
+#: products beside sums and calls, by the kernel's vectors; prints the bytes of what they give
+COMPILED = """\
+import numpy as np
+from pipeline.flight.state.lanes import arctangent, exponential
+from fis_tools.compiled.decorator import compiled
+from fis_tools.compiled.vectors import load, store
+
+@compiled(error_model="numpy")
+def several(x, y, out):
+    for i in range(0, len(x), 16):
+        a, b = load(x, i, 16), load(y, i, 16)
+        store(out, i, exponential(a) * b + arctangent(a * b - 1.0, b * b + a) * a)
+
+rng = np.random.default_rng(1)
+out = np.empty(4096)
+several(rng.normal(size=4096), rng.normal(size=4096), out)
+print(out.tobytes().hex())
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(platform.machine() not in ("x86_64", "AMD64"), reason="names processors of this kind")
+def test_compiled_code_gives_the_same_bits_on_every_processor(tmp_path):
+    (tmp_path / "several.py").write_text(COMPILED)
+    told = []
+    for chosen in ({}, {"NUMBA_CPU_NAME": "x86-64", "NUMBA_CPU_FEATURES": ""}):
+        env = {**os.environ, "PYTHONPATH": str(PROJECT), "NUMBA_CACHE_DIR": str(tmp_path), **chosen}
+        command = [sys.executable, tmp_path / "several.py"]
+        told.append(subprocess.run(command, env=env, capture_output=True, check=True).stdout)  # noqa: S603
+    assert len(told[0]) > 4096
+    assert told[0] == told[1]
+
+
+def test_no_kernel_lets_the_compiler_round_as_it_likes():
+    places = [path for package in ("pipeline", "fis_tools") for path in (PROJECT / package).rglob("*.py")]
+    assert [path.name for path in places if "fastmath" in path.read_text(encoding="utf-8")] == []
+
+
+@pytest.mark.slow
+def test_a_run_starts_anew_with_what_it_asks_of_libraries(tmp_path):
+    command = [sys.executable, "-m", "pipeline", *WORDS, f"hydra.run.dir={tmp_path / 'run'}"]
+    done = subprocess.run(command, cwd=PROJECT, capture_output=True, text=True, check=True)  # noqa: S603
+    assert done.stderr.count("run folder:") == 1
+    processor = manifests.read(tmp_path / "run")["makers"][0]["processor"]
+    assert processor["reproducible"] is True
+    assert (processor["numpy"], processor["blas"]) == ("baseline", "Nehalem x1")
+    assert processor["libm"].endswith("without fma")
+
+
+def test_settings_of_the_user_are_kept(monkeypatch):
+    monkeypatch.setenv("GLIBC_TUNABLES", "glibc.malloc.check=1")
+    monkeypatch.setenv("NPY_DISABLE_CPU_FEATURES", "AVX512F")
+    assert not maker.is_in_force()
+    told = maker.environment()
+    assert told["GLIBC_TUNABLES"] == f"glibc.malloc.check=1:{maker.LIBM}"
+    assert told["NPY_DISABLE_CPU_FEATURES"].startswith("AVX512F")
+    for name, value in told.items():
+        monkeypatch.setenv(name, value)
+    assert maker.is_in_force()
+
+
+def test_only_a_process_started_for_it_runs_it(tmp_path, monkeypatch):
+    started = []
+
+    def execve(path, words, env):
+        started.append((path, words, env))
+        raise SystemExit(0)
+
+    monkeypatch.setattr(os, "execve", execve)
+    folder = tmp_path / "run"
+    with pytest.raises(SystemExit):
+        main([*WORDS, f"hydra.run.dir={folder}"])
+    ((path, words, env),) = started
+    assert (path, words[:3], words[3:7]) == (sys.executable, [sys.executable, "-m", "pipeline"], WORDS)
+    assert maker.environment().items() <= env.items()
+    run = compose_experiment(WORDS)
+    with pytest.raises(maker.NotInForce, match="start it with OPENBLAS_CORETYPE='Nehalem' "):
+        run_stages(run.experiment, run.config, folder)
+    assert not folder.exists()
