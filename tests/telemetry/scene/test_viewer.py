@@ -106,11 +106,11 @@ def test_a_view_that_fails_is_noticed(complaints, short_file, run):
 
 
 @pytest.mark.slow
-def test_pictures_show_what_they_are_asked_for(short_file, run, tmp_path, capsys):
+def test_pictures_show_what_they_are_asked_for(flight_file, run, tmp_path, capsys):
     library(VULKAN, "mesa-vulkan-drivers")
-    at = ["--at", "60", "1300"]
-    assert main(["screenshot", str(short_file), str(run), *at, "-o", str(tmp_path / "p")]) == 0
-    names = ["replay-60", "replay-1300", "campaign"]
+    at = ["--at", "60", "3000"]
+    assert main(["screenshot", str(flight_file), str(run), *at, "-o", str(tmp_path / "p")]) == 0
+    names = ["replay-60", "replay-3000", "campaign"]
     assert capsys.readouterr().out.split() == [str(tmp_path / "p" / f"{name}.png") for name in names]
     pixels = {}
     for name in names:
