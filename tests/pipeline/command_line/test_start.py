@@ -119,20 +119,6 @@ def test_options_stand_anywhere() -> None:
     assert (asked.multirun, asked.cfg, asked.resume, asked.help) == (True, "job", Path("x"), False)
 
 
-@pytest.mark.parametrize(
-    ("words", "told"),
-    [
-        (["--cfg", "jo"], "invalid choice: 'jo'"),
-        (["seed=1", "--config-dir"], "expected one argument"),
-        (["-x"], "there is no option -x"),
-        (["--multi"], "there is no option --multi; did you mean --multirun?"),
-    ],
-)
-def test_options_that_are_none(words: list[str], told: str) -> None:
-    with pytest.raises(ConfigError, match=told.replace("?", r"\?")):
-        read_arguments(words)
-
-
 def test_a_sweep_is_every_value_with_every_other() -> None:
     runs = single_runs(parse(["seed=1,2", "name=x", "sun=glob(*,exclude=m*)"]), GROUPS)
     expected = [["seed=1", "name=x", "sun=fixed"], ["seed=1", "name=x", "sun=random"]]

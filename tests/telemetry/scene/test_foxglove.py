@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import ArrayLike
+from scipy.spatial.transform import Rotation
 
 import telemetry
 from telemetry import EpisodeWriter
@@ -139,9 +140,7 @@ def made(recorded, tmp_path_factory):
 
 
 def turned(quaternion: dict[str, float], vector: ArrayLike) -> np.ndarray:
-    axis = np.array([quaternion[name] for name in "xyz"])
-    twice = 2.0 * np.cross(axis, vector)
-    return np.asarray(vector) + quaternion["w"] * twice + np.cross(axis, twice)
+    return Rotation.from_quat([quaternion[name] for name in "xyzw"]).apply(vector)
 
 
 def last_scene_of(scenes: list[dict[str, Any]], sample: int) -> dict[str, dict[str, Any]]:
@@ -185,8 +184,7 @@ def test_the_field_of_view_is_a_cone_from_the_deputy_onto_the_chief(made, flown)
     ]
     np.testing.assert_allclose(ends[0], 0.0, atol=1e-9)
     # the camera of this flight looks at the chief's centre
-    deputy = dict(zip("xyzw", flown.quaternion[7], strict=True))
-    base = flown.position_m[7] + turned(deputy, ends[1])
+    base = flown.position_m[7] + Rotation.from_quat(flown.quaternion[7]).apply(ends[1])
     np.testing.assert_allclose(base, 0.0, atol=1e-9)
     assert np.arctan2(cone["size"]["x"] / 2, depth) == pytest.approx(synthetic_flight.HALF_ANGLE)
 
