@@ -46,6 +46,11 @@ TURNED = (
     *("quaternion_b_from_h-", "angular_velocity_b_rad_s-"),
     *("attitude_quaternion", "attitude_rate_b_rad_s", "torque_b_n_m"),
 )
+#: fields that inference makes
+FORCES = (
+    *("fis_output_n", "force_asked_n", "force_body_n", "force_hill_n", "force_commanded_n"),
+    "safety_force_hill_n",
+)
 #: constants that are counts, which rounding does not touch
 WHOLE = ("coast_below_points", "decision_period_s", "rehearsal_tours")
 LIMITS = (None, "keep_out", "keep_in", "speed", "passive_safety")
@@ -174,17 +179,13 @@ def allowed(flight, k, log, name):
     ranges = [system.outputs[0].maximum - system.outputs[0].minimum for system in flight.controller.systems]
     force = 3e-12 * sum(ranges) + ROUNDING * np.abs(log.safety_force_hill_n[k]).max()
     pulled = force / mission.deputy.mass_kg * period
-    return {
-        "fis_output_n": force,
-        "force_asked_n": force,
-        "force_body_n": force,
-        "force_hill_n": force,
-        "force_commanded_n": force,
-        "safety_force_hill_n": force,
+    fastest = flight.earth.fastest if flight.earth else 0.0
+    margins = {
         "position_m-": pulled * period + moved,
-        "velocity_m_s-": pulled + moved * (flight.earth.fastest if flight.earth else 0.0),
+        "velocity_m_s-": pulled + moved * fastest,
         "delta_v_m_s-": 3.0 * pulled,
-    }.get(name, 0.0)
+    }
+    return (dict.fromkeys(FORCES, force) | margins).get(name, 0.0)
 
 
 def corrected_error(k, log):

@@ -9,7 +9,7 @@ from fis_tools.model import FuzzySystem, Gaussian, Term, Variable, table_rules
 from pipeline.flight.control.controller import Controller
 from pipeline.flight.state.log import Scenario
 from pipeline.settings.experiment import Mission, Safety
-from tests.pipeline.flight.cases import controller, mission
+from tests.pipeline.flight.cases import controller, isotropic, mission
 
 KEEP_OUT_M, KEEP_IN_M = 16.0, 198.0
 
@@ -39,8 +39,7 @@ def guarded(safety: Safety = LAST_MOMENT, **changes: Any) -> Mission:
 def starts_at_rest(count: int, seed: int) -> list[Scenario]:
     """Anywhere between the spheres."""
     generator = np.random.default_rng(seed)
-    directions = generator.normal(size=(count, 3))
-    directions /= np.linalg.norm(directions, axis=1)[:, np.newaxis]
+    directions = isotropic(generator, count)
     distances = generator.uniform(KEEP_OUT_M + 0.01, KEEP_IN_M - 0.01, count)
     return [Scenario(r * d, np.zeros(3), 0.0) for r, d in zip(distances, directions, strict=True)]
 
@@ -48,10 +47,6 @@ def starts_at_rest(count: int, seed: int) -> list[Scenario]:
 def pushing(force_n: float) -> Controller:
     """Away from the chief, wherever the deputy is; towards it where the force is negative."""
     seen = Variable("distance", "m", 0.0, 250.0, (Term("any", Gaussian(125.0, 500.0)),))
-    reach = 2.0 * abs(force_n)
-    output = Variable(
-        "force_x", "N", -reach, reach, (Term("push", Gaussian(force_n, 0.1 * reach)),), default=force_n
-    )
-    return controller(
-        (FuzzySystem("push", (seen,), (output,), table_rules((seen,), output, ["push"])),), "body"
-    )
+    terms = (Term("push", Gaussian(force_n, 0.2 * abs(force_n))),)
+    output = Variable("force_x", "N", -2.0 * abs(force_n), 2.0 * abs(force_n), terms, default=force_n)
+    return controller((FuzzySystem("push", (seen,), (output,), table_rules((seen,), output, ["push"])),))

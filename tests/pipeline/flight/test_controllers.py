@@ -9,18 +9,10 @@ import yaml
 from fis_tools.formats import serialize
 from fis_tools.model import FuzzyController, FuzzySystem, Variable
 from pipeline.controllers.source import load
-from pipeline.flight.control.controller import (
-    Controller,
-    ControllerError,
-    coast,
-    from_fuzzy,
-    law_of,
-    open_loop,
-)
-from pipeline.flight.fly.simulation import fly_all, fly_logged
+from pipeline.flight.control.controller import ControllerError, coast, from_fuzzy, law_of, open_loop
+from pipeline.flight.fly.simulation import fly_all
 from pipeline.flight.state.signals import AXES, slot
-from tests.pipeline.flight.cases import HURRYING, PAUSING, STARTS, mission
-from tests.pipeline.flight.guarded import PASSIVE, guarded, starts_at_rest
+from tests.pipeline.flight.cases import HURRYING, STARTS, mission, with_attributes
 from tests.pipeline.flight.missions import steering_systems
 
 BODY = (("force_axes", "body"),)
@@ -62,72 +54,28 @@ def test_what_cannot_fly_is_told_why(systems, attributes, message):
 def test_a_controller_is_wired_by_the_names_of_its_variables():
     law = law_of(from_fuzzy(FuzzyController("tried", (Z, X), BODY)), mission())
     np.testing.assert_array_equal(law.axes, [AXES["force_z"], AXES["force_x"]])
-    sensed = [
-        [slot(name) for name in names]
-        for names in (("eta_u", "velocity_body_z"), ("distance", "velocity_body_x"))
-    ]
-    np.testing.assert_array_equal(law.signals[:, :2], sensed)
-    np.testing.assert_array_equal(law.num_inputs, [2, 2])
+    names = ("eta_u", "velocity_body_z"), ("distance", "velocity_body_x")
+    np.testing.assert_array_equal(law.signals[:, :2], [list(map(slot, pair)) for pair in names])
     assert not law.has_plan
 
 
-def test_a_plan_is_flown_without_force_after_its_last_row():
+def test_a_plan_is_flown_without_force_after_its_last_row_and_none_is_longer_than_the_flight():
     law = law_of(open_loop("plan", np.ones((2, 3))), SHORT)
     np.testing.assert_array_equal(law.plans.forces, [[[1, 1, 1], [1, 1, 1], [0, 0, 0], [0, 0, 0]]])
     assert law.has_plan
     assert law_of(coast(), SHORT).plans.forces.shape == (1, 4, 3)
-    assert coast().numbers.values.shape == (1, 0)
-
-
-def test_a_plan_longer_than_the_flight_is_refused():
-    with pytest.raises(
-        ControllerError, match=r"'plan' has 5 forces, the flight 4 control periods; shorten the plan"
-    ):
+    with pytest.raises(ControllerError, match=r"'plan' has 5 forces, the flight 4 control periods; shorten"):
         law_of(open_loop("plan", np.ones((5, 3))), SHORT)
 
 
-def deciding(controller: Controller, period: str) -> Controller:
-    fuzzy = controller.fuzzy
-    assert isinstance(fuzzy, FuzzyController)
-    attributes = dict(fuzzy.attributes) | {"decision_period_s": period}
-    return from_fuzzy(replace(fuzzy, attributes=tuple(sorted(attributes.items()))))
-
-
-def test_a_push_lasts_one_control_period_and_nothing_is_fired_until_the_next_decision():
-    for start in STARTS:
-        log = fly_logged(mission(), PAUSING, start)
-        decides = np.arange(len(log.is_decided)) % 3 == 0
-        assert not log.is_decided[~decides].any()
-        assert not log.force_hill_n[~decides].any()
-        assert not log.fis_output_n[~decides].any()
-        np.testing.assert_array_equal(log.is_decided[decides], ~log.is_inspected[:-1][decides].all(axis=1))
-        assert log.force_hill_n[decides].any(axis=1).sum() > 5
-
-
-@pytest.mark.parametrize("period", ["0", "10", "10.0"])
-def test_a_decision_in_each_period_is_the_default(period):
-    flown, expected = (fly_all(mission(), one, STARTS) for one in (deciding(HURRYING, period), HURRYING))
-    for name, values in vars(flown).items():
-        np.testing.assert_array_equal(values, vars(expected)[name], err_msg=name)
-
-
-def test_the_safety_layer_acts_between_decisions_too():
-    changed = [
-        np.flatnonzero(fly_logged(guarded(PASSIVE), PAUSING, start).safety_limit)
-        for start in starts_at_rest(6, 47)
-    ]
-    assert any((periods % 3 != 0).any() for periods in changed)
-
-
-@pytest.mark.parametrize("is_written_out", [True, False])
 @pytest.mark.parametrize("period", ["25", "4"])
-def test_decisions_off_the_clock_are_told_before_the_flight(is_written_out, period, tmp_path):
-    controller = deciding(HURRYING, period)
-    assert controller.fuzzy is not None
+def test_decisions_off_the_clock_are_told_before_the_flight(period, tmp_path):
+    controller = with_attributes(HURRYING, decision_period_s=period)
     text, path = serialize.dump_yaml(controller.fuzzy), tmp_path / "off.yaml"
     path.write_text(text)
     message = rf"has decision_period_s {period}; give a whole number of control periods of 10 s"
-    with pytest.raises(ControllerError, match=message):
-        load(yaml.safe_load(text) if is_written_out else {"path": str(path)}, mission())
+    for given in (yaml.safe_load(text), {"path": str(path)}):
+        with pytest.raises(ControllerError, match=message):
+            load(given, mission())
     with pytest.raises(ControllerError, match=message):
         fly_all(mission(), controller, STARTS)

@@ -37,12 +37,15 @@ def counted(dark_up_to_deg):
     return 2 * on_rings + sum(azimuth > dark_up_to_deg for azimuth in EQUATOR)
 
 
-def test_with_the_sun_behind_the_whole_cap_is_inspected_at_once():
-    log = wait(90.0)
+def test_with_the_sun_behind_the_whole_cap_is_inspected_at_once_and_stays_so_when_the_sun_has_left_it():
+    log = wait(90.0, 3600.0)
     assert counted(0.0) == 24
     np.testing.assert_array_equal(log.is_inspected.sum(axis=1), 24)
     points = regular_placement(100, 10.0)
     np.testing.assert_array_equal(log.is_inspected[0], points[:, 1] >= 5.0)
+    # candidates are what is lit and left
+    assert log.num_candidates[0] == (points[:, 1] > 1e-9).sum() - 24
+    assert 90.0 - np.degrees(MEAN_MOTION) * 3600.0 < -90.0
 
 
 def test_with_the_sun_opposite_nothing_is():
@@ -57,19 +60,6 @@ def test_as_the_sun_sinks_the_terminator_uncovers_points_one_ring_after_another(
     assert expected[:2] == [11, 13]  # the two at 90 deg lie in the dark at first
     assert expected[-1] == 21
     np.testing.assert_array_equal(log.is_inspected.sum(axis=1), expected)
-
-
-def test_inspected_points_stay_inspected_when_the_sun_has_left_them():
-    log = wait(90.0, 3600.0)
-    np.testing.assert_array_equal(log.is_inspected.sum(axis=1), 24)
-    lit_at_the_end = 90.0 - np.degrees(MEAN_MOTION) * 3600.0
-    assert lit_at_the_end < -90.0
-
-
-def test_candidates_are_what_is_lit_and_left():
-    log = wait(90.0, 10.0)
-    lit = (regular_placement(100, 10.0)[:, 1] > 1e-9).sum()
-    assert log.num_candidates[0] == lit - 24
 
 
 @pytest.mark.parametrize(("half_angle_deg", "points"), [(5.0, 0), (6.0, 1), (15.0, 2), (30.1, 24)])

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from pipeline.command_line.config import compose_experiment
 from pipeline.flight.cases.navigation import FIXES
@@ -18,12 +19,21 @@ from pipeline.flight.control.controller import (
 from pipeline.flight.fly.population import fly_population
 from pipeline.flight.fly.rehearsals import IMAGES, rehearsed_openings, tour_images
 from pipeline.flight.fly.simulation import fly_all, fly_logged
+from pipeline.flight.state.log import Outcomes
 from pipeline.flight.state.signals import CONSTANTS
 from pipeline.flight.world.pack import pack_world
 from pipeline.training.genome import genome_of
 from pipeline.training.judging import fitness_from
 from tests.pipeline.flight.as_written import assert_as_written
-from tests.pipeline.flight.cases import SEEING, STARTS, TOURING, mission, random_starts, touring
+from tests.pipeline.flight.cases import (
+    SEEING,
+    STARTS,
+    TOURING,
+    mission,
+    random_starts,
+    touring,
+    with_attributes,
+)
 from tests.readable_flight.tour import tour_place
 
 pytestmark = pytest.mark.slow
@@ -32,17 +42,17 @@ MISSION = mission(attitude={"mode": "ideal"})
 
 
 def rehearsing(reach_m_s: float, **changes: str) -> Controller:
-    assert SEEING.fuzzy is not None
-    attributes = dict(SEEING.fuzzy.attributes) | {"rehearsal_reach_m_s": repr(reach_m_s)} | changes
-    return from_fuzzy(replace(SEEING.fuzzy, attributes=tuple(sorted(attributes.items()))))
+    return with_attributes(SEEING, rehearsal_reach_m_s=repr(reach_m_s), **changes)
 
 
-def test_by_default_nothing_is_rehearsed() -> None:
-    assert rehearsed_pushes(SEEING).shape == (0, 3)
-    assert fly_logged(MISSION, SEEING, STARTS[0]).is_decided[0]
+def costs(end: Outcomes, needed: int) -> NDArray[np.float64]:
+    """What ends of flights are told apart by, m/s."""
+    short = 0.15 * np.maximum(0, needed - end.inspected_count)
+    return end.delta_v_m_s + short + 1e4 * end.is_violated.astype(np.float64)
 
 
 def test_the_pushes_are_a_grid_with_none_first() -> None:
+    assert rehearsed_pushes(SEEING).shape == (0, 3)
     pushes = rehearsed_pushes(rehearsing(0.12))
     assert not pushes[0].any()
     assert len(np.unique(pushes.round(12), axis=0)) == len(pushes) == 105
@@ -55,22 +65,18 @@ def test_the_push_that_ends_cheapest_is_fired_and_the_rules_go_on() -> None:
     forces = rehearsed_pushes(controller) * 12.0 / 10.0
     flown = fly_all(MISSION, controller, STARTS)
     world, law, numbers = pack_world(MISSION), law_of(SEEING, MISSION), SEEING.numbers
+    openings = [np.repeat(force[np.newaxis], len(STARTS), axis=0) for force in forces]
+    cases = cases_of(MISSION, STARTS)
+    ends = [fly_population(world, law, numbers, cases, 1, openings=each) for each in openings]
+    # two points missed cost nothing, as the controller puts up with them
+    cost = np.array([costs(end, 97)[0] for end in ends])
     for case, start in enumerate(STARTS):
-        cases = cases_of(MISSION, [start])
-        ends = [fly_population(world, law, numbers, cases, 1, openings=force[np.newaxis]) for force in forces]
-        # two points missed cost nothing, as the controller puts up with them
-        cost = [
-            float(end.delta_v_m_s[0, 0])
-            + 0.15 * max(0, 97 - int(end.inspected_count[0, 0]))
-            + 1e4 * float(end.is_violated[0, 0])
-            for end in ends
-        ]
-        best = int(np.argmin(cost))
-        assert flown.delta_v_m_s[case] == ends[best].delta_v_m_s[0, 0]
-        assert flown.inspected_count[case] == ends[best].inspected_count[0, 0]
+        best = int(np.argmin(cost[:, case]))
+        assert flown.delta_v_m_s[case] == ends[best].delta_v_m_s[0, case]
+        assert flown.inspected_count[case] == ends[best].inspected_count[0, case]
         log = fly_logged(MISSION, controller, start)
         np.testing.assert_array_equal(log.force_hill_n[0], forces[best])
-        np.testing.assert_allclose(log.push_costs_m_s, cost, rtol=0, atol=1e-9)
+        np.testing.assert_allclose(log.push_costs_m_s, cost[:, case], rtol=0, atol=1e-9)
         assert not log.is_decided[0]
     assert_as_written(replace(MISSION, duration_s=300.0), controller, STARTS[0])
 
@@ -81,32 +87,29 @@ def test_it_is_rehearsed_without_the_errors_to_come() -> None:
     start = replace(STARTS[0], noise=(1, 2, 3))
     # the first of what is drawn
     off = np.repeat([20.0, 0.01], 3) * start.generator(FIXES).standard_normal(6)
-    believed = replace(
-        start, position_m=start.position_m + off[:3], velocity_m_s=start.velocity_m_s + off[3:]
-    )
-    controller = rehearsing(0.12)
-    openings = [
-        rehearsed_openings(flown, controller, [at], 1)[0]
-        for flown, at in ((real, start), (MISSION, believed), (MISSION, start))
-    ]
+    place, velocity = start.position_m + off[:3], start.velocity_m_s + off[3:]
+    believed = replace(start, position_m=place, velocity_m_s=velocity)
+    flights = (real, start), (MISSION, believed), (MISSION, start)
+    openings = [rehearsed_openings(what, rehearsing(0.12), [at], 1)[0] for what, at in flights]
     np.testing.assert_array_equal(openings[0], openings[1])
     assert np.any(openings[0] != openings[2])
 
 
-def test_it_is_along_hills_axes() -> None:
+def test_it_is_along_hills_axes_and_a_tour_has_two_or_four_images() -> None:
     with pytest.raises(ControllerError, match="set the attribute force_axes to hill"):
         rehearsing(0.1, force_axes="body")
+    with pytest.raises(ControllerError, match="rehearsal_tours '3'; give 2"):
+        touring(rehearsal_tours=3)
 
 
 @pytest.mark.parametrize("image", range(4))
 def test_an_image_of_a_tour_is_its_mirror_image(image: int) -> None:
     images = tour_images(touring(rehearsal_tours=4))
     tour, reflected = (dict(zip(CONSTANTS, images[i].constants, strict=True)) for i in (0, image))
-    mirror = np.array([1.0, -1.0 if image >= 2 else 1.0, -1.0 if image % 2 else 1.0])
     # the other way round, the Sun comes to every angle from the other side; below the plane it was above it
     round_way, up = (-1.0 if image >= 2 else 1.0), (-1.0 if image % 2 else 1.0)
     for angle in np.linspace(-3.0, 3.0, 7):
-        there = mirror * tour_place(tour, round_way * angle, up * 0.4)
+        there = np.array([1.0, round_way, up]) * tour_place(tour, round_way * angle, up * 0.4)
         np.testing.assert_allclose(tour_place(reflected, angle, 0.4), there, atol=1e-12)
 
 
@@ -117,29 +120,17 @@ def test_the_image_that_ends_cheapest_is_followed(count: int) -> None:
     assert len(images) == count <= len(IMAGES)
     assert images[0].constants.tolist() == TOURING.constants.tolist()
     ends = [fly_all(MISSION, image, starts) for image in images]
-    # every point is asked for
-    cost = [
-        end.delta_v_m_s
-        + 0.15 * np.maximum(0, 99 - end.inspected_count)
-        + 1e4 * end.is_violated.astype(np.float64)
-        for end in ends
-    ]
+    cost = [costs(end, 99) for end in ends]  # every point is asked for
     best = np.argmin(cost, axis=0)
     tracks = np.empty((len(starts), MISSION.num_controls + 1, 3), dtype=np.float32)
     flown = fly_all(MISSION, controller, starts, tracks=tracks)
-    np.testing.assert_array_equal(
-        flown.delta_v_m_s, [ends[image].delta_v_m_s[case] for case, image in enumerate(best)]
-    )
+    cheapest = [ends[image].delta_v_m_s[case] for case, image in enumerate(best)]
+    np.testing.assert_array_equal(flown.delta_v_m_s, cheapest)
     assert len(set(best.tolist())) > 1
     log = fly_logged(MISSION, controller, starts[-1])
     assert log.delta_v_m_s[-1] == flown.delta_v_m_s[-1]
     np.testing.assert_allclose(log.tour_costs_m_s, np.array(cost)[:, -1], rtol=0, atol=1e-9)
     np.testing.assert_array_equal(tracks[-1], log.position_m.astype(np.float32))
-
-
-def test_a_tour_has_two_or_four_images() -> None:
-    with pytest.raises(ControllerError, match="rehearsal_tours '3'; give 2"):
-        touring(rehearsal_tours=3)
 
 
 def test_training_flies_the_images_ahead_as_well() -> None:
@@ -149,9 +140,7 @@ def test_training_flies_the_images_ahead_as_well() -> None:
     starts = random_starts(4, seed=1)
     genomes = np.array([genome.encode(), 0.9 * genome.encode() + 0.05])
     judged = fitness_from(experiment, genome, starts, 0)(genomes)["delta_v_m_s"]
-    flown = [
-        fly_all(experiment.mission, from_fuzzy(genome.decode(one)), starts).delta_v_m_s.mean()
-        for one in genomes
-    ]
+    controllers = [from_fuzzy(genome.decode(one)) for one in genomes]
+    flown = [fly_all(experiment.mission, one, starts).delta_v_m_s.mean() for one in controllers]
     np.testing.assert_array_equal(judged, flown)
     assert judged[0] != judged[1]
