@@ -3,7 +3,7 @@
 import copy
 import sys
 import types
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -25,6 +25,15 @@ def _composed(*overrides: str) -> dict[str, Any]:
 def plain_config(*overrides: str) -> dict[str, Any]:
     """A configuration as plain data, free to be changed."""
     return copy.deepcopy(_composed(*overrides))
+
+
+def leaves(node: dict[str, Any], above: str = "") -> Iterator[tuple[str, Any]]:
+    """The keys of a configuration by their whole names, with their values."""
+    for name, value in node.items():
+        if isinstance(value, dict) and value:
+            yield from leaves(value, f"{above}{name}.")
+        else:
+            yield above + name, value
 
 
 def use_stages(

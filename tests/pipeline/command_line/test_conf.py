@@ -10,7 +10,7 @@ import yaml
 from pipeline.command_line.config import compose_experiment, conf_folder, options
 from pipeline.settings.keys import all_keys
 from pipeline.settings.schema import schema
-from tests.pipeline.command_line.cases import plain_config
+from tests.pipeline.command_line.cases import leaves, plain_config
 
 FILES = sorted(conf_folder().rglob("*.yaml"))
 EXPERIMENTS = options([conf_folder()])["experiment"]
@@ -60,14 +60,6 @@ def test_an_option_says_what_differs_from_the_defaults_and_nothing_else(path: Pa
         is_choice = name in ("mode", "kind", "model", "shadow", "reflection", "algorithm")
         assert is_choice or builds_on_another or value != key.default, key.name
     assert path.name == "config.yaml" or path.read_text().startswith("# ")
-
-
-def leaves(node, above=""):
-    for name, value in node.items():
-        if isinstance(value, dict) and value:
-            yield from leaves(value, f"{above}{name}.")
-        else:
-            yield f"{above}{name}", value
 
 
 def test_the_fixed_keys_stand():

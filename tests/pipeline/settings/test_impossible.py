@@ -9,7 +9,7 @@ import pytest
 
 from pipeline.settings.experiment import SettingError, Sun
 from pipeline.settings.schema import experiment_from
-from tests.pipeline.command_line.cases import plain_config
+from tests.pipeline.command_line.cases import leaves, plain_config
 
 CASES = [
     ("deputy.mass_kg", -12.0, "deputy.mass_kg is -12.0; it must be greater than 0 (kg)"),
@@ -85,14 +85,6 @@ def test_impossible_values(key, value, message):
     assert "\n" not in words
 
 
-def leaves(config, above=""):
-    for name, value in config.items():
-        if isinstance(value, dict) and value:
-            yield from leaves(value, f"{above}{name}.")
-        else:
-            yield above + name
-
-
 def refusal_of(config):
     """Return in what words settings are refused; None where they are taken."""
     try:
@@ -103,7 +95,7 @@ def refusal_of(config):
 
 @pytest.mark.parametrize("value", ["text", "", ["x"], {"a": 1}, math.nan, math.inf, True, -5, None], ids=repr)
 def test_a_key_takes_a_value_or_refuses_it_in_words(value):
-    for key in leaves(plain_config()):
+    for key, _ in leaves(plain_config()):
         words = refusal_of(config_with({key: value}))
         assert words is None or (key.rpartition(".")[2] in words and "\n" not in words)
 
