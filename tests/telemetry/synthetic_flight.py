@@ -1,7 +1,7 @@
 """A flight in closed form, to have something true to record.
 
-The deputy circles the chief on a tilted circle of constant radius, its camera at the chief. The forces are
-those that Clohessy and Wiltshire's equations ask for on that circle, so every number fits every other.
+The deputy circles the chief on a tilted circle of constant radius, its camera at the chief. The forces keep
+it there as if nothing else pulled; what guidance and the fuzzy systems are told follows from the place alone.
 """
 
 from collections.abc import Iterable
@@ -75,21 +75,9 @@ def pointing_quaternions(position: Floats) -> Floats:
     return Rotation.from_matrix(np.stack((x_axis, y_axis, z_axis), axis=2)).as_quat()
 
 
-def clohessy_wiltshire_force(position: Floats, velocity: Floats, acceleration: Floats) -> Floats:
-    n = MEAN_MOTION
-    x, z, x_rate, y_rate = position[:, 0], position[:, 2], velocity[:, 0], velocity[:, 1]
-    natural = np.column_stack((3 * n**2 * x + 2 * n * y_rate, -2 * n * x_rate, -(n**2) * z))
-    return MASS * (acceleration - natural)
-
-
 def rotate_to_body(quaternion: Floats, vector: Floats) -> Floats:
     """Turn Hill vectors into body axes."""
     return Rotation.from_quat(quaternion).inv().apply(vector)
-
-
-def relative_angle(target: Floats, position: Floats, axis: int) -> Floats:
-    """Angle of the target minus that of the position in the plane of the i axis and another, wrapped."""
-    return np.angle((target[:, 0] + 1j * target[:, axis]) * (position[:, 0] - 1j * position[:, axis]))
 
 
 def inspect(
@@ -119,20 +107,14 @@ def fly(num_controls: int = 360, radius: float = 75.0) -> SyntheticFlight:
     quaternion = pointing_quaternions(position)
     fine_time = (time_s[:-1, None] + ATTITUDE_OFFSETS).ravel()
     fine_position = circle(fine_time, radius, rate)[0]
-    force = clohessy_wiltshire_force(position, velocity, acceleration)[:-1]
+    force = MASS * acceleration[:-1]
     sun_angle = 4.0 - MEAN_MOTION * time_s
     points = fibonacci_sphere()
     states, inspected = inspect(position, points, sun_angle)
-    is_candidate = states == PointState.LIT
-    centroid = is_candidate @ points
-    length = np.linalg.norm(centroid, axis=1, keepdims=True)
-    target = np.divide(centroid, length, out=np.zeros_like(centroid), where=length > 0.0)
-    lambda_u = relative_angle(target, position, 1)
-    eta_u = relative_angle(target, position, 2)
+    target = np.roll(position, 1, axis=1) / radius
+    angles = np.arctan2(target, position)
     force_body = rotate_to_body(quaternion[:-1], force)
-    signals = np.stack((np.linalg.norm(position, axis=1) / 200.0, lambda_u / np.pi, eta_u / np.pi))
-    rates = rotate_to_body(quaternion, velocity).T
-    fis_inputs = np.stack((signals, rates), axis=2)[:, :-1]
+    fis_inputs = np.stack((angles.T / np.pi, rotate_to_body(quaternion, velocity).T), axis=2)[:, :-1]
     means = np.linspace(-1.0, 1.0, len(WORDS))
     first = np.exp(-((fis_inputs[:, :, 0, None] - means) ** 2) / 0.1)
     second = np.exp(-((fis_inputs[:, :, 1, None] * 5.0 - means) ** 2) / 0.1)
@@ -155,10 +137,10 @@ def fly(num_controls: int = 360, radius: float = 75.0) -> SyntheticFlight:
         points_m=points,
         states=states,
         inspected=inspected,
-        num_candidates=is_candidate.sum(axis=1),
+        num_candidates=np.sum(states == PointState.LIT, axis=1),
         target_direction=target,
-        lambda_u_rad=lambda_u,
-        eta_u_rad=eta_u,
+        lambda_u_rad=angles[:, 1],
+        eta_u_rad=angles[:, 2],
         fis_inputs=fis_inputs,
         firing_strengths=firing,
         fis_output_n=force_body.T,
