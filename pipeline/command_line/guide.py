@@ -37,10 +37,22 @@ from pipeline.settings.schema import descriptions, idle
 
 #: what people change, groups and keys, in this order
 OFTEN = (
-    *("controller", "problem", "world", "sun", "seed", "monte_carlo.num_cases"),
-    *("optimizer.population_size", "optimizer.generations", "starts", "assurance.num_cases"),
-    *("assurance.searches", "deputy.initial_position_m", "safety", "duration_s", "deputy.mass_kg"),
-    *("guidance",),
+    "controller",
+    "problem",
+    "world",
+    "sun",
+    "seed",
+    "monte_carlo.num_cases",
+    "optimizer.population_size",
+    "optimizer.generations",
+    "starts",
+    "assurance.num_cases",
+    "assurance.searches",
+    "deputy.initial_position_m",
+    "safety",
+    "duration_s",
+    "deputy.mass_kg",
+    "guidance",
 )
 MOST_OFTEN = 10
 INDENT = 6 * " "

@@ -160,10 +160,16 @@ def cells_in_words(row: ComparisonRow, guarded: ComparisonRow | None) -> list[st
     layer = ["", "", ""]
     if guarded is not None:
         layer = [share(guarded, "violated"), mean(guarded, "delta_v_m_s", 3), share(guarded, "safety_acted")]
-    name, rules = row.controller + mark, "-" if row.rules is None else str(row.rules)
-    ended = share(row, SUCCESS), share(row, "violated")
-    times = f"{row.times['times_optimum']['mean']:.1f}" if row.times else ""
-    return [name, rules, mean(row, "delta_v_m_s", 3), rate(row), *ended, times, *layer]
+    return [
+        row.controller + mark,
+        "-" if row.rules is None else str(row.rules),
+        mean(row, "delta_v_m_s", 3),
+        rate(row),
+        share(row, SUCCESS),
+        share(row, "violated"),
+        f"{row.times['times_optimum']['mean']:.1f}" if row.times else "",
+        *layer,
+    ]
 
 
 def mean(row: ComparisonRow, name: str, places: int) -> str:

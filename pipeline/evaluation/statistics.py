@@ -138,10 +138,11 @@ Columns = Mapping[str, Column]
 
 #: percentiles of the flights: upper ones of delta-v and greatest distance, lower ones of rate
 #: and least distance
-UPPER, LOWER = (50.0, 90.0, 99.0), (50.0, 10.0, 1.0)
 PERCENTS: Mapping[str, tuple[float, ...]] = {
-    **{"delta_v_m_s": UPPER, "inspectable_rate_percent": LOWER},
-    **{"max_distance_m": UPPER, "min_distance_m": LOWER},
+    "delta_v_m_s": (50.0, 90.0, 99.0),
+    "inspectable_rate_percent": (50.0, 10.0, 1.0),
+    "max_distance_m": (50.0, 90.0, 99.0),
+    "min_distance_m": (50.0, 10.0, 1.0),
 }
 #: quantities that dispersions are ranked by
 RANKED = ("delta_v_m_s", "inspectable_rate_percent")

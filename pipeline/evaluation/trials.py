@@ -134,11 +134,9 @@ def _resumed(path: Path, search: HparamsSearch) -> tuple[optuna.Study, _Journal]
 
 def _opened(path: Path, text: str, search: HparamsSearch) -> tuple[optuna.Study, _Journal]:
     journal = _Journal(path, text)
+    pruner = WilcoxonPruner(p_threshold=search.prune_below)
     study = optuna.create_study(
-        storage=JournalStorage(journal),
-        study_name=NAME,
-        pruner=WilcoxonPruner(p_threshold=search.prune_below),
-        load_if_exists=True,
+        storage=JournalStorage(journal), study_name=NAME, pruner=pruner, load_if_exists=True
     )
     if not all(trial.state.is_finished() for trial in study.get_trials(deepcopy=False)):
         raise ValueError("it has a trial that did not end")

@@ -167,9 +167,17 @@ def search(problem: Problem, needed: int, num_burns: int, generator: np.random.G
         )  # fmt: skip
         return costs
 
-    how: Any = {"maxiter": GENERATIONS, "popsize": PERSONS_PER_GENE, "tol": 0.0, "polish": False}
-    how |= {"updating": "deferred", "vectorized": True}
-    found = differential_evolution(costs_of, Bounds(lowest, highest), rng=generator, **how)
+    found = differential_evolution(
+        costs_of,
+        Bounds(lowest, highest),
+        maxiter=GENERATIONS,
+        popsize=PERSONS_PER_GENE,
+        tol=0.0,
+        rng=generator,
+        polish=False,
+        updating="deferred",
+        vectorized=True,
+    )
     forces = np.zeros((problem.num_controls, 3))
     for burn in range(num_burns):
         begin = 0 if burn == 0 else int(found.x[num_forces + burn - 1])

@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import MISSING, asdict, dataclass, fields, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -79,9 +79,7 @@ def terms_of(mission: Mission) -> dict[str, Any]:
     Settings that only a controller senses or uses are left out: guidance, coasting at the end, the share of
     the points that counts as a success.
     """
-    terms = {
-        f"{group}.{key}": value for group in GROUPS for key, value in asdict(getattr(mission, group)).items()
-    }
+    terms = _of_groups(mission)
     for key in ("deputy.initial_position_m", "deputy.initial_velocity_m_s"):
         del terms[key]
     for key in ("attitude_period_s", "control_period_s", "duration_s"):
@@ -99,15 +97,10 @@ def _plain(terms: Mapping[str, Any]) -> dict[str, Any]:
     return plain
 
 
-def _without_choice(mission: Mission) -> dict[str, Any]:
-    """Return the default values of the terms: those of the paper."""
-    terms = {
-        f"{group}.{field.name}": field.default
-        for group in GROUPS
-        for field in fields(type(getattr(mission, group)))
-        if field.default is not MISSING
+def _of_groups(mission: Mission) -> dict[str, Any]:
+    return {
+        f"{group}.{key}": value for group in GROUPS for key, value in asdict(getattr(mission, group)).items()
     }
-    return _plain(terms | {"dynamics.model": Dynamics().model})
 
 
 def read_solved(folder: Path) -> Solved:
@@ -156,7 +149,7 @@ def solved_for(experiment: Experiment) -> Solved:
     if not isinstance(theirs, dict) or not len(solved.cases["case"]):
         raise IncomparableError(f"{solved.folder} does not say of which mission its plans are, or has none")
     # plans of earlier versions omit settings that then had no alternative to the paper's
-    theirs = _without_choice(experiment.mission) | theirs
+    theirs = _plain(_of_groups(Mission()) | {"dynamics.model": Dynamics().model}) | theirs
     differing = [key for key in ours if ours[key] != theirs.get(key)]
     if differing:
         key = differing[0]
@@ -227,19 +220,13 @@ def summarise(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     feasible = [row for row in rows if row["is_feasible"]]
     summary: dict[str, Any] = {"num_cases": len(rows), "num_feasible": len(feasible)}
     if feasible:
-        spent = np.array([row["delta_v_m_s"] for row in feasible])
-        bounds = np.array([row["delta_v_bound_m_s"] for row in feasible])
-        agreeing = np.array([row["restarts_agreeing"] for row in feasible])
-        summary |= {
-            "delta_v_m_s": {
-                "mean": float(spent.mean()),
-                "standard_deviation": float(spent.std(ddof=1)) if len(spent) > 1 else None,
-                "median": float(np.median(spent)),
-                "max": float(spent.max()),
-            },
-            "delta_v_bound_m_s": {"mean": float(bounds.mean())},
-            "cases_found_more_than_once": int(np.sum(agreeing > 1)),
-        }
+        names = "delta_v_m_s", "delta_v_bound_m_s", "restarts_agreeing"
+        spent, bounds, agreeing = (np.array([row[name] for row in feasible]) for name in names)
+        deviation = float(spent.std(ddof=1)) if len(spent) > 1 else None
+        middle = {"mean": float(spent.mean()), "standard_deviation": deviation}
+        summary["delta_v_m_s"] = middle | {"median": float(np.median(spent)), "max": float(spent.max())}
+        summary["delta_v_bound_m_s"] = {"mean": float(bounds.mean())}
+        summary["cases_found_more_than_once"] = int(np.sum(agreeing > 1))
     return summary
 
 

@@ -103,12 +103,8 @@ def _progress(mission: Mission, log: FlightLog) -> Iterator[Event]:
     enough = np.flatnonzero(count >= points_needed(inspectable, threshold))
     if enough.size:
         sample = int(enough[0])
-        yield Event(
-            sample,
-            "info",
-            f"{threshold:g} % reached: {points_in_words(log, sample)} inspected, delta-v "
-            f"{log.delta_v_m_s[sample]:.3f} m/s",
-        )
+        reached = f"{threshold:g} % reached: {points_in_words(log, sample)} inspected"
+        yield Event(sample, "info", f"{reached}, delta-v {log.delta_v_m_s[sample]:.3f} m/s")
     complete = np.flatnonzero(count == inspectable)
     if complete.size:
         sample = int(complete[0])
@@ -151,12 +147,10 @@ def _coasting(mission: Mission, log: FlightLog, logic: ThrustLogic) -> Iterator[
         unseen = f"{missed:.0f} of {num_points} points unseen"
         is_coasting = not log.is_decided[sample]
         if is_coasting and not was_coasting:
-            yield Event(
-                sample,
-                "info",
-                f"coasting begins: to the end it leaves {unseen}, fewer than "
-                f"{logic.coast_below_points:.3g}, {nearest:.1f} to {farthest:.1f} m from the chief",
-            )
+            few = f"{logic.coast_below_points:.3g}"
+            reach = f"{nearest:.1f} to {farthest:.1f} m from the chief"
+            words = f"coasting begins: to the end it leaves {unseen}, fewer than {few}, {reach}"
+            yield Event(sample, "info", words)
         elif was_coasting and not is_coasting:
             why = f"it would now leave {unseen}"
             if missed < logic.coast_below_points and nearest < low:
@@ -174,13 +168,9 @@ def _safety(mission: Mission, log: FlightLog) -> Iterator[Event]:
         first, last = int(spell[0]), int(spell[-1])
         limits = [SAFETY_WORDS[limit] for limit in dict.fromkeys(log.safety_limit[spell].tolist())]
         yield Event(first, "warning", f"safety layer acts: {limits[0]}")
-        changed = _delta_v(mission, log.safety_force_hill_n[spell])
-        yield Event(
-            last + 1,
-            "info",
-            f"safety layer ceases to act: {', '.join(limits)}; it changed the force in {len(spell)} of "
-            f"{last + 1 - first} periods, by {changed:.4f} m/s",
-        )
+        changed = f"{_delta_v(mission, log.safety_force_hill_n[spell]):.4f} m/s"
+        share = f"it changed the force in {len(spell)} of {last + 1 - first} periods, by {changed}"
+        yield Event(last + 1, "info", f"safety layer ceases to act: {', '.join(limits)}; {share}")
 
 
 def _delta_v(mission: Mission, force_h: Floats) -> float:
@@ -203,12 +193,9 @@ def _summary(mission: Mission, log: FlightLog) -> Event:
         changed = _delta_v(mission, log.safety_force_hill_n)
         inside += f", safety layer acted in {acted} periods ({changed:.4f} m/s)"
     is_success = count >= points_needed(inspectable, mission.inspection_threshold_percent)
-    return Event(
-        len(distance) - 1,
-        "info" if is_success and not num_outside else "warning",
-        f"end: {points_in_words(log)} inspected ({inspectable_rate(count, inspectable):.2f} %), delta-v "
-        f"{log.delta_v_m_s[-1]:.3f} m/s, {reach}, {inside}",
-    )
+    seen = f"{points_in_words(log)} inspected ({inspectable_rate(count, inspectable):.2f} %)"
+    words = f"end: {seen}, delta-v {log.delta_v_m_s[-1]:.3f} m/s, {reach}, {inside}"
+    return Event(len(distance) - 1, "info" if is_success and not num_outside else "warning", words)
 
 
 def _distances(log: FlightLog) -> Floats:

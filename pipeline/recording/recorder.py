@@ -168,7 +168,8 @@ class FlightRecorder:
             inspection_threshold_percent=mission.inspection_threshold_percent,
             end_s=mission.control_period_s * ended(mission, log)[0] if has_goal else None,
         )
-        radius, count = json.dumps(mission.chief.inspection_radius_m), json.dumps(len(self._points))
+        radius = json.dumps(mission.chief.inspection_radius_m)
+        count = json.dumps(len(self._points))
         return {**description.to_metadata(), "inspection_radius_m": radius, "num_points": count}
 
     def _rehearsals(self, log: FlightLog) -> dict[str, dict[str, str]]:
@@ -193,8 +194,13 @@ class FlightRecorder:
         times: Floats = self._mission.control_period_s * np.arange(len(log.position_m), dtype=np.float64)
         position, quaternion = log.position_m, log.quaternion_b_from_h
         writer.poses(times, position, quaternion, log.quaternion_c_from_h)
-        turned = {"quaternion": quaternion, "angular_velocity_rad_s": log.angular_velocity_b_rad_s}
-        writer.record(topics.DEPUTY_STATE, times, **_named(log, "position_m", "velocity_m_s"), **turned)
+        writer.record(
+            topics.DEPUTY_STATE,
+            times,
+            **_named(log, "position_m", "velocity_m_s"),
+            quaternion=quaternion,
+            angular_velocity_rad_s=log.angular_velocity_b_rad_s,
+        )
         writer.points(times, self._points, self._point_states(log))
         if self._mission.navigation.mode == "fixes":
             deviation = np.sqrt(np.diagonal(log.estimate_covariance, axis1=1, axis2=2))
@@ -279,9 +285,14 @@ class FlightRecorder:
             is_fired = self._is_fired(log, decided, COMPONENTS.index(system.outputs[0].name))
             shares = np.zeros_like(strengths)
             shares[is_fired] = shapley.shares(compiled, inputs[is_fired]).values[:, :, 0]
-            answers = {"output_n": log.fis_output_n[decided, place], "shares_n": shares}
-            told = {"inputs": inputs, "firing_strengths": strengths, **answers}
-            writer.record(topics.fis_topic(system.name), times[decided], **told)
+            writer.record(
+                topics.fis_topic(system.name),
+                times[decided],
+                inputs=inputs,
+                firing_strengths=strengths,
+                output_n=log.fis_output_n[decided, place],
+                shares_n=shares,
+            )
 
     def _is_fired(self, log: FlightLog, decided: NDArray[np.intp], axis: int) -> NDArray[np.bool_]:
         """Tell at which decisions, by their samples, what was asked for along an axis came to be fired."""
@@ -310,7 +321,8 @@ def recorder_of(
     experiment: Experiment, controller: Controller, config: Mapping[str, Any], seed: int | None = None
 ) -> FlightRecorder:
     """Return what records flights of a controller in an experiment's mission, see `FlightRecorder`."""
-    seed, near_limit_m = experiment.seed if seed is None else seed, experiment.telemetry.near_limit_m
+    near_limit_m = experiment.telemetry.near_limit_m
+    seed = experiment.seed if seed is None else seed
     return FlightRecorder(experiment.mission, controller, seed=seed, config=config, near_limit_m=near_limit_m)
 
 

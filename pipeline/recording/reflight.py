@@ -124,12 +124,14 @@ def _start_of(recording: Recording) -> Scenario:
         )
     # of flights without any errors recordings do not tell what they were drawn from
     seed, stage, case = episode.noise or (0, 0, 0)
-    place, velocity = np.array(episode.position_m), np.array(episode.velocity_m_s)
-    suns, noise = (
-        (episode.sun_angle_rad, episode.sun_elevation_rad or 0.0),
+    return Scenario(
+        np.array(episode.position_m),
+        np.array(episode.velocity_m_s),
+        episode.sun_angle_rad,
+        episode.sun_elevation_rad or 0.0,
         (int(seed), int(stage), int(case)),
+        episode.settings,
     )
-    return Scenario(place, velocity, *suns, noise, episode.settings)
 
 
 def _controller_of(recording: Recording, experiment: Experiment) -> Controller:

@@ -124,11 +124,10 @@ def draw_margins(histogram: Mapping[str, Any], unit: str, name: str) -> Markup:
         for low, high, count in zip(edges[:-1], edges[1:], counts, strict=True)
         if count
     ]
-    ends, is_mixed = {"start": first, "end": last}, first < 0.0 < last
-    shown = {
-        anchor: end for anchor, end in ends.items() if not is_mixed or abs(place(end) - place(0.0)) > ROOM
-    }
-    shown |= {"middle": 0.0} if is_mixed else {}
+    shown = {"start": first, "end": last}
+    if first < 0.0 < last:
+        far = {anchor: end for anchor, end in shown.items() if abs(place(end) - place(0.0)) > ROOM}
+        shown = {**far, "middle": 0.0}
     marks = [(anchor, place(value), number(value)) for anchor, value in shown.items()]
     label = f"Margins of the cases of {name}: from {first:.4g} to {last:.4g} {unit}"
     return Markup(_drawings().margins(bars, marks, unit, label))  # noqa: S704 - escaped by the template

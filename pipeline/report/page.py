@@ -40,7 +40,8 @@ def write(contents: Contents, illustrations: Mapping[str, Illustration]) -> str:
     str
         HTML that needs no other file, and leads to the review page beside it.
     """
-    experiment, mission, rows = contents.experiment, contents.experiment.mission, contents.comparison
+    experiment, rows = contents.experiment, contents.comparison
+    mission = experiment.mission
     if mission.problem.kind == "reach":
         heading = Heading(experiment.report.title, 1)
         return page(Document([heading, *_towards_goal(contents, illustrations)]), COLOURS)
@@ -81,15 +82,14 @@ def sees_less(flown: Mapping[str, Any]) -> bool:
 
 def safety(contents: Contents) -> str:
     """Say, a sentence or two for each set of flights, what the safety layer did; nothing where it is off."""
-    is_off, unguarded = (
-        contents.experiment.mission.safety.kind == "none",
-        {"Evaluation": contents.without_safety},
-    )
+    if contents.experiment.mission.safety.kind == "none":
+        return ""
+    unguarded = {"Evaluation": contents.without_safety}
     words = (
         comparisons.safety_words(word.lower(), flights.summary, unguarded.get(word))
         for word, flights, _ in reversed(contents.sets)
     )
-    return "" if is_off else " ".join(filter(None, words))
+    return " ".join(filter(None, words))
 
 
 def flight_facts(flight: ShownFlight, mission: Mission) -> list[tuple[str, str]]:
@@ -203,6 +203,6 @@ def _results(summary: Mapping[str, Any]) -> Iterator[Block]:
     heads = ["of the flights", "share", f"{summary['confidence_percent']:g} % interval"]
     shares = []
     for name, words in OUTCOMES.items():
-        share, *ends = (f"{100 * summary[name][part]:.2f}" for part in ("fraction", "low", "high"))
-        shares.append([words, f"{share} %", f"{ends[0]} to {ends[1]} %"])
+        share, low, high = (f"{100 * summary[name][part]:.2f}" for part in ("fraction", "low", "high"))
+        shares.append([words, f"{share} %", f"{low} to {high} %"])
     yield Table(heads, shares, numbers=(1, 2))

@@ -58,7 +58,8 @@ def _captioned(name: str, figure: Figure, caption: str, **words: Any) -> Drawn:
 
 def _drawn(contents: Contents) -> Iterator[Drawn]:
     mission = contents.experiment.mission
-    num_points, needed = len(inspection_points(mission)), _needed(mission)
+    num_points = len(inspection_points(mission))
+    needed = _needed(mission)
     if contents.comparison:
         yield _comparison(contents.comparison, mission.inspection_threshold_percent)
     for flight in contents.shown:
@@ -112,7 +113,8 @@ def _training(training: FlightSet, mission: Mission) -> Drawn:
 
 def _approach(contents: Contents) -> Iterator[Drawn]:
     """Draw speed over distance of the first flights of an evaluation."""
-    experiment, controller, mission = contents.experiment, contents.controller, contents.experiment.mission
+    experiment, controller = contents.experiment, contents.controller
+    mission = experiment.mission
     if contents.evaluation is None or controller is None:
         return
     shown = range(min(MOST_DRAWN, experiment.monte_carlo.num_cases))

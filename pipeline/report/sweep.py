@@ -302,9 +302,9 @@ def _document(swept: Swept) -> Document:
 
 
 def _picture(swept: Swept) -> Figure:
-    names = ("delta_v_m_s", "inspection_rate_percent")
     points = [
-        Point(run.name, *(run.values[name] for name in names), run in swept.front) for run in swept.evaluated
+        Point(run.name, run.values["delta_v_m_s"], run.values["inspection_rate_percent"], run in swept.front)
+        for run in swept.evaluated
     ]
     with style():
         return illustrate("front", _FRONT, front_of_runs(points), DOTS_PER_INCH).block

@@ -24,8 +24,18 @@ DISTRIBUTION: Final = "fuzzy-spacecraft-inspection"
 SOURCES: Final = Path(__file__).resolve().parents[2]
 #: packages whose version may change a result or a file
 LIBRARIES: Final = (
-    *("numpy", "scipy", "numba", "scikit-fuzzy", "scikit-learn", "deap", "hydra-core", "mcap"),
-    *("protobuf", "pyarrow", "matplotlib", "rerun-sdk"),
+    "numpy",
+    "scipy",
+    "numba",
+    "scikit-fuzzy",
+    "scikit-learn",
+    "deap",
+    "hydra-core",
+    "mcap",
+    "protobuf",
+    "pyarrow",
+    "matplotlib",
+    "rerun-sdk",
 )
 #: packages whose sources affect results
 PACKAGES: Final = ("pipeline", "fis_tools", "telemetry")

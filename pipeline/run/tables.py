@@ -48,9 +48,10 @@ def join_parquet(path: Path, parts: Sequence[Path]) -> None:
 @contextmanager
 def _writer(path: Path, schema: pa.Schema) -> Iterator[pq.ParquetWriter]:
     # measured numbers hardly repeat: dictionary encoding would take six times as long and more space
-    how: Any = {"compression": "zstd", "use_dictionary": False, "store_schema": False}
-    with writing.beside(path) as stream, pq.ParquetWriter(stream, schema, **how) as writer:
-        yield writer
+    with writing.beside(path) as stream:
+        made = pq.ParquetWriter(stream, schema, compression="zstd", use_dictionary=False, store_schema=False)
+        with made as writer:
+            yield writer
 
 
 def read_parquet(folder: Path, name: str) -> dict[str, NDArray[Any]]:

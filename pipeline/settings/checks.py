@@ -184,6 +184,7 @@ def _not_vanishing(value: float, info: ValidationInfo) -> float:
 
 
 Text = Annotated[str, Strict()]
+Texts = tuple[Text, ...]
 Flag = Annotated[bool, Strict()]
 Number = Annotated[float, Strict(), AllowInfNan(False), AfterValidator(_not_beyond)]
 Positive = Annotated[Number, Field(gt=0), AfterValidator(_not_vanishing)]

@@ -11,7 +11,7 @@ from statistics import NormalDist
 from typing import Any, Literal
 
 from pipeline.settings.checks import SettingError
-from pipeline.settings.keys import did_you_mean
+from pipeline.settings.keys import did_you_mean, leaves
 
 #: keys that define each kind; low and high truncate a normal one
 KINDS: Mapping[str, tuple[set[str], set[str]]] = {
@@ -84,7 +84,7 @@ def distributions(config: Mapping[str, Any]) -> tuple[Distribution, ...]:
     SettingError
         If one is not written as in `KINDS`, or a value is not allowed.
     """
-    found = (one for one in _read(config, ()) if one.correlation_s is None)
+    found = (one for one in _read(config) if one.correlation_s is None)
     return tuple(sorted(found, key=lambda one: one.key))
 
 
@@ -96,7 +96,7 @@ def processes(config: Mapping[str, Any]) -> dict[str, Distribution]:
     SettingError
         As `distributions`.
     """
-    return {one.key: one for one in _read(config, ()) if one.correlation_s is not None}
+    return {one.key: one for one in _read(config) if one.correlation_s is not None}
 
 
 def in_time_alone(config: Mapping[str, Any]) -> dict[str, Any]:
@@ -109,18 +109,15 @@ def in_time_alone(config: Mapping[str, Any]) -> dict[str, Any]:
     return found
 
 
-def _read(node: Mapping[str, Any], above: tuple[str, ...]) -> Iterator[Distribution]:
-    for name, value in node.items():
-        place = (*above, str(name))
+def _read(config: Mapping[str, Any]) -> Iterator[Distribution]:
+    for key, value in leaves(config, ("kind",)):
         if not isinstance(value, Mapping):
             raise SettingError(
-                f"dispersions.{'.'.join(place)} is {value!r}; give a distribution, as "
+                f"dispersions.{key} is {value!r}; give a distribution, as "
                 "{kind: normal, mean: 12.0, std: 0.1}"
             )
-        if "kind" in value:
-            yield _distribution(".".join(place), value)
-        else:
-            yield from _read(value, place)
+        if value:
+            yield _distribution(key, value)
 
 
 def _distribution(key: str, node: Mapping[str, Any]) -> Distribution:

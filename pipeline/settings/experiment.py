@@ -135,13 +135,11 @@ class HparamsSearch:
 class Compare:
     """Comparison of controllers: which fly, and under which conditions."""
 
-    controllers: tuple[checks.Text, ...] = (
-        *("coast", "natural_motion", "lqr", "receding_horizon", "paper_champion"),
-    )
+    controllers: checks.Texts = ("coast", "natural_motion", "lqr", "receding_horizon", "paper_champion")
     """Names as in controller=NAME, or paths of controllers and tables."""
-    suns: tuple[checks.Text, ...] = ("fixed", "random")
+    suns: checks.Texts = ("fixed", "random")
     """Sun settings under which each flies: fixed, random, mixed."""
-    safety: tuple[checks.Text, ...] = ("none", "filter")
+    safety: checks.Texts = ("none", "filter")
     """Safety layers under which each flies: none, filter."""
     worlds: dict[str, dict[str, Any]] = field(default_factory=dict, hash=False)
     """By name, what differs from the experiment's own, or the name of a world."""
@@ -243,7 +241,7 @@ class Experiment:
     """Names the run's folder: letters, digits, _ - and . only."""
     seed: checks.Seed = 1
     """Of everything random."""
-    stages: tuple[checks.Text, ...]
+    stages: checks.Texts
     """What is done, in this order: scenario, search, train, evaluate, record, optimum, compare, prove,
     assure, report."""
     mission: Mission = field(default_factory=Mission)

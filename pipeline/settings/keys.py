@@ -1,7 +1,7 @@
 """The dotted keys of the configuration, their units, and their earlier names."""
 
 import copy
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from difflib import get_close_matches
 from typing import Any
 
@@ -122,6 +122,15 @@ def without(config: Mapping[str, Any], keys: Iterable[str]) -> dict[str, Any]:
         if isinstance(node, dict) and group:
             node.pop(name, None)
     return left
+
+
+def leaves(node: Mapping[str, Any], ends: Collection[str], above: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield the dotted keys below a group, and their values; a mapping that has one of some names is one."""
+    for name, value in node.items():
+        if isinstance(value, Mapping) and value and not any(end in value for end in ends):
+            yield from leaves(value, ends, f"{above}{name}.")
+        else:
+            yield f"{above}{name}", value
 
 
 def dotted(group: str, location: Iterable[int | str]) -> str:

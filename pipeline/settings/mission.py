@@ -409,16 +409,14 @@ class Mission:
 
     def _check_clocks(self) -> None:
         """Raise SettingError for fixes and delays that do not fall on samples."""
-        period, navigation, actuators = self.control_period_s, self.navigation, self.actuators
-        clocks = []
+        period, navigation = self.control_period_s, self.navigation
+        clocks = {}
         if navigation.mode == "fixes":
-            clocks += [
-                ("navigation.fix_period_s", navigation.fix_period_s),
-                ("navigation.delay_s", navigation.delay_s),
-            ]
-        if actuators.kind == "real":
-            clocks.append(("actuators.delay_s", actuators.delay_s))
-        for key, time in clocks:
+            clocks["navigation.fix_period_s"] = navigation.fix_period_s
+            clocks["navigation.delay_s"] = navigation.delay_s
+        if self.actuators.kind == "real":
+            clocks["actuators.delay_s"] = self.actuators.delay_s
+        for key, time in clocks.items():
             if abs(time / period - round(time / period)) > 1e-9 * max(1.0, time / period):
                 raise SettingError(
                     f"{key} is {time:g} s and control_period_s {period:g} s; the first must be a multiple of "

@@ -30,6 +30,7 @@ from pipeline.settings.keys import (
     GONE,
     dotted,
     in_todays_words,
+    leaves,
     unit_of,
     unknown,
     value_at,
@@ -161,21 +162,14 @@ def idle(config: Mapping[str, Any], *, stages: bool = False) -> dict[str, Only]:
     """
     found: dict[str, Only] = {}
     set_here = {name: name for name in schema() if value_at(config, name, ABSENT) is not ABSENT}
-    dispersed = {f"{DISPERSIONS}.{name}": name for name in _dispersed(config.get(DISPERSIONS))}
+    given = config.get(DISPERSIONS)
+    spread = given if isinstance(given, Mapping) else {}
+    dispersed = {f"{DISPERSIONS}.{name}": name for name, _ in leaves(spread, ("kind",))}
     for place, name in (set_here | dispersed).items():
         for mark in schema()[name].only if name in schema() else ():
             if (stages or not mark.is_of_stages) and not mark.holds(config):
                 found.setdefault(place, mark)
     return found
-
-
-def _dispersed(node: Any, above: str = "") -> Iterator[str]:
-    """Yield the keys that are dispersed."""
-    for name, value in node.items() if isinstance(node, Mapping) else ():
-        if isinstance(value, Mapping) and "kind" not in value:
-            yield from _dispersed(value, f"{above}{name}.")
-        else:
-            yield f"{above}{name}"
 
 
 def experiment_from(config: Mapping[str, Any]) -> Experiment:

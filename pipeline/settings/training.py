@@ -1,7 +1,7 @@
 """How a controller is trained: starts, what is tuned, prices, and the search."""
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Annotated, Any, Literal
 
@@ -9,7 +9,7 @@ from pydantic import Field
 
 from pipeline.settings import checks, start_table
 from pipeline.settings.checks import Only, SettingError, settings
-from pipeline.settings.keys import is_key, unknown
+from pipeline.settings.keys import is_key, leaves, unknown
 
 #: of a population, or a tournament
 MOST_INDIVIDUALS = 100_000
@@ -266,15 +266,7 @@ def dimensions(space: Mapping[str, Any]) -> tuple[Dimension, ...]:
     SettingError
         If a key is unknown, or its entry has another form.
     """
-    return tuple(_dimension(key, leaf) for key, leaf in sorted(_leaves(space, ())))
-
-
-def _leaves(node: Mapping[str, Any], above: tuple[str, ...]) -> Iterator[tuple[str, Any]]:
-    for name, leaf in node.items():
-        if isinstance(leaf, Mapping) and leaf and not set(leaf) & {"low", "high", "choices"}:
-            yield from _leaves(leaf, (*above, str(name)))
-        else:
-            yield ".".join((*above, str(name))), leaf
+    return tuple(_dimension(key, leaf) for key, leaf in sorted(leaves(space, ("low", "high", "choices"))))
 
 
 def _dimension(key: str, leaf: Any) -> Dimension:

@@ -115,14 +115,11 @@ def _gather(experiment: Experiment, folder: Path, requirements: Requirements) ->
         judgement = None
         if outcome is not None and CASES in one.verified_by:
             judgement = judge(outcome.margins, outcome.is_met, one.probability, one.confidence)
-        found = Found(
-            one,
-            judgement,
-            _searches(experiment, flights, one, outcome),
-            certificates(one, controller) if BOUNDS in one.verified_by else (),
-            proof if SAFETY_LAYER in one.verified_by else None,
-            _tube(experiment, controller, folder) if TUBE in one.verified_by else None,
-        )
+        searches = _searches(experiment, flights, one, outcome)
+        bounds = certificates(one, controller) if BOUNDS in one.verified_by else ()
+        layer = proof if SAFETY_LAYER in one.verified_by else None
+        tube = _tube(experiment, controller, folder) if TUBE in one.verified_by else None
+        found = Found(one, judgement, searches, bounds, layer, tube)
         recorded = None
         if outcome is not None:
             recorded = _record_worst(experiment, folder, recorder, domain, found, scenarios, outcome)
@@ -236,9 +233,14 @@ def _record_worst(
             "not the one that was found: report this"
         )
     left = left_on(domain, log, controller, mission.control_period_s) if domain else ()
-    margins = {"margin": margin, "recorded_margin": recorded, "recording": name}
-    departures = [asdict(one) for one in left]
-    return {"found_by": source, **_start(mission, scenario), **margins, "left_domain": departures}
+    return {
+        "found_by": source,
+        **_start(mission, scenario),
+        "margin": margin,
+        "recorded_margin": recorded,
+        "recording": name,
+        "left_domain": [asdict(one) for one in left],
+    }
 
 
 def _start(mission: Mission, scenario: Scenario) -> dict[str, Any]:

@@ -3,7 +3,7 @@
 import sys
 import time
 from collections.abc import Sequence
-from concurrent.futures import CancelledError, ThreadPoolExecutor
+from concurrent.futures import CancelledError, Future, ThreadPoolExecutor
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from threading import Event, Lock
@@ -39,16 +39,12 @@ def run(experiment: Experiment, folder: Path) -> None:
         rows += [row for row, _ in of_lot]
         if lot.solved is not None:
             rows.append(comparison.planned_row(lot.experiment, lot.solved))
-    tables.write_csv(
-        folder / artifacts.COMPARISON_TABLE, comparison.HEADER, [comparison.as_cells(row) for row in rows]
-    )
+    cells = [comparison.as_cells(row) for row in rows]
+    tables.write_csv(folder / artifacts.COMPARISON_TABLE, comparison.HEADER, cells)
     tables.write_parquet(folder / artifacts.COMPARISON_EPISODES, comparison.joined(flown))
-    summary = {
-        "seed": experiment.seed,
-        "num_cases": experiment.monte_carlo.num_cases,
-        "confidence_percent": experiment.monte_carlo.confidence_percent,
-        "rows": [asdict(row) for row in rows],
-    }
+    cases = experiment.monte_carlo
+    counted = {"num_cases": cases.num_cases, "confidence_percent": cases.confidence_percent}
+    summary = {"seed": experiment.seed, **counted, "rows": [asdict(row) for row in rows]}
     writing.write_json(folder / artifacts.COMPARISON, summary)
     sys.stderr.write(_told(experiment, rows))
 
@@ -107,16 +103,14 @@ def _fly(lots: Sequence[Lot]) -> list[list[Row]]:
     with Progress("flights", rows_of_lot * sum(len(lot.scenarios) for lot in lots), 0) as progress:
         flights, planning, others = _Flights(progress), ThreadPoolExecutor(1), ThreadPoolExecutor(1)
         try:
-            futures = []
+            futures: list[list[Future[list[Row]]]] = []
             for lot in lots:
+                futures.append([])
                 controllers = [named(name, lot.experiment.mission) for name in compare.controllers]
-                plans = [one.planner is not None and len(one.planner.decisions) > 1 for one in controllers]
-                futures.append(
-                    [
-                        (planning if is_planned else others).submit(_rows, lot, name, one, flights)
-                        for name, one, is_planned in zip(compare.controllers, controllers, plans, strict=True)
-                    ]
-                )
+                for name, one in zip(compare.controllers, controllers, strict=True):
+                    plans = one.planner is not None and len(one.planner.decisions) > 1
+                    pool = planning if plans else others
+                    futures[-1].append(pool.submit(_rows, lot, name, one, flights))
             return [[row for future in of_lot for row in future.result()] for of_lot in futures]
         finally:
             flights.has_ended.set()
@@ -136,10 +130,17 @@ def _rows(lot: Lot, name: str, controller: Controller, flights: _Flights) -> lis
         if lot.solved is not None:
             beside, _ = fly_cases(mission, controller, lot.solved.scenarios, workers)
             times = summarise_times(beside_optimum(beside, lot.solved.cases, lot.solved.harder))
-        label, num_rules = label_of(name, experiment.compare.controllers), comparison.rules_of(controller)
-        flown = label, comparison.FLOWN, experiment.sun.mode, layer, len(lot.scenarios), num_rules
-        summary = summarise(episodes, experiment.monte_carlo.confidence_percent)
-        row = comparison.ComparisonRow(*flown, summary, times, lot.world)
+        row = comparison.ComparisonRow(
+            label_of(name, experiment.compare.controllers),
+            comparison.FLOWN,
+            experiment.sun.mode,
+            layer,
+            len(lot.scenarios),
+            comparison.rules_of(controller),
+            summarise(episodes, experiment.monte_carlo.confidence_percent),
+            times,
+            lot.world,
+        )
         rows.append((row, episodes))
     return rows
 

@@ -22,6 +22,7 @@ from pipeline.run import artifacts, tables, writing
 from pipeline.run.progress import Progress
 from pipeline.settings.dispersions import distributions
 from pipeline.settings.experiment import Experiment
+from pipeline.settings.start_table import POSITION
 
 
 def run(experiment: Experiment, folder: Path) -> None:
@@ -82,15 +83,10 @@ def _flown(experiment: Experiment, controller: Controller, folder: Path) -> Mapp
     scenarios = evaluation_scenarios(cases, experiment.sun, experiment.seed)
     episodes, tracks = fly_cases(experiment.mission, controller, scenarios, cases.workers)
     tables.write_parquet(folder / artifacts.EPISODES, episodes)
-    num_cases, num_samples = tracks.shape[:2]
-    tables.write_parquet(
-        folder / artifacts.TRAJECTORIES,
-        {
-            "case": np.repeat(np.arange(num_cases, dtype=np.int32), num_samples),
-            "sample": np.tile(np.arange(num_samples, dtype=np.int32), num_cases),
-            **{f"position_{axis}_m": tracks[:, :, i].ravel() for i, axis in enumerate("xyz")},
-        },
-    )
+    case, sample = np.indices(tracks.shape[:2], dtype=np.int32)
+    positions = {name: tracks[:, :, axis].ravel() for axis, name in enumerate(POSITION)}
+    columns = {"case": case.ravel(), "sample": sample.ravel(), **positions}
+    tables.write_parquet(folder / artifacts.TRAJECTORIES, columns)
     return episodes
 
 

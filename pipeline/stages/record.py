@@ -101,7 +101,8 @@ def _last_round(folder: Path) -> int:
 def _ranked_flights(experiment: Experiment, episodes: Columns) -> list[FlightToRecord]:
     """Return the worst, the median and the best flight of an evaluation."""
     scenarios = evaluation_scenarios(experiment.monte_carlo, experiment.sun, experiment.seed)
-    order, flights = rank(episodes), []
+    order = rank(episodes)
+    flights = []
     for name, row in (("worst", order[0]), ("median", order[len(order) // 2]), ("best", order[-1])):
         case = int(episodes["case"][row])
         expected = int(episodes["inspected_count"][row]), float(episodes["delta_v_m_s"][row])

@@ -52,8 +52,8 @@ def _evolved(experiment: Experiment, folder: Path, genome: Genome, log: Log) -> 
             log(rows_of(history))
             progress.show_generation(history[-1])
 
-        kept: Any = {"checkpoint": folder / artifacts.CHECKPOINT, "resume": experiment.resume}
-        result = evolved(experiment, genome, on_generation=keep, **kept)
+        path, resume = folder / artifacts.CHECKPOINT, experiment.resume
+        result = evolved(experiment, genome, checkpoint=path, resume=resume, on_generation=keep)
         write_history(folder, result.history)
     return result
 

@@ -136,7 +136,11 @@ def _systems_of(
         return Stretches(fuzzy.systems, factors, has_planes, settings.digits), None
     least, greatest = settings.standard_deviation_fraction
     shortest, longest = settings.output_range_n
-    bounds = Bounds(settings.mean_window, (least, greatest), (shortest, longest))
+    bounds = Bounds(
+        mean_window=settings.mean_window,
+        standard_deviation=(least, greatest),
+        output_reach=(shortest, longest),
+    )
     systems = SystemEncoding(fuzzy.systems, bounds)
     if settings.rules == "planes":
         return systems, Planes(systems)

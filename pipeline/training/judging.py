@@ -95,7 +95,8 @@ def _flights_from(
 
 def evolved(experiment: Experiment, genome: Genome, **kept: Any) -> Evolution:
     """Train from the genome's template; `kept` goes to `pipeline.training.evolution.evolve_rounds`."""
-    judge, first = partial(fitness_of_round, experiment, genome), genome.encode()[np.newaxis]
+    judge = partial(fitness_of_round, experiment, genome)
+    first = genome.encode()[np.newaxis]
     return evolve_rounds(
         judge, genome.num_genes, experiment.optimizer, experiment.seed, initial=first, **kept
     )

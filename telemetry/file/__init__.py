@@ -11,7 +11,8 @@ class RecordingError(Exception):
 @contextmanager
 def explained(what: str, cure: str, *also: type[Exception]) -> Iterator[None]:
     """Turn errors of the operating system, and others, into a `RecordingError`: what, why, and the cure."""
+    expected: tuple[type[Exception], ...] = (OSError, *also)
     try:
         yield
-    except (OSError, *also) as error:
+    except expected as error:
         raise RecordingError(f"{what}: {getattr(error, 'strerror', None) or error}; {cure}") from error

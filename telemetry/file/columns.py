@@ -1,6 +1,7 @@
 """Messages of a topic as columns, time along the first axis, and columns as Arrow tables."""
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from itertools import chain
 from typing import TYPE_CHECKING, Any, Final
 
@@ -41,18 +42,12 @@ _DTYPE_OF_POINT_FIELD: Final[Mapping[int, str]] = {
 }
 
 
-def _own_message(message_class: type[Message]) -> Callable[[Sequence[bytes]], Columns]:
-    fields = message_class.DESCRIPTOR.fields
-
-    def decode_own(payloads: Sequence[bytes]) -> Columns:
-        messages = [message_class.FromString(payload) for payload in payloads]
-        columns = {}
-        for field in fields:
-            values = [_value(message, field) for message in messages]
-            columns[field.name] = _field(values, field)
-        return columns
-
-    return decode_own
+def _own_message(kind: type[Message], payloads: Sequence[bytes]) -> Columns:
+    messages = [kind.FromString(payload) for payload in payloads]
+    return {
+        field.name: _field([_value(message, field) for message in messages], field)
+        for field in kind.DESCRIPTOR.fields
+    }
 
 
 def _value(message: Message, field: Any) -> Any:
@@ -62,7 +57,7 @@ def _value(message: Message, field: Any) -> Any:
 
 
 def _attitude_history(payloads: Sequence[bytes]) -> Columns:
-    columns = _own_message(inspection_pb2.AttitudeHistory)(payloads)
+    columns = _own_message(inspection_pb2.AttitudeHistory, payloads)
     num_messages, num_instants = columns["time_offset_s"].shape
     for name in columns.keys() - {"time_offset_s"}:
         columns[name] = columns[name].reshape(num_messages, num_instants, topics.LENGTHS[name])
@@ -70,7 +65,7 @@ def _attitude_history(payloads: Sequence[bytes]) -> Columns:
 
 
 def _inferences(payloads: Sequence[bytes]) -> Columns:
-    columns = _own_message(inspection_pb2.FisActivation)(payloads)
+    columns = _own_message(inspection_pb2.FisActivation, payloads)
     single = columns.pop("shares_single_n")
     if not columns["shares_n"].size:
         columns["shares_n"] = single
@@ -147,11 +142,12 @@ def _point_clouds(payloads: Sequence[bytes]) -> Columns:
     if not messages:
         empty = np.empty((0, 0, 4), dtype=np.uint8)
         return _cloud_columns(np.empty((0, 0, 3), dtype=np.float32), empty)
+    fields = messages[0].fields
     layout = np.dtype(
         {
-            "names": [field.name for field in messages[0].fields],
-            "formats": [_DTYPE_OF_POINT_FIELD[field.type] for field in messages[0].fields],
-            "offsets": [field.offset for field in messages[0].fields],
+            "names": [field.name for field in fields],
+            "formats": [_DTYPE_OF_POINT_FIELD[field.type] for field in fields],
+            "offsets": [field.offset for field in fields],
             "itemsize": messages[0].point_stride,
         }
     )
@@ -184,18 +180,12 @@ DECODERS: Final[Mapping[str, Callable[[Sequence[bytes]], Columns]]] = {
     "foxglove.PoseInFrame": _poses,
     "foxglove.PointCloud": _point_clouds,
     "foxglove.Log": _logs,
+    **{
+        kind.full_name: partial(_own_message, getattr(inspection_pb2, name))
+        for name, kind in inspection_pb2.DESCRIPTOR.message_types_by_name.items()
+    },
     "inspection.AttitudeHistory": _attitude_history,
     "inspection.FisActivation": _inferences,
-    **{
-        message_class.DESCRIPTOR.full_name: _own_message(message_class)
-        for message_class in (
-            inspection_pb2.DeputyState,
-            inspection_pb2.Control,
-            inspection_pb2.Guidance,
-            inspection_pb2.Navigation,
-            inspection_pb2.MissionStatus,
-        )
-    },
 }
 
 

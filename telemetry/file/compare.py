@@ -230,7 +230,8 @@ def _compared_fields(
             sample, time_s = _sample(samples, times[row]), float(times[row])
             component, value, other_value = _values(one, other, apart, row)
             parting = Parting(first.topic, field, unit, sample, time_s, component, value, other_value)
-        most, when_s = float(greatest.max()), float(times[greatest.argmax()])
+        most = float(greatest.max())
+        when_s = float(times[greatest.argmax()])
         yield FieldComparison(first.topic, field, unit, most, when_s, parting)
 
 

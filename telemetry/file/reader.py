@@ -76,7 +76,8 @@ class TopicColumns:
         Each field's metadata holds its ``unit``; `telemetry.flat_table` returns one number per cell instead.
         """
         described = {"topic": self.topic, "schema": self.schema}
-        values, units = {"time_s": self.time_s, **self.columns}, {"time_s": "s", **self.units}
+        values = {"time_s": self.time_s, **self.columns}
+        units = {"time_s": "s", **self.units}
         return columns.arrow_table(values, units, described)
 
     def __arrow_c_stream__(self, requested_schema: object | None = None) -> object:

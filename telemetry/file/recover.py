@@ -122,7 +122,8 @@ def recover(path: Path | str, output: Path | str | None = None) -> Recovery:
             )
         _write(path, output, salvage)
     end_s = max(log_times) / topics.NANOSECONDS if log_times else None
-    num_lost, written = path.stat().st_size - salvage.num_bytes_read, None if is_whole else output
+    num_lost = path.stat().st_size - salvage.num_bytes_read
+    written = None if is_whole else output
     return Recovery(written, len(log_times), end_s, num_lost, salvage.num_damaged_records)
 
 
@@ -222,18 +223,15 @@ def _copy(writer: Writer, source: Path, salvage: _Salvage) -> None:
     writer.add_metadata(topics.RECOVERY_METADATA, sealed(topics.RECOVERY_METADATA, remark))
     for one in salvage.attachments:
         writer.add_attachment(one.create_time, one.log_time, one.name, one.media_type, one.data)
-    schema_ids = {
-        schema.id: writer.register_schema(schema.name, schema.encoding, schema.data)
-        for schema in salvage.schemas.values()
-    }
-    channel_ids = {
-        one.id: writer.register_channel(
-            one.topic, one.message_encoding, schema_ids[one.schema_id], one.metadata
-        )
-        for one in salvage.channels.values()
-    }
+    schemas: dict[int, int] = {}
+    channels: dict[int, int] = {}
+    for kind in salvage.schemas.values():
+        schemas[kind.id] = writer.register_schema(kind.name, kind.encoding, kind.data)
+    for way in salvage.channels.values():
+        schema = schemas[way.schema_id]
+        channels[way.id] = writer.register_channel(way.topic, way.message_encoding, schema, way.metadata)
     for chunk in salvage.chunks:
         for m in chunk:
-            writer.add_message(channel_ids[m.channel_id], m.log_time, m.data, m.publish_time, m.sequence)
+            writer.add_message(channels[m.channel_id], m.log_time, m.data, m.publish_time, m.sequence)
         writer.flush()  # type: ignore[no-untyped-call]
     writer.finish()  # type: ignore[no-untyped-call]

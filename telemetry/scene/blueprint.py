@@ -89,7 +89,8 @@ def replay(
         rrb.Horizontal(force, *asked),
         rrb.Tabs(*tabs, torque, active_tab=0),
     ]
-    start, now_s = rrb.TimeRangeBoundary.infinite(), rrb.TimeRangeBoundary.cursor_relative(seconds=0.0)
+    start = rrb.TimeRangeBoundary.infinite()
+    now_s = rrb.TimeRangeBoundary.cursor_relative(seconds=0.0)
     up_to_now = rrb.VisibleTimeRanges(timeline=TIME, start=start, end=now_s)
     overrides = dict.fromkeys(trails, up_to_now)
     scene = _space(SCENE, "Flight, Hill frame", _around(farthest_m), overrides=overrides)
@@ -162,7 +163,8 @@ def _plot(plot: Plot, end_s: float | None = None) -> rrb.View:
             start=rr.TimeRangeBoundary.absolute(seconds=0.0), end=rr.TimeRangeBoundary.absolute(seconds=end_s)
         )
         axis_x = rrb.TimeAxis(link="Independent", view_range=whole_flight)
-    legend, name = rrb.PlotLegend(corner, visible=plot.has_legend), drawable(plot.title)
+    legend = rrb.PlotLegend(corner, visible=plot.has_legend)
+    name = drawable(plot.title)
     return rrb.TimeSeriesView(
         origin=plot_path(plot), name=name, axis_x=axis_x, axis_y=axis_y, plot_legend=legend
     )
@@ -170,7 +172,8 @@ def _plot(plot: Plot, end_s: float | None = None) -> rrb.View:
 
 def _rule_map() -> rrb.View:
     x, y = [-MAP_NAME_WIDTH, MAP_WIDTH + _MAP_MARGIN], [-_MAP_MARGIN, MAP_HEIGHT + _MAP_MARGIN]
-    bounds, name = rrb.VisualBounds2D(x_range=x, y_range=y), "Rules fired: one row each, rule 1 on top"
+    bounds = rrb.VisualBounds2D(x_range=x, y_range=y)
+    name = "Rules fired: one row each, rule 1 on top"
     return rrb.Spatial2DView(origin=RULE_MAP, name=name, background=BACKGROUND, visual_bounds=bounds)
 
 
@@ -203,8 +206,12 @@ def send_limits(stream: Stream, min_distance_m: float | None, max_distance_m: fl
     for name, radius in (("nearest", min_distance_m), ("farthest", max_distance_m)):
         if radius is None:
             continue
-        look: Any = {"line_radii": rr.Radius.ui_points(0.6), "fill_mode": FillMode.MajorWireframe}
-        shell = rr.Ellipsoids3D(radii=[radius], colors=[SHELL_COLOUR], **look)
+        shell = rr.Ellipsoids3D(
+            radii=[radius],
+            colors=[SHELL_COLOUR],
+            line_radii=rr.Radius.ui_points(0.6),
+            fill_mode=FillMode.MajorWireframe,
+        )
         stream.log(f"{SCENE}/limits/{name}", shell, static=True)
 
 
@@ -212,12 +219,10 @@ def send_styles(stream: Stream, plots: Iterable[Plot]) -> None:
     """Send colours, names and widths of curves."""
     for plot in plots:
         for lines in plot.curves:
-            style = rr.SeriesLines(
-                colors=lines.colours,
-                names=[drawable(label) for label in lines.labels],
-                widths=[lines.width] * len(lines.labels),
-                interpolation_mode=InterpolationMode.StepAfter if lines.in_steps else None,
-            )
+            names = [drawable(label) for label in lines.labels]
+            widths = [lines.width] * len(names)
+            mode = InterpolationMode.StepAfter if lines.in_steps else None
+            style = rr.SeriesLines(colors=lines.colours, names=names, widths=widths, interpolation_mode=mode)
             stream.log(f"{plot_path(plot)}/{lines.name}", style, static=True)
 
 

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 import rerun as rr
@@ -175,11 +175,10 @@ def _send_paths(stream: Stream, evaluation: Evaluation) -> None:
         if not chosen.any():
             continue
         is_faint = name in ("all", "success")
-        lines = rr.LineStrips3D(
-            list(evaluation.position_m[chosen]),
-            colors=[(*colour, 90 if is_faint else 255)],
-            radii=rr.Radius.ui_points(0.3 if is_faint else 0.7),
-        )
+        opacity, width = (90, 0.3) if is_faint else (255, 0.7)
+        strips = list(evaluation.position_m[chosen])
+        radii = rr.Radius.ui_points(width)
+        lines = rr.LineStrips3D(strips, colors=[(*colour, opacity)], radii=radii)
         stream.log(f"{blueprint.SCENE}/paths/{name}", lines, static=True)
 
 
@@ -198,6 +197,11 @@ def _send_extreme(stream: Stream, evaluation: Evaluation, extreme: Extreme) -> N
     track = evaluation.position_m[extreme.row]
     lines = rr.LineStrips3D([track], colors=[NAMED_COLOUR], radii=rr.Radius.ui_points(1.4))
     stream.log(entity, lines, static=True)
-    look: Any = {"colors": [NAMED_COLOUR], "radii": rr.Radius.ui_points(4.0), "show_labels": True}
-    place = rr.Points3D([track[extreme.sample]], labels=[extreme.label], **look)
+    place = rr.Points3D(
+        [track[extreme.sample]],
+        labels=[extreme.label],
+        colors=[NAMED_COLOUR],
+        radii=rr.Radius.ui_points(4.0),
+        show_labels=True,
+    )
     stream.log(f"{entity}/label", place, static=True)

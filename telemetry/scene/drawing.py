@@ -185,7 +185,8 @@ def flights_in_words(recordings: Sequence[Recording], names: Sequence[str]) -> s
 
 
 def _facts(recording: Recording) -> list[tuple[str, str]]:
-    outcome, end_s = outcome_of(recording), recording.episode.end_s
+    outcome = outcome_of(recording)
+    end_s = recording.episode.end_s
     count, num_points = outcome["inspected_count"], outcome["num_points"]
     inspected = ("inspected", f"{count} of {num_points} points")
     facts = [

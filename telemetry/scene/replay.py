@@ -57,14 +57,10 @@ def scene(paths: Sequence[Path]) -> Scene:
     mission = curves.mission_plots(recordings, colours)
     effort = curves.effort_plots(recordings[0])
     fis = curves.fis_plots(recordings[0])
-    layout = blueprint.replay(
-        mission,
-        effort,
-        fis,
-        farthest_m=max(float(_distances(recording).max()) for recording in recordings),
-        boresight=recordings[0].episode.boresight or DEFAULT_BORESIGHT,
-        trails=[blueprint.trail_path(index) for index in range(len(recordings))],
-    )
+    farthest_m = max(float(_distances(recording).max()) for recording in recordings)
+    boresight = recordings[0].episode.boresight or DEFAULT_BORESIGHT
+    trails = [blueprint.trail_path(index) for index in range(len(recordings))]
+    layout = blueprint.replay(mission, effort, fis, farthest_m=farthest_m, boresight=boresight, trails=trails)
 
     def send_all(stream: Stream) -> None:
         plots = (*mission, *effort, *fis)

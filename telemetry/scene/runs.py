@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from telemetry.array_types import Floats, Integers
-from telemetry.file import RecordingError
+from telemetry.file import RecordingError, explained
 
 Columns = Mapping[str, NDArray[Any]]
 
@@ -123,12 +123,11 @@ def file_of(folder: Path, role: str) -> Path:
 
 def _manifest(folder: Path) -> dict[str, Any]:
     """Return what a run's manifest holds, nothing where there is none."""
-    try:
-        manifest = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
-    except FileNotFoundError:
+    path = folder / MANIFEST
+    if not path.exists():
         return {}
-    except (OSError, ValueError, RecursionError) as error:
-        raise RecordingError(f"{folder / MANIFEST} cannot be read ({error}); restore it") from error
+    with explained(f"{path} cannot be read", "restore it", ValueError, RecursionError):
+        manifest = json.loads(path.read_text(encoding="utf-8"))
     return manifest if isinstance(manifest, dict) else {}
 
 
@@ -171,7 +170,8 @@ def _read(path: Path, required: tuple[str, ...]) -> dict[str, NDArray[Any]]:
     import pyarrow as pa  # noqa: PLC0415 - takes a tenth of a second; replays of flights do without it
     import pyarrow.parquet as pq  # noqa: PLC0415
 
-    try:
+    cure = "repeat the stage of the run that writes it"
+    with explained(f"{path} cannot be read", cure, ValueError, pa.ArrowException):
         schema, claimed = pq.read_schema(path), pq.read_metadata(path)
         are_numbers = (pa.types.is_integer, pa.types.is_floating, pa.types.is_boolean)
         wanted = [field.name for field in schema if any(is_so(field.type) for is_so in are_numbers)]
@@ -181,12 +181,6 @@ def _read(path: Path, required: tuple[str, ...]) -> dict[str, NDArray[Any]]:
         if unpacked > MOST_BYTES:
             raise RecordingError(f"{path} unpacks to {unpacked} bytes; at most {MOST_BYTES} are read")
         table = pq.read_table(path, columns=wanted, use_threads=False)
-    except (OSError, ValueError, pa.ArrowException) as error:
-        if isinstance(error, RecordingError):
-            raise
-        raise RecordingError(
-            f"{path} cannot be read ({error}); repeat the stage of the run that writes it"
-        ) from error
     if missing := [name for name in required if wanted.count(name) != 1 or table[name].null_count]:
         raise RecordingError(
             f"{path} has no column {', '.join(missing)} of numbers without gaps; give a table that the "
@@ -237,13 +231,12 @@ def _surroundings(folder: Path) -> Surroundings:
         return Surroundings()
     import yaml  # noqa: PLC0415 - only runs have a configuration
 
-    try:
+    refused = ValueError, RecursionError, yaml.YAMLError
+    with explained(f"{path} cannot be read", "restore it, or remove it", *refused):
         if path.stat().st_size > MOST_CONFIG_BYTES:
             raise ValueError(f"it has {path.stat().st_size} bytes, and at most {MOST_CONFIG_BYTES} are read")
         loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # the first is ten times as fast
         config = yaml.load(path.read_text(encoding="utf-8"), loader)  # noqa: S506 - a safe one
-    except (OSError, ValueError, RecursionError, yaml.YAMLError) as error:
-        raise RecordingError(f"{path} cannot be read ({error}); restore it, or remove it") from error
 
     def number(*keys: str) -> float | None:
         value = config

@@ -87,7 +87,8 @@ def ring_elements(ring: Ring, scenario: Scenario, angles: Floats) -> Floats:
     """
     phase = scenario.sun_angle_rad - ring.ring_lead_rad - angles
     amplitude = np.clip(scenario.position_m[2], -ring.max_height_m, ring.max_height_m)
-    centre, swing = np.zeros((2, len(angles))), angles + ring.height_lead_rad
+    centre = np.zeros((2, len(angles)))
+    swing = angles + ring.height_lead_rad
     in_plane = ring.ring_size_m * np.array([np.cos(phase), np.sin(phase)])
     return np.column_stack([*centre, *in_plane, amplitude * np.cos(swing), -amplitude * np.sin(swing)])
 

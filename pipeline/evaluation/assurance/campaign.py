@@ -23,6 +23,7 @@ from pipeline.flight.state.log import Scenario
 from pipeline.flight.world.pack import inspection_points
 from pipeline.settings.dispersions import Distribution, distributions
 from pipeline.settings.experiment import Assurance, Mission, MonteCarlo, Optimizer, Sun
+from pipeline.training.evolution.generations import Evaluate
 from pipeline.training.evolution.rounds import evolve_rounds
 
 #: flights whose tracks are in memory at once, 22 kB per hour of flight
@@ -273,18 +274,11 @@ def search(
     generator = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(SPAWN_KEY, number)))
     drawn = generator.random((settings.search_starts, len(space.genes)))
     centred, worst = space.centred_on(drawn[np.argmin(margins_of(drawn, space))])
-    evolve_rounds(
-        lambda _round, _champion: lambda genomes: {"fitness": margins_of(genomes, centred)},
-        len(space.genes),
-        _strategy(settings, optimizer),
-        int(generator.integers(2**31)),
-        initial=worst[np.newaxis],
-    )
-    return Search(tuple(flown), joined(outcomes))
 
+    def fitness(_round: int, _champion: Floats | None) -> Evaluate:
+        return lambda genomes: {"fitness": margins_of(genomes, centred)}
 
-def _strategy(settings: Assurance, optimizer: Optimizer) -> Optimizer:
-    return replace(
+    strategy = replace(
         optimizer,
         algorithm="cma_es",
         population_size=settings.search_population,
@@ -293,6 +287,9 @@ def _strategy(settings: Assurance, optimizer: Optimizer) -> Optimizer:
         stall_generations=None,
         rounds=1,
     )
+    evolution_seed = int(generator.integers(2**31))
+    evolve_rounds(fitness, len(space.genes), strategy, evolution_seed, initial=worst[np.newaxis])
+    return Search(tuple(flown), joined(outcomes))
 
 
 @dataclass(frozen=True)

@@ -133,12 +133,9 @@ def of_requirement(
         },
     }
     if found.judgement is not None:
-        entry["cases"] = {
-            **asdict(found.judgement),
-            "needed_without_failure": None
-            if requirement.probability == 1.0
-            else verdicts.cases_needed(requirement.probability, requirement.confidence),
-        }
+        share, confidence = requirement.probability, requirement.confidence
+        needed = None if share == 1.0 else verdicts.cases_needed(share, confidence)
+        entry["cases"] = {**asdict(found.judgement), "needed_without_failure": needed}
         if random is not None:
             entry["cases"]["histogram"] = histogram(random.margins)
     if found.searches and random is not None:

@@ -185,7 +185,8 @@ class _Reader:
             return self._until()
         left = self._joined(words[1:])
         while self._takes(words[0]):
-            left = {"or": Or, "and": And}[words[0]](left, self._joined(words[1:]))
+            right = self._joined(words[1:])
+            left = Or(left, right) if words[0] == "or" else And(left, right)
         return left
 
     def _until(self) -> Formula:

@@ -81,8 +81,8 @@ def _draw_marks(
         ax.plot([max(delta_v - across, 0.0), delta_v + across], [missed, missed], **spread)
         ax.plot([delta_v, delta_v], [max(missed - up, LEAST_MISSED), min(missed + up, 100.0)], **spread)
         edge, width = (style.INK, 0.6) if face == colour else (colour, 1.4)
-        look = {"markersize": 7.0, "mfc": face, "mec": edge, "mew": width, "linestyle": "none"}
-        ax.plot(delta_v, missed, color=colour, marker=marker, label=mark.name, **look)
+        (dot,) = ax.plot(delta_v, missed, marker, color=colour, markersize=7.0, label=mark.name)
+        dot.set(markerfacecolor=face, markeredgecolor=edge, markeredgewidth=width)
     ax.set_xscale("symlog", linthresh=LINEAR, linscale=0.6)
     ax.set_xticks(TICKS)
     ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
@@ -125,7 +125,8 @@ def _draw_squares(ax: Axes, rows: Sequence[ComparisonRow], names: list[str], wor
         x, y = names.index(row.controller), worlds.index(row.world)
         is_broken = is_worse(row, first.setdefault(row.controller, row))
         edge, width = (style.VERMILION, 1.8) if is_broken else (style.PAPER, 1.0)
-        success, place = float(row.summary[SUCCESS]["fraction"]), (x - 0.47, y - 0.45)
+        success = float(row.summary[SUCCESS]["fraction"])
+        place = (x - 0.47, y - 0.45)
         ax.add_patch(Rectangle(place, 0.94, 0.9, facecolor=SHADES(success), edgecolor=edge, linewidth=width))
         words = f"{100 * success:.0f} %, {row.summary['delta_v_m_s']['mean']:.2f}"
         colour = style.PAPER if success >= DARK else style.INK
@@ -156,16 +157,17 @@ def front_of_runs(points: Sequence[Point]) -> Figure:
     """Draw mean inspection rate over mean delta-v with their intervals, a point a run, and the front."""
     figure = Figure(figsize=(9.6, 4.8), layout="constrained")
     ax = figure.subplots()
-    looks = {False: (style.MUTED, "surpassed by another run"), True: (style.BLUE, "on the front")}
-    for kind, (colour, label) in looks.items():
+    looks = {False: ("o", style.MUTED, "surpassed by another run"), True: ("o-", style.BLUE, "on the front")}
+    for kind, (line, colour, label) in looks.items():
         chosen = sorted((point for point in points if point.is_on_front is kind), key=lambda p: p.delta_v)
         if not chosen:
             continue
         spent, rate = np.array([p.delta_v for p in chosen]), np.array([p.rate for p in chosen])
         across, up = (np.abs(values[:, 1:] - values[:, :1]).T for values in (spent, rate))
-        look: Any = {"marker": "o", "markersize": 5.5, "linewidth": 0.8, "elinewidth": 0.8}
-        look |= {"color": colour, "linestyle": "-" if kind else "none", "label": label}
-        ax.errorbar(spent[:, 0], rate[:, 0], xerr=across, yerr=up, **look)
+        x, y = spent[:, 0], rate[:, 0]
+        ax.errorbar(
+            x, y, up, across, line, color=colour, markersize=5.5, elinewidth=0.8, linewidth=0.8, label=label
+        )
     ax.set(xlabel="mean Δv (m/s)", ylabel="mean inspection rate (%)")
     ax.margins(x=0.08, y=0.12)
     _name_front(ax, [point for point in points if point.is_on_front])

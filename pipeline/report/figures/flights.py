@@ -161,10 +161,9 @@ def _ends(values: Floats) -> tuple[float, float]:
 
 def _draw_values(ax: Axes, values: Floats) -> None:
     """Draw a box from quartile to quartile, its whiskers to the ends, and above it every value."""
-    muted = {"color": style.MUTED}
-    look: dict[str, Any] = dict.fromkeys(("boxprops", "whiskerprops", "capprops"), muted)
-    look |= {"medianprops": {**muted, "linewidth": 1.6}, "orientation": "horizontal", "widths": 0.28}
-    ax.boxplot(values, positions=[0.0], whis=(0, 100), showfliers=False, manage_ticks=False, **look)
+    ax.boxplot(
+        values, orientation="horizontal", positions=[0.0], widths=0.28, whis=(0, 100), manage_ticks=False
+    )
     # equal values stand on one another
     heights = [0.32 + 0.11 * int(np.sum(np.isclose(values[:i], value))) for i, value in enumerate(values)]
     ax.plot(values, heights, "o", color=style.BLUE, markersize=4.5, alpha=0.85)

@@ -22,9 +22,17 @@ __all__ = ["STYLE", "Figure", "Picture", "grid", "pixels", "save", "style"]
 
 #: colours with a part to play; a page puts its variables of these names in their places
 COLOURS = {
-    **{"ink": "#1b1f24", "muted": "#5b6571", "grid": "#d4d9df", "paper": "#fffffe"},
-    **{"blue": "#0072B2", "vermilion": "#D55E00", "green": "#009E73", "purple": "#AA4499"},
-    **{"orange": "#E69F00", "sky": "#56B4E9", "olive": "#7A7A29"},
+    "ink": "#1b1f24",
+    "muted": "#5b6571",
+    "grid": "#d4d9df",
+    "paper": "#fffffe",
+    "blue": "#0072B2",
+    "vermilion": "#D55E00",
+    "green": "#009E73",
+    "purple": "#AA4499",
+    "orange": "#E69F00",
+    "sky": "#56B4E9",
+    "olive": "#7A7A29",
 }
 INK, MUTED, GRID, PAPER, BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY, OLIVE = COLOURS.values()
 #: of what is drawn side by side, in this order
@@ -52,6 +60,9 @@ STYLE: dict[Any, Any] = {
     **dict.fromkeys(("axes.spines.top", "axes.spines.right"), False),
     "font.family": "DejaVu Sans",
     "font.size": 9.0,
+    **dict.fromkeys([f"boxplot.{part}props.color" for part in ("box", "whisker", "cap", "median")], MUTED),
+    "boxplot.medianprops.linewidth": 1.6,
+    "boxplot.showfliers": False,
     "axes.titlesize": 9.5,
     "axes.titlelocation": "left",
     "axes.titleweight": "bold",

@@ -314,7 +314,8 @@ def _sample_generation(state: State, evaluate: Evaluate, settings: Optimizer) ->
 def _evaluate_all(state: State, evaluate: Evaluate, genomes: Floats) -> None:
     """Put a population into the place of the one before, evaluated."""
     names = state.history[0].parts if state.history else None
-    state.genomes, state.evaluations = genomes, state.evaluations + len(genomes)
+    state.genomes = genomes
+    state.evaluations += len(genomes)
     state.fitness, state.parts = _evaluated(evaluate, genomes, names)
 
 

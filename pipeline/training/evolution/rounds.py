@@ -6,7 +6,7 @@ evaluated again. All randomness comes from one seed.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -61,12 +61,13 @@ def _is_finished(state: State, settings: Optimizer) -> bool:
     return state.history[-1].best >= state.history[-1 - patience].best
 
 
+#: settings with which a training may go on when they are others than those that it began with
+FREE = ("generations", "stall_generations", "rounds", "encoding", "penalty", "workers", "validation_cases")
+
+
 def _fingerprint(settings: Optimizer, seed: int, num_genes: int) -> dict[str, Any]:
     """Return everything that must be the same for a resumed run to equal an uninterrupted one."""
-    names = (
-        *("algorithm", "population_size", "tournament_size", "crossover_rate", "elitism_rate"),
-        *("split", "mutation", "first_population", "next_round", "initial_step", "cooling"),
-    )
+    names = [field.name for field in fields(settings) if field.name not in FREE]
     return {"seed": seed, "genes": num_genes} | {f"optimizer.{n}": getattr(settings, n) for n in names}
 
 
