@@ -1,7 +1,7 @@
 """One control period: look, decide, act."""
 
 from copy import deepcopy
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -137,8 +137,10 @@ def act(flight, k, state, seen, decision):
     else:
         truth = pushed(mission, state.truth, thrust.fired * mission.deputy.mass_kg / mean_mass, period)
     spent = state.spent + thrust.total * period / mean_mass
-    turned = {"attitude": attitude, "rate": rate, "y": y, "is_inspected": seen.is_inspected}
-    after = replace(state, truth=truth, **turned, mass=mass, spent=spent)
+    after = State(
+        *(truth, attitude, rate, y, seen.is_inspected),
+        *(state.centres, state.belief, state.commands, mass, spent),
+    )
     change, is_hill = commanded - asked, flight.controller.force_axes == "hill"
     why = reasons(decision, is_hill, mission.deputy.max_force_n, change)
     return Act(decision, limit, change, why, thrust, instants), after

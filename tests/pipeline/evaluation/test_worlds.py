@@ -5,27 +5,21 @@ from dataclasses import replace
 import pytest
 
 from pipeline.command_line.config import compose_experiment
-from pipeline.evaluation.comparison import (
-    FLOWN,
-    ComparisonRow,
-    matrices,
-    rate,
-    verdicts,
-    worlds_in_words,
-    worlds_of,
-)
+from pipeline.evaluation import comparison
 from pipeline.evaluation.statistics import fraction
 from pipeline.settings.experiment import SettingError
 from pipeline.settings.schema import in_world
 
 
-def row(controller: str, world: str, successes: int, outside: int, spent: float) -> ComparisonRow:
+def row(controller: str, world: str, successes: int, outside: int, spent: float) -> comparison.ComparisonRow:
     summary = {
         "success_and_within_limits": vars(fraction([True] * successes + [False] * (100 - successes), 95.0)),
         "violated": vars(fraction([True] * outside + [False] * (100 - outside), 95.0)),
         "delta_v_m_s": {"mean": spent},
     }
-    return ComparisonRow(controller, FLOWN, "random", "none", 100, None, summary, None, world)
+    return comparison.ComparisonRow(
+        controller, comparison.FLOWN, "random", "none", 100, None, summary, None, world
+    )
 
 
 ROWS = [
@@ -36,8 +30,8 @@ ROWS = [
 
 
 def test_tables_have_a_line_a_world_and_say_who_breaks() -> None:
-    assert worlds_of(ROWS) == ["paper", "dark", "all"]
-    ((sun, layer, lines),) = matrices(ROWS)
+    assert comparison.worlds_of(ROWS) == ["paper", "dark", "all"]
+    ((sun, layer, lines),) = comparison.matrices(ROWS)
     assert (sun, layer) == ("random", "none")
     assert lines == [
         ["world", "a", "b"],
@@ -45,18 +39,19 @@ def test_tables_have_a_line_a_world_and_say_who_breaks() -> None:
         ["dark", "60 / 0.60 / 0", "78 / 0.40 / 3"],
         ["all", "97 / 1.00 / 20", "75 / 0.30 / 4"],
     ]
-    assert verdicts(ROWS) == [
+    assert comparison.verdicts(ROWS) == [
         "a, Sun random, layer none: breaks in dark, all; all: +100 % delta-v",
         "b, Sun random, layer none: holds in all; all: -25 % delta-v",
     ]
-    assert all(" ".join(line) in " ".join(worlds_in_words(ROWS).split()) for line in lines)
+    assert all(" ".join(line) in " ".join(comparison.worlds_in_words(ROWS).split()) for line in lines)
 
 
 def test_a_rate_is_also_told_of_the_points_that_are_ever_lit() -> None:
     of_all, of_lit = ({"mean": value, "standard_deviation": 2.0} for value in (90.0, 97.5))
     told = {"inspection_rate_percent": of_all, "inspectable_rate_percent": of_lit}
-    assert rate(replace(ROWS[0], summary=told)) == "90.00 ± 2.00, of lit 97.50"
-    assert rate(replace(ROWS[0], summary=told | {"inspectable_rate_percent": of_all})) == "90.00 ± 2.00"
+    assert comparison.rate(replace(ROWS[0], summary=told)) == "90.00 ± 2.00, of lit 97.50"
+    all_lit = told | {"inspectable_rate_percent": of_all}
+    assert comparison.rate(replace(ROWS[0], summary=all_lit)) == "90.00 ± 2.00"
 
 
 def test_a_world_changes_what_it_names_and_nothing_else() -> None:

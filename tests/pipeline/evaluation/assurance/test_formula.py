@@ -2,7 +2,6 @@
 
 import copy
 import json
-from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from pipeline.evaluation.assurance import requirements
 from pipeline.evaluation.assurance.formula import (
     Always,
     And,
@@ -22,7 +22,6 @@ from pipeline.evaluation.assurance.formula import (
     Or,
     Until,
     Window,
-    _least_ahead,
     _margin,
     _over,
     holds,
@@ -31,26 +30,34 @@ from pipeline.evaluation.assurance.formula import (
     robustness,
     unit_of,
 )
-from pipeline.evaluation.assurance.requirements import (
-    METHODS,
-    Question,
-    RequirementError,
-    needs,
-    read,
-    require_heard,
-)
+from pipeline.evaluation.assurance.requirements import METHODS, Question, RequirementError, read
 from pipeline.settings.places import requirements_path
 
 UNITS = {"distance": "m", "speed": "m/s", "inspection_rate": "%", "points": ""}
 NEAR = Comparison((("distance", -1.0),), 60.0, True, "m")
 
 
-def test_what_binds_closest_is_read_first():
-    a, b, c = (Comparison((("points", 1.0),), -float(n), True, "") for n in (1, 2, 3))
-    assert parse("points > 1 or points > 2 and points > 3", UNITS) == Or(a, And(b, c))
-    assert parse("points > 1 -> points > 2 -> points > 3", UNITS) == Or(Not(a), Or(Not(b), c))
-    assert parse("not points > 1 until[0:9] points > 2", UNITS) == Until(Window(0, 9), Not(a), b)
-    assert parse("always eventually[2,5] points > 1", UNITS) == Always(Window(), Eventually(Window(2, 5), a))
+A, B, C = (Comparison((("points", 1.0),), -float(n), True, "") for n in (1, 2, 3))
+
+
+@pytest.mark.parametrize(
+    ("text", "formula"),
+    [
+        # what binds closest
+        ("points > 1 or points > 2 and points > 3", Or(A, And(B, C))),
+        ("points > 1 -> points > 2 -> points > 3", Or(Not(A), Or(Not(B), C))),
+        ("not points > 1 until[0:9] points > 2", Until(Window(0, 9), Not(A), B)),
+        ("always eventually[2,5] points > 1", Always(Window(), Eventually(Window(2, 5), A))),
+        # units may stand or not
+        ("distance < 60", NEAR),
+        ("distance < 60 m", NEAR),
+        ("always[0 s: 10 s] points > 1", Always(Window(0, 10), A)),
+        # sums come to one side
+        ("0.5 * distance + 2 m >= distance - 3", Comparison((("distance", -0.5),), 5.0, False, "m")),
+    ],
+)
+def test_a_text_is_read_as_its_formula(text, formula):
+    assert parse(text, UNITS) == formula
 
 
 def test_a_formula_without_end_is_refused():
@@ -59,24 +66,12 @@ def test_a_formula_without_end_is_refused():
             parse(text, UNITS)
 
 
-def test_units_may_stand_or_not():
-    assert parse("distance < 60", UNITS) == parse("distance < 60 m", UNITS) == NEAR
-    assert parse("always[0 s: 10 s] inspection_rate >= 95 %", UNITS) == parse(
-        "always[0:10] inspection_rate >= 95", UNITS
-    )
-
-
 def test_a_rate_makes_a_speed_of_a_distance():
     found = parse("speed <= 0.2 m/s + 0.002 per_s * distance", UNITS)
     assert found.unit == "m/s"
     assert dict(found.factors) == {"speed": -1.0, "distance": 0.002}
     with pytest.raises(FormulaError, match="m/s does not go with m"):
         parse("distance <= 0.002 per_s * distance", UNITS)
-
-
-def test_sums_come_to_one_side():
-    formula = parse("0.5 * distance + 2 m >= distance - 3", UNITS)
-    assert formula == Comparison((("distance", -0.5),), 5.0, False, "m")
 
 
 def test_a_formula_tells_its_quantities_and_the_unit_of_its_margin():
@@ -136,13 +131,6 @@ def test_flights_do_not_know_one_another():
     np.testing.assert_array_equal(together, alone)
 
 
-@given(arrays(np.float64, (2, 13), elements=st.floats(-5, 5)), st.integers(0, 15), st.integers(0, 15))
-def test_the_least_of_a_window_is_the_least_of_its_samples(values, first, extra):
-    found = _least_ahead(values, first, first + extra)
-    for row, k in product(range(2), range(13)):
-        assert found[row, k] == min(values[row, k + first : k + first + extra + 1], default=np.inf)
-
-
 @given(arrays(np.float64, (3, 9), elements=st.sampled_from([-1.0, 0.0, 1.0])))
 def test_what_holds_has_a_margin_that_is_not_below_zero(values):
     for text in ("always a >= 0", "eventually[1:4] a > 0", "not (a > 0) until[0:5] a >= 1"):
@@ -150,12 +138,9 @@ def test_what_holds_has_a_margin_that_is_not_below_zero(values):
         margin, truth = robustness(formula, {"a": values}, 1.0), holds(formula, {"a": values}, 1.0)
         assert np.all(truth[margin > 0.0])
         assert not np.any(truth[margin < 0.0])
-
-
-def test_at_a_margin_of_zero_only_the_weak_comparison_holds():
-    signals = {"a": np.array([[15.0, 20.0]])}
-    assert holds(parse("always a >= 15", PLAIN), signals, 1.0)[0]
-    assert not holds(parse("always a > 15", PLAIN), signals, 1.0)[0]
+    zero = {"a": np.array([[0.0, 1.0]])}
+    assert holds(parse("always a >= 0", PLAIN), zero, 1.0)[0]
+    assert not holds(parse("always a > 0", PLAIN), zero, 1.0)[0]
 
 
 def test_windows_are_in_seconds_whatever_the_period():
@@ -174,11 +159,9 @@ def test_what_ships_can_be_read_and_uses_every_way_of_verification():
     assert [one.id for one in found.requirements] == [f"R{number}" for number in range(1, 7)]
     planar = read(requirements_path("docking_planar").read_text(encoding="utf-8"), "docking_planar")
     everything = (*found.requirements, *planar.requirements)
-    assert all(needs(everything, method) for method in METHODS)
+    assert all(requirements.needs(everything, method) for method in METHODS)
     keep_out, thrust = found.requirements[0], found.requirements[-1]
     assert (keep_out.unit, keep_out.probability, keep_out.confidence) == ("m", 1.0, 0.9)
-    assert (keep_out.consequence, keep_out.severity) == ("a collision", "catastrophic")
-    assert found.requirements[4].unit == "mixed"
     assert thrust.formula is None
     assert thrust.questions[0] == Question("force_x > 1")
 
@@ -238,8 +221,8 @@ def test_requirements_that_are_not_there_are_told_with_those_that_ship(tmp_path)
 def test_a_part_that_no_sample_reaches_is_refused_wherever_it_stands(formula):
     found = read(changed(0, formula=formula), "mine").requirements
     with pytest.raises(RequirementError, match=r"R1: its part from .* says nothing about a flight of 3600 s"):
-        require_heard(found, 3600.0, 10.0)
-    require_heard(read(SHIPPED, "").requirements, 3600.0, 10.0)
+        requirements.require_heard(found, 3600.0, 10.0)
+    requirements.require_heard(read(SHIPPED, "").requirements, 3600.0, 10.0)
 
 
 def test_a_comparison_whose_quantities_cancel_is_refused():

@@ -6,15 +6,10 @@ import numpy as np
 import pytest
 from scipy.stats import binom, binomtest
 
+from pipeline.evaluation.assurance import proofs
 from pipeline.evaluation.assurance.campaign import Outcome, Search
 from pipeline.evaluation.assurance.formula import parse
-from pipeline.evaluation.assurance.proofs import (
-    Certificate,
-    SafetyProof,
-    TubeProof,
-    certificates,
-    safety_proof,
-)
+from pipeline.evaluation.assurance.proofs import Certificate, safety_proof
 from pipeline.evaluation.assurance.quantities import UNITS
 from pipeline.evaluation.assurance.requirements import Question, Requirement, RequirementError
 from pipeline.evaluation.assurance.verdicts import (
@@ -58,24 +53,21 @@ def test_bounds_are_those_of_scipy(met, cases):
         assert high == pytest.approx(less.proportion_ci(confidence).high, abs=1e-12)
 
 
-def test_a_claim_is_shown_where_the_lower_bound_reaches_it():
-    for cases in (50, 231, 1000):
-        allowed = failures_allowed(cases, 0.99, 0.9)
-        for failed in range(10):
-            low, _ = share_bounds(cases - failed, cases, 0.9)
-            assert (failed <= allowed) == (low >= 0.99)
+def cases(num_failed: int, num_cases: int = 1000, probability: float = 0.99):
+    margins = np.r_[-np.ones(num_failed), np.ones(num_cases - num_failed)]
+    return judge(margins, margins > 0, probability, 0.9)
 
 
-def test_verdicts():
-    def verdict(num_failed, num_cases=1000):
-        margins = np.r_[-np.ones(num_failed), np.ones(num_cases - num_failed)]
-        return judge(margins, margins > 0, 0.99, 0.9).verdict
-
-    assert [verdict(count) for count in (0, 5, 6, 12, 15, 16)] == [
-        *("shown", "shown", "open", "open", "refuted", "refuted")
-    ]
-    assert verdict(0, 229) == "open"
-    assert verdict(0, 230) == "shown"
+@pytest.mark.parametrize(
+    ("verdict", "counts"),
+    [
+        ("shown", [(0, 1000), (5, 1000), (0, 230)]),
+        ("open", [(6, 1000), (12, 1000), (0, 229)]),
+        ("refuted", [(15, 1000), (16, 1000)]),
+    ],
+)
+def test_verdicts(verdict, counts):
+    assert {cases(*count).verdict for count in counts} == {verdict}
 
 
 def test_margins_by_order_statistics():
@@ -87,22 +79,13 @@ def test_margins_by_order_statistics():
     assert judge(margins[:50], margins[:50] >= 3, 0.99, 0.9).margin is None
 
 
-def test_claims_are_wrong_as_rarely_as_their_confidence_says():
-    """Of samples from cases of which just less than 95 % succeed, at most a tenth shows 95 %."""
-    draws = np.random.default_rng(5).random((4000, 200)) < 0.9499
-    failed = (~draws).sum(axis=1)
-    wrong = np.mean(failed <= failures_allowed(200, 0.95, 0.9))
-    assert 0.02 < wrong <= 0.1
-
-
-def asking(*questions: Question) -> Requirement:
-    return Requirement(*("R8", "thrust", *["words"] * 5), ("bounds",), questions=questions)
+def certified(*question: str) -> tuple[Certificate, ...]:
+    words = ["R8", "thrust", *["words"] * 5]
+    return proofs.certificates(Requirement(*words, ("bounds",), questions=(Question(*question),)), champion())
 
 
 def test_boxes_cover_the_region_and_rule_the_answer_out_everywhere():
-    (found,) = certificates(
-        asking(Question("force_x > 0.03", "predicted_centre_along_track < -150")), champion()
-    )
+    (found,) = certified("force_x > 0.03", "predicted_centre_along_track < -150")
     assert (found.system, found.verdict) == ("force_x", "no")
     system = champion().systems[0]
     low = np.array([variable.minimum for variable in system.inputs])
@@ -117,61 +100,39 @@ def test_boxes_cover_the_region_and_rule_the_answer_out_everywhere():
     assert np.max(step_by_step.evaluate(system, inputs)) <= 0.03
 
 
-def test_what_an_example_answers_with_yes_is_no_proof():
-    (found,) = certificates(asking(Question("force_x > 0")), champion())
-    assert found.verdict == "yes"
-    assert len(found.low) == 0
-
-
-def test_only_the_systems_asked_about_are_bounded():
-    assert certificates(asking(Question("force_w > 1")), champion()) == ()
+def test_what_an_example_answers_with_yes_is_no_proof_and_only_the_systems_asked_about_are_bounded():
+    (found,) = certified("force_x > 0")
+    assert (found.verdict, len(found.low)) == ("yes", 0)
+    assert certified("force_w > 1") == ()
     with pytest.raises(RequirementError, match="R8, its bounds 'force_x is big'"):
-        certificates(asking(Question("force_x is big")), champion())
+        certified("force_x is big")
+
+
+KEPT = "always (distance >= 15 m)"
+ROBUST = "safety=robust", "actuators=real"
+HEAVIER = "+dispersions.deputy.mass_kg={kind:uniform,low:11.0,high:13.0}"
 
 
 @pytest.mark.slow
 def test_the_layer_proves_what_follows_from_its_spheres():
-    mission = experiment("safety=filter").mission
-    proof = safety_proof(mission, scenarios(20))
+    proof = safety_proof(experiment("safety=filter").mission, scenarios(20))
     assert (proof.num_safe, proof.keep_out_m, proof.keep_in_m) == (20, 16.0, 198.0)
-
-    def proves(text: str) -> bool:
-        return proof.proves(parse(text, UNITS))
-
-    assert proves("always (distance >= 15 m)")
-    assert proves("always[0:600] (distance <= 200 m) and always (distance > 15.5 m)")
-    assert not proves("always (distance >= 17 m)")
-    assert not proves("always (distance <= 198 m)")  # rounding: nothing is kept to spare
-    assert not proves("always (speed <= 10 m/s)")
-    assert not proves("eventually (distance >= 15 m)")
-    assert not replace(proof, is_on=False).proves(parse("always (distance >= 15 m)", UNITS))
+    for text in (KEPT, "always[0:600] (distance <= 200 m) and always (distance > 15.5 m)"):
+        assert proof.proves(parse(text, UNITS))
+    for text in (
+        "always (distance >= 17 m)",
+        "always (distance <= 198 m)",  # rounding: nothing is kept to spare
+        "always (speed <= 10 m/s)",
+        "eventually (distance >= 15 m)",
+    ):
+        assert not proof.proves(parse(text, UNITS))
+    assert not replace(proof, is_on=False).proves(parse(KEPT, UNITS))
 
 
 @pytest.mark.parametrize(
-    "override",
-    [
-        "navigation=fixes",
-        "actuators=real",
-        "dynamics=two_body",
-        "+dispersions.deputy.mass_kg={kind:uniform,low:11.0,high:13.0}",
-    ],
+    ("override", "num_assumed"),
+    [("world=leo", 2), ("dynamics=low_orbit", 1), ("actuators=real", 0), ("navigation=range_bearing", 1)],
 )
-def test_the_layer_proves_nothing_of_flights_with_errors(override: str):
-    proof = safety_proof(experiment("safety=filter", override).mission, scenarios(2))
-    assert proof.num_safe == 2
-    assert proof.failing[0] == "no bounds are asked for (safety.probability)"
-    assert not proof.proves(parse("always (distance >= 15 m)", UNITS))
-
-
-PROVED_IN = [
-    ("world=leo", 2),
-    ("dynamics=low_orbit", 1),
-    ("actuators=real", 0),
-    ("navigation=range_bearing", 1),
-]
-
-
-@pytest.mark.parametrize(("override", "num_assumed"), PROVED_IN)
 def test_with_bounds_the_layer_proves_its_limits_where_nothing_is_exact(override: str, num_assumed: int):
     proof = safety_proof(experiment("safety=robust", override).mission, scenarios(2))
     assert (proof.failing, len(proof.assumed), proof.probability) == ((), num_assumed, 0.99)
@@ -186,32 +147,38 @@ def test_with_bounds_the_layer_proves_its_limits_where_nothing_is_exact(override
 
 
 @pytest.mark.parametrize(
-    ("override", "premise"),
+    ("overrides", "premise"),
     [
-        ("actuators.delay_s=10.0", "commands are late"),
-        ("actuators=layout", "thrusters form a layout"),
-        ("actuators.scale_error=0.15", "the thrusters cannot make good"),
-        ("actuators.specific_impulse_s=220.0", "mass changes"),
-        ("+dispersions.deputy.mass_kg={kind:uniform,low:11.0,high:13.0}", "settings are dispersed"),
+        (("safety=filter", "navigation=fixes"), "no bounds are asked for (safety.probability)"),
+        (("safety=filter", "actuators=real"), "no bounds are asked for (safety.probability)"),
+        (("safety=filter", "dynamics=two_body"), "no bounds are asked for (safety.probability)"),
+        (("safety=filter", HEAVIER), "no bounds are asked for (safety.probability)"),
+        ((*ROBUST, "actuators.delay_s=10.0"), "commands are late"),
+        ((*ROBUST, "actuators=layout"), "thrusters form a layout"),
+        ((*ROBUST, "actuators.scale_error=0.15"), "the thrusters cannot make good"),
+        ((*ROBUST, "actuators.specific_impulse_s=220.0"), "mass changes"),
+        ((*ROBUST, HEAVIER), "settings are dispersed"),
     ],
 )
-def test_each_premise_that_fails_is_named(override: str, premise: str):
-    proof = safety_proof(experiment("safety=robust", "actuators=real", override).mission, scenarios(2))
-    assert [premise in one for one in proof.failing] == [True]
-    assert not proof.proves(parse("always (distance >= 15 m)", UNITS))
+def test_each_premise_that_fails_is_named_and_nothing_is_proved(overrides, premise: str):
+    proof = safety_proof(experiment(*overrides).mission, scenarios(2))
+    assert premise in proof.failing[0]
+    if "safety=robust" in overrides:
+        assert len(proof.failing) == 1
+    assert not proof.proves(parse(KEPT, UNITS))
 
 
 def test_starts_that_are_not_safe_states_are_told():
-    mission = experiment("safety=filter").mission
     at_rest = np.zeros(3)
+    place = np.array([60.0, 0.0, 0.0])
     starts = [
-        Scenario(np.array([60.0, 0.0, 0.0]), at_rest, 0.0),
+        Scenario(place, at_rest, 0.0),
         Scenario(np.array([15.5, 0.0, 0.0]), at_rest, 0.0),  # in the margin
-        Scenario(np.array([60.0, 0.0, 0.0]), np.array([0.0, 0.9, 0.0]), 0.0),  # too fast to be stopped
+        Scenario(place, np.array([0.0, 0.9, 0.0]), 0.0),  # too fast to be stopped
     ]
-    proof = safety_proof(mission, starts)
+    proof = safety_proof(experiment("safety=filter").mission, starts)
     assert (proof.num_starts, proof.num_safe) == (3, 1)
-    assert not proof.proves(parse("always (distance >= 15 m)", UNITS))
+    assert not proof.proves(parse(KEPT, UNITS))
     assert safety_proof(experiment().mission, starts).num_safe == 0
 
 
@@ -222,13 +189,8 @@ REQUIREMENT = Requirement(
     0.99,
     0.9,
 )
-LAYER = SafetyProof(True, 16.0, 198.0, 1000, 1000)
+LAYER = proofs.SafetyProof(True, 16.0, 198.0, 1000, 1000)
 OFF = replace(LAYER, is_on=False)
-
-
-def cases(num_failed: int, num_cases: int = 1000):
-    margins = np.r_[-np.ones(num_failed), np.ones(num_cases - num_failed)]
-    return judge(margins, margins > 0, 0.99, 0.9)
 
 
 def searched(*margins: float) -> Search:
@@ -241,79 +203,66 @@ def certificate(answer: str) -> Certificate:
     return Certificate(Question("force_x > 1"), "force_x", answer, f"force_x > 1: {answer}.", ("a",), *boxes)
 
 
+def found(*verified_by: str, **evidence) -> Found:
+    ways = {"verified_by": verified_by} if verified_by else {}
+    certified = tuple(map(certificate, evidence.pop("bounds", ())))
+    return Found(replace(REQUIREMENT, **ways), certificates=certified, **evidence)
+
+
+@pytest.mark.parametrize(
+    ("word", "evidence"),
+    [
+        ("shown", found(judgement=cases(3), searches=(searched(1.0, -0.5),), proof=OFF)),
+        ("not shown", found(judgement=cases(9), proof=OFF)),
+        ("refuted", found(judgement=cases(40), proof=OFF)),
+        ("not shown", found(judgement=cases(0, 50), proof=OFF)),
+        # a proof shows it unless a flight contradicts it
+        ("shown", found(judgement=cases(0, 50), proof=LAYER)),
+        ("refuted", found(judgement=cases(1, 50), proof=LAYER)),
+        ("refuted", found(judgement=cases(0, 50), searches=(searched(-1.0),), proof=LAYER)),
+        ("shown", found("bounds", bounds=("no", "no"))),
+        ("not shown", found("bounds", bounds=("no", "undecided"))),
+        ("refuted", found("bounds", bounds=("undecided", "yes"))),
+        ("not shown", found("bounds")),
+        ("refuted", found("cases", "bounds", judgement=cases(0), bounds=("yes",))),
+        # a search alone refutes but never shows
+        ("not shown", found("search", searches=(searched(1.0, 2.0),))),
+        ("refuted", found("search", searches=(searched(1.0, -2.0),))),
+    ],
+)
+def test_the_verdict_of_all_evidence(word, evidence):
+    assert verdict(evidence).word == word
+
+
 def test_a_claim_about_a_share_stands_with_the_cases_whatever_a_search_finds():
-    found = Found(REQUIREMENT, cases(3), (searched(1.0, -0.5),), proof=OFF)
-    assert verdict(found).verdict == "shown"
-    assert verdict(found).why == "up to 5 failures show 99 % with 90 % confidence"
-    words = {name: one.word for name, one in outcomes(found).items()}
-    assert words == {
-        "cases": "3 of 1,000 cases fail",
-        "search": "failure found",
-        "safety_layer": "does not apply",
-    }
-    assert sentence(found, verdict(found)) == (
-        "Shown: in 99 % of cases or more (90 % confidence) the deputy stays away; 3 of 1,000 did not and 1 "
-        "of 1 searches found a flight that did not, the nearest 14 m from its centre: a collision."
-    )
-
-
-def test_too_many_failures_and_too_few_cases():
-    assert verdict(Found(REQUIREMENT, cases(9), proof=OFF)).word == "not shown"
-    assert verdict(Found(REQUIREMENT, cases(40), proof=OFF)).word == "refuted"
-    few = verdict(Found(REQUIREMENT, cases(0, 50), proof=OFF))
-    assert (few.word, few.why) == ("not shown", "99 % with 90 % confidence needs 230 cases without a failure")
+    three = found(judgement=cases(3), searches=(searched(1.0, -0.5),), proof=OFF)
+    assert verdict(three).why == "up to 5 failures show 99 % with 90 % confidence"
+    words = {name: one.word for name, one in outcomes(three).items()}
+    told = {"cases": "3 of 1,000 cases fail", "search": "failure found", "safety_layer": "does not apply"}
+    assert words == told
+    said = sentence(three, verdict(three))
+    assert said.startswith("Shown: in 99 % of cases or more (90 % confidence) the deputy stays away")
+    assert "3 of 1,000 did not and 1 of 1 searches found a flight that did not, the nearest 14 m" in said
+    few = verdict(found(judgement=cases(0, 50), proof=OFF))
+    assert few.why == "99 % with 90 % confidence needs 230 cases without a failure"
+    unsafe = outcomes(found(proof=replace(LAYER, num_safe=999)))
+    assert "1 of 1,000 starts are not safe" in unsafe["safety_layer"].why
 
 
 def test_what_all_cases_must_meet_is_shown_by_a_proof_alone_and_refuted_by_one_flight():
     everywhere = replace(REQUIREMENT, probability=1.0, severity="catastrophic")
-
-    def cases_of_all(num_failed: int):
-        margins = np.r_[-np.ones(num_failed), np.ones(1000 - num_failed)]
-        return judge(margins, margins > 0, 1.0, 0.9)
-
-    flown = Found(everywhere, cases_of_all(0), (searched(2.0, 0.5),), proof=OFF)
+    flown = Found(everywhere, cases(0, probability=1.0), (searched(2.0, 0.5),), proof=OFF)
     assert verdict(flown).word == "not shown"
     assert "only a proof shows" in sentence(flown, verdict(flown))
     # 0.1^(1/1000), the lower bound after 1,000 cases without a failure
     assert "at least 99.77 % of such cases" in verdict(flown).why
     proved = replace(flown, proof=LAYER)
-    assert sentence(proved, verdict(proved)) == (
-        "Shown: in all cases (proved) the deputy stays away; all 1,000 did and all 2 flights of "
-        "searches did, the nearest 15.5 m from its centre; failing means a collision."
-    )
-    assert verdict(replace(flown, judgement=cases_of_all(1))).word == "refuted"
-    found = replace(flown, searches=(searched(-0.5),))
-    assert sentence(found, verdict(found)).startswith(
-        "Refuted: in all cases the deputy stays away; all 1,000 did and"
-    )
-
-
-def test_a_proof_shows_it_unless_a_flight_contradicts_it():
-    assert verdict(Found(REQUIREMENT, cases(0, 50), proof=LAYER)).word == "shown"
-    assert verdict(Found(REQUIREMENT, cases(1, 50), proof=LAYER)).word == "refuted"
-    assert verdict(Found(REQUIREMENT, cases(0, 50), (searched(-1.0),), proof=LAYER)).word == "refuted"
-    unsafe = replace(LAYER, num_safe=999)
-    assert "1 of 1,000 starts are not safe" in outcomes(Found(REQUIREMENT, proof=unsafe))["safety_layer"].why
-
-
-def test_bounds():
-    asked = replace(REQUIREMENT, verified_by=("bounds",))
-    assert verdict(Found(asked, certificates=(certificate("no"), certificate("no")))).word == "shown"
-    assert (
-        verdict(Found(asked, certificates=(certificate("no"), certificate("undecided")))).word == "not shown"
-    )
-    assert (
-        verdict(Found(asked, certificates=(certificate("undecided"), certificate("yes")))).word == "refuted"
-    )
-    assert verdict(Found(asked)).word == "not shown"
-    both = replace(asked, verified_by=("cases", "bounds"))
-    assert verdict(Found(both, cases(0), certificates=(certificate("yes"),))).word == "refuted"
-
-
-def test_a_search_alone_refutes_but_never_shows():
-    only = replace(REQUIREMENT, verified_by=("search",))
-    assert verdict(Found(only, searches=(searched(1.0, 2.0),))).word == "not shown"
-    assert verdict(Found(only, searches=(searched(1.0, -2.0),))).word == "refuted"
+    said = sentence(proved, verdict(proved))
+    assert said.startswith("Shown: in all cases (proved) the deputy stays away; all 1,000 did and all 2")
+    assert "the nearest 15.5 m from its centre; failing means a collision." in said
+    assert verdict(replace(flown, judgement=cases(1, probability=1.0))).word == "refuted"
+    failed = replace(flown, searches=(searched(-0.5),))
+    assert sentence(failed, verdict(failed)).startswith("Refuted: in all cases the deputy stays away")
 
 
 LIMIT = "(speed <= 0.2 m/s + 0.002 per_s * distance)"
@@ -340,5 +289,5 @@ GOAL = "(distance <= 0.5 m and speed <= 0.2 m/s)"
     ],
 )
 def test_a_tube_proves_its_limit_until_its_goal_and_nothing_else(text, follows):
-    tube = TubeProof("", 900.0, (0.2, 0.002, 0.0), (0.5, 0.2))
+    tube = proofs.TubeProof("", 900.0, (0.2, 0.002, 0.0), (0.5, 0.2))
     assert tube.proves(parse(text, UNITS)) is follows
