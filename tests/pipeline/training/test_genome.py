@@ -7,12 +7,11 @@ import numpy as np
 import pytest
 
 from fis_tools.formats import serialize
-from fis_tools.model import FuzzyController
-from pipeline.flight.control.controller import Controller, ControllerError, coast, from_fuzzy
+from pipeline.flight.control.controller import ControllerError, coast, from_fuzzy
 from pipeline.flight.state.log import Outcomes, points_needed
 from pipeline.flight.state.signals import CONSTANTS
 from pipeline.settings.experiment import Mission
-from pipeline.settings.training import Encoding
+from pipeline.settings.training import Encoding, Penalty
 from pipeline.training.fitness import fitness_parts
 from pipeline.training.genome import genome_of
 from tests.pipeline.training.evolution import cases
@@ -35,64 +34,57 @@ def encoding(**changes: Any) -> Encoding:
     return replace(ENCODING, **changes)
 
 
-def flown(fuzzy: FuzzyController) -> Controller:
-    return from_fuzzy(fuzzy)
-
-
 @pytest.mark.parametrize("rules", ["free", "planes", "fixed"])
 @pytest.mark.parametrize("constants", [{}, CONSTANT_BOUNDS])
 def test_what_flies_of_a_genome_is_the_controller_that_it_decodes_to(rules, constants):
-    genome = genome_of(flown(ELLIPSE), encoding(rules=rules, **constants))
+    genome = genome_of(from_fuzzy(ELLIPSE), encoding(rules=rules, **constants))
     assert len(genome.gene_names()) == genome.num_genes
     genomes = np.random.default_rng(2).random((5, genome.num_genes))
     population = genome.pack(genomes)
     for row, genes in enumerate(genomes):
-        one = flown(genome.decode(genes)).numbers
+        one = from_fuzzy(genome.decode(genes)).numbers
         np.testing.assert_array_equal(population.values[row], one.values[0])
         np.testing.assert_array_equal(population.rules[row], one.rules[0])
 
 
 def test_constants_run_from_their_least_to_their_greatest_and_others_stay():
-    genome = genome_of(flown(ELLIPSE), encoding(**CONSTANT_BOUNDS))
+    genome = genome_of(from_fuzzy(ELLIPSE), encoding(**CONSTANT_BOUNDS))
     genes = np.zeros(genome.num_genes)
-    values = dict(zip(CONSTANTS, flown(genome.decode(genes)).constants, strict=True))
+    values = dict(zip(CONSTANTS, from_fuzzy(genome.decode(genes)).constants, strict=True))
     assert (values["ring_size_m"], values["ring_lead_rad"], values["dead_band_force_y_n"]) == (5.0, -2.0, 0.0)
     assert values["prediction_time_s"] == float(dict(ELLIPSE.attributes)["prediction_time_s"])
-    values = dict(zip(CONSTANTS, flown(genome.decode(genes + 1.0)).constants, strict=True))
+    values = dict(zip(CONSTANTS, from_fuzzy(genome.decode(genes + 1.0)).constants, strict=True))
     assert (values["ring_size_m"], values["dead_band_force_z_n"]) == (60.0, 0.06)
     assert values["coast_below_points"] == 6.0
 
 
 def test_a_controller_is_found_again_in_its_genome():
-    genome = genome_of(flown(ELLIPSE), encoding(**CONSTANT_BOUNDS))
+    genome = genome_of(from_fuzzy(ELLIPSE), encoding(**CONSTANT_BOUNDS))
     drawn = np.random.default_rng(7).random(genome.num_genes)
     controller = genome.decode(drawn)
     again = genome.decode(genome.encode(controller))
     assert [system.rules for system in again.systems] == [system.rules for system in controller.systems]
     for name, _ in controller.attributes:
-        if name not in CONSTANTS:
-            continue
-        assert float(dict(again.attributes)[name]) == pytest.approx(float(dict(controller.attributes)[name]))
+        if name in CONSTANTS:
+            found, expected = (float(dict(one.attributes)[name]) for one in (again, controller))
+            assert found == pytest.approx(expected)
 
 
 def test_rules_that_are_fixed_stay_and_constants_may_be_new_to_a_controller():
-    genome = genome_of(flown(PAPER), encoding(rules="fixed", dead_band_n=(0.0, 0.01)))
+    genome = genome_of(from_fuzzy(PAPER), encoding(rules="fixed", dead_band_n=(0.0, 0.01)))
     drawn = genome.decode(np.random.default_rng(8).random(genome.num_genes))
     for system, kept in zip(drawn.systems, PAPER.systems, strict=True):
         assert [rule.consequents for rule in system.rules] == [rule.consequents for rule in kept.rules]
     assert 0.0 < float(dict(drawn.attributes)["dead_band_force_x_n"]) < 0.01
     assert dict(drawn.attributes)["force_axes"] == "body"
-
-
-def test_what_is_not_fuzzy_has_nothing_to_tune():
     with pytest.raises(ControllerError, match="'coast' has no fuzzy system to train"):
         genome_of(coast(), encoding())
 
 
 def test_a_population_of_a_controller_without_constants_carries_none():
-    genome = genome_of(flown(PAPER), encoding())
+    genome = genome_of(from_fuzzy(PAPER), encoding())
     bare = replace(PAPER, attributes=(("force_axes", "body"),))
-    assert genome.pack(genome.encode()[np.newaxis]).values.shape == flown(bare).numbers.values.shape
+    assert genome.pack(genome.encode()[np.newaxis]).values.shape == from_fuzzy(bare).numbers.values.shape
 
 
 #: from 15 to 200 m, with a success at 95 %
@@ -100,101 +92,53 @@ MISSION = Mission()
 PENALTY = replace(cases.PENALTY, outside_m_s=1000.0, short_point_m_s=10.0, missed_point_m_s=0.5)
 
 
-def outcomes(delta_v: list[float], points: list[int], outside: list[float]) -> Outcomes:
-    """One controller's flights."""
-    distances = np.full((1, len(points)), 70.0)
-    return Outcomes(
-        delta_v_m_s=np.array([delta_v]),
-        inspected_count=np.array([points], dtype=np.int64),
-        inspectable_count=np.full((1, len(points)), 99),
-        mean_distance_m=distances,
-        min_distance_m=distances,
-        max_distance_m=distances,
-        outside_m=np.array([outside]),
-        safety_periods=np.zeros((1, len(points)), dtype=np.int64),
-        safety_delta_v_m_s=np.zeros((1, len(points))),
+def parts_of(*controllers: list[tuple[float, int, float]], penalty: Penalty = PENALTY) -> dict[str, Any]:
+    """The parts of controllers' fitness, of whose flights delta-v, points and metres outside are given."""
+    delta_v, points, outside = np.moveaxis(np.array(controllers), 2, 0)
+    same = {"inspectable_count": 99, "safety_periods": 0, "safety_delta_v_m_s": 0.0}
+    same |= {f"{kind}_distance_m": 70.0 for kind in ("mean", "min", "max")}
+    constant = {name: np.full(points.shape, value) for name, value in same.items()}
+    flown = Outcomes(
+        delta_v_m_s=delta_v, inspected_count=points.astype(np.int64), outside_m=outside, **constant
     )
+    return {name: values.tolist() for name, values in fitness_parts(flown, penalty, MISSION).items()}
 
 
 @pytest.mark.parametrize(
     ("num_points", "threshold_percent", "needed"),
-    [
-        (99, 95.0, 95),
-        (100, 95.0, 95),
-        (100, 95.5, 96),
-        (20, 95.0, 19),
-        (99, 100.0, 99),
-        (99, 0.0, 0),
-        (1, 50.0, 1),
-    ],
+    [(99, 95.0, 95), (100, 95.0, 95), (100, 95.5, 96), (99, 100.0, 99), (99, 0.0, 0), (1, 50.0, 1)],
 )
 def test_the_least_number_of_points_that_reaches_the_threshold(num_points, threshold_percent, needed):
     assert points_needed(num_points, threshold_percent) == needed
     assert needed == 0 or 100.0 * (needed - 1) / num_points < threshold_percent <= 100.0 * needed / num_points
 
 
-@pytest.mark.parametrize(
-    ("delta_v", "points", "outside_m", "fitness"),
-    [
-        (2.0, 99, 0.0, 2.0),
-        (2.0, 95, 0.0, 2.0 + 0.5 * 4),
-        (2.0, 94, 0.0, 2.0 + 10.0 + 0.5 * 5),
-        (2.0, 90, 0.0, 2.0 + 50.0 + 0.5 * 9),
-        (2.0, 99, 0.001, 2.0 + 1000.0 * 1.001),
-        (0.0, 0, 3.0, 4000.0 + 950.0 + 49.5),
-    ],
-)
-def test_the_fitness_of_a_flight(delta_v, points, outside_m, fitness):
-    parts = fitness_parts(outcomes([delta_v], [points], [outside_m]), PENALTY, MISSION)
-    assert parts["fitness"].tolist() == [pytest.approx(fitness, rel=1e-14)]
-
-
-def test_at_most_so_many_metres_outside_are_paid_for():
+def test_the_fitness_of_a_flight_each_of_another_controller():
+    flights = {
+        (2.0, 99, 0.0): 2.0,
+        (2.0, 95, 0.0): 2.0 + 0.5 * 4,
+        (2.0, 94, 0.0): 2.0 + 10.0 + 0.5 * 5,
+        (2.0, 90, 0.0): 2.0 + 50.0 + 0.5 * 9,
+        (2.0, 99, 0.001): 2.0 + 1000.0 * 1.001,
+        (0.0, 0, 3.0): 4000.0 + 950.0 + 49.5,
+    }
+    assert parts_of(*([flight] for flight in flights))["fitness"] == pytest.approx(list(flights.values()))
+    # at most so many metres outside are paid for
     capped = replace(PENALTY, outside_most_m=2.0)
-    for outside_m, fitness in ((0.0, 0.0), (1.0, 2000.0), (2.0, 3000.0), (40.0, 3000.0)):
-        parts = fitness_parts(outcomes([0.0], [99], [outside_m]), capped, MISSION)
-        assert parts["fitness"].tolist() == [fitness]
-        assert parts["outside_m"].tolist() == [outside_m]
-
-
-@pytest.mark.parametrize(
-    ("delta_v", "points", "outside_m", "spent", "missed"),
-    [
-        (2.0, 99, 0.0, 2.0, 0.0),
-        (2.0, 95, 0.0, 2.0, 0.5 * 4),
-        (2.0, 90, 0.0, 2.0 + 25.0, 25.0 + 0.5 * 9),
-        (2.0, 99, 1.0, 2.0 + 1000.0, 1000.0),
-    ],
-)
-def test_the_fitness_is_what_is_spent_and_the_price_of_faults(delta_v, points, outside_m, spent, missed):
-    # beside it a flight without fault
-    flights = outcomes([delta_v, 0.0], [points, 99], [outside_m, 0.0])
-    fitness = fitness_parts(flights, PENALTY, MISSION)["fitness"]
-    assert fitness == pytest.approx([(spent + missed) / 2])
+    outside_m = [0.0, 1.0, 2.0, 40.0]
+    parts = parts_of(*([(0.0, 99, metres)] for metres in outside_m), penalty=capped)
+    assert (parts["fitness"], parts["outside_m"]) == ([0.0, 2000.0, 3000.0, 3000.0], outside_m)
 
 
 def test_the_fitness_of_a_controller_is_the_mean_over_its_flights_and_its_parts_add_up():
-    parts = fitness_parts(outcomes([1.0, 3.0], [99, 94], [0.0, 2.0]), PENALTY, MISSION)
-    assert {name: values.tolist() for name, values in parts.items()} == {
-        "fitness": [(1.0 + 3.0 + 3000.0 + 10.0 + 2.5) / 2],
-        "delta_v_m_s": [2.0],
-        "points": [96.5],
-        "outside": [1.0],
-        "outside_m": [1.0],
-        "short": [1.0],
+    assert parts_of([(1.0, 99, 0.0), (3.0, 94, 2.0)], [(0.2, 97, 0.0), (0.4, 98, 0.0)]) == {
+        "fitness": pytest.approx([(1.0 + 3.0 + 3000.0 + 10.0 + 2.5) / 2, 0.3 + 0.75]),
+        "delta_v_m_s": pytest.approx([2.0, 0.3]),
+        "points": [96.5, 97.5],
+        "outside": [1.0, 0.0],
+        "outside_m": [1.0, 0.0],
+        "short": [1.0, 0.0],
     }
-
-
-def test_each_controller_of_a_population_is_judged_for_itself():
-    flights = [([1.0, 3.0], [99, 94], [0.0, 2.0]), ([0.2, 0.4], [97, 98], [0.0, 0.0])]
-    alone = [outcomes(*one) for one in flights]
-    both = Outcomes(
-        **{name: np.concatenate([getattr(one, name) for one in alone]) for name in vars(alone[0])}
-    )
-    together = fitness_parts(both, PENALTY, MISSION)
-    for index, one in enumerate(alone):
-        for name, values in fitness_parts(one, PENALTY, MISSION).items():
-            assert together[name][index] == values[0]
 
 
 def test_the_price_of_points_grows_from_round_to_round():

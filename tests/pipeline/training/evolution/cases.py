@@ -1,7 +1,5 @@
 """Small evolutions for the tests."""
 
-from collections.abc import Callable, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,7 +8,6 @@ from pipeline.settings.experiment import Optimizer
 from pipeline.settings.training import Encoding, Penalty
 from pipeline.training.evolution.generations import Evaluate
 from pipeline.training.evolution.rounds import Evolution, evolve_rounds
-from pipeline.training.evolution.state import Generation
 
 PENALTY = Penalty(outside_m_s=100.0, short_point_m_s=10.0, missed_point_m_s=0.1)
 ENCODING = Encoding()
@@ -54,24 +51,3 @@ class Sphere:
         self.batches.append(genomes.copy())
         squares = (genomes - self.centre) ** 2
         return {"fitness": squares.sum(axis=1), "first": squares[:, 0], "others": squares[:, 1:].sum(axis=1)}
-
-
-def broken_and_resumed(
-    evaluate_for_round: Callable[[int, np.ndarray | None], Evaluate],
-    settings: Optimizer,
-    begun: np.ndarray,
-    num_generations: int,
-    checkpoint: Path,
-) -> tuple[Evolution, Evolution]:
-    """Interrupt an evolution after so many generations of all rounds, then go on from its checkpoint."""
-
-    def stop(history: Sequence[Generation]) -> None:
-        if len(history) == num_generations:
-            raise KeyboardInterrupt
-
-    def run(**how: Any) -> Evolution:
-        return evolve_rounds(
-            evaluate_for_round, begun.shape[1], settings, 7, initial=begun, checkpoint=checkpoint, **how
-        )
-
-    return run(on_generation=stop), run(resume=True)

@@ -9,28 +9,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
-from pipeline.training.evolution.generations import (
-    SMALLEST_STEP,
-    Individual,
-    adapt_step_size,
-    adaptive_feasible_mutation,
-    local_mutation,
-    poll_directions,
-    scattered_crossover,
-    select_parents,
-    split_population,
-)
+from pipeline.training.evolution import genetic
 from pipeline.training.evolution.rounds import evolve_rounds
-from tests.pipeline.training.evolution.cases import (
-    Sphere,
-    broken_and_resumed,
-    column,
-    evolve,
-    optimizer,
-    round_champions,
-    rows_of,
-)
+from tests.pipeline.training.evolution.cases import Sphere, column, evolve, optimizer, rows_of
 
+NUM_GENES = 10
 STEPS = [4.0**-k for k in range(14)]
 
 
@@ -44,14 +27,15 @@ STEPS = [4.0**-k for k in range(14)]
     ],
 )
 def test_split_of_the_population(size, split, expected):
-    split = split_population(optimizer(population_size=size, split=split))
+    split = genetic.split_population(optimizer(population_size=size, split=split))
     assert (split.elite, split.crossover, split.mutants) == expected
 
 
 def test_scattered_crossover_takes_each_gene_from_either_parent_half_the_time():
     random.seed(1)
-    zeros, ones = Individual([0.0] * 200, 1.0), Individual([1.0] * 200, 2.0)
-    children = np.array([scattered_crossover(zeros, ones) for _ in range(400)])
+    zeros = genetic.Individual([0.0] * 200, 1.0)
+    ones = genetic.Individual([1.0] * 200, 2.0)
+    children = np.array([genetic.scattered_crossover(zeros, ones) for _ in range(400)])
     assert set(np.unique(children)) == {0.0, 1.0}
     # each gene and the whole within five standard deviations of the binomial
     assert abs(children.mean() - 0.5) < 5 * 0.5 / math.sqrt(children.size)
@@ -64,8 +48,8 @@ def test_scattered_crossover_takes_each_gene_from_either_parent_half_the_time():
 
 def test_tournament_of_four_prefers_the_best_as_order_statistics_say():
     random.seed(2)
-    population = [Individual([float(rank)], float(rank)) for rank in range(20)]
-    ranks = np.array([parent[0] for parent in select_parents(population, 20_000, 4)])
+    population = [genetic.Individual([float(rank)], float(rank)) for rank in range(20)]
+    ranks = np.array([parent[0] for parent in genetic.select_parents(population, 20_000, 4)])
     # rank r wins where the best of four draws is r: ((20-r)^4 - (19-r)^4) / 20^4
     expected = 20_000 * ((20 - np.arange(20.0)) ** 4 - (19 - np.arange(20.0)) ** 4) / 20**4
     observed = np.bincount(ranks.astype(int), minlength=20)
@@ -76,19 +60,19 @@ def test_tournament_of_four_prefers_the_best_as_order_statistics_say():
 
 
 def test_step_size_grows_fourfold_to_one_and_shrinks_to_the_root_of_epsilon():
-    assert adapt_step_size(1.0, True) == 1.0
-    assert adapt_step_size(1 / 64, True) == 1 / 16
-    assert adapt_step_size(1.0, False) == 0.25
+    assert genetic.adapt_step_size(1.0, True) == 1.0
+    assert genetic.adapt_step_size(1 / 64, True) == 1 / 16
+    assert genetic.adapt_step_size(1.0, False) == 0.25
     step_size = 1.0
     for _ in range(40):
-        step_size = adapt_step_size(step_size, False)
-    assert step_size == SMALLEST_STEP == math.sqrt(np.finfo(float).eps)
+        step_size = genetic.adapt_step_size(step_size, False)
+    assert step_size == genetic.SMALLEST_STEP == math.sqrt(np.finfo(float).eps)
 
 
 @pytest.mark.parametrize("step_size", STEPS)
 def test_poll_directions_are_a_basis_of_the_stated_form(step_size):
     generator = np.random.default_rng(3)
-    basis = poll_directions(12, step_size, generator)
+    basis = genetic.poll_directions(12, step_size, generator)
     largest = 1 / math.sqrt(step_size)
     assert np.linalg.matrix_rank(basis) == 12
     assert np.abs(basis).max() == largest
@@ -108,7 +92,7 @@ def test_poll_directions_are_a_basis_of_the_stated_form(step_size):
 )
 def test_mutants_stay_in_the_box_and_move(genome, step_size, seed):
     parent = np.array(genome)
-    mutant = adaptive_feasible_mutation(parent, step_size, np.random.default_rng(seed))
+    mutant = genetic.adaptive_feasible_mutation(parent, step_size, np.random.default_rng(seed))
     assert np.all((mutant >= 0.0) & (mutant <= 1.0))
     assert not np.array_equal(mutant, parent)
     # no entry of a direction times the step is longer than the root of the step
@@ -118,17 +102,16 @@ def test_mutants_stay_in_the_box_and_move(genome, step_size, seed):
 def test_mutants_go_both_ways_along_every_axis():
     generator = np.random.default_rng(5)
     parent = np.full(4, 0.5)
-    moves = np.array([adaptive_feasible_mutation(parent, 1 / 16, generator) for _ in range(500)]) - parent
-    assert np.all(moves.min(axis=0) == -0.25)
-    assert np.all(moves.max(axis=0) == 0.25)
+    mutants = [genetic.adaptive_feasible_mutation(parent, 1 / 16, generator) for _ in range(500)]
+    np.testing.assert_array_equal(np.min(mutants, axis=0), 0.25)
+    np.testing.assert_array_equal(np.max(mutants, axis=0), 0.75)
 
 
-NUM_GENES = 10
+def begun(at: float) -> np.ndarray:
+    return np.full((1, NUM_GENES), at)
+
 
 LOCAL = {"mutation": "local", "first_population": "near", "initial_step": 0.05, "elitism_rate": 0.5}
-
-
-BEGUN = np.full((1, NUM_GENES), 0.6)
 
 
 def local(**changes):
@@ -138,7 +121,7 @@ def local(**changes):
 def test_a_local_mutant_moves_few_genes_a_little_and_stays_in_the_box() -> None:
     random.seed(3)
     parent = [0.0, 1.0] * 200
-    mutants = np.array([local_mutation(parent, 0.1) for _ in range(300)])
+    mutants = np.array([genetic.local_mutation(parent, 0.1) for _ in range(300)])
     moved = mutants != parent
     # half of the steps at an edge lead out of the box and stop there: shares of 1, 3 and 10 % halve
     assert 0.5 * 0.01 < moved.mean() < 0.5 * 0.14 / 3 * 1.3
@@ -149,7 +132,7 @@ def test_a_local_mutant_moves_few_genes_a_little_and_stays_in_the_box() -> None:
 
 def test_the_first_population_lies_near_the_seed() -> None:
     sphere = Sphere()
-    evolve(sphere, NUM_GENES, local(generations=1), seed=1, initial=BEGUN)
+    evolve(sphere, NUM_GENES, local(generations=1), seed=1, initial=begun(0.6))
     first = sphere.batches[0]
     assert first.shape == (40, NUM_GENES)
     np.testing.assert_array_equal(first[0], 0.6)
@@ -159,40 +142,32 @@ def test_the_first_population_lies_near_the_seed() -> None:
 
 def test_it_converges_and_children_of_crossover_mutate_too() -> None:
     sphere = Sphere()
-    result = evolve(sphere, NUM_GENES, local(generations=300), seed=2, initial=BEGUN)
+    result = evolve(sphere, NUM_GENES, local(generations=300), seed=2, initial=begun(0.6))
     assert result.history[-1].best < 1e-3
     known = np.unique(np.concatenate(sphere.batches[:1]))
     assert not np.isin(sphere.batches[1][:8], known).all()
 
 
-def test_a_carried_round_judges_the_population_anew_by_its_own_fitness() -> None:
+def test_a_carried_round_gets_the_champion_and_judges_the_population_anew_by_its_own_fitness() -> None:
     spheres = [Sphere(0.2), Sphere(0.8)]
-    settings = local(generations=10, rounds=2, next_round="carried", cooling=0.5)
-    result = evolve_rounds(lambda index, _: spheres[index], NUM_GENES, settings, seed=3, initial=BEGUN)
-    carried = spheres[1].batches[0]
-    assert carried.shape == (40, NUM_GENES)
-    ends = [generation for generation in result.history if generation.round == 0][-1]
-    assert (carried == ends.champion).all(axis=1).any()
-    squares = ((carried - 0.8) ** 2).sum(axis=1)
-    begins = result.history[11]
-    assert (begins.round, begins.generation) == (1, 0)
-    assert begins.best == pytest.approx(squares.min(), rel=1e-12)
-    steps = column(result, "step_size")
-    assert (steps[0], steps[11]) == (0.05, 0.025)
-
-
-def test_the_champion_of_the_round_before_is_handed_to_the_next() -> None:
     handed = []
 
     def fitness(index, champion):
-        handed.append((index, None if champion is None else champion.copy()))
-        return Sphere()
+        handed.append(champion)
+        return spheres[index]
 
-    settings = local(generations=4, rounds=3, next_round="carried")
-    result = evolve_rounds(fitness, NUM_GENES, settings, seed=4, initial=BEGUN)
-    assert handed[0] == (0, None)
-    for index in (1, 2):
-        np.testing.assert_array_equal(handed[index][1], round_champions(result)[index - 1])
+    settings = local(generations=10, rounds=2, next_round="carried", cooling=0.5)
+    result = evolve_rounds(fitness, NUM_GENES, settings, seed=3, initial=begun(0.6))
+    carried = spheres[1].batches[0]
+    ends = result.history[10]
+    begins = result.history[11]
+    assert (ends.round, begins.round, begins.generation) == (0, 1, 0)
+    assert handed[0] is None
+    np.testing.assert_array_equal(handed[1], ends.champion)
+    assert carried.shape == (40, NUM_GENES)
+    assert (carried == ends.champion).all(axis=1).any()
+    assert begins.best == pytest.approx(((carried - 0.8) ** 2).sum(axis=1).min(), rel=1e-12)
+    assert (result.history[0].step_size, begins.step_size) == (0.05, 0.025)
 
 
 def cma(**changes):
@@ -207,15 +182,14 @@ def ellipsoid(genomes: np.ndarray) -> dict[str, np.ndarray]:
 
 
 def test_it_learns_the_covariance_of_a_turned_ellipsoid() -> None:
-    begun = np.full((1, NUM_GENES), 0.6)
-    learnt = evolve(ellipsoid, NUM_GENES, cma(generations=600), seed=1, initial=begun)
+    learnt = evolve(ellipsoid, NUM_GENES, cma(generations=600), seed=1, initial=begun(0.6))
     np.testing.assert_allclose(learnt.history[-1].champion, 0.4, atol=1e-6)
 
 
 def test_the_centre_comes_first_and_is_the_champion() -> None:
-    sphere, begun = Sphere(), np.full((1, NUM_GENES), 0.7)
-    result = evolve(sphere, NUM_GENES, cma(), seed=2, initial=begun)
-    np.testing.assert_array_equal(sphere.batches[0][0], begun[0])
+    sphere = Sphere()
+    result = evolve(sphere, NUM_GENES, cma(), seed=2, initial=begun(0.7))
+    np.testing.assert_array_equal(sphere.batches[0][0], 0.7)
     for generation, batch in zip(result.history, sphere.batches, strict=True):
         assert batch.shape == (13, NUM_GENES)
         np.testing.assert_array_equal(generation.champion, batch[0])
@@ -224,7 +198,7 @@ def test_the_centre_comes_first_and_is_the_champion() -> None:
 
 def test_what_is_judged_stays_in_the_box_and_an_optimum_on_its_edge_is_found() -> None:
     sphere = Sphere(centre=-0.2)
-    result = evolve(sphere, NUM_GENES, cma(generations=150), seed=3, initial=np.full((1, NUM_GENES), 0.5))
+    result = evolve(sphere, NUM_GENES, cma(generations=150), seed=3, initial=begun(0.5))
     judged = np.concatenate(sphere.batches)
     assert judged.min() >= 0.0
     assert judged.max() <= 1.0
@@ -235,27 +209,30 @@ def test_what_is_judged_stays_in_the_box_and_an_optimum_on_its_edge_is_found() -
 def test_interrupted_anywhere_and_resumed_it_equals_the_whole(next_round: str, tmp_path) -> None:
     settings = cma(generations=5, rounds=3, next_round=next_round)
     spheres = [Sphere(0.2), Sphere(0.4), Sphere(0.6)]
-    begun = np.full((1, NUM_GENES), 0.5)
 
-    def fitness(index, _):
-        return spheres[index]
-
-    whole = evolve_rounds(fitness, NUM_GENES, settings, seed=7, initial=begun)
-    for num_generations in (1, 5, 7, 12):
-        first, rest = broken_and_resumed(
-            fitness, settings, begun, num_generations, tmp_path / f"{num_generations}.npz"
+    def run(**how):
+        return evolve_rounds(
+            lambda index, _: spheres[index], NUM_GENES, settings, 7, initial=begun(0.5), **how
         )
-        assert first.interrupted
+
+    whole = run()
+    for stop in (1, 5, 7, 12):
+
+        def interrupt(history, stop=stop):
+            if len(history) == stop:
+                raise KeyboardInterrupt
+
+        checkpoint = tmp_path / f"{stop}.npz"
+        assert run(checkpoint=checkpoint, on_generation=interrupt).interrupted
+        rest = run(checkpoint=checkpoint, resume=True)
         assert rows_of(rest) == rows_of(whole)
         np.testing.assert_array_equal(rest.history[-1].champion, whole.history[-1].champion)
 
 
 def test_a_carried_round_goes_on_with_its_steps_and_a_fresh_one_begins_anew() -> None:
-    begun = np.full((1, NUM_GENES), 0.5)
-    settings = cma(generations=40, rounds=2)
-    fresh = evolve(Sphere(), NUM_GENES, settings, seed=8, initial=begun)
-    carried = evolve(
-        Sphere(), NUM_GENES, cma(generations=40, rounds=2, next_round="carried"), 8, initial=begun
+    fresh, carried = (
+        evolve(Sphere(), NUM_GENES, cma(generations=40, rounds=2, next_round=kind), 8, initial=begun(0.5))
+        for kind in ("afresh", "carried")
     )
     assert column(fresh, "step_size")[41] == 0.2
     steps = column(carried, "step_size")
