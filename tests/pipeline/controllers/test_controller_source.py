@@ -27,10 +27,6 @@ HEADER = "time_s,force_x_n,force_y_n,force_z_n\n"
 MISSION = experiment_from(plain_config()).mission
 
 
-def test_coast_has_no_force():
-    assert load({"kind": "coast"}, MISSION).plan.shape == (0, 3)
-
-
 def test_constants_on_the_command_line_take_the_place_of_a_file_s():
     path = str(PROJECT / "conf/controller/champion_27.yaml")
     words = ["+experiment=evaluate", "controller=file", f"controller.path={path}"]
@@ -50,10 +46,6 @@ def test_a_table_of_forces(tmp_path, caplog):
     np.testing.assert_array_equal(controller.plan, [[0.1, -0.2, 0.3], [0, 1.5, -2], [0, 0, 0]])
     assert controller.name == "plan"
     assert "2 components beyond 1 N are clipped" in caplog.text
-
-
-def test_a_table_without_rows_is_a_flight_without_force(tmp_path):
-    path = tmp_path / "plan.csv"
     path.write_text(HEADER)
     assert read_played(path, MISSION).plan.shape == (0, 3)
 
@@ -62,6 +54,7 @@ def test_a_table_without_rows_is_a_flight_without_force(tmp_path):
     ("content", "message"),
     [
         ("", "does not begin with the header time_s,force_x_n"),
+        (b"\xff\xfe\x00", "cannot be read"),
         ("t,x,y,z\n0,0,0,0\n", "does not begin with the header"),
         (HEADER + "0,0,0,0\n20,0,0,0\n", "data row 2 has time_s 20, expected 10; give one row for each"),
         (HEADER + "5,0,0,0\n", "data row 1 has time_s 5, expected 0"),
@@ -73,15 +66,8 @@ def test_a_table_without_rows_is_a_flight_without_force(tmp_path):
 )
 def test_tables_that_cannot_be_flown(content, message, tmp_path):
     path = tmp_path / "plan.csv"
-    path.write_text(content)
+    path.write_bytes(content if isinstance(content, bytes) else content.encode())
     with pytest.raises(ControllerError, match=message):
-        read_played(path, MISSION)
-
-
-def test_a_table_that_is_no_text(tmp_path):
-    path = tmp_path / "plan.csv"
-    path.write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(ControllerError, match="cannot be read"):
         read_played(path, MISSION)
 
 
@@ -111,17 +97,9 @@ def shipped(name: str) -> FuzzyController:
     return serialize.load(PROJECT / "conf" / "controller" / f"{name}.yaml")
 
 
-RULES = {"champion_81": 81, "champion_leo": 15} | dict.fromkeys(
-    (
-        "champion_27",
-        "champion_27_fixed_sun",
-        "champion_afrl",
-        "champion_afrl_weighted",
-        "champion_afrl_six_dof",
-        "champion_rso",
-    ),
-    27,
-)
+AFRL = ("champion_afrl", "champion_afrl_weighted", "champion_afrl_six_dof", "champion_rso")
+RULES = dict.fromkeys(("champion_27", "champion_27_fixed_sun", *AFRL), 27)
+RULES |= {"champion_81": 81, "champion_leo": 15}
 
 
 @pytest.mark.parametrize(("name", "num_rules"), RULES.items())
@@ -141,7 +119,6 @@ def test_their_audit_finds_nothing(name: str, num_rules: int) -> None:
 
 def test_the_rehearsing_champion_is_champion_27_but_for_its_rehearsal() -> None:
     plain, rehearsing = shipped("champion_27"), shipped("champion_27_rehearsed")
-    more = {"rehearsal_reach_m_s": "0.15"}
-    attributes = tuple(sorted((dict(plain.attributes) | more).items()))
+    attributes = tuple(sorted((*plain.attributes, ("rehearsal_reach_m_s", "0.15"))))
     told = replace(rehearsing, name=plain.name, provenance=plain.provenance)
     assert told == replace(plain, attributes=attributes)

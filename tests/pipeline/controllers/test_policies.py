@@ -41,7 +41,7 @@ LAYERS: Sequence[Step] = (
     ("Gemm", ["", "w2", "b2"], {"alpha": 0.5, "beta": 2.0}),
     ("Clip", ["", "low", "high"], {}),
     ("Mul", ["force", ""], {}),
-)  # fmt: skip
+)
 OTHERWISE: Sequence[Step] = (
     ("Mul", ["", "half"], {}),
     ("Sub", ["", "half"], {}),
@@ -111,23 +111,21 @@ def test_what_is_no_chain_of_layers_is_refused_in_a_sentence(steps, reason) -> N
 
 def test_files_that_are_none_are_refused(tmp_path: Path) -> None:
     path = tmp_path / "policy.onnx"
+    outside = model(LAYERS)
+    bare = model(LAYERS)
+    outside.graph.initializer[0].data_location = TensorProto.EXTERNAL
+    del bare.graph.initializer[:]
     with pytest.raises(ControllerError, match=r"cannot be read .*; give an ONNX file"):
         read_policy(path)
-    path.write_bytes(b"\xff" * 100)
-    with pytest.raises(ControllerError, match="it is no ONNX file"):
-        read_policy(path)
-    path.write_bytes(bytes(1 << 25))
-    with pytest.raises(ControllerError, match="it is larger than 16 MiB"):
-        read_policy(path)
-    made = model(LAYERS)
-    made.graph.initializer[0].data_location = TensorProto.EXTERNAL
-    path.write_bytes(made.SerializeToString())
-    with pytest.raises(ControllerError, match="its weights are in another file"):
-        read_policy(path)
-    del made.graph.initializer[:]
-    path.write_bytes(made.SerializeToString())
-    with pytest.raises(ControllerError, match="its operator Div does not take the numbers of the one before"):
-        read_policy(path)
+    for content, message in (
+        (b"\xff" * 100, "it is no ONNX file"),
+        (bytes(1 << 25), "it is larger than 16 MiB"),
+        (outside.SerializeToString(), "its weights are in another file"),
+        (bare.SerializeToString(), "its operator Div does not take the numbers of the one before"),
+    ):
+        path.write_bytes(content)
+        with pytest.raises(ControllerError, match=message):
+            read_policy(path)
 
 
 def test_a_path_stands_for_a_policy() -> None:
@@ -141,25 +139,25 @@ OVERRIDES = ["safety=filter", "duration_s=900", "sun=random", "monte_carlo.num_c
 
 
 @pytest.fixture(scope="module")
-def flown(tmp_path_factory) -> tuple[Any, Controller, FlightLog]:
+def flown(tmp_path_factory) -> tuple[Any, Controller, list[Any], FlightLog]:
     """A policy's flight from the second start."""
     path = tmp_path_factory.mktemp("policy") / "learned.onnx"
     path.write_bytes(model(LAYERS).SerializeToString())
     task = task_of(OVERRIDES)
+    monte_carlo = task.experiment.monte_carlo
+    sun = task.experiment.sun
+    seed = task.experiment.seed
     controller = named(str(path), task.mission)
-    return task, controller, fly_logged(task.mission, controller, starts(task)[1])
-
-
-def starts(task: Any) -> list[Any]:
-    return evaluation_scenarios(task.experiment.monte_carlo, task.experiment.sun, task.experiment.seed)
+    starts = evaluation_scenarios(monte_carlo, sun, seed)
+    return task, controller, starts, fly_logged(task.mission, controller, starts[1])
 
 
 @pytest.mark.slow
 def test_a_policy_flies_in_the_gym_what_it_flies_here(flown) -> None:
-    task, controller, log = flown
+    task, controller, starts, log = flown
     assert controller.name == "learned"
     env, reference = InspectionEnv(OVERRIDES), ReferenceEvaluator(model(LAYERS))
-    seen, _ = env.reset(options={"scenario": starts(task)[1]})
+    seen, _ = env.reset(options={"scenario": starts[1]})
     assert len(OBSERVED) == len(seen)
     most = task.mission.deputy.max_force_n
     for k in range(task.mission.num_controls):
@@ -173,10 +171,10 @@ def test_a_policy_flies_in_the_gym_what_it_flies_here(flown) -> None:
 
 @pytest.mark.slow
 def test_a_flight_is_the_same_in_any_company(flown, monkeypatch) -> None:
-    task, controller, log = flown
+    task, controller, starts, log = flown
     monkeypatch.setattr(policy, "BLOCK", 3)
-    many = fly_all(task.mission, controller, starts(task), 2)
-    alone = fly_all(task.mission, controller, starts(task)[1:2], 1)
+    many = fly_all(task.mission, controller, starts, 2)
+    alone = fly_all(task.mission, controller, starts[1:2], 1)
     assert many.delta_v_m_s[1] == alone.delta_v_m_s[0] == log.delta_v_m_s[-1]
     assert many.mean_distance_m[1] == alone.mean_distance_m[0]
     assert len(set(many.delta_v_m_s)) == 7
@@ -184,13 +182,7 @@ def test_a_flight_is_the_same_in_any_company(flown, monkeypatch) -> None:
 
 @pytest.mark.slow
 def test_its_recording_flies_again_without_the_file(flown, tmp_path: Path) -> None:
-    task, controller, log = flown
-    recorder = FlightRecorder(
-        task.mission,
-        controller,
-        seed=task.experiment.seed,
-        config=task.config,
-        near_limit_m=task.experiment.telemetry.near_limit_m,
-    )
-    recorder.record(tmp_path / "flight.mcap", starts(task)[1], log, "case-1")
+    task, controller, starts, log = flown
+    recorder = FlightRecorder(task.mission, controller, seed=1, config=task.config, near_limit_m=5.0)
+    recorder.record(tmp_path / "flight.mcap", starts[1], log, "case-1")
     assert fly_again(tmp_path / "flight.mcap").is_equal

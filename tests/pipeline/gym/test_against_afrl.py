@@ -3,7 +3,6 @@
 `afrl/make_tables.py` made the tables, of safe-autonomy-sims (https://github.com/act3-ace/safe-autonomy-sims).
 """
 
-from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -25,6 +24,7 @@ pytestmark = pytest.mark.slow
 EVERY = 10
 #: theirs integrates with a tolerance of 1e-3 and takes forces in single precision
 CLOSE_M = 1e-4
+ENDS = {"Success", "Crash", "Out of Bounds", "Timeout"}
 WORLDS = {"afrl": AFRL, "afrl_weighted": AFRL_WEIGHTED}
 
 
@@ -37,29 +37,32 @@ class Episode(NamedTuple):
     weights: NDArray[np.float64]  # (K+1,) their weight; no rows where all count alike
     rewards: NDArray[np.float64]  # (K,)
     places: NDArray[np.float64]  # positions after each tenth step, from 0, and the last, m
-    status: str
     turns: NDArray[np.float64]  # attitudes where positions are kept; no rows where they are not flown
+    status: str
 
 
-def episodes(world: str) -> Iterator[Episode]:
+def episodes(world: str) -> list[Episode]:
     """Read the episodes of a world."""
     with np.load(PROJECT / "tests" / "pipeline" / "gym" / "afrl" / f"{world}.npz") as table:
         columns = dict(table)
-    samples, steps, kept = 0, 0, 0
-    weights = columns.get("weights", np.zeros(0))
-    for start, length, status in zip(columns["start"], columns["length"], columns["status"], strict=True):
-        num_kept = -(-length // EVERY) + 1
-        yield Episode(
-            start,
-            columns["actions"][steps : steps + length],
-            columns["counts"][samples : samples + length + 1],
-            weights[samples : samples + length + 1],
-            columns["rewards"][steps : steps + length],
-            columns["places"][kept : kept + num_kept],
-            str(status),
-            columns["turns"][kept : kept + num_kept] if "turns" in columns else np.zeros((0, 4)),
-        )
-        samples, steps, kept = samples + length + 1, steps + length, kept + num_kept
+    lengths = columns["length"]
+    steps, samples, kept = (np.cumsum(n)[:-1] for n in (lengths, lengths + 1, -(-lengths // EVERY) + 1))
+
+    def parted(name: str, ends: NDArray[np.int64]) -> list[NDArray[np.float64]]:
+        return np.split(columns[name], ends) if name in columns else [np.zeros(0)] * len(lengths)
+
+    rows = zip(
+        columns["start"],
+        parted("actions", steps),
+        parted("counts", samples),
+        parted("weights", samples),
+        parted("rewards", steps),
+        parted("places", kept),
+        parted("turns", kept),
+        map(str, columns["status"]),
+        strict=True,
+    )
+    return [Episode(*row) for row in rows]
 
 
 def agreed(env: InspectionEnv | SixDofInspectionEnv, one: Episode) -> float:
@@ -89,9 +92,8 @@ def agreed(env: InspectionEnv | SixDofInspectionEnv, one: Episode) -> float:
     assert [row["is_success"] for row in rows] == [False] * len(rows[1:]) + [one.status == "Success"]
     assert [told["num_inspected"] for told in rows] == one.counts.tolist()
     if len(one.weights):
-        np.testing.assert_allclose(
-            [told["weight_inspected"] for told in rows], one.weights, rtol=0, atol=1e-12
-        )
+        weights = [told["weight_inspected"] for told in rows]
+        np.testing.assert_allclose(weights, one.weights, rtol=0, atol=1e-12)
     np.testing.assert_allclose(rewards, one.rewards, rtol=0, atol=1e-6)
     if len(one.turns):
         np.testing.assert_allclose([*turns[:-1:EVERY], turns[-1]], one.turns, rtol=0, atol=1e-3)
@@ -101,19 +103,20 @@ def agreed(env: InspectionEnv | SixDofInspectionEnv, one: Episode) -> float:
 @pytest.mark.parametrize("world", WORLDS)
 def test_the_same_actions_give_the_same_episode(world: str) -> None:
     """Half of the episodes are random."""
-    env, found = InspectionEnv([f"world={world}"], WORLDS[world]), list(episodes(world))
+    env = InspectionEnv([f"world={world}"], WORLDS[world])
+    found = episodes(world)
     assert max(agreed(env, one) for one in found) < CLOSE_M
     assert len(found) == 40
-    assert {one.status for one in found} == {"Success", "Crash", "Out of Bounds", "Timeout"}
+    assert {one.status for one in found} == ENDS
 
 
 def test_the_same_actions_turn_the_deputy_as_theirs() -> None:
     """Random torques meet the limit of the rate, where their integrator makes much of rounding."""
     theirs = "chief.initial_angular_velocity_rad_s=[0,0,0]", "inspection_threshold_percent=45"
     env = SixDofInspectionEnv(["world=afrl_six_dof", *theirs])
-    found = list(episodes("afrl_six_dof"))
+    found = episodes("afrl_six_dof")
     apart = np.array([agreed(env, one) for one in found])
-    assert {one.status for one in found} == {"Success", "Crash", "Out of Bounds", "Timeout"}
+    assert {one.status for one in found} == ENDS
     assert apart[:20].max() < CLOSE_M
     assert np.sum(apart[20:] < CLOSE_M) >= 15
     assert apart.max() < 0.1

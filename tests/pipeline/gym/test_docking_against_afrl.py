@@ -20,17 +20,12 @@ CLOSE_M = 1e-4
 def episodes():
     with np.load(PROJECT / "tests" / "pipeline" / "gym" / "docking" / "docking.npz") as table:
         columns = dict(table)
-    rows, steps, kept = [], 0, 0
-    for start, length, status in zip(columns["start"], columns["length"], columns["status"], strict=True):
-        num_kept = -(-length // 10) + 1
-        actions = columns["actions"][steps : steps + length] / 1024.0
-        rewards, places = (
-            columns["rewards"][steps : steps + length],
-            columns["places"][kept : kept + num_kept],
-        )
-        rows.append((Scenario(start[:3], start[3:], 0.0), actions, rewards, places, str(status)))
-        steps, kept = steps + length, kept + num_kept
-    return rows
+    starts = [Scenario(start[:3], start[3:], 0.0) for start in columns["start"]]
+    steps, kept = (np.cumsum(n)[:-1] for n in (columns["length"], -(-columns["length"] // 10) + 1))
+    actions, rewards = (np.split(columns[name], steps) for name in ("actions", "rewards"))
+    places = np.split(columns["places"], kept)
+    statuses = map(str, columns["status"])
+    return list(zip(starts, [one / 1024.0 for one in actions], rewards, places, statuses, strict=True))
 
 
 def told(info: dict[str, float], is_terminated: bool, steps: int) -> str:
@@ -69,4 +64,4 @@ def test_flights_end_as_in_afrls_environment(episodes):
 
 def test_flights_without_a_goal_are_refused():
     with pytest.raises(ValueError, match="no flight with a goal"):
-        ReachEnv(["world=leo"])
+        ReachEnv(["safety=filter"])

@@ -9,28 +9,16 @@ from gymnasium.spaces import Box, MultiDiscrete
 from gymnasium.utils.env_checker import check_env
 
 import telemetry
+from benchmarks.field import is_enough_in_rso
+from pipeline import gym
+from pipeline.command_line.config import compose_experiment
 from pipeline.controllers.source import load
 from pipeline.flight.cases.starts import evaluation_scenarios
+from pipeline.flight.fly import stepping
 from pipeline.flight.fly.simulation import fly_logged
-from pipeline.flight.fly.stepping import (
-    CORRECTED,
-    NUM_ACTED,
-    NUM_CANDIDATES,
-    NUM_INSPECTED,
-    NUM_SEEN,
-    OBSERVED,
-    SPENT,
-    Flights,
-)
-from pipeline.flight.state.log import FlightLog, Scenario
-from pipeline.gym import (
-    InspectionEnv,
-    InspectionVectorEnv,
-    NormalizedObservation,
-    NormalizedVectorObservation,
-    SixDofInspectionEnv,
-    task_of,
-)
+from pipeline.flight.state.log import FlightLog, Scenario, empty_log
+from pipeline.flight.world.pack import inspection_points
+from pipeline.gym import InspectionEnv, task_of
 from pipeline.recording.reflight import fly_again
 
 #: what differs in the parts of a flight that are compiled
@@ -53,29 +41,21 @@ def test_flights_driven_with_the_forces_of_a_log_are_that_flight(world: str) -> 
     experiment, mission = task.experiment, task.mission
     scenarios = evaluation_scenarios(experiment.monte_carlo, experiment.sun, experiment.seed)
     logs = [fly_logged(mission, load(experiment.controller, mission), one) for one in scenarios]
-    flights = Flights(mission, 2, is_tilted=task.is_tilted)
+    flights = stepping.Flights(mission, 2, is_tilted=task.is_tilted)
     for flight, scenario in enumerate(scenarios):
         flights.start(flight, scenario)
     flights.step(np.zeros((2, 3)))
-    columns = [*range(9), NUM_INSPECTED, NUM_CANDIDATES, SPENT]
+    columns = [*range(9), stepping.NUM_INSPECTED, stepping.NUM_CANDIDATES, stepping.SPENT]
     for k in range(mission.num_controls + 1):
         for flight, log in enumerate(logs):
             assert (flights.observed[flight, columns] == known(log, k)).all(), (flight, k)
         if k < mission.num_controls:
             flights.step(np.array([log.force_asked_n[k] for log in logs]))
     for flight, log in enumerate(logs):
-        assert flights.observed[flight, NUM_ACTED] == np.count_nonzero(log.safety_limit)
+        assert flights.observed[flight, stepping.NUM_ACTED] == np.count_nonzero(log.safety_limit)
         per_force = mission.control_period_s / mission.deputy.mass_kg
         corrected = np.abs(log.safety_force_hill_n).sum() * per_force
-        assert flights.observed[flight, CORRECTED] == pytest.approx(corrected)
-
-
-@pytest.mark.slow
-def test_a_sun_out_of_the_orbit_plane_is_to_be_announced() -> None:
-    task = task_of(["controller=lqr", "sun.elevation_deg=30", "monte_carlo.num_cases=1"])
-    (tilted,) = evaluation_scenarios(task.experiment.monte_carlo, task.experiment.sun, 1)
-    with pytest.raises(ValueError, match="out of the orbit plane; pass is_tilted=True"):
-        Flights(task.mission, 1, is_tilted=False).start(0, tilted)
+        assert flights.observed[flight, stepping.CORRECTED] == pytest.approx(corrected)
 
 
 @pytest.mark.slow
@@ -83,7 +63,7 @@ def test_a_sun_out_of_the_orbit_plane_is_to_be_announced() -> None:
 def test_gymnasium_finds_no_fault(world: str) -> None:
     env = gymnasium.make("pipeline.gym:Inspection-v0", overrides=WORLDS[world]).unwrapped
     check_env(env)
-    assert len(OBSERVED) == NUM_SEEN == env.observation_space.shape[0]
+    assert len(stepping.OBSERVED) == stepping.NUM_SEEN == env.observation_space.shape[0]
 
 
 @pytest.mark.filterwarnings("ignore:.*infinity")
@@ -91,7 +71,7 @@ def test_six_degrees_of_freedom_are_an_environment_too() -> None:
     env = gymnasium.make("pipeline.gym:SixDofInspection-v0").unwrapped
     check_env(env)
     with pytest.raises(ValueError, match="safety: this is not flown with six degrees of freedom"):
-        SixDofInspectionEnv(["world=afrl_six_dof", "safety=filter"])
+        gym.SixDofInspectionEnv(["world=afrl_six_dof", "safety=filter"])
 
 
 @pytest.fixture(scope="module")
@@ -137,17 +117,14 @@ def test_rewards_are_what_they_are_said_to_be(flown) -> None:
     env, reward = flown, flown.task.reward
     scenario = replace(env._episodes._scenarios[0], position_m=np.array([18.0, 1.0, 2.0]))
     _, before = env.reset(options={"scenario": scenario})
-    _, rewarded, terminated, truncated, after = env.step(np.array([-1.0, 0.5, 0.0]))
-    expected = reward.per_point * (after["num_inspected"] - before["num_inspected"])
-    expected -= reward.per_delta_v * after["delta_v_m_s"]
-    assert rewarded == pytest.approx(expected)
-    assert not terminated
-    assert not truncated
+    _, rewarded, *ends, after = env.step(np.array([-1.0, 0.5, 0.0]))
+    gained = after["num_inspected"] - before["num_inspected"]
+    assert rewarded == pytest.approx(reward.per_point * gained - reward.per_delta_v * after["delta_v_m_s"])
+    assert ends == [False, False]
     outward = replace(scenario, velocity_m_s=np.array([400.0, 0.0, 0.0]))
     _, before = env.reset(options={"scenario": outward})
-    _, rewarded, terminated, truncated, told = env.step(np.zeros(3))
-    assert terminated
-    assert not truncated
+    _, rewarded, *ends, told = env.step(np.zeros(3))
+    assert ends == [True, False]
     assert told["outside_m"] > 0.0
     # the safety layer brakes
     gained, braked = told["num_inspected"] - before["num_inspected"], told["delta_v_m_s"]
@@ -155,10 +132,11 @@ def test_rewards_are_what_they_are_said_to_be(flown) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("kind", "world"), [(InspectionEnv, "afrl"), (SixDofInspectionEnv, "afrl_six_dof")])
+@pytest.mark.parametrize("world", ["afrl", "afrl_six_dof"])
 @pytest.mark.parametrize("velocity_m_s", [0.0, 400.0, -4.0])
-def test_success_is_inside_the_limits_alone(kind, world, velocity_m_s) -> None:
+def test_success_is_inside_the_limits_alone(world, velocity_m_s) -> None:
     """A hundredth of the points is seen from the start; after 10 s it is there, too far, or too near."""
+    kind = gym.SixDofInspectionEnv if "six_dof" in world else InspectionEnv
     env = kind([f"world={world}", "inspection_threshold_percent=1"])
     start = Scenario(np.array([-40.0, 0.0, 0.0]), np.array([-velocity_m_s, 0.0, 0.0]), np.pi)
     priority = np.array([-1.0, 0.0, 0.0])
@@ -189,8 +167,8 @@ def test_many_flights_are_single_ones_and_start_anew() -> None:
 
 
 def test_normalised_observations_are_about_one() -> None:
-    one = NormalizedObservation(InspectionEnv(WORLDS["paper"]))
-    many = NormalizedVectorObservation(InspectionVectorEnv(2, WORLDS["paper"]))
+    one = gym.NormalizedObservation(InspectionEnv(WORLDS["paper"]))
+    many = gym.NormalizedVectorObservation(gym.InspectionVectorEnv(2, WORLDS["paper"]))
     seen = one.reset(seed=5)[0]
     assert (many.reset(seed=5)[0][0] == seen).all()
     assert one.observation_space.contains(seen)
@@ -198,8 +176,43 @@ def test_normalised_observations_are_about_one() -> None:
     assert isinstance(one.action_space, Box)
 
 
-def test_what_cannot_be_learnt_in_is_refused() -> None:
+def test_what_cannot_be_learnt_in_is_refused(flown) -> None:
+    task = flown.task
+    tilted = replace(flown._episodes._scenarios[0], sun_elevation_rad=0.5)
+    with pytest.raises(ValueError, match="out of the orbit plane; pass is_tilted=True"):
+        stepping.Flights(task.mission, 1, is_tilted=False).start(0, tilted)
     with pytest.raises(ValueError, match=r"levels_n is 9\.0; it must be above 0 and at most"):
         task_of(levels_n=9.0)
     with pytest.raises(ValueError, match="leave dispersions out"):
         InspectionEnv(["+dispersions.deputy.mass_kg={kind:uniform,low:10,high:14}"])
+
+
+@pytest.mark.slow
+def test_points_are_seen_within_30_degrees_and_lit_within_60_and_10_m_s_are_spent() -> None:
+    env = InspectionEnv(["world=rso"])
+    normals, place = inspection_points(env.task.mission), np.array([0.0, 120.0, 160.0])
+    _, told = env.reset(options={"scenario": Scenario(place, np.zeros(3), np.radians(60.0))})
+    towards = place - normals
+    is_in_view = np.sum(normals * towards, axis=1) >= np.cos(np.pi / 6) * np.linalg.norm(towards, axis=1)
+    is_lit = normals @ [0.5, np.sqrt(0.75), 0.0] > 0.5
+    assert told["num_inspected"] == np.sum(is_in_view & is_lit) > 0
+    spent = []
+    for k in range(30):
+        *_, told = env.step(np.array([1.0 if k % 4 in (0, 3) else -1.0, 0.0, 0.0]))
+        spent.append(told["delta_v_m_s"])
+    assert spent[0] == pytest.approx(1.0, rel=1e-3)
+    assert spent[-1] == spent[-2] == pytest.approx(10.0, rel=1e-3)
+    far = Scenario(np.array([0.0, 0.0, 252.0]), np.zeros(3), 0.0, np.pi / 2)
+    assert InspectionEnv(["world=rso"]).reset(options={"scenario": far})[1]["num_inspected"] == 0.0
+
+
+def test_as_in_bsk_rl_enough_is_seen_only_once_many_points_were_lit_or_an_orbit_has_passed() -> None:
+    mission = compose_experiment(["+experiment=evaluate", "world=rso"]).experiment.mission
+    normals, over_the_pole = inspection_points(mission), Scenario(np.zeros(3), np.zeros(3), 0.0, np.pi / 2)
+    is_lit = normals[:, 2] > 0.5
+    assert is_lit.sum() == 23
+    log = empty_log(mission.num_controls, mission.num_attitude_steps, 100, 0)
+    for num_seen, first in ((21, 101), (20, None)):  # 0.9 of 23; an orbit takes 100.7 periods of a minute
+        log.is_inspected[:] = is_lit & (np.cumsum(is_lit) <= num_seen)
+        is_enough = is_enough_in_rso(mission, over_the_pole, log)
+        assert (int(is_enough.argmax()) if is_enough.any() else None) == first

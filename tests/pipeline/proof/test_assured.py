@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from pipeline.command_line.cli import main
-from tests.pipeline.proof.cases import BOX
+from tests.pipeline.proof.cases import NEAR
 
 REQUIREMENT = """schema: requirements
 schema_version: 2
@@ -30,9 +30,8 @@ requirements:
 def test_a_requirement_is_shown_by_the_proof_of_its_run_alone(tmp_path: Path) -> None:
     path, folder = tmp_path / "near.yaml", tmp_path / "run"
     path.write_text(REQUIREMENT)
-    fixed = ["+experiment=prove", "problem=docking_planar", "controller=steady", f"monte_carlo.box={BOX}"]
-    words = [*fixed, "problem.goal_radius_m=1.5", "prove.cells=48", "assurance.num_cases=20"]
-    words += [f"assurance.requirements={path}", f"hydra.run.dir={folder}"]
+    fixed = ["+experiment=prove", "problem=docking_planar", "controller=steady", *NEAR]
+    words = [*fixed, "assurance.num_cases=20", f"assurance.requirements={path}", f"hydra.run.dir={folder}"]
 
     def verdict() -> tuple[str, str]:
         evidence = json.loads((folder / "assure" / "evidence.json").read_text())

@@ -4,13 +4,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
+from fis_tools.engines import interpreter, interval
 from fis_tools.model import FuzzyController
 from pipeline.flight.control.controller import from_fuzzy
 from pipeline.flight.fly.simulation import fly_logged
 from pipeline.flight.state.log import Scenario
 from pipeline.physics.motion import motion_over
 from pipeline.proof.loop import NotProvable, Theorem
+from pipeline.proof.surface import Box, surface_of
 from pipeline.proof.verdict import Verdict, limit_fault, prove
 from pipeline.stages.prove import theorem_of
 from tests.pipeline.proof.cases import job, reversed_in_sign, steady
@@ -102,3 +106,36 @@ def test_between_samples_more_is_allowed_for_than_at_them():
 def test_others_are_refused_in_a_sentence(experiment, change, words):
     with pytest.raises(NotProvable, match=words):
         followed(experiment, change(steady()))
+
+
+DEAD_BAND_N, MOST_N = 0.05, 0.8
+SURFACE = surface_of(steady().systems[0], DEAD_BAND_N, MOST_N)
+
+
+@given(
+    low=st.floats(-6.0, 6.0),
+    width=st.floats(0.0, 3.0),
+    least=st.floats(-0.3, 0.3),
+    height=st.floats(0.0, 0.2),
+    shear=st.floats(-0.1, 0.1),
+    seed=st.integers(0, 2**32 - 1),
+)
+def test_no_force_leaves_it(low, width, least, height, shear, seed):
+    box = Box(low, low + width, least, least + height, shear)
+    plane = SURFACE.plane(box)
+    at = np.random.default_rng(seed).uniform(size=(2, 20))
+    p, s = low + width * at[0], least + height * at[1]
+    v = s - shear * p
+    force = interpreter.evaluate(interval.pack(steady().systems[0]), np.stack([p, v], axis=1))[:, 0]
+    force = np.clip(np.where(np.abs(force) < DEAD_BAND_N, 0.0, force), -MOST_N, MOST_N)
+    flat = plane.constant + plane.per_position * p + plane.per_velocity * v
+    assert np.all(np.abs(force - flat) <= plane.residual)
+    lowest, highest = plane.ends(box)
+    assert np.all((lowest <= force) & (force <= highest))
+    assert np.all((box.ends[2] - 1e-12 <= v) & (v <= box.ends[3] + 1e-12))
+
+
+def test_where_the_rules_are_smooth_the_residual_is_small():
+    near, far = (SURFACE.plane(Box(2.0, 2.0 + w, -0.07, -0.07 + w / 50, 0.0)) for w in (0.05, 1.0))
+    assert near.residual < 0.3 * far.residual
+    assert near.per_velocity < 0.0

@@ -6,8 +6,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.integrate import solve_ivp
-from scipy.linalg import expm
 
 from pipeline.command_line.config import Job, compose_experiment
 from pipeline.controllers.source import controller_of_kind
@@ -15,6 +13,7 @@ from pipeline.flight.cases.starts import evaluation_scenarios
 from pipeline.flight.state.log import Scenario
 from pipeline.settings.controllers import planned_settings
 from pipeline.settings.experiment import Mission
+from tests.readable_flight.motion import transition
 
 Floats = NDArray[np.float64]
 
@@ -57,34 +56,26 @@ def planned_ahead(plan_for: Any, start: Scenario, num_periods: int = 360) -> Flo
     return forces
 
 
-def discrete() -> tuple[Floats, Floats]:
-    """The motion over a control period by scipy's matrix exponential, apart from our closed form."""
-    whole = np.zeros((9, 9))
-    whole[:6, :6], whole[3:6, 6:] = DERIVATIVE, np.eye(3) / MASS
-    moved = expm(whole * PERIOD)
-    return moved[:6, :6], moved[:6, 6:]
-
-
 def flown(start: Scenario, forces: Floats, num_samples: int = 361) -> Floats:
     """The states that held forces lead through, shape (num_samples, 6)."""
-    transition, control = discrete()
-    states = np.zeros((num_samples, 6))
-    states[0] = np.r_[start.position_m, start.velocity_m_s]
-    for k in range(1, num_samples):
-        force = forces[k - 1] if k <= len(forces) else np.zeros(3)
-        states[k] = transition @ states[k - 1] + control @ force
-    return states
+    phi, gamma = transition(MEAN_MOTION, PERIOD, MASS)
+    held = np.zeros((num_samples, 3))
+    states = [np.r_[start.position_m, start.velocity_m_s]]
+    held[: len(forces)] = forces[:num_samples]
+    for force in held[:-1]:
+        states.append(phi @ states[-1] + gamma @ force)
+    return np.array(states)
 
 
-def integrated(state: Floats, seconds: Floats) -> Floats:
-    """Free motion by numerical integration, shape (len(seconds), 6)."""
-    solved = solve_ivp(
-        lambda _, s: DERIVATIVE @ s,
-        (0.0, seconds[-1]),
-        state,
-        method="DOP853",
-        t_eval=seconds,
-        rtol=1e-11,
-        atol=1e-11,
-    )
-    return solved.y.T
+def ring(settings: Any, start: Scenario, samples: NDArray[np.int64]) -> Floats:
+    """The states at some samples of a deputy on the ring, in phase with the Sun, shape (n, 6)."""
+    turned = MEAN_MOTION * PERIOD * np.asarray(samples)
+    phase = start.sun_angle_rad - settings.ring_lead_rad - turned
+    swing = turned + settings.height_lead_rad
+    size = settings.ring_size_m
+    most = settings.max_height_m
+    height = np.clip(start.position_m[2], -most, most)
+    places = size * np.cos(phase), 2 * size * np.sin(phase), height * np.cos(swing)
+    # the velocity is the derivative of the position: the phase falls at n
+    speeds = size * np.sin(phase), -2 * size * np.cos(phase), -height * np.sin(swing)
+    return np.stack([*places, *(MEAN_MOTION * speed for speed in speeds)], axis=-1)

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
-from pipeline.training.evolution import genetic
+from pipeline.training.evolution import generations as genetic
 from pipeline.training.evolution.rounds import evolve_rounds
 from tests.pipeline.training.evolution.cases import Sphere, column, evolve, optimizer, rows_of
 
