@@ -115,8 +115,13 @@ ORBITAL = leaning(
         "y": (0.03, {"centre_radial": 60.0, "ring_error_radial": 80.0, "sun_ahead": 1.0}),
         "z": (0.02, {"target_along_track": 1.0, "target_cross_track": 1.0, "sun_alignment": 1.0}),
     },
-    {"ring_size_m": 31.0, "ring_lead_rad": 0.4}
-    | {"dead_band_force_x_n": 0.002, "dead_band_force_y_n": 0.004, "dead_band_force_z_n": 0.001},
+    {
+        "ring_size_m": 31.0,
+        "ring_lead_rad": 0.4,
+        "dead_band_force_x_n": 0.002,
+        "dead_band_force_y_n": 0.004,
+        "dead_band_force_z_n": 0.001,
+    },
 )
 #: senses where its drift takes it
 LOOKING_AHEAD = leaning(
@@ -148,21 +153,35 @@ PAUSING = with_attributes(HURRYING, decision_period_s="30")
 #: senses the push that shows what sets for good, and coasts where enough is foreseen
 SEEING = leaning(
     along_each({"see_push": 0.2, "aim": 0.1, "urgent": 1.0}),
-    {"urgency_time_s": 400.0, "skirt_distance_m": 70.0, "see_horizon_s": 1500.0}
-    | {"see_damping_ks2": 0.08, "aim_urgent_m_s": 0.04, "coast_below_points": 3.0},
+    {
+        "urgency_time_s": 400.0,
+        "skirt_distance_m": 70.0,
+        "see_horizon_s": 1500.0,
+        "see_damping_ks2": 0.08,
+        "aim_urgent_m_s": 0.04,
+        "coast_below_points": 3.0,
+    },
 )
 
 
 def touring(**changes: float) -> Controller:
     """A controller that senses the push onto a tour, and what that leans towards."""
-    waves = {
-        **{"radial_mean": -11.0, "radial_cos_1": 50.0, "radial_sin_2": -30.0},
-        **{"along_track_sin_1": 80.0, "along_track_cos_2": 17.0},
-        **{"cross_track_sin_1": 25.0, "cross_track_cos_2": -14.0, "lift_mean": 12.0, "lift_sin_2": -40.0},
+    constants = {
+        "urgency_time_s": 900.0,
+        "skirt_distance_m": 70.0,
+        "see_damping_ks2": 0.08,
+        "tour_time_s": 700.0,
+        "tour_lean_m": 20.0,
+        "tour_radial_mean_m": -11.0,
+        "tour_radial_cos_1_m": 50.0,
+        "tour_radial_sin_2_m": -30.0,
+        "tour_along_track_sin_1_m": 80.0,
+        "tour_along_track_cos_2_m": 17.0,
+        "tour_cross_track_sin_1_m": 25.0,
+        "tour_cross_track_cos_2_m": -14.0,
+        "tour_lift_mean_m": 12.0,
+        "tour_lift_sin_2_m": -40.0,
     }
-    constants = {"urgency_time_s": 900.0, "skirt_distance_m": 70.0, "see_damping_ks2": 0.08}
-    constants |= {"tour_time_s": 700.0, "tour_lean_m": 20.0}
-    constants |= {f"tour_{name}_m": size for name, size in waves.items()}
     return leaning(along_each({"tour_push": 0.2, "urgent": 1.0, "see_push": 0.2}, 0.02), constants | changes)
 
 
@@ -182,8 +201,10 @@ def isotropic(generator: np.random.Generator, count: int) -> np.ndarray:
 def random_starts(count: int, seed: int) -> list[Scenario]:
     """Starts in isotropic directions, 50 to 100 m from the chief, drifting, under any Sun."""
     generator = np.random.default_rng(seed)
-    directions, distances = isotropic(generator, count), generator.uniform(50.0, 100.0, count)
-    velocities, angles = generator.normal(0.0, 0.01, (count, 3)), generator.uniform(0.0, 2.0 * np.pi, count)
+    directions = isotropic(generator, count)
+    distances = generator.uniform(50.0, 100.0, count)
+    velocities = generator.normal(0.0, 0.01, (count, 3))
+    angles = generator.uniform(0.0, 2.0 * np.pi, count)
     places = distances[:, np.newaxis] * directions
     return [Scenario(*start) for start in zip(places, velocities, angles.tolist(), strict=True)]
 

@@ -68,10 +68,16 @@ def setting(draw: Any, kind: Any, name: str, value: Any) -> Any:
     """A value for a setting of a group."""
     field = kind.__pydantic_fields__[name]
     simple = {bool: st.booleans(), int: st.integers(1, MOST_POINTS)}
-    special = {"inertia_kg_m2": inertia(), "thrusters": layout(), "boresight": direction(3)}
-    special |= {"initial_quaternion": direction(4)}
-    limits = limits_of(field.annotation, field.metadata)
-    found = simple.get(field.annotation, special.get(name))
+    special = {
+        "inertia_kg_m2": inertia(),
+        "thrusters": layout(),
+        "boresight": direction(3),
+        "initial_quaternion": direction(4),
+    }
+    limits, found = (
+        limits_of(field.annotation, field.metadata),
+        simple.get(field.annotation, special.get(name)),
+    )
     if get_origin(field.annotation) is Literal:
         found = st.sampled_from(get_args(field.annotation))
     if found is None and "tuple" in str(field.annotation):
@@ -141,14 +147,16 @@ def clocked(draw: Any, base: Mission) -> Mission:
     count, ticks = draw(st.integers(2, 20)), draw(st.integers(1, MOST_TICKS))
     longest = MOST_RADIANS / (2.0 * count * base.orbit.mean_motion_rad_s)
     period = draw(st.one_of(magnitude(1.0, 200.0), magnitude(2.0 * MOST_TICKS * REACHES["s"][0], longest)))
-    counts = st.integers(0, 2)
-    fixes = {"fix_period_s": draw(st.integers(1, 2)) * period, "delay_s": draw(counts) * period}
     clocks = {
         "control_period_s": period,
         "attitude_period_s": period / ticks,
         "duration_s": count * period,
-        "navigation": replace(base.navigation, **fixes),
-        "actuators": replace(base.actuators, delay_s=draw(counts) * period),
+        "navigation": replace(
+            base.navigation,
+            fix_period_s=draw(st.integers(1, 2)) * period,
+            delay_s=draw(st.integers(0, 2)) * period,
+        ),
+        "actuators": replace(base.actuators, delay_s=draw(st.integers(0, 2)) * period),
         "safety": replace(base.safety, passive_horizon_s=30 * period, keep_in_horizon_s=45 * period),
     }
     try:

@@ -59,7 +59,8 @@ def restoring_systems():
             axis,
             (f"position_{name}", "m", -80.0, 80.0, 18.0),
             (f"velocity_{name}", "m/s", -0.3, 0.3, 0.08),
-            *(-1, 0.02),
+            -1,
+            0.02,
         )
         for axis, name in names
     )

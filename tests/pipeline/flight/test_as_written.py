@@ -86,7 +86,8 @@ def flight(controller=STEERING, start=STARTS[0], dispersions=None, **changes):
     return replace(mission(**changes), dispersions=dispersions or {}), controller, start
 
 
-CLUSTERS, LAST = {"kind": "clusters"}, vars(LAST_MOMENT)
+CLUSTERS = {"kind": "clusters"}
+LAST = vars(LAST_MOMENT)
 FLIGHTS = {
     "paper": flight(),
     "clusters": flight(guidance=CLUSTERS),
@@ -148,10 +149,15 @@ FLIGHTS = {
         chief={"placement": "fibonacci", "num_points": 37, "inspection_radius_m": 8.0}
     ),
 }
-TILTED, SHADOW = replace(STARTS[0], sun_elevation_rad=0.5), {"shadow": "conical"}
+TILTED = replace(STARTS[0], sun_elevation_rad=0.5)
+SHADOW = {"shadow": "conical"}
 #: seen where it reflects neither too little nor too much, and while the Sun is 3 degrees below the horizon
-GLITTER = {"past_terminator_deg": 3.0, "reflection": "blinn_phong"}
-GLITTER |= {"least_intensity": (0.7,) * 3, "greatest_intensity": (2.0, 0.95, 2.0)}
+GLITTER = {
+    "past_terminator_deg": 3.0,
+    "reflection": "blinn_phong",
+    "least_intensity": (0.7,) * 3,
+    "greatest_intensity": (2.0, 0.95, 2.0),
+}
 FLIGHTS |= {
     name: flight(cases.SEEING, TILTED, attitude=IDEAL, **world)
     for name, world in {
@@ -180,7 +186,8 @@ FLIGHTS |= {
 QUICK = (
     *("paper", "clusters", "full inertia", "plan", "late fixes, late thrusters with errors"),
     *("pole blending", "Hill axes, weak thruster, slow clocks, narrow camera", "what goes dark soon"),
-    *("about the oblate Earth, in and out of its shadow", "a decision every half minute, safety layer"),
+    "about the oblate Earth, in and out of its shadow",
+    "a decision every half minute, safety layer",
     "shadow",
 )
 

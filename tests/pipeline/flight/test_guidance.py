@@ -53,9 +53,11 @@ def flight_like_sequence(seed, num_steps=150):
     start, axis = rng.normal(size=(2, 3))
     start *= rng.uniform(40.0, 110.0) / np.linalg.norm(start)
     turn = Rotation.from_rotvec(0.02 * axis / np.linalg.norm(axis))
-    sun_angle, is_inspected = rng.uniform(0.0, 2.0 * pi), np.zeros(len(points), dtype=bool)
+    sun_angle = rng.uniform(0.0, 2.0 * pi)
+    is_inspected = np.zeros(len(points), dtype=bool)
     for step in range(num_steps):
-        position, angle = (turn**step).apply(start), sun_angle - 0.03 * step
+        position = (turn**step).apply(start)
+        angle = sun_angle - 0.03 * step
         is_lit = points @ [np.cos(angle), np.sin(angle), 0.0] > 0.0
         is_inspected |= is_lit & (points @ position > 9.0 * np.linalg.norm(position))
         yield position, points[is_lit & ~is_inspected]

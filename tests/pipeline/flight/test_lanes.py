@@ -71,7 +71,8 @@ def test_alone_in_company_in_any_order_on_any_number_of_threads_logged_or_not(na
         assert_equal(fly(what, controller, STARTS, workers), rows, tracks)
     for index in (0, LANES, LANES + 1, LANES + 3, len(STARTS) - 1):
         assert_equal(fly(what, controller, [STARTS[index]]), rows[[index]], tracks[[index]])
-        row, log = rows[index], fly_logged(what, controller, STARTS[index])
+        row = rows[index]
+        log = fly_logged(what, controller, STARTS[index])
         np.testing.assert_array_equal(log.position_m.astype(np.float32), tracks[index])
         counts = log.is_inspected[-1].sum(), log.is_inspectable.sum()
         assert tuple(row[:3]) == (log.delta_v_m_s[-1], *counts)

@@ -54,7 +54,8 @@ def test_the_hour_from_noon_in_the_orbit_plane_lights_80_points_beside_the_shado
 
 def test_a_flight_is_over_when_all_is_inspected_that_can_be() -> None:
     """After the last point that is ever lit the deputy fires no more, though others are never seen."""
-    what, start = mission(attitude=IDEAL.attitude), replace(STARTS[1], sun_elevation_rad=-0.3)
+    what = mission(attitude=IDEAL.attitude)
+    start = replace(STARTS[1], sun_elevation_rad=-0.3)
     log = fly_logged(what, SEEING, start)
     left = log.is_inspectable & ~log.is_inspected
     assert log.is_inspectable.sum() == 95
@@ -97,9 +98,12 @@ def test_a_flight_that_does_not_stay_finite_is_no_result():
 
 @pytest.mark.slow
 def test_an_attitude_that_does_not_stay_finite_is_no_result():
-    world, gain = pack_world(MINUTE), 1e300 * np.eye(3)
+    world = pack_world(MINUTE)
+    gain = 1e300 * np.eye(3)
     wild = world._replace(proportional_gain=gain, derivative_gain=gain, max_torque=1e300)
-    law, numbers, cases = law_of(coast(), MINUTE), coast().numbers, cases_of(MINUTE, STARTS[:1])
+    law = law_of(coast(), MINUTE)
+    numbers = coast().numbers
+    cases = cases_of(MINUTE, STARTS[:1])
     assert np.isfinite(fly_population(world, law, numbers, cases).delta_v_m_s).all()
     with pytest.raises(FlightError, match="did not stay finite"):
         fly_population(wild, law, numbers, cases)
@@ -167,7 +171,8 @@ def test_the_table_is_right_where_it_was_looked_and_nearly_everywhere_else() -> 
     told = found.occlusion.is_free[cells, points] > 0
     assert np.mean(told != there) <= 0.0025
     assert 0.2 < there.mean() < 0.6
-    directions, points = isotropic(generator, 2000), generator.integers(0, len(found.points), 2000)
+    directions = isotropic(generator, 2000)
+    points = generator.integers(0, len(found.points), 2000)
     cells = cells_of(directions)
     told = found.occlusion.is_free[cells, points] > 0
     wrong = told != rays_are_free(directions, found.points[points], found.normals[points])

@@ -235,7 +235,8 @@ def test_what_varies_is_what_errors_are_made_of():
     assert kstest((ranges / drawn(what, key)[:500, :, 0]).ravel(), norm.cdf).pvalue > 1e-3
     key = "actuators.misalignment_deg"
     exact = replace(NOISY, actuators=replace(NOISY.actuators, scale_error=0.0))
-    what, force = varying(exact, key, mean=0.0, std=2.0), np.array([1.0, -2.0, 0.5])
+    what = varying(exact, key, mean=0.0, std=2.0)
+    force = np.array([1.0, -2.0, 0.5])
     about = in_time(what, key, CASES[0], 0.0)[:-1]
     turned = Rotation.from_rotvec(about).apply(force)
     np.testing.assert_allclose(thrust_errors(what, CASES[:1]).matrices[0] @ force, turned, atol=1e-12)

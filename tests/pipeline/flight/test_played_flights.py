@@ -50,7 +50,8 @@ FORCES = ("force_body_x_n", "force_body_y_n", "force_body_z_n"), RANDOM.normal(0
 )
 def test_what_is_played_is_flown_as_written(played, mode, tmp_path):
     """Torques turn the deputy; attitudes are had where pointing is ideal, and sought where it is flown."""
-    what, (names, rows) = replace(MINUTES, attitude=replace(MINUTES.attitude, mode=mode)), played
+    what = replace(MINUTES, attitude=replace(MINUTES.attitude, mode=mode))
+    names, rows = played
     controller = read_played(table(tmp_path / "played.csv", names, rows), what)
     log = assert_as_written(what, controller, STARTS[0])
     told = {"force_body_x_n": log.force_body_n, "torque_x_n_m": log.torque_b_n_m[:, 0]}
@@ -98,14 +99,18 @@ def test_a_genome_and_its_file_fly_the_same_bit_for_bit(workers: int, kind: str,
     encoding = SystemEncoding(PAPER.systems, Bounds())
     genomes = np.random.default_rng(8).random((5, encoding.num_genes))
     genomes[0] = encoding.encode(PAPER.systems)
-    law, world, length = law_of(from_fuzzy(PAPER), MISSION), pack_world(MISSION), MISSION.num_controls + 1
+    law = law_of(from_fuzzy(PAPER), MISSION)
+    world = pack_world(MISSION)
+    length = MISSION.num_controls + 1
     tracks = np.empty((5, len(FLIGHTS), length, 3), dtype=np.float32)
-    flat, cases = tracks.reshape(-1, length, 3), cases_of(MISSION, FLIGHTS)
+    flat = tracks.reshape(-1, length, 3)
+    cases = cases_of(MISSION, FLIGHTS)
     population = fly_population(world, law, encoding.pack(genomes), cases, workers, flat)
     assert population.delta_v_m_s.shape == (5, len(FLIGHTS))
     assert len(np.unique(population.delta_v_m_s)) == population.delta_v_m_s.size
     for row, genome in enumerate(genomes):
-        champion, path = replace(PAPER, systems=encoding.decode(genome)), tmp_path / f"champion.{kind}"
+        champion = replace(PAPER, systems=encoding.decode(genome))
+        path = tmp_path / f"champion.{kind}"
         path.write_text(getattr(serialize, f"dump_{kind}")(champion), encoding="utf-8")
         track = np.empty_like(tracks[row])
         alone = fly_all(MISSION, from_fuzzy(serialize.load(path)), FLIGHTS, 1, track)

@@ -87,7 +87,8 @@ def test_it_is_rehearsed_without_the_errors_to_come() -> None:
     start = replace(STARTS[0], noise=(1, 2, 3))
     # the first of what is drawn
     off = np.repeat([20.0, 0.01], 3) * start.generator(FIXES).standard_normal(6)
-    place, velocity = start.position_m + off[:3], start.velocity_m_s + off[3:]
+    place = start.position_m + off[:3]
+    velocity = start.velocity_m_s + off[3:]
     believed = replace(start, position_m=place, velocity_m_s=velocity)
     flights = (real, start), (MISSION, believed), (MISSION, start)
     openings = [rehearsed_openings(what, rehearsing(0.12), [at], 1)[0] for what, at in flights]

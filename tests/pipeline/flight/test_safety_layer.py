@@ -104,8 +104,7 @@ def test_any_forces_from_any_start(seed: int, strength: float, hold: int, early:
 
 @pytest.mark.parametrize("limits", [(0.0, 60.0), (15.0, 50.0), (40.0, 45.0)])
 def test_other_limits_masses_and_clocks(limits: tuple[float, float]) -> None:
-    deputy = dict(zip(("min_distance_m", "max_distance_m"), limits, strict=True))
-    deputy |= {"mass_kg": 40.0, "max_force_n": 0.5}
+    deputy = {"min_distance_m": limits[0], "max_distance_m": limits[1], "mass_kg": 40.0, "max_force_n": 0.5}
     narrow = replace(EARLY, keep_out_margin_m=0.5, keep_in_margin_m=0.5, braking_force_n=0.3)
     what = guarded(narrow, deputy=deputy, control_period_s=20.0)
     starts = [
@@ -182,14 +181,14 @@ def test_from_outside_the_safe_states_it_comes_back() -> None:
     assert distance[1:].min() > KEEP_OUT_M - 1e-4
 
 
-def solved_by_slsqp(asked, first, accuracy, **constraint):
+def solved_by_slsqp(asked, first, accuracy, constraint):
     """The force nearest to one asked for, within the thrusters' limits and where a constraint is positive."""
     return minimize(
         lambda force: np.sum((force - asked) ** 2),
         first,
         jac=lambda force: 2.0 * (force - asked),
         bounds=[(-1.0, 1.0)] * 3,
-        constraints={"type": "ineq"} | constraint,
+        constraints=constraint | {"type": "ineq"},
         method="SLSQP",
         options={"ftol": accuracy},
     )
@@ -205,7 +204,7 @@ def test_the_projection_is_that_of_a_solver(seed: int) -> None:
     found = np.empty(3)
     project(asked, cuts, len(cuts), 1.0, found)
     within = {"fun": lambda force: cuts[:, :3] @ force - cuts[:, 3], "jac": lambda _: cuts[:, :3]}
-    solved = solved_by_slsqp(asked, inside, 1e-14, **within)
+    solved = solved_by_slsqp(asked, inside, 1e-14, within)
     assert solved.success
     np.testing.assert_allclose(found, solved.x, atol=1e-5)
 
@@ -225,7 +224,7 @@ def test_the_change_is_the_least() -> None:
         if layer.excesses(at, 2).max() > 0.0 or layer.assured(at, asked)[1] != "keep_in":
             continue
         force, _ = layer.assured(at, asked)
-        solved = solved_by_slsqp(asked, force, 1e-12, fun=lambda force, excess=excess: -excess(force))
+        solved = solved_by_slsqp(asked, force, 1e-12, {"fun": lambda force, excess=excess: -excess(force)})
         if solved.success:
             assert excess(force).max() <= 0.0
             assert np.linalg.norm(force - asked) <= np.linalg.norm(solved.x - asked) + 1e-3

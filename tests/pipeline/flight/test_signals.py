@@ -109,7 +109,8 @@ def test_a_flight_that_coasts_misses_what_was_foreseen_or_a_little_less():
     watcher = watching("missed", "coasting_nearest", "coasting_farthest")
     for start in cases.random_starts(12, 21):
         log = fly_logged(mission(attitude={"mode": "ideal"}), watcher, start)
-        missed, (foreseen, nearest, farthest) = 99 - log.is_inspected[-1].sum(), log.fis_input[:, 0].T
+        missed = 99 - log.is_inspected[-1].sum()
+        foreseen, nearest, farthest = log.fis_input[:, 0].T
         assert np.all(foreseen >= missed)
         assert foreseen[0] - missed <= 8
         assert foreseen[-1] == missed  # nothing lies between the last sample but one and the end

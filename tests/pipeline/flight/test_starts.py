@@ -172,13 +172,15 @@ MISSION = replace(PAPER, deputy=replace(PAPER.deputy, inertia_kg_m2=((1.0, 0, 0)
     "rate", [(0.2, 0.02, 0.02), (0.3, 0.1, 0.2), (2.0, 0.1, -0.1), (5.0, 0.3, -0.2), (10.0, 1.0, 1.0)]
 )
 def test_a_period_of_fast_rotation(rate):
-    world, torque = pack_world(MISSION), (0.01, -0.01, 0.01)
+    world = pack_world(MISSION)
+    torque = (0.01, -0.01, 0.01)
     hill_rate = np.array([0.0, 0.0, world.mean_motion])
     attitude, turning = (0.0, 0.0, 0.0, 1.0), Three(*rate)
     with plainly("pipeline"):
         for _ in range(world.num_attitude_steps):
             attitude, turning = turn_body(world, attitude, turning, Three(*torque))
-    wanted, relative = Rotation.identity(), np.array(rate) - hill_rate
+    wanted = Rotation.identity()
+    relative = np.array(rate) - hill_rate
     for _ in range(10):
         wanted, relative = turned(MISSION, wanted, relative, torque, 1.0)
     assert (Rotation.from_quat(attitude).inv() * wanted).magnitude() < 1e-5
@@ -218,7 +220,8 @@ def test_cases_draw_by_their_distributions() -> None:
 @pytest.mark.slow
 def test_a_case_flies_its_own_mission_alone_and_among_others() -> None:
     experiment = composed(MASS, "monte_carlo.num_cases=4", "duration_s=600.0")
-    mission, scenarios = experiment.mission, scenarios_of(experiment)
+    mission = experiment.mission
+    scenarios = scenarios_of(experiment)
     controller = named("lqr", mission)
     episodes, tracks = fly_cases(mission, controller, scenarios, 2)
     for case, scenario in enumerate(scenarios):

@@ -52,8 +52,10 @@ def plainly(problem, track):
         distance, speed = np.linalg.norm(row[:3]), np.linalg.norm(row[3:6])
         limit = problem.limit_base_m_s + problem.limit_slope_per_s * (distance - problem.limit_offset_m)
         if k > 0:
-            used, over = used + max(speed - limit, 0.0), max(over, speed - limit)
-        is_there, is_held = distance <= problem.goal_radius_m, used <= problem.most_excess_m_s
+            used = used + max(speed - limit, 0.0)
+            over = max(over, speed - limit)
+        is_there = distance <= problem.goal_radius_m
+        is_held = used <= problem.most_excess_m_s
         if is_there or not is_held or k == len(track) - 1:
             return k, bool(is_there and speed <= problem.goal_speed_m_s and is_held), speed, over
     raise AssertionError
@@ -133,7 +135,8 @@ def test_events_tell_of_the_end_and_of_speeds_above_the_limit(docked):
 def test_a_recording_counts_up_to_the_end_alone(docked, tmp_path):
     """What the page, `explain` and `info` say is of the flight to the dock, not of the stay there."""
     mission, controller, start, log = docked
-    judged, path = fly_all(mission, controller, [start], 1), tmp_path / "docked.mcap"
+    judged = fly_all(mission, controller, [start], 1)
+    path = tmp_path / "docked.mcap"
     recorder = FlightRecorder(mission, controller, seed=1, config={}, near_limit_m=5.0)
     recorder.record(path, start, log, "docked")
     went, told = flights.read_outcome(path), summarize(telemetry.read(path))["outcome"]
