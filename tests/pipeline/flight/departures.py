@@ -36,7 +36,6 @@ LAYOUT = {
 LOW_ORBIT = {
     "model": "two_body",
     "eccentricity": 0.02,
-    "true_anomaly_deg": 40.0,
     "inclination_deg": 51.6,
     "latitude_argument_deg": 30.0,
     "j2": 1.08262668e-3,

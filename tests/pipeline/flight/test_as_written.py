@@ -119,6 +119,9 @@ FLIGHTS = {
     "about the oblate Earth, in and out of its shadow": flight(
         attitude=IDEAL, dynamics=LOW_ORBIT, light={"shadow": "conical"}, dispersions=DRAGGED
     ),
+    "on an ellipse, past the perigee": flight(
+        attitude=IDEAL, dynamics=LOW_ORBIT | {"eccentricity": 0.05, "true_anomaly_deg": 40.0}
+    ),
     "Hill axes, weak thruster, slow clocks, narrow camera": flight(
         cases.RESTORING,
         attitude_period_s=2.0,
@@ -187,6 +190,7 @@ QUICK = (
     *("paper", "clusters", "full inertia", "plan", "late fixes, late thrusters with errors"),
     *("pole blending", "Hill axes, weak thruster, slow clocks, narrow camera", "what goes dark soon"),
     "about the oblate Earth, in and out of its shadow",
+    "on an ellipse, past the perigee",
     "a decision every half minute, safety layer",
     "shadow",
 )

@@ -14,7 +14,7 @@ from pipeline.flight.period.look.guidance import (
     start_centres,
 )
 from pipeline.flight.world.surface import regular_placement
-from tests.readable_flight.guidance import clustered, relative_angle, started
+from tests.readable_flight.guidance import clustered, relative_angle
 
 POINTS = regular_placement(100, 10.0)
 
@@ -41,42 +41,6 @@ class Carried:
         """The centre of the cluster nearest to a place."""
         self.count = cluster_centres(self.of(candidates), np.asarray(position), self.count)
         return self.centres[nearest_centre(self.centres, self.count, np.asarray(position))].copy()
-
-
-def flight_like_sequence(seed, num_steps=150):
-    """Yield positions and candidates while a deputy circles a chief that is turned at random.
-
-    The turn breaks the mirror symmetry of the points, with which distances would tie.
-    """
-    rng = np.random.default_rng(seed)
-    points = Rotation.random(rng=rng).apply(POINTS)
-    start, axis = rng.normal(size=(2, 3))
-    start *= rng.uniform(40.0, 110.0) / np.linalg.norm(start)
-    turn = Rotation.from_rotvec(0.02 * axis / np.linalg.norm(axis))
-    sun_angle = rng.uniform(0.0, 2.0 * pi)
-    is_inspected = np.zeros(len(points), dtype=bool)
-    for step in range(num_steps):
-        position = (turn**step).apply(start)
-        angle = sun_angle - 0.03 * step
-        is_lit = points @ [np.cos(angle), np.sin(angle), 0.0] > 0.0
-        is_inspected |= is_lit & (points @ position > 9.0 * np.linalg.norm(position))
-        yield position, points[is_lit & ~is_inspected]
-
-
-@pytest.mark.slow
-def test_clusters_are_scikit_learns_along_flights():
-    numbers = set()
-    for seed in range(8):
-        clusters, centres = Carried(), np.empty((0, 3))
-        for position, candidates in flight_like_sequence(seed):
-            chosen = clusters.chosen(candidates, position)
-            centres = clustered(candidates, started(candidates, position, centres))
-            assert clusters.count == len(centres)
-            np.testing.assert_allclose(clusters.centres[: len(centres)], centres, rtol=0, atol=1e-9)
-            nearest = np.linalg.norm(centres - position, axis=1).argmin()
-            np.testing.assert_allclose(chosen, centres[nearest], rtol=0, atol=1e-9)
-            numbers.add(len(centres))
-    assert numbers == {1, 2, 3, 4, 5, 6}
 
 
 @pytest.mark.slow

@@ -21,6 +21,7 @@ from tests.pipeline.flight.cases import (
     mission,
     random_starts,
 )
+from tests.pipeline.flight.departures import FIXES, REAL, VARYING
 from tests.pipeline.flight.guarded import EARLY
 from tests.pipeline.flight.missions import FULL_INERTIA
 
@@ -31,7 +32,10 @@ WILD = open_loop("wild", np.random.default_rng(3).normal(0.0, 0.3, (360, 3)))
 
 #: more than fill two rows of lanes; some pass poles, one inspects everything and coasts
 STARTS = [*random_starts(LANES, 11), *OVER_POLES, COMPLETED, *random_starts(LANES, 12)]
+#: each with its own errors, where there are any
+STARTS = [replace(start, noise=(3, 0, case)) for case, start in enumerate(STARTS)]
 
+ERRING = mission(navigation=FIXES, actuators=REAL, safety=vars(EARLY), duration_s=600.0)
 CASES = {
     "paper": (mission(), STEERING),
     "clusters": (mission(guidance={"kind": "clusters"}), STEERING),
@@ -45,6 +49,8 @@ CASES = {
     "Hill axes": (mission(), RESTORING),
     "plan": (mission(duration_s=900.0), PLAN),
     "safety layer": (mission(safety=EARLY), WILD),
+    "fixes and thrusters with errors": (ERRING, STEERING),
+    "errors that vary": (replace(ERRING, dispersions=VARYING), STEERING),
 }
 
 

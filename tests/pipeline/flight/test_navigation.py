@@ -18,11 +18,11 @@ from pipeline.flight.cases.dispersions import groups_of, mission_of_case
 from pipeline.flight.cases.navigation import errors_of
 from pipeline.flight.cases.processes import drag_in_time, in_time
 from pipeline.flight.control.controller import coast, open_loop
-from pipeline.flight.fly.simulation import fly_all, fly_logged
+from pipeline.flight.fly.simulation import fly_logged
 from pipeline.flight.state.log import FlightLog, Scenario
 from pipeline.settings.experiment import Mission, SettingError
 from tests.pipeline.flight.cases import STARTS, STEERING, mission
-from tests.pipeline.flight.departures import ASKEW, FIXES, LOW_ORBIT, REAL, SIGHTED, VARYING
+from tests.pipeline.flight.departures import ASKEW, FIXES, LOW_ORBIT, REAL, SIGHTED
 from tests.pipeline.flight.guarded import LAST_MOMENT
 
 #: thrusters that do as they are told, flown by the code of those that do not
@@ -146,16 +146,6 @@ def test_mass_falls_by_the_rocket_equation_and_nothing_fires_without_propellant(
         is_dry = log.mass_kg[:-1] <= empty + 1e-11
         assert log.mass_kg.min() >= empty - 1e-11
         np.testing.assert_array_equal(is_dry, ~log.force_hill_n.any(axis=1))
-
-
-@pytest.mark.parametrize("varying", [{}, VARYING])
-def test_a_flight_has_its_own_errors_in_any_company(varying: dict[str, object]) -> None:
-    what = replace(world(FIXES, REAL), dispersions=varying)
-    starts = [replace(STARTS[0], noise=(3, 0, case)) for case in range(20)]
-    together = fly_all(what, STEERING, starts, workers=2).delta_v_m_s
-    alone = [fly_all(what, STEERING, [start], workers=1).delta_v_m_s[0] for start in starts[::7]]
-    np.testing.assert_array_equal(together[::7], alone)
-    assert len(set(together.tolist())) == 20
 
 
 @pytest.mark.parametrize("degrees", [0.1, 10.0, 30.0])
