@@ -5,15 +5,14 @@ import json
 import numpy as np
 import pytest
 
-from pipeline.evaluation.monte_carlo import episode_columns, fly_cases, summarise
+from pipeline.evaluation.monte_carlo import episode_columns, summarise
 from pipeline.evaluation.trials import trials
-from pipeline.flight.fly.simulation import fly_all
 from pipeline.flight.state.log import Outcomes, Scenario
 from pipeline.settings.checks import SettingError
 from pipeline.settings.experiment import HparamsSearch
 from pipeline.settings.schema import with_tried
 from pipeline.settings.training import dimensions
-from tests.pipeline.flight.cases import STARTS, STEERING, mission
+from tests.pipeline.flight.cases import mission
 
 SPACE = {
     "optimizer": {"initial_step": {"low": 0.001, "high": 1.0, "log": True}, "rounds": {"low": 1, "high": 9}},
@@ -185,14 +184,3 @@ def test_a_summary_by_hand() -> None:
     reach = z * np.sqrt(1 / 16 + z * z / 64) / (1 + z * z / 4)
     both = summary["success_and_within_limits"]
     assert (both["low"], both["high"]) == (pytest.approx(0.5 - reach), pytest.approx(0.5 + reach))
-
-
-def test_cases_are_flown_as_any_other_flight() -> None:
-    what = mission(duration_s=600.0)
-    columns, tracks = fly_cases(what, STEERING, STARTS, 2)
-    found = fly_all(what, STEERING, STARTS, 1)
-    np.testing.assert_array_equal(columns["delta_v_m_s"], found.delta_v_m_s)
-    np.testing.assert_array_equal(columns["inspected_count"], found.inspected_count)
-    assert tracks.shape == (len(STARTS), 61, 3)
-    assert tracks.dtype == np.float32
-    np.testing.assert_array_equal(tracks[:, 0], np.array([s.position_m for s in STARTS]).astype(np.float32))

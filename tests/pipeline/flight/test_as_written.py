@@ -177,8 +177,7 @@ FLIGHTS |= {
             "sensor": {"max_incidence_deg": 65.0},
             "chief": {"initial_angular_velocity_rad_s": (0.003, 0.0, 0.002)},
         },
-        "a chief that hides parts of itself": {"light": SHADOW, "chief": {"shape": "mesh"}},
-        "the same, which tumbles": {
+        "a chief that hides parts of itself and tumbles": {
             "light": SHADOW,
             "sensor": {"max_range_m": 120.0},
             "chief": {"shape": "mesh", "initial_angular_velocity_rad_s": (0.002, 0.001, 0.003)},

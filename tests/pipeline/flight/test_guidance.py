@@ -76,16 +76,6 @@ def test_the_last_candidate_of_a_cluster_may_be_taken_from_it():
         np.testing.assert_allclose(clusters.centres[:3], clustered(candidates, carried), rtol=0, atol=1e-9)
 
 
-def first_centres(candidates, position, carried):
-    """The centres that clustering starts from."""
-    clusters = Carried(carried)
-    return clusters.centres[: start_centres(clusters.of(candidates), np.asarray(position), len(carried))]
-
-
-def line(*places):
-    return [[place, 0.0, 0.0] for place in places]
-
-
 def test_of_equally_far_candidates_the_first_is_taken_whatever_rounding_says():
     along = [[0.1 * i, 0.0, 0.0] for i in range(9)]
     candidates = [*along, [0.4, 5.0, 0.0], [0.4, -5.0, 0.0]]

@@ -87,11 +87,6 @@ def test_alone_in_company_in_any_order_on_any_number_of_threads_logged_or_not(na
         np.testing.assert_allclose(row[8], changed, rtol=1e-12)
 
 
-def test_the_same_flight_in_every_lane_is_the_same():
-    rows, tracks = fly(*CASES["clusters"], [COMPLETED] * (LANES + 1))
-    assert_equal((rows, tracks), np.tile(rows[0], (LANES + 1, 1)), np.tile(tracks[0], (LANES + 1, 1, 1)))
-
-
 def test_a_population_flies_from_few_starts_as_one_controller_does():
     what, controller = mission(duration_s=600.0), STEERING
     starts = STARTS[LANES - 5 : LANES + 2]

@@ -123,14 +123,6 @@ def test_rtamt_agrees_at_every_sample(case):
     np.testing.assert_allclose(ours, case["robustness"], rtol=0, atol=1e-12)
 
 
-def test_flights_do_not_know_one_another():
-    traces = np.random.default_rng(3).normal(size=(7, 40))
-    formula = parse("always[0:9] (a > 0 -> eventually[2:11] a < 0)", PLAIN)
-    together = robustness(formula, {"a": traces}, 1.0)
-    alone = [robustness(formula, {"a": row[np.newaxis]}, 1.0)[0] for row in traces]
-    np.testing.assert_array_equal(together, alone)
-
-
 @given(arrays(np.float64, (3, 9), elements=st.sampled_from([-1.0, 0.0, 1.0])))
 def test_what_holds_has_a_margin_that_is_not_below_zero(values):
     for text in ("always a >= 0", "eventually[1:4] a > 0", "not (a > 0) until[0:5] a >= 1"):

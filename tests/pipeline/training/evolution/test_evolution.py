@@ -225,21 +225,6 @@ def test_a_checkpoint_that_lacks_something_is_refused(name, message, checkpoint)
         resume(checkpoint, generations=1)
 
 
-def test_interrupt_keeps_the_champion_so_far(tmp_path):
-    sphere = Sphere()
-
-    def evaluate(genomes):
-        if len(sphere.batches) == 6:
-            raise KeyboardInterrupt
-        return sphere(genomes)
-
-    checkpoint = tmp_path / "checkpoint.npz"
-    kept = evolve(evaluate, NUM_GENES, optimizer(), seed=1, checkpoint=checkpoint)
-    assert kept.interrupted
-    assert len(kept.history) == 6
-    assert_same(resume(checkpoint)[1], evolve(Sphere(), NUM_GENES, optimizer(), seed=1))
-
-
 @pytest.mark.parametrize(
     ("returned", "message"),
     [
