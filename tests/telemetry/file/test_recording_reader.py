@@ -1,16 +1,17 @@
 """Reading by topic and by time, with units, and what a reader says of a bad file."""
 
-from itertools import groupby
+from itertools import chain, groupby
 from math import inf, nan
 
 import numpy as np
 import pytest
 from mcap.reader import make_reader
-from mcap.writer import Writer
+from mcap.writer import CompressionType
 
 import telemetry
 from telemetry import EpisodeWriter, RecordingError
 from tests.telemetry import synthetic_flight
+from tests.telemetry.others import plain_file
 
 
 def test_columns_are_the_flight(flight, flight_file):
@@ -57,20 +58,12 @@ def test_time_is_chosen_with_both_ends(flight, flight_file):
 
 
 def test_samples_that_were_written_in_any_order_are_read_in_that_of_time(short_file, tmp_path):
-    path = tmp_path / "shuffled.mcap"
-    with short_file.open("rb") as stream, path.open("wb") as output:
+    with short_file.open("rb") as stream:
         found = make_reader(stream).iter_messages()
         instants = [list(each) for _, each in groupby(found, lambda one: one[2].log_time)]
-        writer = Writer(output, chunk_size=20_000)
-        writer.start()
-        channels = {}
-        for place in np.random.default_rng(2).permutation(len(instants)):
-            for schema, channel, message in instants[place]:
-                if channel.topic not in channels:
-                    kind = writer.register_schema(schema.name, schema.encoding, schema.data)
-                    channels[channel.topic] = writer.register_channel(channel.topic, "protobuf", kind)
-                writer.add_message(channels[channel.topic], message.log_time, message.data, message.log_time)
-        writer.finish()
+    order = np.random.default_rng(2).permutation(len(instants))
+    mixed = chain.from_iterable(instants[place] for place in order)
+    path = plain_file(tmp_path / "shuffled.mcap", CompressionType.ZSTD, 20_000, mixed)
     shuffled, ordered = telemetry.read(path), telemetry.read(short_file)
     assert set(shuffled.topics) == {name for name, topic in ordered.topics.items() if len(topic)}
     for name, topic in shuffled.topics.items():

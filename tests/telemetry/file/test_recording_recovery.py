@@ -3,15 +3,13 @@
 import random
 import struct
 import tracemalloc
-from collections.abc import Iterable
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
 from mcap.reader import make_reader
-from mcap.writer import CompressionType, Writer
+from mcap.writer import CompressionType
 
 import telemetry
 from telemetry import EpisodeWriter, RecordingError
@@ -20,16 +18,14 @@ from telemetry.file.reader import Recording
 from telemetry.file.recover import recover
 from tests.telemetry import synthetic_flight
 from tests.telemetry.full_disk import fill_disk
+from tests.telemetry.others import plain_file
 
 
 def messages_of(path: Path) -> list[tuple[str, int, int, bytes]]:
     """(topic, sequence, time, bytes) of each message in the order of the file, by the mcap library."""
     with path.open("rb") as stream:
-        reader = make_reader(stream, validate_crcs=True)
-        return [
-            (channel.topic, message.sequence, message.log_time, message.data)
-            for _, channel, message in reader.iter_messages(log_time_order=False)
-        ]
+        found = make_reader(stream, validate_crcs=True).iter_messages(log_time_order=False)
+        return [(channel.topic, one.sequence, one.log_time, one.data) for _, channel, one in found]
 
 
 @pytest.fixture(scope="module")
@@ -52,22 +48,6 @@ def written(tmp_path):
         return tmp_path / "odd.mcap", tmp_path / "rescued.mcap"
 
     return write
-
-
-def plain_file(path: Path, compression: CompressionType, chunk_size: int, messages: Iterable[Any]) -> Path:
-    """A file of another writer: (schema, channel, message), as the mcap library reads them."""
-    with path.open("wb") as output:
-        writer = Writer(output, compression=compression, chunk_size=chunk_size)
-        writer.start()
-        channels: dict[str, int] = {}
-        for schema, channel, message in messages:
-            if channel.topic not in channels:
-                schema_id = writer.register_schema(schema.name, "protobuf", schema.data)
-                channels[channel.topic] = writer.register_channel(channel.topic, "protobuf", schema_id)
-            writer.add_message(channels[channel.topic], message.log_time, message.data, message.log_time)
-        writer.add_metadata("episode", {"scenario_id": "plain"})
-        writer.finish()
-    return path
 
 
 @pytest.fixture
@@ -121,30 +101,22 @@ SYSTEMS = {"fis.f_x", "fis.f_y", "fis.f_z", "recovery"}
 
 
 @pytest.mark.parametrize(
-    ("true", "false", "refusal", "attached", "described"),
+    ("true", "false", "told", "files", "words"),
     [
-        (
-            b'{"name": "circle"}',
-            b'{"name": "square"}',
-            "an attachment",
-            {"config.yaml"},
-            {"episode", *SYSTEMS},
-        ),
+        (b'"circle"}', b'"square"}', "an attachment", {"config.yaml"}, {"episode", *SYSTEMS}),
         # MCAP gives metadata no checksum, so a record carries one of its own
         (b"circle-0", b"circle-8", "metadata episode", {"config.yaml", "controller.json"}, SYSTEMS),
     ],
 )
-def test_a_damaged_description_does_not_come_back(
-    true, false, refusal, attached, described, short_file, written
-):
+def test_a_damaged_description_does_not_come_back(true, false, told, files, words, short_file, written):
     path, output = written(short_file.read_bytes().replace(true, false))
-    with pytest.raises(RecordingError, match=f"{refusal} does not match its checksum"):
+    with pytest.raises(RecordingError, match=f"{told} does not match its checksum"):
         telemetry.read(path)
     assert recover(path, output).num_damaged_records == 1
     rescued = telemetry.read(output)
-    assert set(rescued.metadata) == described
+    assert set(rescued.metadata) == words
     assert rescued.attachments.items() <= synthetic_flight.ATTACHMENTS.items()
-    assert set(rescued.attachments) == attached
+    assert set(rescued.attachments) == files
     assert messages_of(output) == messages_of(short_file)
 
 
