@@ -72,3 +72,13 @@ class Page(HTMLParser):
     def values(self, name: str) -> list[str]:
         """All values of an attribute."""
         return [attributes[name] for _, attributes in self.tags if name in attributes]
+
+
+def check_references(text: str) -> None:
+    """Fail unless each name on a page is given once, and each reference on it has its target."""
+    page = Page(text)
+    ids = page.values("id")
+    assert len(ids) == len(set(ids))
+    wanted = set(re.findall(r"url\(#([^)]+)\)", text)) | set(" ".join(page.values("aria-labelledby")).split())
+    wanted |= {target[1:] for target in page.values("href") if target.startswith("#")}
+    assert wanted <= set(ids)

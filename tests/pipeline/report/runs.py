@@ -9,7 +9,6 @@ from pipeline.command_line.config import compose_experiment
 from pipeline.run import artifacts
 from pipeline.run.runner import run_stages
 from pipeline.settings.experiment import Experiment
-from pipeline.settings.schema import experiment_from
 from pipeline.stages import report
 from tests.places import PROJECT
 
@@ -24,29 +23,16 @@ LOGBOOK_COLUMNS = (
 
 #: names of the sections of the page, in order
 SECTIONS = (
-    "summary",
-    "control",
-    "training",
-    "evaluation",
-    "optimum",
-    "distributions",
-    "convergence",
-    "controller",
-    "recordings",
-    "provenance",
+    *("summary", "control", "training", "evaluation", "optimum"),
+    *("distributions", "convergence", "controller", "recordings", "provenance"),
 )
-
-
-def configured(*overrides: str) -> dict:
-    return compose_experiment([*overrides, *SMALL]).config
 
 
 def run_of(folder: Path, stages: tuple[str, ...], *overrides: str) -> Experiment:
     """Run stages in a folder; return the experiment of its configuration."""
-    config = configured(*overrides)
-    experiment = experiment_from(config)
-    run_stages(experiment, config, folder, stages)
-    return experiment
+    run = compose_experiment([*overrides, *SMALL])
+    run_stages(run.experiment, run.config, folder, stages)
+    return run.experiment
 
 
 def small_controller(folder: Path) -> Path:
@@ -67,9 +53,8 @@ def write_training(folder: Path) -> None:
         writer.writerow(LOGBOOK_COLUMNS)
         for row in range(6):
             best = 10.0 ** (5 - row)
-            writer.writerow(
-                [row // 3, row % 3, 9 * row, best, 9 * best, best, 0.1, 6.0 - row, 90 + row, 5 - row, 1, 3]
-            )
+            spread = [best, 9 * best, best, 0.1]
+            writer.writerow([row // 3, row % 3, 9 * row, *spread, 6.0 - row, 90 + row, 5 - row, 1, 3])
 
 
 def page_of(experiment: Experiment, folder: Path) -> str:

@@ -1,4 +1,4 @@
-"""What the report's figures show, read back from their axes."""
+"""What the report's figures show, read back from their axes; and what is drawn of a tube."""
 
 from dataclasses import replace
 
@@ -14,6 +14,7 @@ from pipeline.report.figures.flights import METRICS, Sample, controls, distribut
 from pipeline.report.figures.style import BLUE, PALETTE, PURPLE, inline, save, style
 from pipeline.report.figures.training import convergence
 from pipeline.report.figures.trajectories import Tracks, trajectories
+from pipeline.report.figures.tube import bounds
 from tests.pipeline.flight.missions import PAPER
 from tests.pipeline.report.runs import PAPER_CONTROLLER
 
@@ -41,15 +42,10 @@ def test_force_and_torque_are_drawn_as_applied(log):
         np.testing.assert_array_equal(line.get_ydata()[:-1], log.force_hill_n[:, column])
     assert turning.get_ylabel() == "torque (mN m)"
     for column in range(3):
-        drawn = np.concatenate(
-            [turning.lines[column].get_ydata()[:-1], following.lines[column].get_ydata()[:-1]]
-        )
+        drawn = np.concatenate([ax.lines[column].get_ydata()[:-1] for ax in (turning, following)])
         np.testing.assert_array_equal(drawn, 1e3 * log.torque_b_n_m.reshape(-1, 3)[:, column])
     assert turning.lines[0].get_xdata()[-1] == following.lines[0].get_xdata()[0]
-
-
-def test_limits_are_lines_where_they_are_near_and_words_where_they_are_far(log):
-    force, turning, _ = controls(log, MISSION).axes
+    # limits are lines where they are near, and words where they are far
     assert [text.get_text() for text in force.texts] == ["limits ± 1 N off scale"]
     assert [float(line.get_ydata()[0]) for line in turning.lines[3:]] == [-10.0, 10.0]
 
@@ -69,10 +65,8 @@ def test_the_chief_hides_what_is_behind_it():
     behind, before = lines
     (sphere,) = [c for c in space.collections if c.get_zorder() == 3.0]
     assert behind.get_zorder() < sphere.get_zorder() < before.get_zorder()
-    elevation, azimuth = np.radians(24.0), np.radians(-52.0)
-    eye = np.array(
-        [np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)]
-    )
+    (level, up), (i, j) = ((np.cos(angle), np.sin(angle)) for angle in np.radians((24.0, -52.0)))
+    eye = np.array([level * i, level * j, up])
     drawn = 0
     for collection, sign in ((behind, -1.0), (before, 1.0)):
         for piece in collection._segments3d:
@@ -123,17 +117,14 @@ def test_a_runaway_does_not_shrink_the_others_and_stands_out_from_the_crowd():
 
 def values_of(count: int, delta_v: np.ndarray) -> dict[str, np.ndarray]:
     points = np.random.default_rng(2).integers(90, 100, count)
-    return dict(
-        zip(METRICS, (delta_v, 100.0 * points / 99.0, np.full(count, 66.0) + 0.1 * delta_v), strict=True)
-    )
+    return dict(zip(METRICS, (delta_v, 100.0 * points / 99.0, 66.0 + 0.1 * delta_v), strict=True))
 
 
 def test_small_samples_show_each_value_and_large_ones_are_counted():
     few, many = np.linspace(1.0, 2.0, 8), np.random.default_rng(4).normal(1.5, 0.2, 500)
     paper = dict.fromkeys(METRICS, 5.0)
-    figure = distributions(
-        [Sample("few", values_of(8, few), paper), Sample("many", values_of(500, many), paper)], 99
-    )
+    samples = [Sample("few", values_of(8, few), paper), Sample("many", values_of(500, many), paper)]
+    figure = distributions(samples, 99)
     rows = np.array(figure.axes).reshape(2, 3)
     (dots,) = [line for line in rows[0, 0].lines if line.get_marker() == "o"]
     np.testing.assert_array_equal(dots.get_xdata(), few)
@@ -156,11 +147,8 @@ def test_what_stands_far_apart_is_counted_beside_the_histogram():
     assert ax.get_xlim()[1] < 10.0
     assert "2 more →" in [text.get_text() for text in ax.texts]
     assert sum(bar.get_height() for bar in ax.patches) == 500
-
-
-def test_equal_values_make_a_picture_all_the_same():
-    figure = distributions([Sample("one", values_of(1, np.zeros(1)), {})], 99)
-    assert save(figure, "one", 40).png
+    # equal values make a picture all the same
+    assert save(distributions([Sample("one", values_of(1, np.zeros(1)), {})], 99), "one", 40).png
 
 
 def test_convergence_shows_the_logbook_and_the_rounds():
@@ -176,10 +164,9 @@ def test_convergence_shows_the_logbook_and_the_rounds():
     fitness, delta_v, points, flights = convergence(history, 99, 95).axes
     assert fitness.get_yscale() == "log"
     by_label = {line.get_label(): line.get_ydata() for ax in (fitness, flights) for line in ax.lines}
-    np.testing.assert_array_equal(by_label["best"], history["best"])
-    np.testing.assert_array_equal(by_label["mean of the population"], history["mean"])
-    np.testing.assert_array_equal(by_label["outside the distance limits"], history["outside"])
-    np.testing.assert_array_equal(by_label["short of 95 points"], history["short"])
+    labels = ("best", "mean of the population", "outside the distance limits", "short of 95 points")
+    for label, name in zip(labels, ("best", "mean", "outside", "short"), strict=True):
+        np.testing.assert_array_equal(by_label[label], history[name])
     np.testing.assert_array_equal(delta_v.lines[0].get_ydata(), history["delta_v_m_s"])
     np.testing.assert_array_equal(points.lines[0].get_ydata(), history["points"])
     assert fitness.yaxis.get_major_formatter()(1e-3) == "10⁻³"
@@ -192,11 +179,33 @@ def test_an_svg_in_a_page_has_ids_of_its_own_and_takes_the_pages_colours():
     picture = save(figure, "one", 40)
     one, two = inline(picture.svg, "one", 'a "b" <c>'), inline(picture.svg, "two", "d")
     assert one.startswith('<svg role="img" aria-label="a &quot;b&quot; &lt;c&gt;" viewBox=')
-    assert "metadata" not in one
-    assert "<!--" not in one
-    assert "DejaVu" not in one
-    assert "var(--blue)" in one
+    assert not [word for word in ("metadata", "<!--", "DejaVu") if word in one]
     # words stay as they are
-    assert '"fill: #0072b2" &lt;b&gt;' in one
-    assert 'id="one-' in one
+    for words in ("var(--blue)", '"fill: #0072b2" &lt;b&gt;', 'id="one-'):
+        assert words in one
     assert 'id="two-' in two
+
+
+def test_bounds_hold_corners_and_are_met_by_them() -> None:
+    draw = np.random.default_rng(5)
+    low, least = draw.uniform(-3.0, 3.0, (2, 24))
+    high, greatest = low + draw.uniform(0.0, 2.0, 24), least + draw.uniform(0.0, 2.0, 24)
+    step, axis = np.repeat(np.arange(6.0), 4), np.tile([0.0, 0.0, 1.0, 1.0], 6)
+    shear = draw.uniform(-1.0, 1.0, 24)
+    tube = {"step": step, "axis": axis, "low_m": low, "high_m": high, "shear_per_s": shear}
+    found = bounds(tube | {"least_m_s": least, "greatest_m_s": greatest})
+    for k in range(6):
+        boxes = [np.flatnonzero((step == k) & (axis == letter)) for letter in (0, 1)]
+        distances, speeds = [], []
+        for x in boxes[0]:
+            for y in boxes[1]:
+                # a fine grid of states of the two boxes, corners included
+                places = [np.linspace(low[i], high[i], 41) for i in (x, y)]
+                leaning = [np.linspace(least[i], greatest[i], 3) for i in (x, y)]
+                parts = zip((x, y), places, leaning, strict=True)
+                both = [np.subtract.outer(s, shear[i] * p) for i, p, s in parts]
+                distances.append(np.hypot.outer(*places))
+                speeds.append(np.hypot.outer(both[0].ravel(), both[1].ravel()).max())
+        assert found[0][k] <= np.min(distances) <= found[0][k] + 0.1
+        assert np.isclose(np.max(distances), found[1][k])
+        assert np.isclose(np.max(speeds), found[2][k])

@@ -2,6 +2,7 @@
 
 import json
 import re
+from contextlib import contextmanager
 from dataclasses import replace
 
 import numpy as np
@@ -10,33 +11,35 @@ import yaml
 from matplotlib.image import imread
 
 from fis_tools.formats import serialize
-from fis_tools.render.theme import contrast
 from fis_tools.review import page as review
 from fis_tools.words.text import summary
-from pipeline.command_line.cli import main
 from pipeline.evaluation.monte_carlo import fly_cases, summarise
 from pipeline.flight.cases.starts import training_scenarios
 from pipeline.flight.fly.simulation import fly_logged
-from pipeline.report import contents
 from pipeline.report.contents import command_of, gather, read_evaluation, tracks_of
 from pipeline.report.page import write
 from pipeline.report.pictures import draw
 from pipeline.run import artifacts, manifests, tables
-from pipeline.run.artifacts import SUMMARY, ArtifactError
+from pipeline.run.artifacts import ArtifactError
 from pipeline.run.writing import write_json
-from tests.pipeline.report.runs import (
-    HOSTILE,
-    SECTIONS,
-    SMALL,
-    page_of,
-    run_of,
-    small_controller,
-    write_training,
-)
-from tests.policies import Page, check_policy
+from tests.pipeline.report.runs import HOSTILE, SECTIONS, page_of, run_of, small_controller, write_training
+from tests.policies import Page, check_policy, check_references
 
 #: with limits that some of the flights keep and others do not
 TRAIN = ("+experiment=train", "inspection_threshold_percent=30", "deputy.max_distance_m=120")
+
+
+@contextmanager
+def without(folder, *names):
+    """Take files away for a while."""
+    kept = {name: (folder / name).read_bytes() for name in names}
+    for name in names:
+        (folder / name).unlink()
+    try:
+        yield
+    finally:
+        for name, content in kept.items():
+            (folder / name).write_bytes(content)
 
 
 @pytest.fixture(scope="module")
@@ -53,40 +56,20 @@ def trained(tmp_path_factory):
 @pytest.mark.slow
 def test_the_page_needs_no_other_file_and_leads_only_to_the_review(trained):
     _, _, text, page = trained
-    for tag, attributes in page.tags:
-        assert tag not in ("script", "link", "iframe", "object", "embed", "base")
-        for name in ("src", "href", "xlink:href", "srcset", "action"):
-            value = attributes.get(name, "#")
-            assert value.startswith(("#", "data:")) or (tag, value) == ("a", artifacts.REVIEW)
-    assert not re.search(r"@import|url\((?!#)", text)
     check_policy(text)
+    check_references(text)
+    links = {link["href"] for link in page.all("a")}
+    assert [link for link in links if not link.startswith("#")] == [artifacts.REVIEW]
     # the only addresses are names of XML's vocabularies, and none is left
     assert "http" not in text.replace("http-equiv", "")
 
 
 @pytest.mark.slow
-def test_every_reference_of_the_page_has_its_target(trained):
-    _, _, text, page = trained
-    ids = page.values("id")
-    assert len(ids) == len(set(ids))
-    wanted = set(re.findall(r"url\(#([^)]+)\)", text))
-    for _, attributes in page.tags:
-        wanted |= {attributes[name][1:] for name in ("href",) if attributes.get(name, "").startswith("#")}
-        wanted |= set(attributes.get("aria-labelledby", "").split())
-    assert wanted <= set(ids)
-
-
-@pytest.mark.slow
 def test_all_sections_are_there_with_their_pictures(trained):
-    folder, _, _, page = trained
+    folder, experiment, _, page = trained
     assert [section["id"] for section in page.all("section") if section.get("id")] == list(SECTIONS)
-    names = {
-        "control-training-0",
-        "trajectories-training",
-        "trajectories-evaluation",
-        "distributions",
-        "convergence",
-    }
+    names = {"control-training-0", "distributions", "convergence"}
+    names |= {"trajectories-training", "trajectories-evaluation"}
     assert {path.stem for path in (folder / artifacts.FIGURES).iterdir()} == names
     figures = {figure["id"].removeprefix("figure-") for figure in page.all("figure")}
     assert figures == names
@@ -95,11 +78,7 @@ def test_all_sections_are_there_with_their_pictures(trained):
         assert len(svg["aria-label"]) > 10
     missing = {name for name, words in page.text.items() if "This run has no" in words}
     assert missing == {"recordings"}
-
-
-@pytest.mark.slow
-def test_pictures_have_the_asked_resolution_and_are_not_blank(trained):
-    folder, experiment, _, _ = trained
+    # they have the resolution that was asked for, and are not blank
     for path in (folder / artifacts.FIGURES).iterdir():
         pixels = imread(path)[..., :3]
         assert pixels.std() > 0.02
@@ -111,35 +90,33 @@ def test_pictures_have_the_asked_resolution_and_are_not_blank(trained):
 def test_numbers_are_those_of_the_summary(trained):
     folder, experiment, text, page = trained
     summary = json.loads((folder / artifacts.SUMMARY).read_text())
-    told = contents.gather(experiment, folder)
+    told = gather(experiment, folder)
     scenarios = training_scenarios(experiment.starts, experiment.sun, experiment.seed)
     episodes, _ = fly_cases(experiment.mission, told.controller, scenarios)
     # in ten minutes not all points are lit
     metrics = ("delta_v_m_s", "inspection_rate_percent", "inspectable_rate_percent", "mean_distance_m")
-    expected = [float(np.mean(episodes[name])) for name in metrics]
-    expected += [
-        np.mean(episodes["success"]),
-        np.mean(episodes["violated"]),
-        np.mean(episodes["success"] & ~episodes["violated"]),
-    ]
-    expected += [4.799, 99.748, 67.03]
-    expected += [summary[name]["mean"] for name in metrics]
-    expected += [summary[name]["fraction"] for name in ("success", "violated", "success_and_within_limits")]
-    expected += [5.62, 96.667, 66.629]
+    success, violated = episodes["success"], episodes["violated"]
+    trained_shares = [np.mean(share) for share in (success, violated, success & ~violated)]
+    expected = [*(np.mean(episodes[name]) for name in metrics), *trained_shares, 4.799, 99.748, 67.03]
+    shares = [summary[name]["fraction"] for name in ("success", "violated", "success_and_within_limits")]
+    expected += [*(summary[name]["mean"] for name in metrics), *shares, 5.62, 96.667, 66.629]
     values = [float(value) for value in re.findall(r'<data value="([^"]+)">', text)]
     np.testing.assert_allclose(values, expected, rtol=1e-12)
-    shares = [summary[name]["fraction"] for name in ("success", "violated", "success_and_within_limits")]
     assert len({0.0, 1.0, *shares}) == 5, "the shares must differ for this test to see them exchanged"
     words = " ".join(page.text["summary"].split())
     assert f"{100 * shares[2]:.1f} % of the flights reach 30 % inside the limits" in words
     assert f"{summary['violated']['count']} leave 15 to 120 m" in words
     for share in shares:
         assert f"{100 * share:.1f} %" in words
-    told_of_rate = summary["inspection_rate_percent"]
-    assert f"{told_of_rate['mean']:.2f} ± {told_of_rate['standard_deviation']:.2f}" in text
-    assert f"{told_of_rate['low']:.2f} to {told_of_rate['high']:.2f}" in text
+    rate = summary["inspection_rate_percent"]
+    assert f"{rate['mean']:.2f} ± {rate['standard_deviation']:.2f}" in text
+    assert f"{rate['low']:.2f} to {rate['high']:.2f}" in text
     assert "5.62 ± 0.715" in text
     assert "4.799 ± 0.458" in text
+    # a summary is made from the episodes where it is missing
+    with without(folder, artifacts.SUMMARY):
+        again = page_of(experiment, folder)
+    assert [float(value) for value in re.findall(r'<data value="([^"]+)">', again)] == values
 
 
 @pytest.mark.slow
@@ -166,28 +143,16 @@ def test_the_review_is_along_the_recorded_flights_and_goes_with_its_controller(t
 
 
 @pytest.mark.slow
-def test_text_stands_out_from_the_page_in_light_and_dark(trained):
-    _, _, text, _ = trained
-    schemes = re.findall(r":root \{(.*?)\}", text, re.DOTALL)[:2]
-    for scheme in schemes:
-        colours = dict(re.findall(r"--(\w+): (#\w{6})", scheme))
-        for name in ("ink", "muted", "accent"):
-            for ground in ("paper", "panel", "band"):
-                if ground in colours:
-                    assert contrast(colours[name], colours[ground]) >= 4.5, (name, ground)
-
-
-@pytest.mark.slow
 def test_the_page_says_where_the_run_comes_from(trained):
     folder, experiment, _, page = trained
-    manifest = manifests.read(folder)
-    words = page.text["provenance"]
-    assert manifest["config_hash"] in words
-    assert manifest["versions"]["numpy"] in words
-    assert manifest["sha256"][artifacts.EPISODES] in words
-    assert "python -m pipeline stages=[report] hydra.run.dir=RUN" in words
+    manifest, words = manifests.read(folder), page.text["provenance"]
     assert folder.as_posix() not in words
-    assert "command line of this run was not kept" in words
+    for told in (
+        *(manifest["config_hash"], manifest["versions"]["numpy"], manifest["sha256"][artifacts.EPISODES]),
+        "python -m pipeline stages=[report] hydra.run.dir=RUN",
+        "command line of this run was not kept",
+    ):
+        assert told in words
     assert f"seed\n{experiment.seed}" in re.sub(r"\n+", "\n", words) or f"seed{experiment.seed}" in words
 
 
@@ -208,14 +173,8 @@ def test_the_page_says_where_the_run_comes_from(trained):
 )
 def test_what_is_missing_is_left_out_with_a_sentence(trained, missing):
     folder, experiment, _, full = trained
-    kept = {name: (folder / name).read_bytes() for name in missing}
-    for name in missing:
-        (folder / name).unlink()
-    try:
+    with without(folder, *missing):
         page = Page(page_of(experiment, folder))
-    finally:
-        for name, content in kept.items():
-            (folder / name).write_bytes(content)
     for section, sentence in missing.values():
         assert sentence in " ".join(page.text[section].split())
         assert "This run has no" not in full.text[section]
@@ -227,26 +186,13 @@ def test_what_is_missing_is_left_out_with_a_sentence(trained, missing):
 
 
 @pytest.mark.slow
-def test_a_summary_is_made_from_the_episodes_where_it_is_missing(trained):
-    folder, experiment, text, _ = trained
-    path = folder / artifacts.SUMMARY
-    kept = path.read_text()
-    path.unlink()
-    try:
-        again = page_of(experiment, folder)
-    finally:
-        path.write_text(kept)
-    values = re.findall(r'<data value="([^"]+)">', text)
-    assert re.findall(r'<data value="([^"]+)">', again) == values
-
-
-@pytest.mark.slow
-def test_the_report_of_the_same_run_is_the_same_and_stale_pictures_go(trained):
+def test_the_report_of_the_same_run_is_the_same_and_stale_pictures_go(trained, capsys):
     folder, experiment, text, _ = trained
     own, other = (folder / artifacts.FIGURES / name for name in ("control-start.png", "mine.png"))
     for path in (own, other):
         path.write_bytes(b"")
     assert page_of(experiment, folder) == text
+    assert "pictures" in capsys.readouterr().err
     assert not own.exists()
     assert other.exists()
     other.unlink()
@@ -265,11 +211,10 @@ def test_an_evaluated_controller_shows_its_median_flight(tmp_path):
     assert f"Case {median.split('-')[-1]}, the median" in page.text["control"]
     assert f"{artifacts.RECORDINGS}/{median}.mcap" in page.text["recordings"]
     assert "the stage scenario writes the starts" in page.text["training"]
-    assert "logbook.csv" in page.text["convergence"]
     assert "Sun random" in page.text["summary"]
     episodes = tables.read_parquet(tmp_path, artifacts.EPISODES)
     spent = episodes["delta_v_m_s"][int(median.split("-")[-1])]
-    (shown,) = contents.gather(experiment, tmp_path).shown
+    (shown,) = gather(experiment, tmp_path).shown
     assert shown.log.delta_v_m_s[-1] == spent
     words = " ".join(page.text["distributions"].split())
     summary = json.loads((tmp_path / artifacts.SUMMARY).read_text())
@@ -294,17 +239,14 @@ def test_one_flight_is_reported_alone(tmp_path):
     overrides = ("+experiment=fly", "controller=coast", "stages=[record,report]")
     experiment = run_of(tmp_path, ("record", "report"), *overrides)
     page = Page((tmp_path / artifacts.REPORT).read_text())
-    told = contents.gather(experiment, tmp_path)
+    told = gather(experiment, tmp_path)
     (flight,) = told.shown
     log = fly_logged(experiment.mission, told.controller, flight.scenario)
     seen, most = log.is_inspected[-1].sum(), log.is_inspectable.sum()
-    told_of = f"inspects {seen} of the {most} points that can be inspected (99 in all) for 0.000 m/s"
-    assert told_of in page.text["summary"]
+    assert f"inspects {seen} of the {most} points that can be inspected (99 in all)" in page.text["summary"]
     assert "The controller coast has no fuzzy systems." in page.text["controller"]
-    assert {figure["id"] for figure in page.all("figure")} == {
-        "figure-control-start",
-        "figure-trajectories-start",
-    }
+    figures = sorted(figure["id"] for figure in page.all("figure"))
+    assert figures == ["figure-control-start", "figure-trajectories-start"]
     for section in ("training", "evaluation", "distributions", "convergence"):
         assert "This run has no" in page.text[section]
     first = (tmp_path / artifacts.REPORT).read_bytes()
@@ -316,7 +258,7 @@ def test_one_flight_is_reported_alone(tmp_path):
 @pytest.mark.slow
 def test_names_are_text_and_no_markup(trained):
     folder, experiment, _, _ = trained
-    told = contents.gather(experiment, folder)
+    told = gather(experiment, folder)
     (system,) = told.controller.systems
     hostile = replace(told.controller, name=HOSTILE, systems=(replace(system, name=HOSTILE),))
     hostile_run = replace(experiment, report=replace(experiment.report, title=HOSTILE))
@@ -334,45 +276,23 @@ def test_names_are_text_and_no_markup(trained):
 def test_a_damaged_file_is_refused_in_words(trained):
     folder, experiment, _, _ = trained
     for name in (artifacts.LOGBOOK, artifacts.SUMMARY, artifacts.EPISODES):
-        path = folder / name
-        kept = path.read_bytes()
-        path.write_bytes(b"best\nno number\n")
-        try:
+        with without(folder, name):
+            (folder / name).write_bytes(b"best\nno number\n")
             with pytest.raises(ArtifactError, match="repeat the stage"):
                 page_of(experiment, folder)
-        finally:
-            path.write_bytes(kept)
 
 
-@pytest.mark.slow
-def test_the_stage_is_repeated_on_the_files_of_a_run(trained, capsys):
-    folder, _, _, _ = trained
-    command = ["stages=[report]", f"hydra.run.dir={folder}"]
-    assert main([*command, *TRAIN, *SMALL, "report.title=Another title"]) == 0
-    assert "<h1>Another title</h1>" in (folder / artifacts.REPORT).read_text()
-    assert "pictures" in capsys.readouterr().err
-
-
-def test_trajectories_are_sorted_into_their_cases():
+def test_trajectories_are_sorted_into_their_cases_and_those_of_other_flights_refused():
     generator = np.random.default_rng(3)
     positions = generator.normal(size=(4, 5, 3)).astype(np.float32)
-    rows = {
-        "case": np.repeat(np.array([7, 2, 9, 4], dtype=np.int32), 5),
-        "sample": np.tile(np.arange(5, dtype=np.int32), 4),
-        **{f"position_{axis}_m": positions[:, :, i].ravel() for i, axis in enumerate("xyz")},
-    }
+    rows = {"case": np.repeat([7, 2, 9, 4], 5), "sample": np.tile(np.arange(5), 4)}
+    rows |= {f"position_{axis}_m": positions[:, :, i].ravel() for i, axis in enumerate("xyz")}
     mixed = generator.permutation(20)
     tracks = tracks_of({name: column[mixed] for name, column in rows.items()}, np.array([9, 2, 4, 7]))
     np.testing.assert_array_equal(tracks, positions[[2, 1, 3, 0]])
-
-
-@pytest.mark.parametrize("kept", [slice(0, 9), slice(0, 5)])
-def test_trajectories_of_other_flights_are_refused(kept):
-    rows = {"case": np.repeat([0, 1], 5), "sample": np.tile(np.arange(5), 2)}
-    rows |= {f"position_{axis}_m": np.zeros(10) for axis in "xyz"}
-    rows = {name: column[kept] for name, column in rows.items()}
-    with pytest.raises(ArtifactError, match="different flights; repeat the stage evaluate"):
-        tracks_of(rows, np.array([0, 1]))
+    for count in (9, 5):
+        with pytest.raises(ArtifactError, match="different flights; repeat the stage evaluate"):
+            tracks_of({name: column[:count] for name, column in rows.items()}, np.array([7, 2]))
 
 
 @pytest.mark.parametrize(
@@ -390,9 +310,9 @@ def test_a_summary_without_its_numbers_is_refused_in_words(tmp_path, change, mis
     episodes |= {"mean_distance_m": np.array([70.0, 71.0])}
     episodes |= {"success": np.array([True, False]), "violated": np.array([False, False])}
     whole = {"num_cases": 2, **summarise(episodes, 95.0)}
-    write_json(tmp_path / SUMMARY, whole)
+    write_json(tmp_path / artifacts.SUMMARY, whole)
     assert read_evaluation(tmp_path, 95.0).summary == whole
-    write_json(tmp_path / SUMMARY, change(whole))
+    write_json(tmp_path / artifacts.SUMMARY, change(whole))
     with pytest.raises(ArtifactError, match=rf"no number {re.escape(missing)},.*repeat the stage evaluate"):
         read_evaluation(tmp_path, 95.0)
 
@@ -405,9 +325,7 @@ def test_the_command_is_the_one_that_was_typed(tmp_path):
     words = ["--config-dir", "/my conf", *words[:2], "controller.path='/a/b.json'"]
     expected = "python -m pipeline --config-dir '/my conf' +experiment=evaluate controller=/a/b.json"
     assert command_of(tmp_path, {"command": words}) == expected
-
-
-def test_the_command_of_a_run_from_before_manifests_told_it(tmp_path):
+    # a run from before manifests told it
     kept = tmp_path / ".hydra"
     kept.mkdir()
     (kept / "overrides.yaml").write_text(yaml.safe_dump(["+experiment=evaluate", "hydra.run.dir=here"]))
@@ -427,7 +345,5 @@ def test_training_flights_start_where_the_last_round_did(tmp_path):
     assert told.shown[0].title == "Training case 0 of round 2"
     expected = training_scenarios(experiment.starts, experiment.sun, experiment.seed, 1)
     np.testing.assert_array_equal(told.shown[0].scenario.position_m, expected[0].position_m)
-    assert told.training is not None
-    assert told.training.episodes is not None
     xs = [scenario.position_m[0] for scenario in expected]
     np.testing.assert_array_equal(told.training.episodes["position_x_m"], xs)

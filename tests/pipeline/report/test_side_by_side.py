@@ -12,35 +12,21 @@ from pipeline.command_line.config import compose_experiment
 from pipeline.evaluation.monte_carlo import fly_cases
 from pipeline.flight.control.controller import coast
 from pipeline.optimum.solved import beside_optimum, solved_for
-from pipeline.report.comparisons import (
-    COLUMNS,
-    fly_pairs,
-    marks_of,
-    optimum_in_words,
-    optimum_rows,
-    read_beside,
-    read_comparison,
-    tables_of,
-)
+from pipeline.report import comparisons
 from pipeline.report.figures.comparison import ENDS, MARKS, Mark, compared
 from pipeline.report.figures.comparison import beside_optimum as drawn_beside
 from pipeline.report.figures.style import PAPER, style
 from pipeline.run import artifacts, tables
-from pipeline.run.artifacts import ArtifactError
 from tests.pipeline.report.runs import page_of, run_of
 from tests.policies import Page
 
 
 @pytest.mark.slow
 def test_the_page_shows_the_middle_and_the_greatest_ratio(tmp_path):
-    run = compose_experiment(
-        [
-            *("+experiment=evaluate", "controller=coast", "report.dots_per_inch=40"),
-            # a layer that would burn against many a plan, which is flown without it
-            *("telemetry.record_start=true", "safety=filter", "safety.speed_limit_m_s=0.01"),
-        ]
-    )
-    experiment = run.experiment
+    words = ["+experiment=evaluate", "controller=coast", "report.dots_per_inch=40"]
+    # a layer that would burn against many a plan, which is flown without it
+    words += ["telemetry.record_start=true", "safety=filter", "safety.speed_limit_m_s=0.01"]
+    experiment = compose_experiment(words).experiment
     solved = solved_for(experiment)
     episodes, _ = fly_cases(experiment.mission, coast(), solved.scenarios, 1)
     columns = beside_optimum(episodes, solved.cases)
@@ -48,7 +34,7 @@ def test_the_page_shows_the_middle_and_the_greatest_ratio(tmp_path):
     tables.write_parquet(tmp_path / artifacts.BESIDE_OPTIMUM, columns)
     middle, greatest = (int(np.flatnonzero(columns["times_optimum"] == ratio)[0]) for ratio in (25, 49))
 
-    pairs = fly_pairs(experiment, coast(), read_beside(tmp_path))
+    pairs = comparisons.fly_pairs(experiment, coast(), comparisons.read_beside(tmp_path))
     assert [(pair.case, pair.which) for pair in pairs] == [(middle, "the middle"), (greatest, "the greatest")]
     for pair in pairs:
         assert pair.plan.delta_v_m_s[-1] == pytest.approx(solved.cases["delta_v_m_s"][pair.case], rel=1e-9)
@@ -65,27 +51,19 @@ def test_the_page_shows_the_middle_and_the_greatest_ratio(tmp_path):
     assert not names & {path.stem for path in (tmp_path / artifacts.FIGURES).iterdir()}
 
 
-OVERRIDES = (
-    "+experiment=baselines",
-    "compare.controllers=[coast,lqr]",
-    "monte_carlo.confidence_percent=90.0",
-)
-
-
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    made = tmp_path_factory.mktemp("compared")
-    run_of(made, ("compare", "report"), *OVERRIDES)
+    made, words = tmp_path_factory.mktemp("compared"), ("monte_carlo.confidence_percent=90.0",)
+    run_of(made, ("compare", "report"), "+experiment=baselines", "compare.controllers=[coast,lqr]", *words)
     return made
 
 
 def test_the_section_tells_the_rows(folder):
     page = (folder / artifacts.REPORT).read_text(encoding="utf-8")
-    section = page[page.index('<section id="comparison"') :]
-    section = section[: section.index("</section>")]
+    section = page.partition('<section id="comparison"')[2].partition("</section>")[0]
     assert section.count("<table>") == 2
     assert "90 % Wilson intervals" in section
-    for _, lines in tables_of(read_comparison(folder)):
+    for _, lines in comparisons.tables_of(comparisons.read_comparison(folder)):
         assert [line[0] for line in lines] == ["the paper*", "coast", "lqr"]
         for line in lines:
             assert f'<th scope="row">{line[0]}</th>' in section
@@ -95,14 +73,9 @@ def test_the_section_tells_the_rows(folder):
     assert (folder / artifacts.FIGURES / "comparison.png").exists()
 
 
-def test_no_section_where_nothing_was_compared(tmp_path):
-    run_of(tmp_path, ("report",), "+experiment=fly", "controller=coast")
-    assert "#comparison" not in (tmp_path / artifacts.REPORT).read_text(encoding="utf-8")
-
-
 def test_marks_are_means_and_spreads(folder):
-    rows = read_comparison(folder)
-    panels = marks_of(rows)
+    rows = comparisons.read_comparison(folder)
+    panels = comparisons.marks_of(rows)
     assert [title for title, _ in panels] == ["Sun fixed", "Sun random"]
     for title, marks in panels:
         assert [mark.name for mark in marks] == ["the paper (published)", "coast", "lqr"]
@@ -134,8 +107,8 @@ def test_a_damaged_comparison_is_refused_in_a_sentence(content, tmp_path):
     path = tmp_path / artifacts.COMPARISON
     path.parent.mkdir()
     path.write_text(content)
-    with pytest.raises(ArtifactError, match=re.escape("repeat the stage")):
-        read_comparison(tmp_path)
+    with pytest.raises(artifacts.ArtifactError, match=re.escape("repeat the stage")):
+        comparisons.read_comparison(tmp_path)
 
 
 def made_up(count: int = 4) -> dict[str, np.ndarray]:
@@ -157,12 +130,6 @@ def made_up(count: int = 4) -> dict[str, np.ndarray]:
         "success": success,
         "violated": violated,
     }
-
-
-@pytest.fixture
-def beside_folder(tmp_path):
-    tables.write_parquet(tmp_path / artifacts.BESIDE_OPTIMUM, made_up())
-    return tmp_path
 
 
 def test_the_picture_shows_each_case_by_its_ratio():
@@ -195,25 +162,25 @@ def test_a_controller_that_burns_nothing_can_be_drawn_and_many_cases_too():
     assert len(crowded.get_xticks()) == 0
 
 
-def test_words_and_rows_are_those_of_the_table(beside_folder):
-    beside = read_beside(beside_folder)
-    words = optimum_in_words(beside, 95.0)
+def test_words_and_rows_are_those_of_the_table(tmp_path):
+    tables.write_parquet(tmp_path / artifacts.BESIDE_OPTIMUM, made_up())
+    beside = comparisons.read_beside(tmp_path)
+    words = comparisons.optimum_in_words(beside, 95.0)
     assert "In the mean of 4 solved cases it burns 4.50 times the optimum" in words
     assert "at least 95 points. The median is 4.00, the range 2.00 to 8.00 (case 11)." in words
     assert "In 2 of 4 it inspects at least 95 % of the points within the limits." in words
-    rows = optimum_rows(beside)
+    rows = comparisons.optimum_rows(beside)
     assert [row[0] for row in rows] == ["11", "13", "10", "12"]
     assert rows[0] == ["11", "60.0", "1.600", "0.200", "8.00", "90", "95", "20.0 to 201.0", "too few points"]
     assert rows[3][-1] == "outside the limits"
 
 
-@pytest.mark.parametrize("name", COLUMNS)
-def test_a_table_without_a_column_is_refused(tmp_path, name):
-    columns = made_up()
-    del columns[name]
-    tables.write_parquet(tmp_path / artifacts.BESIDE_OPTIMUM, columns)
-    with pytest.raises(artifacts.ArtifactError, match=f"has no {name}; repeat the stage evaluate"):
-        read_beside(tmp_path)
+def test_a_table_without_a_column_is_refused(tmp_path):
+    for name in comparisons.COLUMNS:
+        columns = {key: column for key, column in made_up().items() if key != name}
+        tables.write_parquet(tmp_path / artifacts.BESIDE_OPTIMUM, columns)
+        with pytest.raises(artifacts.ArtifactError, match=f"has no {name}; repeat the stage evaluate"):
+            comparisons.read_beside(tmp_path)
 
 
 @pytest.mark.slow
@@ -224,7 +191,9 @@ def test_the_page_shows_the_table_the_reason_or_what_is_missing(tmp_path):
     assert "Not compared with plans of least fuel: duration_s is 600.0 here, and 3600.0 where" in words
 
     tables.write_parquet(tmp_path / artifacts.BESIDE_OPTIMUM, made_up())
-    page = Page(page_of(experiment, tmp_path))
+    text = page_of(experiment, tmp_path)
+    assert "#comparison" not in text
+    page = Page(text)
     words = " ".join(page.text["optimum"].split())
     assert "it burns 4.50 times the optimum" in words
     assert "figure-optimum" in page.values("id")

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
-from pipeline.training.evolution import generations as genetic
+from pipeline.training.evolution import generations
 from pipeline.training.evolution.rounds import evolve_rounds
 from tests.pipeline.training.evolution.cases import Sphere, column, evolve, optimizer, rows_of
 
@@ -28,15 +28,15 @@ STEPS = [4.0**-k for k in range(14)]
     ],
 )
 def test_split_of_the_population(size, split, expected):
-    split = genetic.split_population(optimizer(population_size=size, split=split))
+    split = generations.split_population(optimizer(population_size=size, split=split))
     assert (split.elite, split.crossover, split.mutants) == expected
 
 
 def test_scattered_crossover_takes_each_gene_from_either_parent_half_the_time():
     random.seed(1)
-    zeros = genetic.Individual([0.0] * 200, 1.0)
-    ones = genetic.Individual([1.0] * 200, 2.0)
-    children = np.array([genetic.scattered_crossover(zeros, ones) for _ in range(400)])
+    zeros = generations.Individual([0.0] * 200, 1.0)
+    ones = generations.Individual([1.0] * 200, 2.0)
+    children = np.array([generations.scattered_crossover(zeros, ones) for _ in range(400)])
     assert set(np.unique(children)) == {0.0, 1.0}
     # each gene and the whole within five standard deviations of the binomial
     assert abs(children.mean() - 0.5) < 5 * 0.5 / math.sqrt(children.size)
@@ -49,8 +49,8 @@ def test_scattered_crossover_takes_each_gene_from_either_parent_half_the_time():
 
 def test_tournament_of_four_prefers_the_best_as_order_statistics_say():
     random.seed(2)
-    population = [genetic.Individual([float(rank)], float(rank)) for rank in range(20)]
-    ranks = np.array([parent[0] for parent in genetic.select_parents(population, 20_000, 4)])
+    population = [generations.Individual([float(rank)], float(rank)) for rank in range(20)]
+    ranks = np.array([parent[0] for parent in generations.select_parents(population, 20_000, 4)])
     # rank r wins where the best of four draws is r: ((20-r)^4 - (19-r)^4) / 20^4
     expected = 20_000 * ((20 - np.arange(20.0)) ** 4 - (19 - np.arange(20.0)) ** 4) / 20**4
     observed = np.bincount(ranks.astype(int), minlength=20)
@@ -61,19 +61,19 @@ def test_tournament_of_four_prefers_the_best_as_order_statistics_say():
 
 
 def test_step_size_grows_fourfold_to_one_and_shrinks_to_the_root_of_epsilon():
-    assert genetic.adapt_step_size(1.0, True) == 1.0
-    assert genetic.adapt_step_size(1 / 64, True) == 1 / 16
-    assert genetic.adapt_step_size(1.0, False) == 0.25
+    assert generations.adapt_step_size(1.0, True) == 1.0
+    assert generations.adapt_step_size(1 / 64, True) == 1 / 16
+    assert generations.adapt_step_size(1.0, False) == 0.25
     step_size = 1.0
     for _ in range(40):
-        step_size = genetic.adapt_step_size(step_size, False)
-    assert step_size == genetic.SMALLEST_STEP == math.sqrt(np.finfo(float).eps)
+        step_size = generations.adapt_step_size(step_size, False)
+    assert step_size == generations.SMALLEST_STEP == math.sqrt(np.finfo(float).eps)
 
 
 @pytest.mark.parametrize("step_size", STEPS)
 def test_poll_directions_are_a_basis_of_the_stated_form(step_size):
     generator = np.random.default_rng(3)
-    basis = genetic.poll_directions(12, step_size, generator)
+    basis = generations.poll_directions(12, step_size, generator)
     largest = 1 / math.sqrt(step_size)
     assert np.linalg.matrix_rank(basis) == 12
     assert np.abs(basis).max() == largest
@@ -93,7 +93,7 @@ def test_poll_directions_are_a_basis_of_the_stated_form(step_size):
 )
 def test_mutants_stay_in_the_box_and_move(genome, step_size, seed):
     parent = np.array(genome)
-    mutant = genetic.adaptive_feasible_mutation(parent, step_size, np.random.default_rng(seed))
+    mutant = generations.adaptive_feasible_mutation(parent, step_size, np.random.default_rng(seed))
     assert np.all((mutant >= 0.0) & (mutant <= 1.0))
     assert not np.array_equal(mutant, parent)
     # no entry of a direction times the step is longer than the root of the step
@@ -103,7 +103,7 @@ def test_mutants_stay_in_the_box_and_move(genome, step_size, seed):
 def test_mutants_go_both_ways_along_every_axis():
     generator = np.random.default_rng(5)
     parent = np.full(4, 0.5)
-    mutants = [genetic.adaptive_feasible_mutation(parent, 1 / 16, generator) for _ in range(500)]
+    mutants = [generations.adaptive_feasible_mutation(parent, 1 / 16, generator) for _ in range(500)]
     np.testing.assert_array_equal(np.min(mutants, axis=0), 0.25)
     np.testing.assert_array_equal(np.max(mutants, axis=0), 0.75)
 
@@ -122,7 +122,7 @@ def local(**changes):
 def test_a_local_mutant_moves_few_genes_a_little_and_stays_in_the_box() -> None:
     random.seed(3)
     parent = [0.0, 1.0] * 200
-    mutants = np.array([genetic.local_mutation(parent, 0.1) for _ in range(300)])
+    mutants = np.array([generations.local_mutation(parent, 0.1) for _ in range(300)])
     moved = mutants != parent
     # half of the steps at an edge lead out of the box and stop there: shares of 1, 3 and 10 % halve
     assert 0.5 * 0.01 < moved.mean() < 0.5 * 0.14 / 3 * 1.3
