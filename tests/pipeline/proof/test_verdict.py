@@ -14,7 +14,7 @@ from pipeline.flight.fly.simulation import fly_logged
 from pipeline.flight.state.log import Scenario
 from pipeline.physics.motion import motion_over
 from pipeline.proof.loop import NotProvable, Theorem
-from pipeline.proof.surface import Box, surface_of
+from pipeline.proof.tube import Box, surface_of
 from pipeline.proof.verdict import Verdict, limit_fault, prove
 from pipeline.stages.prove import theorem_of
 from tests.pipeline.proof.cases import job, reversed_in_sign, steady

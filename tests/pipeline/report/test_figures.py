@@ -10,11 +10,10 @@ from fis_tools.formats import serialize
 from pipeline.flight.control.controller import from_fuzzy
 from pipeline.flight.fly.simulation import fly_logged
 from pipeline.flight.state.log import Scenario
-from pipeline.report.figures.flights import METRICS, Sample, controls, distributions
+from pipeline.report.figures.flights import METRICS, Sample, bounds, controls, distributions
 from pipeline.report.figures.style import BLUE, PALETTE, PURPLE, inline, save, style
 from pipeline.report.figures.training import convergence
 from pipeline.report.figures.trajectories import Tracks, trajectories
-from pipeline.report.figures.tube import bounds
 from tests.pipeline.flight.missions import PAPER
 from tests.pipeline.report.runs import PAPER_CONTROLLER
 
