@@ -6,14 +6,8 @@ from pathlib import Path
 from pipeline.command_line.config import Job, compose_experiment
 from pipeline.run import configuration
 
-MINIATURE = (
-    "optimizer.population_size=6",
-    "optimizer.generations=3",
-    "optimizer.workers=1",
-    "monte_carlo.num_cases=5",
-    "monte_carlo.workers=1",
-    "duration_s=300.0",
-)
+MINIATURE = ("monte_carlo.num_cases=5", "monte_carlo.workers=1", "duration_s=300.0")
+MINIATURE += ("optimizer.population_size=6", "optimizer.generations=3", "optimizer.workers=1")
 
 
 @cache

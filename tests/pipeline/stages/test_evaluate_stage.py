@@ -13,7 +13,6 @@ import pytest
 from fis_tools.formats import serialize
 from pipeline.command_line.config import compose_experiment
 from pipeline.controllers import source as controller_source
-from pipeline.controllers.source import controller_of_run
 from pipeline.evaluation.monte_carlo import summarise
 from pipeline.flight.cases.starts import evaluation_scenarios
 from pipeline.flight.fly.simulation import fly_logged
@@ -39,27 +38,18 @@ def test_episodes_have_a_row_a_case_and_the_promised_columns(evaluated):
     table = pq.read_table(folder / artifacts.EPISODES)
     whole = {"case", "inspected_count", "safety_periods", "inspectable_count"}
     kinds = {name: pa.int64() for name in whole} | dict.fromkeys(("success", "violated"), pa.bool_())
-    names = (
-        "case position_x_m position_y_m position_z_m sun_angle_rad delta_v_m_s inspected_count "
-        "inspection_rate_percent mean_distance_m min_distance_m max_distance_m success violated "
-        "safety_periods safety_delta_v_m_s sun_elevation_rad inspectable_count inspectable_rate_percent"
-    )
+    names = """case position_x_m position_y_m position_z_m sun_angle_rad delta_v_m_s inspected_count
+        inspection_rate_percent mean_distance_m min_distance_m max_distance_m success violated
+        safety_periods safety_delta_v_m_s sun_elevation_rad inspectable_count inspectable_rate_percent"""
     assert table.column_names == names.split()
     assert all(field.type == kinds.get(field.name, pa.float64()) for field in table.schema)
     assert table["case"].to_pylist() == [0, 1, 2, 3, 4]
     assert all(column.null_count == 0 for column in table.columns)
-
-
-def test_trajectories_have_a_row_a_sample_in_single_precision(evaluated):
-    _, folder = evaluated
+    # trajectories have a row a sample in single precision
     table = pq.read_table(folder / artifacts.TRAJECTORIES)
-    assert {field.name: field.type for field in table.schema} == {
-        "case": pa.int32(),
-        "sample": pa.int32(),
-        "position_x_m": pa.float32(),
-        "position_y_m": pa.float32(),
-        "position_z_m": pa.float32(),
-    }
+    kinds = dict.fromkeys(("case", "sample"), pa.int32())
+    kinds |= {f"position_{axis}_m": pa.float32() for axis in "xyz"}
+    assert {field.name: field.type for field in table.schema} == kinds
     assert table["case"].to_pylist() == [case for case in range(5) for _ in range(31)]
     assert table["sample"].to_pylist() == list(range(31)) * 5
 
@@ -85,12 +75,10 @@ def test_the_summary_tells_what_flew_and_how_well(evaluated, capsys):
     run, folder = evaluated
     evaluate.run(run.experiment, folder)
     summary = artifacts.read_json(folder, artifacts.SUMMARY)
-    assert list(summary) == [
-        "controller", "sun", "num_cases", "seed", "confidence_percent",
-        "delta_v_m_s", "inspection_rate_percent", "mean_distance_m", "safety_periods", "safety_delta_v_m_s",
-        "inspectable_count", "inspectable_rate_percent",
-        "success", "violated", "success_and_within_limits", "safety_acted", "percentiles", "optimum",
-    ]  # fmt: skip
+    names = """controller sun num_cases seed confidence_percent delta_v_m_s inspection_rate_percent
+        mean_distance_m safety_periods safety_delta_v_m_s inspectable_count inspectable_rate_percent
+        success violated success_and_within_limits safety_acted percentiles optimum"""
+    assert list(summary) == names.split()
     assert (summary["controller"], summary["sun"], summary["seed"]) == ("paper", "random", 1)
     assert (summary["num_cases"], summary["confidence_percent"]) == (5, 90.0)
     episodes = tables.read_parquet(folder, artifacts.EPISODES)
@@ -104,13 +92,10 @@ def test_the_summary_tells_what_flew_and_how_well(evaluated, capsys):
 
 def test_the_safety_layer_keeps_a_deputy_inside_that_flies_away(tmp_path):
     away = tmp_path / "away.csv"
-    away.write_text(
-        "time_s,force_x_n,force_y_n,force_z_n\n" + "".join(f"{10 * k},1,1,1\n" for k in range(30))
-    )
-    run = prepared(
-        tmp_path, "safety=filter", "controller=open_loop", f"controller.path={away}", experiment="evaluate"
-    )
-    evaluate.run(run.experiment, tmp_path)
+    rows = [f"{10 * k},1,1,1" for k in range(30)]
+    away.write_text("\n".join(["time_s,force_x_n,force_y_n,force_z_n", *rows]))
+    words = ("safety=filter", "controller=open_loop", f"controller.path={away}")
+    evaluate.run(prepared(tmp_path, *words, experiment="evaluate").experiment, tmp_path)
     episodes = tables.read_parquet(tmp_path, artifacts.EPISODES)
     assert not episodes["violated"].any()
     assert episodes["safety_periods"].min() > 0
@@ -119,20 +104,17 @@ def test_the_safety_layer_keeps_a_deputy_inside_that_flies_away(tmp_path):
 def test_a_champion_in_the_folder_flies_instead_of_the_configured_controller(tmp_path):
     run = prepared(tmp_path, *SUN, experiment="evaluate").experiment
     fuzzy = controller_source.load(run.controller, run.mission).fuzzy
-    assert fuzzy is not None
-    assert controller_of_run(run, tmp_path).name == "paper"
+    assert controller_source.controller_of_run(run, tmp_path).name == "paper"
     champion = replace(fuzzy, name="champion", systems=fuzzy.systems[:1])
     (tmp_path / artifacts.CHAMPION).write_text(serialize.dump_json(champion), encoding="utf-8")
-    assert controller_of_run(run, tmp_path).systems == fuzzy.systems[:1]
+    assert controller_source.controller_of_run(run, tmp_path).systems == fuzzy.systems[:1]
     evaluate.run(run, tmp_path)
     assert artifacts.read_json(tmp_path, artifacts.SUMMARY)["controller"] == "champion"
 
 
 def test_a_run_that_trains_is_not_evaluated_without_its_champion(tmp_path):
     run = prepared(tmp_path).experiment
-    with pytest.raises(
-        ArtifactError, match=r"has no champion.json; the stage train writes it, run that first"
-    ):
+    with pytest.raises(ArtifactError, match=r"has no champion.json; the stage train writes it, run that"):
         evaluate.run(run, tmp_path)
     assert not (tmp_path / artifacts.EPISODES).exists()
 
@@ -141,24 +123,18 @@ def test_a_controller_file_changed_later_does_not_change_the_run(tmp_path):
     source = tmp_path / "mine.json"
     original = serialize.load(Path("conf/controller/paper.yaml"))
     source.write_text(serialize.dump_json(original), encoding="utf-8")
-    folder = tmp_path / "run"
-    folder.mkdir()
     overrides = ("controller=file", f"controller.path={source}")
-    run = prepared(folder, *overrides, experiment="evaluate").experiment
-    evaluate.run(run, folder)
+    run = prepared(tmp_path, *overrides, experiment="evaluate").experiment
+    evaluate.run(run, tmp_path)
     source.write_text(serialize.dump_json(replace(original, name="changed")), encoding="utf-8")
-    assert controller_of_run(run, folder).name == original.name
+    assert controller_source.controller_of_run(run, tmp_path).name == original.name
 
 
 @pytest.mark.slow
 def test_the_best_trial_is_told_and_its_champion_kept(tmp_path):
-    run = prepared(
-        tmp_path,
-        "stages=[search]",
-        "++hparams_search={trials: 3, trains: true, num_cases: 8, block_cases: 4}",
-        "+hparams_search.space.optimizer.initial_step={low: 0.01, high: 0.5, log: true}",
-        "optimizer.mutation=local",
-    )  # fmt: skip
+    space = "+hparams_search.space.optimizer.initial_step={low: 0.01, high: 0.5, log: true}"
+    few = "++hparams_search={trials: 3, trains: true, num_cases: 8, block_cases: 4}"
+    run = prepared(tmp_path, "stages=[search]", few, space, "optimizer.mutation=local")
     search.run(run.experiment, tmp_path)
     with (tmp_path / artifacts.SEARCH_TRIALS).open(newline="") as stream:
         rows = list(csv.DictReader(stream))
@@ -173,8 +149,5 @@ def test_the_best_trial_is_told_and_its_champion_kept(tmp_path):
     search.run(replace(run.experiment, resume=True), tmp_path)
     assert json.loads((tmp_path / artifacts.SEARCH_BEST).read_text()) == best
     assert serialize.load(tmp_path / artifacts.CHAMPION) == champion
-
-
-def test_a_search_over_nothing_is_refused():
     with pytest.raises(SettingError, match=r"stages has search, and hparams_search.space is empty"):
         compose_experiment(["+experiment=evaluate", "controller=coast", "stages=[search]"])

@@ -15,16 +15,14 @@ from pipeline.settings.experiment import Experiment, SettingError
 from pipeline.stages import scenario
 from tests.pipeline.stages.cases import prepared
 
-COLUMNS = [
-    "set", "case", "position_x_m", "position_y_m", "position_z_m",
-    "velocity_x_m_s", "velocity_y_m_s", "velocity_z_m_s", "sun_angle_rad", "sun_elevation_rad",
-]  # fmt: skip
+NUMBERS = [f"position_{axis}_m" for axis in "xyz"] + [f"velocity_{axis}_m_s" for axis in "xyz"]
+NUMBERS += ["sun_angle_rad", "sun_elevation_rad"]
 
 
 def rows(folder: Path) -> list[dict[str, str]]:
     with (folder / artifacts.SCENARIOS).open(newline="", encoding="utf-8") as stream:
         reader = csv.DictReader(stream)
-        assert reader.fieldnames == COLUMNS
+        assert reader.fieldnames == ["set", "case", *NUMBERS]
         return list(reader)
 
 
@@ -32,11 +30,8 @@ def assert_written(found: list[dict[str, str]], name: str, expected: list[Scenar
     """The rows of one set, every number to the last bit."""
     written = [row for row in found if row["set"] == name]
     assert [int(row["case"]) for row in written] == list(range(len(expected)))
-    numbers = np.array([[float(row[column]) for column in COLUMNS[2:]] for row in written])
-    starts = [
-        [*start.position_m, *start.velocity_m_s, start.sun_angle_rad, start.sun_elevation_rad]
-        for start in expected
-    ]
+    numbers = np.array([[float(row[column]) for column in NUMBERS] for row in written])
+    starts = [[*s.position_m, *s.velocity_m_s, s.sun_angle_rad, s.sun_elevation_rad] for s in expected]
     np.testing.assert_array_equal(numbers, starts)
 
 
@@ -50,19 +45,15 @@ def test_a_training_writes_its_octants_and_its_evaluation(tmp_path: Path) -> Non
 
 
 def test_rounds_that_draw_anew_are_all_written(tmp_path: Path) -> None:
-    run = prepared(
-        tmp_path, "starts.num_cases=3", "optimizer.rounds=2", experiment="train_champion"
-    ).experiment
+    words = ("starts.num_cases=3", "optimizer.rounds=2")
+    run = prepared(tmp_path, *words, experiment="train_champion").experiment
     scenario.run(run, tmp_path)
     found = rows(tmp_path)
     assert [row["set"] for row in found] == ["training-0"] * 3 + ["training-1"] * 3 + ["evaluation"] * 5
     for index in (0, 1):
         assert_written(found, f"training-{index}", training_scenarios(run.starts, run.sun, run.seed, index))
-
-
-def test_without_training_only_the_evaluation_is_written(tmp_path: Path) -> None:
-    run = prepared(tmp_path, experiment="evaluate").experiment
-    scenario.run(run, tmp_path)
+    # without training only the evaluation is written
+    scenario.run(prepared(tmp_path, experiment="evaluate").experiment, tmp_path)
     assert {row["set"] for row in rows(tmp_path)} == {"evaluation"}
 
 
@@ -78,11 +69,9 @@ def test_what_a_run_wrote_is_flown_again_to_the_last_bit(tmp_path: Path) -> None
     run = prepared(tmp_path, "starts=random", "starts.num_cases=3", "sun=random").experiment
     scenario.run(run, tmp_path)
     again = composed(tmp_path / artifacts.SCENARIOS, "+experiment=train")
-    pairs = [
-        (training_scenarios, run.starts, again.starts),
-        (evaluation_scenarios, run.monte_carlo, again.monte_carlo),
-    ]
-    for starts_of, drawn, given in pairs:
+    kinds = (training_scenarios, evaluation_scenarios)
+    pairs = [(run.starts, again.starts), (run.monte_carlo, again.monte_carlo)]
+    for starts_of, (drawn, given) in zip(kinds, pairs, strict=True):
         first, second = starts_of(drawn, run.sun, run.seed), starts_of(given, again.sun, again.seed)
         assert len(first) == len(second) == given.num_cases
         for one, other in zip(first, second, strict=True):

@@ -7,6 +7,7 @@ import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from itertools import count
 from pathlib import Path
 from typing import BinaryIO
 
@@ -24,15 +25,12 @@ from pipeline.stages import record, train
 from pipeline.training import judging
 from pipeline.training.fitness import costs
 from pipeline.training.genome import genome_of
-from pipeline.training.judging import fitness_of_round
 from pipeline.training.progress import TrainingProgress
 from telemetry.file import partial_file
 from tests.pipeline.stages.cases import prepared
 
-COLUMNS = [
-    "round", "generation", "evaluations", "best", "mean", "std", "step_size",
-    "delta_v_m_s", "points", "outside", "outside_m", "short",
-]  # fmt: skip
+PARTS = ["delta_v_m_s", "points", "outside", "outside_m", "short"]
+COLUMNS = ["round", "generation", "evaluations", "best", "mean", "std", "step_size", *PARTS]
 
 
 @pytest.fixture(scope="module")
@@ -57,9 +55,8 @@ def genomes(folder: Path) -> np.ndarray:
 def test_the_logbook_and_the_history_hold_every_generation_with_its_parts(trained):
     _, folder = trained
     rows = logbook(folder)
-    assert [(row["round"], row["generation"], row["evaluations"]) for row in rows] == [
-        (0, 0, 6), (0, 1, 11), (0, 2, 16), (0, 3, 21),
-    ]  # fmt: skip
+    counted = [(row["round"], row["generation"], row["evaluations"]) for row in rows]
+    assert counted == [(0, 0, 6), (0, 1, 11), (0, 2, 16), (0, 3, 21)]
     table = pq.read_table(folder / artifacts.HISTORY)
     assert table.column_names == [*COLUMNS, "genome"]
     # floats are written so that they read back to the same bits
@@ -70,42 +67,31 @@ def test_the_logbook_and_the_history_hold_every_generation_with_its_parts(traine
     assert not list(folder.glob("train/.*"))
 
 
+def encoding_of(run):
+    """The genome of a run's controller."""
+    return genome_of(source.load(run.controller, run.mission), run.optimizer.encoding)
+
+
 def test_each_champions_fitness_is_found_again_from_its_genome(trained):
     run, folder = trained
-    experiment = run.experiment
-    template = source.load(experiment.controller, experiment.mission)
-    evaluate = fitness_of_round(experiment, genome_of(template, experiment.optimizer.encoding), 0)
+    encoding = encoding_of(run.experiment)
+    evaluate = judging.fitness_of_round(run.experiment, encoding, 0)
     found = evaluate(genomes(folder))
     for index, row in enumerate(logbook(folder)):
         assert row["best"] == found["fitness"][index]
-        for name in ("delta_v_m_s", "points", "outside", "outside_m", "short"):
-            assert row[name] == found[name][index]
-
-
-def test_the_first_population_holds_the_configured_controller(trained):
-    run, folder = trained
-    experiment = run.experiment
-    template = source.load(experiment.controller, experiment.mission)
-    encoding = genome_of(template, experiment.optimizer.encoding)
-    evaluate = fitness_of_round(experiment, encoding, 0)
-    configured = evaluate(encoding.encode(template.fuzzy)[np.newaxis])["fitness"][0]
-    assert logbook(folder)[0]["best"] <= configured
+        assert [row[name] for name in PARTS] == [found[name][index] for name in PARTS]
+    # the first population holds the configured controller
+    assert logbook(folder)[0]["best"] <= evaluate(encoding.encode()[np.newaxis])["fitness"][0]
 
 
 def test_the_champion_is_the_last_genome_and_says_where_it_comes_from(trained):
     run, folder = trained
-    experiment = run.experiment
-    template = source.load(experiment.controller, experiment.mission)
     champion = serialize.load(folder / artifacts.CHAMPION)
     assert champion.name == "paper_train"
-    assert (
-        champion.systems
-        == genome_of(template, experiment.optimizer.encoding).decode(genomes(folder)[-1]).systems
-    )
+    assert champion.systems == encoding_of(run.experiment).decode(genomes(folder)[-1]).systems
     assert champion.attributes == (("force_axes", "body"),)
     provenance = dict(champion.provenance)
-    assert provenance["experiment"] == "train"
-    assert provenance["seed"] == "1"
+    assert (provenance["experiment"], provenance["seed"]) == ("train", "1")
     assert provenance["config_hash"] == configuration.config_hash(run.config)
     assert float(provenance["training_fitness"]) == logbook(folder)[-1]["best"]
     assert (provenance["generations"], provenance["interrupted"]) == ("4", "false")
@@ -174,10 +160,9 @@ def test_rounds_draw_starts_of_their_own_and_hand_the_champion_on(tmp_path):
     train.run(run, tmp_path)
     rows = logbook(tmp_path)
     assert [(row["round"], row["generation"]) for row in rows] == [(0, 0), (0, 1), (1, 0), (1, 1)]
-    template = source.load(run.controller, run.mission)
-    encoding = genome_of(template, run.optimizer.encoding)
+    encoding = encoding_of(run)
     last = genomes(tmp_path)[1][np.newaxis]
-    judged = [fitness_of_round(run, encoding, index)(last)["fitness"][0] for index in (0, 1)]
+    judged = [judging.fitness_of_round(run, encoding, index)(last)["fitness"][0] for index in (0, 1)]
     assert judged[0] == rows[1]["best"]
     assert judged[1] != judged[0]
     assert rows[2]["best"] <= judged[1]
@@ -192,13 +177,12 @@ def test_a_controller_without_fuzzy_systems_is_refused(tmp_path):
 def test_from_the_second_round_on_the_starts_that_the_champion_flies_worst_join(tmp_path):
     words = ("starts.num_cases=4", "starts.num_hard=3", "starts.hard_from=40", "duration_s=1200.0")
     run = prepared(tmp_path, *words, experiment="train_champion").experiment
-    template = source.load(run.controller, run.mission)
-    genome = genome_of(template, run.optimizer.encoding)
+    genome = encoding_of(run)
     champion = genome.encode()
-    plain = fitness_of_round(run, genome, 1)(champion[np.newaxis])
-    mined = fitness_of_round(run, genome, 1, champion)(champion[np.newaxis])
+    plain = judging.fitness_of_round(run, genome, 1)(champion[np.newaxis])
+    mined = judging.fitness_of_round(run, genome, 1, champion)(champion[np.newaxis])
     candidates = hard_candidates(run.starts, run.sun, run.seed, 1)
-    outcomes = fly_all(run.mission, template, candidates)
+    outcomes = fly_all(run.mission, source.load(run.controller, run.mission), candidates)
     each = np.sort(costs(outcomes, run.optimizer.penalty.of_round(1), run.mission))
     expected = (4 * plain["fitness"][0] + each[-3:].sum()) / 7
     assert mined["fitness"][0] == pytest.approx(expected, rel=1e-9)
@@ -206,29 +190,20 @@ def test_from_the_second_round_on_the_starts_that_the_champion_flies_worst_join(
 
 
 def test_the_champion_is_the_rounds_best_on_starts_of_its_own(tmp_path):
-    words = (
-        "starts.num_cases=4",
-        "optimizer.rounds=3",
-        "optimizer.generations=2",
-        "optimizer.validation_cases=9",
-    )
-    run = prepared(tmp_path, *words, experiment="train_champion").experiment
+    few = ("optimizer.rounds=3", "optimizer.generations=2", "optimizer.validation_cases=9")
+    run = prepared(tmp_path, "starts.num_cases=4", *few, experiment="train_champion").experiment
     train.run(run, tmp_path)
     with (tmp_path / artifacts.VALIDATION).open(newline="", encoding="utf-8") as stream:
         rows = [{name: float(value) for name, value in row.items()} for row in csv.DictReader(stream)]
     assert [row["round"] for row in rows] == [0, 1, 2]
     best = min(rows, key=lambda row: row["validation"])
     champion = serialize.load(tmp_path / artifacts.CHAMPION)
-    genome = genome_of(source.load(run.controller, run.mission), run.optimizer.encoding)
     last_of_round = genomes(tmp_path)[[2, 5, 8]]
-    assert champion.systems == genome.decode(last_of_round[int(best["round"])]).systems
+    assert champion.systems == encoding_of(run).decode(last_of_round[int(best["round"])]).systems
     assert float(dict(champion.provenance)["validation_fitness"]) == best["validation"]
     starts = validation_scenarios(run.starts, run.sun, run.seed, 9)
-    flown = {
-        tuple(s.position_m)
-        for index in range(3)
-        for s in training_scenarios(run.starts, run.sun, run.seed, index)
-    }
+    drawn = [training_scenarios(run.starts, run.sun, run.seed, index) for index in range(3)]
+    flown = {tuple(s.position_m) for each in drawn for s in each}
     assert not flown & {tuple(s.position_m) for s in starts}
     outcomes = fly_all(run.mission, from_fuzzy(champion), starts)
     found = costs(outcomes, run.optimizer.penalty.of_round(2), run.mission).mean()
@@ -238,44 +213,35 @@ def test_the_champion_is_the_rounds_best_on_starts_of_its_own(tmp_path):
 STOPPED = "No space left on device; make room"
 
 
-class Disk:
-    """Counts the files that `artifacts` begins, and refuses all from one of them on."""
-
-    def __init__(self, monkeypatch: pytest.MonkeyPatch, num_files: int):
-        self.room = num_files
-        self.write = writing.beside
-        monkeypatch.setattr(writing, "beside", self.beside)
-        monkeypatch.setattr(train, "WRITE_EVERY_S", 0.0)
+def fill_disk(monkeypatch: pytest.MonkeyPatch, num_files: int) -> None:
+    """Refuse all files that are begun but for the first of them."""
+    begun, write = count(), writing.beside
 
     @contextmanager
-    def beside(self, path: Path) -> Iterator[BinaryIO]:
-        self.room -= 1
-        if self.room < 0:
+    def beside(path: Path) -> Iterator[BinaryIO]:
+        if next(begun) >= num_files:
             raise writing.WriteError(f"{path} cannot be written: {STOPPED}")
-        with self.write(path) as stream:
+        with write(path) as stream:
             yield stream
+
+    monkeypatch.setattr(writing, "beside", beside)
+    monkeypatch.setattr(train, "WRITE_EVERY_S", 0.0)
 
 
 # a generation writes its checkpoint, the logbook and the history
-@pytest.mark.parametrize("num_files", [1, 6, 7, 8])
-def test_training_goes_on_once_there_is_room(trained, tmp_path, monkeypatch, num_files):
+@pytest.mark.parametrize(
+    ("num_files", "name"), [(0, artifacts.CHECKPOINT), (1, ""), (6, ""), (7, ""), (8, "")]
+)
+def test_training_goes_on_once_there_is_room(trained, tmp_path, monkeypatch, num_files, name):
     run = prepared(tmp_path).experiment
     with monkeypatch.context() as patched:
-        Disk(patched, num_files)
-        with pytest.raises(writing.WriteError, match=STOPPED):
+        fill_disk(patched, num_files)
+        with pytest.raises(writing.WriteError, match=rf"{name} cannot be written: {STOPPED}"):
             train.run(run, tmp_path)
     assert not (tmp_path / artifacts.CHAMPION).exists()
     assert not list(tmp_path.rglob("*.partial")) + list(tmp_path.glob("train/.*"))
     train.run(replace(run, resume=True), tmp_path)
     np.testing.assert_array_equal(genomes(tmp_path), genomes(trained[1]))
-
-
-def test_before_the_first_generation_the_file_is_named(tmp_path, monkeypatch):
-    run = prepared(tmp_path).experiment
-    Disk(monkeypatch, 0)
-    with pytest.raises(writing.WriteError, match=rf"{artifacts.CHECKPOINT} cannot be written: {STOPPED}"):
-        train.run(run, tmp_path)
-    assert not (tmp_path / artifacts.CHAMPION).exists()
 
 
 def test_a_disk_that_fills_up_while_flights_are_recorded_leaves_the_champion(trained, monkeypatch):
