@@ -10,19 +10,9 @@ from subprocess import CompletedProcess
 
 import pytest
 
-from pipeline.command_line import cli
+from pipeline.command_line import cli, overrides
 from pipeline.command_line.arguments import read_arguments
-from pipeline.command_line.cli import main
 from pipeline.command_line.config import compose_experiment, compose_jobs, conf_folder, options
-from pipeline.command_line.overrides import (
-    ConfigError,
-    check_sweeps,
-    differences_of,
-    folder_names,
-    parse,
-    rewrite_paths,
-    single_runs,
-)
 from pipeline.flight.state.signals import SIGNALS
 from pipeline.run import maker
 
@@ -72,20 +62,20 @@ def test_to_warm_each_experiment_is_started_twice_in_new_folders_and_a_failure_e
         return CompletedProcess(command, codes[len(started) - 1])
 
     monkeypatch.setattr(cli.subprocess, "run", run)
-    assert main(["warm"]) == 0
+    assert cli.main(["warm"]) == 0
     assert len({command[-1] for command in started}) == 2 * len(cli.WARMED)
     assert [command[3:-1] for command in started[::2]] == [list(words) for words in cli.WARMED]
     for words in cli.WARMED:
         assert compose_experiment(list(words)).experiment.stages
-    assert main(["warm"]) == 2
-    assert main(["warm", "champion_27"]) == 2
+    assert cli.main(["warm"]) == 2
+    assert cli.main(["warm", "champion_27"]) == 2
     assert "error: warm takes no arguments" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(("arguments", "code"), [([], 2), (["--help"], 0), (["-h"], 0)])
 def test_help_lists_experiments_controllers_and_signals(arguments, code, capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    assert main(arguments) == code
+    assert cli.main(arguments) == code
     text = capsys.readouterr().out
     groups = options([conf_folder()])
     for name in (*groups["experiment"], *groups["controller"]):
@@ -100,13 +90,13 @@ def test_help_lists_experiments_controllers_and_signals(arguments, code, capsys,
 def test_help_lists_the_users_own(capsys, tmp_path):
     (tmp_path / "experiment").mkdir()
     (tmp_path / "experiment" / "own.yaml").write_text("# @package _global_\n# My own flight.\nname: own\n")
-    assert main(["--help", "--config-dir", str(tmp_path)]) == 0
+    assert cli.main(["--help", "--config-dir", str(tmp_path)]) == 0
     assert re.search(r"^  own +My own flight\.$", capsys.readouterr().out, re.MULTILINE)
 
 
 def test_name_and_version_are_the_projects(capsys):
     project = tomllib.loads((maker.SOURCES / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    assert main(["--version"]) == 0
+    assert cli.main(["--version"]) == 0
     assert capsys.readouterr().out == f"{project['name']} {project['version']}\n"
 
 
@@ -120,32 +110,32 @@ def test_options_stand_anywhere() -> None:
 
 
 def test_a_sweep_is_every_value_with_every_other() -> None:
-    runs = single_runs(parse(["seed=1,2", "name=x", "sun=glob(*,exclude=m*)"]), GROUPS)
+    runs = overrides.single_runs(overrides.parse(["seed=1,2", "name=x", "sun=glob(*,exclude=m*)"]), GROUPS)
     expected = [["seed=1", "name=x", "sun=fixed"], ["seed=1", "name=x", "sun=random"]]
     assert list(runs) == [*expected, *[["seed=2", *words[1:]] for words in expected]]
-    assert list(single_runs(parse(["seed=range(1,3)"]), {})) == [["seed=1"], ["seed=2"]]
-    with pytest.raises(ConfigError, match=r"seed=interval\(1,2\) is an interval"):
-        check_sweeps(parse(["seed=interval(1,2)"]), is_multirun=True)
+    assert list(overrides.single_runs(overrides.parse(["seed=range(1,3)"]), {})) == [["seed=1"], ["seed=2"]]
+    with pytest.raises(overrides.ConfigError, match=r"seed=interval\(1,2\) is an interval"):
+        overrides.check_sweeps(overrides.parse(["seed=interval(1,2)"]), is_multirun=True)
 
 
 def test_folders_of_a_sweep_are_named_by_what_differs() -> None:
     words = ["+experiment=evaluate", "seed=1,2", "controller=x/a b.json,y/a b.json", "duration_s=9"]
-    read = parse(rewrite_paths(words))
-    differing = differences_of(read, {})
+    read = overrides.parse(overrides.rewrite_paths(words))
+    differing = overrides.differences_of(read, {})
     assert differing[1] == {"seed": "1", "controller": "y/a b.json"}
-    assert len(differing) == len(list(single_runs(read, {}))) == 4
-    names = folder_names(differing)
+    assert len(differing) == len(list(overrides.single_runs(read, {}))) == 4
+    names = overrides.folder_names(differing)
     assert names[0] == "seed=1+controller=a-b.json"
     assert len(set(names)) == 4  # also those whose words are the same
-    assert folder_names([{}]) == ["0"]
-    assert rewrite_paths(["hydra.run.dir=out/seed=1"]) == ["hydra.run.dir='out/seed=1'"]
+    assert overrides.folder_names([{}]) == ["0"]
+    assert overrides.rewrite_paths(["hydra.run.dir=out/seed=1"]) == ["hydra.run.dir='out/seed=1'"]
 
 
 def test_two_runs_are_compared_by_their_folders() -> None:
     asked = read_arguments(["compare=outputs/a,outputs/b"])
     assert asked.compare == (Path("outputs/a"), Path("outputs/b"))
     assert read_arguments(["compare=default"]).compare is None
-    with pytest.raises(ConfigError, match="takes nothing else"):
+    with pytest.raises(overrides.ConfigError, match="takes nothing else"):
         read_arguments(["compare=a,b", "seed=1"])
 
 
