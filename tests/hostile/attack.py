@@ -5,15 +5,14 @@ does not hide what the next one takes.
 """
 
 import gc
-import os
+import multiprocessing
 import random
-import select
 import signal
-import sys
 import traceback
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Final
 
@@ -26,7 +25,7 @@ BYTES: Final = 1024**3
 KEPT_BYTES: Final = 64 * 1024**2
 #: after which a process that says nothing is taken to hang outside Python, s; other work may slow it
 SILENT_S: Final = 600.0
-
+FORK: Final = multiprocessing.get_context("fork")
 
 #: may yield after each of its steps
 Work = Callable[[], Iterator[None] | None]
@@ -123,41 +122,35 @@ def _tried_apart(reader: Reader, inputs: Sequence[tuple[int, bytes]], folder: Pa
 
 def _apart(work: Work) -> int:
     """Do work in a fork of this process; return how often it yielded."""
-    read_end, write_end = os.pipe()
+    here, there = FORK.Pipe(duplex=False)
     gc.collect()
-    sys.stdout.flush()
+    process = FORK.Process(target=_serve, args=(work, there))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)  # of threads, which readers here do not wait for
-        pid = os.fork()
-    if pid == 0:
-        _serve(work, write_end)
-    os.close(write_end)
-    count, told = 0, b""
-    with open(read_end, "rb", buffering=0) as stream:
-        while True:
-            if not select.select([stream], [], [], SILENT_S)[0]:
-                os.kill(pid, signal.SIGKILL)
-                told = f"does not return within {SILENT_S:g} s".encode()
+        process.start()
+    there.close()
+    count, told = 0, ""
+    while not told:
+        if not here.poll(SILENT_S):
+            process.kill()
+            told = f"does not return within {SILENT_S:g} s"
+        else:
+            try:
+                told = here.recv()
+            except EOFError:
                 break
-            part = stream.read(65536)
-            if not part:
-                break
-            count += part.count(b"\x01")
-            told += part.replace(b"\x01", b"")
-    status = os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1])
-    if told or status:
-        raise BrokenError(told.decode("utf-8", "replace") or f"ended its process with {status}")
+            count += not told
+    process.join()
+    if told or process.exitcode:
+        raise BrokenError(told or f"ended its process with {process.exitcode}")
     return count
 
 
-def _serve(work: Work, pipe: int) -> None:
-    """Work, write a byte for each step and what goes wrong, and end this process."""
+def _serve(work: Work, pipe: Connection) -> None:
+    """Work; send an empty word for each step, or what goes wrong."""
     try:
         for _ in work() or ():
-            os.write(pipe, b"\x01")
+            pipe.send("")
     except BaseException as error:  # noqa: BLE001 - all is told
         place = traceback.extract_tb(error.__traceback__)[-1]
-        told = f"{type(error).__name__}: {error} ({place.filename}:{place.lineno})"
-        os.write(pipe, told[:2000].encode("utf-8", "replace"))
-        os._exit(1)
-    os._exit(0)
+        pipe.send(f"{type(error).__name__}: {str(error)[:2000]} ({place.filename}:{place.lineno})")

@@ -1,4 +1,4 @@
-"""Damage to input files that knows their structure, so that it gets past the first check."""
+"""Recordings that say something else than was flown, and damage to files that gets past the first check."""
 
 import copy
 import io
@@ -10,10 +10,65 @@ from typing import Any, Final
 import pyarrow as pa
 import pyarrow.parquet as pq
 from mcap.reader import make_reader
-from mcap.writer import CompressionType
+from mcap.records import Attachment
+from mcap.writer import CompressionType, Writer
 
-from tests.hostile.recordings import forged, rewritten
+Entries = dict[str, str]
 
+
+def rewritten(
+    content: bytes,
+    *,
+    entries: Callable[[str, Entries], Entries | None],
+    attachment: Callable[[Attachment], bytes] = lambda one: one.data,
+    word: Callable[[str], str] = str,
+    data: Callable[[bytes], bytes] = bytes,
+    compression: CompressionType = CompressionType.ZSTD,
+) -> bytes:
+    """Return a recording with other metadata, attachments, names and messages, all checksums right.
+
+    `entries` may leave a record out by returning None; `word` changes names, `data` messages.
+    """
+    reader, sink = make_reader(io.BytesIO(content)), io.BytesIO()
+    writer = Writer(sink, compression=compression)
+    writer.start()
+    for record in reader.iter_metadata():
+        kept = {key: text for key, text in record.metadata.items() if key != "crc32"}
+        if (told := entries(record.name, kept)) is not None:
+            writer.add_metadata(word(record.name), told)
+    for one in reader.iter_attachments():
+        writer.add_attachment(one.create_time, one.log_time, word(one.name), one.media_type, attachment(one))
+    schemas: dict[int, int] = {}
+    channels: dict[int, int] = {}
+    for schema, channel, message in reader.iter_messages():
+        assert schema is not None
+        if schema.id not in schemas:
+            schemas[schema.id] = writer.register_schema(word(schema.name), schema.encoding, schema.data)
+        if channel.id not in channels:
+            channels[channel.id] = writer.register_channel(
+                word(channel.topic), channel.message_encoding, schemas[schema.id], channel.metadata
+            )
+        writer.add_message(channels[channel.id], message.log_time, data(message.data), message.publish_time)
+    writer.finish()
+    return sink.getvalue()
+
+
+def forged(
+    content: bytes,
+    *,
+    episode: Mapping[str, object] | None = None,
+    attachments: Mapping[str, bytes] | None = None,
+) -> bytes:
+    """Return a recording with other words about its episode, and other attachments."""
+    words = {k: v if isinstance(v, str) else json.dumps(v) for k, v in (episode or {}).items()}
+    return rewritten(
+        content,
+        entries=lambda name, kept: kept | words if name == "episode" else kept,
+        attachment=lambda one: (attachments or {}).get(one.name, one.data),
+    )
+
+
+Damage = Callable[[bytes, random.Random], bytes]
 #: byte sequences that readers are known to stumble over
 PIECES: Final = (
     b"", b"0", b"-1", b"1e400", b"nan", b".inf", b"9" * 400, b"9" * 5000 + b"x", b"[" * 2000, b"{" * 2000,
@@ -112,9 +167,8 @@ def damaged_recording(content: bytes, rng: random.Random) -> bytes:
     def word(text: str) -> str:
         if rng.random() > 0.02:
             return text
-        return rng.choice(
-            (damaged_bytes(text.encode(), rng).decode("utf-8", "replace"), "[" * 100_000, "", "1e999")
-        )
+        damaged = damaged_bytes(text.encode(), rng).decode("utf-8", "replace")
+        return rng.choice((damaged, "[" * 100_000, "", "1e999"))
 
     return rewritten(
         content,
@@ -136,14 +190,17 @@ def damaged_attachment(content: bytes, rng: random.Random) -> bytes:
     return forged(content, attachments={name: how(kept[name], rng)})
 
 
+def _either(damage: Damage, probability: float) -> Damage:
+    """Return a damage that is so done with a probability, and otherwise to plain bytes."""
+    return lambda content, rng: (damage if rng.random() < probability else damaged_bytes)(content, rng)
+
+
 #: by the kind of a reader
-DAMAGES: Final[Mapping[str, Callable[[bytes, random.Random], bytes]]] = {
+DAMAGES: Final[Mapping[str, Damage]] = {
     "attachments": damaged_attachment,
     "text": damaged_bytes,
     "bytes": damaged_bytes,
-    "tree": lambda content, rng: (damaged_tree if rng.random() < 0.7 else damaged_bytes)(content, rng),
-    "table": lambda content, rng: (damaged_table if rng.random() < 0.7 else damaged_bytes)(content, rng),
-    "recording": lambda content, rng: (damaged_recording if rng.random() < 0.2 else damaged_bytes)(
-        content, rng
-    ),
+    "tree": _either(damaged_tree, 0.7),
+    "table": _either(damaged_table, 0.7),
+    "recording": _either(damaged_recording, 0.2),
 }

@@ -14,6 +14,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 SIZE: Final = 10_000_000
+#: readers of text in lines
+LINES: Final = ("fis", "fll", "yaml", "conditions", "run", "starts", "requirements")
 
 
 def _filled(before: bytes, piece: bytes, after: bytes = b"") -> bytes:
@@ -63,21 +65,11 @@ def _many_points(sample: bytes) -> bytes:
 
 #: reader, name, and function that makes the file from an intact one
 GIANTS: Final[Mapping[tuple[str, str], Callable[[bytes], bytes]]] = {
-    **{
-        (reader, "digits and a letter"): lambda sample: _filled(sample, b"9", b"x")
-        for reader in (
-            *("fis", "fll", "json", "yaml", "forces", "conditions", "settings", "run"),
-            *("starts", "requirements"),
-        )
-    },
-    **{
-        (reader, "lines again"): lambda sample: _filled(b"", sample + b"\n")
-        for reader in ("fis", "fll", "yaml", "conditions", "run", "starts", "requirements")
-    },
-    **{
-        (reader, "bottomless"): lambda _sample: _filled(b"", b"[")
-        for reader in ("json", "yaml", "fis", "fll", "conditions", "settings", "run", "requirements")
-    },
+    **{(reader, "digits and a letter"): lambda sample: _filled(sample, b"9", b"x")
+       for reader in (*LINES, "json", "forces", "settings")},
+    **{(reader, "lines again"): lambda sample: _filled(b"", sample + b"\n") for reader in LINES},
+    **{(reader, "bottomless"): lambda _sample: _filled(b"", b"[")
+       for reader in (*LINES, "json", "settings") if reader != "starts"},
     ("json", "keys again"): lambda _sample: _filled(b"{", b'"name":0,', b'"name":0}'),
     ("json", "rules of a missing term"): _rules_of_a_missing_term,
     ("json", "many terms"): _many_points,

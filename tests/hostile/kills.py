@@ -16,48 +16,37 @@ from typing import Final
 
 from pipeline.run import artifacts, manifests, sweep
 
-SMALL: Final = ("duration_s=600", "optimizer.population_size=12", "optimizer.generations=12",
-                "monte_carlo.num_cases=40", "telemetry.record_training=false")  # fmt: skip
-#: for searches that fly many starts by default
-FEW: Final = ("optimizer.rounds=1", "optimizer.validation_cases=8", "starts.num_cases=8", "starts.num_hard=0")
-EVALUATE: Final = ("+experiment=evaluate", "controller=paper_champion")
-
+SMALL: Final = (
+    *("duration_s=600", "optimizer.population_size=12", "optimizer.generations=12"),
+    *("monte_carlo.num_cases=40", "telemetry.record_training=false"),
+)
+CHAMPION: Final = "+experiment=evaluate controller=paper_champion"
+_TRAINED: Final = "stages=[scenario,train,evaluate]"
+_WORDS: Final = {
+    "genetic": "+experiment=train stages=[scenario,train,evaluate,record]",
+    "rounds": f"""+experiment=train {_TRAINED} starts=random
+        optimizer.rounds=3 optimizer.generations=4 optimizer.validation_cases=8""",
+    "cma_es": f"""+experiment=train_planes {_TRAINED} starts.num_cases=8 starts.num_hard=0
+        optimizer.rounds=1 optimizer.validation_cases=8""",
+    "evaluate": f"{CHAMPION} stages=[scenario,evaluate,record]",
+    "planned": "+experiment=evaluate controller=lqr stages=[scenario,evaluate,record]",
+    "safety": """+experiment=evaluate controller=champion_any_sun safety=filter chief=tumbling
+        stages=[scenario,evaluate]""",
+    "search": f"""{CHAMPION} stages=[search] hparams_search.trials=10 hparams_search.num_cases=16
+        hparams_search.block_cases=4 +hparams_search.space.deputy.max_force_n={{low:0.2,high:2.0}}""",
+    "sweep": f"-m {CHAMPION} stages=[scenario,evaluate] seed=1,2,3",
+    "parts": f"{CHAMPION} stages=[evaluate] engine.part_cases=7",
+    "assure": """+experiment=assure controller=paper_champion assurance.num_cases=20 assurance.searches=1
+        assurance.search_starts=8 assurance.search_population=6 assurance.search_generations=2
+        assurance.domain_cases=8""",
+    "optimum": """+experiment=optimum monte_carlo.num_cases=2 optimum.restarts=1 optimum.burns=2
+        optimum.kicks=0""",
+    "compare": """+experiment=reproduce stages=[compare] compare.controllers=[paper_champion,coast]
+        compare.suns=[fixed] compare.safety=[none] monte_carlo.num_cases=10""",
+    "report": f"{CHAMPION} stages=[scenario,evaluate,record,report] monte_carlo.num_cases=10",
+}
 #: kinds of runs, small; a sweep begins with ``-m``
-KINDS: Final[Mapping[str, Sequence[str]]] = {
-    "genetic": ("+experiment=train", "stages=[scenario,train,evaluate,record]"),
-    "rounds": (
-        "+experiment=train", "stages=[scenario,train,evaluate]", "starts=random", "optimizer.rounds=3",
-        "optimizer.generations=4", "optimizer.validation_cases=8",
-    ),
-    "cma_es": ("+experiment=train_planes", "stages=[scenario,train,evaluate]", *FEW),
-    "evaluate": (*EVALUATE, "stages=[scenario,evaluate,record]"),
-    "planned": ("+experiment=evaluate", "controller=lqr", "stages=[scenario,evaluate,record]"),
-    "safety": (
-        "+experiment=evaluate", "controller=champion_any_sun", "safety=filter", "chief=tumbling",
-        "stages=[scenario,evaluate]",
-    ),
-    "search": (
-        *EVALUATE, "stages=[search]", "hparams_search.trials=10", "hparams_search.num_cases=16",
-        "hparams_search.block_cases=4",
-        "+hparams_search.space.deputy.max_force_n={low: 0.2, high: 2.0}",
-    ),
-    "sweep": ("-m", *EVALUATE, "stages=[scenario,evaluate]", "seed=1,2,3"),
-    "parts": (*EVALUATE, "stages=[evaluate]", "engine.part_cases=7"),
-    "assure": (
-        "+experiment=assure", "controller=paper_champion", "assurance.num_cases=20", "assurance.searches=1",
-        "assurance.search_starts=8", "assurance.search_population=6",
-        "assurance.search_generations=2", "assurance.domain_cases=8",
-    ),
-    "optimum": (
-        "+experiment=optimum", "monte_carlo.num_cases=2", "optimum.restarts=1",
-        "optimum.burns=2", "optimum.kicks=0",
-    ),
-    "compare": (
-        "+experiment=reproduce", "stages=[compare]", "compare.controllers=[paper_champion,coast]",
-        "compare.suns=[fixed]", "compare.safety=[none]", "monte_carlo.num_cases=10",
-    ),
-    "report": (*EVALUATE, "stages=[scenario,evaluate,record,report]", "monte_carlo.num_cases=10"),
-}  # fmt: skip
+KINDS: Final[Mapping[str, Sequence[str]]] = {kind: words.split() for kind, words in _WORDS.items()}
 SIGNALS: Final = (signal.SIGKILL, signal.SIGTERM, signal.SIGINT)
 #: who is signalled: the process, or its whole group
 PROCESS, GROUP = "process", "group"
@@ -124,9 +113,9 @@ def killed_after(
         )
         is_signalled = False
         try:
-            try:
+            with suppress(subprocess.TimeoutExpired):
                 process.wait(seconds)
-            except subprocess.TimeoutExpired:
+            if process.returncode is None:
                 is_signalled = _signal(process.pid, *how)
             process.wait(LONGEST_S)
         except subprocess.TimeoutExpired:
@@ -196,14 +185,16 @@ def _differences(folder: Path, other: Path) -> list[str]:
 
 def verify_survives(folder: Path, seconds: float, rng: random.Random, tally: Tally, root: Path) -> None:
     """Kill the checking of a finished run: nothing there changes, and it can be checked."""
-    words = ["verify", str(folder)]
-    before = {path: path.read_bytes() for path in (root / folder).rglob("*") if path.is_file()}
+
+    def held() -> dict[Path, bytes]:
+        return {path: path.read_bytes() for path in (root / folder).rglob("*") if path.is_file()}
+
+    words, before = ["verify", str(folder)], held()
     how = rng.choice(SIGNALS), rng.choice((PROCESS, GROUP))
     is_killed, _, _ = killed_after(words, rng.uniform(0.0, seconds), how, environment(), root)
     tally.runs += 1
     tally.kills[f"{how[0].name} {how[1]}"] += is_killed
-    after = {path: path.read_bytes() for path in (root / folder).rglob("*") if path.is_file()}
-    if before != after:
+    if before != (after := held()):
         tally.different.append(f"verify: {', '.join(str(path) for path in before.keys() ^ after.keys())}")
     _, code, said = killed_after(words, LONGEST_S, how, environment(), root)
     if code:

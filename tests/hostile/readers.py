@@ -45,13 +45,8 @@ from telemetry.scene import runs
 from tests.places import PROJECT
 
 CSV: Final = b"time_s,x,y\n0,0.1,1\n1,0.2,2\n2,0.4,1\n3,0.1,0\n"
-SWEEP: Final = {
-    "sweep_version": 1,
-    "runs": [
-        {"folder": f"seed={seed}", "differs": {"seed": str(seed)}, "command": [f"seed={seed}"], "failure": ""}
-        for seed in (1, 2)
-    ],
-}
+RUN: Final = {"folder": "seed=1", "differs": {"seed": "1"}, "command": ["seed=1"], "failure": ""}
+SWEEP: Final = {"sweep_version": 1, "runs": [RUN, {**RUN, "folder": "seed=2"}]}
 
 #: the errors that may be raised, with our own messages
 REFUSALS: Final = (
@@ -116,10 +111,8 @@ def _run_folder(content: bytes, folder: Path) -> object:
     (folder / artifacts.CONFIG).write_bytes(content)
     (folder / artifacts.MANIFEST).write_bytes(content)
     for read in (configuration.read, manifests.read):
-        try:
+        with contextlib.suppress(artifacts.ArtifactError):
             read(folder)
-        except artifacts.ArtifactError:
-            continue
     return runs.file_of(folder, "evaluation_episodes")
 
 
@@ -133,9 +126,8 @@ def _recording(path: Path) -> object:
     with contextlib.suppress(telemetry.RecordingError):
         recover(path, path.with_name("rescued.mcap"))
     recording = telemetry.read(path)
-    return in_words(summarize(recording)), [
-        telemetry.flat_table(recording, name) for name in recording.topics
-    ]
+    in_words(summarize(recording))
+    return [telemetry.flat_table(recording, name) for name in recording.topics]
 
 
 def _table(path: Path) -> object:
@@ -197,34 +189,35 @@ def _champion() -> Any:
     return serialize.load(conf_folder() / "controller" / "paper_champion.yaml")
 
 
-def _parquet() -> bytes:
-    columns = {"case": np.repeat([0, 1, 2], 4), "sample": np.tile(np.arange(4), 3),
-               **{f"position_{axis}_m": np.linspace(0, 1, 12) for axis in "xyz"}}  # fmt: skip
+def _parquet(**columns: Any) -> bytes:
     sink = io.BytesIO()
     pq.write_table(pa.table(columns), sink)
     return sink.getvalue()
 
 
+def _positions() -> bytes:
+    places = {f"position_{axis}_m": np.linspace(0, 1, 12) for axis in "xyz"}
+    return _parquet(case=np.repeat([0, 1, 2], 4), sample=np.tile(np.arange(4), 3), **places)
+
+
 def _numbers_as_parquet() -> bytes:
-    sink = io.BytesIO()
-    columns = {"time_s": np.arange(9.0), "x": np.linspace(0, 1, 9), "y": np.linspace(1, 0, 9)}
-    pq.write_table(pa.table({**columns, "word": list("abcabcabc")}), sink)
-    return sink.getvalue()
+    numbers = {"time_s": np.arange(9.0), "x": np.linspace(0, 1, 9), "y": np.linspace(1, 0, 9)}
+    return _parquet(**numbers, word=list("abcabcabc"))
 
 
-def _small_policy() -> bytes:
+def network(nodes: Sequence[onnx.NodeProto], constants: Mapping[str, Any]) -> bytes:
+    """Return an ONNX file whose nodes make ``force`` of ``seen``."""
     seen, force = (onnx.helper.make_tensor_value_info(name, 1, None) for name in ("seen", "force"))
-    weights = {
-        "w": np.ones((NUM_SEEN, 4), np.float32),
-        "b": np.ones(4, np.float32),
-        "v": np.ones((4, 3), np.float32),
-    }
-    steps = (("Gemm", ["seen", "w", "b"], "a"), ("Tanh", ["a"], "c"), ("MatMul", ["c", "v"], "force"))
-    nodes = [onnx.helper.make_node(kind, inputs, [output]) for kind, inputs, output in steps]
-    tensors = [onnx.numpy_helper.from_array(array, name) for name, array in weights.items()]
+    tensors = [onnx.numpy_helper.from_array(np.float32(array), name) for name, array in constants.items()]
     graph = onnx.helper.make_graph(nodes, "policy", [seen], [force], tensors)
     content: bytes = onnx.helper.make_model(graph).SerializeToString()
     return content
+
+
+def _small_policy() -> bytes:
+    weights = {"w": np.ones((NUM_SEEN, 4)), "b": np.ones(4), "v": np.ones((4, 3))}
+    steps = (("Gemm", ["seen", "w", "b"], "a"), ("Tanh", ["a"], "c"), ("MatMul", ["c", "v"], "force"))
+    return network([onnx.helper.make_node(kind, names, [made]) for kind, names, made in steps], weights)
 
 
 def _small_stl() -> bytes:
@@ -242,17 +235,13 @@ def _tried_journal(folder: Path) -> bytes:
 def _saved_checkpoint(folder: Path) -> bytes:
     from pipeline.training.evolution.rounds import evolve_rounds  # noqa: PLC0415 - brings DEAP
 
+    def evaluate_round(_index: int, _champion: object) -> Callable[[Any], dict[str, Any]]:
+        return lambda genomes: {"fitness": genomes.sum(axis=1)}
+
     optimizer = compose_experiment(["+experiment=train"]).experiment.optimizer
     small = replace(optimizer, population_size=6, generations=2)
-    path = folder / "made.npz"
-    evolve_rounds(
-        lambda _index, _champion: lambda genomes: {"fitness": genomes.sum(axis=1)},
-        3,
-        small,
-        1,
-        checkpoint=path,
-    )
-    return path.read_bytes()
+    evolve_rounds(evaluate_round, 3, small, 1, checkpoint=folder / "made.npz")
+    return (folder / "made.npz").read_bytes()
 
 
 def _flown(folder: Path) -> bytes:
@@ -276,7 +265,10 @@ def _text(content: bytes) -> str:
     return content.decode("utf-8", "replace")
 
 
-EXAMPLES: Final = PROJECT / "docs" / "examples"
+def _an_example(name: str) -> Callable[[Path], Sequence[bytes]]:
+    return lambda _: [(PROJECT / "docs" / "examples" / name).read_bytes()]
+
+
 FORCES: Final = b"time_s,force_x_n,force_y_n,force_z_n\n0,0.1,0,0\n10,0,0.1,0\n"
 OR_VALUES: Final = (*REFUSALS, ValueError)
 #: of each reader: how it reads, what makes its samples in a folder, their kind, and what it may raise
@@ -287,14 +279,9 @@ READERS: Final[
              "tree", REFUSALS),
     "yaml": (_in_file("controller.yaml", _controller), lambda _: [serialize.dump_yaml(_one()).encode()],
              "text", REFUSALS),
-    **{
-        Path(name).suffix[1:]: (
-            _in_file(f"controller{Path(name).suffix}", _controller),
-            lambda _, name=name: [(EXAMPLES / name).read_bytes()], "text", REFUSALS,
-        )
-        for name in ("tipper.fis", "dimmer.fll")
-    },
-    "starts": (_starts, lambda _: [(EXAMPLES / "starts.csv").read_bytes()], "text", OR_VALUES),
+    "fis": (_in_file("controller.fis", _controller), _an_example("tipper.fis"), "text", REFUSALS),
+    "fll": (_in_file("controller.fll", _controller), _an_example("dimmer.fll"), "text", REFUSALS),
+    "starts": (_starts, _an_example("starts.csv"), "text", OR_VALUES),
     "requirements": (lambda content, _: requirements.read(_text(content), "requirements.yaml"),
                      lambda _: [requirements_path("inspection").read_bytes()], "text", OR_VALUES),
     "settings": (_settings, lambda _: [_config()], "tree", OR_VALUES),
@@ -303,7 +290,7 @@ READERS: Final[
                "text", OR_VALUES),
     "conditions": (_conditions, lambda _: [b"distance > 3 and velocity_body_x <= 0.5", b"distance in [1, 2]"],
                    "text", OR_VALUES),
-    "table": (_in_file("trajectories.parquet", _table), lambda _: [_parquet()], "table", REFUSALS),
+    "table": (_in_file("trajectories.parquet", _table), lambda _: [_positions()], "table", REFUSALS),
     "checkpoint": (_in_file("checkpoint.npz", lambda path: load(path, {})),
                    lambda folder: [_saved_checkpoint(folder)], "bytes", REFUSALS),
     "recording": (_in_file("flight.mcap", _recording), lambda folder: [_flown(folder)],

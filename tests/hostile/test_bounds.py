@@ -6,11 +6,12 @@ import os
 import tracemalloc
 import zipfile
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pyarrow as pa
 import pytest
-from onnx import TensorProto, helper, numpy_helper
+from onnx import helper, numpy_helper
 from pyarrow import parquet
 
 from fis_tools.__main__ import main
@@ -24,6 +25,7 @@ from pipeline.flight.fly.stepping import NUM_SEEN
 from pipeline.flight.world import surface
 from pipeline.settings.experiment import SettingError
 from tests.fis_tools.sample_controllers import paper_like_controller
+from tests.hostile.readers import network
 
 MOST_BYTES = 400e6
 
@@ -36,21 +38,10 @@ def little_memory():
     tracemalloc.stop()
 
 
-def onnx_of(nodes, constants) -> bytes:
-    value = helper.make_tensor_value_info
-    shapes = [value(name, TensorProto.FLOAT, None) for name in ("seen", "force")]
-    tensors = [numpy_helper.from_array(np.float32(array), name) for name, array in constants.items()]
-    return helper.make_model(
-        helper.make_graph(nodes, "policy", shapes[:1], shapes[1:], tensors)
-    ).SerializeToString()
-
-
 def chain(kinds: list[tuple[str, list[str]]]):
-    names = ["seen", *(f"n{place}" for place in range(len(kinds) - 1)), "force"]
-    return [
-        helper.make_node(kind, [names[place], *more], [names[place + 1]])
-        for place, (kind, more) in enumerate(kinds)
-    ]
+    names = pairwise(["seen", *map(str, range(len(kinds) - 1)), "force"])
+    parts = zip(kinds, names, strict=True)
+    return [helper.make_node(kind, [read, *more], [made]) for (kind, more), (read, made) in parts]
 
 
 @pytest.mark.parametrize(
@@ -64,13 +55,9 @@ def chain(kinds: list[tuple[str, list[str]]]):
     ids=["activations", "matrices", "factors", "operators"],
 )
 def test_a_network_is_counted_before_it_is_built(kinds, little_memory):
+    shapes = {"wide": (NUM_SEEN, 1000), "square": (1000, 1000), "gains": 1000}
     rng = np.random.default_rng(1)
-    constants = {
-        "wide": rng.random((NUM_SEEN, 1000)),
-        "square": rng.random((1000, 1000)),
-        "gains": rng.random(1000),
-    }
-    content = onnx_of(chain(kinds), constants)
+    content = network(chain(kinds), {name: rng.random(shape) for name, shape in shapes.items()})
     assert len(content) < 10e6
     with pytest.raises(ControllerError, match="cannot fly: it"):
         policy_of("p", content, "p.onnx")
@@ -80,23 +67,17 @@ def test_a_constant_that_gives_nothing_is_refused():
     node = helper.make_node("Constant", [], ["c"], value=numpy_helper.from_array(np.ones(3, np.float32), "c"))
     del node.output[:]
     with pytest.raises(ControllerError, match="cannot fly"):
-        policy_of("p", onnx_of([node, *chain([("Tanh", [])])], {}), "p.onnx")
-
-
-def bomb(path, columns):
-    """Write a table of few bytes and many equal rows."""
-    schema = pa.table({name: [value] for name, value in columns.items()}).schema
-    with parquet.ParquetWriter(path, schema, compression="zstd") as writer:
-        part = pa.table({name: [value] * 2**20 for name, value in columns.items()}, schema=schema)
-        for _ in range(64):
-            writer.write_table(part)
-    assert path.stat().st_size < 2e6
+        policy_of("p", network([node, *chain([("Tanh", [])])], {}), "p.onnx")
 
 
 @pytest.mark.parametrize("columns", [{"x": 0.0, "y": 0.0}, {"x": "a" * 100, "y": 1.0}])
 def test_a_table_that_unpacks_to_gigabytes(columns, tmp_path, little_memory):
     path = tmp_path / "x.parquet"
-    bomb(path, columns)
+    part = pa.table({name: pa.repeat(value, 2**20) for name, value in columns.items()})
+    with parquet.ParquetWriter(path, part.schema, compression="zstd") as writer:
+        for _ in range(64):
+            writer.write_table(part)
+    assert path.stat().st_size < 2e6
     before = pa.total_allocated_bytes()
     with pytest.raises(table.UnreadableTable, match="has 67108864 rows of 2 columns; at most 10,000,000"):
         table.read(path)

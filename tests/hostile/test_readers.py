@@ -13,7 +13,7 @@ from tests.places import PROJECT
 def test_a_reader_refuses_what_is_damaged(name, tmp_path):
     (reader,) = all_readers([name]).values()
     reader.read(reader.samples[0], tmp_path)
-    assert attack(reader, 150, 7, tmp_path) == 150
+    assert attack(reader, 80, 7, tmp_path) == 80
 
 
 CORPUS = sorted((PROJECT / "tests" / "hostile" / "corpus").iterdir())

@@ -1,4 +1,4 @@
-"""A run's folder from somebody else: what lies in it is data, and leads nowhere else."""
+"""What is received from somebody else is data: a run's folder leads nowhere else, and text is cleaned."""
 
 import hashlib
 import json
@@ -7,8 +7,13 @@ from pathlib import Path
 
 import pytest
 
+import telemetry
+from fis_tools.formats import serialize
+from fis_tools.plain_text import MISSING_SIGN, plain
 from pipeline.command_line.cli import main
 from pipeline.run import artifacts, configuration, manifests, writing
+from telemetry.file import metadata
+from tests.fis_tools.sample_controllers import paper_like_controller
 from tests.pipeline.command_line.cases import plain_config, use_stages
 
 EVALUATE = ["+experiment=evaluate", "controller=coast"]
@@ -23,8 +28,7 @@ def received(folder: Path, **groups) -> Path:
     return folder
 
 
-@pytest.mark.parametrize("group", ["logger", "tracking"])
-@pytest.mark.parametrize("again", [["stages=[train]"], []])
+@pytest.mark.parametrize(("group", "again"), [("logger", ["stages=[train]"]), ("tracking", [])])
 def test_a_logger_in_a_stored_configuration_writes_nowhere_else(again, group, tmp_path):
     own = plain_config("controller=paper_champion")["controller"]
     small = {"controller": own, "optimizer": {"population_size": 4, "generations": 1}, "duration_s": 60.0}
@@ -47,9 +51,6 @@ def test_settings_that_no_result_depends_on_may_be_given_anew(tmp_path, monkeypa
     assert called[-1][1].monte_carlo.workers == 3
     assert main([f"resume={folder}", "seed=3"]) == 2
     assert "drop seed=3" in capsys.readouterr().err
-
-
-def test_settings_that_no_result_depends_on_change_no_hash():
     plain = plain_config()
     changed = plain | {"engine": {"kind": "dask", "scheduler": "tcp://x:1"}, "logger": {"kind": "none"}}
     changed["monte_carlo"] = plain["monte_carlo"] | {"workers": 7}
@@ -99,3 +100,42 @@ def test_pipes_and_devices_are_refused_before_they_are_opened(tmp_path, capsys):
     os.mkfifo(folder / "pipeline.log")
     assert main([f"resume={folder}"]) == 2
     assert "pipeline.log is a pipe, socket or device" in capsys.readouterr().err
+
+
+HARMFUL = ("\x1b[31mred\x1b[0m", "\x9b31m", "a\u202eb", "\u2066x", "\ud800", "\x00", "\x07", "\u2028")
+HARMLESS = ("°C", "m/s²", "Größe", "速度", "two\nlines", "a\u00a0b", "e\u0301", "👩\u200d🚀")
+
+
+@pytest.mark.parametrize("text", HARMLESS)
+def test_other_letters_stay(text):
+    assert plain(text) == metadata.plain(text) == text
+
+
+@pytest.mark.parametrize("text", HARMFUL)
+def test_harmful_letters_are_replaced_also_in_a_controller(text):
+    for clean in (plain(text), metadata.plain(text)):
+        assert MISSING_SIGN in clean
+        assert not set(clean) & set("\x1b\x9b\u202e\u2066\ud800\x00\x07\u2028")
+        clean.encode()
+    told = json.loads(serialize.dump_json(paper_like_controller()))
+    variable = told["systems"][0]["inputs"][0]
+    variable |= {"unit": text, "description": text}
+    told |= {"attributes": {"maker": text}, "provenance": {text: "x"}}
+    read = serialize.loads(json.dumps(told), "json")
+    first = read.systems[0].inputs[0]
+    clean = plain(text)
+    assert (first.unit, first.description) == (clean, clean)
+    assert (read.attributes, read.provenance) == ((("maker", clean),), ((clean, "x"),))
+    serialize.dump_yaml(read).encode()
+
+
+def test_what_a_recording_and_a_configuration_say(tmp_path):
+    path = tmp_path / "said.mcap"
+    words = {"input_names": json.dumps(["\u202ea"]), "input_units": "[]", "output_name": "\x1b[2J"}
+    metadata = {"fis.x": {**words, "output_unit": "", "rules": "[]"}}
+    with telemetry.EpisodeWriter(path, metadata=metadata, attachments={}):
+        pass
+    told = telemetry.read(path).metadata["fis.x"]
+    assert told["output_name"] == f"{MISSING_SIGN}[2J"
+    read = configuration.parse(b'{name: "\\e[31m", list: ["\\u202e"]}')
+    assert read == {"name": f"{MISSING_SIGN}[31m", "list": [MISSING_SIGN]}

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from pipeline.command_line.cli import main
-from tests.hostile.recordings import forged
+from tests.hostile.damage import forged
 
 FLIGHT = "episodes/start.mcap"
 
@@ -26,12 +26,8 @@ def run(flown, tmp_path):
     return Path(shutil.copytree(flown, tmp_path / "run"))
 
 
-def controller(text):
-    return lambda content: forged(content, attachments={"controller.json": text.encode()})
-
-
-def configuration(text):
-    return lambda content: forged(content, attachments={"config.yaml": text.encode()})
+def controller(text, name="controller.json"):
+    return lambda content: forged(content, attachments={name: text.encode()})
 
 
 def episode(key, text):
@@ -44,13 +40,12 @@ FORGERIES = {
     "cut short": (lambda content: content[:5000], "start.mcap"),
     "no recording": (lambda _: b"x" * 5000, "start.mcap"),
     **{
-        f"controller {text}": (controller(text), "controller.json")
-        for text in ("5", "null", "[]", "{", '"x"')
+        f"controller {text}": (controller(text), "controller.json") for text in ("5", "null", "[]", "{", "''")
     },
     "policy": (controller('{"kind": "policy", "onnx": "\\ud800!"}'), "policy cannot be read"),
     "policy of nothing": (controller(NO_POLICY), "policy"),
-    "configuration a list": (configuration("[]"), "config.yaml holds no configuration"),
-    "configuration of numbers": (configuration("{deputy: 3}"), "start.mcap"),
+    "configuration a list": (controller("[]", "config.yaml"), "config.yaml holds no configuration"),
+    "configuration of numbers": (controller("{deputy: 3}", "config.yaml"), "start.mcap"),
     **{
         f"{key} {text}": (episode(key, text), f"metadata '{key}'")
         for key, text in (
