@@ -4,6 +4,8 @@ import json
 import re
 from contextlib import contextmanager
 from dataclasses import replace
+from importlib.resources import files
+from itertools import product
 
 import numpy as np
 import pytest
@@ -11,6 +13,7 @@ import yaml
 from matplotlib.image import imread
 
 from fis_tools.formats import serialize
+from fis_tools.render.theme import contrast
 from fis_tools.review import page as review
 from fis_tools.words.text import summary
 from pipeline.evaluation.monte_carlo import fly_cases, summarise
@@ -142,6 +145,15 @@ def test_the_review_is_along_the_recorded_flights_and_goes_with_its_controller(t
     assert not path.exists()
 
 
+def test_text_stands_out_from_the_page_in_light_and_dark():
+    style = (files("pipeline.report") / "templates" / "report.css").read_text(encoding="utf-8")
+    for scheme in re.findall(r":root \{(.*?)\}", style, re.DOTALL)[:2]:
+        colours = dict(re.findall(r"--(\w+): (#\w{6})", scheme))
+        grounds = [ground for ground in ("paper", "panel", "band") if ground in colours]
+        for name, ground in product(("ink", "muted", "accent"), grounds):
+            assert contrast(colours[name], colours[ground]) >= 4.5, (name, ground)
+
+
 @pytest.mark.slow
 def test_the_page_says_where_the_run_comes_from(trained):
     folder, experiment, _, page = trained
@@ -267,6 +279,7 @@ def test_names_are_text_and_no_markup(trained):
     assert all(re.fullmatch(r"[a-z0-9-]+", name) for name in illustrations)
     page = Page(write(told, illustrations))
     assert page.all("script") == []
+    assert ("h1", HOSTILE) in page.texts
     assert page.text["controller"].count(HOSTILE) >= 2
     assert HOSTILE in page.text["provenance"]
     assert HOSTILE in page.text["summary"]
