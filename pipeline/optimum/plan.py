@@ -209,6 +209,12 @@ def judge(problem: Problem, forces: Floats, log: FlightLog) -> FlownPlan:
     deputy = problem.mission.deputy
     distances = np.linalg.norm(log.position_m, axis=1)
     outside = np.maximum(deputy.min_distance_m - distances[1:], distances[1:] - deputy.max_distance_m)
-    reached = float(log.delta_v_m_s[-1]), int(log.is_inspected[-1].sum())
-    extremes = float(distances.mean()), float(distances.min()), float(distances.max())
-    return FlownPlan(forces, *reached, *extremes, max(0.0, float(outside.max())))
+    return FlownPlan(
+        forces=forces,
+        delta_v=float(log.delta_v_m_s[-1]),
+        num_inspected=int(log.is_inspected[-1].sum()),
+        mean_distance=float(distances.mean()),
+        min_distance=float(distances.min()),
+        max_distance=float(distances.max()),
+        outside=max(0.0, float(outside.max())),
+    )

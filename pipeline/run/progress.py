@@ -28,9 +28,16 @@ class Progress:
         self._what, self._total, self._done_before = what, total, done
         self._started, self._last_line = time.perf_counter(), -math.inf
         console = Console(stderr=True)
-        done_so_far = TextColumn("  {task.description}"), BarColumn(bar_width=24), MofNCompleteColumn()
-        times = TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn(elapsed_when_finished=False)
-        self._bar = Bar(*done_so_far, *times, console=console, disable=not console.is_terminal)
+        self._bar = Bar(
+            TextColumn("  {task.description}"),
+            BarColumn(bar_width=24),
+            MofNCompleteColumn(),
+            TimeElapsedColumn(),
+            TextColumn("left"),
+            TimeRemainingColumn(elapsed_when_finished=False),
+            console=console,
+            disable=not console.is_terminal,
+        )
         self._task = self._bar.add_task(what, total=total, completed=done or 0)
 
     def __enter__(self) -> Self:

@@ -2,7 +2,6 @@
 
 import sys
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -19,7 +18,7 @@ from pipeline.settings.experiment import Experiment
 from pipeline.settings.schema import experiment_from, with_tried
 from pipeline.training.fitness import costs
 from pipeline.training.genome import genome_of
-from pipeline.training.judging import choose, evolved
+from pipeline.training.judging import choose, evolved, named_after
 
 
 def run(experiment: Experiment, folder: Path) -> None:
@@ -78,8 +77,7 @@ def _trained(experiment: Experiment) -> Controller:
     result = evolved(experiment, genome)
     if result.interrupted:
         raise KeyboardInterrupt
-    champion = genome.decode(choose(experiment, genome, result.history).champion)
-    return from_fuzzy(replace(champion, name=f"{genome.template.name}_{experiment.name}"))
+    return from_fuzzy(named_after(experiment, genome, choose(experiment, genome, result.history).champion))
 
 
 def _keep(experiment: Experiment, folder: Path, made: Mapping[str, Controller]) -> None:

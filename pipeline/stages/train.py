@@ -2,7 +2,6 @@
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +15,7 @@ from pipeline.settings.experiment import Experiment
 from pipeline.training.evolution.rounds import Evolution
 from pipeline.training.evolution.state import Generation
 from pipeline.training.genome import Genome, genome_of
-from pipeline.training.judging import Choice, choose, evolved
+from pipeline.training.judging import Choice, choose, evolved, named_after
 from pipeline.training.progress import Log, TrainingProgress, logged
 
 #: the history is written at most once in this many seconds, because each writing waits for the disk; the
@@ -52,8 +51,8 @@ def _evolved(experiment: Experiment, folder: Path, genome: Genome, log: Log) -> 
             log(rows_of(history))
             progress.show_generation(history[-1])
 
-        path, resume = folder / artifacts.CHECKPOINT, experiment.resume
-        result = evolved(experiment, genome, checkpoint=path, resume=resume, on_generation=keep)
+        path = folder / artifacts.CHECKPOINT
+        result = evolved(experiment, genome, checkpoint=path, resume=experiment.resume, on_generation=keep)
         write_history(folder, result.history)
     return result
 
@@ -82,12 +81,8 @@ def write_champion(
         facts["validation_fitness"] = repr(choice.validation_fitness)
     if choice.rounds:
         tables.write_csv(folder / artifacts.VALIDATION, ["round", "training", "validation"], choice.rounds)
-    champion = described(replace(genome.decode(choice.champion), name=_name(experiment, genome)), facts)
+    champion = described(named_after(experiment, genome, choice.champion), facts)
     writing.write_atomically(folder / artifacts.CHAMPION, serialize.dump_json(champion) + "\n")
-
-
-def _name(experiment: Experiment, genome: Genome) -> str:
-    return f"{genome.template.name}_{experiment.name}"
 
 
 def _provenance(

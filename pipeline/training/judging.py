@@ -1,12 +1,13 @@
 """Evaluation in training: flights from a round's starts, and those by which the champion is chosen."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
 import numpy as np
 
+from fis_tools.model import FuzzyController
 from pipeline.array_types import Floats
 from pipeline.flight.cases.starts import cases_of, hard_candidates, training_scenarios, validation_scenarios
 from pipeline.flight.control.controller import from_fuzzy, law_of
@@ -100,6 +101,11 @@ def evolved(experiment: Experiment, genome: Genome, **kept: Any) -> Evolution:
     return evolve_rounds(
         judge, genome.num_genes, experiment.optimizer, experiment.seed, initial=first, **kept
     )
+
+
+def named_after(experiment: Experiment, genome: Genome, champion: Floats) -> FuzzyController:
+    """Return a champion's controller, named after the template and the experiment."""
+    return replace(genome.decode(champion), name=f"{genome.template.name}_{experiment.name}")
 
 
 @dataclass(frozen=True)

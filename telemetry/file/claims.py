@@ -12,7 +12,8 @@ from mcap.opcode import Opcode
 from mcap.records import ChunkIndex
 from mcap.stream_reader import MAGIC_SIZE
 
-_FRAME: Final = struct.Struct("<BQ")
+#: the kind of a record and its length, before its content
+FRAME: Final = struct.Struct("<BQ")
 #: the times of the first and last message, the size of what it unpacks to and its checksum
 _CHUNK: Final = struct.Struct("<QQQI")
 _LENGTH: Final = struct.Struct("<I")
@@ -69,9 +70,9 @@ def chunk_claims(stream: BinaryIO, size: int) -> Iterator[tuple[int, int]]:
         As `check_chunk` does, or if all together are too much.
     """
     offset, total = MAGIC_SIZE, 0
-    while offset + _FRAME.size <= size:
+    while offset + FRAME.size <= size:
         stream.seek(offset)
-        opcode, length = _FRAME.unpack(stream.read(_FRAME.size))
+        opcode, length = FRAME.unpack(stream.read(FRAME.size))
         if opcode == Opcode.CHUNK:
             claimed = check_chunk(stream.read(min(length, 64)))
             total += claimed
@@ -80,7 +81,7 @@ def chunk_claims(stream: BinaryIO, size: int) -> Iterator[tuple[int, int]]:
                     f"{size} bytes unpack to more than {most_unpacked(size)}, which is all that is read"
                 )
             yield offset, claimed
-        offset += _FRAME.size + length
+        offset += FRAME.size + length
     stream.seek(0)
 
 

@@ -170,12 +170,15 @@ def compare(first: Recording, second: Recording, tolerance: float = 0.0) -> Comp
         for topic, common, is_in_first in zip(pair, (rows, other_rows), (True, False), strict=True):
             times = np.empty(0) if topic is None else np.delete(topic.time_s, common)
             if times.size:
-                since = _sample(samples, times[0]), float(times[0])
-                lone.append(LoneMessages(name, is_in_first, len(times), *since))
+                first_s = float(times[0])
+                place = _sample(samples, first_s)
+                lone.append(LoneMessages(name, is_in_first, len(times), place, first_s))
         if pair[0] is not None and pair[1] is not None and rows.size:
             fields += _compared_fields(pair[0], pair[1], (rows, other_rows), samples, tolerance)
-    differing = tuple(fields), tuple(lone), tuple(_told_apart(first, second))
-    return Comparison(first.path, second.path, tolerance, len(samples), *differing)
+    apart = tuple(_told_apart(first, second))
+    return Comparison(
+        first.path, second.path, tolerance, len(samples), tuple(fields), tuple(lone), told_apart=apart
+    )
 
 
 def _told_apart(first: Recording, second: Recording) -> Iterator[str]:

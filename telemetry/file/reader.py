@@ -36,8 +36,6 @@ __all__ = ["Recording", "RecordingError", "read"]
 CHECKSUM_SIZE: Final = 4
 #: times closer than this are the same, s
 SAME_TIME_S: Final = 1e-6
-#: the kind of a record, one byte, and its length, eight
-RECORD_HEAD_SIZE: Final = 9
 #: what the mcap library raises on damaged bytes
 DAMAGE: Final = (
     *(McapError, DecodeError, zstandard.ZstdError, struct.error),
@@ -393,7 +391,7 @@ def check_attachment(record_bytes: bytes) -> None:
         If it does not match.
     """
     checksum = int.from_bytes(record_bytes[-CHECKSUM_SIZE:], "little")
-    if zlib.crc32(record_bytes[RECORD_HEAD_SIZE:-CHECKSUM_SIZE]) != checksum:
+    if zlib.crc32(record_bytes[claims.FRAME.size : -CHECKSUM_SIZE]) != checksum:
         raise McapError("an attachment does not match its checksum")
 
 

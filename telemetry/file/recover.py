@@ -4,7 +4,6 @@ A record counts if all of its bytes are there. A chunk of messages counts as a w
 a chunk that was being written when the file was truncated has no matching one.
 """
 
-import struct
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from io import BytesIO
@@ -21,7 +20,6 @@ from telemetry.file.metadata import sealed, unsealed
 from telemetry.file.partial_file import PARTIAL_SUFFIX, whole_file
 from telemetry.file.reader import DAMAGE, check_attachment
 
-_FRAME: Final = struct.Struct("<BQ")
 _KNOWN: Final = frozenset(map(int, Opcode))
 
 
@@ -150,7 +148,7 @@ def _scan(content: bytes) -> _Salvage:
         salvage.num_bytes_read += len(record_bytes)
         try:
             if record_bytes[0] == Opcode.CHUNK:
-                room -= claims.check_chunk(record_bytes[_FRAME.size :])
+                room -= claims.check_chunk(record_bytes[claims.FRAME.size :])
                 if room < 0 or salvage.num_messages > claims.most_messages(len(content)):
                     raise ValueError("more than a recording of this size holds")
             record = _parse(record_bytes)
@@ -174,9 +172,9 @@ def _scan(content: bytes) -> _Salvage:
 def _whole_records(content: bytes) -> Iterator[bytes]:
     """Yield every complete record, up to the footer, which is the last one."""
     start = len(MCAP0_MAGIC)
-    while start + _FRAME.size <= len(content):
-        opcode, length = _FRAME.unpack_from(content, start)
-        end = start + _FRAME.size + length
+    while start + claims.FRAME.size <= len(content):
+        opcode, length = claims.FRAME.unpack_from(content, start)
+        end = start + claims.FRAME.size + length
         if end > len(content):
             return
         yield content[start:end]

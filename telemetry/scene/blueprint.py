@@ -124,8 +124,9 @@ def _blueprint(root: rrb.Container) -> rrb.Blueprint:
     time = rrb.TimePanel(
         state="collapsed", timeline=TIME, playback_speed=PLAYBACK_SPEED, play_state="playing", loop_mode="all"
     )
-    hidden = rrb.SelectionPanel(state="hidden"), rrb.BlueprintPanel(state="hidden")
-    return rrb.Blueprint(root, time, *hidden, auto_layout=False, auto_views=False)
+    selection = rrb.SelectionPanel(state="hidden")
+    own = rrb.BlueprintPanel(state="hidden")
+    return rrb.Blueprint(root, time, selection, own, auto_layout=False, auto_views=False)
 
 
 def _events() -> rrb.View:

@@ -71,8 +71,13 @@ def horizon_of(world: World, length: int, spacing: int) -> Horizon:
             responses[sample - 1, :, place] = motion.control[sample - 1 - period]
     flat = responses.reshape(length, 6, -1)
     elements = elements_matrix(world.mean_motion)
-    ends = elements @ motion.transition[-1], elements @ flat[-1]
-    return Horizon(periods, *ends, motion.transition[:, :3], flat[:, :3])
+    return Horizon(
+        periods=periods,
+        free_end=elements @ motion.transition[-1],
+        end=elements @ flat[-1],
+        free=motion.transition[:, :3],
+        path=flat[:, :3],
+    )
 
 
 def controller(settings: RecedingHorizon, mission: Mission) -> Controller:
