@@ -3,8 +3,8 @@
 import os
 import subprocess
 import sys
-from collections.abc import Mapping
 from pathlib import Path
+from subprocess import CompletedProcess
 
 from pipeline.command_line.cli import main
 from tests.places import PROJECT
@@ -13,45 +13,27 @@ EXPERIMENTS = sorted(path.stem for path in (PROJECT / "conf" / "experiment").glo
 
 #: sizes at which any experiment ends within seconds
 MINIATURE = (
-    "optimizer.population_size=6",
-    "optimizer.generations=2",
-    "optimizer.rounds=1",
+    *("optimizer.population_size=6", "optimizer.generations=2", "optimizer.rounds=1"),
+    *("assurance.num_cases=3", "assurance.searches=1", "assurance.search_starts=3"),
+    *("assurance.search_population=5", "assurance.search_generations=1", "assurance.domain_cases=1"),
+    *("optimum.restarts=1", "optimum.kicks=0", "duration_s=600.0", "report.dots_per_inch=50"),
     "monte_carlo.num_cases=3",
-    "assurance.num_cases=3",
-    "assurance.searches=1",
-    "assurance.search_starts=3",
-    "assurance.search_population=5",
-    "assurance.search_generations=1",
-    "assurance.domain_cases=1",
-    "optimum.restarts=1",
-    "optimum.kicks=0",
-    "duration_s=600.0",
-    "report.dots_per_inch=50",
 )
 #: and with so few kinds of flight that compiling them does
 FEW = {
     "robustness": ("compare.safety=[none]", "compare.controllers=[lqr]"),
-    "reproduce": ("compare.controllers=[paper_champion,champion_27_rehearsed,natural_motion]",),
+    "reproduce": ("compare.controllers=[paper_champion,champion_27,natural_motion]",),
 }
 NUM_SAMPLES = 61
 
 
-def run_module(
-    *words: str | Path, folder: Path, environment: Mapping[str, str] | None = None, code: int = 0
-) -> subprocess.CompletedProcess[str]:
-    """Run ``python -m WORDS`` in a folder and expect an exit code."""
-    command = [sys.executable, "-m", *map(str, words)]
-    inherited = {key: value for key, value in os.environ.items() if key != "PYTHONPATH"}
-    done = subprocess.run(  # noqa: S603
-        command,
-        cwd=folder,
-        env={**inherited, **(environment or {"PYTHONPATH": str(PROJECT)})},
-        stdin=subprocess.DEVNULL,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == code, done.stderr
+def run_python(*words: object, folder: Path, path: object = PROJECT, **more: str) -> CompletedProcess[str]:
+    """Run Python in a folder, with packages from a path, and expect that it ends well."""
+    command = [sys.executable, *map(str, words)]
+    environment = os.environ | {"PYTHONPATH": str(path)} | more
+    captured = {"stdin": subprocess.DEVNULL, "capture_output": True, "text": True}
+    done = subprocess.run(command, cwd=folder, env=environment, check=False, **captured)  # noqa: S603
+    assert done.returncode == 0, done.stderr
     assert "Traceback" not in done.stderr
     return done
 

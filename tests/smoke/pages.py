@@ -34,9 +34,8 @@ def commands(page: Path) -> list[list[str]]:
 
 
 def words_of(command: str) -> list[str]:
-    return [
-        re.sub(r"(?<==)[A-Z]+$", lambda word: PLACEHOLDERS[word[0]], word) for word in shlex.split(command)
-    ]
+    words = shlex.split(command)
+    return [re.sub(r"(?<==)[A-Z]+$", lambda name: PLACEHOLDERS[name[0]], word) for word in words]
 
 
 def calls_of(module: str) -> list[list[str]]:

@@ -3,7 +3,6 @@
 import os
 import shutil
 import subprocess
-import sys
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -12,7 +11,7 @@ import pytest
 
 from docs import hooks
 from pipeline.flight.state.signals import CONSTANTS, SIGNALS
-from tests.places import PROJECT
+from tests.smoke.command_line import PROJECT, run_python
 from tests.smoke.pages import DOCS, blocks
 
 #: the most files that a patch touches
@@ -24,21 +23,6 @@ LEFT_OUT = shutil.ignore_patterns("__pycache__", "images", "results", "hostile",
 
 def patch_of(what: str) -> Path:
     return DOCS / "how-to" / f"add-a-{what}.diff"
-
-
-def in_folder(folder: Path, *command: str, **environment: str) -> str:
-    """Run a command in a folder that belongs to no repository, and return what it prints."""
-    done = subprocess.run(  # noqa: S603 - our own
-        command,
-        cwd=folder,
-        env=os.environ | {"GIT_CEILING_DIRECTORIES": os.fspath(folder.parent)} | environment,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 0, done.stdout
-    return done.stdout
 
 
 def touched(what: str) -> list[str]:
@@ -79,8 +63,9 @@ def test_what_the_patches_add_works(tmp_path: Path) -> None:
             shutil.copytree(PROJECT / name, tmp_path / name, ignore=LEFT_OUT)
         else:
             shutil.copy(PROJECT / name, tmp_path)
-    for what in MOST:
-        in_folder(tmp_path, "git", "apply", os.fspath(patch_of(what)))
+    outside = os.environ | {"GIT_CEILING_DIRECTORIES": os.fspath(tmp_path.parent)}  # of any repository
+    patches = [os.fspath(patch_of(what)) for what in MOST]
+    subprocess.run(["git", "apply", *patches], cwd=tmp_path, env=outside, check=True)  # noqa: S603, S607
     tests = [path for what in MOST for path in touched(what) if Path(path).name.startswith("test_")]
     for what in MOST:
         for code in blocks(patch_of(what).with_suffix(".md"), "python"):
@@ -88,6 +73,6 @@ def test_what_the_patches_add_works(tmp_path: Path) -> None:
             lines = [f"    {line}".rstrip() for line in code.splitlines()]
             (tmp_path / tests[-1]).write_text("\n".join(["def test_it():", *lines, ""]), encoding="utf-8")
     assert len(tests) == len(MOST), tests
-    pytest_words = ("-m", "pytest", "-q", "-p", "no:cacheprovider", "-p", "no:xdist", *tests)
-    told = in_folder(tmp_path, sys.executable, *pytest_words, NUMBA_DISABLE_JIT="1")
-    assert f"{len(MOST)} passed" in told
+    words = ("-m", "pytest", "-q", "-p", "no:cacheprovider", "-p", "no:xdist", *tests)
+    done = run_python(*words, folder=tmp_path, path=tmp_path, NUMBA_DISABLE_JIT="1")
+    assert f"{len(MOST)} passed" in done.stdout

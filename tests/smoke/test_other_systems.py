@@ -1,11 +1,8 @@
 """What can be shown on Linux of systems that have less: no module needs at its import what only POSIX has."""
 
-import subprocess
-import sys
-
 import pytest
 
-from tests.places import PROJECT
+from tests.smoke.command_line import PROJECT, run_python
 
 PACKAGES = ("pipeline", "fis_tools", "telemetry")
 LACKING = ("fcntl", "grp", "pty", "pwd", "resource", "termios", "tty")
@@ -23,8 +20,6 @@ for name in {PACKAGES}:
 
 @pytest.mark.slow
 def test_every_module_is_imported_without_what_only_posix_has():
-    words = [sys.executable, "-c", IMPORTS]
-    done = subprocess.run(words, cwd=PROJECT, capture_output=True, text=True, check=False)  # noqa: S603
-    assert done.returncode == 0, done.stderr
+    done = run_python("-c", IMPORTS, folder=PROJECT)
     files = [path for name in PACKAGES for path in (PROJECT / name).rglob("*.py")]
     assert len(done.stdout.split()) >= sum(path.stem not in {"__init__", "__main__"} for path in files)

@@ -29,8 +29,6 @@ from tests.smoke.pages import DOCS, FOLLOWED, PAGES, calls_of, commands, name_of
 
 #: what the site makes when it is built: no page of the repository
 GENERATED = ("live", "classics.md", "reference/commands.md", "reference/api")
-
-
 #: words of commands that work on what an earlier one made, or the reader has, and one that takes long
 NEED_A_FOLDER = ("resume=", "compare=", "hydra.run.dir=", "--config-dir", "verify", "summary", "edit", "warm")
 
@@ -105,9 +103,8 @@ def provide(words: list[str]) -> None:
             path.mkdir(parents=True)
             (path / "champion.json").write_text(serialize.dump_json(controller), encoding="utf-8")
         elif path.suffix in {".json", ".yaml"}:
-            changed = (
-                controller if path.stem == "champion" else replace(controller, systems=controller.systems[:2])
-            )
+            num_systems = None if path.stem == "champion" else 2
+            changed = replace(controller, systems=controller.systems[:num_systems])
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(serialize.dump_json(changed), encoding="utf-8")
 
@@ -116,39 +113,38 @@ class ParsedError(Exception):
     """What was asked for is understood."""
 
 
+@pytest.fixture
+def _only_parsed(monkeypatch):
+    """Let a command end once it has read its arguments."""
+    parse_args = argparse.ArgumentParser.parse_args
+
+    def parse_only(parser, *arguments):
+        raise ParsedError(parse_args(parser, *arguments))
+
+    monkeypatch.setattr(argparse.ArgumentParser, "parse_args", parse_only)
+
+
+@pytest.mark.usefixtures("_only_parsed")
 @pytest.mark.parametrize("words", calls_of("benchmarks"), ids=identify)
-def test_benchmarks(words, monkeypatch):
+def test_benchmarks(words):
     if not (words and words[0] in benchmarks.CAMPAIGNS):
         assert {word for word in words if word != "--store"} <= set(benchmarks.PARTS)
         return
-    parse_args = argparse.ArgumentParser.parse_args
-
-    def parse_only(parser, arguments):
-        parse_args(parser, arguments)
-        raise ParsedError
-
-    monkeypatch.setattr(argparse.ArgumentParser, "parse_args", parse_only)
     with pytest.raises(ParsedError):
         importlib.import_module(f"benchmarks.{words[0]}").main(words[1:])
 
 
+@pytest.mark.usefixtures("_only_parsed")
 @pytest.mark.parametrize("name", ["champion", "rounds", "structures"])
 def test_studies(name, monkeypatch):
     module = importlib.import_module(f"benchmarks.{name}")
-    parse_args = argparse.ArgumentParser.parse_args
-
-    def parse_only(parser):
-        options = parse_args(parser)
-        assert set(getattr(options, "names", [])) <= set(getattr(module, "VARIANTS", []))
-        raise ParsedError
-
-    monkeypatch.setattr(argparse.ArgumentParser, "parse_args", parse_only)
     calls = calls_of(f"benchmarks.{name}")
     assert calls
     for words in calls:
         monkeypatch.setattr(sys, "argv", [name, *words])
-        with pytest.raises(ParsedError):
+        with pytest.raises(ParsedError) as parsed:
             module.main()
+        assert set(getattr(parsed.value.args[0], "names", [])) <= set(getattr(module, "VARIANTS", []))
 
 
 def test_every_module_of_a_command_is_there():
@@ -166,17 +162,14 @@ def test_the_checks_run_what_the_readme_says():
 
 
 @pytest.mark.parametrize("page", PAGES, ids=name_of)
-def test_links_lead_somewhere(page):
+def test_links_and_named_tests_lead_somewhere(page):
     """Links to headings, and to what is made with the site, are checked when it is built."""
-    for target in re.findall(r"\]\(([^)#\s]+)", page.read_text(encoding="utf-8")):
+    text = page.read_text(encoding="utf-8")
+    for target in re.findall(r"\]\(([^)#\s]+)", text):
         path = (page.parent / target).resolve()
         is_generated = any(path.is_relative_to(DOCS / each) for each in GENERATED)
         assert target.startswith("https://") or is_generated or path.exists(), target
-
-
-@pytest.mark.parametrize("page", PAGES, ids=name_of)
-def test_a_test_that_holds_a_promise_is_there(page):
-    named = re.findall(r"`([\w/]*test_\w+\.py)`", page.read_text(encoding="utf-8"))
+    named = re.findall(r"`([\w/]*test_\w+\.py)`", text)
     made_by_the_reader = page.parent.name == "how-to"
     assert made_by_the_reader or [name for name in named if not (PROJECT / name).is_file()] == []
 

@@ -1,8 +1,11 @@
-"""The tutorials about flights tell what happens to somebody who follows them."""
+"""The tutorials about flights, and the first hour, tell what happens to somebody who follows them."""
 
+import os
 import re
 import shlex
 import shutil
+import subprocess
+import sys
 from glob import glob
 from pathlib import Path
 
@@ -11,11 +14,18 @@ import pytest
 import fis_tools.__main__ as review
 from docs.shown import BLOCK, LEFT_OUT, WIDTH, shown
 from pipeline.command_line import cli
+from telemetry import commands as telemetry
 from tests.smoke.command_line import PROJECT
 from tests.smoke.pages import DOCS, FOLLOWED
 
 PAGE = (DOCS / "tutorial" / "fly-and-review.md").read_text(encoding="utf-8")
 FEWER_STAGES = "stages=[scenario,evaluate]"
+#: by the experiment: what makes it quicker and says the same
+FEWER = {
+    "evaluate": FEWER_STAGES,
+    "train_station": "starts.num_cases=80",
+    "assure": "assurance.num_cases=400",
+}
 
 
 @pytest.mark.slow
@@ -28,9 +38,8 @@ def test_the_changed_rule_does_what_the_tutorial_says(tmp_path, monkeypatch, cap
     assert num_rows == 1
     (tmp_path / "mine.yaml").write_text(changed, encoding="utf-8")
 
-    explained, compared, *_ = (
-        text for language, _, text in BLOCK.findall(PAGE) if "force_x" in text and language == "text"
-    )
+    texts = [text for language, _, text in BLOCK.findall(PAGE) if language == "text"]
+    explained, compared, *_ = (text for text in texts if "force_x" in text)
     assert review.main(["diff", str(PROJECT / "conf/controller/paper_champion.yaml"), "mine.yaml"]) == 0
     assert shown(compared, capsys.readouterr().out)
 
@@ -60,7 +69,7 @@ def test_your_own_case_goes_as_the_tutorial_says(tmp_path, monkeypatch, capsys):
             Path(title).write_text(text, encoding="utf-8")
         elif language == "sh":
             for _, _, module, *words in map(shlex.split, text.replace("\\\n", "").splitlines()):
-                fewer = [FEWER_STAGES] if "+experiment=evaluate" in words else []
+                fewer = [few for kind, few in FEWER.items() if f"+experiment={kind}" in words]
                 assert mains[module]([*words, *fewer]) == 0
                 of_numbers = r"[\d.,]+" if "+experiment=train_station" in words else of_numbers
             out = "".join(capsys.readouterr())
@@ -79,3 +88,22 @@ def test_the_gallery_has_never_heard_of_space():
     text = (DOCS / "gallery.md").read_text(encoding="utf-8")
     words = r"\b(chief|deputy|orbit|space\w*|satellite|flights?|thrusters?|camera)\b"
     assert re.findall(words, text, re.IGNORECASE) == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("steps", [("flight", "start", "rule"), ("sweep", "evidence"), ("review", "learn")])
+def test_the_first_hour_goes_as_its_script_plays_it(steps, tmp_path):
+    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    environment = os.environ | {"FIRST_HOUR": str(tmp_path), "FIRST_HOUR_CASES": "20", "PATH": path}
+    script = [str(PROJECT / "docs" / "first_hour.sh"), *steps]
+    done = subprocess.run(script, env=environment, capture_output=True, text=True, check=False)  # noqa: S603
+    assert done.returncode == 0, done.stderr
+    assert "Traceback" not in done.stderr
+    measured = r"^== .+: [\d.]+ s of processor time, \d+ MB of memory, [\d.]+ MB written$"
+    assert len(re.findall(measured, done.stdout, re.MULTILINE)) >= len(steps)
+    # a flight says how to watch it
+    replays = re.findall(r"python -m telemetry (replay \S+\.mcap)", done.stderr + done.stdout)
+    assert bool(replays) == ("flight" in steps)
+    for command in replays[:1]:
+        assert telemetry.main([*shlex.split(command), "--save", str(tmp_path / "flight.rrd")]) == 0
+        assert (tmp_path / "flight.rrd").stat().st_size > 0
