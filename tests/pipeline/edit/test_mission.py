@@ -10,18 +10,13 @@ import numpy as np
 import pytest
 from playwright.sync_api import Page, expect
 
-from fis_tools.edit.touches import turned, with_system
-from fis_tools.source import read_controller
 from pipeline.command_line.cli import main
-from pipeline.command_line.config import compose_experiment
 from pipeline.controllers.source import load
 from pipeline.edit import FIRST, Cases, most_changed
-from pipeline.evaluation.assurance.requirements import read
 from pipeline.evaluation.monte_carlo import fly_cases
 from pipeline.evaluation.statistics import METRICS
-from pipeline.settings.places import requirements_path
 from tests.editors import served
-from tests.places import PROJECT
+from tests.pipeline.edit.cases import CHAMPION, PATH, cases_of, pressed
 
 pytestmark = pytest.mark.slow
 
@@ -31,35 +26,19 @@ WORDS = (f"monte_carlo.num_cases={NUM_CASES}", "sun=random")
 
 @pytest.fixture(scope="module")
 def cases() -> Cases:
-    experiment = compose_experiment(["+experiment=evaluate", "controller=champion_27", *WORDS]).experiment
-    text = requirements_path("inspection").read_text(encoding="utf-8")
-    return Cases(experiment, read(text, "inspection").requirements)
-
-
-@pytest.fixture(scope="module")
-def original():
-    return read_controller(PROJECT / "conf/controller/champion_27.yaml")
+    return cases_of(WORDS[0])
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("mission")
-    shutil.copy(PROJECT / "conf/controller/champion_27.yaml", folder)
-    return folder
+    return tmp_path_factory.mktemp("mission")
 
 
 @pytest.fixture(scope="module")
 def address(folder: Path) -> Iterator[str]:
+    shutil.copy(PATH, folder)
     with served("pipeline", "edit", "controller=champion_27.yaml", *WORDS, folder=folder) as address:
         yield address
-
-
-def broken(original, *rules: int):
-    """Turn the conclusions of some rules of the first system to the next term."""
-    system = original.systems[0]
-    for rule in rules:
-        system = turned(system, rule - 1, "then", 0, 1)
-    return with_system(original, system)
 
 
 def column(page: Page, place: int) -> list[str]:
@@ -69,14 +48,20 @@ def column(page: Page, place: int) -> list[str]:
     return table.locator(f"tbody tr td:nth-of-type({place})").all_inner_texts()
 
 
-def told(episodes) -> list[str]:
-    means = [(metric, metric.of(episodes).mean()) for metric in METRICS]
-    return [f"{mean:.{metric.places}f} {metric.unit}" for metric, mean in means]
+def told(means) -> list[str]:
+    """Means of the metrics, as the page puts them."""
+    pairs = zip(METRICS, means, strict=True)
+    return [f"{mean:.{metric.places}f} {metric.unit}" for metric, mean in pairs]
 
 
-def test_first_some_then_all_cases_of_the_evaluation_are_flown(cases, original) -> None:
-    first, every = cases.fly(original)
-    episodes, _ = fly_cases(cases.mission, load_controller(original), cases.scenarios)
+def flown(cases, controller) -> list[str]:
+    return told(metric.of(list(cases.fly(controller))[-1].episodes).mean() for metric in METRICS)
+
+
+def test_first_some_then_all_cases_of_the_evaluation_are_flown(cases) -> None:
+    first, every = cases.fly(CHAMPION)
+    controller = replace(load({"path": str(PATH)}, cases.mission), fuzzy=CHAMPION)
+    episodes, _ = fly_cases(cases.mission, controller, cases.scenarios)
     assert list(every.episodes) == list(episodes)
     for name, values in episodes.items():
         np.testing.assert_array_equal(every.episodes[name], values)
@@ -85,13 +70,8 @@ def test_first_some_then_all_cases_of_the_evaluation_are_flown(cases, original) 
     np.testing.assert_array_equal(every.outcomes["R3"].is_met, episodes["inspection_rate_percent"] >= 95.0)
 
 
-def load_controller(fuzzy):
-    mission = compose_experiment(["+experiment=evaluate", "controller=champion_27"]).experiment.mission
-    return replace(load({"path": str(PROJECT / "conf/controller/champion_27.yaml")}, mission), fuzzy=fuzzy)
-
-
-def test_the_flights_that_changed_most_come_first(cases, original) -> None:
-    before, after = list(cases.fly(original))[-1], list(cases.fly(broken(original, 2)))[-1]
+def test_the_flights_that_changed_most_come_first(cases) -> None:
+    before, after = list(cases.fly(CHAMPION))[-1], list(cases.fly(pressed(0, 2)))[-1]
     found = most_changed(before, after, 5)
     lost = np.abs(after.episodes["inspected_count"] - before.episodes["inspected_count"])
     ends = before.episodes["success"] & ~before.episodes["violated"]
@@ -100,11 +80,9 @@ def test_the_flights_that_changed_most_come_first(cases, original) -> None:
     assert lost[found[0]] == lost[ends != ended].max()
 
 
-def test_a_saved_copy_flies_to_the_numbers_that_were_shown(
-    open_page, address, folder, cases, original
-) -> None:
+def test_a_saved_copy_flies_to_the_numbers_shown(open_page, address, folder, cases) -> None:
     page = open_page(address)
-    assert column(page, 2) == column(page, 1) == told(list(cases.fly(original))[-1].episodes)
+    assert column(page, 2) == column(page, 1) == flown(cases, CHAMPION)
     page.get_by_label("rule 2:").click()
     expect(page.get_by_text("Changed most:")).to_be_visible()
     shown = column(page, 2)
@@ -118,16 +96,15 @@ def test_a_saved_copy_flies_to_the_numbers_that_were_shown(
     names = ("delta_v_m_s", "inspection_rate_percent")
     means = [summary[name]["mean"] for name in names]
     shares = [100 * summary[name]["fraction"] for name in ("success_and_within_limits", "violated")]
-    wanted = zip(METRICS, [*means, *shares], strict=True)
-    assert shown == [f"{mean:.{metric.places}f} {metric.unit}" for metric, mean in wanted]
+    assert shown == told([*means, *shares])
 
 
-def test_only_the_newest_of_many_touches_is_answered_in_the_end(open_page, address, cases, original) -> None:
+def test_only_the_newest_of_many_touches_is_answered_in_the_end(open_page, address, cases) -> None:
     page = open_page(address)
     column(page, 2)
     for rule in (2, 3, 4):  # faster than flights are
         page.get_by_label(f"rule {rule}:").click()
-    wanted = told(list(cases.fly(broken(original, 2, 3, 4)))[-1].episodes)
+    wanted = flown(cases, pressed(0, 2, 3, 4))
     now = page.get_by_role("region", name="Flights").locator("tbody tr td:nth-of-type(2)").first
     expect(now).to_have_text(wanted[0])
     assert column(page, 2) == wanted

@@ -6,24 +6,17 @@ import numpy as np
 import pytest
 
 from fis_tools.edit.panels import findings
-from fis_tools.edit.touches import turned, with_system
-from fis_tools.source import read_controller
-from pipeline.command_line.config import compose_experiment
 from pipeline.edit import Cases, most_changed
-from pipeline.evaluation.assurance.requirements import read
 from pipeline.evaluation.statistics import succeeds
-from pipeline.settings.places import requirements_path
+from tests.pipeline.edit.cases import CHAMPION, cases_of, pressed
 from tests.places import PROJECT
 
-CHAMPION = read_controller(PROJECT / "conf/controller/champion_27.yaml")
 CORNERS = [(place, rule) for place in range(3) for rule in (0, 2, 6, 8)]
 
 
 @pytest.fixture(scope="module")
 def cases() -> Cases:
-    words = ["+experiment=evaluate", "controller=champion_27", "sun=random"]
-    text = requirements_path("inspection").read_text(encoding="utf-8")
-    return Cases(compose_experiment(words).experiment, read(text, "inspection").requirements)
+    return cases_of()
 
 
 @pytest.fixture(scope="module")
@@ -35,10 +28,6 @@ def opened(cases):
 def page() -> str:
     text = (PROJECT / "docs/tutorial/make-it-worse-make-it-better.md").read_text(encoding="utf-8")
     return " ".join(text.split())
-
-
-def pressed(place: int, rule: int, step: int = 1):
-    return with_system(CHAMPION, turned(CHAMPION.systems[place], rule, "then", 0, step))
 
 
 def typed(name: str, text: str):
@@ -54,7 +43,7 @@ def spent(flown) -> float:
 
 
 def test_one_press_makes_it_worse(cases, opened, page) -> None:
-    worse = pressed(0, 1)
+    worse = pressed(0, 2)
     assert worse.systems[0].rules[1].consequents[0].term == "zero"
     now = list(cases.fly(worse))[-1]
     assert f"{succeeded(now):.1f} % succeed instead of {succeeded(opened):.1f} %, for" in page
@@ -77,7 +66,7 @@ def test_a_constant_makes_it_better(cases, opened, page) -> None:
 
 
 def test_what_else_to_try(cases, opened, page) -> None:
-    middle = list(cases.fly(pressed(1, 4)))[-1]
+    middle = list(cases.fly(pressed(1, 5)))[-1]
     assert f"one press, and {succeeded(middle):.1f} % succeed" in page
     band = list(cases.fly(typed("dead_band_force_x_n", "0.03")))[-1]
     assert f"{succeeded(opened) - succeeded(band):.1f} points of success are lost" in page
@@ -86,6 +75,6 @@ def test_what_else_to_try(cases, opened, page) -> None:
         system = CHAMPION.systems[place]
         terms, held = system.outputs[0].terms, system.rules[rule].consequents[0].term
         towards = len(terms) // 2 - system.outputs[0].term_index(held)
-        now = list(cases.fly(pressed(place, rule, int(np.sign(towards)))))[-1]
+        now = list(cases.fly(pressed(place, rule + 1, step=int(np.sign(towards)))))[-1]
         changes.append(abs(succeeded(now) - succeeded(opened)))
     assert f"each changes success by {max(changes):.1f} points at most" in page

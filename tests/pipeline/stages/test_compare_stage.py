@@ -45,9 +45,12 @@ def test_a_row_for_each_controller_sun_and_layer_and_the_papers(finished):
     assert rows[0].summary["inspection_rate_percent"]["mean"] == 96.667
     expected = [(s, c, g) for s in ("fixed", "random") for c in CONTROLLERS for g in ("none", "filter")]
     assert [(row.sun, row.controller, row.safety) for row in rows[1:]] == expected
-    assert {row.controller: row.rules for row in rows[1:]} == {
-        "coast": None, "lqr": None, "receding_horizon": None, "paper": 75,
-    }  # fmt: skip
+    rules = dict.fromkeys(CONTROLLERS) | {"paper": 75}
+    assert {row.controller: row.rules for row in rows[1:]} == rules
+    # the layer is on where a row says so
+    acted = {row.safety: row.summary["safety_periods"]["mean"] for row in rows[1:]}
+    assert acted["none"] == 0.0
+    assert all(not row.summary["violated"]["count"] for row in rows[1:] if row.safety == "filter")
 
 
 def test_all_fly_the_same_cases_and_each_as_alone(finished):
@@ -70,16 +73,6 @@ def test_all_fly_the_same_cases_and_each_as_alone(finished):
             assert row.summary == json.loads(json.dumps(summarise(part, 95.0)))
 
 
-def test_the_layer_is_on_where_a_row_says_so(finished):
-    _, folder = finished
-    acted = {
-        safety: sum(r.summary["safety_periods"]["mean"] for r in rows_in(folder)[1:] if r.safety == safety)
-        for safety in ("none", "filter")
-    }
-    assert acted["none"] == 0.0
-    assert all(not r.summary["violated"]["count"] for r in rows_in(folder)[1:] if r.safety == "filter")
-
-
 def test_the_table_as_csv(finished):
     _, folder = finished
     with (folder / artifacts.COMPARISON_TABLE).open() as stream:
@@ -97,26 +90,27 @@ def test_the_table_as_csv(finished):
 
 
 def test_what_is_said(tmp_path, capsys):
-    run = prepared(tmp_path, *SHORT, "compare.suns=[random]", experiment="baselines").experiment
-    compare.run(run, tmp_path)
-    told = capsys.readouterr().err
+    told = compared(tmp_path, capsys, "compare.suns=[random]")
     assert "receding_horizon, Sun random, safety filter: 4 cases in" in told
     assert "not beside plans of least fuel: duration_s is 300.0 here, and 3600.0 where" in told
     table = told[told.index("\nSun random\n") :].splitlines()
     assert table[2].split()[:3] == ["controller", "rules", "delta-v"]
     assert [line.split()[0] for line in table[3:8]] == ["the", *CONTROLLERS]
-    assert "the paper*" in table[3]
-    assert "5.620 ± 0.715" in table[3]
-    assert "96.67 ± 3.92" in table[3]
+    for words in ("the paper*", "5.620 ± 0.715", "96.67 ± 3.92"):
+        assert words in table[3]
     assert "4 cases of seed 7; mean ± standard deviation; shares with 95 % Wilson intervals" in told
     assert "Sun fixed" not in told
 
 
+def compared(folder, capsys, *words):
+    """Compare in miniature, and return what is said."""
+    compare.run(prepared(folder, *SHORT, *words, experiment="baselines").experiment, folder)
+    return capsys.readouterr().err
+
+
 def test_without_the_layer_or_with_it_alone(tmp_path, capsys):
     for layer in ("none", "filter"):
-        run = prepared(tmp_path, *SHORT, f"compare.safety=[{layer}]", experiment="baselines").experiment
-        compare.run(run, tmp_path)
-        told = capsys.readouterr().err
+        told = compared(tmp_path, capsys, f"compare.safety=[{layer}]")
         assert ("layer: outside" in told) == (layer == "filter")
         assert {row.safety for row in rows_in(tmp_path)[1:]} == {layer}
 
@@ -127,8 +121,7 @@ def test_beside_the_plans_that_ship(tmp_path):
     compare.run(run, tmp_path)
     paper, fixed, optimum, *_ = rows_in(tmp_path)
     assert paper.times is None
-    assert optimum.source == "plans of least fuel"
-    assert optimum.num_cases == 50
+    assert (optimum.source, optimum.num_cases) == ("plans of least fuel", 50)
     assert optimum.summary["delta_v_m_s"]["mean"] == pytest.approx(0.13102740264909443, rel=1e-12)
     assert optimum.summary["success"]["fraction"] == 1.0
     assert optimum.summary["violated"]["count"] == 0
@@ -137,18 +130,15 @@ def test_beside_the_plans_that_ship(tmp_path):
     assert fixed.times["times_optimum"]["mean"] > 1.0
 
 
-@pytest.mark.parametrize(
-    ("setting", "message"),
-    [
+def test_comparisons_that_cannot_be():
+    for setting, message in (
         ("compare.controllers=[]", r"compare.controllers is \[\]; name at least one, and each once"),
         ("compare.controllers=[lqr,coast,lqr]", r"compare.controllers is \[lqr, coast, lqr\]"),
         ("compare.suns=[fixd]", "compare.suns has 'fixd'; it must be one of fixed, random, mixed; did"),
         ("compare.safety=[on]", "compare.safety"),
-    ],
-)
-def test_comparisons_that_cannot_be(setting, message):
-    with pytest.raises(SettingError, match=message):
-        composed(setting, experiment="baselines")
+    ):
+        with pytest.raises(SettingError, match=message):
+            composed(setting, experiment="baselines")
 
 
 @pytest.mark.parametrize(
