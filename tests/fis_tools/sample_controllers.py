@@ -1,24 +1,19 @@
 """Controllers to test with: one like the paper's, and one with everything a fuzzy system can have."""
 
-from fis_tools.model import (
-    And,
-    Consequent,
-    FuzzyController,
-    FuzzySystem,
-    Gaussian,
-    Is,
-    Not,
-    Or,
-    Rule,
-    Sampled,
-    Term,
-    Trapezoidal,
-    Triangular,
-    Variable,
-    table_rules,
-)
+from dataclasses import replace
+from pathlib import Path
 
+from fis_tools.formats.serialize import load
+from fis_tools.model import FuzzyController, FuzzySystem, MembershipFunction, Term, Variable, table_rules
+from fis_tools.model.shapes import Gaussian, Triangular
+
+HERE = Path(__file__).parent
 FORCE_TERMS = ("NL", "NS", "ZE", "PS", "PL")
+
+
+def terms(**membership_functions: MembershipFunction) -> tuple[Term, ...]:
+    """Terms by name."""
+    return tuple(Term(name, function) for name, function in membership_functions.items())
 
 
 def gaussian_terms(names: tuple[str, ...], low: float, high: float, overlap: float = 0.5) -> tuple[Term, ...]:
@@ -29,96 +24,26 @@ def gaussian_terms(names: tuple[str, ...], low: float, high: float, overlap: flo
     )
 
 
-def distance() -> Variable:
-    names = ("very near", "near", "middle", "far", "very far")
-    return Variable(
-        "distance", "m", 0.0, 200.0, gaussian_terms(names, 0.0, 200.0), description="From the chief."
-    )
-
-
-def velocity() -> Variable:
-    names = ("away fast", "away", "still", "towards", "towards fast")
-    return Variable("velocity_body_x", "m/s", -0.3, 0.3, gaussian_terms(names, -0.3, 0.3, 0.45))
-
-
-def force(name: str = "force_x") -> Variable:
-    return Variable(name, "N", -0.1, 0.1, gaussian_terms(FORCE_TERMS, -0.1, 0.1, 0.4), default=0.0)
-
-
-def force_x_system() -> FuzzySystem:
-    """25 rules: brake when moving fast, come nearer when far, keep off when near."""
-    inputs = (distance(), velocity())
-    rows = (
-        ("PL", "PS", "NS", "NL", "NL"),  # very near
-        ("PL", "PS", "NS", "NS", "NL"),
-        ("PL", "PS", "ZE", "NS", "NL"),
-        ("PL", "PS", "PS", "ZE", "NS"),
-        ("PL", "PL", "PL", "PS", "ZE"),
-    )
-    table = [term for row in rows for term in row]
-    output = force()
-    return FuzzySystem("force_x", inputs, (output,), table_rules(inputs, output, table))
-
-
-def force_z_system() -> FuzzySystem:
-    """45 rules over three inputs."""
-    angle_terms = gaussian_terms(("left", "ahead", "right"), -3.14, 3.14)
-    inputs = (
-        Variable("eta_u", "rad", -3.14, 3.14, angle_terms),
-        Variable("velocity_body_z", "m/s", -0.3, 0.3, gaussian_terms(FORCE_TERMS, -0.3, 0.3)),
-        Variable("distance", "m", 0.0, 200.0, gaussian_terms(("near", "middle", "far"), 0.0, 200.0)),
-    )
-    output = force("force_z")
-    table = [
-        FORCE_TERMS[min(4, max(0, 4 - speed + (angle - 1) + (reach - 1) * (angle - 1)))]
-        for angle in range(3)
-        for speed in range(5)
-        for reach in range(3)
-    ]
-    return FuzzySystem("force_z", inputs, (output,), table_rules(inputs, output, table))
+PAPER_LIKE = load(HERE / "paper_like.yaml")
+#: 25 rules over two inputs, and 45 over three
+FORCE_X, FORCE_Z = PAPER_LIKE.systems
+#: rule trees, weights, labels, two outputs, an uneven universe
+GENERAL = load(HERE / "room.yaml")
+(ROOM,) = GENERAL.systems
 
 
 def paper_like_controller() -> FuzzyController:
-    return FuzzyController(
-        "paper-like",
-        (force_x_system(), force_z_system()),
-        attributes=(("force_axes", "body"),),
-        provenance=(("made_by", "hand"), ("paper", "AAS 25-727")),
-    )
+    return PAPER_LIKE
 
 
-def general_controller() -> FuzzyController:
-    """Rule trees, weights, labels, two outputs, every shape, an uneven universe."""
-    temperature = Variable(
-        "temperature",
-        "degC",
-        0.0,
-        40.0,
-        (Term("cold", Trapezoidal(0.0, 0.0, 10.0, 20.0)), Term("hot", Triangular(15.0, 40.0, 40.0))),
-        num_points=41,
-    )
-    points = (0.0, 1.0, 4.0, 9.0, 16.0)
-    wind = Variable(
-        "wind", "m/s", 0.0, 16.0, (Term("calm", Sampled((1.0, 0.8, 0.3, 0.1, 0.0))),), 5, points=points
-    )
-    heat = Variable(
-        "heat",
-        "kW",
-        0.0,
-        2.0,
-        (Term("low", Gaussian(0.0, 0.4)), Term("high", Gaussian(2.0, 0.4))),
-        default=0.5,
-    )
-    vent = Variable("vent", "", 0.0, 1.0, (Term("open", Triangular(0.0, 1.0, 1.0)),), 11, default=0.0)
-    rules = (
-        Rule(
-            And((Is("temperature", "cold"), Or((Is("wind", "calm"), Not(Is("temperature", "hot")))))),
-            (Consequent("heat", "high"), Consequent("vent", "open", 0.25)),
-            label="warm up",
-        ),
-        Rule(Is("temperature", "hot"), (Consequent("heat", "low", 0.75), Consequent("vent", "open"))),
-    )
-    system = FuzzySystem(
-        "room", (temperature, wind), (heat, vent), rules, "product", "probabilistic_sum", "bisector"
-    )
-    return FuzzyController("general", (system,))
+def force(name: str = "force_x") -> Variable:
+    return replace(FORCE_X.outputs[0], name=name)
+
+
+def ramp_system(default: float = 0.5, defuzzifier: str = "centroid") -> FuzzySystem:
+    """Low or high along x; two output triangles of area 2h - h^2 when cut at h, centred on -3 and 3."""
+    x = Variable("x", "m", 0.0, 1.0, terms(low=Triangular(0, 0, 1), high=Triangular(0, 1, 1)), 101)
+    sides = terms(left=Triangular(-4.0, -3.0, -2.0), right=Triangular(2.0, 3.0, 4.0))
+    y = Variable("y", "N", -5.0, 5.0, sides, 101, default=default)
+    rules = table_rules((x,), y, ["left", "right"])
+    return FuzzySystem("ramp", (x,), (y,), rules, defuzzifier=defuzzifier)  # type: ignore[arg-type]

@@ -39,9 +39,7 @@ def test_the_risk_of_the_project_fires_as_in_the_book() -> None:
     ("name", "middle"),
     [
         ("parking", (90.0, 50.0)),
-        ("pendulum", (0.0, 0.0)),
-        ("proportional_derivative", (0.0, 0.0)),
-        ("water_tank", (0.0, 0.0)),
+        *((name, (0.0, 0.0)) for name in ("pendulum", "proportional_derivative", "water_tank")),
     ],
 )
 def test_the_other_side_answers_the_opposite(name: str, middle: tuple[float, float]) -> None:

@@ -8,34 +8,20 @@ import pytest
 from scipy.special import erf
 from scipy.stats import qmc
 
-from fis_tools.analysis.arrays import (
-    coverage,
-    distinguishability,
-    evaluate,
-    firing,
-    rule_usage,
-    spread_inputs,
-    surface,
-)
+from fis_tools.analysis.arrays import coverage, distinguishability, rule_usage, spread_inputs, surface
 from fis_tools.analysis.contribution import contributions, importance
 from fis_tools.analysis.domain import as_mapping, box_of, departures, from_mapping
 from fis_tools.engines.compiler import compile
 from fis_tools.errors import ControllerFileError
-from fis_tools.model import Consequent, FuzzySystem, Gaussian, Is, Rule, Term, Triangular, Variable
+from fis_tools.model import FuzzySystem, Gaussian, Triangular, Variable
 from tests.fis_tools import step_by_step
 from tests.fis_tools.reference_engine import ReferenceEngine
-from tests.fis_tools.sample_controllers import (
-    force_x_system,
-    force_z_system,
-    general_controller,
-    paper_like_controller,
-)
+from tests.fis_tools.sample_controllers import FORCE_X, FORCE_Z, GENERAL, ROOM, ramp_system, terms
 
 
 def test_a_surface_is_what_scikit_fuzzy_computes_at_its_grid_points() -> None:
-    system = force_x_system()
-    result = surface(system, num_points=5)
-    engine = ReferenceEngine(system)
+    result = surface(FORCE_X, num_points=5)
+    engine = ReferenceEngine(FORCE_X)
     np.testing.assert_array_equal(result.x, [0, 50, 100, 150, 200])
     np.testing.assert_allclose(result.y, [-0.3, -0.15, 0, 0.15, 0.3], rtol=0, atol=1e-15)
     for row, column in ((0, 0), (1, 4), (3, 2)):
@@ -46,20 +32,18 @@ def test_a_surface_is_what_scikit_fuzzy_computes_at_its_grid_points() -> None:
 
 
 def test_axes_can_be_swapped_and_inputs_held() -> None:
-    system = force_z_system()
-    one = surface(system, x="distance", y="eta_u", fixed={"velocity_body_z": 0.1}, num_points=4)
-    other = surface(system, x="eta_u", y="distance", fixed={"velocity_body_z": 0.1}, num_points=4)
+    one = surface(FORCE_Z, x="distance", y="eta_u", fixed={"velocity_body_z": 0.1}, num_points=4)
+    other = surface(FORCE_Z, x="eta_u", y="distance", fixed={"velocity_body_z": 0.1}, num_points=4)
     np.testing.assert_array_equal(one.values, other.values.T)
-    expected = ReferenceEngine(system).compute(np.array([one.y[1], 0.1, one.x[3]]))[0]
+    expected = ReferenceEngine(FORCE_Z).compute(np.array([one.y[1], 0.1, one.x[3]]))[0]
     assert one.values[1, 3] == pytest.approx(expected, abs=1e-13)
     assert one.fixed == {"velocity_body_z": 0.1}
-    assert surface(system, num_points=2).fixed == {"distance": 100.0}
+    assert surface(FORCE_Z, num_points=2).fixed == {"distance": 100.0}
 
 
 def test_a_system_the_kernel_does_not_cover_has_surfaces_too() -> None:
-    (system,) = general_controller().systems
-    result = surface(system, output="vent", num_points=3)
-    expected = ReferenceEngine(system).compute(np.array([20.0, 16.0]))[1]
+    result = surface(ROOM, output="vent", num_points=3)
+    expected = ReferenceEngine(ROOM).compute(np.array([20.0, 16.0]))[1]
     assert result.values[2, 1] == expected
     assert result.output.name == "vent"
 
@@ -77,36 +61,28 @@ def test_a_system_the_kernel_does_not_cover_has_surfaces_too() -> None:
 )
 def test_wrong_axes_are_refused_with_a_sentence(arguments: dict[str, object], words: str) -> None:
     with pytest.raises(ValueError, match=words):
-        surface(force_x_system(), **arguments)  # type: ignore[arg-type]
-
-
-def test_evaluate_and_firing_have_a_row_a_sample() -> None:
-    inputs = np.array([[0.0, -0.3], [100.0, 0.0], [200.0, 0.3]])
-    assert evaluate(force_x_system(), inputs).shape == (3, 1)
-    strengths = firing(force_x_system(), inputs)
-    np.testing.assert_array_equal(np.argmax(strengths, axis=1), [0, 12, 24])
-    np.testing.assert_array_equal(strengths[[0, 1, 2], [0, 12, 24]], 1.0)
+        surface(FORCE_X, **arguments)  # type: ignore[arg-type]
 
 
 def test_coverage_of_two_gaussians_is_their_crossing() -> None:
-    terms = (Term("a", Gaussian(0.0, 1.0)), Term("b", Gaussian(4.0, 1.0)))
-    found = coverage(Variable("x", "", 0.0, 4.0, terms, 4001))
+    pair = terms(a=Gaussian(0.0, 1.0), b=Gaussian(4.0, 1.0))
+    found = coverage(Variable("x", "", 0.0, 4.0, pair, 4001))
     assert found.at == pytest.approx(2.0, abs=1e-9)
     assert found.least == pytest.approx(np.exp(-2.0), abs=1e-9)
 
 
 def test_coverage_between_the_points_of_the_universe() -> None:
     """Two lines cross half way between the only two points."""
-    terms = (Term("a", Triangular(0.0, 0.0, 1.0)), Term("b", Triangular(0.0, 1.0, 1.0)))
-    found = coverage(Variable("x", "", 0.0, 1.0, terms, 2))
+    pair = terms(a=Triangular(0.0, 0.0, 1.0), b=Triangular(0.0, 1.0, 1.0))
+    found = coverage(Variable("x", "", 0.0, 1.0, pair, 2))
     assert (found.least, found.at) == (0.5, 0.5)
 
 
 def test_likeness_of_triangles_has_a_closed_form() -> None:
     """Two triangles of half width 2, peaks 2 apart: they share a triangle of base 2 and height 1/2."""
-    terms = (Term("a", Triangular(0.0, 2.0, 4.0)), Term("b", Triangular(2.0, 4.0, 6.0)))
+    pair = terms(a=Triangular(0.0, 2.0, 4.0), b=Triangular(2.0, 4.0, 6.0))
     # the universe misses the crossing at 3
-    found = distinguishability(Variable("x", "", 0.0, 6.0, terms, 4))
+    found = distinguishability(Variable("x", "", 0.0, 6.0, pair, 4))
     np.testing.assert_allclose(found.similarity, [[1, 0.5 / 3.5], [0.5 / 3.5, 1]], rtol=0, atol=1e-15)
     np.testing.assert_allclose(found.possibility, [[1, 0.5], [0.5, 1]], rtol=0, atol=1e-15)
 
@@ -114,16 +90,16 @@ def test_likeness_of_triangles_has_a_closed_form() -> None:
 def test_likeness_of_gaussians_has_a_closed_form() -> None:
     """Equal Gaussians d apart cross half way: the shared area is 2 Phi(-d / 2 sigma) of one of them."""
     sigma, apart = 0.5, 1.2
-    terms = (Term("a", Gaussian(5.0, sigma)), Term("b", Gaussian(5.0 + apart, sigma)))
-    found = distinguishability(Variable("x", "", 0.0, 12.0, terms, 6001))
+    pair = terms(a=Gaussian(5.0, sigma), b=Gaussian(5.0 + apart, sigma))
+    found = distinguishability(Variable("x", "", 0.0, 12.0, pair, 6001))
     shared = 1.0 - erf(apart / (2.0 * sigma) / np.sqrt(2.0))
     assert found.similarity[0, 1] == pytest.approx(shared / (2.0 - shared), abs=1e-6)
     assert found.possibility[0, 1] == pytest.approx(np.exp(-((apart / 2 / sigma) ** 2) / 2), abs=1e-6)
 
 
 def test_a_term_that_is_never_above_zero_is_like_no_other() -> None:
-    terms = (Term("a", Gaussian(0.5, 1e-6)), Term("b", Gaussian(0.0, 1.0)))
-    found = distinguishability(Variable("x", "", 0.0, 1.0, terms, 2))
+    pair = terms(a=Gaussian(0.5, 1e-6), b=Gaussian(0.0, 1.0))
+    found = distinguishability(Variable("x", "", 0.0, 1.0, pair, 2))
     np.testing.assert_array_equal(found.similarity, [[0, 0], [0, 1]])
 
 
@@ -139,17 +115,16 @@ def test_rule_usage_counts() -> None:
 
 @pytest.mark.parametrize("num_inputs", [1, 3, 12])
 def test_spread_inputs_are_scipys_halton_sequence(num_inputs: int) -> None:
-    system = force_z_system()
-    one = replace(system.inputs[0], minimum=-2.0, maximum=6.0)
+    one = replace(FORCE_Z.inputs[0], minimum=-2.0, maximum=6.0)
     inputs = tuple(replace(one, name=f"input_{number}") for number in range(num_inputs))
     sequence = qmc.Halton(num_inputs, scramble=False)
     sequence.fast_forward(1)
     expected = qmc.scale(sequence.random(3000), [-2.0] * num_inputs, [6.0] * num_inputs)
-    found = spread_inputs(replace(system, inputs=inputs), 3000)
+    found = spread_inputs(replace(FORCE_Z, inputs=inputs), 3000)
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-14)
 
 
-SYSTEM = force_x_system()
+SYSTEM = FORCE_X
 MET = np.random.default_rng(1).uniform(-1.0, 1.0, (50, len(SYSTEM.inputs)))
 BOX = box_of(SYSTEM, MET)
 
@@ -171,11 +146,8 @@ def test_each_stretch_outside_is_a_departure_with_its_farthest_value():
     inputs[0, 1] = 9.0
     found = departures(BOX, 10.0 * np.arange(8), inputs)
     names = [variable.name for variable in SYSTEM.inputs]
-    assert [(one.name, one.first_s, one.last_s, one.value) for one in found] == [
-        (names[1], 0.0, 0.0, 9.0),
-        (names[0], 20.0, 40.0, 3.0),
-        (names[0], 70.0, 70.0, -4.0),
-    ]
+    expected = [(names[1], 0.0, 0.0, 9.0), (names[0], 20.0, 40.0, 3.0), (names[0], 70.0, 70.0, -4.0)]
+    assert [(one.name, one.first_s, one.last_s, one.value) for one in found] == expected
     assert (found[1].low, found[1].high) == (BOX.low[0], BOX.high[0])
     assert departures(BOX, np.empty(0), np.empty((0, len(names)))) == ()
 
@@ -199,16 +171,11 @@ def without(system: FuzzySystem, index: int) -> FuzzySystem:
 
 
 def adding_room() -> FuzzySystem:
-    room = general_controller().systems[0]
-    outputs = tuple(replace(output, accumulation="bounded_sum") for output in room.outputs)
-    return replace(room, outputs=outputs)
+    outputs = tuple(replace(output, accumulation="bounded_sum") for output in ROOM.outputs)
+    return replace(ROOM, outputs=outputs)
 
 
-@pytest.mark.parametrize(
-    "system",
-    [force_x_system(), *general_controller().systems, adding_room()],
-    ids=["force", "room", "adding"],
-)
+@pytest.mark.parametrize("system", [FORCE_X, *GENERAL.systems, adding_room()])
 def test_a_contribution_is_what_silencing_the_rule_takes_away(system: FuzzySystem) -> None:
     inputs = spread_inputs(system, 20)
     found = contributions(compile(system), inputs)
@@ -220,47 +187,31 @@ def test_a_contribution_is_what_silencing_the_rule_takes_away(system: FuzzySyste
     assert np.count_nonzero(found) > 20
 
 
-def two_rules() -> FuzzySystem:
-    """Low or high, as a ramp; the output's terms are far from one another, and zero is neither."""
-    x = Variable(
-        "x", "", 0.0, 1.0, (Term("low", Triangular(0, 0, 1)), Term("high", Triangular(0, 1, 1))), 101
-    )
-    terms = (Term("left", Triangular(-4.0, -3.0, -2.0)), Term("right", Triangular(2.0, 3.0, 4.0)))
-    y = Variable("y", "", -5.0, 5.0, terms, 101, default=0.5)
-    rules = (
-        Rule(Is("x", "low"), (Consequent("y", "left"),)),
-        Rule(Is("x", "high"), (Consequent("y", "right"),)),
-    )
-    return FuzzySystem("ramp", (x,), (y,), rules)
-
-
 def test_contributions_by_hand() -> None:
     """Where one rule fires alone it moved the output away from the default; half way each holds the other."""
-    found = contributions(compile(two_rules()), np.array([[0.0], [0.5], [1.0]]))[:, :, 0]
+    found = contributions(compile(ramp_system()), np.array([[0.0], [0.5], [1.0]]))[:, :, 0]
     np.testing.assert_allclose(found, [[-3.5, 0.0], [-3.0, 3.0], [0.0, 2.5]], rtol=0, atol=1e-14)
 
 
 def test_importance_by_hand() -> None:
-    found = importance(compile(two_rules()), np.array([[0.0], [0.5], [1.0]]))
+    found = importance(compile(ramp_system()), np.array([[0.0], [0.5], [1.0]]))
     np.testing.assert_allclose(found, [[6.5 / 3 / 10], [5.5 / 3 / 10]], rtol=0, atol=1e-15)
 
 
 def test_rules_that_say_the_same_stand_in_for_one_another() -> None:
-    system = two_rules()
+    system = ramp_system()
     doubled = replace(system, rules=(*system.rules, system.rules[0]))
     found = contributions(compile(doubled), np.array([[0.0]]))
     np.testing.assert_array_equal(found, 0.0)
 
 
 def test_many_samples_come_out_as_few_do() -> None:
-    system = force_z_system()
-    compiled = compile(system)
-    inputs = spread_inputs(system, 1500)
+    compiled = compile(FORCE_Z)
+    inputs = spread_inputs(FORCE_Z, 1500)
     whole = contributions(compiled, inputs)
     np.testing.assert_array_equal(whole[700:720], contributions(compiled, inputs[700:720]))
 
 
 def test_importance_needs_samples() -> None:
-    system = paper_like_controller().systems[0]
     with pytest.raises(ValueError, match="there are no samples"):
-        importance(compile(system), np.empty((0, 2)))
+        importance(compile(ramp_system()), np.empty((0, 1)))

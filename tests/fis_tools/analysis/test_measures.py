@@ -10,19 +10,18 @@ from fis_tools.engines.compiler import compile
 from fis_tools.model import (
     And,
     Consequent,
+    Expression,
     FuzzySystem,
     Is,
     Not,
     Or,
     Rule,
-    Sampled,
     Term,
-    Trapezoidal,
-    Triangular,
     Variable,
     table_rules,
 )
-from tests.fis_tools.sample_controllers import force_x_system, general_controller
+from fis_tools.model.shapes import Sampled, Trapezoidal, Triangular
+from tests.fis_tools.sample_controllers import FORCE_X, ROOM
 from tests.fis_tools.step_by_step import firing_strengths
 
 
@@ -39,16 +38,24 @@ def even_terms(names: tuple[str, ...], low: float, high: float) -> tuple[Term, .
 THREE = ("low", "medium", "high")
 
 
+X = Variable("x", "", 0.0, 1.0, even_terms(THREE, 0.0, 1.0))
+Y = Variable("y", "", 0.0, 8.0, even_terms(THREE, 0.0, 8.0))
+Z = Variable("z", "", 0.0, 1.0, even_terms(THREE, 0.0, 1.0), default=0.0)
+
+
 def product_of(x: Variable, y: Variable, rules: tuple[Rule, ...], **how: object) -> FuzzySystem:
-    output = Variable("z", "", 0.0, 1.0, even_terms(THREE, 0.0, 1.0), default=0.0)
-    return FuzzySystem("s", (x, y), (output,), rules, **how)  # type: ignore[arg-type]
+    return FuzzySystem("s", (x, y), (Z,), rules, **how)  # type: ignore[arg-type]
+
+
+def concluding(term: str, *asked: Expression) -> tuple[Rule, ...]:
+    return tuple(Rule(one, (Consequent("z", term),)) for one in asked)
 
 
 def test_complexity_is_counted_by_hand() -> None:
-    counted = complexity(general_controller().systems[0])
+    counted = complexity(ROOM)
     # cold and (calm or not hot); hot
     assert (counted.rules, counted.premises, counted.input_terms, counted.output_terms) == (2, 4, 3, 3)
-    assert complexity(force_x_system()).premises == 50
+    assert complexity(FORCE_X).premises == 50
 
 
 def test_centres_of_every_shape() -> None:
@@ -62,27 +69,21 @@ def test_centres_of_every_shape() -> None:
 
 def test_completeness_of_a_full_table_is_where_both_inputs_are_worst() -> None:
     """Even triangles hold by one half between two peaks, so min gives 1/2 and the product 1/4."""
-    x = Variable("x", "", 0.0, 1.0, even_terms(THREE, 0.0, 1.0))
-    y = Variable("y", "", 0.0, 8.0, even_terms(THREE, 0.0, 8.0))
-    output = Variable("z", "", 0.0, 1.0, even_terms(THREE, 0.0, 1.0), default=0.0)
-    rules = table_rules((x, y), output, ["low"] * 9)
+    rules = table_rules((X, Y), Z, ["low"] * 9)
     for operator, least in (("min", 0.5), ("product", 0.25)):
-        found = completeness(product_of(x, y, rules, and_operator=operator))
+        found = completeness(product_of(X, Y, rules, and_operator=operator))
         assert found.is_exact
         assert found.least == pytest.approx(least, abs=1e-12)
         assert found.at[0] % 0.5 == pytest.approx(0.25)
 
 
 def test_completeness_finds_the_missing_rule() -> None:
-    x = Variable("x", "", 0.0, 1.0, even_terms(THREE, 0.0, 1.0))
-    y = Variable("y", "", 0.0, 8.0, even_terms(THREE, 0.0, 8.0))
-    output = Variable("z", "", 0.0, 1.0, even_terms(THREE, 0.0, 1.0), default=0.0)
-    rules = table_rules((x, y), output, ["low"] * 9)
-    found = completeness(product_of(x, y, rules[:4] + rules[5:]))
+    rules = table_rules((X, Y), Z, ["low"] * 9)
+    found = completeness(product_of(X, Y, rules[:4] + rules[5:]))
     assert found.is_exact
     assert found.least == pytest.approx(0.0, abs=1e-12)
     np.testing.assert_allclose(found.at, [0.5, 4.0], atol=1e-12)
-    by_product = completeness(product_of(x, y, rules[:4] + rules[5:], and_operator="product"))
+    by_product = completeness(product_of(X, Y, rules[:4] + rules[5:], and_operator="product"))
     assert by_product.least == pytest.approx(0.0, abs=1e-12)
 
 
@@ -92,17 +93,15 @@ def small_systems(draw: st.DrawFn) -> FuzzySystem:
 
     def variable(name: str) -> Variable:
         values = st.lists(st.integers(0, 4), min_size=5, max_size=5)
-        terms = [Sampled(tuple(v / 4 for v in draw(values))) for _ in range(2)]
-        return Variable(name, "", 0.0, 4.0, (Term("a", terms[0]), Term("b", terms[1])), 5)
+        terms = tuple(Term(term, Sampled(tuple(v / 4 for v in draw(values)))) for term in "ab")
+        return Variable(name, "", 0.0, 4.0, terms, 5)
 
     statement = st.builds(Is, st.sampled_from("xy"), st.sampled_from("ab"))
     either = st.one_of(statement, st.builds(Not, statement))
     pair = st.tuples(either, either)
     antecedent = st.one_of(either, st.builds(And, pair), st.builds(Or, pair))
     rules = draw(st.lists(antecedent, min_size=1, max_size=3))
-    return product_of(
-        variable("x"), variable("y"), tuple(Rule(told, (Consequent("z", "low"),)) for told in rules)
-    )
+    return product_of(variable("x"), variable("y"), concluding("low", *rules))
 
 
 @settings(max_examples=60, deadline=None)
@@ -118,10 +117,7 @@ def test_an_exact_completeness_is_below_a_dense_grid_and_is_met(system: FuzzySys
 
 def test_rules_of_even_triangles_are_fully_meant() -> None:
     """At its cell only one rule fires, so the system answers what the rule alone would."""
-    x = Variable("x", "", 0.0, 1.0, even_terms(THREE, 0.0, 1.0))
-    y = Variable("y", "", 0.0, 8.0, even_terms(THREE, 0.0, 8.0))
-    output = Variable("z", "", 0.0, 1.0, even_terms(THREE, 0.0, 1.0), default=0.0)
-    system = FuzzySystem("s", (x, y), (output,), table_rules((x, y), output, list(THREE) * 3))
+    system = FuzzySystem("s", (X, Y), (Z,), table_rules((X, Y), Z, list(THREE) * 3))
     found = rule_consistency(system)
     np.testing.assert_allclose(found.values, 1.0, atol=1e-9)
     np.testing.assert_allclose(found.points[5], [0.5, 8.0])
@@ -132,15 +128,12 @@ def test_rules_of_even_triangles_are_fully_meant() -> None:
 
 def test_samples_are_said_to_be_samples() -> None:
     """The product of three rules of one input is weakest off the grid of their crossings."""
-    x = Variable("x", "", 0.0, 1.0, even_terms(THREE, 0.0, 1.0))
-    y = Variable("y", "", 0.0, 8.0, even_terms(THREE, 0.0, 8.0))
     told = (And((Is("x", "low"), Not(Is("y", "low")))), Is("x", "high"), Is("x", "medium"))
-    rules = tuple(Rule(antecedent, (Consequent("z", "low"),)) for antecedent in told)
-    found = completeness(product_of(x, y, rules, and_operator="product"))
+    rules = concluding("low", *told)
+    found = completeness(product_of(X, Y, rules, and_operator="product"))
     assert found.least == pytest.approx(0.0, abs=1e-12)
-    found = completeness(
-        product_of(x, y, (*rules, Rule(Is("x", "low"), rules[0].consequents)), and_operator="product")
-    )
+    rules = concluding("low", *told, Is("x", "low"))
+    found = completeness(product_of(X, Y, rules, and_operator="product"))
     assert not found.is_exact
     assert found.least == pytest.approx(0.5, abs=1e-12)
 
@@ -148,13 +141,9 @@ def test_samples_are_said_to_be_samples() -> None:
 def test_a_rule_that_is_outvoted_means_little() -> None:
     """Two rules hold in full at x = 0, on low and on high: the answer 1/2 is neither."""
     x = Variable("x", "", 0.0, 1.0, even_terms(("low", "high"), 0.0, 1.0))
-    output = Variable("z", "", 0.0, 1.0, even_terms(THREE, 0.0, 1.0), default=0.0)
-    rules = (
-        Rule(Is("x", "low"), (Consequent("z", "low"),)),
-        Rule(Not(Is("x", "high")), (Consequent("z", "high"),)),
-        Rule(Is("x", "high"), (Consequent("z", "medium"),)),
-    )
-    found = rule_consistency(FuzzySystem("s", (x,), (output,), rules))
+    rules = concluding("low", Is("x", "low")) + concluding("high", Not(Is("x", "high")))
+    rules += concluding("medium", Is("x", "high"))
+    found = rule_consistency(FuzzySystem("s", (x,), (Z,), rules))
     np.testing.assert_allclose(found.values, [0.0, 0.0, 1.0], atol=1e-9)
     np.testing.assert_allclose(found.outputs[:, 0], 0.5, atol=1e-12)
     np.testing.assert_allclose(found.alone[:, 0], [1 / 6, 5 / 6, 0.5], atol=1e-9)

@@ -13,11 +13,11 @@ from fis_tools.analysis.arrays import FIRED, spread_inputs
 from fis_tools.engines import inference
 from fis_tools.engines.compiler import compile
 from fis_tools.formats import serialize
-from fis_tools.model import Consequent, FuzzySystem, Is, Rule, Term, Triangular, Variable
+from fis_tools.model import FuzzySystem, Rule
 from fis_tools.model.operators import ACCUMULATIONS
 from tests.fis_tools import step_by_step
 from tests.fis_tools.engines.random_systems import inputs_for, random_general_system
-from tests.fis_tools.sample_controllers import force_x_system
+from tests.fis_tools.sample_controllers import FORCE_X, ramp_system
 from tests.places import PROJECT
 
 CONTROLLERS = sorted(
@@ -29,9 +29,9 @@ def silenced(system: FuzzySystem, output: str, rules: set[int]) -> FuzzySystem:
     """The same system, in which some rules conclude on an output with no weight."""
 
     def quiet(place: int, rule: Rule) -> Rule:
-        told = (
-            replace(c, weight=0.0) if place in rules and c.variable == output else c for c in rule.consequents
-        )
+        if place not in rules:
+            return rule
+        told = (replace(c, weight=0.0) if c.variable == output else c for c in rule.consequents)
         return replace(rule, consequents=tuple(told))
 
     return replace(system, rules=tuple(quiet(*numbered) for numbered in enumerate(system.rules)))
@@ -95,10 +95,7 @@ def assert_adds_up(system: FuzzySystem, rows: np.ndarray) -> shapley.Shares:
     compiled = compile(system)
     found = shapley.shares(compiled, rows)
     silent = np.array([output.default for output in system.outputs])
-    spans = np.array([output.maximum - output.minimum for output in system.outputs])
-    np.testing.assert_allclose(
-        found.values.sum(axis=1) / spans, (compiled(rows) - silent) / spans, rtol=0, atol=1e-9
-    )
+    step_by_step.assert_near(found.values.sum(axis=1), compiled(rows) - silent, system, 1e-9)
     return found
 
 
@@ -121,30 +118,21 @@ def test_samples_of_one_structure_get_the_shares_that_each_gets_alone(monkeypatc
 
 
 def test_sampled_shares_add_up_and_are_as_near_as_they_say(monkeypatch) -> None:
-    system = force_x_system()
-    rows = spread_inputs(system, 30)
-    exact = assert_adds_up(system, rows)
+    rows = spread_inputs(FORCE_X, 30)
+    exact = assert_adds_up(FORCE_X, rows)
     monkeypatch.setattr(shapley, "MOST_COALITIONS", 1)
-    drawn = assert_adds_up(system, rows)
+    drawn = assert_adds_up(FORCE_X, rows)
     assert np.all(drawn.error[np.count_nonzero(exact.values[:, :, 0], axis=1) > 2] > 0)
     apart = np.abs(drawn.values - exact.values).max(axis=1)
     assert apart.max() > 0
     assert np.all(apart <= 5 * drawn.error + 1e-15)
-    np.testing.assert_array_equal(drawn.values, shapley.shares(compile(system), rows).values)
+    np.testing.assert_array_equal(drawn.values, shapley.shares(compile(FORCE_X), rows).values)
 
 
-def ramp(*, rules: str = "low high") -> FuzzySystem:
-    terms = (Term("low", Triangular(0, 0, 1)), Term("high", Triangular(0, 1, 1)))
-    x = Variable("x", "", 0.0, 1.0, terms, 101)
-    sides = (Term("left", Triangular(-4.0, -3.0, -2.0)), Term("right", Triangular(2.0, 3.0, 4.0)))
-    y = Variable("y", "", -5.0, 5.0, sides, 101, default=0.5)
-    told = {"low": "left", "high": "right"}
-    return FuzzySystem(
-        "ramp",
-        (x,),
-        (y,),
-        tuple(Rule(Is("x", word), (Consequent("y", told[word]),)) for word in rules.split()),
-    )
+def ramp(*rules: int) -> FuzzySystem:
+    """The ramp with some of its rules, low and high, in this order."""
+    system = ramp_system()
+    return replace(system, rules=tuple(system.rules[place] for place in rules or (0, 1)))
 
 
 def test_shares_by_hand() -> None:
@@ -154,14 +142,13 @@ def test_shares_by_hand() -> None:
 
 
 def test_rules_that_say_the_same_share_equally_what_none_is_needed_for() -> None:
-    found = shapley.shares(compile(ramp(rules="low low low")), np.array([[0.2]])).values[0, :, 0]
+    found = shapley.shares(compile(ramp(0, 0, 0)), np.array([[0.2]])).values[0, :, 0]
     np.testing.assert_allclose(found, [-3.5 / 3] * 3, rtol=0, atol=1e-14)
 
 
 def test_a_rule_that_changes_nothing_has_no_share() -> None:
     system = ramp()
-    silent = Rule(Is("x", "high"), (Consequent("y", "right", 0.0),))
-    with_null = replace(system, rules=(*system.rules, silent))
+    with_null = silenced(ramp(0, 1, 1), "y", {2})
     found = shapley.shares(compile(with_null), np.array([[0.3]])).values[0, :, 0]
     assert found[2] == 0.0
     without = shapley.shares(compile(system), np.array([[0.3]])).values[0, :, 0]
@@ -172,11 +159,11 @@ def test_a_rule_that_hardly_fires_has_no_share_unless_it_is_the_strongest() -> N
     found = shapley.shares(compile(ramp()), np.array([[0.04]])).values[0, :, 0]
     assert found[1] == 0.0
     assert found[0] == pytest.approx(inference.infer(ramp(), np.array([0.04])).values[0] - 0.5, abs=1e-14)
-    lone = shapley.shares(compile(ramp(rules="high")), np.array([[0.04]])).values[0, :, 0]
+    lone = shapley.shares(compile(ramp(1)), np.array([[0.04]])).values[0, :, 0]
     np.testing.assert_allclose(lone, [2.5], rtol=0, atol=1e-14)
 
 
 def test_where_no_rule_fires_there_is_nothing_to_share() -> None:
-    found = shapley.shares(compile(ramp(rules="high")), np.array([[0.0]]))
+    found = shapley.shares(compile(ramp(1)), np.array([[0.0]]))
     assert not found.values.any()
     assert not found.error.any()

@@ -11,153 +11,135 @@ from pathlib import Path
 
 import pytest
 
-from fis_tools.__main__ import main
 from fis_tools.analysis.domain import as_mapping, box_of
 from fis_tools.analysis.flights import inputs_along
 from fis_tools.document import text
 from fis_tools.engines.inference import infer
 from fis_tools.findings.audit import Thresholds
 from fis_tools.findings.explanation import explain, shares
-from fis_tools.formats.serialize import dump_json, dump_yaml, load, loads
+from fis_tools.formats.serialize import dump_json, load, loads
 from fis_tools.model import FuzzyController
 from fis_tools.words.text import outline
 from tests.fis_tools.analysis.test_flights import log_flight
-from tests.fis_tools.sample_controllers import force_x_system, paper_like_controller
+from tests.fis_tools.sample_controllers import FORCE_X, PAPER_LIKE
 
 
 @pytest.fixture
-def controller_path(tmp_path):
-    path = tmp_path / "paper.yaml"
-    path.write_text(dump_yaml(paper_like_controller()), encoding="utf-8")
-    return path
+def flight(tmp_path):
+    return log_flight(tmp_path / "flight.mcap", PAPER_LIKE)
 
 
-def run(capsys: pytest.CaptureFixture[str], *words: object) -> tuple[int, str, str]:
-    status = main([str(word) for word in words])
-    captured = capsys.readouterr()
-    return status, captured.out, captured.err
-
-
-def test_show_reads_a_file_a_run_and_a_flight(tmp_path, controller_path, capsys):
+def test_show_reads_a_file_a_run_and_a_flight(tmp_path, paper, run, flight):
     (tmp_path / "run").mkdir()
-    (tmp_path / "run" / "champion.json").write_text(dump_json(paper_like_controller()), encoding="utf-8")
-    flight = log_flight(tmp_path / "flight.mcap", paper_like_controller())
-    expected = text.write(outline(paper_like_controller()))
-    for source in (controller_path, tmp_path / "run", flight):
-        assert run(capsys, "show", source) == (0, expected, "")
+    (tmp_path / "run" / "champion.json").write_text(dump_json(PAPER_LIKE), encoding="utf-8")
+    expected = text.write(outline(PAPER_LIKE))
+    for source in (paper, tmp_path / "run", flight):
+        assert run("show", source) == (0, expected, "")
 
 
-@pytest.mark.parametrize("form", ["png", pytest.param("svg", marks=pytest.mark.slow)])
-def test_plot_writes_pictures(tmp_path, controller_path, capsys, form):
+def test_plot_writes_pictures(tmp_path, paper, run):
     folder = tmp_path / "new" / "figures"
-    status, printed, _ = run(
-        capsys, "plot", controller_path, "-o", folder, "--format", form, "--system", "force_x"
-    )
+    status, printed, _ = run("plot", paper, "-o", folder, "--format", "png", "--system", "force_x")
     assert status == 0
-    names = [f"force_x-{name}.{form}" for name in ("memberships", "rules", "surface", "surface-3d")]
+    names = [f"force_x-{name}.png" for name in ("memberships", "rules", "surface", "surface-3d")]
     assert printed.split() == [str(folder / name) for name in names]
-    start = {"png": b"\x89PNG", "svg": b"<?xml"}[form]
-    assert all((folder / name).read_bytes().startswith(start) for name in names)
+    assert all((folder / name).read_bytes().startswith(b"\x89PNG") for name in names)
 
 
 @pytest.mark.slow
-def test_plot_draws_what_is_asked_for(tmp_path, controller_path, capsys):
-    flight = log_flight(tmp_path / "flight.mcap", paper_like_controller())
+def test_plot_draws_what_is_asked_for(tmp_path, paper, run, flight):
     inputs = "distance=80,velocity_body_x=0.05"
 
     def drawn(*words):
-        status, printed, _ = run(capsys, "plot", *words, "-o", tmp_path, "--system", "force_x")
+        status, printed, _ = run("plot", *words, "-o", tmp_path, "--system", "force_x")
         assert status == 0
         return [Path(line).stem.removeprefix("force_x-") for line in printed.splitlines()]
 
-    assert drawn(controller_path, "--only", "inference", "--inputs", inputs) == ["inference"]
-    assert drawn(controller_path, "--only", "rules", "--only", "memberships") == ["memberships", "rules"]
+    assert drawn(paper, "--only", "inference", "--inputs", inputs) == ["inference"]
+    assert drawn(paper, "--only", "rules", "--only", "memberships") == ["memberships", "rules"]
     assert drawn(flight, "--time", "15", "--only", "inference", "--only", "firing") == ["inference", "firing"]
     assert drawn(flight)[-1] == "firing"
 
 
-def test_a_dark_picture_is_dark_and_says_the_inputs(tmp_path, controller_path, capsys):
-    words = ("plot", controller_path, "--only", "inference", "--inputs", "distance=80,velocity_body_x=0.05")
-    assert run(capsys, *words, "--theme", "dark", "--format", "svg", "-o", tmp_path)[0] == 0
+def test_a_dark_picture_is_dark_and_says_the_inputs(tmp_path, paper, run):
+    words = ("plot", paper, "--only", "inference", "--inputs", "distance=80,velocity_body_x=0.05")
+    assert run(*words, "--theme", "dark", "--format", "svg", "-o", tmp_path)[0] == 0
     content = (tmp_path / "force_x-inference.svg").read_text(encoding="utf-8")
+    assert content.startswith("<?xml")
     assert "#14181d" in content
     assert "velocity_body_x = 0.05 m/s" in content.replace("\xa0", " ")
 
 
-def test_pictures_whose_names_come_to_the_same_do_not_replace_one_another(tmp_path, capsys):
-    one, other = (replace(force_x_system(), name=name) for name in ("a/b", "A b"))
-    path = tmp_path / "alike.json"
-    path.write_text(dump_json(FuzzyController("alike", (one, other))), encoding="utf-8")
-    printed = run(capsys, "plot", path, "--only", "rules", "-o", tmp_path / "out")[1]
+def test_pictures_whose_names_come_to_the_same_do_not_replace_one_another(tmp_path, saved, run):
+    one, other = (replace(FORCE_X, name=name) for name in ("a/b", "A b"))
+    path = saved(FuzzyController("alike", (one, other)))
+    printed = run("plot", path, "--only", "rules", "-o", tmp_path / "out")[1]
     assert [Path(line).name for line in printed.splitlines()] == ["a_b-rules.png", "A_b-rules-2.png"]
     assert len(list((tmp_path / "out").iterdir())) == 2
 
 
-def test_surface_prints_numbers_or_draws(tmp_path, controller_path, capsys):
-    words = ("surface", controller_path, "--system", "force_x", "--points", "3")
-    status, printed, _ = run(capsys, *words)
+def test_surface_prints_numbers_or_draws(tmp_path, paper, run, flight):
+    words = ("surface", paper, "--system", "force_x", "--points", "3")
+    status, printed, _ = run(*words)
     assert status == 0
     header, *rows = csv.reader(io.StringIO(printed))
     assert header == ["distance", "velocity_body_x", "force_x"]
     assert len(rows) == 9
     for row in (rows[1], rows[5]):
         x, y, value = map(float, row)
-        assert value == pytest.approx(infer(force_x_system(), [x, y]).values[0], abs=1e-13)  # type: ignore[arg-type]
-    assert run(capsys, *words, "-o", tmp_path / "surface.png")[0] == 0
+        assert value == pytest.approx(infer(FORCE_X, [x, y]).values[0], abs=1e-13)  # type: ignore[arg-type]
+    assert run(*words, "-o", tmp_path / "surface.png")[0] == 0
     assert (tmp_path / "surface.png").read_bytes().startswith(b"\x89PNG")
-    flight = log_flight(tmp_path / "flight.mcap", paper_like_controller())
     picture = tmp_path / "space.svg"
-    assert run(capsys, *words, "--3d", "--theme", "dark", "--flights", flight, "-o", picture)[0] == 0
+    assert run(*words, "--3d", "--theme", "dark", "--flights", flight, "-o", picture)[0] == 0
     assert "force_x (N)" in picture.read_text(encoding="utf-8")
 
 
-def test_export_writes_every_form(tmp_path, controller_path, capsys):
-    assert run(capsys, "export", controller_path, "--format", "markdown")[1] == text.write_markdown(
-        outline(paper_like_controller())
-    )
+def test_export_writes_every_form(tmp_path, paper, run):
+    told = run("export", paper, "--format", "markdown")[1]
+    assert told == text.write_markdown(outline(PAPER_LIKE))
     for form in ("json", "yaml"):
         path = tmp_path / f"copy.{form}"
-        assert run(capsys, "export", controller_path, "--format", form, "-o", path) == (0, "", "")
-        assert load(path) == paper_like_controller()
+        assert run("export", paper, "--format", form, "-o", path) == (0, "", "")
+        assert load(path) == PAPER_LIKE
     for form in ("csv", "text"):
-        assert "very near" in run(capsys, "export", controller_path, "--format", form)[1]
+        assert "very near" in run("export", paper, "--format", form)[1]
+    for form, start in (("html", "<!"), ("latex", "%"), ("c", "/*")):
+        assert run("export", paper, "--format", form)[1].startswith(start)
 
 
-def test_explain_tells_each_system_whose_inputs_are_given(controller_path, capsys):
-    words = ("explain", controller_path, "--inputs", "distance=80, velocity_body_x=5e-2")
-    status, told, _ = run(capsys, *words)
+def test_explain_tells_each_system_whose_inputs_are_given(paper, run):
+    words = ("explain", paper, "--inputs", "distance=80, velocity_body_x=5e-2")
+    status, told, _ = run(*words)
     assert status == 0
-    assert told == explain(force_x_system(), {"distance": 80.0, "velocity_body_x": 0.05}).text()
-    _, crossing, _ = run(capsys, *words, "--crossing", "-0.02", "--all")
+    assert told == explain(FORCE_X, {"distance": 80.0, "velocity_body_x": 0.05}).text()
+    _, crossing, _ = run(*words, "--crossing", "-0.02", "--all")
     assert "What would take force_x " in crossing
     assert len(crossing.splitlines()) > len(told.splitlines())
-    _, printed, _ = run(capsys, *words, "--json")
+    _, printed, _ = run(*words, "--json")
     assert json.loads(printed)["explanations"][0]["inputs"] == {"distance": 80.0, "velocity_body_x": 0.05}
 
 
-def test_explain_tells_the_share_of_each_rule_over_flights(tmp_path, controller_path, capsys):
-    flights = [log_flight(tmp_path / f"{seed}.mcap", paper_like_controller(), seed=seed) for seed in (1, 2)]
-    expected = shares(force_x_system(), inputs_along(flights)["force_x"])
-    status, told, _ = run(capsys, "explain", controller_path, "--flights", *flights, "--system", "force_x")
+def test_explain_tells_the_share_of_each_rule_over_flights(tmp_path, paper, run):
+    flights = [log_flight(tmp_path / f"{seed}.mcap", PAPER_LIKE, seed=seed) for seed in (1, 2)]
+    expected = shares(FORCE_X, inputs_along(flights)["force_x"])
+    status, told, _ = run("explain", paper, "--flights", *flights, "--system", "force_x")
     assert (status, told) == (0, expected.text())
-    _, alone, _ = run(capsys, "explain", flights[0], "--all")
+    _, alone, _ = run("explain", flights[0], "--all")
     assert "force_x over 4 inferences: " in alone
-    _, printed, _ = run(capsys, "explain", flights[0], "--json")
+    _, printed, _ = run("explain", flights[0], "--json")
     assert [one["samples"] for one in json.loads(printed)["shares"]] == [4, 4]
-    silent = log_flight(tmp_path / "silent.mcap", paper_like_controller(), num_samples=0)
-    assert "never fired anything" in run(capsys, "explain", silent)[1]
+    silent = log_flight(tmp_path / "silent.mcap", PAPER_LIKE, num_samples=0)
+    assert "never fired anything" in run("explain", silent)[1]
 
 
-def test_explain_takes_the_inputs_of_a_logged_flight(tmp_path, capsys):
-    flight = log_flight(tmp_path / "flight.mcap", paper_like_controller())
-    status, told, _ = run(capsys, "explain", flight, "--time", "15", "--system", "force_z")
-    assert status == 0
-    _, at_end, _ = run(capsys, "explain", flight, "--time", "40", "--system", "force_z")
-    _, at_last, _ = run(capsys, "explain", flight, "--time", "30", "--system", "force_z")
-    assert at_end == at_last != told
-    _, at_sample, _ = run(capsys, "explain", flight, "--time", "10", "--system", "force_z")
-    _, later, _ = run(capsys, "explain", flight, "--time", "20", "--system", "force_z")
-    assert told == at_sample != later
+def test_explain_takes_the_inputs_of_a_logged_flight(tmp_path, run, flight):
+    at = {
+        time: run("explain", flight, "--time", time, "--system", "force_z") for time in (10, 15, 20, 30, 40)
+    }
+    assert at[10][0] == 0
+    assert at[10] == at[15] != at[20]
+    assert at[15] != at[30] == at[40]
 
 
 @pytest.mark.parametrize(
@@ -205,66 +187,57 @@ def test_explain_takes_the_inputs_of_a_logged_flight(tmp_path, capsys):
         (["firing", "a.mcap"], "firing is now part of `explain CONTROLLER"),
     ],
 )
-def test_a_mistake_ends_in_one_sentence(tmp_path, controller_path, capsys, words, sentence):
-    flight = log_flight(tmp_path / "flight.mcap", paper_like_controller())
+def test_a_mistake_ends_in_one_sentence(tmp_path, paper, run, words, sentence, flight):
     places = {
-        "PAPER": controller_path,
+        "PAPER": paper,
         "FLIGHT": flight,
-        "SILENT": log_flight(tmp_path / "silent.mcap", paper_like_controller(), num_samples=0),
-        "PAPER/x.csv": controller_path / "x.csv",
+        "SILENT": log_flight(tmp_path / "silent.mcap", PAPER_LIKE, num_samples=0),
+        "PAPER/x.csv": paper / "x.csv",
         "FOLDER": tmp_path,
     }
-    status, printed, told = run(capsys, *(places.get(word, word) for word in words))
+    status, printed, told = run(*(places.get(word, word) for word in words))
     assert (status, printed) == (2, "")
     assert sentence in told
     assert "Traceback" not in told
 
 
-def test_what_is_printed_into_a_file_reads_back_in_any_locale(tmp_path):
-    controller = replace(paper_like_controller(), name="Prüfling \N{RIGHTWARDS ARROW} 漢")
-    path = tmp_path / "controller.yaml"
-    path.write_text(dump_yaml(controller), encoding="utf-8")
-    command = [sys.executable, "-m", "fis_tools", "export", str(path), "--format", "json"]
+def test_what_is_printed_into_a_file_reads_back_in_any_locale(saved):
+    controller = replace(PAPER_LIKE, name="Prüfling \N{RIGHTWARDS ARROW} 漢")
+    command = [sys.executable, "-m", "fis_tools", "export", str(saved(controller)), "--format", "json"]
     narrow = {**os.environ, "PYTHONIOENCODING": "ascii", "PYTHONUTF8": "0"}
     printed = subprocess.run(command, env=narrow, capture_output=True, check=True).stdout  # noqa: S603
     assert loads(printed.decode("utf-8"), "json") == controller
 
 
-def test_without_an_output_to_write_to_there_is_no_traceback(controller_path):
-    command = f'"{sys.executable}" -m fis_tools show "{controller_path}" >&-'
-    told = subprocess.run(command, shell=True, capture_output=True, check=False)  # noqa: S602
-    assert (told.returncode, told.stderr) == (0, b"")
-
-
-def test_every_threshold_is_explained(capsys):
-    printed = run(capsys, "audit", "--help")[1]
+def test_every_threshold_is_explained(run):
+    printed = run("audit", "--help")[1]
     assert all(f" {field.name} ({field.default}): " in printed for field in fields(Thresholds))
 
 
-def test_it_runs_as_a_module_and_into_a_closed_pipe(controller_path):
-    command = [sys.executable, "-m", "fis_tools", "show", str(controller_path)]
+def test_it_runs_as_a_module_without_an_output_and_into_a_closed_pipe(paper):
+    command = [sys.executable, "-m", "fis_tools", "show", str(paper)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:  # noqa: S603
-        assert process.stdout is not None
-        assert process.stderr is not None
         process.stdout.close()
         assert process.stderr.read() == b""
     assert process.returncode == 0
+    closed = " ".join([f'"{word}"' for word in command]) + " >&-"
+    told = subprocess.run(closed, shell=True, capture_output=True, check=False)  # noqa: S602
+    assert (told.returncode, told.stderr) == (0, b"")
 
 
-def test_domain_tells_when_flights_left_it(tmp_path, capsys):
-    flight = log_flight(tmp_path / "flight.mcap", paper_like_controller())
+def test_domain_tells_when_flights_left_it(tmp_path, run, flight):
     sensed = inputs_along([flight])
-    boxes = [box_of(system, sensed[system.name]) for system in paper_like_controller().systems]
+    boxes = [box_of(system, sensed[system.name]) for system in PAPER_LIKE.systems]
     path = tmp_path / "domain.json"
     path.write_text(json.dumps(as_mapping(boxes)), encoding="utf-8")
-    assert run(capsys, "domain", path, flight) == (0, f"{flight}: stayed inside\n", "")
+    assert run("domain", path, flight) == (0, f"{flight}: stayed inside\n", "")
     first = boxes[0]
     smaller = replace(first, high=(0.5 * (first.low[0] + first.high[0]), *first.high[1:]))
     path.write_text(json.dumps(as_mapping([smaller, *boxes[1:]])), encoding="utf-8")
-    status, told, _ = run(capsys, "domain", path, flight)
+    status, told, _ = run("domain", path, flight)
     assert status == 1
     assert f"{first.system} senses {first.inputs[0]} = {first.high[0]:.6g}" in told
     path.write_text(json.dumps(as_mapping(boxes[1:])), encoding="utf-8")
-    status, _, mistake = run(capsys, "domain", path, flight)
+    status, _, mistake = run("domain", path, flight)
     assert status == 2
     assert "which the domain does not have" in mistake

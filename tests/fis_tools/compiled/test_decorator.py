@@ -56,25 +56,12 @@ class Package:
     def write(self, name: str, text: str) -> None:
         (self.folder / "kernels" / f"{name}.py").write_text(text)
 
-    def run(
-        self, program: str, stderr: int = subprocess.PIPE, **variables: str
-    ) -> subprocess.CompletedProcess[str]:
-        environment = os.environ | {
-            "PYTHONPATH": os.pathsep.join([str(self.folder), str(PROJECT)]),
-            "NUMBA_CACHE_DIR": str(self.folder / "cache"),
-            "NUMBA_DISABLE_JIT": "0",
-            **variables,
-        }
-        command = [sys.executable, "-c", program]
-        return subprocess.run(  # noqa: S603
-            command,
-            env=environment,
-            check=True,
-            stdout=subprocess.PIPE,
-            stderr=stderr,
-            text=True,
-            cwd=self.folder,
-        )
+    def run(self, program: str, **variables: str) -> subprocess.CompletedProcess[str]:
+        path = os.pathsep.join([str(self.folder), str(PROJECT)])
+        usual = {"NUMBA_CACHE_DIR": str(self.folder / "cache"), "NUMBA_DISABLE_JIT": "0"}
+        environment = os.environ | {"PYTHONPATH": path} | usual | variables
+        command, told = [sys.executable, "-c", program], {"capture_output": True, "text": True}
+        return subprocess.run(command, env=environment, check=True, cwd=self.folder, **told)  # noqa: S603
 
     def call(self) -> str:
         return self.run(CALL).stdout.strip()
@@ -121,7 +108,7 @@ for name in several.NAMES:
 
 @pytest.mark.slow
 def test_processes_that_keep_code_at_once_do_not_take_one_for_the_other(package):
-    names = [f"half_{n}" for n in range(20)]
+    names = [f"half_{n}" for n in range(6)]
     functions = [f"@compiled\ndef {name}(x):\n    return x / 2\n" for name in names]
     head = f"from fis_tools.compiled.decorator import compiled\nNAMES = {names}"
     package.write("several", "\n\n\n".join([head, *functions]))
@@ -197,11 +184,6 @@ def test_compiled_functions_of_others_can_call_ours(package):
     assert package.run(call.replace("@njit", "twice(5)\n\n\n@njit")).stdout.strip() == "8 7"  # found again
 
 
-def test_they_are_plain_functions_where_numba_is_switched_off(package):
-    call = "from kernels.caller import twice; print(twice(5), twice.dispatcher is twice.py_func)"
-    assert package.run(call, NUMBA_DISABLE_JIT="1").stdout.strip() == "7 True"
-
-
 def test_they_are_plain_functions_without_numba_and_long_work_says_so_once(package):
     compute = (
         "import importlib.util as u, sys\nsys.modules['numba'] = None\n"
@@ -211,18 +193,17 @@ def test_they_are_plain_functions_without_numba_and_long_work_says_so_once(packa
     )
     done = package.run(compute)
     assert done.stdout.strip() == "7 True"
+    without_head = "\n".join(compute.splitlines()[2:])
+    assert package.run(without_head, NUMBA_DISABLE_JIT="1").stdout.strip() == "7 True"
     assert done.stderr.count("python -m pip install numba") == 1
-    assert (
-        "numba" not in package.run("from fis_tools.compiled.decorator import advise_numba as a; a()").stderr
-    )
+    advise = "from fis_tools.compiled.decorator import advise_numba; advise_numba()"
+    assert "numba" not in package.run(advise).stderr
 
 
 @pytest.mark.slow
 def test_a_function_without_a_file_is_compiled_and_not_kept(package):
-    define = (
-        "from fis_tools.compiled.decorator import compiled\n@compiled\ndef f(x):\n    return x\nprint(f(3))"
-    )
-    done = package.run(define)
+    head = "from fis_tools.compiled.decorator import compiled\n"
+    done = package.run(f"{head}@compiled\ndef f(x):\n    return x\nprint(f(3))")
     assert done.stdout == "3\n"
     assert "compiled code is not kept: <string> cannot be read" in done.stderr
 
@@ -385,8 +366,12 @@ def root(tmp_path, monkeypatch):
     return tmp_path / "own" / "fis-tools"
 
 
+def placed() -> Path | cache.Refused:
+    return cache.place_for(quaternion.dot.py_func)  # type: ignore[attr-defined]
+
+
 def test_a_new_cache_is_closed_to_others(root):
-    place = cache.place_for(quaternion.dot.py_func)  # type: ignore[attr-defined]
+    place = placed()
     assert isinstance(place, Path)
     assert place.parent == root
     assert place.name.startswith("pipeline.physics.quaternion-")
@@ -398,7 +383,7 @@ posix = pytest.mark.skipif(not hasattr(os, "getuid"), reason="owners and modes a
 
 
 def refused() -> str:
-    place = cache.place_for(quaternion.dot.py_func)  # type: ignore[attr-defined]
+    place = placed()
     assert isinstance(place, cache.Refused)
     assert "set NUMBA_CACHE_DIR to a folder of your own" in place.reason
     return place.reason
@@ -414,7 +399,7 @@ def test_a_folder_that_others_may_write_to_is_refused(root, mode):
     root.parent.chmod(mode)
     assert f"others may write to {root.parent}" in refused()
     root.parent.chmod(mode | stat.S_ISVTX)  # as /tmp is: nobody can replace what belongs to another
-    assert isinstance(cache.place_for(quaternion.dot.py_func), Path)  # type: ignore[attr-defined]
+    assert isinstance(placed(), Path)
 
 
 @posix
@@ -429,7 +414,7 @@ def test_a_group_may_write_where_nobody_else_is_in_it(root, is_private, monkeypa
     root.mkdir(parents=True)
     root.chmod(0o770)
     if is_private:
-        assert isinstance(cache.place_for(quaternion.dot.py_func), Path)  # type: ignore[attr-defined]
+        assert isinstance(placed(), Path)
     else:
         assert f"others may write to {root}" in refused()
 
@@ -453,7 +438,7 @@ def test_where_no_folder_can_be_made_code_is_not_kept(root):
 
 def test_a_source_that_is_newer_than_the_process_is_not_kept(root, monkeypatch):
     monkeypatch.setattr(cache, "_loaded_ns", 0)
-    place = cache.place_for(quaternion.dot.py_func)  # type: ignore[attr-defined]
+    place = placed()
     assert isinstance(place, cache.Refused)
     assert "quaternion.py has changed since it was loaded" in place.reason
 
@@ -467,47 +452,25 @@ def test_caches_that_nobody_has_used_for_a_month_are_dropped(root):
     (root / "note.txt").write_text("not a cache")
     os.utime(root / "note.txt", (0.0, 0.0))
     root.chmod(0o700)
-    used = cache.place_for(quaternion.dot.py_func)  # type: ignore[attr-defined]
-    assert isinstance(used, Path)
-    assert sorted(path.name for path in root.iterdir()) == ["note.txt", used.name, "recent"]
-
-
-def test_using_a_cache_keeps_it(root):
-    used = cache.place_for(quaternion.dot.py_func)  # type: ignore[attr-defined]
+    used = placed()
     assert isinstance(used, Path)
     os.utime(used, (0.0, 0.0))
-    cache.place_for(quaternion.dot.py_func)  # type: ignore[attr-defined]
+    placed()  # using it keeps it
     cache.drop_old_caches(root)
-    assert used.is_dir()
+    assert sorted(path.name for path in root.iterdir()) == ["note.txt", used.name, "recent"]
 
 
 @posix
 @pytest.mark.slow
-def test_a_stale_answer_is_not_found_where_the_folder_cannot_be_made(tmp_path):
+def test_a_stale_answer_is_not_found_where_the_folder_cannot_be_made(package):
     """numba would fall back to `__pycache__` beside the sources, which ignores a changed callee."""
-    (tmp_path / "kernels").mkdir()
-    head = "from fis_tools.compiled.decorator import compiled\n"
-    callee = head + "\n\n@compiled\ndef step(x):\n    return x + 1\n"
-    (tmp_path / "kernels" / "__init__.py").touch()
-    (tmp_path / "kernels" / "callee.py").write_text(callee)
-    (tmp_path / "kernels" / "caller.py").write_text(
-        head + "from kernels.callee import step\n\n\n@compiled\ndef twice(x):\n    return step(step(x))\n"
-    )
-    (tmp_path / "cache").write_text("a file where a folder should be")
-
-    def call():
-        environment = os.environ | {
-            "PYTHONPATH": os.pathsep.join([str(tmp_path), str(PROJECT)]),
-            "NUMBA_CACHE_DIR": str(tmp_path / "cache"),
-            "NUMBA_DISABLE_JIT": "0",
-        }
-        command = [sys.executable, "-c", "from kernels.caller import twice; print(twice(5))"]
-        return subprocess.run(command, env=environment, check=True, capture_output=True, text=True)  # noqa: S603
-
-    first = call()
+    blocked = package.folder / "blocked"
+    blocked.write_text("a file where a folder should be")
+    program = "from kernels.caller import twice; print(twice(5))"
+    first = package.run(program, NUMBA_CACHE_DIR=str(blocked))
     assert first.stdout == "7\n"
-    assert first.stderr.startswith(f"  compiled code is not kept: {tmp_path / 'cache' / 'fis-tools'} cannot")
+    assert first.stderr.startswith(f"  compiled code is not kept: {blocked / 'fis-tools'} cannot")
     assert first.stderr.count("is not kept") == 1
-    (tmp_path / "kernels" / "callee.py").write_text(callee.replace("x + 1", "3 * x + 0"))
-    assert call().stdout == "45\n"
-    assert not list(tmp_path.rglob("*.nbi"))
+    package.write("callee", SOURCES["callee"].replace("x + STEP", "3 * x + 0"))
+    assert package.run(program, NUMBA_CACHE_DIR=str(blocked)).stdout == "45\n"
+    assert not list(package.folder.rglob("*.nbi"))

@@ -17,30 +17,8 @@ from hypothesis.extra.numpy import arrays
 from numba import TypingError, njit
 from numpy.typing import NDArray
 
-from fis_tools.compiled import borrowed_code, vector_code  # noqa: F401 - teaches numba what is borrowed
-from fis_tools.compiled.vectors import (
-    CACHE_LINE,
-    ROW,
-    aligned,
-    borrowed,
-    count,
-    gather,
-    gather_rows,
-    higher,
-    least,
-    load,
-    make_rows,
-    most,
-    padded,
-    power_of_two,
-    select,
-    some,
-    splat,
-    spread,
-    store,
-    total,
-    width_of,
-)
+from fis_tools.compiled import borrowed_code, vector_code, vectors  # noqa: F401 - teaches numba what is borrowed
+from fis_tools.compiled.vectors import borrowed, least, load, most, select, splat, store, total
 from tests.places import PROJECT
 
 Floats = NDArray[np.float64]
@@ -100,24 +78,21 @@ def arithmetic(width: int) -> Kernel:
 
 
 @pytest.mark.parametrize("width", WIDTHS)
-def test_arithmetic_is_that_of_numpy(width: int) -> None:
-    @settings(max_examples=60, deadline=None)
-    @given(pairs(width), st.floats(0.1, 10.0))
-    def check(rows: Floats, number: float) -> None:
-        x, y = rows
-        out = np.zeros((17, width))
-        with np.errstate(all="ignore"):
-            arithmetic(width)(x, y, number, out)
-            expected = [
-                *(x + y, x - y, x * y, x / y, -x, np.abs(x), np.sqrt(np.abs(x)), np.floor(x), np.rint(x)),
-                *(number - x, x / number, 2.0 * x, ((number + x) * 3.0 - y) / number),
-                *(np.where(x < y, x, y), np.where(x > y, x, y), np.where(x < number, x, number)),
-                np.where(x < 0.0, 0.0, x),
-            ]
-        for found, truth in zip(out, expected, strict=True):
-            assert_same(found, truth)
-
-    check()
+@settings(max_examples=60, deadline=None)
+@given(data=st.data(), number=st.floats(0.1, 10.0))
+def test_arithmetic_is_that_of_numpy(width: int, data: st.DataObject, number: float) -> None:
+    x, y = data.draw(pairs(width))
+    out = np.zeros((17, width))
+    with np.errstate(all="ignore"):
+        arithmetic(width)(x, y, number, out)
+        expected = [
+            *(x + y, x - y, x * y, x / y, -x, np.abs(x), np.sqrt(np.abs(x)), np.floor(x), np.rint(x)),
+            *(number - x, x / number, 2.0 * x, ((number + x) * 3.0 - y) / number),
+            *(np.where(x < y, x, y), np.where(x > y, x, y), np.where(x < number, x, number)),
+            np.where(x < 0.0, 0.0, x),
+        ]
+    for found, truth in zip(out, expected, strict=True):
+        assert_same(found, truth)
 
 
 @cache
@@ -137,67 +112,55 @@ def choices(width: int) -> Kernel:
         mask = ~(x < number)
         mask &= y > -number
         store(out, 9, select(mask, 1.0, 0.0))
-        store(out, 10, higher(select(abs(x) <= np.inf, abs(x), 0.0), select(abs(y) <= np.inf, abs(y), 0.0)))
-        whole[0] = count(x < y)
-        whole[1] = some(x < y)
+        x_size, y_size = select(abs(x) <= np.inf, abs(x), 0.0), select(abs(y) <= np.inf, abs(y), 0.0)
+        store(out, 10, vectors.higher(x_size, y_size))
+        whole[0] = vectors.count(x < y)
+        whole[1] = vectors.some(x < y)
 
     return run
 
 
 @pytest.mark.parametrize("width", WIDTHS)
-def test_comparisons_logic_and_choice_are_those_of_numpy(width: int) -> None:
-    @settings(max_examples=60, deadline=None)
-    @given(pairs(width), st.floats(-2.0, 2.0))
-    def check(rows: Floats, number: float) -> None:
-        x, y = rows
-        out, whole = np.zeros((11, width)), np.zeros(2, dtype=np.uint64)
-        choices(width)(x, y, number, out, whole)
-        truths = [
-            *(x == y, x != y, (x < y) & (x > number), (x < y) | (x > number), (x < y) ^ (x > number)),
-            ~(x < number) & (y > -number),
-        ]
-        chosen = [
-            *(np.where(x < y, x, y), np.where(x <= y, 1.0, 0.0)),
-            *(np.where(x > y, x, number), np.where(x >= y, 1.0, y)),
-        ]
-        masks = [mask.astype(np.float64) for mask in truths]
-        for found, truth in zip(out, [*chosen, *masks, np.fmax(np.fmax(abs(x), abs(y)), 0.0)], strict=True):
-            assert_same(found, truth)
-        assert whole.tolist() == [(x < y).sum(), (x < y).any()]
-
-    check()
+@settings(max_examples=60, deadline=None)
+@given(data=st.data(), number=st.floats(-2.0, 2.0))
+def test_comparisons_logic_and_choice_are_those_of_numpy(
+    width: int, data: st.DataObject, number: float
+) -> None:
+    x, y = data.draw(pairs(width))
+    out, whole = np.zeros((11, width)), np.zeros(2, dtype=np.uint64)
+    choices(width)(x, y, number, out, whole)
+    is_less, is_above = x < y, x > number
+    truths = [x == y, x != y, is_less & is_above, is_less | is_above, is_less ^ is_above]
+    chosen = [np.where(is_less, x, y), np.where(x <= y, 1.0, 0.0)]
+    chosen += [np.where(x > y, x, number), np.where(x >= y, 1.0, y)]
+    chosen += [mask.astype(np.float64) for mask in (*truths, ~(x < number) & (y > -number))]
+    for found, truth in zip(out, [*chosen, np.fmax(np.fmax(abs(x), abs(y)), 0.0)], strict=True):
+        assert_same(found, truth)
+    assert whole.tolist() == [is_less.sum(), is_less.any()]
 
 
 @cache
-def reductions(width: int) -> Kernel:
+def sums(width: int) -> Callable[[Floats], float]:
     @njit(error_model="numpy")
-    def run(a: Floats, out: Floats) -> None:
-        x = load(a, 0, width)
-        out[0] = total(x)
+    def run(a: Floats) -> float:
+        return total(load(a, 0, width))
 
     return run
 
 
 @pytest.mark.parametrize("width", WIDTHS)
-def test_sums(width: int) -> None:
-    @settings(max_examples=60, deadline=None)
-    @given(arrays(np.float64, width, elements=st.floats(-1e6, 1e6)))
-    def check(x: Floats) -> None:
-        out = np.zeros(1)
-        reductions(width)(x, out)
-        bound = 2.3e-16 * math.log2(2 * width) * np.abs(x).sum()
-        assert abs(out[0] - math.fsum(x)) <= bound
-
-    check()
+@settings(max_examples=60, deadline=None)
+@given(data=st.data())
+def test_sums(width: int, data: st.DataObject) -> None:
+    x = data.draw(arrays(np.float64, width, elements=st.floats(-1e6, 1e6)))
+    bound = 2.3e-16 * math.log2(2 * width) * np.abs(x).sum()
+    assert abs(sums(width)(x) - math.fsum(x)) <= bound
 
 
 def test_a_sum_is_taken_by_halves() -> None:
     # (1e17 + 1) + (1 - 1e17), where adding from the left gives 0 and exactly it were 2
-    out = np.zeros(2)
-    reductions(8)(np.array([1e17, 1.0, 0.0, 0.0, -1e17, 1.0, 0.0, 0.0]), out)
-    assert out[0] == 2.0
-    reductions(8)(np.array([1e17, -1e17, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0]), out)
-    assert out[0] == 0.0
+    assert sums(8)(np.array([1e17, 1.0, 0.0, 0.0, -1e17, 1.0, 0.0, 0.0])) == 2.0
+    assert sums(8)(np.array([1e17, -1e17, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0])) == 0.0
 
 
 @cache
@@ -206,10 +169,10 @@ def places(width: int) -> Kernel:
     def run(flat: Floats, table: Floats, at: int, offsets: Floats, out: Floats, rows: Floats) -> None:
         store(out, 0, load(flat, at, width))
         store(out, 1, load(table, at, width))
-        store(out, 2, spread(flat, at, width))
-        store(out, 3, gather(flat, at, load(offsets, 0, width)))
-        gather_rows(flat, at, load(offsets, 0, width), len(rows) - 1, rows)
-        store(out, 4, power_of_two(load(offsets, 0, width) - 500.0))
+        store(out, 2, vectors.spread(flat, at, width))
+        store(out, 3, vectors.gather(flat, at, load(offsets, 0, width)))
+        vectors.gather_rows(flat, at, load(offsets, 0, width), len(rows) - 1, rows)
+        store(out, 4, vectors.power_of_two(load(offsets, 0, width) - 500.0))
         before = load(out, 0, width)
         store(out, 0, splat(7, width))  # what has been read stays as it was
         store(flat, at + 1, before)
@@ -224,7 +187,7 @@ def test_vectors_are_read_and_written_where_one_says(width: int) -> None:
     offsets = generator.integers(-3, 100, width) + 0.0
     offsets += np.sign(offsets) * generator.choice([0.0, 0.999], width)  # the fraction is cut off
     before, out = flat.copy(), np.zeros((5, width))
-    for size in range(ROW, -1, -1):
+    for size in range(vectors.ROW, -1, -1):
         rows = np.full((size + 1, width), np.nan)
         places(width)(flat := before.copy(), table, 3, offsets, out, rows)
         assert_same(rows[:size], before[3 + np.trunc(offsets).astype(int) + np.arange(size)[:, np.newaxis]])
@@ -240,12 +203,12 @@ def test_vectors_are_read_and_written_where_one_says(width: int) -> None:
 
 def test_powers_of_two_are_exact_over_all_normal_numbers() -> None:
     exponents = np.arange(-1022.0, 1024.0)
-    exponents = np.resize(exponents, padded(len(exponents), 64))
+    exponents = np.resize(exponents, vectors.padded(len(exponents), 64))
 
     @njit(error_model="numpy")
     def run(exponents: Floats, out: Floats) -> None:
         for at in range(0, len(exponents), 64):
-            store(out, at, power_of_two(load(exponents, at, 64)))
+            store(out, at, vectors.power_of_two(load(exponents, at, 64)))
 
     out = np.zeros(len(exponents))
     run(exponents, out)
@@ -273,16 +236,16 @@ def test_a_function_for_floats_works_on_vectors() -> None:
 @njit(error_model="numpy")
 def record_total(room: NDArray[np.void]) -> float:
     square, lane = room[0].square, 0.0
-    width = width_of(room[0])
+    width = vectors.width_of(room[0])
     store(square, (1, 1, 0), 2.0 * load(square, (0, 1, 0), width))
-    for place in range(width_of(room[0].row)):
+    for place in range(vectors.width_of(room[0].row)):
         lane += place
-    return total(load(square, (1, 1, 0), width_of(square))) + lane
+    return total(load(square, (1, 1, 0), vectors.width_of(square))) + lane
 
 
 @pytest.mark.parametrize("width", WIDTHS)
 def test_the_type_of_a_record_tells_how_wide_its_rows_are(width: int) -> None:
-    room = make_rows({"row": (), "square": (2, 2)}, width, 3)
+    room = vectors.make_rows({"row": (), "square": (2, 2)}, width, 3)
     assert (room.shape, room.row.shape, room.square.shape) == ((3,), (3, width), (3, 2, 2, width))
     room[0].square[0, 1] = np.arange(float(width))
     assert record_total(room) == 1.5 * width * (width - 1)
@@ -292,15 +255,15 @@ def test_the_type_of_a_record_tells_how_wide_its_rows_are(width: int) -> None:
 @pytest.mark.parametrize("length", [1, 3, 1000])
 def test_aligned_rooms_begin_with_a_line_of_the_cache_and_are_empty(length: int) -> None:
     for kind in (np.float64, np.dtype([("x", np.float64, 16)])):
-        room = aligned(length, kind)
-        assert room.ctypes.data % CACHE_LINE == 0
+        room = vectors.aligned(length, kind)
+        assert room.ctypes.data % vectors.CACHE_LINE == 0
         assert (room.shape, room.dtype) == ((length,), np.dtype(kind))
         assert not room.tobytes().strip(b"\0")
 
 
 @pytest.mark.parametrize(("number", "width", "lanes"), [(0, 8, 0), (1, 8, 8), (8, 8, 8), (99, 8, 104)])
 def test_padded_lengths_are_whole_vectors(number: int, width: int, lanes: int) -> None:
-    assert padded(number, width) == lanes
+    assert vectors.padded(number, width) == lanes
 
 
 def test_vectors_are_read_and_written_anywhere_in_a_row() -> None:
@@ -390,7 +353,7 @@ NO_VECTORS = "pass an array of float64 in C order"
         (lambda a: total(load(a, 0, 8)), np.zeros(8, dtype=np.float32), NO_VECTORS),
         (lambda a: total(load(a, 0, 8)), np.zeros((1, 1, 1, 8)), NO_VECTORS),
         (lambda a: total(load(a, (0, 0), 8)), np.zeros((2, 2, 8)), "a whole number for each dimension"),
-        (lambda a: 1 * width_of(a), np.zeros((2, 8)), "width_of"),
+        (lambda a: 1 * vectors.width_of(a), np.zeros((2, 8)), "width_of"),
         (lambda a: total(load(a, 0, 8) + load(a, 0, 4)), np.zeros(8), r"Vector\(8\), Vector\(4\)"),
         (lambda inner: borrowed(inner).rows[0], Inner(np.zeros(2), 1), "attribute 'rows'"),
     ],
@@ -400,19 +363,11 @@ def test_what_cannot_be_is_refused_while_it_is_compiled(function, argument, mess
         njit(function)(argument)
 
 
-def run(command: list[str], **variables: str) -> subprocess.CompletedProcess[str]:
-    environment = os.environ | variables
-    return subprocess.run(  # noqa: S603
-        command, check=False, cwd=PROJECT, env=environment, capture_output=True, text=True
-    )
-
-
 @when_compiled
 def test_a_numba_without_what_vectors_need_is_told_with_its_cure() -> None:
-    program = (
-        "import numba.core.typing.templates as t\ndel t.infer_global\nimport fis_tools.compiled.vector_code\n"
-    )
-    done = run([sys.executable, "-c", program])
+    missing = "import numba.core.typing.templates as t; del t.infer_global; "
+    command = [sys.executable, "-c", missing + "import fis_tools.compiled.vector_code"]
+    done = subprocess.run(command, check=False, cwd=PROJECT, capture_output=True, text=True)  # noqa: S603
     assert done.returncode != 0
     assert "lacks what compiled vectors are made with" in done.stderr
     assert "pip install 'numba>=0.62" in done.stderr

@@ -8,21 +8,8 @@ from enum import IntEnum
 import numpy as np
 import pytest
 
-from fis_tools.document import (
-    Change,
-    Code,
-    Document,
-    Figure,
-    Heading,
-    Items,
-    Paragraph,
-    Result,
-    Table,
-    as_json,
-    html,
-    plain,
-    text,
-)
+from fis_tools import document
+from fis_tools.document import Document, Heading, Paragraph, Result, Table, html, text
 from fis_tools.document.html import element
 from tests.policies import Page, check_policy
 
@@ -32,11 +19,15 @@ DOCUMENT = Document(
         Heading(NASTY, 1),
         Paragraph(NASTY),
         Heading("below", 3),
-        Items([f"{NASTY}\nmore", "second"]),
+        document.Items([f"{NASTY}\nmore", "second"]),
         Table(["name", "number"], [[NASTY, "1"], ["b", "22"]], numbers=(1,)),
-        Table(["x \\ y", "low", "high"], [["left", Change("N", "P"), Change("Z", "Z")]], across="y"),
-        Code("python -m fis_tools show *.fis"),
-        Figure('<svg class="drawn"></svg>'),
+        Table(
+            ["x \\ y", "low", "high"],
+            [["left", document.Change("N", "P"), document.Change("Z", "Z")]],
+            across="y",
+        ),
+        document.Code("python -m fis_tools show *.fis"),
+        document.Figure('<svg class="drawn"></svg>'),
     ]
 )
 
@@ -122,7 +113,7 @@ def test_a_result_shows_itself_everywhere() -> None:
 def test_data_are_plain_and_say_their_schema() -> None:
     found = Found(Grade.GOOD, np.array([1.5]), (Found(Grade.GOOD, np.array([])),))
     content = {"grade": "good", "values": [1.5], "parts": [{"grade": "good", "values": [], "parts": []}]}
-    assert plain(found) == content
-    assert json.loads(as_json("s", 2, content)) == {"schema": "s", "schema_version": 2, **content}
+    assert document.plain(found) == content
+    assert json.loads(document.as_json("s", 2, content)) == {"schema": "s", "schema_version": 2, **content}
     with pytest.raises(ValueError, match="JSON"):
-        as_json("s", 2, {"value": float("nan")})
+        document.as_json("s", 2, {"value": float("nan")})

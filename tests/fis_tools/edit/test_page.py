@@ -12,7 +12,7 @@ from pathlib import Path
 from urllib.parse import urlsplit
 
 import pytest
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Locator, Page, expect
 
 from fis_tools.findings.difference import difference
 from fis_tools.formats import serialize
@@ -37,6 +37,28 @@ def address(folder: Path) -> Iterator[str]:
         yield address
 
 
+@pytest.fixture
+def page(open_page, address) -> Page:
+    return open_page(address)
+
+
+def save(page: Page, name: str = "") -> None:
+    """Save a copy, under a name if one is given."""
+    page.get_by_role("button", name="Save a copy").click()
+    if name:
+        page.get_by_label("file", exact=True).fill(name)
+    page.get_by_role("button", name="Save", exact=True).click()
+
+
+def entered(field: Locator, words: str) -> None:
+    field.fill(words)
+    field.press("Enter")
+
+
+def status(page: Page) -> Locator:
+    return page.get_by_role("status").first
+
+
 def conclusion(page: Page, rule: int) -> str:
     return page.get_by_label(f"rule {rule}:").inner_text().replace("\u200b", "")
 
@@ -45,8 +67,7 @@ def handle(page: Page, name: str) -> float:
     return float(page.get_by_role("slider", name=name).first.input_value())
 
 
-def test_what_a_hand_changes_is_what_a_copy_holds(open_page, address, folder) -> None:
-    page = open_page(address)
+def test_what_a_hand_changes_is_what_a_copy_holds(page, open_page, folder) -> None:
     knob = page.get_by_role("slider", name="positive_small, peak")
     knob.scroll_into_view_if_needed()
     box, plot = knob.bounding_box(), page.locator(".plot").last.bounding_box()
@@ -66,42 +87,35 @@ def test_what_a_hand_changes_is_what_a_copy_holds(open_page, address, folder) ->
     expect(page.get_by_text("1 of 9 rules changed")).to_be_visible()
     assert handle(page, "positive_small, peak") == dragged
 
-    page.get_by_role("button", name="Save a copy").click()
-    page.get_by_role("button", name="Save", exact=True).click()
-    expect(page.get_by_role("status").first).to_contain_text("wrote")
+    save(page)
+    expect(status(page)).to_contain_text("wrote")
     copy = read_controller(folder / "champion_27-edited.yaml")
     original = read_controller(folder / "champion_27.yaml")
     (system,) = (one for one in difference(original, copy).systems if not one.is_empty)
     assert [(one.number, one.after.consequents[0].term) for one in system.rules] == [(2, "zero")]
     assert copy.systems[0].outputs[0].terms[3].membership.peak == dragged
     facts = dict(copy.provenance)
-    assert facts["edited_from"].startswith(
-        f"{serialize.fingerprint(original)}: force_x: 1 term changed; 1 of 9 rules"
-    )
+    changes = "force_x: 1 term changed; 1 of 9 rules"
+    assert facts["edited_from"].startswith(f"{serialize.fingerprint(original)}: {changes}")
     assert "then force_x is negative_small → If" in facts["edited_from"]
     assert "by hand after training" in facts["edited"]
 
     # a second copy under the same name is refused until it is asked for; in another form it is opened again
-    page.get_by_role("button", name="Save a copy").click()
-    page.get_by_label("file", exact=True).fill("champion_27-edited.yaml")
-    page.get_by_role("button", name="Save", exact=True).click()
+    save(page, "champion_27-edited.yaml")
     expect(page.get_by_role("alert")).to_contain_text("is there already")
     page.get_by_label("file", exact=True).fill("again.fis")
     page.get_by_role("button", name="Save", exact=True).click()
-    expect(page.get_by_role("status").first).to_contain_text("wrote again-force_x.fis")
+    expect(status(page)).to_contain_text("wrote again-force_x.fis")
     page.close()
     with served("fis_tools", "edit", "again-force_x.fis", folder=folder) as again:
         opened = open_page(again)
         expect(opened.get_by_label("rule 2:")).to_contain_text("zero")
         assert handle(opened, "positive_small, peak") == dragged
         opened.get_by_text("numbers").last.click()
-        opened.get_by_label("name of positive_small").fill("up")
-        opened.get_by_label("name of positive_small").press("Enter")
+        entered(opened.get_by_label("name of positive_small"), "up")
         expect(opened.get_by_label("rule 6:")).to_contain_text("up")
-        opened.get_by_role("button", name="Save a copy").click()
-        opened.get_by_label("file", exact=True).fill("up.fis")
-        opened.get_by_role("button", name="Save", exact=True).click()
-        expect(opened.get_by_role("status").first).to_contain_text("wrote up.fis")
+        save(opened, "up.fis")
+        expect(status(opened)).to_contain_text("wrote up.fis")
         opened.close()
     assert read_controller(folder / "up.fis").systems[0].outputs[0].terms[3].name == "up"
     again = {"again-force_x.fis", "again-force_y.fis", "again-force_z.fis", "up.fis"}
@@ -117,8 +131,7 @@ def test_two_pages_do_not_share_their_changes(open_page, address) -> None:
     assert (conclusion(one, 5), conclusion(other, 1)) == ("zero", "negative_large")
 
 
-def test_the_keyboard_suffices(open_page, address, tmp_path) -> None:
-    page = open_page(address)
+def test_the_keyboard_suffices(page, tmp_path) -> None:
     page.get_by_label("rule 1:").focus()
     page.keyboard.press("Enter")
     expect(page.get_by_label("rule 1:")).to_contain_text("small")
@@ -134,14 +147,12 @@ def test_the_keyboard_suffices(open_page, address, tmp_path) -> None:
     page.keyboard.press("Control+z")
     expect(page.get_by_label("rule 1:")).to_contain_text("small")
     words = page.get_by_label("the rule in words")
-    words.fill("If aim_radial is not very negative then force_x is zero with 0.5")
-    words.press("Enter")
+    entered(words, "If aim_radial is not very negative then force_x is zero with 0.5")
     expect(page.get_by_label("rule 1:").last).to_contain_text("zero × 0.5")
     expect(page.get_by_label("rule 1:").first).to_have_text("not very negative")
     said = words.input_value()
-    words.fill("If aim_radial is huge then force_x is zero")
-    words.press("Enter")
-    expect(page.get_by_role("status").first).to_contain_text("huge")
+    entered(words, "If aim_radial is huge then force_x is zero")
+    expect(status(page)).to_contain_text("huge")
     expect(words).to_have_value(said)
     expect(page.get_by_label("rule 1:").last).to_contain_text("zero × 0.5")
     page.get_by_role("button", name="Save a copy").focus()
@@ -150,12 +161,11 @@ def test_the_keyboard_suffices(open_page, address, tmp_path) -> None:
     page.keyboard.press("Control+a")
     page.keyboard.type(str(tmp_path / "typed.json"))
     page.keyboard.press("Enter")
-    expect(page.get_by_role("status").first).to_contain_text("wrote")
+    expect(status(page)).to_contain_text("wrote")
     assert read_controller(tmp_path / "typed.json").systems[0].rules[0].consequents[0].weight == 0.5
 
 
-def test_an_operator_that_is_taken_back_is_shown_so(open_page, address) -> None:
-    page = open_page(address)
+def test_an_operator_that_is_taken_back_is_shown_so(page) -> None:
     operator = page.get_by_label("and:")
     operator.press("ArrowDown")
     page.get_by_role("option", name="product", exact=True).last.click()
@@ -165,12 +175,10 @@ def test_an_operator_that_is_taken_back_is_shown_so(open_page, address) -> None:
     expect(operator).to_have_value("min")
 
 
-def test_what_is_no_number_is_refused(open_page, address) -> None:
-    page = open_page(address)
+def test_what_is_no_number_is_refused(page) -> None:
     constant = page.get_by_label("coast_margin_m")
-    constant.fill("far")
-    constant.press("Enter")
-    expect(page.get_by_role("status").first).to_have_text("'far' is no number; type one such as 0.25")
+    entered(constant, "far")
+    expect(status(page)).to_have_text("'far' is no number; type one such as 0.25")
     expect(constant).to_have_value("4.1")
 
 
@@ -181,8 +189,7 @@ def test_everybody_can_use_it(open_page, address, axe) -> None:
     assert serious_violations(page, axe) == []
 
 
-def test_an_answer_leaves_what_is_being_typed(open_page, address) -> None:
-    page = open_page(address)
+def test_an_answer_leaves_what_is_being_typed(page) -> None:
     page.get_by_text("numbers").first.click()
     name = page.get_by_label("name of negative").first
     name.fill("negative_far")
@@ -224,9 +231,7 @@ def test_a_touch_at_the_end_of_an_answer_is_answered_too(open_page, folder) -> N
         page = open_page(address)
         said = page.get_by_role("region", name="Slow")
         expect(said.get_by_text("4.1 m")).to_be_visible()
-        constant = page.get_by_label("coast_margin_m")
-        constant.fill("5")
-        constant.press("Enter")
+        entered(page.get_by_label("coast_margin_m"), "5")
         expect(said.get_by_text("5 m")).to_be_visible()
         expect(said.locator(".state")).to_have_text("")
 

@@ -11,12 +11,12 @@ from fis_tools.formats.files import ENDINGS
 from fis_tools.model import Gaussian, Hedged, Is, Linear, Not, Term, Triangular
 from fis_tools.model.shape import SHAPES
 from fis_tools.model.validate import InvalidSystem, problems
-from tests.fis_tools.sample_controllers import force_x_system, general_controller, paper_like_controller
+from tests.fis_tools.sample_controllers import FORCE_X, GENERAL, PAPER_LIKE
 
 
 @pytest.fixture
 def session(tmp_path):
-    return Session(tmp_path / "sample.json", paper_like_controller())
+    return Session(tmp_path / "sample.json", PAPER_LIKE)
 
 
 def test_a_dragged_number_stays_between_its_neighbours() -> None:
@@ -30,46 +30,41 @@ def test_a_dragged_number_stays_between_its_neighbours() -> None:
     "name", [name for name, kind in SHAPES.items() if kind.entry.kinds and name not in ("constant", "linear")]
 )
 def test_a_term_takes_any_shape_about_where_it_was(name) -> None:
-    system = force_x_system()
-    variable = system.inputs[0]
+    variable = FORCE_X.inputs[0]
     told = {"what": "reshape", "term": variable.terms[1].name, "shape": name}
-    changed = touches.term_touched(system, variable, **told)
+    changed = touches.term_touched(FORCE_X, variable, **told)
     assert problems(changed) == []
     assert changed.inputs[0].terms[1].membership.entry.name == name
 
 
 def test_a_renamed_term_is_renamed_in_the_rules() -> None:
-    system = force_x_system()
-    variable, output = system.inputs[0], system.outputs[0]
+    variable, output = FORCE_X.inputs[0], FORCE_X.outputs[0]
     for renamed in (variable, output):
         name = renamed.terms[0].name
-        changed = touches.term_touched(system, renamed, "rename", name, name="other")
+        changed = touches.term_touched(FORCE_X, renamed, "rename", name, name="other")
         assert problems(changed) == []
         again = changed.variable(renamed.name)
-        assert touches.term_touched(changed, again, "rename", "other", name=name) == system
+        assert touches.term_touched(changed, again, "rename", "other", name=name) == FORCE_X
 
 
 def test_the_steps_of_a_gesture_are_undone_together(session) -> None:
-    def pushed(value):
-        def change(controller):
-            system = controller.systems[0]
-            told = {"term": system.inputs[0].terms[0].name, "key": "mean", "value": value}
-            return touches.with_system(
-                controller, touches.term_touched(system, system.inputs[0], "drag", **told)
-            )
+    def push(value, gesture):
+        system = session.controller.systems[0]
+        told = {"term": system.inputs[0].terms[0].name, "key": "mean", "value": value}
+        changed = touches.term_touched(system, system.inputs[0], "drag", **told)
+        session.touch(lambda controller: touches.with_system(controller, changed), gesture)
 
-        return change
+    def stepped(way):
+        session.step(way)
+        return session.controller.systems[0].inputs[0].terms[0].membership.mean
 
     for value in (1.0, 2.0, 3.0):
-        session.touch(pushed(value), "drag")
-    session.touch(pushed(4.0), "another")
-    session.step(-1)
-    assert session.controller.systems[0].inputs[0].terms[0].membership.mean == 3.0
-    session.step(-1)
+        push(value, "drag")
+    push(4.0, "another")
+    assert [stepped(-1), stepped(-1)] == [3.0, 0.0]
     assert session.controller == session.original
     assert (session.can_step(-1), session.can_step(1)) == (False, True)
-    session.step(1)
-    assert session.controller.systems[0].inputs[0].terms[0].membership.mean == 3.0
+    assert stepped(1) == 3.0
 
 
 def test_what_makes_a_problem_is_refused(session) -> None:
@@ -83,24 +78,20 @@ def test_what_makes_a_problem_is_refused(session) -> None:
 
 @pytest.mark.parametrize("side", ["if", "then"])
 def test_as_many_turns_as_there_are_terms_lead_back(side) -> None:
-    system = force_x_system()
-    first = system.rules[0]
-    turns = len(system.inputs[0].terms if side == "if" else system.outputs[0].terms)
-    changed = system
-    for _ in range(turns):
+    changed = FORCE_X
+    for _ in FORCE_X.inputs[0].terms if side == "if" else FORCE_X.outputs[0].terms:
         changed = touches.turned(changed, 0, side, 0, 1)
-        assert changed.rules[1:] == system.rules[1:]
-    assert changed.rules[0] == first
-    back = touches.turned(touches.turned(system, 0, side, 0, 1), 0, side, 0, -1)
-    assert back == system
+        assert changed.rules[1:] == FORCE_X.rules[1:]
+    assert changed == FORCE_X
+    back = touches.turned(touches.turned(FORCE_X, 0, side, 0, 1), 0, side, 0, -1)
+    assert back == FORCE_X
 
 
 def test_a_rule_is_read_in_words_with_all_our_hedges() -> None:
-    system = force_x_system()
-    velocity = next(one.name for one in system.inputs[1].terms if " " not in one.name)
-    force = system.outputs[0].terms[0].name
+    velocity = next(one.name for one in FORCE_X.inputs[1].terms if " " not in one.name)
+    force = FORCE_X.outputs[0].terms[0].name
     words = f"If velocity_body_x is not extremely {velocity} then force_x is {force} with 0.5"
-    rule = touches.said(system, 0, words).rules[0]
+    rule = touches.said(FORCE_X, 0, words).rules[0]
     assert rule.consequents[0].weight == 0.5
     assert rule.antecedent == Not(Hedged("extremely", Is("velocity_body_x", velocity)))
 
@@ -126,20 +117,17 @@ def test_a_file_of_no_form_is_refused(session, tmp_path) -> None:
 
 
 def test_changed_attributes_are_told(tmp_path) -> None:
-    session = Session(tmp_path / "sample.yaml", general_controller())
+    session = Session(tmp_path / "sample.yaml", GENERAL)
     session.touch(lambda one: replace(one, attributes=(*one.attributes, ("zz_gain", "2"))))
     assert dict(session.copy().provenance)["edited_from"].endswith(": zz_gain none → 2")
 
 
 def test_a_changed_factor_of_a_takagi_sugeno_term_is_told(tmp_path) -> None:
-    system = force_x_system()
-    output = replace(
-        system.outputs[0],
-        terms=tuple(Term(term.name, Linear((1.0, 2.0), 0.5)) for term in system.outputs[0].terms),
-        aggregation="unbounded_sum",
-    )
+    system = FORCE_X
+    lines = tuple(Term(term.name, Linear((1.0, 2.0), 0.5)) for term in system.outputs[0].terms)
+    output = replace(system.outputs[0], terms=lines, aggregation="unbounded_sum")
     system = replace(touches.with_variable(system, output), defuzzifier="weighted_average")
-    session = Session(tmp_path / "sample.yaml", replace(paper_like_controller(), systems=(system,)))
+    session = Session(tmp_path / "sample.yaml", replace(PAPER_LIKE, systems=(system,)))
     told = {"what": "number", "term": output.terms[0].name, "key": "coefficients", "value": "1, 3"}
     session.touch(lambda one: touches.with_system(one, touches.term_touched(one.systems[0], output, **told)))
     words = dict(session.copy().provenance)["edited_from"]

@@ -7,40 +7,22 @@ from typing import TypeVar, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from fis_tools.model import (
-    Accumulation,
+from fis_tools.model import shapes
+from fis_tools.model.operators import WEIGHING, Accumulation, AndOperator, Defuzzifier, Hedge, OrOperator
+from fis_tools.model.shape import MembershipFunction
+from fis_tools.model.systems import (
     And,
-    AndOperator,
     Consequent,
-    Defuzzifier,
     Expression,
     FuzzySystem,
-    Gaussian,
-    GeneralizedBell,
-    Hedge,
     Hedged,
     Is,
-    MembershipFunction,
     Not,
     Or,
-    OrOperator,
-    PiShape,
     Rule,
-    Sampled,
-    Sigmoid,
-    SigmoidDifference,
-    SigmoidProduct,
-    SShape,
-    Term,
-    Trapezoidal,
-    Triangular,
-    TwoSidedGaussian,
-    Variable,
-    ZShape,
     table_rules,
 )
-from fis_tools.model.operators import WEIGHING
-from fis_tools.model.shapes import Arc, Concave, Cosine, SemiEllipse, Spike
+from fis_tools.model.variables import Term, Variable
 
 Floats = NDArray[np.float64]
 DEFUZZIFIERS: tuple[Defuzzifier, ...] = tuple(way for way in get_args(Defuzzifier) if way not in WEIGHING)
@@ -102,7 +84,7 @@ def _gaussian_variable(
     widths = width * 10.0 ** generator.uniform(np.log10(0.02) if is_smooth else -3.2, 0.2, num_terms)
     num_points = int(generator.choice([101, 201] if is_smooth else [2, 11, 100, 101, 201]))
     terms = tuple(
-        Term(f"t{index}", Gaussian(float(mean), float(sigma)))
+        Term(f"t{index}", shapes.Gaussian(float(mean), float(sigma)))
         for index, (mean, sigma) in enumerate(zip(means, widths, strict=True))
     )
     return Variable(name, "", low, high, terms, num_points=num_points)
@@ -126,7 +108,7 @@ def inputs_for(system: FuzzySystem, generator: np.random.Generator, count: int) 
 
 
 def _peak(variable: Variable, term: Term) -> float:
-    return term.membership.mean if isinstance(term.membership, Gaussian) else variable.universe[0]
+    return term.membership.mean if isinstance(term.membership, shapes.Gaussian) else variable.universe[0]
 
 
 def otherwise(system: FuzzySystem, implication: str, aggregation: str) -> FuzzySystem:
@@ -153,25 +135,17 @@ def random_general_system(generator: np.random.Generator, named: Callable[[str],
         )
         for place in range(int(generator.integers(1, 4)))
     )
-    rules = [_any_rule(generator, inputs, outputs) for _ in range(int(generator.integers(1, 9)))]
+    rules = tuple(_any_rule(generator, inputs, outputs) for _ in range(int(generator.integers(1, 9))))
     if is_plain:
-        return FuzzySystem("random", inputs, outputs, tuple(rules))
-    return FuzzySystem(
-        "random",
-        inputs,
-        outputs,
-        tuple(
-            replace(
-                rule,
-                and_operator=_maybe(generator, AND_OPERATORS),
-                or_operator=_maybe(generator, OR_OPERATORS),
-            )
-            for rule in rules
-        ),
-        and_operator=_any_of(generator, AND_OPERATORS),
-        or_operator=_any_of(generator, OR_OPERATORS),
-        defuzzifier=_any_of(generator, DEFUZZIFIERS),
-    )
+        return FuzzySystem("random", inputs, outputs, rules)
+
+    def combined(rule: Rule) -> Rule:
+        and_operator, or_operator = _maybe(generator, AND_OPERATORS), _maybe(generator, OR_OPERATORS)
+        return replace(rule, and_operator=and_operator, or_operator=or_operator)
+
+    rules = tuple(map(combined, rules))
+    joins = (_any_of(generator, AND_OPERATORS), _any_of(generator, OR_OPERATORS))
+    return FuzzySystem("random", inputs, outputs, rules, *joins, _any_of(generator, DEFUZZIFIERS))
 
 
 def hedged(system: FuzzySystem, generator: np.random.Generator) -> FuzzySystem:
@@ -228,38 +202,34 @@ def any_shape(generator: np.random.Generator, variable: Variable) -> MembershipF
     is_steep = generator.random() < 0.2
     kind = int(generator.integers(12))
     if is_steep and kind in (0, 3, 4, 5, 6) and a < c:
-        return {
-            0: Spike(b, spreads[0]),
-            3: Cosine(b, spreads[0]),
-            4: Concave(a, c),
-            5: SemiEllipse(a, c),
-            6: Arc(c, a),
-        }[kind]
+        others = (shapes.Concave(a, c), shapes.SemiEllipse(a, c), shapes.Arc(c, a))
+        rounded = (shapes.Spike(b, spreads[0]), shapes.Cosine(b, spreads[0]), *others)
+        return rounded[(0, 3, 4, 5, 6).index(kind)]
     match kind:
         case 0:
-            return Gaussian(b, spreads[0])
+            return shapes.Gaussian(b, spreads[0])
         case 1:
-            return Triangular(b if is_steep else a, b, c)
+            return shapes.Triangular(b if is_steep else a, b, c)
         case 2:
-            return Trapezoidal(a, b, c, c if is_steep else d)
+            return shapes.Trapezoidal(a, b, c, c if is_steep else d)
         case 3:
-            return TwoSidedGaussian(b, spreads[0], c, spreads[1])
+            return shapes.TwoSidedGaussian(b, spreads[0], c, spreads[1])
         case 4:
-            return GeneralizedBell(spreads[0], float(generator.uniform(0.5, 6.0)), b)
+            return shapes.GeneralizedBell(spreads[0], float(generator.uniform(0.5, 6.0)), b)
         case 5:
-            return Sigmoid(b, steepness[0] * float(generator.choice([-1.0, 1.0])))
+            return shapes.Sigmoid(b, steepness[0] * float(generator.choice([-1.0, 1.0])))
         case 6:
-            return SigmoidDifference(b, steepness[0], c, steepness[0])
+            return shapes.SigmoidDifference(b, steepness[0], c, steepness[0])
         case 7:
-            return SigmoidProduct(b, steepness[0], c, -steepness[1])
+            return shapes.SigmoidProduct(b, steepness[0], c, -steepness[1])
         case 8 if a < c:
-            return SShape(a, c)
+            return shapes.SShape(a, c)
         case 9 if b < d:
-            return ZShape(b, d)
+            return shapes.ZShape(b, d)
         case 10 if a < b and c < d:
-            return PiShape(a, b, c, d)
+            return shapes.PiShape(a, b, c, d)
     values = np.clip(generator.uniform(-0.5, 1.5, variable.num_points), 0.0, 1.0)
-    return Sampled(tuple(float(value) for value in values))
+    return shapes.Sampled(tuple(float(value) for value in values))
 
 
 def _any_rule(

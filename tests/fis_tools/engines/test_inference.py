@@ -10,27 +10,14 @@ import pytest
 from fis_tools.engines import inference, interpreter
 from fis_tools.engines.compiler import NoRuleFired, compile
 from fis_tools.engines.inference import infer
-from fis_tools.model import (
-    And,
-    Consequent,
-    Expression,
-    FuzzySystem,
-    Gaussian,
-    Is,
-    Not,
-    Or,
-    Rule,
-    Term,
-    Triangular,
-    Variable,
-    table_rules,
-)
+from fis_tools.model import Gaussian, Triangular, Variable
+from fis_tools.model.systems import And, Consequent, Expression, FuzzySystem, Is, Not, Or, Rule, table_rules
 from tests.fis_tools import step_by_step
+from tests.fis_tools.sample_controllers import terms
 
-LEFT = Term("left", Triangular(0.0, 0.0, 10.0))
-RIGHT = Term("right", Triangular(0.0, 10.0, 10.0))
-INPUTS = (Variable("a", "", 0.0, 10.0, (LEFT, RIGHT), 2), Variable("b", "", 0.0, 10.0, (LEFT, RIGHT), 2))
-OUTPUT = Variable("y", "", 0.0, 10.0, (LEFT, RIGHT), 2, default=-7.0)
+SIDES = terms(left=Triangular(0.0, 0.0, 10.0), right=Triangular(0.0, 10.0, 10.0))
+INPUTS = (Variable("a", "", 0.0, 10.0, SIDES, 2), Variable("b", "", 0.0, 10.0, SIDES, 2))
+OUTPUT = Variable("y", "", 0.0, 10.0, SIDES, 2, default=-7.0)
 
 
 def one_rule(antecedent: Expression, weight: float = 1.0, term: str = "left") -> FuzzySystem:
@@ -54,7 +41,7 @@ def test_firing_strengths_by_hand(antecedent: Expression, by_min_max: float, by_
     step = infer(system, inputs)
     np.testing.assert_allclose(step.memberships[0], [0.8, 0.2], rtol=0, atol=1e-15)
     assert step.firing_strengths[0] == pytest.approx(by_min_max, abs=1e-15)
-    system = FuzzySystem("p", INPUTS, (OUTPUT,), system.rules, "product", "probabilistic_sum")
+    system = replace(system, and_operator="product", or_operator="probabilistic_sum")
     assert infer(system, inputs).firing_strengths[0] == pytest.approx(by_product, abs=1e-15)
 
 
@@ -72,20 +59,15 @@ def test_a_clipped_triangle_has_the_centre_geometry_gives() -> None:
 @pytest.mark.parametrize(
     ("defuzzifier", "expected"), [("bisector", 3.75), ("mom", 2.5), ("som", 0.0), ("lom", 5.0)]
 )
-def test_the_other_defuzzifiers_on_the_same_shape(defuzzifier: str, expected: float) -> None:
-    system = one_rule(Is("a", "left"))
-    system = FuzzySystem("d", INPUTS, (OUTPUT,), system.rules, defuzzifier=defuzzifier)  # type: ignore[arg-type]
+def test_the_other_defuzzifiers_on_the_same_shape(defuzzifier, expected) -> None:
+    system = replace(one_rule(Is("a", "left")), defuzzifier=defuzzifier)
     assert infer(system, np.array([5.0, 0.0])).values[0] == pytest.approx(expected, abs=1e-14)
 
 
-def test_the_strongest_rule_cuts_and_terms_nobody_concludes_have_no_cut() -> None:
-    rules = (
-        Rule(Is("a", "left"), (Consequent("y", "right", 0.5),)),
-        Rule(Is("b", "left"), (Consequent("y", "right"),)),
-    )
-    step = infer(FuzzySystem("two", INPUTS, (OUTPUT,), rules), np.array([0.0, 9.0]))
+def test_terms_nobody_concludes_have_no_cut_and_weights_lessen_it() -> None:
+    step = infer(one_rule(Is("a", "left"), 0.5, "right"), np.array([0.0, 9.0]))
     np.testing.assert_allclose(step.outputs[0].cuts, [np.nan, 0.5], rtol=0, atol=1e-15)
-    np.testing.assert_allclose(step.firing_strengths, [1.0, 0.1], rtol=0, atol=1e-15)
+    np.testing.assert_allclose(step.firing_strengths, [1.0], rtol=0, atol=1e-15)
 
 
 def test_rules_may_combine_in_their_own_ways() -> None:
@@ -109,10 +91,8 @@ def test_rules_may_combine_in_their_own_ways() -> None:
     [("max", 0.5), ("probabilistic_sum", 0.6), ("bounded_sum", 0.7), ("drastic_sum", 1.0), ("product", 0.1)],
 )
 def test_rules_accumulate_as_the_output_says(accumulation: str, cut: float) -> None:
-    rules = (
-        Rule(Is("a", "right"), (Consequent("y", "right"),)),
-        Rule(Is("b", "left"), (Consequent("y", "right"),)),
-    )
+    asked = (Is("a", "right"), Is("b", "left"))
+    rules = tuple(Rule(one, (Consequent("y", "right"),)) for one in asked)
     output = replace(OUTPUT, accumulation=accumulation)  # type: ignore[arg-type]
     step = infer(FuzzySystem("two", INPUTS, (output,), rules), np.array([2.0, 5.0]))
     np.testing.assert_allclose(step.outputs[0].cuts, [np.nan, cut], rtol=0, atol=1e-15)
@@ -141,15 +121,13 @@ def test_nothing_fired_gives_the_default(value: float, weight: float) -> None:
 
 def system(base: float = 0.0, width: float = 30.0) -> FuzzySystem:
     """Two inputs that differ in meaning, with a gap between two terms, where no rule fires."""
-    gap = (Term("low", Triangular(0.0, 0.0, 4.0)), Term("high", Triangular(6.0, 10.0, 10.0)))
-    low, high = (Gaussian(base + share * width, width / 4) for share in (0.2, 0.9))
-    inputs = (
-        Variable("service", "", 0.0, 10.0, gap),
-        Variable("food", "", 0.0, 10.0, (Term("bad", Gaussian(0.0, 4.0)), Term("good", Gaussian(10.0, 4.0)))),
+    gap = terms(low=Triangular(0.0, 0.0, 4.0), high=Triangular(6.0, 10.0, 10.0))
+    tastes = terms(bad=Gaussian(0.0, 4.0), good=Gaussian(10.0, 4.0))
+    amounts = terms(
+        small=Gaussian(base + 0.2 * width, width / 4), large=Gaussian(base + 0.9 * width, width / 4)
     )
-    output = Variable(
-        "tip", "", base, base + width, (Term("small", low), Term("large", high)), default=base + width / 2
-    )
+    inputs = (Variable("service", "", 0.0, 10.0, gap), Variable("food", "", 0.0, 10.0, tastes))
+    output = Variable("tip", "", base, base + width, amounts, default=base + width / 2)
     rules = table_rules(inputs, output, ["small", "large", "small", "large"])
     return FuzzySystem("tipper", inputs, (output,), rules)
 

@@ -5,40 +5,23 @@ from typing import Any
 
 import numpy as np
 
-from fis_tools.model import (
-    Arc,
-    Concave,
-    Consequent,
-    Constant,
-    FuzzySystem,
-    Gaussian,
-    Is,
-    Linear,
-    MembershipFunction,
-    Ramp,
-    Rule,
-    Sigmoid,
-    SShape,
-    Term,
-    Triangular,
-    Variable,
-    ZShape,
-    table_rules,
-)
+from fis_tools.model import Consequent, FuzzySystem, Is, MembershipFunction, Rule, Variable, table_rules
+from fis_tools.model.numbers import Constant, Linear
+from fis_tools.model.shapes import Arc, Concave, Gaussian, Ramp, Sigmoid, SShape, Triangular, ZShape
+from tests.fis_tools.sample_controllers import terms
+from tests.fis_tools.step_by_step import ends
 
 
 def inputs(count: int = 2, num_points: int = 501) -> tuple[Variable, ...]:
     """Inputs with three terms each, of which no value belongs to none."""
-    terms = tuple(
-        Term(name, Gaussian(mean, 1.5)) for name, mean in (("low", 0.0), ("mid", 5.0), ("high", 10.0))
-    )
-    return tuple(Variable(f"x{place}", "", 0.0, 10.0, terms, num_points) for place in range(count))
+    thirds = terms(low=Gaussian(0.0, 1.5), mid=Gaussian(5.0, 1.5), high=Gaussian(10.0, 1.5))
+    return tuple(Variable(f"x{place}", "", 0.0, 10.0, thirds, num_points) for place in range(count))
 
 
 def output(name: str, *shapes: MembershipFunction) -> Variable:
     """An output that is weighed, from -2 to 2."""
-    terms = tuple(Term(f"{name}_{place}", shape) for place, shape in enumerate(shapes))
-    return Variable(name, "", -2.0, 2.0, terms, default=0.25, aggregation="unbounded_sum")
+    numbered = terms(**{f"{name}_{place}": shape for place, shape in enumerate(shapes)})
+    return Variable(name, "", -2.0, 2.0, numbered, default=0.25, aggregation="unbounded_sum")
 
 
 def system(way: str, *shapes: MembershipFunction, and_operator: str = "product") -> FuzzySystem:
@@ -58,24 +41,11 @@ SIGMOIDS = (Sigmoid(0.3, 8.0), Sigmoid(-0.2, -6.0), Sigmoid(1.0, 9.0), Sigmoid(-
 ENDLESS = (*SIGMOIDS, Concave(0.5, 1.0), Concave(0.0, -1.0), Concave(1.0, 1.5), Concave(-1.0, -1.5))
 
 
-def systems() -> dict[str, FuzzySystem]:
-    """Return one system of each kind, by name."""
-    return {
-        "constant": system("weighted_average", *CONSTANTS),
-        "constant_sum": system("weighted_sum", *CONSTANTS, and_operator="min"),
-        "linear": system("weighted_average", *LINEARS),
-        "linear_sum": system("weighted_sum", *LINEARS),
-        "tsukamoto": system("weighted_average", *MONOTONE),
-        "tsukamoto_endless": system("weighted_average", *ENDLESS),
-        "mixed": mixed(),
-    }
-
-
 def mixed() -> FuzzySystem:
     """One output by Mamdani, one by Takagi and Sugeno, other weights than one, and gaps between rules."""
-    terms = (Term("near", Triangular(0.0, 1.0, 3.0)), Term("far", Triangular(5.0, 8.0, 9.0)))
-    x = Variable("x", "", 0.0, 10.0, terms, 1001)
-    z = Variable("z", "", 0.0, 1.0, (Term("up", Triangular(0.0, 0.5, 1.0)),), 101, default=0.0)
+    x_terms = terms(near=Triangular(0.0, 1.0, 3.0), far=Triangular(5.0, 8.0, 9.0))
+    x = Variable("x", "", 0.0, 10.0, x_terms, 1001)
+    z = Variable("z", "", 0.0, 1.0, terms(up=Triangular(0.0, 0.5, 1.0)), 101, default=0.0)
     y = output("y", Constant(1.0), Constant(-1.0))
     rules = (
         Rule(Is("x", "near"), (Consequent("y", "y_0"), Consequent("z", "up", 0.5))),
@@ -84,9 +54,20 @@ def mixed() -> FuzzySystem:
     return FuzzySystem("mixed", (x,), (replace(y, defuzzifier="weighted_average"), z), rules)
 
 
+#: one system of each kind, by name
+SYSTEMS = {
+    "constant": system("weighted_average", *CONSTANTS),
+    "constant_sum": system("weighted_sum", *CONSTANTS, and_operator="min"),
+    "linear": system("weighted_average", *LINEARS),
+    "linear_sum": system("weighted_sum", *LINEARS),
+    "tsukamoto": system("weighted_average", *MONOTONE),
+    "tsukamoto_endless": system("weighted_average", *ENDLESS),
+    "mixed": mixed(),
+}
+
+
 def samples(of: FuzzySystem, count: int = 200, seed: int = 0) -> np.ndarray:
     """Draw inputs from the universes and a little beyond, ends among them."""
-    low = np.array([v.minimum for v in of.inputs])
-    high = np.array([v.maximum for v in of.inputs])
+    low, high = ends(of)
     drawn = np.random.default_rng(seed).uniform(low - 0.5, high + 0.5, (count, len(low)))
     return np.concatenate([drawn, [low, high]])

@@ -3,7 +3,6 @@
 import json
 import re
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,26 +12,12 @@ from fis_tools.analysis.arrays import spread_inputs
 from fis_tools.engines.compiler import compile
 from fis_tools.findings.explanation import Explanation, Flip, explain, flips, shares
 from fis_tools.formats.serialize import load
-from fis_tools.model import Consequent, FuzzySystem, Is, Rule, Term, Triangular, Variable
+from fis_tools.model import FuzzySystem, Triangular
 from tests.fis_tools.reference_engine import ReferenceEngine
-from tests.fis_tools.sample_controllers import force_x_system, force_z_system, general_controller
+from tests.fis_tools.sample_controllers import FORCE_X, FORCE_Z, ROOM, ramp_system, terms
 from tests.places import PROJECT
 
 EXAMPLES = PROJECT / "docs" / "examples"
-
-
-def ramp(default: float = 0.5, defuzzifier: str = "centroid") -> FuzzySystem:
-    """Low or high along x; two output triangles of area 2h - h^2 when cut at h, centred on -3 and 3."""
-    x = Variable(
-        "x", "m", 0.0, 1.0, (Term("low", Triangular(0, 0, 1)), Term("high", Triangular(0, 1, 1))), 101
-    )
-    terms = (Term("left", Triangular(-4.0, -3.0, -2.0)), Term("right", Triangular(2.0, 3.0, 4.0)))
-    y = Variable("y", "N", -5.0, 5.0, terms, 101, default=default)
-    rules = (
-        Rule(Is("x", "low"), (Consequent("y", "left"),)),
-        Rule(Is("x", "high"), (Consequent("y", "right"),)),
-    )
-    return FuzzySystem("ramp", (x,), (y,), rules, defuzzifier=defuzzifier)  # type: ignore[arg-type]
 
 
 def ramp_output(x: float) -> float:
@@ -47,22 +32,20 @@ def by_way(found: tuple[Flip, ...]) -> dict[int, Flip]:
 @pytest.mark.parametrize("value", [0.0, -1.5, 2.25])
 def test_a_flip_lies_where_the_closed_form_crosses(value: float) -> None:
     expected = brentq(lambda x: ramp_output(x) - value, 0.0, 1.0, xtol=1e-14)
-    ways = by_way(flips(ramp(), [0.05], value))
-    assert ways[1].last is not None
-    assert ways[1].first is not None
+    ways = by_way(flips(ramp_system(), [0.05], value))
     assert ways[1].last - 1e-12 <= expected <= ways[1].first + 1e-12
     assert ways[1].first - ways[1].last <= 1e-9
     assert ways[1].change == pytest.approx(expected - 0.05, abs=2e-9)
     assert ways[1].side == -1
     assert ways[-1].change is None
-    down = by_way(flips(ramp(), {"x": 0.99}, value))[-1]
+    down = by_way(flips(ramp_system(), {"x": 0.99}, value))[-1]
     assert down.first == pytest.approx(expected, abs=2e-9)
     assert down.side == 1
 
 
 def test_a_jump_is_a_flip_and_is_told() -> None:
     """The smallest of the highest points: the left end of one plateau, then that of the other."""
-    system = ramp(defuzzifier="som")
+    system = ramp_system(defuzzifier="som")
     flip = by_way(flips(system, [0.2]))[1]
     assert flip.first == pytest.approx(0.5, abs=2e-9)
     assert flip.output_at_last == pytest.approx(-3.5)
@@ -72,8 +55,8 @@ def test_a_jump_is_a_flip_and_is_told() -> None:
 
 
 def only_low(default: float) -> FuzzySystem:
-    system = ramp(default)
-    x = replace(system.inputs[0], terms=(Term("low", Triangular(0.0, 0.0, 0.4)),))
+    system = ramp_system(default)
+    x = replace(system.inputs[0], terms=terms(low=Triangular(0.0, 0.0, 0.4)))
     return replace(system, inputs=(x,), rules=system.rules[:1])
 
 
@@ -97,44 +80,38 @@ def test_the_default_itself_is_told() -> None:
 
 
 def test_from_the_value_itself_any_change_leaves_it() -> None:
-    told = explain(ramp(), [0.5])
+    told = explain(ramp_system(), [0.5])
     assert [flip.side for flip in told.outputs[0].flips] == [0, 0]
     assert "What would move y away from 0 N" in told.text()
     assert "x up by any change" in told.text()
 
 
 def test_a_change_counts_from_the_input_as_given() -> None:
-    told = explain(ramp(), [1.5])
+    told = explain(ramp_system(), [1.5])
     assert by_way(told.outputs[0].flips)[-1].change == pytest.approx(-1.0, abs=2e-9)
     assert "x = 1.5 m (taken as 1 m, the end of its range)" in told.text()
     assert "x up" not in told.text()
 
 
 def test_what_cannot_be_crossed_is_told_as_such() -> None:
-    assert (
-        "nothing can: y lies between -5 N and 5 N, on one side of 7 N" in explain(ramp(), [0.2], 7.0).text()
-    )
+    told = explain(ramp_system(), [0.2], 7.0).text()
+    assert "nothing can: y lies between -5 N and 5 N, on one side of 7 N" in told
 
 
 COLUMNS = ("share", "needed", "strength", "rule")
-FOREIGN = ["tipper.fis", "dimmer.fll", "pendulum.yaml"]
+FOREIGN = {"tipper.fis": 16.0, "dimmer.fll": 0.5, "pendulum.yaml": 0.0}
+STARTS = {
+    "force_x": (FORCE_X, 0.0),
+    "force_x to a value": (FORCE_X, 0.021),
+    "force_z": (FORCE_Z, 0.0),
+    "room": (ROOM, 0.6),
+    **{name: (load(EXAMPLES / name).systems[0], value) for name, value in FOREIGN.items()},
+}
 
 
-@pytest.mark.parametrize(
-    ("system", "value"),
-    [
-        (force_x_system(), 0.0),
-        (force_x_system(), 0.021),
-        (force_z_system(), 0.0),
-        (general_controller().systems[0], 0.6),
-        *(
-            (load(EXAMPLES / name).systems[0], value)
-            for name, value in zip(FOREIGN, (16, 0.5, 0), strict=True)
-        ),
-    ],
-    ids=["force_x", "force_x_to_value", "force_z", "room", *FOREIGN],
-)
-def test_scikit_fuzzy_agrees_on_both_sides_of_a_flip(system: FuzzySystem, value: float) -> None:
+@pytest.mark.parametrize("name", STARTS)
+def test_scikit_fuzzy_agrees_on_both_sides_of_a_flip(name: str) -> None:
+    system, value = STARTS[name]
     engine = ReferenceEngine(system)
     generator = np.random.default_rng(5)
     spans = [variable.maximum - variable.minimum for variable in system.outputs]
@@ -147,12 +124,8 @@ def test_scikit_fuzzy_agrees_on_both_sides_of_a_flip(system: FuzzySystem, value:
             place = system.outputs.index(flip.output)
             column = system.inputs.index(flip.input)
 
-            def output(
-                at: float, start: np.ndarray = start, column: int = column, place: int = place
-            ) -> float:
-                point = start.copy()
-                point[column] = at
-                return float(engine.compute(point)[place])
+            def output(at: float, start=start, column=column, place=place) -> float:
+                return float(engine.compute([*start[:column], at, *start[column + 1 :]])[place])
 
             tolerance = 1e-12 * spans[place]
             assert output(flip.last) == pytest.approx(flip.output_at_last, abs=tolerance)
@@ -164,10 +137,9 @@ def test_scikit_fuzzy_agrees_on_both_sides_of_a_flip(system: FuzzySystem, value:
     assert found >= 3
 
 
-@pytest.mark.parametrize(
-    "system", [force_x_system(), load(EXAMPLES / "tipper.fis").systems[0]], ids=["force_x", "tipper"]
-)
-def test_a_rule_moved_what_scikit_fuzzy_loses_without_it(system: FuzzySystem) -> None:
+@pytest.mark.parametrize("name", ["force_x", "tipper.fis"])
+def test_a_rule_moved_what_scikit_fuzzy_loses_without_it(name: str) -> None:
+    system, _ = STARTS[name]
     whole = ReferenceEngine(system)
     for start in spread_inputs(system, 3):
         told = explain(system, start).outputs[0]
@@ -181,7 +153,7 @@ def test_a_rule_moved_what_scikit_fuzzy_loses_without_it(system: FuzzySystem) ->
 
 
 def test_an_explanation_leads_with_what_matters() -> None:
-    told = explain(force_x_system(), {"velocity_body_x": 0.05, "distance": 80.0})
+    told = explain(FORCE_X, {"velocity_body_x": 0.05, "distance": 80.0})
     lines = told.text().splitlines()
     assert lines[0] == "force_x at distance = 80 m, velocity_body_x = 0.05 m/s"
     assert lines[1].startswith("  force_x = ")
@@ -195,7 +167,7 @@ def test_an_explanation_leads_with_what_matters() -> None:
 
 
 def test_an_explanation_is_plain_json() -> None:
-    plain = json.loads(json.dumps(explain(ramp(), [0.2]).plain(), allow_nan=False))
+    plain = json.loads(json.dumps(explain(ramp_system(), [0.2]).plain(), allow_nan=False))
     assert plain["inputs"] == {"x": 0.2}
     output = plain["outputs"][0]
     assert [rule["rule"] for rule in output["rules"]] == [1, 2]
@@ -205,16 +177,14 @@ def test_an_explanation_is_plain_json() -> None:
 
 def test_where_rules_cancel_shares_are_amounts_alone() -> None:
     """Of next to nothing, both would be thousands."""
-    told = explain(ramp(0.0), [0.5 - 1e-5])
+    told = explain(ramp_system(0.0), [0.5 - 1e-5])
     assert told.outputs[0].value == pytest.approx(0.0, abs=1e-3)
-    assert all(
-        re.fullmatch(r"(left|right) \([+-].* N\): rule \d says so", one)
-        for one in told.conclusions(told.outputs[0])
-    )
+    for one in told.conclusions(told.outputs[0]):
+        assert re.fullmatch(r"(left|right) \([+-].* N\): rule \d says so", one)
 
 
 def test_rules_that_agree_say_so_together() -> None:
-    system = ramp()
+    system = ramp_system()
     told = explain(replace(system, rules=(*system.rules, *system.rules[:1] * 2)), [0.2])
     value = ramp_output(0.2)
     (left, right) = told.conclusions(told.outputs[0])
@@ -229,7 +199,7 @@ def test_rules_that_agree_say_so_together() -> None:
 
 def test_shares_by_hand() -> None:
     """The ramp at 0, 1/2 and 1: shares -7/2, -13/4, 0 and 0, 11/4, 5/2; needed -7/2, -3, 0 and 0, 3, 5/2."""
-    found = shares(ramp(), np.array([[0.0], [0.5], [1.0]]))
+    found = shares(ramp_system(), np.array([[0.0], [0.5], [1.0]]))
     assert [rule.rule for rule in found.rules] == [1, 2]
     assert [rule.share for rule in found.rules] == pytest.approx([6.75 / 12, 5.25 / 12], abs=1e-14)
     assert [rule.moved[0] for rule in found.rules] == pytest.approx([6.75 / 3, 5.25 / 3], abs=1e-14)
@@ -241,15 +211,14 @@ def test_shares_by_hand() -> None:
 
 
 def test_shares_tell_what_matters_and_count_the_rest() -> None:
-    system = force_z_system()
-    found = shares(compile(system), spread_inputs(system, 200))
+    found = shares(compile(FORCE_Z), spread_inputs(FORCE_Z, 200))
     assert sum(rule.share for rule in found.rules) == pytest.approx(1.0)
     parts = [rule.share for rule in found.rules]
     assert parts == sorted(parts, reverse=True)
     told = found.text()
     assert "\n  the other " in told
     assert len(re.findall(r"\n .*\d\. If ", told)) <= 12
-    assert len(re.findall(r"\n .*\d\. If ", found.text(everything=True))) == len(system.rules)
+    assert len(re.findall(r"\n .*\d\. If ", found.text(everything=True))) == len(FORCE_Z.rules)
     json.dumps(found.plain(), allow_nan=False)
 
 
@@ -265,11 +234,11 @@ def test_shares_tell_what_matters_and_count_the_rest() -> None:
 )
 def test_what_cannot_be_explained_says_why(inputs: object, value: float, sentence: str) -> None:
     with pytest.raises(ValueError, match=sentence):
-        explain(ramp(), inputs, value)  # type: ignore[arg-type]
+        explain(ramp_system(), inputs, value)  # type: ignore[arg-type]
 
 
 def test_what_is_lost_in_rounding_is_told_as_nothing() -> None:
-    system = load(Path("conf/controller/paper_champion.yaml")).systems[0]
+    system = load(PROJECT / "conf" / "controller" / "paper_champion.yaml").systems[0]
     told = explain(system, [200.0, 0.05])
     assert 0.0 < min(abs(move.needed) for move in told.outputs[0].moves if move.needed) < 1e-9
     assert re.search(r"\n +[^ ]+ N +0 N ", told.text())

@@ -14,51 +14,22 @@ from fmpy import simulate_fmu
 from fmpy.validation import validate_fmu
 from numpy.typing import NDArray
 
-from fis_tools.__main__ import main
 from fis_tools.engines.compiler import compile
 from fis_tools.formats.c import fmu, source
-from fis_tools.formats.serialize import dump_json, load
-from fis_tools.model import (
-    And,
-    Consequent,
-    FuzzyController,
-    FuzzySystem,
-    Gaussian,
-    Is,
-    Rule,
-    Term,
-    Triangular,
-    Variable,
-    table_rules,
-)
+from fis_tools.formats.serialize import load
+from fis_tools.model import And, Consequent, FuzzyController, FuzzySystem, Is, Rule, Term, Variable, shapes
 from fis_tools.model.operators import AGGREGATIONS, AND_OPERATORS
 from fis_tools.model.validate import controller_problems
 from fis_tools.source import read_controller
 from fis_tools.words.text import sentence
 from tests.fis_tools import step_by_step
-from tests.fis_tools.engines.random_systems import (
-    full_table_system,
-    hedged,
-    inputs_for,
-    otherwise,
-    random_general_system,
-)
-from tests.fis_tools.engines.weighed_systems import mixed, samples
-from tests.fis_tools.engines.weighed_systems import samples as weighed_samples
-from tests.fis_tools.engines.weighed_systems import systems as weighed_systems
-from tests.fis_tools.sample_controllers import (
-    force,
-    force_x_system,
-    gaussian_terms,
-    general_controller,
-    paper_like_controller,
-)
+from tests.fis_tools.engines import random_systems, weighed_systems
+from tests.fis_tools.engines.random_systems import full_table_system, inputs_for, random_general_system
+from tests.fis_tools.sample_controllers import FORCE_X, GENERAL, PAPER_LIKE
 from tests.places import PROJECT
 from tests.programs import program
 
 Floats = NDArray[np.float64]
-#: Of the output range's width.
-TOLERANCE = 1e-12
 
 
 def gcc(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
@@ -97,9 +68,7 @@ def infer(library: ctypes.CDLL, name: str, system: FuzzySystem, rows: Floats) ->
 
 
 def assert_equal(outputs: Floats, system: FuzzySystem, rows: Floats) -> None:
-    ranges = np.array([variable.maximum - variable.minimum for variable in system.outputs])
-    expected = step_by_step.evaluate(system, rows)
-    np.testing.assert_allclose(outputs / ranges, expected / ranges, rtol=0, atol=TOLERANCE)
+    step_by_step.assert_near(outputs, step_by_step.evaluate(system, rows), system)
 
 
 def test_tables_of_inputs_hold_only_the_points_where_a_term_bends():
@@ -109,8 +78,8 @@ def test_tables_of_inputs_hold_only_the_points_where_a_term_bends():
 
 
 def test_bends_too_slight_to_see_are_kept_where_they_add_up(compiled):
-    wide = Variable("x", "", 0.0, 1.0, (Term("wide", Gaussian(0.5, 2e4)),), 1001)
-    y = Variable("y", "", 0.0, 1.0, (Term("up", Triangular(0.0, 1.0, 1.0)),), default=0.0)
+    wide = Variable("x", "", 0.0, 1.0, (Term("wide", shapes.Gaussian(0.5, 2e4)),), 1001)
+    y = Variable("y", "", 0.0, 1.0, (Term("up", shapes.Triangular(0.0, 1.0, 1.0)),), default=0.0)
     system = FuzzySystem("s", (wide,), (y,), (Rule(Is("x", "wide"), (Consequent("y", "up"),)),))
     rows = np.linspace(0.0, 1.0, 101)[:, np.newaxis]
     assert "universe_s__x[1001]" in source.write(FuzzyController("c", (system,)))
@@ -123,7 +92,7 @@ def test_systems_of_all_kinds_give_what_python_gives(compiled):
     for seed in range(40):
         generator = np.random.default_rng([50, seed])
         system = random_general_system(generator) if seed % 4 else full_table_system(generator, 2)
-        system = hedged(system, generator) if seed % 2 else system
+        system = random_systems.hedged(system, generator) if seed % 2 else system
         systems.append(replace(system, name=f"system {seed}"))
     library = compiled(FuzzyController("many", tuple(systems)))
     num_defaults = 0
@@ -138,75 +107,59 @@ def test_systems_of_all_kinds_give_what_python_gives(compiled):
     assert len({system.defuzzifier_of(output) for system in systems for output in system.outputs}) == 5
 
 
-def table_of_125_rules() -> FuzzySystem:
-    names = ("a", "b", "c", "d", "e")
-    inputs = tuple(
-        Variable(name, "m", -2.0, 3.0, gaussian_terms(names, -2.0, 3.0)) for name in ("x", "y", "z")
-    )
-    output = force()
-    consequents = [output.terms[index].name for index in np.random.default_rng(5).integers(5, size=125)]
-    return FuzzySystem("many_rules", inputs, (output,), table_rules(inputs, output, consequents))
+def otherwise_controller() -> FuzzyController:
+    """Each operator once; of two outputs one that cuts, where an implication by min allows it."""
+    generator = np.random.default_rng(71)
+    systems = []
+    for implication, aggregation in zip([*AND_OPERATORS, "min"], AGGREGATIONS, strict=True):
+        system = random_systems.otherwise(random_general_system(generator), implication, aggregation)
+        first, *others = system.outputs
+        outputs = (replace(first, aggregation="max"), *others) if others else system.outputs
+        systems.append(replace(system, name=f"s{len(systems)}", outputs=outputs))
+    return FuzzyController("otherwise", tuple(systems))
 
 
 @pytest.mark.parametrize(
     "controller",
     [
-        general_controller(),
-        paper_like_controller(),
-        FuzzyController("wide", (table_of_125_rules(),)),
+        GENERAL,
+        PAPER_LIKE,
         read_controller(PROJECT / "conf" / "controller" / "paper_champion.yaml"),
+        otherwise_controller(),
+        FuzzyController("weighed", tuple(replace(s, name=n) for n, s in weighed_systems.SYSTEMS.items())),
     ],
-    ids=["general", "paper-like", "125 rules", "champion"],
+    ids=lambda controller: controller.name,
 )
 def test_controllers_give_what_python_gives(controller, compiled):
     library = compiled(controller)
     for system in controller.systems:
-        rows = inputs_for(system, np.random.default_rng(6), 200)
-        assert_equal(infer(library, system.name, system, rows), system, rows)
-
-
-def test_other_implications_and_aggregations_give_what_python_gives(compiled):
-    """Each operator once; of two outputs one that cuts, where an implication by min allows it."""
-    generator = np.random.default_rng(71)
-    pairs = zip([*AND_OPERATORS, "min"], AGGREGATIONS, strict=True)
-    systems = []
-    for place, (implication, aggregation) in enumerate(pairs):
-        system = otherwise(random_general_system(generator), implication, aggregation)
-        first, *others = system.outputs
-        outputs = (replace(first, aggregation="max"), *others)
-        systems.append(
-            replace(system, name=f"s{place}", outputs=outputs if len(outputs) > 1 else system.outputs)
-        )
-    library = compiled(FuzzyController("all", tuple(systems)))
-    for system in systems:
-        rows = inputs_for(system, generator, 5)
+        rows = inputs_for(system, np.random.default_rng(6), 60)
         assert_equal(infer(library, system.name, system, rows), system, rows)
 
 
 def test_the_ends_and_beyond_and_no_number(compiled):
-    controller = FuzzyController("both", (force_x_system(), *general_controller().systems))
+    controller = FuzzyController("both", (FORCE_X, *GENERAL.systems))
     library = compiled(controller)
     for system in controller.systems:
-        (a, b), (c_, d) = ([v.minimum, v.maximum] for v in system.inputs)
-        beyond = infer(library, system.name, system, np.array([[-np.inf, np.inf], [b + 7.0, c_ - 7.0]]))
-        at_ends = infer(library, system.name, system, np.array([[a, d], [b, c_]]))
+        (a, c), (b, d) = step_by_step.ends(system)
+        beyond = infer(library, system.name, system, np.array([[-np.inf, np.inf], [b + 7.0, c - 7.0]]))
+        at_ends = infer(library, system.name, system, np.array([[a, d], [b, c]]))
         np.testing.assert_array_equal(beyond, at_ends)
         missing = infer(library, system.name, system, np.array([[np.nan, d], [a, np.nan]]))
         assert np.isnan(missing).all()
 
 
 def test_it_refuses_arithmetic_that_is_not_exact(tmp_path):
-    (tmp_path / "controller.c").write_text(source.write(general_controller()), encoding="utf-8")
+    (tmp_path / "controller.c").write_text(source.write(GENERAL), encoding="utf-8")
     done = gcc(tmp_path, "-ffast-math", "-c", "controller.c")
     assert done.returncode != 0
     assert "compile without -ffast-math" in done.stderr
 
 
 def test_it_reads_like_the_controller():
-    controller = paper_like_controller()
-    text = source.write(controller)
+    text = source.write(PAPER_LIKE)
     words = " ".join(re.sub(r"\s*\n\s*\* ?", " ", text).split())
-    for system in controller.systems:
+    for system in PAPER_LIKE.systems:
         for place, rule in enumerate(system.rules, start=1):
             assert f"Rule {place}: {sentence(rule)}." in words
         assert f"double infer_{system.name}(const double inputs[{len(system.inputs)}]);" in text
@@ -219,8 +172,8 @@ def test_it_reads_like_the_controller():
 
 def test_names_from_anywhere_are_no_danger(compiled):
     """Names that are alike once written in C, keywords, ends of comments, and letters of other alphabets."""
-    shape = Triangular(0.0, 1.0, 1.0)
-    terms = (Term("*/ int x; /*", shape), Term("size?" + "?/", Triangular(0.0, 0.0, 1.0)))
+    shape = shapes.Triangular(0.0, 1.0, 1.0)
+    terms = (Term("*/ int x; /*", shape), Term("size?" + "?/", shapes.Triangular(0.0, 0.0, 1.0)))
     names = ("double", "main", "a b", "a_b", "über", "風", "0")
     inputs = tuple(Variable(name, "", 0.0, 1.0, terms, 11, description="*/") for name in names)
     output = Variable("exp", "%s\\", 0.0, 1.0, terms, 11, default=0.0)
@@ -237,14 +190,6 @@ def test_names_from_anywhere_are_no_danger(compiled):
     rows = np.random.default_rng(3).uniform(0, 1, (20, len(names)))
     for name, system in zip(("a_b", "a_b_2", "a_b_3", "unnamed", "switch", "1"), systems, strict=True):
         assert_equal(infer(library, name, system, rows), system, rows)
-
-
-def test_what_is_weighed_gives_what_python_gives(compiled):
-    systems = [replace(system, name=name) for name, system in weighed_systems().items()]
-    library = compiled(FuzzyController("weighed", tuple(systems)))
-    for system in systems:
-        rows = weighed_samples(system, 60)
-        assert_equal(infer(library, system.name, system, rows), system, rows)
 
 
 TIPPER = PROJECT / "docs" / "examples" / "tipper.fis"
@@ -269,15 +214,14 @@ def stepped(path: Path, system: FuzzySystem, rows: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("name", ["tipper", "mixed"])
-def test_a_block_answers_as_the_compiled_system(name, tmp_path):
+def test_a_block_answers_as_the_compiled_system(name, tmp_path, saved, run):
     program("gcc", "gcc")
-    controller = load(TIPPER) if name == "tipper" else FuzzyController("mixed", (mixed(),))
+    controller = load(TIPPER) if name == "tipper" else FuzzyController("mixed", (weighed_systems.mixed(),))
     (system,) = controller.systems
-    source, path = tmp_path / "system.json", tmp_path / "system.fmu"
-    source.write_text(dump_json(controller), encoding="utf-8")
-    assert main(["export", str(source), "--format", "fmu", "-o", str(path)]) == 0
+    path = tmp_path / "system.fmu"
+    assert run("export", saved(controller), "--format", "fmu", "-o", path)[0] == 0
     assert validate_fmu(str(path)) == []
-    rows = samples(system, 60)
+    rows = weighed_systems.samples(system, 60)
     np.testing.assert_allclose(stepped(path, system, rows), compile(system)(rows), rtol=0.0, atol=1e-12)
 
 
@@ -288,18 +232,21 @@ def test_two_archives_of_a_system_hold_the_same_source():
         assert first.getinfo(name).date_time == (1980, 1, 1, 0, 0, 0)
 
 
-def test_without_gcc_the_source_remains(tmp_path, monkeypatch, capsys):
+def test_without_gcc_the_source_remains(tmp_path, monkeypatch, run):
     monkeypatch.setattr("shutil.which", lambda _: None)
-    assert main(["export", str(TIPPER), "--format", "fmu", "-o", str(tmp_path / "out")]) == 0
-    assert "the source alone" in capsys.readouterr().err
+    status, _, told = run("export", TIPPER, "--format", "fmu", "-o", tmp_path / "out")
+    assert status == 0
+    assert "the source alone" in told
     names = zipfile.ZipFile(tmp_path / "out" / "tipper.fmu").namelist()
     assert names == ["modelDescription.xml", "sources/system.c", "sources/fmi2.c"]
 
 
-def test_what_an_archive_cannot_say_is_told(tmp_path, capsys):
-    assert main(["export", str(TIPPER), "--format", "fmu"]) == 2
-    assert "an FMU is an archive and cannot be printed; add -o" in capsys.readouterr().err
+def test_what_an_archive_cannot_say_is_told(tmp_path, run):
     champion = PROJECT / "conf" / "controller" / "champion_27.yaml"
-    out = tmp_path / "champion.fmu"
-    assert main(["export", str(champion), "--format", "fmu", "-o", str(out)]) == 2
-    assert "a file of this form holds one system" in capsys.readouterr().err
+    for words, said in (
+        ([TIPPER], "an FMU is an archive and cannot be printed; add -o"),
+        ([champion, "-o", tmp_path / "champion.fmu"], "a file of this form holds one system"),
+    ):
+        status, _, told = run("export", *words, "--format", "fmu")
+        assert status == 2
+        assert said in told

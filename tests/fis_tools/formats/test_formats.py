@@ -20,37 +20,11 @@ from fis_tools.formats import serialize
 from fis_tools.formats.exchange import foreign
 from fis_tools.formats.notation import Unreadable, read_json
 from fis_tools.formats.serialize import content_hash, described, edited
-from fis_tools.model import (
-    And,
-    Expression,
-    FuzzySystem,
-    Gaussian,
-    GeneralizedBell,
-    Hedged,
-    Is,
-    MembershipFunction,
-    Not,
-    Or,
-    PiShape,
-    Sigmoid,
-    SigmoidDifference,
-    SigmoidProduct,
-    SShape,
-    Term,
-    TwoSidedGaussian,
-    ZShape,
-    table_rules,
-    validate,
-)
+from fis_tools.model import And, FuzzySystem, Hedged, Is, Not, Or, Term, shapes, table_rules, validate
 from fis_tools.source import named, read_controller
 from fis_tools.words import text
 from fis_tools.words.text import outline
-from tests.fis_tools.sample_controllers import (
-    force_x_system,
-    force_z_system,
-    general_controller,
-    paper_like_controller,
-)
+from tests.fis_tools.sample_controllers import FORCE_X, FORCE_Z, GENERAL, PAPER_LIKE, ROOM
 from tests.places import PROJECT
 
 A, B, C = Is("a", "low"), Is("b", "high"), Is("c", "mid")
@@ -72,22 +46,22 @@ A, B, C = Is("a", "low"), Is("b", "high"), Is("c", "mid")
         (Hedged("somewhat", And((A, B))), "somewhat (a is low and b is high)"),
     ],
 )
-def test_antecedents_in_words(expression: Expression, words: str) -> None:
+def test_antecedents_in_words(expression, words) -> None:
     assert text.antecedent_words(expression) == words
 
 
 def test_rules_in_words() -> None:
-    assert text.sentences(force_x_system())[4] == (
+    assert text.sentences(FORCE_X)[4] == (
         "If distance is very near and velocity_body_x is towards fast then force_x is NL"
     )
-    assert text.sentences(general_controller().systems[0])[0] == (
+    assert text.sentences(ROOM)[0] == (
         "[warm up] If temperature is cold and (wind is calm or temperature is not hot) "
         "then heat is high and vent is open (weight 0.25)"
     )
 
 
 def test_ways_of_its_own_are_said_where_they_count() -> None:
-    system = general_controller().systems[0]
+    system = ROOM
     first, second = system.rules
     heat, vent = system.outputs
     system = replace(
@@ -96,7 +70,7 @@ def test_ways_of_its_own_are_said_where_they_count() -> None:
         outputs=(replace(heat, defuzzifier="mom"), replace(vent, accumulation="einstein_sum")),
     )
     assert "(and: min, or: bounded_sum) then heat is high" in text.sentences(system)[0]
-    assert text.sentences(system)[1] == text.sentences(general_controller().systems[0])[1]
+    assert text.sentences(system)[1] == text.sentences(ROOM)[1]
     assert text.summary(system).endswith(
         "and: product, or: probabilistic_sum, defuzzifier: bisector, heat by mom, "
         "vent accumulated by einstein_sum"
@@ -109,70 +83,60 @@ def test_ways_of_its_own_are_said_where_they_count() -> None:
 @pytest.mark.parametrize(
     ("shape", "words"),
     [
-        (Gaussian(0.0, 25.0), "Gaussian, mean 0, standard deviation 25"),
-        (
-            TwoSidedGaussian(1.0, 0.5, 2.0, 0.25),
-            "two-sided Gaussian, one from 1 to 2, standard deviations 0.5 and 0.25",
-        ),
-        (GeneralizedBell(2.0, 3.0, 5.0), "bell, half width 2, slope 3, centre 5"),
-        (Sigmoid(4.0, -2.0), "sigmoid, inflection 4, slope -2"),
-        (
-            SigmoidDifference(2.0, 3.0, 8.0, 4.0),
-            "sigmoid, inflection 2, slope 3, less sigmoid, inflection 8, slope 4",
-        ),
-        (
-            SigmoidProduct(2.0, 3.0, 8.0, -4.0),
-            "sigmoid, inflection 2, slope 3, times sigmoid, inflection 8, slope -4",
-        ),
-        (SShape(2.0, 6.0), "S shape from 2 up to 6"),
-        (ZShape(2.0, 6.0), "Z shape from 2 down to 6"),
-        (PiShape(0.0, 4.0, 6.0, 10.0), "pi shape from 0 over 4 to 6 to 10"),
+        (shapes.Gaussian(0.0, 25.0), "Gaussian, mean 0, standard deviation 25"),
+        (shapes.TwoSidedGaussian(1.0, 0.5, 2.0, 0.25), "one from 1 to 2, standard deviations 0.5 and 0.25"),
+        (shapes.GeneralizedBell(2.0, 3.0, 5.0), "bell, half width 2, slope 3, centre 5"),
+        (shapes.Sigmoid(4.0, -2.0), "sigmoid, inflection 4, slope -2"),
+        (shapes.SigmoidDifference(2.0, 3.0, 8.0, 4.0), "slope 3, less sigmoid, inflection 8, slope 4"),
+        (shapes.SigmoidProduct(2.0, 3.0, 8.0, -4.0), "slope 3, times sigmoid, inflection 8, slope -4"),
+        (shapes.SShape(2.0, 6.0), "S shape from 2 up to 6"),
+        (shapes.ZShape(2.0, 6.0), "Z shape from 2 down to 6"),
+        (shapes.PiShape(0.0, 4.0, 6.0, 10.0), "pi shape from 0 over 4 to 6 to 10"),
     ],
 )
-def test_shapes_in_words(shape: MembershipFunction, words: str) -> None:
-    assert text.shape_words(Term("t", shape)) == words
+def test_shapes_in_words(shape, words) -> None:
+    assert text.shape_words(Term("t", shape)).endswith(words)
 
 
 def test_rule_tables_of_one_two_and_three_inputs() -> None:
-    ((title, rows),) = text.rule_tables(force_x_system()) or []
+    ((title, rows),) = text.rule_tables(FORCE_X) or []
     assert title == ""
     assert rows[0] == ["distance \\ velocity_body_x", "away fast", "away", "still", "towards", "towards fast"]
     assert rows[4] == ["far", "PL", "PS", "PS", "ZE", "NS"]
-    tables = text.rule_tables(force_z_system()) or []
+    tables = text.rule_tables(FORCE_Z) or []
     assert [title for title, _ in tables] == ["eta_u is left", "eta_u is ahead", "eta_u is right"]
     assert tables[2][1][5] == ["PL", "NL", "NS", "ZE"]
-    system = force_x_system()
-    inputs = system.inputs[1:]
-    single = FuzzySystem("s", inputs, system.outputs, table_rules(inputs, system.outputs[0], ["ZE"] * 5))
+    inputs = FORCE_X.inputs[1:]
+    single = FuzzySystem("s", inputs, FORCE_X.outputs, table_rules(inputs, FORCE_X.outputs[0], ["ZE"] * 5))
     assert (text.rule_tables(single) or [])[0][1][1] == ["", "ZE", "ZE", "ZE", "ZE", "ZE"]
-    assert text.rule_tables(general_controller().systems[0]) is None
+    assert text.rule_tables(ROOM) is None
 
 
 def test_a_description_shows_terms_tables_and_defaults() -> None:
-    shown = plain_text.write(outline(paper_like_controller()))
+    shown = plain_text.write(outline(PAPER_LIKE))
     assert "    very near  Gaussian, mean 0, standard deviation 25\n" in shown
     assert "  Output force_x (N)\n    From -0.1 to 0.1, 101 points; 0 when no rule fires.\n" in shown
     assert "    far                         PL         PS    PS     ZE       NS\n" in shown
     assert "  force_axes  body\n" in shown
     assert not any(line.endswith(" ") for line in shown.splitlines())
-    general = plain_text.write(outline(general_controller()))
+    general = plain_text.write(outline(GENERAL))
     assert "trapezoid from 0 over 0 to 10 to 20" in general
     assert "sampled at 5 points" in general
     assert "   2  If temperature is hot then heat is low (weight 0.75) and vent is open.\n" in general
 
 
 def test_an_inference_is_explained_step_by_step() -> None:
-    told = text.explain(infer(force_x_system(), np.array([230.0, 0.1])))
+    told = text.explain(infer(FORCE_X, np.array([230.0, 0.1])))
     assert "distance = 230 m, taken as 200 m, the end of its range" in told
     assert "very far  1.00  ████████████████████" in told
     assert "rule 24: If distance is very far and velocity_body_x is towards then force_x is PS" in told
     assert told.index("rule 24:") < told.index("rule 23:")
-    value = infer(force_x_system(), np.array([230.0, 0.1])).values[0]
+    value = infer(FORCE_X, np.array([230.0, 0.1])).values[0]
     assert f"force_x = {value:.6g} N, the centre of area" in told
 
 
 def test_an_inference_in_which_nothing_fires_is_explained() -> None:
-    system = general_controller().systems[0]
+    system = ROOM
     system = replace(system, rules=system.rules[1:])
     told = text.explain(infer(system, np.array([0.0, 16.0])))
     assert "no rule fires" in told
@@ -181,18 +145,12 @@ def test_an_inference_in_which_nothing_fires_is_explained() -> None:
 
 
 def test_csv_has_a_row_for_each_rule_and_consequent() -> None:
-    rows = list(csv.DictReader(io.StringIO(csv_format.write(paper_like_controller()))))
+    rows = list(csv.DictReader(io.StringIO(csv_format.write(PAPER_LIKE))))
     assert len(rows) == 25 + 45
     row = rows[3 * 5 + 4]
-    assert (row["system"], row["rule"], row["distance"], row["velocity_body_x"], row["term"]) == (
-        "force_x",
-        "20",
-        "far",
-        "towards fast",
-        "NS",
-    )
-    assert row["eta_u"] == ""
-    general = list(csv.DictReader(io.StringIO(csv_format.write(general_controller()))))
+    told = {"system": "force_x", "rule": "20", "distance": "far", "velocity_body_x": "towards fast"}
+    assert row == row | told | {"term": "NS", "eta_u": ""}
+    general = list(csv.DictReader(io.StringIO(csv_format.write(GENERAL))))
     assert [(row["output"], row["term"], row["weight"]) for row in general] == [
         ("heat", "high", "1.0"),
         ("vent", "open", "0.25"),
@@ -203,10 +161,9 @@ def test_csv_has_a_row_for_each_rule_and_consequent() -> None:
 
 
 def test_csv_has_no_cell_that_a_spreadsheet_runs() -> None:
-    controller = paper_like_controller()
-    first, *others = controller.systems
+    first, *others = PAPER_LIKE.systems
     rules = (replace(first.rules[0], label='=HYPERLINK("http://x")'), *first.rules[1:])
-    written = csv_format.write(replace(controller, systems=(replace(first, rules=rules), *others)))
+    written = csv_format.write(replace(PAPER_LIKE, systems=(replace(first, rules=rules), *others)))
     assert next(csv.DictReader(io.StringIO(written)))["label"] == '\'=HYPERLINK("http://x")'
     rows = [["=1+1", "@SUM(A1)", "-cmd", "\t=1", "-1.5e-3", "+inf", "a=b", "", -2]]
     assert csv_format.rows_as_text(rows) == "'=1+1,'@SUM(A1),'-cmd,'\t=1,-1.5e-3,+inf,a=b,,-2\n"
@@ -217,13 +174,9 @@ def variable(name, **changes):
     return {"name": name, "unit": "", "range": [0.0, 1.0], "terms": terms, **changes}
 
 
-def controller(inputs, rules, **output):
-    system = {
-        "name": "s",
-        "inputs": inputs,
-        "outputs": [variable("y", default=0.0, **output)],
-        "rules": rules,
-    }
+def controller(inputs, rules):
+    outputs = [variable("y", default=0.0)]
+    system = {"name": "s", "inputs": inputs, "outputs": outputs, "rules": rules}
     mapping = {"schema": "fuzzy-controller", "schema_version": 1, "name": "c", "systems": [system]}
     return json.dumps(mapping)
 
@@ -275,9 +228,7 @@ SLIP = ("negative_large, negative_small, zero, ", "negative_large, negative_smal
 
 
 def test_every_shipped_champion_is_the_one_its_provenance_tells_of() -> None:
-    told = [
-        serialize.load(path) for path in sorted((PROJECT / "conf" / "controller").glob("*champion*.yaml"))
-    ]
+    told = list(map(serialize.load, (PROJECT / "conf" / "controller").glob("*champion*.yaml")))
     assert len(told) > 7
     for controller in told:
         assert dict(controller.provenance)["controller_hash"] == content_hash(controller)
@@ -285,21 +236,19 @@ def test_every_shipped_champion_is_the_one_its_provenance_tells_of() -> None:
 
 
 @pytest.mark.parametrize(
-    "changed",
+    "change",
     [
-        lambda text: text.replace(*SLIP, 1),
-        lambda text: text.replace("decision_period_s: 30.0", "decision_period_s: 40.0"),
-        lambda text: text.replace("peak: 0.053, right: 0.106}", "peak: 0.052, right: 0.106}"),
+        SLIP,
+        ("decision_period_s: 30.0", "decision_period_s: 40.0"),
+        ("peak: 0.053, right: 0.106}", "peak: 0.052, right: 0.106}"),
     ],
 )
-def test_a_controller_edited_by_hand_says_so(changed, tmp_path: Path) -> None:
+def test_a_controller_edited_by_hand_says_so(change) -> None:
     text = CHAMPION.read_text()
-    assert changed(text) != text
-    path = tmp_path / "champion.yaml"
-    path.write_text(changed(text))
+    assert text.replace(*change, 1) != text
     original = dict(serialize.load(CHAMPION).provenance)["controller_hash"]
     words = f"by hand after training; fitness and figures are of hash {original}"
-    controller = serialize.load(path)
+    controller = serialize.loads(text.replace(*change, 1), "yaml")
     assert edited(controller) == words
     assert edited(serialize.loads(serialize.dump_json(controller), "json")) == words
     (finding,) = [found for found in audit(controller).findings if found.id == "edited"]
@@ -307,21 +256,21 @@ def test_a_controller_edited_by_hand_says_so(changed, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "same",
+    "change",
     [
-        lambda text: text.replace("decision_period_s: 30.0", "decision_period_s: 30"),
-        lambda text: text.replace("description: force along Hill i", "description: up or down"),
-        lambda text: text.replace("name: champion_27\n", "name: other\n"),
+        ("decision_period_s: 30.0", "decision_period_s: 30"),
+        ("description: force along Hill i", "description: up or down"),
+        ("name: champion_27\n", "name: other\n"),
     ],
 )
-def test_other_words_for_the_same_are_no_edit(same) -> None:
+def test_other_words_for_the_same_are_no_edit(change) -> None:
     text = CHAMPION.read_text()
-    assert same(text) != text
-    assert edited(serialize.loads(same(text), "yaml")) is None
+    assert text.replace(*change) != text
+    assert edited(serialize.loads(text.replace(*change), "yaml")) is None
 
 
 def test_what_was_simplified_is_told_apart_from_what_a_hand_did() -> None:
-    trained = described(paper_like_controller(), {"training_fitness": "0.5"})
+    trained = described(PAPER_LIKE, {"training_fitness": "0.5"})
     simpler = simplify(trained).controller
     assert content_hash(simpler) != content_hash(trained)
     again = serialize.loads(serialize.dump_json(simpler), "json")
@@ -338,11 +287,8 @@ def test_a_slip_in_a_symmetric_table_is_found() -> None:
     assert found(text) == []
     assert found(text.replace(*SLIP, 1)) == [(3, 7)]
     # the middle of an odd table is its own mirror
-    middle = (
-        "negative_small, zero,           positive_small,  # aim_r",
-        "negative_small, positive_small, positive_small,  # aim_r",
-    )
-    assert found(text.replace(*middle, 1)) == [(5,)]
+    middle = "negative_small, zero,           positive_small,  # aim_r"
+    assert found(text.replace(middle, middle.replace("zero,          ", "positive_small,"), 1)) == [(5,)]
 
 
 def test_a_project_says_where_its_controllers_are(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -12,20 +12,17 @@ from fis_tools.formats import serialize
 from fis_tools.genes.parameters import Bounds, SystemEncoding
 from fis_tools.model import FuzzySystem, Gaussian, Term, Triangular, Variable, rule_table, table_rules
 from fis_tools.model.validate import problems
+from tests.fis_tools.sample_controllers import gaussian_terms
 from tests.places import PROJECT
 
 PAPER = serialize.load(PROJECT / "conf" / "controller" / "paper.yaml").systems
 BOUNDS = Bounds(mean_window=0.9, standard_deviation=(0.04, 0.3), output_reach=(0.01, 0.3))
 
 
-def variable(
-    name: str, low: float, high: float, num_terms: int, num_points: int, default: float | None = None
-) -> Variable:
-    terms = tuple(
-        Term(f"t{index}", Gaussian(float(mean), 0.2 * (high - low)))
-        for index, mean in enumerate(np.linspace(low, high, num_terms))
-    )
-    return Variable(name, "", low, high, terms, num_points=num_points, default=default)
+def variable(name: str, low: float, high: float, num_terms: int, num_points: int, **told: float) -> Variable:
+    names = tuple(f"t{index}" for index in range(num_terms))
+    terms = gaussian_terms(names, low, high, 0.2 * (num_terms - 1))
+    return Variable(name, "", low, high, terms, num_points=num_points, **told)
 
 
 def table(name: str, inputs: tuple[Variable, ...], output: Variable) -> FuzzySystem:
@@ -78,11 +75,8 @@ def test_a_population_is_packed_as_its_decoded_systems_are_bit_for_bit(systems):
         assert_same(packed, pack(*encoding.decode(genome)), row)
 
 
-genomes_of_small = st.lists(
-    st.one_of(st.floats(0.0, 1.0), st.sampled_from([0.0, 1.0, 0.5])),
-    min_size=SMALL.num_genes,
-    max_size=SMALL.num_genes,
-).map(np.array)
+genes = st.floats(0.0, 1.0) | st.sampled_from([0.0, 1.0, 0.5])
+genomes_of_small = st.lists(genes, min_size=SMALL.num_genes, max_size=SMALL.num_genes).map(np.array)
 
 
 @settings(max_examples=25, deadline=None)
@@ -123,17 +117,9 @@ def test_decoded_genomes_are_encoded_back_up_to_the_cells_of_rules(genome):
 def test_genes_by_hand():
     """One input from -3 to 5 m with two terms; an output with three, of which the middle one moves."""
     encoding = SystemEncoding(UNEVEN[:1], BOUNDS)
-    assert encoding.gene_names() == [
-        "one.a.t0.standard_deviation",
-        "one.a.t1.standard_deviation",
-        "one.y.t1.mean",
-        "one.y.t0.standard_deviation",
-        "one.y.t1.standard_deviation",
-        "one.y.t2.standard_deviation",
-        "one.y.reach",
-        "one.rule_0",
-        "one.rule_1",
-    ]
+    widths = [f"{term}.standard_deviation" for term in ("a.t0", "a.t1", "y.t0", "y.t1", "y.t2")]
+    named = [*widths[:2], "y.t1.mean", *widths[2:], "y.reach", "rule_0", "rule_1"]
+    assert encoding.gene_names() == [f"one.{name}" for name in named]
     (system,) = encoding.decode(np.array([0.0, 1.0, 1.0, 0.5, 0.0, 1.0, 0.5, 0.0, 1.0]))
     (first, second), (output,) = system.inputs[0].terms, system.outputs
     assert first.membership == Gaussian(-3.0, pytest.approx(0.04 * 8.0))
@@ -162,11 +148,8 @@ def test_a_rule_is_the_term_of_its_cell(gene, term):
 
 
 def test_what_lies_outside_the_bounds_is_brought_to_them():
-    system = UNEVEN[0]
-    wide = replace(
-        system.inputs[0], terms=(Term("t0", Gaussian(-3.0, 40.0)), Term("t1", Gaussian(5.0, 1e-3)))
-    )
-    genome = SystemEncoding(UNEVEN[:1], BOUNDS).encode((replace(system, inputs=(wide,)),))
+    wide = with_terms((Term("t0", Gaussian(-3.0, 40.0)), Term("t1", Gaussian(5.0, 1e-3))))
+    genome = SystemEncoding(UNEVEN[:1], BOUNDS).encode((wide,))
     np.testing.assert_array_equal(genome[:2], [1.0, 0.0])
 
 
@@ -198,16 +181,15 @@ def test_systems_without_such_genes_are_refused(system, message):
 
 def test_systems_and_genomes_of_another_structure_are_refused():
     encoding = SystemEncoding(PAPER, BOUNDS)
-    with pytest.raises(
-        ValueError, match=r"have 100 tunable numbers, this encoding has 150; encode systems of the same"
+    gap = (replace(PAPER[0], rules=PAPER[0].rules[1:]), *PAPER[1:])
+    for use, wrong, told in (
+        (encoding.encode, PAPER[:2], "have 100 tunable numbers, this encoding has 150; encode systems"),
+        (encoding.encode, gap, "'force_x' is not a full rule table; it has no genome"),
+        (encoding.decode, np.zeros(149), r"genomes have shape \(149,\) each, this encoding has 150"),
+        (encoding.pack, np.zeros((2, 151)), r"genomes have shape \(151,\) each, this encoding has 150"),
     ):
-        encoding.encode(PAPER[:2])
-    with pytest.raises(ValueError, match=r"'force_x' is not a full rule table; it has no genome"):
-        encoding.encode((replace(PAPER[0], rules=PAPER[0].rules[1:]), *PAPER[1:]))
-    with pytest.raises(ValueError, match=r"genomes have shape \(149,\) each, this encoding has 150 genes"):
-        encoding.decode(np.zeros(149))
-    with pytest.raises(ValueError, match=r"genomes have shape \(151,\) each, this encoding has 150 genes"):
-        encoding.pack(np.zeros((2, 151)))
+        with pytest.raises(ValueError, match=told):
+            use(wrong)
 
 
 @pytest.mark.parametrize(

@@ -13,41 +13,23 @@ from fis_tools.formats.serialize import dump_json
 from fis_tools.model import (
     And,
     Consequent,
-    Expression,
-    Formula,
     FuzzyController,
     FuzzySystem,
-    Gaussian,
     Hedged,
     Is,
-    Linear,
-    MembershipFunction,
     Not,
     Or,
     Rule,
-    Sampled,
-    Sigmoid,
     Term,
-    Triangular,
-    TwoSidedGaussian,
-    Variable,
-    ZShape,
-)
-from fis_tools.model.shape import SHAPES, Width
-from fis_tools.model.validate import (
-    MAX_NESTING,
-    InvalidSystem,
-    controller_problems,
-    problems,
-    shape_problems,
     validate,
 )
-from tests.fis_tools.sample_controllers import (
-    force,
-    force_x_system,
-    general_controller,
-    paper_like_controller,
-)
+from fis_tools.model.numbers import Formula, Linear
+from fis_tools.model.shape import SHAPES, MembershipFunction, Width
+from fis_tools.model.shapes import Gaussian, Sampled, Sigmoid, Triangular, TwoSidedGaussian, ZShape
+from fis_tools.model.systems import Expression
+from fis_tools.model.validate import MAX_NESTING, InvalidSystem, controller_problems, problems, shape_problems
+from fis_tools.model.variables import Variable
+from tests.fis_tools.sample_controllers import FORCE_X, GENERAL, PAPER_LIKE, force
 
 NAN, INF = float("nan"), float("inf")
 
@@ -67,30 +49,31 @@ class _Unregistered(MembershipFunction):
 
 
 def _with_membership(membership: MembershipFunction) -> FuzzySystem:
-    system = force_x_system()
-    distance, velocity = system.inputs
+    distance, velocity = FORCE_X.inputs
     terms = (Term(distance.terms[0].name, membership), *distance.terms[1:])
-    return replace(system, inputs=(replace(distance, terms=terms), velocity))
+    return replace(FORCE_X, inputs=(replace(distance, terms=terms), velocity))
 
 
 def _with_distance(**changes: object) -> FuzzySystem:
-    system = force_x_system()
-    return replace(system, inputs=(replace(system.inputs[0], **changes), system.inputs[1]))  # type: ignore[arg-type]
+    return replace(FORCE_X, inputs=(replace(FORCE_X.inputs[0], **changes), FORCE_X.inputs[1]))  # type: ignore[arg-type]
 
 
 def _with_output(**changes: object) -> FuzzySystem:
-    return replace(force_x_system(), outputs=(replace(force(), **changes),))  # type: ignore[arg-type]
+    return replace(FORCE_X, outputs=(replace(force(), **changes),))  # type: ignore[arg-type]
 
 
 def _with_rule(antecedent: Expression, *consequents: Consequent) -> FuzzySystem:
-    system = force_x_system()
     rule = Rule(antecedent, consequents or (Consequent("force_x", "ZE"),))
-    return replace(system, rules=(*system.rules, rule))
+    return replace(FORCE_X, rules=(*FORCE_X.rules, rule))
 
 
 def _with_own_operators(**changes: object) -> FuzzySystem:
-    first, *rest = force_x_system().rules
-    return replace(force_x_system(), rules=(replace(first, **changes), *rest))  # type: ignore[arg-type]
+    first, *rest = FORCE_X.rules
+    return replace(FORCE_X, rules=(replace(first, **changes), *rest))  # type: ignore[arg-type]
+
+
+def _labelled(label: str) -> Rule:
+    return replace(FORCE_X.rules[0], label=label)
 
 
 def _nested(depth: int) -> Expression:
@@ -100,11 +83,11 @@ def _nested(depth: int) -> Expression:
     return expression
 
 
-@pytest.mark.parametrize("controller", [paper_like_controller(), general_controller()])
+@pytest.mark.parametrize("controller", [PAPER_LIKE, GENERAL])
 def test_right_controllers_have_no_problems(controller: FuzzyController) -> None:
     assert controller_problems(controller) == []
     for system in controller.systems:
-        validate(system)
+        validate.validate(system)
 
 
 @pytest.mark.parametrize(
@@ -149,17 +132,14 @@ def test_right_controllers_have_no_problems(controller: FuzzyController) -> None
         (_with_output(default=NAN), ["default nan"]),
         (_with_output(default="0"), ["default 0"]),
         (_with_output(terms=force().terms * 2), ["2 terms called 'NL'"]),
-        (
-            _with_output(terms=force().terms[:4]),
-            ["rule 1:", "'force_x' has no term 'PL'", "one of NL, NS, ZE, PS"],
-        ),
-        (replace(force_x_system(), rules=()), ["no rules"]),
-        (replace(force_x_system(), inputs=()), ["no inputs"]),
-        (replace(force_x_system(), outputs=()), ["no outputs"]),
-        (replace(force_x_system(), and_operator="mean"), ["and_operator 'mean'", "min, product"]),
-        (replace(force_x_system(), or_operator="sum"), ["or_operator 'sum'"]),
-        (replace(force_x_system(), defuzzifier="middle"), ["defuzzifier 'middle'", "centroid"]),
-        (replace(force_x_system(), defuzzifier=None), ["defuzzifier None"]),
+        (_with_output(terms=force().terms[:4]), ["rule 1:", "no term 'PL'", "one of NL, NS, ZE, PS"]),
+        (replace(FORCE_X, rules=()), ["no rules"]),
+        (replace(FORCE_X, inputs=()), ["no inputs"]),
+        (replace(FORCE_X, outputs=()), ["no outputs"]),
+        (replace(FORCE_X, and_operator="mean"), ["and_operator 'mean'", "min, product"]),
+        (replace(FORCE_X, or_operator="sum"), ["or_operator 'sum'"]),
+        (replace(FORCE_X, defuzzifier="middle"), ["defuzzifier 'middle'", "centroid"]),
+        (replace(FORCE_X, defuzzifier=None), ["defuzzifier None"]),
         (_with_output(defuzzifier="middle"), ["output 'force_x': defuzzifier 'middle'"]),
         (_with_output(accumulation="mean"), ["output 'force_x': accumulation 'mean'", "probabilistic_sum"]),
         (_with_distance(defuzzifier="mom"), ["input 'distance' has a defuzzifier"]),
@@ -178,11 +158,8 @@ def test_right_controllers_have_no_problems(controller: FuzzyController) -> None
         (_with_rule(_nested(1), Consequent("force_y", "ZE")), ["output 'force_y' does not exist"]),
         (_with_rule(_nested(1), Consequent("force_x", "ZE", 1.5)), ["weight 1.5", "outside [0, 1]"]),
         (_with_rule(_nested(1), Consequent("force_x", "ZE", NAN)), ["weight nan"]),
-        (replace(force_x_system(), rules=(Rule(_nested(1), ()),)), ["concludes nothing"]),
-        (
-            replace(force_x_system(), rules=(replace(force_x_system().rules[0], label="a"),) * 2),
-            ["2 rules called 'a'"],
-        ),
+        (replace(FORCE_X, rules=(Rule(_nested(1), ()),)), ["concludes nothing"]),
+        (replace(FORCE_X, rules=(_labelled("a"),) * 2), ["2 rules called 'a'"]),
     ],
 )
 def test_each_problem_is_told_in_one_sentence(system: FuzzySystem, words: list[str]) -> None:
@@ -190,7 +167,7 @@ def test_each_problem_is_told_in_one_sentence(system: FuzzySystem, words: list[s
     assert len(found) == 1, problems(system)
     assert found[0].startswith("system 'force_x'")
     with pytest.raises(InvalidSystem):
-        validate(system)
+        validate.validate(system)
 
 
 def test_nesting_up_to_the_limit_is_right() -> None:
@@ -205,11 +182,11 @@ def test_all_problems_are_told_at_once() -> None:
 @pytest.mark.parametrize(
     ("controller", "words"),
     [
-        (replace(paper_like_controller(), systems=()), "has no systems"),
-        (replace(paper_like_controller(), systems=(force_x_system(), force_x_system())), "2 systems called"),
-        (replace(paper_like_controller(), name=" x"), "called ' x'"),
-        (replace(paper_like_controller(), attributes=(("a", "1"), ("a", "2"))), "2 attributes called 'a'"),
-        (replace(paper_like_controller(), systems=(_with_output(default=None),)), "declare default"),
+        (replace(PAPER_LIKE, systems=()), "has no systems"),
+        (replace(PAPER_LIKE, systems=(FORCE_X, FORCE_X)), "2 systems called"),
+        (replace(PAPER_LIKE, name=" x"), "called ' x'"),
+        (replace(PAPER_LIKE, attributes=(("a", "1"), ("a", "2"))), "2 attributes called 'a'"),
+        (replace(PAPER_LIKE, systems=(_with_output(default=None),)), "declare default"),
     ],
 )
 def test_controllers_are_checked_too(controller: FuzzyController, words: str) -> None:

@@ -10,24 +10,14 @@ from matplotlib.text import Text
 from matplotlib.transforms import Bbox
 
 from fis_tools.model import FuzzySystem, Variable, table_rules
-from tests.fis_tools.sample_controllers import (
-    FORCE_TERMS,
-    force,
-    force_x_system,
-    gaussian_terms,
-    general_controller,
-)
+from tests.fis_tools import sample_controllers
+from tests.fis_tools.sample_controllers import FORCE_TERMS, FORCE_X, gaussian_terms
 
+_AMOUNTS = ("extremely", "rather", "moderately", "slightly")
 NINE = (
-    "extremely negative",
-    "rather negative",
-    "moderately negative",
-    "slightly negative",
+    *(f"{amount} negative" for amount in _AMOUNTS),
     "about zero",
-    "slightly positive",
-    "moderately positive",
-    "rather positive",
-    "extremely positive",
+    *(f"{amount} positive" for amount in reversed(_AMOUNTS)),
 )
 
 
@@ -48,20 +38,15 @@ def autopilot_system() -> FuzzySystem:
         Variable(name, unit, -end, end, gaussian_terms(FORCE_TERMS, -end, end))
         for name, unit, end in (("pitch", "deg", 30.0), ("pitch_rate", "deg/s", 5.0), ("speed", "m/s", 10.0))
     )
-    output = force("elevator")
+    output = sample_controllers.force("elevator")
     table = [FORCE_TERMS[(12 - a - b - c) // 3] for a in range(5) for b in range(5) for c in range(5)]
     return FuzzySystem("autopilot", inputs, (output,), table_rules(inputs, output, table))
 
 
 def one_input_system() -> FuzzySystem:
-    system = force_x_system()
-    inputs, output = system.inputs[1:], system.outputs[0]
+    inputs, output = FORCE_X.inputs[1:], FORCE_X.outputs[0]
     rules = table_rules(inputs, output, ["PL", "PS", "ZE", "NS", "NL"])
     return FuzzySystem("damper", inputs, (output,), rules)
-
-
-def room_system() -> FuzzySystem:
-    return general_controller().systems[0]
 
 
 def words_of(ax: Axes) -> list[Text]:
@@ -81,15 +66,10 @@ def seen_words(figure: Figure) -> list[tuple[Text, Bbox]]:
         if ax.name == "3d":
             texts += [text for text in (ax.title, *ax.texts) if text.get_text()]
             continue
-        low, high = sorted(ax.get_xlim())
-        bottom, top = sorted(ax.get_ylim())
-        for text in words_of(ax):
-            x, y = text.get_position()
-            is_tick_off = (text in ax.get_xticklabels() and not low <= x <= high) or (
-                text in ax.get_yticklabels() and not bottom <= y <= top
-            )
-            if not is_tick_off:
-                texts.append(text)
+        (low, high), (bottom, top) = sorted(ax.get_xlim()), sorted(ax.get_ylim())
+        x_off = {text for text in ax.get_xticklabels() if not low <= text.get_position()[0] <= high}
+        y_off = {text for text in ax.get_yticklabels() if not bottom <= text.get_position()[1] <= top}
+        texts += [text for text in words_of(ax) if text not in x_off | y_off]
     return [(text, text.get_window_extent()) for text in dict.fromkeys(texts)]
 
 
@@ -102,13 +82,6 @@ def collisions(figure: Figure, boxes: list[tuple[Text, Bbox]] | None = None, sla
         if min(box.x1, beside.x1) - max(box.x0, beside.x0) > slack
         and min(box.y1, beside.y1) - max(box.y0, beside.y0) > slack
     ]
-    edge = figure.bbox
-    for text, box in boxes:
-        if (
-            box.x0 < edge.x0 - slack
-            or box.x1 > edge.x1 + slack
-            or box.y0 < -slack
-            or box.y1 > edge.y1 + slack
-        ):
-            found.append(f"{text.get_text()!r} and the edge")
-    return found
+    page = figure.bbox.padded(slack)
+    outside = [text for text, box in boxes if Bbox.union([page, box]).bounds != page.bounds]
+    return found + [f"{text.get_text()!r} and the edge" for text in outside]

@@ -9,25 +9,19 @@ from matplotlib.figure import Figure
 
 from fis_tools.analysis.flights import read_flight
 from fis_tools.document import html, text
-from fis_tools.model import And, Consequent, FuzzyController, FuzzySystem, Is, Rule
+from fis_tools.model import And, Consequent, Expression, FuzzyController, FuzzySystem, Is, Rule
 from fis_tools.render import rule_matrix, rules_figures
 from fis_tools.render.rules import firing_map, rule_names
 from fis_tools.render.theme import contrast, luminance, term_colours
 from fis_tools.words.text import outline
 from tests.fis_tools.analysis.test_flights import log_flight
-from tests.fis_tools.render.picture_systems import one_input_system, room_system
-from tests.fis_tools.sample_controllers import (
-    force_x_system,
-    force_z_system,
-    general_controller,
-    paper_like_controller,
-)
+from tests.fis_tools.render.picture_systems import one_input_system
+from tests.fis_tools.sample_controllers import FORCE_X, FORCE_Z, PAPER_LIKE, ROOM
 
 
 def test_the_rule_matrix_holds_every_consequent_at_its_place() -> None:
-    system = force_x_system()
-    ax = rule_matrix(system, Figure().subplots())
-    assert [text.get_text() for text in ax.texts] == [rule.consequents[0].term for rule in system.rules]
+    ax = rule_matrix(FORCE_X, Figure().subplots())
+    assert [text.get_text() for text in ax.texts] == [rule.consequents[0].term for rule in FORCE_X.rules]
     # the rule of the third distance and the fourth velocity stands at column 3, row 2
     assert ax.texts[2 * 5 + 3].get_position() == (3, 2)
     assert [label.get_text().replace("\n", " ") for label in ax.get_xticklabels()][4] == "towards fast"
@@ -36,9 +30,8 @@ def test_the_rule_matrix_holds_every_consequent_at_its_place() -> None:
 
 
 def test_each_cell_has_the_colour_of_its_word_and_the_word_can_be_read() -> None:
-    system = force_x_system()
-    ax = rule_matrix(system, Figure().subplots())
-    names = [term.name for term in system.outputs[0].terms]
+    ax = rule_matrix(FORCE_X, Figure().subplots())
+    names = [term.name for term in FORCE_X.outputs[0].terms]
     for label, cell in zip(ax.texts, ax.patches, strict=True):
         face = cell.get_facecolor()[:3]
         assert face == pytest.approx(tuple(term_colours(5)[names.index(label.get_text())]))
@@ -48,7 +41,7 @@ def test_each_cell_has_the_colour_of_its_word_and_the_word_can_be_read() -> None
 
 
 def test_brightness_alone_orders_the_terms() -> None:
-    ax = rule_matrix(force_x_system(), Figure().subplots())
+    ax = rule_matrix(FORCE_X, Figure().subplots())
     place = {name: index for index, name in enumerate(("NL", "NS", "ZE", "PS", "PL"))}
     pairs = {
         (place[label.get_text()], round(luminance(cell.get_facecolor()[:3]), 6))
@@ -60,22 +53,18 @@ def test_brightness_alone_orders_the_terms() -> None:
 
 
 def test_a_third_input_needs_a_term() -> None:
-    system = force_z_system()
-    ax = rule_matrix(system, Figure().subplots(), {"eta_u": "right"})
-    assert [text.get_text() for text in ax.texts] == [r.consequents[0].term for r in system.rules[30:]]
+    ax = rule_matrix(FORCE_Z, Figure().subplots(), {"eta_u": "right"})
+    assert [text.get_text() for text in ax.texts] == [r.consequents[0].term for r in FORCE_Z.rules[30:]]
     with pytest.raises(ValueError, match="for one term of 'eta_u'; fix it to one of left, ahead, right"):
-        rule_matrix(system, Figure().subplots())
+        rule_matrix(FORCE_Z, Figure().subplots())
     with pytest.raises(ValueError, match="no output 'force_y'; did you mean 'force_z'"):
-        rule_matrix(system, Figure().subplots(), {"eta_u": "left"}, output="force_y")
+        rule_matrix(FORCE_Z, Figure().subplots(), {"eta_u": "left"}, output="force_y")
 
 
 def test_cells_without_a_rule_say_so_and_an_input_left_out_fills_a_row() -> None:
-    system = force_x_system()
-    rules = (
-        *(rule for rule in system.rules[:15] if rule != system.rules[7]),
-        Rule(Is("distance", "far"), (Consequent("force_x", "PS", 0.5),)),
-    )
-    ax = rule_matrix(replace(system, rules=rules), Figure().subplots())
+    far = Rule(Is("distance", "far"), (Consequent("force_x", "PS", 0.5),))
+    rules = (*FORCE_X.rules[:7], *FORCE_X.rules[8:15], far)
+    ax = rule_matrix(replace(FORCE_X, rules=rules), Figure().subplots())
     words = [text.get_text().replace("\n", " ") for text in ax.texts]
     assert words[7] == "no rule"
     assert words[15:20] == ["PS × 0.5"] * 5
@@ -88,22 +77,20 @@ def test_one_input_makes_one_row() -> None:
     assert ax.get_ylabel() == ""
 
 
-def contradicting() -> FuzzySystem:
-    system = force_x_system()
-    return replace(
-        system, rules=(*system.rules, replace(system.rules[0], consequents=(Consequent("force_x", "NL"),)))
-    )
-
-
-def repeated() -> FuzzySystem:
-    system = force_x_system()
-    twice = And((Is("distance", "near"), Is("distance", "far")))
-    return replace(system, rules=(*system.rules, Rule(twice, (Consequent("force_x", "NL"),))))
+def with_rule(asked: Expression) -> FuzzySystem:
+    """The force system with one more rule."""
+    rule = Rule(asked, (Consequent("force_x", "NL"),))
+    return replace(FORCE_X, rules=(*FORCE_X.rules, rule))
 
 
 @pytest.mark.parametrize(
     "system",
-    [room_system(), contradicting(), repeated(), replace(force_x_system(), rules=force_x_system().rules[:9])],
+    [
+        ROOM,
+        with_rule(FORCE_X.rules[0].antecedent),
+        with_rule(And((Is("distance", "near"), Is("distance", "far")))),
+        replace(FORCE_X, rules=FORCE_X.rules[:9]),
+    ],
 )
 def test_rules_that_are_no_table_are_not_drawn(system: FuzzySystem) -> None:
     with pytest.raises(ValueError, match="not a full table; print them"):
@@ -112,7 +99,7 @@ def test_rules_that_are_no_table_are_not_drawn(system: FuzzySystem) -> None:
 
 
 def test_firing_along_a_flight_is_what_was_logged_the_most_used_rule_first(tmp_path) -> None:  # type: ignore[no-untyped-def]
-    flown = read_flight(log_flight(tmp_path / "a.mcap", paper_like_controller(), num_samples=12))[0]
+    flown = read_flight(log_flight(tmp_path / "a.mcap", PAPER_LIKE, num_samples=12))[0]
     figure = Figure()
     ax = firing_map(flown.system, flown.time_s, flown.firing_strengths, figure.subplots(), most_rules=7)
     means = flown.firing_strengths.mean(axis=0)
@@ -133,12 +120,12 @@ def test_firing_along_a_flight_is_what_was_logged_the_most_used_rule_first(tmp_p
 
 
 def test_a_flight_on_which_nothing_fires_is_drawn_empty() -> None:
-    ax = firing_map(force_x_system(), np.arange(2.0), np.zeros((2, 25)), Figure().subplots())
+    ax = firing_map(FORCE_X, np.arange(2.0), np.zeros((2, 25)), Figure().subplots())
     assert not [label for label in ax.get_yticklabels() if label.get_text()]
 
 
 def test_rules_are_named_in_few_words() -> None:
-    first, second = rule_names(room_system())
+    first, second = rule_names(ROOM)
     assert second == "2: hot · any → heat low × 0.75, vent open"
     assert first.startswith("1: temperature is cold and (wind is calm or temperature is not hot) → heat high")
 
@@ -147,11 +134,10 @@ NASTY = 'a_b & 50 % <i>{x}</i> \\cmd $5^2$ #1 ~ | "q" *'
 
 
 def nasty_controller() -> FuzzyController:
-    system = general_controller().systems[0]
+    system = ROOM
     described = replace(system.inputs[0], description=NASTY)
-    return FuzzyController(
-        NASTY, (replace(system, inputs=(described, *system.inputs[1:])),), (("key", NASTY),)
-    )
+    system = replace(system, inputs=(described, *system.inputs[1:]))
+    return FuzzyController(NASTY, (system,), (("key", NASTY),))
 
 
 def assert_is_latex(source: str) -> None:
@@ -177,9 +163,8 @@ def assert_is_latex(source: str) -> None:
         else:
             assert opened.pop() == name
     assert opened == []
-    for columns, body in re.findall(
-        r"\\begin\{(?:tabular|longtable)\}\{((?:[lr]|p\{[^}]*\})+)\}(.*?)\\end", bare, re.DOTALL
-    ):
+    table = r"\\begin\{(?:tabular|longtable)\}\{((?:[lr]|p\{[^}]*\})+)\}(.*?)\\end"
+    for columns, body in re.findall(table, bare, re.DOTALL):
         width = len(re.sub(r"p\{[^}]*\}", "p", columns))
         rows = re.findall(r"(?m)^(.*) \\\\$", body)
         assert rows
@@ -189,7 +174,7 @@ def assert_is_latex(source: str) -> None:
 
 
 def test_latex_is_whole() -> None:
-    written = text.write_latex(outline(paper_like_controller()))
+    written = text.write_latex(outline(PAPER_LIKE))
     assert_is_latex(written)
     assert r" & \multicolumn{5}{c}{velocity\_body\_x} \\" in written
     assert "\nfar & PL & PS & PS & ZE & NS \\\\\n" in written
@@ -198,19 +183,16 @@ def test_latex_is_whole() -> None:
 
 
 def test_latex_rows_that_begin_like_an_option_are_kept() -> None:
-    system = general_controller().systems[0]
-    starred = replace(system.inputs[0], terms=(replace(system.inputs[0].terms[0], name="*"),))
-    written = text.write_latex(
-        outline(FuzzyController("c", (replace(system, inputs=(starred, system.inputs[1])),)))
-    )
+    starred = replace(ROOM.inputs[0], terms=(replace(ROOM.inputs[0].terms[0], name="*"),))
+    controller = FuzzyController("c", (replace(ROOM, inputs=(starred, ROOM.inputs[1])),))
+    written = text.write_latex(outline(controller))
     assert "\n{*} & trapezoid" in written
     assert "{[warm up] If" in written
 
 
 def test_an_uneven_universe_is_told_as_one() -> None:
-    system = force_x_system()
     points = (0.0, 10.0, 50.0, 200.0)
-    uneven = replace(system.inputs[0], points=points, num_points=4)
-    controller = FuzzyController("uneven", (replace(system, inputs=(uneven, *system.inputs[1:])),))
+    uneven = replace(FORCE_X.inputs[0], points=points, num_points=4)
+    controller = FuzzyController("uneven", (replace(FORCE_X, inputs=(uneven, *FORCE_X.inputs[1:])),))
     for write in (text.write, text.write_markdown, html.page, text.write_latex):
         assert write(outline(controller)).count("From 0 to 200, 4 uneven points.") == 1

@@ -6,11 +6,10 @@ from pathlib import Path
 import numpy as np
 
 from fis_tools.engines.inference import Floats
-from fis_tools.formats.serialize import dump_json
 from fis_tools.model import FuzzyController, FuzzySystem, Gaussian, Term, Variable, table_rules
-from telemetry import EpisodeWriter
-from tests.fis_tools.analysis.test_flights import description, log_inference
+from tests.fis_tools.analysis.test_flights import log_inference, writing
 from tests.fis_tools.sample_controllers import FORCE_TERMS, force, gaussian_terms
+from tests.fis_tools.step_by_step import ends
 
 HOSTILE = (
     "</script><script>window.pwned = 1</script>",
@@ -44,24 +43,17 @@ def hostile_controller() -> FuzzyController:
 
 def path_of(system: FuzzySystem, num_samples: int) -> Floats:
     """Inputs that swing over the universes, a little beyond them too."""
-    phases = np.linspace(0.0, 9.0, num_samples)
-    columns = []
-    for place, variable in enumerate(system.inputs):
-        middle, half = (
-            0.5 * (variable.maximum + variable.minimum),
-            0.55 * (variable.maximum - variable.minimum),
-        )
-        columns.append(middle + half * np.sin((1.0 + 0.7 * place) * phases + place))
-    return np.stack(columns, axis=1)
+    phases = np.linspace(0.0, 9.0, num_samples)[:, np.newaxis]
+    low, high = ends(system)
+    places = np.arange(len(low))
+    swings: Floats = np.sin((1.0 + 0.7 * places) * phases + places)
+    return 0.5 * (high + low) + 0.55 * (high - low) * swings
 
 
 def log_flight(path: Path, controller: FuzzyController, num_samples: int) -> Path:
     """Log what every system of a controller does along `path_of`, every 10 s."""
-    metadata = {f"fis.{system.name}": description(system) for system in controller.systems}
-    attachments = {"controller.json": dump_json(controller).encode()}
-    path.parent.mkdir(parents=True, exist_ok=True)
     paths = [path_of(system, num_samples) for system in controller.systems]
-    with EpisodeWriter(path, metadata=metadata, attachments=attachments) as writer:
+    with writing(path, controller) as writer:
         for sample in range(num_samples):
             for system, inputs in zip(controller.systems, paths, strict=True):
                 log_inference(writer, 10.0 * sample, system, inputs[sample])

@@ -13,14 +13,10 @@ from fis_tools.formats import serialize
 from fis_tools.model import FuzzyController, FuzzySystem
 from fis_tools.review import content, page
 from tests.fis_tools import step_by_step
-from tests.fis_tools.engines.random_systems import (
-    full_table_system,
-    hedged,
-    inputs_for,
-    random_general_system,
-)
+from tests.fis_tools.engines import random_systems as drawn
+from tests.fis_tools.engines.random_systems import inputs_for
 from tests.fis_tools.review.cases import system_of_125_rules
-from tests.fis_tools.sample_controllers import general_controller
+from tests.fis_tools.sample_controllers import GENERAL
 
 pytestmark = pytest.mark.slow
 
@@ -43,10 +39,10 @@ SHARES = """([place, rows]) => rows.map((row) => {
 
 def random_systems(seed: int, count: int) -> tuple[FuzzySystem, ...]:
     generator = np.random.default_rng(seed)
-    makers = (random_general_system, random_general_system, full_table_system)
+    makers = (drawn.random_general_system, drawn.random_general_system, drawn.full_table_system)
     systems = (makers[place % len(makers)](generator) for place in range(count))
     return tuple(
-        replace(hedged(system, generator) if place % 2 else system, name=f"random {place}")
+        replace(drawn.hedged(system, generator) if place % 2 else system, name=f"random {place}")
         for place, system in enumerate(systems)
     )
 
@@ -55,8 +51,7 @@ CONTROLLERS = {
     name: cache(make)
     for name, make in {
         "champion": lambda: serialize.load("conf/controller/paper_champion.yaml"),
-        "octants": lambda: serialize.load("conf/controller/paper_octants.yaml"),
-        "everything": general_controller,
+        "everything": lambda: GENERAL,
         "125 rules": lambda: FuzzyController("many", (system_of_125_rules(),)),
         "random": lambda: FuzzyController("random", random_systems(seed=8, count=24)),
     }.items()
@@ -90,9 +85,8 @@ def test_outputs_and_firing_are_those_of_python(opened, name):
         rows = inputs_for(system, generator, NUM_SAMPLES)
         told = browser_page.evaluate(INFER, [place, rows.tolist()])
         values = np.array([[float(value) for value in sample["values"]] for sample in told])
-        ranges = np.array([variable.maximum - variable.minimum for variable in system.outputs])
         expected = step_by_step.evaluate(system, rows)
-        np.testing.assert_allclose(values / ranges, expected / ranges, rtol=0, atol=1e-9)
+        step_by_step.assert_near(values, expected, system, 1e-9)
         firing = np.array([sample["firing"] for sample in told])
         np.testing.assert_allclose(firing, step_by_step.firing_strengths(system, rows), rtol=0, atol=1e-12)
         num_values.append(np.unique(expected[~np.isnan(expected)]).size)
@@ -102,9 +96,8 @@ def test_outputs_and_firing_are_those_of_python(opened, name):
 
 
 def test_contributions_are_those_of_python(opened):
-    controller = general_controller()
-    (system,) = controller.systems
-    browser_page = opened(page.write(controller))
+    (system,) = GENERAL.systems
+    browser_page = opened(page.write(GENERAL))
     rows = inputs_for(system, np.random.default_rng(3), 60)
     told = browser_page.evaluate(
         """(rows) => rows.map((row) => review.systems[0].outputs.map((_, output) =>
@@ -116,8 +109,13 @@ def test_contributions_are_those_of_python(opened):
     np.testing.assert_allclose(np.array(told).transpose(0, 2, 1), expected, rtol=0, atol=1e-9)
 
 
-@pytest.mark.parametrize("most", [shapley.MOST_COALITIONS, 1], ids=["exact", "sampled"])
-@pytest.mark.parametrize("name", ["everything", "champion", "125 rules", "random"])
+@pytest.mark.parametrize(
+    ("name", "most"),
+    [
+        *((name, shapley.MOST_COALITIONS) for name in ("everything", "champion", "random")),
+        *((name, 1) for name in ("125 rules", "random")),
+    ],
+)
 def test_shares_are_those_of_python(opened, monkeypatch, name, most):
     controller = CONTROLLERS[name]()
     monkeypatch.setattr(page, "_script", lambda script=page._script: limited(script(), most))
@@ -129,11 +127,10 @@ def test_shares_are_those_of_python(opened, monkeypatch, name, most):
         rows = inputs_for(system, generator, 4)
         told = browser_page.evaluate(SHARES, [place, rows.tolist()])
         expected = shapley.shares(compiler.compile(system), rows)
-        spans = np.array([variable.maximum - variable.minimum for variable in system.outputs])
         values = np.array([[output["values"] for output in sample] for sample in told]).transpose(0, 2, 1)
-        np.testing.assert_allclose(values / spans, expected.values / spans, rtol=0, atol=1e-9)
+        step_by_step.assert_near(values, expected.values, system, 1e-9)
         errors = np.array([[output["error"] for output in sample] for sample in told])
-        np.testing.assert_allclose(errors / spans, expected.error / spans, rtol=0, atol=1e-9)
+        step_by_step.assert_near(errors, expected.error, system, 1e-9)
         count += np.count_nonzero(expected.values)
     assert count > 5
 
@@ -155,9 +152,7 @@ def test_the_smallest_change_that_turns_the_sign_is_that_of_python(opened):
     generator = np.random.default_rng(4)
     num_found = 0
     for place, system in enumerate(controller.systems):
-        low = np.array([variable.minimum for variable in system.inputs])
-        high = np.array([variable.maximum for variable in system.inputs])
-        for row in generator.uniform(low, high, (8, len(low))):
+        for row in generator.uniform(*step_by_step.ends(system), (8, len(system.inputs))):
             told = browser_page.evaluate(
                 "([place, row]) => review.signChange(review.systems[place], row, 0)", [place, row.tolist()]
             )

@@ -133,9 +133,8 @@ def distinct_inputs(system: control.ControlSystem, generator: np.random.Generato
     for variable in system.antecedents:
         low, high = float(variable.universe[0]), float(variable.universe[-1])
         drawn = generator.uniform(low - 0.1 * (high - low), high + 0.1 * (high - low), count)
-        columns.append(
-            np.where(generator.random(count) < 0.2, generator.choice(variable.universe, count), drawn)
-        )
+        is_on_point = generator.random(count) < 0.2
+        columns.append(np.where(is_on_point, generator.choice(variable.universe, count), drawn))
         ends.append((low, high))
     rows = np.stack(columns, axis=1)
     lows, highs = np.array(ends).T

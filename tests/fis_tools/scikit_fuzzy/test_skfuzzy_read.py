@@ -1,9 +1,8 @@
 """Reading scikit-fuzzy's control systems: what is recognised, what is kept, and what is refused."""
 
 import operator
-from collections.abc import Callable
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from typing import Any
 
 import networkx as nx
@@ -15,31 +14,10 @@ from hypothesis import strategies as st
 from skfuzzy import control
 from skfuzzy.control import ControlSystem
 
+from fis_tools.engines.compiler import compile
 from fis_tools.engines.inference import infer
-from fis_tools.model import (
-    And,
-    Consequent,
-    FuzzySystem,
-    Gaussian,
-    GeneralizedBell,
-    Is,
-    Not,
-    Or,
-    PiShape,
-    Rule,
-    Sampled,
-    Sigmoid,
-    SigmoidDifference,
-    SigmoidProduct,
-    SShape,
-    Term,
-    Trapezoidal,
-    Triangular,
-    TwoSidedGaussian,
-    Variable,
-    ZShape,
-    operators,
-)
+from fis_tools.model import And, Consequent, FuzzySystem, Is, Not, Or, Rule, Term, Variable, operators, shapes
+from fis_tools.model.systems import with_variables
 from fis_tools.model.variables import sample
 from fis_tools.scikit_fuzzy.read import UnreadableControlSystem, read_control_system
 from fis_tools.scikit_fuzzy.recognition import recognise
@@ -47,12 +25,9 @@ from tests.fis_tools import step_by_step
 from tests.fis_tools.control_systems import build_control_system, build_simulation
 from tests.fis_tools.engines.random_systems import any_shape, inputs_for, random_general_system
 from tests.fis_tools.reference_engine import ReferenceEngine
-from tests.fis_tools.sample_controllers import force_x_system, force_z_system, general_controller
-from tests.fis_tools.scikit_fuzzy.random_control_systems import (
-    compute,
-    distinct_inputs,
-    random_control_system,
-)
+from tests.fis_tools.sample_controllers import FORCE_X, FORCE_Z, GENERAL, terms
+from tests.fis_tools.scikit_fuzzy import random_control_systems
+from tests.seeds import seeds
 
 
 def _variables() -> tuple[Any, Any, Any]:
@@ -69,56 +44,47 @@ def _read(*rules: control.Rule, **options: Any) -> FuzzySystem:
 
 def test_the_tipping_problem_is_read_as_it_was_written():
     """The example of scikit-fuzzy's documentation, with `automf` for the inputs."""
-    quality = control.Antecedent(np.arange(0, 11, 1), "quality")
-    service = control.Antecedent(np.arange(0, 11, 1), "service")
+    quality, service = (control.Antecedent(np.arange(0, 11, 1), name) for name in ("quality", "service"))
     tip = control.Consequent(np.arange(0, 26, 1), "tip")
     quality.automf(3)
     service.automf(3)
-    tip["low"] = skfuzzy.trimf(tip.universe, [0, 0, 13])
-    tip["medium"] = skfuzzy.trimf(tip.universe, [0, 13, 25])
-    tip["high"] = skfuzzy.trimf(tip.universe, [13, 25, 25])
-    source = control.ControlSystem(
-        [
-            control.Rule(quality["poor"] | service["poor"], tip["low"]),
-            control.Rule(service["average"], tip["medium"]),
-            control.Rule(service["good"] | quality["good"], tip["high"]),
-        ]
+    for name, corners in (("low", [0, 0, 13]), ("medium", [0, 13, 25]), ("high", [13, 25, 25])):
+        tip[name] = skfuzzy.trimf(tip.universe, corners)
+    rules = [
+        control.Rule(quality["poor"] | service["poor"], tip["low"]),
+        control.Rule(service["average"], tip["medium"]),
+        control.Rule(service["good"] | quality["good"], tip["high"]),
+    ]
+    source = control.ControlSystem(rules)
+    degrees = terms(
+        poor=shapes.Triangular(0.0, 0.0, 5.0),
+        average=shapes.Triangular(0.0, 5.0, 10.0),
+        good=shapes.Triangular(5.0, 10.0, 10.0),
     )
-    terms = (
-        Term("poor", Triangular(0.0, 0.0, 5.0)),
-        Term("average", Triangular(0.0, 5.0, 10.0)),
-        Term("good", Triangular(5.0, 10.0, 10.0)),
-    )
-    tip_terms = (
-        Term("low", Triangular(0.0, 0.0, 13.0)),
-        Term("medium", Triangular(0.0, 13.0, 25.0)),
-        Term("high", Triangular(13.0, 25.0, 25.0)),
+    tips = terms(
+        low=shapes.Triangular(0.0, 0.0, 13.0),
+        medium=shapes.Triangular(0.0, 13.0, 25.0),
+        high=shapes.Triangular(13.0, 25.0, 25.0),
     )
     system = read_control_system(source, "tipping")
-    assert system == FuzzySystem(
-        "tipping",
-        tuple(Variable(name, "", 0.0, 10.0, terms, 11) for name in ("quality", "service")),
-        (Variable("tip", "", 0.0, 25.0, tip_terms, 26, default=0.0),),
-        (
-            Rule(Or((Is("quality", "poor"), Is("service", "poor"))), (Consequent("tip", "low"),)),
-            Rule(Is("service", "average"), (Consequent("tip", "medium"),)),
-            Rule(Or((Is("service", "good"), Is("quality", "good"))), (Consequent("tip", "high"),)),
-        ),
+    assert system.inputs == tuple(Variable(n, "", 0.0, 10.0, degrees, 11) for n in ("quality", "service"))
+    assert system.outputs == (Variable("tip", "", 0.0, 25.0, tips, 26, default=0.0),)
+    assert system.rules == (
+        Rule(Or((Is("quality", "poor"), Is("service", "poor"))), (Consequent("tip", "low"),)),
+        Rule(Is("service", "average"), (Consequent("tip", "medium"),)),
+        Rule(Or((Is("service", "good"), Is("quality", "good"))), (Consequent("tip", "high"),)),
     )
+    assert system == FuzzySystem("tipping", system.inputs, system.outputs, system.rules)
     # 19.84 % for quality 6.5 and service 9.8, as the documentation prints it
     assert infer(system, np.array([6.5, 9.8])).values[0] == pytest.approx(19.84, abs=0.01)
 
 
 def _told_by_scikit_fuzzy(system: FuzzySystem) -> FuzzySystem:
     """Leave out what a ControlSystem has no place for."""
-
-    def bare(variables: tuple[Variable, ...]) -> tuple[Variable, ...]:
-        return tuple(replace(variable, unit="", description="") for variable in variables)
-
-    return replace(system, inputs=bare(system.inputs), outputs=bare(system.outputs))
+    return with_variables(system, lambda variable: replace(variable, unit="", description=""))
 
 
-@pytest.mark.parametrize("system", [force_x_system(), force_z_system(), *general_controller().systems])
+@pytest.mark.parametrize("system", [FORCE_X, FORCE_Z, *GENERAL.systems])
 def test_a_system_survives_being_built_and_read(system):
     defaults = {output.name: output.default for output in system.outputs if output.default is not None}
     built = build_control_system(system)
@@ -126,7 +92,7 @@ def test_a_system_survives_being_built_and_read(system):
 
 
 def test_variables_that_no_rule_mentions_are_kept_in_their_order():
-    system = force_x_system()
+    system = FORCE_X
     unused = replace(system.inputs[0], name="unused")
     system = replace(system, inputs=(unused, *system.inputs[::-1]))
     system = replace(system, rules=system.rules[:3])
@@ -134,14 +100,12 @@ def test_variables_that_no_rule_mentions_are_kept_in_their_order():
 
 
 def test_a_simulation_is_read_like_its_system():
-    system = force_x_system()
-    assert read_control_system(build_simulation(system), "s") == read_control_system(
-        build_control_system(system), "s"
-    )
+    built = build_control_system(FORCE_X)
+    assert read_control_system(build_simulation(FORCE_X), "s") == read_control_system(built, "s")
 
 
 def test_rules_keep_the_order_in_which_scikit_fuzzy_computes_them():
-    source = build_control_system(force_z_system())
+    source = build_control_system(FORCE_Z)
     nodes = [node for node in source.graph.nodes() if isinstance(node, control.Rule)]
     assert nodes == list(source.rules)
 
@@ -219,87 +183,72 @@ def test_a_universe_is_even_only_to_the_last_bit():
     system = _read(control.Rule(a["poor"] & b["poor"] & uneven["low"], y["good"]))
     assert [variable.points is None for variable in system.inputs] == [True, True, False]
     np.testing.assert_array_equal(system.inputs[2].universe, uneven.universe)
-    assert system.inputs[2].terms[0].membership == Trapezoidal(-1.0, -1.0, 0.25, 0.75)
+    assert system.inputs[2].terms[0].membership == shapes.Trapezoidal(-1.0, -1.0, 0.25, 0.75)
 
 
-def _rule_with(**changes: Any) -> Callable[[], object]:
-    def make() -> object:
-        a, b, y = _variables()
-        return _read(control.Rule((a["poor"] & b["poor"]) | b["good"], y["good"], **changes))
-
-    return make
+def _rule_with(**changes: Any) -> None:
+    a, b, y = _variables()
+    _read(control.Rule((a["poor"] & b["poor"]) | b["good"], y["good"], "odd", **changes))
 
 
-def _input_with(universe: Any, membership: Any) -> Callable[[], object]:
-    def make() -> object:
-        _, _, y = _variables()
-        c = control.Antecedent(universe, "c")
-        c["odd"] = membership
-        return _read(control.Rule(c["odd"], y["good"]))
-
-    return make
+def _input_with(universe: Any, membership: Any) -> None:
+    _, _, y = _variables()
+    c = control.Antecedent(universe, "c")
+    c["odd"] = membership
+    _read(control.Rule(c["odd"], y["good"]))
 
 
-def _chained(label: str | None, **first: Any) -> Callable[[], object]:
-    """A chain of two rules, the first changed."""
-
-    def make() -> object:
-        a, b, y = _variables()
-        z = control.Consequent(np.arange(5), "z")
-        z.automf(3)
-        weight = first.get("weight", 1.0)
-        before = control.Rule(
-            a["poor"] & b["poor"], y["good"] % weight, and_func=first.get("and_func", np.fmin)
-        )
-        return _read(before, control.Rule(y["good"] & b["poor"], z["good"], label))
-
-    return make
+def _chained(weight: float = 1.0, and_func: Any = np.fmin) -> None:
+    """A chain of two rules."""
+    a, b, y = _variables()
+    z = control.Consequent(np.arange(5), "z")
+    z.automf(3)
+    before = control.Rule(a["poor"] & b["poor"], y["good"] % weight, and_func=and_func)
+    _read(before, control.Rule(y["good"] & b["poor"], z["good"], "last"))
 
 
-def _without_its_source() -> object:
+def _without_its_source() -> None:
     a, _, y = _variables()
     z = control.Consequent(np.arange(5), "z")
     z.automf(3)
     source = control.ControlSystem([control.Rule(a["poor"], y["poor"])])
     source.graph = nx.compose(source.graph, control.Rule(y["good"], z["good"]).graph)
-    return read_control_system(source)
+    read_control_system(source)
 
 
-def _concluding_an_input() -> object:
+def _concluding_an_input() -> None:
     a, b, _ = _variables()
-    return _read(control.Rule(a["poor"], b["good"], "odd"))
+    _read(control.Rule(a["poor"], b["good"], "odd"))
 
 
-def _with_terms_made_again() -> object:
+def _with_terms_made_again() -> None:
     a, _, y = _variables()
     rule = control.Rule(a["poor"], y["good"], "old")
     a.automf(3)
-    return _read(rule)
+    _read(rule)
 
 
-def _weighted(weight: float) -> Callable[[], object]:
-    def make() -> object:
-        a, _, y = _variables()
-        return _read(control.Rule(a["poor"], y["good"] % weight))
-
-    return make
+def _concluding(method: str = "centroid", weight: float = 1.0) -> None:
+    a, _, y = _variables()
+    y.defuzzify_method = method
+    _read(control.Rule(a["poor"], y["good"] % weight))
 
 
-def _nested() -> object:
+def _nested() -> None:
     a, _, y = _variables()
     tree = a["poor"]
     for _ in range(30):
         tree = ~tree
-    return _read(control.Rule(tree, y["good"], "deep"))
+    _read(control.Rule(tree, y["good"], "deep"))
 
 
-def _by_the_method(method: str) -> Callable[[], object]:
-    def make() -> object:
-        a, _, y = _variables()
-        y.defuzzify_method = method
-        return _read(control.Rule(a["poor"], y["good"]))
+AND_CURE = "pass a function of fis_tools.model.operators: min, product"
+OR_CURE = "pass a function of fis_tools.model.operators: max, probabilistic_sum"
+FIVE = np.arange(5.0)
 
-    return make
+
+def _product(p: float, q: float) -> float:
+    return p * q
 
 
 class _Unhashable:
@@ -314,47 +263,32 @@ class _Unhashable:
     [
         (lambda: read_control_system({}), ["this is a dict", "pass a scikit-fuzzy ControlSystem"]),
         (_read, ["no inputs", "no outputs", "no rules"]),
-        (
-            _rule_with(and_func=lambda p, q: p * q, label="odd"),
-            ["and_func of rule 'odd'", "<lambda>", "pass a function of fis_tools.model.operators: min"],
-        ),
-        (
-            _rule_with(or_func=lambda p, q: p + q - p * q, label="odd"),
-            ["or_func of rule 'odd'", "<lambda>", "model.operators: max, probabilistic_sum"],
-        ),
-        (
-            _rule_with(and_func=_Unhashable()),
-            ["_Unhashable", "not known", "pass a function of fis_tools.model.operators: min, product"],
-        ),
-        (_by_the_method("middle"), ["defuzzify_method of 'y' is 'middle'", "centroid"]),
-        (_weighted(1.5), ["weight 1.5", "outside [0, 1]"]),
-        (_weighted(-0.5), ["weight -0.5"]),
-        (_chained("last", weight=0.5), ["rule 'last' asks for 'y' 'good'", "with weight 0.5, and no antec"]),
-        (_chained("last", and_func=np.multiply), ["combine by min and product", "give them the same"]),
-        (
-            _without_its_source,
-            ["rule 'if y[good] then z[good]' asks for 'y' 'good'", "no rule before it concludes"],
-        ),
+        (partial(_rule_with, and_func=_product), ["and_func of rule 'odd'", "_product", AND_CURE]),
+        (partial(_rule_with, or_func=_product), ["or_func of rule 'odd'", "_product", OR_CURE]),
+        (partial(_rule_with, and_func=_Unhashable()), ["_Unhashable", "not known", AND_CURE]),
+        (partial(_concluding, method="middle"), ["defuzzify_method of 'y' is 'middle'", "centroid"]),
+        (partial(_concluding, weight=1.5), ["weight 1.5", "outside [0, 1]"]),
+        (partial(_concluding, weight=-0.5), ["weight -0.5"]),
+        (partial(_chained, weight=0.5), ["rule 'last' asks for 'y' 'good'", "with weight 0.5, and no antec"]),
+        (partial(_chained, and_func=np.multiply), ["combine by min and product", "give them the same"]),
+        (_without_its_source, ["'if y[good] then z[good]' asks for 'y'", "no rule before it concludes"]),
         (_concluding_an_input, ["rule 'odd' concludes 'b'", "make it a Consequent"]),
         (_with_terms_made_again, ["rule 'old' mentions a term 'poor' that 'a' no longer has"]),
         (_nested, ["rule 'deep' nests", "more than 20 deep", "split the rule"]),
         (
-            _input_with(np.arange(5, dtype=np.float32), np.zeros(5)),
-            ["universe of 'c' is stored as float32", "store it as float64"],
+            partial(_input_with, FIVE.astype(np.float32), np.zeros(5)),
+            ["'c' is stored as float32", "as float64"],
         ),
-        (_input_with(np.arange(5.0), np.eye(5, dtype=np.uint8)[0]), ["term 'odd' is stored as uint8"]),
+        (partial(_input_with, FIVE, np.eye(5, dtype=np.uint8)[0]), ["term 'odd' is stored as uint8"]),
+        (partial(_input_with, FIVE, np.eye(5, dtype=bool)[0]), ["as bool, with which", "rounds or fails"]),
+        (partial(_input_with, FIVE[::-1], np.zeros(5)), ["universe of 'c'", "ascending", "sort it"]),
+        (partial(_input_with, np.array([1.0]), np.zeros(1)), ["two or more ascending numbers"]),
         (
-            _input_with(np.arange(5.0), np.eye(5, dtype=bool)[0]),
-            ["as bool, with which scikit-fuzzy rounds or fails"],
+            partial(_input_with, FIVE[:3], np.array([0.0, 1.0 + 5e-7, 0.0])),
+            ["'odd' runs from 0 to 1", "in [0, 1]"],
         ),
-        (_input_with(np.arange(5.0)[::-1], np.zeros(5)), ["universe of 'c'", "ascending", "sort it"]),
-        (_input_with(np.array([1.0]), np.zeros(1)), ["two or more ascending numbers"]),
-        (
-            _input_with(np.arange(3.0), np.array([0.0, 1.0 + 5e-7, 0.0])),
-            ["term 'odd' runs from 0 to 1", "memberships lie in [0, 1]"],
-        ),
-        (_input_with(np.arange(3.0), np.array([0.0, np.nan, 0.0])), ["term 'odd' runs from nan"]),
-        (_input_with(np.arange(4.0), np.zeros((2, 2))), ["has shape (2, 2), the universe (4,)"]),
+        (partial(_input_with, FIVE[:3], np.array([0.0, np.nan, 0.0])), ["term 'odd' runs from nan"]),
+        (partial(_input_with, np.arange(4.0), np.zeros((2, 2))), ["has shape (2, 2), the universe (4,)"]),
     ],
 )
 def test_what_a_fuzzy_system_cannot_say_is_refused(make, words):
@@ -391,27 +325,27 @@ GRID = np.linspace(0.0, 10.0, 101)
 @pytest.mark.parametrize(
     ("values", "expected"),
     [
-        (skfuzzy.gaussmf(GRID, 3.7, 1.25), Gaussian(3.7, 1.25)),
-        (skfuzzy.gaussmf(GRID, -1.0, 2.0), Gaussian(-1.0, 2.0)),
-        (skfuzzy.gaussmf(GRID, 10 / 3, 1 / 7), Gaussian(10 / 3, 1 / 7)),
-        (skfuzzy.trimf(GRID, [1, 4.5, 9.05]), Triangular(1.0, 4.5, 9.05)),
-        (skfuzzy.trimf(GRID, [1, 4.555, 9.05]), Triangular(1.0, 4.555, 9.05)),
-        (skfuzzy.trimf(GRID, [0, 0, 5]), Triangular(0.0, 0.0, 5.0)),
-        (skfuzzy.trimf(GRID, [5, 10, 10]), Triangular(5.0, 10.0, 10.0)),
-        (skfuzzy.trimf(GRID, [3, 3, 3]), Triangular(3.0, 3.0, 3.0)),
-        (skfuzzy.trapmf(GRID, [1, 2.25, 6.5, 9]), Trapezoidal(1.0, 2.25, 6.5, 9.0)),
-        (skfuzzy.trapmf(GRID, [0, 0, 2, 7.7]), Trapezoidal(0.0, 0.0, 2.0, 7.7)),
-        (skfuzzy.trapmf(GRID, [2, 2, 5, 5]), Trapezoidal(2.0, 2.0, 5.0, 5.0)),
-        (skfuzzy.gauss2mf(GRID, 3, 0.8, 5.5, 1.5), TwoSidedGaussian(3.0, 0.8, 5.5, 1.5)),
-        (skfuzzy.gbellmf(GRID, 2.1, 3.5, 4.4), GeneralizedBell(2.1, 3.5, 4.4)),
-        (skfuzzy.gbellmf(GRID, 2.1, 2.0, -1.5), GeneralizedBell(2.1, 2.0, -1.5)),
-        (skfuzzy.sigmf(GRID, 4.2, 1.7), Sigmoid(4.2, 1.7)),
-        (skfuzzy.sigmf(GRID, 4.2, -0.3), Sigmoid(4.2, -0.3)),
-        (skfuzzy.dsigmf(GRID, 2, 5, 7, 6), SigmoidDifference(2.0, 5.0, 7.0, 6.0)),
-        (skfuzzy.psigmf(GRID, 3, 2.5, 6, -4), SigmoidProduct(3.0, 2.5, 6.0, -4.0)),
-        (skfuzzy.smf(GRID, 1.1, 8.3), SShape(1.1, 8.3)),
-        (skfuzzy.zmf(GRID, 2, 7), ZShape(2.0, 7.0)),
-        (skfuzzy.pimf(GRID, 1, 3.3, 5, 9.9), PiShape(1.0, 3.3, 5.0, 9.9)),
+        (skfuzzy.gaussmf(GRID, 3.7, 1.25), shapes.Gaussian(3.7, 1.25)),
+        (skfuzzy.gaussmf(GRID, -1.0, 2.0), shapes.Gaussian(-1.0, 2.0)),
+        (skfuzzy.gaussmf(GRID, 10 / 3, 1 / 7), shapes.Gaussian(10 / 3, 1 / 7)),
+        (skfuzzy.trimf(GRID, [1, 4.5, 9.05]), shapes.Triangular(1.0, 4.5, 9.05)),
+        (skfuzzy.trimf(GRID, [1, 4.555, 9.05]), shapes.Triangular(1.0, 4.555, 9.05)),
+        (skfuzzy.trimf(GRID, [0, 0, 5]), shapes.Triangular(0.0, 0.0, 5.0)),
+        (skfuzzy.trimf(GRID, [5, 10, 10]), shapes.Triangular(5.0, 10.0, 10.0)),
+        (skfuzzy.trimf(GRID, [3, 3, 3]), shapes.Triangular(3.0, 3.0, 3.0)),
+        (skfuzzy.trapmf(GRID, [1, 2.25, 6.5, 9]), shapes.Trapezoidal(1.0, 2.25, 6.5, 9.0)),
+        (skfuzzy.trapmf(GRID, [0, 0, 2, 7.7]), shapes.Trapezoidal(0.0, 0.0, 2.0, 7.7)),
+        (skfuzzy.trapmf(GRID, [2, 2, 5, 5]), shapes.Trapezoidal(2.0, 2.0, 5.0, 5.0)),
+        (skfuzzy.gauss2mf(GRID, 3, 0.8, 5.5, 1.5), shapes.TwoSidedGaussian(3.0, 0.8, 5.5, 1.5)),
+        (skfuzzy.gbellmf(GRID, 2.1, 3.5, 4.4), shapes.GeneralizedBell(2.1, 3.5, 4.4)),
+        (skfuzzy.gbellmf(GRID, 2.1, 2.0, -1.5), shapes.GeneralizedBell(2.1, 2.0, -1.5)),
+        (skfuzzy.sigmf(GRID, 4.2, 1.7), shapes.Sigmoid(4.2, 1.7)),
+        (skfuzzy.sigmf(GRID, 4.2, -0.3), shapes.Sigmoid(4.2, -0.3)),
+        (skfuzzy.dsigmf(GRID, 2, 5, 7, 6), shapes.SigmoidDifference(2.0, 5.0, 7.0, 6.0)),
+        (skfuzzy.psigmf(GRID, 3, 2.5, 6, -4), shapes.SigmoidProduct(3.0, 2.5, 6.0, -4.0)),
+        (skfuzzy.smf(GRID, 1.1, 8.3), shapes.SShape(1.1, 8.3)),
+        (skfuzzy.zmf(GRID, 2, 7), shapes.ZShape(2.0, 7.0)),
+        (skfuzzy.pimf(GRID, 1, 3.3, 5, 9.9), shapes.PiShape(1.0, 3.3, 5.0, 9.9)),
         (skfuzzy.piecemf(GRID, [2.0, 4.0, 8.0]), None),
         (np.where(GRID < 5, 0.25, 0.5), None),
         (np.abs(GRID - 5.0) / 5.0, None),
@@ -419,7 +353,9 @@ GRID = np.linspace(0.0, 10.0, 101)
     ],
 )
 def test_what_scikit_fuzzy_samples_is_found_again(values, expected):
-    assert recognise(GRID, values) == (Sampled(tuple(values.tolist())) if expected is None else expected)
+    assert recognise(GRID, values) == (
+        shapes.Sampled(tuple(values.tolist())) if expected is None else expected
+    )
 
 
 @settings(max_examples=60, deadline=None)
@@ -434,13 +370,13 @@ def test_whatever_is_found_gives_the_samples_to_the_last_bit(seed, num_points, l
 def test_a_value_away_from_its_shape_makes_samples_of_it():
     values = skfuzzy.gaussmf(GRID, 3.7, 1.25)
     values[40] += 1e-9
-    assert isinstance(recognise(GRID, values), Sampled)
+    assert isinstance(recognise(GRID, values), shapes.Sampled)
 
 
 def test_uneven_universes_are_no_hindrance():
     universe = np.array([0.0, 0.5, 0.75, 2.0, 3.5, 4.0, 7.0, 10.0])
-    assert recognise(universe, skfuzzy.trimf(universe, [0.5, 3.5, 10])) == Triangular(0.5, 3.5, 10.0)
-    assert recognise(universe, skfuzzy.gaussmf(universe, 2.5, 1.5)) == Gaussian(2.5, 1.5)
+    assert recognise(universe, skfuzzy.trimf(universe, [0.5, 3.5, 10])) == shapes.Triangular(0.5, 3.5, 10.0)
+    assert recognise(universe, skfuzzy.gaussmf(universe, 2.5, 1.5)) == shapes.Gaussian(2.5, 1.5)
 
 
 NUM_SYSTEMS = 40
@@ -450,32 +386,37 @@ OF_MAXIMUM = ("mom", "som", "lom")
 
 @cache
 def _read_at_random(seed: int) -> tuple[ControlSystem, FuzzySystem]:
-    source = random_control_system(np.random.default_rng([31, seed]))
+    source = random_control_systems.random_control_system(np.random.default_rng([31, seed]))
     return source, read_control_system(source)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", range(NUM_SYSTEMS))
-def test_a_system_read_computes_the_same(seed):
+@pytest.mark.parametrize("seed", seeds(NUM_SYSTEMS, 10))
+def test_a_system_read_or_compiled_computes_the_same(seed):
     source, system = _read_at_random(seed)
     generator = np.random.default_rng([33, seed])
     assert [variable.name for variable in system.inputs] == [v.label for v in source.antecedents]
-    for row in distinct_inputs(source, generator, 8):
-        expected = compute(source, row)
-        for output in infer(system, row).outputs:
-            name = output.variable.name
+    rows = random_control_systems.distinct_inputs(source, generator, 8)
+    with np.errstate(divide="ignore", invalid="ignore"):  # a bisector of an area with a gap
+        compiled = compile(control.ControlSystemSimulation(source) if seed % 2 else source)(rows)
+        inferences = [infer(system, row) for row in rows]
+    for row, answers, inference in zip(rows, compiled, inferences, strict=True):
+        expected = random_control_systems.compute(source, row)
+        for answer, output in zip(answers, inference.outputs, strict=True):
+            variable = output.variable
             if output.is_default:
-                assert name not in expected or system.defuzzifier_of(output.variable) in OF_MAXIMUM
-            else:
-                np.testing.assert_array_equal(output.value, expected[name], err_msg=f"{seed}: {row}")
+                assert variable.name not in expected or system.defuzzifier_of(variable) in OF_MAXIMUM
+                continue
+            np.testing.assert_array_equal(output.value, expected[variable.name], err_msg=f"{seed}: {row}")
+            width = variable.maximum - variable.minimum
+            assert answer == pytest.approx(expected[variable.name], rel=0, abs=1e-12 * width)
 
 
 @pytest.mark.slow
 def test_the_systems_above_differ_as_they_should():
     systems = [_read_at_random(seed)[1] for seed in range(NUM_SYSTEMS)]
     variables = [variable for system in systems for variable in (*system.inputs, *system.outputs)]
-    shapes = {type(term.membership).__name__ for variable in variables for term in variable.terms}
-    assert shapes >= {"Gaussian", "Triangular", "Trapezoidal", "Sigmoid", "SShape", "ZShape", "Sampled"}
+    kinds = {type(term.membership).__name__ for variable in variables for term in variable.terms}
+    assert kinds >= {"Gaussian", "Triangular", "Trapezoidal", "Sigmoid", "SShape", "ZShape", "Sampled"}
     assert {variable.points is None for variable in variables} == {True, False}
     assert any(rule.has_own_operators for system in systems for rule in system.rules)
     assert any(output.defuzzifier for system in systems for output in system.outputs)
@@ -496,24 +437,17 @@ def test_what_is_built_is_read_again(seed):
 
 
 def test_an_input_no_rule_mentions_is_left_alone_and_an_output_no_rule_concludes_is_its_default() -> None:
-    system = force_x_system()
+    system = FORCE_X
     unused_input = replace(system.inputs[0], name="unused")
     unused_output = replace(system.outputs[0], name="silent", default=0.75)
     system = replace(system, inputs=(unused_input, *system.inputs), outputs=(*system.outputs, unused_output))
     outputs = ReferenceEngine(system).compute(np.array([1.0, 20.0, 0.1]))
     assert outputs[1] == 0.75
-    assert outputs[0] == ReferenceEngine(force_x_system()).compute(np.array([20.0, 0.1]))[0]
+    assert outputs[0] == ReferenceEngine(FORCE_X).compute(np.array([20.0, 0.1]))[0]
     np.testing.assert_array_equal(infer(system, np.array([1.0, 20.0, 0.1])).values, outputs)
-
-
-def test_weights_scale_the_cut() -> None:
-    system = force_x_system()
-    rule = Rule(Is("distance", "near"), (Consequent("force_x", "PL", 0.25),))
-    cuts = infer(replace(system, rules=(rule,)), np.array([50.0, 0.0])).outputs[0].cuts
-    np.testing.assert_array_equal(cuts, [np.nan] * 4 + [0.25])
 
 
 @pytest.mark.parametrize("inputs", [[1.0], [1.0, 2.0, 3.0], [np.nan, 1.0]])
 def test_wrong_inputs_are_refused(inputs: list[float]) -> None:
     with pytest.raises(ValueError, match=r"inputs have shape|NaN"):
-        infer(force_x_system(), np.array(inputs))
+        infer(FORCE_X, np.array(inputs))

@@ -24,17 +24,7 @@ def octave_outputs(
 ) -> dict[str, Floats]:
     """Evaluate `.fis` files with Octave's `readfis` and `evalfis`, all in one start of Octave.
 
-    Parameters
-    ----------
-    files, inputs : mappings
-        By name: a file, and its samples (n, num_inputs).
-    folder : Path
-        Where to work.
-
-    Returns
-    -------
-    dict
-        By name, (n, num_outputs).
+    By name: a file, its samples (n, num_inputs), and the outputs (n, num_outputs).
     """
     script = ["pkg load fuzzy-logic-toolkit", _PROBOR]
     for name, path in files.items():
@@ -69,22 +59,8 @@ def fuzzylite_outputs(path: Path, inputs: Floats, folder: Path) -> Floats:
     assert count or "defuzzifier: Weighted" in engine
     understood.write_text(engine, encoding="utf-8")
     np.savetxt(samples, inputs, fmt="%.17g")
-    _run(
-        [
-            fuzzylite,
-            "-i",
-            str(understood),
-            "-o",
-            str(results),
-            "-d",
-            str(samples),
-            "-dinputs",
-            "false",
-            "-dheader",
-            "false",
-            *many,
-        ]
-    )
+    files = ["-i", str(understood), "-o", str(results), "-d", str(samples)]
+    _run([fuzzylite, *files, *["-dinputs", "false", "-dheader", "false"], *many])
     return np.loadtxt(results, ndmin=2)
 
 

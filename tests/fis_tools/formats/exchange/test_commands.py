@@ -1,95 +1,71 @@
 """`export` and `import` at the command line: a file a system out, one controller file back."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 
-from fis_tools.__main__ import main
-from fis_tools.document import text
-from fis_tools.formats.exchange import fis
-from fis_tools.formats.serialize import dump_yaml, load
+from fis_tools.formats.serialize import load
 from fis_tools.model import FuzzyController
-from fis_tools.words.text import outline
-from tests.fis_tools.formats.exchange.systems import alone, flat_system, nested_system
-from tests.fis_tools.sample_controllers import general_controller, paper_like_controller
+from tests.fis_tools.formats.exchange.systems import FLAT, NESTED, alone
+from tests.fis_tools.sample_controllers import GENERAL, PAPER_LIKE
 from tests.places import PROJECT
 
 EXAMPLES = PROJECT / "docs" / "examples"
 
 
-def run(capsys: pytest.CaptureFixture[str], *words: object) -> tuple[int, str, str]:
-    status = main([str(word) for word in words])
-    captured = capsys.readouterr()
-    return status, captured.out, captured.err
-
-
-def saved(folder: Path, controller: FuzzyController, name: str = "controller.yaml") -> Path:
-    path = folder / name
-    path.write_text(dump_yaml(controller), encoding="utf-8")
-    return path
-
-
 @pytest.mark.parametrize("form", ["fis", "fll"])
-def test_systems_go_into_a_file_each_and_come_back_as_one_controller(tmp_path, capsys, form):
-    source = saved(tmp_path, paper_like_controller())
+def test_systems_go_into_a_file_each_and_come_back_as_one_controller(tmp_path, saved, run, form):
+    source = saved(PAPER_LIKE)
     folder = tmp_path / "new" / "exchange"
-    status, printed, notes = run(capsys, "export", source, "--format", form, "-o", folder)
+    status, printed, notes = run("export", source, "--format", form, "-o", folder)
     files = [folder / f"force_x.{form}", folder / f"force_z.{form}"]
     assert status == 0
     assert printed.split() == [str(path) for path in files]
     assert f"force_x.{form}: attributes are left out: force_axes" in notes
-    assert run(capsys, "import", *files, "-o", tmp_path / "back.yaml") == (0, "", "")
+    assert run("import", *files, "-o", tmp_path / "back.yaml") == (0, "", "")
     assert (tmp_path / "back.yaml").read_text(encoding="utf-8") == source.read_text(encoding="utf-8")
     for command in ("show", "audit"):
-        assert run(capsys, command, files[0])[0] == 0
+        assert run(command, files[0])[0] == 0
 
 
-def test_one_system_goes_to_a_file_or_is_printed(tmp_path, capsys):
-    source = saved(tmp_path, paper_like_controller())
+def test_one_system_goes_to_a_file_or_is_printed(tmp_path, saved, run):
+    source = saved(PAPER_LIKE)
     chosen = ("export", source, "--format", "fis", "--system", "force_x")
-    _, printed, notes = run(capsys, *chosen)
+    _, printed, notes = run(*chosen)
     assert "[System]" in printed
     assert "units are left out" in notes
-    assert run(capsys, *chosen, "-o", tmp_path / "one.fis")[0] == 0
+    assert run(*chosen, "-o", tmp_path / "one.fis")[0] == 0
     assert (tmp_path / "one.fis").read_text(encoding="utf-8") == printed
     for folder in (tmp_path, tmp_path / "new"):
-        assert run(capsys, *chosen, "-o", folder)[1] == f"{folder / 'force_x.fis'}\n"
+        assert run(*chosen, "-o", folder)[1] == f"{folder / 'force_x.fis'}\n"
         assert (folder / "force_x.fis").read_text(encoding="utf-8") == printed
 
 
-def test_what_was_assumed_is_printed(tmp_path, capsys):
+def test_what_was_assumed_is_printed(tmp_path, run):
     words = ("import", EXAMPLES / "tipper.fis", "--name", "tips", "--points", 201)
-    status, _, notes = run(capsys, *words, "-o", tmp_path / "tips.json")
+    status, _, notes = run(*words, "-o", tmp_path / "tips.json")
     assert status == 0
     assert "assumed: tipper: tip is 15 when no rule fires" in notes
     controller = load(tmp_path / "tips.json")
     assert controller.name == "tips"
     (system,) = controller.systems
     assert {v.num_points for v in (*system.inputs, *system.outputs)} == {201}
-    assert run(capsys, "import", EXAMPLES / "tipper.fis")[1].startswith('{\n  "schema": "fuzzy-controller"')
+    assert run("import", EXAMPLES / "tipper.fis")[1].startswith('{\n  "schema": "fuzzy-controller"')
 
 
-def test_facts_of_several_files_are_put_together(tmp_path, capsys):
-    one = alone(flat_system())
-    other = replace(alone(replace(nested_system(), name="other")), provenance=(("made_by", "machine"),))
-    paths = [saved(tmp_path, one, "one.yaml"), saved(tmp_path, other, "other.yaml")]
-    status, _, notes = run(capsys, "import", *paths, "-o", tmp_path / "both.json")
+def test_facts_of_several_files_are_put_together(tmp_path, saved, run):
+    one = alone(FLAT)
+    other = replace(alone(replace(NESTED, name="other")), provenance=(("made_by", "machine"),))
+    paths = [saved(one, "one.yaml"), saved(other, "other.yaml")]
+    status, _, notes = run("import", *paths, "-o", tmp_path / "both.json")
     assert status == 0
     assert "left out: the provenance made_by" in notes
     both = load(tmp_path / "both.json")
     assert (both.name, both.attributes, both.provenance) == (one.name, one.attributes, ())
-    saved(tmp_path, replace(other, attributes=(("axis", "y"),)), "other.yaml")
-    status, _, notes = run(capsys, "import", *paths)
-    assert (status, "differ in the attribute 'axis'" in notes) == (2, True)
-
-
-def test_forms_to_read_are_printed(tmp_path, capsys):
-    source = saved(tmp_path, alone(flat_system()))
-    _, printed, _ = run(capsys, "export", source, "--format", "markdown")
-    assert printed == text.write_markdown(outline(alone(flat_system())))
-    for form, start in (("html", "<!"), ("latex", "%"), ("c", "/*")):
-        assert run(capsys, "export", source, "--format", form)[1].startswith(start)
+    saved(replace(other, attributes=(("axis", "y"),)), "other.yaml")
+    status, _, notes = run("import", *paths)
+    assert status == 2
+    assert "differ in the attribute 'axis'" in notes
 
 
 @pytest.mark.parametrize(
@@ -106,24 +82,18 @@ def test_forms_to_read_are_printed(tmp_path, capsys):
         (["import", "TIPPER", "--name", " "], "a name is printable text"),
     ],
 )
-def test_a_mistake_ends_in_one_sentence(tmp_path, capsys, words, sentence):
-    alike = tuple(replace(flat_system(), name=name) for name in ("a b", "A/B"))
+def test_a_mistake_ends_in_one_sentence(tmp_path, saved, run, words, sentence):
+    alike = tuple(replace(FLAT, name=name) for name in ("a b", "A/B"))
     places = {
-        "PAPER": saved(tmp_path, paper_like_controller()),
-        "GENERAL": saved(tmp_path, general_controller(), "general.yaml"),
-        "ALIKE": saved(tmp_path, FuzzyController("alike", alike), "alike.yaml"),
+        "PAPER": saved(PAPER_LIKE),
+        "GENERAL": saved(GENERAL, "general.yaml"),
+        "ALIKE": saved(FuzzyController("alike", alike), "alike.yaml"),
         "TIPPER": EXAMPLES / "tipper.fis",
         "FOLDER": tmp_path / "out",
         "x.fis": tmp_path / "x.fis",
     }
-    status, _, notes = run(capsys, *(places.get(word, word) for word in words))
+    status, _, notes = run(*(places.get(word, word) for word in words))
     assert status == 2
     assert sentence.casefold() in notes.casefold()
     assert not (tmp_path / "out").exists()
     assert not (tmp_path / "x.fis").exists()
-
-
-def test_files_of_ours_are_small(tmp_path):
-    """The comment is not much more than the file itself."""
-    text = fis.write(alone(flat_system())).text
-    assert len(text.splitlines()[0]) < 4000

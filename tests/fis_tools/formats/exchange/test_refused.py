@@ -1,5 +1,7 @@
 """Foreign files that say what a fuzzy system of ours cannot, or that are wrong, are refused with the line."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -10,7 +12,7 @@ from fis_tools.formats import serialize
 from fis_tools.formats.exchange import fis, fll
 from fis_tools.formats.serialize import ControllerFileError, Kind, dump_json, loads
 from fis_tools.model.validate import controller_problems
-from tests.fis_tools.formats.exchange.systems import alone, denied_system, flat_system
+from tests.fis_tools.formats.exchange.systems import DENIED, FLAT, alone, without_comment
 from tests.places import PROJECT
 
 EXAMPLES = PROJECT / "docs" / "examples"
@@ -18,6 +20,12 @@ TEXTS = {
     "fis": (EXAMPLES / "tipper.fis").read_text(encoding="utf-8"),
     "fll": (EXAMPLES / "dimmer.fll").read_text(encoding="utf-8"),
 }
+
+
+def refusal(text: str, kind: Kind) -> str:
+    with pytest.raises(ControllerFileError) as refused:
+        loads(text, kind)
+    return str(refused.value)
 
 
 def line_of(kind: Kind, words: str) -> int:
@@ -75,9 +83,7 @@ def line_of(kind: Kind, words: str) -> int:
 def test_what_cannot_be_read_is_refused_with_its_line(kind: Kind, old: str, new: str, words: str) -> None:
     text = TEXTS[kind]
     assert text.count(old) >= 1
-    with pytest.raises(ControllerFileError) as refusal:
-        loads(text.replace(old, new, 1), kind)
-    told = str(refusal.value)
+    told = refusal(text.replace(old, new, 1), kind)
     assert words in told
     lines = {line_of(kind, old), line_of(kind, old) + 1}
     # a missing operator is told where it is needed
@@ -106,10 +112,7 @@ def test_what_cannot_be_read_is_refused_with_its_line(kind: Kind, old: str, new:
 )
 def test_what_contradicts_itself_is_refused(kind: Kind, old: str, new: str, words: str) -> None:
     assert old in TEXTS[kind]
-    changed = TEXTS[kind].replace(old, new, 1)
-    with pytest.raises(ControllerFileError) as refusal:
-        loads(changed, kind)
-    assert words in str(refusal.value)
+    assert words in refusal(TEXTS[kind].replace(old, new, 1), kind)
 
 
 @pytest.mark.parametrize(
@@ -127,8 +130,8 @@ def test_what_a_file_does_not_state_is_told(kind: Kind, assumed: list[str]) -> N
 
 
 WHOLE: dict[Kind, list[str]] = {
-    "fis": [(EXAMPLES / "tipper.fis").read_text(encoding="utf-8"), fis.write(alone(denied_system())).text],
-    "fll": [(EXAMPLES / "dimmer.fll").read_text(encoding="utf-8"), fll.write(alone(denied_system())).text],
+    "fis": [TEXTS["fis"], fis.write(alone(DENIED)).text],
+    "fll": [TEXTS["fll"], fll.write(alone(DENIED)).text],
 }
 DAMAGE = st.sampled_from([*"[](){}<>,:;='\"#%/&!-.0159e \n\t\\", "nan", "-1", "1e999", "not ", "--"])
 
@@ -177,41 +180,11 @@ def test_our_files_cut_anywhere_are_refused(kind: Kind) -> None:
     assert read_or_refused(text, kind) == "read"
 
 
-#: Of the range; 1.2e-5 was measured, from straight lines between 1001 points of inputs.
-TOLERANCE = 5e-5
-
-HEAD = """[System]
-Name='spiky'
-Type='mamdani'
-NumInputs=1
-NumOutputs=1
-NumRules=2
-AndMethod='min'
-OrMethod='max'
-ImpMethod='min'
-AggMethod='max'
-DefuzzMethod='mom'
-"""
-BODY = """[Input1]
-Name='x'
-Range=[0 3]
-NumMFs=2
-MF1='spike':'trimf',[2 2 2]
-MF2='plateau':'trapmf',[0.123456 0.123456 1.1 1.1]
-[Output1]
-Name='y'
-Range=[0 100]
-NumMFs=2
-MF1='a':'trimf',[60 70 80]
-MF2='b':'trapmf',[15.5 15.5 25.25 25.25]
-[Rules]
-1, 1 (1) : 1
-2, 2 (1) : 1
-"""
+SPIKY = (Path(__file__).parent / "spiky.fis").read_text(encoding="utf-8")
 
 
 def test_spikes_and_walls_of_inputs_between_points_are_exact() -> None:
-    system = serialize.loads(HEAD + BODY, "fis").systems[0]
+    system = serialize.loads(SPIKY, "fis").systems[0]
     inside = [np.nextafter(0.123456, 1.0), 0.123456, 0.5, 1.1, np.nextafter(1.1, 0.0)]
     outside = [0.1234, 0.12345599, 1.1000001, 1.9999999, 2.0000001]
     y = compile(system)({"x": [2.0, *inside, *outside]})["y"]
@@ -221,23 +194,22 @@ def test_spikes_and_walls_of_inputs_between_points_are_exact() -> None:
 
 
 def test_corners_lie_on_evenly_spaced_points_where_some_number_of_them_does() -> None:
-    text = HEAD + BODY.replace("[2 2 2]", "[1 2 3]").replace("[0.123456 0.123456 1.1 1.1]", "[0 0 0.7 1]")
+    text = SPIKY.replace("[2 2 2]", "[1 2 3]").replace("[0.123456 0.123456 1.1 1.1]", "[0 0 0.7 1]")
     (variable,) = serialize.loads(text, "fis").systems[0].inputs
     assert variable.points is None
     assert np.abs(np.subtract.outer(variable.universe, [0.7, 1.0, 2.0])).min(axis=0).max() < 1e-12
 
 
 def test_walls_of_outputs_between_points_are_told() -> None:
-    notes = serialize.reads(HEAD + BODY, "fis").assumptions
+    notes = serialize.reads(SPIKY, "fis").assumptions
     assert any("y b jumps at 15.5, between two points of its universe" in sentence for sentence in notes)
-    notes = serialize.reads(HEAD + BODY.replace("[60 70 80]", "[70.5 70.5 70.5]"), "fis").assumptions
+    notes = serialize.reads(SPIKY.replace("[60 70 80]", "[70.5 70.5 70.5]"), "fis").assumptions
     assert any("y a jumps at 70.5" in each and "its rules conclude nothing" in each for each in notes)
 
 
 def test_an_fll_file_without_a_resolution_has_fuzzylites_own() -> None:
-    text = fll.write(alone(flat_system())).text
-    text = "\n".join(line for line in text.splitlines() if "carries" not in line)
-    resolution = flat_system().outputs[0].num_points - 1
+    text = without_comment(fll.write(alone(FLAT)).text)
+    resolution = FLAT.outputs[0].num_points - 1
     bare = serialize.reads(text.replace(f"Centroid {resolution}", "Centroid"), "fll")
     assert [output.num_points for output in bare.controller.systems[0].outputs] == [1001, 1001]
     assert "1001 for an output that states none" in bare.assumptions[0]

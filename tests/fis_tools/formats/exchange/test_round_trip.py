@@ -14,57 +14,29 @@ from fis_tools.formats.exchange.antecedents import NotExpressible
 from fis_tools.formats.exchange.carried import EDITED
 from fis_tools.formats.exchange.dialect import express
 from fis_tools.formats.serialize import ControllerFileError
-from fis_tools.model import (
-    And,
-    Consequent,
-    FuzzyController,
-    FuzzySystem,
-    Gaussian,
-    Hedged,
-    Is,
-    Not,
-    Or,
-    Rule,
-    Sampled,
-    Term,
-)
+from fis_tools.model import And, Consequent, FuzzyController, FuzzySystem, Hedged, Is, Not, Or, Rule, Term
+from fis_tools.model.shapes import Gaussian, Sampled
 from tests.fis_tools.engines.random_systems import hedged, otherwise, random_general_system
-from tests.fis_tools.formats.exchange.systems import alone, denied_system, flat_system, nested_system
-from tests.fis_tools.sample_controllers import force_x_system, force_z_system, general_controller
+from tests.fis_tools.formats.exchange.systems import DENIED, FLAT, NESTED, alone, without_comment
+from tests.fis_tools.sample_controllers import FORCE_X, FORCE_Z, GENERAL
+from tests.fis_tools.step_by_step import assert_near
 
 pytestmark = pytest.mark.slow
 
 FORMS = (fis, fll)
 
 
-def without_comment(text: str) -> str:
-    return "\n".join(line for line in text.splitlines() if "fis_tools carries" not in line) + "\n"
-
-
 def own_words(system: FuzzySystem) -> FuzzySystem:
     """A system with names that no format takes as they are, and an uneven universe with a sampled term."""
     first, second = system.inputs
-    points = (0.0, 0.5, 2.0, 9.5, 25.0)
-    sampled = replace(
-        second,
-        points=points,
-        num_points=5,
-        terms=(*second.terms, Term("été, très sûr", Sampled((1.0, 0.25, 0.5, 0.0, 0.125)))),
-    )
-    rule = Rule(
-        Is("wind", "été, très sûr"), (Consequent("heat", "some", 1 / 3),), label="a 'label' -- \"here\""
-    )
+    terms = (*second.terms, Term("été, très sûr", Sampled((1.0, 0.25, 0.5, 0.0, 0.125))))
+    sampled = replace(second, points=(0.0, 0.5, 2.0, 9.5, 25.0), num_points=5, terms=terms)
+    concluded = (Consequent("heat", "some", 1 / 3),)
+    rule = Rule(Is("wind", "été, très sûr"), concluded, label="a 'label' -- \"here\"")
     return replace(system, inputs=(first, sampled), rules=(*system.rules, rule))
 
 
-CONTROLLERS = [
-    alone(force_x_system()),
-    alone(force_z_system()),
-    alone(flat_system()),
-    alone(flat_system("einstein_product", "max")),
-    alone(denied_system()),
-    alone(own_words(flat_system())),
-]
+CONTROLLERS = [alone(FORCE_Z), alone(DENIED), alone(own_words(FLAT))]
 
 
 @pytest.mark.parametrize("form", FORMS)
@@ -80,36 +52,40 @@ def test_files_hold_what_they_can_and_carry_the_rest(form, controller):
     assert form.write(reading.controller) == written
 
 
+def with_rules(*rules: Rule, **changes: str) -> FuzzySystem:
+    return replace(FLAT, rules=rules, **changes)
+
+
+HEAT, FLAP = FLAT.outputs
+SOME_HEAT = (Consequent("heat", "some"),)
+CALM, STORM = Is("wind", "calm"), Is("wind", "storm")
 WARM_BREEZE = And((Is("temperature", "warm"), Is("wind", "breeze")))
+#: with ways of their own, which an .fll file can say
+OWN_WAYS = {
+    "an output": replace(FLAT, outputs=(HEAT, replace(FLAP, defuzzifier="bisector"))),
+    "a rule": with_rules(*FLAT.rules[:3], replace(FLAT.rules[3], and_operator="product"), *FLAT.rules[4:]),
+    "twice": with_rules(Rule(And((CALM, Not(STORM))), SOME_HEAT)),
+}
 
 
 @pytest.mark.parametrize(
     ("form", "asked", "words"),
     [
-        (fll, Not(Hedged("very", Is("wind", "calm"))), "wind is not very calm"),
+        (fll, Not(Hedged("very", CALM)), "wind is not very calm"),
         (fll, Hedged("intensely", WARM_BREEZE), "is extremely some"),
     ],
 )
 def test_hedges_are_said_in_the_words_of_a_format(form, asked, words):
-    flat = flat_system()
-    system = replace(flat, rules=(*flat.rules, Rule(asked, (Consequent("heat", "some"),))))
+    system = with_rules(*FLAT.rules, Rule(asked, SOME_HEAT))
     written = form.write(alone(system))
     assert words in written.text
     (shown,) = serialize.loads(without_comment(written.text), form.__name__.rpartition(".")[2]).systems
     rows = np.random.default_rng(3).uniform((-10.0, 0.0), (40.0, 25.0), (40, 2))
-    widths = [output.maximum - output.minimum for output in system.outputs]
-    np.testing.assert_allclose(compile(shown)(rows) / widths, compile(system)(rows) / widths, atol=2e-3)
+    assert_near(compile(shown)(rows), compile(system)(rows), system, 2e-3)
 
 
-@pytest.mark.parametrize(("form", "hedges"), [(fis, ["very"]), (fll, ["extremely"])])
-def test_a_hedge_without_a_word_is_refused(form, hedges):
-    rule = Rule(antecedents.hedged(hedges, Is("wind", "calm")), (Consequent("heat", "some"),))
-    with pytest.raises(NotExpressible, match=f"no word for '{' '.join(hedges)}'"):
-        form.write(alone(replace(flat_system(), rules=(rule,))))
-
-
-def test_nested_rules_of_any_operators_survive_in_fll():
-    controller = general_controller()
+@pytest.mark.parametrize("controller", [GENERAL, *map(alone, OWN_WAYS.values())])
+def test_nested_rules_of_any_operators_survive_in_fll(controller):
     assert fll.read(fll.write(controller).text).controller == controller
 
 
@@ -119,7 +95,7 @@ def test_implications_and_aggregations_survive(form):
         ("product", "probabilistic_sum"),
         ("nilpotent_minimum", "unbounded_sum"),
     ):
-        system = otherwise(flat_system(), implication, aggregation)
+        system = otherwise(FLAT, implication, aggregation)
         text = form.write(alone(system)).text
         shown = form.read(without_comment(text)).controller.systems[0]
         assert (shown.implication, shown.outputs[0].aggregation) == (implication, aggregation)
@@ -147,15 +123,17 @@ def test_random_systems_survive_or_are_refused(form):
 @pytest.mark.parametrize("form", FORMS)
 @pytest.mark.parametrize("and_operator", ["min", "product", "einstein_product"])
 def test_rules_written_otherwise_mean_the_same(form, and_operator):
-    system = replace(denied_system(), and_operator=and_operator)
+    system = replace(DENIED, and_operator=and_operator)
     if and_operator != "min":
         system = replace(system, rules=(system.rules[0], *system.rules[2:]))
     expressed = express(system, form.DIALECT).system
     assert len(expressed.rules) > len(system.rules) or form is fll
-    same = {v.name: (v.num_points, v.default) for v in (*system.inputs, *system.outputs)}
 
     def with_universes(variables):
-        return tuple(replace(v, num_points=same[v.name][0], default=same[v.name][1]) for v in variables)
+        same = {v.name: system.variable(v.name) for v in variables}
+        return tuple(
+            replace(v, num_points=same[v.name].num_points, default=same[v.name].default) for v in variables
+        )
 
     expressed = replace(
         expressed, inputs=with_universes(expressed.inputs), outputs=with_universes(expressed.outputs)
@@ -165,54 +143,40 @@ def test_rules_written_otherwise_mean_the_same(form, and_operator):
 
 
 def test_not_before_a_conjunction_moves_inwards():
-    system = flat_system()
-    expression = Not(And((Is("temperature", "hot"), Or((Is("wind", "calm"), Not(Is("wind", "storm")))))))
-    rule = Rule(expression, (Consequent("heat", "some"),))
-    expressed = express(replace(system, rules=(rule,)), fll.DIALECT).system.rules
-    hot, calm, storm = Is("temperature", "hot"), Is("wind", "calm"), Is("wind", "storm")
-    assert [rule.antecedent for rule in expressed] == [Or((Not(hot), And((Not(calm), storm))))]
+    hot = Is("temperature", "hot")
+    rule = Rule(Not(And((hot, Or((CALM, Not(STORM)))))), SOME_HEAT)
+    expressed = express(with_rules(rule), fll.DIALECT).system.rules
+    assert [rule.antecedent for rule in expressed] == [Or((Not(hot), And((Not(CALM), STORM))))]
 
 
 @pytest.mark.parametrize(
-    ("change", "form", "words"),
+    ("form", "system", "words"),
     [
-        ({}, fis, "rule 1 cannot be said in a .fis file: 'and' and 'or' are nested; rewrite it, or"),
-        ({"and_operator": "product"}, fll, "rule 2 cannot be said in an .fll file: 'not' stands before"),
+        (fis, NESTED, r"rule 1 cannot be said in a \.fis file: 'and' and 'or' are nested"),
+        (
+            fll,
+            replace(NESTED, and_operator="product"),
+            r"rule 2 cannot be said in an \.fll file: 'not' stands before",
+        ),
+        (fis, with_rules(Rule(antecedents.hedged(["very"], CALM), SOME_HEAT)), "no word for 'very'"),
+        (
+            fll,
+            with_rules(Rule(antecedents.hedged(["extremely"], CALM), SOME_HEAT)),
+            "no word for 'extremely'",
+        ),
+        (fis, OWN_WAYS["an output"], "knows one way for all"),
+        (fis, OWN_WAYS["a rule"], "combine their statements"),
+        (fis, OWN_WAYS["twice"], "two things of one input"),
+        (fis, replace(FLAT, outputs=(replace(HEAT, accumulation="bounded_sum"), FLAP)), "bounded_sum"),
     ],
 )
-def test_what_would_change_its_meaning_is_refused(change, form, words):
-    with pytest.raises(NotExpressible, match=words.replace(".", "[.]")):
-        form.write(alone(replace(nested_system(), **change)))
-
-
-def test_outputs_and_rules_with_ways_of_their_own():
-    system = flat_system()
-    heat, flap = system.outputs
-    own = replace(system, outputs=(heat, replace(flap, defuzzifier="bisector")))
-    mixed = replace(
-        system, rules=(*system.rules[:3], replace(system.rules[3], and_operator="product"), *system.rules[4:])
-    )
-    summed = replace(system, outputs=(replace(heat, accumulation="bounded_sum"), flap))
-    for each in (own, mixed):
-        assert fll.read(fll.write(alone(each)).text).controller == alone(each)
-    for each, words in (
-        (own, "knows one way for all"),
-        (mixed, "combine their statements"),
-        (summed, "bounded_sum"),
-    ):
-        with pytest.raises(NotExpressible, match=words):
-            fis.write(alone(each))
-    twice = replace(
-        system,
-        rules=(Rule(And((Is("wind", "calm"), Not(Is("wind", "storm")))), (Consequent("heat", "some"),)),),
-    )
-    with pytest.raises(NotExpressible, match="two things of one input"):
-        fis.write(alone(twice))
-    assert fll.read(fll.write(alone(twice)).text).controller == alone(twice)
+def test_what_would_change_its_meaning_is_refused(form, system, words):
+    with pytest.raises(NotExpressible, match=words):
+        form.write(alone(system))
 
 
 def test_losses_are_sentences_about_what_is_missing():
-    notes = "\n".join(fis.write(alone(own_words(denied_system()))).losses)
+    notes = "\n".join(fis.write(alone(own_words(DENIED))).losses)
     for words in (
         "'été, très sûr' is ete_tres_sur",
         "temperature in degC, wind in m/s",
@@ -233,7 +197,7 @@ def test_losses_are_sentences_about_what_is_missing():
 
 
 def edited(form: ModuleType, old: str, new: str, system: FuzzySystem | None = None) -> FuzzyController:
-    text = form.write(alone(system or own_words(flat_system()))).text
+    text = form.write(alone(system or own_words(FLAT))).text
     head, mark, rest = text.partition("[System]" if form is fis else "Engine:")
     assert rest.count(old) == 1
     reading = form.read(head + mark + rest.replace(old, new))
@@ -267,7 +231,7 @@ def test_of_a_file_that_was_changed_what_it_shows_counts(form, old, new):
     ],
 )
 def test_a_comment_that_cannot_be_believed_is_refused(form, old, new, words):
-    text = form.write(alone(flat_system())).text
+    text = form.write(alone(FLAT)).text
     with pytest.raises(ControllerFileError, match=words) as refusal:
         form.read(text.replace(old, new, 1))
     assert "delete this comment" in str(refusal.value)
@@ -279,21 +243,7 @@ def test_a_comment_that_cannot_be_believed_is_refused(form, old, new, words):
 
 def test_the_comment_of_another_file_gives_nothing_that_is_seen():
     """A comment is believed only where the file shows the same."""
-    one, other = fis.write(alone(flat_system())).text, fis.write(alone(force_x_system())).text
+    one, other = fis.write(alone(FLAT)).text, fis.write(alone(FORCE_X)).text
     swapped = one.splitlines()[0] + other[other.index("\n") :]
     (system,) = fis.read(swapped).controller.systems
     assert system == fis.read(without_comment(other)).controller.systems[0]
-
-
-def test_a_cut_fll_file_of_ours_is_told_by_its_end():
-    text = fll.write(alone(flat_system())).text
-    with pytest.raises(ControllerFileError, match="may be cut"):
-        fll.read(text[: text.rindex("  rule:")])
-
-
-def test_every_kind_is_read_by_its_ending(tmp_path):
-    controller = alone(denied_system())
-    for form, ending in ((fis, "fis"), (fll, "FLL")):
-        path = tmp_path / f"system.{ending}"
-        path.write_text(form.write(controller).text, encoding="utf-8")
-        assert serialize.load(path) == controller

@@ -1,5 +1,6 @@
 """Outputs that are weighed, in the files of other programs and through the programs themselves."""
 
+from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 
@@ -12,10 +13,10 @@ from fis_tools.formats.exchange import fis, fll
 from fis_tools.formats.exchange.antecedents import NotExpressible
 from fis_tools.formats.exchange.dialect import express
 from fis_tools.model import FuzzySystem, Ramp
-from tests.fis_tools.engines.weighed_systems import MONOTONE, RAMPS, SIGMOIDS, samples, systems
+from tests.fis_tools.engines.weighed_systems import MONOTONE, RAMPS, SIGMOIDS, SYSTEMS, samples
 from tests.fis_tools.engines.weighed_systems import system as weighed
 from tests.fis_tools.formats.exchange.outside import fuzzylite_outputs, octave_outputs
-from tests.fis_tools.formats.exchange.systems import alone
+from tests.fis_tools.formats.exchange.systems import alone, without_comment, written
 
 #: Straight lines between 10,001 points of an input stand for its Gaussians.
 TOLERANCE = 1e-5
@@ -26,15 +27,13 @@ LIKE_FUZZYLITE_6 = weighed("weighted_average", *RAMPS, *SIGMOIDS, Ramp(-2.0, 0.0
 
 def read_back(system: FuzzySystem, form: ModuleType) -> FuzzySystem:
     """Write a system, take away what the comment carries, and read what others see."""
-    text = form.write(alone(system)).text
-    plain = "\n".join(line for line in text.splitlines() if "fis_tools carries" not in line)
-    return form.read(plain).controller.systems[0]
+    return form.read(without_comment(form.write(alone(system)).text)).controller.systems[0]
 
 
 @pytest.mark.parametrize("form", [fis, fll])
-@pytest.mark.parametrize("name", [name for name in systems() if name != "mixed"])
+@pytest.mark.parametrize("name", [name for name in SYSTEMS if name != "mixed"])
 def test_what_is_written_is_read(name: str, form: ModuleType) -> None:
-    system = systems()[name]
+    system = SYSTEMS[name]
     if (form, name) == (fis, "tsukamoto"):
         with pytest.raises(ValueError, match="has no word"):  # an arc, a sigmoid
             form.write(alone(system))
@@ -51,18 +50,13 @@ def test_what_is_written_is_read(name: str, form: ModuleType) -> None:
 
 @pytest.mark.parametrize(
     ("name", "form"),
-    [
-        *((name, fis) for name in ("constant", "linear")),
-        *((name, fll) for name in ("linear", "linear_sum", "tsukamoto", "mixed")),
-    ],
+    [("constant", fis), *((name, fll) for name in ("linear", "linear_sum", "tsukamoto", "mixed"))],
 )
 def test_fuzzylite_weighs_as_we_do(name: str, form: ModuleType, tmp_path: Path) -> None:
     # of fuzzylite 6, pyfuzzylite corrects the inverses of S and Z shapes and of Concave, and adds Arc
-    system = LIKE_FUZZYLITE_6 if name == "tsukamoto" else systems()[name]
+    system = LIKE_FUZZYLITE_6 if name == "tsukamoto" else SYSTEMS[name]
     rows = np.clip(samples(system, 60), 0.05, 9.95)
-    path = tmp_path / f"engine.{form.__name__.rpartition('.')[2]}"
-    path.write_text(form.write(alone(system)).text, encoding="utf-8")
-    theirs = fuzzylite_outputs(path, rows, tmp_path)
+    theirs = fuzzylite_outputs(written(tmp_path, system, form), rows, tmp_path)
     fine = read_back(system, form)  # the system as others see it
     ours = compile(fine)(rows)
     if name == "mixed":  # the other output is defuzzified, by sampling
@@ -75,9 +69,8 @@ def test_fuzzylite_weighs_as_we_do(name: str, form: ModuleType, tmp_path: Path) 
 def test_octave_weighs_as_we_do(tmp_path: Path) -> None:
     files, inputs, ours = {}, {}, {}
     for name in ("constant", "linear", "constant_sum"):
-        system = systems()[name]
-        files[name] = tmp_path / f"{name}.fis"
-        files[name].write_text(fis.write(alone(system)).text, encoding="utf-8")
+        system = replace(SYSTEMS[name], name=name)
+        files[name] = written(tmp_path, system, fis)
         inputs[name] = np.clip(samples(system, 6), 0.0, 10.0)
         ours[name] = compile(read_back(system, fis))(inputs[name])
     theirs = octave_outputs(files, inputs, tmp_path)
@@ -139,8 +132,7 @@ def test_inputs_without_terms_and_outputs_without_a_range_are_completed_and_told
 
 
 def test_the_kind_of_a_fis_file_and_its_defuzzifier_must_agree() -> None:
-    text = fis.write(alone(systems()["constant"])).text
-    with pytest.raises(ControllerFileError, match="outputs of mamdani are defuzzified"):
-        fis.read(text.replace("'sugeno'", "'mamdani'"))
-    with pytest.raises(ControllerFileError, match="outputs of mamdani are defuzzified"):
-        fis.read(text.replace("'sugeno'", "'hybrid'"))
+    text = fis.write(alone(SYSTEMS["constant"])).text
+    for kind in ("'mamdani'", "'hybrid'"):
+        with pytest.raises(ControllerFileError, match="outputs of mamdani are defuzzified"):
+            fis.read(text.replace("'sugeno'", kind))
