@@ -82,10 +82,10 @@ def test_intervals_shrink_with_their_boxes():
     generator = np.random.default_rng(95)
     inputs = generator.uniform(*ends(FORCE_X), (200, 2))
     ranges = np.subtract(*ends(FORCE_X)[::-1])
+    program = interval.pack(FORCE_X)
     widths = []
     for size in (1e-2, 1e-3, 1e-4):
-        box = (inputs - size * ranges, inputs + size * ranges)
-        least, greatest, _ = interval.bound(interval.pack(FORCE_X), *box)
+        least, greatest, _ = interval.bound(program, inputs - size * ranges, inputs + size * ranges)
         widths.append(float(np.mean(greatest - least)))
     assert widths[0] > 5 * widths[1] > 25 * widths[2] > 0.0
 

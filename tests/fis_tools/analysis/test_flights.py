@@ -24,9 +24,13 @@ from tests.fis_tools.step_by_step import ends
 
 
 def description(system: FuzzySystem) -> dict[str, str]:
-    names, units = zip(*((variable.name, variable.unit) for variable in system.inputs), strict=True)
-    (output,), rules = system.outputs[:1], tuple(sentences(system))
-    return FisDescription(names, units, output.name, output.unit, rules).to_metadata()
+    return FisDescription(
+        input_names=tuple(variable.name for variable in system.inputs),
+        input_units=tuple(variable.unit for variable in system.inputs),
+        output_name=system.outputs[0].name,
+        output_unit=system.outputs[0].unit,
+        rules=tuple(sentences(system)),
+    ).to_metadata()
 
 
 def log_inference(writer: EpisodeWriter, time_s: float, system: FuzzySystem, inputs: np.ndarray) -> None:
@@ -173,8 +177,8 @@ def test_points_are_read_as_they_are_at_a_time_and_told_with_the_inputs(tmp_path
     path, times, nothing = tmp_path / "x.mcap", np.array([0.0, 10.0, 20.0]), np.zeros((3, 3))
     with writing(path, one, pulls={"distance": "m"}) as writer:
         fired = np.full((3, 3), Reason.FIRED)
-        told = {"reason": fired, "coasting_missed": [1.0, np.nan, 0.0]}
-        writer.record(DEPUTY_CONTROL, times, force_hill_n=nothing + 1.0, **told)
+        missed = [1.0, np.nan, 0.0]
+        writer.record(DEPUTY_CONTROL, times, force_hill_n=nothing + 1.0, reason=fired, coasting_missed=missed)
         is_missed = np.array([[False, True, False], [False] * 3])
         writer.pulls(times[:2], axes, {"distance": parts}, np.array([60.0, 120.0, 5.0]), is_missed)
         for time_s, distance in zip(times, (70.0, 6.0, 6.0), strict=True):

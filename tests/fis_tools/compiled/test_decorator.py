@@ -60,8 +60,10 @@ class Package:
         path = os.pathsep.join([str(self.folder), str(PROJECT)])
         usual = {"NUMBA_CACHE_DIR": str(self.folder / "cache"), "NUMBA_DISABLE_JIT": "0"}
         environment = os.environ | {"PYTHONPATH": path} | usual | variables
-        command, told = [sys.executable, "-c", program], {"capture_output": True, "text": True}
-        return subprocess.run(command, env=environment, check=True, cwd=self.folder, **told)  # noqa: S603
+        command = [sys.executable, "-c", program]
+        return subprocess.run(  # noqa: S603
+            command, env=environment, check=True, cwd=self.folder, capture_output=True, text=True
+        )
 
     def call(self) -> str:
         return self.run(CALL).stdout.strip()

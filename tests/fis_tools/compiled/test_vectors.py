@@ -112,7 +112,8 @@ def choices(width: int) -> Kernel:
         mask = ~(x < number)
         mask &= y > -number
         store(out, 9, select(mask, 1.0, 0.0))
-        x_size, y_size = select(abs(x) <= np.inf, abs(x), 0.0), select(abs(y) <= np.inf, abs(y), 0.0)
+        x_size = select(abs(x) <= np.inf, abs(x), 0.0)
+        y_size = select(abs(y) <= np.inf, abs(y), 0.0)
         store(out, 10, vectors.higher(x_size, y_size))
         whole[0] = vectors.count(x < y)
         whole[1] = vectors.some(x < y)
@@ -129,7 +130,8 @@ def test_comparisons_logic_and_choice_are_those_of_numpy(
     x, y = data.draw(pairs(width))
     out, whole = np.zeros((11, width)), np.zeros(2, dtype=np.uint64)
     choices(width)(x, y, number, out, whole)
-    is_less, is_above = x < y, x > number
+    is_less = x < y
+    is_above = x > number
     truths = [x == y, x != y, is_less & is_above, is_less | is_above, is_less ^ is_above]
     chosen = [np.where(is_less, x, y), np.where(x <= y, 1.0, 0.0)]
     chosen += [np.where(x > y, x, number), np.where(x >= y, 1.0, y)]

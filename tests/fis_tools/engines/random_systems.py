@@ -140,12 +140,15 @@ def random_general_system(generator: np.random.Generator, named: Callable[[str],
         return FuzzySystem("random", inputs, outputs, rules)
 
     def combined(rule: Rule) -> Rule:
-        and_operator, or_operator = _maybe(generator, AND_OPERATORS), _maybe(generator, OR_OPERATORS)
+        and_operator = _maybe(generator, AND_OPERATORS)
+        or_operator = _maybe(generator, OR_OPERATORS)
         return replace(rule, and_operator=and_operator, or_operator=or_operator)
 
     rules = tuple(map(combined, rules))
-    joins = (_any_of(generator, AND_OPERATORS), _any_of(generator, OR_OPERATORS))
-    return FuzzySystem("random", inputs, outputs, rules, *joins, _any_of(generator, DEFUZZIFIERS))
+    and_operator = _any_of(generator, AND_OPERATORS)
+    or_operator = _any_of(generator, OR_OPERATORS)
+    defuzzifier = _any_of(generator, DEFUZZIFIERS)
+    return FuzzySystem("random", inputs, outputs, rules, and_operator, or_operator, defuzzifier)
 
 
 def hedged(system: FuzzySystem, generator: np.random.Generator) -> FuzzySystem:
@@ -202,9 +205,13 @@ def any_shape(generator: np.random.Generator, variable: Variable) -> MembershipF
     is_steep = generator.random() < 0.2
     kind = int(generator.integers(12))
     if is_steep and kind in (0, 3, 4, 5, 6) and a < c:
-        others = (shapes.Concave(a, c), shapes.SemiEllipse(a, c), shapes.Arc(c, a))
-        rounded = (shapes.Spike(b, spreads[0]), shapes.Cosine(b, spreads[0]), *others)
-        return rounded[(0, 3, 4, 5, 6).index(kind)]
+        return {
+            0: shapes.Spike(b, spreads[0]),
+            3: shapes.Cosine(b, spreads[0]),
+            4: shapes.Concave(a, c),
+            5: shapes.SemiEllipse(a, c),
+            6: shapes.Arc(c, a),
+        }[kind]
     match kind:
         case 0:
             return shapes.Gaussian(b, spreads[0])

@@ -67,7 +67,8 @@ def test_a_systems_own_engine_and_the_parts_of_an_inference_agree_with_scikit_fu
     low, high = ends(system)
     margin = 0.1 * (high - low)
     rows = np.random.default_rng(1).uniform(low - margin, high + margin, (30, len(low)))
-    compiled, engine = compile(system), ReferenceEngine(system)
+    compiled = compile(system)
+    engine = ReferenceEngine(system)
     expected = np.array([engine.compute(row) for row in rows])
     for outputs in (compiled(rows), compiled.conclude(compiled.firing_strengths(rows))):
         assert_near(outputs, expected, system)

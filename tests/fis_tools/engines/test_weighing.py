@@ -50,7 +50,8 @@ def test_a_sigmoid_at_full_strength_leads_to_the_end_of_the_range() -> None:
 @pytest.mark.parametrize("name", [name for name in SYSTEMS if name != "tsukamoto_endless"])
 def test_no_output_leaves_its_bounds(name: str) -> None:
     system = SYSTEMS[name]
-    compiled, program = compile(system), interval.pack(system)
+    compiled = compile(system)
+    program = interval.pack(system)
     low = np.clip(samples(system, 60), 0.0, 10.0)
     high = np.minimum(low + np.random.default_rng(1).uniform(0.0, 2.0, low.shape), 10.0)
     least, greatest, _ = interval.bound(program, low, high)

@@ -288,7 +288,8 @@ def test_the_page_pictures_surfaces_of_what_moved_alone():
     moved = difference(FORCE_X, ONE_CELL).html()
     assert moved.count('src="data:image/png;base64,') == 1
     assert 'alt="force_x, before, after and the difference"' in moved
-    (distance, _), conclusion = FORCE_X.inputs, FORCE_X.rules[0].consequents
+    distance = FORCE_X.inputs[0]
+    conclusion = FORCE_X.rules[0].consequents
     rules = tuple(Rule(Is("distance", term.name), conclusion) for term in distance.terms)
     gone = replace(FORCE_X, inputs=(distance,), rules=rules)
     assert "<img" not in difference(FORCE_X, _with_input(description="Far.")).html()

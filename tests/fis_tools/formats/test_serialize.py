@@ -5,7 +5,6 @@ import math
 import operator
 from collections.abc import Callable
 from dataclasses import replace
-from functools import reduce
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from typing import Any
@@ -133,12 +132,18 @@ def _edited(change: Callable[[dict[str, Any]], object]) -> dict[str, Any]:
     return mapping
 
 
+def _within(mapping: Any, path: tuple[Any, ...]) -> Any:
+    for step in path:
+        mapping = mapping[step]
+    return mapping
+
+
 def _edit(*path: Any, to: Any) -> Callable[[dict[str, Any]], None]:
-    return lambda mapping: operator.setitem(reduce(operator.getitem, path[:-1], mapping), path[-1], to)
+    return lambda mapping: operator.setitem(_within(mapping, path[:-1]), path[-1], to)
 
 
 def _drop(*path: Any) -> Callable[[dict[str, Any]], None]:
-    return lambda mapping: operator.delitem(reduce(operator.getitem, path[:-1], mapping), path[-1])
+    return lambda mapping: operator.delitem(_within(mapping, path[:-1]), path[-1])
 
 
 SYSTEM = ("systems", 0)

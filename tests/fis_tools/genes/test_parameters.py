@@ -117,9 +117,17 @@ def test_decoded_genomes_are_encoded_back_up_to_the_cells_of_rules(genome):
 def test_genes_by_hand():
     """One input from -3 to 5 m with two terms; an output with three, of which the middle one moves."""
     encoding = SystemEncoding(UNEVEN[:1], BOUNDS)
-    widths = [f"{term}.standard_deviation" for term in ("a.t0", "a.t1", "y.t0", "y.t1", "y.t2")]
-    named = [*widths[:2], "y.t1.mean", *widths[2:], "y.reach", "rule_0", "rule_1"]
-    assert encoding.gene_names() == [f"one.{name}" for name in named]
+    assert encoding.gene_names() == [
+        "one.a.t0.standard_deviation",
+        "one.a.t1.standard_deviation",
+        "one.y.t1.mean",
+        "one.y.t0.standard_deviation",
+        "one.y.t1.standard_deviation",
+        "one.y.t2.standard_deviation",
+        "one.y.reach",
+        "one.rule_0",
+        "one.rule_1",
+    ]
     (system,) = encoding.decode(np.array([0.0, 1.0, 1.0, 0.5, 0.0, 1.0, 0.5, 0.0, 1.0]))
     (first, second), (output,) = system.inputs[0].terms, system.outputs
     assert first.membership == Gaussian(-3.0, pytest.approx(0.04 * 8.0))

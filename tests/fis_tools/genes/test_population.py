@@ -150,7 +150,8 @@ def parted(name: str, reach: float, count: int) -> Variable:
     return Variable(name, "m", -reach, reach, tuple(shapes))
 
 
-_BOTH, _OUTPUT = (parted("a", 2.0, 3), parted("b", 50.0, 3)), replace(parted("c", 0.3, 5), default=0.0)
+_BOTH = (parted("a", 2.0, 3), parted("b", 50.0, 3))
+_OUTPUT = replace(parted("c", 0.3, 5), default=0.0)
 _WORDS = [f"t{place}" for place in (0, 1, 2, 1, 2, 3, 2, 3, 4)]
 DRAWN = FuzzySystem("drawn", _BOTH, (_OUTPUT,), table_rules(_BOTH, _OUTPUT, _WORDS))
 

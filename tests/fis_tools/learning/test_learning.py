@@ -98,8 +98,9 @@ def test_an_output_of_sets_reaches_its_ends():
     y = Partition(10.0, 20.0, (0, 20, 100))
     x = even(0.0, 1.0, 2)
     rows, values = np.array([[0.0], [1.0]]), np.array([10.0, 20.0])
-    variables = [(x.as_input("x", ""), x)], (y.as_output("y", "", 15.0), y)
-    system = wang_mendel("s", *variables, rows, values, np.ones(len(rows)))
+    inputs = [(x.as_input("x", ""), x)]
+    output = (y.as_output("y", "", 15.0), y)
+    system = wang_mendel("s", inputs, output, rows, values, np.ones(2))
     np.testing.assert_allclose(compile(system)(rows)[:, 0], values, atol=1e-9)
 
 
@@ -153,7 +154,8 @@ def test_a_table_that_is_none_is_told(text, told, tmp_path, run):
 
 
 def test_the_command_writes_a_controller(tmp_path, run):
-    path, table = tmp_path / "iris.json", read_csv(IRIS)
+    path = tmp_path / "iris.json"
+    table = read_csv(IRIS)
     words = ("learn", IRIS, "--target", "species")
     status, told, _ = run(*words, "-o", path)
     assert status == 0
@@ -183,8 +185,12 @@ def test_gaps_words_and_constants_are_left_out_and_told():
 
 
 #: what only runs with pandas, or with a setting of scipy
-_NOT_ARRAYS = ("classifier_data_not_an_array", "regressor_data_not_an_array", "sample_weights_pandas_series")
-ELSEWHERE = {f"check_{name}" for name in ("array_api_input", *_NOT_ARRAYS)}
+ELSEWHERE = {
+    "check_array_api_input",
+    "check_classifier_data_not_an_array",
+    "check_regressor_data_not_an_array",
+    "check_sample_weights_pandas_series",
+}
 
 
 @pytest.mark.slow
@@ -285,14 +291,17 @@ def test_weights_that_count_nothing_are_refused():
             FuzzyRegressor().fit(X, y, sample_weight=weights)
 
 
+def plane(position, velocity):
+    return -2.0 * position - 0.5 * velocity
+
+
 RANGES = {"position (m)": (-1.0, 1.0), "velocity (m/s)": (-2.0, 2.0)}
 
 
 def test_a_plane_is_imitated_to_the_digits_that_are_kept():
     """A line is a sum of tents: every kind of number says it, up to rounding to a thousandth."""
     for consequents in ("constants", "linear"):
-        told = {"output": "force", "consequents": consequents}
-        found = imitate(lambda position, velocity: -2.0 * position - 0.5 * velocity, RANGES, **told)
+        found = imitate(plane, RANGES, output="force", consequents=consequents)
         assert [(v.name, v.unit) for v in found.system.inputs] == [("position", "m"), ("velocity", "m/s")]
         assert found.system.outputs[0].name == "force"
         assert found.largest < 0.01 * 6.0

@@ -45,7 +45,8 @@ def _smooth_shapes(draw: st.DrawFn) -> tuple[MembershipFunction, object]:
     bell = draw(st.floats(0.1, 20))
     deviations = np.array([width]), np.array([other_width])
     slopes = (a, slope, b, other_slope)
-    triangles, trapezoids = ((a, b, c), (a, a, b), (a, b, b)), ((a, b, c, d), (a, a, b, c))
+    triangles = ((a, b, c), (a, a, b), (a, b, b))
+    trapezoids = ((a, b, c, d), (a, a, b, c))
     pairs = [
         (shapes.Gaussian(a, width), lambda x: skfuzzy.gaussmf(x, np.array([a]), deviations[0])),
         (

@@ -66,7 +66,8 @@ def seen_words(figure: Figure) -> list[tuple[Text, Bbox]]:
         if ax.name == "3d":
             texts += [text for text in (ax.title, *ax.texts) if text.get_text()]
             continue
-        (low, high), (bottom, top) = sorted(ax.get_xlim()), sorted(ax.get_ylim())
+        low, high = sorted(ax.get_xlim())
+        bottom, top = sorted(ax.get_ylim())
         x_off = {text for text in ax.get_xticklabels() if not low <= text.get_position()[0] <= high}
         y_off = {text for text in ax.get_yticklabels() if not bottom <= text.get_position()[1] <= top}
         texts += [text for text in words_of(ax) if text not in x_off | y_off]

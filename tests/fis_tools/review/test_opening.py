@@ -31,7 +31,7 @@ from fis_tools.review.content import BRIGHTNESS, level, level_styles
 from fis_tools.review.flown import Samples
 from fis_tools.source import read_controller
 from tests.fis_tools.review.cases import path_of
-from tests.fis_tools.sample_controllers import FORCE_Z, GENERAL
+from tests.fis_tools.sample_controllers import FORCE_Z, GENERAL, ROOM
 from tests.places import PROJECT
 from tests.policies import Page, check_policy
 
@@ -218,11 +218,11 @@ def test_a_notebook_shows_fuzzy_nouns_as_tables_and_pictures() -> None:
     shell = InteractiveShell()
     shell.display_formatter.active_types = ["text/plain", "text/html", "image/svg+xml"]
     fis_tools.show_in(shell)
-    controller, variable = GENERAL, FORCE_Z.inputs[0]
-    things = (controller, controller.systems[0], variable, 1)
+    variable = FORCE_Z.inputs[0]
+    things = (GENERAL, ROOM, variable, 1)
     shown = [shell.display_formatter.format(thing)[0] for thing in things]
-    assert f"<h1>{controller.name}</h1>" in shown[0]["text/html"]
-    assert shown[0]["text/html"].count("<h2>") == len(controller.systems)
+    assert f"<h1>{GENERAL.name}</h1>" in shown[0]["text/html"]
+    assert shown[0]["text/html"].count("<h2>") == len(GENERAL.systems)
     assert "<table" in shown[1]["text/html"]
     assert shown[2]["image/svg+xml"].lstrip().startswith("<?xml")
     assert all(term.name in shown[2]["image/svg+xml"] for term in variable.terms)

@@ -58,7 +58,8 @@ def with_rules(*rules: Rule, **changes: str) -> FuzzySystem:
 
 HEAT, FLAP = FLAT.outputs
 SOME_HEAT = (Consequent("heat", "some"),)
-CALM, STORM = Is("wind", "calm"), Is("wind", "storm")
+CALM = Is("wind", "calm")
+STORM = Is("wind", "storm")
 WARM_BREEZE = And((Is("temperature", "warm"), Is("wind", "breeze")))
 #: with ways of their own, which an .fll file can say
 OWN_WAYS = {
