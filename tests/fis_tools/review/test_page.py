@@ -383,7 +383,7 @@ def test_a_review_is_saved_and_loaded_again_for_the_same_controller_alone(opened
     saved = signed(shown)
     assert saved["controller"] == {"name": PAPER_LIKE.name, "sha256": serialize.fingerprint(PAPER_LIKE)}
     facts = {"name": "Ada Lovelace", "date": "2026-11-20", "decision": "approved with remarks"}
-    assert saved == saved | facts
+    assert facts.items() <= saved.items()
     assert all(saved["checks"].values())
     assert len(saved["findings"]) == shown.locator("tr.finding").count()
     assert saved["findings"][0]["reason"] == '"quoted" <b>reason</b>'
