@@ -8,11 +8,11 @@ from functools import cache
 from typing import Any
 
 from numba import types
-from numba.extending import infer_getattr, lower_builtin, lower_getattr_generic, models, register_model
+from numba.extending import infer_getattr, lower_getattr_generic, models, register_model
 
 from fis_tools.compiled import vectors
 from fis_tools.compiled.numba_parts import AttributeTemplate, cgutils, ir
-from fis_tools.compiled.vector_code import I64, members, typed
+from fis_tools.compiled.vector_code import I64, defined, members
 
 I8 = ir.IntType(8)
 
@@ -64,12 +64,9 @@ def _lent(context: Any, builder: Any, kind: Any, value: Any) -> Any:
     return context.make_tuple(builder, _borrowed_type(kind), parts)
 
 
-def _lower_borrowed(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-    return _lent(context, builder, signature.args[0], args[0])
-
-
-typed(vectors.borrowed, _borrowed_type)
-lower_builtin(vectors.borrowed, types.Any)(_lower_borrowed)
+@defined(vectors.borrowed, types.Type, result=_borrowed_type)
+def _borrowed(context: Any, builder: Any, signature: Any, value: Any) -> Any:
+    return _lent(context, builder, signature.args[0], value)
 
 
 @infer_getattr

@@ -6,7 +6,6 @@ values. LLVM has vectors of any width as values and maps them to the processor's
 
 import operator
 from collections.abc import Callable
-from inspect import signature as signature_of
 from typing import Any
 
 import numpy as np
@@ -34,32 +33,33 @@ FIRST = {"target": "cpu"}
 I1, I32, I64, F64 = (*map(ir.IntType, (1, 32, 64)), ir.DoubleType())
 
 
-class VectorType(types.Type):
+class LanesType(types.Type):
+    """The same kind of element in each lane."""
+
+    element: Any
+
+    def __init__(self, width: int) -> None:
+        self.width = width
+        super().__init__(name=f"{type(self).__name__.removesuffix('Type')}({width})")
+
+
+class VectorType(LanesType):
     """A float in each lane."""
 
-    def __init__(self, width: int) -> None:
-        self.width = width
-        super().__init__(name=f"Vector({width})")
+    element = F64
 
 
-class MaskType(types.Type):
+class MaskType(LanesType):
     """A truth value in each lane."""
 
-    def __init__(self, width: int) -> None:
-        self.width = width
-        super().__init__(name=f"Mask({width})")
+    element = I1
 
 
 @register_model(VectorType)
-class _VectorModel(models.PrimitiveModel):
-    def __init__(self, manager: Any, kind: VectorType) -> None:
-        super().__init__(manager, kind, ir.VectorType(F64, kind.width))
-
-
 @register_model(MaskType)
-class _MaskModel(models.PrimitiveModel):
-    def __init__(self, manager: Any, kind: MaskType) -> None:
-        super().__init__(manager, kind, ir.VectorType(I1, kind.width))
+class _LanesModel(models.PrimitiveModel):
+    def __init__(self, manager: Any, kind: LanesType) -> None:
+        super().__init__(manager, kind, ir.VectorType(kind.element, kind.width))
 
 
 def _width_of(width: Any) -> int:
@@ -81,14 +81,13 @@ def _joint(one: Any, other: Any) -> VectorType | types.Float | None:
     return found.pop() if found else types.float64
 
 
-def typed(operation: Any, typer: Callable[..., Any], takes_constants: bool = False) -> None:
-    """Register an operation's result type with numba; a typer returns None if it does not apply.
+def typed(operation: Any, count: int, typer: Callable[..., Any], takes_constants: bool = False) -> None:
+    """Register with numba the result type of an operation of `count` arguments; None if it does not apply.
 
     It is tried before all of numba's own typings of the operation and, if it takes constants, with these
     before variables of their type: otherwise type inference is a third of the compilation time, because numba
     formats a text for each mismatch.
     """
-    count = len(signature_of(typer).parameters)
 
     class Typing(AbstractTemplate):
         key = operation
@@ -103,12 +102,37 @@ def typed(operation: Any, typer: Callable[..., Any], takes_constants: bool = Fal
     infer_global(operation, types.Function(Typing))
 
 
-def _as(context: Any, builder: Any, value: Any, kind: Any, wanted: Any) -> Any:
-    """Return a vector, or a number as a float or as a vector of equal lanes."""
-    if isinstance(kind, VectorType):
-        return value
-    number = context.cast(builder, value, kind, types.float64)
-    return _splat(builder, number, wanted.width) if isinstance(wanted, VectorType) else number
+def defined(
+    operation: Any, *kinds: Any, result: Callable[..., Any], takes_constants: bool = False
+) -> Callable[[Any], Any]:
+    """Register an operation of arguments of some kinds; `result` returns its type from theirs, see `typed`.
+
+    The code is made by the decorated function from the context, builder, signature and arguments.
+    """
+
+    def typer(*args: Any) -> Any:
+        return result(*args) if all(map(isinstance, args, kinds)) else None
+
+    def register(emit: Any) -> Any:
+        typed(operation, len(kinds), typer, takes_constants)
+        lower_builtin(operation, *kinds)(
+            lambda context, builder, signature, args: emit(context, builder, signature, *args)
+        )
+        return emit
+
+    return register
+
+
+def _alike(context: Any, builder: Any, wanted: Any, pairs: Any) -> list[Any]:
+    """Return vectors and numbers, given with their types, as floats or as vectors of the wanted type."""
+
+    def alike(value: Any, kind: Any) -> Any:
+        if isinstance(kind, VectorType):
+            return value
+        number = context.cast(builder, value, kind, types.float64)
+        return _splat(builder, number, wanted.width) if isinstance(wanted, VectorType) else number
+
+    return [alike(*pair) for pair in pairs]
 
 
 def _splat(builder: Any, value: Any, width: int) -> Any:
@@ -146,11 +170,10 @@ def _binary(operation: Any, result: Callable[[Any], Any], emit: Callable[[Any, A
         return result(joint) if isinstance(joint, VectorType) else None
 
     def lower(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        joint = _joint(*signature.args)
-        one, other = (_as(context, builder, *pair, joint) for pair in zip(args, signature.args, strict=True))
-        return emit(builder, one, other)
+        pairs = zip(args, signature.args, strict=True)
+        return emit(builder, *_alike(context, builder, _joint(*signature.args), pairs))
 
-    typed(operation, typer)
+    typed(operation, 2, typer)
     for kinds in ((VectorType, VectorType), (VectorType, types.Number), (types.Number, VectorType)):
         lower_builtin(operation, *kinds)(lower)
 
@@ -159,14 +182,14 @@ def _quotient(kind: Any) -> Any:
     return kind if isinstance(kind, VectorType) else types.float64
 
 
-for _plain, _in_place, _emit in (
-    (operator.add, operator.iadd, lambda builder, one, other: builder.fadd(one, other)),
-    (operator.sub, operator.isub, lambda builder, one, other: builder.fsub(one, other)),
-    (operator.mul, operator.imul, lambda builder, one, other: builder.fmul(one, other)),
-    (operator.truediv, operator.itruediv, lambda builder, one, other: builder.fdiv(one, other)),
+for _operations, _result, _emit in (
+    ((operator.add, operator.iadd), lambda kind: kind, ir.IRBuilder.fadd),
+    ((operator.sub, operator.isub), lambda kind: kind, ir.IRBuilder.fsub),
+    ((operator.mul, operator.imul), lambda kind: kind, ir.IRBuilder.fmul),
+    ((operator.truediv, operator.itruediv), _quotient, ir.IRBuilder.fdiv),
 ):
-    for _operation in (_plain, _in_place):
-        _binary(_operation, _quotient if _plain is operator.truediv else lambda kind: kind, _emit)
+    for _operation in _operations:
+        _binary(_operation, _result, _emit)
 
 
 def _truth_of(kind: Any) -> Any:
@@ -174,12 +197,9 @@ def _truth_of(kind: Any) -> Any:
 
 
 def _comparing(symbol: str) -> Callable[[Any, Any, Any], Any]:
-    def emit(builder: Any, one: Any, other: Any) -> Any:
-        # NaN differs from everything, and all other comparisons with it are false
-        compare = builder.fcmp_unordered if symbol == "!=" else builder.fcmp_ordered
-        return compare(symbol, one, other)
-
-    return emit
+    # NaN differs from everything, and all other comparisons with it are false
+    compare = ir.IRBuilder.fcmp_unordered if symbol == "!=" else ir.IRBuilder.fcmp_ordered
+    return lambda builder, one, other: compare(builder, symbol, one, other)
 
 
 for _operation, _symbol in (
@@ -193,25 +213,27 @@ for _operation, _symbol in (
     _binary(_operation, _truth_of, _comparing(_symbol))
 
 
-def _logic(operations: tuple[Any, ...], emit: Callable[[Any, Any, Any], Any]) -> None:
-    def typer(one: Any, other: Any) -> Any:
-        return one if isinstance(one, MaskType) and one == other else None
+def _same(one: Any, other: Any) -> Any:
+    return one if one == other else None
 
+
+def _logic(emit: Callable[[Any, Any, Any], Any], *operations: Any) -> None:
     for operation in operations:
-        typed(operation, typer)
-        lower_builtin(operation, MaskType, MaskType)(
-            lambda context, builder, signature, args: emit(builder, *args)
+        defined(operation, MaskType, MaskType, result=_same)(
+            lambda context, builder, signature, one, other: emit(builder, one, other)
         )
 
 
-_logic((operator.and_, operator.iand), lambda builder, one, other: builder.and_(one, other))
-_logic((operator.or_, operator.ior), lambda builder, one, other: builder.or_(one, other))
-_logic((operator.xor, operator.ixor), lambda builder, one, other: builder.xor(one, other))
+_logic(ir.IRBuilder.and_, operator.and_, operator.iand)
+_logic(ir.IRBuilder.or_, operator.or_, operator.ior)
+_logic(ir.IRBuilder.xor, operator.xor, operator.ixor)
 
 
-def _unary(operation: Any, kind: type, emit: Callable[[Any, Any], Any]) -> None:
-    typed(operation, lambda x: x if isinstance(x, kind) else None)
-    lower_builtin(operation, kind)(lambda context, builder, signature, args: emit(builder, args[0]))
+def _unary(operation: Any, kind: type, emit: Callable[[Any, Any], Any], result: Any = None) -> None:
+    """Register an operation of a vector or a mask; the result is of the same type unless another is given."""
+    defined(operation, kind, result=lambda x: result or x)(
+        lambda context, builder, signature, x: emit(builder, x)
+    )
 
 
 def _intrinsic(name: str) -> Callable[[Any, Any], Any]:
@@ -226,8 +248,8 @@ def _intrinsic(name: str) -> Callable[[Any, Any], Any]:
     return emit
 
 
-_unary(operator.neg, VectorType, lambda builder, x: builder.fneg(x))
-_unary(operator.invert, MaskType, lambda builder, mask: builder.not_(mask))
+_unary(operator.neg, VectorType, ir.IRBuilder.fneg)
+_unary(operator.invert, MaskType, ir.IRBuilder.not_)
 _unary(abs, VectorType, _intrinsic("llvm.fabs"))
 _unary(np.sqrt, VectorType, _intrinsic("llvm.sqrt"))
 _unary(np.floor, VectorType, _intrinsic("llvm.floor"))
@@ -244,66 +266,35 @@ def _select_type(mask: Any, one: Any, other: Any) -> Any:
     return joint if mask == types.boolean and not isinstance(joint, VectorType) else None
 
 
-def _lower_select(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-    one, other = (
-        _as(context, builder, value, kind, signature.return_type)
-        for value, kind in zip(args[1:], signature.args[1:], strict=True)
-    )
-    return builder.select(args[0], one, other)
-
-
-typed(vectors.select, _select_type)
-lower_builtin(vectors.select, types.Any, types.Any, types.Any)(_lower_select)
-
-
-def _chosen_by(symbol: str) -> Callable[[Any, Any, Any], Any]:
-    """Return the operand that compares so with the other, else the other."""
-    return lambda builder, one, other: builder.select(builder.fcmp_ordered(symbol, one, other), one, other)
+@defined(vectors.select, types.Type, types.Type, types.Type, result=_select_type)
+def _select(context: Any, builder: Any, signature: Any, mask: Any, *values: Any) -> Any:
+    pairs = zip(values, signature.args[1:], strict=True)
+    return builder.select(mask, *_alike(context, builder, signature.return_type, pairs))
 
 
 def _extreme(operation: Any, symbol: str) -> None:
-    def lower(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        pairs = zip(args, signature.args, strict=True)
-        one, other = (_as(context, builder, *pair, signature.return_type) for pair in pairs)
-        return _chosen_by(symbol)(builder, one, other)
+    """Register the choice of the operand that compares so with the other, else the other."""
 
-    typed(operation, _joint)
-    lower_builtin(operation, types.Any, types.Any)(lower)
+    @defined(operation, types.Type, types.Type, result=_joint)
+    def emit(context: Any, builder: Any, signature: Any, *values: Any) -> Any:
+        pairs = zip(values, signature.args, strict=True)
+        one, other = _alike(context, builder, signature.return_type, pairs)
+        return builder.select(builder.fcmp_ordered(symbol, one, other), one, other)
 
 
 _extreme(vectors.least, "<")
 _extreme(vectors.most, ">")
 
 
-def _higher_type(one: Any, other: Any) -> Any:
-    return one if isinstance(one, VectorType) and one == other else None
-
-
-typed(vectors.higher, _higher_type)
-
-
-@lower_builtin(vectors.higher, VectorType, VectorType)
-def _lower_higher(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-    whole = ir.VectorType(I64, args[0].type.count)
-    one, other = (builder.bitcast(degrees, whole) for degrees in args)
+@defined(vectors.higher, VectorType, VectorType, result=_same)
+def _higher(context: Any, builder: Any, signature: Any, *degrees: Any) -> Any:
+    whole = ir.VectorType(I64, degrees[0].type.count)
+    one, other = (builder.bitcast(degree, whole) for degree in degrees)
     higher = builder.select(builder.icmp_signed(">", one, other), one, other)
-    return builder.bitcast(higher, args[0].type)
+    return builder.bitcast(higher, degrees[0].type)
 
 
 # Conversions between vectors and their elements
-
-
-def _vector_in(operation: Any, *kinds: Any) -> Callable[[Any], Any]:
-    """Register an operation whose last argument is the width of the vector that it returns."""
-
-    def register(emit: Any) -> Any:
-        def lower(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-            return emit(context, builder, signature, *args[:-1], signature.return_type.width)
-
-        lower_builtin(operation, *kinds, types.IntegerLiteral)(lower)
-        return emit
-
-    return register
 
 
 def _width_type(rows: Any) -> Any:
@@ -311,26 +302,22 @@ def _width_type(rows: Any) -> Any:
     return types.literal(kind.shape[-1]) if isinstance(kind, types.NestedArray) else None
 
 
-typed(vectors.width_of, _width_type)
-
-
-@lower_builtin(vectors.width_of, types.Any)
-def _lower_width_of(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+@defined(vectors.width_of, types.Type, result=_width_type)
+def _width(context: Any, builder: Any, signature: Any, rows: Any) -> Any:
     return I64(signature.return_type.literal_value)
 
 
-typed(vectors.splat, lambda value, width: VectorType(_width_of(width)), takes_constants=True)
+def _splat_type(value: Any, width: Any) -> Any:
+    return VectorType(_width_of(width))
 
 
-@_vector_in(vectors.splat, types.Number)
-def _lower_splat(context: Any, builder: Any, signature: Any, value: Any, width: int) -> Any:
-    return _as(context, builder, value, signature.args[0], signature.return_type)
+@defined(vectors.splat, types.Number, types.Integer, result=_splat_type, takes_constants=True)
+def _splat_number(context: Any, builder: Any, signature: Any, value: Any, width: Any) -> Any:
+    return _alike(context, builder, signature.return_type, [(value, signature.args[0])])[0]
 
 
 def _is_of_floats(array: Any, most_dimensions: int) -> bool:
-    """Return whether the elements of an array's rows are contiguous; others are rejected."""
-    if not isinstance(array, types.Array):
-        return False
+    """Return True if the elements of an array's rows are contiguous; others are rejected."""
     if array.dtype != types.float64 or array.layout != "C" or array.ndim > most_dimensions:
         raise TypingError(
             f"vectors are not read from {array}; pass an array of float64 in C order, "
@@ -372,64 +359,43 @@ def _place(context: Any, builder: Any, kind: Any, array: Any, at: Any, index: An
 
 
 def _load_type(array: Any, at: Any, width: Any) -> Any:
-    if not (_is_of_floats(array, 3) and _is_place(array, at)):
-        return None
-    return VectorType(_width_of(width))
+    return VectorType(_width_of(width)) if _is_of_floats(array, 3) and _is_place(array, at) else None
 
 
-typed(vectors.load, _load_type, takes_constants=True)
-
-
-@_vector_in(vectors.load, types.Array, types.Any)
-def _lower_load(context: Any, builder: Any, signature: Any, array: Any, at: Any, width: int) -> Any:
+@defined(vectors.load, types.Array, types.Type, types.Integer, result=_load_type, takes_constants=True)
+def _load(context: Any, builder: Any, signature: Any, array: Any, at: Any, width: Any) -> Any:
     place = _place(context, builder, signature.args[0], array, at, signature.args[1])
-    return builder.load(builder.bitcast(place, ir.VectorType(F64, width).as_pointer()), align=8)
+    vector = ir.VectorType(F64, signature.return_type.width)
+    return builder.load(builder.bitcast(place, vector.as_pointer()), align=8)
 
 
 def _spread_type(array: Any, at: Any, width: Any) -> Any:
-    if not (_is_of_floats(array, 1) and isinstance(at, types.Integer)):
-        return None
-    return VectorType(_width_of(width))
+    return VectorType(_width_of(width)) if _is_of_floats(array, 1) else None
 
 
-typed(vectors.spread, _spread_type, takes_constants=True)
-
-
-@_vector_in(vectors.spread, types.Array, types.Integer)
-def _lower_spread(context: Any, builder: Any, signature: Any, array: Any, at: Any, width: int) -> Any:
+@defined(vectors.spread, types.Array, types.Integer, types.Integer, result=_spread_type, takes_constants=True)
+def _spread(context: Any, builder: Any, signature: Any, array: Any, at: Any, width: Any) -> Any:
     place = _place(context, builder, signature.args[0], array, at, signature.args[1])
-    return _splat(builder, builder.load(place), width)
+    return _splat(builder, builder.load(place), signature.return_type.width)
 
 
 def _store_type(array: Any, at: Any, vector: Any) -> Any:
-    is_possible = _is_of_floats(array, 3) and _is_place(array, at) and isinstance(vector, VectorType)
-    return types.none if is_possible else None
+    return types.none if _is_of_floats(array, 3) and _is_place(array, at) else None
 
 
-typed(vectors.store, _store_type)
-
-
-@lower_builtin(vectors.store, types.Array, types.Any, VectorType)
-def _lower_store(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-    array, at, vector = args
+@defined(vectors.store, types.Array, types.Type, VectorType, result=_store_type)
+def _store(context: Any, builder: Any, signature: Any, array: Any, at: Any, vector: Any) -> Any:
     place = _place(context, builder, signature.args[0], array, at, signature.args[1])
     builder.store(vector, builder.bitcast(place, vector.type.as_pointer()), align=8)
     return context.get_dummy_value()
 
 
 def _gather_type(array: Any, at: Any, offsets: Any) -> Any:
-    is_possible = (
-        _is_of_floats(array, 1) and isinstance(at, types.Integer) and isinstance(offsets, VectorType)
-    )
-    return offsets if is_possible else None
+    return offsets if _is_of_floats(array, 1) else None
 
 
-typed(vectors.gather, _gather_type)
-
-
-@lower_builtin(vectors.gather, types.Array, types.Integer, VectorType)
-def _lower_gather(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-    array, at, offsets = args
+@defined(vectors.gather, types.Array, types.Integer, VectorType, result=_gather_type)
+def _gather(context: Any, builder: Any, signature: Any, array: Any, at: Any, offsets: Any) -> Any:
     width = offsets.type.count
     first = _place(context, builder, signature.args[0], array, at, signature.args[1])
     whole = builder.fptosi(offsets, ir.VectorType(I64, width))
@@ -442,21 +408,14 @@ def _lower_gather(context: Any, builder: Any, signature: Any, args: Any) -> Any:
 
 
 def _gather_rows_type(array: Any, at: Any, offsets: Any, count: Any, out: Any) -> Any:
-    is_possible = (
-        _is_of_floats(array, 1)
-        and _is_of_floats(out, 2)
-        and isinstance(at, types.Integer)
-        and isinstance(offsets, VectorType)
-        and isinstance(count, types.Integer)
-    )
-    return types.none if is_possible else None
+    return types.none if _is_of_floats(array, 1) and _is_of_floats(out, 2) else None
 
 
-typed(vectors.gather_rows, _gather_rows_type)
-
-
-@lower_builtin(vectors.gather_rows, types.Array, types.Integer, VectorType, types.Integer, types.Array)
-def _lower_gather_rows(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+@defined(
+    *(vectors.gather_rows, types.Array, types.Integer, VectorType, types.Integer, types.Array),
+    result=_gather_rows_type,
+)
+def _gather_rows(context: Any, builder: Any, signature: Any, *args: Any) -> Any:
     array, at, offsets, count, out = args
     lanes = offsets.type.count
     first = _place(context, builder, signature.args[0], array, at, signature.args[1])
@@ -529,49 +488,23 @@ def _beside(builder: Any, parts: list[Any], lanes: int) -> Any:
     )
 
 
-def _of_vector(operation: Any, kind: type, result: Any) -> Callable[[Any], Any]:
-    """Register an operation from a vector or a mask to a scalar."""
-
-    def register(emit: Any) -> Any:
-        typed(operation, lambda x: result if isinstance(x, kind) else None)
-        lower_builtin(operation, kind)(lambda context, builder, signature, args: emit(builder, args[0]))
-        return emit
-
-    return register
-
-
-def _by_halves(builder: Any, vector: Any, combine: Callable[[Any, Any, Any], Any]) -> Any:
+def _total(builder: Any, vector: Any) -> Any:
     half = vector.type.count // 2
     while half:
         lanes = [ir.Constant(ir.VectorType(I32, half), list(range(k, k + half))) for k in (0, half)]
-        lower, upper = (builder.shuffle_vector(vector, vector, own) for own in lanes)
-        vector = combine(builder, lower, upper)
+        vector = builder.fadd(*(builder.shuffle_vector(vector, vector, own) for own in lanes))
         half //= 2
     return builder.extract_element(vector, I32(0))
 
 
-@_of_vector(vectors.total, VectorType, types.float64)
-def _lower_total(builder: Any, vector: Any) -> Any:
-    return _by_halves(builder, vector, lambda builder, lower, upper: builder.fadd(lower, upper))
-
-
-def _as_integer(builder: Any, mask: Any) -> Any:
-    return builder.bitcast(mask, ir.IntType(mask.type.count))
-
-
-def _as_int64(builder: Any, number: Any) -> Any:
-    return number if number.type == I64 else builder.zext(number, I64)
-
-
-@_of_vector(vectors.some, MaskType, types.boolean)
-def _lower_some(builder: Any, mask: Any) -> Any:
-    number = _as_integer(builder, mask)
+def _some(builder: Any, mask: Any) -> Any:
+    number = builder.bitcast(mask, ir.IntType(mask.type.count))
     return builder.icmp_unsigned("!=", number, number.type(0))
 
 
-@_of_vector(vectors.count, MaskType, types.int64)
-def _lower_count(builder: Any, mask: Any) -> Any:
-    return builder.ctpop(_as_int64(builder, _as_integer(builder, mask)))
+def _count(builder: Any, mask: Any) -> Any:
+    number = builder.bitcast(mask, ir.IntType(mask.type.count))
+    return builder.ctpop(number if number.type == I64 else builder.zext(number, I64))
 
 
 def _power_of_two(builder: Any, exponent: Any) -> Any:
@@ -581,4 +514,7 @@ def _power_of_two(builder: Any, exponent: Any) -> Any:
     return builder.bitcast(builder.shl(biased, ir.Constant(whole, [52] * whole.count)), exponent.type)
 
 
+_unary(vectors.total, VectorType, _total, types.float64)
+_unary(vectors.some, MaskType, _some, types.boolean)
+_unary(vectors.count, MaskType, _count, types.int64)
 _unary(vectors.power_of_two, VectorType, _power_of_two)
