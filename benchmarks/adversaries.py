@@ -17,8 +17,8 @@ from pipeline.command_line.config import compose_experiment
 from pipeline.flight.cases.dispersions import mission_of_case
 from pipeline.flight.control.controller import Controller, from_fuzzy, open_loop
 from pipeline.flight.fly.simulation import fly_all, fly_logged
-from pipeline.flight.period.act.bounds import bounds_of, spheres_of
 from pipeline.flight.state.log import FlightLog, Scenario
+from pipeline.flight.world.bounds import bounds_of, spheres_of
 from pipeline.physics.motion import motion_over
 from pipeline.settings.experiment import Mission
 from pipeline.settings.schema import in_world

@@ -36,8 +36,9 @@ from pipeline.flight.period.decide.urgency import note_deadlines
 from pipeline.flight.period.steps import act, decide, look
 from pipeline.flight.state.arrays import Beyond, Control, Guard, Moment, State, Workspace, constant_of
 from pipeline.flight.state.errors import ModelErrors
-from pipeline.flight.state.lanes import clip, clip_three, four, one, to_hill
+from pipeline.flight.state.lanes import clip, clip_three, four, one
 from pipeline.flight.state.signals import BODY, CONSTANTS, FIRST_DEAD_BAND, SETTING, URGENCY
+from pipeline.physics.quaternion import to_hill
 from pipeline.training import judging
 
 #: numbers of one axis, last in a row of values: a slope for each of up to three inputs, a constant, a limit

@@ -53,9 +53,8 @@ class Refused:
 class Sources:
     """The sources that a module's compiled functions depend on."""
 
-    files: tuple[
-        str, ...
-    ]  # its own and all that it imports from packages with compiled functions, directly or not
+    # its own and all that it imports from packages with compiled functions, directly or not
+    files: tuple[str, ...]
     digest: str  # sixteen hexadecimal digits of a hash over the files and the versions of the compilers
 
 

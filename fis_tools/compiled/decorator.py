@@ -29,8 +29,8 @@ F = TypeVar("F", bound=Callable[..., Any])
 #: Dispatchers and their caches are created one at a time: this changes numba's setting for a moment.
 _making = threading.RLock()
 
-#: The package whose functions currently run as plain Python; see `sparingly`.
-_plain: ContextVar[str] = ContextVar("plain")
+#: The package whose functions currently run as plain Python, and what runs instead of some; see `plainly`.
+_plain: ContextVar[tuple[str, dict[Any, Callable[..., Any]]]] = ContextVar("plain", default=("", {}))
 
 
 class Compiled:
@@ -52,10 +52,10 @@ class Compiled:
 
     def __call__(self, *args: Any, **kwargs: Any) -> Any:
         """Call the compiled function."""
-        plain = _plain.get("")
+        plain, instead = _plain.get()
         # what takes vectors is called in compiled code, or in plain Python with those of NumPy
         if plain and (plain == self._package or {"forceinline", "inline"} & self._options.keys()):
-            return self.py_func(*args, **kwargs)
+            return instead.get(self, self.py_func)(*args, **kwargs)
         if kwargs:  # numba takes a tenth of a microsecond longer if there may be some
             return self.dispatcher(*args, **kwargs)
         return self.dispatcher(*args)
@@ -105,9 +105,12 @@ def compiled(function: F | None = None, /, **options: Any) -> F | Callable[[F], 
 
 
 @contextmanager
-def plainly(package: str) -> Iterator[None]:
-    """Run the compiled functions of a package as plain Python inside; the results are the same."""
-    token = _plain.set(package)
+def plainly(package: str, instead: dict[Any, Callable[..., Any]] | None = None) -> Iterator[None]:
+    """Run the compiled functions of a package as plain Python inside; the results are the same.
+
+    Instead of some of them, others of the same signature may run.
+    """
+    token = _plain.set((package, instead or {}))
     try:
         with np.errstate(all="ignore"):  # compiled code does not warn
             yield

@@ -4,13 +4,13 @@ A component is a float, or a vector with a lane for each flight (`fis_tools.comp
 components of one `Three` are of the same kind. Arrays that hold some have a row for each component.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.compiled.decorator import compiled
-from fis_tools.compiled.vectors import Mask, Vector, load, select, splat, store, width_of
+from fis_tools.compiled.vectors import Mask, Vector, load, select, splat, store, total, width_of
 
 Floats = NDArray[np.float64]
 
@@ -39,21 +39,34 @@ def store_three(rows: Floats, first: int, a: Three) -> None:
 
 
 @compiled(inline="always")  # so that the width stays a constant
-def load_at(array: Floats, place: int, width: int) -> Three:
-    """Return an entry of an array of shape (n, 3, L), where L is the constant `width`."""
+def load_from(rows: Floats, row: int, first: int, width: int) -> Three:
+    """Return three rows of an array, shape (n, lanes), from row and lane on; `width` is a constant."""
     return Three(
-        load(array, (place, 0, 0), width),
-        load(array, (place, 1, 0), width),
-        load(array, (place, 2, 0), width),
+        load(rows, (row, first), width),
+        load(rows, (row + 1, first), width),
+        load(rows, (row + 2, first), width),
+    )
+
+
+@compiled(inline="always")  # so that the width stays a constant
+def load_at(array: Floats, place: int, row: int, first: int, width: int) -> Three:
+    """Return three rows of an entry of an array, shape (n, rows, lanes), from row and lane on.
+
+    Their number of lanes is the constant `width`.
+    """
+    return Three(
+        load(array, (place, row, first), width),
+        load(array, (place, row + 1, first), width),
+        load(array, (place, row + 2, first), width),
     )
 
 
 @compiled(forceinline=True)
-def store_at(array: Floats, place: int, a: Three) -> None:
-    """Write an entry of an array of shape (n, 3, L)."""
-    store(array, (place, 0, 0), a.x)
-    store(array, (place, 1, 0), a.y)
-    store(array, (place, 2, 0), a.z)
+def store_at(array: Floats, place: int, row: int, a: Three) -> None:
+    """Write three rows of an entry of an array, shape (n, rows, lanes)."""
+    store(array, (place, row, 0), a.x)
+    store(array, (place, row + 1, 0), a.y)
+    store(array, (place, row + 2, 0), a.z)
 
 
 @compiled(forceinline=True)
@@ -72,6 +85,16 @@ def write_lane(rows: Floats, first: int, lane: int, a: Three) -> None:
 def three_of(array: Floats) -> Three:
     """Return an array of shape (3,) as a vector of floats."""
     return Three(array[0], array[1], array[2])
+
+
+@compiled(forceinline=True)
+def write_three(target: Any, a: Three) -> None:
+    """Write a vector of floats into the first elements of an array of shape (n,).
+
+    Compiled assignments to slices include an error message for different shapes, and with it some eighty
+    string functions to compile.
+    """
+    target[0], target[1], target[2] = a.x, a.y, a.z
 
 
 @compiled(inline="always")  # so that the width stays a constant
@@ -98,6 +121,12 @@ def scaled(factor: Vector, a: Three) -> Three:
     return Three(factor * a.x, factor * a.y, factor * a.z)
 
 
+@compiled(error_model="numpy", forceinline=True)
+def divided(a: Three, divisor: Vector) -> Three:
+    """Return a divided by a number, one for all components."""
+    return Three(a.x / divisor, a.y / divisor, a.z / divisor)
+
+
 @compiled(forceinline=True)
 def dot(a: Three, b: Three) -> Vector:
     """Return the scalar product."""
@@ -114,6 +143,18 @@ def cross(a: Three, b: Three) -> Three:
 def length(a: Three) -> Vector:
     """Return the Euclidean length."""
     return np.sqrt(dot(a, a))
+
+
+@compiled(forceinline=True)
+def totals(a: Three) -> Three:
+    """Return the sum over the lanes of each component, floats."""
+    return Three(total(a.x), total(a.y), total(a.z))
+
+
+@compiled(forceinline=True)
+def cofactors(first: Three, second: Three, third: Three) -> tuple[Three, Three, Three]:
+    """Return the rows of the cofactors of a matrix by its rows; ``first . x`` is its determinant."""
+    return cross(second, third), cross(third, first), cross(first, second)
 
 
 @compiled(forceinline=True)

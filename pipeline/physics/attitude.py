@@ -2,18 +2,20 @@
 
 The desired axes are ``x* = r/|r|``, ``y* = k x r/|k x r|`` and ``z* = x* x y*``, so that a camera along -x*
 looks at the chief. Over the poles of the orbit plane, where k x r vanishes, the previous y* is kept instead.
-Positions (m, not at the origin) and axes (unit vectors) have the shape (3,), Hill axes. Of a chief,
+Positions (m, not at the origin) and axes (unit vectors) are in Hill axes. Of a chief,
 attitudes have the shape (4,), from Hill to chief axes, scalar last; inertias (3, 3); inertial rates and
 torques (3,), in body axes; all SI units.
 """
 
 from math import atan2, cos, sin
+from typing import Any
 
 import numpy as np
 
 from fis_tools.compiled.decorator import compiled
+from fis_tools.compiled.three import Three, cross, divided, dot, length, minus, plus, scaled, three_of, times
 from pipeline.array_types import Floats
-from pipeline.physics.quaternion import assign, cross, dcm_b_from_h, derivative, dot, norm, normalised, times
+from pipeline.physics.quaternion import dcm_b_from_h, derivative, normalised
 
 #: y* before the first instant, Hill axes
 FIRST_Y = (0.0, 1.0, 0.0)
@@ -25,73 +27,61 @@ BLENDED_POLE = 0.2
 RETURN_RATE = 0.005
 
 
-@compiled
-def _carried_y(x: Floats, previous_y: Floats) -> Floats:
-    """Return the previous y* made orthogonal to x*, shape (3,)."""
-    y = previous_y - dot(previous_y, x) * x
-    length = norm(y)
-    if length < 1e-9:  # the previous y* lies along x*: any other axis will do
-        y = cross(x, np.array([1.0, 0.0, 0.0])) if abs(x[0]) < 0.9 else cross(x, np.array([0.0, 1.0, 0.0]))
-        length = norm(y)
-    return y / length
+@compiled(error_model="numpy")
+def _carried_y(x: Three, previous_y: Three) -> Three:
+    """Return the previous y* made orthogonal to x*."""
+    y = minus(previous_y, scaled(dot(previous_y, x), x))
+    if length(y) < 1e-9:  # the previous y* lies along x*: any other axis will do
+        y = cross(x, Three(1.0, 0.0, 0.0)) if abs(x.x) < 0.9 else cross(x, Three(0.0, 1.0, 0.0))
+    return divided(y, length(y))
 
 
-@compiled
-def desired_y(position_h: Floats, previous_y_h: Floats) -> Floats:
+@compiled(error_model="numpy")
+def desired_y(position_h: Three, previous_y_h: Three) -> Three:
     """Return the desired second body axis, from that at the previous instant; `FIRST_Y` before the first."""
-    distance = norm(position_h)
-    horizontal = np.array([-position_h[1], position_h[0], 0.0])
-    length = norm(horizontal)
-    if length < POLE * distance:
-        return _carried_y(position_h / distance, previous_y_h)
-    return horizontal / length
+    distance, horizontal = length(position_h), Three(-position_h.y, position_h.x, 0.0)
+    if length(horizontal) < POLE * distance:
+        return _carried_y(divided(position_h, distance), previous_y_h)
+    return divided(horizontal, length(horizontal))
 
 
-@compiled
-def blended_y(position_h: Floats, previous_y_h: Floats, attitude_period: float) -> Floats:
+@compiled(error_model="numpy")
+def blended_y(position_h: Three, previous_y_h: Three, attitude_period: float) -> Three:
     """Return the desired second body axis, without fast turns over a pole.
 
     Where ``|k x r|/|r|`` is below `BLENDED_POLE` the axis of an attitude period (s) ago is kept; elsewhere it
     returns to ``k x r/|k x r|`` by a turn about x* at a rate of at most `RETURN_RATE`. The first is
     `desired_y`.
     """
-    distance = norm(position_h)
-    x = position_h / distance
+    distance, horizontal = length(position_h), Three(-position_h.y, position_h.x, 0.0)
+    x = divided(position_h, distance)
     carried = _carried_y(x, previous_y_h)
-    horizontal = np.array([-position_h[1], position_h[0], 0.0])
-    length = norm(horizontal)
-    if length < BLENDED_POLE * distance:
+    if length(horizontal) < BLENDED_POLE * distance:
         return carried
-    goal = horizontal / length
-    sideways = cross(x, carried)
+    goal, sideways = divided(horizontal, length(horizontal)), cross(x, carried)
     angle = atan2(dot(goal, sideways), dot(goal, carried))
     most = RETURN_RATE * attitude_period
     if abs(angle) <= most:
         return goal
     turn = most if angle > 0.0 else -most
-    return cos(turn) * carried + sin(turn) * sideways
+    return plus(scaled(cos(turn), carried), scaled(sin(turn), sideways))
 
 
-@compiled
-def desired_dcm(position_h: Floats, y_h: Floats) -> Floats:
+@compiled(error_model="numpy")
+def desired_dcm(position_h: Three, y_h: Three) -> Floats:
     """Return the desired attitude as a matrix from Hill to body components, with rows x*, y*, z*."""
-    dcm = np.empty((3, 3))
-    assign(dcm[0], position_h / norm(position_h))
-    assign(dcm[1], y_h)
-    assign(dcm[2], cross(dcm[0], y_h))
-    return dcm
+    x = divided(position_h, length(position_h))
+    return np.array((x, y_h, cross(x, y_h)))
 
 
 #: tolerance for the attitude of a tumbling chief at the end of a flight, applied to two errors, rad
 TUMBLING_TOLERANCE_RAD = 1e-4
 
 
-@compiled
-def euler_angular_acceleration(
-    inertia: Floats, inverse_inertia: Floats, inertial_rate: Floats, torque: Floats
-) -> Floats:
-    """Return ``J^-1 (tau - w x J w)``, Euler's equation."""
-    return times(inverse_inertia, torque - cross(inertial_rate, times(inertia, inertial_rate)))
+@compiled(error_model="numpy", forceinline=True)
+def euler(inertia: Floats, inverse_inertia: Floats, inertial_rate: Three, torque: Three) -> Three:
+    """Return the rate of change of an inertial rate, ``J^-1 (tau - w x J w)``: Euler's equation."""
+    return times(inverse_inertia, minus(torque, cross(inertial_rate, times(inertia, inertial_rate))))
 
 
 def longest_tumbling_step(
@@ -114,7 +104,7 @@ def longest_tumbling_step(
 
 
 @compiled
-def _advance(stage: int, duration: float, start: Floats, rate: Floats, state: Floats, end: Floats) -> None:
+def _advance(stage: int, duration: float, start: Floats, rate: Any, state: Floats, end: Floats) -> None:
     """Apply one stage's rate in the classical Runge-Kutta method, in place.
 
     `state` becomes the point of the next of the four stages, and `end` accumulates the end of the step.
@@ -137,13 +127,13 @@ def tumble(
     num_steps: int,
 ) -> tuple[Floats, Floats]:
     """Return attitude and rate of a torque-free chief after steps of the classical Runge-Kutta method."""
-    hill_rate, free, step = np.array([0.0, 0.0, mean_motion]), np.zeros(3), duration / num_steps
+    hill_rate, free, step = Three(0.0, 0.0, mean_motion), Three(0.0, 0.0, 0.0), duration / num_steps
     attitude, rate = quaternion_c_from_h, inertial_rate_c
     for _ in range(num_steps):
         q, w, q_next, w_next = attitude.copy(), rate.copy(), attitude.copy(), rate.copy()
         for stage in range(4):
-            q_rate = derivative(q, w - times(dcm_b_from_h(q), hill_rate))
-            w_rate = euler_angular_acceleration(inertia, inverse_inertia, w, free)
+            q_rate = derivative(q, minus(three_of(w), times(dcm_b_from_h(q), hill_rate)))
+            w_rate = euler(inertia, inverse_inertia, three_of(w), free)
             _advance(stage, step, attitude, q_rate, q, q_next)
             _advance(stage, step, rate, w_rate, w, w_next)
         attitude, rate = normalised(q_next), w_next

@@ -17,7 +17,7 @@ that are not 0 or 1 from a `Step`. A law that stops a deputy is a gain, shape (3
 ``K = -Gamma_v^-1 Phi_v``, N/m and N s/m.
 """
 
-from collections.abc import Sequence
+from collections.abc import Collection
 from math import ceil, cos, pi, sin
 from typing import NamedTuple, Protocol
 
@@ -72,19 +72,17 @@ def input_matrix(mean_motion: float, duration: float, mass: float) -> Floats:
     one_minus_c = 2.0 * sin(0.5 * angle) ** 2
     late = _angle_minus_sine(angle)
     along_track = 4.0 * one_minus_c / (n * n) - 1.5 * duration * duration
-    return (
-        np.array(
-            [
-                [one_minus_c / (n * n), 2.0 * late / (n * n), 0.0],
-                [-2.0 * late / (n * n), along_track, 0.0],
-                [0.0, 0.0, one_minus_c / (n * n)],
-                [s / n, 2.0 * one_minus_c / n, 0.0],
-                [-2.0 * one_minus_c / n, duration - 4.0 * late / n, 0.0],
-                [0.0, 0.0, s / n],
-            ]
-        )
-        / mass
+    per_newton = np.array(
+        [
+            [one_minus_c / (n * n), 2.0 * late / (n * n), 0.0],
+            [-2.0 * late / (n * n), along_track, 0.0],
+            [0.0, 0.0, one_minus_c / (n * n)],
+            [s / n, 2.0 * one_minus_c / n, 0.0],
+            [-2.0 * one_minus_c / n, duration - 4.0 * late / n, 0.0],
+            [0.0, 0.0, s / n],
+        ]
     )
+    return per_newton / mass
 
 
 #: parts into which `closest_approach` divides an orbit
@@ -142,7 +140,7 @@ class Step(NamedTuple):
     pushed_velocity: Held
 
 
-def motion_over(orbit: Orbit, deputy: Deputy, durations: Sequence[float]) -> Motion:
+def motion_over(orbit: Orbit, deputy: Deputy, durations: Collection[float]) -> Motion:
     """Return the motion of a deputy over some durations, s."""
     n, mass = orbit.mean_motion_rad_s, deputy.mass_kg
     return Motion(
@@ -268,21 +266,15 @@ def velocity_after(s: Step, r: Three, v: Three, f: Three) -> Three:
 
 
 @compiled(inline="always")
-def drift(motion: Motion, state: Floats, free: Floats) -> None:
-    """Write a state, shape (6,), after the first duration without force."""
-    for i in range(6):
-        free[i] = 0.0
-        for j in range(6):
-            free[i] += motion.transition[0, i, j] * state[j]
-
-
-@compiled(inline="always")
-def push(motion: Motion, free: Floats, force: Floats, after: Floats) -> None:
-    """Write the state after a held force, shape (3,), from the state that free motion leads to."""
-    for i in range(6):
-        after[i] = free[i]
-        for j in range(3):
-            after[i] += motion.control[0, i, j] * force[j]
+def effect_along(s: Step, p: Three, q: Three) -> Three:
+    """Return what each component of a held force adds to ``p . r + q . v`` in a step, per newton."""
+    xf, xg, yf, yg, zh = s.pushed_place
+    uf, ug, vf, vg, wh = s.pushed_velocity
+    return Three(
+        xf * p.x + yf * p.y + uf * q.x + vf * q.y,
+        xg * p.x + yg * p.y + ug * q.x + vg * q.y,
+        zh * p.z + wh * q.z,
+    )
 
 
 @compiled(inline="always")
@@ -299,22 +291,13 @@ def slopes(p: Place, along: Three) -> tuple[Three, Three]:
 
 
 @compiled(inline="always")
-def stopping_forces(k: Floats, r: Three, v: Three) -> Three:
+def stopping_force(k: Floats, r: Three, v: Three) -> Three:
     """Return the force that stops a state, N, by the gain of a law that does."""
     return Three(
         k[0, 0] * r.x + k[0, 3] * v.x + k[0, 4] * v.y,
         k[1, 0] * r.x + k[1, 3] * v.x + k[1, 4] * v.y,
         k[2, 2] * r.z + k[2, 5] * v.z,
     )
-
-
-@compiled(inline="always")
-def stopping_force(stop: Floats, axis: int, state: Floats) -> float:
-    """Return one component of the force that stops a state of shape (6,), N."""
-    force = 0.0
-    for i in range(6):
-        force += stop[axis, i] * state[i]
-    return force
 
 
 def nearest_in_orbit(orbit: Orbit, deputy: Deputy, state: Floats) -> float:
@@ -327,4 +310,4 @@ def nearest_in_orbit(orbit: Orbit, deputy: Deputy, state: Floats) -> float:
 def orbit_parts(orbit: Orbit, deputy: Deputy) -> Motion:
     """Return the motion over 1, 2, … `ORBIT_PARTS` parts of an orbit, for `closest_approach`."""
     part = 2.0 * pi / orbit.mean_motion_rad_s / ORBIT_PARTS
-    return motion_over(orbit, deputy, [part * count for count in range(1, ORBIT_PARTS + 1)])
+    return motion_over(orbit, deputy, part * np.arange(1, ORBIT_PARTS + 1))

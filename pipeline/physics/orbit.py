@@ -10,49 +10,40 @@ Norsett and Wanner, Solving Ordinary Differential Equations I, II.14).
 """
 
 from math import cos, radians, sin, sqrt
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 
 from fis_tools.compiled.decorator import compiled
+from fis_tools.compiled.three import (
+    Three,
+    cross,
+    divided,
+    dot,
+    length,
+    minus,
+    plus,
+    scaled,
+    three_of,
+    write_three,
+)
 from pipeline.array_types import Floats
 from pipeline.physics.illumination import EARTH_RADIUS_M
-from pipeline.physics.quaternion import assign, cross, dot, norm
 
 #: largest angle per step of the integration, on the fastest orbit through the perigee, rad
 LONGEST_STEP_RAD = 0.02
 
 
-class Elements(Protocol):
-    """The parameters of the chief's orbit and of the deputy's accelerations."""
+class Elements(NamedTuple):
+    """The chief's orbit at the start, and by how much more the deputy is accelerated than the chief."""
 
-    @property
-    def eccentricity(self) -> float:
-        """At the start, from 0 to less than 1."""
-
-    @property
-    def true_anomaly_deg(self) -> float:
-        """At the start, from the perigee."""
-
-    @property
-    def inclination_deg(self) -> float:
-        """At the start, to the Earth's equator."""
-
-    @property
-    def latitude_argument_deg(self) -> float:
-        """At the start, from the ascending node."""
-
-    @property
-    def j2(self) -> float:
-        """Coefficient of the Earth's oblateness."""
-
-    @property
-    def drag_m_s2(self) -> float:
-        """Excess of the deputy's drag deceleration over the chief's, at the speed of a circular orbit."""
-
-    @property
-    def radiation_m_s2(self) -> float:
-        """Excess of the deputy's acceleration by sunlight over the chief's."""
+    eccentricity: float  # from 0 to less than 1
+    true_anomaly_deg: float  # from the perigee
+    inclination_deg: float  # to the Earth's equator
+    latitude_argument_deg: float  # from the ascending node
+    j2: float  # coefficient of the Earth's oblateness
+    drag_m_s2: float  # deceleration by drag, at the speed of a circular orbit
+    radiation_m_s2: float  # acceleration by sunlight
 
 
 class Course(NamedTuple):
@@ -82,44 +73,56 @@ NO_COURSE = Course(
 )
 
 
-@compiled
-def oblate_attraction(course: Course, place: Floats) -> Floats:
-    """Return the contribution of the Earth's oblateness to its attraction, shape (3,), m/s^2."""
-    square, height = dot(place, place), dot(place, course.pole)
+@compiled(error_model="numpy", forceinline=True)
+def oblate_attraction(course: Course, place: Three) -> Three:
+    """Return the contribution of the Earth's oblateness to its attraction, m/s^2."""
+    pole = three_of(course.pole)
+    square, height = dot(place, place), dot(place, pole)
     scale = -course.oblateness / (square * square * sqrt(square))
-    return scale * ((1.0 - 5.0 * height * height / square) * place + 2.0 * height * course.pole)
+    outward, poleward = scaled(1.0 - 5.0 * height * height / square, place), scaled(2.0 * height, pole)
+    return scaled(scale, plus(outward, poleward))
 
 
-@compiled
-def attraction(course: Course, place: Floats) -> Floats:
-    """Return the Earth's attraction at a place, shape (3,), m/s^2."""
-    return -course.gravity / norm(place) ** 3 * place + oblate_attraction(course, place)
+@compiled(error_model="numpy", forceinline=True)
+def attraction(course: Course, place: Three) -> Three:
+    """Return the Earth's attraction at a place, m/s^2."""
+    return plus(scaled(-course.gravity / length(place) ** 3, place), oblate_attraction(course, place))
 
 
-@compiled
-def revolve(course: Course, drag_per_square: float, velocity: Floats) -> None:
-    """Fill the arrays of a course from the first place on, where the chief has a velocity, shape (3,)."""
+@compiled(error_model="numpy", forceinline=True)
+def ahead(place: Three, velocity: Three, pull: Three, time: float) -> Three:
+    """Return the position after a time of constant acceleration."""
+    return plus(plus(place, scaled(time, velocity)), scaled(0.5 * time * time, pull))
+
+
+@compiled(error_model="numpy", forceinline=True)
+def velocity_at_end(velocity: Three, first: Three, middle: Three, last: Three, time: float) -> Three:
+    """Return the velocity after a step of Nystrom's method, by the accelerations at its three instants."""
+    return plus(velocity, scaled(time / 6.0, plus(plus(first, scaled(4.0, middle)), last)))
+
+
+@compiled(error_model="numpy")
+def revolve(course: Course, drag_per_square: float, velocity: Three) -> None:
+    """Fill the arrays of a course from the first place on, where the chief has a velocity."""
     duration, places, axes, turning = 0.5 * course.step, course.places, course.axes, course.turning
+    place = three_of(places[0])
     for at in range(len(places)):
-        place = places[at].copy()
-        pull = attraction(course, place)
-        upward, normal = place / norm(place), cross(place, velocity)
-        momentum = norm(normal)
-        normal = normal / momentum
-        assign(axes[at, 0], upward)
-        assign(axes[at, 1], cross(normal, upward))
-        assign(axes[at, 2], normal)
-        turning[at, 0] = norm(place) * dot(pull, normal) / momentum
-        turning[at, 1], turning[at, 2] = 0.0, momentum / dot(place, place)
-        slowed = drag_per_square * norm(velocity) * velocity
-        assign(course.common[at], -slowed - oblate_attraction(course, place))
-        if at + 1 == len(places):
-            break
-        halfway = place + 0.5 * duration * velocity + 0.125 * duration**2 * pull
-        middle = attraction(course, halfway)
-        last = attraction(course, place + duration * velocity + 0.5 * duration**2 * middle)
-        assign(places[at + 1], place + duration * velocity + duration**2 / 6.0 * (pull + 2.0 * middle))
-        velocity = velocity + duration / 6.0 * (pull + 4.0 * middle + last)
+        pull, normal = attraction(course, place), cross(place, velocity)
+        momentum = length(normal)
+        upward, normal = divided(place, length(place)), divided(normal, momentum)
+        write_three(places[at], place)
+        write_three(axes[at, 0], upward)
+        write_three(axes[at, 1], cross(normal, upward))
+        write_three(axes[at, 2], normal)
+        turned = length(place) * dot(pull, normal) / momentum
+        write_three(turning[at], Three(turned, 0.0, momentum / dot(place, place)))
+        slowed = scaled(-drag_per_square * length(velocity), velocity)
+        write_three(course.common[at], minus(slowed, oblate_attraction(course, place)))
+        middle = attraction(course, ahead(place, velocity, pull, 0.5 * duration))
+        last = attraction(course, ahead(place, velocity, middle, duration))
+        moved = scaled(duration**2 / 6.0, plus(pull, scaled(2.0, middle)))
+        place = plus(plus(place, scaled(duration, velocity)), moved)
+        velocity = velocity_at_end(velocity, pull, middle, last, duration)
 
 
 def course_of(
@@ -142,6 +145,6 @@ def course_of(
     earth = gravity, 1.5 * elements.j2 * gravity * EARTH_RADIUS_M**2, pole
     sunlight = elements.radiation_m_s2, has_shadow
     course = Course(True, num_steps, step, *earth, *sunlight, places, axes, turning, common)
-    velocity = sqrt(gravity / parameter) * np.array([e * sin(anomaly), 1.0 + e * cos(anomaly), 0.0])
+    velocity = scaled(sqrt(gravity / parameter), Three(e * sin(anomaly), 1.0 + e * cos(anomaly), 0.0))
     revolve(course, elements.drag_m_s2 * radius / gravity, velocity)
     return course

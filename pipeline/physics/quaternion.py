@@ -9,65 +9,65 @@ from math import sqrt
 import numpy as np
 
 from fis_tools.compiled.decorator import compiled
+from fis_tools.compiled.three import Three
+from fis_tools.compiled.vectors import Vector
 from pipeline.array_types import Floats
 
-
-@compiled
-def dot(a: Floats, b: Floats) -> float:
-    """Return the scalar product of two vectors of shape (3,)."""
-    return float(a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
+#: components of floats, or of vectors with a lane for each flight
+Quaternion = tuple[Vector, Vector, Vector, Vector]
 
 
-@compiled
-def norm(a: Floats) -> float:
-    """Return the length of a vector of shape (3,)."""
-    return sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2])
-
-
-@compiled
-def cross(a: Floats, b: Floats) -> Floats:
-    """Return the vector product of two vectors of shape (3,)."""
-    return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
-
-
-@compiled
-def times(matrix: Floats, a: Floats) -> Floats:
-    """Return ``matrix @ a`` for shapes (3, 3) and (3,)."""
-    return np.array(
-        [
-            matrix[0, 0] * a[0] + matrix[0, 1] * a[1] + matrix[0, 2] * a[2],
-            matrix[1, 0] * a[0] + matrix[1, 1] * a[1] + matrix[1, 2] * a[2],
-            matrix[2, 0] * a[0] + matrix[2, 1] * a[1] + matrix[2, 2] * a[2],
-        ]
+@compiled(error_model="numpy", forceinline=True)
+def axes_of(q: Quaternion) -> tuple[Three, Three, Three]:
+    """Return the body axes of attitudes in Hill axes: the rows of the matrix from Hill to body."""
+    q1, q2, q3, q4 = q
+    return (
+        Three(q1 * q1 - q2 * q2 - q3 * q3 + q4 * q4, 2 * (q1 * q2 + q3 * q4), 2 * (q1 * q3 - q2 * q4)),
+        Three(2 * (q1 * q2 - q3 * q4), -q1 * q1 + q2 * q2 - q3 * q3 + q4 * q4, 2 * (q2 * q3 + q1 * q4)),
+        Three(2 * (q1 * q3 + q2 * q4), 2 * (q2 * q3 - q1 * q4), -q1 * q1 - q2 * q2 + q3 * q3 + q4 * q4),
     )
 
 
-@compiled(error_model="numpy")
-def assign(target: Floats, source: Floats) -> None:
-    """Write the elements of one vector, shape (n,), into another.
+@compiled(error_model="numpy", forceinline=True)
+def to_hill(q: Quaternion, a: Three) -> Three:
+    """Return vectors in body axes in Hill axes."""
+    x, y, z = axes_of(q)
+    return Three(
+        x.x * a.x + (y.x * a.y + z.x * a.z),  # in this order, so that recorded flights stay as they are
+        x.y * a.x + y.y * a.y + z.y * a.z,
+        x.z * a.x + y.z * a.y + z.z * a.z,
+    )
 
-    Compiled assignments to slices include an error message for different shapes, and with it some eighty
-    string functions to compile.
-    """
-    for i in range(len(target)):
-        target[i] = source[i]
+
+@compiled(error_model="numpy", forceinline=True)
+def to_body(q: Quaternion, a: Three) -> Three:
+    """Return vectors in Hill axes in body axes."""
+    x, y, z = axes_of(q)
+    return Three(
+        x.x * a.x + x.y * a.y + x.z * a.z,
+        y.x * a.x + y.y * a.y + y.z * a.z,
+        z.x * a.x + z.y * a.y + z.z * a.z,
+    )
+
+
+@compiled(error_model="numpy", forceinline=True)
+def turned(q: Quaternion, turn: Quaternion, way: float) -> Quaternion:
+    """Return attitudes turned about their body axes, or turned back if way is -1."""
+    q1, q2, q3, q4 = q
+    a, b, c, d = way * turn[0], way * turn[1], way * turn[2], turn[3]
+    return (
+        q4 * a + q1 * d + q2 * c - q3 * b,
+        q4 * b + q2 * d + q3 * a - q1 * c,
+        q4 * c + q3 * d + q1 * b - q2 * a,
+        q4 * d - q1 * a - q2 * b - q3 * c,
+    )
 
 
 @compiled
 def dcm_b_from_h(quaternion_b_from_h: Floats) -> Floats:
     """Return the matrix from Hill to body components, shape (3, 3): its rows are the body axes."""
     q1, q2, q3, q4 = quaternion_b_from_h
-    dcm = np.empty((3, 3))
-    dcm[0, 0] = q1 * q1 - q2 * q2 - q3 * q3 + q4 * q4
-    dcm[0, 1] = 2.0 * (q1 * q2 + q3 * q4)
-    dcm[0, 2] = 2.0 * (q1 * q3 - q2 * q4)
-    dcm[1, 0] = 2.0 * (q1 * q2 - q3 * q4)
-    dcm[1, 1] = -q1 * q1 + q2 * q2 - q3 * q3 + q4 * q4
-    dcm[1, 2] = 2.0 * (q2 * q3 + q1 * q4)
-    dcm[2, 0] = 2.0 * (q1 * q3 + q2 * q4)
-    dcm[2, 1] = 2.0 * (q2 * q3 - q1 * q4)
-    dcm[2, 2] = -q1 * q1 - q2 * q2 + q3 * q3 + q4 * q4
-    return dcm
+    return np.array(axes_of((q1, q2, q3, q4)))
 
 
 @compiled
@@ -84,40 +84,26 @@ def from_dcm(dcm: Floats) -> Floats:
     Its largest component is positive; among equal ones the last (Shepperd, Journal of Guidance and Control
     1(3), 1978).
     """
-    trace = dcm[0, 0] + dcm[1, 1] + dcm[2, 2]
+    trace, q = dcm[0, 0] + dcm[1, 1] + dcm[2, 2], np.empty(4)
     if trace >= dcm[0, 0] and trace >= dcm[1, 1] and trace >= dcm[2, 2]:
-        double = sqrt(1.0 + trace)
-        scale = 0.5 / double
-        q1 = (dcm[1, 2] - dcm[2, 1]) * scale
-        q2 = (dcm[2, 0] - dcm[0, 2]) * scale
-        q3 = (dcm[0, 1] - dcm[1, 0]) * scale
-        q4 = 0.5 * double
-    elif dcm[2, 2] >= dcm[0, 0] and dcm[2, 2] >= dcm[1, 1]:
-        double = sqrt(1.0 - trace + 2.0 * dcm[2, 2])
-        scale = 0.5 / double
-        q1 = (dcm[2, 0] + dcm[0, 2]) * scale
-        q2 = (dcm[1, 2] + dcm[2, 1]) * scale
-        q3 = 0.5 * double
-        q4 = (dcm[0, 1] - dcm[1, 0]) * scale
-    elif dcm[1, 1] >= dcm[0, 0]:
-        double = sqrt(1.0 - trace + 2.0 * dcm[1, 1])
-        scale = 0.5 / double
-        q1 = (dcm[0, 1] + dcm[1, 0]) * scale
-        q2 = 0.5 * double
-        q3 = (dcm[1, 2] + dcm[2, 1]) * scale
-        q4 = (dcm[2, 0] - dcm[0, 2]) * scale
+        q[3] = 0.5 * sqrt(1.0 + trace)
+        scale = 0.25 / q[3]
+        for i in range(3):
+            j, k = (i + 1) % 3, (i + 2) % 3
+            q[i] = (dcm[j, k] - dcm[k, j]) * scale
     else:
-        double = sqrt(1.0 - trace + 2.0 * dcm[0, 0])
-        scale = 0.5 / double
-        q1 = 0.5 * double
-        q2 = (dcm[0, 1] + dcm[1, 0]) * scale
-        q3 = (dcm[2, 0] + dcm[0, 2]) * scale
-        q4 = (dcm[1, 2] - dcm[2, 1]) * scale
-    return normalised(np.array([q1, q2, q3, q4]))
+        i = 1 if dcm[1, 1] >= dcm[0, 0] else 0
+        i = 2 if dcm[2, 2] >= dcm[i, i] else i
+        j, k = (i + 1) % 3, (i + 2) % 3
+        q[i] = 0.5 * sqrt(1.0 - trace + 2.0 * dcm[i, i])
+        scale = 0.25 / q[i]
+        q[j], q[k] = (dcm[i, j] + dcm[j, i]) * scale, (dcm[i, k] + dcm[k, i]) * scale
+        q[3] = (dcm[j, k] - dcm[k, j]) * scale
+    return normalised(q)
 
 
 @compiled
-def derivative(quaternion_b_from_h: Floats, angular_velocity_b: Floats) -> Floats:
+def derivative(quaternion_b_from_h: Floats, angular_velocity_b: Three) -> Floats:
     """Return the time derivative of an attitude, 1/s, at a rate relative to its frame, rad/s, body axes.
 
     ``q_v' = -1/2 [w x] q_v + 1/2 q4 w`` and ``q4' = -1/2 w . q_v`` (Choi, Kim and Leeghim, AAS 25-727).

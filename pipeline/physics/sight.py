@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.compiled.decorator import compiled
-from fis_tools.compiled.three import Three, lane_of, minus, three_of, times
+from fis_tools.compiled.three import Three, cross, dot, lane_of, minus, plus, scaled, three_of, times
 from fis_tools.compiled.vectors import Mask, Vector, most
 from pipeline.array_types import Bytes, Floats
 from pipeline.physics.illumination import ASTRONOMICAL_UNIT_M
@@ -35,11 +35,6 @@ class Occlusion(NamedTuple):
 
     is_free: Bytes  # (6 n^2, P) of 0 or 1, one row per cell; no rows if nothing is hidden
     edge: int  # cells along an edge of the cube, n
-
-
-def nothing_hidden() -> Occlusion:
-    """Return the occlusion of a convex body."""
-    return Occlusion(np.zeros((0, 0), dtype=np.uint8), 0)
 
 
 @compiled(error_model="numpy")
@@ -75,26 +70,17 @@ def centre_of(edge: int, cell: int) -> Floats:
 
 
 @compiled(error_model="numpy")
-def meets(triangle: Floats, origin: Floats, direction: Floats) -> bool:
+def meets(triangle: Floats, origin: Three, direction: Three) -> bool:
     """Return whether a ray meets a triangle, given by a corner and two edges, shape (3, 3)."""
-    a, b, c = direction[0], direction[1], direction[2]
-    px = b * triangle[2, 2] - c * triangle[2, 1]
-    py = c * triangle[2, 0] - a * triangle[2, 2]
-    pz = a * triangle[2, 1] - b * triangle[2, 0]
-    volume = triangle[1, 0] * px + triangle[1, 1] * py + triangle[1, 2] * pz
+    first, second = three_of(triangle[1]), three_of(triangle[2])
+    p = cross(direction, second)
+    volume = dot(first, p)
     if volume == 0.0:
         return False
-    sx, sy, sz = origin[0] - triangle[0, 0], origin[1] - triangle[0, 1], origin[2] - triangle[0, 2]
-    u = (sx * px + sy * py + sz * pz) / volume
-    if u < 0.0 or u > 1.0:
-        return False
-    qx = sy * triangle[1, 2] - sz * triangle[1, 1]
-    qy = sz * triangle[1, 0] - sx * triangle[1, 2]
-    qz = sx * triangle[1, 1] - sy * triangle[1, 0]
-    v = (a * qx + b * qy + c * qz) / volume
-    if v < 0.0 or u + v > 1.0:
-        return False
-    return bool((triangle[2, 0] * qx + triangle[2, 1] * qy + triangle[2, 2] * qz) / volume > 0.0)
+    s = minus(origin, three_of(triangle[0]))
+    q = cross(s, first)
+    u, v = dot(s, p) / volume, dot(direction, q) / volume
+    return bool(0.0 <= u <= 1.0 and v >= 0.0 and u + v <= 1.0 and dot(second, q) / volume > 0.0)
 
 
 @compiled(nogil=True)
@@ -103,17 +89,16 @@ def note_free(
 ) -> None:
     """Write which points each cell's direction sees; `triangles` as in `meets`, shape (T, 3, 3)."""
     for cell in range(len(is_free)):
-        direction = centre_of(edge, cell)
+        direction = three_of(centre_of(edge, cell))
         for point in range(len(points)):
-            is_free[cell, point] = 0
-            if np.sum(normals[point] * direction) <= 0.0:
-                continue
-            origin, is_hidden = points[point] + lift * normals[point], False
+            normal = three_of(normals[point])
+            origin = plus(three_of(points[point]), scaled(lift, normal))
+            is_seen = dot(normal, direction) > 0.0
             for triangle in range(len(triangles)):
-                if meets(triangles[triangle], origin, direction):
-                    is_hidden = True
+                if not is_seen or meets(triangles[triangle], origin, direction):
+                    is_seen = False
                     break
-            is_free[cell, point] = 0 if is_hidden else 1
+            is_free[cell, point] = is_seen
 
 
 @compiled(nogil=True, error_model="numpy")

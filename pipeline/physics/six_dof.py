@@ -6,9 +6,10 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from fis_tools.compiled.decorator import compiled
+from fis_tools.compiled.three import Three, minus, scaled, three_of, times
 from pipeline.array_types import Floats
-from pipeline.physics.attitude import euler_angular_acceleration
-from pipeline.physics.quaternion import dcm_b_from_h, derivative, times
+from pipeline.physics.attitude import euler
+from pipeline.physics.quaternion import dcm_b_from_h, derivative
 
 #: where a state has its parts: position (m) and velocity (m/s), Hill axes; attitude; inertial rate (rad/s)
 PLACE, VELOCITY, ATTITUDE, RATE = slice(0, 3), slice(3, 6), slice(6, 10), slice(10, 13)
@@ -27,42 +28,30 @@ def slopes(
 ) -> Floats:
     """Return the time derivative of a state, shape (13,), as `PLACE` and the others divide it.
 
-    No component of the rate grows beyond its limit. The system's part is rounded to single precision, as in
-    AFRL's safe-autonomy-simulation (2.2.1), and so are Hill's equations, which `pipeline.physics.motion` has
-    in closed form: that form would not follow their rounding.
-
-    Parameters
-    ----------
-    state : (13,) array
-    push : (3,) array
-        Acceleration by thrust, m/s^2, body axes.
-    torque : (3,) array
-        N m, body axes.
-    inertia, inverse_inertia : (3, 3) array
-        kg m^2, and its inverse; body axes.
-    most_rate : float
-        Greatest inertial rate about each body axis, rad/s.
-    mean_motion : float
-        Of the chief's orbit, rad/s.
+    The push is an acceleration by thrust, m/s^2, the torque in N m, inertia and its inverse in kg m^2, all in
+    body axes. No component of the inertial rate grows beyond the greatest, rad/s. The system's part is
+    rounded to single precision, as in AFRL's safe-autonomy-simulation (2.2.1), and so are Hill's equations,
+    which `pipeline.physics.motion` has in closed form: that form would not follow their rounding.
     """
     x, z, u, v = state[0], state[2], state[3], state[4]
-    rate = state[10:13].copy()
-    attitude, hill_rate = state[6:10], np.array([0.0, 0.0, mean_motion])
+    rate = three_of(state[10:])
+    attitude, hill_rate = state[6:10], Three(0.0, 0.0, mean_motion)
     dcm = dcm_b_from_h(attitude)
     # of stages that are not of unit length AFRL's matrix differs from ours by this on its diagonal
     surplus = 1.0 - np.sum(attitude * attitude)
-    turning = derivative(attitude, rate - times(dcm, hill_rate) - surplus * hill_rate)
-    change = euler_angular_acceleration(inertia, inverse_inertia, rate, torque)
+    relative = minus(minus(rate, times(dcm, hill_rate)), scaled(surplus, hill_rate))
+    change = euler(inertia, inverse_inertia, rate, three_of(torque))
+    thrust = times(dcm.T, three_of(push))
     slope = np.empty(13)
     slope[0:3] = state[3:6]
     slope[3] = 3.0 * mean_motion * mean_motion * x + 2.0 * mean_motion * v
     slope[4] = -2.0 * mean_motion * u
     slope[5] = -mean_motion * mean_motion * z
-    slope[6:10] = turning
+    slope[6:10] = derivative(attitude, relative)
     for i in range(10):
         slope[i] = np.float32(slope[i])
     for i in range(3):
-        slope[3 + i] += dcm[0, i] * push[0] + dcm[1, i] * push[1] + dcm[2, i] * push[2]
+        slope[3 + i] += thrust[i]
         if rate[i] >= most_rate:
             slope[10 + i] = min(change[i], 0.0)
         elif rate[i] <= -most_rate:

@@ -15,9 +15,9 @@ vectors.
 import numpy as np
 
 from fis_tools.compiled.decorator import compiled
-from fis_tools.compiled.three import Three, dot, minus, plus, scaled, three_of, times
+from fis_tools.compiled.three import Three, divided, dot, minus, plus, scaled, three_of, times
 from fis_tools.compiled.vectors import Vector
-from pipeline.physics.orbit import Course
+from pipeline.physics.orbit import Course, ahead, velocity_at_end
 
 
 @compiled(error_model="numpy", forceinline=True)
@@ -70,12 +70,6 @@ def acceleration(course: Course, row: int, d: Three, force: Three, light: Three,
 
 
 @compiled(error_model="numpy", forceinline=True)
-def ahead(place: Three, velocity: Three, pull: Three, time: float) -> Three:
-    """Return the position after a time of constant acceleration."""
-    return plus(plus(place, scaled(time, velocity)), scaled(0.5 * time * time, pull))
-
-
-@compiled(error_model="numpy", forceinline=True)
 def stepped(
     course: Course, row: int, place: Three, velocity: Three, force: Three, light: Three, shine: Three
 ) -> tuple[Three, Three]:
@@ -89,7 +83,5 @@ def stepped(
     first = acceleration(course, row, place, force, light, shine.x)
     middle = acceleration(course, row + 1, ahead(place, velocity, first, 0.5 * time), force, light, shine.y)
     last = acceleration(course, row + 2, ahead(place, velocity, middle, time), force, light, shine.z)
-    weighed = plus(first, scaled(2.0, middle))
-    mean = Three(weighed.x / 3.0, weighed.y / 3.0, weighed.z / 3.0)
-    after = plus(velocity, scaled(time / 6.0, plus(plus(first, scaled(4.0, middle)), last)))
-    return ahead(place, velocity, mean, time), after
+    mean = divided(plus(first, scaled(2.0, middle)), 3.0)
+    return ahead(place, velocity, mean, time), velocity_at_end(velocity, first, middle, last, time)

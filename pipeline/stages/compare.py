@@ -14,8 +14,8 @@ from pipeline.evaluation import comparison
 from pipeline.evaluation.monte_carlo import episode_columns, fly_cases, summarise
 from pipeline.flight.cases.starts import evaluation_scenarios
 from pipeline.flight.control.controller import Controller
-from pipeline.flight.goals.flights import combined, fly_all
-from pipeline.flight.state.log import Outcomes, Scenario
+from pipeline.flight.goals.flights import fly_all
+from pipeline.flight.state.log import Outcomes, Scenario, combined
 from pipeline.optimum.solved import IncomparableError, Solved, beside_optimum, solved_for, summarise_times
 from pipeline.run import artifacts, tables, writing
 from pipeline.run.progress import Progress

@@ -153,7 +153,7 @@ def count_seen(world: World, scenario: Scenario, paths: Floats, stride: int = 1)
     """
     starts = starts_of([scenario])
     counts = np.zeros(len(paths), dtype=np.int64)
-    optics = optics_in_use(world, starts)
+    optics = optics_in_use(world, starts.sun_elevation)
     workspace = make_workspace(world)
     note_seen_along(world, optics, workspace, starts, np.ascontiguousarray(paths), stride, counts)
     return counts

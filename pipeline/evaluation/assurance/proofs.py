@@ -7,15 +7,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from fis_tools.analysis.bounds import ask
+from fis_tools.compiled.three import Three
 from fis_tools.engines.interval import NotBounded
 from fis_tools.model import FuzzySystem
 from pipeline.array_types import Floats
 from pipeline.evaluation.assurance.formula import Always, And, Comparison, Formula, Until, Window
 from pipeline.evaluation.assurance.requirements import Question, Requirement, RequirementError
 from pipeline.flight.control.controller import Controller
-from pipeline.flight.period.act.bounds import bounds_of, is_exact, premises, spheres_of
 from pipeline.flight.period.act.safety import STANDING, most_exceeded
 from pipeline.flight.state.log import Scenario
+from pipeline.flight.world.bounds import Bounds, bounds_of, is_exact, spheres_of
 from pipeline.flight.world.pack import pack_world
 from pipeline.settings.experiment import Mission
 
@@ -129,6 +130,28 @@ def _follows(formula: Formula, distances_m: tuple[float, float]) -> bool:
     return False
 
 
+def premises(mission: Mission, bounds: Bounds) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return in words which premises of the proof fail where something is inexact, and which are assumed."""
+    actuators, navigation, errors = mission.actuators, mission.navigation, bounds.errors
+    is_real, is_fixed = actuators.kind == "real", navigation.mode == "fixes"
+    failing = {
+        "no bounds are asked for (safety.probability)": mission.safety.probability is None,
+        "settings are dispersed": bool(mission.dispersions),
+        "commands are late (actuators.delay_s)": is_real and actuators.delay_s > 0.0,
+        "thrusters form a layout (actuators.thrusters)": is_real and actuators.thrusters is not None,
+        "mass changes (actuators.specific_impulse_s)": is_real and actuators.specific_impulse_s is not None,
+        "fixes have outliers (navigation.outlier_share)": is_fixed and navigation.outlier_share > 0.0,
+        "the thrusters cannot make good for such errors": not bounds.does_close,
+    }
+    estimate = (
+        f"the filter's estimates stay within {errors.place_m:.3g} m and {errors.speed_m_s:.2g} m/s, which "
+        "follows from its covariance and not from the constant errors of thrusters"
+    )
+    motion = "Clohessy and Wiltshire's equations are off by no more than an estimate of the neglected terms"
+    assumed = {estimate: is_fixed, motion: mission.dynamics.model != "cw"}
+    return tuple(one for one in failing if failing[one]), tuple(one for one in assumed if assumed[one])
+
+
 def safety_proof(mission: Mission, scenarios: Sequence[Scenario]) -> SafetyProof:
     """Check the premises of the safety layer's proof for the starts of some flights."""
     is_on = mission.safety.kind == "filter"
@@ -145,8 +168,8 @@ def safety_proof(mission: Mission, scenarios: Sequence[Scenario]) -> SafetyProof
     num_safe = 0
     if is_on:
         world = pack_world(mission)
-        states = (np.concatenate([one.position_m, one.velocity_m_s]) for one in scenarios)
-        num_safe = sum(most_exceeded(world, state, STANDING)[2] <= 0.0 for state in states)
+        flying = ((Three(*one.position_m), Three(*one.velocity_m_s)) for one in scenarios)
+        num_safe = sum(most_exceeded(world, one, STANDING)[2] <= 0.0 for one in flying)
     return SafetyProof(is_on, *spheres, len(scenarios), num_safe, failing, assumed, probability)
 
 

@@ -5,7 +5,7 @@ and Sun and in the order of the sorted keys, so that the same case always has th
 Settings that vary within a flight are drawn where it is flown, see `pipeline.flight.cases.processes`.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -68,23 +68,14 @@ def groups_of(mission: Mission, scenarios: Sequence[Scenario]) -> list[tuple[Mis
 def _with(mission: Mission, values: Drawn) -> Mission:
     if not values:
         return mission
-    changes: dict[str, Any] = {"dispersions": in_time_alone(mission.dispersions)}
+    own: dict[str, Any] = {"dispersions": in_time_alone(mission.dispersions)}
+    groups: dict[str, dict[str, float]] = {}
     for key, value in values:
         group, _, name = key.rpartition(".")
-        if group:
-            changes[group] = {**changes.get(group, {}), name: value}
-        else:
-            changes[name] = value
+        (groups.setdefault(group, {}) if group else own)[name] = value
     try:
-        return replace(
-            mission,
-            **{
-                name: replace(getattr(mission, name), **value)
-                if name != "dispersions" and isinstance(value, Mapping)
-                else value
-                for name, value in changes.items()
-            },
-        )
+        own |= {group: replace(getattr(mission, group), **changes) for group, changes in groups.items()}
+        return replace(mission, **own)
     except SettingError as error:
         raise SettingError(
             f"a case draws what cannot be: {error}; truncate its distribution by low and high"

@@ -29,7 +29,6 @@ import numpy as np
 
 from pipeline.array_types import Floats
 from pipeline.flight.cases.processes import in_time, varies
-from pipeline.flight.period.act.bounds import process_noise
 from pipeline.flight.state.errors import (
     MOST_CONSTANT,
     OF_ATTITUDE,
@@ -41,6 +40,7 @@ from pipeline.flight.state.errors import (
     Fixes,
 )
 from pipeline.flight.state.log import Scenario
+from pipeline.flight.world.bounds import process_noise
 from pipeline.physics.motion import motion_over
 from pipeline.settings.experiment import Mission
 from pipeline.settings.mission import Actuators, Dynamics, Navigation
@@ -153,8 +153,6 @@ def as_believed(mission: Mission, scenarios: list[Scenario]) -> tuple[Mission, l
         return known, scenarios
     first = errors_of(mission, scenarios).at_start
     return known, [
-        replace(
-            scenario, position_m=scenario.position_m + off[:3], velocity_m_s=scenario.velocity_m_s + off[3:]
-        )
-        for scenario, off in zip(scenarios, first, strict=True)
+        replace(one, position_m=one.position_m + off[:3], velocity_m_s=one.velocity_m_s + off[3:])
+        for one, off in zip(scenarios, first, strict=True)
     ]

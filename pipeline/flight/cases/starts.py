@@ -60,15 +60,13 @@ def draw(
     angle = generator.uniform(0.0, 2.0 * np.pi)
     share = generator.uniform()
     elevation_deg = sun.elevation_deg
-    is_fixed = sun.mode == "fixed" or (sun.mode == "mixed" and case % 2 == 0)
-    if is_fixed:
+    if sun.mode == "fixed" or (sun.mode == "mixed" and case % 2 == 0):
         angle = float(np.radians(sun.angle_deg))
     elif sun.elevation_range_deg is not None:
         low, high = sun.elevation_range_deg
         elevation_deg = low + share * (high - low)
-    start = Scenario(
-        distance * direction, np.zeros(3), angle, float(np.radians(elevation_deg)), (seed, stage, case)
-    )
+    elevation = float(np.radians(elevation_deg))
+    start = Scenario(distance * direction, np.zeros(3), angle, elevation, (seed, stage, case))
     if box is not None:
         drawn = start.generator(SPEED).uniform(*np.array(box))
         return replace(start, position_m=drawn[:3], velocity_m_s=drawn[3:])
@@ -125,11 +123,8 @@ def validation_scenarios(starts: Starts, sun: Sun, seed: int, num_cases: int) ->
 def given_start(deputy: Deputy, sun: Sun, seed: int) -> Scenario:
     """Return the start that the configuration gives; a random Sun is that of the first evaluation case."""
     drawn = draw(seed, EVALUATION, 0, (deputy.min_distance_m, deputy.max_distance_m), sun)
-    return replace(
-        drawn,
-        position_m=np.array(deputy.initial_position_m),
-        velocity_m_s=np.array(deputy.initial_velocity_m_s),
-    )
+    position, velocity = np.array(deputy.initial_position_m), np.array(deputy.initial_velocity_m_s)
+    return replace(drawn, position_m=position, velocity_m_s=velocity)
 
 
 def start_shown(experiment: Experiment) -> tuple[str, Scenario]:

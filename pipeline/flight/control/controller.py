@@ -7,9 +7,7 @@ reproducible to the last digit, so the final flight is a closed loop.
 The names of signals, components and constants are those of `pipeline.flight.state.signals`.
 """
 
-import os
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
@@ -25,6 +23,7 @@ from pipeline.flight.state.arrays import AIMED, Law, Plans, Turns
 from pipeline.flight.state.log import Scenario
 from pipeline.flight.state.signals import AXES, CONSTANTS, FORCE_AXES, SIGNALS, constant, needs_of, slot
 from pipeline.settings.experiment import Mission
+from pipeline.threads import in_threads
 
 #: fractions of the reach that the candidate first pushes of a rehearsal have along each Hill axis; radial
 #: pushes gain most, pushes across the orbit plane least
@@ -104,7 +103,9 @@ class Controller:
     def numbers(self) -> Packed:
         """Its systems as compiled flights read them; none for a plan."""
         if self.systems:
-            return with_constants(pack(*self.systems), self)
+            packed = pack(*self.systems)
+            more = self.constants[np.newaxis] if has_constants(self) else np.zeros((1, 0))
+            return replace(packed, values=np.hstack([packed.values, more]))
         return Packed(layout_of(())[0], np.zeros((1, 0)), np.zeros((1, 0), dtype=np.int64), ())
 
     @cached_property
@@ -320,14 +321,6 @@ def sensed_by(controller: Controller) -> list[str]:
     return [variable.name for system in controller.systems for variable in system.inputs]
 
 
-def with_constants(numbers: Packed, controller: Controller) -> Packed:
-    """Append a controller's constants to its numbers, or to those of a population of its structure."""
-    if not has_constants(controller):
-        return numbers
-    rows = np.broadcast_to(controller.constants, (len(numbers.values), len(CONSTANTS)))
-    return replace(numbers, values=np.hstack([numbers.values, rows]))
-
-
 #: flies plans for a number of control periods
 Fly = Callable[[int, Plans], object]
 
@@ -349,18 +342,13 @@ def planned(
     plans = played(np.zeros((len(scenarios), num_controls, 3)))
     noted = plans._replace(known=np.zeros((len(scenarios), num_controls, 6)))
     decisions = list(planner.decisions)
-    pool = ThreadPoolExecutor(workers or os.cpu_count() or 1)
-    try:
-        for decision, following in zip(decisions, [*decisions[1:], num_controls], strict=True):
-            fly(decision + 1, noted)
+    for decision, following in zip(decisions, [*decisions[1:], num_controls], strict=True):
+        fly(decision + 1, noted)
 
-            def plan(case: int, decision: int = decision, following: int = following) -> None:
-                forces = planner(scenarios[case], decision, noted.known[case, decision].copy())
-                kept = forces[: following - decision]
-                plans.forces[case, decision : decision + len(kept)] = kept
+        def plan(case: int, decision: int = decision, following: int = following) -> None:
+            forces = planner(scenarios[case], decision, noted.known[case, decision].copy())
+            kept = forces[: following - decision]
+            plans.forces[case, decision : decision + len(kept)] = kept
 
-            for _ in pool.map(plan, range(len(scenarios))):
-                pass
-    finally:
-        pool.shutdown(cancel_futures=True)
+        in_threads(plan, range(len(scenarios)), workers=workers)
     return plans

@@ -7,10 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.compiled.decorator import compiled
+from fis_tools.compiled.three import Three, lane_of, plus, write_three
 from fis_tools.model.thrust import SILENT_N
 from pipeline.array_types import Bytes
 from pipeline.flight.period.act.actuators import EMPTY, burns
-from pipeline.flight.period.act.attitude import write_instants
+from pipeline.flight.period.act.attitude import relative_rate, write_instants
 from pipeline.flight.period.decide.motion import ETA_U, LAMBDA_U, sense_angles
 from pipeline.flight.period.decide.see_push import COST, SHORT
 from pipeline.flight.period.decide.thrust import FARTHEST, MISSED, NEAREST, is_decision, may_coast
@@ -18,15 +19,10 @@ from pipeline.flight.period.look.navigation import write_estimate
 from pipeline.flight.state import log as logs
 from pipeline.flight.state.arrays import Beyond, Control, Law, Moment, Workspace, World
 from pipeline.flight.state.errors import ModelErrors
+from pipeline.flight.state.lanes import attitude_of, write_row
 from pipeline.flight.state.log import LEAST_CHANGE_N, FlightLog
 from pipeline.flight.state.signals import BODY, HILL, SETTING, URGENCY
-from pipeline.physics.quaternion import dcm_b_from_h
-
-
-@compiled(error_model="numpy", forceinline=True)
-def is_logged(log: FlightLog) -> bool:
-    """Return whether a flight is logged: the log of one that is not is empty."""
-    return len(log.position_m) > 0
+from pipeline.physics.quaternion import dcm_b_from_h, to_body
 
 
 @compiled(error_model="numpy")
@@ -37,17 +33,14 @@ def write_sample(now: Moment, errors: ModelErrors | None, counts: Bytes, log: Fl
     """
     world, state, k = now.world, now.state, now.k
     lanes, truth, belief, n = state.lanes, state.truth, state.belief, world.mean_motion
-    for component in range(3):
-        log.position_m[k, component] = truth.position[component, 0]
-        log.velocity_m_s[k, component] = truth.velocity[component, 0]
-        log.target_m[k, component] = lanes.target[component, 0]
-    for component in range(4):
-        log.quaternion_b_from_h[k, component] = truth.attitude[component, 0]
-        log.sensed_quaternion_b_from_h[k, component] = belief.attitude[component, 0]
+    write_row(log.position_m[k], truth.position, 0)
+    write_row(log.velocity_m_s[k], truth.velocity, 0)
+    write_row(log.target_m[k], lanes.target, 0)
+    write_row(log.quaternion_b_from_h[k], truth.attitude, 0)
+    write_row(log.sensed_quaternion_b_from_h[k], belief.attitude, 0)
     if not world.is_attitude_ideal:
-        dcm = dcm_b_from_h(log.quaternion_b_from_h[k])
-        for component in range(3):
-            log.angular_velocity_b_rad_s[k, component] = truth.rate[component, 0] - n * dcm[component, 2]
+        rate = relative_rate(attitude_of(truth.attitude, 0), lane_of(truth.rate, 0, 0), n)
+        write_three(log.angular_velocity_b_rad_s[k], rate)
     log.num_candidates[k] = int(lanes.num_candidates[0])
     log.sun_angle_rad[k] = case.sun_angle - n * world.control_period * k
     log.sun_elevation_rad[k] = case.sun_elevation
@@ -76,7 +69,6 @@ def write_period(
     """Log what was decided, commanded and fired after sample k; `is_opened` where the force was given."""
     world, state, law, k = now.world, now.state, control.law, now.k
     lanes, signals = state.lanes, now.work.signals
-    dcm = dcm_b_from_h(log.sensed_quaternion_b_from_h[k])
     is_complete = world.coasts_when_complete and lanes.num_unseen[0] == 0.0
     if not law.has_plan and is_decision(law, k):
         if lanes.coasts[0] == 0.0 and not is_opened:
@@ -88,18 +80,16 @@ def write_period(
             for j in range(world.num_points):
                 point = j if optics is not None else world.order[j]
                 log.is_missed[k, point] = now.work.ahead[j] > 0.0 and state.unseen[0, point] > 0.0
-    for row in range(3):
-        log.force_hill_n[k, row] = lanes.force[row, 0]
-        log.force_commanded_n[k, row] = lanes.commanded[row, 0]
-        log.safety_force_hill_n[k, row] = lanes.change[row, 0]
-        if law.has_plan or is_opened:
-            log.force_asked_n[k, row] = lanes.asked[row, 0]
-        asked = lanes.asked[row, 0]
-        if law.force_axes == HILL:
-            asked = 0.0
-            for column in range(3):
-                asked += dcm[row, column] * lanes.asked[column, 0]
-        log.force_body_n[k, row] = asked
+    write_row(log.force_hill_n[k], lanes.force, 0)
+    write_row(log.force_commanded_n[k], lanes.commanded, 0)
+    write_row(log.safety_force_hill_n[k], lanes.change, 0)
+    if law.has_plan or is_opened:
+        write_row(log.force_asked_n[k], lanes.asked, 0)
+    asked = lane_of(lanes.asked, 0, 0)
+    if law.force_axes == HILL:
+        a, b, c, d = log.sensed_quaternion_b_from_h[k]
+        asked = plus(Three(0.0, 0.0, 0.0), to_body((a, b, c, d), asked))  # added to zeros, none is -0.0
+    write_three(log.force_body_n[k], asked)
     log.safety_limit[k] = int(lanes.limit[0])
     if errors is not None and burns(errors.firing):
         log.mass_kg[k + 1] = state.thrusters.mass[0] / world.acceleration_per_force

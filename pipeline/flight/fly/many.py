@@ -1,23 +1,34 @@
 """Many flights, compiled: every controller of a population from every start, to the end."""
 
-from math import cos, sin, sqrt
+from math import cos, sin
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.compiled.decorator import compiled
-from fis_tools.compiled.three import Three, lane_of, same, store_three, three_of, write_lane
+from fis_tools.compiled.three import (
+    Three,
+    lane_of,
+    length,
+    load_three,
+    same,
+    store_three,
+    three_of,
+    write_lane,
+    write_three,
+)
 from fis_tools.compiled.vectors import borrowed, splat, store, width_of
 from pipeline.array_types import Bytes, Floats, Integers
-from pipeline.flight.fly.logged import is_logged, write_period, write_sample
-from pipeline.flight.period.act.attitude import attitude_of, relative_rate
+from pipeline.flight.fly.logged import write_period, write_sample
+from pipeline.flight.period.act.attitude import relative_rate
+from pipeline.flight.period.decide.thrust import command_given
 from pipeline.flight.period.decide.urgency import note_deadlines
 from pipeline.flight.period.steps import act, decide, look
 from pipeline.flight.state import arrays
 from pipeline.flight.state.arrays import Beyond, Control, Guard, Law, Moment, State, Workspace, World
 from pipeline.flight.state.errors import ModelErrors
-from pipeline.flight.state.lanes import flight_of
+from pipeline.flight.state.lanes import attitude_of, flight_of, write_row
 from pipeline.flight.state.log import FlightLog
 from pipeline.flight.state.signals import SETTING, URGENCY
 
@@ -106,13 +117,11 @@ def write_outcomes(now: Moment, flight: int, outcomes: Floats) -> None:
 def write_track(now: Moment, lane: int, row: NDArray[np.float32]) -> None:
     """Write the position of a lane and, if the row has room, everything else known before the next force."""
     world, lanes, truth = now.world, now.state.lanes, now.state.truth
-    for component in range(3):
-        row[component] = truth.position[component, lane]
+    write_row(row[:3], truth.position, lane)
     if len(row) == arrays.NUM_TRACKED:
-        for component in range(3):
-            row[3 + component] = truth.velocity[component, lane]
-            row[arrays.TRACK_FORCE + component] = 0.0
-            row[arrays.TRACK_BORESIGHT + component] = truth.boresight[component, lane]
+        write_row(row[3:6], truth.velocity, lane)
+        write_three(row[arrays.TRACK_FORCE :], Three(0.0, 0.0, 0.0))
+        write_row(row[arrays.TRACK_BORESIGHT : arrays.TRACK_BORESIGHT + 3], truth.boresight, lane)
         row[arrays.TRACK_SPENT] = lanes.spent[lane]
         row[arrays.TRACK_LEFT] = world.num_points - lanes.num_counted[lane] + lanes.num_unseen[lane]
         row[arrays.TRACK_TURN_RATE] = 0.0 if world.is_attitude_ideal else turn_rate(world, now.state, lane)
@@ -121,28 +130,25 @@ def write_track(now: Moment, lane: int, row: NDArray[np.float32]) -> None:
 @compiled(error_model="numpy")
 def turn_rate(world: World, state: State, lane: int) -> float:
     """Return a lane's angular rate relative to Hill, rad/s: its inertial rate less the orbit's."""
-    rate = lane_of(state.truth.rate, 0, lane)
-    wx, wy, wz = relative_rate(attitude_of(state.truth.attitude, lane), rate, world.mean_motion)
-    return sqrt(wx * wx + wy * wy + wz * wz)
+    attitude, rate = attitude_of(state.truth.attitude, lane), lane_of(state.truth.rate, 0, lane)
+    relative: float = length(relative_rate(attitude, rate, world.mean_motion))
+    return relative
 
 
 @compiled(error_model="numpy", inline="always")
 def write_fired(state: State, lane: int, row: NDArray[np.float32]) -> None:
     """Write what a lane fires, if the row has room."""
     if len(row) == arrays.NUM_TRACKED:
-        for component in range(3):
-            row[arrays.TRACK_FORCE + component] = state.lanes.force[component, lane]
+        write_row(row[arrays.TRACK_FORCE : arrays.TRACK_FORCE + 3], state.lanes.force, lane)
 
 
 @compiled(error_model="numpy")
 def open_with(now: Moment, openings: Floats) -> None:
     """Command forces given for each start instead of the inferred ones."""
-    lanes, limit = now.state.lanes, now.world.max_force
-    for lane in range(now.num_lanes):
-        for axis in range(3):
-            force = openings[now.first + lane, axis]
-            lanes.asked[axis, lane] = force
-            lanes.commanded[axis, lane] = min(max(force, -limit), limit)
+    asked = now.state.lanes.asked
+    for lane in range(width_of(now.state.lanes)):
+        write_lane(asked, 0, lane, three_of(openings[flight_of(now, lane)]))
+    command_given(now, load_three(asked, 0))
 
 
 @compiled(nogil=True, error_model="numpy")
@@ -168,7 +174,7 @@ def fly_many(
     width = width_of(state.lanes)
     flights, state, work, results = borrowed((flights, state, work, results))
     world, law, log, tracks = flights.world, flights.law, results.log, results.tracks
-    num_starts, flight = len(flights.cases), first
+    num_starts, flight, is_logged = len(flights.cases), first, len(log.position_m) > 0
     while flight < last:
         row, start = flight // num_starts, flight % num_starts
         num_lanes = min(width, num_starts - start, last - flight)
@@ -181,7 +187,7 @@ def fly_many(
             look(now, optics, clusters, errors, law.plans)
             for lane in range(num_lanes if len(tracks) > 0 else 0):
                 write_track(now, lane, tracks[flight + lane, k])
-            if is_logged(log):
+            if is_logged:
                 counts = flights.counted[start if len(flights.counted) > 1 else 0]
                 write_sample(now, errors, counts, log, flights.cases[start])
             if k == world.num_controls:
@@ -194,6 +200,6 @@ def fly_many(
             act(now, guard, errors, law.plans)
             for lane in range(num_lanes if len(tracks) > 0 else 0):
                 write_fired(state, lane, tracks[flight + lane, k])
-            if is_logged(log):
+            if is_logged:
                 write_period(now, optics, control, errors, log, is_opened)
         flight += num_lanes

@@ -1,19 +1,13 @@
-"""One flight whose targets scikit-learn chooses, period by period in plain Python: for comparison, slowly."""
+"""One flight whose targets scikit-learn chooses, in plain Python: for comparison, slowly."""
 
 from functools import cache
 from typing import Any
 
-import numpy as np
-
 from fis_tools.compiled.decorator import plainly
-from pipeline.flight.fly.logged import write_period, write_sample
-from pipeline.flight.fly.many import Flights, Results, start_lanes, write_outcomes
+from pipeline.array_types import Floats
+from pipeline.flight.fly.many import Flights, Results, fly_many
 from pipeline.flight.fly.workspace import Parts, make_state, make_workspace
-from pipeline.flight.period.decide.urgency import note_deadlines
-from pipeline.flight.period.look.guidance import MAX_ITERATIONS, Clusters, nearest_centre, start_centres
-from pipeline.flight.period.steps import act, decide, look
-from pipeline.flight.state.arrays import Control, Moment
-from pipeline.flight.state.signals import SETTING, URGENCY
+from pipeline.flight.period.look.guidance import MAX_ITERATIONS, Clusters, cluster_centres, start_centres
 
 
 @cache
@@ -25,46 +19,21 @@ def _kmeans() -> tuple[Any, Any]:
     return KMeans, ThreadpoolController()
 
 
-def choose_cluster(now: Moment) -> None:
-    """Make the nearest of scikit-learn's cluster centres the target of lane 0."""
-    world, state, work, k = now.world, now.state, now.work, now.k
-    is_candidate = work.candidate[: world.num_points] > 0.0
-    if not is_candidate.any():
-        state.num_centres[0] = 0
-        return
-    points = world.points[k if len(world.points) > 1 else 0][:, : world.num_points][:, is_candidate]
-    centres, position = state.centres[0], np.array(state.truth.position[:, 0])
-    candidates = np.zeros_like(work.candidates)
-    candidates[:, : points.shape[1]] = points
-    clusters = Clusters(candidates, points.shape[1], centres, work.labels, work.distances, work.sums)
-    wanted = start_centres(clusters, position, int(state.num_centres[0]))
+def centres_by_sklearn(clusters: Clusters, position_h: Floats, num_centres: int) -> int:
+    """Do as `pipeline.flight.period.look.guidance.cluster_centres`, by scikit-learn."""
+    wanted = start_centres(clusters, position_h, num_centres)
     kmeans, threads = _kmeans()
     # with so few points one thread is fastest
     with threads.limit(limits=1, user_api="openmp"):
         options = {"n_init": 1, "max_iter": MAX_ITERATIONS, "tol": 0, "algorithm": "lloyd"}
-        fitted = kmeans(n_clusters=wanted, init=centres[:wanted], **options).fit(points.T)
-    centres[:wanted], state.num_centres[0] = fitted.cluster_centers_, wanted
-    state.lanes.target[:, 0] = centres[nearest_centre(centres, wanted, position)]
+        fitted = kmeans(n_clusters=wanted, init=clusters.centres[:wanted], **options)
+        fitted.fit(clusters.candidates[:, : clusters.num_candidates].T)
+    clusters.centres[:wanted] = fitted.cluster_centers_
+    return wanted
 
 
 def fly_plainly(parts: Parts, flights: Flights, results: Results) -> None:
     """Fly and log the one flight of one controller; see `pipeline.flight.fly.many.fly_many`."""
-    optics, guard, _, pushes, errors = parts
-    world, law, log = flights.world, flights.law, results.log
-    control = Control(law, flights.values[0], flights.rules[0])
-    now = Moment(world, make_state(world, errors, 1), make_workspace(world, 1), 0, 1, 0)
-    with plainly("pipeline"):
-        start_lanes(now, flights.cases, flights.counted)
-        if law.needs & (URGENCY | SETTING):
-            note_deadlines(now, optics)
-        for k in range(world.num_controls + 1):
-            now = now._replace(k=k)
-            look(now, optics, None, errors, law.plans)
-            choose_cluster(now)
-            write_sample(now, errors, flights.counted[0], log, flights.cases[0])
-            if k == world.num_controls:
-                write_outcomes(now, 0, results.outcomes)
-                break
-            decide(now, optics, pushes, control)
-            act(now, guard, errors, law.plans)
-            write_period(now, optics, control, errors, log, False)
+    state, work = make_state(flights.world, parts[-1], 1), make_workspace(flights.world, 1)
+    with plainly("pipeline", {cluster_centres: centres_by_sklearn}):
+        fly_many(*parts, flights, state, work, results, 0, 1)

@@ -5,8 +5,6 @@ These are then flown like any plan, which gives the same flights to the last dig
 other controllers does not depend on policies, nor does its compilation.
 """
 
-import os
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from math import tanh
 from typing import NamedTuple
@@ -20,6 +18,7 @@ from pipeline.flight.fly.simulation import is_interpreted
 from pipeline.flight.fly.stepping import NUM_UNSEEN, Flights
 from pipeline.flight.state.log import Scenario
 from pipeline.settings.experiment import Mission
+from pipeline.threads import in_threads
 
 #: activation of a layer: none, hyperbolic tangent, or clipping to `low` and `high`
 LINEAR, TANH, CLIPPED = range(3)
@@ -96,12 +95,7 @@ class Policy:
         def decide(first: int) -> None:
             self._decide(mission, scenarios[first : first + BLOCK], forces[first : first + BLOCK])
 
-        pool = ThreadPoolExecutor(workers or os.cpu_count() or 1)
-        try:
-            for _ in pool.map(decide, range(0, len(scenarios), BLOCK)):
-                pass
-        finally:
-            pool.shutdown(cancel_futures=True)
+        in_threads(decide, range(0, len(scenarios), BLOCK), workers=workers)
         return forces
 
     def _decide(self, mission: Mission, scenarios: list[Scenario], forces: Floats) -> None:

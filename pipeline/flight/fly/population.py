@@ -2,7 +2,6 @@
 
 import os
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,9 +20,9 @@ from pipeline.flight.fly.workspace import (
     parts_in_use,
 )
 from pipeline.flight.period.look.optics import note_inspectable
-from pipeline.flight.state import arrays
 from pipeline.flight.state.arrays import NUM_OUTCOMES, Law, State, Workspace, World
 from pipeline.flight.state.log import Outcomes, no_log
+from pipeline.threads import in_threads
 
 NO_TRACKS = np.empty((0, 0, 3), dtype=np.float32)
 
@@ -102,11 +101,7 @@ def fly_population(
 
     states = [make_state(world, parts[-1], lanes) for _ in range(workers)]
     works = [make_workspace(world, lanes) for _ in range(workers)]
-    if workers > 1:
-        with ThreadPoolExecutor(workers) as pool:
-            list(pool.map(fly_shares, states, works))
-    else:
-        list(map(fly_shares, states, works))
+    in_threads(fly_shares, states, works, workers=workers)
     rows = outcomes.reshape(len(numbers.values), len(cases), NUM_OUTCOMES)
     return outcomes_of(rows, inspectable[:, : world.num_points].sum(axis=1, dtype=np.int64))
 
@@ -125,17 +120,10 @@ def _shares(num_flights: int, whole: int, workers: int) -> list[tuple[int, int]]
 def outcomes_of(rows: Floats, inspectable_count: NDArray[np.int64]) -> Outcomes:
     """Return rows of the kernel as outcomes, if all are finite."""
     check_finite(rows)
-    return Outcomes(
-        delta_v_m_s=rows[..., arrays.DELTA_V],
-        inspected_count=np.rint(rows[..., arrays.INSPECTED]).astype(np.int64),
-        inspectable_count=np.broadcast_to(inspectable_count, rows.shape[:-1]),
-        mean_distance_m=rows[..., arrays.MEAN_DISTANCE],
-        min_distance_m=rows[..., arrays.MIN_DISTANCE],
-        max_distance_m=rows[..., arrays.MAX_DISTANCE],
-        outside_m=rows[..., arrays.OUTSIDE],
-        safety_periods=np.rint(rows[..., arrays.SAFETY_PERIODS]).astype(np.int64),
-        safety_delta_v_m_s=rows[..., arrays.SAFETY_DELTA_V],
-    )
+    spent, inspected, mean, nearest, farthest, outside, periods, corrected = np.moveaxis(rows, -1, 0)
+    inspected, periods = np.rint(inspected).astype(np.int64), np.rint(periods).astype(np.int64)
+    inspectable, distances = np.broadcast_to(inspectable_count, rows.shape[:-1]), (mean, nearest, farthest)
+    return Outcomes(spent, inspected, inspectable, *distances, outside, periods, corrected)
 
 
 def check_finite(*numbers: Floats) -> None:

@@ -1,8 +1,5 @@
 """The simulation interface: from missions, starts and controllers to outcomes and logs."""
 
-import os
-from concurrent.futures import ThreadPoolExecutor
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -35,12 +32,13 @@ from pipeline.flight.fly.rehearsals import rehearsed_openings, tour_costs, tour_
 from pipeline.flight.fly.workspace import make_state, make_workspace
 from pipeline.flight.period.look.optics import note_inspectable
 from pipeline.flight.state.arrays import NUM_OUTCOMES, Law, Plans
-from pipeline.flight.state.log import FlightLog, Outcomes, Scenario, empty_log
+from pipeline.flight.state.log import FlightLog, Outcomes, Scenario, combined, empty_log
 from pipeline.flight.world.chief import chief_attitudes
 from pipeline.flight.world.pack import pack_world, sun_shares
 from pipeline.physics.quaternion import dcm_b_from_h
 from pipeline.settings.dispersions import distributions
 from pipeline.settings.experiment import Mission
+from pipeline.threads import in_threads
 
 
 def fly_all(
@@ -71,7 +69,7 @@ def fly_all(
     law, numbers = law_for(controller, mission, scenarios, workers), controller.numbers
     openings, _ = rehearsed_openings(mission, controller, scenarios, workers)
     many = fly_population(world, law, numbers, cases, workers, tracks, openings, lanes)
-    return Outcomes(**{name: values[0] for name, values in vars(many).items()})
+    return many.each(lambda values: values[0])
 
 
 def _fly_groups(
@@ -92,18 +90,9 @@ def _fly_groups(
             tracks[places] = found
         return places, outcomes
 
-    pool = ThreadPoolExecutor(workers or os.cpu_count() or 1)
-    try:
-        flown = list(pool.map(fly_group, groups))
-    finally:
-        pool.shutdown(cancel_futures=True)
+    flown = in_threads(fly_group, groups, workers=workers)
     order = np.argsort([place for places, _ in flown for place in places])
-    return Outcomes(
-        **{
-            name: np.concatenate([vars(outcomes)[name] for _, outcomes in flown])[order]
-            for name in vars(flown[0][1])
-        }
-    )
+    return combined([outcomes for _, outcomes in flown]).each(lambda values: values[order])
 
 
 def law_for(
@@ -120,9 +109,8 @@ def law_for(
     world, numbers, cases = pack_world(mission), controller.numbers, cases_of(mission, scenarios)
 
     def fly(periods: int, plans: Plans) -> None:
-        fly_population(
-            world._replace(num_controls=periods), law._replace(plans=plans), numbers, cases, workers
-        )
+        shorter = world._replace(num_controls=periods)
+        fly_population(shorter, law._replace(plans=plans), numbers, cases, workers)
 
     return law._replace(plans=planned(controller.planner, num_controls, scenarios, fly, workers))
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.compiled.decorator import compiled
-from fis_tools.compiled.three import Three, lane_of
+from fis_tools.compiled.three import Three, lane_of, write_three
 from fis_tools.compiled.vectors import borrowed, splat, width_of
 from fis_tools.engines.kernel import FEW_LANES
 from pipeline.array_types import Booleans, Bytes, Floats, Integers
@@ -15,11 +15,11 @@ from pipeline.flight.control.controller import played
 from pipeline.flight.fly.many import start_lanes
 from pipeline.flight.fly.simulation import is_interpreted
 from pipeline.flight.fly.workspace import (
-    beyond_of,
     counted_points,
     inspectable_points,
     make_states,
     make_workspace,
+    optics_in_use,
 )
 from pipeline.flight.period.decide.thrust import command_given
 from pipeline.flight.period.steps import act, look
@@ -62,21 +62,15 @@ def state_of(states: State, flight: int) -> State:
 
 
 @compiled(error_model="numpy", forceinline=True)
-def write_three_at(row: Floats, first: int, a: Three) -> None:
-    """Write a vector of floats into a row, from an index on."""
-    row[first], row[first + 1], row[first + 2] = a.x, a.y, a.z
-
-
-@compiled(error_model="numpy", forceinline=True)
 def write_observed(now: Moment, row: Floats) -> None:
     """Write the observation of a flight."""
     lanes, belief = now.state.lanes, now.state.belief
     flat = lanes.sun_height[0, 0]
-    write_three_at(row, POSITION, lane_of(belief.position, 0, 0))
-    write_three_at(row, VELOCITY, lane_of(belief.velocity, 0, 0))
-    write_three_at(row, TARGET, lane_of(lanes.target, 0, 0))
-    write_three_at(row, BORESIGHT, lane_of(belief.boresight, 0, 0))
-    write_three_at(row, SUN, Three(flat * lanes.sun[0, 0], flat * lanes.sun[1, 0], lanes.sun_height[1, 0]))
+    write_three(row[POSITION:], lane_of(belief.position, 0, 0))
+    write_three(row[VELOCITY:], lane_of(belief.velocity, 0, 0))
+    write_three(row[TARGET:], lane_of(lanes.target, 0, 0))
+    write_three(row[BORESIGHT:], lane_of(belief.boresight, 0, 0))
+    write_three(row[SUN:], Three(flat * lanes.sun[0, 0], flat * lanes.sun[1, 0], lanes.sun_height[1, 0]))
     row[NUM_INSPECTED] = lanes.num_counted[0] - lanes.num_unseen[0]
     row[NUM_CANDIDATES] = lanes.num_candidates[0]
     row[SPENT] = lanes.spent[0]
@@ -158,7 +152,7 @@ class Flights:
             raise ValueError("guidance.engine=sklearn cannot be stepped; choose guidance.engine=compiled")
         self._mission, self._world = mission, pack_world(mission)
         world, width = self._world, self._world.points.shape[2]
-        self._optics = beyond_of(world, is_tilted=is_tilted)
+        self._optics = optics_in_use(world, is_tilted)
         self._starts = np.zeros(num_flights, CASE).view(np.recarray)
         self._counted = np.zeros((num_flights, width), dtype=np.uint8)
         anywhere = Scenario(np.array([mission.deputy.max_distance_m, 0.0, 0.0]), np.zeros(3), 0.0)

@@ -1,6 +1,7 @@
 """State and workspace of one thread, parts of a flight that are compiled when used, and points that count."""
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -77,14 +78,12 @@ def make_workspace(world: World, lanes: int = LANES) -> Workspace:
     )
 
 
-def optics_in_use(world: World, starts: StartRows) -> Beyond | None:
-    """Return the light and camera if they are not the paper's; None if they are."""
-    return beyond_of(world, is_tilted=bool(np.any(starts.sun_elevation != 0.0)))
+def optics_in_use(world: World, elevations: Any) -> Beyond | None:
+    """Return the light and camera if they are not the paper's; None if they are.
 
-
-def beyond_of(world: World, *, is_tilted: bool) -> Beyond | None:
-    """Return the light and camera, as `optics_in_use`; `is_tilted` where a Sun is out of the orbit plane."""
-    if not (world.has_optics or is_tilted or world.course.is_on):
+    Of all Suns the elevations over the orbit plane, or whether any is out of it.
+    """
+    if not (world.has_optics or np.any(elevations) or world.course.is_on):
         return None
     return Beyond(closely=world.num_edge_cells > 0 or world.reflection.is_on or None)
 
@@ -96,7 +95,7 @@ def parts_in_use(world: World, law: Law, cases: Cases) -> Parts:
     errors of the deputies' model. In worlds other than the paper's the safety layer and pushes are
     always compiled, so that few variants serve many worlds.
     """
-    optics, errors = optics_in_use(world, cases.starts), cases.model_errors(world.course)
+    optics, errors = optics_in_use(world, cases.starts.sun_elevation), cases.model_errors(world.course)
     is_elsewhere = optics is not None or errors is not None
     return (
         optics,
@@ -118,14 +117,16 @@ def inspectable_points(
     A workspace that is given spares making one.
     """
     found = np.empty((len(starts), world.points.shape[2]), dtype=np.uint8)
-    note(world, optics_in_use(world, starts), work or make_workspace(world), starts, found)
+    note(world, optics_in_use(world, starts.sun_elevation), work or make_workspace(world), starts, found)
     return found
 
 
 def lit_at_samples(world: World, starts: StartRows) -> NDArray[np.bool_]:
     """Return which points are lit at each sample of one case's flight, shape (K+1, P)."""
     found = np.empty((world.num_controls + 1, world.points.shape[2]), dtype=np.uint8)
-    note_lit_at_samples(world, optics_in_use(world, starts), make_workspace(world), starts, found)
+    note_lit_at_samples(
+        world, optics_in_use(world, starts.sun_elevation), make_workspace(world), starts, found
+    )
     return np.ascontiguousarray(found[:, : world.num_points] > 0)
 
 
@@ -138,7 +139,7 @@ def lit_and_seen(
     left[:, :num_points] = ~log.is_inspected
     boresights = np.array([dcm_b_from_h(turned).T @ world.boresight for turned in log.quaternion_b_from_h])
     lit, seen = np.zeros_like(left), np.zeros_like(left)
-    beyond = beyond_of(world, is_tilted=bool(np.any(log.sun_elevation_rad != 0.0)))
+    beyond = optics_in_use(world, log.sun_elevation_rad)
     suns = np.stack([turn(angle) for angle in angles for turn in (np.cos, np.sin)], axis=1)
     note(world, beyond, make_workspace(world), suns, log.position_m, boresights, left, lit, seen)
     return lit[:, :num_points] > 0, seen[:, :num_points] > 0
@@ -150,7 +151,7 @@ def counted_points(world: World, starts: StartRows, inspectable: Bytes) -> Bytes
     In the paper's world all points count, lit or not; in others only those that can be inspected, so
     that a deputy does not wait for the rest.
     """
-    if optics_in_use(world, starts) is None:
+    if optics_in_use(world, starts.sun_elevation) is None:
         return np.ones((1, inspectable.shape[1]), dtype=np.uint8)
     is_paper = np.zeros(len(starts), dtype=np.bool_) if world.has_optics else starts.sun_elevation == 0.0
     return np.where(is_paper[:, np.newaxis], np.uint8(1), inspectable)

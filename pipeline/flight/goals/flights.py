@@ -1,6 +1,5 @@
 """Flights, judged by what their mission is for."""
 
-from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -15,7 +14,7 @@ from pipeline.flight.fly.population import fly_population
 from pipeline.flight.goals import reach
 from pipeline.flight.goals.reach import judged
 from pipeline.flight.state.arrays import NUM_TRACKED, Law, World
-from pipeline.flight.state.log import FlightLog, Outcomes, Scenario, points_in_words
+from pipeline.flight.state.log import FlightLog, Outcomes, Scenario, combined, points_in_words
 from pipeline.settings.experiment import Mission
 
 #: numbers of tracks that are in memory at once
@@ -33,7 +32,9 @@ def fly_all(
     if mission.problem.kind == "inspection":
         return simulation.fly_all(mission, controller, scenarios, workers, tracks)
     parts = []
-    for part in _parts(len(scenarios), mission):
+    length = max(1, MOST_TRACKED // ((mission.num_controls + 1) * NUM_TRACKED))
+    for first in range(0, len(scenarios), length):
+        part = slice(first, min(first + length, len(scenarios)))
         whole = _room(part.stop - part.start, mission)
         flown = simulation.fly_all(mission, controller, scenarios[part], workers, whole)
         parts.append(judged(mission, flown, whole))
@@ -59,20 +60,8 @@ def fly_genomes(
         tracks, one = _room(len(cases), mission), slice(row, row + 1)
         own = replace(numbers, values=numbers.values[one], rules=numbers.rules[one])
         flown = fly_population(world, law, own, cases, workers, tracks, lanes=lanes)
-        rows.append(judged(mission, Outcomes(**{name: of[0] for name, of in vars(flown).items()}), tracks))
-    return type(rows[0])(**{name: np.stack([vars(row)[name] for row in rows]) for name in vars(rows[0])})
-
-
-def combined(parts: Sequence[Outcomes]) -> Outcomes:
-    """Return the outcomes of some flights, then those of others, as those of all."""
-    names = vars(parts[0])
-    return type(parts[0])(**{name: np.concatenate([vars(part)[name] for part in parts]) for name in names})
-
-
-def _parts(count: int, mission: Mission) -> Iterator[slice]:
-    """Yield slices of flights whose tracks fit into memory."""
-    length = max(1, MOST_TRACKED // ((mission.num_controls + 1) * NUM_TRACKED))
-    yield from (slice(first, min(first + length, count)) for first in range(0, count, length))
+        rows.append(judged(mission, flown.each(lambda values: values[0]), tracks))
+    return combined(rows, np.stack)
 
 
 def _room(count: int, mission: Mission) -> NDArray[np.float32]:

@@ -38,21 +38,10 @@ def limit_at(problem: Problem, distance: Floats) -> Floats:
 
 
 def ends(problem: Problem, distance: Floats, speed: Floats) -> tuple[Floats, Booleans, Floats]:
-    """Return of flights where they end, whether they are at the goal there, and the excess used by then.
+    """Return of flights where they end, whether they are at the goal there, and the excesses so far.
 
-    Parameters
-    ----------
-    problem : Problem
-    distance, speed : (n, K+1) array
-        From the chief, m, and relative to Hill, m/s.
-
-    Returns
-    -------
-    last : (n,) array
-        Samples, from 0.
-    is_there : (n,) array
-    used : (n, K+1) array
-        The sum of excesses so far, m/s.
+    Distances from the chief (m), speeds relative to Hill (m/s) and the sums of excesses (m/s) have the shape
+    (n, K+1), the samples of the end, from 0, and whether they are at the goal (n,).
     """
     excess = np.maximum(speed - limit_at(problem, distance), 0.0)
     excess[:, 0] = 0.0
@@ -101,29 +90,18 @@ def events(mission: Mission, log: FlightLog) -> Iterator[tuple[int, bool, str]]:
     too_fast = np.flatnonzero(over[1 : last + 1] > 0.0) + 1
     for spell in np.split(too_fast, np.flatnonzero(np.diff(too_fast) > 1) + 1) if too_fast.size else ():
         most, seconds = over[spell].max(), len(spell) * mission.control_period_s
-        yield (
-            int(spell[0]),
-            True,
-            f"above the limit on the speed for {seconds:g} s, by {most:.3f} m/s at most",
-        )
+        words = f"above the limit on the speed for {seconds:g} s, by {most:.3f} m/s at most"
+        yield int(spell[0]), True, words
     where = f"{distance[last]:.2f} m from the chief at {speed[last]:.3f} m/s"
     spent = f"delta-v {log.delta_v_m_s[last]:.3f} m/s"
-    yield (
-        last,
-        bool(fault),
-        f"end: {fault or 'the goal is reached'}, {where}, {spent}; the rest does not count",
-    )
+    words = f"end: {fault or 'the goal is reached'}, {where}, {spent}; the rest does not count"
+    yield last, bool(fault), words
 
 
 def judged(mission: Mission, outcomes: Outcomes, tracks: NDArray[np.floating]) -> Reached:
     """Judge flights by their tracks, (n, K+1, 15), see `pipeline.flight.fly.population.fly_population`.
 
-    Parameters
-    ----------
-    mission : Mission
-    outcomes : Outcomes
-        As flown to the end of time, (n,).
-    tracks : (n, K+1, 15) array
+    The outcomes, (n,), are as flown to the end of time.
     """
     problem, rows = mission.problem, np.arange(len(tracks))
     distance = np.linalg.norm(tracks[..., :3], axis=-1).astype(np.float64)

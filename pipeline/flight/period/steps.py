@@ -13,10 +13,11 @@ be present but off, so that fewer variants are compiled.
 
 from fis_tools.compiled.decorator import compiled
 from fis_tools.compiled.three import load_three, store_three
+from fis_tools.compiled.vectors import store
 from pipeline.flight.period.act.actuators import burn, carry_out
-from pipeline.flight.period.act.aim import aim_at_once, aim_deputies
+from pipeline.flight.period.act.aim import aim_at_once, aim_over
 from pipeline.flight.period.act.attitude import turn_deputies
-from pipeline.flight.period.act.move import move, move_about_earth, spend
+from pipeline.flight.period.act.move import move, move_about_earth
 from pipeline.flight.period.act.safety import assure
 from pipeline.flight.period.decide.motion import sense_angles, sense_approach, sense_orbit, sense_place
 from pipeline.flight.period.decide.preview import preview
@@ -28,6 +29,7 @@ from pipeline.flight.period.look.navigation import know_all, navigate, point_bes
 from pipeline.flight.period.look.sight import see
 from pipeline.flight.state.arrays import Beyond, Control, Guard, Moment, Plans
 from pipeline.flight.state.errors import ModelErrors
+from pipeline.flight.state.lanes import one
 from pipeline.flight.state.signals import ANGLES, APPROACH, ORBIT, PREVIEW, SETTING, TOUR, URGENCY
 
 
@@ -79,7 +81,7 @@ def act(now: Moment, guard: Guard | None, errors: ModelErrors | None, plans: Pla
     world, state, lanes = now.world, now.state, now.state.lanes
     if guard is not None and guard.is_on:
         assure(now)
-    aim_deputies(now, plans)
+    aim_over(now, plans, state.belief, lanes.commanded, world.num_attitude_steps)
     force = load_three(lanes.commanded, 0)
     store_three(lanes.force, 0, force)
     if errors is not None:
@@ -89,7 +91,9 @@ def act(now: Moment, guard: Guard | None, errors: ModelErrors | None, plans: Pla
         turn_deputies(now, plans)
     if errors is not None and errors.firing.is_on:
         force = burn(world, errors.firing, state)
-    spend(world, state, force)
+    spent_per_force = world.control_period * world.acceleration_per_force
+    spent = (abs(force.x) + abs(force.y) + abs(force.z)) * spent_per_force
+    store(lanes.spent, 0, one(lanes.spent) + spent)
     if errors is not None and errors.course.is_on:
         move_about_earth(now, errors.course, force)
     else:

@@ -1,10 +1,11 @@
-"""Rows of lanes as vectors, rotations of three-vectors of lanes by attitudes, and elementary functions.
+"""Rows of lanes as vectors, and elementary functions of vectors.
 
 Exponential and arctangent are accurate to rounding. The approximations are those of S. L. Moshier, "Methods
 and Programs for Mathematical Functions" (Cephes library), 1989.
 """
 
 from math import pi
+from typing import Any
 
 import numpy as np
 
@@ -13,9 +14,7 @@ from fis_tools.compiled.three import Three
 from fis_tools.compiled.vectors import Vector, least, load, most, power_of_two, select, store, width_of
 from pipeline.array_types import Floats
 from pipeline.flight.state.arrays import Moment
-
-#: an attitude, Hill to body, scalar last
-Quaternion = tuple[Vector, Vector, Vector, Vector]
+from pipeline.physics.quaternion import Quaternion
 
 
 @compiled(forceinline=True)
@@ -60,6 +59,19 @@ def write_four(rows: Floats, q: Quaternion) -> None:
     store(rows, 3, q[3])
 
 
+@compiled(forceinline=True)
+def attitude_of(rows: Floats, lane: int) -> Quaternion:
+    """Return the attitude of one lane, of floats."""
+    return rows[0, lane], rows[1, lane], rows[2, lane], rows[3, lane]
+
+
+@compiled(forceinline=True)
+def write_row(target: Any, rows: Floats, lane: int) -> None:
+    """Write the numbers of one lane into an array of shape (n,), from the first row on."""
+    for i in range(len(target)):
+        target[i] = rows[i, lane]
+
+
 @compiled(error_model="numpy", forceinline=True)
 def clip(x: Vector, limit: float) -> Vector:
     """Return x, limited to ± the limit."""
@@ -70,52 +82,6 @@ def clip(x: Vector, limit: float) -> Vector:
 def clip_three(a: Three, limit: float) -> Three:
     """Return a vector whose components are limited to ± the limit."""
     return Three(clip(a.x, limit), clip(a.y, limit), clip(a.z, limit))
-
-
-@compiled(error_model="numpy", forceinline=True)
-def rows_of(q: Quaternion) -> tuple[Three, Three, Three]:
-    """Return the body axes of attitudes in Hill axes: the rows of the matrix from Hill to body."""
-    q1, q2, q3, q4 = q
-    return (
-        Three(q1 * q1 - q2 * q2 - q3 * q3 + q4 * q4, 2 * (q1 * q2 + q3 * q4), 2 * (q1 * q3 - q2 * q4)),
-        Three(2 * (q1 * q2 - q3 * q4), -q1 * q1 + q2 * q2 - q3 * q3 + q4 * q4, 2 * (q2 * q3 + q1 * q4)),
-        Three(2 * (q1 * q3 + q2 * q4), 2 * (q2 * q3 - q1 * q4), -q1 * q1 - q2 * q2 + q3 * q3 + q4 * q4),
-    )
-
-
-@compiled(error_model="numpy", forceinline=True)
-def to_hill(q: Quaternion, a: Three) -> Three:
-    """Return vectors in body axes in Hill axes."""
-    x, y, z = rows_of(q)
-    return Three(
-        x.x * a.x + (y.x * a.y + z.x * a.z),  # in this order, so that recorded flights stay as they are
-        x.y * a.x + y.y * a.y + z.y * a.z,
-        x.z * a.x + y.z * a.y + z.z * a.z,
-    )
-
-
-@compiled(error_model="numpy", forceinline=True)
-def to_body(q: Quaternion, a: Three) -> Three:
-    """Return vectors in Hill axes in body axes."""
-    x, y, z = rows_of(q)
-    return Three(
-        x.x * a.x + x.y * a.y + x.z * a.z,
-        y.x * a.x + y.y * a.y + y.z * a.z,
-        z.x * a.x + z.y * a.y + z.z * a.z,
-    )
-
-
-@compiled(error_model="numpy", forceinline=True)
-def turned(q: Quaternion, turn: Quaternion, way: float) -> Quaternion:
-    """Return attitudes turned about their body axes, or turned back if way is -1."""
-    q1, q2, q3, q4 = q
-    a, b, c, d = way * turn[0], way * turn[1], way * turn[2], turn[3]
-    return (
-        q4 * a + q1 * d + q2 * c - q3 * b,
-        q4 * b + q2 * d + q3 * a - q1 * c,
-        q4 * c + q3 * d + q1 * b - q2 * a,
-        q4 * d - q1 * a - q2 * b - q3 * c,
-    )
 
 
 #: below this the exponential is zero

@@ -1,8 +1,9 @@
 """The input and the results of a flight, as arrays."""
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import Annotated, Any, NamedTuple, get_args, get_type_hints
+from typing import Annotated, Any, NamedTuple, Self, TypeVar, get_args, get_type_hints
 
 import numpy as np
 
@@ -13,10 +14,8 @@ from pipeline.array_types import Booleans, Floats, Integers
 SAFE, KEEP_OUT, KEEP_IN, SPEED, PASSIVE_SAFETY = range(5)
 
 #: what became of a component of the force, see `FlightLog.reason`; in the order of `REASONS`
-FIRED, SILENT, DEAD_BAND, WAITING, COASTING, COMPLETE, CLIPPED, SAFETY, REHEARSED, *_LATER = range(
-    len(REASONS)
-)
-BELOW_LEAST_IMPULSE, DELAYED, EMPTY_TANK = _LATER
+FIRED, SILENT, DEAD_BAND, WAITING, COASTING, COMPLETE, CLIPPED, SAFETY, REHEARSED = range(9)
+BELOW_LEAST_IMPULSE, DELAYED, EMPTY_TANK = range(9, len(REASONS))
 #: clip and safety layer count as changing a component above this, N; less is rounding
 LEAST_CHANGE_N = 1e-9
 
@@ -98,9 +97,8 @@ class FlightLog(NamedTuple):
     is_inspected: Annotated[Booleans, "K+1", "P"]
     delta_v_m_s: Annotated[Floats, "K+1"]  # spent by the forces 0 … k-1
     mass_kg: Annotated[Floats, "K+1"]  # of the deputy
-    safety_limit: Annotated[
-        Integers, "K"
-    ]  # for which the safety layer changed the force; `SAFE` if unchanged
+    # for which the safety layer changed the force; `SAFE` if unchanged
+    safety_limit: Annotated[Integers, "K"]
     safety_force_hill_n: Annotated[Floats, "K", 3]  # its change after the clip; part of `force_hill_n`
     # position (m) and velocity (m/s) as the deputy knew them, if it navigates by fixes
     estimate: Annotated[Floats, "K+1", 6]
@@ -159,6 +157,19 @@ class Outcomes:
     def is_success(self, threshold_percent: float) -> Booleans:
         """Whether enough of the inspectable points are inspected."""
         return np.asarray(self.inspected_count >= points_needed(self.inspectable_count, threshold_percent))
+
+    def each(self, change: Callable[[Any], Any]) -> Self:
+        """Return outcomes with every array changed in the same way."""
+        return type(self)(**{name: change(values) for name, values in vars(self).items()})
+
+
+Kind = TypeVar("Kind", bound=Outcomes)
+
+
+def combined(parts: Sequence[Kind], join: Callable[..., Any] = np.concatenate) -> Kind:
+    """Return the outcomes of some flights, then those of others, as those of all."""
+    names = vars(parts[0])
+    return type(parts[0])(**{name: join([vars(part)[name] for part in parts]) for name in names})
 
 
 def inspectable_rate(inspected: Any, inspectable: Any) -> Any:

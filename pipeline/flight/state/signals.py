@@ -26,6 +26,19 @@ class Signal:
     formula: str = ""  # in the symbols of docs/reference/signals.md; empty where the description is enough
 
 
+#: names of Hill's axes, and what is along them in words
+HILL_AXES = {"radial": "along i", "along_track": "along j", "cross_track": "along k"}
+
+
+def _along_axes(name: str, unit: str, description: str, needs: int, *formulas: str) -> dict[str, Signal]:
+    """Return a signal for each of Hill's axes, with the axis in its name and its description."""
+    padded = (*formulas, "", "", "")[: len(HILL_AXES)]
+    return {
+        f"{name}_{axis}": Signal(unit, description.format(along), needs, formula)
+        for (axis, along), formula in zip(HILL_AXES.items(), padded, strict=True)
+    }
+
+
 SIGNALS = {
     "distance": Signal("m", "distance from the chief's centre", NOTHING, "√(x² + y² + z²)"),
     "velocity_body_x": Signal(
@@ -43,9 +56,7 @@ SIGNALS = {
     "position_radial": Signal("m", "position along Hill i, away from the Earth", NOTHING, "x"),
     "position_along_track": Signal("m", "position along Hill j, the way the chief flies", NOTHING, "y"),
     "position_cross_track": Signal("m", "position along Hill k, the orbit normal", NOTHING, "z"),
-    "velocity_radial": Signal("m/s", "velocity relative to Hill along i", NOTHING, "x'"),
-    "velocity_along_track": Signal("m/s", "velocity relative to Hill along j", NOTHING, "y'"),
-    "velocity_cross_track": Signal("m/s", "velocity relative to Hill along k", NOTHING, "z'"),
+    **_along_axes("velocity", "m/s", "velocity relative to Hill {}", NOTHING, "x'", "y'", "z'"),
     "centre_radial": Signal(
         "m",
         "centre of the ellipse of free motion along i; above zero the ellipse falls behind",
@@ -79,14 +90,9 @@ SIGNALS = {
         ORBIT,
         "(y - y_c)/2 - ring_size_m sin(θ - ring_lead_rad)",
     ),
-    "target_radial": Signal(
-        "", "direction of the target along i, from -1 to 1; zero without candidates", ORBIT, "p_x"
-    ),
-    "target_along_track": Signal(
-        "", "direction of the target along j, from -1 to 1; zero without candidates", ORBIT, "p_y"
-    ),
-    "target_cross_track": Signal(
-        "", "direction of the target along k, from -1 to 1; zero without candidates", ORBIT, "p_z"
+    **_along_axes(
+        *("target", "", "direction of the target {}, from -1 to 1; zero without candidates", ORBIT),
+        *("p_x", "p_y", "p_z"),
     ),
     "sun_alignment": Signal(
         "",
@@ -111,60 +117,30 @@ SIGNALS = {
     "coasting_farthest": Signal(
         "m", "greatest distance from the chief while coasting to the flight's end", PREVIEW
     ),
-    "urgent_radial": Signal(
+    **_along_axes(
+        "urgent",
         "",
-        "direction along i, from -1 to 1, of what is lit and unseen, most of all what is soon dark for good",
+        "direction {}, from -1 to 1, of what is lit and unseen, most of all what is soon dark for good",
         URGENCY,
         "unit vector of Σ p_i exp(-T_i/urgency_time_s), T_i the time until point i sets",
     ),
-    "urgent_along_track": Signal(
-        "",
-        "direction along j, from -1 to 1, of what is lit and unseen, most of all what is soon dark for good",
-        URGENCY,
-    ),
-    "urgent_cross_track": Signal(
-        "",
-        "direction along k, from -1 to 1, of what is lit and unseen, most of all what is soon dark for good",
-        URGENCY,
-    ),
-    "see_push_radial": Signal(
-        "m/s", "push along i that would still show what coasting misses and is soon dark for good", SETTING
-    ),
-    "see_push_along_track": Signal(
-        "m/s", "push along j that would still show what coasting misses and is soon dark for good", SETTING
-    ),
-    "see_push_cross_track": Signal(
-        "m/s", "push along k that would still show what coasting misses and is soon dark for good", SETTING
-    ),
-    "aim_radial": Signal(
+    **_along_axes(
+        "see_push",
         "m/s",
-        "push along i that would still show what is soon dark for good, leaning towards what is urgent",
+        "push {} that would still show what coasting misses and is soon dark for good",
+        SETTING,
+    ),
+    **_along_axes(
+        "aim",
+        "m/s",
+        "push {} that would still show what is soon dark for good, leaning towards what is urgent",
         SETTING | URGENCY,
         "see_push_radial + aim_urgent_m_s urgent_radial",
     ),
-    "aim_along_track": Signal(
+    **_along_axes(
+        "tour_push",
         "m/s",
-        "push along j that would still show what is soon dark for good, leaning towards what is urgent",
-        SETTING | URGENCY,
-    ),
-    "aim_cross_track": Signal(
-        "m/s",
-        "push along k that would still show what is soon dark for good, leaning towards what is urgent",
-        SETTING | URGENCY,
-    ),
-    "tour_push_radial": Signal(
-        "m/s",
-        "push along i that leads in tour_time_s to where the tour, leaning towards what is urgent, is then",
-        TOUR | URGENCY,
-    ),
-    "tour_push_along_track": Signal(
-        "m/s",
-        "push along j that leads in tour_time_s to where the tour, leaning towards what is urgent, is then",
-        TOUR | URGENCY,
-    ),
-    "tour_push_cross_track": Signal(
-        "m/s",
-        "push along k that leads in tour_time_s to where the tour, leaning towards what is urgent, is then",
+        "push {} that leads in tour_time_s to where the tour, leaning towards what is urgent, is then",
         TOUR | URGENCY,
     ),
 }
@@ -205,12 +181,7 @@ class Constant:
 
 
 #: components of the tour: along Hill axes, and the lift, added to the last times the sine of the elevation
-TOUR_PARTS = {
-    "radial": "along i",
-    "along_track": "along j",
-    "cross_track": "along k",
-    "lift": "along k, by the sine of the Sun's elevation",
-}
+TOUR_PARTS = HILL_AXES | {"lift": "along k, by the sine of the Sun's elevation"}
 #: terms of each component: a mean and waves, by their number in a turn of the Sun
 TOUR_WAVES = ("mean", "cos_1", "sin_1", "cos_2", "sin_2")
 

@@ -7,7 +7,7 @@ import numpy as np
 from pipeline.array_types import Floats
 from pipeline.physics.attitude import longest_tumbling_step, tumble
 from pipeline.physics.illumination import EARTH_RADIUS_M, orbit_radius
-from pipeline.physics.orbit import NO_COURSE, Course, course_of
+from pipeline.physics.orbit import NO_COURSE, Course, Elements, course_of
 from pipeline.settings.experiment import Mission, SettingError
 from pipeline.settings.mission import Orbit
 
@@ -24,7 +24,8 @@ def chief_course(mission: Mission) -> Course:
     if dynamics.model == "cw":
         return NO_COURSE
     check_perigee(mission)
-    chief = orbit.mean_motion_rad_s, semi_major_axis(orbit), dynamics
+    elements = Elements(**{name: getattr(dynamics, name) for name in Elements._fields})
+    chief = orbit.mean_motion_rad_s, semi_major_axis(orbit), elements
     return course_of(*chief, mission.light.shadow != "none", mission.control_period_s, mission.num_controls)
 
 

@@ -5,9 +5,9 @@ from numpy.typing import NDArray
 
 from fis_tools.compiled.vectors import aligned, padded
 from pipeline.array_types import Floats
-from pipeline.flight.period.act.safety import guard_of
 from pipeline.flight.period.look.guidance import POINTS
 from pipeline.flight.state.arrays import World
+from pipeline.flight.world.bounds import guard_of
 from pipeline.flight.world.chief import chief_attitudes, chief_course, semi_major_axis
 from pipeline.flight.world.surface import Surface, surface_of
 from pipeline.physics.illumination import (
@@ -93,10 +93,11 @@ def optics_of(mission: Mission) -> Optics:
     cosine = float(np.cos(np.radians(sensor.half_angle_deg)))
     is_any = sensor.max_incidence_deg == RIGHT_ANGLE_DEG
     sunward = float(np.cos(np.radians(sensor.min_sun_angle_deg)))
+    lowest = -2.0
+    if light.shadow != "none":
+        lowest = least_sun_height(shadowing_radius(mission.orbit, light), light.min_fraction)
     return Optics(
-        least_height=-2.0
-        if light.shadow == "none"
-        else least_sun_height(shadowing_radius(mission.orbit, light), light.min_fraction),
+        least_height=lowest,
         # a whole sphere of view, with room for rounding
         cos_squared=cosine * abs(cosine) if sensor.half_angle_deg < STRAIGHT_ANGLE_DEG else -2.0,
         incidence_squared=0.0 if is_any else float(np.cos(np.radians(sensor.max_incidence_deg)) ** 2),
@@ -120,12 +121,6 @@ def rows_of(surface: Surface, axes: Floats) -> Floats:
     return rows
 
 
-def hill_rate_b(mission: Mission) -> Floats:
-    """Return the rate of Hill axes in body axes at the start, rad/s, shape (3,)."""
-    dcm = dcm_b_from_h(np.array(mission.deputy.initial_quaternion, dtype=np.float64))
-    return np.asarray(mission.orbit.mean_motion_rad_s * dcm[:, 2])
-
-
 def by_neighbourhood(points: Floats) -> NDArray[np.int64]:
     """Order points, shape (P, 3), so that each `POINTS` in a row are neighbours.
 
@@ -143,12 +138,6 @@ def by_neighbourhood(points: Floats) -> NDArray[np.int64]:
     return np.concatenate(parts)
 
 
-def turns_by_thrust(mission: Mission) -> bool:
-    """Return whether thrust turns the deputy."""
-    actuators = mission.actuators
-    return actuators.kind == "real" and (actuators.thrust_arm_m > 0.0 or actuators.thrusters is not None)
-
-
 def pack_world(mission: Mission) -> World:
     """Return a mission as the numbers that the compiled episode reads."""
     orbit, deputy, period = mission.orbit, mission.deputy, mission.control_period_s
@@ -156,18 +145,18 @@ def pack_world(mission: Mission) -> World:
     points = surface.points
     if mission.chief.initial_angular_velocity_rad_s is None:
         attitudes = attitudes[:1]
-        placed = aligned((1, 3, padded(len(points), POINTS)))
-        placed[0, :, : len(points)] = points.T
-    else:
-        placed = aligned((len(attitudes), 3, padded(len(points), POINTS)))
-        for k, quaternion in enumerate(attitudes):
-            placed[k, :, : len(points)] = dcm_b_from_h(quaternion).T @ points.T
+    axes = np.array([dcm_b_from_h(quaternion) for quaternion in attitudes])
+    placed = aligned((len(axes), 3, padded(len(points), POINTS)))
+    for k, turned in enumerate(axes):
+        placed[k, :, : len(points)] = turned.T @ points.T
     order = np.arange(placed.shape[2])
     order[: len(points)] = by_neighbourhood(points)
     patches = aligned(placed.shape)
     patches[:] = placed[:, :, order]
-    axes = np.array([dcm_b_from_h(quaternion) for quaternion in attitudes])
     inertia = np.array(deputy.inertia_kg_m2, dtype=np.float64)
+    start_dcm = dcm_b_from_h(np.array(deputy.initial_quaternion, dtype=np.float64))
+    actuators, real = mission.actuators, mission.actuators.kind == "real"
+    instants = mission.attitude_period_s * np.arange(mission.num_attitude_steps)
     stride, look = max(1, round(PREVIEW_PERIOD_S / period)), max(1, round(LOOK_PERIOD_S / period))
     return World(
         num_controls=mission.num_controls,
@@ -177,16 +166,12 @@ def pack_world(mission: Mission) -> World:
         attitude_period=mission.attitude_period_s,
         acceleration_per_force=1.0 / deputy.mass_kg,
         motion=motion_over(orbit, deputy, (period,)),
-        instants=motion_over(
-            orbit, deputy, [step * mission.attitude_period_s for step in range(mission.num_attitude_steps)]
-        ),
+        instants=motion_over(orbit, deputy, instants),
         orbit_parts=orbit_parts(orbit, deputy),
         preview_stride=stride,
-        strides=motion_over(orbit, deputy, [count * period for count in range(stride + 1)]),
+        strides=motion_over(orbit, deputy, period * np.arange(stride + 1)),
         look_stride=look,
-        looks=motion_over(
-            orbit, deputy, [count * period for count in range(0, mission.num_controls + 1, look)]
-        ),
+        looks=motion_over(orbit, deputy, period * np.arange(0, mission.num_controls + 1, look)),
         points=placed,
         num_points=len(points),
         order=order,
@@ -201,7 +186,8 @@ def pack_world(mission: Mission) -> World:
         chief_axes=axes,
         boresight=np.array(mission.sensor.boresight, dtype=np.float64),
         attitude_at_start=np.array(deputy.initial_quaternion, dtype=np.float64),
-        rate_at_start=np.array(mission.rate_at_start_rad_s) + hill_rate_b(mission),
+        # inertial: relative to Hill, and of Hill axes
+        rate_at_start=np.array(mission.rate_at_start_rad_s) + orbit.mean_motion_rad_s * start_dcm[:, 2],
         is_spherical=bool(np.array_equal(inertia, inertia[0, 0] * np.eye(3))),
         inertia=inertia,
         inverse_inertia=np.linalg.inv(inertia).astype(np.float64),
@@ -211,7 +197,7 @@ def pack_world(mission: Mission) -> World:
         max_force=deputy.max_force_n,
         min_distance=deputy.min_distance_m,
         max_distance=deputy.max_distance_m,
-        turns_by_thrust=turns_by_thrust(mission),
+        turns_by_thrust=real and (actuators.thrust_arm_m > 0.0 or actuators.thrusters is not None),
         is_attitude_ideal=mission.attitude.mode == "ideal",
         has_pole_blending=mission.attitude.pole_blending,
         has_clusters=mission.guidance.kind == "clusters",

@@ -8,7 +8,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from pipeline.array_types import Floats
-from pipeline.physics.sight import Occlusion, nothing_hidden, occlusion_of
+from pipeline.physics.sight import Occlusion, occlusion_of
 from pipeline.settings.experiment import Mission, SettingError
 from pipeline.settings.mission import Chief
 from pipeline.settings.places import conf_folder, content_of
@@ -201,4 +201,5 @@ def _surface(chief: Chief) -> Surface:
         return Surface(points[is_open], normals[is_open], free, corners)
     place = regular_placement if chief.placement == "deserno" else fibonacci_placement
     points = np.asarray(place(chief.num_points, chief.inspection_radius_m), dtype=np.float64)
-    return Surface(points, points / chief.inspection_radius_m, nothing_hidden(), np.zeros((0, 3, 3)))
+    convex = Occlusion(np.zeros((0, 0), dtype=np.uint8), 0)
+    return Surface(points, points / chief.inspection_radius_m, convex, np.zeros((0, 3, 3)))

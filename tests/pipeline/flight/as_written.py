@@ -20,8 +20,8 @@ from pipeline.flight.cases.navigation import errors_of
 from pipeline.flight.cases.processes import in_time
 from pipeline.flight.control.controller import Controller
 from pipeline.flight.fly.simulation import fly_logged
-from pipeline.flight.period.act.bounds import bounds_of, process_noise, spheres_of
 from pipeline.flight.state.log import FlightLog, Scenario
+from pipeline.flight.world.bounds import bounds_of, process_noise, spheres_of
 from pipeline.flight.world.surface import surface_of
 from pipeline.settings.experiment import Mission
 from tests.readable_flight.errors import Errors

@@ -14,9 +14,9 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from pipeline.flight.control.controller import Controller
-from pipeline.flight.period.act.bounds import bounds_of, spheres_of
 from pipeline.flight.state.log import Scenario
 from pipeline.flight.state.signals import CONSTANTS, SIGNALS
+from pipeline.flight.world.bounds import bounds_of, spheres_of
 from pipeline.settings.checks import REACHES, SettingError
 from pipeline.settings.experiment import Mission
 from pipeline.settings.keys import unit_of

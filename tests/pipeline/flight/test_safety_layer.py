@@ -14,12 +14,13 @@ from scipy.spatial.transform import Rotation
 from scipy.special import erfinv
 from scipy.stats import chi
 
+from fis_tools.compiled.three import Three
 from pipeline.command_line.config import compose_experiment
 from pipeline.flight.control.controller import coast, open_loop
 from pipeline.flight.fly.simulation import fly_all, fly_logged
-from pipeline.flight.period.act.bounds import Bounds, bounds_of, largest_share, spheres_of
-from pipeline.flight.period.act.safety import guard_of, project
+from pipeline.flight.period.act.safety import project
 from pipeline.flight.state.log import PASSIVE_SAFETY, Scenario
+from pipeline.flight.world.bounds import Bounds, bounds_of, guard_of, largest_share, spheres_of
 from pipeline.physics.motion import motion_over, stop_of, stopped
 from pipeline.settings.experiment import Mission, Safety, SettingError
 from tests.pipeline.flight.as_written import assert_as_written
@@ -201,8 +202,7 @@ def test_the_projection_is_that_of_a_solver(seed: int) -> None:
     cuts = generator.normal(size=(generator.integers(1, 6), 4))
     cuts[:, 3] = cuts[:, :3] @ inside - generator.exponential(0.2, len(cuts))
     asked = generator.uniform(-1.0, 1.0, 3)
-    found = np.empty(3)
-    project(asked, cuts, len(cuts), 1.0, found)
+    found = project(Three(*asked), cuts, len(cuts), 1.0)
     within = {"fun": lambda force: cuts[:, :3] @ force - cuts[:, 3], "jac": lambda _: cuts[:, :3]}
     solved = solved_by_slsqp(asked, inside, 1e-14, within)
     assert solved.success

@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from pipeline.physics.attitude import FIRST_Y, RETURN_RATE, blended_y, desired_dcm, desired_y
+from pipeline.physics.attitude import FIRST_Y, RETURN_RATE
 from pipeline.physics.quaternion import dcm_b_from_h, from_dcm
-from tests.pipeline.physics.what_flies import control_torque, turned
+from tests.pipeline.physics.what_flies import blended_y, control_torque, desired_dcm, desired_y, turned
 
 K = np.array([0.0, 0.0, 1.0])
 IDENTITY = np.array([0.0, 0.0, 0.0, 1.0])

@@ -7,6 +7,7 @@ import numpy as np
 from fis_tools.compiled.decorator import plainly
 from fis_tools.compiled.three import Three
 from pipeline.flight.period.act import attitude
+from pipeline.physics import attitude as desired
 from pipeline.physics.illumination import share_at
 from pipeline.physics.motion import place_after, step_of, velocity_after
 from pipeline.physics.two_body import entered, left, stepped
@@ -38,6 +39,21 @@ def move_beside(course, period, state, force, sun):
             row += 2
         place, velocity = left(course, row, place, velocity)
     return np.array([*place, *velocity])
+
+
+def desired_y(position, previous):
+    """Return the desired second body axis."""
+    return np.array(desired.desired_y(Three(*position), Three(*previous)))
+
+
+def blended_y(position, previous, period):
+    """Return the same without fast turns over a pole."""
+    return np.array(desired.blended_y(Three(*position), Three(*previous), period))
+
+
+def desired_dcm(position, y):
+    """Return the desired attitude as a matrix."""
+    return desired.desired_dcm(Three(*position), Three(*y))
 
 
 def hill_rate_b(quaternion, mean_motion):

@@ -20,7 +20,8 @@ from fis_tools.compiled.vectors import Vector, least, load, most, select, splat,
 from pipeline.array_types import Floats
 from pipeline.flight.state.arrays import Moment, State, World
 from pipeline.flight.state.errors import Firing, ModelErrors, ThrustErrors, Thrusters
-from pipeline.flight.state.lanes import clip_three, flight_of, four, one, to_body, to_hill, turned, write_four
+from pipeline.flight.state.lanes import clip_three, flight_of, four, one, write_four
+from pipeline.physics.quaternion import to_body, to_hill, turned
 
 #: propellant, as a share of the mass at the start, that counts as none: what rounding leaves
 EMPTY = 1e-12
@@ -34,33 +35,10 @@ def in_impulses(force: Vector, step: float, least: float) -> Vector:
 
 
 @compiled(error_model="numpy", forceinline=True)
-def three_in_impulses(thrusters: Thrusters, force: Three) -> Three:
-    """Do so with each component."""
-    step, least = thrusters.step, thrusters.least
-    return Three(
-        in_impulses(force.x, step, least),
-        in_impulses(force.y, step, least),
-        in_impulses(force.z, step, least),
-    )
-
-
-@compiled(error_model="numpy")
-def note_command(now: Moment, firing: Firing) -> None:
-    """Store the command of a sample for the period in which it acts, as the force of ideal thrusters."""
-    state, k, delay = now.state, now.k, firing.thrusters.delay
-    if k < delay:
-        store_at(state.acting, k, same(0.0, width_of(state.lanes)))
-    if k + delay < now.world.num_controls:
-        store_at(state.acting, k + delay, load_three(state.lanes.commanded, 0))
-
-
-@compiled(error_model="numpy", forceinline=True)
 def believed(thrusters: Thrusters, command: Vector, fired: Vector) -> Vector:
     """Return the force that a command is believed to become, by impulses and whether thrusters fired."""
-    force, smallest = (
-        in_impulses(command, thrusters.step, thrusters.least),
-        max(thrusters.step, thrusters.least),
-    )
+    force = in_impulses(command, thrusters.step, thrusters.least)
+    smallest = max(thrusters.step, thrusters.least)
     one_impulse = select(command > 0.0, smallest, select(command < 0.0, -smallest, 0.0))
     return select(fired == 0.0, 0.0, select(force == 0.0, one_impulse, force))
 
@@ -69,17 +47,17 @@ def believed(thrusters: Thrusters, command: Vector, fired: Vector) -> Vector:
 def note_fired(now: Moment, thrusters: Thrusters) -> None:
     """Correct the stored command of a period by whether thrusters fired along each axis, which they tell."""
     state, width = now.state, width_of(now.state.lanes)
-    command, fired = load_at(state.acting, now.k, width), load_three(state.lanes.force, 0)
+    command, fired = load_at(state.acting, now.k, 0, 0, width), load_three(state.lanes.force, 0)
     known = Three(
         believed(thrusters, command.x, fired.x),
         believed(thrusters, command.y, fired.y),
         believed(thrusters, command.z, fired.z),
     )
-    store_at(state.acting, now.k, known)
+    store_at(state.acting, now.k, 0, known)
     has_fired = Three(
         select(fired.x == 0.0, 0.0, 1.0), select(fired.y == 0.0, 0.0, 1.0), select(fired.z == 0.0, 0.0, 1.0)
     )
-    store_at(state.has_fired, now.k, has_fired)
+    store_at(state.has_fired, now.k, 0, has_fired)
 
 
 @compiled(error_model="numpy")
@@ -115,14 +93,20 @@ def fire(now: Moment, firing: Firing) -> None:
     state, thrusters, k = now.state, firing.thrusters, now.k
     width, force = width_of(state.lanes), state.lanes.force
     note_errors(now, firing.errors)
-    store_at(state.commands, k, load_three(force, 0))
+    store_at(state.commands, k, 0, load_three(force, 0))
     asked = same(0.0, width)
     if k >= thrusters.delay:
-        asked = load_at(state.commands, k - thrusters.delay, width)
+        asked = load_at(state.commands, k - thrusters.delay, 0, 0, width)
     e = state.thrusters.errors
     fired = Three(turned_row(e, 0, asked), turned_row(e, 3, asked), turned_row(e, 6, asked))
     if len(thrusters.table) == 0:
-        fired = clip_three(three_in_impulses(thrusters, fired), now.world.max_force)
+        step, smallest = thrusters.step, thrusters.least
+        fired = Three(
+            in_impulses(fired.x, step, smallest),
+            in_impulses(fired.y, step, smallest),
+            in_impulses(fired.z, step, smallest),
+        )
+        fired = clip_three(fired, now.world.max_force)
     has_left = one(state.thrusters.mass) - thrusters.dry > EMPTY
     store_three(force, 0, chosen(has_left, fired, same(0.0, width)))
     if len(thrusters.table) > 0:
@@ -131,21 +115,12 @@ def fire(now: Moment, firing: Firing) -> None:
         stop_when_empty(now.world, thrusters, state)
 
 
-@compiled(error_model="numpy")
-def stop_when_empty(world: World, thrusters: Thrusters, state: State) -> None:
-    """Shorten the last burn to what the tank holds: the force held over the period is that much weaker."""
-    lanes, width = state.lanes, width_of(state.lanes)
-    used, left = propellant_used(world, thrusters, state), one(state.thrusters.mass) - thrusters.dry
-    share = select(used > left, left / most(used, left), 1.0)
-    store_three(lanes.force, 0, scaled(share, load_three(lanes.force, 0)))
-    store_three(lanes.twist, 0, scaled(share, load_three(lanes.twist, 0)))
-    for i in range(len(thrusters.table)):
-        store(state.thrust, (i, 0), share * load(state.thrust, (i, 0), width))
-
-
 @compiled(error_model="numpy", forceinline=True)
-def fired_along_axes(thrusters: Thrusters, state: State) -> tuple[Vector, Vector]:
-    """Return the sum of what is fired, N: by the thrusters, and as components of the force alone."""
+def consumed(world: World, thrusters: Thrusters, state: State) -> tuple[Vector, Vector]:
+    """Return the propellant that firing takes in a control period, as a share of the mass at the start.
+
+    And by how much the sum of what thrusters fire exceeds the components of the force, N.
+    """
     force, width = load_three(state.lanes.force, 0), width_of(state.lanes)
     along_axes = abs(force.x) + abs(force.y) + abs(force.z)
     fired = along_axes
@@ -153,14 +128,20 @@ def fired_along_axes(thrusters: Thrusters, state: State) -> tuple[Vector, Vector
         fired = splat(0.0, width)
         for i in range(len(thrusters.table)):
             fired += load(state.thrust, (i, 0), width)
-    return fired, along_axes
-
-
-@compiled(error_model="numpy", forceinline=True)
-def propellant_used(world: World, thrusters: Thrusters, state: State) -> Vector:
-    """Return the propellant that firing takes in a control period, as a share of the mass at the start."""
     spent_per_force = world.control_period * world.acceleration_per_force
-    return fired_along_axes(thrusters, state)[0] * (spent_per_force / thrusters.exhaust_speed)
+    return fired * (spent_per_force / thrusters.exhaust_speed), fired - along_axes
+
+
+@compiled(error_model="numpy")
+def stop_when_empty(world: World, thrusters: Thrusters, state: State) -> None:
+    """Shorten the last burn to what the tank holds: the force held over the period is that much weaker."""
+    lanes, width = state.lanes, width_of(state.lanes)
+    used, left = consumed(world, thrusters, state)[0], one(state.thrusters.mass) - thrusters.dry
+    share = select(used > left, left / most(used, left), 1.0)
+    store_three(lanes.force, 0, scaled(share, load_three(lanes.force, 0)))
+    store_three(lanes.twist, 0, scaled(share, load_three(lanes.twist, 0)))
+    for i in range(len(thrusters.table)):
+        store(state.thrust, (i, 0), share * load(state.thrust, (i, 0), width))
 
 
 @compiled(error_model="numpy", forceinline=True)
@@ -197,8 +178,13 @@ def divide(thrusters: Thrusters, state: State) -> None:
 @compiled(error_model="numpy")
 def carry_out(now: Moment, errors: ModelErrors) -> None:
     """Turn commands into forces fired, where the deputies' knowledge or their thrusters are not exact."""
+    state, k, delay = now.state, now.k, errors.firing.thrusters.delay
     if errors.fixes.is_on:
-        note_command(now, errors.firing)
+        # the command in the period in which it acts, as the force of ideal thrusters
+        if k < delay:
+            store_at(state.acting, k, 0, same(0.0, width_of(state.lanes)))
+        if k + delay < now.world.num_controls:
+            store_at(state.acting, k + delay, 0, load_three(state.lanes.commanded, 0))
         if errors.fixes.errors.of_attitude.shape[1] > 0:
             turn_with_body(now)
     if errors.firing.is_on:
@@ -222,10 +208,9 @@ def burn(world: World, firing: Firing, state: State) -> Three:
     lanes, force = state.lanes, load_three(state.lanes.force, 0)
     if not burns(firing):
         return force
-    fired, along_axes = fired_along_axes(firing.thrusters, state)
     spent_per_force = world.control_period * world.acceleration_per_force
-    used, before = propellant_used(world, firing.thrusters, state), one(state.thrusters.mass)
+    (used, more), before = consumed(world, firing.thrusters, state), one(state.thrusters.mass)
     per_mass = 1.0 / (before - 0.5 * used)
-    store(lanes.spent, 0, one(lanes.spent) + (fired - along_axes) * (per_mass * spent_per_force))
+    store(lanes.spent, 0, one(lanes.spent) + more * (per_mass * spent_per_force))
     store(state.thrusters.mass, 0, before - used)
     return scaled(per_mass, force)

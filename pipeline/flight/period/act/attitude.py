@@ -19,19 +19,21 @@ from fis_tools.compiled.three import (
     dot,
     lane_of,
     load_three,
-    minus,
     plus,
     scaled,
     store_three,
     three_of,
     times,
     write_lane,
+    write_three,
 )
 from fis_tools.compiled.vectors import Vector, select, some, store
 from pipeline.array_types import Floats
-from pipeline.flight.state.arrays import Moment, Plans, State, World
-from pipeline.flight.state.lanes import Quaternion, clip_three, four, to_body, write_four
+from pipeline.flight.state.arrays import Moment, Plans, World
+from pipeline.flight.state.lanes import attitude_of, clip_three, four, write_four, write_row
 from pipeline.flight.state.log import FlightLog
+from pipeline.physics.attitude import euler
+from pipeline.physics.quaternion import Quaternion, axes_of, to_body
 
 #: longest step of the attitude integrator, s
 LONGEST_STEP_S = 1.0
@@ -73,24 +75,19 @@ def turn(q: Quaternion, a: Three, s: Vector, c: Vector, hill_sin: float, hill_co
     )
 
 
-@compiled(error_model="numpy", forceinline=True)
-def euler(world: World, rate: Three, torque: Three) -> Three:
-    """Return the rate of change of an inertial rate in body axes (Euler's equation)."""
-    return times(world.inverse_inertia, minus(torque, cross(rate, times(world.inertia, rate))))
-
-
 @compiled(error_model="numpy")
 def spin(world: World, w: Three, torque: Three, h: float) -> tuple[Three, Three]:
     """Integrate Euler's equation over one step by the classical Runge-Kutta method.
 
     Returns the new rate and the rotation vector of the step.
     """
-    a = euler(world, w, torque)
-    b = euler(world, plus(w, scaled(0.5 * h, a)), torque)
-    c = euler(world, plus(w, scaled(0.5 * h, b)), torque)
-    d = euler(world, plus(w, scaled(h, c)), torque)
+    inertia, inverse = world.inertia, world.inverse_inertia
+    a = euler(inertia, inverse, w, torque)
+    b = euler(inertia, inverse, plus(w, scaled(0.5 * h, a)), torque)
+    c = euler(inertia, inverse, plus(w, scaled(0.5 * h, b)), torque)
+    d = euler(inertia, inverse, plus(w, scaled(h, c)), torque)
     u = plus(w, scaled(h / 6.0, plus(plus(a, scaled(2.0, plus(b, c))), d)))
-    e = euler(world, u, torque)
+    e = euler(inertia, inverse, u, torque)
     # Simpson's rule with the midpoint by Hermite's formula, then the commutator of the Magnus expansion
     half, twelfth = 0.5 * h, h * h / 12.0
     theta = Three(
@@ -122,18 +119,6 @@ def turn_body(world: World, q: Quaternion, rate: Three, torque: Three) -> tuple[
 
 
 @compiled(error_model="numpy", forceinline=True)
-def turn_ball(
-    q: Quaternion, w: Three, m: Three, h: float, inverse_inertia: float, hill_sin: float, hill_cos: float
-) -> tuple[Quaternion, Three]:
-    """Turn a body of spherical inertia under a held torque in one small step: its rate is linear in time."""
-    step = h * inverse_inertia
-    half, twelfth = 0.5 * h * step, h * h * step / 12.0
-    a = plus(plus(scaled(h, w), scaled(half, m)), scaled(twelfth, cross(w, m)))
-    sine, cosine = half_angle_series(dot(a, a))
-    return turn(q, a, sine, cosine, hill_sin, hill_cos), plus(w, scaled(step, m))
-
-
-@compiled(error_model="numpy", forceinline=True)
 def error_of(q: Quaternion, aim: Quaternion) -> Three:
     """Return the error of an attitude from the desired one, body axes."""
     q1, q2, q3, q4 = q
@@ -150,12 +135,8 @@ def error_of(q: Quaternion, aim: Quaternion) -> Three:
 @compiled(error_model="numpy", forceinline=True)
 def relative_rate(q: Quaternion, rate: Three, n: float) -> Three:
     """Return the rate relative to Hill of a body with an inertial rate, rad/s, body axes."""
-    q1, q2, q3, q4 = q
-    return Three(
-        rate.x - n * 2 * (q1 * q3 - q2 * q4),
-        rate.y - n * 2 * (q2 * q3 + q1 * q4),
-        rate.z - n * (-q1 * q1 - q2 * q2 + q3 * q3 + q4 * q4),
-    )
+    x, y, z = axes_of(q)
+    return Three(rate.x - n * x.z, rate.y - n * y.z, rate.z - n * z.z)
 
 
 @compiled(error_model="numpy", forceinline=True)
@@ -164,7 +145,8 @@ def turn_balls(now: Moment) -> None:
     world, state, work = now.world, now.state, now.work
     n, h = world.mean_motion, world.attitude_period
     hill_sin, hill_cos = sin(0.5 * n * h), cos(0.5 * n * h)
-    kp, kd = world.proportional_gain[0, 0], world.derivative_gain[0, 0]
+    kp, kd, step = world.proportional_gain[0, 0], world.derivative_gain[0, 0], h * world.inverse_inertia[0, 0]
+    half, twelfth = 0.5 * h * step, h * h * step / 12.0
     q, rate = four(state.truth.attitude), load_three(state.truth.rate, 0)
     for j in range(world.num_attitude_steps):
         write_four(work.passed[j].attitude, q)
@@ -172,15 +154,13 @@ def turn_balls(now: Moment) -> None:
         e, u = error_of(q, four(work.aims[j].attitude)), relative_rate(q, rate, n)
         torque = Three(-kp * e.x - kd * u.x, -kp * e.y - kd * u.y, -kp * e.z - kd * u.z)
         torque = clip_three(torque, world.max_torque)
-        q, rate = turn_ball(q, rate, torque, h, world.inverse_inertia[0, 0], hill_sin, hill_cos)
+        # one small step, in which the rate is linear in time
+        a = plus(scaled(h, rate), scaled(half, torque))
+        a = plus(a, scaled(twelfth, cross(rate, torque)))
+        sine, cosine = half_angle_series(dot(a, a))
+        q, rate = turn(q, a, sine, cosine, hill_sin, hill_cos), plus(rate, scaled(step, torque))
     write_four(state.truth.attitude, q)
     store_three(state.truth.rate, 0, rate)
-
-
-@compiled(error_model="numpy", forceinline=True)
-def attitude_of(rows: Floats, lane: int) -> Quaternion:
-    """Return the attitude of one lane."""
-    return rows[0, lane], rows[1, lane], rows[2, lane], rows[3, lane]
 
 
 @compiled(error_model="numpy", forceinline=True)
@@ -192,25 +172,20 @@ def write_attitude(rows: Floats, lane: int, q: Quaternion) -> None:
 @compiled(error_model="numpy")
 def turn_any(now: Moment, plans: Plans, lane: int) -> None:
     """Turn one lane over a control period, for any inertia and rate, from its first row of `passed`."""
-    world, state, work = now.world, now.state, now.work
+    world, state, work, lanes = now.world, now.state, now.work, now.state.lanes
     q, rate = attitude_of(work.passed[0].attitude, lane), lane_of(work.passed[0].rate, 0, lane)
     for j in range(world.num_attitude_steps):
         write_attitude(work.passed[j].attitude, lane, q)
         write_lane(work.passed[j].rate, 0, lane, rate)
         torque = torque_at(now, plans, lane, j)
         if world.turns_by_thrust:
-            torque = plus(torque, thrust_torque(state, lane, q))
+            # of the thrust: arm x C f, and the twist
+            force = to_body(q, lane_of(lanes.force, 0, lane))
+            thrust = plus(cross(lane_of(lanes.arm, 0, lane), force), lane_of(lanes.twist, 0, lane))
+            torque = plus(torque, thrust)
         q, rate = turn_body(world, q, rate, torque)
     write_attitude(state.truth.attitude, lane, q)
     write_lane(state.truth.rate, 0, lane, rate)
-
-
-@compiled(error_model="numpy")
-def thrust_torque(state: State, lane: int, q: Quaternion) -> Three:
-    """Return the torque of a lane's thrust at an attitude, N m, body axes: ``arm x C f`` and the twist."""
-    lanes = state.lanes
-    force = to_body(q, lane_of(lanes.force, 0, lane))
-    return plus(cross(lane_of(lanes.arm, 0, lane), force), lane_of(lanes.twist, 0, lane))
 
 
 @compiled(error_model="numpy", forceinline=True)
@@ -241,16 +216,13 @@ def write_instants(now: Moment, plans: Plans, log: FlightLog) -> None:
     """Log attitudes, rates and torques of lane 0 at the instants of the attitude clock."""
     world, work, k = now.world, now.work, now.k
     for j in range(world.num_attitude_steps):
-        attitude = work.aims[j].attitude if world.is_attitude_ideal else work.passed[j].attitude
-        for component in range(4):
-            log.attitude_quaternion[k, j, component] = attitude[component, 0]
+        passed = work.passed[j]
+        attitude = work.aims[j].attitude if world.is_attitude_ideal else passed.attitude
+        write_row(log.attitude_quaternion[k, j], attitude, 0)
         if not world.is_attitude_ideal:
-            torque, passed = torque_at(now, plans, 0, j), work.passed[j]
-            q, inertial = attitude_of(passed.attitude, 0), lane_of(passed.rate, 0, 0)
-            rate = relative_rate(q, inertial, world.mean_motion)
-            for component in range(3):
-                log.torque_b_n_m[k, j, component] = torque[component]
-                log.attitude_rate_b_rad_s[k, j, component] = rate[component]
+            rate = relative_rate(attitude_of(attitude, 0), lane_of(passed.rate, 0, 0), world.mean_motion)
+            write_three(log.torque_b_n_m[k, j], torque_at(now, plans, 0, j))
+            write_three(log.attitude_rate_b_rad_s[k, j], rate)
 
 
 @compiled(error_model="numpy", forceinline=True)
@@ -260,11 +232,9 @@ def turn_deputies(now: Moment, plans: Plans) -> None:
     rate = load_three(truth.rate, 0)
     # lanes that might turn too far for the series within this period take the general method
     gained = world.control_period * sqrt(3.0) * world.max_torque * world.inverse_inertia[0, 0]
-    is_one_step_of_a_ball = world.is_spherical and h <= LONGEST_STEP_S * (1.0 + 1e-9)
-    is_one_step_of_a_ball = is_one_step_of_a_ball and not (
-        world.turns_by_thrust or len(plans.turns.torques) > 0
-    )
-    slow = max(0.0, sqrt(LARGEST_SQUARE) / h - gained) if is_one_step_of_a_ball else 0.0
+    is_by_law = not (world.turns_by_thrust or len(plans.turns.torques) > 0)
+    is_ball = is_by_law and world.is_spherical and h <= LONGEST_STEP_S * (1.0 + 1e-9)  # in one step
+    slow = max(0.0, sqrt(LARGEST_SQUARE) / h - gained) if is_ball else 0.0
     is_fast = dot(rate, rate) >= slow * slow
     store(lanes.turns_fast, 0, select(is_fast, 1.0, 0.0))
     if slow > 0.0:

@@ -1,23 +1,24 @@
 """Motion of all lanes over a control period: linear in Hill axes, or about the Earth."""
 
 from fis_tools.compiled.decorator import compiled
-from fis_tools.compiled.three import Three, load_three, plus, scaled, store_three, three_of, write_lane
+from fis_tools.compiled.three import (
+    Three,
+    dot,
+    length,
+    load_three,
+    plus,
+    scaled,
+    store_three,
+    three_of,
+    write_lane,
+)
 from fis_tools.compiled.vectors import splat, store, width_of
 from pipeline.flight.state.arrays import Moment, State, World
-from pipeline.flight.state.lanes import flight_of, one, two
+from pipeline.flight.state.lanes import flight_of, two
 from pipeline.physics.illumination import share_at
 from pipeline.physics.motion import place_after, step_of, velocity_after
 from pipeline.physics.orbit import Course
-from pipeline.physics.quaternion import norm
 from pipeline.physics.two_body import entered, left, stepped
-
-
-@compiled(error_model="numpy", forceinline=True)
-def spend(world: World, state: State, force: Three) -> None:
-    """Add up what all lanes spend in a control period."""
-    spent_per_force = world.control_period * world.acceleration_per_force
-    spent = (abs(force.x) + abs(force.y) + abs(force.z)) * spent_per_force
-    store(state.lanes.spent, 0, one(state.lanes.spent) + spent)
 
 
 @compiled(error_model="numpy", forceinline=True)
@@ -48,9 +49,8 @@ def note_sunshine(course: Course, state: State, row: int) -> None:
         return
     sun = suns(state)
     for part in range(3):
-        upward = course.axes[row + part, 0]
-        store(shines, part, upward[0] * sun.x + upward[1] * sun.y + upward[2] * sun.z)
-        radius = norm(course.places[row + part])
+        store(shines, part, dot(three_of(course.axes[row + part, 0]), sun))
+        radius = length(three_of(course.places[row + part]))
         for lane in range(width):
             shines[part, lane] = share_at(shines[part, lane], radius)
 

@@ -4,18 +4,30 @@ Free motion is an ellipse, twice as long along the track as it is high, about a 
 track (Clohessy and Wiltshire, J. Aerospace Sci. 27, 1960).
 """
 
-from math import cos, sin, sqrt
+from math import cos, sin
 
 import numpy as np
 
 from fis_tools.compiled.decorator import compiled
-from fis_tools.compiled.three import Three, dot, lane_of, length, load_three, minus, plus, scaled, store_three
+from fis_tools.compiled.three import (
+    Three,
+    divided,
+    dot,
+    lane_of,
+    length,
+    load_three,
+    minus,
+    plus,
+    scaled,
+    store_three,
+)
 from fis_tools.compiled.vectors import Vector, least, most, select, store
 from pipeline.flight.period.look.guidance import MIN_PROJECTION_M
 from pipeline.flight.state.arrays import Control, Moment, constant_of
-from pipeline.flight.state.lanes import arctangent, four, to_body, two, write_two
+from pipeline.flight.state.lanes import arctangent, four, two, write_two
 from pipeline.flight.state.signals import constant, slot
 from pipeline.physics.motion import ORBIT_PARTS, drifted_place, place_of
+from pipeline.physics.quaternion import to_body
 
 DISTANCE, LAMBDA_U, ETA_U = slot("distance"), slot("lambda_u"), slot("eta_u")
 VELOCITY_BODY = slot("velocity_body_x", "velocity_body_y", "velocity_body_z")
@@ -34,9 +46,8 @@ PREDICTION_TIME = constant("prediction_time_s")
 def relative_angle(target_a: Vector, target_b: Vector, position_a: Vector, position_b: Vector) -> Vector:
     """Return the angle from the position's to the target's projection, in (-pi, pi]; 0 where one vanishes."""
     least_square = MIN_PROJECTION_M * MIN_PROJECTION_M
-    has_both = (target_a * target_a + target_b * target_b >= least_square) & (
-        position_a * position_a + position_b * position_b >= least_square
-    )
+    has_both = target_a * target_a + target_b * target_b >= least_square
+    has_both &= position_a * position_a + position_b * position_b >= least_square
     across = select(has_both, position_a * target_b - position_b * target_a, 0.0)
     along = select(has_both, position_a * target_a + position_b * target_b, 1.0)
     return arctangent(across, along)
@@ -80,7 +91,7 @@ def sense_orbit(now: Moment, control: Control) -> None:
     write_two(signals, SUN_BEARING, bearing_along / reach, bearing_across / reach)
     target = load_three(state.lanes.target, 0)
     far = most(length(target), MIN_PROJECTION_M)
-    store_three(signals, TARGET_DIRECTION, Three(target.x / far, target.y / far, target.z / far))
+    store_three(signals, TARGET_DIRECTION, divided(target, far))
     store(signals, TARGET_SETTING, (sun_cos * target.y - sun_sin * target.x) / far)
     place_cos, place_sin = sun_cos * along + sun_sin * across, sun_sin * along - sun_cos * across
     write_two(signals, RING_ERROR, -3.0 * rx - ahead - place_cos, vx / n - place_sin)
@@ -122,8 +133,7 @@ def turned_aside(now: Moment, control: Control, lane: int, push: Three, scale: f
     to the least distance nothing is turned.
     """
     place, skirt = lane_of(now.state.belief.position, 0, lane), constant_of(control, SKIRT_DISTANCE)
-    wanted, min_distance = Three(push.x / scale, push.y / scale, push.z / scale), now.world.min_distance
-    distance = sqrt(dot(place, place))
+    wanted, min_distance, distance = divided(push, scale), now.world.min_distance, length(place)
     if not min_distance < skirt or not distance < skirt:
         return wanted
     inward = max(0.0, -dot(push, place) / (scale * distance))

@@ -12,28 +12,23 @@ from fis_tools.compiled.decorator import compiled
 from fis_tools.compiled.three import (
     Three,
     chosen,
+    cofactors,
     dot,
     lane_of,
     length,
+    load_at,
+    load_from,
     minus,
     plus,
     same,
     scaled,
+    totals,
     write_lane,
 )
-from fis_tools.compiled.vectors import Mask, Vector, count, load, select, some, splat, store, total
-from pipeline.array_types import Floats
+from fis_tools.compiled.vectors import Mask, Vector, count, load, select, some, splat, store
 from pipeline.flight.period.decide.motion import turned_aside
 from pipeline.flight.period.look.guidance import POINTS
-from pipeline.flight.period.look.optics import (
-    Eye,
-    Pair,
-    beam_at,
-    eye_on_chief,
-    lit_points,
-    seen_points,
-    some_of,
-)
+from pipeline.flight.period.look.optics import Eye, Pair, beam_at, eye_on_chief, lit_points, seen_points
 from pipeline.flight.state.arrays import Beyond, Control, Moment, Workspace, World, constant_of
 from pipeline.flight.state.lanes import exponential
 from pipeline.flight.state.signals import constant, slot
@@ -85,7 +80,7 @@ def shortfall(world: World, optics: Beyond | None, j: int, points: Three, eye: E
         return select(short > near, short, near), way
     cosine, reach = sqrt(world.optics.incidence_squared), sqrt(world.optics.range_squared)
     sample = eye.beam.sample
-    normal = some_of(world.surface, sample, NORMAL, j)
+    normal = load_at(world.surface, sample, NORMAL, j, POINTS)
     d = minus(eye.place, points)
     distance = length(d)
     per = 1.0 / distance
@@ -99,20 +94,12 @@ def shortfall(world: World, optics: Beyond | None, j: int, points: Three, eye: E
 
 
 @compiled(error_model="numpy", forceinline=True)
-def rows_at(looks: Floats, row: int, j: int) -> Three:
-    """Return three rows of looks at the points from j on."""
-    return Three(
-        load(looks, (row, j), POINTS), load(looks, (row + 1, j), POINTS), load(looks, (row + 2, j), POINTS)
-    )
-
-
-@compiled(error_model="numpy", forceinline=True)
 def keep_cheapest(work: Workspace, j: int, lit: Mask, short: Vector, slope: Three) -> None:
     """Keep the cheapest looks so far at the lit points from j on."""
     looks = work.looks
     cost = short * short / dot(slope, slope)
     is_better = lit & (cost < load(looks, (COST, j), POINTS))
-    kept = chosen(is_better, slope, rows_at(looks, SLOPE, j))
+    kept = chosen(is_better, slope, load_from(looks, SLOPE, j, POINTS))
     store(looks, (COST, j), select(is_better, cost, load(looks, (COST, j), POINTS)))
     store(looks, (SHORT, j), select(is_better, short, load(looks, (SHORT, j), POINTS)))
     store(looks, (SLOPE, j), kept.x)
@@ -132,7 +119,7 @@ def look_from(
         before = load(setting, j, POINTS)
         if not some(before > 0.0):
             continue
-        points = some_of(world.points, beam.sample, 0, j)
+        points = load_at(world.points, beam.sample, 0, j, POINTS)
         lit = lit_points(world, optics, work, j, points, before > 0.0, beam)
         if not some(lit):
             continue
@@ -160,20 +147,17 @@ def fitted_push(now: Moment, lane: int, rate: float, damping: float) -> Three:
             weight = exponential((time - load(work.deadlines, (lane, j), POINTS)) * rate)
             weight = select(counts, weight, 0.0)
             short = load(work.looks, (SHORT, j), POINTS)
-            g = chosen(counts, rows_at(work.looks, SLOPE, j), same(0.0, POINTS))
+            g = chosen(counts, load_from(work.looks, SLOPE, j, POINTS), same(0.0, POINTS))
             w = scaled(weight, g)
             squares = plus(squares, Three(w.x * g.x, w.y * g.y, w.z * g.z))
             products = plus(products, Three(w.x * g.y, w.x * g.z, w.y * g.z))
             sums = plus(sums, scaled(select(counts, short, 0.0), w))
-    least = damping * KS2
-    xx, yy, zz = least + total(squares.x), least + total(squares.y), least + total(squares.z)
-    xy, xz, yz = total(products.x), total(products.y), total(products.z)
-    cxx, cyy, czz = yy * zz - yz * yz, xx * zz - xz * xz, xx * yy - xy * xy
-    cxy, cxz, cyz = xz * yz - xy * zz, xy * yz - xz * yy, xy * xz - xx * yz
-    inverse = 1.0 / (xx * cxx + xy * cxy + xz * cxz)
-    b = Three(total(sums.x), total(sums.y), total(sums.z))
-    found = Three(dot(Three(cxx, cxy, cxz), b), dot(Three(cxy, cyy, cyz), b), dot(Three(cxz, cyz, czz), b))
-    return scaled(inverse, found)
+    least, square, product = damping * KS2, totals(squares), totals(products)
+    first = Three(least + square.x, product.x, product.y)
+    second = Three(product.x, least + square.y, product.z)
+    x, y, z = cofactors(first, second, Three(product.y, product.z, least + square.z))
+    b = totals(sums)
+    return scaled(1.0 / dot(first, x), Three(dot(x, b), dot(y, b), dot(z, b)))
 
 
 @compiled(error_model="numpy")

@@ -3,14 +3,12 @@
 A point's deadline is the last sample of the flight at which it is lit.
 """
 
-from math import sqrt
-
 from fis_tools.compiled.decorator import compiled
-from fis_tools.compiled.three import Three, dot, plus, same, scaled, write_lane
+from fis_tools.compiled.three import Three, length, load_at, plus, same, scaled, totals, write_lane
 from fis_tools.compiled.vectors import load, select, some, splat, store, total
 from pipeline.flight.period.decide.motion import turned_aside
 from pipeline.flight.period.look.guidance import MIN_PROJECTION_M, POINTS
-from pipeline.flight.period.look.optics import beam_from, beam_now, lit_points, some_of, sun_after
+from pipeline.flight.period.look.optics import beam_from, beam_now, lit_points, sun_after
 from pipeline.flight.state.arrays import Beyond, Control, Moment, constant_of
 from pipeline.flight.state.lanes import exponential
 from pipeline.flight.state.signals import constant, slot
@@ -42,7 +40,7 @@ def note_deadlines(now: Moment, optics: Beyond | None) -> None:
                 latest = load(deadlines, (lane, j), POINTS)
                 missing = (latest == 0.0) & (load(state.unseen, (lane, j), POINTS) > 0.0)
                 if some(missing):
-                    near = some_of(points, beam.sample, 0, j)
+                    near = load_at(points, beam.sample, 0, j, POINTS)
                     lit = lit_points(world, optics, work, j, near, missing, beam)
                     store(deadlines, (lane, j), select(lit, world.control_period * k, latest))
                     is_missing_some |= some(missing ^ lit)
@@ -62,7 +60,7 @@ def sense_urgency(now: Moment, optics: Beyond | None, control: Control) -> None:
         beam = beam_now(now, optics, lane)
         weights, sums = splat(0.0, POINTS), same(0.0, POINTS)
         for j in range(0, points.shape[2], POINTS):
-            near = some_of(points, beam.sample, 0, j)
+            near = load_at(points, beam.sample, 0, j, POINTS)
             counts = load(state.unseen, (lane, j), POINTS) > 0.0
             counts = lit_points(world, optics, work, j, near, counts, beam)
             if some(counts):
@@ -70,8 +68,6 @@ def sense_urgency(now: Moment, optics: Beyond | None, control: Control) -> None:
                 weight = select(counts, exponential(time_left * rate), 0.0)
                 weights += weight
                 sums = plus(sums, scaled(weight, near))
-        towards = Three(total(sums.x), total(sums.y), total(sums.z))
-        length = sqrt(dot(towards, towards))
-        if length <= MIN_PROJECTION_M * total(weights):
-            continue
-        write_lane(signals, URGENT, lane, turned_aside(now, control, lane, towards, length))
+        towards = totals(sums)
+        if length(towards) > MIN_PROJECTION_M * total(weights):
+            write_lane(signals, URGENT, lane, turned_aside(now, control, lane, towards, length(towards)))

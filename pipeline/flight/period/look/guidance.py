@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fis_tools.compiled.decorator import compiled
-from fis_tools.compiled.three import dot, lane_of, minus, plus, scaled, three_of
+from fis_tools.compiled.three import dot, lane_of, load_from, minus, plus, scaled, three_of, write_three
 from fis_tools.compiled.vectors import load, select, store
 from pipeline.array_types import Floats
 
@@ -58,13 +58,11 @@ def _assign(clusters: Clusters, first: int, last: int, labels: Floats) -> None:
     """Assign candidates to centres `first` to `last - 1` where these are nearer than `distances`."""
     candidates, centres, distances = clusters.candidates, clusters.centres, clusters.distances
     for i in range(0, clusters.num_candidates, POINTS):
-        px = load(candidates, (0, i), POINTS)
-        py = load(candidates, (1, i), POINTS)
-        pz = load(candidates, (2, i), POINTS)
+        points = load_from(candidates, 0, i, POINTS)
         nearest, label = load(distances, i, POINTS), load(labels, i, POINTS)
         for j in range(first, last):
-            dx, dy, dz = px - centres[j, 0], py - centres[j, 1], pz - centres[j, 2]
-            distance = dx * dx + dy * dy + dz * dz
+            apart = minus(points, three_of(centres[j]))
+            distance = dot(apart, apart)
             is_nearer = distance < nearest
             nearest, label = select(is_nearer, distance, nearest), select(is_nearer, float(j), label)
         store(distances, i, nearest)
@@ -103,7 +101,7 @@ def start_centres(clusters: Clusters, position_h: Floats, num_centres: int) -> i
         place = lane_of(candidates, 0, chosen)
         towards = minus(three_of(position_h), place)
         share = CENTRE_SHIFT_M / max(sqrt(dot(towards, towards)), 1e-300)
-        centres[j, 0], centres[j, 1], centres[j, 2] = plus(place, scaled(share, towards))
+        write_three(centres[j], plus(place, scaled(share, towards)))
         _assign(clusters, j, j + 1, labels)
     return wanted
 
@@ -147,10 +145,7 @@ def _relocate_empty_clusters(clusters: Clusters, labels: Floats, wanted: int) ->
     for j in range(wanted):
         if sums[j, 3] >= 0.0:
             continue
-        farthest = 0
-        for i in range(1, num_candidates):
-            if distances[i] > distances[farthest]:
-                farthest = i
+        farthest = int(distances[:num_candidates].argmax())
         distances[farthest] = -1.0
         donor = int(labels[farthest])
         for axis in range(3):
@@ -175,10 +170,7 @@ def _average(clusters: Clusters, wanted: int, has_empty: bool) -> None:
                 centres[j, axis] = sums[j, axis] * share
     if not has_empty:
         return
-    largest = 0
-    for j in range(1, wanted):
-        if sums[j, 3] > sums[largest, 3]:
-            largest = j
+    largest = int(sums[:wanted, 3].argmax())
     for j in range(wanted):
         if sums[j, 3] > 0.0:
             continue

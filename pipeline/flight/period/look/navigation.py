@@ -8,7 +8,9 @@ from math import sqrt
 from fis_tools.compiled.decorator import compiled
 from fis_tools.compiled.three import (
     Three,
+    cofactors,
     cross,
+    divided,
     dot,
     lane_of,
     length,
@@ -27,9 +29,10 @@ from fis_tools.compiled.vectors import Vector, load, select, splat, store, width
 from pipeline.array_types import Floats
 from pipeline.flight.state.arrays import Moment, State
 from pipeline.flight.state.errors import OF_ATTITUDE, OF_FIXES, OF_ROTATION, OF_SQUARES, Errors, Filter, Fixes
-from pipeline.flight.state.lanes import flight_of, four, to_hill, turned, write_four
+from pipeline.flight.state.lanes import flight_of, four, write_four, write_row
 from pipeline.flight.state.log import FlightLog
 from pipeline.physics.motion import place_after, step_of, velocity_after
+from pipeline.physics.quaternion import to_hill, turned
 
 #: factor by which a rejected fix widens the covariance: after a few in a row the filter, not the fix, is
 #: assumed to be wrong, and fixes are accepted again
@@ -40,6 +43,12 @@ WIDER = 4.0
 def entry(matrix: Floats, row: int, column: int) -> Vector:
     """Return an entry of the matrices of all lanes."""
     return load(matrix, (row, column, 0), width_of(matrix))
+
+
+@compiled(error_model="numpy", forceinline=True)
+def column_of(matrix: Floats, column: int) -> Three:
+    """Return the first three entries of a column of the matrices of all lanes."""
+    return Three(entry(matrix, 0, column), entry(matrix, 1, column), entry(matrix, 2, column))
 
 
 @compiled(error_model="numpy", forceinline=True)
@@ -55,7 +64,7 @@ def force_of(law: Filter, state: State, which: int, force: Three, period: int) -
     if error >= OF_ATTITUDE:
         # thrusters turn with the true body
         sensed = 3 * max(0, period - law.command_delay)
-        return cross(force, load_at(state.sensed, sensed + error - OF_ATTITUDE, width))
+        return cross(force, load_at(state.sensed, sensed + error - OF_ATTITUDE, 0, 0, width))
     axis = unit(error % 3)
     if error >= OF_ROTATION:
         return cross(scaled(splat(1.0, width), axis), force)
@@ -72,7 +81,7 @@ def shift_of(law: Filter, state: State, which: int, fix: int, place: Three) -> T
     if error >= OF_FIXES:
         return scaled(splat(1.0, width), unit(error - OF_FIXES))
     if error >= OF_ATTITUDE and law.is_sight:
-        return cross(load_at(state.sensed, 3 * fix * law.stride + error - OF_ATTITUDE, width), place)
+        return cross(load_at(state.sensed, 3 * fix * law.stride + error - OF_ATTITUDE, 0, 0, width), place)
     return same(0.0, width)
 
 
@@ -85,7 +94,8 @@ def propagate_covariance(now: Moment, law: Filter, covariance: Floats, period: i
     """
     state, phi, gamma = now.state, now.world.motion.transition[0], now.world.motion.control[0]
     width, half, pushes = width_of(state.estimate), state.estimate.half, state.estimate.pushes
-    force, has_fired = load_at(state.acting, period, width), load_at(state.has_fired, period, width)
+    force = load_at(state.acting, period, 0, 0, width)
+    has_fired = load_at(state.has_fired, period, 0, 0, width)
     count = 6 + len(law.constants)
     square = dot(force, force)
     for row in range(6):
@@ -95,12 +105,12 @@ def propagate_covariance(now: Moment, law: Filter, covariance: Floats, period: i
                 entries += phi[row, i] * entry(covariance, i, column)
             store(half, (row, column, 0), entries)
     for which in range(len(law.constants)):
-        x, y, z = same(0.0, width)
+        felt = same(0.0, width)
         if law.constants[which] < OF_FIXES:
-            x, y, z = force_of(law, state, which, force, period)
-            x, y, z = x * has_fired.x, y * has_fired.y, z * has_fired.z
+            felt = force_of(law, state, which, force, period)
+            felt = Three(felt.x * has_fired.x, felt.y * has_fired.y, felt.z * has_fired.z)
         for row in range(6):
-            push = gamma[row, 0] * x + gamma[row, 1] * y + gamma[row, 2] * z
+            push = dot(three_of(gamma[row]), felt)
             store(pushes, (row, which, 0), push)
             more = entry(half, row, 6 + which) + law.variances[which] * push
             store(covariance, (row, 6 + which, 0), more)
@@ -119,18 +129,10 @@ def propagate_covariance(now: Moment, law: Filter, covariance: Floats, period: i
 @compiled(error_model="numpy")
 def advance(now: Moment, estimate: Floats, period: int) -> None:
     """Propagate an estimate, shape (6, L), through a control period under the commanded forces."""
-    step, force = step_of(now.world.motion, 0), load_at(now.state.acting, period, width_of(estimate))
+    step, force = step_of(now.world.motion, 0), load_at(now.state.acting, period, 0, 0, width_of(estimate))
     place, velocity = load_three(estimate, 0), load_three(estimate, 3)
     store_three(estimate, 0, place_after(step, place, velocity, force))
     store_three(estimate, 3, velocity_after(step, place, velocity, force))
-
-
-@compiled(error_model="numpy", forceinline=True)
-def inverse(first: Three, second: Three, third: Three) -> tuple[Three, Three, Three]:
-    """Return the rows of the inverse of a symmetric matrix, by cofactors."""
-    x, y, z = cross(second, third), cross(third, first), cross(first, second)
-    scale = 1.0 / dot(first, x)
-    return scaled(scale, x), scaled(scale, y), scaled(scale, z)
 
 
 @compiled(error_model="numpy")
@@ -143,68 +145,55 @@ def correct(law: Filter, state: State, fix: int) -> None:
     estimate, count = state.estimate, len(law.constants)
     filtered, p, work, width = estimate.filtered, estimate.covariance, estimate.half, width_of(estimate)
     place = load_three(filtered, 0)
-    x, y, z = place
-    off = minus(load_at(state.fixes, fix, width), place)
+    off = minus(load_at(state.fixes, fix, 0, 0, width), place)
     for row in range(6):
-        for axis in range(3):
-            store(work, (row, axis, 0), entry(p, row, axis))
+        store_at(work, row, 0, load_at(p, row, 0, 0, width))
     # a fix has one variance across the line of sight and another along it
-    square = x * x + y * y + z * z
+    square = dot(place, place)
     across = law.fix + law.bearing * square
     more = (law.range - law.bearing * square) / square
-    a, b, c = across + more * x * x, more * x * y, more * x * z
-    d, e, f = across + more * y * y, more * y * z, across + more * z * z
+    first = plus(scaled(across, unit(0)), scaled(more * place.x, place))
+    second = plus(scaled(across, unit(1)), scaled(more * place.y, place))
+    third = plus(scaled(across, unit(2)), scaled(more * place.z, place))
     for which in range(count):
-        nx, ny, nz = shift_of(law, state, which, fix, place)
+        n = shift_of(law, state, which, fix, place)
         for row in range(6):
-            common = entry(p, row, 6 + which)
-            store(work, (row, 0, 0), entry(work, row, 0) + common * nx)
-            store(work, (row, 1, 0), entry(work, row, 1) + common * ny)
-            store(work, (row, 2, 0), entry(work, row, 2) + common * nz)
-        mx = entry(p, 0, 6 + which) + law.variances[which] * nx
-        my = entry(p, 1, 6 + which) + law.variances[which] * ny
-        mz = entry(p, 2, 6 + which) + law.variances[which] * nz
-        store(work, (0, 6 + which, 0), mx)
-        store(work, (1, 6 + which, 0), my)
-        store(work, (2, 6 + which, 0), mz)
-        a, b, c = a + nx * mx, b + nx * my, c + nx * mz
-        d, e, f = d + ny * my, e + ny * mz, f + nz * mz
-    a, b, c = a + entry(work, 0, 0), b + entry(work, 0, 1), c + entry(work, 0, 2)
-    d, e, f = d + entry(work, 1, 1), e + entry(work, 1, 2), f + entry(work, 2, 2)
-    first, second, third = inverse(Three(a, b, c), Three(b, d, e), Three(c, e, f))
-    wx, wy, wz = dot(first, off), dot(second, off), dot(third, off)
-    distance = wx * off.x + wy * off.y + wz * off.z
+            common = scaled(entry(p, row, 6 + which), n)
+            store_at(work, row, 0, plus(load_at(work, row, 0, 0, width), common))
+        m = plus(column_of(p, 6 + which), scaled(law.variances[which], n))
+        store(work, (0, 6 + which, 0), m.x)
+        store(work, (1, 6 + which, 0), m.y)
+        store(work, (2, 6 + which, 0), m.z)
+        first, second = plus(first, scaled(n.x, m)), plus(second, scaled(n.y, m))
+        third = plus(third, scaled(n.z, m))
+    first, second = plus(first, load_at(work, 0, 0, 0, width)), plus(second, load_at(work, 1, 0, 0, width))
+    third = plus(third, load_at(work, 2, 0, 0, width))
+    # symmetric, but for rounding
+    second, third = Three(first.y, second.y, second.z), Three(first.z, second.z, third.z)
+    x, y, z = cofactors(first, second, third)
+    scale = 1.0 / dot(first, x)
+    first, second, third = scaled(scale, x), scaled(scale, y), scaled(scale, z)
+    w = Three(dot(first, off), dot(second, off), dot(third, off))
+    distance = dot(w, off)
     is_believed = distance <= law.gate
     store_three(estimate.innovation, 0, off)
     store(estimate.innovation, 3, distance)
     for row in range(6):
-        left = Three(entry(work, row, 0), entry(work, row, 1), entry(work, row, 2))
-        before = load(filtered, row, width)
-        store(filtered, row, select(is_believed, before + (left.x * wx + left.y * wy + left.z * wz), before))
-        store(work, (row, 3, 0), dot(left, first))
-        store(work, (row, 4, 0), dot(left, second))
-        store(work, (row, 5, 0), dot(left, third))
+        left, before = load_at(work, row, 0, 0, width), load(filtered, row, width)
+        store(filtered, row, select(is_believed, before + dot(left, w), before))
+        store_at(work, row, 3, Three(dot(left, first), dot(left, second), dot(left, third)))
     for row in range(6):
-        kx, ky, kz = entry(work, row, 3), entry(work, row, 4), entry(work, row, 5)
+        k = load_at(work, row, 3, 0, width)
         for column in range(row, 6):
             before = entry(p, row, column)
-            less = kx * entry(work, column, 0) + ky * entry(work, column, 1) + kz * entry(work, column, 2)
+            less = dot(k, load_at(work, column, 0, 0, width))
             after = select(is_believed, before - less, WIDER * before)
             store(p, (row, column, 0), after)
             store(p, (column, row, 0), after)
         for column in range(6, 6 + count):
             before = entry(p, row, column)
-            less = kx * entry(work, 0, column) + ky * entry(work, 1, column) + kz * entry(work, 2, column)
+            less = dot(k, column_of(work, column))
             store(p, (row, column, 0), select(is_believed, before - less, before))
-
-
-@compiled(error_model="numpy")
-def measured(state: State, errors: Floats, lane: int, place: Three) -> Three:
-    """Return a lane's fix from a range and a bearing with errors, a row of `Errors.of_sight`."""
-    turned_by = plus(Three(errors[1], errors[2], errors[3]), lane_of(state.estimate.tilt, 0, lane))
-    towards = plus(place, cross(turned_by, place))
-    scale = (length(place) + errors[0]) / length(towards)
-    return scaled(scale, towards)
 
 
 @compiled(error_model="numpy")
@@ -214,7 +203,7 @@ def note_turn(now: Moment, errors: Errors) -> None:
     for lane in range(width_of(now.state.estimate)):
         error = three_of(errors.of_attitude[flight_of(now, lane), now.k])
         scale = 1.0 / sqrt(1.0 + 0.25 * dot(error, error))
-        write_lane(turn, 0, lane, Three(0.5 * error.x * scale, 0.5 * error.y * scale, 0.5 * error.z * scale))
+        write_lane(turn, 0, lane, scaled(scale, scaled(0.5, error)))
         turn[3, lane] = scale
 
 
@@ -242,7 +231,7 @@ def sense_attitude(now: Moment, errors: Errors) -> None:
     write_four(belief.attitude, sensed)
     store_three(belief.boresight, 0, to_hill(sensed, three_of(now.world.boresight)))
     # angles are twice the ratio of the quaternion's components
-    store_three(state.estimate.tilt, 0, to_hill(q, Three(2.0 * a / d, 2.0 * b / d, 2.0 * c / d)))
+    store_three(state.estimate.tilt, 0, to_hill(q, divided(scaled(2.0, Three(a, b, c)), d)))
 
 
 @compiled(error_model="numpy")
@@ -252,9 +241,9 @@ def start_estimate(now: Moment, fixes: Fixes) -> None:
     filtered, width = state.estimate.filtered, width_of(state.estimate)
     for lane in range(width):
         error = fixes.errors.at_start[flight_of(now, lane)]
-        for axis in range(3):
-            filtered[axis, lane] = state.truth.position[axis, lane] + error[axis]
-            filtered[3 + axis, lane] = state.truth.velocity[axis, lane] + error[3 + axis]
+        place, velocity = lane_of(state.truth.position, 0, lane), lane_of(state.truth.velocity, 0, lane)
+        write_lane(filtered, 0, lane, plus(place, three_of(error)))
+        write_lane(filtered, 3, lane, plus(velocity, three_of(error[3:])))
     for row in range(6):
         for column in range(6 + len(fixes.law.constants)):
             covariance = splat(fixes.law.at_start[row, column] if column < 6 else 0.0, width)
@@ -267,8 +256,11 @@ def measure(now: Moment, errors: Errors, which: int) -> None:
     state = now.state
     for lane in range(width_of(state.estimate)):
         case, place = flight_of(now, lane), lane_of(state.truth.position, 0, lane)
-        if errors.of_sight.shape[1] > 0:
-            place = measured(state, errors.of_sight[case, which], lane, place)
+        if errors.of_sight.shape[1] > 0:  # by a range and a bearing
+            error = errors.of_sight[case, which]
+            turned_by = plus(three_of(error[1:]), lane_of(state.estimate.tilt, 0, lane))
+            towards = plus(place, cross(turned_by, place))
+            place = scaled((length(place) + error[0]) / length(towards), towards)
         write_lane(state.fixes[which], 0, lane, plus(place, three_of(errors.of_fixes[case, which])))
 
 
@@ -283,19 +275,17 @@ def write_estimate(now: Moment, law: Filter, log: FlightLog) -> None:
     """Log lane 0's estimate and its covariance, and the fix that comes into use."""
     estimate, k = now.state.estimate, now.k
     if is_corrected(law, k):
-        for axis in range(3):
-            log.fix_m[k, axis] = now.state.fixes[(k - law.delay) // law.stride, axis, 0]
-            log.innovation_m[k, axis] = estimate.innovation[axis, 0]
+        write_row(log.fix_m[k], now.state.fixes[(k - law.delay) // law.stride], 0)
+        write_row(log.innovation_m[k], estimate.innovation, 0)
         log.innovation_square[k] = estimate.innovation[3, 0]
     for row in range(6):
         for column in range(6 + len(law.constants)):
             store(estimate.now, (row, column, 0), entry(estimate.covariance, row, column))
     for period in range(max(k - law.delay, 0), k):
         propagate_covariance(now, law, estimate.now, period)
+    write_row(log.estimate[k], estimate.known, 0)
     for row in range(6):
-        log.estimate[k, row] = estimate.known[row, 0]
-        for column in range(6):
-            log.estimate_covariance[k, row, column] = estimate.now[row, column, 0]
+        write_row(log.estimate_covariance[k, row], estimate.now[row], 0)
 
 
 @compiled(error_model="numpy")
@@ -305,7 +295,7 @@ def navigate(now: Moment, fixes: Fixes) -> None:
     estimate, width = state.estimate, width_of(state.estimate)
     sense_attitude(now, fixes.errors)
     for axis in range(3):
-        store_at(state.sensed, 3 * k + axis, to_hill(four(state.belief.attitude), unit(axis)))
+        store_at(state.sensed, 3 * k + axis, 0, to_hill(four(state.belief.attitude), unit(axis)))
     if k == 0:
         start_estimate(now, fixes)
     if k % law.stride == 0:

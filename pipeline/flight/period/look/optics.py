@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.compiled.decorator import compiled
-from fis_tools.compiled.three import Three, dot, lane_of, minus, scaled, three_of, times
+from fis_tools.compiled.three import Three, dot, lane_of, load_at, minus, scaled, three_of, times
 from fis_tools.compiled.vectors import Mask, Vector, borrowed, count, load, select, some, store
 from pipeline.array_types import Bytes, Floats
 from pipeline.flight.period.look.guidance import POINTS
@@ -131,23 +131,13 @@ def eye_on_chief(world: World, optics: Beyond | None, beam: Beam, place: Three) 
 
 
 @compiled(error_model="numpy", forceinline=True)
-def some_of(rows: Floats, sample: int, row: int, j: int) -> Three:
-    """Return three rows of an array, (samples, rows, P padded), at the points from j on."""
-    return Three(
-        load(rows, (sample, row, j), POINTS),
-        load(rows, (sample, row + 1, j), POINTS),
-        load(rows, (sample, row + 2, j), POINTS),
-    )
-
-
-@compiled(error_model="numpy", forceinline=True)
 def lit_points(
     world: World, optics: Beyond | None, work: Workspace, j: int, points: Three, wanted: Mask, beam: Beam
 ) -> Mask:
     """Return which of the wanted points from j on are lit."""
     if optics is None:
         return wanted & is_lit(world.sight, points.x, points.y, beam.sun.x, beam.sun.y)
-    along = dot(beam.sun, some_of(world.surface, beam.sample, NORMAL, j))
+    along = dot(beam.sun, load_at(world.surface, beam.sample, NORMAL, j, POINTS))
     along += world.optics.past_terminator if beam.shines else 0.0
     lit = wanted & is_sunlit(along, load(world.surface, (beam.sample, HEIGHT, j), POINTS))
     if optics.closely is not None and world.num_edge_cells > 0:
@@ -169,7 +159,7 @@ def seen_points(
         squared = (world.sight.horizon + eye.square - 2.0 * along) * eye.length
         seen = lit & is_facing(world.sight, along)
         return seen if eye.sees_all else seen & is_in_cone(world.sight, towards, squared)
-    above = dot(eye.place, some_of(world.surface, eye.beam.sample, NORMAL, j))
+    above = dot(eye.place, load_at(world.surface, eye.beam.sample, NORMAL, j, POINTS))
     above -= load(world.surface, (eye.beam.sample, HEIGHT, j), POINTS)
     squared = load(world.surface, (eye.beam.sample, SQUARE, j), POINTS) + eye.square
     squared -= 2.0 * along
@@ -213,7 +203,7 @@ def strike_out_seen(
             before = load(work.ahead, j, POINTS)
             wanted = before > 0.0
             if some(wanted):
-                near = some_of(points, beam.sample, 0, j)
+                near = load_at(points, beam.sample, 0, j, POINTS)
                 lit = lit_points(world, optics, work, j, near, wanted, beam)
                 if optics is None or some(lit):
                     seen = seen_points(world, optics, work, j, near, lit, eye)
@@ -238,14 +228,15 @@ def beam_of_case(world: World, optics: Beyond | None, case: Any, k: int) -> Beam
 
 
 @compiled(error_model="numpy", forceinline=True)
-def note_lit(world: World, optics: Beyond | None, work: Workspace, case: Any, k: int) -> int:
-    """Mark in `work.lit` the points of `work.ahead` lit at a sample of a case, and remove them there.
+def note_lit(world: World, optics: Beyond | None, work: Workspace, beam: Beam) -> int:
+    """Mark in `work.lit` the points of `work.ahead` that are lit, and remove them there.
 
     Returns the number of vectors of points with some left.
     """
-    num_left, beam = 0, beam_of_case(world, optics, case, k)
+    num_left = 0
     for j in range(0, len(work.ahead), POINTS):
-        wanted, points = load(work.ahead, j, POINTS) > 0.0, some_of(world.points, beam.sample, 0, j)
+        wanted = load(work.ahead, j, POINTS) > 0.0
+        points = load_at(world.points, beam.sample, 0, j, POINTS)
         lit = lit_points(world, optics, work, j, points, wanted, beam)
         left = wanted ^ lit
         store(work.lit, j, select(lit, 1.0, 0.0))
@@ -263,7 +254,7 @@ def note_inspectable(world: World, optics: Beyond | None, work: Workspace, cases
         want_all(world, work)
         for spacing in SPACINGS:
             for k in range(0, world.num_controls + 1 if num_left > 0 else 0, spacing):
-                num_left = note_lit(world, optics, work, cases[row], k)
+                num_left = note_lit(world, optics, work, beam_of_case(world, optics, cases[row], k))
                 if num_left == 0:
                     break
         for j in range(len(work.ahead)):
@@ -277,7 +268,7 @@ def note_lit_at_samples(
     """Write which points are lit at each sample of the first case's flight, shape (K+1, P padded), 0 or 1."""
     for k in range(len(found)):
         want_all(world, work)
-        note_lit(world, optics, work, cases[0], k)
+        note_lit(world, optics, work, beam_of_case(world, optics, cases[0], k))
         for j in range(len(work.lit)):
             found[k, j] = work.lit[j] > 0.0
 
@@ -304,12 +295,11 @@ def note_lit_and_seen(
         eye = eye_at(world, optics, beam, three_of(places[k]), three_of(boresights[k]))
         for j in range(len(work.ahead)):
             work.ahead[j] = left[k, j]
+        note_lit(world, optics, work, beam)
         for j in range(0, len(work.ahead), POINTS):
-            wanted, points = load(work.ahead, j, POINTS) > 0.0, some_of(world.points, beam.sample, 0, j)
-            bright = lit_points(world, optics, work, j, points, wanted, beam)
-            dark = seen_points(world, optics, work, j, points, wanted ^ bright, eye)
-            store(work.lit, j, select(bright, 1.0, 0.0))
-            store(work.ahead, j, select(dark, 1.0, 0.0))
+            dark, points = load(work.ahead, j, POINTS) > 0.0, load_at(world.points, beam.sample, 0, j, POINTS)
+            seen_dark = seen_points(world, optics, work, j, points, dark, eye)
+            store(work.ahead, j, select(seen_dark, 1.0, 0.0))
         for j in range(len(work.ahead)):
             lit[k, j], seen[k, j] = work.lit[j] > 0.0, work.ahead[j] > 0.0 and not eye.is_blind
 

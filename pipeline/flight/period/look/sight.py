@@ -4,22 +4,25 @@ import numpy as np
 
 from fis_tools.compiled.decorator import compiled
 from fis_tools.compiled.three import (
-    Three,
     chosen,
+    divided,
     lane_of,
     length,
+    load_at,
     load_three,
     plus,
     same,
     store_three,
     three_of,
+    totals,
     write_lane,
 )
-from fis_tools.compiled.vectors import count, least, load, most, select, some, splat, store, total
+from fis_tools.compiled.vectors import count, least, load, most, select, some, splat, store
 from pipeline.flight.period.look.guidance import POINTS, Clusters, cluster_centres, nearest_centre
-from pipeline.flight.period.look.optics import beam_now, eye_at, lit_points, seen_points, some_of, sun_after
+from pipeline.flight.period.look.optics import beam_now, eye_at, lit_points, seen_points, sun_after
 from pipeline.flight.state.arrays import Beyond, Moment, State, Workspace
-from pipeline.flight.state.lanes import four, one, to_hill, two, write_two
+from pipeline.flight.state.lanes import four, one, two, write_row, write_two
+from pipeline.physics.quaternion import to_hill
 
 
 @compiled(error_model="numpy", forceinline=True)
@@ -38,7 +41,7 @@ def inspect(now: Moment, optics: Beyond | None, lane: int) -> None:
         if not (beam.shines and some(wanted)):
             store(work.candidate, j, nothing)
             continue
-        points = some_of(world.points, beam.sample, 0, j)
+        points = load_at(world.points, beam.sample, 0, j, POINTS)
         left = lit_points(world, optics, work, j, points, wanted, beam)
         if not some(left):
             store(work.candidate, j, nothing)
@@ -53,9 +56,7 @@ def inspect(now: Moment, optics: Beyond | None, lane: int) -> None:
         centre = plus(centre, chosen(left, points, same(0.0, POINTS)))
     lanes.num_unseen[lane] -= num_seen
     lanes.num_candidates[lane] = num_left
-    divisor = max(num_left, 1)
-    mean = Three(total(centre.x) / divisor, total(centre.y) / divisor, total(centre.z) / divisor)
-    write_lane(lanes.target, 0, lane, mean)
+    write_lane(lanes.target, 0, lane, divided(totals(centre), max(num_left, 1)))
 
 
 @compiled(error_model="numpy", forceinline=True)
@@ -82,8 +83,7 @@ def choose_cluster(now: Moment, lane: int) -> None:
         state.num_centres[lane] = 0
         state.clustered[lane, 0] = -1.0  # so that the next candidates are new
         return
-    for axis in range(3):
-        position[axis] = state.truth.position[axis, lane]
+    write_row(position, state.truth.position, lane)
     if are_new(state, work, lane) or len(world.points) > 1:
         filled, sample = 0, (now.k if len(world.points) > 1 else 0)
         for j in range(world.num_points):  # without a branch, which processors cannot predict
@@ -93,8 +93,7 @@ def choose_cluster(now: Moment, lane: int) -> None:
         clusters = Clusters(work.candidates, num_candidates, centres, work.labels, work.distances, work.sums)
         state.num_centres[lane] = cluster_centres(clusters, position, state.num_centres[lane])
     nearest = nearest_centre(centres, state.num_centres[lane], position)
-    for axis in range(3):
-        lanes.target[axis, lane] = centres[nearest, axis]
+    write_lane(lanes.target, 0, lane, three_of(centres[nearest]))
 
 
 @compiled(error_model="numpy", forceinline=True)

@@ -8,17 +8,15 @@ has the proof. Vectors are bounded by their lengths, matrices by their spectral 
 from dataclasses import dataclass
 from functools import cache
 from math import ceil, inf, radians, sqrt
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pipeline.array_types import Floats
-from pipeline.physics.illumination import EARTH_GRAVITY_M3_S2, EARTH_RADIUS_M
-from pipeline.physics.motion import motion_over, stop_of, stopped
-from pipeline.settings.checks import SettingError
-
-if TYPE_CHECKING:  # as in `pipeline.flight.period.look.guidance`
-    from pipeline.settings.experiment import Mission
+from pipeline.flight.period.act.safety import STANDING
+from pipeline.flight.state.arrays import Guard
+from pipeline.physics.illumination import EARTH_RADIUS_M, orbit_radius
+from pipeline.physics.motion import joined, motion_over, stop_of, stopped
+from pipeline.settings.experiment import Mission, SettingError
 
 SQRT_3 = sqrt(3.0)
 #: what the neglected acceleration amounts to as white noise, as a share of its bound: with it, errors are
@@ -30,56 +28,29 @@ ROUNDING_M = 0.001
 
 @dataclass(frozen=True)
 class Errors:
-    """Bounds on a flight's errors; all hold with the probability that is asked for.
+    """Bounds on a flight's errors; all hold with the probability that is asked for."""
 
-    Parameters
-    ----------
-    place_m, speed_m_s : float
-        Of the estimate.
-    share : float
-        Of a force, by which what is fired differs from it: a linear map that a flight keeps.
-    force_n : float
-        By which it differs besides, and the motion as if by such a force.
-    constant_m : float
-        Of the estimated place, what is not the filter's noise.
-    deviations : float
-        Standard deviations of the filter that bound its noise.
-    """
-
-    place_m: float = 0.0
+    place_m: float = 0.0  # of the estimate, like the next
     speed_m_s: float = 0.0
-    share: float = 0.0
-    force_n: float = 0.0
-    constant_m: float = 0.0
-    deviations: float = 0.0
+    share: float = 0.0  # of a force, by which what is fired differs from it: a linear map that a flight keeps
+    force_n: float = 0.0  # by which it differs besides, and the motion as if by such a force
+    constant_m: float = 0.0  # of the estimated place, what is not the filter's noise
+    deviations: float = 0.0  # standard deviations of the filter that bound its noise
 
 
 @dataclass(frozen=True)
 class Bounds:
-    """What the safety layer keeps to spare where something is inexact; nothing where all is exact.
-
-    Parameters
-    ----------
-    errors : Errors
-    keep_out_m, keep_in_m : float
-        Least distances to the limits, at samples, of what the layer plans.
-    planned_force_n : float
-        Greatest force along each axis that is passed on.
-    step_back_n : float
-        Force beyond the stop that leads back from where even the stop is not safe.
-    does_close : bool
-        Whether the thrusters can make good for the errors, so that flights stay within the limits for ever.
-    """
+    """What the safety layer keeps to spare where something is inexact; nothing where all is exact."""
 
     errors: Errors = Errors()
-    keep_out_m: float = 0.0
+    keep_out_m: float = 0.0  # least distances to the limits, at samples, of what the layer plans
     keep_in_m: float = 0.0
-    planned_force_n: float = inf
-    step_back_n: float = 0.0
-    does_close: bool = True
+    planned_force_n: float = inf  # greatest force along each axis that is passed on
+    step_back_n: float = 0.0  # force beyond the stop that leads back from where even the stop is not safe
+    does_close: bool = True  # whether thrusters make good for the errors, so that flights stay in the limits
 
 
-def is_exact(mission: "Mission") -> bool:
+def is_exact(mission: Mission) -> bool:
     """Return whether state, forces and motion are just those that the safety layer computes with."""
     return (
         mission.navigation.mode == "perfect"
@@ -89,36 +60,14 @@ def is_exact(mission: "Mission") -> bool:
     )
 
 
-def bounds_of(mission: "Mission") -> Bounds:
+def bounds_of(mission: Mission) -> Bounds:
     """Return the bounds under which a mission's safety layer plans."""
     if mission.safety.probability is None or is_exact(mission):
         return Bounds()
     return _Recursion(mission, errors_of(mission)).bounds()
 
 
-def premises(mission: "Mission", bounds: Bounds) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Return in words which premises of the proof fail where something is inexact, and which are assumed."""
-    actuators, navigation, errors = mission.actuators, mission.navigation, bounds.errors
-    is_real, is_fixed = actuators.kind == "real", navigation.mode == "fixes"
-    failing = {
-        "no bounds are asked for (safety.probability)": mission.safety.probability is None,
-        "settings are dispersed": bool(mission.dispersions),
-        "commands are late (actuators.delay_s)": is_real and actuators.delay_s > 0.0,
-        "thrusters form a layout (actuators.thrusters)": is_real and actuators.thrusters is not None,
-        "mass changes (actuators.specific_impulse_s)": is_real and actuators.specific_impulse_s is not None,
-        "fixes have outliers (navigation.outlier_share)": is_fixed and navigation.outlier_share > 0.0,
-        "the thrusters cannot make good for such errors": not bounds.does_close,
-    }
-    estimate = (
-        f"the filter's estimates stay within {errors.place_m:.3g} m and {errors.speed_m_s:.2g} m/s, which "
-        "follows from its covariance and not from the constant errors of thrusters"
-    )
-    motion = "Clohessy and Wiltshire's equations are off by no more than an estimate of the neglected terms"
-    assumed = {estimate: is_fixed, motion: mission.dynamics.model != "cw"}
-    return tuple(one for one in failing if failing[one]), tuple(one for one in assumed if assumed[one])
-
-
-def spheres_of(mission: "Mission", bounds: Bounds) -> tuple[float, float]:
+def spheres_of(mission: Mission, bounds: Bounds) -> tuple[float, float]:
     """Return the radii, m, between which the safety layer plans.
 
     Raises
@@ -139,7 +88,35 @@ def spheres_of(mission: "Mission", bounds: Bounds) -> tuple[float, float]:
     return keep_out, keep_in
 
 
-def errors_of(mission: "Mission") -> Errors:
+def guard_of(mission: Mission) -> Guard:
+    """Turn the safety settings of a mission into the numbers that `assure` reads."""
+    safety, period = mission.safety, mission.control_period_s
+    motion = motion_over(mission.orbit, mission.deputy, (period,))
+    stop = stop_of(motion)
+    if safety.kind == "none":
+        return Guard(False, 0.0, np.inf, np.inf, 0.0, np.inf, np.inf, 0.0, stop, motion, 0, 0)
+    bounds = bounds_of(mission)
+    keep_out, keep_in = spheres_of(mission, bounds)
+    num_drifts = [ceil(time / period - 1e-9) for time in (safety.passive_horizon_s, safety.keep_in_horizon_s)]
+    now = motion_over(mission.orbit, mission.deputy, (0.0,))
+    drifts = [(j + 1) * period for j in range(max(num_drifts))]
+    return Guard(
+        is_on=True,
+        keep_out=keep_out,
+        keep_in=keep_in,
+        speed_at_chief=safety.speed_limit_m_s - safety.speed_slope_per_s * safety.speed_distance_m,
+        speed_slope=safety.speed_slope_per_s,
+        braking_force=safety.braking_force_n,
+        planned_force=min(bounds.planned_force_n, mission.deputy.max_force_n),
+        step_back=bounds.step_back_n,
+        stop=stop,
+        places=joined(now, stopped(motion, stop), motion_over(mission.orbit, mission.deputy, drifts)),
+        num_kept_out=STANDING + num_drifts[0],
+        num_kept_in=STANDING + num_drifts[1],
+    )
+
+
+def errors_of(mission: Mission) -> Errors:
     """Return bounds on a flight's errors from the settings of navigation, thrusters and motion.
 
     Of the probability that one of them fails, half is for the noise of all samples together, four tenths are
@@ -185,7 +162,7 @@ def largest_share(scale: float, turn: float, probability: float) -> float:
     return float(shares[min(count - 1, ceil(count * probability + above))])
 
 
-def unknown_acceleration(mission: "Mission") -> float:
+def unknown_acceleration(mission: Mission) -> float:
     """Return a bound on the true relative acceleration less Clohessy and Wiltshire's, m/s^2.
 
     The second order of a point mass' attraction, the gradient of its oblateness, and what an orbit's
@@ -194,8 +171,7 @@ def unknown_acceleration(mission: "Mission") -> float:
     dynamics, n = mission.dynamics, mission.orbit.mean_motion_rad_s
     if dynamics.model == "cw":
         return 0.0
-    radius: float = (EARTH_GRAVITY_M3_S2 / n**2) ** (1.0 / 3.0)
-    distance = mission.deputy.max_distance_m
+    radius, distance = orbit_radius(n), mission.deputy.max_distance_m
     speed = SQRT_3 * mission.deputy.max_force_n * mission.control_period_s / mission.deputy.mass_kg
     faster: float = (1.0 + dynamics.eccentricity) ** 2 / (1.0 - dynamics.eccentricity**2) ** 1.5 - 1.0
     oblate = dynamics.j2 * (EARTH_RADIUS_M / radius) ** 2
@@ -204,13 +180,13 @@ def unknown_acceleration(mission: "Mission") -> float:
     return pull + abs(dynamics.drag_m_s2) + abs(dynamics.radiation_m_s2)
 
 
-def process_noise(mission: "Mission") -> float:
+def process_noise(mission: Mission) -> float:
     """Return the standard deviation of the accelerations that the filter allows for, m/s^2."""
     given = mission.navigation.process_noise_m_s2
     return SHARE_OF_UNKNOWN * unknown_acceleration(mission) if given is None else given
 
 
-def covariances(mission: "Mission") -> Floats:
+def covariances(mission: Mission) -> Floats:
     """Return covariances of the estimates' noise, shape (K+1, 6, 6), under the greatest planned force.
 
     Fixes are from the farthest place; smaller forces and nearer places give smaller covariances.
@@ -272,7 +248,7 @@ def dip(radius: float, length: float) -> float:
 class _Recursion:
     """What becomes, from sample to sample, of a stop's place and force under bounded errors."""
 
-    def __init__(self, mission: "Mission", errors: Errors) -> None:
+    def __init__(self, mission: Mission, errors: Errors) -> None:
         motion = motion_over(mission.orbit, mission.deputy, (mission.control_period_s,))
         self.mission, self.errors, self.motion = mission, errors, motion
         self.stop = stop_of(motion)
@@ -290,9 +266,6 @@ class _Recursion:
     def _off(self, row: Floats) -> float:
         noise = self.errors.deviations * spread(self.known, row)
         return norm(row[:, :3]) * self.errors.constant_m + noise
-
-    def _fired_off(self, force: float) -> float:
-        return self.errors.share * force + self.errors.force_n
 
     def bounds(self) -> Bounds:
         """Return the bounds; the numbers of the proof in its order."""
@@ -345,7 +318,7 @@ class _Recursion:
             known, longest, axis, missed = stop + self.force_off, 0.0, 0.0, 0.0
             reach = self.turned * (planned + known)
             for way in (0.0, min(1.0, max(0.0, braking - standing) / reach), 1.0):
-                off = self._fired_off((1.0 - way) * known + way * planned)
+                off = self.errors.share * ((1.0 - way) * known + way * planned) + self.errors.force_n
                 more, led = self.force_off + self.turned * off, standing + way * reach
                 length = min(braking, led) + more
                 longest, axis = max(longest, length), max(axis, min(safety.braking_force_n, led) + more)
