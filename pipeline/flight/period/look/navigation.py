@@ -76,7 +76,7 @@ def shift_of(law: Filter, state: State, which: int, fix: int, place: Three) -> T
     """Return how far a unit constant error shifts a fix, m."""
     width, error = width_of(state.estimate), law.constants[which]
     if error >= OF_SQUARES:
-        axis = load_at(state.sensed, 3 * fix * law.stride + error - OF_SQUARES, width)
+        axis = load_at(state.sensed, 3 * fix * law.stride + error - OF_SQUARES, 0, 0, width)
         return scaled(length(place), axis)
     if error >= OF_FIXES:
         return scaled(splat(1.0, width), unit(error - OF_FIXES))
