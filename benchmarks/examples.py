@@ -25,7 +25,7 @@ from fis_tools.analysis.arrays import spread_inputs
 from fis_tools.engines.compiler import compile
 from fis_tools.formats import serialize
 from fis_tools.model import FuzzySystem, Sampled, Variable
-from fis_tools.model.shape import words_of
+from fis_tools.model.shapes import words_of
 
 #: Intervals of each output, samples of each system, and tolerated difference as a share of the output's
 #: range.

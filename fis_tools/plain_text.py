@@ -1,6 +1,7 @@
 """Free text that came with data: units, descriptions, facts. It is shown in terminals and on pages."""
 
 import re
+from collections.abc import Iterable
 from typing import Any, Final
 
 #: control characters but line ends and tabs, what turns the direction of writing, and halves of pairs
@@ -19,3 +20,15 @@ def plain(data: Any) -> Any:
     if isinstance(data, list | tuple):
         return type(data)(map(plain, data))
     return data
+
+
+def distinct(names: Iterable[str]) -> list[str]:
+    """Return names of which no two are equal: later ones get a number."""
+    found: list[str] = []
+    for name in names:
+        candidate, count = name, 1
+        while candidate in found:
+            count += 1
+            candidate = f"{name}_{count}"
+        found.append(candidate)
+    return found

@@ -12,8 +12,8 @@ from markupsafe import Markup
 from nicegui import ui
 
 from fis_tools.document import Cell, Document, Mark, Table, html
-from fis_tools.edit.charts import Options, axis, chart, dots, draw, line
 from fis_tools.edit.panels import ENTERED, Panel, Show, document, tell
+from fis_tools.edit.shown import Options, axis, chart, dots, draw, line
 from fis_tools.findings.explanation import explain
 from fis_tools.model import FuzzyController
 from fis_tools.model.thrust import REASONS

@@ -222,17 +222,10 @@ def surface(
     y_points = np.linspace(y_variable.minimum, y_variable.maximum, num_points)
     columns = {x: np.tile(x_points, num_points), y: np.repeat(y_points, num_points)}
     columns |= {name: np.full(num_points**2, float(value)) for name, value in held.items()}
-    values = evaluate(system, np.stack([columns[name] for name in names], axis=1))
+    answers = evaluate(system, np.stack([columns[name] for name in names], axis=1))
+    values = answers[:, system.outputs.index(concluded)].reshape(num_points, num_points)
     values = np.where(np.isfinite(values), values, np.nan)
-    return Surface(
-        x_variable=x_variable,
-        y_variable=y_variable,
-        output=concluded,
-        x=x_points,
-        y=y_points,
-        values=values[:, system.outputs.index(concluded)].reshape(num_points, num_points),
-        fixed=held,
-    )
+    return Surface(x_variable, y_variable, concluded, x_points, y_points, values, held)
 
 
 def output_named(system: FuzzySystem, name: str | None = None) -> Variable:
@@ -327,8 +320,6 @@ def rule_usage(strengths: Floats, threshold: float = FIRED) -> RuleUsage:
     if strengths.ndim != 2 or len(strengths) == 0:
         raise ValueError(f"strengths have shape {strengths.shape}; pass one row per sample, at least one")
     strongest = strengths.max(axis=1, keepdims=True)
-    return RuleUsage(
-        fired=np.mean(strengths >= threshold, axis=0),
-        leading=np.mean((strengths == strongest) & (strengths > 0), axis=0),
-        max_strength=strengths.max(axis=0),
-    )
+    fired = np.mean(strengths >= threshold, axis=0)
+    leading = np.mean((strengths == strongest) & (strengths > 0), axis=0)
+    return RuleUsage(fired, leading, max_strength=strengths.max(axis=0))

@@ -136,17 +136,11 @@ def subdivide(
     left = [*whole, *((-negated, low, high) for negated, _, low, high, _ in waiting)]
     left = [entry for entry in left if entry[0] > best + tolerance]
     shape = (len(left), len(region.low))
-    return Subdivision(
-        best,
-        best_inputs,
-        num_boxes,
-        closed,
-        open_low=np.array([low for _, low, _ in left]).reshape(shape),
-        open_high=np.array([high for _, _, high in left]).reshape(shape),
-        open_promises=np.array([value for value, _, _ in left]),
-        refuted_low=np.concatenate([low for low, _ in refuted]),
-        refuted_high=np.concatenate([high for _, high in refuted]),
-    )
+    opened = [np.array([entry[end] for entry in left]).reshape(shape) for end in (1, 2)]
+    promises = np.array([value for value, _, _ in left])
+    below = [np.concatenate(ends) for ends in zip(*refuted, strict=True)]
+    boxes = (opened[0], opened[1], promises, below[0], below[1])
+    return Subdivision(best, best_inputs, num_boxes, closed, *boxes)
 
 
 def _try(
@@ -354,12 +348,8 @@ def ask(
     sides = np.where(where.high > where.low, found.open_high - found.open_low, 1.0)
     volumes = (sides / np.where(where.high > where.low, where.high - where.low, 1.0)).prod(axis=1)
     largest = int(np.argmax(volumes))
-    box = {
-        variable.name: Interval(float(low), float(high))
-        for variable, low, high in zip(
-            system.inputs, found.open_low[largest], found.open_high[largest], strict=True
-        )
-    }
+    ends = zip(system.inputs, found.open_low[largest], found.open_high[largest], strict=True)
+    box = {variable.name: Interval(float(low), float(high)) for variable, low, high in ends}
     share = float(volumes.sum())
     return Answer(words, where.text, "undecided", found.num_boxes, undecided=box, undecided_share=share)
 
@@ -426,14 +416,9 @@ def _range(
     ]
     least, least_at = attained[0] if attained else (np.inf, {})
     greatest, greatest_at = attained[-1] if attained else (-np.inf, {})
-    return Range(
-        output,
-        outer=Interval(-_most(low), _most(high)),
-        inner=Interval(least, greatest),
-        least_at=least_at,
-        greatest_at=greatest_at,
-        num_boxes=low.num_boxes + high.num_boxes,
-    )
+    outer = Interval(-_most(low), _most(high))
+    inner = Interval(least, greatest)
+    return Range(output, outer, inner, least_at, greatest_at, low.num_boxes + high.num_boxes)
 
 
 def _most(found: Subdivision) -> float:

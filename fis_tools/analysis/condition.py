@@ -123,16 +123,11 @@ def read_region(system: FuzzySystem, text: str) -> Region:
                     f"{names[place]!r} is asked to lie beyond its range of {minimum:g} to {maximum:g} in "
                     f"{text!r}, where conditions on several inputs do not reach; leave out one of them"
                 )
-    region = Region(
-        text=", ".join(condition.text for condition in conditions),
-        low=np.clip(asked_low, *np.transpose(universes)),
-        high=np.clip(asked_high, *np.transpose(universes)),
-        asked_low=asked_low,
-        asked_high=asked_high,
-        coefficients=np.array(rows).reshape(len(joint), len(names)),
-        least=np.array([condition.least for condition in joint]),
-        greatest=np.array([condition.greatest for condition in joint]),
-    )
+    words = ", ".join(condition.text for condition in conditions)
+    low, high = (np.clip(ends, *np.transpose(universes)) for ends in (asked_low, asked_high))
+    coefficients = np.array(rows).reshape(len(joint), len(names))
+    limits = np.array([(one.least, one.greatest) for one in joint]).reshape(-1, 2).T
+    region = Region(words, low, high, asked_low, asked_high, coefficients, limits[0], limits[1])
     if not region.may_meet(region.low[np.newaxis], region.high[np.newaxis])[0]:
         raise ValueError(f"no inputs of the universes meet all conditions of {text!r}; relax one of them")
     return region

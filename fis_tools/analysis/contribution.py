@@ -171,11 +171,7 @@ def _numbers(
             continue
         shape = INVERTED[kind](*row[:2])
         degrees = np.clip(strengths[:, column], np.finfo(np.float64).tiny, 1.0)
-        found[:, column] = np.clip(shape.inverse(degrees), *_limits(weighing, shape.inverse(degrees)))
+        places = shape.inverse(degrees)
+        ends = np.where(places > 0.0, weighing.high, weighing.low)
+        found[:, column] = np.where(np.isinf(places), ends, places)
     return found
-
-
-def _limits(weighing: Weighing, places: Floats) -> tuple[Floats, Floats]:
-    """Return between what places lie: infinite ones at the ends of the range."""
-    is_far = np.isinf(places)
-    return np.where(is_far, weighing.low, -np.inf), np.where(is_far, weighing.high, np.inf)

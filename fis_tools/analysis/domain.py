@@ -77,14 +77,9 @@ class Departure:
 
 def box_of(system: FuzzySystem, inputs: Floats) -> Box:
     """Return the box of what a system sensed, (n, num_inputs), n at least one."""
-    return Box(
-        system.name,
-        tuple(variable.name for variable in system.inputs),
-        tuple(variable.unit for variable in system.inputs),
-        tuple(inputs.min(axis=0).tolist()),
-        tuple(inputs.max(axis=0).tolist()),
-        len(inputs),
-    )
+    names, units = zip(*((variable.name, variable.unit) for variable in system.inputs), strict=True)
+    low, high = (tuple(ends.tolist()) for ends in (inputs.min(axis=0), inputs.max(axis=0)))
+    return Box(system.name, names, units, low, high, len(inputs))
 
 
 def departures(box: Box, time_s: Floats, inputs: Floats) -> tuple[Departure, ...]:
@@ -111,17 +106,11 @@ def departures(box: Box, time_s: Floats, inputs: Floats) -> tuple[Departure, ...
 
 def as_mapping(boxes: Iterable[Box]) -> dict[str, Any]:
     """Return a domain as plain data."""
-    systems = [
-        {
-            "system": box.system,
-            "num_samples": box.num_samples,
-            "inputs": [
-                dict(zip(_COLUMNS, one, strict=True))
-                for one in zip(box.inputs, box.units, box.low, box.high, strict=True)
-            ],
-        }
-        for box in boxes
-    ]
+    systems = []
+    for box in boxes:
+        columns = zip(box.inputs, box.units, box.low, box.high, strict=True)
+        inputs = [dict(zip(_COLUMNS, one, strict=True)) for one in columns]
+        systems.append({"system": box.system, "num_samples": box.num_samples, "inputs": inputs})
     return {"schema": SCHEMA, "schema_version": SCHEMA_VERSION, "systems": systems}
 
 

@@ -432,15 +432,11 @@ def _tabled(path: Path | str, system: FuzzySystem) -> FlownSystem:
     """Ask a system what it would have done at the inputs of a table."""
     labels = {variable.name: with_unit(variable) for variable in system.inputs}
     inputs, time_s = tables.read(path, list(labels), labels)
-    return FlownSystem(
-        system,
-        np.arange(1.0, len(inputs) + 1.0) if time_s is None else time_s,
-        inputs,
-        firing(system, inputs),
-        np.asarray(compiled(system).infer(inputs).outputs)[:, 0],
-        np.full(len(inputs), UNKNOWN),
-        is_timed=time_s is not None,
-    )
+    times = np.arange(1.0, len(inputs) + 1.0) if time_s is None else time_s
+    output = compiled(system)(inputs)[:, 0]
+    reason = np.full(len(inputs), UNKNOWN)
+    strengths = firing(system, inputs)
+    return FlownSystem(system, times, inputs, strengths, output, reason, is_timed=time_s is not None)
 
 
 def _read(path: Path | str, topics: tuple[str, ...]) -> "Recording":

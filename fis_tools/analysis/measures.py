@@ -109,22 +109,15 @@ class Measures:
 def measure(system: model.FuzzySystem) -> Measures:
     """Compute every index of a system without problems; outputs that are weighed have no terms to measure."""
     variables = [v for v in (*system.inputs, *system.outputs) if v not in system.weighed]
-    return Measures(
-        complexity=complexity(system),
-        coverage={variable.name: coverage(variable) for variable in variables},
-        completeness=completeness(system),
-        rule_consistency=rule_consistency(system),
-    )
+    covered = {variable.name: coverage(variable) for variable in variables}
+    return Measures(complexity(system), covered, completeness(system), rule_consistency(system))
 
 
 def complexity(system: model.FuzzySystem) -> Complexity:
     """Count rules, premises and terms."""
-    return Complexity(
-        rules=len(system.rules),
-        premises=sum(1 for rule in system.rules for _ in model.statements_of(rule.antecedent)),
-        input_terms=sum(len(variable.terms) for variable in system.inputs),
-        output_terms=sum(len(variable.terms) for variable in system.outputs),
-    )
+    premises = sum(1 for rule in system.rules for _ in model.statements_of(rule.antecedent))
+    terms = [sum(len(variable.terms) for variable in side) for side in (system.inputs, system.outputs)]
+    return Complexity(len(system.rules), premises, *terms)
 
 
 def centre(variable: model.Variable, term: model.Term) -> float:

@@ -288,12 +288,10 @@ def _instant(period: flights.Period, all_periods: bool) -> Instant:
     became = str(flown.reason[row])
     is_plain = became in ("fired", UNKNOWN) and not flown.delay_s
     is_told = became in (*COUNTED, UNKNOWN) or all_periods
-    return Instant(
-        flown.system,
-        flown.inputs[row] if is_told else None,
-        "" if is_plain else _in_words(period),
-        None if flown.points is None else flown.points.at(float(flown.time_s[row])),
-    )
+    inputs = flown.inputs[row] if is_told else None
+    note = "" if is_plain else _in_words(period)
+    points = None if flown.points is None else flown.points.at(float(flown.time_s[row]))
+    return Instant(flown.system, inputs, note, points)
 
 
 def _in_words(period: flights.Period) -> str:

@@ -9,18 +9,8 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from fis_tools.commands.arguments import (
-    Asked,
-    Output,
-    UserMistake,
-    chosen,
-    expected,
-    file_name,
-    form_of,
-    mistakes,
-    place_for,
-    write,
-)
+from fis_tools.commands import arguments
+from fis_tools.commands.arguments import Asked, Output, UserMistake, mistakes, write
 from fis_tools.formats import serialize
 from fis_tools.formats.c import source
 from fis_tools.formats.files import ONE_SYSTEM, WHOLE, File, of_one_system
@@ -92,10 +82,10 @@ def _write_each(controller: FuzzyController, form: str, output: str | None) -> N
         if place is None:
             print(file.content.decode(), end="")
         elif place.is_dir() or not place.suffix or len(files) > 1:
-            place_for(place / name).write_bytes(file.content)
+            arguments.place_for(place / name).write_bytes(file.content)
             print(place / name)
         else:
-            place_for(place).write_bytes(file.content)
+            arguments.place_for(place).write_bytes(file.content)
         for loss in file.losses:
             print(f"{name}: {loss}", file=sys.stderr)
 
@@ -110,12 +100,12 @@ def _files(controller: FuzzyController, ending: str, place: Path | None) -> dict
         )
     files: dict[str, FuzzyController] = {}
     for system in controller.systems:
-        name = file_name(system.name) + ending
+        name = arguments.file_name(system.name) + ending
         if any(name.casefold() == other.casefold() for other in files):
             raise UserMistake(
                 f"two systems would both be written as {name}; write one at a time, with --system"
             )
-        files[name] = chosen(controller, system.name)
+        files[name] = arguments.chosen(controller, system.name)
     return files
 
 
@@ -128,7 +118,9 @@ def import_(
     name: str | None = None,
     points: Annotated[
         int | None,
-        expected(f"a whole number from 2 to {MOST_POINTS}", lambda count: 2 <= count <= MOST_POINTS),
+        arguments.expected(
+            f"a whole number from 2 to {MOST_POINTS}", lambda count: 2 <= count <= MOST_POINTS
+        ),
     ] = None,
 ) -> None:
     """Make one controller file from files of other programs, such as MATLAB or fuzzylite.
@@ -155,7 +147,7 @@ def import_(
     points
         points of every evenly spaced universe
     """
-    form = form_of(output) or serialize.dump_json
+    form = arguments.form_of(output) or serialize.dump_json
     readings = [_reading(path, trust) for path in files]
     controllers = [reading.controller for reading in readings]
     systems = _systems(files, controllers)
@@ -264,7 +256,7 @@ def learn(
     output
         write the controller (.json, .yaml)
     """
-    form = form_of(output)
+    form = arguments.form_of(output)
     with mistakes(UnreadableTable, Unlearnable):
         read_table = as_table(read(table), target, list(inputs) or None)
         for note in read_table.notes:

@@ -12,21 +12,8 @@ import numpy as np
 from cyclopts import Parameter, Token
 
 from fis_tools.analysis import flights
-from fis_tools.commands.arguments import (
-    AskedAlong,
-    AskedInstant,
-    Output,
-    UserMistake,
-    analysing,
-    assignments,
-    chosen,
-    expected,
-    flown_inputs,
-    form_of,
-    instants,
-    mistakes,
-    write,
-)
+from fis_tools.commands import arguments
+from fis_tools.commands.arguments import AskedAlong, AskedInstant, Output, UserMistake, analysing
 from fis_tools.document import as_json, text
 from fis_tools.engines.inference import infer
 from fis_tools.findings import audit as faults
@@ -105,7 +92,7 @@ def audit(
 
 
 def _thresholds(words: str) -> Thresholds:
-    values = assignments(words)
+    values = arguments.assignments(words)
     defaults = {field.name: field.default for field in fields(Thresholds)}
     for name in values:
         if name not in defaults:
@@ -121,7 +108,7 @@ EXPLANATION = ("fuzzy-explanation", 2)
 def explain(
     asked: AskedInstant,
     *,
-    crossing: Annotated[float | None, expected("a finite number", math.isfinite)] = None,
+    crossing: Annotated[float | None, arguments.expected("a finite number", math.isfinite)] = None,
     steps: bool = False,
     all: bool = False,
     json: bool = False,
@@ -170,12 +157,12 @@ def explain(
 def _of_instants(
     asked: AskedInstant, controller: FuzzyController, crossing: float, steps: bool, all: bool, json: bool
 ) -> str:
-    found = list(instants(asked, controller))
+    found = list(arguments.instants(asked, controller))
     silent = [f"{one.note}\n" for one in found if one.note]
     if steps:
         steps_of = [wording.explain(infer(one.system, one.inputs)) for one in found if one.inputs is not None]
         return "\n".join([*steps_of, *silent])
-    with mistakes(ValueError), analysing(controller):
+    with arguments.mistakes(ValueError), analysing(controller):
         explained = [
             explanation.explain(one.system, one.inputs, crossing, one.points)
             for one in found
@@ -246,15 +233,15 @@ def diff(
     if is_page:  # what pictures need is missed before anything is computed
         import_module("fis_tools.render")
     paths = (asked.controller, after)
-    old, new = (chosen(read_controller(path, asked.trust), asked.system) for path in paths)
-    samples = flown_inputs(asked.flights, new, asked.all_periods)
+    old, new = (arguments.chosen(read_controller(path, asked.trust), asked.system) for path in paths)
+    samples = arguments.flown_inputs(asked.flights, new, asked.all_periods)
     with analysing(old, new):
         found = difference(old, new, samples, paths)
     if json:
         content = as_json("fuzzy-difference", 1, found.plain())
     else:
         content = found.html() if is_page else found.text()
-    write(output, content)
+    arguments.write(output, content)
     return int(exit_code and not found.is_empty)
 
 
@@ -316,15 +303,15 @@ def simplify(
     json
         print the steps for programs (schema fuzzy-simplification, version 1)
     """
-    form = form_of(output)
+    form = arguments.form_of(output)
     controller = asked.read()
     samples = asked.flown(controller)
     if samples is None and flights_only:
         raise UserMistake("--flights-only needs flights; add --flights, or leave it out")
-    with mistakes(ValueError):
+    with arguments.mistakes(ValueError):
         budget = Budget(max_change, mean_change, flights_only, look_alike)
     with analysing(controller) as tell:
         found = simplification.simplify(controller, samples, budget, tell)
     if form is not None:
-        write(output, form(found.controller))
+        arguments.write(output, form(found.controller))
     print(as_json("fuzzy-simplification", 1, found.plain()) if json else found.text(), end="")

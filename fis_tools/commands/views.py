@@ -12,24 +12,7 @@ from cyclopts import Parameter
 
 from fis_tools.analysis import arrays, flights
 from fis_tools.array_types import Floats
-from fis_tools.commands.arguments import (
-    Asked,
-    AskedAlong,
-    AskedInstant,
-    Output,
-    UserMistake,
-    analysing,
-    assignments,
-    chosen,
-    expected,
-    file_name,
-    flown_inputs,
-    instants,
-    mistakes,
-    place_for,
-    the_system,
-    write,
-)
+from fis_tools.commands import arguments
 from fis_tools.document import text
 from fis_tools.engines.inference import infer
 from fis_tools.formats.csv import rows_as_text
@@ -43,7 +26,7 @@ if TYPE_CHECKING:
 KINDS = ("memberships", "rules", "surfaces", "inference", "firing")
 
 
-def show(asked: Asked) -> None:
+def show(asked: arguments.Asked) -> None:
     """Print variables, terms and rule tables.
 
     For example:
@@ -57,7 +40,7 @@ def show(asked: Asked) -> None:
 
 
 def plot(
-    asked: AskedInstant,
+    asked: arguments.AskedInstant,
     *,
     output: Annotated[str, Parameter(name=("--output", "-o"))] = ".",
     format: Literal["png", "svg", "pdf"] = "png",
@@ -96,41 +79,42 @@ def plot(
     inferences = _fired(asked, controller) if "inference" in kinds else []
     taken: Counter[str] = Counter()
     for system, name, figure in _pictures(asked, controller, kinds, inferences, colours):
-        picture = f"{file_name(system.name)}-{file_name(name)}"
+        picture = f"{arguments.file_name(system.name)}-{arguments.file_name(name)}"
         taken[picture.casefold()] += 1  # other names may come to the same file's
         if taken[picture.casefold()] > 1:
             picture += f"-{taken[picture.casefold()]}"
-        path = place_for(Path(output) / f"{picture}.{format}")
+        path = arguments.place_for(Path(output) / f"{picture}.{format}")
         save(figure, path)
         print(path)
 
 
-def _fired(asked: AskedInstant, controller: FuzzyController) -> list[tuple[FuzzySystem, Floats]]:
+def _fired(asked: arguments.AskedInstant, controller: FuzzyController) -> list[tuple[FuzzySystem, Floats]]:
     """Return the inferences that there are to draw."""
-    found = list(instants(asked, controller))
+    found = list(arguments.instants(asked, controller))
     drawn = [(one.system, one.inputs) for one in found if one.inputs is not None]
     if not drawn:
-        raise UserMistake("; ".join(one.note for one in found))
+        raise arguments.UserMistake("; ".join(one.note for one in found))
     return drawn
 
 
-def _kinds(asked: AskedInstant, only: Sequence[str]) -> Sequence[str]:
+def _kinds(asked: arguments.AskedInstant, only: Sequence[str]) -> Sequence[str]:
     """Return what to draw: what is asked for, or all there is."""
     if not only:
-        return [
-            *KINDS[:3],
-            *(["inference"] if asked.is_instant else []),
-            *(["firing"] if asked.paths else []),
-        ]
+        more = {"inference": asked.is_instant, "firing": bool(asked.paths)}
+        return [*KINDS[:3], *(kind for kind, is_asked in more.items() if is_asked)]
     if asked.is_instant and "inference" not in only:
-        raise UserMistake("--inputs and --time are for an inference; add --only inference, or leave them out")
+        raise arguments.UserMistake(
+            "--inputs and --time are for an inference; add --only inference, or leave them out"
+        )
     if "firing" in only and not asked.paths:
-        raise UserMistake("--only firing is for logged data; give a flight (.mcap), or add --flights FILE")
+        raise arguments.UserMistake(
+            "--only firing is for logged data; give a flight (.mcap), or add --flights FILE"
+        )
     return only
 
 
 def _pictures(
-    asked: AskedInstant,
+    asked: arguments.AskedInstant,
     controller: FuzzyController,
     kinds: Sequence[str],
     inferences: list[tuple[FuzzySystem, Floats]],
@@ -165,18 +149,18 @@ PICTURES = (".png", ".svg", ".pdf")
 
 
 def surface(
-    asked: AskedAlong,
+    asked: arguments.AskedAlong,
     *,
     x: str | None = None,
     y: str | None = None,
     of: str | None = None,
     fixed: str = "",
     points: Annotated[
-        int, expected("a whole number from 2 to 1000", lambda count: 2 <= count <= MOST_POINTS)
+        int, arguments.expected("a whole number from 2 to 1000", lambda count: 2 <= count <= MOST_POINTS)
     ] = 61,
     in_space: Annotated[bool, Parameter(name="--3d")] = False,
     theme: Literal["light", "dark"] = "light",
-    output: Output = None,
+    output: arguments.Output = None,
 ) -> None:
     """Evaluate an output over two inputs, as numbers or a picture.
 
@@ -210,41 +194,30 @@ def surface(
         .png, .svg, .pdf, or CSV [default: CSV, printed]
     """
     controller = read_controller(asked.controller, asked.trust)
-    system = the_system(chosen(controller, asked.system))
+    system = arguments.the_system(arguments.chosen(controller, asked.system))
     ending = Path(output or "").suffix.lower()
     if ending not in (*PICTURES, ".csv") and output is not None:
-        raise UserMistake(f"{output} ends in none of {', '.join(PICTURES)}, .csv; name the file so")
+        raise arguments.UserMistake(f"{output} ends in none of {', '.join(PICTURES)}, .csv; name the file so")
     if ending in PICTURES:  # what pictures need is missed before anything is computed
         import_module("fis_tools.render")
     elif in_space or asked.flights:
-        raise UserMistake("--3d and --flights are for pictures; add -o FILE.png, .svg or .pdf")
-    held = assignments(fixed)
-    with mistakes(ValueError):
+        raise arguments.UserMistake("--3d and --flights are for pictures; add -o FILE.png, .svg or .pdf")
+    held = arguments.assignments(fixed)
+    with arguments.mistakes(ValueError):
         result = arrays.surface(system, x, y, fixed=held, output=of, num_points=points)
     if output is None or ending not in PICTURES:
-        write(output, _surface_csv(result))
+        arguments.write(output, _surface_csv(result))
         return
-    flown = flown_inputs(asked.flights, controller, asked.all_periods) or {}
-    _draw(system, result, flown.get(system.name), in_space, theme, Path(output))
-
-
-def _draw(
-    system: FuzzySystem,
-    result: arrays.Surface,
-    samples: Floats | None,
-    in_space: bool,
-    theme: str,
-    place: Path,
-) -> None:
     from fis_tools import render  # noqa: PLC0415 - as in `plot`
 
-    colours = render.THEMES[theme]
-    points = render.over_axes(system, result, samples)
+    flown = arguments.flown_inputs(asked.flights, controller, asked.all_periods) or {}
+    marked = render.over_axes(system, result, flown.get(system.name))
     words = render.held_words(system, result.fixed)
+    colours = render.THEMES[theme]
     figure, ax = render.one_panel(system.name, theme=colours, in_space=in_space)
     draw = render.surface_space if in_space else render.draw_surface
-    draw(result, ax, points=points, title=words, theme=colours)
-    render.save(figure, place_for(place))
+    draw(result, ax, points=marked, title=words, theme=colours)
+    render.save(figure, arguments.place_for(Path(output)))
 
 
 def _surface_csv(result: arrays.Surface) -> str:
@@ -255,7 +228,7 @@ def _surface_csv(result: arrays.Surface) -> str:
 
 
 def review(
-    asked: AskedAlong,
+    asked: arguments.AskedAlong,
     *,
     evidence: str | None = None,
     output: Annotated[str, Parameter(name=("--output", "-o"))] = "review.html",
@@ -287,17 +260,17 @@ def review(
 
     controller = asked.read()
     print(f"reviewing {controller.name}", file=sys.stderr)
-    with analysing(controller):
+    with arguments.analysing(controller):
         text = page.write(controller, asked.paths, asked.system, evidence, all_periods=asked.all_periods)
-    path = place_for(Path(output))
+    path = arguments.place_for(Path(output))
     path.write_text(text, encoding="utf-8")
     print(f"{path}: {len(text.encode()) / 1e6:.2f} MB; open it in a browser", file=sys.stderr)
 
 
 def edit(
-    asked: Asked,
+    asked: arguments.Asked,
     *,
-    port: Annotated[int, expected("a port from 0 to 65535", lambda port: 0 <= port < 1 << 16)] = 0,
+    port: Annotated[int, arguments.expected("a port from 0 to 65535", lambda port: 0 <= port < 1 << 16)] = 0,
     no_browser: bool = False,
 ) -> None:
     """Edit a controller on a page that answers every touch; nothing is written but the copies you save.

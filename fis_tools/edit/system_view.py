@@ -9,7 +9,7 @@ import numpy as np
 from nicegui import ui
 
 from fis_tools.analysis import arrays
-from fis_tools.edit import charts, shown, touches
+from fis_tools.edit import shown, touches
 from fis_tools.edit.panels import ENTERED, card, heading, tell
 from fis_tools.edit.session import Session
 from fis_tools.engines.inference import infer
@@ -176,10 +176,10 @@ class SystemView:
         axes = [one.value for one in self._axes] or names[:2]
         if len(set(axes)) == 2:
             fixed = {name: x for name, x in zip(names, self._values, strict=True) if name not in axes}
-            options = charts.surface(arrays.surface(system, *axes, fixed=fixed, num_points=FINE))
+            options = shown.surface(arrays.surface(system, *axes, fixed=fixed, num_points=FINE))
         elif len(names) == 1:
             points = np.linspace(system.inputs[0].minimum, system.inputs[0].maximum, 8 * FINE)
-            options = charts.curve(system, points, arrays.evaluate(system, points[:, np.newaxis])[:, 0])
+            options = shown.curve(system, points, arrays.evaluate(system, points[:, np.newaxis])[:, 0])
         else:
             return
-        charts.draw(self._surface, options)
+        shown.draw(self._surface, options)

@@ -13,7 +13,7 @@ import numpy as np
 from fis_tools import model
 from fis_tools.formats.exchange.fll_rules import read_own
 from fis_tools.model import FuzzyController, FuzzySystem, Is, Rule, Term, Variable
-from fis_tools.model.shape import SHAPES
+from fis_tools.model.shapes import SHAPES
 from fis_tools.model.systems import has_sets
 from fis_tools.model.variables import sample
 

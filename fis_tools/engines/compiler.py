@@ -20,18 +20,10 @@ from numpy.typing import NDArray
 from fis_tools.array_types import Booleans, Floats
 from fis_tools.compiled.decorator import advise_numba
 from fis_tools.engines import interpreter, kernel, packing
+from fis_tools.engines import program as codes
 from fis_tools.engines.inference import as_rows, columns_of, pick
 from fis_tools.engines.packing import NotCompilable, Packed
-from fis_tools.engines.program import (
-    CENTROID,
-    FORMULA,
-    MANY_RULES,
-    NUMBER,
-    Conclusion,
-    Program,
-    Weighing,
-    assemble,
-)
+from fis_tools.engines.program import Conclusion, Program, Weighing, assemble
 from fis_tools.model import FuzzySystem
 from fis_tools.model.validate import validate
 
@@ -134,19 +126,15 @@ class CompiledSystem:
         if on_no_fire != "default":
             outputs: Floats | dict[str, Floats] = self.infer(inputs, on_no_fire=on_no_fire).outputs
             return outputs
-        names = columns_of(inputs)
-        if names is None:
-            return self._infer(self._rows(inputs))
-        columns = pick(self.system, inputs, names)
-        return self._named(self._infer(self._rows(_stacked(columns))), columns[0].shape)
+        rows, shape = self._read(inputs)
+        told: Floats | dict[str, Floats] = self._told(self._infer(rows), shape)
+        return told
 
     def infer(self, inputs: Any, *, on_no_fire: OnNoFire = "default") -> Answers:
         """Infer many samples, and report where no rule fired; same parameters and errors as a call."""
         if on_no_fire not in get_args(OnNoFire):
             raise ValueError(f"on_no_fire is {on_no_fire!r}; use one of {', '.join(get_args(OnNoFire))}")
-        names = columns_of(inputs)
-        columns = [] if names is None else pick(self.system, inputs, names)
-        rows = self._rows(_stacked(columns) if columns else inputs)
+        rows, shape = self._read(inputs)
         unfired = self._unfired(rows)
         if on_no_fire == "raise" and unfired.any():
             raise NoRuleFired(_where_unfired(self.system, rows, unfired))
@@ -157,12 +145,20 @@ class CompiledSystem:
             last = np.maximum.accumulate(np.where(unfired, -1, np.arange(len(rows))[:, np.newaxis]), axis=0)
             outputs = np.where(last < 0, outputs, np.take_along_axis(outputs, last, axis=0))
         count = {v.name: int(n) for v, n in zip(self.system.outputs, unfired.sum(axis=0), strict=True)}
-        if names is None:
-            return Answers(outputs, unfired, count)
-        shape = columns[0].shape
-        return Answers(self._named(outputs, shape), self._named(unfired, shape), count)
+        return Answers(self._told(outputs, shape), self._told(unfired, shape), count)
 
-    def _named(self, rows: NDArray[Any], shape: tuple[int, ...]) -> dict[str, NDArray[Any]]:
+    def _read(self, inputs: Any) -> tuple[Floats, tuple[int, ...] | None]:
+        """Return inputs as rows, and the shape of their columns where they have names."""
+        names = columns_of(inputs)
+        if names is None:
+            return self._rows(inputs), None
+        columns = pick(self.system, inputs, names)
+        return self._rows(np.stack([column.ravel() for column in columns], axis=1)), columns[0].shape
+
+    def _told(self, rows: NDArray[Any], shape: tuple[int, ...] | None) -> Any:
+        """Return outputs as they are, or by their names in columns of a shape."""
+        if shape is None:
+            return rows
         columns = rows.T.reshape(-1, *shape)
         return {variable.name: column for variable, column in zip(self.system.outputs, columns, strict=True)}
 
@@ -291,7 +287,7 @@ def compile(
         from fis_tools.scikit_fuzzy.read import read_control_system  # noqa: PLC0415 - imports scikit-fuzzy
 
         read = read_control_system(system, defaults=defaults)
-    if len(read.rules) >= MANY_RULES:
+    if len(read.rules) >= codes.MANY_RULES:
         advise_numba()
     compiled = CompiledSystem(read, assemble(read), _packed(read), threads)
     _RECENT.append(compiled)
@@ -300,19 +296,15 @@ def compile(
 
 def _marked(conclusion: Conclusion | Weighing) -> Conclusion | Weighing:
     if isinstance(conclusion, Conclusion):
-        return conclusion._replace(defuzzifier=CENTROID, default=np.nan)
-    is_formula = conclusion.kinds == FORMULA
+        return conclusion._replace(defuzzifier=codes.CENTROID, default=np.nan)
+    is_formula = conclusion.kinds == codes.FORMULA
     return conclusion._replace(
         default=np.nan,
-        kinds=np.where(is_formula, NUMBER, conclusion.kinds),
+        kinds=np.where(is_formula, codes.NUMBER, conclusion.kinds),
         parameters=np.where(is_formula[:, np.newaxis], 0.0, conclusion.parameters),
         formulas=(),
         names=(),
     )
-
-
-def _stacked(columns: list[Floats]) -> Floats:
-    return np.stack([column.ravel() for column in columns], axis=1)
 
 
 def _where_unfired(system: FuzzySystem, rows: Floats, unfired: Booleans) -> str:

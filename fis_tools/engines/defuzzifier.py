@@ -7,43 +7,19 @@ import numpy as np
 
 from fis_tools.array_types import Floats, Integers
 from fis_tools.compiled.decorator import compiled
+from fis_tools.engines import program as codes
 from fis_tools.engines.inference import SMALLEST_AREA
-from fis_tools.engines.program import (
-    ARC,
-    BISECTOR,
-    CENTROID,
-    CONCAVE,
-    FORMULA,
-    MEAN_OF_MAXIMUM,
-    NUMBER,
-    RAMP,
-    S_SHAPE,
-    SIGMOID,
-    SMALLEST_OF_MAXIMUM,
-    WEIGHTED_SUM,
-    Weighing,
-    combine,
-)
+from fis_tools.engines.program import Conclusion, Weighing, combine
 
 #: The smallest positive number: a cut of zero crosses where memberships become positive.
 SMALLEST = float(np.nextafter(0.0, 1.0))
 
 
 @compiled(error_model="numpy", nogil=True)
-def conclude_by_term(
-    universe: Floats,
-    memberships: Floats,
-    rules: Integers,
-    weights: Floats,
-    defuzzifier: int,
-    default: float,
-    bounds: Integers,
-    runs: Integers,
-    accumulation: int,
-    firing: Floats,
-    out: Floats,
-) -> None:
+def conclude_by_term(conclusion: Conclusion, firing: Floats, out: Floats) -> None:
     """Write one output whose terms are each cut once and aggregated by the maximum."""
+    universe, memberships, rules, weights = conclusion[:4]
+    bounds, runs, accumulation = conclusion.bounds, conclusion.runs, conclusion.accumulation
     num_terms, num_points = memberships.shape
     cuts, heights, crossings = np.empty(num_terms), np.empty(num_points), np.empty(len(runs))
     room = num_points + len(runs)
@@ -61,25 +37,15 @@ def conclude_by_term(
                 height = height if height < cut else cut
                 heights[point] = height if height > heights[point] else heights[point]
         num_crossings = _cross(universe, memberships, runs, cuts, crossings)
-        count = _merge(universe, memberships, heights, cuts, crossings, num_crossings, x, y)
-        out[sample] = _defuzzify(defuzzifier, x, y, count, areas, default)
+        count = _merge(conclusion, heights, cuts, crossings[:num_crossings], x, y)
+        out[sample] = _defuzzify(conclusion.defuzzifier, x, y, count, areas, conclusion.default)
 
 
 @compiled(error_model="numpy", nogil=True)
-def conclude_by_rule(
-    universe: Floats,
-    memberships: Floats,
-    rules: Integers,
-    weights: Floats,
-    defuzzifier: int,
-    default: float,
-    terms: Integers,
-    implication: int,
-    aggregation: int,
-    firing: Floats,
-    out: Floats,
-) -> None:
+def conclude_by_rule(conclusion: Conclusion, firing: Floats, out: Floats) -> None:
     """Write one output from each rule's implied set, at the points of the universe."""
+    universe, memberships, rules, weights = conclusion[:4]
+    terms, implication, aggregation = conclusion[9:]
     count = len(universe)
     heights, areas = np.empty(count), np.empty(count)
     for sample in range(len(firing)):
@@ -89,7 +55,7 @@ def conclude_by_rule(
             for point in range(count):
                 implied = combine(implication, strength, memberships[terms[index], point])
                 heights[point] = combine(aggregation, heights[point], implied)
-        out[sample] = _defuzzify(defuzzifier, universe, heights, count, areas, default)
+        out[sample] = _defuzzify(conclusion.defuzzifier, universe, heights, count, areas, conclusion.default)
 
 
 @compiled(error_model="numpy", forceinline=True)
@@ -97,9 +63,9 @@ def _defuzzify(defuzzifier: int, x: Floats, y: Floats, count: int, areas: Floats
     """Return what an aggregated set, the first `count` points, becomes; the default if it is zero."""
     if _is_empty(y, count):
         return default
-    if defuzzifier == CENTROID:
+    if defuzzifier == codes.CENTROID:
         return _centroid(x, y, count)
-    if defuzzifier == BISECTOR:
+    if defuzzifier == codes.BISECTOR:
         return _bisector(x, y, count, areas)
     return _of_maximum(defuzzifier, x, y, count)
 
@@ -133,20 +99,13 @@ def _cross(universe: Floats, memberships: Floats, runs: Integers, cuts: Floats, 
 
 @compiled(error_model="numpy", forceinline=True)
 def _merge(
-    universe: Floats,
-    memberships: Floats,
-    heights: Floats,
-    cuts: Floats,
-    crossings: Floats,
-    num_crossings: int,
-    x: Floats,
-    y: Floats,
+    conclusion: Conclusion, heights: Floats, cuts: Floats, crossings: Floats, x: Floats, y: Floats
 ) -> int:
     """Write the points of the universe and the crossings in ascending order, each once; return how many."""
+    universe, memberships = conclusion.universe, conclusion.memberships
     num_points = len(universe)
     count, point = 0, 0
-    for index in range(num_crossings):
-        crossing = crossings[index]
+    for crossing in crossings:
         while point < num_points and universe[point] <= crossing:
             x[count], y[count] = universe[point], heights[point]
             point += 1
@@ -240,9 +199,9 @@ def _of_maximum(defuzzifier: int, x: Floats, y: Floats, count: int) -> float:
             greatest = x[point]
             total += x[point]
             found += 1
-    if defuzzifier == MEAN_OF_MAXIMUM:
+    if defuzzifier == codes.MEAN_OF_MAXIMUM:
         return total / found
-    return least if defuzzifier == SMALLEST_OF_MAXIMUM else greatest
+    return least if defuzzifier == codes.SMALLEST_OF_MAXIMUM else greatest
 
 
 def weigh(
@@ -258,7 +217,7 @@ def weigh(
         The outputs before this one, which formulas may use.
     """
     formulas = formula_values(weighing, values, universes, earlier)
-    _weigh(*weighing[:9], formulas, firing, values, universes, out)
+    weigh_rows(weighing._replace(formulas=(), names=()), formulas, firing, values, universes, out)
 
 
 def formula_values(weighing: Weighing, values: Floats, universes: Floats, earlier: Floats) -> Floats:
@@ -275,22 +234,12 @@ def formula_values(weighing: Weighing, values: Floats, universes: Floats, earlie
 
 
 @compiled(error_model="numpy", nogil=True)
-def _weigh(
-    rules: Integers,
-    weights: Floats,
-    parameters: Floats,
-    is_constant: bool,
-    defuzzifier: int,
-    default: float,
-    kinds: Integers,
-    low: float,
-    high: float,
-    formulas: Floats,
-    firing: Floats,
-    values: Floats,
-    universes: Floats,
-    out: Floats,
+def weigh_rows(
+    weighing: Weighing, formulas: Floats, firing: Floats, values: Floats, universes: Floats, out: Floats
 ) -> None:
+    """Write one output, given the values of its formulas, (n, num_formulas); see `weigh`."""
+    rules, weights, parameters, is_constant = weighing[:4]
+    kinds = weighing.kinds
     num_inputs = values.shape[1]
     clipped = np.empty(num_inputs)
     for sample in range(len(firing)):
@@ -303,40 +252,40 @@ def _weigh(
                 continue
             if is_constant:
                 number = parameters[index, num_inputs]
-            elif kinds[index] == NUMBER:
+            elif kinds[index] == codes.NUMBER:
                 number = parameters[index, num_inputs]
                 for place in range(num_inputs):
                     number += parameters[index, place] * clipped[place]
-            elif kinds[index] == FORMULA:
+            elif kinds[index] == codes.FORMULA:
                 number = formulas[sample, int(parameters[index, 0])]
             else:
                 number = invert(kinds[index], parameters[index, 0], parameters[index, 1], min(strength, 1.0))
                 if np.isinf(number):
-                    number = high if number > 0.0 else low
+                    number = weighing.high if number > 0.0 else weighing.low
             total += strength
             moment += strength * number
         if total == 0.0:
-            out[sample] = default
+            out[sample] = weighing.default
         else:
-            out[sample] = moment if defuzzifier == WEIGHTED_SUM else moment / total
+            out[sample] = moment if weighing.defuzzifier == codes.WEIGHTED_SUM else moment / total
 
 
 @compiled(error_model="numpy")
 def invert(kind: int, first: float, second: float, degree: float) -> float:
     """Return where one of `fis_tools.engines.program.INVERTED` has a degree, like its own `inverse`."""
     place: float
-    if kind == RAMP:
+    if kind == codes.RAMP:
         place = first + (second - first) * degree
-    elif kind == SIGMOID:
+    elif kind == codes.SIGMOID:
         # a logarithm of zero would warn when numba is disabled
         away = -np.log(1.0 / degree - 1.0) if degree < 1.0 else np.inf
         place = first + away / second
-    elif kind == CONCAVE:
+    elif kind == codes.CONCAVE:
         place = 2.0 * second - first + (first - second) / degree
-    elif kind == ARC:
+    elif kind == codes.ARC:
         place = second + (first - second) * np.sqrt(1.0 - degree * degree)
     else:
-        foot, top = (first, second) if kind == S_SHAPE else (second, first)
+        foot, top = (first, second) if kind == codes.S_SHAPE else (second, first)
         if degree <= 0.5:
             place = foot + (top - foot) * np.sqrt(degree / 2.0)
         else:

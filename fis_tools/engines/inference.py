@@ -14,6 +14,7 @@ import numpy as np
 
 from fis_tools import model
 from fis_tools.array_types import Floats, Integers
+from fis_tools.model import Consequent, Expression, FuzzySystem, Rule, Variable
 from fis_tools.model.operators import ACCUMULATIONS, AGGREGATIONS, AND_OPERATORS, HEDGES, OR_OPERATORS
 from fis_tools.model.validate import nearest
 
@@ -65,7 +66,7 @@ class OutputInference:
         The weighted conclusions, for a weighted output.
     """
 
-    variable: model.Variable
+    variable: Variable
     cuts: Floats
     universe: Floats
     aggregated: Floats
@@ -94,7 +95,7 @@ class Inference:
         In the order of the system's outputs.
     """
 
-    system: model.FuzzySystem
+    system: FuzzySystem
     inputs: Floats
     clipped: Floats
     memberships: tuple[Floats, ...]
@@ -107,7 +108,7 @@ class Inference:
         return np.array([output.value for output in self.outputs])
 
 
-def infer(system: model.FuzzySystem, inputs: Any) -> Inference:
+def infer(system: FuzzySystem, inputs: Any) -> Inference:
     """Evaluate a valid system for one sample, keeping every step.
 
     Parameters
@@ -127,17 +128,11 @@ def infer(system: model.FuzzySystem, inputs: Any) -> Inference:
     memberships = fuzzify(system, rows)
     firing = _fire(system, memberships)[0]
     clipped = _clipped(system, rows)[0]
-    return Inference(
-        system=system,
-        inputs=values,
-        clipped=clipped,
-        memberships=tuple(rows[0] for rows in memberships),
-        firing_strengths=firing,
-        outputs=tuple(_infer_outputs(system, firing, clipped)),
-    )
+    outputs = tuple(_infer_outputs(system, firing, clipped))
+    return Inference(system, values, clipped, tuple(rows[0] for rows in memberships), firing, outputs)
 
 
-def fuzzify(system: model.FuzzySystem, inputs: Floats) -> list[Floats]:
+def fuzzify(system: FuzzySystem, inputs: Floats) -> list[Floats]:
     """Return for each input the degrees of membership of samples in its terms, shape (n, num_terms)."""
     memberships = []
     for variable, column in zip(system.inputs, inputs.T, strict=True):
@@ -148,7 +143,7 @@ def fuzzify(system: model.FuzzySystem, inputs: Floats) -> list[Floats]:
     return memberships
 
 
-def _checked(system: model.FuzzySystem, rows: Floats) -> Floats:
+def _checked(system: FuzzySystem, rows: Floats) -> Floats:
     if rows.ndim != 2 or rows.shape[1] != len(system.inputs):
         raise ValueError(
             f"inputs have shape {rows.shape[-1:]}; system {system.name!r} has {len(system.inputs)} inputs, "
@@ -159,50 +154,43 @@ def _checked(system: model.FuzzySystem, rows: Floats) -> Floats:
     return rows
 
 
-def _fire(system: model.FuzzySystem, memberships: list[Floats]) -> Floats:
+def _fire(system: FuzzySystem, memberships: list[Floats]) -> Floats:
     degrees = {
         (variable.name, term.name): rows[:, index]
         for variable, rows in zip(system.inputs, memberships, strict=True)
         for index, term in enumerate(variable.terms)
     }
-    return np.stack([_degree(system, rule, rule.antecedent, degrees) for rule in system.rules], axis=1)
+
+    def degree(rule: Rule, expression: Expression) -> Floats:
+        match expression:
+            case model.Is(variable, term):
+                return degrees[variable, term]
+            case model.Not(operand):
+                return 1.0 - degree(rule, operand)
+            case model.Hedged(hedge, operand):
+                return HEDGES[hedge](degree(rule, operand))
+            case model.And(operands):
+                combine = AND_OPERATORS[system.and_operator_of(rule)]
+            case model.Or(operands):
+                combine = OR_OPERATORS[system.or_operator_of(rule)]
+        return reduce(combine, [degree(rule, operand) for operand in operands])
+
+    return np.stack([degree(rule, rule.antecedent) for rule in system.rules], axis=1)
 
 
-def _degree(
-    system: model.FuzzySystem,
-    rule: model.Rule,
-    expression: model.Expression,
-    degrees: dict[tuple[str, str], Floats],
-) -> Floats:
-    match expression:
-        case model.Is(variable, term):
-            return degrees[variable, term]
-        case model.Not(operand):
-            return 1.0 - _degree(system, rule, operand, degrees)
-        case model.Hedged(hedge, operand):
-            return HEDGES[hedge](_degree(system, rule, operand, degrees))
-        case model.And(operands):
-            combine = AND_OPERATORS[system.and_operator_of(rule)]
-        case model.Or(operands):
-            combine = OR_OPERATORS[system.or_operator_of(rule)]
-    return reduce(combine, [_degree(system, rule, operand, degrees) for operand in operands])
-
-
-def _clipped(system: model.FuzzySystem, rows: Floats) -> Floats:
+def _clipped(system: FuzzySystem, rows: Floats) -> Floats:
     """Return values, (n, num_inputs), clipped to the universes."""
     ends = np.array([variable.universe[[0, -1]] for variable in system.inputs])
     return np.clip(rows, ends[:, 0], ends[:, 1])
 
 
-def conclusions_on(
-    system: model.FuzzySystem, output: model.Variable
-) -> Iterator[tuple[int, model.Consequent]]:
+def conclusions_on(system: FuzzySystem, output: Variable) -> Iterator[tuple[int, Consequent]]:
     """Yield what rules conclude on an output, in their order, each with the index of its rule."""
     for place, rule in enumerate(system.rules):
         yield from ((place, each) for each in rule.consequents if each.variable == output.name)
 
 
-def _infer_outputs(system: model.FuzzySystem, firing: Floats, clipped: Floats) -> list[OutputInference]:
+def _infer_outputs(system: FuzzySystem, firing: Floats, clipped: Floats) -> list[OutputInference]:
     """Infer one output after the other, from the inputs and, for formulas, from the outputs before it."""
     values = {variable.name: x for variable, x in zip(system.inputs, clipped, strict=True)}
     found = []
@@ -213,7 +201,7 @@ def _infer_outputs(system: model.FuzzySystem, firing: Floats, clipped: Floats) -
 
 
 def _infer_output(
-    system: model.FuzzySystem, variable: model.Variable, firing: Floats, values: Mapping[str, Any]
+    system: FuzzySystem, variable: Variable, firing: Floats, values: Mapping[str, Any]
 ) -> OutputInference:
     if system.weighs(variable):
         return _weigh(system, variable, firing, values)
@@ -231,7 +219,7 @@ def _infer_output(
 
 
 def _weigh(
-    system: model.FuzzySystem, variable: model.Variable, firing: Floats, values: Mapping[str, Any]
+    system: FuzzySystem, variable: Variable, firing: Floats, values: Mapping[str, Any]
 ) -> OutputInference:
     """Weight each rule's conclusion by its strength, one after the other."""
     found, total, moment = [], 0.0, 0.0
@@ -240,8 +228,7 @@ def _weigh(
         term = variable.term_index(consequent.term)
         strength, number = float(firing[place] * consequent.weight), np.nan
         if strength > 0.0:
-            shape = variable.terms[term].membership
-            number = _concluded(system, variable, shape, strength, values)
+            number = _concluded(system, variable, term, strength, values)
             total, moment = total + strength, moment + strength * number
         found.append((place, strength, number))
         cuts[term] = strength if np.isnan(cuts[term]) else cuts[term] + strength
@@ -254,16 +241,13 @@ def _weigh(
 
 
 def _concluded(
-    system: model.FuzzySystem,
-    variable: model.Variable,
-    shape: model.MembershipFunction,
-    strength: float,
-    values: Mapping[str, Any],
+    system: FuzzySystem, variable: Variable, term: int, strength: float, values: Mapping[str, Any]
 ) -> float:
     """Return the number that a rule of positive strength concludes.
 
     A sigmoid never reaches one; at a strength of one its rule concludes the end of the range.
     """
+    shape = variable.terms[term].membership
     if isinstance(shape, model.Formula):
         return float(shape.value(values))
     if isinstance(shape, model.Number):
@@ -278,7 +262,7 @@ def _concluded(
     return number
 
 
-def _cut_terms(system: model.FuzzySystem, variable: model.Variable, firing: Floats) -> Floats:
+def _cut_terms(system: FuzzySystem, variable: Variable, firing: Floats) -> Floats:
     accumulate = ACCUMULATIONS[variable.accumulation]
     cuts = np.full(len(variable.terms), np.nan)
     for place, consequent in conclusions_on(system, variable):
@@ -289,7 +273,7 @@ def _cut_terms(system: model.FuzzySystem, variable: model.Variable, firing: Floa
     return cuts
 
 
-def _aggregate(variable: model.Variable, cuts: Floats) -> tuple[Floats, Floats]:
+def _aggregate(variable: Variable, cuts: Floats) -> tuple[Floats, Floats]:
     grid = variable.universe
     concluded = [(cut, mf) for cut, mf in zip(cuts, variable.memberships, strict=True) if not np.isnan(cut)]
     crossings = [_crossings(grid, mf, cut) for cut, mf in concluded]
@@ -301,7 +285,7 @@ def _aggregate(variable: model.Variable, cuts: Floats) -> tuple[Floats, Floats]:
     return universe, aggregated
 
 
-def _conclude_by_rule(system: model.FuzzySystem, variable: model.Variable, firing: Floats) -> Floats:
+def _conclude_by_rule(system: FuzzySystem, variable: Variable, firing: Floats) -> Floats:
     """Aggregate each rule's implied set, one after the other, at the points of the universe."""
     imply, aggregate = AND_OPERATORS[system.implication], AGGREGATIONS[variable.aggregation]
     aggregated = np.zeros(len(variable.universe))
@@ -399,7 +383,7 @@ def columns_of(inputs: Any) -> tuple[str, ...] | None:
     return names
 
 
-def pick(system: model.FuzzySystem, inputs: Any, names: tuple[str, ...]) -> list[Floats]:
+def pick(system: FuzzySystem, inputs: Any, names: tuple[str, ...]) -> list[Floats]:
     """Return each input of a system by its name, broadcast to one shape.
 
     A table may have other columns; a mapping is written for this call, so unknown names are
@@ -422,7 +406,7 @@ def pick(system: model.FuzzySystem, inputs: Any, names: tuple[str, ...]) -> list
     return list(np.broadcast_arrays(*(np.asarray(inputs[name], dtype=np.float64) for name in wanted)))
 
 
-def as_rows(system: model.FuzzySystem, inputs: Any) -> Floats:
+def as_rows(system: FuzzySystem, inputs: Any) -> Floats:
     """Return inputs as an array, the last axis in the order of the system's inputs.
 
     A plain array is returned unchanged; a mapping or table as (n, num_inputs), or (num_inputs,) for numbers.

@@ -8,15 +8,15 @@ samples, with every operator, weight, universe, output and defuzzifier of the mo
 from collections.abc import Callable, Iterator
 from functools import partial
 from math import isfinite, isnan
-from typing import Any
 
 import numpy as np
 
-from fis_tools.array_types import Floats, Integers
+from fis_tools.array_types import Floats
 from fis_tools.compiled.decorator import compiled
 from fis_tools.compiled.vectors import borrowed, gather, least, load, most, select, some, splat, store
-from fis_tools.engines.defuzzifier import conclude_by_rule, conclude_by_term, weigh
-from fis_tools.engines.program import MIN, NUMBER, PRODUCT, WEIGHTED_SUM, Program, Weighing, combine
+from fis_tools.engines import program as codes
+from fis_tools.engines.defuzzifier import conclude_by_rule, conclude_by_term, weigh, weigh_rows
+from fis_tools.engines.program import Antecedents, Program, Weighing, combine
 
 #: samples whose rules are evaluated side by side: a constant, so that the compiler vectorises
 LANES = 16
@@ -27,7 +27,7 @@ BLOCK = 65_536
 def fire(program: Program, inputs: Floats) -> Floats:
     """Return the firing strengths, before weights, (n, num_rules), for inputs (n, num_inputs)."""
     firing = np.empty((len(inputs), program.num_rules))
-    fire_rows(*program.antecedents, inputs, firing)
+    fire_rows(program.antecedents, inputs, firing)
     return firing
 
 
@@ -54,30 +54,25 @@ def conclude(program: Program, firing: Floats, inputs: Floats | None = None) -> 
 def evaluate(program: Program, inputs: Floats) -> Floats:
     """Return the outputs, (n, num_outputs), for inputs (n, num_inputs)."""
     columns = np.empty((len(program.conclusions), len(inputs)))
-    if weighs_numbers(program):
-        average_rows(*(*_numbers(program), inputs, columns[0]))
+    if (numbers := weighed_numbers(program)) is not None:
+        average_rows(program.antecedents, numbers, inputs, columns[0])
         return columns.T
     size = max(LANES, min(BLOCK // program.num_rules, len(inputs)))
     firing = np.empty((size, program.num_rules))
     for first in range(0, len(inputs), size):
         rows = inputs[first : first + size]
-        fire_rows(*program.antecedents, rows, firing[: len(rows)])
+        fire_rows(program.antecedents, rows, firing[: len(rows)])
         for step in _concluding(program, firing[: len(rows)], rows, columns[:, first : first + size]):
             step()
     return columns.T
 
 
-def weighs_numbers(program: Program) -> bool:
-    """Return whether there is one output, of weighted numbers: `average_rows` infers it in one pass."""
-    first = program.conclusions[0]
-    return (
-        len(program.conclusions) == 1 and isinstance(first, Weighing) and bool((first.kinds == NUMBER).all())
-    )
-
-
-def _numbers(program: Program) -> tuple[Any, ...]:
-    """Return what `average_rows` reads of a program."""
-    return (*program.antecedents, *program.conclusions[0][:6])
+def weighed_numbers(program: Program) -> Weighing | None:
+    """Return the only output, if it is of weighted numbers: `average_rows` infers it in one pass."""
+    first, *others = program.conclusions
+    if others or not isinstance(first, Weighing) or (first.kinds != codes.NUMBER).any():
+        return None
+    return first
 
 
 def prepare(program: Program) -> Callable[..., list[float]]:
@@ -115,13 +110,11 @@ def _finite(value: float, ends: tuple[float, float]) -> float:
 
 def _prepared(program: Program, row: Floats, outputs: Floats) -> Callable[[], None]:
     """Return a function that infers from a row, (1, num_inputs), and writes the outputs, (num_outputs,)."""
-    if weighs_numbers(program):
-        return partial(average_rows, *(*_numbers(program), row, outputs))
+    if (numbers := weighed_numbers(program)) is not None:
+        return _direct(partial(average_rows, program.antecedents, numbers, row, outputs))
     firing, columns = np.empty((1, program.num_rules)), outputs[:, np.newaxis]
-    steps: list[Callable[[], None]] = [
-        partial(fire_rows, *program.antecedents, row, firing),
-        *_concluding(program, firing, row, columns),
-    ]
+    fire = partial(fire_rows, program.antecedents, row, firing)
+    steps = list(map(_direct, (fire, *_concluding(program, firing, row, columns))))
 
     def run() -> None:
         for step in steps:
@@ -130,38 +123,39 @@ def _prepared(program: Program, row: Floats, outputs: Floats) -> Callable[[], No
     return run
 
 
-def _concluding(
-    program: Program, firing: Floats, inputs: Floats, columns: Floats
-) -> Iterator[Callable[[], None]]:
+def _direct(step: partial[None]) -> partial[None]:
+    """Return a call that skips what numba takes to find the types of its arguments, where it is compiled."""
+    prepared = getattr(step.func, "prepared", None)
+    return step if prepared is None else partial(prepared(*step.args), *step.args)
+
+
+def _concluding(program: Program, firing: Floats, inputs: Floats, columns: Floats) -> Iterator[partial[None]]:
     """Yield functions that write the outputs, (num_outputs, n), one after the other.
 
     They read firing strengths (n, num_rules) of inputs (n, num_inputs), and the outputs before their own.
     """
     for place, conclusion in enumerate(program.conclusions):
         out = columns[place]
-        if isinstance(conclusion, Weighing):
+        if isinstance(conclusion, Weighing) and conclusion.formulas:
             yield partial(weigh, conclusion, firing, inputs, program.ends, columns[:place], out)
+        elif isinstance(conclusion, Weighing):
+            none = np.empty((len(inputs), 0))
+            yield partial(weigh_rows, conclusion, none, firing, inputs, program.ends, out)
         elif conclusion.cuts:
-            yield partial(conclude_by_term, *conclusion[:9], firing, out)
+            yield partial(conclude_by_term, conclusion, firing, out)
         else:
-            yield partial(conclude_by_rule, *conclusion[:6], *conclusion[9:], firing, out)
+            yield partial(conclude_by_rule, conclusion, firing, out)
 
 
 @compiled(error_model="numpy", forceinline=True)
-def fuzzify(
-    layout: Integers,
-    universes: Floats,
-    memberships: Floats,
-    inputs: Floats,
-    at: int,
-    slots: Floats,
-    slot: int,
-) -> None:
+def fuzzify(antecedents: Antecedents, place: int, inputs: Floats, slots: Floats, slot: int) -> None:
     """Write the memberships of `LANES` values of one input in its terms, linear between points.
 
-    The values are clipped to the universe where they are, from an index on; memberships begin at a slot.
+    The values are clipped to the universe where they are; memberships begin at a slot.
     """
-    terms, points, start, row = layout[0], layout[1], layout[2], layout[3]
+    layout, universes, memberships = antecedents.inputs, antecedents.universes, antecedents.memberships
+    terms, points, start, row = layout[place, 0], layout[place, 1], layout[place, 2], layout[place, 3]
+    at = place * LANES
     low, high = universes[start], universes[start + points - 1]
     x = least(most(load(inputs, at, LANES), low), high)
     store(inputs, at, x)
@@ -185,29 +179,21 @@ def fuzzify(
 
 
 @compiled(error_model="numpy", forceinline=True)
-def fire_lanes(
-    layout: Integers,
-    universes: Floats,
-    memberships: Floats,
-    steps: Integers,
-    values: Floats,
-    first: int,
-    inputs: Floats,
-    slots: Floats,
-) -> int:
+def fire_lanes(antecedents: Antecedents, values: Floats, first: int, inputs: Floats, slots: Floats) -> int:
     """Write the clipped inputs and all degrees of up to `LANES` samples; return how many they are."""
+    layout, steps = antecedents.inputs, antecedents.steps
     num_lanes, slot = min(LANES, len(values) - first), 0
     for place in range(len(layout)):
         for lane in range(num_lanes):
             inputs[place * LANES + lane] = values[first + lane, place]
-        fuzzify(layout[place], universes, memberships, inputs, place * LANES, slots, slot * LANES)
+        fuzzify(antecedents, place, inputs, slots, slot * LANES)
         slot += layout[place, 0]
     for index in range(len(steps)):
         operator, a, b = steps[index, 0], steps[index, 1] * LANES, steps[index, 2] * LANES
         result = (slot + index) * LANES
-        if operator == MIN:
+        if operator == codes.MIN:
             store(slots, result, least(load(slots, a, LANES), load(slots, b, LANES)))
-        elif operator == PRODUCT:
+        elif operator == codes.PRODUCT:
             store(slots, result, load(slots, a, LANES) * load(slots, b, LANES))
         else:
             for lane in range(LANES):
@@ -216,64 +202,43 @@ def fire_lanes(
 
 
 @compiled(error_model="numpy", nogil=True)
-def fire_rows(
-    layout: Integers,
-    universes: Floats,
-    memberships: Floats,
-    steps: Integers,
-    rule_slots: Integers,
-    values: Floats,
-    out: Floats,
-) -> None:
-    """Write the firing strengths of `Antecedents` for values (n, num_inputs)."""
-    layout, universes, memberships, steps = borrowed((layout, universes, memberships, steps))
-    room = np.zeros((layout[:, 0].sum() + len(steps)) * LANES), np.zeros(len(layout) * LANES)
+def fire_rows(antecedents: Antecedents, values: Floats, out: Floats) -> None:
+    """Write the firing strengths of antecedents for values (n, num_inputs)."""
+    held = borrowed(antecedents)
+    layout, rule_slots = held.inputs, held.rule_slots
+    room = np.zeros((layout[:, 0].sum() + len(held.steps)) * LANES), np.zeros(len(layout) * LANES)
     slots, inputs = borrowed(room)
     for first in range(0, len(values), LANES):
-        num_lanes = fire_lanes(layout, universes, memberships, steps, values, first, inputs, slots)
+        num_lanes = fire_lanes(held, values, first, inputs, slots)
         for lane in range(num_lanes):
             for rule in range(len(rule_slots)):
                 out[first + lane, rule] = slots[rule_slots[rule] * LANES + lane]
 
 
 @compiled(error_model="numpy", nogil=True)
-def average_rows(
-    layout: Integers,
-    universes: Floats,
-    memberships: Floats,
-    steps: Integers,
-    rule_slots: Integers,
-    rules: Integers,
-    weights: Floats,
-    parameters: Floats,
-    is_constant: bool,
-    defuzzifier: int,
-    default: float,
-    values: Floats,
-    out: Floats,
-) -> None:
+def average_rows(antecedents: Antecedents, weighing: Weighing, values: Floats, out: Floats) -> None:
     """Write the one output, (n,), for values (n, num_inputs): numbers, weighted by strengths not stored."""
-    layout, universes, memberships, steps = borrowed((layout, universes, memberships, steps))
-    rule_slots, rules, weights, parameters = borrowed((rule_slots, rules, weights, parameters))
-    num_inputs = len(layout)
-    room = np.zeros((layout[:, 0].sum() + len(steps)) * LANES), np.zeros(num_inputs * LANES)
+    held, weighed = borrowed((antecedents, weighing))
+    rules, weights, parameters = weighed.rules, weighed.weights, weighed.parameters
+    num_inputs = len(held.inputs)
+    room = np.zeros((held.inputs[:, 0].sum() + len(held.steps)) * LANES), np.zeros(num_inputs * LANES)
     slots, inputs = borrowed(room)
     answers = np.empty(LANES)
     for first in range(0, len(values), LANES):
-        num_lanes = fire_lanes(layout, universes, memberships, steps, values, first, inputs, slots)
+        num_lanes = fire_lanes(held, values, first, inputs, slots)
         total, moment = splat(0.0, LANES), splat(0.0, LANES)
         for index in range(len(rules)):
-            strength = load(slots, rule_slots[rules[index]] * LANES, LANES) * weights[index]
+            strength = load(slots, held.rule_slots[rules[index]] * LANES, LANES) * weights[index]
             number = splat(parameters[index, num_inputs], LANES)
-            if not is_constant:
+            if not weighed.is_constant:
                 for place in range(num_inputs):
                     number += load(inputs, place * LANES, LANES) * parameters[index, place]
             total += strength
             moment += strength * number
         fires = total != 0.0
         output = moment
-        if defuzzifier != WEIGHTED_SUM:
+        if weighed.defuzzifier != codes.WEIGHTED_SUM:
             output = moment / select(fires, total, 1.0)
-        store(answers, 0, select(fires, output, default))
+        store(answers, 0, select(fires, output, weighed.default))
         for lane in range(num_lanes):
             out[first + lane] = answers[lane]

@@ -13,24 +13,10 @@ import numpy as np
 
 from fis_tools.array_types import Floats
 from fis_tools.compiled.decorator import advise_numba, compiled
+from fis_tools.engines import program as codes
 from fis_tools.engines.defuzzifier import invert
 from fis_tools.engines.inference import SMALLEST_AREA
-from fis_tools.engines.program import (
-    CENTROID,
-    DRASTIC_PRODUCT,
-    MANY_RULES,
-    MAX,
-    MIN,
-    NOT,
-    NUMBER,
-    WEIGHTED_SUM,
-    Antecedents,
-    Conclusion,
-    Program,
-    Weighing,
-    assemble,
-    combine,
-)
+from fis_tools.engines.program import Antecedents, Conclusion, Program, Weighing, assemble, combine
 from fis_tools.model import Concave, Formula, FuzzySystem, Sigmoid, Variable
 from fis_tools.model.validate import validate
 
@@ -77,7 +63,7 @@ def pack(system: FuzzySystem) -> Program:
                 f"aggregated by max, here the implication is {system.implication} and the aggregation "
                 f"{output.aggregation}; choose min and max"
             )
-    if len(system.rules) >= MANY_RULES:
+    if len(system.rules) >= codes.MANY_RULES:
         advise_numba()
     return assemble(system)
 
@@ -188,11 +174,11 @@ def _memberships(antecedents: Antecedents, place: int, low: float, high: float, 
 @compiled(error_model="numpy", nogil=True)
 def _combine(operator: int, a: tuple[float, float], b: tuple[float, float]) -> tuple[float, float]:
     """Bound the result of one step. Operators increase with either degree; those that round are widened."""
-    if operator == NOT:
+    if operator == codes.NOT:
         return max(0.0, 1.0 - a[1]), 1.0 - a[0]
-    if operator in (MIN, MAX):
+    if operator in (codes.MIN, codes.MAX):
         return combine(operator, a[0], b[0]), combine(operator, a[1], b[1])
-    if operator == DRASTIC_PRODUCT:  # it tests whether a degree is one
+    if operator == codes.DRASTIC_PRODUCT:  # it tests whether a degree is one
         a, b = (a[0], min(a[1], 1.0)), (b[0], min(b[1], 1.0))
     return _widened(combine(operator, a[0], b[0]), combine(operator, a[1], b[1]))
 
@@ -210,7 +196,7 @@ def _inside(ends: Floats, low: Floats, high: Floats) -> Floats:
 
 def _steepness(weighing: Weighing, ends: Floats) -> Floats:
     """Return the sensitivity of concluded numbers to each input, as shares of the output's range."""
-    factors = np.abs(np.where(weighing.kinds[:, np.newaxis] == NUMBER, weighing.parameters, 0.0))
+    factors = np.abs(np.where(weighing.kinds[:, np.newaxis] == codes.NUMBER, weighing.parameters, 0.0))
     steepest: Floats = factors[:, : len(ends)].max(axis=0, initial=0.0) / (weighing.high - weighing.low)
     return steepest
 
@@ -233,7 +219,7 @@ def _weigh(
             out[box] = weighing.default, weighing.default
             continue
         size = np.abs(numbers).max()
-        if weighing.defuzzifier == WEIGHTED_SUM:
+        if weighing.defuzzifier == codes.WEIGHTED_SUM:
             least = np.minimum(weights[:, 0] * numbers[:, 0], weights[:, 1] * numbers[:, 0]).sum()
             greatest = np.maximum(weights[:, 0] * numbers[:, 1], weights[:, 1] * numbers[:, 1]).sum()
             size *= greatest_total
@@ -266,7 +252,7 @@ def _number(
 ) -> tuple[float, float]:
     """Bound the number that one rule concludes."""
     row, kind = weighing.parameters[index], weighing.kinds[index]
-    if kind != NUMBER:
+    if kind != codes.NUMBER:
         one = invert(kind, row[0], row[1], max(degrees[0], 0.0))
         other = invert(kind, row[0], row[1], min(degrees[1], 1.0))
         slack = 8 * EPSILON * max(abs(row[0]), abs(row[1]))
@@ -320,7 +306,7 @@ def _defuzzify(
     if highest_high == 0.0:
         return default, default
     low, high = _support(x, heights)
-    if conclusion.defuzzifier != CENTROID:
+    if conclusion.defuzzifier != codes.CENTROID:
         low, high = _of_maximum(conclusion, cuts, highest_low, low, high)
     else:
         rounding = 4 * EPSILON * (len(x) + 2 * len(cuts) + 16)

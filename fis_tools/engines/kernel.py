@@ -34,22 +34,9 @@ from fis_tools.compiled.vectors import (
     store,
     width_of,
 )
+from fis_tools.engines import packing
 from fis_tools.engines.inference import SMALLEST_AREA
-from fis_tools.engines.packing import (
-    ANY,
-    CENTRE,
-    DEFAULT,
-    HEADER,
-    MAX_INPUTS,
-    MAX_TERMS,
-    MAXIMUM,
-    MINIMUM,
-    PIECE,
-    STEP,
-    STEPS_A_UNIT,
-    WIDTH_OF_STEP,
-    Packed,
-)
+from fis_tools.engines.packing import Packed
 
 #: samples that are inferred side by side, and where there are at most half as many; both are constants
 LANES, FEW_LANES = 16, 8
@@ -58,15 +45,15 @@ LANES, FEW_LANES = 16, 8
 #: universe; the cut of each output term; where cuts cross flanks: right of which point, at which fraction of
 #: a step, and at which aggregated height; the inputs, and the output.
 SCRATCH: Rows = {
-    "memberships": (ANY + 1,),
-    "ends": (2 * MAX_TERMS,),
-    "cuts": (MAX_TERMS,),
-    "segments": (2 * MAX_TERMS,),
-    "fractions": (2 * MAX_TERMS,),
-    "heights": (2 * MAX_TERMS,),
-    "lefts": (2 * MAX_TERMS,),
-    "rights": (2 * MAX_TERMS,),
-    "inputs": (MAX_INPUTS,),
+    "memberships": (packing.ANY + 1,),
+    "ends": (2 * packing.MAX_TERMS,),
+    "cuts": (packing.MAX_TERMS,),
+    "segments": (2 * packing.MAX_TERMS,),
+    "fractions": (2 * packing.MAX_TERMS,),
+    "heights": (2 * packing.MAX_TERMS,),
+    "lefts": (2 * packing.MAX_TERMS,),
+    "rights": (2 * packing.MAX_TERMS,),
+    "inputs": (packing.MAX_INPUTS,),
     "output": (),
 }
 
@@ -86,12 +73,12 @@ def fuzzify(values: Floats, system: Any, scratch: Any) -> None:
     slot = 0
     for place in range(system.num_inputs):
         terms, at = system.input_terms[place], system.input_values[place]
-        minimum = values[at + MINIMUM]
-        x = most(least(load(scratch.inputs, place, width), values[at + MAXIMUM]), minimum)
-        left = np.floor((x - minimum) * values[at + STEPS_A_UNIT])
+        minimum = values[at + packing.MINIMUM]
+        x = most(least(load(scratch.inputs, place, width), values[at + packing.MAXIMUM]), minimum)
+        left = np.floor((x - minimum) * values[at + packing.STEPS_A_UNIT])
         left = least(left, system.input_points[place] - 2)
-        fraction = (x - (minimum + left * values[at + STEP])) * values[at + STEPS_A_UNIT]
-        gather_terms(values, at + HEADER, left, terms, scratch)
+        fraction = (x - (minimum + left * values[at + packing.STEP])) * values[at + packing.STEPS_A_UNIT]
+        gather_terms(values, at + packing.HEADER, left, terms, scratch)
         for term in range(terms):
             here, there = load(scratch.ends, term, width), load(scratch.ends, terms + term, width)
             store(scratch.memberships, slot, here + fraction * (there - here))
@@ -143,14 +130,14 @@ def grid_sums(values: Floats, rules: Integers, system: Any, scratch: Any) -> tup
     """
     width = width_of(scratch)
     terms, points = system.output_terms, system.output_points
-    by_point = system.output_values + HEADER + terms * points
+    by_point = system.output_values + packing.HEADER + terms * points
     middle = 0.5 * (points - 1)
     total, moment = splat(0.0, width), splat(0.0, width)
     first, last = total, total
-    for piece in range(-(-points // PIECE)):
+    for piece in range(-(-points // packing.PIECE)):
         num_ranks = count_ranks(values, rules, piece, system, scratch)
         ranks = system.ranks + terms * piece
-        for point in range(PIECE * piece, min(PIECE * (piece + 1), points)):
+        for point in range(packing.PIECE * piece, min(packing.PIECE * (piece + 1), points)):
             row = by_point + terms * point
             term = rules[ranks]
             height = least(spread(values, row + term, width), load(scratch.cuts, term, width))
@@ -229,7 +216,7 @@ def find_crossings(values: Floats, rules: Integers, system: Any, scratch: Any) -
     found = 0
     for term in range(terms):
         cut = load(scratch.cuts, term, width)
-        row = system.output_values + HEADER + term * points
+        row = system.output_values + packing.HEADER + term * points
         peak = rules[system.rules + term]
         for side, direction in enumerate((1, -1)):  # the rising flank, then the falling one
             climb = peak if side == 0 else points - 1 - peak
@@ -249,7 +236,7 @@ def crossing_triangles(values: Floats, rules: Integers, system: Any, scratch: An
     """Return the area and moment that the points inserted at cut crossings add to those of the grid."""
     width = width_of(scratch)
     terms, points = system.output_terms, system.output_points
-    by_point = system.output_values + HEADER + terms * points
+    by_point = system.output_values + packing.HEADER + terms * points
     middle = 0.5 * (points - 1)
     area, moment = splat(0.0, width), splat(0.0, width)
     found = find_crossings(values, rules, system, scratch)
@@ -285,12 +272,12 @@ def conclude(values: Floats, rules: Integers, system: Any, scratch: Any) -> None
     total, area, moment = grid_sums(values, rules, system, scratch)
     more_area, more_moment = crossing_triangles(values, rules, system, scratch)
     at = system.output_values
-    centre, step = values[at + CENTRE], values[at + WIDTH_OF_STEP]
+    centre, step = values[at + packing.CENTRE], values[at + packing.WIDTH_OF_STEP]
     area, moment = step * (area + more_area), step * step * (moment + more_moment)
     vanishes = area < SMALLEST_AREA
     output = select(vanishes, moment + centre * area, moment) / most(area, SMALLEST_AREA)
     output = select(vanishes, output, centre + output)
-    store(scratch.output, 0, select(total == 0.0, values[at + DEFAULT], output))
+    store(scratch.output, 0, select(total == 0.0, values[at + packing.DEFAULT], output))
 
 
 @compiled(error_model="numpy")
@@ -355,9 +342,9 @@ def _strengths(
 
 def make_scratch(width: int = LANES) -> Any:
     """Allocate the working space of `infer`, for any system and `width` samples side by side."""
-    fields = [*rows_of(SCRATCH, width).descr, ("cut_terms", np.int64, 2 * MAX_TERMS)]
+    fields = [*rows_of(SCRATCH, width).descr, ("cut_terms", np.int64, 2 * packing.MAX_TERMS)]
     scratch = aligned(1, np.dtype(fields, align=True)).view(np.recarray)
-    scratch[0].memberships[ANY] = 1.0
+    scratch[0].memberships[packing.ANY] = 1.0
     return scratch
 
 

@@ -9,7 +9,8 @@ import io
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from fis_tools.model import And, Expression, FuzzyController, Is
+from fis_tools.model import FuzzyController
+from fis_tools.model.systems import conjunction
 from fis_tools.words.text import antecedent_words
 
 #: what a spreadsheet may take for the beginning of a formula
@@ -51,21 +52,9 @@ def write(controller: FuzzyController) -> str:
     rows = [["system", "rule", "label", *inputs, "antecedent", "output", "term", "weight"]]
     for system in controller.systems:
         for number, rule in enumerate(system.rules, start=1):
-            terms = _conjunction(rule.antecedent)
-            for consequent in rule.consequents:
-                rows.append(
-                    [
-                        *(system.name, str(number), rule.label),
-                        *(terms.get(name, "") for name in inputs),
-                        antecedent_words(rule.antecedent),
-                        *(consequent.variable, consequent.term, repr(float(consequent.weight))),
-                    ]
-                )
+            terms = conjunction(rule.antecedent) or {}
+            asked = [*(terms.get(name, "") for name in inputs), antecedent_words(rule.antecedent)]
+            for c in rule.consequents:
+                concluded = [c.variable, c.term, repr(float(c.weight))]
+                rows.append([system.name, str(number), rule.label, *asked, *concluded])
     return rows_as_text(rows)
-
-
-def _conjunction(expression: Expression) -> dict[str, str]:
-    """Return the term of each input that an antecedent joins with and; empty for any other antecedent."""
-    statements = expression.operands if isinstance(expression, And) else (expression,)
-    terms = {statement.variable: statement.term for statement in statements if isinstance(statement, Is)}
-    return terms if len(terms) == len(statements) else {}

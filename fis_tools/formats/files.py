@@ -60,11 +60,8 @@ def written(controller: FuzzyController, place: Path) -> dict[Path, File]:
     if ending in _WHOLE_ENDINGS:
         return {place: File(WHOLE[_WHOLE_ENDINGS[ending]](controller).encode())}
     alone = [replace(controller, systems=(system,)) for system in controller.systems]
-    paths = (
-        [place]
-        if len(alone) == 1
-        else [place.with_stem(f"{place.stem}-{one.systems[0].name}") for one in alone]
-    )
+    paths = [place.with_stem(f"{place.stem}-{one.systems[0].name}") for one in alone]
+    paths = [place] if len(alone) == 1 else paths
     (form,) = (name for name, written in ONE_SYSTEM.items() if written == ending)
     return {path: of_one_system(one, form) for path, one in zip(paths, alone, strict=True)}
 

@@ -12,12 +12,13 @@ input changing fastest; any other rule base is a list of ``{if: ..., then: [...]
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields
+from types import MappingProxyType
 from typing import Any, TypeVar
 
 from fis_tools import model
 from fis_tools.errors import ControllerFileError
 from fis_tools.model.operators import HEDGES
-from fis_tools.model.shape import SHAPES
+from fis_tools.model.shapes import SHAPES
 from fis_tools.model.validate import (
     MAX_NESTING,
     MOST_MEMBERSHIPS,
@@ -236,8 +237,21 @@ def _items(value: Any, where: str, read: Callable[[Any, str], _Item]) -> list[_I
     return [read(item, f"{where}[{index}]") for index, item in enumerate(value)]
 
 
-def _numbers(value: Any, where: str) -> tuple[float, ...]:
-    return tuple(_items(value, where, _number))
+def _each(read: Callable[[Any, str], _Item]) -> Callable[[Any, str], tuple[_Item, ...]]:
+    return lambda value, where: tuple(_items(value, where, read))
+
+
+_numbers = _each(_number)
+#: What reads the values of keys.
+Readers = Mapping[str, Callable[[Any, str], Any]]
+NO_KEYS: Readers = MappingProxyType({})
+
+
+def _read(value: Any, where: str, required: Readers, optional: Readers = NO_KEYS) -> dict[str, Any]:
+    """Read a mapping by what reads its keys, of which some need not be there."""
+    _check_keys(value, where, tuple(required), tuple(optional))
+    readers = {**required, **optional}
+    return {key: read(value[key], f"{where}.{key}") for key, read in readers.items() if key in value}
 
 
 def _facts(value: Any, where: str) -> tuple[tuple[str, str], ...]:
@@ -252,18 +266,17 @@ def _fact(value: Any, where: str) -> str:
     return repr(value) if isinstance(value, int | float) else _text(value, where)
 
 
+#: Words that name an operator or a method; `controller_problems` refuses unknown ones.
+_OPERATORS: Readers = dict.fromkeys(("and_operator", "or_operator"), _text)
+_METHODS: Readers = dict.fromkeys(("defuzzifier", "accumulation", "aggregation"), _text)
+
+
 def _system(value: Any, where: str) -> model.FuzzySystem:
-    options = ("and_operator", "or_operator", "defuzzifier", "implication")
-    _check_keys(value, where, ("name", "inputs", "outputs", "rules"), options)
-    inputs = tuple(_items(value["inputs"], f"{where}.inputs", _variable))
-    outputs = tuple(_items(value["outputs"], f"{where}.outputs", _output))
-    return model.FuzzySystem(
-        name=_text(value["name"], f"{where}.name"),
-        inputs=inputs,
-        outputs=outputs,
-        rules=_rules(value["rules"], f"{where}.rules", inputs, outputs),
-        **_chosen(value, where, options),
-    )
+    variables: Readers = {"inputs": _each(_variable), "outputs": _each(_output)}
+    required: Readers = {"name": _text, **variables, "rules": lambda rules, _: rules}
+    found = _read(value, where, required, {**_OPERATORS, "defuzzifier": _text, "implication": _text})
+    rules = _rules(found.pop("rules"), f"{where}.rules", found["inputs"], found["outputs"])
+    return model.FuzzySystem(rules=rules, **found)
 
 
 def _output(value: Any, where: str) -> model.Variable:
@@ -271,47 +284,28 @@ def _output(value: Any, where: str) -> model.Variable:
         raise ControllerFileError(
             f"{where} has no default; declare default: the output when no rule fires (0 is usual for a force)"
         )
-    return _variable(value, where, ("default",), ("defuzzifier", "accumulation", "aggregation"))
+    return _variable(value, where, {"default": _number}, _METHODS)
 
 
-def _variable(
-    value: Any, where: str, required: tuple[str, ...] = (), optional: tuple[str, ...] = ()
-) -> model.Variable:
+def _variable(value: Any, where: str, default: Readers = NO_KEYS, more: Readers = NO_KEYS) -> model.Variable:
     is_listed = isinstance(value, Mapping) and "universe" in value
-    extent = ("universe",) if is_listed else ("range",)
-    _check_keys(
-        value, where, ("name", *extent, "terms", *required), ("unit", "points", "description", *optional)
-    )
-    points: tuple[float, ...] | None = None
-    if is_listed:
-        points = _numbers(value["universe"], f"{where}.universe")
-        if not points or value.get("points", len(points)) != len(points):
+    required: Readers = {"name": _text, "universe" if is_listed else "range": _numbers, "terms": _each(_term)}
+    optional: Readers = {"unit": _text, "points": _count, "description": _text}
+    found = {"unit": "", **_read(value, where, {**required, **default}, {**optional, **more})}
+    num_points, points = found.pop("points", None), found.pop("universe", None)
+    if points is not None:
+        if not points or num_points not in (None, len(points)):
             raise ControllerFileError(
                 f"{where}.universe has {len(points)} numbers; list every point, drop 'points'"
             )
         low, high = points[0], points[-1]
     else:
-        ends = _numbers(value["range"], f"{where}.range")
+        ends = found.pop("range")
         if len(ends) != 2:
             raise ControllerFileError(f"{where}.range has {len(ends)} numbers; expected [lowest, highest]")
         low, high = ends
-    return model.Variable(
-        name=_text(value["name"], f"{where}.name"),
-        unit=_text(value.get("unit", ""), f"{where}.unit"),
-        minimum=low,
-        maximum=high,
-        terms=tuple(_items(value["terms"], f"{where}.terms", _term)),
-        num_points=len(points) if points else _count(value.get("points", 101), f"{where}.points"),
-        points=points,
-        default=_number(value["default"], f"{where}.default") if required else None,
-        description=_text(value.get("description", ""), f"{where}.description"),
-        **_chosen(value, where, optional),
-    )
-
-
-def _chosen(value: Any, where: str, keys: Sequence[str]) -> dict[str, Any]:
-    """Read words that name an operator or a method; `controller_problems` refuses unknown ones."""
-    return {key: _text(value[key], f"{where}.{key}") for key in keys if key in value}
+    num_points = len(points) if points else 101 if num_points is None else num_points
+    return model.Variable(minimum=low, maximum=high, num_points=num_points, points=points, **found)
 
 
 def _term(value: Any, where: str) -> model.Term:
@@ -360,26 +354,17 @@ def _rules(
 
 
 def _rule(value: Any, where: str) -> model.Rule:
-    operators = ("and_operator", "or_operator")
-    _check_keys(value, where, ("if", "then"), ("label", *operators))
-    return model.Rule(
-        antecedent=_expression(value["if"], f"{where}.if", 0),
-        consequents=tuple(_items(value["then"], f"{where}.then", _consequent)),
-        label=_text(value.get("label", ""), f"{where}.label"),
-        **_chosen(value, where, operators),
+    found = _read(
+        value, where, {"if": _expression, "then": _each(_consequent)}, {"label": _text, **_OPERATORS}
     )
+    return model.Rule(found.pop("if"), found.pop("then"), **found)
 
 
 def _consequent(value: Any, where: str) -> model.Consequent:
-    _check_keys(value, where, ("variable", "term"), ("weight",))
-    return model.Consequent(
-        variable=_text(value["variable"], f"{where}.variable"),
-        term=_text(value["term"], f"{where}.term"),
-        weight=_number(value.get("weight", 1.0), f"{where}.weight"),
-    )
+    return model.Consequent(**_read(value, where, {"variable": _text, "term": _text}, {"weight": _number}))
 
 
-def _expression(value: Any, where: str, depth: int) -> model.Expression:
+def _expression(value: Any, where: str, depth: int = 0) -> model.Expression:
     if not isinstance(value, Mapping) or len(value) != 1:
         raise ControllerFileError(
             f"{where} is {_kind_of(value)}; expected one of is, not, and, or, or a hedge, with its operands"

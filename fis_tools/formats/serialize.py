@@ -18,17 +18,8 @@ from pathlib import Path
 from typing import Any, Final
 
 from fis_tools.errors import ControllerFileError
-from fis_tools.formats import mapping
+from fis_tools.formats import mapping, notation
 from fis_tools.formats.mapping import to_mapping
-from fis_tools.formats.notation import (
-    MAX_FILE_BYTES,
-    MAX_JSON_BYTES,
-    Unreadable,
-    read_json,
-    read_yaml,
-    write_json,
-    write_yaml,
-)
 from fis_tools.model import FuzzyController
 
 
@@ -97,7 +88,7 @@ _KINDS: dict[str, Kind] = {
 #: How the names of the files end that are read.
 ENDINGS = tuple(_KINDS)
 
-_PLAIN_READERS: dict[Kind, Callable[[str], Any]] = {"json": read_json, "yaml": read_yaml}
+_PLAIN_READERS: dict[Kind, Callable[[str], Any]] = {"json": notation.read_json, "yaml": notation.read_yaml}
 #: characters of an attribute that is written as a number; a double needs 24
 LONGEST_NUMBER = 32
 
@@ -115,7 +106,7 @@ def from_mapping(content: Any) -> FuzzyController:
 
 def dump_json(controller: FuzzyController) -> str:
     """Write a controller as JSON text; see `to_mapping` for what is refused."""
-    return write_json(to_mapping(controller))
+    return notation.write_json(to_mapping(controller))
 
 
 def fingerprint(controller: FuzzyController) -> str:
@@ -138,11 +129,11 @@ def dump_yaml(controller: FuzzyController) -> str:
     """
     content = to_mapping(controller)
     content["attributes"] = {name: _number_or_text(text) for name, text in controller.attributes}
-    text = write_yaml(content)
-    if len(text) > MAX_FILE_BYTES:
+    text = notation.write_yaml(content)
+    if len(text) > notation.MAX_FILE_BYTES:
         raise ControllerFileError(
-            f"{controller.name!r} comes to {len(text)} bytes of YAML, and {MAX_FILE_BYTES} are read; "
-            "write JSON"
+            f"{controller.name!r} comes to {len(text)} bytes of YAML, and {notation.MAX_FILE_BYTES} are "
+            "read; write JSON"
         )
     return text
 
@@ -180,7 +171,7 @@ def read(path: Path | str) -> Reading:
     """
     path = Path(path)
     kind = _KINDS.get(path.suffix.lower())
-    most = MAX_JSON_BYTES if kind == "json" else MAX_FILE_BYTES
+    most = notation.MAX_JSON_BYTES if kind == "json" else notation.MAX_FILE_BYTES
     try:
         with path.open("rb") as file:
             content = file.read(most + 1)
@@ -238,7 +229,7 @@ def reads(text: str, kind: Kind) -> Reading:
         return reading
     try:
         content = _PLAIN_READERS[kind](text)
-    except Unreadable as error:
+    except notation.Unreadable as error:
         raise ControllerFileError(str(error)) from error
     return Reading(from_mapping(content), ())
 

@@ -10,8 +10,9 @@ from fis_tools.engines.compiler import compile
 from fis_tools.errors import MissingExtra
 from fis_tools.learning.learner import Consequents, Learned, Recipe, learn_classes, learn_number
 from fis_tools.learning.rules import range_of
-from fis_tools.learning.table import Column, Samples, distinct, samples_of
+from fis_tools.learning.table import Column, Samples, samples_of
 from fis_tools.model import FuzzySystem
+from fis_tools.plain_text import distinct
 
 try:
     from sklearn.base import BaseEstimator, ClassifierMixin, RegressorMixin

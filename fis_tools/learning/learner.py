@@ -14,22 +14,11 @@ from fis_tools.analysis.arrays import spread
 from fis_tools.analysis.tables import name_and_unit
 from fis_tools.array_types import Floats, Integers
 from fis_tools.engines.compiler import compile
-from fis_tools.learning.rules import (
-    WORDS,
-    Kind,
-    Partition,
-    Partitions,
-    bare_output,
-    even,
-    fit,
-    range_of,
-    takagi_sugeno,
-    tuned,
-    wang_mendel,
-)
-from fis_tools.learning.table import Column, Samples, Table, as_table, columns_within, distinct, samples_of
+from fis_tools.learning import rules
+from fis_tools.learning.table import Column, Samples, Table, as_table, columns_within, samples_of
 from fis_tools.model import FuzzySystem, Variable
 from fis_tools.model.validate import MOST_INPUTS
+from fis_tools.plain_text import distinct
 from fis_tools.source import as_controller
 
 Consequents = Literal["sets", "constants", "linear"]
@@ -70,8 +59,8 @@ class Recipe:
             known = ", ".join(get_args(Consequents))
             raise Unlearnable(f"consequents is {self.consequents!r}; use one of {known}")
         for name, least, most in (
-            ("terms", min(WORDS), max(WORDS)),
-            ("output_terms", min(WORDS), max(WORDS)),
+            ("terms", min(rules.WORDS), max(rules.WORDS)),
+            ("output_terms", min(rules.WORDS), max(rules.WORDS)),
             ("max_inputs", 1, MOST_INPUTS),
         ):
             value = getattr(self, name)
@@ -79,7 +68,7 @@ class Recipe:
                 raise Unlearnable(f"{name} is {value!r}; give a whole number from {least} to {most}")
 
 
-def _chosen_columns(samples: Samples, targets: Floats, recipe: Recipe, kind: Kind) -> tuple[int, ...]:
+def _chosen_columns(samples: Samples, targets: Floats, recipe: Recipe, kind: rules.Kind) -> tuple[int, ...]:
     """Choose columns one after the other, each time the one that lowers the expected error most.
 
     Parameters
@@ -109,7 +98,7 @@ def _chosen_columns(samples: Samples, targets: Floats, recipe: Recipe, kind: Kin
     while waiting and len(chosen) < recipe.max_inputs:
         tries = [samples.of([*chosen, place]) for place in waiting]
         scores = [
-            fit(_even(tried.columns, recipe.terms), tried.rows, targets, tried.counts, kind).score
+            rules.fit(_even(tried.columns, recipe.terms), tried.rows, targets, tried.counts, kind).score
             for tried in tries
         ]
         best = int(np.argmin(scores))
@@ -155,7 +144,7 @@ def learn_number(samples: Samples, target: Column, values: Floats, recipe: Recip
     mean = float((samples.counts * values).sum() / samples.counts.sum())
     if recipe.consequents == "sets":
         return _learn_sets(samples, target, values, mean, recipe)
-    output = bare_output(target.name, target.unit, (target.low, target.high), mean)
+    output = rules.bare_output(target.name, target.unit, (target.low, target.high), mean)
     return _learn_numbers(target.name, samples, [output], values[:, np.newaxis], recipe, recipe.consequents)
 
 
@@ -178,14 +167,19 @@ def learn_classes(
     """
     shares = (samples.counts[:, np.newaxis] * owners).sum(axis=0) / samples.counts.sum()
     outputs = [
-        bare_output(label, "", (0.0, 1.0), share)
+        rules.bare_output(label, "", (0.0, 1.0), share)
         for label, share in zip(classes, shares.tolist(), strict=True)
     ]
     return _learn_numbers(name, samples, outputs, owners, recipe, "shares")
 
 
 def _learn_numbers(
-    name: str, samples: Samples, outputs: Sequence[Variable], targets: Floats, recipe: Recipe, kind: Kind
+    name: str,
+    samples: Samples,
+    outputs: Sequence[Variable],
+    targets: Floats,
+    recipe: Recipe,
+    kind: rules.Kind,
 ) -> Learned:
     """Learn a system whose rules conclude numbers."""
     places = _spread(len(samples.rows))
@@ -194,14 +188,14 @@ def _learn_numbers(
     some = fed.at(places)
     partitions = _even(fed.columns, recipe.terms)
     if recipe.tune:
-        partitions = tuned(
-            partitions, lambda tried: fit(tried, some.rows, targets[places], some.counts, kind).score
+        partitions = rules.tuned(
+            partitions, lambda tried: rules.fit(tried, some.rows, targets[places], some.counts, kind).score
         )
-    found = fit(partitions, fed.rows, targets, fed.counts, kind)
+    found = rules.fit(partitions, fed.rows, targets, fed.counts, kind)
     names = distinct([*(column.name for column in fed.columns), *(output.name for output in outputs)])
     inputs = [p.as_input(n, c.unit) for p, n, c in zip(partitions, names, fed.columns, strict=False)]
     outputs = [replace(output, name=n) for output, n in zip(outputs, names[len(inputs) :], strict=True)]
-    return Learned(takagi_sugeno(name, inputs, outputs, found), chosen)
+    return Learned(rules.takagi_sugeno(name, inputs, outputs, found), chosen)
 
 
 def _learn_sets(samples: Samples, target: Column, values: Floats, mean: float, recipe: Recipe) -> Learned:
@@ -212,25 +206,25 @@ def _learn_sets(samples: Samples, target: Column, values: Floats, mean: float, r
     some = fed.at(places)
     names = distinct([*(column.name for column in fed.columns), target.name])
 
-    def system(partitions: Partitions, among: Samples, values: Floats) -> FuzzySystem:
+    def system(partitions: rules.Partitions, among: Samples, values: Floats) -> FuzzySystem:
         *parts, last = partitions
         units = [column.unit for column in among.columns]
         inputs = [(p.as_input(n, unit), p) for p, n, unit in zip(parts, names, units, strict=False)]
         output = last.as_output(names[-1], target.unit, mean)
-        return wang_mendel(target.name, inputs, (output, last), among.rows, values, among.counts)
+        return rules.wang_mendel(target.name, inputs, (output, last), among.rows, values, among.counts)
 
-    def error(partitions: Partitions) -> float:
+    def error(partitions: rules.Partitions) -> float:
         answers = compile(system(partitions, some, values[places]))(some.rows)[:, 0]
         return float((some.counts * np.square(answers - values[places])).sum())
 
-    partitions = (*_even(fed.columns, recipe.terms), even(target.low, target.high, recipe.output_terms))
+    partitions = (*_even(fed.columns, recipe.terms), rules.even(target.low, target.high, recipe.output_terms))
     if recipe.tune:
-        partitions = tuned(partitions, error)
+        partitions = rules.tuned(partitions, error)
     return Learned(system(partitions, fed, values), chosen)
 
 
-def _even(columns: Sequence[Column], terms: int) -> tuple[Partition, ...]:
-    return tuple(even(column.low, column.high, terms) for column in columns)
+def _even(columns: Sequence[Column], terms: int) -> tuple[rules.Partition, ...]:
+    return tuple(rules.even(column.low, column.high, terms) for column in columns)
 
 
 def _spread(count: int) -> Integers:
@@ -287,7 +281,7 @@ def learn_table(table: Table, recipe: Recipe) -> Learned:
         classes, owner = np.unique(table.values, return_inverse=True)
         labels = distinct(name_and_unit(str(label))[0] for label in classes.tolist())
         return learn_classes(name, samples, labels, np.eye(len(classes))[owner], recipe)
-    target = Column(name, unit, *range_of(table.values))
+    target = Column(name, unit, *rules.range_of(table.values))
     return learn_number(samples, target, table.values, recipe)
 
 
@@ -385,7 +379,7 @@ def imitate(
     answers = _answers(function, samples)
     taught = len(samples) - JUDGED_BY
     *_, name = distinct([*(column.name for column in columns), output])
-    target = Column(name, "", *range_of(answers[:taught]))
+    target = Column(name, "", *rules.range_of(answers[:taught]))
     sampled = Samples(columns, samples[:taught], np.ones(taught))
     learned = learn_number(sampled, target, answers[:taught], Recipe(**recipe))
     fed = samples[taught:, list(learned.columns)]

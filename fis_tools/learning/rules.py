@@ -35,20 +35,9 @@ from typing import Literal
 
 import numpy as np
 
+from fis_tools import model
 from fis_tools.array_types import Floats, Integers
-from fis_tools.model import (
-    And,
-    Consequent,
-    Constant,
-    Expression,
-    FuzzySystem,
-    Is,
-    Linear,
-    Rule,
-    Term,
-    Triangular,
-    Variable,
-)
+from fis_tools.model import Consequent, FuzzySystem, Rule, Term, Variable
 
 #: What terms are called, from the lowest to the highest, by their number.
 WORDS = {
@@ -149,7 +138,7 @@ def _terms(around: list[float]) -> tuple[Term, ...]:
     """Return a triangle over each point between the first and the last."""
     corners = zip(around[:-2], around[1:-1], around[2:], strict=True)
     words = WORDS[len(around) - 2]
-    return tuple(Term(word, Triangular(*three)) for word, three in zip(words, corners, strict=True))
+    return tuple(Term(word, model.Triangular(*three)) for word, three in zip(words, corners, strict=True))
 
 
 #: By how many hundredths of a range peaks are moved, one size after the other.
@@ -214,10 +203,12 @@ def firing(memberships: Sequence[Floats], cells: Integers) -> Floats:
     return strengths
 
 
-def antecedent(inputs: Sequence[Variable], cell: Integers) -> Expression:
+def antecedent(inputs: Sequence[Variable], cell: Integers) -> model.Expression:
     """Return what a combination says, as a rule does."""
-    statements = tuple(Is(v.name, v.terms[int(term)].name) for v, term in zip(inputs, cell, strict=True))
-    return statements[0] if len(statements) == 1 else And(statements)
+    statements = tuple(
+        model.Is(v.name, v.terms[int(term)].name) for v, term in zip(inputs, cell, strict=True)
+    )
+    return statements[0] if len(statements) == 1 else model.And(statements)
 
 
 def wang_mendel(
@@ -431,10 +422,10 @@ def _numbers(output: Variable, inputs: Sequence[Variable], coefficients: Floats)
     for rule, (*factors, constant) in enumerate(coefficients.tolist(), start=1):
         if any(factors):
             exact = tuple(rounded(factor, each) for factor, each in zip(factors, steps, strict=True))
-            found.append(Term(f"line_{rule}", Linear(exact, rounded(constant, step))))
+            found.append(Term(f"line_{rule}", model.Linear(exact, rounded(constant, step))))
         else:
             value = rounded(min(max(constant, output.minimum), output.maximum), step)
-            found.append(Term(f"{value:.12g}", Constant(value)))
+            found.append(Term(f"{value:.12g}", model.Constant(value)))
     return found
 
 

@@ -2,7 +2,7 @@
 
 import csv
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -17,6 +17,7 @@ from fis_tools.engines.inference import columns_of
 from fis_tools.errors import ControllerFileError
 from fis_tools.learning.rules import range_of
 from fis_tools.model.validate import nearest
+from fis_tools.plain_text import distinct
 
 
 class UnreadableTable(ValueError):  # noqa: N818 - the sentence is the message
@@ -273,15 +274,3 @@ def columns_within(ranges: Mapping[str, tuple[float, float]]) -> list[Column]:
         if not -np.inf < low < high < np.inf:
             raise ValueError(f"the range of {name!r} is ({low}, {high}); give two finite numbers that ascend")
     return [Column(*name_and_unit(name), float(low), float(high)) for name, (low, high) in ranges.items()]
-
-
-def distinct(names: Iterable[str]) -> list[str]:
-    """Return names of which no two are equal: later ones get a number."""
-    found: list[str] = []
-    for name in names:
-        candidate, count = name, 1
-        while candidate in found:
-            count += 1
-            candidate = f"{name}_{count}"
-        found.append(candidate)
-    return found

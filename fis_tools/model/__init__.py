@@ -2,13 +2,14 @@
 
 from fis_tools.model.numbers import Constant, Formula, Linear, Number
 from fis_tools.model.operators import Accumulation, Aggregation, AndOperator, Defuzzifier, Hedge, OrOperator
-from fis_tools.model.shape import MembershipFunction, MonotoneFunction
 from fis_tools.model.shapes import (
     Arc,
     Concave,
     Cosine,
     Gaussian,
     GeneralizedBell,
+    MembershipFunction,
+    MonotoneFunction,
     PiShape,
     Ramp,
     Sampled,

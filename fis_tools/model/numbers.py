@@ -17,7 +17,7 @@ from typing import Annotated, Any
 import numpy as np
 
 from fis_tools.array_types import Floats
-from fis_tools.model.shape import MembershipFunction, Place, shape
+from fis_tools.model.shapes import MembershipFunction, Place, shape
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,28 +66,18 @@ class Linear(Number):
 MOST_WORDS = 300
 DEEPEST = 50
 
+_ONE = (
+    "abs acos acosh asin asinh atan atanh ceil cos cosh exp fabs floor log log10 log1p sin sinh sqrt tan tanh"
+)
+_TWO = {"atan2": np.arctan2, "fmod": np.fmod, "max": np.fmax, "min": np.fmin, "pow": np.float_power}
+#: How many arguments each function takes, and the function.
 FUNCTIONS: Mapping[str, tuple[int, Callable[..., Any]]] = {
-    **{
-        name: (1, getattr(np, name))
-        for name in (
-            *("abs", "acos", "acosh", "asin", "asinh", "atan", "atanh", "ceil", "cos", "cosh", "exp", "fabs"),
-            *("floor", "log", "log10", "log1p", "sin", "sinh", "sqrt", "tan", "tanh"),
-        )
-    },
-    "atan2": (2, np.arctan2),
-    "fmod": (2, np.fmod),
-    "max": (2, np.fmax),
-    "min": (2, np.fmin),
-    "pow": (2, np.float_power),
+    **{name: (1, getattr(np, name)) for name in _ONE.split()},
+    **{name: (2, function) for name, function in _TWO.items()},
 }
-_OPERATORS: Mapping[str, Callable[..., Any]] = {
-    "+": np.add,
-    "-": np.subtract,
-    "*": np.multiply,
-    "/": np.divide,
-    "%": np.fmod,
-    "^": np.float_power,
-}
+_OPERATORS: Mapping[str, Callable[..., Any]] = dict(
+    zip("+-*/%^", (np.add, np.subtract, np.multiply, np.divide, np.fmod, np.float_power), strict=True)
+)
 #: How tightly operators bind, and what follows a sign; fuzzylite's own sign binds tightest.
 _POWER = 4
 _BINDING = {"+": 1, "-": 1, "*": 2, "/": 2, "%": 2, "^": _POWER, "**": _POWER}
@@ -147,11 +137,9 @@ class Part:
         if self.is_name:
             return names[self.word]
         texts = [part.text(names) for part in self.parts]
-        return (
-            f"({f' {self.word} '.join(texts)})"
-            if self.word in _OPERATORS
-            else f"{self.word}({', '.join(texts)})"
-        )
+        if self.word in _OPERATORS:
+            return f"({f' {self.word} '.join(texts)})"
+        return f"{self.word}({', '.join(texts)})"
 
 
 @shape("formula", "{text}", fll=("Function",))

@@ -329,24 +329,15 @@ def said_once(system: FuzzySystem) -> FuzzySystem:
     or_operator = next((each for _, each in own if each is not None), system.or_operator)
     ways = [system.defuzzifier_of(output) for output in system.outputs]
     defuzzifier = ways[0] if ways else system.defuzzifier
-    return replace(
-        system,
-        and_operator=and_operator,
-        or_operator=or_operator,
-        defuzzifier=defuzzifier,
-        rules=tuple(
-            replace(
-                rule,
-                and_operator=None if conjunction == and_operator else conjunction,
-                or_operator=None if disjunction == or_operator else disjunction,
-            )
-            for rule, (conjunction, disjunction) in zip(system.rules, own, strict=True)
-        ),
-        outputs=tuple(
-            replace(output, defuzzifier=None if way == defuzzifier else way)
-            for output, way in zip(system.outputs, ways, strict=True)
-        ),
-    )
+    rules, outputs = [], []
+    for rule, (conjunction, disjunction) in zip(system.rules, own, strict=True):
+        own_and = None if conjunction == and_operator else conjunction
+        own_or = None if disjunction == or_operator else disjunction
+        rules.append(replace(rule, and_operator=own_and, or_operator=own_or))
+    for output, way in zip(system.outputs, ways, strict=True):
+        outputs.append(replace(output, defuzzifier=None if way == defuzzifier else way))
+    shared = replace(system, and_operator=and_operator, or_operator=or_operator, defuzzifier=defuzzifier)
+    return replace(shared, rules=tuple(rules), outputs=tuple(outputs))
 
 
 @dataclass(frozen=True)
@@ -465,6 +456,13 @@ def table_cells(inputs: Sequence[Variable]) -> Integers:
     return np.indices(counts, dtype=np.int64).reshape(len(counts), -1).T.copy()
 
 
+def conjunction(antecedent: Expression) -> dict[str, str] | None:
+    """Return the term that an antecedent asks for of each input; None where it is no plain conjunction."""
+    statements = antecedent.operands if isinstance(antecedent, And) else (antecedent,)
+    asked = {statement.variable: statement.term for statement in statements if isinstance(statement, Is)}
+    return asked if len(asked) == len(statements) else None
+
+
 def conjunctions(system: FuzzySystem) -> tuple[Integers, Integers] | None:
     """Return the rules of a system as numbers if each is a plain conjunction, else None.
 
@@ -485,12 +483,11 @@ def conjunctions(system: FuzzySystem) -> tuple[Integers, Integers] | None:
     cells = np.full((len(system.rules), len(system.inputs)), -1, dtype=np.int64)
     consequents = np.empty(len(system.rules), dtype=np.int64)
     for index, rule in enumerate(system.rules):
-        statements = rule.antecedent.operands if isinstance(rule.antecedent, And) else (rule.antecedent,)
-        for statement in statements:
-            if not isinstance(statement, Is) or cells[index, places[statement.variable]] != -1:
-                return None
-            place = places[statement.variable]
-            cells[index, place] = system.inputs[place].term_index(statement.term)
+        asked = conjunction(rule.antecedent)
+        if asked is None:
+            return None
+        for name, term in asked.items():
+            cells[index, places[name]] = system.inputs[places[name]].term_index(term)
         if len(rule.consequents) != 1 or rule.consequents[0].weight != 1.0 or rule.has_own_operators:
             return None
         consequent = rule.consequents[0]

@@ -1,9 +1,9 @@
 """The thrust logic: the steps from the rules' outputs to the force that is fired.
 
 Fuzzy systems whose outputs are force components command a force; whether and how it is fired
-depends on attributes of their controller. `THRUST_ATTRIBUTES` lists these attributes, in the order in which
-they act, and `REASONS` what a recording says about each component in each control period: of the command,
-and of what thrusters that are not ideal fire of it.
+depends on attributes of their controller, as `ThrustLogic` lists them. `REASONS` is what a recording says
+about each component in each control period: of the command, and of what thrusters that are not ideal fire of
+it.
 """
 
 from dataclasses import dataclass
@@ -41,15 +41,6 @@ UNKNOWN: Final = "unknown"
 COMPONENTS: Final = ("force_x", "force_y", "force_z")
 #: the quantities that decide on coasting, in the order of the comparisons
 FORESEEN: Final = ("missed", "coasting_nearest", "coasting_farthest")
-
-#: the attributes of the thrust logic, in the order in which they act
-THRUST_ATTRIBUTES: Final = (
-    "decision_period_s",
-    "coast_below_points",
-    "coast_margin_m",
-    *(f"dead_band_{name}_n" for name in COMPONENTS),
-    "force_axes",
-)
 
 
 @dataclass(frozen=True)

@@ -10,22 +10,14 @@ from weakref import WeakValueDictionary
 
 import numpy as np
 
+from fis_tools.model import operators
 from fis_tools.model.numbers import Formula, Linear, NotAFormula, Number
-from fis_tools.model.operators import (
-    HEDGES,
-    WEIGHING,
-    Accumulation,
-    Aggregation,
-    AndOperator,
-    Defuzzifier,
-    OrOperator,
-)
-from fis_tools.model.shape import SHAPES, MembershipFunction, MonotoneFunction
-from fis_tools.model.shapes import Sampled
+from fis_tools.model.operators import HEDGES, WEIGHING
+from fis_tools.model.shapes import SHAPES, MembershipFunction, MonotoneFunction, Sampled
 from fis_tools.model.systems import And, Expression, FuzzyController, FuzzySystem, Hedged, Is, Not, Or, Rule
 from fis_tools.model.variables import Term, Variable, shape_values
 
-#: Kinds of numbers that must be positive; see `fis_tools.model.shape`.
+#: Kinds of numbers that must be positive; see `fis_tools.model.shapes`.
 POSITIVE = frozenset({"width", "deviation", "exponent"})
 #: The terms of each variable, in order.
 Vocabulary = dict[str, dict[str, None]]
@@ -140,12 +132,12 @@ def _problems(system: FuzzySystem) -> Iterator[str]:
 
 
 _CHOICES = {
-    "and_operator": get_args(AndOperator),
-    "or_operator": get_args(OrOperator),
-    "defuzzifier": get_args(Defuzzifier),
-    "accumulation": get_args(Accumulation),
-    "aggregation": get_args(Aggregation),
-    "implication": get_args(AndOperator),
+    "and_operator": get_args(operators.AndOperator),
+    "or_operator": get_args(operators.OrOperator),
+    "defuzzifier": get_args(operators.Defuzzifier),
+    "accumulation": get_args(operators.Accumulation),
+    "aggregation": get_args(operators.Aggregation),
+    "implication": get_args(operators.AndOperator),
 }
 
 

@@ -11,8 +11,7 @@ import numpy as np
 
 from fis_tools.array_types import Floats
 from fis_tools.model.operators import Accumulation, Aggregation, Defuzzifier
-from fis_tools.model.shape import MembershipFunction
-from fis_tools.model.shapes import SMALLEST_MEMBERSHIP
+from fis_tools.model.shapes import SMALLEST_MEMBERSHIP, MembershipFunction
 from fis_tools.plain_text import plain
 
 

@@ -10,7 +10,8 @@ from matplotlib.patches import Rectangle
 
 from fis_tools.analysis.arrays import FIRED, output_named
 from fis_tools.array_types import Floats, Integers
-from fis_tools.model import And, Consequent, FuzzySystem, Is, Rule, Variable
+from fis_tools.model import Consequent, FuzzySystem, Variable
+from fis_tools.model.systems import conjunction
 from fis_tools.render import lettering
 from fis_tools.render.surfaces import colour_bar
 from fis_tools.render.theme import LIGHT, MEDIUM, SMALL, Theme, dress, readable_on, term_colours
@@ -44,7 +45,7 @@ def rule_cells(system: FuzzySystem, output: Variable) -> tuple[Integers, Floats]
         for consequent in rule.consequents:
             if consequent.variable != output.name:
                 continue
-            asked = plain_statements(rule)
+            asked = conjunction(rule.antecedent)
             if asked is None:
                 return None
             cell = tuple(
@@ -177,7 +178,7 @@ def rule_names(system: FuzzySystem) -> list[str]:
     """
     names = []
     for place, rule in enumerate(system.rules, start=1):
-        asked = plain_statements(rule)
+        asked = conjunction(rule.antecedent)
         words = antecedent_words(rule.antecedent)
         if asked is not None:
             words = " · ".join(asked.get(variable.name, "any") for variable in system.inputs)
@@ -185,13 +186,6 @@ def rule_names(system: FuzzySystem) -> list[str]:
         concluded = map("".join, zip(outputs, map(conclusion, rule.consequents), strict=True))
         names.append(f"{place}: {words} → {', '.join(concluded)}")
     return names
-
-
-def plain_statements(rule: Rule) -> dict[str, str] | None:
-    """Return the term that a rule asks for of each input, or None where it is not a plain conjunction."""
-    statements = rule.antecedent.operands if isinstance(rule.antecedent, And) else (rule.antecedent,)
-    asked = {statement.variable: statement.term for statement in statements if isinstance(statement, Is)}
-    return asked if len(asked) == len(statements) else None
 
 
 def conclusion(consequent: Consequent) -> str:

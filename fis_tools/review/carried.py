@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from fis_tools.analysis import arrays, coalitions
+from fis_tools.analysis import arrays, shapley
 from fis_tools.analysis.flights import FlownSystem
 from fis_tools.array_types import Floats
 from fis_tools.findings.explanation.points import in_short
@@ -60,7 +60,7 @@ def flight_data(flight: Flight, systems: Sequence[FuzzySystem], num_flights: int
 
 def quadrature_data(systems: Sequence[FuzzySystem]) -> list[str]:
     """Return chances and weights with which the shares of so many rules are integrated exactly."""
-    nodes, weights = coalitions.quadrature(max(len(system.rules) for system in systems))
+    nodes, weights = shapley.quadrature(max(len(system.rules) for system in systems))
     return [_doubles(nodes), _doubles(weights)]
 
 
@@ -80,18 +80,17 @@ def _flown(system: FuzzySystem, flown: FlownSystem | None, most: int) -> dict[st
         return None
     rows = kept_rows(len(flown.time_s), most)
     usage = arrays.rule_usage(arrays.firing(system, flown.inputs))
+    points = []
+    if flown.points is not None:
+        instants = zip(flown.time_s[rows].tolist(), flown.inputs[rows].tolist(), strict=True)
+        points = [in_short(flown.points.at(time_s), system, inputs) for time_s, inputs in instants]
     return {
         "time_s": _doubles(flown.time_s[rows]),
         "inputs": _doubles(flown.inputs[rows]),
         "fired": _doubles(usage.fired),
         "num_inferences": len(flown.time_s),
         "is_timed": flown.is_timed,
-        "points": [
-            in_short(flown.points.at(time_s), system, inputs)
-            for time_s, inputs in zip(flown.time_s[rows].tolist(), flown.inputs[rows].tolist(), strict=True)
-        ]
-        if flown.points is not None
-        else [],
+        "points": points,
     }
 
 

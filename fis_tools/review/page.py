@@ -16,10 +16,9 @@ from fis_tools.errors import MissingExtra
 from fis_tools.findings.audit import Audit, audit, report
 from fis_tools.formats import serialize
 from fis_tools.model import FuzzyController, FuzzySystem
-from fis_tools.review import carried, content, flown, opening
+from fis_tools.review import carried, content, flown
 from fis_tools.review.content import BRIGHTNESS, constants, finding_rows, level_styles
 from fis_tools.review.flown import Samples
-from fis_tools.review.opening import read_evidence
 from fis_tools.words.text import sentences, shape_words, summary
 
 #: what the reviewer ticks before signing, by key
@@ -89,22 +88,22 @@ def write(
     audited = audit(controller, sensed if logged else None)
     evaluated = flown.evaluations(flight_paths)
     names = [flight.name for flight in compress(logged, is_flight)]
-    evidenced, requirements = (None, []) if evidence is None else read_evidence(evidence, fingerprint)
+    evidenced, requirements = (None, []) if evidence is None else content.read_evidence(evidence, fingerprint)
     title = "How it flew" if noun == "flight" else "How it answered"
     opening_blocks: list[Block] = [
-        *(opening.verdicts(evidenced, requirements) if evidenced and requirements else []),
+        *(content.verdicts(evidenced, requirements) if evidenced and requirements else []),
         Heading("What it does", id="does"),
-        *opening.rules(controller),
+        *content.rules(controller),
         Heading("Inputs", 3),
-        opening.inputs(controller, samples),
+        content.inputs(controller, samples),
         Heading(title, id="logged"),
         *(Paragraph(flown.failures(one)) for one in evaluated),
-        *opening.flown_table(flown.heads(evaluated, went), flown.outcome_rows(evaluated, names, went)),
-        Paragraph(opening.along(logged, noun)),
+        *content.flown_table(flown.heads(evaluated, went), flown.outcome_rows(evaluated, names, went)),
+        Paragraph(content.along(logged, noun)),
         Heading("What is not covered", id="uncovered"),
-        Items(opening.not_covered(evidenced, evaluated, samples, noun)),
+        Items(content.not_covered(evidenced, evaluated, samples, noun)),
     ]
-    lead = opening.lead(controller)
+    lead = content.lead(controller)
     if any(system.weighed for system in systems):
         return _without_scripts(controller, opening_blocks, lead, samples, audited)
     data = {

@@ -1,10 +1,10 @@
 """Read scikit-fuzzy control systems: from a ``ControlSystem`` to a `FuzzySystem` that computes the same.
 
 What is read is what scikit-fuzzy 0.5 computes with: universes, sampled memberships, rule trees, weights, and
-the methods of each rule and variable. `fis_tools.engines.inference` gives the results of ``compute()`` to the
-last bit. What scikit-fuzzy has not is added: a default for each output, for when no rule fires. Inputs beyond
-their universe are always clipped; memberships below `fis_tools.model.variables.SMALLEST_MEMBERSHIP` are
-zero.
+the methods of each rule and variable. `fis_tools.engines.inference` gives the results of ``compute()``, to
+the last bit where memberships are; those of a shape that is recognised differ by up to 1e-12. What
+scikit-fuzzy has not is added: a default for each output, for when no rule fires. Inputs beyond their universe
+are always clipped; memberships below `fis_tools.model.variables.SMALLEST_MEMBERSHIP` are zero.
 """
 
 import operator
@@ -92,14 +92,8 @@ def read_control_system(
         if label not in labels:
             raise UnreadableControlSystem(f"defaults name {label!r}, no output; {nearest(label, labels)}")
     outputs = tuple(_output(output, defaults) for output in source.consequents)
-    read = said_once(
-        model.FuzzySystem(
-            name=name,
-            inputs=tuple(_variable(source_input) for source_input in source.antecedents),
-            outputs=outputs,
-            rules=_rules(rules, outputs),
-        )
-    )
+    inputs = tuple(map(_variable, source.antecedents))
+    read = said_once(model.FuzzySystem(name, inputs, outputs, _rules(rules, outputs)))
     found = problems(read)
     if found:
         raise UnreadableControlSystem("\n".join(found))
@@ -111,33 +105,22 @@ def read_control_system(
 
 def _variable(source: Any) -> model.Variable:
     universe = _universe(source)
-    is_even = np.array_equal(universe, np.linspace(universe[0], universe[-1], len(universe)))
-    return model.Variable(
-        name=str(source.label),
-        unit="",
-        minimum=float(universe[0]),
-        maximum=float(universe[-1]),
-        terms=tuple(_term(source, universe, term) for term in source.terms.values()),
-        num_points=len(universe),
-        points=None if is_even else tuple(universe.tolist()),
-    )
+    low = float(universe[0])
+    high = float(universe[-1])
+    terms = source.terms.values()
+    is_even = np.array_equal(universe, np.linspace(low, high, len(universe)))
+    points = None if is_even else tuple(universe.tolist())
+    named = tuple(_term(source, universe, term) for term in terms)
+    return model.Variable(str(source.label), "", low, high, named, len(universe), points)
 
 
 def _output(source: Any, defaults: Mapping[str, float]) -> model.Variable:
     variable = _variable(source)
     nearest_to_zero = min(max(0.0, variable.minimum), variable.maximum)
-    accumulation = _named(
-        source.accumulation_method,
-        _ACCUMULATION_NAMES,
-        ACCUMULATIONS,
-        f"accumulation_method of {variable.name!r}",
-    )
-    return replace(
-        variable,
-        default=float(defaults.get(variable.name, nearest_to_zero)),
-        defuzzifier=_defuzzifier(source),
-        accumulation=accumulation,
-    )
+    default = float(defaults.get(variable.name, nearest_to_zero))
+    what = f"accumulation_method of {variable.name!r}"
+    accumulation = _named(source.accumulation_method, _ACCUMULATION_NAMES, ACCUMULATIONS, what)
+    return replace(variable, default=default, defuzzifier=_defuzzifier(source), accumulation=accumulation)
 
 
 def _universe(source: Any) -> Floats:

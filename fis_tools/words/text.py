@@ -11,7 +11,7 @@ from fis_tools.array_types import Floats
 from fis_tools.document import Block, Document, Heading, Paragraph, Table
 from fis_tools.document.text import aligned
 from fis_tools.engines.inference import Inference, OutputInference
-from fis_tools.model import FuzzyController, FuzzySystem, Variable
+from fis_tools.model import Consequent, Expression, FuzzyController, FuzzySystem, Rule, Term, Variable
 
 BAR_LENGTH = 20
 #: Memberships and firing strengths below this are left out.
@@ -23,12 +23,12 @@ def number(value: float) -> str:
     return f"{value + 0.0:.6g}"
 
 
-def with_unit(variable: model.Variable) -> str:
+def with_unit(variable: Variable) -> str:
     """Name a variable with its unit, as ``distance (m)``."""
     return f"{variable.name} ({variable.unit})" if variable.unit else variable.name
 
 
-def antecedent_words(expression: model.Expression, hedges: Mapping[str, str] = MappingProxyType({})) -> str:
+def antecedent_words(expression: Expression, hedges: Mapping[str, str] = MappingProxyType({})) -> str:
     """Return an antecedent in words: ``distance is not very near and not (wind is calm or heat is low)``.
 
     Parameters
@@ -52,7 +52,7 @@ def antecedent_words(expression: model.Expression, hedges: Mapping[str, str] = M
     raise TypeError(f"{inside!r} is no antecedent")
 
 
-def before(expression: model.Expression) -> tuple[list[str], model.Expression]:
+def before(expression: Expression) -> tuple[list[str], Expression]:
     """Return the `not` and the hedges before what an antecedent says, and what that is."""
     match expression:
         case model.Not(operand):
@@ -64,15 +64,13 @@ def before(expression: model.Expression) -> tuple[list[str], model.Expression]:
     return [], expression
 
 
-def _inside(
-    expression: model.Expression, joined_by: type[model.And | model.Or], hedges: Mapping[str, str]
-) -> str:
+def _inside(expression: Expression, joined_by: type[model.And | model.Or], hedges: Mapping[str, str]) -> str:
     words = antecedent_words(expression, hedges)
     is_joined = isinstance(expression, model.And | model.Or) and len(expression.operands) > 1
     return f"({words})" if is_joined and not isinstance(expression, joined_by) else words
 
 
-def consequent_words(consequents: Sequence[model.Consequent]) -> str:
+def consequent_words(consequents: Sequence[Consequent]) -> str:
     """Return what a rule concludes in words, with weights other than one."""
     return " and ".join(
         f"{c.variable} is {c.term}" + ("" if c.weight == 1.0 else f" (weight {number(c.weight)})")
@@ -80,12 +78,12 @@ def consequent_words(consequents: Sequence[model.Consequent]) -> str:
     )
 
 
-def rule_words(rule: model.Rule) -> str:
+def rule_words(rule: Rule) -> str:
     """Return a rule as a clause: ``if distance is near then force is PS``."""
     return f"if {antecedent_words(rule.antecedent)} then {consequent_words(rule.consequents)}"
 
 
-def sentence(rule: model.Rule) -> str:
+def sentence(rule: Rule) -> str:
     """Return a rule in words: ``If distance is near and velocity is still then force is PS``.
 
     Its own operators stand before the conclusion: ``If ... (and: product) then ...``.
@@ -96,12 +94,12 @@ def sentence(rule: model.Rule) -> str:
     return f"If {antecedent_words(rule.antecedent)}{note} then {consequent_words(rule.consequents)}"
 
 
-def sentences(system: model.FuzzySystem) -> list[str]:
+def sentences(system: FuzzySystem) -> list[str]:
     """Return every rule of a system in words, in order; labels stand in square brackets."""
     return [(f"[{rule.label}] " if rule.label else "") + sentence(rule) for rule in system.rules]
 
 
-def shape_words(term: model.Term) -> str:
+def shape_words(term: Term) -> str:
     """Return a term's membership function in words: ``Gaussian, mean 0, standard deviation 25``."""
     shape = term.membership
     if isinstance(shape, model.Sampled):
@@ -114,7 +112,7 @@ def shape_words(term: model.Term) -> str:
     return shape.entry.phrase.format(**{name: number(getattr(shape, name)) for name in shape.entry.kinds})
 
 
-def rule_tables(system: model.FuzzySystem) -> list[tuple[str, list[list[str]]]] | None:
+def rule_tables(system: FuzzySystem) -> list[tuple[str, list[list[str]]]] | None:
     """Arrange a full rule table in two dimensions, one table for each combination of the outer inputs' terms.
 
     Rows are the terms of the last input but one, columns those of the last.
@@ -135,16 +133,14 @@ def rule_tables(system: model.FuzzySystem) -> list[tuple[str, list[list[str]]]] 
     words = np.array([term.name for term in system.outputs[0].terms], dtype=object)[table]
     blocks = words.reshape(-1, len(down), len(across))
     heads = product(*([f"{v.name} is {term.name}" for term in v.terms] for v in outer[:-1]))
-    return [
-        (
-            " and ".join(head),
-            [[corner, *across], *([row, *cells] for row, cells in zip(down, block, strict=True))],
-        )
-        for head, block in zip(heads, blocks, strict=True)
-    ]
+    tables = []
+    for head, block in zip(heads, blocks, strict=True):
+        rows = [[row, *cells] for row, cells in zip(down, block, strict=True)]
+        tables.append((" and ".join(head), [[corner, *across], *rows]))
+    return tables
 
 
-def summary(system: model.FuzzySystem) -> str:
+def summary(system: FuzzySystem) -> str:
     """Summarise in one line what a system consists of."""
     inputs = ", ".join(with_unit(variable) for variable in system.inputs)
     outputs = ", ".join(with_unit(variable) for variable in system.outputs)
@@ -186,7 +182,7 @@ def explain(inference: Inference, most_rules: int = 8) -> str:
     return "\n".join(lines) + "\n"
 
 
-def quantity(variable: model.Variable, value: float) -> str:
+def quantity(variable: Variable, value: float) -> str:
     """Write a value of a variable with its unit, as ``0.05 m/s``."""
     return f"{number(value)} {variable.unit}".rstrip()
 
@@ -215,7 +211,7 @@ def _firing_lines(inference: Inference, most_rules: int) -> list[str]:
     return lines or ["   no rule fires"]
 
 
-def _output_lines(output: OutputInference, system: model.FuzzySystem) -> list[str]:
+def _output_lines(output: OutputInference, system: FuzzySystem) -> list[str]:
     variable = output.variable
     cuts = [(term.name, cut) for term, cut in zip(variable.terms, output.cuts, strict=True) if cut > 0]
     result = f"   {variable.name} = {quantity(variable, output.value)}"
@@ -249,13 +245,13 @@ METHODS = {
 NEGLIGIBLE = 1e-9
 
 
-def amount(variable: model.Variable, value: float) -> str:
+def amount(variable: Variable, value: float) -> str:
     """Format a value of a variable with four significant digits and its unit; rounding errors become 0."""
     value = 0.0 if abs(value) < NEGLIGIBLE * span(variable) else value
     return f"{number(float(f'{value:.4g}'))} {variable.unit}".rstrip()
 
 
-def signed(variable: model.Variable, value: float) -> str:
+def signed(variable: Variable, value: float) -> str:
     """Format a value of a variable as `amount` does, with a plus before what is above zero."""
     words = amount(variable, value)
     return words if words.startswith(("-", "0 ")) or words == "0" else f"+{words}"
@@ -270,7 +266,7 @@ def percent(fraction: float) -> str:
     return "under 0.01 %" if fraction < 0.5 else "over 99.99 %"
 
 
-def place(system: model.FuzzySystem, point: Floats) -> str:
+def place(system: FuzzySystem, point: Floats) -> str:
     """Format an input of a system: ``distance = 80 m, velocity = 0.1 m/s``."""
     values = zip(system.inputs, point, strict=True)
     return ", ".join(f"{variable.name} = {amount(variable, value)}" for variable, value in values)
@@ -284,7 +280,7 @@ def listed(words: list[str], most: int = 3) -> str:
     return " and ".join([", ".join(shown[:-1]), shown[-1]] if len(shown) > 1 else shown)
 
 
-def span(variable: model.Variable) -> float:
+def span(variable: Variable) -> float:
     """Return the width of a variable's universe."""
     return variable.maximum - variable.minimum
 

@@ -5,8 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fis_tools.engines.packing import Packed
-from fis_tools.genes.parameters import Bounds, SystemEncoding
-from fis_tools.genes.reduction import KeptRules, Planes, Stretches, rounded
+from fis_tools.genes.parameters import Bounds, KeptRules, Planes, Stretches, SystemEncoding, rounded
 from fis_tools.model import FuzzyController
 from pipeline.array_types import Floats
 from pipeline.flight.control.controller import Controller, ControllerError, from_fuzzy, has_constants
@@ -18,9 +17,9 @@ from pipeline.settings.training import Encoding
 class Genome:
     """The mapping from genes to a controller; every vector in [0, 1] is a controller.
 
-    First come the genes of the systems (`fis_tools.genes.parameters.SystemEncoding`, or fewer,
-    `fis_tools.genes.reduction`, or `fis_tools.genes.reduction`), then one for each constant that is tuned,
-    linear between its bounds, in the order of `pipeline.flight.state.signals.CONSTANTS`.
+    First come the genes of the systems (`fis_tools.genes.parameters`: all, or fewer), then one for each
+    constant that is tuned, linear between its bounds, in the order of
+    `pipeline.flight.state.signals.CONSTANTS`.
 
     Parameters
     ----------

@@ -11,16 +11,7 @@ from fis_tools.analysis.measures import Measures, centre
 from fis_tools.array_types import Floats, Integers
 from fis_tools.findings.audit.report import Finding, Severity, Thresholds
 from fis_tools.model import Constant, FuzzySystem, Rule, canonical, conjunctions
-from fis_tools.words.text import (
-    amount,
-    antecedent_words,
-    consequent_words,
-    listed,
-    percent,
-    place,
-    rule_words,
-    span,
-)
+from fis_tools.words import text
 
 #: centres closer than this, as a fraction of the output's range, are the same
 SAME_LEVEL = 1e-6
@@ -90,9 +81,9 @@ def _repeated(system: FuzzySystem) -> Iterator[Finding]:
                 continue
             adds_up = not all(system.variable(name).counts_strongest for name in shared)
             differ = any(one[name] != other[name] for name in shared)
-            words = antecedent_words(system.rules[first - 1].antecedent)
+            words = text.antecedent_words(system.rules[first - 1].antecedent)
             conclusions = [
-                consequent_words(system.rules[number - 1].consequents) for number in (first, second)
+                text.consequent_words(system.rules[number - 1].consequents) for number in (first, second)
             ]
             yield Finding(
                 "contradicting-rules" if differ else "duplicate-rules",
@@ -122,14 +113,14 @@ def _overlapping(system: FuzzySystem) -> Iterator[Finding]:
         against = np.flatnonzero(narrower & (consequents != consequents[wide]))
         if len(against):
             narrower_rules = [
-                f"rule {number + 1} ({consequent_words(system.rules[number].consequents)})"
+                f"rule {number + 1} ({text.consequent_words(system.rules[number].consequents)})"
                 for number in against
             ]
             yield Finding(
                 "overlapping-rules",
                 Severity.WARNING,
-                f"Rule {wide + 1} ({rule_words(system.rules[wide])}) holds wherever "
-                f"{listed(narrower_rules)} does, which says otherwise: the output lies between the two.",
+                f"Rule {wide + 1} ({text.rule_words(system.rules[wide])}) holds wherever "
+                f"{text.listed(narrower_rules)} does, which says otherwise: the output lies between the two.",
                 "Restrict the wider rule to what the narrower ones leave, or let them conclude the same.",
                 rules=(int(wide) + 1, *(int(number) + 1 for number in against)),
             )
@@ -152,7 +143,7 @@ def _table(system: FuzzySystem) -> _Table | None:
     if system.weighed and not all(isinstance(t.membership, Constant) for t in system.outputs[0].terms):
         return None
     output = system.outputs[0]
-    centres = np.array([centre(output, term) for term in output.terms]) / span(output)
+    centres = np.array([centre(output, term) for term in output.terms]) / text.span(output)
     numbers = np.zeros([len(variable.terms) for variable in system.inputs], dtype=np.int64)
     count = np.zeros_like(numbers)
     for index, cell in enumerate(cells):
@@ -189,13 +180,13 @@ def _jumps(system: FuzzySystem, axis: int, steps: list[Step], thresholds: Thresh
     if not far:
         return
     output = system.outputs[0]
-    jump = amount(output, abs(far[0].change) * span(output))
+    jump = text.amount(output, abs(far[0].change) * text.span(output))
     yield Finding(
         "contradicting-neighbours",
         Severity.WARNING if len(far) > thresholds.against * len(steps) else Severity.NOTE,
         f"Along {variable.name}, {len(far)} of {len(steps)} steps between neighbouring rules "
         f"{'is' if len(far) == 1 else 'are'} more than "
-        f"{percent(thresholds.jump)} of the range of {output.name}; the largest goes "
+        f"{text.percent(thresholds.jump)} of the range of {output.name}; the largest goes "
         f"{_step_words(system, far[0])}, {jump} apart.",
         "Look at these rules in the table; put a value in between unless the jump is intended.",
         variable.name,
@@ -251,8 +242,8 @@ def _symmetry(system: FuzzySystem, table: _Table, thresholds: Thresholds) -> Ite
     if not numbers.all():
         return
     output, everywhere = system.outputs[0], tuple(range(numbers.ndim))
-    middle = (output.minimum + output.maximum) / span(output)
-    ones = [(place,) for place in everywhere] if len(everywhere) > 1 else []
+    middle = (output.minimum + output.maximum) / text.span(output)
+    ones = [(axis,) for axis in everywhere] if len(everywhere) > 1 else []
     for axes, is_odd in ((everywhere, True), *product(ones, (True, False))):
         reflected = np.flip(levels, axes)
         is_broken = np.abs(levels - (middle - reflected if is_odd else reflected)) > SAME_LEVEL
@@ -266,9 +257,9 @@ def _symmetry(system: FuzzySystem, table: _Table, thresholds: Thresholds) -> Ite
         yield Finding(
             "broken-symmetry",
             Severity.WARNING,
-            f"With {listed([system.inputs[axis].name for axis in axes])} mirrored, {output.name} is "
+            f"With {text.listed([system.inputs[axis].name for axis in axes])} mirrored, {output.name} is "
             f"{'mirrored too' if is_odd else 'the same'} in {kept} of {len(pairs)} pairs of rules, but not "
-            f"in {listed(named, 2 * FEWEST_PAIRS)}.",
+            f"in {text.listed(named, 2 * FEWEST_PAIRS)}.",
             "Check these rules: a single pair against the others is often a slip.",
             rules=tuple(rules),
             evidence={"pairs": len(pairs), "broken": broken},
@@ -285,7 +276,8 @@ def _consistency(system: FuzzySystem, measures: Measures, thresholds: Thresholds
     worst = weak[0]
     rule = system.rules[worst]
     answers = [
-        f"{variable.name} = {amount(variable, answer)} (the rule alone would give {amount(variable, own)})"
+        f"{variable.name} = {text.amount(variable, answer)} "
+        f"(the rule alone would give {text.amount(variable, own)})"
         for variable, answer, own in zip(
             system.outputs, found.outputs[worst], found.alone[worst], strict=True
         )
@@ -297,7 +289,7 @@ def _consistency(system: FuzzySystem, measures: Measures, thresholds: Thresholds
         f"{len(weak)} of {len(system.rules)} rules {'is' if len(weak) == 1 else 'are'} outvoted even where "
         f"{'it fires' if len(weak) == 1 else 'they fire'} most strongly. The worst is "
         f"rule {worst + 1} (consistency {found.values[worst]:.2f}): it concludes "
-        f"{consequent_words(rule.consequents)}, but at {place(system, found.points[worst])} "
+        f"{text.consequent_words(rule.consequents)}, but at {text.place(system, found.points[worst])} "
         f"the system gives {' and '.join(answers)}.",
         "Do not read these rules one by one; narrow the terms that overlap them, or make them agree.",
         rules=tuple(index + 1 for index in weak),

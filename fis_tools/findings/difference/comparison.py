@@ -216,7 +216,7 @@ NUM_SPREAD = 4096
 Names = dict[tuple[str, str], str]
 
 
-def system_facts(before: model.FuzzySystem, after: model.FuzzySystem) -> tuple[Fact, ...]:
+def system_facts(before: FuzzySystem, after: FuzzySystem) -> tuple[Fact, ...]:
     """Compare the properties of two systems."""
     facts = [
         Fact(field.replace("_", " "), getattr(before, field), getattr(after, field))
@@ -229,7 +229,7 @@ def system_facts(before: model.FuzzySystem, after: model.FuzzySystem) -> tuple[F
     return tuple(fact for fact in facts if fact.before != fact.after)
 
 
-def compare_variables(before: model.FuzzySystem, after: model.FuzzySystem) -> tuple[VariableChange, ...]:
+def compare_variables(before: FuzzySystem, after: FuzzySystem) -> tuple[VariableChange, ...]:
     """Compare the variables of two systems, by their names."""
     changes = []
     for kind, old, new in (("input", before.inputs, after.inputs), ("output", before.outputs, after.outputs)):
@@ -245,7 +245,7 @@ def compare_variables(before: model.FuzzySystem, after: model.FuzzySystem) -> tu
     return tuple(changes)
 
 
-def _variable_facts(before: model.Variable, after: model.Variable) -> Iterator[Fact]:
+def _variable_facts(before: Variable, after: Variable) -> Iterator[Fact]:
     for what, words in _IN_WORDS.items():
         if words(before, repr) != words(after, repr):
             write = number if words(before, number) != words(after, number) else repr
@@ -255,14 +255,14 @@ def _variable_facts(before: model.Variable, after: model.Variable) -> Iterator[F
         yield Fact("order of terms", ", ".join(order[0]), ", ".join(order[1]))
 
 
-def _points_words(variable: model.Variable, write: Write) -> str:
+def _points_words(variable: Variable, write: Write) -> str:
     if variable.points is None:
         return f"{variable.num_points}, even"
     return f"{variable.num_points} of its own: {', '.join(map(write, variable.points))}"
 
 
 #: What a variable says of itself besides its terms, numbers written in some way.
-_IN_WORDS: dict[str, Callable[[model.Variable, Write], str]] = {
+_IN_WORDS: dict[str, Callable[[Variable, Write], str]] = {
     "unit": lambda v, _: v.unit or "none",
     "range": lambda v, write: f"{write(v.minimum)} to {write(v.maximum)}",
     "points": _points_words,
@@ -274,7 +274,7 @@ _IN_WORDS: dict[str, Callable[[model.Variable, Write], str]] = {
 }
 
 
-def _compare_terms(before: model.Variable, after: model.Variable) -> Iterator[TermChange]:
+def _compare_terms(before: Variable, after: Variable) -> Iterator[TermChange]:
     """Yield the terms that changed: the present ones, then the removed ones."""
     gone = {term.name: term for term in before.terms}
     pairs = [(gone.pop(term.name, None), term) for term in after.terms]
@@ -294,16 +294,14 @@ def _compare_terms(before: model.Variable, after: model.Variable) -> Iterator[Te
         yield TermChange(old, None)
 
 
-def _is_same_function(
-    before: model.Variable, old: model.Term, after: model.Variable, new: model.Term
-) -> bool:
+def _is_same_function(before: Variable, old: Term, after: Variable, new: Term) -> bool:
     if not (has_sets(before) and has_sets(after)):
         return old == new
     is_same_universe = np.array_equal(before.universe, after.universe)
     return not is_same_universe or np.array_equal(sample(before, old), sample(after, new))
 
 
-def _middle(variable: model.Variable, term: model.Term) -> float:
+def _middle(variable: Variable, term: Term) -> float:
     """Return the middle of the parameters that say where a term is: of its highest points."""
     mean = getattr(term.membership, "mean", getattr(term.membership, "peak", None))
     if mean is not None:
@@ -315,7 +313,7 @@ def _middle(variable: model.Variable, term: model.Term) -> float:
     return peak(variable, term)
 
 
-def _similarity(before: model.Variable, old: model.Term, after: model.Variable, new: model.Term) -> float:
+def _similarity(before: Variable, old: Term, after: Variable, new: Term) -> float:
     """Return the area under the lower of two functions over that under the higher one."""
     if not (has_sets(before) and has_sets(after)):
         return float(old.membership == new.membership)
@@ -339,14 +337,12 @@ def new_names(variables: Sequence[VariableChange]) -> Names:
     }
 
 
-def compare_rules(
-    before: model.FuzzySystem, after: model.FuzzySystem, names: Names
-) -> tuple[RuleChange, ...]:
+def compare_rules(before: FuzzySystem, after: FuzzySystem, names: Names) -> tuple[RuleChange, ...]:
     """Compare the rules of two systems by their antecedents; the order of rules and statements is ignored.
 
     A renamed term counts as the same.
     """
-    gone: dict[object, list[tuple[object, int, model.Rule]]] = defaultdict(list)
+    gone: dict[object, list[tuple[object, int, Rule]]] = defaultdict(list)
     for index, rule in enumerate(before.rules, start=1):
         called = model.with_terms(rule, names)
         gone[model.canonical(called.antecedent)].append((_meaning(called), index, rule))
@@ -365,20 +361,20 @@ def compare_rules(
     return (*changes, *(RuleChange(rule, None, index) for index, rule in left))
 
 
-def _meaning(rule: model.Rule) -> tuple[object, ...]:
+def _meaning(rule: Rule) -> tuple[object, ...]:
     """Return what rules with one antecedent must share to be the same."""
     consequents = sorted((c.variable, c.term, c.weight) for c in rule.consequents)
     return consequents, rule.label, rule.and_operator, rule.or_operator
 
 
 def compare_outputs(
-    before: model.FuzzySystem, after: model.FuzzySystem, samples: Floats | None = None
+    before: FuzzySystem, after: FuzzySystem, samples: Floats | None = None
 ) -> tuple[OutputChange, ...]:
     """Compare the common outputs of two systems, over the input ranges and over samples.
 
     Parameters
     ----------
-    before, after : model.FuzzySystem
+    before, after : FuzzySystem
         Of inputs of the same names, in any order; without these nothing is compared.
     samples : (n, num_inputs), optional
         Inputs in the order of `after`.
@@ -396,12 +392,12 @@ def compare_outputs(
                 pair = np.array((old[output.name], new[output.name]))
                 has_value = np.isfinite(pair).all(axis=0)  # a formula may have none
                 if has_value.any():
-                    moved = (inputs[has_value], pair[:, has_value])
-                    changes.append(_change(before.variable(output.name), output, where, names, *moved))
+                    at = {name: column[has_value] for name, column in columns.items()}
+                    changes.append(_change(before, output, where, at, pair[:, has_value]))
     return tuple(changes)
 
 
-def over_both_ranges(before: model.FuzzySystem, after: model.FuzzySystem) -> model.FuzzySystem:
+def over_both_ranges(before: FuzzySystem, after: FuzzySystem) -> FuzzySystem:
     """Return a system whose inputs have ranges as wide as in both; for their ranges only."""
     wider = []
     for variable in after.inputs:
@@ -412,26 +408,12 @@ def over_both_ranges(before: model.FuzzySystem, after: model.FuzzySystem) -> mod
 
 
 def _change(
-    before: model.Variable,
-    output: model.Variable,
-    where: str,
-    names: list[str],
-    inputs: Floats,
-    values: Floats,
+    before: FuzzySystem, output: Variable, where: str, inputs: dict[str, Floats], values: Floats
 ) -> OutputChange:
     sizes = np.abs(values[1] - values[0])
     worst = int(np.argmax(sizes))
-    width = max(variable.maximum - variable.minimum for variable in (before, output))
+    width = max(v.maximum - v.minimum for v in (before.variable(output.name), output))
     mean, largest = float(sizes.mean()), float(sizes[worst])
-    return OutputChange(
-        output=output,
-        where=where,
-        num_samples=len(inputs),
-        mean=mean,
-        largest=largest,
-        mean_share=mean / width,
-        largest_share=largest / width,
-        inputs={name: float(value) for name, value in zip(names, inputs[worst], strict=True)},
-        before=float(values[0][worst]),
-        after=float(values[1][worst]),
-    )
+    at = {name: float(column[worst]) for name, column in inputs.items()}
+    sides = values[:, worst].tolist()
+    return OutputChange(output, where, len(sizes), mean, largest, mean / width, largest / width, at, *sides)

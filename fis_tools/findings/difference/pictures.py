@@ -87,11 +87,8 @@ def changed_surfaces(
     )
     old, new = (np.where(np.isfinite(values), values, np.nan) for values in (old, new))
     change = replace(grid.output, name=f"change of {output}")
-    return (
-        replace(grid, values=old),
-        replace(grid, values=new),
-        replace(grid, values=new - old, output=change),
-    )
+    moved = replace(grid, values=new - old, output=change)
+    return replace(grid, values=old), replace(grid, values=new), moved
 
 
 def _figure(surfaces: tuple[Surface, Surface, Surface], theme: "Theme") -> "Figure":

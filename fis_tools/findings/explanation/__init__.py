@@ -12,7 +12,7 @@ from fis_tools.analysis.contribution import contributions, holding_back
 from fis_tools.analysis.flights import Points
 from fis_tools.document import Block, Document, Heading, Items, Paragraph, Result, Table, plain
 from fis_tools.engines.compiler import compile
-from fis_tools.engines.inference import infer
+from fis_tools.engines.inference import conclusions_on, infer
 from fis_tools.findings.explanation.flips import ClassFlip, Flip, class_flips, flips, is_classifier
 from fis_tools.findings.explanation.points import made_of, missed_words, plain_parts, rehearsed
 from fis_tools.findings.explanation.shares import shares
@@ -223,15 +223,11 @@ class Explanation(Result):
         variable, moves = output.variable, output.moves
         shown = [move for move in moves if abs(move.share) >= WORTH_TELLING * span(variable)][:MOST_RULES]
         shown = list(moves) if everything else shown or list(moves[:1])
-        rows = [
-            [
-                signed(variable, move.share),
-                signed(variable, move.needed),
-                f"{move.strength:.2f}",
-                f"{move.rule}. {sentence(self.system.rules[move.rule - 1])}",
-            ]
-            for move in shown
-        ]
+        rows = []
+        for move in shown:
+            amounts = [signed(variable, part) for part in (move.share, move.needed)]
+            words = f"{move.rule}. {sentence(self.system.rules[move.rule - 1])}"
+            rows.append([*amounts, f"{move.strength:.2f}", words])
         rest = moves[len(shown) :]
         if not rest:
             return rows, ""
@@ -350,12 +346,8 @@ def explain(
     outputs = []
     for place, output in enumerate(inference.outputs):
         strengths = inference.firing_strengths
-        concluding = [
-            number
-            for number, rule in enumerate(compiled.system.rules)
-            if strengths[number] > 0.0
-            and any(c.variable == output.variable.name and c.weight > 0.0 for c in rule.consequents)
-        ]
+        asked = {rule for rule, c in conclusions_on(compiled.system, output.variable) if c.weight > 0.0}
+        concluding = [number for number in sorted(asked) if strengths[number] > 0.0]
         numbers = np.column_stack([strengths, shared[0, :, place], needed[0, :, place]])
         moves = [Move(number + 1, *numbers[number].tolist()) for number in concluding]
         moves.sort(key=lambda move: (-abs(move.share), -move.strength))

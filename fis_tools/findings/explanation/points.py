@@ -60,20 +60,16 @@ def in_short(points: Points | None, system: FuzzySystem, inputs: Sequence[float]
 
 def plain_parts(points: Points, system: FuzzySystem) -> dict[str, Any]:
     """Return what each point adds to the inputs as plain data, by the input's name, the largest first."""
-    return {
-        name: [
-            {
-                "point": place,
-                "part": float(parts[place]),
-                "latitude_deg": float(points.latitude_deg[place]),
-                "longitude_deg": float(points.longitude_deg[place]),
-                "dark_in_s": float(points.dark_in_s[place]),
-            }
-            for place in _largest_first(parts)
-        ]
-        for name, parts in points.parts.items()
-        if name in [variable.name for variable in system.inputs]
-    }
+    keys = ("latitude_deg", "longitude_deg", "dark_in_s")
+    about = {key: getattr(points, key).tolist() for key in keys}
+    found: dict[str, Any] = {}
+    for name, parts in points.parts.items():
+        if name in [variable.name for variable in system.inputs]:
+            found[name] = [
+                {"point": place, "part": float(parts[place])} | {key: about[key][place] for key in keys}
+                for place in _largest_first(parts)
+            ]
+    return found
 
 
 def missed_words(points: Points) -> str:

@@ -120,16 +120,9 @@ class Shares(Result):
         for rule in shown:
             values = zip((*outputs, *outputs), (*rule.moved, *rule.needed), strict=True)
             amounts = [amount(variable, value) for variable, value in values]
-            rows.append(
-                [
-                    f"{100 * rule.share:.1f} %",
-                    *amounts,
-                    f"{100 * rule.fired:.1f} %",
-                    f"{100 * rule.leading:.1f} %",
-                    f"{rule.strongest:.2f}",
-                    f"{rule.rule}. {sentence(self.system.rules[rule.rule - 1])}",
-                ]
-            )
+            parts = [f"{100 * part:.1f} %" for part in (rule.share, rule.fired, rule.leading)]
+            words = f"{rule.rule}. {sentence(self.system.rules[rule.rule - 1])}"
+            rows.append([parts[0], *amounts, *parts[1:], f"{rule.strongest:.2f}", words])
         return rows
 
 

@@ -212,11 +212,9 @@ def simplify(
     for system in controller.systems:
         validate(system)
         found.append(_simplified(system, samples.get(system.name), budget, progress))
-    simpler = replace(
-        controller,
-        systems=tuple(system.simplified for system in found),
-        provenance=_provenance(controller, budget, found),
-    )
+    systems = tuple(one.simplified for one in found)
+    provenance = _provenance(controller, budget, found)
+    simpler = replace(controller, systems=systems, provenance=provenance)
     return Simplification(controller, checked(simpler), budget, tuple(found))
 
 

@@ -3,12 +3,17 @@
 What is written takes the steps of `fis_tools.engines.inference` in the same order and with the same
 arithmetic. Tables are constant, loops bounded, nothing is allocated, nothing global changes, and of the
 library only ``math.h`` and ``stdbool.h`` are included.
+
+A file has the functions of ``parts.c`` that it calls. Of the thrust logic there is one function, called
+once in each control period: `fis_tools.model.thrust` says what it is. The function does what
+`pipeline.flight.period.decide.thrust` does, but for the safety layer, which is no part of the controller.
 """
 
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial, reduce
+from functools import cache, partial, reduce
+from pathlib import Path
 from textwrap import wrap
 from typing import Literal
 
@@ -18,10 +23,145 @@ from fis_tools import model
 from fis_tools.array_types import Integers
 from fis_tools.engines.program import Conclusion, assemble
 from fis_tools.formats import rendered
-from fis_tools.formats.c import parts
-from fis_tools.model.thrust import ThrustLogic, thrust_logic
+from fis_tools.model import FuzzyController, FuzzySystem, Term, Variable, thrust
+from fis_tools.model.thrust import ThrustLogic
 from fis_tools.model.variables import sample
+from fis_tools.plain_text import distinct
 from fis_tools.words.text import number, sentence, shape_words, summary, with_unit
+
+#: What the C function of a defuzzifier is called; that of any other method is called ``fuzzy_`` and its name.
+DEFUZZIFIERS = {
+    "centroid": "centroid",
+    "bisector": "bisector",
+    "mom": "mean_of_maximum",
+    "som": "smallest_of_maximum",
+    "lom": "largest_of_maximum",
+}
+_CONCLUDE = "conclude_by_IMPLICATION_and_AGGREGATION"
+_COMMENT = re.compile(r"/\*.*?\*/", re.DOTALL)
+_CALL = re.compile(r"\b(\w+)\(")
+
+
+@cache
+def _functions() -> dict[str, str]:
+    """Return the texts of the functions by their names."""
+    text = Path(__file__).with_name("parts.c").read_text(encoding="utf-8")
+    _opening, *functions = re.split(r"\n\n(?=/\*|static)", text.rstrip("\n"))
+    return {_CALL.findall(_COMMENT.sub("", function))[0]: f"{function}\n" for function in functions}
+
+
+def called(text: str) -> list[str]:
+    """Return the functions that a text calls, and those that these call, callees first.
+
+    Parameters
+    ----------
+    text : str
+        C source; what its comments say calls nothing.
+    """
+    functions = _functions()
+    found: set[str] = set()
+    waiting = [text]
+    while waiting:
+        names = set(_CALL.findall(_COMMENT.sub("", waiting.pop())))
+        new = (names & functions.keys()) - found
+        found |= new
+        waiting += (functions[name] for name in new)
+    return [function for name, function in functions.items() if name in found]
+
+
+def conclude(implication: str, aggregation: str) -> tuple[str, str]:
+    """Return the function by which a rule adds what it implies where terms are not cut: its name and text."""
+
+    def filled(text: str) -> str:
+        return text.replace("IMPLICATION", implication).replace("AGGREGATION", aggregation)
+
+    return filled(_CONCLUDE), filled(_functions()[_CONCLUDE])
+
+
+#: words that no member of a structure may be called
+_KEYWORDS = frozenset(
+    {
+        *("auto", "break", "case", "char", "const", "continue", "default", "do", "double", "else", "enum"),
+        *("extern", "float", "for", "goto", "if", "inline", "int", "long", "register", "restrict", "return"),
+        *("short", "signed", "sizeof", "static", "struct", "switch", "typedef", "union", "unsigned", "void"),
+        *("volatile", "while", "attitude", "is_complete"),
+    }
+)
+
+#: unit and meaning of what coasting is decided by
+_FORESEEN = {
+    "missed": ("", "how many points coasting to the end would leave unseen"),
+    "coasting_nearest": ("m", "least distance on the way"),
+    "coasting_farthest": ("m", "greatest distance on the way"),
+}
+
+
+def members(controller: FuzzyController, logic: ThrustLogic) -> Mapping[str, tuple[str, str, str]]:
+    """Return what `step` is told as signals: member of the structure by signal, its unit, what it is.
+
+    Parameters
+    ----------
+    controller : FuzzyController
+    logic : ThrustLogic
+        Of the controller.
+
+    Returns
+    -------
+    mapping of str to (str, str, str)
+        In the order of the members.
+    """
+    sensed: dict[str, Variable] = {v.name: v for system in controller.systems for v in system.inputs}
+    found: dict[str, tuple[str, str, str]] = {}
+    taken: set[str] = set()
+    foreseen = _FORESEEN if logic.may_coast else {}
+    for name in dict.fromkeys([*sensed, *foreseen]):
+        word = "".join(letter if letter.isascii() and letter.isalnum() else "_" for letter in name) or "_"
+        if word[0].isdigit() or word in _KEYWORDS:
+            word = f"signal_{word}"
+        while word in taken:
+            word += "_"
+        taken.add(word)
+        unit, about = foreseen.get(name, ("", ""))
+        if name in sensed:
+            unit, about = sensed[name].unit, sensed[name].description or about
+        found[name] = (word, unit, about)
+    return found
+
+
+def step_structures(controller: FuzzyController, logic: ThrustLogic) -> str:
+    """Write what `step` is told and what it gives back."""
+    signals = (
+        (word, wrap(f"/* {_plain(', '.join(filter(None, (unit, about))))} */", 100, subsequent_indent=" * "))
+        for word, unit, about in members(controller, logic).values()
+    )
+    axes = "in the axes that attitude turns from" if logic.is_turned else f"{logic.force_axes} axes"
+    reasons = {word: thrust.REASONS[word] for word in thrust.LOGIC_REASONS}
+    return rendered("c/step.h.jinja", logic=logic, signals=signals, reasons=reasons, fired_axes=_plain(axes))
+
+
+def step_functions(controller: FuzzyController, logic: ThrustLogic, infer: Mapping[str, str]) -> str:
+    """Write `start` and `step`.
+
+    Parameters
+    ----------
+    controller : FuzzyController
+    logic : ThrustLogic
+        Of the controller.
+    infer : mapping of str to str
+        The function that infers a system, by the system's name.
+    """
+    words = {name: member for name, (member, _, _) in members(controller, logic).items()}
+    asked = [
+        (
+            thrust.COMPONENTS.index(system.outputs[0].name),
+            infer[system.name],
+            [words[v.name] for v in system.inputs],
+        )
+        for system in controller.systems
+    ]
+    foreseen = [words[name] for name in thrust.FORESEEN] if logic.may_coast else []
+    return rendered("c/step.c.jinja", logic=logic, systems=asked, foreseen=foreseen, silent_n=thrust.SILENT_N)
+
 
 WIDTH = 110
 #: a membership is on a straight line if it differs from it by less: by rounding
@@ -44,11 +184,11 @@ _OPENING = """\
 """
 
 
-def write(controller: model.FuzzyController, bare: bool = False) -> str:
+def write(controller: FuzzyController, bare: bool = False) -> str:
     """Write a controller as one C99 source file.
 
     A controller that commands a force becomes ``void step(state, signals, mission, force)``, inference and
-    `fis_tools.model.thrust.ThrustLogic`, which a flight computer calls once in each control period. Any other
+    `fis_tools.model.ThrustLogic`, which a flight computer calls once in each control period. Any other
     controller becomes a function a system: one with one output ``double infer_NAME(const double inputs[K])``,
     one with several ``void infer_NAME(const double inputs[K], double outputs[M])``.
 
@@ -68,16 +208,14 @@ def write(controller: model.FuzzyController, bare: bool = False) -> str:
     ValueError
         If an attribute of the thrust logic is no number, or a rule concludes a formula.
     """
-    logic = thrust_logic(controller)
+    logic = thrust.thrust_logic(controller)
     has_step = logic is not None and not bare
     prefix = "infer" if logic is None or has_step else "bare_infer"
     identifiers = _identifiers(system.name for system in controller.systems)
     systems = [_System(name, system) for name, system in zip(identifiers, controller.systems, strict=True)]
     names = [f"{prefix}_{name}" for name in identifiers]
-    signatures = [
-        ("static " if has_step else "") + _signature(name, one.system)
-        for name, one in zip(names, systems, strict=True)
-    ]
+    static = "static " if has_step else ""
+    signatures = [static + _signature(name, one.system) for name, one in zip(names, systems, strict=True)]
     own = [
         *dict.fromkeys(text for one in systems for text in one.conclusion_functions()),
         *(one.text(signature) for one, signature in zip(systems, signatures, strict=True)),
@@ -85,18 +223,18 @@ def write(controller: model.FuzzyController, bare: bool = False) -> str:
     declared = [f"{signature};" for signature in signatures]
     if logic is not None and has_step:
         infer = dict(zip((one.system.name for one in systems), names, strict=True))
-        own.append(parts.step_functions(controller, logic, infer))
-        declared.insert(0, parts.step_structures(controller, logic).rstrip())
-    shared = parts.called("".join(own))
+        own.append(step_functions(controller, logic, infer))
+        declared.insert(0, step_structures(controller, logic).rstrip())
+    shared = called("".join(own))
     return "\n".join([_header(controller, logic, has_step), _OPENING, *declared, "", *shared, *own])
 
 
-def function_name(system: model.FuzzySystem) -> str:
+def function_name(system: FuzzySystem) -> str:
     """Return what the function is called that infers a system, written alone."""
     return f"infer_{_identifiers([system.name])[0]}"
 
 
-def _signature(name: str, system: model.FuzzySystem) -> str:
+def _signature(name: str, system: FuzzySystem) -> str:
     """Return a function's declaration without its end."""
     inputs = f"const double inputs[{len(system.inputs)}]"
     if len(system.outputs) == 1:
@@ -104,7 +242,7 @@ def _signature(name: str, system: model.FuzzySystem) -> str:
     return f"void {name}({inputs}, double outputs[{len(system.outputs)}])"
 
 
-def _header(controller: model.FuzzyController, logic: ThrustLogic | None, has_step: bool) -> str:
+def _header(controller: FuzzyController, logic: ThrustLogic | None, has_step: bool) -> str:
     text = rendered("c/head.jinja", controller=controller, logic=logic, has_step=has_step, warnings=WARNINGS)
     title, *paragraphs = (" ".join(paragraph.split()) for paragraph in text.split("\n\n"))
     facts = [f"{key}: {value}" for key, value in (*controller.attributes, *controller.provenance)]
@@ -123,20 +261,15 @@ def _comment(paragraphs: Sequence[str], indent: int = 0) -> str:
 def _plain(text: str) -> str:
     """Keep a text from ending its comment, from opening another and from spelling a trigraph."""
     printable = "".join(letter if letter.isprintable() else " " for letter in text)
-    return parts.plain(printable)
+    return printable.replace("*/", "* /").replace("/*", "/ *").replace("??", "? ?")
 
 
 def _identifiers(names: Iterable[str]) -> list[str]:
     """Turn names into words that can be part of a C identifier, no two alike."""
-    found: list[str] = []
-    for name in names:
-        word = re.sub(r"[^A-Za-z0-9]+", "_", name).strip("_") or "unnamed"
-        numbered = (f"{word}_{count}" for count in range(2, len(found) + 3))
-        found.append(next(choice for choice in (word, *numbered) if choice not in found))
-    return found
+    return distinct(re.sub(r"[^A-Za-z0-9]+", "_", name).strip("_") or "unnamed" for name in names)
 
 
-def _bends(variable: model.Variable) -> Integers:
+def _bends(variable: Variable) -> Integers:
     """Return the places of a universe's points where some term bends: between them all are straight.
 
     All places, if bends that are too slight to see next to rounding add up.
@@ -172,10 +305,10 @@ class _Signal:
         The points of its universe that the table holds.
     """
 
-    variable: model.Variable
+    variable: Variable
     word: str
     kind: Kind
-    terms: Sequence[model.Term]
+    terms: Sequence[Term]
     places: Integers
 
     @property
@@ -184,7 +317,7 @@ class _Signal:
         points: list[float] = self.variable.universe[self.places].tolist()
         return points
 
-    def values(self, term: model.Term) -> list[float]:
+    def values(self, term: Term) -> list[float]:
         """Return a row of its table."""
         values: list[float] = sample(self.variable, term)[self.places].tolist()
         return values
@@ -197,7 +330,7 @@ class _Signal:
 class _System:
     """One system of a controller on its way to C."""
 
-    def __init__(self, name: str, system: model.FuzzySystem) -> None:
+    def __init__(self, name: str, system: FuzzySystem) -> None:
         variables = (*system.inputs, *system.outputs)
         words = _identifiers(variable.name for variable in variables)
         self.name = name
@@ -212,7 +345,7 @@ class _System:
         ]
         self.signals = {signal.variable.name: signal for signal in (*self.inputs, *self.outputs)}
 
-    def _output(self, variable: model.Variable, word: str) -> _Signal:
+    def _output(self, variable: Variable, word: str) -> _Signal:
         consequents = (c for rule in self.system.rules for c in rule.consequents)
         names = {consequent.term for consequent in consequents if consequent.variable == variable.name}
         terms = [term for term in variable.terms if term.name in names]
@@ -227,7 +360,7 @@ class _System:
         yield from (self._conclude(output)[1] for output in self.outputs if output.kind == "implied")
 
     def _conclude(self, output: _Signal) -> tuple[str, str]:
-        return parts.conclude(self.system.implication, output.variable.aggregation)
+        return conclude(self.system.implication, output.variable.aggregation)
 
     def text(self, signature: str) -> str:
         """Write the tables, and the function: fuzzify the inputs, fire the rules, defuzzify the outputs."""
@@ -242,7 +375,7 @@ class _System:
             outputs=self.outputs,
             about=_comment(list(self._about())),
             rules=list(self._rules()),
-            defuzzifiers=parts.DEFUZZIFIERS,
+            defuzzifiers=DEFUZZIFIERS,
             most_points=max((len(c.universe) + len(c.runs) for c in cut), default=0),
             # gcc warns of moving within an array of one
             most_crossings=max([2, *(len(c.runs) for c in cut)]),
@@ -285,13 +418,10 @@ class _System:
                 f"{output.variable.num_points}, strength * {weight!r}, heights_{word})"
             )
         target = f"cuts_{word}[{row}]"
-        is_set = target in cut
+        if target in cut:
+            return f"{target} = fuzzy_{output.variable.accumulation}({scaled}, {target})"
         cut.add(target)
-        return (
-            f"{target} = fuzzy_{output.variable.accumulation}({scaled}, {target})"
-            if is_set
-            else f"{target} = {scaled}"
-        )
+        return f"{target} = {scaled}"
 
     def _degree(self, rule: model.Rule, expression: model.Expression) -> str:
         match expression:
@@ -306,7 +436,7 @@ class _System:
         operands = [self._degree(rule, operand) for operand in expression.operands]
         return reduce(lambda left, right: f"fuzzy_{word}({left}, {right})", operands)
 
-    def _number(self, shape: model.MembershipFunction, strength: str, output: model.Variable) -> str:
+    def _number(self, shape: model.MembershipFunction, strength: str, output: Variable) -> str:
         """Write the number that a rule of some strength concludes, an expression of doubles."""
         if isinstance(shape, model.Formula):
             raise ValueError(
@@ -330,7 +460,7 @@ class _System:
         return place
 
 
-def _extent(variable: model.Variable) -> str:
+def _extent(variable: Variable) -> str:
     return f"{with_unit(variable)}, {number(variable.minimum)} to {number(variable.maximum)}"
 
 

@@ -7,31 +7,25 @@ hedge moves to the statements behind it.
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import reduce
+from typing import get_args
 
 from fis_tools import model
 from fis_tools.formats.exchange.vocabulary import HEDGES
+from fis_tools.model import AndOperator, Expression, Hedge, OrOperator, Rule, Variable
+from fis_tools.words.text import before
 
 #: A variable and one of its terms.
 Statement = tuple[str, str]
 
-_DUALS = {
-    ("min", "max"),
-    ("product", "probabilistic_sum"),
-    ("bounded_difference", "bounded_sum"),
-    ("einstein_product", "einstein_sum"),
-    ("hamacher_product", "hamacher_sum"),
-    ("drastic_product", "drastic_sum"),
-    ("nilpotent_minimum", "nilpotent_maximum"),
-}
+#: They stand at the same places in their lists.
+_DUALS = set(zip(get_args(AndOperator), get_args(OrOperator), strict=True))
 
 
 class NotExpressible(ValueError):  # noqa: N818
     """What a format cannot express without changing its meaning, told in a sentence."""
 
 
-def with_plain_not(
-    expression: model.Expression, and_operator: model.AndOperator, or_operator: model.OrOperator
-) -> model.Expression:
+def with_plain_not(expression: Expression, and_operator: AndOperator, or_operator: OrOperator) -> Expression:
     """Move every `not` to a statement, and join nested conjunctions and disjunctions of one kind.
 
     Raises
@@ -40,7 +34,7 @@ def with_plain_not(
         If a complement of several statements would have to move through operators that are not duals.
     """
 
-    def moved(part: model.Expression, is_negated: bool) -> model.Expression:
+    def moved(part: Expression, is_negated: bool) -> Expression:
         match part:
             case model.Is() | model.Hedged():
                 return model.Not(part) if is_negated else part
@@ -60,9 +54,7 @@ def with_plain_not(
     return moved(expression, False)
 
 
-def joined(
-    kind: type[model.And | model.Or], operands: Sequence[model.Expression]
-) -> Iterator[model.Expression]:
+def joined(kind: type[model.And | model.Or], operands: Sequence[Expression]) -> Iterator[Expression]:
     """Yield operands; of one that joins by the same kind, what it joins."""
     for operand in operands:
         if isinstance(operand, kind):
@@ -71,7 +63,7 @@ def joined(
             yield operand
 
 
-def require_flat(expression: model.Expression, *, repeats: bool) -> None:
+def require_flat(expression: Expression, *, repeats: bool) -> None:
     """Refuse an antecedent that nests conjunctions and disjunctions.
 
     Parameters
@@ -94,7 +86,7 @@ def require_flat(expression: model.Expression, *, repeats: bool) -> None:
         raise NotExpressible("it says two things of one input")
 
 
-def in_order(expression: model.Expression, inputs: Sequence[str]) -> model.Expression:
+def in_order(expression: Expression, inputs: Sequence[str]) -> Expression:
     """Put the statements of a flat antecedent, one of each input, in the order of the inputs."""
     if isinstance(expression, model.And | model.Or):
         places = {name: place for place, name in enumerate(inputs)}
@@ -103,30 +95,23 @@ def in_order(expression: model.Expression, inputs: Sequence[str]) -> model.Expre
     return expression
 
 
-def statement_of(leaf: model.Expression) -> model.Is:
+def statement_of(leaf: Expression) -> model.Is:
     """Return the statement that an antecedent makes, denies or hedges, which must be one."""
-    match leaf:
-        case model.Is():
-            return leaf
-        case model.Not(operand) | model.Hedged(_, operand):
-            return statement_of(operand)
-    raise TypeError(f"{leaf} is made of several statements; expected one")
+    (statement,) = model.statements_of(leaf)
+    return statement
 
 
-def is_leaf(expression: model.Expression) -> bool:
+def is_leaf(expression: Expression) -> bool:
     """Return whether an antecedent makes one statement, denied or hedged or as it is."""
-    match expression:
-        case model.Not(operand) | model.Hedged(_, operand):
-            return is_leaf(operand)
-    return isinstance(expression, model.Is)
+    return isinstance(before(expression)[1], model.Is)
 
 
-def operands_of(expression: model.Expression) -> tuple[model.Expression, ...]:
+def operands_of(expression: Expression) -> tuple[Expression, ...]:
     """Return what a conjunction or disjunction joins; of anything else, itself."""
     return expression.operands if isinstance(expression, model.And | model.Or) else (expression,)
 
 
-def renamed(rule: model.Rule, names: Mapping[Statement, Statement]) -> model.Rule:
+def renamed(rule: Rule, names: Mapping[Statement, Statement]) -> Rule:
     """Return a rule that speaks of other variables and terms.
 
     Parameters
@@ -146,48 +131,35 @@ def renamed(rule: model.Rule, names: Mapping[Statement, Statement]) -> model.Rul
     )
 
 
-def mentions(rule: model.Rule) -> Iterator[Statement]:
-    """Yield each variable and term that a rule speaks of."""
-    for part in model.parts_of(rule.antecedent):
-        if isinstance(part, model.Is):
-            yield part.variable, part.term
-    for consequent in rule.consequents:
-        yield consequent.variable, consequent.term
-
-
 #: Behind the number of a term in a `.fis` file, as MATLAB's and Octave's powers have them.
-FRACTIONS: dict[float, tuple[model.Hedge, ...]] = {
+FRACTIONS: dict[float, tuple[Hedge, ...]] = {
     0.05: ("somewhat",),
     0.2: ("very",),
     0.3: ("extremely",),
     0.4: ("very", "very"),
 }
 #: As fuzzylite writes them, which has formulas of its own.
-FUZZYLITES_FRACTIONS: dict[float, tuple[model.Hedge, ...]] = {
-    **FRACTIONS,
-    0.01: ("seldom",),
-    0.3: ("intensely",),
-}
+FUZZYLITES_FRACTIONS: dict[float, tuple[Hedge, ...]] = {**FRACTIONS, 0.01: ("seldom",), 0.3: ("intensely",)}
 #: fuzzylite's word for what every value belongs to, read as a term.
 ANY = "any"
 #: fuzzylite's words, with the hedges that they stand for.
 FUZZYLITES = {word: hedge for hedge, word in HEDGES.items()}
 
 
-def hedged(hedges: Sequence[model.Hedge], expression: model.Expression) -> model.Expression:
+def hedged(hedges: Sequence[Hedge], expression: Expression) -> Expression:
     """Put hedges before a statement, the first of them outermost."""
     return reduce(lambda inside, hedge: model.Hedged(hedge, inside), reversed(hedges), expression)
 
 
-def any_term(variable: model.Variable) -> model.Term:
+def any_term(variable: Variable) -> model.Term:
     """Return the term that every value of a variable belongs to."""
     low, high = variable.minimum, variable.maximum
     return model.Term(ANY, model.Trapezoidal(low, low, high, high))
 
 
-def with_any(variables: Iterable[model.Variable], rules: Sequence[model.Rule]) -> tuple[model.Variable, ...]:
+def with_any(variables: Iterable[Variable], rules: Sequence[Rule]) -> tuple[Variable, ...]:
     """Give variables that rules call `any` a term of this name, which every value belongs to."""
-    asked = {owner for rule in rules for owner, name in mentions(rule) if name == ANY}
+    asked = {owner for owner, name in model.used_terms(rules) if name == ANY}
     return tuple(
         replace(v, terms=(*v.terms, any_term(v)))
         if v.name in asked and all(term.name != ANY for term in v.terms)
@@ -196,9 +168,7 @@ def with_any(variables: Iterable[model.Variable], rules: Sequence[model.Rule]) -
     )
 
 
-def on_statements(
-    expression: model.Expression, and_operator: model.AndOperator, or_operator: model.OrOperator
-) -> model.Expression:
+def on_statements(expression: Expression, and_operator: AndOperator, or_operator: OrOperator) -> Expression:
     """Move every hedge to a statement; minimum and maximum hand it on, because it grows.
 
     Raises
@@ -207,7 +177,7 @@ def on_statements(
         If a hedge stands before several statements that other operators join.
     """
 
-    def moved(hedge: model.Hedge, part: model.Expression) -> model.Expression:
+    def moved(hedge: Hedge, part: Expression) -> Expression:
         if is_leaf(part):
             return model.Hedged(hedge, part)
         match part:

@@ -7,25 +7,18 @@ assumes of such a file. The law of every format: reading what was written gives 
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import chain, pairwise
 from typing import cast
 
 import numpy as np
 
 from fis_tools import model
 from fis_tools.array_types import Floats
-from fis_tools.formats.exchange.antecedents import (
-    NotExpressible,
-    hedged,
-    in_order,
-    is_leaf,
-    on_statements,
-    renamed,
-    require_flat,
-    with_plain_not,
-)
+from fis_tools.formats.exchange import antecedents
+from fis_tools.formats.exchange.antecedents import NotExpressible, is_leaf, with_plain_not
 from fis_tools.formats.exchange.vocabulary import HEDGES, Names
-from fis_tools.model.shape import Format
+from fis_tools.model import Consequent, FuzzySystem, MembershipFunction, Rule, Term, Variable
+from fis_tools.model.shapes import Format
 from fis_tools.model.systems import said_once
 from fis_tools.model.variables import sample
 from fis_tools.words.text import before
@@ -101,11 +94,11 @@ class Expressed:
         What each rule of the original became.
     """
 
-    system: model.FuzzySystem
-    rules: tuple[tuple[model.Rule, ...], ...]
+    system: FuzzySystem
+    rules: tuple[tuple[Rule, ...], ...]
 
 
-def only_system(controller: model.FuzzyController, dialect: Dialect) -> model.FuzzySystem:
+def only_system(controller: model.FuzzyController, dialect: Dialect) -> FuzzySystem:
     """Return the one system of a controller.
 
     Raises
@@ -121,7 +114,7 @@ def only_system(controller: model.FuzzyController, dialect: Dialect) -> model.Fu
     return controller.systems[0]
 
 
-def express(system: model.FuzzySystem, dialect: Dialect) -> Expressed:
+def express(system: FuzzySystem, dialect: Dialect) -> Expressed:
     """Turn a valid system into what a format says of it.
 
     Raises
@@ -139,7 +132,10 @@ def express(system: model.FuzzySystem, dialect: Dialect) -> Expressed:
     system = _with_known_hedges(system, dialect)
     names = Names(system)
     groups = [
-        [renamed(expressed, names.statements) for expressed in _expressed_rules(place, rule, system, dialect)]
+        [
+            antecedents.renamed(expressed, names.statements)
+            for expressed in _expressed_rules(place, rule, system, dialect)
+        ]
         for place, rule in enumerate(system.rules, start=1)
     ]
     own_ways = tuple(system.defuzzifier_of(output) for output in system.outputs)
@@ -150,23 +146,18 @@ def express(system: model.FuzzySystem, dialect: Dialect) -> Expressed:
                 f"the outputs are {what} by {', '.join(ways)}, and {dialect.title} knows one way for all; "
                 "export as fll or json"
             )
-    outputs = (
+    said = (
         _expressed_weighed(system, variable, names, dialect)
         if system.weighs(variable)
         else _expressed_variable(variable, names, dialect, is_output=True)
         for variable in system.outputs
     )
-    expressed = settle(
-        model.FuzzySystem(
-            name=names.system,
-            inputs=tuple(_expressed_variable(v, names, dialect, is_output=False) for v in system.inputs),
-            outputs=tuple(replace(o, defuzzifier=way) for o, way in zip(outputs, own_ways, strict=True)),
-            rules=tuple(rule for group in groups for rule in group),
-            and_operator=system.and_operator,
-            or_operator=system.or_operator,
-            implication="min" if len(system.weighed) == len(system.outputs) else system.implication,
-        )
-    )
+    bare = replace(system, name=names.system, rules=tuple(chain(*groups)), defuzzifier="centroid")
+    if len(system.weighed) == len(system.outputs):
+        bare = replace(bare, implication="min")
+    inputs = tuple(_expressed_variable(v, names, dialect, is_output=False) for v in system.inputs)
+    outputs = tuple(replace(o, defuzzifier=way) for o, way in zip(said, own_ways, strict=True))
+    expressed = settle(replace(bare, inputs=inputs, outputs=outputs))
     if not dialect.has_rule_operators and any(rule.has_own_operators for rule in expressed.rules):
         raise NotExpressible(
             f"rules combine their statements in different ways, and {dialect.title} knows one way for all; "
@@ -176,7 +167,7 @@ def express(system: model.FuzzySystem, dialect: Dialect) -> Expressed:
     return Expressed(expressed, tuple(expressed.rules[start:end] for start, end in pairwise(ends)))
 
 
-def refuse_joined(system: model.FuzzySystem) -> None:
+def refuse_joined(system: FuzzySystem) -> None:
     """Refuse rules that conclude one of Tsukamoto's terms together, which fuzzylite sees as one rule.
 
     Raises
@@ -197,7 +188,7 @@ def refuse_joined(system: model.FuzzySystem) -> None:
                     )
 
 
-def settle(system: model.FuzzySystem) -> model.FuzzySystem:
+def settle(system: FuzzySystem) -> FuzzySystem:
     """Say once what all rules and outputs have; where outputs are weighed inputs get more points.
 
     A table has points of its own.
@@ -206,7 +197,7 @@ def settle(system: model.FuzzySystem) -> model.FuzzySystem:
     return said_once(replace(system, inputs=inputs))
 
 
-def _finer(variable: model.Variable) -> model.Variable:
+def _finer(variable: Variable) -> Variable:
     shapes = [term.membership for term in variable.terms]
     if not shapes or any(isinstance(shape, model.Sampled) for shape in shapes):
         return variable
@@ -217,11 +208,11 @@ def _finer(variable: model.Variable) -> model.Variable:
     return replace(variable, num_points=num_points, points=points)
 
 
-def _with_known_hedges(system: model.FuzzySystem, dialect: Dialect) -> model.FuzzySystem:
+def _with_known_hedges(system: FuzzySystem, dialect: Dialect) -> FuzzySystem:
     """Put every hedge before a statement, and refuse those that a format has no word for."""
     known = set(HEDGES) if dialect.has_hedges else set()
 
-    def expressed(place: int, rule: model.Rule) -> model.Rule:
+    def expressed(place: int, rule: Rule) -> Rule:
         if not any(isinstance(part, model.Hedged) for part in model.parts_of(rule.antecedent)):
             return rule
         outside, asked = before(rule.antecedent)
@@ -230,14 +221,14 @@ def _with_known_hedges(system: model.FuzzySystem, dialect: Dialect) -> model.Fuz
             outside, asked = [], rule.antecedent
         try:
             operators = system.and_operator_of(rule), system.or_operator_of(rule)
-            moved = with_plain_not(on_statements(asked, *operators), *operators)
+            moved = with_plain_not(antecedents.on_statements(asked, *operators), *operators)
             for part in model.parts_of(moved):
                 words, _ = before(part)
                 if {*words} - {"not", *known}:
                     raise NotExpressible(f"it has no word for {' '.join(words)!r}")
         except NotExpressible as reason:
             raise _not_expressible(place, dialect, reason) from reason
-        return replace(rule, antecedent=hedged(cast(list[model.Hedge], outside), moved))
+        return replace(rule, antecedent=antecedents.hedged(cast(list[model.Hedge], outside), moved))
 
     rules = tuple(expressed(place, rule) for place, rule in enumerate(system.rules, start=1))
     return replace(system, rules=rules)
@@ -250,31 +241,29 @@ def _not_expressible(place: int, dialect: Dialect, reason: NotExpressible) -> No
     )
 
 
-def _expressed_rules(
-    place: int, rule: model.Rule, system: model.FuzzySystem, dialect: Dialect
-) -> list[model.Rule]:
+def _expressed_rules(place: int, rule: Rule, system: FuzzySystem, dialect: Dialect) -> list[Rule]:
     """Say a rule as one or several, with the names of the original."""
     operators = system.and_operator_of(rule), system.or_operator_of(rule)
     try:
         antecedent = with_plain_not(rule.antecedent, *operators)
         if not dialect.is_nested:
-            require_flat(antecedent, repeats=dialect.repeats_variables)
+            antecedents.require_flat(antecedent, repeats=dialect.repeats_variables)
     except NotExpressible as reason:
         raise _not_expressible(place, dialect, reason) from reason
     if not dialect.repeats_variables:
-        antecedent = in_order(antecedent, [variable.name for variable in system.inputs])
+        antecedent = antecedents.in_order(antecedent, [variable.name for variable in system.inputs])
     outputs = [output.name for output in system.outputs]
     groups = list(_consequent_groups(rule.consequents, outputs, dialect))
     if isinstance(rule.antecedent, model.Hedged) and not is_leaf(rule.antecedent):
         groups = [(each,) for each in rule.consequents]  # fuzzylite carries a hedge on to those behind it
-    return [model.Rule(antecedent, group, "", *operators) for group in groups]
+    return [Rule(antecedent, group, "", *operators) for group in groups]
 
 
 def _consequent_groups(
-    consequents: Sequence[model.Consequent], outputs: Sequence[str], dialect: Dialect
-) -> Iterator[tuple[model.Consequent, ...]]:
+    consequents: Sequence[Consequent], outputs: Sequence[str], dialect: Dialect
+) -> Iterator[tuple[Consequent, ...]]:
     """Part consequents into groups of one weight, and of different outputs where they may not repeat."""
-    groups: dict[tuple[float, int], list[model.Consequent]] = {}
+    groups: dict[tuple[float, int], list[Consequent]] = {}
     for consequent in consequents:
         key = consequent.weight, 0
         while not dialect.repeats_variables and any(
@@ -288,11 +277,9 @@ def _consequent_groups(
         yield tuple(group)
 
 
-def _expressed_variable(
-    variable: model.Variable, names: Names, dialect: Dialect, *, is_output: bool
-) -> model.Variable:
+def _expressed_variable(variable: Variable, names: Names, dialect: Dialect, *, is_output: bool) -> Variable:
     terms = tuple(
-        model.Term(names.terms[variable.name, term.name], _expressed_membership(variable, term, dialect))
+        Term(names.terms[variable.name, term.name], _expressed_membership(variable, term, dialect))
         for term in variable.terms
     )
     if any(isinstance(term.membership, model.Sampled) for term in terms):
@@ -303,23 +290,13 @@ def _expressed_variable(
         shapes = [term.membership for term in terms]
         num_points, points = input_universe(float(variable.minimum), float(variable.maximum), shapes)
     default = variable.default if dialect.holds_defaults else middle(variable.minimum, variable.maximum)
-    return model.Variable(
-        name=names.variables[variable.name],
-        unit="",
-        minimum=float(variable.minimum),
-        maximum=float(variable.maximum),
-        terms=terms,
-        num_points=num_points,
-        points=points,
-        default=default if is_output else None,
-        description=one_line(variable.description) if dialect.holds_descriptions else "",
-        aggregation=variable.aggregation,
-    )
+    about = one_line(variable.description) if dialect.holds_descriptions else ""
+    ends = float(variable.minimum), float(variable.maximum)
+    bare = Variable(names.variables[variable.name], "", *ends, terms, num_points, points, description=about)
+    return replace(bare, default=default if is_output else None, aggregation=variable.aggregation)
 
 
-def _expressed_weighed(
-    system: model.FuzzySystem, output: model.Variable, names: Names, dialect: Dialect
-) -> model.Variable:
+def _expressed_weighed(system: FuzzySystem, output: Variable, names: Names, dialect: Dialect) -> Variable:
     """Say an output that is weighed: its universe is of no account, its terms have words of their own."""
     terms = []
     for term in output.terms:
@@ -331,22 +308,20 @@ def _expressed_weighed(
             )
         if isinstance(shape, model.Formula):
             shape = model.Formula(shape.parsed.text(names.variables))
-        terms.append(model.Term(names.terms[output.name, term.name], shape))
+        terms.append(Term(names.terms[output.name, term.name], shape))
     plain = replace(output, terms=(), num_points=OUTPUT_POINTS, points=None)
     expressed = _expressed_variable(plain, names, dialect, is_output=True)
     return replace(expressed, terms=tuple(terms), num_points=OUTPUT_POINTS)
 
 
-def _expressed_membership(
-    variable: model.Variable, term: model.Term, dialect: Dialect
-) -> model.MembershipFunction:
+def _expressed_membership(variable: Variable, term: Term, dialect: Dialect) -> MembershipFunction:
     shape = term.membership
     if dialect.words and dialect.words not in shape.entry.words and not isinstance(shape, model.Sampled):
         return model.Sampled(tuple(sample(variable, term).tolist()))
     return shape if dialect.has_walls else without_walls(variable, shape)
 
 
-def without_walls(variable: model.Variable, membership: model.MembershipFunction) -> model.MembershipFunction:
+def without_walls(variable: Variable, membership: MembershipFunction) -> MembershipFunction:
     """Turn the walls of a triangle or trapezoid at the ends of a range into flanks outside of it."""
     if not isinstance(membership, model.Triangular | model.Trapezoidal):
         return membership
@@ -362,7 +337,7 @@ def without_walls(variable: model.Variable, membership: model.MembershipFunction
 
 
 def input_universe(
-    minimum: float, maximum: float, shapes: Sequence[model.MembershipFunction], fewest: int = INPUT_POINTS
+    minimum: float, maximum: float, shapes: Sequence[MembershipFunction], fewest: int = INPUT_POINTS
 ) -> tuple[int, tuple[float, ...] | None]:
     """Choose points on which straight lines are what other programs compute from the formulas of an input.
 
@@ -391,9 +366,7 @@ def input_universe(
     return len(points), tuple(points.tolist())
 
 
-def corners_of(
-    minimum: float, maximum: float, shapes: Sequence[model.MembershipFunction]
-) -> tuple[Floats, Floats]:
+def corners_of(minimum: float, maximum: float, shapes: Sequence[MembershipFunction]) -> tuple[Floats, Floats]:
     """Return the corners of shapes inside a range, and those of them at which one jumps, ascending."""
     inside = [[x for x in shape.corners if minimum < x < maximum] for shape in shapes]
     jumps = [x for corners in inside for x, other in pairwise(corners) if x == other]

@@ -6,6 +6,7 @@ Gaussian's numbers are the standard deviation and the mean, in this order. A rul
 1 for `and`, 2 for `or`.
 """
 
+import math
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -14,37 +15,14 @@ from typing import Any, NamedTuple
 
 from fis_tools import model
 from fis_tools.errors import ControllerFileError
-from fis_tools.formats.exchange import foreign
-from fis_tools.formats.exchange.antecedents import (
-    ANY,
-    FRACTIONS,
-    FUZZYLITES_FRACTIONS,
-    hedged,
-    operands_of,
-    statement_of,
-    with_any,
-)
-from fis_tools.formats.exchange.carried import understand
+from fis_tools.formats.exchange import antecedents, foreign, vocabulary
 from fis_tools.formats.exchange.dialect import Dialect, Expressed, settle
-from fis_tools.formats.exchange.fis_sections import (
-    quoted_word,
-    section_of,
-    sections_of,
-    whole_number,
-    words_in,
-)
 from fis_tools.formats.exchange.fll_rules import hedged_rules
 from fis_tools.formats.exchange.foreign import Block, Extent, Table
-from fis_tools.formats.exchange.vocabulary import (
-    AGGREGATIONS,
-    AND,
-    DEFUZZIFIERS,
-    NORMALIZED_SUMS,
-    OR,
-    meanings,
-)
-from fis_tools.formats.exchange.writing import term_words, written
+from fis_tools.formats.exchange.vocabulary import AGGREGATIONS, AND, DEFUZZIFIERS, OR, meanings
+from fis_tools.formats.exchange.writing import term_words, understand, written
 from fis_tools.formats.serialize import Reading, Written
+from fis_tools.model import Expression, FuzzySystem, Hedge, MembershipFunction, Rule, Variable
 from fis_tools.model.operators import WEIGHING
 from fis_tools.model.systems import has_sets
 
@@ -75,7 +53,7 @@ _OR: dict[str, model.OrOperator] = {
     "": "max",
     **meanings(OR, "fis"),
     "algebraic_sum": "probabilistic_sum",
-    **NORMALIZED_SUMS,
+    **vocabulary.NORMALIZED_SUMS,
 }
 _AGGREGATIONS: dict[str, model.Aggregation] = {**meanings(AGGREGATIONS, "fis"), **_OR}
 
@@ -96,11 +74,11 @@ def _facts(expressed: Expressed) -> dict[str, Any]:
     }
 
 
-def _rule_numbers(system: model.FuzzySystem, rule: model.Rule) -> tuple[list[int], list[int], float, int]:
+def _rule_numbers(system: FuzzySystem, rule: Rule) -> tuple[list[int], list[int], float, int]:
     """Return a rule's term numbers of inputs and of outputs, its weight, and how its statements join."""
     asked: dict[str, int] = {}
-    for leaf in operands_of(rule.antecedent):
-        statement = statement_of(leaf)
+    for leaf in antecedents.operands_of(rule.antecedent):
+        statement = antecedents.statement_of(leaf)
         index = system.variable(statement.variable).term_index(statement.term) + 1
         asked[statement.variable] = -index if isinstance(leaf, model.Not) else index
     concluded = {c.variable: system.variable(c.variable).term_index(c.term) + 1 for c in rule.consequents}
@@ -125,7 +103,7 @@ def read(text: str) -> Reading:
     notes: list[str] = []
     sections, comments = sections_of(text, notes)
     is_fuzzylites = any("generated with fuzzylite" in words for _, words in comments)
-    fractions = FUZZYLITES_FRACTIONS if is_fuzzylites else FRACTIONS
+    fractions = antecedents.FUZZYLITES_FRACTIONS if is_fuzzylites else antecedents.FRACTIONS
     reading = understand(_system(sections, fractions, notes), comments, DIALECT)
     return Reading(reading.controller, (*reading.assumptions, *notes))
 
@@ -134,11 +112,11 @@ def read(text: str) -> Reading:
 _TYPES = ("mamdani", "sugeno", "tsukamoto", "hybrid")
 
 #: What stands for hedges in the fraction of a term's number; fuzzylite's for `any`.
-Fractions = Mapping[float, tuple[model.Hedge, ...]]
+Fractions = Mapping[float, tuple[Hedge, ...]]
 _ANY = 0.99
 
 
-def _system(sections: dict[str, Block], fractions: Fractions, notes: list[str]) -> model.FuzzySystem:
+def _system(sections: dict[str, Block], fractions: Fractions, notes: list[str]) -> FuzzySystem:
     head = section_of(sections, "[System]")
     kind, stands = quoted_word(head, "Type")
     if kind not in _TYPES:
@@ -186,21 +164,11 @@ def _system(sections: dict[str, Block], fractions: Fractions, notes: list[str]) 
     or_operator = foreign.choice(_OR, *quoted_word(head, "OrMethod"), "or rewrite the rules")
     aggregation = foreign.choice(_AGGREGATIONS, *quoted_word(head, "AggMethod"))
     implication = foreign.choice(_AND, *quoted_word(head, "ImpMethod"))
-    return settle(
-        model.FuzzySystem(
-            name=(quoted_word(head, "Name")[0] if "Name" in head.settings else "") or "unnamed",
-            inputs=with_any(inputs, rules),
-            outputs=tuple(
-                output if output.aggregation == "unbounded_sum" else replace(output, aggregation=aggregation)
-                for output in outputs
-            ),
-            rules=rules,
-            and_operator=and_operator,
-            or_operator=or_operator,
-            defuzzifier=defuzzifier,
-            implication="min" if weighs else implication,  # MATLAB asks for neither
-        )
-    )
+    name = (quoted_word(head, "Name")[0] if "Name" in head.settings else "") or "unnamed"
+    joined = tuple(o if o.aggregation != "max" else replace(o, aggregation=aggregation) for o in outputs)
+    methods = (and_operator, or_operator, defuzzifier)
+    read = FuzzySystem(name, antecedents.with_any(inputs, rules), joined, rules, *methods)
+    return settle(read if weighs else replace(read, implication=implication))  # MATLAB asks for it always
 
 
 def _concludes_numbers(section: Block) -> bool:
@@ -209,7 +177,7 @@ def _concludes_numbers(section: Block) -> bool:
     return all(re.search(r":\s*['\"](constant|linear|function)['\"]", value) for value in values)
 
 
-def _variable(section: Block, weighed_by: Sequence[str] | None, notes: list[str]) -> model.Variable:
+def _variable(section: Block, weighed_by: Sequence[str] | None, notes: list[str]) -> Variable:
     """Read a variable; of an output that is weighed, `weighed_by` are the names of the inputs."""
     is_output = section.kind.startswith("[Output")
     name, _ = quoted_word(section, "Name")
@@ -231,16 +199,11 @@ def _variable(section: Block, weighed_by: Sequence[str] | None, notes: list[str]
     extent = section.extent("Range", words_in)
     states_default = is_output and section.entry("Default", "nan")[1].lower() != "nan"
     terms = [_term(*section.settings[key], extent, weighed_by) for key in keys]
-    return foreign.variable(
-        name,
-        extent,
-        _numbered(name, terms, notes),
-        is_output=is_output,
-        default=section.number("Default") if states_default else None,
-    )
+    variable = foreign.variable(name, extent, _numbered(name, terms, notes), is_output=is_output)
+    return replace(variable, default=section.number("Default") if states_default else None)
 
 
-_Named = tuple[str, model.MembershipFunction | Table]
+_Named = tuple[str, MembershipFunction | Table]
 
 
 def _numbered(variable: str, terms: list[_Named], notes: list[str]) -> list[_Named]:
@@ -262,7 +225,7 @@ _TERM = re.compile(r"(['\"])(?P<name>.*)\1\s*:\s*(['\"])(?P<shape>\w+)\3\s*,\s*(
 
 def _term(
     line: int, value: str, extent: Extent, weighed_by: Sequence[str] | None
-) -> tuple[str, model.MembershipFunction | Table]:
+) -> tuple[str, MembershipFunction | Table]:
     where = f"line {line}"
     parts = _TERM.fullmatch(value)
     if parts is None:
@@ -278,12 +241,8 @@ _RULE = re.compile(
 
 
 def _rules(
-    line: int,
-    content: str,
-    inputs: Sequence[model.Variable],
-    outputs: Sequence[model.Variable],
-    fractions: Fractions,
-) -> list[model.Rule]:
+    line: int, content: str, inputs: Sequence[Variable], outputs: Sequence[Variable], fractions: Fractions
+) -> list[Rule]:
     """Read a rule; where it concludes with hedges, it becomes one for each that it uses."""
     where = f"line {line}"
     parts = _RULE.fullmatch(content)
@@ -298,12 +257,12 @@ def _rules(
     if not asked or not concluded:
         raise ControllerFileError(f"{where}: the rule asks or concludes nothing; give it a term on each side")
     for each in concluded:
-        if each.is_negated or each.term == ANY:
+        if each.is_negated or each.term == antecedents.ANY:
+            what = "not" if each.is_negated else antecedents.ANY
             raise ControllerFileError(
-                f"{where}: the rule concludes {'not' if each.is_negated else ANY!r}; conclude a term, made "
-                "for it if need be"
+                f"{where}: the rule concludes {what!r}; conclude a term, made for it if need be"
             )
-        if each.hedges and fractions is not FUZZYLITES_FRACTIONS:
+        if each.hedges and fractions is not antecedents.FUZZYLITES_FRACTIONS:
             raise ControllerFileError(
                 f"{where}: the hedge on {each.term!r}, which the rule concludes, is none of MATLAB's, and "
                 "Octave changes by it what fuzzylite does not; conclude a term made for it"
@@ -312,7 +271,7 @@ def _rules(
     return hedged_rules(antecedent, [(c.hedges, c.variable, c.term) for c in concluded], weight, where)
 
 
-def _joined(leaves: Sequence[model.Expression], *, is_or: bool) -> model.Expression:
+def _joined(leaves: Sequence[Expression], *, is_or: bool) -> Expression:
     return leaves[0] if len(leaves) == 1 else (model.Or if is_or else model.And)(tuple(leaves))
 
 
@@ -330,18 +289,18 @@ class _Statement(NamedTuple):
 
     variable: str
     term: str
-    hedges: tuple[model.Hedge, ...]
+    hedges: tuple[Hedge, ...]
     is_negated: bool
 
     @property
-    def expression(self) -> model.Expression:
+    def expression(self) -> Expression:
         """As part of an antecedent."""
-        expressed = hedged(self.hedges, model.Is(self.variable, self.term))
+        expressed = antecedents.hedged(self.hedges, model.Is(self.variable, self.term))
         return model.Not(expressed) if self.is_negated else expressed
 
 
 def _term_numbers(
-    words: str, variables: Sequence[model.Variable], fractions: Fractions, where: str
+    words: str, variables: Sequence[Variable], fractions: Fractions, where: str
 ) -> list[_Statement]:
     """Read one term number for each variable; hedges stand in its fraction."""
     values = foreign.numbers(words.split(), where)
@@ -363,8 +322,126 @@ def _term_numbers(
                 f"{where}: {variable.name} has {len(variable.terms)} terms, and none numbered {abs(value):g}"
             )
         if fraction == _ANY:
-            found.append(_Statement(variable.name, ANY, (), value < 0))
+            found.append(_Statement(variable.name, antecedents.ANY, (), value < 0))
         elif value:
             name = variable.terms[number - 1].name
             found.append(_Statement(variable.name, name, fractions.get(fraction, ()), value < 0))
     return found
+
+
+# The sections of a file, and the words and numbers in their lines.
+
+#: The keys of sections by what their titles begin with; terms are MF1, MF2 and so on, rules have no keys.
+_VARIABLE = ("Name", "Range", "NumMFs", "MF", "Enabled", "Default", "LockRange", "LockPrevious")
+_KEYS = {
+    "[System]": (
+        *("Name", "Type", "Version", "NumInputs", "NumOutputs", "NumRules", "AndMethod", "OrMethod"),
+        *("ImpMethod", "AggMethod", "DefuzzMethod", "DisableStructuralChecks"),
+    ),
+    "[Input": _VARIABLE,
+    "[Output": _VARIABLE,
+}
+
+
+def sections_of(text: str, notes: list[str]) -> tuple[dict[str, Block], list[tuple[int, str]]]:
+    """Part a file into its sections, by their titles, and its comments, each with its line.
+
+    Parameters
+    ----------
+    text : str
+    notes : list of str
+        Gets what was put right.
+
+    Raises
+    ------
+    ControllerFileError
+        If a section appears twice, or something stands before the first.
+    """
+    comments: list[tuple[int, str]] = []
+    sections: dict[str, Block] = {}
+    current: Block | None = None
+    for line, raw in enumerate(text.splitlines(), start=1):
+        content = _without_remark(raw)
+        if content.startswith(("%", "#", "//")):
+            comments.append((line, content.lstrip("%#/ ")))
+        elif content.startswith("["):
+            if content in sections:
+                raise ControllerFileError(f"line {line}: a second {content[:40]}; keep one of them")
+            current = sections[content] = Block(content, "", line)
+        elif content and current is None:
+            raise ControllerFileError(
+                f"line {line}: {content[:40]!r} stands before [System]; is this a .fis file?"
+            )
+        elif content and current is not None:
+            _take(current, line, content, notes)
+    return sections, comments
+
+
+def _take(section: Block, line: int, content: str, notes: list[str]) -> None:
+    """Add a line to a section: a setting where it has keys."""
+    known = next((keys for start, keys in _KEYS.items() if section.kind.startswith(start)), None)
+    if known is None:
+        section.listed.append((line, content))
+        return
+    key, equals, value = (part.strip() for part in content.partition("="))
+    if not equals:
+        raise ControllerFileError(f"line {line}: {content[:40]!r} is not key=value; correct it")
+    if key in section.settings and key.startswith("MF"):  # MathWorks' own slcp1.fis counts MF1, MF2, MF2
+        twice, key = key, f"MF{1 + sum(other.startswith('MF') for other in section.settings)}"
+        notes.append(f"line {line}: {section.kind} has {twice} twice; the second is taken as {key}")
+    if key in section.settings:
+        raise ControllerFileError(f"line {line}: {key} appears twice in {section.kind}; keep one of them")
+    if key not in known and not (key.startswith("MF") and "MF" in known):
+        where = f"line {line}: in {section.kind} the key"
+        foreign.choice(dict.fromkeys(known), key, where, "or drop the line if it says nothing needed")
+    section.settings[key] = (line, value)
+
+
+#: All before a mark that stands in no quotes; nothing is tried twice, however long the line is.
+_SAID = re.compile(r"""(?:'[^']*+(?:'|$)|"[^"]*+(?:"|$)|[^'"%#/]++|/(?!/))*+""")
+
+
+def _without_remark(line: str) -> str:
+    """Return a line without blanks, the remark behind its content, and semicolons at its end.
+
+    A mark begins a remark where it stands in no quotes; a line that is nothing else is kept as it is.
+    """
+    content = line.strip()
+    if content.startswith(("%", "#", "//")):
+        return content
+    said = _SAID.match(content)
+    return said[0].rstrip(" \t;") if said else ""
+
+
+def section_of(sections: dict[str, Block], title: str) -> Block:
+    """Return a section that must be there."""
+    if title not in sections:
+        raise ControllerFileError(f"there is no section {title}; get a whole copy of the file")
+    return sections[title]
+
+
+def quoted_word(section: Block, key: str) -> tuple[str, str]:
+    """Return a quoted word, and where it stands."""
+    where, value = section.entry(key)
+    if len(value) < 2 or value[0] != value[-1] or value[0] not in "'\"":
+        raise ControllerFileError(f"{where} is {value[:40]!r}; expected a word in quotes, '…'")
+    return value[1:-1], where
+
+
+def whole_number(section: Block, key: str, least: int = 1) -> int:
+    """Return a whole number from 1, or the least that can be, on."""
+    where, value = section.entry(key)
+    return 0 if least == 0 and value == "0" else foreign.count(value, where, 100_000)
+
+
+#: pi as MathWorks' own files have it, -pi/4
+_PI = re.compile(r"([-+]?)pi(?:/(\d+))?")
+
+
+def words_in(value: str, where: str) -> list[str]:
+    """Read ``[1 2 3]``; commas may part the numbers."""
+    inside = re.fullmatch(r"\[(.*)\]", value)
+    if inside is None:
+        raise ControllerFileError(f"{where} is {value[:40]!r}; expected numbers in brackets, [0 1]")
+    words = re.split(r"[\s,;]+", inside[1].strip())
+    return [_PI.sub(lambda pi: f"{pi[1]}{math.pi / float(pi[2] or 1)!r}", word) for word in words]

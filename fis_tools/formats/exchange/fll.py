@@ -12,25 +12,18 @@ from typing import Any
 
 from fis_tools import model
 from fis_tools.errors import ControllerFileError
-from fis_tools.formats.exchange import foreign
+from fis_tools.formats.exchange import foreign, vocabulary
 from fis_tools.formats.exchange.antecedents import with_any
-from fis_tools.formats.exchange.carried import MARK, understand
 from fis_tools.formats.exchange.dialect import Dialect, Expressed, settle
 from fis_tools.formats.exchange.fll_rules import Operators, read_rules
 from fis_tools.formats.exchange.foreign import Block, Extent, Table
-from fis_tools.formats.exchange.vocabulary import (
-    AGGREGATIONS,
-    AND,
-    DEFUZZIFIERS,
-    NORMALIZED_SUMS,
-    OR,
-    meanings,
-)
-from fis_tools.formats.exchange.writing import term_words, written
+from fis_tools.formats.exchange.vocabulary import AGGREGATIONS, AND, DEFUZZIFIERS, OR, meanings
+from fis_tools.formats.exchange.writing import MARK, term_words, understand, written
 from fis_tools.formats.mapping import MOST_POINTS
 from fis_tools.formats.serialize import Reading, Written
+from fis_tools.model import FuzzySystem, MembershipFunction, Rule, Variable
 from fis_tools.model.operators import WEIGHING
-from fis_tools.model.shape import words_of
+from fis_tools.model.shapes import words_of
 from fis_tools.model.systems import Named, NotResolvable, has_sets, unchained
 
 #: Intervals where a defuzzifier states none: fuzzylite leaves its own number out, this one since version 8.
@@ -62,8 +55,13 @@ def _facts(_expressed: Expressed) -> dict[str, Any]:
 
 
 _AND: dict[str, model.AndOperator | None] = {"none": None, "": None, **meanings(AND, "fll")}
-_OR: dict[str, model.OrOperator | None] = {"none": None, "": None, **meanings(OR, "fll"), **NORMALIZED_SUMS}
-_AGGREGATIONS: dict[str, model.Aggregation] = {**meanings(AGGREGATIONS, "fll"), **NORMALIZED_SUMS}
+_OR: dict[str, model.OrOperator | None] = {
+    "none": None,
+    "": None,
+    **meanings(OR, "fll"),
+    **vocabulary.NORMALIZED_SUMS,
+}
+_AGGREGATIONS: dict[str, model.Aggregation] = {**meanings(AGGREGATIONS, "fll"), **vocabulary.NORMALIZED_SUMS}
 
 #: The keys of each block; the last may stand in many lines.
 _KEYS = {
@@ -127,7 +125,7 @@ def _take(blocks: list[Block], line: int, content: str) -> None:
         block.settings[key] = (line, value)
 
 
-def _system(blocks: Sequence[Block]) -> model.FuzzySystem:
+def _system(blocks: Sequence[Block]) -> FuzzySystem:
     engines = [block for block in blocks if block.kind == "Engine"]
     if len(engines) != 1 or blocks[0] is not engines[0]:
         raise ControllerFileError(
@@ -160,22 +158,13 @@ def _system(blocks: Sequence[Block]) -> model.FuzzySystem:
         resolved = unchained(named, {output.name: output for output in outputs})
     except NotResolvable as error:
         raise ControllerFileError(str(error)) from error
-    return settle(
-        model.FuzzySystem(
-            name=engines[0].name or "unnamed",
-            inputs=with_any(inputs, rules),
-            outputs=outputs,
-            rules=tuple(resolved),
-            implication=_implication(groups, weighed),
-            and_operator=and_operator or "min",
-            or_operator=or_operator or "max",
-        )
-    )
+    name = engines[0].name or "unnamed"
+    operators_of_all = (and_operator or "min", or_operator or "max")
+    read = FuzzySystem(name, with_any(inputs, rules), outputs, tuple(resolved), *operators_of_all)
+    return settle(replace(read, implication=_implication(groups, weighed)))
 
 
-def _implication(
-    groups: Sequence[tuple[Block, Sequence[model.Rule]]], weighed: set[str]
-) -> model.AndOperator:
+def _implication(groups: Sequence[tuple[Block, Sequence[Rule]]], weighed: set[str]) -> model.AndOperator:
     """Return how the blocks imply whose rules conclude fuzzy sets."""
     implications: dict[model.AndOperator, int] = {}
     for block, group in groups:
@@ -191,11 +180,11 @@ def _implication(
     return next(iter(implications), "min")
 
 
-def _own_rules(line: int, words: str, own: Operators) -> list[model.Rule]:
+def _own_rules(line: int, words: str, own: Operators) -> list[Rule]:
     return [replace(rule, and_operator=own[0], or_operator=own[1]) for rule in read_rules(line, words, own)]
 
 
-def _refuse_joined(block: Block, rules: Sequence[model.Rule]) -> None:
+def _refuse_joined(block: Block, rules: Sequence[Rule]) -> None:
     """Refuse to join the rules that conclude one term of an output that is weighed: each counts here."""
     line, word = block.settings.get("aggregation", block.settings.get("accumulation", (block.line, "none")))
     if word in {"none", "", AGGREGATIONS["unbounded_sum"].fll}:
@@ -209,12 +198,13 @@ def _refuse_joined(block: Block, rules: Sequence[model.Rule]) -> None:
         )
 
 
-def _variable(block: Block) -> model.Variable:
+def _variable(block: Block) -> Variable:
     extent, (_, about) = block.extent("range"), block.entry("description", "")
-    return foreign.variable(block.name, extent, _terms(block, extent), is_output=False, description=about)
+    variable = foreign.variable(block.name, extent, _terms(block, extent), is_output=False)
+    return replace(variable, description=about)
 
 
-def _output(block: Block, inputs: Sequence[str]) -> model.Variable:
+def _output(block: Block, inputs: Sequence[str]) -> Variable:
     extent = block.extent("range")
     block.expect("lock-previous", "false", "true")
     where, words = block.entry("defuzzifier")
@@ -232,12 +222,8 @@ def _output(block: Block, inputs: Sequence[str]) -> model.Variable:
         # versions before 6 called it accumulation
         key = "aggregation" if "aggregation" in block.settings else "accumulation"
         aggregation = block.chosen(_AGGREGATIONS, key, "Maximum")
-    return foreign.variable(
-        block.name,
-        extent,
-        terms,
-        is_output=True,
-        num_points=num_points,
+    return replace(
+        foreign.variable(block.name, extent, terms, is_output=True, num_points=num_points),
         default=None if block.entry("default", "nan")[1] == "nan" else block.number("default"),
         description=block.entry("description", "")[1],
         defuzzifier=defuzzifier,
@@ -246,7 +232,7 @@ def _output(block: Block, inputs: Sequence[str]) -> model.Variable:
 
 
 def _refuse_other_kind(
-    block: Block, parameter: str, terms: Sequence[tuple[str, model.MembershipFunction | Table]]
+    block: Block, parameter: str, terms: Sequence[tuple[str, MembershipFunction | Table]]
 ) -> None:
     """Refuse terms that an output is not weighed by."""
     for (line, words), (name, shape) in zip(block.listed, terms, strict=True):
@@ -260,9 +246,9 @@ def _refuse_other_kind(
 
 def _terms(
     block: Block, extent: Extent, inputs: Sequence[str] | None = None
-) -> list[tuple[str, model.MembershipFunction | Table]]:
+) -> list[tuple[str, MembershipFunction | Table]]:
     """Read the terms of a variable; `inputs` are those of an output that is weighed."""
-    terms: list[tuple[str, model.MembershipFunction | Table]] = []
+    terms: list[tuple[str, MembershipFunction | Table]] = []
     for line, words in block.listed:
         if len(words.split()) < 2:
             raise ControllerFileError(

@@ -8,13 +8,14 @@ from fis_tools import model
 from fis_tools.errors import ControllerFileError
 from fis_tools.formats.exchange import foreign
 from fis_tools.formats.exchange.antecedents import ANY, FUZZYLITES, hedged, joined
+from fis_tools.model import Consequent, Expression, Hedge, Rule
 from fis_tools.model.operators import HEDGES
 from fis_tools.model.validate import MAX_NESTING
 
 #: The operators of a block of rules; None where it has none.
 Operators = tuple[model.AndOperator | None, model.OrOperator | None]
 #: What a rule concludes: the hedges before the term, the variable, the term.
-Concluded = tuple[tuple[model.Hedge, ...], str, str]
+Concluded = tuple[tuple[Hedge, ...], str, str]
 
 
 @dataclass
@@ -23,7 +24,7 @@ class _Words:
 
     words: list[str]
     where: str
-    hedges: Mapping[str, model.Hedge]
+    hedges: Mapping[str, Hedge]
     place: int = 0
 
     def peek(self) -> str:
@@ -42,7 +43,7 @@ class _Words:
         return word
 
 
-def read_rules(line: int, text: str, operators: Operators) -> list[model.Rule]:
+def read_rules(line: int, text: str, operators: Operators) -> list[Rule]:
     """Read a rule; where it concludes with hedges, it becomes one for each strength that it concludes with.
 
     fuzzylite applies a hedge before a concluded term to the strength of the rule, for this term and all that
@@ -65,12 +66,12 @@ def read_rules(line: int, text: str, operators: Operators) -> list[model.Rule]:
     return _read(f"line {line}", text, operators, FUZZYLITES)
 
 
-def read_own(where: str, text: str) -> list[model.Rule]:
+def read_own(where: str, text: str) -> list[Rule]:
     """Read a rule whose hedges have our names, as `read_rules`; ``where`` begins mistakes."""
     return _read(where, text, ("min", "max"), {hedge: hedge for hedge in HEDGES})
 
 
-def _read(where: str, text: str, operators: Operators, hedges: Mapping[str, model.Hedge]) -> list[model.Rule]:
+def _read(where: str, text: str, operators: Operators, hedges: Mapping[str, Hedge]) -> list[Rule]:
     words = _Words(re.findall(r"[()]|[^\s()]+", text), where, hedges)
     words.take("if")
     antecedent = _disjunction(words, operators, 0)
@@ -89,32 +90,30 @@ def _read(where: str, text: str, operators: Operators, hedges: Mapping[str, mode
 
 
 def hedged_rules(
-    antecedent: model.Expression, concluded: Sequence[Concluded], weight: float, where: str
-) -> list[model.Rule]:
+    antecedent: Expression, concluded: Sequence[Concluded], weight: float, where: str
+) -> list[Rule]:
     """Say hedges before concluded terms of all that the rule asks for, as fuzzylite computes them."""
-    carried: tuple[model.Hedge, ...] = ()
-    groups: dict[tuple[model.Hedge, ...], list[model.Consequent]] = {}
+    carried: tuple[Hedge, ...] = ()
+    groups: dict[tuple[Hedge, ...], list[Consequent]] = {}
     for hedges, variable, term in concluded:
         carried = (*hedges, *carried)
-        groups.setdefault(carried, []).append(model.Consequent(variable, term, weight))
+        groups.setdefault(carried, []).append(Consequent(variable, term, weight))
     if weight != 1.0 and carried:
         raise ControllerFileError(
             f"{where}: the rule has the weight {weight:g} and a hedge on what it concludes, which fuzzylite "
             "applies after the weight; drop one of them"
         )
-    return [model.Rule(hedged(hedges, antecedent), tuple(group)) for hedges, group in groups.items()]
+    return [Rule(hedged(hedges, antecedent), tuple(group)) for hedges, group in groups.items()]
 
 
-def _disjunction(words: _Words, operators: Operators, depth: int) -> model.Expression:
-    def conjunction() -> model.Expression:
+def _disjunction(words: _Words, operators: Operators, depth: int) -> Expression:
+    def conjunction() -> Expression:
         return _chain(words, "and", operators[0], lambda: _proposition(words, operators, depth))
 
     return _chain(words, "or", operators[1], conjunction)
 
 
-def _chain(
-    words: _Words, word: str, operator: str | None, operand: Callable[[], model.Expression]
-) -> model.Expression:
+def _chain(words: _Words, word: str, operator: str | None, operand: Callable[[], Expression]) -> Expression:
     """Read operands with a word between each two, which the block of the rule must have an operator for."""
     kind = model.And if word == "and" else model.Or
     operands = [operand()]
@@ -129,7 +128,7 @@ def _chain(
     return operands[0] if len(operands) == 1 else kind(tuple(joined(kind, operands)))
 
 
-def _proposition(words: _Words, operators: Operators, depth: int) -> model.Expression:
+def _proposition(words: _Words, operators: Operators, depth: int) -> Expression:
     if words.peek() == "(":
         if depth >= MAX_NESTING:
             raise ControllerFileError(f"{words.where}: nested more than {MAX_NESTING} deep; split the rule")
@@ -145,7 +144,7 @@ def _proposition(words: _Words, operators: Operators, depth: int) -> model.Expre
     return _hedged_term(words, variable)
 
 
-def _hedged_term(words: _Words, variable: str) -> model.Expression:
+def _hedged_term(words: _Words, variable: str) -> Expression:
     if words.peek() == "not":
         words.take()
         inside = _hedged_term(words, variable)
@@ -158,7 +157,7 @@ def _hedged_term(words: _Words, variable: str) -> model.Expression:
 def _conclusion(words: _Words) -> Concluded:
     variable = words.take()
     words.take("is")
-    hedges: list[model.Hedge] = []
+    hedges: list[Hedge] = []
     while words.peek() in words.hedges:
         hedges.append(words.hedges[words.take()])
     if words.peek() in {"not", ANY}:

@@ -17,8 +17,9 @@ from fis_tools.errors import ControllerFileError
 from fis_tools.formats.exchange.dialect import INPUT_POINTS, OUTPUT_POINTS, input_universe, universe_of
 from fis_tools.formats.exchange.vocabulary import HEDGES
 from fis_tools.formats.mapping import MOST_POINTS
+from fis_tools.model import MembershipFunction, Term, Trapezoidal, Variable
 from fis_tools.model.numbers import FUNCTIONS, NotAFormula, linear
-from fis_tools.model.shape import Format, words_of
+from fis_tools.model.shapes import Format, words_of
 from fis_tools.model.validate import nearest
 from fis_tools.words.text import antecedent_words, before
 
@@ -109,35 +110,35 @@ def table(values: Sequence[float], where: str) -> Table:
 
 
 #: Words of a format with the shapes they stand for and the order in which they state its numbers.
-ShapeWords = Mapping[str, tuple[type[model.MembershipFunction], tuple[str, ...]]]
+ShapeWords = Mapping[str, tuple[type[MembershipFunction], tuple[str, ...]]]
 #: Words for a straight flank, or two, between the ends of a range: from their numbers and the range.
-FlankWords = Mapping[str, Callable[[float, float, float, float], model.Trapezoidal]]
+FlankWords = Mapping[str, Callable[[float, float, float, float], Trapezoidal]]
 
 
-def rising(start: float, end: float, low: float, high: float) -> model.Trapezoidal:
+def rising(start: float, end: float, low: float, high: float) -> Trapezoidal:
     """Return zero up to `start`, one from `end` on, over a range."""
-    return model.Trapezoidal(start, end, max(end, high), max(end, high))
+    return Trapezoidal(start, end, max(end, high), max(end, high))
 
 
-def falling(start: float, end: float, low: float, high: float) -> model.Trapezoidal:
+def falling(start: float, end: float, low: float, high: float) -> Trapezoidal:
     """Return one up to `start`, zero from `end` on, over a range."""
-    return model.Trapezoidal(min(start, low), min(start, low), start, end)
+    return Trapezoidal(min(start, low), min(start, low), start, end)
 
 
-def ramp(start: float, end: float, low: float, high: float) -> model.Trapezoidal:
+def ramp(start: float, end: float, low: float, high: float) -> Trapezoidal:
     """Return a ramp, which falls where its first number is the greater one."""
     return rising(start, end, low, high) if start <= end else falling(end, start, low, high)
 
 
-def step(start: float, towards: float, low: float, high: float) -> model.Trapezoidal:
+def step(start: float, towards: float, low: float, high: float) -> Trapezoidal:
     """Return one from `start` on in the direction of another number, zero on the other side."""
     return rising(start, start, low, high) if towards > start else falling(start, start, low, high)
 
 
-def level(start: float, end: float, low: float, high: float) -> model.Trapezoidal:
+def level(start: float, end: float, low: float, high: float) -> Trapezoidal:
     """Return one between `start` and `end`, zero elsewhere."""
     start, end = sorted((start, end))
-    return model.Trapezoidal(start, start, end, end)
+    return Trapezoidal(start, start, end, end)
 
 
 @dataclass(frozen=True)
@@ -223,7 +224,7 @@ def places(words: Iterable[str], where: str) -> list[float]:
 
 def shape(
     word: str, values: Sequence[float], extent: Extent, shapes: ShapeWords, flanks: FlankWords, where: str
-) -> model.MembershipFunction:
+) -> MembershipFunction:
     """Turn a word and its numbers into a membership function."""
     known = {**dict.fromkeys(shapes), **dict.fromkeys(flanks)}
     choice(known, word, f"{where}: the membership function", "or sample it as a table of points")
@@ -241,11 +242,11 @@ def shape(
         return open_ended
     if word in flanks:
         return flanks[word](values[0], values[1], extent.low, extent.high)
-    build: Callable[..., model.MembershipFunction] = shapes[word][0]
+    build: Callable[..., MembershipFunction] = shapes[word][0]
     return build(**dict(zip(order, values, strict=True)))
 
 
-def _without_an_end(word: str, values: Sequence[float], extent: Extent) -> model.Trapezoidal | None:
+def _without_an_end(word: str, values: Sequence[float], extent: Extent) -> Trapezoidal | None:
     """Return a shape that stays as high as it is beyond an infinite number, from one end of the range on."""
     low, high = extent.low, extent.high
     match word, [*values]:
@@ -263,7 +264,7 @@ def _without_an_end(word: str, values: Sequence[float], extent: Extent) -> model
         corners[:2] = [min(low, x) for x in (corners[2], corners[2])]
     if corners[3] == math.inf:
         corners[2:] = [max(high, x) for x in (corners[1], corners[1])]
-    return model.Trapezoidal(*corners) if all(map(math.isfinite, corners)) else None
+    return Trapezoidal(*corners) if all(map(math.isfinite, corners)) else None
 
 
 @dataclass(frozen=True)
@@ -286,7 +287,7 @@ class TermWords:
 
     def read(
         self, word: str, values: Sequence[str], extent: Extent, inputs: Sequence[str] | None, where: str
-    ) -> model.MembershipFunction | Table:
+    ) -> MembershipFunction | Table:
         """Read a term; `inputs`, their names, are those of an output that is weighed, else None."""
         shapes = words_of(self.file_format)
         is_formula = word.lower() == "function"
@@ -312,7 +313,7 @@ TABLES: Mapping[Format, str] = {"fis": "discretemf", "fll": "Discrete"}
 
 def concluded(
     word: str, values: Sequence[float], num_inputs: int, extent: Extent, file_format: Format, where: str
-) -> model.MembershipFunction:
+) -> MembershipFunction:
     """Turn a word and its numbers into a term of an output that is weighed: a number, or a monotone shape.
 
     A linear number may lack its constant; older versions of MATLAB pad with zeros.
@@ -352,7 +353,7 @@ def kept_words(output: str) -> str:
     )
 
 
-def concluded_formula(text: str, inputs: Sequence[str], where: str) -> model.MembershipFunction:
+def concluded_formula(text: str, inputs: Sequence[str], where: str) -> MembershipFunction:
     """Read a formula of fuzzylite's; one that is linear in the inputs becomes a linear number."""
     formula = model.Formula(text)
     try:
@@ -367,16 +368,12 @@ def concluded_formula(text: str, inputs: Sequence[str], where: str) -> model.Mem
 def variable(
     name: str,
     extent: Extent,
-    terms: Sequence[tuple[str, model.MembershipFunction | Table]],
+    terms: Sequence[tuple[str, MembershipFunction | Table]],
     *,
     is_output: bool,
     num_points: int | None = None,
-    default: float | None = None,
-    description: str = "",
-    defuzzifier: model.Defuzzifier | None = None,
-    aggregation: model.Aggregation = "max",
-) -> model.Variable:
-    """Build a variable; its universe holds the points of every table.
+) -> Variable:
+    """Build a variable of terms alone; its universe holds the points of every table.
 
     Where all tables have the same points, from one end of the range to the other, these are the universe.
     """
@@ -397,25 +394,12 @@ def variable(
             else (term, function)
             for term, function in terms
         ]
-    return model.Variable(
-        name=name,
-        unit="",
-        minimum=extent.low,
-        maximum=extent.high,
-        terms=tuple(
-            model.Term(term, function) for term, function in terms if not isinstance(function, Table)
-        ),
-        num_points=num_points,
-        points=points,
-        default=default,
-        description=description,
-        defuzzifier=defuzzifier,
-        aggregation=aggregation,
-    )
+    named = tuple(Term(term, function) for term, function in terms if not isinstance(function, Table))
+    return Variable(name, "", extent.low, extent.high, named, num_points, points)
 
 
 def _universe(
-    extent: Extent, num_points: int, tables: Sequence[Table], shapes: Sequence[model.MembershipFunction]
+    extent: Extent, num_points: int, tables: Sequence[Table], shapes: Sequence[MembershipFunction]
 ) -> list[float]:
     first = tables[0].x
     if (first[0], first[-1]) == (extent.low, extent.high) and all(table.x == first for table in tables):

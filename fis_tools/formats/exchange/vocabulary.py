@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping
 from typing import Literal, NamedTuple, TypeVar
 
 from fis_tools.model import Aggregation, AndOperator, Defuzzifier, FuzzySystem, Hedge, OrOperator
+from fis_tools.plain_text import distinct
 
 _Name = TypeVar("_Name", bound=str)
 
@@ -113,15 +114,5 @@ def identifier(name: str) -> str:
 
 def _identifiers(names: Iterable[str]) -> dict[str, str]:
     """Return an identifier for each name, no two alike."""
-    found: dict[str, str] = {}
-    for name in names:
-        found[name] = _free(identifier(name), set(found.values()))
-    return found
-
-
-def _free(name: str, taken: set[str]) -> str:
-    count, free = 1, name
-    while free in taken:
-        count += 1
-        free = f"{name}_{count}"
-    return free
+    known = list(names)
+    return dict(zip(known, distinct(map(identifier, known)), strict=True))

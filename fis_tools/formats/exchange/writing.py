@@ -4,28 +4,39 @@ Other programs evaluate the formulas of inputs themselves, cut the terms of an o
 and sum over these: MATLAB and Octave at the 101 points of `linspace`, fuzzylite in the middles of the
 intervals that a file states. Both take a point for as wide as a step; scikit-fuzzy integrates straight lines
 between the points of its universe. The difference grows as a universe gets coarser.
+
+A comment carries what a form has no place for. It is one line: a mark with a version, then the whole
+controller as JSON, as `fis_tools.formats.mapping` describes it. It counts only as far as the file still shows
+what the controller looks like in this format. Where a person has changed the file, what can be seen counts
+alone. Reading it executes nothing.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+import json
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import replace
 from itertools import groupby
 from typing import Any
 
 from fis_tools import model
-from fis_tools.formats import rendered
+from fis_tools.errors import ControllerFileError
+from fis_tools.formats import notation, rendered, serialize
+from fis_tools.formats.exchange import dialect as dialects
 from fis_tools.formats.exchange import vocabulary
-from fis_tools.formats.exchange.carried import comment
+from fis_tools.formats.exchange.antecedents import ANY, NotExpressible, any_term
 from fis_tools.formats.exchange.dialect import Dialect, Expressed, express, only_system
 from fis_tools.formats.exchange.foreign import RAMPS, TABLES
-from fis_tools.formats.serialize import Written
-from fis_tools.model.shape import Format
+from fis_tools.formats.mapping import from_mapping, refuse_problems, to_mapping
+from fis_tools.formats.notation import Unreadable
+from fis_tools.formats.serialize import Reading, Written
+from fis_tools.model import FuzzyController, FuzzySystem, Rule, Term, Variable
+from fis_tools.model.shapes import Format
+from fis_tools.model.systems import reach
+from fis_tools.model.variables import sample
 from fis_tools.words.text import number
 
 
 def written(
-    controller: model.FuzzyController,
-    dialect: Dialect,
-    template: str,
-    facts: Callable[[Expressed], dict[str, Any]],
+    controller: FuzzyController, dialect: Dialect, template: str, facts: Callable[[Expressed], dict[str, Any]]
 ) -> Written:
     """Write a controller with one system.
 
@@ -60,7 +71,7 @@ def written(
     return Written(text, losses(controller, expressed, dialect))
 
 
-def _blocks(system: model.FuzzySystem) -> list[tuple[str, str, list[tuple[int, model.Rule]]]]:
+def _blocks(system: FuzzySystem) -> list[tuple[str, str, list[tuple[int, Rule]]]]:
     """Return the rules, numbered, in blocks of one operator for `and` and one for `or`."""
     groups = groupby(
         enumerate(system.rules, start=1),
@@ -69,7 +80,7 @@ def _blocks(system: model.FuzzySystem) -> list[tuple[str, str, list[tuple[int, m
     return [(*operators, list(rules)) for operators, rules in groups]
 
 
-def term_words(variable: model.Variable, term: model.Term, file_format: Format) -> tuple[str, list[str]]:
+def term_words(variable: Variable, term: Term, file_format: Format) -> tuple[str, list[str]]:
     """Return the word of a term that a format has one for, and its numbers as they are written."""
     shape = term.membership
     match shape:
@@ -87,7 +98,7 @@ def term_words(variable: model.Variable, term: model.Term, file_format: Format) 
     return word, [repr(float(getattr(shape, name))) for name in order or shape.entry.kinds]
 
 
-def losses(controller: model.FuzzyController, expressed: Expressed, dialect: Dialect) -> tuple[str, ...]:
+def losses(controller: FuzzyController, expressed: Expressed, dialect: Dialect) -> tuple[str, ...]:
     """List what a file does not say of a controller with one system, one sentence each.
 
     Parameters
@@ -110,7 +121,7 @@ def losses(controller: model.FuzzyController, expressed: Expressed, dialect: Dia
 
 
 def _differences(
-    controller: model.FuzzyController, expressed: Expressed, dialect: Dialect
+    controller: FuzzyController, expressed: Expressed, dialect: Dialect
 ) -> Iterator[tuple[str, list[str]]]:
     (system,) = controller.systems
     originals = (*system.inputs, *system.outputs)
@@ -136,32 +147,28 @@ def _differences(
 
 
 def _variable_differences(
-    pairs: Sequence[tuple[model.Variable, model.Variable]], dialect: Dialect
+    pairs: Sequence[tuple[Variable, Variable]], dialect: Dialect
 ) -> Iterator[tuple[str, list[str]]]:
     yield "units are left out", [f"{v.name} in {v.unit}" for v, _ in pairs if v.unit]
     yield "descriptions are left out", [v.name for v, o in pairs if v.description != o.description]
-    yield (
-        "the points of universes are left out, and readers choose their own",
-        [
-            f"{v.name} {v.num_points}" + (" uneven ones" if v.points else "")
-            for v, o in pairs
-            if (v.num_points, v.points) != (o.num_points, o.points)
-        ],
-    )
+    points = [
+        f"{v.name} {v.num_points}" + (" uneven ones" if v.points else "")
+        for v, o in pairs
+        if (v.num_points, v.points) != (o.num_points, o.points)
+    ]
+    yield "the points of universes are left out, and readers choose their own", points
     defaults = [f"{v.name} {number(v.default)}" for v, _ in pairs if v.default is not None]
     yield "the output when no rule fires is left out", [] if dialect.holds_defaults else defaults
-    yield (
-        "membership functions are written otherwise, with the same meaning inside the range",
-        [
-            f"{v.name} {term.name}"
-            for v, o in pairs
-            for term, other in zip(v.terms, o.terms, strict=False)
-            if term.membership != other.membership
-        ],
-    )
+    terms = [
+        f"{v.name} {term.name}"
+        for v, o in pairs
+        for term, other in zip(v.terms, o.terms, strict=False)
+        if term.membership != other.membership
+    ]
+    yield "membership functions are written otherwise, with the same meaning inside the range", terms
 
 
-def _is_word_for_word(rule: model.Rule, group: Sequence[model.Rule]) -> bool:
+def _is_word_for_word(rule: Rule, group: Sequence[Rule]) -> bool:
     """Return whether a rule became one rule of the same form."""
     if len(group) != 1 or len(rule.consequents) != len(group[0].consequents):
         return False
@@ -172,3 +179,146 @@ def _is_word_for_word(rule: model.Rule, group: Sequence[model.Rule]) -> bool:
 def _listed(items: Sequence[str], most: int = 4) -> str:
     more = f" and {len(items) - most} more" if len(items) > most else ""
     return ", ".join(items[:most]) + more
+
+
+#: What the comment begins with; the number is the version of this way of carrying.
+MARK = "fis_tools carries 1: "
+_ANY_MARK = "fis_tools carries "
+#: A fact of a controller whose file was changed after it was written.
+EDITED = (serialize.EDITED, "by hand in an exchange file, after that was written")
+
+
+def comment(controller: FuzzyController) -> str:
+    """Return a controller as one line of ASCII that ends no comment of any format.
+
+    Raises
+    ------
+    fis_tools.model.validate.InvalidSystem
+        If something is wrong with the controller.
+    """
+    content = json.dumps(to_mapping(controller), separators=(",", ":"), allow_nan=False)
+    return MARK + content.replace("--", "-\\u002d").replace("*", "\\u002a")
+
+
+def understand(visible: FuzzySystem, comments: Iterable[tuple[int, str]], dialect: Dialect) -> Reading:
+    """Complete what a file shows with what its comment carries, or with assumptions.
+
+    Parameters
+    ----------
+    visible : FuzzySystem
+        What the file shows; an output's default is None where it states none.
+    comments : iterable of (line number, text)
+        All comments of the file, without their signs.
+    dialect : Dialect
+        The format.
+
+    Raises
+    ------
+    ControllerFileError
+        If the comment is damaged, or the system has problems.
+    """
+    carried = _find(comments)
+    visible, found = _with_what_is_missing(visible)
+    outputs = (
+        replace(v, default=dialects.middle(v.minimum, v.maximum)) if v.default is None else v
+        for v in visible.outputs
+    )
+    complete = replace(visible, outputs=tuple(outputs))
+    refuse_problems(FuzzyController(visible.name, (complete,)))
+    try:
+        dialects.refuse_joined(complete)
+    except NotExpressible as error:
+        raise ControllerFileError(str(error)) from error
+    if carried is None:
+        return Reading(FuzzyController(visible.name, (complete,)), (*_assumptions(visible, dialect), *found))
+    try:
+        expressed = express(carried.systems[0], dialect)
+    except NotExpressible as error:
+        raise ControllerFileError(
+            f"the comment '{_ANY_MARK}…' is not of this file ({error}); delete it to read what the file shows"
+        ) from error
+    if expressed.system == complete:
+        return Reading(carried, ())
+    note = "the file was changed after it was written: what it shows counts, and its comment is left out"
+    return Reading(
+        FuzzyController(visible.name, (complete,), provenance=(EDITED,)),
+        (note, *_assumptions(visible, dialect), *found),
+    )
+
+
+def _find(comments: Iterable[tuple[int, str]]) -> FuzzyController | None:
+    found = [(line, text.strip()) for line, text in comments if text.strip().startswith(_ANY_MARK)]
+    if not found:
+        return None
+    line, text = found[0]
+    cure = "get a whole copy, or delete this comment to read what the file shows"
+    if len(found) > 1:
+        raise ControllerFileError(f"line {found[1][0]}: a second comment '{_ANY_MARK}…'; keep one of them")
+    if not text.startswith(MARK):
+        raise ControllerFileError(
+            f"line {line}: the comment is not of version {MARK.strip(' :')!r}; read the file with the "
+            "program that wrote it, or delete this comment to read what the file shows"
+        )
+    try:
+        controller = from_mapping(notation.read_json(text.removeprefix(MARK)))
+    except (Unreadable, ControllerFileError) as error:
+        raise ControllerFileError(f"line {line}: the comment is damaged ({error}); {cure}") from error
+    if len(controller.systems) != 1:
+        raise ControllerFileError(f"line {line}: the comment carries several systems; {cure}")
+    return controller
+
+
+def _with_what_is_missing(visible: FuzzySystem) -> tuple[FuzzySystem, list[str]]:
+    """Complete a system with outputs that are weighed as other programs do; tell of what was done.
+
+    Numbers linear in an input need no terms of it, and outputs that are weighed no range.
+    """
+    inputs, outputs, notes = list(visible.inputs), list(visible.outputs), []
+    for place, variable in enumerate(inputs if visible.weighed else ()):
+        if not variable.terms:
+            inputs[place] = replace(variable, terms=(any_term(variable),))
+            notes.append(
+                f"{visible.name}: {variable.name} has no terms, and gets {ANY!r}, which all belong to"
+            )
+    for place, output in enumerate(outputs):
+        if visible.weighs(output) and output.minimum == output.maximum:
+            low, high = reach(output, inputs)
+            outputs[place] = replace(output, minimum=low, maximum=high)
+            notes.append(
+                f"{visible.name}: the range of {output.name} is empty, and becomes what its terms reach, "
+                f"{number(low)} to {number(high)}"
+            )
+    return replace(visible, inputs=tuple(inputs), outputs=tuple(outputs)), notes
+
+
+def _assumptions(visible: FuzzySystem, dialect: Dialect) -> tuple[str, ...]:
+    points = f"{dialects.INPUT_POINTS} points for each input and "
+    if dialect.resolution:
+        points += f"{dialect.resolution + 1} for an output that states none, as fuzzylite takes"
+    else:
+        points += f"{dialects.OUTPUT_POINTS} for each output, as MATLAB takes"
+    found = [f"{visible.name}: universes of {points}, more where corners or a table of points need them"]
+    found += (f"{visible.name}: {sentence}" for sentence in _jumps_between_points(visible))
+    for output in visible.outputs:
+        if output.default is None:
+            middle = number(dialects.middle(output.minimum, output.maximum))
+            words = f"{output.name} is {middle} when no rule fires, the middle of its range"
+            found.append(f"{visible.name}: {words}")
+    return tuple(found)
+
+
+def _jumps_between_points(visible: FuzzySystem) -> Iterator[str]:
+    """Tell of jumps between two points of an output's universe, on which other programs sample, too."""
+    for output in visible.outputs:
+        for term in output.terms:
+            _, jumps = dialects.corners_of(output.minimum, output.maximum, [term.membership])
+            between = [x for x in jumps if x not in output.universe]
+            if not between:
+                continue
+            fact = "where it is a slope one step wide"
+            if not sample(output, term).any():
+                fact = "and is zero on all of them, so that its rules conclude nothing"
+            yield (
+                f"{output.name} {term.name} jumps at {number(between[0])}, between two points of its "
+                f"universe, {fact}; give the output more points"
+            )

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from fis_tools.model import shapes
 from fis_tools.model.operators import WEIGHING, Accumulation, AndOperator, Defuzzifier, Hedge, OrOperator
-from fis_tools.model.shape import MembershipFunction
+from fis_tools.model.shapes import MembershipFunction
 from fis_tools.model.systems import (
     And,
     Consequent,

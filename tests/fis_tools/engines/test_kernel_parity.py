@@ -16,7 +16,7 @@ from fis_tools.engines.program import assemble
 from fis_tools.formats import serialize
 from fis_tools.model import FuzzySystem, Gaussian, Ramp, Variable, table_rules
 from fis_tools.model.numbers import Constant, Formula, Linear
-from fis_tools.model.shape import SHAPES
+from fis_tools.model.shapes import SHAPES
 from fis_tools.model.validate import problems
 from tests.fis_tools import step_by_step
 from tests.fis_tools.engines import random_systems

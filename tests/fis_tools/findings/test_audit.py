@@ -13,8 +13,7 @@ from fis_tools.findings.audit import Finding, Severity, Thresholds, audit
 from fis_tools.findings.audit.report import SCHEMA, SCHEMA_VERSION
 from fis_tools.findings.audit.terms import read_names
 from fis_tools.model import And, Consequent, FuzzyController, FuzzySystem, Is, Not, Or, Rule
-from fis_tools.model.shape import MembershipFunction
-from fis_tools.model.shapes import Gaussian, Trapezoidal, Triangular
+from fis_tools.model.shapes import Gaussian, MembershipFunction, Trapezoidal, Triangular
 from fis_tools.model.systems import table_rules, with_variables
 from fis_tools.model.variables import Term, Variable
 from tests.fis_tools.analysis.test_flights import log_flight

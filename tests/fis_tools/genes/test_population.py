@@ -9,8 +9,15 @@ import pytest
 from fis_tools.analysis.measures import measure
 from fis_tools.engines.kernel import LANES, evaluate, firing_strengths
 from fis_tools.engines.packing import NotCompilable, Packed, pack
-from fis_tools.genes.parameters import Bounds, SystemEncoding
-from fis_tools.genes.reduction import GREATEST_GAIN, READABLE_GAIN, KeptRules, Planes, Stretches
+from fis_tools.genes.parameters import (
+    GREATEST_GAIN,
+    READABLE_GAIN,
+    Bounds,
+    KeptRules,
+    Planes,
+    Stretches,
+    SystemEncoding,
+)
 from fis_tools.model import FuzzySystem, Not, Term, Variable, rule_table, table_rules
 from fis_tools.model.shapes import Gaussian, Sampled, Sigmoid, Triangular
 from fis_tools.model.validate import InvalidSystem, problems

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from fis_tools.findings.simplification.draft import rounded
 from fis_tools.model import FuzzySystem, Term, Variable, shapes, table_rules
 from fis_tools.model.operators import AND_OPERATORS, OR_OPERATORS, Operator
-from fis_tools.model.shape import MembershipFunction
+from fis_tools.model.shapes import MembershipFunction
 from fis_tools.model.variables import is_unimodal, sample, shape_values
 from tests.fis_tools.sample_controllers import terms
 from tests.programs import library, program

@@ -24,8 +24,17 @@ from fis_tools.model import (
     validate,
 )
 from fis_tools.model.numbers import Formula, Linear
-from fis_tools.model.shape import SHAPES, MembershipFunction, Width
-from fis_tools.model.shapes import Gaussian, Sampled, Sigmoid, Triangular, TwoSidedGaussian, ZShape
+from fis_tools.model.shapes import (
+    SHAPES,
+    Gaussian,
+    MembershipFunction,
+    Sampled,
+    Sigmoid,
+    Triangular,
+    TwoSidedGaussian,
+    Width,
+    ZShape,
+)
 from fis_tools.model.systems import Expression
 from fis_tools.model.validate import MAX_NESTING, InvalidSystem, controller_problems, problems, shape_problems
 from fis_tools.model.variables import Variable

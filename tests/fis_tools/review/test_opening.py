@@ -26,7 +26,7 @@ from fis_tools.findings.simplification import Budget, simplify
 from fis_tools.formats import serialize
 from fis_tools.model import FuzzyController
 from fis_tools.render.theme import BRIGHTNESS_MAP, contrast, luminance, readable_on
-from fis_tools.review import flown, opening, page
+from fis_tools.review import content, flown, page
 from fis_tools.review.content import BRIGHTNESS, level, level_styles
 from fis_tools.review.flown import Samples
 from fis_tools.source import read_controller
@@ -46,7 +46,7 @@ CHAMPION = serialize.load(PROJECT / "conf" / "controller" / "champion_27.yaml")
 @pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
 def test_every_shipped_controller_says_what_it_is_for_and_what_its_inputs_mean(path: Path) -> None:
     controller = serialize.load(path)
-    assert opening.lead(controller).startswith(controller.purpose)
+    assert content.lead(controller).startswith(controller.purpose)
     assert len(controller.purpose) > 60
     for variable in (one for system in controller.systems for one in system.inputs):
         assert len(variable.description) > 10
@@ -59,18 +59,18 @@ def test_a_file_without_a_purpose_is_read_and_says_that_it_has_none() -> None:
     assert "purpose" not in text
     old = serialize.reads(text, "json").controller
     assert old.purpose == ""
-    assert "nobody has written" in opening.lead(old)
+    assert "nobody has written" in content.lead(old)
 
 
 def test_tables_have_the_places_of_terms_and_what_the_system_answers_there() -> None:
-    tables = [block for block in opening.rules(CHAMPION) if isinstance(block, Table)]
+    tables = [block for block in content.rules(CHAMPION) if isinstance(block, Table)]
     assert len(tables) == 3
     across = tables[2]
     assert across.heads[1:] == ["negative, −0.095 m/s", "zero, 0 m/s", "positive, 0.095 m/s"]
     answer = infer(CHAMPION.systems[2], np.array([-0.033, 0.0])).values[0]
     assert list(across.rows[0]) == ["negative, −0.033 m/s", "zero: 0 N", *[f"negative: −{-answer:.4g} N"] * 2]
     large = serialize.load(PROJECT / "conf" / "controller" / "champion_any_sun.yaml")
-    words = [block.words for block in opening.rules(large) if isinstance(block, Paragraph)]
+    words = [block.words for block in content.rules(large) if isinstance(block, Paragraph)]
     assert any("more than one table" in one for one in words)
 
 
@@ -78,7 +78,7 @@ def test_inputs_beyond_their_range_are_told() -> None:
     system = CHAMPION.systems[2]
     met = np.array([[0.1, 0.0], [0.0, 0.05], [0.01, -0.01], [0.0, 0.0]])
     one = replace(CHAMPION, systems=(system,))
-    first, second = opening.inputs(one, {system.name: Samples(met, "here", are_flown=True)}).rows
+    first, second = content.inputs(one, {system.name: Samples(met, "here", are_flown=True)}).rows
     assert first[3] == "0 m/s to 0.1 m/s; 25 % beyond its range, and taken as its end"
     assert second[3] == "−0.01 m/s to 0.05 m/s"
 

@@ -9,7 +9,7 @@ import pytest
 
 import telemetry
 from fis_tools.formats import serialize
-from fis_tools.formats.c import parts, source
+from fis_tools.formats.c import source
 from fis_tools.model import FuzzyController
 from fis_tools.model.thrust import LOGIC_REASONS, ThrustLogic, thrust_logic
 from pipeline.flight.control.controller import from_fuzzy
@@ -75,7 +75,7 @@ FORCE = structure(
 
 
 def signals_of(controller: FuzzyController, logic: ThrustLogic) -> type[ctypes.Structure]:
-    doubles = [(word, ctypes.c_double) for word, _, _ in parts.members(controller, logic).values()]
+    doubles = [(word, ctypes.c_double) for word, _, _ in source.members(controller, logic).values()]
     attitude = [("attitude", ctypes.c_double * 4)] if logic.force_axes == "body" else []
     return structure(*doubles, *attitude, ("is_complete", ctypes.c_int))
 
@@ -97,7 +97,7 @@ def stepped(
     """What C fires, asks for and says, told what a recording holds and NaN for everything else."""
     logic = thrust_logic(controller)
     assert logic is not None
-    words = {name: member for name, (member, _, _) in parts.members(controller, logic).items()}
+    words = {name: member for name, (member, _, _) in source.members(controller, logic).items()}
     kind, world = signals_of(controller, logic), mission_of(logic, what)
     state, force = STATE(99), FORCE()
     library.start(ctypes.byref(state))

@@ -11,8 +11,8 @@ from fis_tools.engines.compiler import compile
 from fis_tools.formats import serialize
 from fis_tools.formats.exchange import antecedents, fis, fll
 from fis_tools.formats.exchange.antecedents import NotExpressible
-from fis_tools.formats.exchange.carried import EDITED
 from fis_tools.formats.exchange.dialect import express
+from fis_tools.formats.exchange.writing import EDITED
 from fis_tools.formats.serialize import ControllerFileError
 from fis_tools.model import And, Consequent, FuzzyController, FuzzySystem, Hedged, Is, Not, Or, Rule, Term
 from fis_tools.model.shapes import Gaussian, Sampled
