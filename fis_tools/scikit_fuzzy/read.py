@@ -1,10 +1,10 @@
 """Read scikit-fuzzy control systems: from a ``ControlSystem`` to a `FuzzySystem` that computes the same.
 
 What is read is what scikit-fuzzy 0.5 computes with: universes, sampled memberships, rule trees, weights, and
-the methods of each rule and variable. `fis_tools.engines.inference` gives the results of ``compute()``, to
-the last bit where memberships are; those of a shape that is recognised differ by up to 1e-12. What
-scikit-fuzzy has not is added: a default for each output, for when no rule fires. Inputs beyond their universe
-are always clipped; memberships below `fis_tools.model.variables.SMALLEST_MEMBERSHIP` are zero.
+the methods of each rule and variable. `fis_tools.engines.inference` gives the results of ``compute()`` to the
+last bit. What scikit-fuzzy has not is added: a default for each output, for when no rule fires. Inputs beyond
+their universe are always clipped; memberships below `fis_tools.model.variables.SMALLEST_MEMBERSHIP` are
+zero.
 """
 
 import operator

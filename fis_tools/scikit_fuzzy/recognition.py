@@ -1,11 +1,12 @@
 """Shapes from samples: which membership function gave these values on this universe.
 
 Each kind of shape is estimated from what its formula makes a straight line of, and fitted; then its
-parameters are rounded to the decimals that give the values best. Nothing is taken for a shape that does not
-give them.
+parameters are set to the shortest decimals, or the nearby floating-point numbers, that give the values again.
+Nothing is taken for a shape that does not give them.
 """
 
 from collections.abc import Callable, Iterator
+from itertools import product
 from math import floor, log10
 
 import numpy as np
@@ -13,24 +14,25 @@ from scipy.optimize import least_squares
 
 from fis_tools import model
 from fis_tools.array_types import Booleans, Floats
-from fis_tools.model import MembershipFunction
 from fis_tools.model.shapes import SMALLEST_MEMBERSHIP
 from fis_tools.model.validate import shape_problems
 from fis_tools.model.variables import is_unimodal, shape_values
 
-Estimate = tuple[type[MembershipFunction], tuple[float, ...]]
+Estimate = tuple[type[model.MembershipFunction], tuple[float, ...]]
 
 #: An estimate that misses the samples by more is not looked at further.
 NEAR = 1e-6
-#: A shape that misses the samples by more is none: answers are those of scikit-fuzzy but for last digits.
-SAME = 1e-12
 #: Points of a flank that are too few to do without one.
 FEW = 3
 #: Decimal digits of a floating-point number.
 DIGITS = 17
+#: How far from an estimate, in units of its last place, a parameter is looked for.
+NUDGES = 6
+#: A parameter smaller than this share of the universe is known to no more places than one of this share.
+SMALL = 1 / 1024
 
 
-def recognise(universe: Floats, values: Floats) -> MembershipFunction:
+def recognise(universe: Floats, values: Floats) -> model.MembershipFunction:
     """Find the shape that gives the values on the universe, or keep the values.
 
     Triangles and trapezoids are preferred, then Gaussians and the rest, each only if the values say more than
@@ -44,7 +46,7 @@ def recognise(universe: Floats, values: Floats) -> MembershipFunction:
     Returns
     -------
     MembershipFunction
-        `Sampled` where nothing else gives the values.
+        `Sampled` where nothing else gives the values, to the last bit.
     """
     samples = Samples(universe, values)
     with np.errstate(all="ignore"):  # an estimate that is not a number is dropped
@@ -75,32 +77,55 @@ class Samples:
         self.top = universe[highest[[0, -1]]] if self.values.max() == 1.0 else None
         self.num_between = int(is_between.sum())
 
-    def miss(self, shape: MembershipFunction) -> float:
-        """Return how far a shape is from the values at most; infinite if it has none somewhere."""
+    def misses(self, shape: model.MembershipFunction) -> Floats:
+        """Return how far a shape is from each value; no number where it has none, infinite if it is wrong."""
         if any(shape_problems(shape, len(self.values))):
-            return np.inf
+            return np.full(len(self.values), np.inf)
         given = shape_values(self.universe, shape)
-        farthest = np.abs(np.where(given < SMALLEST_MEMBERSHIP, 0.0, given) - self.values).max()
-        return float(np.nan_to_num(farthest, nan=np.inf))
+        given = np.where(given < SMALLEST_MEMBERSHIP, 0.0, given)
+        return np.abs(given - self.values)
 
 
 def _settled(
-    samples: Samples, kind: type[MembershipFunction], parameters: tuple[float, ...]
-) -> MembershipFunction | None:
-    """Return the shape of the simplest numbers near an estimate that gives the samples best, if it does."""
-    if samples.miss(_made(kind, parameters)) > NEAR:
+    samples: Samples, kind: type[model.MembershipFunction], parameters: tuple[float, ...]
+) -> model.MembershipFunction | None:
+    """Return the shape of the simplest numbers near an estimate that gives the samples, if there is one.
+
+    Where rounding does not find it neighbouring parameters move, two at a time and by units in their last
+    place, while fewer samples are missed: the errors of a foot and a top, or of a mean and a deviation,
+    belong together.
+    """
+
+    def missed(numbers: tuple[float, ...]) -> int:
+        return int(np.count_nonzero(samples.misses(_made(kind, numbers))))
+
+    def moves(place: int) -> set[float]:
+        unit = float(np.spacing(max(abs(best[place]), samples.width * SMALL)))
+        nudged = {best[place] + nudge * unit for nudge in range(-NUDGES, NUDGES + 1)}
+        return nudged.union(candidate[place] for candidate in candidates[-NUDGES:])
+
+    if not samples.misses(_made(kind, parameters)).max() <= NEAR:
         return None
-    rounded = (_rounded(kind, parameters, digits, samples.width) for digits in range(1, DIGITS + 1))
-    best = min((_made(kind, numbers) for numbers in (*rounded, parameters)), key=samples.miss)
-    return best if samples.miss(best) <= SAME else None
+    rounded = [_rounded(kind, parameters, digits, samples.width) for digits in range(1, DIGITS + 1)]
+    candidates = [*rounded, parameters]
+    best = min(candidates, key=missed)
+    fewest, before = missed(best), len(samples.values) + 1
+    while 0 < fewest < before:
+        before = fewest
+        for place in range(len(best) - 1):
+            for pair in product(moves(place), moves(place + 1)):
+                tried = (*best[:place], *pair, *best[place + 2 :])
+                if (count := missed(tried)) < fewest:
+                    best, fewest = tried, count
+    return None if fewest else _made(kind, best)
 
 
-def _made(kind: type[MembershipFunction], parameters: tuple[float, ...]) -> MembershipFunction:
+def _made(kind: type[model.MembershipFunction], parameters: tuple[float, ...]) -> model.MembershipFunction:
     return kind(*map(float, parameters))
 
 
 def _rounded(
-    kind: type[MembershipFunction], parameters: tuple[float, ...], digits: int, width: float
+    kind: type[model.MembershipFunction], parameters: tuple[float, ...], digits: int, width: float
 ) -> tuple[float, ...]:
     """Round places to digits of the universe's width, spreads and slopes to digits of their own."""
     rounded = []
@@ -244,7 +269,9 @@ def _bells(samples: Samples, odds: list[tuple[float, float] | None]) -> Iterator
         yield model.GeneralizedBell, (width, 0.5 * width / abs(halves[0][1]), centre)
 
 
-def _fitted(samples: Samples, kind: type[MembershipFunction], start: tuple[float, ...]) -> tuple[float, ...]:
+def _fitted(
+    samples: Samples, kind: type[model.MembershipFunction], start: tuple[float, ...]
+) -> tuple[float, ...]:
     """Improve an estimate by least squares."""
 
     def residuals(parameters: Floats) -> Floats:
