@@ -8,17 +8,9 @@ import pytest
 from scipy.optimize import linprog
 
 from pipeline.flight.cases.starts import evaluation_scenarios
+from pipeline.optimum import polish
 from pipeline.optimum.bound import can_cover, delta_v_bound, price_pair, sample_costs, slopes_of, unavoidable
 from pipeline.optimum.plan import num_agreeing, solve
-from pipeline.optimum.polish import (
-    LEAST_FORCE,
-    NEAR_MARGIN,
-    PRICE_OF_SLACK,
-    _rows,
-    choose,
-    least_forces,
-    step,
-)
 from pipeline.optimum.problem import flown, margins_along, path_of, seen_as
 from pipeline.optimum.search import NEVER, PLANS, PRICE_OF_DISTANCE, PRICE_OF_HEIGHT, price_burns
 from tests.pipeline.optimum.cases import composed, problem, random_forces
@@ -57,21 +49,38 @@ def test_margins_are_the_sight_of_a_flight_in_a_strict_world(chief):
     assert case.is_lit.any(axis=0).sum() == log.is_inspectable.sum()
 
 
+def planned(*overrides):
+    """A plan of the second case."""
+    experiment = composed(*overrides).experiment
+    (_, scenario) = evaluation_scenarios(experiment.monte_carlo, experiment.sun, experiment.seed)
+    return solve(experiment.mission, scenario, experiment.optimum, np.random.SeedSequence(5))
+
+
 @pytest.mark.slow
 def test_a_plan_for_a_strict_world_holds_in_flight():
     """Its demands are met by tangents, the flight judges by what they are tangents of."""
-    run = composed(*STRICT, "optimum.points=30", "optimum.restarts=2", "optimum.kicks=0", "optimum.burns=2")
-    experiment = run.experiment
-    (_, scenario) = evaluation_scenarios(experiment.monte_carlo, experiment.sun, experiment.seed)
-    plan = solve(experiment.mission, scenario, experiment.optimum, np.random.SeedSequence(5))
+    few = ("optimum.points=30", "optimum.restarts=2", "optimum.kicks=0", "optimum.burns=2")
+    plan = planned(*STRICT, *few)
     assert plan.flight.is_feasible(30)
     assert 0.0 <= plan.bound <= plan.flight.delta_v < 0.5
 
 
-@pytest.mark.parametrize("attitude", ["ideal", "flown"])
-@pytest.mark.parametrize("seed", range(3))
-def test_what_has_a_margin_is_inspected(attitude, seed):
-    case = problem(1, f"attitude={attitude}", "sun=random")
+@pytest.mark.slow
+def test_easy_cases_end_after_the_least_restarts_and_cost_no_less_than_the_bound(monkeypatch):
+    monkeypatch.setattr("pipeline.optimum.plan.LEAST_RESTARTS", 3)
+    plan = planned("optimum.points=60", "optimum.kicks=1")
+    assert plan.flight.is_feasible(60)
+    assert len(plan.restart_delta_v) == 3
+    assert np.all(np.diff(plan.restart_delta_v) >= 0)
+    assert plan.bound <= plan.flight.delta_v <= plan.restart_delta_v[0] + 1e-3
+
+
+@pytest.mark.parametrize(
+    ("attitude", "seed", "chief"),
+    [("ideal", 0, "paper"), ("flown", 0, "paper"), ("flown", 1, "paper"), ("ideal", 2, "tumbling")],
+)
+def test_what_has_a_margin_is_inspected(attitude, seed, chief):
+    case = problem(1, f"attitude={attitude}", "sun=random", f"chief={chief}")
     log = flown(case, random_forces(case.num_controls, 0.05, seed))
     seen = margins_along(seen_as(case, log), log.position_m).max(axis=0) >= 1e-6
     assert seen.sum() > 30
@@ -84,14 +93,6 @@ def test_far_away_and_pointing_well_no_other_point_is_inspected():
     assert np.linalg.norm(log.position_m, axis=1).min() > case.sight.max()
     seen = margins_along(case, log.position_m).max(axis=0) >= 0.0
     assert np.array_equal(seen, log.is_inspected[-1])
-
-
-def test_a_tumbling_chief_turns_its_points():
-    case = problem(0, "attitude=ideal", "chief=tumbling")
-    log = flown(case, np.zeros((0, 3)))
-    seen = margins_along(case, log.position_m).max(axis=0) >= 0.0
-    assert 0 < seen.sum() <= log.is_inspected[-1].sum()
-    assert np.all(log.is_inspected[-1][seen])
 
 
 def test_a_camera_that_looks_away_sees_nothing():
@@ -153,23 +154,24 @@ def test_rows_are_the_slopes_of_what_is_demanded():
     case = problem(1)
     forces = random_forces(case.num_controls, 0.1)
     path = path_of(case, forces)
-    sample, point, step = 200, 17, 1e-4
+    sample = 200
+    point = 17
+    step = 1e-4
     normal, outward = case.normals[sample, :, point], path[sample] / np.linalg.norm(path[sample])
     periods = np.arange(0, case.num_controls, 7)
-    rows, _ = _rows(case, [(normal, sample, 10.0), (outward, sample, 15.0)], periods)
+    rows, _ = polish._rows(case, [(normal, sample, 10.0), (outward, sample, 15.0)], periods)
 
-    def height(changed):
-        return case.normals[sample, :, point] @ path_of(case, changed)[sample]
-
-    def distance(changed):
-        return np.linalg.norm(path_of(case, changed)[sample])
-
+    quantities = (
+        lambda path: case.normals[sample, :, point] @ path[sample],
+        lambda path: np.linalg.norm(path[sample]),
+    )
     for place in (0, 5, 20, 28, 29, 40):
         for axis in range(3):
             change = np.zeros_like(forces)
             change[periods[place], axis] = step
-            for row, quantity in zip(rows, (height, distance), strict=True):
-                slope = (quantity(forces + change) - quantity(forces - change)) / (2 * step)
+            ends = [path_of(case, forces + sign * change) for sign in (1.0, -1.0)]
+            for row, quantity in zip(rows, quantities, strict=True):
+                slope = (quantity(ends[0]) - quantity(ends[1])) / (2 * step)
                 assert row[3 * place + axis] == pytest.approx(slope, rel=1e-5, abs=1e-6)
 
 
@@ -190,23 +192,18 @@ def least_by_linear_program(case, demands) -> float:
     return solved.fun if solved.status == 0 else np.inf
 
 
-def test_one_point_takes_what_the_linear_program_says():
+def test_one_point_takes_what_the_linear_program_says_and_those_never_lit_cannot_be_seen():
     case = problem(0, SHORT)
-    costs = sample_costs(case)
-    assert np.array_equal(np.isinf(costs.min(axis=0)), ~case.is_lit.any(axis=0))
-    alone = np.where(np.isinf(costs.min(axis=0)), -1.0, costs.min(axis=0))
-    hardest = int(alone.argmax())
+    costs = sample_costs(case).min(axis=0)
+    ever = case.is_lit.any(axis=0)
+    assert np.array_equal(np.isinf(costs), ~ever)
+    hardest = int(np.where(ever, costs, -1.0).argmax())
     lit = np.flatnonzero(case.is_lit[1:, hardest]) + 1
     least = min(least_by_linear_program(case, [(hardest, int(k))]) for k in lit)
     assert least > 0
-    assert alone[hardest] == pytest.approx(least, rel=1e-7)
-
-
-def test_so_many_points_as_are_never_lit_cannot_be_seen():
-    case = problem(0, SHORT)
-    ever = int(case.is_lit.any(axis=0).sum())
-    assert np.isfinite(delta_v_bound(case, ever))
-    assert np.isinf(delta_v_bound(case, ever + 1))
+    assert costs[hardest] == pytest.approx(least, rel=1e-7)
+    assert np.isfinite(delta_v_bound(case, int(ever.sum())))
+    assert np.isinf(delta_v_bound(case, int(ever.sum()) + 1))
 
 
 def test_a_pair_takes_no_more_than_the_linear_program_says_and_nearly_as_much():
@@ -216,13 +213,11 @@ def test_a_pair_takes_no_more_than_the_linear_program_says_and_nearly_as_much():
     one = int(finite.argmax())
     # the other as far round as there is one that is lit and unseen
     other = int(np.where(finite > 0.0, case.normals[0, :, one] @ case.normals[0], 2.0).argmin())
-    weights = np.linspace(0.0, np.pi / 2, 41)
     missing = (case.radius - np.einsum("ka,kaj->kj", case.free, case.normals)) * case.delta_v_per_force
     pair = price_pair(
         *(slopes_of(case.gain, np.ascontiguousarray(case.normals[:, :, j])) for j in (one, other)),
-        *(np.ascontiguousarray(missing[:, j]) for j in (one, other)),
-        *(np.ascontiguousarray(costs[:, j]) for j in (one, other)),
-        weights,
+        *(np.ascontiguousarray(table[:, j]) for table in (missing, costs) for j in (one, other)),
+        np.linspace(0.0, np.pi / 2, 41),
         np.inf,
     )
     when = [np.flatnonzero(case.is_lit[1:, j]) + 1 for j in (one, other)]
@@ -267,33 +262,33 @@ def test_solutions_are_those_of_scipy(num_rows, num_forces, presolves):
     rows = generator.normal(0.0, 50.0, (num_rows, num_forces))
     rows[generator.random(rows.shape) < 0.3] = 0.0
     most = generator.normal(-10.0, 20.0, num_rows)
-    found = least_forces(rows, most, FUEL, MAX_FORCE, presolves=presolves)
+    found = polish.least_forces(rows, most, FUEL, MAX_FORCE, presolves=presolves)
     parts = [(0.0, MAX_FORCE)] * (2 * num_forces)
     expected = linprog(
-        np.r_[np.full(2 * num_forces, FUEL), np.full(num_rows, PRICE_OF_SLACK)],
+        np.r_[np.full(2 * num_forces, FUEL), np.full(num_rows, polish.PRICE_OF_SLACK)],
         A_ub=np.hstack([rows, -rows, -np.eye(num_rows)]),
         b_ub=most,
         bounds=[*parts, *[(0.0, None)] * num_rows],
     )
     forces = expected.x[:num_forces] - expected.x[num_forces : 2 * num_forces]
-    np.testing.assert_allclose(found.forces, forces, atol=2 * LEAST_FORCE)
+    np.testing.assert_allclose(found.forces, forces, atol=2 * polish.LEAST_FORCE)
     assert found.slack == pytest.approx(expected.x[2 * num_forces :].sum(), abs=1e-9)
     np.testing.assert_allclose(found.prices, -expected.ineqlin.marginals, atol=1e-12)
 
 
-def test_of_two_forces_the_one_that_leads_further_is_fired():
-    found = least_forces(np.array([[-20.0, 40.0]]), np.array([-10.0]), FUEL, MAX_FORCE, presolves=False)
-    assert found.forces.tolist() == [0.0, -0.25]
-    assert found.slack == 0.0
-    # a metre more takes 1/40 N more
-    assert found.prices == pytest.approx([FUEL / 40.0])
-
-
-def test_what_no_force_reaches_is_missed_at_its_price():
-    found = least_forces(np.array([[-20.0]]), np.array([-50.0]), FUEL, MAX_FORCE, presolves=True)
-    assert found.forces.tolist() == [MAX_FORCE]
-    assert found.slack == pytest.approx(30.0)
-    assert found.prices == pytest.approx([PRICE_OF_SLACK])
+@pytest.mark.parametrize(
+    ("slopes", "most", "forces", "slack", "price"),
+    [
+        # the force that leads further is fired; a metre more takes 1/40 N more
+        ([-20.0, 40.0], -10.0, [0.0, -0.25], 0.0, FUEL / 40.0),
+        # what no force reaches is missed at its price
+        ([-20.0], -50.0, [MAX_FORCE], 30.0, polish.PRICE_OF_SLACK),
+    ],
+)
+def test_the_least_force_by_hand(slopes, most, forces, slack, price):
+    found = polish.least_forces(np.array([slopes]), np.array([most]), FUEL, MAX_FORCE, presolves=False)
+    assert found.forces.tolist() == forces
+    assert (found.slack, found.prices) == (pytest.approx(slack), pytest.approx([price]))
 
 
 @pytest.mark.parametrize(
@@ -302,37 +297,33 @@ def test_what_no_force_reaches_is_missed_at_its_price():
     ids=["infinite slope", "no bound", "no force within its limits"],
 )
 def test_a_program_without_a_solution_gives_none(slope, most, max_force):
-    assert least_forces(np.array([[slope]]), np.array([most]), FUEL, max_force, presolves=False) is None
+    rows = np.array([[slope]])
+    least = np.array([most])
+    assert polish.least_forces(rows, least, FUEL, max_force, presolves=False) is None
 
 
 NEEDED = 70
 
 
-@pytest.fixture(scope="module")
-def steps():
+def test_from_a_feasible_plan_fuel_never_rises_and_every_step_meets_what_is_asked():
     case = problem(1, "attitude=ideal")
-    prices, forces, found = np.zeros(case.num_points), random_forces(case.num_controls, 0.05), []
+    prices = np.zeros(case.num_points)
+    forces = random_forces(case.num_controls, 0.05)
+    feasible = []
     for _ in range(8):
-        found.append(step(case, forces, NEEDED, prices, 6))
-        forces, prices = found[-1].forces, found[-1].prices
-    return case, [each for each in found if each.is_feasible]
-
-
-def test_from_a_feasible_plan_fuel_never_rises(steps):
-    _, feasible = steps
-    assert len(feasible) >= 4
+        found = polish.step(case, forces, NEEDED, prices, 6)
+        forces = found.forces
+        prices = found.prices
+        feasible += [found] if found.is_feasible else []
     spent = np.array([each.delta_v for each in feasible])
+    assert len(spent) >= 4
     assert np.all(np.diff(spent) <= 1e-7)
     assert spent[-1] < 0.98 * spent[0]
-
-
-def test_every_feasible_step_meets_what_is_asked(steps):
-    case, feasible = steps
     for each in feasible:
         path = path_of(case, each.forces)
         distances = np.linalg.norm(path[1:], axis=1)
         assert (margins_along(case, path).max(axis=0) >= 0.0).sum() >= NEEDED
-        assert distances.min() >= 15.0 + 0.99 * NEAR_MARGIN
+        assert distances.min() >= 15.0 + 0.99 * polish.NEAR_MARGIN
         assert distances.max() <= 200.0
         assert np.abs(each.forces).max() <= 1.0
         assert np.all(each.forces[np.arange(case.num_controls) % 6 != 0] == 0.0)
@@ -346,7 +337,7 @@ def test_a_wall_in_the_way_is_kept_out_of():
     assert np.linalg.norm(path_of(case, forces), axis=1).min() < 60.0
     prices = np.zeros(case.num_points)
     for _ in range(8):
-        done = step(case, forces, 40, prices, 6)
+        done = polish.step(case, forces, 40, prices, 6)
         forces, prices = done.forces, done.prices
     assert done.is_feasible
     assert np.linalg.norm(path_of(case, forces)[1:], axis=1).min() >= 60.0
@@ -354,24 +345,11 @@ def test_a_wall_in_the_way_is_kept_out_of():
 
 def test_of_more_points_than_needed_the_costly_go():
     best, prices = np.array([1.0, 0.0, 2.0, 0.5, -1.0]), np.array([0.0, 3.0, 0.0, 1.0, 0.0])
-    assert choose(best, 2, prices).tolist() == [2, 0]
-    assert choose(best, 3, prices).tolist() == [2, 0, 3]
-    assert choose(best, 5, prices).tolist() == [2, 0, 3, 1, 4]
+    assert polish.choose(best, 2, prices).tolist() == [2, 0]
+    assert polish.choose(best, 3, prices).tolist() == [2, 0, 3]
+    assert polish.choose(best, 5, prices).tolist() == [2, 0, 3, 1, 4]
 
 
 def test_restarts_agree_within_a_thousandth():
     assert num_agreeing(np.array([0.2, 0.2009, 0.1999, 0.21])) == 3
     assert num_agreeing(np.array([np.inf, np.inf])) == 0
-
-
-@pytest.mark.slow
-def test_easy_cases_end_after_the_least_restarts_and_cost_no_less_than_the_bound(monkeypatch):
-    monkeypatch.setattr("pipeline.optimum.plan.LEAST_RESTARTS", 3)
-    run = composed("optimum.points=60", "optimum.kicks=1")
-    experiment = run.experiment
-    scenario = evaluation_scenarios(experiment.monte_carlo, experiment.sun, experiment.seed)[1]
-    plan = solve(experiment.mission, scenario, experiment.optimum, np.random.SeedSequence(5))
-    assert plan.flight.is_feasible(60)
-    assert len(plan.restart_delta_v) == 3
-    assert np.all(np.diff(plan.restart_delta_v) >= 0)
-    assert plan.bound <= plan.flight.delta_v <= plan.restart_delta_v[0] + 1e-3

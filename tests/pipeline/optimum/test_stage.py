@@ -1,5 +1,6 @@
 """The stage end to end: plans that fly, tables, determinism, what is kept, what is refused."""
 
+import re
 import shutil
 from pathlib import Path
 
@@ -28,21 +29,28 @@ from pipeline.optimum.solved import (
 )
 from pipeline.run import artifacts, tables, writing
 from pipeline.run.runner import run_stages
-from pipeline.settings.experiment import SettingError
 from tests.pipeline.optimum.cases import composed
 
 SMALL = ("optimum.points=60", "optimum.restarts=2", "optimum.kicks=1", "sun=random")
 
 
-def solved(folder: Path, *overrides: str) -> Path:
+#: of plans for small problems
+QUICK = ("optimum.points=30", "optimum.restarts=2", "optimum.kicks=0")
+
+
+def solve(folder: Path, *overrides: str) -> Path:
     run = composed(*overrides)
     run_stages(run.experiment, run.config, folder)
     return folder
 
 
+def cases_of(folder: Path) -> dict[str, np.ndarray]:
+    return tables.read_parquet(folder, artifacts.OPTIMUM_CASES)
+
+
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return solved(tmp_path_factory.mktemp("optimum"), *SMALL, "optimum.workers=1")
+    return solve(tmp_path_factory.mktemp("optimum"), *SMALL, "optimum.workers=1")
 
 
 def plans_in(folder: Path) -> dict[str, bytes]:
@@ -50,75 +58,48 @@ def plans_in(folder: Path) -> dict[str, bytes]:
 
 
 @pytest.mark.slow
-def test_plans_fly_as_the_table_says(folder):
+def test_plans_fly_as_the_table_says_and_their_forces_are_in_one_table(folder):
     experiment = composed(*SMALL).experiment
-    cases = tables.read_parquet(folder, artifacts.OPTIMUM_CASES)
-    scenarios = evaluation_scenarios(experiment.monte_carlo, experiment.sun, experiment.seed)
+    cases = cases_of(folder)
+    scenarios = scenarios_of(experiment)
+    lines = (folder / artifacts.OPTIMUM_FORCES).read_text().splitlines()
+    assert lines[0] == "case,time_s,force_x_n,force_y_n,force_z_n"
+    rows = np.array([[float(cell) for cell in line.split(",")] for line in lines[1:]])
+    assert np.abs(rows[:, 2:]).max(axis=1).min() > 0
     assert cases["case"].tolist() == [0, 1]
     for case, scenario in enumerate(scenarios):
         path = folder / artifacts.OPTIMUM_PLANS / f"case-{case:04d}.csv"
         controller = source.load({"kind": "open_loop", "path": str(path)}, experiment.mission)
         episodes, _ = fly_cases(experiment.mission, controller, [scenario])
-        assert episodes["success"].shape == (1,)
         assert cases["is_feasible"][case]
         assert not episodes["violated"][0]
         assert cases["inspected_count"][case] == episodes["inspected_count"][0] >= 60
-        for name in (
-            "delta_v_m_s",
-            "inspection_rate_percent",
-            "mean_distance_m",
-            "min_distance_m",
-            "max_distance_m",
-        ):
+        distances = (f"{kind}_distance_m" for kind in ("mean", "min", "max"))
+        for name in ("delta_v_m_s", "inspection_rate_percent", *distances):
             assert cases[name][case] == pytest.approx(episodes[name][0], rel=1e-12)
         assert cases["delta_v_bound_m_s"][case] <= cases["delta_v_m_s"][case]
-
-
-@pytest.mark.slow
-def test_the_forces_of_all_cases_are_in_one_table(folder):
-    lines = (folder / artifacts.OPTIMUM_FORCES).read_text().splitlines()
-    assert lines[0] == "case,time_s,force_x_n,force_y_n,force_z_n"
-    rows = np.array([[float(cell) for cell in line.split(",")] for line in lines[1:]])
-    cases = tables.read_parquet(folder, artifacts.OPTIMUM_CASES)
-    for case in (0, 1):
         spent = np.abs(rows[rows[:, 0] == case, 2:]).sum() * 10.0 / 12.0
         assert spent == pytest.approx(cases["delta_v_m_s"][case], rel=1e-12)
-    assert np.abs(rows[:, 2:]).max(axis=1).min() > 0
 
 
 @pytest.mark.slow
 def test_cases_that_are_there_are_kept_and_others_are_made_again_by_any_workers(folder, tmp_path, capsys):
-    plans, table = plans_in(folder), (folder / artifacts.OPTIMUM_CASES).read_bytes()
-    (tmp_path / artifacts.OPTIMUM_PLANS).mkdir(parents=True)
-    (tmp_path / artifacts.OPTIMUM_CASES).write_bytes(table)
-    (tmp_path / artifacts.OPTIMUM_PLANS / "case-0000.csv").write_bytes(plans["case-0000.csv"])
-    solved(tmp_path, *SMALL, "optimum.workers=2")
+    shutil.copytree(folder / "optimum", tmp_path / "optimum")
+    table = (folder / artifacts.OPTIMUM_CASES).read_bytes()
+    (tmp_path / artifacts.OPTIMUM_PLANS / "case-0001.csv").unlink()
+    solve(tmp_path, *SMALL, "optimum.workers=2")
     assert "1 of 2 cases are there already" in capsys.readouterr().err
-    assert plans_in(tmp_path) == plans
+    assert plans_in(tmp_path) == plans_in(folder)
     assert (tmp_path / artifacts.OPTIMUM_CASES).read_bytes() == table
-
-
-@pytest.mark.slow
-def test_cases_of_other_starts_are_not_kept(folder, tmp_path, capsys):
-    (tmp_path / artifacts.OPTIMUM_PLANS).mkdir(parents=True)
-    (tmp_path / artifacts.OPTIMUM_CASES).write_bytes((folder / artifacts.OPTIMUM_CASES).read_bytes())
-    for name, content in plans_in(folder).items():
-        (tmp_path / artifacts.OPTIMUM_PLANS / name).write_bytes(content)
-    solved(tmp_path, *SMALL[:-1], "sun=fixed", "optimum.points=20")
+    # those of other starts are not
+    solve(tmp_path, *QUICK, "sun=fixed")
     assert "are there already" not in capsys.readouterr().err
 
 
 @pytest.mark.slow
 def test_where_time_is_too_short_the_best_there_is_is_kept_and_not_called_a_plan(tmp_path, capsys):
-    solved(
-        tmp_path,
-        "duration_s=300.0",
-        "optimum.points=95",
-        "optimum.restarts=1",
-        "optimum.kicks=0",
-        "optimum.cases=start",
-    )
-    cases = tables.read_parquet(tmp_path, artifacts.OPTIMUM_CASES)
+    short = ("duration_s=300.0", "optimum.points=95", "optimum.restarts=1", "optimum.kicks=0")
+    cases = cases_of(solve(tmp_path, *short, "optimum.cases=start"))
     start = given_start(composed().experiment.mission.deputy, composed().experiment.sun, 1)
     assert cases["position_x_m"].tolist() == [start.position_m[0]]
     assert cases["is_feasible"].tolist() == [False]
@@ -131,69 +112,52 @@ def test_where_time_is_too_short_the_best_there_is_is_kept_and_not_called_a_plan
 
 
 @pytest.mark.slow
-def test_more_points_than_there_are_are_refused_before_a_folder_is_made(tmp_path, capsys):
-    words = ["+experiment=optimum", "optimum.points=100", f"hydra.run.dir={tmp_path / 'run'}"]
-    assert main(words) == 2
-    assert (
-        "optimum.points is 100, but the chief has 99 points; ask for at most as many"
-        in capsys.readouterr().err
-    )
+@pytest.mark.parametrize(
+    ("override", "told"),
+    [
+        ("optimum.points=100", "optimum.points is 100, but the chief has 99 points"),
+        ("optimum.burns=6", "optimum.burns is 6; it must be from 2 to 5"),
+        ("optimum.cases=all", "optimum.cases is 'all'; it must be one of evaluation, start"),
+    ],
+)
+def test_what_cannot_be_asked_is_refused_before_a_folder_is_made(override, told, tmp_path, capsys):
+    assert main(["+experiment=optimum", override, f"hydra.run.dir={tmp_path / 'run'}"]) == 2
+    assert told in capsys.readouterr().err
     assert not (tmp_path / "run").exists()
-
-
-def row(**changes):
-    return {
-        "is_feasible": True,
-        "delta_v_m_s": 0.2,
-        "delta_v_bound_m_s": 0.1,
-        "restarts_agreeing": 2,
-    } | changes
 
 
 @pytest.mark.slow
 def test_the_summary_counts_feasible_cases_alone():
-    summary = summarise([row(), row(delta_v_m_s=0.4, restarts_agreeing=1), row(is_feasible=False)])
+    row = {"is_feasible": True, "delta_v_m_s": 0.2, "delta_v_bound_m_s": 0.1, "restarts_agreeing": 2}
+    dearer = row | {"delta_v_m_s": 0.4, "restarts_agreeing": 1}
+    summary = summarise([row, dearer, row | {"is_feasible": False}])
     assert (summary["num_cases"], summary["num_feasible"], summary["cases_found_more_than_once"]) == (3, 2, 1)
     assert summary["delta_v_m_s"] == pytest.approx(
         {"mean": 0.3, "standard_deviation": 0.2 / 2**0.5, "median": 0.3, "max": 0.4}
     )
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("override", "told"),
-    [
-        ("optimum.burns=6", "optimum.burns is 6; it must be from 2 to 5"),
-        ("optimum.cases=all", "optimum.cases is 'all'; it must be one of evaluation, start"),
-    ],
-)
-def test_what_cannot_be_asked_is_refused_in_a_sentence(override, told):
-    with pytest.raises(SettingError) as refused:
-        composed(override)
-    assert told in str(refused.value)
-
-
 FOLDERS = [(folder, 95) for folder in SHIPPED_FOLDERS.values()]
-FOLDERS += [
-    (folder, points)
-    for harder in HARDER_FOLDERS.values()
-    for folder, points in zip(harder, (98, 99), strict=True)
-]
+for harder in HARDER_FOLDERS.values():
+    FOLDERS += zip(harder, (98, 99), strict=True)
+
+
+def start_of(cases: dict[str, np.ndarray], row: int) -> Scenario:
+    position = np.array([cases[f"position_{axis}_m"][row] for axis in "xyz"])
+    return Scenario(position, np.zeros(3), float(cases["sun_angle_rad"][row]))
 
 
 @pytest.mark.parametrize(("folder", "asked"), FOLDERS, ids=lambda value: getattr(value, "name", value))
 def test_every_plan_flies_as_its_table_says(folder, asked):
     mission = composed().experiment.mission
+    cases = cases_of(folder)
     assert mission.attitude.mode == "flown"
-    cases = tables.read_parquet(folder, artifacts.OPTIMUM_CASES)
     fired = np.genfromtxt(folder / artifacts.OPTIMUM_FORCES, delimiter=",", skip_header=1)
     for row, case in enumerate(cases["case"].tolist()):
         forces = np.zeros((mission.num_controls, 3))
         own = fired[fired[:, 0] == case]
         forces[np.rint(own[:, 1] / mission.control_period_s).astype(int)] = own[:, 2:]
-        position = np.array([cases[f"position_{axis}_m"][row] for axis in "xyz"])
-        start = Scenario(position, np.zeros(3), float(cases["sun_angle_rad"][row]))
-        outcome = fly_all(mission, open_loop("plan", forces), [start], workers=1)
+        outcome = fly_all(mission, open_loop("plan", forces), [start_of(cases, row)], workers=1)
         assert outcome.delta_v_m_s[0] == pytest.approx(cases["delta_v_m_s"][row], rel=1e-9)
         assert outcome.inspected_count[0] == cases["inspected_count"][row] >= asked
         assert not outcome.is_violated[0]
@@ -202,10 +166,8 @@ def test_every_plan_flies_as_its_table_says(folder, asked):
 
 
 def test_bounds_in_the_table_are_those_of_the_cases():
-    cases = tables.read_parquet(SHIPPED_FOLDERS["random"], artifacts.OPTIMUM_CASES)
-    position = np.array([cases[f"position_{axis}_m"][3] for axis in "xyz"])
-    start = Scenario(position, np.zeros(3), float(cases["sun_angle_rad"][3]))
-    problem = problem_of(composed().experiment.mission, start)
+    cases = cases_of(SHIPPED_FOLDERS["random"])
+    problem = problem_of(composed().experiment.mission, start_of(cases, 3))
     bound = delta_v_bound(problem, 95, float(cases["delta_v_m_s"][3]))
     assert bound == pytest.approx(cases["delta_v_bound_m_s"][3], rel=1e-9)
 
@@ -222,31 +184,26 @@ def evaluation(*overrides):
     return compose_experiment([*EVALUATE, *overrides]).experiment
 
 
+def scenarios_of(experiment):
+    return evaluation_scenarios(experiment.monte_carlo, experiment.sun, experiment.seed)
+
+
+LEO = f"optimum.reference={SHIPPED_FOLDERS['fixed'].with_name('leo')}"
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("sun", ["fixed", "random"])
-def test_the_shipped_cases_are_the_first_of_the_default_seed(sun):
-    experiment = compose_experiment([*EVALUATE, f"sun={sun}", "monte_carlo.num_cases=50"]).experiment
-    starts = evaluation_scenarios(experiment.monte_carlo, experiment.sun, experiment.seed)
-    for found, expected in zip(solved_for(experiment).scenarios, starts, strict=True):
+@pytest.mark.parametrize("world", [["sun=fixed"], ["sun=random"], ["world=leo", "dynamics=cw", LEO]])
+def test_the_shipped_cases_are_the_first_of_the_default_seed(world):
+    experiment = evaluation(*world, "monte_carlo.num_cases=50")
+    solved = solved_for(experiment)
+    for found, expected in zip(solved.scenarios, scenarios_of(experiment), strict=True):
         # to rounding: NumPy's functions differ in the last digit between processors
         np.testing.assert_allclose(found.position_m, expected.position_m, rtol=1e-14)
         np.testing.assert_array_equal(found.velocity_m_s, 0.0)
-        np.testing.assert_allclose(found.sun_angle_rad, expected.sun_angle_rad, rtol=1e-14)
-
-
-@pytest.mark.slow
-def test_the_cases_of_a_low_orbit_are_the_first_of_the_default_seed_and_comparable_there():
-    overrides = ("world=leo", "dynamics=cw", f"optimum.reference={SHIPPED_FOLDERS['fixed'].with_name('leo')}")
-    experiment = compose_experiment([*EVALUATE, *overrides, "monte_carlo.num_cases=50"]).experiment
-    solved = solved_for(experiment)
-    starts = evaluation_scenarios(experiment.monte_carlo, experiment.sun, experiment.seed)
-    for found, expected in zip(solved.scenarios, starts, strict=True):
-        np.testing.assert_allclose(found.position_m, expected.position_m, rtol=1e-14)
-        assert found.sun_elevation_rad == pytest.approx(expected.sun_elevation_rad, rel=1e-14)
+        for name in ("sun_angle_rad", "sun_elevation_rad"):
+            np.testing.assert_allclose(getattr(found, name), getattr(expected, name), rtol=1e-14)
     assert np.all(solved.cases["inspected_count"] >= solved.cases["points_asked"])
     assert np.all(solved.cases["delta_v_m_s"] >= solved.cases["delta_v_bound_m_s"])
-    with pytest.raises(IncomparableError, match=r"dynamics\.model"):
-        solved_for(compose_experiment([*EVALUATE, overrides[0], overrides[2]]).experiment)
 
 
 @pytest.mark.slow
@@ -276,31 +233,23 @@ def test_a_flight_is_beside_the_cheapest_plan_that_sees_as_much():
     assert [p["points_asked"][0] for p in plans] == [95, 98, 99]
 
 
-@pytest.fixture(scope="module")
-def evaluated(tmp_path_factory):
-    """Two cases of another seed: the solved ones are flown besides."""
-    folder = tmp_path_factory.mktemp("evaluated")
-    run = compose_experiment([*EVALUATE, "seed=7"])
-    run_stages(run.experiment, run.config, folder)
-    return folder
-
-
 @pytest.mark.slow
-def test_an_evaluation_flies_the_solved_cases_whatever_its_own_are(evaluated):
-    columns = tables.read_parquet(evaluated, artifacts.BESIDE_OPTIMUM)
-    cases = tables.read_parquet(SHIPPED_FOLDERS["fixed"], artifacts.OPTIMUM_CASES)
+def test_an_evaluation_flies_the_solved_cases_whatever_its_own_are(tmp_path):
+    run = compose_experiment([*EVALUATE, "seed=7"])
+    run_stages(run.experiment, run.config, tmp_path)
+    columns = tables.read_parquet(tmp_path, artifacts.BESIDE_OPTIMUM)
+    cases = cases_of(SHIPPED_FOLDERS["fixed"])
     np.testing.assert_array_equal(columns["case"], np.arange(50))
     for start in ("position_x_m", "position_y_m", "position_z_m", "sun_angle_rad"):
         np.testing.assert_array_equal(columns[start], cases[start])
-    np.testing.assert_allclose(
-        columns["times_optimum"] * cases["delta_v_m_s"], columns["delta_v_m_s"], rtol=1e-15
-    )
-    assert len(tables.read_parquet(evaluated, artifacts.EPISODES)["case"]) == 2
+    times = columns["times_optimum"]
+    np.testing.assert_allclose(times * cases["delta_v_m_s"], columns["delta_v_m_s"], rtol=1e-15)
+    assert len(tables.read_parquet(tmp_path, artifacts.EPISODES)["case"]) == 2
 
-    told = artifacts.read_json(evaluated, artifacts.SUMMARY)["optimum"]
+    told = artifacts.read_json(tmp_path, artifacts.SUMMARY)["optimum"]
     assert (told["reference"], told["points_asked"], told["num_cases"]) == ("shipped", 95, 50)
-    assert told["times_optimum"]["mean"] == pytest.approx(columns["times_optimum"].mean(), rel=1e-12)
-    assert told["times_optimum"]["max_case"] == int(np.argmax(columns["times_optimum"]))
+    assert told["times_optimum"]["mean"] == pytest.approx(times.mean(), rel=1e-12)
+    assert told["times_optimum"]["max_case"] == int(np.argmax(times))
     assert 4.0 < told["times_optimum"]["min"] < told["times_optimum"]["median"] < told["times_optimum"]["max"]
     assert told["num_successful"] == int(np.sum(columns["inspected_count"] >= 95)) < 50
 
@@ -331,12 +280,12 @@ def test_a_case_outside_the_limits_is_no_success():
         (["sun=mixed"], "sun.mode is mixed; plans ship for sun=fixed and sun=random"),
         (["sun.angle_deg=10"], "sun.angle_deg is 10 here, and another in the plans' cases"),
         (["optimum.reference=null"], "optimum.reference is null"),
+        (["world=leo", LEO], "dynamics.model"),
     ],
 )
 def test_another_mission_is_not_compared(overrides, reason):
-    with pytest.raises(IncomparableError) as refused:
+    with pytest.raises(IncomparableError, match=re.escape(reason)):
         solved_for(evaluation(*overrides))
-    assert reason in str(refused.value)
 
 
 @pytest.mark.slow
@@ -359,8 +308,7 @@ def test_the_reason_is_kept_and_an_older_table_goes(tmp_path):
 
 @pytest.mark.slow
 def test_plans_of_ones_own_measure_another_mission(tmp_path):
-    short = ("duration_s=900", "optimum.points=30", "optimum.restarts=2", "optimum.kicks=0")
-    own = composed(*short, "optimum.workers=1")
+    own = composed("duration_s=900", *QUICK, "optimum.workers=1")
     run_stages(own.experiment, own.config, tmp_path)
     solved = solved_for(evaluation("duration_s=900", f"optimum.reference={tmp_path}"))
     assert solved.cases["case"].tolist() == [0, 1]
@@ -375,8 +323,7 @@ def test_plans_of_ones_own_measure_another_mission(tmp_path):
 def test_a_reference_that_is_not_there_is_told_before_anything_is_made(tmp_path, capsys):
     words = [*EVALUATE, f"optimum.reference={tmp_path / 'none'}", f"hydra.run.dir={tmp_path / 'run'}"]
     assert main(words) == 2
-    told = capsys.readouterr().err
-    assert "none has no optimum/cases.parquet; the stage optimum writes it, run that first" in told
+    assert "none has no optimum/cases.parquet; the stage optimum writes it" in capsys.readouterr().err
     assert not (tmp_path / "run").exists()
 
 
