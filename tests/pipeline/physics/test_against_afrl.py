@@ -5,16 +5,13 @@ off it may be. Their attitude turns as if Hill axes did not, and their wheels st
 no limit for.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from pipeline.physics.motion import Motion, input_matrix, state_transition
 from pipeline.physics.quaternion import dcm_b_from_h
-from tests.pipeline.physics import what_flies
-from tests.pipeline.physics.what_flies import propagate
+from tests.pipeline.physics.what_flies import propagate, turned
 from tests.places import PROJECT
 
 Floats = NDArray[np.float64]
@@ -44,34 +41,19 @@ def test_motion(case: Floats) -> None:
     np.testing.assert_allclose(moved, end, rtol=0, atol=0.01 * bound[0])
 
 
-class Body(NamedTuple):
-    """A spacecraft that moves and turns: position, attitude, velocity, rate."""
-
-    place: Floats
-    quaternion: Floats
-    velocity: Floats
-    rate: Floats
-
-
-def stepped(body: Body, force_b: Floats, torque: Floats, seconds: float) -> Body:
-    """Turn and move for a short time, under a force along the axes of the body halfway."""
-    halfway, _ = turned(body, torque, 0.5 * seconds)
-    force_h = dcm_b_from_h(halfway).T @ np.clip(force_b, -MAX_FORCE, MAX_FORCE)
-    state = propagate(motion(seconds), np.concatenate((body.place, body.velocity)), force_h)
-    quaternion, rate = turned(body, torque, seconds)
-    return Body(state[:3], quaternion, state[3:], rate)
-
-
-def turned(body: Body, torque: Floats, seconds: float) -> tuple[Floats, Floats]:
-    return what_flies.turned(body.quaternion, body.rate, INERTIA, torque, seconds)
-
-
 @pytest.mark.parametrize("case", cases("sixdof.csv"))
 def test_motion_and_attitude(case: Floats) -> None:
+    """The force acts along the axes of the body halfway through each step."""
     start, force, torque, seconds, end, bound = np.split(case, [13, 16, 19, 20, 33])
-    body = Body(*np.split(start, [3, 7, 10]))
+    place, quaternion, velocity, rate = np.split(start, [3, 7, 10])
+    force = np.clip(force, -MAX_FORCE, MAX_FORCE)
+    state = np.concatenate((place, velocity))
     for _ in range(round(float(seconds[0]) / STEP_S)):
-        is_fastest = np.abs(body.rate + 0.5 * STEP_S * np.linalg.solve(INERTIA, torque)).max() > FASTEST
-        body = stepped(body, force, np.zeros(3) if is_fastest else torque, STEP_S)
+        is_fastest = np.abs(rate + 0.5 * STEP_S * np.linalg.solve(INERTIA, torque)).max() > FASTEST
+        turning = quaternion, rate, INERTIA, np.zeros(3) if is_fastest else torque
+        force_h = dcm_b_from_h(turned(*turning, 0.5 * STEP_S)[0]).T @ force
+        state = propagate(motion(STEP_S), state, force_h)
+        quaternion, rate = turned(*turning, STEP_S)
     is_told = ~np.isnan(end)
-    np.testing.assert_allclose(np.concatenate(body)[is_told], end[is_told], rtol=0, atol=bound[0])
+    found = np.concatenate((state[:3], quaternion, state[3:], rate))
+    np.testing.assert_allclose(found[is_told], end[is_told], rtol=0, atol=bound[0])

@@ -2,42 +2,32 @@ import numpy as np
 import pytest
 
 from pipeline.flight.world.surface import fibonacci_placement, regular_placement
-from pipeline.physics.illumination import (
-    ASTRONOMICAL_UNIT_M,
-    EARTH_RADIUS_M,
-    SUN_RADIUS_M,
-    least_sun_height,
-    orbit_radius,
-    sun_angle,
-    sun_direction_h,
-    visible_share,
-)
+from pipeline.physics import illumination
+from pipeline.physics.illumination import EARTH_RADIUS_M, sun_direction_h, visible_share
 from pipeline.physics.sight import fits_from, is_facing, is_in_cone, is_lit, sight_of
-from tests.pipeline.physics.conditions import is_in_view
 
 RADIUS = 10.0
+SUN_SIZE = illumination.SUN_RADIUS_M / illumination.ASTRONOMICAL_UNIT_M
 MEAN_MOTION = 0.0011068
 
 
 def is_illuminated(point, sun):
     """The paper's condition, ``p . (p - r_s) < 0``."""
-    return bool(point @ point - ASTRONOMICAL_UNIT_M * (point @ sun) < 0.0)
+    return bool(point @ point - illumination.ASTRONOMICAL_UNIT_M * (point @ sun) < 0.0)
 
 
-def on_the_sphere(angle_from_i):
-    return RADIUS * np.array([np.cos(angle_from_i), 0.0, np.sin(angle_from_i)])
+def is_in_view(point, place, boresight, cosine, radius):
+    """The paper's two conditions: between the tangents to the sphere, and inside the cone."""
+    away = point - place
+    is_facing_it = point @ place >= radius * np.linalg.norm(point)
+    return bool(is_facing_it and away @ boresight >= cosine * np.linalg.norm(away))
 
 
 def test_the_sun_goes_backwards_through_the_orbit_plane():
-    assert sun_angle(1.0, MEAN_MOTION, 3600.0) == pytest.approx(1.0 - 3600.0 * MEAN_MOTION)
+    assert illumination.sun_angle(1.0, MEAN_MOTION, 3600.0) == pytest.approx(1.0 - 3600.0 * MEAN_MOTION)
     np.testing.assert_allclose(sun_direction_h(np.pi / 2), [0.0, 1.0, 0.0], atol=1e-16)
-    np.testing.assert_allclose(sun_direction_h(sun_angle(0.0, MEAN_MOTION, 1.0))[1], -MEAN_MOTION, rtol=1e-6)
-
-
-def sees(angle_from_i, distance, half_angle=np.pi / 2, off_axis=0.0):
-    boresight = np.array([-np.cos(off_axis), 0.0, np.sin(off_axis)])
-    position = np.array([distance, 0.0, 0.0])
-    return is_in_view(on_the_sphere(angle_from_i), position, boresight, np.cos(half_angle), RADIUS)
+    after = sun_direction_h(illumination.sun_angle(0.0, MEAN_MOTION, 1.0))
+    np.testing.assert_allclose(after[1], -MEAN_MOTION, rtol=1e-6)
 
 
 def test_the_conditions_without_roots_are_those_of_the_paper():
@@ -68,16 +58,19 @@ def test_from_afar_the_whole_chief_fits_into_the_field_of_view():
     distance = np.sqrt(fits_from(sight_of(RADIUS, half_angle)))
     assert distance == pytest.approx(RADIUS / np.sin(half_angle))
     horizon = np.arccos(RADIUS / distance) - 1e-9
-    assert sees(horizon, 1.0001 * distance, half_angle)
-    assert not sees(horizon, 0.99 * distance, half_angle)
+    point = RADIUS * np.array([np.cos(horizon), 0.0, np.sin(horizon)])
+    axis = np.array([1.0, 0.0, 0.0])
+    for factor, is_seen in ((1.0001, True), (0.99, False)):
+        place = factor * distance * axis
+        assert is_in_view(point, place, -axis, np.cos(half_angle), RADIUS) == is_seen
 
 
-ORBIT_M = orbit_radius(MEAN_MOTION)
+ORBIT_M = illumination.orbit_radius(MEAN_MOTION)
 
 
 def integrated_share(sun_h: np.ndarray) -> float:
     """Rays from the chief to a fine lattice on the Sun's disc, each missing the Earth's sphere or not."""
-    reach = SUN_RADIUS_M / ASTRONOMICAL_UNIT_M
+    reach = SUN_SIZE
     ticks = np.linspace(-1.0, 1.0, 501)
     u, v = np.meshgrid(ticks, ticks)
     inside = u**2 + v**2 <= 1.0
@@ -112,24 +105,23 @@ def test_the_penumbra_is_that_of_rays_to_the_suns_disc(elevation: float) -> None
 @pytest.mark.slow
 @pytest.mark.parametrize("min_share", [0.1, 0.5, 1.0])
 def test_one_height_of_the_sun_tells_light_from_shadow(min_share: float) -> None:
-    least = least_sun_height(ORBIT_M, min_share)
+    least = illumination.least_sun_height(ORBIT_M, min_share)
     for angle in (np.arccos(least) - 1e-6, np.arccos(least) + 1e-6):
         share = visible_share(sun_direction_h(angle), ORBIT_M)
         assert (share >= min_share) == (np.cos(angle) >= least)
         assert share == pytest.approx(min_share, abs=2e-4)
-    assert least_sun_height(ORBIT_M, 0.0) == -2.0
+    assert illumination.least_sun_height(ORBIT_M, 0.0) == -2.0
 
 
 @pytest.mark.slow
 def test_eclipses_last_as_long_as_they_are_published_to() -> None:
     """37.8 % of a 500 km orbit in its Sun's plane; none for a Sun more than 68 deg above it."""
-    angles = np.linspace(0.0, 2.0 * np.pi, 20_001)
-    least = least_sun_height(ORBIT_M, 0.5)
-    assert np.mean(np.cos(angles) < least) == pytest.approx(0.378, abs=0.0005)
-    closed_form = np.arcsin(EARTH_RADIUS_M / ORBIT_M) / np.pi  # a cylinder's shadow
-    assert np.mean(np.cos(angles) < least) == pytest.approx(closed_form, abs=0.001)
-    highest = np.degrees(np.arccos(-least))
-    assert highest == pytest.approx(68.0, abs=0.1)
+    least = illumination.least_sun_height(ORBIT_M, 0.5)
+    share = np.mean(np.cos(np.linspace(0.0, 2.0 * np.pi, 20_001)) < least)
+    assert share == pytest.approx(0.378, abs=0.0005)
+    # a cylinder's shadow
+    assert share == pytest.approx(np.arcsin(EARTH_RADIUS_M / ORBIT_M) / np.pi, abs=0.001)
+    assert np.degrees(np.arccos(-least)) == pytest.approx(68.0, abs=0.1)
     assert visible_share(sun_direction_h(np.pi, np.radians(68.5)), ORBIT_M) == 1.0
     assert visible_share(sun_direction_h(np.pi, np.radians(67.5)), ORBIT_M) == 0.0
 
@@ -137,44 +129,22 @@ def test_eclipses_last_as_long_as_they_are_published_to() -> None:
 @pytest.mark.slow
 def test_a_small_earth_far_away_makes_a_ring_of_the_sun() -> None:
     far = 2.5e9
-    ratio = np.arcsin(EARTH_RADIUS_M / far) / np.arcsin(SUN_RADIUS_M / ASTRONOMICAL_UNIT_M)
+    ratio = np.arcsin(EARTH_RADIUS_M / far) / np.arcsin(SUN_SIZE)
     assert visible_share(np.array([-1.0, 0.0, 0.0]), far) == pytest.approx(1.0 - ratio**2, rel=1e-6)
 
 
 RINGS = [3, 9, 13, 16, 17, 16, 13, 9, 3]
 
 
-@pytest.fixture(scope="module")
-def points():
-    return regular_placement(100, 10.0)
-
-
-def smallest_distances(points):
-    distances = np.linalg.norm(points[:, None] - points[None], axis=2)
-    np.fill_diagonal(distances, np.inf)
-    return distances.min(axis=1)
-
-
-def test_asking_for_100_gives_99_on_the_sphere(points):
-    assert points.shape == (99, 3)
+def test_asking_for_100_gives_99_in_rings_from_plus_k_to_minus_k_and_from_plus_i_towards_plus_j():
+    points = regular_placement(100, 10.0)
     np.testing.assert_allclose(np.linalg.norm(points, axis=1), 10.0, rtol=1e-15)
-
-
-def test_rings_lie_from_plus_k_to_minus_k(points):
-    start = 0
-    for ring, size in enumerate(RINGS):
-        height = points[start : start + size, 2]
-        np.testing.assert_allclose(height, 10.0 * np.cos(np.radians(10 + 20 * ring)), atol=1e-14)
-        start += size
-    assert start == len(points)
-
-
-def test_a_ring_runs_from_plus_i_towards_plus_j(points):
-    start = 0
-    for size in RINGS:
-        azimuth = np.degrees(np.arctan2(points[start : start + size, 1], points[start : start + size, 0]))
-        np.testing.assert_allclose(azimuth % 360.0, 360.0 * np.arange(size) / size, atol=1e-12)
-        start += size
+    rings = np.split(points, np.cumsum(RINGS))
+    assert [len(ring) for ring in rings] == [*RINGS, 0]
+    for polar_angle, ring in zip(range(10, 180, 20), rings, strict=False):
+        np.testing.assert_allclose(ring[:, 2], 10.0 * np.cos(np.radians(polar_angle)), atol=1e-14)
+        azimuth = np.degrees(np.arctan2(ring[:, 1], ring[:, 0])) % 360.0
+        np.testing.assert_allclose(azimuth, 360.0 * np.arange(len(ring)) / len(ring), atol=1e-12)
 
 
 @pytest.mark.parametrize("wanted", [1, 2, 10, 50, 250, 1000])
@@ -185,16 +155,13 @@ def test_about_as_many_points_as_asked_for(wanted):
 
 
 @pytest.mark.parametrize("wanted", [1, 7, 100])
-def test_fibonacci_gives_exactly_as_many(wanted):
+def test_fibonacci_gives_exactly_as_many_evenly_spaced_from_pole_to_pole(wanted):
     points = fibonacci_placement(wanted, 10.0)
     assert points.shape == (wanted, 3)
     np.testing.assert_allclose(np.linalg.norm(points, axis=1), 10.0, rtol=1e-15)
-
-
-def test_fibonacci_points_are_evenly_spaced_from_pole_to_pole():
-    points = fibonacci_placement(100, 10.0)
-    side = 10.0 * np.sqrt(4.0 * np.pi / 100)
-    assert smallest_distances(points).min() > 0.55 * side
-    assert np.all(np.diff(points[:, 1]) < 0.0)
-    np.testing.assert_allclose(points[[0, -1], 1], [10.0, -10.0])
-    np.testing.assert_allclose(points.mean(axis=0), 0.0, atol=0.02)
+    if wanted == 100:
+        apart = np.linalg.norm(points[:, None] - points[None], axis=2)[~np.eye(100, dtype=bool)]
+        assert apart.min() > 0.55 * 10.0 * np.sqrt(4.0 * np.pi / 100)
+        assert np.all(np.diff(points[:, 1]) < 0.0)
+        np.testing.assert_allclose(points[[0, -1], 1], [10.0, -10.0])
+        np.testing.assert_allclose(points.mean(axis=0), 0.0, atol=0.02)

@@ -1,7 +1,7 @@
 """Motion about the Earth against Basilisk's, SciPy's integration of both craft, and the linear limit."""
 
 import json
-from math import cos, radians, sin
+from math import radians
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -14,45 +14,28 @@ from pipeline.flight.fly.workspace import make_state, make_workspace
 from pipeline.flight.period.decide.motion import CLOSEST_APPROACH, sense_approach
 from pipeline.flight.state.arrays import Moment
 from pipeline.flight.world.pack import pack_world
-from pipeline.physics.illumination import EARTH_GRAVITY_M3_S2, EARTH_RADIUS_M, orbit_radius, sun_direction_h
+from pipeline.physics.illumination import EARTH_GRAVITY_M3_S2, orbit_radius, sun_direction_h
 from pipeline.physics.motion import Motion, input_matrix, motion_over, state_transition
 from pipeline.physics.orbit import Course, course_of
 from tests.pipeline.flight.missions import MEAN_MOTION, PAPER
 from tests.pipeline.physics.what_flies import move_beside, propagate
+from tests.readable_flight.two_body import Earth, chief_orbit, moved
 
 TOLD = json.loads((Path(__file__).parent / "basilisk" / "trajectories.json").read_text(encoding="utf-8"))
 TOLD_MOTION, PERIOD = TOLD["mean_motion_rad_s"], 10.0
 RADIUS = orbit_radius(TOLD_MOTION)
 SUN = sun_direction_h(*(radians(degrees) for degrees in TOLD["sun_deg"]))
 #: about which a chief flies in a circle
-ROUND = dict.fromkeys(
-    (
-        "eccentricity",
-        "true_anomaly_deg",
-        "inclination_deg",
-        "latitude_argument_deg",
-        "j2",
-        "drag_m_s2",
-        "radiation_m_s2",
-    ),
-    0.0,
-)
-TILTED = {
-    "eccentricity": 0.3,
-    "true_anomaly_deg": -50.0,
-    "inclination_deg": 63.0,
-    "latitude_argument_deg": 110.0,
-}
+ANGLES = ("true_anomaly_deg", "inclination_deg", "latitude_argument_deg")
+ROUND = dict.fromkeys(("eccentricity", *ANGLES, "j2", "drag_m_s2", "radiation_m_s2"), 0.0)
+TILTED = {"eccentricity": 0.3} | dict(zip(ANGLES, (-50.0, 63.0, 110.0), strict=True))
 OBLATE = {"j2": 1.08262668e-3, "drag_m_s2": 3e-7, "radiation_m_s2": 1e-7}
 
 
-def course(
-    dynamics: dict[str, float], num_periods: int, has_shadow: bool = False, radius: float = RADIUS
-) -> Course:
-    mean_motion = float(np.sqrt(EARTH_GRAVITY_M3_S2 / radius**3))
-    return course_of(
-        mean_motion, radius, SimpleNamespace(**(ROUND | dynamics)), has_shadow, PERIOD, num_periods
-    )
+def course(dynamics, num_periods: int, has_shadow: bool = False, radius: float = RADIUS) -> Course:
+    told = SimpleNamespace(**(ROUND | dynamics))
+    motion = float(np.sqrt(EARTH_GRAVITY_M3_S2 / radius**3))
+    return course_of(motion, radius, told, has_shadow, PERIOD, num_periods)
 
 
 def flown(along: Course, start: np.ndarray, forces: np.ndarray) -> np.ndarray:
@@ -65,76 +48,35 @@ def flown(along: Course, start: np.ndarray, forces: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("name", TOLD["cases"])
 def test_basilisk_flies_the_same_hour(name):
     told = TOLD["cases"][name]
-    path = flown(
-        course(told["dynamics"], 360, told["has_shadow"]),
-        np.concatenate((told["position_m"], told["velocity_m_s"])),
-        np.zeros((360, 3)),
-    )
+    along = course(told["dynamics"], 360, told["has_shadow"])
+    start = [*told["position_m"], *told["velocity_m_s"]]
+    path = flown(along, start, np.zeros((360, 3)))
     samples = np.rint(np.array(told["times_s"]) / PERIOD).astype(int)
     assert len(samples) == 13
     np.testing.assert_allclose(path[samples, :3], told["path_m"], rtol=0.0, atol=1e-3)
 
 
-def plain_attraction(place: np.ndarray, j2: float, pole: np.ndarray) -> np.ndarray:
-    """Return the Earth's attraction, a point's and its oblateness's."""
-    square, height = place @ place, place @ pole
-    oblate = 1.5 * j2 * EARTH_RADIUS_M**2 / square
-    along, up = 1.0 + oblate * (1.0 - 5.0 * height**2 / square), 2.0 * oblate * height
-    return -EARTH_GRAVITY_M3_S2 / square**1.5 * (along * place + up * pole)
-
-
-def plain_frame(place: np.ndarray, velocity: np.ndarray) -> np.ndarray:
-    normal = np.cross(place, velocity)
-    upward, normal = place / np.linalg.norm(place), normal / np.linalg.norm(normal)
-    return np.array([upward, np.cross(normal, upward), normal])
-
-
-def plainly_flown(
-    dynamics: dict[str, float], radius: float, start: np.ndarray, forces: np.ndarray
-) -> np.ndarray:
-    """Return the places, Hill axes, at the beginning and after each force, held for a minute, by SciPy."""
-    told = SimpleNamespace(**(ROUND | dynamics))
-    e, anomaly = told.eccentricity, radians(told.true_anomaly_deg)
-    slope, latitude = radians(told.inclination_deg), radians(told.latitude_argument_deg)
-    parameter, pole = radius * (1.0 - e * e), np.array([0.0, 0.0, 1.0])
-    upward = np.array([cos(latitude), sin(latitude) * cos(slope), sin(latitude) * sin(slope)])
-    forward = np.cross([0.0, -sin(slope), cos(slope)], upward)
-    place = parameter / (1.0 + e * cos(anomaly)) * upward
-    velocity = np.sqrt(EARTH_GRAVITY_M3_S2 / parameter) * (
-        e * sin(anomaly) * upward + (1 + e * cos(anomaly)) * forward
+def plainly_flown(dynamics, radius: float, start: np.ndarray, forces: np.ndarray) -> np.ndarray:
+    """The places, Hill axes, at the beginning and after each force, held for a minute, of readable flight."""
+    mission = SimpleNamespace(
+        orbit=SimpleNamespace(mean_motion_rad_s=np.sqrt(EARTH_GRAVITY_M3_S2 / radius**3), radius_m=radius),
+        dynamics=SimpleNamespace(**(ROUND | dynamics)),
+        light=SimpleNamespace(shadow="none"),
+        control_period_s=6.0 * PERIOD,
+        num_controls=len(forces),
     )
-    to_hill = plain_frame(place, velocity)
-    light = -told.radiation_m_s2 * to_hill.T @ SUN
-
-    def rates(time: float, state: np.ndarray, force: np.ndarray) -> np.ndarray:
-        at, speed, apart, drifting = state.reshape(4, 3)
-        pull = plain_attraction(at, told.j2, pole)
-        relative = (
-            plain_attraction(at + apart, told.j2, pole) - pull + plain_frame(at, speed).T @ force + light
-        )
-        slowed = told.drag_m_s2 * np.linalg.norm(speed) * speed * radius / EARTH_GRAVITY_M3_S2
-        return np.concatenate((speed, pull, drifting, relative - slowed))
-
-    def turn() -> np.ndarray:
-        """The rate of Hill axes, from how they turn in a second."""
-        after, before = (
-            plain_frame(
-                place + sign * velocity * 0.5 + plain_attraction(place, told.j2, pole) * 0.125,
-                velocity + sign * 0.5 * plain_attraction(place, told.j2, pole),
-            )
-            for sign in (1.0, -1.0)
-        )
-        rate = (after - before) @ to_hill.T
-        return np.array([rate[1, 2], rate[2, 0], rate[0, 1]])
-
-    moving = to_hill.T @ (start[3:] + np.cross(turn(), start[:3]))
-    state, path = np.concatenate((place, velocity, to_hill.T @ start[:3], moving)), [start[:3]]
-    for force in forces:
-        state = solve_ivp(
-            rates, (0.0, 6.0 * PERIOD), state, "DOP853", rtol=1e-13, atol=1e-12, args=(force,)
-        ).y[:, -1]
-        path.append(plain_frame(state[:3], state[3:6]) @ state[6:9])
-    return np.array(path)
+    earth = Earth(mission)
+    angle, elevation = np.radians(TOLD["sun_deg"])
+    flight = SimpleNamespace(
+        mission=mission,
+        earth=earth,
+        orbit=chief_orbit(earth, mission),
+        scenario=SimpleNamespace(sun_angle_rad=angle, sun_elevation_rad=elevation),
+    )
+    states = [start]
+    for k, force in enumerate(forces):
+        states.append(moved(flight, k, states[-1], force, 0.0))
+    return np.array(states)[:, :3]
 
 
 @pytest.mark.parametrize(
@@ -156,9 +98,9 @@ def test_scipy_flies_the_same_hour_under_forces(dynamics, radius):
 def test_nearby_on_a_circle_motion_is_clohessy_and_wiltshires():
     start, force = np.array([0.6, -0.4, 0.3, 5e-4, 1e-3, -8e-4]), np.full((360, 3), [1e-7, -2e-7, 1e-7])
     path = flown(course({}, 360), start, force)
-    linear = motion_over(
-        SimpleNamespace(mean_motion_rad_s=TOLD_MOTION), SimpleNamespace(mass_kg=1.0), [PERIOD]
-    )
+    orbit = SimpleNamespace(mean_motion_rad_s=TOLD_MOTION)
+    deputy = SimpleNamespace(mass_kg=1.0)
+    linear = motion_over(orbit, deputy, [PERIOD])
     state = start
     for period in range(360):
         state = propagate(linear, state, force[period])
@@ -174,61 +116,32 @@ MASS = 12.0
 START = np.array([75.0, -40.0, 20.0, 0.05, -0.1, 0.02])
 
 
-def integrate(state, force, duration, mean_motion=MEAN_MOTION):
-    """Integrate the equations of motion as the paper writes them."""
-    n = mean_motion
-
-    def motion(_, s):
-        x, _, z, vx, vy, vz = s
-        return [
-            vx,
-            vy,
-            vz,
-            3.0 * n * n * x + 2.0 * n * vy + force[0] / MASS,
-            -2.0 * n * vx + force[1] / MASS,
-            -n * n * z + force[2] / MASS,
-        ]
-
-    scale = np.array([1.0, 1.0, 1.0, n, n, n])
-    solution = solve_ivp(motion, (0.0, duration), state, method="DOP853", rtol=1e-13, atol=1e-12 * scale)
-    return solution.y[:, -1]
+def hill(_, state, force=(0.0, 0.0, 0.0)):
+    """The equations of motion as the paper writes them."""
+    x, _, z, vx, vy, vz = state
+    n = MEAN_MOTION
+    a, b, c = np.asarray(force) / MASS
+    return [vx, vy, vz, 3.0 * n * n * x + 2.0 * n * vy + a, -2.0 * n * vx + b, -n * n * z + c]
 
 
 def over(duration: float) -> Motion:
     """Motion by the closed form."""
-    return Motion(
-        state_transition(MEAN_MOTION, duration)[np.newaxis],
-        input_matrix(MEAN_MOTION, duration, MASS)[np.newaxis],
-    )
+    closed = state_transition(MEAN_MOTION, duration), input_matrix(MEAN_MOTION, duration, MASS)
+    return Motion(*(matrix[np.newaxis] for matrix in closed))
 
 
+@pytest.mark.parametrize("force", [np.zeros(3), *np.eye(3)])
 @pytest.mark.parametrize("duration", [0.5, 1.0, 10.0, 600.0, 3600.0, 40000.0])
-def test_free_motion_is_that_of_the_differential_equation(duration):
-    state = propagate(over(duration), START, np.zeros(3))
-    expected = integrate(START, np.zeros(3), duration)
-    np.testing.assert_allclose(state[:3], expected[:3], rtol=1e-10, atol=1e-8)
-    np.testing.assert_allclose(state[3:], expected[3:], rtol=1e-10, atol=1e-11)
-
-
-@pytest.mark.parametrize("duration", [0.5, 1.0, 10.0, 600.0, 3600.0])
-@pytest.mark.parametrize("axis", [0, 1, 2])
-def test_a_held_force_moves_as_the_differential_equation_says(duration, axis):
-    force = np.eye(3)[axis]
-    gained = input_matrix(MEAN_MOTION, duration, MASS)[:, axis]
-    expected = integrate(np.zeros(6), force, duration)
-    np.testing.assert_allclose(gained[:3], expected[:3], rtol=1e-10, atol=1e-12 * np.abs(expected[:3]).max())
-    np.testing.assert_allclose(gained[3:], expected[3:], rtol=1e-10, atol=1e-12 * np.abs(expected[3:]).max())
-
-
-def test_an_hour_of_forces_held_for_10_s():
-    rng = np.random.default_rng(3)
-    motion = over(10.0)
-    state = expected = START
-    for force in rng.uniform(-0.05, 0.05, (360, 3)):
-        state = propagate(motion, state, force)
-        expected = integrate(expected, force, 10.0)
-    np.testing.assert_allclose(state[:3], expected[:3], rtol=0, atol=1e-8)
-    np.testing.assert_allclose(state[3:], expected[3:], rtol=0, atol=1e-11)
+def test_motion_is_that_of_the_differential_equation(duration, force):
+    """Free, and what a held force adds."""
+    start = np.zeros(6) if force.any() else START
+    state = propagate(over(duration), start, force)
+    scale = np.repeat([1.0, MEAN_MOTION], 3)
+    solved = solve_ivp(hill, (0.0, duration), start, "DOP853", args=(force,), rtol=1e-13, atol=1e-12 * scale)
+    expected = solved.y[:, -1]
+    for part, free in ((slice(3), 1e-8), (slice(3, 6), 1e-11)):
+        atol = 1e-12 * np.abs(expected[part]).max() if force.any() else free
+        np.testing.assert_allclose(state[part], expected[part], rtol=1e-10, atol=atol)
 
 
 WORLD = pack_world(PAPER)
@@ -243,12 +156,6 @@ def closest_approach(position: np.ndarray, velocity: np.ndarray) -> float:
     with plainly("pipeline"):
         sense_approach(Moment(WORLD, state, work, 0, 1, 0))
     return float(work.signals[CLOSEST_APPROACH, 0])
-
-
-def hill(_: float, state: np.ndarray) -> np.ndarray:
-    x, _y, z, x_rate, y_rate, z_rate = state
-    n = MEAN_MOTION
-    return np.array([x_rate, y_rate, z_rate, 3 * n * n * x + 2 * n * y_rate, -2 * n * x_rate, -n * n * z])
 
 
 def least_distance(state: np.ndarray) -> float:
@@ -288,11 +195,8 @@ def test_a_deputy_on_its_way_through_the_chief_is_seen(after_s):
     assert np.linalg.norm(start[:3]) > 10.0
 
 
-def test_what_rests_along_the_track_keeps_its_distance():
+def test_what_rests_along_the_track_keeps_its_distance_and_what_goes_away_is_nearest_now():
     assert closest_approach(np.array([0.0, -60.0, 0.0]), np.zeros(3)) == pytest.approx(60.0)
-
-
-def test_what_has_passed_and_goes_away_is_nearest_now():
     leaving = closest_approach(np.array([20.0, 5.0, 0.0]), np.array([0.0, -0.05, 0.0]))
     assert leaving <= np.hypot(20.0, 5.0)
     far = np.array([100.0, -300.0, 0.0])
