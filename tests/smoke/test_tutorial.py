@@ -20,12 +20,6 @@ from tests.smoke.pages import DOCS, FOLLOWED
 
 PAGE = (DOCS / "tutorial" / "fly-and-review.md").read_text(encoding="utf-8")
 FEWER_STAGES = "stages=[scenario,evaluate]"
-#: by the experiment: what makes it quicker and says the same
-FEWER = {
-    "evaluate": FEWER_STAGES,
-    "train_station": "starts.num_cases=80",
-    "assure": "assurance.num_cases=400",
-}
 
 
 @pytest.mark.slow
@@ -69,7 +63,7 @@ def test_your_own_case_goes_as_the_tutorial_says(tmp_path, monkeypatch, capsys):
             Path(title).write_text(text, encoding="utf-8")
         elif language == "sh":
             for _, _, module, *words in map(shlex.split, text.replace("\\\n", "").splitlines()):
-                fewer = [few for kind, few in FEWER.items() if f"+experiment={kind}" in words]
+                fewer = [FEWER_STAGES] if "+experiment=evaluate" in words else []
                 assert mains[module]([*words, *fewer]) == 0
                 of_numbers = r"[\d.,]+" if "+experiment=train_station" in words else of_numbers
             out = "".join(capsys.readouterr())
