@@ -97,7 +97,7 @@ def test_the_first_hour_goes_as_its_script_plays_it(steps, tmp_path):
     assert len(re.findall(measured, done.stdout, re.MULTILINE)) >= len(steps)
     # a flight says how to watch it
     replays = re.findall(r"python -m telemetry (replay \S+\.mcap)", done.stderr + done.stdout)
-    assert bool(replays) == ("flight" in steps)
+    assert replays or "flight" not in steps
     for command in replays[:1]:
         assert telemetry.main([*shlex.split(command), "--save", str(tmp_path / "flight.rrd")]) == 0
         assert (tmp_path / "flight.rrd").stat().st_size > 0
