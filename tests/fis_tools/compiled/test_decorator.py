@@ -276,10 +276,10 @@ def sources(function: Callable[..., object]) -> set[str]:
 def test_a_kernel_depends_on_its_file_and_on_all_that_it_imports_and_on_nothing_else():
     names = ("__init__", "borrowed_code", "cache", "decorator", "numba_parts", "vector_code", "vectors")
     decorator = {f"fis_tools/compiled/{name}.py" for name in names}
-    own = {"pipeline/physics/quaternion.py", "pipeline/array_types.py"}
-    assert sources(quaternion.dot) == own | decorator
+    own = {"pipeline/physics/quaternion.py", "pipeline/array_types.py", "fis_tools/compiled/three.py"}
+    assert sources(quaternion.normalised) == own | decorator
     flight = sources(many.fly_many)
-    assert flight > sources(attitude.turn_deputies) | sources(safety.assure) | sources(quaternion.dot)
+    assert flight > sources(attitude.turn_deputies) | sources(safety.assure) | sources(quaternion.normalised)
     assert "fis_tools/engines/kernel.py" in flight
     assert not {file for file in flight if "reference" in file or "formats" in file or "notice" in file}
 
@@ -369,7 +369,7 @@ def root(tmp_path, monkeypatch):
 
 
 def placed() -> Path | cache.Refused:
-    return cache.place_for(quaternion.dot.py_func)  # type: ignore[attr-defined]
+    return cache.place_for(quaternion.normalised.py_func)  # type: ignore[attr-defined]
 
 
 def test_a_new_cache_is_closed_to_others(root):
