@@ -16,7 +16,7 @@ Review a fuzzy controller: look at it, draw it, and ask why it does what it does
 
 For example:
 
-    python -m fis_tools show outputs/train/20250101-120000-000000
+    python -m fis_tools show outputs/train/TIME
     python -m fis_tools plot controller.yaml -o figures
     python -m fis_tools audit controller.yaml --flights episodes/*.mcap --fail-on serious
     python -m fis_tools explain controller.yaml --inputs distance=80,velocity_body_x=0.05

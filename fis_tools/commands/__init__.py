@@ -15,7 +15,7 @@ COMMANDS = {
     "audit": ("findings", "List what a reviewer should know: gaps, slips, idle rules."),
     "explain": ("findings", "Tell why: which rules moved the output, what would flip it."),
     "bounds": ("analysis", "Prove what the outputs can and cannot be in a region."),
-    "domain": ("analysis", "Tell when logged flights left the inputs that an evaluation met."),
+    "domain": ("analysis", "Report when logged flights left the operational domain."),
     "simplify": ("findings", "Make a simpler controller that answers nearly the same."),
     "diff": ("findings", "Tell what changed from one controller to another."),
     "edit": ("views", "Edit a controller on a page that answers every touch."),

@@ -1,4 +1,4 @@
-"""`firing`, `bounds`, `domain`: what its rules and outputs do along flights and in a region."""
+"""`bounds`, `domain`: outputs in a region, and flights that left the operational domain."""
 
 import json
 from pathlib import Path
@@ -71,7 +71,7 @@ def bounds(
 
 
 def domain(domain: str, flights: tuple[str, ...], /) -> int:
-    """Tell when logged flights left the inputs that an evaluation met.
+    """Report when logged flights left the operational domain: the inputs that an evaluation met.
 
     DOMAIN is a domain.json of `python -m pipeline +experiment=assure`: the least and the greatest of each
     input that the flights of an evaluation met. What a controller does beyond is not covered by them.

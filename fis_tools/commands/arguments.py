@@ -295,7 +295,7 @@ def _instant(period: flights.Period, all_periods: bool) -> Instant:
 
 
 def _in_words(period: flights.Period) -> str:
-    """Say what became of what a system asked for, and when that was fired before and after."""
+    """Say whether the force that a system asked for was fired, and when it was fired before and after."""
     flown, row = period.flown, period.row
     words = f"{flown.system.name}: at {period.time_s:g} s "
     if period.reason == UNKNOWN and row is None:

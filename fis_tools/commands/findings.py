@@ -214,7 +214,7 @@ def diff(
     For example:
 
         python -m fis_tools diff before.yaml after.yaml
-        python -m fis_tools diff before.yaml outputs/train/20250101-120000-000000 --flights episodes/*.mcap
+        python -m fis_tools diff before.yaml outputs/train/TIME --flights episodes/*.mcap
         python -m fis_tools diff before.yaml after.fis --exit-code
         python -m fis_tools diff before.yaml after.yaml -o diff.html
 

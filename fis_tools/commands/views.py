@@ -33,7 +33,7 @@ def show(asked: arguments.Asked) -> None:
 
         python -m fis_tools show controller.yaml
         python -m fis_tools show tipper.fis
-        python -m fis_tools show outputs/train/20250101-120000-000000 --system force_x
+        python -m fis_tools show outputs/train/TIME --system force_x
     """
     controller = asked.read()
     print(text.write(outline(controller)), end="")

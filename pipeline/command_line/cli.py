@@ -72,7 +72,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _chosen(arguments: Sequence[str]) -> Callable[[], int]:
-    """Return what does what is asked, with the code loaded that it needs; it returns the exit code."""
+    """Return a function that runs the requested command and returns its exit code."""
     if arguments and arguments[0] in COMMANDS:
         module = import_module(f"pipeline.command_line.{COMMANDS[arguments[0]]}")
         run: Callable[[Sequence[str]], int] = getattr(module, arguments[0])

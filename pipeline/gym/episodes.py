@@ -1,4 +1,4 @@
-"""The task, and its episodes side by side: drawn, flown, rewarded and ended, and recorded once they were.
+"""The task and its episodes side by side: drawn, flown, rewarded, ended and recorded.
 
 The task says what is observed, in which order and units; what may be commanded; what is rewarded.
 """
@@ -255,7 +255,7 @@ class Episodes:
         return np.asarray(np.sum(self._weights * self._flights.is_inspected, axis=1))
 
     def _succeeds(self, has_enough: Truths) -> Floats:
-        """Return 1 for those that succeed with this step, -1 where AFRL takes away, and else 0."""
+        """Return 1 for each episode that succeeds in this step, -1 where AFRL penalises it, else 0."""
         signs = has_enough.astype(np.float64)
         mission = self.task.mission
         if self.task.reward.as_afrl and self._weights is not None:

@@ -1,4 +1,4 @@
-"""What a sweep comes to: its runs, the effects of what they differ in, the front, and how to fly the best."""
+"""The results of a sweep: its runs, the effect of each setting, the front, and how to fly the best."""
 
 import shlex
 from collections.abc import Mapping, Sequence

@@ -27,7 +27,7 @@ from pipeline.physics.quaternion import dcm_b_from_h, to_body
 
 @compiled(error_model="numpy")
 def write_sample(now: Moment, errors: ModelErrors | None, counts: Bytes, log: FlightLog, case: Any) -> None:
-    """Log what is so and what the deputy believes at a sample, before it decides.
+    """Log the true state and the deputy's estimate at a sample, before the decision.
 
     `counts`, shape (P padded,), are the points that the flight counts, `case` is the start, of `CASE`.
     """

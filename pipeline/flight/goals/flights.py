@@ -84,7 +84,7 @@ def fly_logged(mission: Mission, controller: Controller, scenario: Scenario) -> 
 
 
 def in_words(mission: Mission, log: FlightLog) -> str:
-    """Say what a logged flight came to."""
+    """Describe the outcome of a logged flight."""
     done, delta_v = achieved(mission, log)
     if mission.problem.kind == "reach":
         return f"{'the goal is reached' if done else 'the goal is not reached'}, {delta_v:.3f} m/s"

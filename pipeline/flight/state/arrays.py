@@ -215,7 +215,7 @@ TURNED: Rows = {"attitude": (4,), "rate": (3,)}
 class State(NamedTuple):
     """What flights carry from one control period to the next, a lane each."""
 
-    truth: Any  # record of `MOVING`: what is so
+    truth: Any  # record of `MOVING`: the true state
     belief: Any  # and what the deputies know; the same record where they know it exactly
     lanes: Any  # record of `CARRIED`
     unseen: Floats  # (L, P padded) 1 where a point counts and is not inspected

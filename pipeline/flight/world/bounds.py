@@ -1,4 +1,4 @@
-"""How far flights may stray from what the safety layer plans, and the margins that make good for it.
+"""Bounds on how far flights deviate from the safety layer's plan, and the margins that allow for it.
 
 With `safety.probability` the errors of state, force and motion are bounded, as far as they follow from the
 configuration, and all of a flight's bounds hold together with that probability. docs/explanation/safety.md

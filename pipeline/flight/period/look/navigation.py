@@ -1,4 +1,4 @@
-"""Navigation by fixes, in lanes: what the deputies believe, from what is so.
+"""Navigation by fixes, in lanes: the deputies' estimates, from their true states.
 
 `pipeline.flight.cases.navigation` describes the filter.
 """
@@ -316,7 +316,7 @@ def navigate(now: Moment, fixes: Fixes) -> None:
 
 @compiled(error_model="numpy", forceinline=True)
 def know_all(state: State) -> None:
-    """Write what is so as what the deputies believe."""
+    """Write the true states as the deputies' estimates: navigation is exact."""
     store_three(state.belief.position, 0, load_three(state.truth.position, 0))
     store_three(state.belief.velocity, 0, load_three(state.truth.velocity, 0))
     store_three(state.belief.boresight, 0, load_three(state.truth.boresight, 0))
