@@ -28,7 +28,7 @@ from pipeline.controllers.played import to_mapping
 from pipeline.flight.cases.actuators import thrusters_of
 from pipeline.flight.cases.dispersions import mission_of_case
 from pipeline.flight.control.controller import Controller, decision_stride, rehearsed_pushes
-from pipeline.flight.fly.rehearsals import IMAGES, tour_images
+from pipeline.flight.fly.rehearsals import tour_images, tour_names
 from pipeline.flight.fly.workspace import lit_and_seen
 from pipeline.flight.goals.reach import ended
 from pipeline.flight.period.look.optics import note_lit_and_seen
@@ -179,7 +179,7 @@ class FlightRecorder:
         mission, tours = self._mission, log.tour_costs_m_s
         found = {
             "first push": (ways, log.push_costs_m_s, mission.control_period_s),
-            "image of the tour": (IMAGES[: len(tours)], tours, mission.duration_s),
+            "image of the tour": (tour_names(self.controller), tours, mission.duration_s),
         }
         return {
             topics.REHEARSAL_METADATA_PREFIX + what: Rehearsal(
@@ -233,7 +233,8 @@ class FlightRecorder:
         self._write_control(writer, times[: len(log.force_hill_n)], log)
         if (fuzzy := self.controller.fuzzy) is not None and (how := edited(fuzzy)) is not None:
             writer.log(times[0], "warning", f"{fuzzy.name} was edited {how}")
-        tour = IMAGES[log.tour_costs_m_s.argmin()] if len(log.tour_costs_m_s) else None
+        costs = log.tour_costs_m_s
+        tour = tour_names(self.controller)[costs.argmin()] if len(costs) else None
         for event in events(self._mission, log, self._near_limit_m, self._logic, self._num_rehearsed, tour):
             writer.log(times[event.sample], event.level, event.text)
 

@@ -47,6 +47,8 @@ from pipeline.settings.mission import Actuators, Dynamics, Navigation
 
 #: place in the spawn key of the random numbers for navigation, after the case
 FIXES = 1
+#: added to the first part of the spawn key for each draw of a rehearsal; greater than the parts of all stages
+REHEARSAL = 1 << 22
 #: of a deputy that knows its state
 NO_ERRORS = Errors(np.zeros((0, 6)), np.zeros((0, 0, 3)), np.zeros((0, 0, 4)), np.zeros((0, 0, 3)))
 
@@ -155,4 +157,22 @@ def as_believed(mission: Mission, scenarios: list[Scenario]) -> tuple[Mission, l
     return known, [
         replace(one, position_m=one.position_m + off[:3], velocity_m_s=one.velocity_m_s + off[3:])
         for one, off in zip(scenarios, first, strict=True)
+    ]
+
+
+def as_drawn(mission: Mission, believed: list[Scenario], draws: list[int]) -> list[Scenario]:
+    """Return where deputies may be that believe to be at some starts, each with the errors of a draw, from 1.
+
+    The errors are drawn by the mission's settings from seeds of their own: they are not those of the flight.
+    """
+    drawn = [
+        replace(start, noise=(start.noise[0], start.noise[1] + draw * REHEARSAL, start.noise[2]))
+        for start, draw in zip(believed, draws, strict=True)
+    ]
+    if mission.navigation.mode == "perfect":
+        return drawn
+    off = errors_of(mission, drawn).at_start
+    return [
+        replace(start, position_m=start.position_m - own[:3], velocity_m_s=start.velocity_m_s - own[3:])
+        for start, own in zip(drawn, off, strict=True)
     ]

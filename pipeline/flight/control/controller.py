@@ -268,6 +268,11 @@ def _constants_of(controller: Controller) -> Floats:
             f"controller {controller.name!r} has rehearsal_tours {attributes['rehearsal_tours']!r}; give 2 "
             "for the tour and its mirror image through the orbit plane, 4 for both the other way round too"
         )
+    if values[constant("rehearsal_draws")] % 1.0 != 0.0:
+        raise ControllerError(
+            f"controller {controller.name!r} has rehearsal_draws {attributes['rehearsal_draws']!r}; give a "
+            "whole number of flights"
+        )
     if values[constant("rehearsal_reach_m_s")] > 0.0 and controller.force_axes != "hill":
         raise ControllerError(
             f"controller {controller.name!r} rehearses its first push with force_axes "
@@ -307,7 +312,7 @@ def decision_stride(controller: Controller, mission: Mission) -> int:
 def check_tour(controller: Controller, mission: Mission) -> None:
     """Raise ControllerError for times from half an orbit on: no push across the track leads onto the tour."""
     half = pi / mission.orbit.mean_motion_rad_s
-    for name in ("tour_time_s", "tour_wait_s"):
+    for name in ("tour_time_s", "tour_wait_s", "rehearsal_slowest_s"):
         time = float(controller.constants[constant(name)])
         if time >= half:
             raise ControllerError(

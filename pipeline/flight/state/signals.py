@@ -237,6 +237,17 @@ CONSTANTS = {
         "2 or 4: of the tour's images, so many are flown ahead, and the one that ends cheapest is followed",
         is_tuned=False,
     ),
+    "rehearsal_slowest_s": Constant(
+        "each image is flown ahead in four times from tour_time_s to this one, less than half an orbit, s",
+        is_tuned=False,
+    ),
+    "rehearsal_smallest": Constant(
+        "each image is flown ahead in three sizes, from its own to this share of it", is_tuned=False
+    ),
+    "rehearsal_draws": Constant(
+        "so often the tour that is cheapest so far is flown ahead with errors drawn anew, before the choice",
+        is_tuned=False,
+    ),
 }
 
 

@@ -56,7 +56,7 @@ FORCES = (
     "safety_force_hill_n",
 )
 #: constants that are counts, which rounding does not touch
-WHOLE = ("coast_below_points", "decision_period_s", "rehearsal_tours")
+WHOLE = ("coast_below_points", "decision_period_s", "rehearsal_tours", "rehearsal_draws")
 LIMITS = (None, "keep_out", "keep_in", "speed", "passive_safety")
 
 

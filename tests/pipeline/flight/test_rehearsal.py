@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from pipeline.array_types import Floats
 from pipeline.command_line.config import compose_experiment
 from pipeline.flight.cases.navigation import FIXES
 from pipeline.flight.cases.starts import cases_of
@@ -17,11 +18,12 @@ from pipeline.flight.control.controller import (
     rehearsed_pushes,
 )
 from pipeline.flight.fly.population import fly_population
-from pipeline.flight.fly.rehearsals import IMAGES, rehearsed_openings, tour_images
+from pipeline.flight.fly.rehearsals import IMAGES, rehearsed_openings, tour_images, tour_names
 from pipeline.flight.fly.simulation import fly_all, fly_logged
-from pipeline.flight.state.log import Outcomes
+from pipeline.flight.state.log import Outcomes, Scenario
 from pipeline.flight.state.signals import CONSTANTS
 from pipeline.flight.world.pack import pack_world
+from pipeline.settings.experiment import Mission
 from pipeline.training.genome import genome_of
 from pipeline.training.judging import fitness_from
 from tests.pipeline.flight.as_written import assert_as_written
@@ -145,3 +147,55 @@ def test_training_flies_the_images_ahead_as_well() -> None:
     flown = [fly_all(experiment.mission, one, starts).delta_v_m_s.mean() for one in controllers]
     np.testing.assert_array_equal(judged, flown)
     assert judged[0] != judged[1]
+
+
+def test_tours_are_flown_ahead_in_times_and_sizes() -> None:
+    controller = touring(rehearsal_tours=2, rehearsal_slowest_s=1200.0, rehearsal_smallest=0.5)
+    images, names = tour_images(controller), tour_names(controller)
+    assert len(images) == len(set(names)) == 2 * 4 * 3
+    assert images[0].constants.tolist() == TOURING.constants.tolist()
+    own, last = (dict(zip(CONSTANTS, image.constants, strict=True)) for image in (images[0], images[-1]))
+    assert names[-1] == "mirrored through the orbit plane, 50 % of its size, in 1200 s"
+    assert last["tour_time_s"] == pytest.approx(1200.0)
+    np.testing.assert_allclose(tour_place(last, 0.7, 0.4), tour_place(own, 0.7, -0.4) * [0.5, 0.5, -0.5])
+    times = sorted({image.constants[list(CONSTANTS).index("tour_time_s")] for image in images})
+    ratios = np.divide(times[1:], times[:-1])
+    np.testing.assert_allclose(ratios, (1200.0 / own["tour_time_s"]) ** (1 / 3))
+
+
+def test_draws_of_the_errors_go_to_the_tour_that_is_cheapest_so_far() -> None:
+    fixes = {"mode": "fixes", "initial_position_m": 20.0, "initial_velocity_m_s": 0.01}
+    real = mission(attitude={"mode": "ideal"}, navigation=fixes, actuators={"kind": "real"})
+    controller, start = touring(rehearsal_tours=4, rehearsal_draws=5), replace(STARTS[0], noise=(1, 2, 3))
+    sizes = np.repeat([20.0, 0.01], 3)
+
+    def moved(by: Floats, noise: tuple[int, int, int]) -> Scenario:
+        return replace(
+            start, position_m=start.position_m + by[:3], velocity_m_s=start.velocity_m_s + by[3:], noise=noise
+        )
+
+    def cost(image: Controller, flown: Mission, at: Scenario) -> float:
+        end = fly_all(flown, image, [at], 1)
+        missed = np.maximum(0, end.inspectable_count - end.inspected_count)
+        return float((end.delta_v_m_s + missed + 1e4 * end.is_violated)[0])
+
+    belief = sizes * start.generator(FIXES).standard_normal(6)
+    images = tour_images(controller)
+    flights = [[cost(image, MISSION, moved(belief, start.noise))] for image in images]
+    for _ in range(5):
+        best = int(np.argmin([np.mean(costs) for costs in flights]))
+        noise = (1, 2 + (len(flights[best]) << 22), 3)
+        off = sizes * replace(start, noise=noise).generator(FIXES).standard_normal(6)
+        flights[best].append(cost(images[best], real, moved(belief - off, noise)))
+    wanted = [np.mean(costs) for costs in flights]
+    log = fly_logged(real, controller, start)
+    np.testing.assert_allclose(log.tour_costs_m_s, wanted, rtol=0, atol=1e-9)
+    many = [replace(start, noise=(1, 2, case)) for case in (3, 4, 5)]
+    alone, shared = (fly_all(real, controller, many, workers).delta_v_m_s for workers in (1, 2))
+    np.testing.assert_array_equal(alone, shared)
+    assert log.delta_v_m_s[-1] == alone[0]
+
+
+def test_draws_are_counted_whole() -> None:
+    with pytest.raises(ControllerError, match=r"rehearsal_draws '1\.5'"):
+        touring(rehearsal_tours=4, rehearsal_draws=1.5)
