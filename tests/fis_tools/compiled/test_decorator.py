@@ -195,7 +195,7 @@ def test_they_are_plain_functions_without_numba_and_long_work_says_so_once(packa
     )
     done = package.run(compute)
     assert done.stdout.strip() == "7 True"
-    without_head = "\n".join(compute.splitlines()[2:])
+    without_head = "\n".join(compute.splitlines()[4:])
     assert package.run(without_head, NUMBA_DISABLE_JIT="1").stdout.strip() == "7 True"
     assert done.stderr.count("python -m pip install numba") == 1
     advise = "from fis_tools.compiled.decorator import advise_numba; advise_numba()"

@@ -690,4 +690,4 @@ def test_the_signature_under_a_part_is_for_what_is_exported_of_it(tmp_path, caps
     text = output.read_text(encoding="utf-8")
     assert hashlib.sha256(capsys.readouterr().out.encode()).hexdigest() in text
     assert "<strong>force_z</strong> alone" in text
-    assert "export PAPER_LIKE --system force_z --format json" in text
+    assert "export CONTROLLER --system force_z --format json" in text
