@@ -171,7 +171,8 @@ def tour_costs(
         def costs_of(tour: int, starts: list[Scenario]) -> Floats:
             cases = cases_of(own, starts)
             ends = fly_population(world, law, tours[tour].numbers, cases, workers, lanes=lanes)
-            return _rehearsed_costs(controller, ends, price)[0]
+            found: Floats = _rehearsed_costs(controller, ends, price)[0]
+            return found
 
         return costs_of
 
