@@ -153,17 +153,15 @@ def _space(origin: str, title: str, eye: Floats, **options: Any) -> rrb.View:
     )
 
 
-def _plot(plot: Plot, end_s: float | None = None) -> rrb.View:
+def _plot(plot: Plot, end_s: float) -> rrb.View:
     corner = rrb.Corner2D.LeftTop if plot.rises else rrb.Corner2D.RightTop
     axis_y = None
     if plot.low is not None and plot.high is not None:
         axis_y = rrb.ScalarAxis(range=(plot.low, plot.high))
-    axis_x = None
-    if end_s is not None:
-        whole_flight = rr.TimeRange(
-            start=rr.TimeRangeBoundary.absolute(seconds=0.0), end=rr.TimeRangeBoundary.absolute(seconds=end_s)
-        )
-        axis_x = rrb.TimeAxis(link="Independent", view_range=whole_flight)
+    whole_flight = rr.TimeRange(
+        start=rr.TimeRangeBoundary.absolute(seconds=0.0), end=rr.TimeRangeBoundary.absolute(seconds=end_s)
+    )
+    axis_x = rrb.TimeAxis(link="Independent", view_range=whole_flight)
     legend = rrb.PlotLegend(corner, visible=plot.has_legend)
     name = drawable(plot.title)
     return rrb.TimeSeriesView(
@@ -216,24 +214,17 @@ def send_limits(stream: Stream, min_distance_m: float | None, max_distance_m: fl
         stream.log(f"{SCENE}/limits/{name}", shell, static=True)
 
 
-def send_styles(stream: Stream, plots: Iterable[Plot]) -> None:
-    """Send colours, names and widths of curves."""
+def send_curves(stream: Stream, plots: Iterable[Plot]) -> None:
+    """Send curves: their colours, names and widths, and their values."""
     for plot in plots:
         for lines in plot.curves:
+            entity = f"{plot_path(plot)}/{lines.name}"
             names = [drawable(label) for label in lines.labels]
             widths = [lines.width] * len(names)
             mode = InterpolationMode.StepAfter if lines.in_steps else None
             style = rr.SeriesLines(colors=lines.colours, names=names, widths=widths, interpolation_mode=mode)
-            stream.log(f"{plot_path(plot)}/{lines.name}", style, static=True)
-
-
-def send_values(stream: Stream, plots: Iterable[Plot]) -> None:
-    """Send the values of curves."""
-    for plot in plots:
-        for lines in plot.curves:
-            num_instants, num_lines = lines.values.shape
-            if not lines.values.size:
-                continue
-            columns = rr.Scalars.columns(scalars=lines.values.ravel())
-            entity = f"{plot_path(plot)}/{lines.name}"
-            send(stream, entity, lines.instants, columns.partition([num_lines] * num_instants))
+            stream.log(entity, style, static=True)
+            if lines.values.size:
+                num_instants, num_lines = lines.values.shape
+                columns = rr.Scalars.columns(scalars=lines.values.ravel())
+                send(stream, entity, lines.instants, columns.partition([num_lines] * num_instants))

@@ -66,8 +66,7 @@ def scene(path: Path) -> Scene:
         surroundings = evaluation.surroundings
         blueprint.send_chief(stream, surroundings.chief_radius_m)
         blueprint.send_limits(stream, surroundings.min_distance_m, surroundings.max_distance_m)
-        blueprint.send_styles(stream, [distance])
-        blueprint.send_values(stream, [distance])
+        blueprint.send_curves(stream, [distance])
         _send_paths(stream, evaluation)
         _send_deputies(stream, evaluation)
         for extreme in extremes(evaluation):

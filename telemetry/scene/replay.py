@@ -63,9 +63,7 @@ def scene(paths: Sequence[Path]) -> Scene:
     layout = blueprint.replay(mission, effort, fis, farthest_m=farthest_m, boresight=boresight, trails=trails)
 
     def send_all(stream: Stream) -> None:
-        plots = (*mission, *effort, *fis)
-        blueprint.send_styles(stream, plots)
-        blueprint.send_values(stream, plots)
+        blueprint.send_curves(stream, (*mission, *effort, *fis))
         _send_flight(stream, recordings[0])
         _send_inferences(stream, recordings[0])
         _send_words(stream, recordings, names)
