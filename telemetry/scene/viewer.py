@@ -17,7 +17,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from telemetry.file import RecordingError, explained
-from telemetry.file.partial_file import PARTIAL_SUFFIX
+from telemetry.file.partial_file import whole_file
 
 APPLICATION: Final = "fuzzy-spacecraft-inspection"
 #: suffix of rerun's files
@@ -70,21 +70,14 @@ def save(scene: Scene, output: Path) -> None:
             f"{output} does not end in {ENDING}, but rerun recognises recordings by it; "
             f"choose a name such as {output.with_suffix(ENDING)}"
         )
-    unfinished = output.with_name(output.name + PARTIAL_SUFFIX)
     cure = "choose an existing folder with free space"
-    try:
-        # RuntimeError where the library's file takes no more
-        with explained(f"{output} cannot be written", cure, RuntimeError):
-            # the library would notice only later, and drop its data with a warning
-            unfinished.open("wb").close()
-            stream = _stream(scene)
-            stream.save(unfinished, default_blueprint=scene.layout)
-            _fill(stream, scene)
-            stream.disconnect()
-            unfinished.replace(output)
-    finally:
-        with suppress(OSError):
-            unfinished.unlink(missing_ok=True)
+    # RuntimeError where the library's file takes no more; where it cannot be opened, the library would notice
+    # only later, and drop its data with a warning
+    with explained(f"{output} cannot be written", cure, RuntimeError), whole_file(output) as file:
+        stream = _stream(scene)
+        stream.save(file.name, default_blueprint=scene.layout)
+        _fill(stream, scene)
+        stream.disconnect()
 
 
 def _fill(stream: rr.RecordingStream, scene: Scene) -> None:
