@@ -279,7 +279,7 @@ WHY = {
     "safety": "changed by the safety layer",
 }
 #: reasons for which nothing is fired, the first that applies is told
-AT_REST = (*("safety", "empty_tank", "below_least_impulse", "delayed", "dead_band", "waiting", "silent"),)
+AT_REST = ("safety", "empty_tank", "below_least_impulse", "delayed", "dead_band", "waiting", "silent")
 #: reasons that the line itself tells
 ELSE = ("fired", "coasting", "complete")
 
