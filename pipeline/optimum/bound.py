@@ -20,6 +20,7 @@ Distance limits, camera, occlusion by a mesh and the force limit are dropped, so
 any of them. It is not an estimate: less is impossible, but the true minimum may be far above it.
 """
 
+from bisect import bisect_left
 from math import inf, pi
 
 import numpy as np
@@ -68,15 +69,12 @@ def delta_v_bound(problem: Problem, needed: int, ceiling: float = inf) -> float:
 def unavoidable(takes: dict[Edge, float], spare: int) -> float:
     """Return the largest cost such that some edge has it after removing any `spare` vertices."""
     values = sorted(set(takes.values()))
-    low, high = 0, len(values)
-    # the edges of the low-th value cannot be covered (zero needs no check), those of the high-th can
-    while low < high:
-        middle = (low + high) // 2
-        if can_cover([edge for edge, cost in takes.items() if cost >= values[middle]], spare):
-            high = middle
-        else:
-            low = middle + 1
-    return values[low - 1] if low > 0 else 0.0
+
+    def is_covered(value: float) -> bool:
+        return can_cover([edge for edge, cost in takes.items() if cost >= value], spare)
+
+    num_uncovered = bisect_left(values, True, key=is_covered)
+    return values[num_uncovered - 1] if num_uncovered else 0.0
 
 
 def can_cover(edges: list[Edge], spare: int) -> bool:
