@@ -100,7 +100,7 @@ class _Chain:
         self.layers.append((weights, self.added, kind, low, high))
         self.weights, self.added = None, np.zeros(width)
 
-    def multiply(self, matrix: Floats, added: Floats | float = 0.0) -> None:
+    def multiply(self, matrix: Floats) -> None:
         """Apply a matrix."""
         if matrix.ndim != 2 or len(matrix) != len(self.added):
             raise _UnreadableError(
@@ -110,7 +110,7 @@ class _Chain:
         num_rows = 1 if self.weights is None else len(self.weights)
         self._count(steps=num_rows * matrix.size, largest=num_rows * matrix.shape[1])
         self.weights = matrix if self.weights is None else self.weights @ matrix
-        self.added = self.added @ matrix + added
+        self.added = self.added @ matrix
 
     def scale(self, factor: Floats, added: Floats) -> None:
         """Apply a factor and an offset to each number."""
