@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from fis_tools.analysis.domain import as_mapping
-from fis_tools.formats.serialize import dump_json, fingerprint
+from fis_tools.formats.serialize import fingerprint
 from pipeline.controllers.source import controller_of_run
 from pipeline.evaluation.assurance import evidence
 from pipeline.evaluation.assurance.campaign import Flights, Outcome, Search, case_space, judged, search, speed
@@ -165,8 +165,8 @@ def _tube(experiment: Experiment, controller: Controller, folder: Path) -> TubeP
         theorem = json.loads(json.dumps(asdict(theorem_of(experiment))))
     except NotProvable as error:
         return TubeProof(str(error))
-    sha256 = hashlib.sha256(dump_json(controller.fuzzy).encode()).hexdigest()
-    if written["controller_sha256"] != sha256 or any(written[name] != theorem[name] for name in theorem):
+    wanted = theorem | {"controller_sha256": fingerprint(controller.fuzzy)}
+    if any(written[name] != value for name, value in wanted.items()):
         return TubeProof(f"{artifacts.THEOREM} is of other flights; repeat the stage prove")
     if written["fault"]:
         return TubeProof(f"not proved: {written['fault']}")

@@ -1,12 +1,11 @@
 """Prove that every start of a box reaches the goal within the speed limit: prove/."""
 
-import hashlib
 import sys
 from dataclasses import asdict
 from pathlib import Path
 
 from fis_tools.engines.interval import NotBounded
-from fis_tools.formats.serialize import dump_json
+from fis_tools.formats.serialize import dump_json, fingerprint
 from pipeline.controllers.source import controller_of_run
 from pipeline.physics.motion import motion_over
 from pipeline.proof.loop import NotProvable, theorem_of
@@ -31,15 +30,19 @@ def _proved(experiment: Experiment, folder: Path) -> str:
     controller = controller_of_run(experiment, folder).fuzzy
     if controller is None:
         raise NotProvable("proofs follow the rules of a fuzzy controller, and this is none")
-    motion, text = motion_over(mission.orbit, mission.deputy, (theorem.period_s,)), dump_json(controller)
+    motion = motion_over(mission.orbit, mission.deputy, (theorem.period_s,))
     with Progress("followed", mission.num_controls) as progress:
         found = prove(
             theorem, controller, motion, experiment.prove.cells, mission.num_controls, progress.show
         )
-    outcome = {"num_periods": found.num_periods, "fault": found.fault, "cells": CELLS}
-    outcome["controller_sha256"] = hashlib.sha256(text.encode()).hexdigest()
+    outcome = {
+        "num_periods": found.num_periods,
+        "fault": found.fault,
+        "cells": CELLS,
+        "controller_sha256": fingerprint(controller),
+    }
     writing.write_json(folder / artifacts.THEOREM, asdict(theorem) | outcome)
-    writing.write_atomically(folder / artifacts.PROVED_CONTROLLER, text)
+    writing.write_atomically(folder / artifacts.PROVED_CONTROLLER, dump_json(controller))
     tables.write_parquet(folder / artifacts.TUBE, dict(zip(COLUMNS, found.rows.T, strict=True)))
     kept = f"every start keeps the limit at all times of {found.num_periods * theorem.period_s:g} s"
     if found.fault:
