@@ -212,12 +212,11 @@ def _record_worst(
     """Fly the worst known case of a requirement again, logged; record it, and evaluate the recording."""
     requirement, mission, controller = found.requirement, experiment.mission, recorder.controller
     case = int(np.argmin(outcome.margins))
-    margin, scenario, source = float(outcome.margins[case]), scenarios[case], f"case {case}"
+    known = [(float(outcome.margins[case]), scenarios[case], f"case {case}")]
     for number, one in enumerate(found.searches):
-        least = float(one.outcome.margins[one.worst])
-        if least < margin:
-            margin, scenario = least, one.scenarios[one.worst]
-            source = f"search {number}, flight {one.worst}"
+        least, source = float(one.outcome.margins[one.worst]), f"search {number}, flight {one.worst}"
+        known.append((least, one.scenarios[one.worst], source))
+    margin, scenario, source = min(known, key=lambda one: one[0])
     name = f"{artifacts.WORST_FLIGHTS}/{requirement.id}-worst.mcap"
     path = folder / name
     path.parent.mkdir(parents=True, exist_ok=True)
