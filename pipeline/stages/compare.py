@@ -102,15 +102,14 @@ def _fly(lots: Sequence[Lot]) -> list[list[Row]]:
     rows_of_lot = len(compare.controllers) * len(compare.safety)
     with Progress("flights", rows_of_lot * sum(len(lot.scenarios) for lot in lots), 0) as progress:
         flights, planning, others = _Flights(progress), ThreadPoolExecutor(1), ThreadPoolExecutor(1)
+
+        def begun(lot: Lot, name: str) -> Future[list[Row]]:
+            one = named(name, lot.experiment.mission)
+            plans = one.planner is not None and len(one.planner.decisions) > 1
+            return (planning if plans else others).submit(_rows, lot, name, one, flights)
+
         try:
-            futures: list[list[Future[list[Row]]]] = []
-            for lot in lots:
-                futures.append([])
-                controllers = [named(name, lot.experiment.mission) for name in compare.controllers]
-                for name, one in zip(compare.controllers, controllers, strict=True):
-                    plans = one.planner is not None and len(one.planner.decisions) > 1
-                    pool = planning if plans else others
-                    futures[-1].append(pool.submit(_rows, lot, name, one, flights))
+            futures = [[begun(lot, name) for name in compare.controllers] for lot in lots]
             return [[row for future in of_lot for row in future.result()] for of_lot in futures]
         finally:
             flights.has_ended.set()
