@@ -1,9 +1,9 @@
 """The file of a sweep: its runs, their differences, and which failed."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path, PurePosixPath
-from typing import Final
+from typing import Any, Final
 
 from pipeline.run import artifacts, configuration, manifests, writing
 
@@ -65,18 +65,18 @@ def read(folder: Path) -> list[SweptRun]:
         return [_run_of(one) for one in content["runs"]]
 
 
-def _run_of(entry: Mapping[str, object]) -> SweptRun:
+def _run_of(entry: Mapping[str, Any]) -> SweptRun:
     """Return a run, after checking that its folder is inside the sweep's."""
     if not manifests.fits(entry, RUN_SHAPE):
         raise ValueError(f"{str(entry)[:80]} is no run")
-    run = SweptRun(**{field.name: entry[field.name] for field in fields(SweptRun)})  # type: ignore[arg-type]
-    path = PurePosixPath(run.folder)
+    folder = str(entry["folder"])
+    path = PurePosixPath(folder)
     if path.is_absolute() or ".." in path.parts:
-        raise ValueError(f"{run.folder} lies outside")
+        raise ValueError(f"{folder} lies outside")
     if max(len(part.encode()) for part in (".", *path.parts)) > LONGEST_NAME:
-        raise ValueError(f"{run.folder[:80]}... is longer than the name of a folder can be")
-    differs = {str(key): str(value) for key, value in run.differs.items()}
-    return replace(run, differs=differs, command=tuple(map(str, run.command)), failure=str(run.failure))
+        raise ValueError(f"{folder[:80]}... is longer than the name of a folder can be")
+    differs = {key: str(value) for key, value in entry["differs"].items()}
+    return SweptRun(folder, differs, tuple(entry["command"]), entry["failure"])
 
 
 def state_of(folder: Path, run: SweptRun) -> str:
