@@ -103,11 +103,9 @@ def check_within(text: str, key: str, limits_m: tuple[float, float]) -> None:
     ------
     SettingError
     """
-    import numpy as np  # noqa: PLC0415 - as above
-
     columns = numbers(text, key)
-    distances = np.sqrt(sum(np.square(columns[name]) for name in POSITION))
-    for row, distance in enumerate(distances.tolist(), 1):
+    for row, place in enumerate(zip(*(columns[name].tolist() for name in POSITION), strict=True), 1):
+        distance = math.hypot(*place)
         check_distance(f"{key}: row {row} starts {distance:.6g} m from the chief", distance, limits_m)
 
 
