@@ -28,6 +28,7 @@ from typing import Any
 
 from omegaconf import OmegaConf
 
+from fis_tools.document.text import aligned
 from pipeline.command_line.arguments import ConfigError
 from pipeline.command_line.config import compose_node, job_of, options
 from pipeline.settings import schema
@@ -129,10 +130,8 @@ def _experiment(name: str, about: str) -> str:
     lines = [f"+experiment={name}: {about}", f"  stages={schema.as_yaml(value_at(config, 'stages'))}"]
     for key in [key for key in OFTEN if key in groups or key not in unread][:MOST_OFTEN]:
         if key in groups:
-            lines += [
-                f"  {key}=NAME",
-                f"      One of {', '.join(one for one in groups[key] if '/' not in one)}.",
-            ]
+            names = ", ".join(one for one in groups[key] if "/" not in one)
+            lines += [f"  {key}=NAME", f"{INDENT}One of {names}."]
         else:
             lines += [f"  {key}={schema.as_yaml(value_at(config, key))}", f"{INDENT}{descriptions()[key]}"]
     return "\n".join([*lines, "--cfg job prints all keys, --help GROUP those of a group."])
@@ -160,5 +159,4 @@ def _first_comment(path: Path) -> str:
 
 
 def _table(rows: Sequence[tuple[str, str]]) -> list[str]:
-    width = max((len(name) for name, _ in rows), default=0)
-    return [f"  {name:<{width}}  {text}".rstrip() for name, text in rows]
+    return [f"  {line}".rstrip() for line in aligned(rows)]
