@@ -22,12 +22,11 @@ from pipeline.array_types import Floats, Integers
 from pipeline.evaluation.assurance.campaign import Outcome, joined, judged
 from pipeline.evaluation.assurance.requirements import CASES, Requirement, needs
 from pipeline.evaluation.assurance.verdicts import Found, judge, verdict
-from pipeline.evaluation.monte_carlo import episode_columns
+from pipeline.evaluation.monte_carlo import episode_columns, fly_tracked
 from pipeline.evaluation.statistics import Column, Compared, compare, succeeds
 from pipeline.flight.cases.starts import evaluation_scenarios
 from pipeline.flight.control.controller import Controller, decision_stride, from_fuzzy
-from pipeline.flight.goals.flights import fly_all, fly_logged
-from pipeline.flight.state.arrays import NUM_TRACKED
+from pipeline.flight.goals.flights import fly_logged
 from pipeline.flight.state.log import FlightLog
 from pipeline.flight.state.signals import AXES
 from pipeline.flight.world.pack import inspection_points
@@ -105,9 +104,7 @@ class Cases:
     def _share(self, controller: Controller, cases: Integers) -> Flown:
         """Fly and judge some cases in one thread."""
         scenarios = [self.scenarios[case] for case in cases]
-        shape = (len(scenarios), self.mission.num_controls + 1, NUM_TRACKED)
-        tracks = np.empty(shape, dtype=np.float32)
-        outcomes = fly_all(self.mission, controller, scenarios, 1, tracks)
+        outcomes, tracks = fly_tracked(self.mission, controller, scenarios, workers=1)
         num_points, period = len(inspection_points(self.mission)), self.mission.control_period_s
         found = judged(tracks, num_points, self._formulas, period)
         return Flown(episode_columns(self.mission, scenarios, outcomes) | {"case": cases}, found)

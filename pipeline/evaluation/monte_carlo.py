@@ -12,6 +12,7 @@ from pipeline.flight.cases.starts import columns_of
 from pipeline.flight.control.controller import Controller
 from pipeline.flight.goals.flights import fly_all
 from pipeline.flight.goals.reach import Reached
+from pipeline.flight.state.arrays import NUM_TRACKED
 from pipeline.flight.state.log import Outcomes, Scenario, inspectable_rate
 from pipeline.flight.world.pack import inspection_points
 from pipeline.settings.dispersions import distributions
@@ -22,6 +23,21 @@ from pipeline.settings.mission import STANDARD_GRAVITY_M_S2
 SUCCESS = "success_and_within_limits"
 #: columns of flights that must reach a goal, besides those of all
 OF_REACHED = ("end_s", "end_speed_m_s", "excess_m_s")
+
+
+def fly_tracked(
+    mission: Mission,
+    controller: Controller,
+    scenarios: list[Scenario],
+    workers: int | None,
+    num_tracked: int = NUM_TRACKED,
+) -> tuple[Outcomes, NDArray[np.float32]]:
+    """Fly all cases; return their outcomes, and their tracks, (n, K+1, num_tracked).
+
+    A track's columns are those of `pipeline.flight.fly.population.fly_population`, first the position (m).
+    """
+    tracks = np.empty((len(scenarios), mission.num_controls + 1, num_tracked), dtype=np.float32)
+    return fly_all(mission, controller, scenarios, workers, tracks), tracks
 
 
 def fly_cases(
@@ -36,8 +52,7 @@ def fly_cases(
     tracks : (n, K+1, 3) float32
         Positions, m, Hill axes.
     """
-    tracks = np.empty((len(scenarios), mission.num_controls + 1, 3), dtype=np.float32)
-    outcomes = fly_all(mission, controller, scenarios, workers, tracks)
+    outcomes, tracks = fly_tracked(mission, controller, scenarios, workers, num_tracked=3)
     return episode_columns(mission, scenarios, outcomes), tracks
 
 

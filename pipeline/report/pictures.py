@@ -10,9 +10,8 @@ import yaml
 
 from fis_tools.document.html import read
 from pipeline.evaluation.comparison import ComparisonRow, worlds_of
+from pipeline.evaluation.monte_carlo import fly_tracked
 from pipeline.flight.cases.starts import evaluation_scenarios
-from pipeline.flight.goals.flights import fly_all
-from pipeline.flight.state.arrays import NUM_TRACKED
 from pipeline.flight.state.log import FlightLog, points_needed
 from pipeline.flight.world.pack import inspection_points
 from pipeline.report.comparisons import marks_of
@@ -119,8 +118,7 @@ def _approach(contents: Contents) -> Iterator[Drawn]:
         return
     shown = range(min(MOST_DRAWN, experiment.monte_carlo.num_cases))
     starts = evaluation_scenarios(experiment.monte_carlo, experiment.sun, experiment.seed, shown)
-    tracks = np.empty((len(starts), mission.num_controls + 1, NUM_TRACKED), dtype=np.float32)
-    fly_all(mission, controller, starts, experiment.monte_carlo.workers, tracks)
+    _, tracks = fly_tracked(mission, controller, starts, experiment.monte_carlo.workers)
     yield _captioned("approach", approach(tracks, mission.problem), "approach")
 
 

@@ -16,9 +16,8 @@ from pipeline.array_types import Floats
 from pipeline.evaluation.assurance.formula import Formula, holds, quantities_of, robustness
 from pipeline.evaluation.assurance.quantities import of_tracks
 from pipeline.evaluation.assurance.requirements import Requirement, RequirementError, require_heard
+from pipeline.evaluation.monte_carlo import fly_tracked
 from pipeline.flight.control.controller import Controller
-from pipeline.flight.goals.flights import fly_all
-from pipeline.flight.state.arrays import NUM_TRACKED
 from pipeline.flight.state.log import Scenario
 from pipeline.flight.world.pack import inspection_points
 from pipeline.settings.dispersions import Distribution, distributions
@@ -74,12 +73,9 @@ class Flights:
 
     def tracks(self, scenarios: list[Scenario]) -> NDArray[np.float32]:
         """Return the tracks of some flights, (n, K+1, 15), see `pipeline.evaluation.assurance.quantities`."""
-        shape = (len(scenarios), self._mission.num_controls + 1, NUM_TRACKED)
-        tracks = np.empty(shape, dtype=np.float32)
         # a few fly side by side in one thread: shared out, they would leave vectors half empty
         workers = 1 if len(scenarios) < FEW else self._workers
-        fly_all(self._mission, self._controller, scenarios, workers, tracks)
-        return tracks
+        return fly_tracked(self._mission, self._controller, scenarios, workers)[1]
 
 
 def judged(
