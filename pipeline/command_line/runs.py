@@ -12,17 +12,10 @@ from pipeline.command_line.arguments import EXPERIMENT, ConfigError
 from pipeline.run import artifacts, configuration, maker, manifests
 from pipeline.run.lock import held
 from pipeline.run.runner import finished_stages, run_stages
+from pipeline.settings import schema
 from pipeline.settings.experiment import Experiment
 from pipeline.settings.keys import in_todays_words
 from pipeline.settings.places import requirements_path
-from pipeline.settings.schema import (
-    differences,
-    experiment_from,
-    free_keys,
-    only_results,
-    present,
-    with_values,
-)
 
 if TYPE_CHECKING:
     from hydra.core.override_parser.types import Override
@@ -117,7 +110,7 @@ def resume(folder: Path, overrides: Sequence["Override"], command: Sequence[str]
     with held(folder):
         stored = _stored(folder)
         given = _given_again(overrides, _experiment_of(folder, stored).name)
-        config = with_values(stored, given)
+        config = schema.with_values(stored, given)
         experiment = _experiment_of(folder, config)
         finished = finished_stages(folder)
         left = [stage for stage in experiment.stages if stage not in finished]
@@ -134,12 +127,12 @@ def _given_again(overrides: Sequence["Override"], name: str) -> dict[str, Any]:
     """Return the settings that a resumed run is given by the present command, dotted key to value."""
     given = {}
     for override in overrides:
-        if override.key_or_group in free_keys():
+        if override.key_or_group in schema.free_keys():
             given[override.key_or_group] = override.value()
         elif override.key_or_group != EXPERIMENT or override.value() != name:
             raise ConfigError(
                 f"resume goes on with the run's own configuration; drop {override.input_line}, or start "
-                f"a new run. No result depends on {', '.join(free_keys())}: these may be given"
+                f"a new run. No result depends on {', '.join(schema.free_keys())}: these may be given"
             )
     return given
 
@@ -162,14 +155,14 @@ def repeat(folder: Path, overrides: Sequence["Override"], config_dir: Path | Non
         if any(not o.key_or_group.startswith("hydra.") and o.key_or_group != "stages" for o in overrides):
             new = compose_experiment([o.input_line or "" for o in overrides], config_dir)
             own = {group for stage in asked_for for group in OWN_GROUPS.get(stage, ())}
-            then, now = only_results(present(config)), only_results(new.config)
-            if changed := differences(then, now, {*own, "stages"}):
+            then, now = schema.only_results(schema.present(config)), schema.only_results(new.config)
+            if changed := schema.differences(then, now, {*own, "stages"}):
                 raise ConfigError(
                     f"{folder} was made with another {', '.join(changed)}; drop what changes that, or start "
                     "a new run"
                 )
             config = {**new.config, "stages": config["stages"]}
-            experiment = experiment_from(config)
+            experiment = schema.experiment_from(config)
         check_before(replace(experiment, stages=tuple(asked_for)))
         return _run(config, experiment, folder, asked_for)
 
@@ -193,7 +186,7 @@ def _stored(folder: Path) -> dict[str, Any]:
 def _experiment_of(folder: Path, config: dict[str, Any]) -> Experiment:
     """Return the experiment of a run's configuration, possibly from another version."""
     try:
-        return experiment_from(config)
+        return schema.experiment_from(config)
     except ValueError as error:
         raise artifacts.ArtifactError(
             f"{folder / artifacts.CONFIG} is no configuration of this program's ({error}); use the program "
