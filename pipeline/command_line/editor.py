@@ -9,7 +9,6 @@ from pipeline.command_line import runs
 from pipeline.command_line.arguments import EXPERIMENT, ConfigError, read_arguments
 from pipeline.command_line.config import compose_experiment, options
 from pipeline.command_line.overrides import check_overrides, parse, rewrite_paths
-from pipeline.settings.places import requirements_path
 
 #: whose cases are flown, unless another experiment is chosen
 DEFAULT = "+experiment=evaluate"
@@ -54,14 +53,13 @@ def edit(arguments: Sequence[str]) -> int:
         raise ConfigError(str(error)) from error
     from fis_tools.edit.page import Editor  # noqa: PLC0415
     from pipeline.edit import panels  # noqa: PLC0415 - compiled code
-    from pipeline.evaluation.assurance.requirements import read  # noqa: PLC0415 - compiled code
+    from pipeline.evaluation.assurance.requirements import read_named  # noqa: PLC0415 - compiled code
     from pipeline.flight.state.signals import CONSTANTS  # noqa: PLC0415
 
     controller = load(experiment.controller, experiment.mission).fuzzy
     if controller is None:
         raise ConfigError("this controller has no rules to edit; choose one that has, such as champion_27")
-    name = experiment.assurance.requirements
-    requirements = read(requirements_path(name).read_text(encoding="utf-8"), name).requirements
+    requirements = read_named(experiment.assurance.requirements)
     path = Path(str(experiment.controller.get("path", f"{controller.name}.yaml")))
     meanings = {name: kind.description for name, kind in CONSTANTS.items()}
 

@@ -15,7 +15,6 @@ from pipeline.run.runner import finished_stages, run_stages
 from pipeline.settings import schema
 from pipeline.settings.experiment import Experiment
 from pipeline.settings.keys import in_todays_words
-from pipeline.settings.places import requirements_path
 
 if TYPE_CHECKING:
     from hydra.core.override_parser.types import Override
@@ -210,10 +209,9 @@ def check_before(experiment: Experiment) -> None:
             "train with guidance.engine=compiled"
         )
     if "assure" in experiment.stages:
-        from pipeline.evaluation.assurance.requirements import read, require_heard  # noqa: PLC0415 - as above
+        from pipeline.evaluation.assurance.requirements import read_named, require_heard  # noqa: PLC0415
 
-        name, mission = experiment.assurance.requirements, experiment.mission
-        found = read(requirements_path(name).read_text(encoding="utf-8"), name).requirements
+        found, mission = read_named(experiment.assurance.requirements), experiment.mission
         require_heard(found, mission.duration_s, mission.control_period_s)
     if "optimum" in experiment.stages:
         from pipeline.optimum.problem import check_light  # noqa: PLC0415 - compiled code, like the controller's

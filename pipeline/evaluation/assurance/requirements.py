@@ -8,6 +8,7 @@ from pipeline.evaluation.assurance.formula import Formula, FormulaError, idle_wi
 from pipeline.evaluation.assurance.quantities import UNITS
 from pipeline.run import configuration
 from pipeline.settings.keys import choices_of, did_you_mean
+from pipeline.settings.places import requirements_path
 
 SCHEMA: Final = ("requirements", 2)
 #: methods of verification: many flights, a search for the worst case, boxes of inputs that bound the
@@ -95,6 +96,17 @@ class Requirements:
 
     name: str
     requirements: tuple[Requirement, ...]
+
+
+def read_named(name: str) -> tuple[Requirement, ...]:
+    """Return the requirements that ship under a name, or those of a file.
+
+    Raises
+    ------
+    RequirementError, OSError
+        If there are none, or they cannot be read.
+    """
+    return read(requirements_path(name).read_text(encoding="utf-8"), name).requirements
 
 
 def read(text: str, source: str) -> Requirements:
