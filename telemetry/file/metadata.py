@@ -33,6 +33,9 @@ WHOLE: Final = ("seed", "noise", "holding")
 MOST_WHOLE: Final = 2**63 - 1
 MOST: Final = sys.float_info.max
 
+#: how a record that cannot be used is mended
+CURE: Final = "write it with telemetry.file.metadata"
+
 #: key of the checksum of a record's other entries; MCAP itself has none for metadata
 CHECKSUM_KEY: Final = "crc32"
 
@@ -175,7 +178,7 @@ class FisDescription(Description):
         if not all(1 <= number <= len(self.rules) for number in self.holding):
             raise RecordingError(
                 f"metadata 'holding' is {list(self.holding)}, but numbers of rules, from 1 to "
-                f"{len(self.rules)}, are expected"
+                f"{len(self.rules)}, are expected; {CURE}"
             )
 
 
@@ -200,7 +203,10 @@ class Rehearsal(Description):
     def __post_init__(self) -> None:
         """Raise RecordingError if there is not one cost for each name."""
         if not 0 < len(self.names) == len(self.costs_m_s):
-            raise RecordingError(f"a rehearsal has no cost for each of its {len(self.names)} names")
+            raise RecordingError(
+                f"metadata 'costs_m_s' has {len(self.costs_m_s)} numbers for {len(self.names)} names, but "
+                f"one for each name, and at least one, is expected; {CURE}"
+            )
 
 
 def _decoded(key: str, text: str) -> Any:
@@ -215,8 +221,7 @@ def _from_json(key: str, text: str) -> JsonValue:
         value: JsonValue = json.loads(text)
     except (ValueError, RecursionError) as error:
         raise RecordingError(
-            f"metadata {key!r} is {text[:80]!r}, but a number or a list in JSON is expected; "
-            "write it with telemetry.file.metadata"
+            f"metadata {key!r} is {text[:80]!r}, but a number or a list in JSON is expected; {CURE}"
         ) from error
     return value
 
@@ -233,7 +238,7 @@ def _numbers(key: str, text: str) -> float | tuple[float, ...]:
     if not are_numbers or not is_right:
         raise RecordingError(
             f"metadata {key!r} is {text[:80]!r}, but {NUMBERS_OF.get(key, 1) or 'any number of'} finite "
-            f"{'whole ' * (key in WHOLE)}numbers are expected; write it with telemetry.file.metadata"
+            f"{'whole ' * (key in WHOLE)}numbers are expected; {CURE}"
         )
     return tuple(value) if isinstance(value, list) else value  # type: ignore[return-value,arg-type]
 
@@ -241,7 +246,9 @@ def _numbers(key: str, text: str) -> float | tuple[float, ...]:
 def _words(key: str, text: str) -> tuple[str, ...]:
     value = _from_json(key, text)
     if not isinstance(value, list):
-        raise RecordingError(f"metadata {key!r} is {text!r}, but a JSON list of words is expected")
+        raise RecordingError(
+            f"metadata {key!r} is {text[:80]!r}, but a JSON list of words is expected; {CURE}"
+        )
     return tuple(plain(str(word)) for word in value)
 
 

@@ -54,6 +54,10 @@ def test_keys_of_others_are_left_alone_and_nonsense_is_refused():
         EpisodeDescription.from_metadata({"seed": "seven"})
     with pytest.raises(RecordingError, match="lacks input_units, output_unit, rules"):
         FisDescription.from_metadata({"input_names": "[]", "output_name": "f"})
+    whole = FisDescription(input_names=(), input_units=(), output_name="f", output_unit="N", rules=())
+    for key, text in (("rules", "3"), ("holding", "[1]"), ("holding", "x")):
+        with pytest.raises(RecordingError, match=f"'{key}' is .* expected; write it with telemetry.file"):
+            FisDescription.from_metadata({**whole.to_metadata(), key: text})
 
 
 @settings(max_examples=50, deadline=None)
@@ -72,7 +76,7 @@ def test_a_rehearsal_is_read_as_it_was_written_and_has_a_cost_for_each_name():
     assert Rehearsal.from_metadata(told.to_metadata()) == told
     odd = ({"costs_m_s": "[0.25]"}, {"names": "[]", "costs_m_s": "[]"}, {"costs_m_s": "1"}, {"until_s": "x"})
     for wrong in odd:
-        with pytest.raises(RecordingError):
+        with pytest.raises(RecordingError, match=r"expected; write it with telemetry\.file\.metadata"):
             Rehearsal.from_metadata({**told.to_metadata(), **wrong})
 
 
