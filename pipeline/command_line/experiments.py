@@ -4,10 +4,11 @@ import os
 import sys
 import time
 import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from hydra.core.override_parser.types import Override
 
@@ -57,13 +58,13 @@ def plan(asked: Asked) -> Callable[[], int]:
                 f"{folder} holds no run; give the folder of a run to repeat stages of it, or add "
                 "+experiment=NAME to start one there"
             )
-    words = next(single_runs(overrides, groups))
-    if asked.cfg:
-        return partial(_print, words, asked)
-    if asked.multirun:
+    if asked.multirun and not asked.cfg:
         return _sweep(asked, overrides, groups)
+    words = next(single_runs(overrides, groups))
     job = compose_experiment(words, asked.config_dir)
     check_stages(job.config, words)
+    if asked.cfg:
+        return partial(_print, job.config)
     runs.check_before(job.experiment)
     return partial(runs.start, job, [*_config_dir_of(asked), *words])
 
@@ -79,11 +80,9 @@ def _run_folder(overrides: Sequence[Override]) -> Path | None:
     return Path(str(given[-1])) if given else None
 
 
-def _print(words: Sequence[str], asked: Asked) -> int:
+def _print(config: Mapping[str, Any]) -> int:
     """Print a run's configuration as YAML, with the meanings of its keys."""
-    job = compose_experiment(words, asked.config_dir)
-    check_stages(job.config, words)
-    sys.stdout.write(commented(job.config))
+    sys.stdout.write(commented(config))
     return OK
 
 
