@@ -146,11 +146,10 @@ def _searches(
     """Search for the worst case of a requirement, if it asks for that, and print how it went."""
     if SEARCH not in requirement.verified_by or random is None:
         return ()
-    space = case_space(experiment.monte_carlo, experiment.sun, experiment.mission)
-    settings, optimizer = experiment.assurance, experiment.optimizer
+    space = case_space(experiment)
     found = tuple(
-        search(requirement, flights, space, settings, optimizer, experiment.seed, number)
-        for number in range(settings.searches)
+        search(requirement, flights, space, experiment, number)
+        for number in range(experiment.assurance.searches)
     )
     sys.stderr.write(f"  {requirement.id}: {speed(found, random).sentence}\n")
     return found

@@ -21,7 +21,7 @@ from pipeline.flight.control.controller import Controller
 from pipeline.flight.state.log import Scenario
 from pipeline.flight.world.pack import inspection_points
 from pipeline.settings.dispersions import Distribution, distributions
-from pipeline.settings.experiment import Assurance, Mission, MonteCarlo, Optimizer, Sun
+from pipeline.settings.experiment import Experiment, Mission, MonteCarlo, Sun
 from pipeline.training.evolution.generations import Evaluate
 from pipeline.training.evolution.rounds import evolve_rounds
 
@@ -201,9 +201,10 @@ def _direction(height: float, azimuth: float) -> Floats:
     return np.array([across * np.cos(turn), across * np.sin(turn), z])
 
 
-def case_space(monte_carlo: MonteCarlo, sun: Sun, mission: Mission) -> CaseSpace:
-    """Return the random variables of an evaluation's cases."""
-    return CaseSpace(monte_carlo, sun, distributions(mission.dispersions))
+def case_space(experiment: Experiment) -> CaseSpace:
+    """Return the random variables of the cases of an experiment's evaluation."""
+    dispersed = distributions(experiment.mission.dispersions)
+    return CaseSpace(experiment.monte_carlo, experiment.sun, dispersed)
 
 
 @dataclass(frozen=True)
@@ -234,13 +235,7 @@ class Search:
 
 
 def search(
-    requirement: Requirement,
-    flights: Flights,
-    space: CaseSpace,
-    settings: Assurance,
-    optimizer: Optimizer,
-    seed: int,
-    number: int,
+    requirement: Requirement, flights: Flights, space: CaseSpace, experiment: Experiment, number: int
 ) -> Search:
     """Search for the case with the least margin of a requirement.
 
@@ -250,13 +245,13 @@ def search(
         With a formula.
     flights : Flights
     space : CaseSpace
-    settings : Assurance
-        Number of flights, and the initial spread.
-    optimizer : Optimizer
-        Copied, with the search's own algorithm, sizes and step.
-    seed, number : int
-        The run's seed and the number of the search: together they determine the random numbers.
+    experiment : Experiment
+        Its assurance says how many flights, and the initial spread; its optimizer is copied, with the
+        search's own algorithm, sizes and step.
+    number : int
+        Of the search: with the experiment's seed it determines the random numbers.
     """
+    settings = experiment.assurance
     flown: list[Scenario] = []
     outcomes: list[Outcome] = []
 
@@ -267,7 +262,7 @@ def search(
         outcomes.append(outcome)
         return outcome.margins
 
-    generator = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(SPAWN_KEY, number)))
+    generator = np.random.default_rng(np.random.SeedSequence(experiment.seed, spawn_key=(SPAWN_KEY, number)))
     drawn = generator.random((settings.search_starts, len(space.genes)))
     centred, worst = space.centred_on(drawn[np.argmin(margins_of(drawn, space))])
 
@@ -275,7 +270,7 @@ def search(
         return lambda genomes: {"fitness": margins_of(genomes, centred)}
 
     strategy = replace(
-        optimizer,
+        experiment.optimizer,
         algorithm="cma_es",
         population_size=settings.search_population,
         generations=settings.search_generations,

@@ -31,7 +31,7 @@ EXPERIMENT = experiment()
 MISSION = EXPERIMENT.mission
 FLIGHTS = Flights(MISSION, champion())
 SMALL = replace(EXPERIMENT.assurance, search_starts=8, search_population=5, search_generations=2)
-SPACE = case_space(EXPERIMENT.monte_carlo, EXPERIMENT.sun, MISSION)
+SPACE = case_space(EXPERIMENT)
 
 
 def test_margins_are_those_of_the_outcomes_and_parts_do_not_matter(monkeypatch: pytest.MonkeyPatch):
@@ -115,7 +115,7 @@ def test_genes_spread_evenly_give_starts_as_an_evaluation_draws_them(problem):
     assured = ["+experiment=assure", f"problem={problem}", "sun=random", "safety=none"]
     composed = compose_experiment(assured).experiment
     starts = replace(composed.monte_carlo, num_cases=4000, directions="even")
-    space = case_space(starts, composed.sun, composed.mission)
+    space = case_space(replace(composed, monte_carlo=starts))
     genes = np.random.default_rng(1).random((4000, len(space.genes)))
     ours = [space.scenario(row) for row in genes]
     theirs = evaluation_scenarios(starts, composed.sun, 3)
@@ -144,7 +144,7 @@ def test_dispersed_settings_and_the_suns_elevation_are_searched():
     dispersions = {"deputy": {"mass_kg": mass}, "attitude": {"proportional_gain": gain}}
     mission = replace(EXPERIMENT.mission, dispersions=dispersions)
     sun = replace(EXPERIMENT.sun, elevation_range_deg=(-30.0, 10.0))
-    space = case_space(EXPERIMENT.monte_carlo, sun, mission)
+    space = case_space(replace(EXPERIMENT, mission=mission, sun=sun))
     drawn = ("attitude.proportional_gain", "deputy.mass_kg")
     assert space.genes[3:] == ("sun_angle", "sun_elevation", *drawn)
     middle, end = space.scenario(np.full(7, 0.5)), space.scenario(np.ones(7))
@@ -163,7 +163,7 @@ def test_a_case_found_by_a_search_is_flown_again_from_its_recording(tmp_path):
     mass = "+dispersions.deputy.mass_kg={kind:uniform,low:11.0,high:13.0}"
     composed = compose_experiment(["+experiment=assure", "controller=champion_any_sun", "sun=random", mass])
     mission, controller = composed.experiment.mission, champion()
-    space = case_space(composed.experiment.monte_carlo, composed.experiment.sun, mission)
+    space = case_space(composed.experiment)
     scenario = space.scenario(np.full(5, 0.9))
     log = fly_logged(mission, controller, scenario)
     recorded(tmp_path / "worst.mcap", mission, scenario, log, composed.config)
@@ -185,7 +185,7 @@ def test_a_search_begins_with_its_angles_in_the_middle():
 
 
 def searched(settings: object, number: int) -> Search:
-    return campaign.search(KEEP_OUT, FLIGHTS, SPACE, settings, EXPERIMENT.optimizer, 1, number)
+    return campaign.search(KEEP_OUT, FLIGHTS, SPACE, replace(EXPERIMENT, assurance=settings), number)
 
 
 def test_a_search_repeats_and_counts_every_flight():
