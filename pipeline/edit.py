@@ -2,7 +2,6 @@
 
 import os
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from itertools import pairwise
@@ -31,6 +30,7 @@ from pipeline.flight.state.log import FlightLog
 from pipeline.flight.state.signals import AXES
 from pipeline.flight.world.pack import inspection_points
 from pipeline.settings.experiment import Experiment
+from pipeline.threads import in_threads
 
 #: cases of a first answer, and of each that follows
 FIRST, NEXT = 100, 300
@@ -88,13 +88,13 @@ class Cases:
         pipeline.flight.control.controller.ControllerError
             If the controller cannot fly.
         """
-        controller, flown = self._ready(fuzzy), list[Flown]()
+        controller = self._ready(fuzzy)
+        flown: list[Flown] = []
         ends = [*range(FIRST, len(self.scenarios), NEXT), len(self.scenarios)]
-        with ThreadPoolExecutor(self._threads) as pool:
-            for start, end in pairwise([0, *ends]):
-                shares = np.array_split(np.arange(start, end), self._threads)
-                flown += pool.map(partial(self._share, controller), filter(len, shares))
-                yield _joined(flown)
+        for start, end in pairwise([0, *ends]):
+            shares = np.array_split(np.arange(start, end), self._threads)
+            flown += in_threads(partial(self._share, controller), filter(len, shares), workers=self._threads)
+            yield _joined(flown)
 
     def _ready(self, fuzzy: FuzzyController) -> Controller:
         controller = from_fuzzy(fuzzy)

@@ -194,7 +194,7 @@ def _domain(experiment: Experiment, controller: Controller, folder: Path) -> Dom
         (folder / artifacts.DOMAIN).unlink(missing_ok=True)
         return None
     scenarios = _scenarios(experiment, 2 * experiment.assurance.domain_cases)
-    domain = domain_of(experiment.mission, controller, scenarios, CONFIDENCE, experiment.assurance.workers)
+    domain = domain_of(experiment, controller, scenarios, CONFIDENCE)
     writing.write_json(folder / artifacts.DOMAIN, as_mapping(domain.boxes))
     return domain
 

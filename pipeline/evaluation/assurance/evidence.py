@@ -1,10 +1,8 @@
 """Evidence as plain data and as tables: findings, verdicts, and the operational domain of flights."""
 
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from math import ceil, floor
-from os import cpu_count
 from typing import Any
 
 import numpy as np
@@ -21,7 +19,8 @@ from pipeline.flight.cases.starts import columns_of
 from pipeline.flight.control.controller import Controller
 from pipeline.flight.goals.flights import fly_logged
 from pipeline.flight.state.log import FlightLog, Scenario
-from pipeline.settings.experiment import Mission
+from pipeline.settings.experiment import Experiment, Mission
+from pipeline.threads import in_threads
 
 
 @dataclass(frozen=True)
@@ -48,29 +47,25 @@ class Domain:
 
 
 def domain_of(
-    mission: Mission,
-    controller: Controller,
-    scenarios: Sequence[Scenario],
-    confidence: float,
-    workers: int | None = None,
+    experiment: Experiment, controller: Controller, scenarios: Sequence[Scenario], confidence: float
 ) -> Domain:
     """Fly scenarios, logged: the first half defines the domain, the second tests it.
 
     Parameters
     ----------
-    mission : Mission
+    experiment : Experiment
     controller : Controller
         With fuzzy systems.
     scenarios : sequence of Scenario
         At least two.
     confidence : float
-    workers : int, optional
     """
     half = len(scenarios) // 2
-    with ThreadPoolExecutor(workers or cpu_count() or 1) as pool:
-        flown = list(
-            pool.map(lambda one: sensed(fly_logged(mission, controller, one), controller), scenarios)
-        )
+
+    def flown_from(scenario: Scenario) -> list[Floats]:
+        return sensed(fly_logged(experiment.mission, controller, scenario), controller)
+
+    flown = in_threads(flown_from, scenarios, workers=experiment.assurance.workers)
     boxes = {}
     for place, system in enumerate(controller.systems):
         rows = np.concatenate([inputs[place] for inputs in flown[:half]])
