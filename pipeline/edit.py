@@ -213,9 +213,9 @@ def _numbers(compared: Sequence[Compared]) -> Table:
     rows: list[list[Cell]] = []
     for one in compared:
         places, found = one.metric.places, one.difference
-        change = f"{found.mean:+.{places}f} ({found.low:+.{places}f} to {found.high:+.{places}f})"
         is_better = (found.mean < 0.0) == one.metric.is_less_better
-        mark = Mark(change, ("better" if is_better else "worse") if found.is_told else "")
+        kind = "better" if is_better else "worse"
+        mark = Mark(found.in_words(places), kind if found.is_told else "")
         means = [f"{mean:.{places}f} {one.metric.unit}" for mean in one.means]
         rows.append([one.metric.label, *means, mark if one.better + one.worse else "none"])
     heads = [f"{compared[0].difference.count:,} flights", OPENED, NOW, "difference (interval)"]

@@ -228,6 +228,10 @@ class Difference:
         """Whether the interval excludes zero."""
         return self.low > 0.0 or self.high < 0.0
 
+    def in_words(self, places: int) -> str:
+        """Return the mean with its interval, each with its sign and so many decimals."""
+        return f"{self.mean:+.{places}f} ({self.low:+.{places}f} to {self.high:+.{places}f})"
+
 
 def difference(values: Floats, confidence_percent: float) -> Difference:
     """Return the mean and interval of paired differences, at least one."""

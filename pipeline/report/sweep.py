@@ -232,13 +232,9 @@ def effects_table(swept: Swept) -> list[Block]:
 
 def differing(difference: Difference, metric: Metric) -> str:
     """Write a difference with its interval; a star where it leaves zero out."""
-    places = metric.places
     if difference.count < 2:
-        return f"{difference.mean:+.{places}f} (one pair)"
-    star = "*" if difference.is_told else ""
-    return (
-        f"{difference.mean:+.{places}f} ({difference.low:+.{places}f} to {difference.high:+.{places}f}){star}"
-    )
+        return f"{difference.mean:+.{metric.places}f} (one pair)"
+    return difference.in_words(metric.places) + ("*" if difference.is_told else "")
 
 
 def compared_table(one: str, other: str, compared: Sequence[Compared], confidence: float) -> list[Block]:
