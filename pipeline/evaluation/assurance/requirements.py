@@ -158,14 +158,12 @@ def _requirement(entry: Mapping[str, Any], where: str) -> Requirement:
         if method not in METHODS:
             raise RequirementError(f"{where}: verified_by has {method!r}{choices_of(str(method), METHODS)}")
     texts: dict[str, Any] = {key: _text(entry, key, where) for key in TEXTS}
-    requirement = Requirement(id=name, **texts, verified_by=tuple(methods))
-    if requirement.severity not in SEVERITIES:
-        raise RequirementError(
-            f"{where}: severity is {requirement.severity!r}{choices_of(requirement.severity, SEVERITIES)}"
-        )
+    severity = texts["severity"]
+    if severity not in SEVERITIES:
+        raise RequirementError(f"{where}: severity is {severity!r}{choices_of(severity, SEVERITIES)}")
     flown = _flown(entry, where) if set(methods) - {BOUNDS} else {}
-    asked = {"questions": _questions(entry.get("bounds"), where)} if BOUNDS in methods else {}
-    return Requirement(**{**vars(requirement), **flown, **asked})
+    questions = _questions(entry.get("bounds"), where) if BOUNDS in methods else ()
+    return Requirement(id=name, verified_by=tuple(methods), questions=questions, **texts, **flown)
 
 
 def _flown(entry: Mapping[str, Any], where: str) -> dict[str, Any]:
