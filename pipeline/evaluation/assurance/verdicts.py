@@ -100,10 +100,17 @@ def judge(margins: Floats, is_met: NDArray[np.bool_], probability: float, confid
     allowed = failures_allowed(num_cases, probability, confidence)
     low, high = share_bounds(num_cases - num_failed, num_cases, confidence)
     ascending = np.sort(margins)
-    word: Verdict = "shown" if num_failed <= allowed else "refuted" if high < probability else "open"
-    margin = float(ascending[allowed]) if allowed >= 0 else None
-    worst, median = float(ascending[0]), float(np.median(margins))
-    return Judgement(word, num_cases, num_failed, allowed, low, high, margin, worst, median)
+    return Judgement(
+        verdict="shown" if num_failed <= allowed else "refuted" if high < probability else "open",
+        num_cases=num_cases,
+        num_failed=num_failed,
+        num_allowed=allowed,
+        low=low,
+        high=high,
+        margin=float(ascending[allowed]) if allowed >= 0 else None,
+        worst_margin=float(ascending[0]),
+        median_margin=float(np.median(margins)),
+    )
 
 
 def _shows(num_cases: int, num_failed: int, probability: float, confidence: float) -> bool:
@@ -268,7 +275,9 @@ def _of_the_layer(requirement: Requirement, proof: SafetyProof) -> Outcome:
         why += "".join(f", provided that {one}" for one in proof.assumed)
         if proof.probability < requirement.probability:
             return Outcome("open", f"proved for {percent(proof.probability)}", why)
-        return Outcome("shown", "proved", why, True, proof.probability, proof.assumed)
+        return Outcome(
+            "shown", "proved", why, is_proof=True, probability=proof.probability, assumed=proof.assumed
+        )
     return Outcome("open", "does not apply", why)
 
 
