@@ -183,9 +183,7 @@ def _tube_drawn(
     flights = Flights(mission, controller_of_run(experiment, folder), experiment.assurance.workers)
     tracks = flights.tracks(_scenarios(experiment, num_cases))
     boxes = tables.read_parquet(folder, artifacts.TUBE)
-    return draw_tube(
-        boxes, tracks, mission.problem, mission.control_period_s, experiment.report.dots_per_inch
-    )
+    return draw_tube(boxes, tracks, mission, experiment.report.dots_per_inch)
 
 
 def _domain(experiment: Experiment, controller: Controller, folder: Path) -> Domain | None:

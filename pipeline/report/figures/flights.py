@@ -208,11 +208,7 @@ TUBE_CAPTION = (
 
 
 def draw_tube(
-    tube: Mapping[str, Floats],
-    tracks: NDArray[np.float32],
-    problem: Problem,
-    period_s: float,
-    dots_per_inch: int,
+    tube: Mapping[str, Floats], tracks: NDArray[np.float32], mission: Mission, dots_per_inch: int
 ) -> style.Illustration:
     """Draw a tube, as `prove` writes it, over flights.
 
@@ -222,12 +218,11 @@ def draw_tube(
         Boxes by step and axis: positions, m, and velocities plus ``shear_per_s`` times the position, m/s.
     tracks : (num_flights, num_samples, 6 or more)
         Positions and velocities, m and m/s.
-    problem : Problem
-    period_s : float
-        From sample to sample.
+    mission : Mission
     dots_per_inch : int
     """
     least, most, fastest = bounds(tube)
+    problem, period_s = mission.problem, mission.control_period_s
     time = period_s * np.arange(len(most))
     with style.style():
         figure = style.Figure(figsize=(8.0, 5.6), layout="constrained")
