@@ -58,10 +58,11 @@ def _turned_at(torques: Floats, least: int) -> int:
 
 
 def _three_lines(ax: Axes, edges: NDArray[np.floating], values: Floats, labels: Sequence[str]) -> None:
-    for column, label in enumerate(labels):
-        held = np.append(values[:, column], values[-1, column])
-        look: dict[str, Any] = {"color": AXIS_COLOURS[column], "linestyle": AXIS_STYLES[column]}
-        ax.plot(edges, held, drawstyle="steps-post", linewidth=1.3, label=label, **look)
+    held = np.vstack([values, values[-1]])
+    for column, label, colour, dashes in zip(held.T, labels, AXIS_COLOURS, AXIS_STYLES, strict=True):
+        ax.plot(
+            edges, column, drawstyle="steps-post", linewidth=1.3, label=label, color=colour, linestyle=dashes
+        )
     ax.set_xlim(edges[0], edges[-1])
     ax.grid(axis="y")
     ax.margins(y=0.12)
@@ -221,8 +222,8 @@ def draw_tube(
     mission : Mission
     dots_per_inch : int
     """
-    least, most, fastest = bounds(tube)
     problem, period_s = mission.problem, mission.control_period_s
+    least, most, fastest = bounds(tube)
     time = period_s * np.arange(len(most))
     with style.style():
         figure = style.Figure(figsize=(8.0, 5.6), layout="constrained")

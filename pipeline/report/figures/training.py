@@ -1,7 +1,6 @@
 """How a training went, generation by generation."""
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -10,7 +9,7 @@ from matplotlib.ticker import FuncFormatter, MaxNLocator
 from numpy.typing import NDArray
 
 from pipeline.array_types import Floats
-from pipeline.report.figures.style import BLUE, DOTS, MUTED, ORANGE, VERMILION
+from pipeline.report.figures.style import BLUE, DOTS, MUTED, ORANGE, SMALL_PRINT, VERMILION
 
 #: columns of the logbook that are drawn
 HISTORY_COLUMNS = ("round", "best", "mean", "delta_v_m_s", "points", "outside", "short")
@@ -36,9 +35,8 @@ def convergence(history: Mapping[str, NDArray[np.generic]], num_points: int, num
     delta_v.set_ylim(bottom=0.0)
     points.plot(generations, columns["points"], color=BLUE, linewidth=1.5)
     points.axhline(num_needed, color=MUTED, linestyle=DOTS, linewidth=1.0)
-    words = f"{num_needed} make a success"
-    place: dict[str, Any] = {"transform": points.get_yaxis_transform(), "ha": "right", "va": "top"}
-    points.text(0.99, num_needed, words, color=MUTED, fontsize=8, **place)
+    words, across = f"{num_needed} make a success", points.get_yaxis_transform()
+    points.text(0.99, num_needed, words, transform=across, ha="right", va="top", **SMALL_PRINT)
     points.set(title="Champion's mean of inspected points", ylabel=f"points of {num_points}")
     _draw_failures(flights, generations, columns, num_needed)
     borders = np.flatnonzero(np.diff(columns["round"])) + 0.5
