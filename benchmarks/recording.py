@@ -41,7 +41,7 @@ def time_recording(composed: Job, flown: Controller, path: Path) -> None:
     experiment = composed.experiment
     scenario = evaluation_scenarios(experiment.monte_carlo, experiment.sun, experiment.seed)[0]
     log = fly_logged(experiment.mission, flown, scenario)
-    recorder = FlightRecorder(experiment.mission, flown, seed=0, config=composed.config, near_limit_m=2.0)
+    recorder = FlightRecorder(experiment, flown, composed.config)
 
     def record() -> None:
         recorder.record(path, scenario, log, "benchmark")

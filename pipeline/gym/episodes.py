@@ -22,7 +22,7 @@ from pipeline.flight.state.log import FlightLog, Scenario, points_needed
 from pipeline.flight.world.pack import inspection_points
 from pipeline.flight.world.surface import priority_weights
 from pipeline.physics.motion import nearest_in_orbit
-from pipeline.recording.recorder import recorder_of
+from pipeline.recording.recorder import FlightRecorder
 from pipeline.settings.experiment import Experiment, Mission
 
 Truths = NDArray[np.bool_]
@@ -305,7 +305,8 @@ class Episodes:
         """Record an episode as every flight is, see `telemetry`."""
         scenario, log = self.log(episode)
         controller = open_loop("episode", self._played(episode))
-        recorder = recorder_of(self.task.experiment, controller, self.task.config, scenario.noise[0])
+        experiment = replace(self.task.experiment, seed=scenario.noise[0])
+        recorder = FlightRecorder(experiment, controller, self.task.config)
         recorder.record(path, scenario, log, "episode")
 
     def _played(self, episode: int) -> Floats:

@@ -39,7 +39,7 @@ from pipeline.flight.world.surface import surface_of
 from pipeline.recording.events import events
 from pipeline.recording.points import parts_of_points, sensed_of_points
 from pipeline.run import configuration, maker
-from pipeline.settings.experiment import Experiment, Mission
+from pipeline.settings.experiment import Experiment
 from pipeline.settings.schema import only_results
 from telemetry import EpisodeWriter
 from telemetry.file import topics
@@ -61,33 +61,21 @@ LIT, IN_VIEW_BUT_DARK, INSPECTED = np.array(
 
 
 class FlightRecorder:
-    """Records flights of one controller in one mission; what they share is prepared once.
+    """Records flights of one controller in an experiment's mission; what they share is prepared once.
 
     Parameters
     ----------
-    mission : Mission
+    experiment : Experiment
     controller : Controller
-    seed : int
-        Of the run.
     config : mapping
         Of the run: resolved, plain data.
-    near_limit_m : float
-        The log warns when a distance limit is nearer than this.
     """
 
-    def __init__(
-        self,
-        mission: Mission,
-        controller: Controller,
-        *,
-        seed: int,
-        config: Mapping[str, Any],
-        near_limit_m: float,
-    ):
-        self._mission = mission
+    def __init__(self, experiment: Experiment, controller: Controller, config: Mapping[str, Any]) -> None:
+        self._mission = mission = experiment.mission
         self.controller = controller
-        self._seed = seed
-        self._near_limit_m = near_limit_m
+        self._seed = experiment.seed
+        self._near_limit_m = experiment.telemetry.near_limit_m
         self._config_hash = configuration.config_hash(config)
         self._product_version = maker.product()["versions"]["product"]
         self._attachments = {
@@ -316,15 +304,6 @@ class FlightRecorder:
 def _named(owner: object, *names: str) -> dict[str, Any]:
     """Return what is called in a recording as it is elsewhere."""
     return {name: getattr(owner, name) for name in names}
-
-
-def recorder_of(
-    experiment: Experiment, controller: Controller, config: Mapping[str, Any], seed: int | None = None
-) -> FlightRecorder:
-    """Return what records flights of a controller in an experiment's mission, see `FlightRecorder`."""
-    near_limit_m = experiment.telemetry.near_limit_m
-    seed = experiment.seed if seed is None else seed
-    return FlightRecorder(experiment.mission, controller, seed=seed, config=config, near_limit_m=near_limit_m)
 
 
 def stl_of(corners: Floats) -> bytes:

@@ -18,7 +18,7 @@ from pipeline.controllers.policies import policy_of
 from pipeline.flight.control.controller import Controller, from_fuzzy, open_loop
 from pipeline.flight.goals.flights import fly_logged
 from pipeline.flight.state.log import Scenario
-from pipeline.recording.recorder import CONFIG_ATTACHMENT, CONTROLLER_ATTACHMENT, recorder_of
+from pipeline.recording.recorder import CONFIG_ATTACHMENT, CONTROLLER_ATTACHMENT, FlightRecorder
 from pipeline.run import configuration
 from pipeline.settings.experiment import Experiment
 from pipeline.settings.schema import experiment_from
@@ -77,7 +77,9 @@ def fly_again(path: Path) -> Reflight:
     controller = _controller_of(recording, experiment)
     log = fly_logged(experiment.mission, controller, scenario)
     episode = recording.episode
-    recorder = recorder_of(experiment, controller, config, episode.seed)
+    # of a learner's episodes each has a seed of its own
+    seed = experiment.seed if episode.seed is None else episode.seed
+    recorder = FlightRecorder(replace(experiment, seed=seed), controller, config)
     with tempfile.TemporaryDirectory() as folder:
         again = Path(folder, path.name)
         recorder.record(again, scenario, log, episode.scenario_id or "")

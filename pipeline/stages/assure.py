@@ -36,7 +36,7 @@ from pipeline.flight.control.controller import Controller
 from pipeline.flight.goals.flights import fly_logged
 from pipeline.flight.state.log import Scenario
 from pipeline.proof.loop import NotProvable, theorem_of
-from pipeline.recording.recorder import FlightRecorder, recorder_of
+from pipeline.recording.recorder import FlightRecorder
 from pipeline.report.evidence import write as page_of
 from pipeline.report.figures.flights import draw_tube
 from pipeline.report.figures.style import Illustration
@@ -108,7 +108,7 @@ def _gather(experiment: Experiment, folder: Path, requirements: Requirements) ->
     _write(folder, artifacts.ASSURED_CASES, evidence.case_columns(mission, scenarios, outcomes))
     domain = _domain(experiment, controller, folder)
     proof = safety_proof(mission, scenarios)
-    recorder = recorder_of(experiment, controller, configuration.read(folder))
+    recorder = FlightRecorder(experiment, controller, configuration.read(folder))
     entries, all_found = [], []
     for one in requirements.requirements:
         outcome = outcomes.get(one.id)

@@ -16,7 +16,7 @@ from pipeline.evaluation.statistics import Columns
 from pipeline.flight.cases.starts import evaluation_scenarios, start_shown, training_scenarios
 from pipeline.flight.goals.flights import achieved, fly_logged, in_words
 from pipeline.flight.state.log import Scenario
-from pipeline.recording.recorder import recorder_of
+from pipeline.recording.recorder import FlightRecorder
 from pipeline.run import artifacts, configuration
 from pipeline.settings.experiment import Experiment
 from telemetry import RecordingError
@@ -113,7 +113,7 @@ def _ranked_flights(experiment: Experiment, episodes: Columns) -> list[FlightToR
 def _record(experiment: Experiment, folder: Path, flights: list[FlightToRecord]) -> None:
     """Fly and record, with one line per flight."""
     controller = controller_of_run(experiment, folder)
-    recorder = recorder_of(experiment, controller, configuration.read(folder))
+    recorder = FlightRecorder(experiment, controller, configuration.read(folder))
     for flight in flights:
         log = fly_logged(experiment.mission, controller, flight.scenario)
         _check_repeated(flight, achieved(experiment.mission, log))

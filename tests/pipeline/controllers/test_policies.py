@@ -183,6 +183,6 @@ def test_a_flight_is_the_same_in_any_company(flown, monkeypatch) -> None:
 @pytest.mark.slow
 def test_its_recording_flies_again_without_the_file(flown, tmp_path: Path) -> None:
     task, controller, starts, log = flown
-    recorder = FlightRecorder(task.mission, controller, seed=1, config=task.config, near_limit_m=5.0)
+    recorder = FlightRecorder(task.experiment, controller, task.config)
     recorder.record(tmp_path / "flight.mcap", starts[1], log, "case-1")
     assert fly_again(tmp_path / "flight.mcap").is_equal

@@ -1,7 +1,7 @@
 """Miniature experiments for the tests of recordings, and a reader that knows nothing of ours."""
 
 from collections import defaultdict
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from operator import attrgetter
 from pathlib import Path
@@ -81,7 +81,8 @@ def composed(*overrides: str) -> Job:
 def recorded(path: Path, mission: Mission, controller: Controller, start: Scenario) -> FlightLog:
     """Fly, record in a file, and return the log."""
     log = fly_logged(mission, controller, start)
-    recorder = FlightRecorder(mission, controller, seed=3, config=composed().config, near_limit_m=5.0)
+    job = composed()
+    recorder = FlightRecorder(replace(job.experiment, mission=mission, seed=3), controller, job.config)
     recorder.record(path, start, log, scenario_id="x")
     return log
 

@@ -54,7 +54,7 @@ def test_margins_are_those_of_the_outcomes_and_parts_do_not_matter(monkeypatch: 
 
 
 def recorded(path: Path, mission: Mission, scenario: Scenario, log: FlightLog, config: object = None):
-    recorder = FlightRecorder(mission, champion(), seed=1, config=config or {}, near_limit_m=5.0)
+    recorder = FlightRecorder(replace(EXPERIMENT, mission=mission), champion(), config or {})
     recorder.record(path, scenario, log, "flight")
     return read_recording(path)
 

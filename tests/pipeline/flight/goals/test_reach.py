@@ -137,7 +137,7 @@ def test_a_recording_counts_up_to_the_end_alone(docked, tmp_path):
     mission, controller, start, log = docked
     judged = fly_all(mission, controller, [start], 1)
     path = tmp_path / "docked.mcap"
-    recorder = FlightRecorder(mission, controller, seed=1, config={}, near_limit_m=5.0)
+    recorder = FlightRecorder(replace(docking(), mission=mission), controller, {})
     recorder.record(path, start, log, "docked")
     went, told = flights.read_outcome(path), summarize(telemetry.read(path))["outcome"]
     assert 0.0 < judged.end_s[0] < 1500.0
