@@ -7,8 +7,10 @@ from typing import Literal
 
 import numpy as np
 
-from fis_tools.model.thrust import ThrustLogic
+from fis_tools.model.thrust import ThrustLogic, thrust_logic
 from pipeline.array_types import Floats
+from pipeline.flight.control.controller import Controller, rehearsed_pushes
+from pipeline.flight.fly.rehearsals import tour_names
 from pipeline.flight.goals import reach
 from pipeline.flight.state.log import (
     KEEP_IN,
@@ -40,12 +42,7 @@ class Event:
 
 
 def events(
-    mission: Mission,
-    log: FlightLog,
-    near_limit_m: float,
-    logic: ThrustLogic | None = None,
-    num_rehearsed: int = 0,
-    tour: str | None = None,
+    mission: Mission, log: FlightLog, near_limit_m: float, controller: Controller | None = None
 ) -> list[Event]:
     """Tell a flight's events, in the order of time.
 
@@ -56,22 +53,21 @@ def events(
     near_limit_m : float
         A distance limit is near when it is nearer than this. The warning is given once, and again only after
         the deputy has been twice as far from the limits.
-    logic : ThrustLogic, optional
-        Of the controller, which tells why it coasts.
-    num_rehearsed : int
-        How many first pushes the controller has flown ahead.
-    tour : str, optional
-        Which image of its tour it has chosen by flying them ahead.
+    controller : Controller, optional
+        Which was flown: it tells why it coasts, and what it has flown ahead.
 
     Returns
     -------
     list of Event
         The last one sums the flight up.
     """
-    found = [Event(0, "info", f"rehearsed: {text}") for text in _rehearsed(mission, log, num_rehearsed, tour)]
+    found: list[Event] = []
     inspects = mission.problem.kind == "inspection"
+    if controller is not None:
+        found += [Event(0, "info", f"rehearsed: {text}") for text in _rehearsed(mission, log, controller)]
     found += _progress(mission, log) if inspects else ()
     found += [*_limits(mission, log, near_limit_m), *_safety(mission, log)]
+    logic = thrust_logic(controller.fuzzy) if controller and controller.fuzzy else None
     found += _coasting(mission, log, logic) if logic is not None and inspects else ()
     if inspects:
         found.append(_summary(mission, log))
@@ -82,16 +78,17 @@ def events(
     return sorted(found, key=lambda event: event.sample)
 
 
-def _rehearsed(mission: Mission, log: FlightLog, num_rehearsed: int, tour: str | None) -> Iterator[str]:
+def _rehearsed(mission: Mission, log: FlightLog, controller: Controller) -> Iterator[str]:
     """Say which first push, and which image of a tour, a rehearsal chose."""
-    if num_rehearsed:
+    if num_rehearsed := len(rehearsed_pushes(controller)):
         per_force = 1000.0 * mission.control_period_s / mission.deputy.mass_kg
         x, y, z = (per_force * log.force_asked_n[0]).tolist()
         yield (
             f"of {num_rehearsed} first pushes, each flown to the end by the rules, this one ends cheapest: "
             f"{x:.0f} mm/s radially, {y:.0f} along the track, {z:.0f} across"
         )
-    if tour is not None:
+    if len(log.tour_costs_m_s):
+        tour = tour_names(controller)[log.tour_costs_m_s.argmin()]
         yield f"of the tour's images, each flown to the end by the rules, one ends cheapest: {tour}"
 
 

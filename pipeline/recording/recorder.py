@@ -21,7 +21,7 @@ from fis_tools.engines.kernel import firing_strengths
 from fis_tools.formats import serialize
 from fis_tools.formats.serialize import edited
 from fis_tools.model import FuzzyController
-from fis_tools.model.thrust import COMPONENTS, COUNTED, REASONS, thrust_logic
+from fis_tools.model.thrust import COMPONENTS, COUNTED, REASONS
 from fis_tools.words.text import sentences
 from pipeline.array_types import Floats
 from pipeline.controllers.played import to_mapping
@@ -108,8 +108,6 @@ class FlightRecorder:
         has_errors = mission.navigation.mode == "fixes" or mission.actuators.kind == "real"
         self._is_noisy = has_errors or bool(mission.dispersions)
         self._numbers = controller.numbers
-        self._logic = thrust_logic(controller.fuzzy) if controller.fuzzy is not None else None
-        self._num_rehearsed = len(rehearsed_pushes(controller))
         self._delay = thrusters_of(mission).delay if mission.actuators.kind == "real" else 0
 
     def record(self, path: Path, scenario: Scenario, log: FlightLog, scenario_id: str) -> None:
@@ -221,9 +219,7 @@ class FlightRecorder:
         self._write_control(writer, times[: len(log.force_hill_n)], log)
         if (fuzzy := self.controller.fuzzy) is not None and (how := edited(fuzzy)) is not None:
             writer.log(times[0], "warning", f"{fuzzy.name} was edited {how}")
-        costs = log.tour_costs_m_s
-        tour = tour_names(self.controller)[costs.argmin()] if len(costs) else None
-        for event in events(self._mission, log, self._near_limit_m, self._logic, self._num_rehearsed, tour):
+        for event in events(self._mission, log, self._near_limit_m, self.controller):
             writer.log(times[event.sample], event.level, event.text)
 
     def _write_pulls(self, writer: EpisodeWriter, times: Floats, scenario: Scenario, log: FlightLog) -> None:
