@@ -441,14 +441,16 @@ class Mission:
 
     def _check_size(self) -> None:
         """Raise SettingError for flights whose log exceeds memory, and points beyond the deputy's reach."""
-        for key, count, most in (
-            ("chief.num_points", self.num_controls * self.chief.num_points, MOST_POINTS_SAMPLED),
-            ("attitude_period_s", self.num_controls * self.num_attitude_steps, MOST_ATTITUDES),
+        num_points, period_s = self.chief.num_points, self.attitude_period_s
+        for key, value, per_control, most in (
+            ("chief.num_points", num_points, num_points, MOST_POINTS_SAMPLED),
+            ("attitude_period_s", period_s, self.num_attitude_steps, MOST_ATTITUDES),
         ):
+            count = self.num_controls * per_control
             if count > most:
                 raise SettingError(
                     f"duration_s is {self.duration_s:g}, control_period_s {self.control_period_s:g} and "
-                    f"{key} {getattr(self, key, self.chief.num_points):g}, which makes {count:.2g} values of "
+                    f"{key} {value:g}, which makes {count:.2g} values of "
                     f"a flight; there may be at most {most:,}: shorten the flight, or make it coarser"
                 )
         if not self.chief.inspection_radius_m < self.deputy.max_distance_m:
