@@ -119,26 +119,26 @@ def _fly(lots: Sequence[Lot]) -> list[list[Row]]:
 
 def _rows(lot: Lot, name: str, controller: Controller, flights: _Flights) -> list[Row]:
     """Fly one controller with all safety layers."""
-    experiment, controller = lot.experiment, remembering(controller)
-    workers, rows = experiment.monte_carlo.workers, []
+    experiment, controller, rows = lot.experiment, remembering(controller), []
     for layer in experiment.compare.safety:
         mission = guarded(experiment.mission, layer)
         label = ", ".join(filter(None, [name, lot.world, f"Sun {experiment.sun.mode}", f"safety {layer}"]))
-        episodes = _fly_cases(mission, controller, lot.scenarios, workers, label, flights)
+        episodes = _fly_cases(lot, mission, controller, label, flights)
         times = None
         if lot.solved is not None:
+            workers = experiment.monte_carlo.workers
             beside, _ = fly_cases(mission, controller, lot.solved.scenarios, workers)
             times = summarise_times(beside_optimum(beside, lot.solved.cases, lot.solved.harder))
         row = comparison.ComparisonRow(
-            label_of(name, experiment.compare.controllers),
-            comparison.FLOWN,
-            experiment.sun.mode,
-            layer,
-            len(lot.scenarios),
-            comparison.rules_of(controller),
-            summarise(episodes, experiment.monte_carlo.confidence_percent),
-            times,
-            lot.world,
+            controller=label_of(name, experiment.compare.controllers),
+            source=comparison.FLOWN,
+            sun=experiment.sun.mode,
+            safety=layer,
+            num_cases=len(lot.scenarios),
+            rules=comparison.rules_of(controller),
+            summary=summarise(episodes, experiment.monte_carlo.confidence_percent),
+            times=times,
+            world=lot.world,
         )
         rows.append((row, episodes))
     return rows
@@ -156,19 +156,14 @@ def guarded(mission: Mission, layer: str) -> Mission:
 
 
 def _fly_cases(
-    mission: Mission,
-    controller: Controller,
-    scenarios: list[Scenario],
-    workers: int | None,
-    label: str,
-    flights: _Flights,
+    lot: Lot, mission: Mission, controller: Controller, label: str, flights: _Flights
 ) -> dict[str, comparison.Column]:
     """Fly all starts part by part, with a line at the end."""
-    started = time.perf_counter()
+    started, scenarios = time.perf_counter(), lot.scenarios
     parts: list[Outcomes] = []
     for first in range(0, len(scenarios), PART):
         part = scenarios[first : first + PART]
-        parts.append(fly_all(mission, controller, part, workers))
+        parts.append(fly_all(mission, controller, part, lot.experiment.monte_carlo.workers))
         flights.note(len(part), label)
     outcomes = combined(parts)
     episodes = episode_columns(mission, scenarios, outcomes)
