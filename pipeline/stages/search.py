@@ -32,8 +32,10 @@ def run(experiment: Experiment, folder: Path) -> None:
     search, journal = experiment.hparams_search, folder / artifacts.SEARCH_JOURNAL
     if not experiment.resume:
         journal.unlink(missing_ok=True)
-    config, made = configuration.read(folder), dict[str, Controller]()
-    best, rows = None, list[tuple[Any, ...]]()
+    config = configuration.read(folder)
+    made: dict[str, Controller] = {}
+    rows: list[tuple[Any, ...]] = []
+    best = None
     with Progress("trial", search.trials) as progress:
         for trial in trials(journal, search, experiment.seed, partial(_judge, experiment, config, made)):
             if trial.state == "complete" and (best is None or trial.cost < best.cost):
