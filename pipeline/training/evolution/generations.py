@@ -223,18 +223,9 @@ EvaluateForRound = Callable[[int, Floats | None], Evaluate]
 SPAWN_KEY = 0xE70
 
 
-def unpopulated(seed: int, key: tuple[int, ...], round_index: int, num_genes: int, step_size: float) -> State:
-    """Return the state before the first population of a round: its random generators and no individuals.
-
-    Parameters
-    ----------
-    seed : int
-    key : tuple of int
-        Separates its random numbers from those of other states with the same seed.
-    round_index, num_genes : int
-    step_size : float
-    """
-    generator = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(SPAWN_KEY, *key)))
+def unpopulated(seed: int, round_index: int, num_genes: int, step_size: float) -> State:
+    """Return the state before the first population of a round: its random generators and no individuals."""
+    generator = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(SPAWN_KEY, round_index)))
     python_state = random.Random(int(generator.integers(2**63))).getstate()  # noqa: S311
     return State(round_index, step_size, np.empty((0, num_genes)), python_state, generator)
 
@@ -255,7 +246,8 @@ def begin(state: State, evaluate: Evaluate, seeds: Floats, settings: Optimizer, 
     """
     is_carried = before is not None and settings.next_round == "carried"
     if settings.algorithm == "cma_es":
-        state.strategy = before.strategy if before and is_carried else begin_strategy(seeds[-1], settings)
+        own = _carried(_strategy(seeds[-1], settings.initial_step, settings))
+        state.strategy = before.strategy if before and is_carried else own
         _sample_generation(state, evaluate, settings)
         return
     if before and is_carried:
@@ -361,11 +353,6 @@ def _evaluated(
 
 #: state that `deap.cma.Strategy` carries between generations; the rest follows from it
 CARRIED = ("centroid", "sigma", "C", "ps", "pc", "update_count")
-
-
-def begin_strategy(centre: Floats, settings: Optimizer) -> dict[str, Floats]:
-    """Return the strategy before its first sample, around a genome."""
-    return _carried(_strategy(centre, settings.initial_step, settings))
 
 
 def _strategy(centre: Floats, step: float, settings: Optimizer) -> Any:

@@ -43,7 +43,7 @@ def _begun(
 ) -> State:
     """Return the first population of a round, given the last of the round before."""
     step = settings.step_of_round(round_index)
-    state = generations.unpopulated(seed, (round_index,), round_index, seeds.shape[1], step)
+    state = generations.unpopulated(seed, round_index, seeds.shape[1], step)
     if before:
         state.evaluations, state.history = before.evaluations, before.history
     generations.begin(state, evaluate, seeds, settings, before)
