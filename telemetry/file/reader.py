@@ -116,8 +116,7 @@ class Recording:
     @property
     def fis_names(self) -> tuple[str, ...]:
         """Names of the fuzzy systems that the metadata describes, in the order of the recording."""
-        prefix = topics.FIS_METADATA_PREFIX
-        return tuple(name.removeprefix(prefix) for name in self.metadata if name.startswith(prefix))
+        return tuple(topics.under(topics.FIS_METADATA_PREFIX, self.metadata))
 
     @property
     def episode(self) -> EpisodeDescription:
@@ -127,9 +126,8 @@ class Recording:
     @property
     def rehearsals(self) -> dict[str, Rehearsal]:
         """What was flown ahead before the flight, by what was chosen."""
-        prefix = topics.REHEARSAL_METADATA_PREFIX
-        found = {name: values for name, values in self.metadata.items() if name.startswith(prefix)}
-        return {name.removeprefix(prefix): Rehearsal.from_metadata(one) for name, one in found.items()}
+        found = topics.under(topics.REHEARSAL_METADATA_PREFIX, self.metadata)
+        return {what: Rehearsal.from_metadata(entries) for what, entries in found.items()}
 
     def fis_description(self, name: str) -> FisDescription:
         """Return the meaning of the numbers of the fuzzy system `name`.

@@ -1,9 +1,12 @@
 """The names in a recording: topics, frames, colours and units."""
 
+from collections.abc import Mapping
 from enum import IntEnum
-from typing import Final
+from typing import Final, TypeVar
 
 import numpy as np
+
+Record = TypeVar("Record")
 
 TRANSFORMS: Final = "/tf"
 DEPUTY_POSE: Final = "/deputy/pose"
@@ -108,6 +111,11 @@ _UNIT_OF_SUFFIX: Final = (
     ("_n", "N"),
     ("_s", "s"),
 )
+
+
+def under(prefix: str, metadata: Mapping[str, Record]) -> dict[str, Record]:
+    """Return the metadata records whose names begin with a prefix, by the rest of their names."""
+    return {name.removeprefix(prefix): one for name, one in metadata.items() if name.startswith(prefix)}
 
 
 def fis_topic(name: str) -> str:

@@ -416,8 +416,7 @@ class EpisodeWriter:
             media_type = _MEDIA_TYPES.get(Path(name).suffix, "application/octet-stream")
             mcap.add_attachment(0, 0, name, media_type, content)
         self._file.stream.flush()
-        prefix = topics.FIS_METADATA_PREFIX
-        systems = [name.removeprefix(prefix) for name in self._metadata if name.startswith(prefix)]
+        systems = topics.under(topics.FIS_METADATA_PREFIX, self._metadata)
         kinds: dict[str, type[Message]] = {
             **_KIND_OF_TOPIC,
             **({topics.CHIEF_PULLS: PointCloud} if topics.PULLS_METADATA in self._metadata else {}),
