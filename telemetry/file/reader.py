@@ -9,8 +9,8 @@ from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
-from itertools import pairwise
 from math import inf
+from operator import itemgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO, Final
 
@@ -293,9 +293,9 @@ def read(
         chosen = _chosen_channels(path, reader, wanted)
         metadata = {record.name: unsealed(record.name, record.metadata) for record in reader.iter_metadata()}
         attachments = {record.name: record.data for record in reader.iter_attachments()}
-        log_times, payloads = _messages(reader, chosen.keys(), start_s, end_s, path.stat().st_size)
+        messages = _messages(reader, chosen.keys(), start_s, end_s, path.stat().st_size)
         found = {
-            topic: _topic_columns(topic, schema, log_times[topic], payloads[topic], metadata)
+            topic: _topic_columns(topic, schema, messages[topic], metadata)
             for topic, schema in chosen.items()
         }
         return Recording(path, found, metadata, attachments)
@@ -420,9 +420,9 @@ def _chosen_channels(path: Path, reader: SeekingReader, wanted: list[str] | None
 
 def _messages(
     reader: SeekingReader, chosen: Iterable[str], start_s: float | None, end_s: float | None, size: int
-) -> tuple[dict[str, list[int]], dict[str, list[bytes]]]:
-    log_times: dict[str, list[int]] = defaultdict(list)
-    payloads: dict[str, list[bytes]] = defaultdict(list)
+) -> dict[str, list[tuple[int, bytes]]]:
+    """Return the times (ns) and contents of the messages of each topic, in order of time."""
+    messages: dict[str, list[tuple[int, bytes]]] = defaultdict(list)
     most = claims.most_messages(size)
     found = reader.iter_messages(
         topics=list(chosen),
@@ -434,24 +434,16 @@ def _messages(
     for count, (_schema, channel, message) in enumerate(found, start=1):
         if count > most:
             raise McapError(f"it holds more than {most} messages, which is all that is read of {size} bytes")
-        log_times[channel.topic].append(message.log_time)
-        payloads[channel.topic].append(message.data)
-    for topic, times in log_times.items():
-        if any(later < earlier for earlier, later in pairwise(times)):
-            order = sorted(range(len(times)), key=times.__getitem__)
-            log_times[topic] = [times[place] for place in order]
-            payloads[topic] = [payloads[topic][place] for place in order]
-    return log_times, payloads
+        messages[channel.topic].append((message.log_time, message.data))
+    for of_topic in messages.values():
+        of_topic.sort(key=itemgetter(0))
+    return messages
 
 
 def _topic_columns(
-    topic: str,
-    schema: str,
-    log_times: list[int],
-    payloads: list[bytes],
-    metadata: Mapping[str, Mapping[str, str]],
+    topic: str, schema: str, messages: list[tuple[int, bytes]], metadata: Mapping[str, Mapping[str, str]]
 ) -> TopicColumns:
-    decoded = columns.DECODERS[schema](payloads)
+    decoded = columns.DECODERS[schema]([content for _, content in messages])
     units = {field: topics.unit_of(field) for field in decoded}
     fis_metadata = metadata.get(topics.FIS_METADATA_PREFIX + topic.removeprefix(topics.FIS_PREFIX))
     if topic.startswith(topics.FIS_PREFIX) and fis_metadata is not None and "input_units" in fis_metadata:
@@ -460,5 +452,5 @@ def _topic_columns(
         raise ValueError(f"the points on {topic} have no colours")
     if topic == topics.CHIEF_PULLS:
         units |= metadata.get(topics.PULLS_METADATA, {})
-    time_s = np.array(log_times, dtype=np.float64) / topics.NANOSECONDS
+    time_s = np.array([time_ns for time_ns, _ in messages], dtype=np.float64) / topics.NANOSECONDS
     return TopicColumns(topic, schema, time_s, decoded, units)
