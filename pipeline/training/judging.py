@@ -1,6 +1,6 @@
 """Evaluation in training: flights from a round's starts, and those by which the champion is chosen."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -14,9 +14,9 @@ from pipeline.flight.control.controller import from_fuzzy, law_of
 from pipeline.flight.fly.population import lanes_for
 from pipeline.flight.fly.rehearsals import tour_images
 from pipeline.flight.goals.flights import fly_all, fly_genomes
-from pipeline.flight.state.log import Outcomes, Scenario
+from pipeline.flight.state.log import Outcomes, Scenario, combined
 from pipeline.flight.world.pack import pack_world
-from pipeline.settings.experiment import Experiment, Mission
+from pipeline.settings.experiment import Experiment
 from pipeline.training.evolution.generations import Evaluate
 from pipeline.training.evolution.rounds import Evolution, evolve_rounds
 from pipeline.training.evolution.state import Generation
@@ -52,41 +52,34 @@ def fitness_from(
     experiment: Experiment, genome: Genome, scenarios: list[Scenario], round_index: int
 ) -> Evaluate:
     """Return the function that flies genomes from some starts and evaluates them with a round's prices."""
-    mission, optimizer = experiment.mission, experiment.optimizer
-    penalty = optimizer.penalty.of_round(round_index)
-    fly = _flights_from(mission, genome, scenarios, optimizer.workers)
-
-    def evaluate(genomes: Floats) -> Mapping[str, Floats]:
-        outcomes = fly(genomes)
-        return fitness_parts(outcomes, penalty, mission)
-
-    return evaluate
+    penalty = experiment.optimizer.penalty.of_round(round_index)
+    fly = _flights_from(experiment, genome, scenarios)
+    return lambda genomes: fitness_parts(fly(genomes), penalty, experiment.mission)
 
 
 def costs_of(
     experiment: Experiment, genome: Genome, champion: Floats, scenarios: list[Scenario], round_index: int
 ) -> Floats:
     """Return the cost of each flight of a champion with the prices of a round, shape (scenarios,)."""
-    mission, optimizer = experiment.mission, experiment.optimizer
-    outcomes = _flights_from(mission, genome, scenarios, optimizer.workers)(champion[np.newaxis])
-    return costs(outcomes, optimizer.penalty.of_round(round_index), mission).reshape(-1)
+    penalty = experiment.optimizer.penalty.of_round(round_index)
+    outcomes = _flights_from(experiment, genome, scenarios)(champion[np.newaxis])
+    return costs(outcomes, penalty, experiment.mission).reshape(-1)
 
 
 def _flights_from(
-    mission: Mission, genome: Genome, scenarios: list[Scenario], workers: int | None
+    experiment: Experiment, genome: Genome, scenarios: list[Scenario]
 ) -> Callable[[Floats], Outcomes]:
     """Return the function that flies genomes of shape (n, num_genes) from some starts; outcomes of (n, m).
 
     Controllers that rehearse images of a tour do so in training too, one genome after the other; first pushes
     are left to the rules.
     """
+    mission, workers = experiment.mission, experiment.optimizer.workers
     if tour_images(genome.template):
 
         def fly_ahead(genomes: Floats) -> Outcomes:
-            flown = [
-                vars(fly_all(mission, from_fuzzy(genome.decode(one)), scenarios, workers)) for one in genomes
-            ]
-            return Outcomes(**{name: np.stack([outcomes[name] for outcomes in flown]) for name in flown[0]})
+            controllers = [from_fuzzy(genome.decode(one)) for one in genomes]
+            return combined([fly_all(mission, one, scenarios, workers) for one in controllers], np.stack)
 
         return fly_ahead
     world, law, cases = pack_world(mission), law_of(genome.template, mission), cases_of(mission, scenarios)
