@@ -3,7 +3,7 @@
 import base64
 import json
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
@@ -31,6 +31,8 @@ from telemetry.file.topics import DEPUTY_CONTROL
 MOST_PERIODS: Final = 200_000
 #: by which fields may differ, in their own units, where another processor rounds the last digits otherwise
 LAST_DIGITS: Final = 1e-6
+#: what follows where a recording does not tell what was flown
+CURE: Final = "it cannot be flown again: record the flight anew"
 
 
 @dataclass(frozen=True)
@@ -70,7 +72,7 @@ def fly_again(path: Path) -> Reflight:
         If its configuration is none of this program's.
     """
     recording = telemetry.read(path)
-    config = _config_of(recording)
+    config = _attached(recording, CONFIG_ATTACHMENT, "configuration", configuration.parse)
     experiment = experiment_from(config)
     _check_length(recording, experiment)
     scenario = _start_of(recording)
@@ -108,22 +110,23 @@ def _judged(path: Path, exact: Comparison, close: Comparison) -> Reflight:
     return Reflight(path, exact.is_equal, close.is_equal, worst.greatest if worst else 0.0, where)
 
 
-def _config_of(recording: Recording) -> Mapping[str, Any]:
+def _attached(recording: Recording, name: str, what: str, parse: Callable[[bytes], Any]) -> dict[str, Any]:
+    """Return what an attachment tells of a flight, as plain data."""
+    if name not in recording.attachments:
+        raise RecordingError(f"{recording.path} has no attachment {name}; {CURE}")
     try:
-        config = configuration.parse(_attached(recording, CONFIG_ATTACHMENT))
-    except ValueError as error:
-        raise RecordingError(f"{recording.path}: its {CONFIG_ATTACHMENT} cannot be read ({error})") from error
-    if not isinstance(config, dict):
-        raise RecordingError(f"{recording.path}: its {CONFIG_ATTACHMENT} holds no configuration")
-    return config
+        content = parse(recording.attachments[name])
+    except (ValueError, RecursionError) as error:
+        raise RecordingError(f"{recording.path}: its {name} cannot be read ({error}); {CURE}") from error
+    if not isinstance(content, dict):
+        raise RecordingError(f"{recording.path}: its {name} holds no {what}; {CURE}")
+    return content
 
 
 def _start_of(recording: Recording) -> Scenario:
     episode = recording.episode
     if episode.position_m is None or episode.velocity_m_s is None or episode.sun_angle_rad is None:
-        raise RecordingError(
-            f"{recording.path} does not tell from where it was flown; it cannot be flown again"
-        )
+        raise RecordingError(f"{recording.path} does not tell from where it was flown; {CURE}")
     # of flights without any errors recordings do not tell what they were drawn from
     seed, stage, case = episode.noise or (0, 0, 0)
     return Scenario(
@@ -138,15 +141,7 @@ def _start_of(recording: Recording) -> Scenario:
 
 def _controller_of(recording: Recording, experiment: Experiment) -> Controller:
     """Return the controller that is attached; the forces of one that plays them are those recorded."""
-    text = _attached(recording, CONTROLLER_ATTACHMENT).decode("utf-8", "replace")
-    try:
-        content = json.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise RecordingError(
-            f"{recording.path}: its {CONTROLLER_ATTACHMENT} cannot be read ({error})"
-        ) from error
-    if not isinstance(content, dict):
-        raise RecordingError(f"{recording.path}: its {CONTROLLER_ATTACHMENT} holds no controller")
+    content = _attached(recording, CONTROLLER_ATTACHMENT, "controller", json.loads)
     if "systems" in content:
         return from_fuzzy(serialize.from_mapping(content))
     if content.get("kind") == "open_loop" and "forces_n" in content:
@@ -164,10 +159,4 @@ def _policy_of(recording: Recording, entry: Mapping[str, Any]) -> Controller:
         content = base64.b64decode(str(entry.get("onnx")), validate=True)
         return policy_of(str(entry.get("name")), content, f"the policy of {recording.path}")
     except ValueError as error:  # also of a controller that is none
-        raise RecordingError(f"{recording.path}: its policy cannot be read ({error})") from error
-
-
-def _attached(recording: Recording, name: str) -> bytes:
-    if name not in recording.attachments:
-        raise RecordingError(f"{recording.path} has no attachment {name}; it cannot be flown again")
-    return recording.attachments[name]
+        raise RecordingError(f"{recording.path}: its policy cannot be read ({error}); {CURE}") from error

@@ -68,6 +68,8 @@ def test_a_damaged_recording_is_told_in_a_sentence(name, run, capsys):
     (line,) = [line for line in said.out.splitlines() if line.startswith("  start.mcap: CANNOT BE CHECKED: ")]
     assert told in line
     assert len(line) > len("  start.mcap: CANNOT BE CHECKED: ValueError")
+    if name.startswith(("controller", "policy", "configuration a list")):
+        assert line.endswith("it cannot be flown again: record the flight anew")
     assert "Traceback" not in said.err
 
 
