@@ -19,6 +19,7 @@ from pipeline.optimum.solved import IncomparableError, solved_for, summarise_tim
 from pipeline.report.figures.comparison import Mark
 from pipeline.run import artifacts, tables
 from pipeline.settings.experiment import Experiment, Safety
+from pipeline.settings.keys import value_at
 
 
 def read_comparison(folder: Path) -> list[comparison.ComparisonRow]:
@@ -197,12 +198,9 @@ def read_beside(folder: Path) -> BesideOptimum:
                 "repeat the stage evaluate"
             )
         return BesideOptimum(columns, summarise_times(columns), "")
-    summary: Any = (
-        artifacts.read_json(folder, artifacts.SUMMARY) if (folder / artifacts.SUMMARY).exists() else {}
-    )
-    part = summary.get("optimum") if isinstance(summary, dict) else None
-    reason = part.get("not_compared", "") if isinstance(part, dict) else ""
-    return BesideOptimum(None, {}, str(reason))
+    has_summary = (folder / artifacts.SUMMARY).exists()
+    summary = artifacts.read_json(folder, artifacts.SUMMARY) if has_summary else {}
+    return BesideOptimum(None, {}, str(value_at(summary, "optimum.not_compared", "")))
 
 
 def fly_pairs(experiment: Experiment, controller: Controller, beside: BesideOptimum) -> list[Pair]:

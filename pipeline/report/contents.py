@@ -23,6 +23,7 @@ from pipeline.report import comparisons
 from pipeline.report.figures.training import HISTORY_COLUMNS
 from pipeline.run import artifacts, configuration, manifests, tables
 from pipeline.settings.experiment import Experiment
+from pipeline.settings.keys import value_at
 from pipeline.settings.start_table import POSITION
 
 Read = TypeVar("Read")
@@ -210,18 +211,15 @@ def read_summary(folder: Path) -> dict[str, Any]:
         If it cannot be read, or lacks a number that the stage evaluate writes.
     """
     summary = artifacts.read_json(folder, artifacts.SUMMARY)
-    mapping = summary if isinstance(summary, dict) else {}
-    numbers = {"num_cases": mapping.get("num_cases")}
-    for name, kind in SUMMARY_PARTS.items():
-        part = mapping[name] if isinstance(mapping.get(name), dict) else {}
-        numbers |= {f"{name}.{field.name}": part.get(field.name) for field in fields(kind)}
-    for name, number in numbers.items():
+    of_parts = [f"{part}.{field.name}" for part, kind in SUMMARY_PARTS.items() for field in fields(kind)]
+    for name in ("num_cases", *of_parts):
+        number = value_at(summary, name)
         if isinstance(number, bool) or not isinstance(number, int | float):
             raise artifacts.ArtifactError(
                 f"{folder / artifacts.SUMMARY} has no number {name}, so it is no summary of an evaluation; "
                 f"repeat the stage {artifacts.stage_of(artifacts.SUMMARY)}"
             )
-    return mapping
+    return dict(summary)
 
 
 def read_spread(folder: Path, evaluation: FlightSet | None) -> comparisons.Spread:
@@ -326,17 +324,15 @@ def command_of(folder: Path, manifest: Mapping[str, Any] | None) -> str:
 def _command_kept_by_hydra(folder: Path) -> list[str]:
     """Return the command of a run whose manifest has none (version 1)."""
     words = [str(word) for word in _kept_by_hydra(folder / ".hydra" / "overrides.yaml")]
-    sources = _kept_by_hydra(folder / ".hydra" / "hydra.yaml", "hydra", "runtime", "config_sources")
+    sources = _kept_by_hydra(folder / ".hydra" / "hydra.yaml", "hydra.runtime.config_sources")
     own = [source["path"] for source in sources if source.get("provider") == "command-line"]
     return ["--config-dir", str(own[0]), *words] if own and words else words
 
 
-def _kept_by_hydra(path: Path, *keys: str) -> list[Any]:
+def _kept_by_hydra(path: Path, key: str = "") -> list[Any]:
     """Return a list from a file that Hydra wrote, empty where there is none."""
     try:
-        node = configuration.parse(path.read_bytes())
-        for key in keys:
-            node = node[key]
-    except (OSError, ValueError, KeyError, TypeError):
+        node = value_at(configuration.parse(path.read_bytes()), key)
+    except (OSError, ValueError):
         return []
     return node if isinstance(node, list) else []
