@@ -51,12 +51,6 @@ def fitness_parts(outcomes: Outcomes, penalty: Penalty, mission: Mission) -> dic
 
 def costs(outcomes: Outcomes, penalty: Penalty, mission: Mission) -> Floats:
     """Return delta-v plus zeta of each flight, m/s, of the shape of the outcomes; see `fitness_parts`."""
-    outside, short, missed = _prices(outcomes, penalty, mission)
-    return np.asarray(outcomes.delta_v_m_s + (outside + short + missed))
-
-
-def _prices(outcomes: Outcomes, penalty: Penalty, mission: Mission) -> tuple[Floats, Floats, Floats]:
-    """Return the prices of each flight for being outside, falling short and missing points, m/s."""
     points = outcomes.inspected_count
     outside_m = outcomes.outside_m
     if penalty.near_margin_m > 0.0 or penalty.far_margin_m > 0.0:
@@ -65,9 +59,8 @@ def _prices(outcomes: Outcomes, penalty: Penalty, mission: Mission) -> tuple[Flo
         outside_m = np.maximum(outside_m, np.maximum(too_near, too_far))
     paid_m = outside_m if penalty.outside_most_m is None else np.minimum(outside_m, penalty.outside_most_m)
     inspectable = outcomes.inspectable_count
-    short = np.maximum(0, points_needed(inspectable, mission.inspection_threshold_percent) - points)
-    return (
-        penalty.outside_m_s * (outside_m > 0.0) * (1.0 + paid_m),
-        penalty.short_point_m_s * short,
-        np.asarray(penalty.missed_point_m_s * (inspectable - points)),
-    )
+    num_short = np.maximum(0, points_needed(inspectable, mission.inspection_threshold_percent) - points)
+    outside = penalty.outside_m_s * (outside_m > 0.0) * (1.0 + paid_m)
+    short = penalty.short_point_m_s * num_short
+    missed = penalty.missed_point_m_s * (inspectable - points)
+    return np.asarray(outcomes.delta_v_m_s + (outside + short + missed))
