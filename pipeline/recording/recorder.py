@@ -72,7 +72,7 @@ class FlightRecorder:
     """
 
     def __init__(self, experiment: Experiment, controller: Controller, config: Mapping[str, Any]) -> None:
-        self._mission = mission = experiment.mission
+        self.mission = mission = experiment.mission
         self.controller = controller
         self._seed = experiment.seed
         self._near_limit_m = experiment.telemetry.near_limit_m
@@ -135,7 +135,7 @@ class FlightRecorder:
             self._write(writer, scenario, log)
 
     def _episode(self, scenario: Scenario, scenario_id: str, log: FlightLog) -> dict[str, str]:
-        mission = self._mission
+        mission = self.mission
         has_goal = mission.problem.kind == "reach"
         description = EpisodeDescription(
             scenario_id=scenario_id,
@@ -162,7 +162,7 @@ class FlightRecorder:
         """Tell what each of the first pushes, and of the images of the tour, would have cost."""
         pushes = (1e3 * rehearsed_pushes(self.controller)).tolist()
         ways = [f"{x:.0f} mm/s radially, {y:.0f} along the track, {z:.0f} across" for x, y, z in pushes]
-        mission, tours = self._mission, log.tour_costs_m_s
+        mission, tours = self.mission, log.tour_costs_m_s
         found = {
             "first push": (ways, log.push_costs_m_s, mission.control_period_s),
             "image of the tour": (tour_names(self.controller), tours, mission.duration_s),
@@ -177,7 +177,7 @@ class FlightRecorder:
 
     def _write(self, writer: EpisodeWriter, scenario: Scenario, log: FlightLog) -> None:
         """Write topic by topic, and what happened, in words, as events of their time."""
-        times: Floats = self._mission.control_period_s * np.arange(len(log.position_m), dtype=np.float64)
+        times: Floats = self.mission.control_period_s * np.arange(len(log.position_m), dtype=np.float64)
         position, quaternion = log.position_m, log.quaternion_b_from_h
         writer.poses(times, position, quaternion, log.quaternion_c_from_h)
         writer.record(
@@ -188,7 +188,7 @@ class FlightRecorder:
             angular_velocity_rad_s=log.angular_velocity_b_rad_s,
         )
         writer.points(times, self._points, self._point_states(log))
-        if self._mission.navigation.mode == "fixes":
+        if self.mission.navigation.mode == "fixes":
             deviation = np.sqrt(np.diagonal(log.estimate_covariance, axis1=1, axis2=2))
             writer.record(
                 topics.NAVIGATION,
@@ -198,7 +198,7 @@ class FlightRecorder:
                 position_deviation_m=deviation[:, :3],
                 velocity_deviation_m_s=deviation[:, 3:],
                 **_named(log, "fix_m", "innovation_m", "innovation_square"),
-                fix_age_s=self._mission.navigation.delay_s,
+                fix_age_s=self.mission.navigation.delay_s,
                 quaternion=log.sensed_quaternion_b_from_h,
             )
         self._write_pulls(writer, times, scenario, log)
@@ -219,15 +219,15 @@ class FlightRecorder:
         self._write_control(writer, times[: len(log.force_hill_n)], log)
         if (fuzzy := self.controller.fuzzy) is not None and (how := edited(fuzzy)) is not None:
             writer.log(times[0], "warning", f"{fuzzy.name} was edited {how}")
-        for event in events(self._mission, log, self._near_limit_m, self.controller):
+        for event in events(self.mission, log, self._near_limit_m, self.controller):
             writer.log(times[event.sample], event.level, event.text)
 
     def _write_pulls(self, writer: EpisodeWriter, times: Floats, scenario: Scenario, log: FlightLog) -> None:
         """Write which points the inputs made of points come from, and which ones coasting would miss."""
         if topics.PULLS_METADATA not in self._systems:
             return
-        mission = mission_of_case(self._mission, scenario)
-        world = self._world if mission is self._mission else pack_world(mission)
+        mission = mission_of_case(self.mission, scenario)
+        world = self._world if mission is self.mission else pack_world(mission)
         samples = np.arange(0, len(log.is_decided), decision_stride(self.controller, mission))
         images = tour_images(self.controller)
         flown = images[log.tour_costs_m_s.argmin()] if images else self.controller
@@ -260,7 +260,7 @@ class FlightRecorder:
             coasting_nearest_m=nearest,
             coasting_farthest_m=farthest,
             command_reason=REASON_OF[log.command_reason],
-            command_age_s=self._delay * self._mission.control_period_s,
+            command_age_s=self._delay * self.mission.control_period_s,
         )
         decided = np.flatnonzero(log.is_decided)
         for place, compiled in enumerate(self._compiled):

@@ -52,6 +52,9 @@ CONFIDENCE = 0.9
 #: flights in the picture of a tube
 MOST_DRAWN = 100
 
+#: a margin, the case that has it, and where it was found
+Worst = tuple[float, Scenario, str]
+
 
 def run(experiment: Experiment, folder: Path) -> None:
     """Gather the evidence, write it as data and as a page; an earlier run's evidence is removed.
@@ -122,7 +125,8 @@ def _gather(experiment: Experiment, folder: Path, requirements: Requirements) ->
         found = Found(one, judgement, searches, bounds, layer, tube)
         recorded = None
         if outcome is not None:
-            recorded = _record_worst(experiment, folder, recorder, domain, found, scenarios, outcome)
+            worst = _worst_of(found, scenarios, outcome)
+            recorded = _record_worst(folder, recorder, domain, one, worst)
         all_found.append(found)
         entries.append(evidence.of_requirement(found, outcome, recorded))
     _write(folder, artifacts.SEARCHED, evidence.search_columns(mission, all_found))
@@ -197,23 +201,21 @@ def _domain(experiment: Experiment, controller: Controller, folder: Path) -> Dom
     return domain
 
 
-def _record_worst(
-    experiment: Experiment,
-    folder: Path,
-    recorder: FlightRecorder,
-    domain: Domain | None,
-    found: Found,
-    scenarios: Sequence[Scenario],
-    outcome: Outcome,
-) -> dict[str, Any]:
-    """Fly the worst known case of a requirement again, logged; record it, and evaluate the recording."""
-    requirement, mission, controller = found.requirement, experiment.mission, recorder.controller
+def _worst_of(found: Found, scenarios: Sequence[Scenario], outcome: Outcome) -> Worst:
+    """Return the worst known case of a requirement, at random or by a search."""
     case = int(np.argmin(outcome.margins))
     known = [(float(outcome.margins[case]), scenarios[case], f"case {case}")]
     for number, one in enumerate(found.searches):
         least, source = float(one.outcome.margins[one.worst]), f"search {number}, flight {one.worst}"
         known.append((least, one.scenarios[one.worst], source))
-    margin, scenario, source = min(known, key=lambda one: one[0])
+    return min(known, key=lambda one: one[0])
+
+
+def _record_worst(
+    folder: Path, recorder: FlightRecorder, domain: Domain | None, requirement: Requirement, worst: Worst
+) -> dict[str, Any]:
+    """Fly the worst known case of a requirement again, logged; record it, and evaluate the recording."""
+    mission, controller, (margin, scenario, source) = recorder.mission, recorder.controller, worst
     name = f"{artifacts.WORST_FLIGHTS}/{requirement.id}-worst.mcap"
     path = folder / name
     path.parent.mkdir(parents=True, exist_ok=True)
