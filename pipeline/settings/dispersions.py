@@ -67,10 +67,7 @@ class Distribution:
         if self.kind == "uniform":
             return self.low + share * (self.high - self.low)
         normal = NormalDist(self.mean, self.std)
-        below, upto = (
-            0.0 if bound == -math.inf else 1.0 if bound == math.inf else normal.cdf(bound)
-            for bound in (self.low, self.high)
-        )
+        below, upto = normal.cdf(self.low), normal.cdf(self.high)
         # strictly between 0 and 1, where the inverse is finite
         at = min(max(below + share * (upto - below), 2.0**-53), 1.0 - 2.0**-53)
         return min(max(normal.inv_cdf(at), self.low), self.high)
