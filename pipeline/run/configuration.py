@@ -87,10 +87,12 @@ def parse(content: bytes) -> Any:
 
 def _check_keys(value: Any) -> None:
     """Raise ValueError for a key that is no text: JSON, and with it the hash, knows no other."""
-    for key in value if isinstance(value, dict) else ():
-        if not isinstance(key, str):
-            raise ValueError(f"the key {key!r} is no text; write it in quotes")
-    for one in value.values() if isinstance(value, dict) else value if isinstance(value, list) else ():
+    if isinstance(value, dict):
+        for key in value:
+            if not isinstance(key, str):
+                raise ValueError(f"the key {key!r} is no text; write it in quotes")
+        value = list(value.values())
+    for one in value if isinstance(value, list) else ():
         _check_keys(one)
 
 
