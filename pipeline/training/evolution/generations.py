@@ -285,7 +285,10 @@ def record(state: State) -> None:
     best = 0 if state.strategy else int(np.argmin(state.fitness))
     state.history.append(
         Generation(
-            **{name: getattr(state, name) for name in ("round", "generation", "evaluations", "step_size")},
+            round=state.round,
+            generation=state.generation,
+            evaluations=state.evaluations,
+            step_size=state.step_size,
             best=float(state.fitness[best]),
             mean=float(np.mean(state.fitness)),
             std=float(np.std(state.fitness, ddof=1)),
