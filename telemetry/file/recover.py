@@ -84,8 +84,9 @@ class _Salvage:
         return sum(map(len, self.chunks))
 
     @property
-    def log_times(self) -> list[int]:
-        return [message.log_time for chunk in self.chunks for message in chunk]
+    def end_s(self) -> float | None:
+        times = [message.log_time for chunk in self.chunks for message in chunk]
+        return max(times) / topics.NANOSECONDS if times else None
 
 
 def recover(path: Path | str, output: Path | str | None = None) -> Recovery:
@@ -111,18 +112,16 @@ def recover(path: Path | str, output: Path | str | None = None) -> Recovery:
     path = Path(path)
     output = _default_output(path) if output is None else Path(output)
     salvage = _scan(_content(path))
-    log_times = salvage.log_times
     is_whole = salvage.is_finished and salvage.num_damaged_records == 0
     if not is_whole:
-        if not salvage.metadata and not log_times:
+        if not salvage.metadata and not salvage.num_messages:
             raise RecordingError(
                 f"nothing in {path} is intact: it ends before its first flushed step; fly the episode again"
             )
         _write(path, output, salvage)
-    end_s = max(log_times) / topics.NANOSECONDS if log_times else None
     num_lost = path.stat().st_size - salvage.num_bytes_read
     written = None if is_whole else output
-    return Recovery(written, len(log_times), end_s, num_lost, salvage.num_damaged_records)
+    return Recovery(written, salvage.num_messages, salvage.end_s, num_lost, salvage.num_damaged_records)
 
 
 def _default_output(path: Path) -> Path:
@@ -214,10 +213,9 @@ def _copy(writer: Writer, source: Path, salvage: _Salvage) -> None:
     writer.start(library="fuzzy-spacecraft-inspection telemetry recover")
     for metadata in salvage.metadata:
         writer.add_metadata(metadata.name, sealed(metadata.name, metadata.metadata))
-    log_times = salvage.log_times
-    remark = {"source": source.name, "num_messages": str(len(log_times))}
-    if log_times:
-        remark["end_s"] = str(max(log_times) / topics.NANOSECONDS)
+    remark = {"source": source.name, "num_messages": str(salvage.num_messages)}
+    if (end_s := salvage.end_s) is not None:
+        remark["end_s"] = str(end_s)
     writer.add_metadata(topics.RECOVERY_METADATA, sealed(topics.RECOVERY_METADATA, remark))
     for one in salvage.attachments:
         writer.add_attachment(one.create_time, one.log_time, one.name, one.media_type, one.data)
