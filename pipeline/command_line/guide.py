@@ -80,9 +80,8 @@ def help_text(folders: Sequence[Path]) -> str:
         for name, signal in SIGNALS.items()
     ]
     constants = [(name, kind.description) for name, kind in CONSTANTS.items() if name not in TOUR_PLACES]
-    others = {name: ", ".join(names) for name, names in groups.items() if "/" not in name}
-    for shown in ("experiment", "controller"):
-        others.pop(shown, None)
+    shown = ("experiment", "controller")
+    others = [(name, ", ".join(groups[name])) for name in groups if name not in shown and "/" not in name]
     return "\n".join(
         [
             __doc__ or "",
@@ -97,7 +96,7 @@ def help_text(folders: Sequence[Path]) -> str:
                 [*constants, ("tour_*_m", "mean and waves of the tour along each axis, and of its lift, m")]
             ),
             "\nother choices (GROUP=NAME)",
-            *_table(list(others.items())),
+            *_table(others),
             "\ngroups of keys (--help GROUP lists them; --cfg job prints all values)",
             *_table([(name, descriptions()[name]) for name in schema.tables() if name]),
         ]
