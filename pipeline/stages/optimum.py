@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from pipeline.controllers.played import COLUMNS, read_played
-from pipeline.flight.cases.starts import EVALUATION, evaluation_scenarios, given_start
+from pipeline.flight.cases.starts import EVALUATION, evaluation_scenarios, given_start, starts_in, starts_of
 from pipeline.flight.state.log import Scenario
 from pipeline.flight.world.pack import inspection_points
 from pipeline.optimum.plan import CasePlan, solve
@@ -18,7 +18,6 @@ from pipeline.optimum.solved import case_row, summarise, terms_of
 from pipeline.run import artifacts, tables, writing
 from pipeline.run.progress import Progress
 from pipeline.settings.experiment import Experiment
-from pipeline.settings.start_table import POSITION
 
 CaseRow = dict[str, Any]
 
@@ -65,16 +64,11 @@ def kept_rows(folder: Path, scenarios: list[Scenario]) -> dict[int, CaseRow]:
     if not (folder / artifacts.OPTIMUM_CASES).exists():
         return {}
     columns = tables.read_parquet(folder, artifacts.OPTIMUM_CASES)
+    own, solved = starts_of(scenarios), starts_of(starts_in(columns))
     rows = {}
     for place, case in enumerate(columns["case"].tolist()):
-        row = {name: column[place].item() for name, column in columns.items()}
-        if case < len(scenarios) and plan_path(folder, case).exists():
-            start = [row[name] for name in POSITION]
-            start += [row["sun_angle_rad"], row.get("sun_elevation_rad", 0.0)]
-            scenario = scenarios[case]
-            suns = [scenario.sun_angle_rad, scenario.sun_elevation_rad]
-            if start == [*scenario.position_m.tolist(), *suns]:
-                rows[case] = row
+        if case < len(own) and plan_path(folder, case).exists() and solved[place] == own[case]:
+            rows[case] = {name: column[place].item() for name, column in columns.items()}
     return rows
 
 

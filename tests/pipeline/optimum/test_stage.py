@@ -2,6 +2,7 @@
 
 import re
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -29,6 +30,7 @@ from pipeline.optimum.solved import (
 )
 from pipeline.run import artifacts, tables, writing
 from pipeline.run.runner import run_stages
+from pipeline.stages.optimum import kept_rows
 from tests.pipeline.optimum.cases import composed
 
 SMALL = ("optimum.points=60", "optimum.restarts=2", "optimum.kicks=1", "sun=random")
@@ -91,7 +93,9 @@ def test_cases_that_are_there_are_kept_and_others_are_made_again_by_any_workers(
     assert "1 of 2 cases are there already" in capsys.readouterr().err
     assert plans_in(tmp_path) == plans_in(folder)
     assert (tmp_path / artifacts.OPTIMUM_CASES).read_bytes() == table
-    # those of other starts are not
+    # those of other starts are not, be they at other places or moving
+    starts = scenarios_of(composed(*SMALL).experiment)
+    assert kept_rows(tmp_path, [replace(one, velocity_m_s=np.full(3, 0.01)) for one in starts]) == {}
     solve(tmp_path, *QUICK, "sun=fixed")
     assert "are there already" not in capsys.readouterr().err
 
