@@ -211,8 +211,8 @@ def _of_each(
     recordings: Sequence[Recording], colours: Sequence[Colour], field: str, *, in_steps: bool = False
 ) -> tuple[Curves, ...]:
     found = []
-    looks = zip(flight_names(recordings), colours, strict=True)
-    for index, (recording, (name, colour)) in enumerate(zip(recordings, looks, strict=True)):
+    named = zip(recordings, flight_names(recordings), colours, strict=True)
+    for index, (recording, name, colour) in enumerate(named):
         mission = recording[topics.MISSION]
         values = _floats(mission[field])[:, None]
         found.append(Curves(f"flight_{index}", mission.time_s, values, (name,), (colour,), in_steps))
