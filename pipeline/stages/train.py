@@ -1,28 +1,25 @@
 """Evolve the controller's numbers: logbook, history, checkpoint, champion."""
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from fis_tools.formats import serialize
-from fis_tools.formats.serialize import described
 from pipeline.controllers import source
 from pipeline.run import artifacts, configuration, maker, tables, writing
 from pipeline.settings.experiment import Experiment
 from pipeline.training.evolution.rounds import Evolution
 from pipeline.training.evolution.state import Generation
 from pipeline.training.genome import Genome, genome_of
-from pipeline.training.judging import Choice, choose, evolved, named_after
+from pipeline.training.judging import choose, evolved, named_after
 from pipeline.training.progress import Log, TrainingProgress, logged
 
 #: the history is written at most once in this many seconds, because each writing waits for the disk; the
 #: checkpoint, from which a training resumes, is written after every generation
 WRITE_EVERY_S = 1.0
-
-PARTS = ("delta_v_m_s", "points", "outside", "outside_m", "short")
 
 
 def run(experiment: Experiment, folder: Path) -> None:
@@ -31,9 +28,7 @@ def run(experiment: Experiment, folder: Path) -> None:
     genome = genome_of(template, experiment.optimizer.encoding)
     with logged(experiment.logger, folder) as log:
         result = _evolved(experiment, folder, genome, log)
-        provenance = _provenance(folder, experiment, result.history, result.interrupted)
-        choice = choose(experiment, genome, result.history)
-        write_champion(folder, experiment, genome, choice, provenance)
+        write_champion(folder, experiment, genome, result)
         if result.interrupted:
             raise KeyboardInterrupt
 
@@ -59,7 +54,7 @@ def _evolved(experiment: Experiment, folder: Path, genome: Genome, log: Log) -> 
 
 def rows_of(history: Sequence[Generation]) -> list[dict[str, Any]]:
     """Return the rows of the logbook."""
-    return [g.row() | {name: g.parts[name] for name in PARTS} for g in history]
+    return [g.row() | dict(g.parts) for g in history]
 
 
 def write_history(folder: Path, history: Sequence[Generation]) -> None:
@@ -72,29 +67,22 @@ def write_history(folder: Path, history: Sequence[Generation]) -> None:
     )
 
 
-def write_champion(
-    folder: Path, experiment: Experiment, genome: Genome, choice: Choice, provenance: Mapping[str, str]
-) -> None:
-    """Write the champion as a controller file with its provenance."""
-    facts = {"training_fitness": repr(choice.fitness), **provenance}
-    if choice.validation_fitness is not None:
-        facts["validation_fitness"] = repr(choice.validation_fitness)
-    if choice.rounds:
-        tables.write_csv(folder / artifacts.VALIDATION, ["round", "training", "validation"], choice.rounds)
-    champion = described(named_after(experiment, genome, choice.champion), facts)
-    writing.write_atomically(folder / artifacts.CHAMPION, serialize.dump_json(champion) + "\n")
-
-
-def _provenance(
-    folder: Path, experiment: Experiment, history: Sequence[Generation], interrupted: bool
-) -> dict[str, str]:
-    """Return the provenance of a training's controllers."""
-    return {
+def write_champion(folder: Path, experiment: Experiment, genome: Genome, result: Evolution) -> None:
+    """Choose the champion, and write it as a controller file with its provenance."""
+    choice = choose(experiment, genome, result.history)
+    facts = {
+        "training_fitness": repr(choice.fitness),
         "experiment": experiment.name,
         "seed": str(experiment.seed),
         "config_hash": configuration.config_hash(configuration.read(folder)),
         "product_version": maker.product_version(),
         "git_revision": maker.git_revision() or "none",
-        "generations": str(len(history)),
-        "interrupted": str(interrupted).lower(),
+        "generations": str(len(result.history)),
+        "interrupted": str(result.interrupted).lower(),
     }
+    if choice.validation_fitness is not None:
+        facts["validation_fitness"] = repr(choice.validation_fitness)
+    if choice.rounds:
+        tables.write_csv(folder / artifacts.VALIDATION, ["round", "training", "validation"], choice.rounds)
+    champion = serialize.described(named_after(experiment, genome, choice.champion), facts)
+    writing.write_atomically(folder / artifacts.CHAMPION, serialize.dump_json(champion) + "\n")
