@@ -17,7 +17,6 @@ from typing import Final
 
 from pipeline.command_line import runs
 from pipeline.command_line.arguments import ConfigError, read_arguments
-from pipeline.command_line.runs import MISTAKE, OK
 from pipeline.run import interrupts, maker
 from pipeline.run.runner import Interrupted
 
@@ -68,7 +67,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if os.environ.get("HYDRA_FULL_ERROR") == "1":
             raise
         sys.stderr.write(runs.in_words(error))
-        return MISTAKE
+        return runs.MISTAKE
 
 
 def _chosen(arguments: Sequence[str]) -> Callable[[], int]:
@@ -86,7 +85,7 @@ def _chosen(arguments: Sequence[str]) -> Callable[[], int]:
         from pipeline.command_line.guide import help_on, help_text  # noqa: PLC0415 - it loads compiled code
 
         text = help_on(asked.topics, asked.folders) if asked.topics else help_text(asked.folders) + "\n"
-        return partial(_print, text, OK if asked.help else MISTAKE)
+        return partial(_print, text, runs.OK if asked.help else runs.MISTAKE)
     if asked.compare is not None:
         from pipeline.command_line.results import compare  # noqa: PLC0415 - as above
 
@@ -96,7 +95,7 @@ def _chosen(arguments: Sequence[str]) -> Callable[[], int]:
     return plan(asked)
 
 
-def _print(text: str, code: int = OK) -> int:
+def _print(text: str, code: int = runs.OK) -> int:
     sys.stdout.write(text)
     return code
 
@@ -130,4 +129,4 @@ def warm(given: Sequence[str]) -> int:
                 done = subprocess.run(command, check=False, stdout=subprocess.DEVNULL)  # noqa: S603
                 if done.returncode:
                     return done.returncode
-    return OK
+    return runs.OK

@@ -25,7 +25,6 @@ from pipeline.command_line.overrides import (
     rewrite_paths,
     single_runs,
 )
-from pipeline.command_line.runs import FAULT, MISTAKE, OK, sentence
 from pipeline.run import artifacts, configuration, sweep
 from pipeline.run.lock import held
 from pipeline.run.runner import Interrupted
@@ -83,7 +82,7 @@ def _run_folder(overrides: Sequence[Override]) -> Path | None:
 def _print(config: Mapping[str, Any]) -> int:
     """Print a run's configuration as YAML, with the meanings of its keys."""
     sys.stdout.write(commented(config))
-    return OK
+    return runs.OK
 
 
 def _sweep(asked: Asked, overrides: Sequence[Override], groups: Groups) -> Callable[[], int]:
@@ -127,14 +126,14 @@ def resume_sweep(folder: Path, overrides: Sequence[Override]) -> int:
         left = [run for run in known if state_of(folder, run) != DONE]
         if not left:
             sys.stderr.write(f"nothing is left to do: all {len(known)} runs are finished\n")
-            return OK
+            return runs.OK
         begun = [(run, partial(runs.resume, folder / run.folder, overrides, run.command)) for run in left]
         return _run_all(folder, known, begun)
 
 
 def _run_all(folder: Path, known: list[SweptRun], begun: Sequence[tuple[SweptRun, Callable[[], int]]]) -> int:
     """Run all given runs, with a line each; at the end list those that failed."""
-    started, codes = time.perf_counter(), [OK]
+    started, codes = time.perf_counter(), [runs.OK]
     for number, (run, begin) in enumerate(begun, 1):
         try:
             code, failure = _attempt(begin)
@@ -164,10 +163,10 @@ def _attempt(begin: Callable[[], int]) -> tuple[int, str]:
         return begin(), ""
     except (ValueError, OSError, MemoryError) as error:
         sys.stderr.write(runs.in_words(error))
-        return MISTAKE, sentence(error)
+        return runs.MISTAKE, runs.sentence(error)
     except Exception as error:  # noqa: BLE001 - the failure of one run must not lose the others
         traceback.print_exc()
-        return FAULT, f"a fault of the program: {type(error).__name__}: {error}"
+        return runs.FAULT, f"a fault of the program: {type(error).__name__}: {error}"
 
 
 def _tell(folder: Path, known: Sequence[SweptRun]) -> None:

@@ -34,7 +34,6 @@ from pipeline.command_line.config import compose_node, job_of, options
 from pipeline.settings import schema
 from pipeline.settings.keys import unknown, value_at
 from pipeline.settings.places import conf_folder
-from pipeline.settings.schema import descriptions, idle
 
 #: what people change, groups and keys, in this order
 OFTEN = (
@@ -98,7 +97,7 @@ def help_text(folders: Sequence[Path]) -> str:
             "\nother choices (GROUP=NAME)",
             *_table(others),
             "\ngroups of keys (--help GROUP lists them; --cfg job prints all values)",
-            *_table([(name, descriptions()[name]) for name in schema.tables() if name]),
+            *_table([(name, schema.descriptions()[name]) for name in schema.tables() if name]),
         ]
     )
 
@@ -124,7 +123,7 @@ def help_on(topics: Sequence[str], folders: Sequence[Path]) -> str:
 def _experiment(name: str, about: str) -> str:
     """Return what an experiment does, and what people change of it, with its values."""
     config: Any = OmegaConf.to_container(job_of(compose_node([f"+experiment={name}"])))
-    unread = idle(config, stages=True)
+    unread = schema.idle(config, stages=True)
     groups = options([conf_folder()])
     lines = [f"+experiment={name}: {about}", f"  stages={schema.as_yaml(value_at(config, 'stages'))}"]
     for key in [key for key in OFTEN if key in groups or key not in unread][:MOST_OFTEN]:
@@ -132,7 +131,8 @@ def _experiment(name: str, about: str) -> str:
             names = ", ".join(one for one in groups[key] if "/" not in one)
             lines += [f"  {key}=NAME", f"{INDENT}One of {names}."]
         else:
-            lines += [f"  {key}={schema.as_yaml(value_at(config, key))}", f"{INDENT}{descriptions()[key]}"]
+            value = schema.as_yaml(value_at(config, key))
+            lines += [f"  {key}={value}", f"{INDENT}{schema.descriptions()[key]}"]
     return "\n".join([*lines, "--cfg job prints all keys, --help GROUP those of a group."])
 
 

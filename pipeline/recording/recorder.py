@@ -19,7 +19,6 @@ from fis_tools.compiled.decorator import sparingly
 from fis_tools.engines.compiler import CompiledSystem, compile
 from fis_tools.engines.kernel import firing_strengths
 from fis_tools.formats import serialize
-from fis_tools.formats.serialize import edited
 from fis_tools.model import FuzzyController
 from fis_tools.model.thrust import COMPONENTS, COUNTED, REASONS
 from fis_tools.words.text import sentences
@@ -217,7 +216,7 @@ class FlightRecorder:
             inspectable_count=int(log.is_inspectable.sum()),
         )
         self._write_control(writer, times[: len(log.force_hill_n)], log)
-        if (fuzzy := self.controller.fuzzy) is not None and (how := edited(fuzzy)) is not None:
+        if (fuzzy := self.controller.fuzzy) is not None and (how := serialize.edited(fuzzy)) is not None:
             writer.log(times[0], "warning", f"{fuzzy.name} was edited {how}")
         for event in events(self.mission, log, self._near_limit_m, self.controller):
             writer.log(times[event.sample], event.level, event.text)

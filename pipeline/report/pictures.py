@@ -19,7 +19,6 @@ from pipeline.report.contents import Contents, FlightSet, ShownFlight
 from pipeline.report.figures import style
 from pipeline.report.figures.comparison import LINEAR, beside_optimum, by_world, compared
 from pipeline.report.figures.flights import METRICS, Sample, approach, controls, distributions
-from pipeline.report.figures.style import Figure, Illustration
 from pipeline.report.figures.training import convergence
 from pipeline.report.figures.trajectories import MOST_TOLD_APART, Tracks, trajectories
 from pipeline.settings.experiment import Mission
@@ -33,10 +32,10 @@ OWN_FILES = re.compile(
 #: flights in the picture of an approach to a goal
 MOST_DRAWN = 200
 #: the name, the caption and the figure of a picture
-Drawn = tuple[str, str, Figure]
+Drawn = tuple[str, str, style.Figure]
 
 
-def draw(contents: Contents) -> list[Illustration]:
+def draw(contents: Contents) -> list[style.Illustration]:
     """Draw every picture for which the run has what it takes, in the order of the page."""
     has_goal = contents.experiment.mission.problem.kind == "reach"
     dots_per_inch = contents.experiment.report.dots_per_inch
@@ -51,7 +50,7 @@ def _captions() -> Mapping[str, str]:
     return captions
 
 
-def _captioned(name: str, figure: Figure, caption: str, **words: Any) -> Drawn:
+def _captioned(name: str, figure: style.Figure, caption: str, **words: Any) -> Drawn:
     return name, _captions()[caption].format(**words), figure
 
 
@@ -122,7 +121,7 @@ def _approach(contents: Contents) -> Iterator[Drawn]:
     yield _captioned("approach", approach(tracks, mission.problem), "approach")
 
 
-def _two(flights: Mapping[str, FlightLog], mission: Mission) -> Figure:
+def _two(flights: Mapping[str, FlightLog], mission: Mission) -> style.Figure:
     """Draw two flights over one another."""
     names = [f"{name}: {log.delta_v_m_s[-1]:.3f} m/s" for name, log in flights.items()]
     colours = dict(zip(names, (style.BLUE, style.VERMILION), strict=True))

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.document import Block, Code, Document, Figure, Heading, Items, Paragraph, Table, html
-from fis_tools.document.html import read
 from pipeline.evaluation.monte_carlo import SUCCESS
 from pipeline.evaluation.statistics import METRICS, Compared, Difference, Effect, Metric, effects, on_front
 from pipeline.report.figures.comparison import Point, front_of_runs
@@ -270,7 +269,7 @@ _FRONT = (
 
 def write(swept: Swept) -> str:
     """Write the page: HTML that needs no other file, asks for none, and runs no script."""
-    return html.page(_document(swept), read("templates/report.css", "pipeline.report"))
+    return html.page(_document(swept), html.read("templates/report.css", "pipeline.report"))
 
 
 def _document(swept: Swept) -> Document:

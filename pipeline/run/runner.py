@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.run import artifacts, configuration, interrupts, maker, manifests, writing
-from pipeline.run.maker import present_maker, unlike
 from pipeline.settings.experiment import STAGES, Experiment, Mission
 
 _LOG = logging.getLogger("pipeline")
@@ -109,8 +108,8 @@ def _makers(earlier: Mapping[str, Any]) -> list[dict[str, Any]]:
     before = [dict(one) for one in earlier.get("makers", [])]
     if not before and "versions" in earlier:  # a run of a version that kept only the last one
         before = [{"versions": earlier["versions"], "git_revision": earlier.get("git_revision")}]
-    now = present_maker()
-    if before and (differing := unlike(before[-1], now)):
+    now = maker.present_maker()
+    if before and (differing := maker.unlike(before[-1], now)):
         sys.stderr.write(
             f"note: another maker began this run ({'; '.join(differing)}); what is made now may differ from "
             "what it would have made, and the manifest names both\n"
@@ -128,13 +127,12 @@ def _edited(source: Mapping[str, Any]) -> str | None:
     """Return how the configured controller differs from what its provenance tells of; None if it does not."""
     from fis_tools.errors import ControllerFileError  # noqa: PLC0415 - only runs need them
     from fis_tools.formats import serialize  # noqa: PLC0415 - as above
-    from fis_tools.formats.serialize import edited  # noqa: PLC0415 - as above
 
     with suppress(ControllerFileError):
         if "systems" in source:
-            return edited(serialize.from_mapping(source))
+            return serialize.edited(serialize.from_mapping(source))
         if "path" in source and "kind" not in source:
-            return edited(serialize.load(source["path"]))
+            return serialize.edited(serialize.load(source["path"]))
     return None
 
 

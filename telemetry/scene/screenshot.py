@@ -14,7 +14,6 @@ from rerun.experimental import ViewerClient
 from telemetry.file import RecordingError, explained
 from telemetry.file.partial_file import whole_file
 from telemetry.scene import blueprint, campaign, replay, viewer
-from telemetry.scene.viewer import Scene
 
 #: of the viewer's window, in pixels
 SIZE: Final = (1600, 900)
@@ -29,7 +28,7 @@ _END_S: Final = 10.0
 
 
 #: a scene, and the times of it to draw, s, by the names of the pictures' files without their suffix
-Subject = tuple[Scene, Mapping[str, float]]
+Subject = tuple[viewer.Scene, Mapping[str, float]]
 
 
 def subjects(paths: Sequence[Path], instants_s: Sequence[float]) -> list[Subject]:

@@ -14,7 +14,7 @@ import pytest
 
 from pipeline.command_line.cli import main
 from pipeline.command_line.config import compose_experiment
-from pipeline.run import artifacts, configuration, maker, manifests, runner
+from pipeline.run import artifacts, configuration, maker, manifests
 from pipeline.run.lock import LOCK, HeldError, held
 from pipeline.run.maker import present_maker
 from pipeline.run.runner import run_stages
@@ -43,7 +43,7 @@ def test_a_run_that_another_maker_goes_on_with_names_both(folder, monkeypatch, c
     first = manifests.read(folder)
     assert first["made_by"] == {"scenario": [0], "evaluate": [0]}
     other = {**present_maker(), "sources": "0" * 64}
-    monkeypatch.setattr(runner, "present_maker", lambda: other)
+    monkeypatch.setattr(maker, "present_maker", lambda: other)
     assert main([f"resume={folder}"]) == 0
     assert "note: another maker began this run (other sources); what is" in capsys.readouterr().err
     manifest = manifests.read(folder)
