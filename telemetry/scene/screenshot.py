@@ -143,7 +143,9 @@ def load(client: ViewerClient, file: Path) -> None:
         if not state.loading and state.active_recording and state.views:
             return
         time.sleep(0.2)
-    raise RecordingError(f"the viewer did not load its recording within {_PATIENCE_S:g} s")
+    raise RecordingError(
+        f"the viewer did not load its recording within {_PATIENCE_S:g} s; {viewer.WHEN_SLOW}"
+    )
 
 
 def complaints(client: ViewerClient) -> list[str]:

@@ -25,6 +25,8 @@ ENDING: Final = ".rrd"
 #: by default the viewer would listen on every network interface
 LOOPBACK: Final = "127.0.0.1"
 _START_LIMIT_S: Final = 60.0
+#: how to mend that a viewer is too slow
+WHEN_SLOW: Final = "end what else keeps this machine busy, and try again"
 #: `-P` keeps a file called rerun.py in the current folder from being run instead
 _RERUN: Final = (sys.executable, "-P", "-m", "rerun", "--bind", LOOPBACK)
 
@@ -116,7 +118,7 @@ def show(scene: Scene, *, in_browser: bool) -> None:
         with suppress(KeyboardInterrupt), _running(command) as process:
             if code := process.wait():
                 raise RecordingError(
-                    f"the viewer ended with exit code {code} ; see its message above; "
+                    f"the viewer ended with exit code {code}; see its message above; "
                     "write a file with --save FILE.rrd and open that elsewhere"
                 )
 
@@ -215,4 +217,4 @@ def _await_port(process: "subprocess.Popen[bytes]", port: int) -> None:
         with suppress(OSError), socket.create_connection((LOOPBACK, port), timeout=1.0):
             return
         time.sleep(0.1)
-    raise RecordingError(f"the viewer was not ready within {_START_LIMIT_S:g} s; is the machine very busy?")
+    raise RecordingError(f"the viewer was not ready within {_START_LIMIT_S:g} s; {WHEN_SLOW}")

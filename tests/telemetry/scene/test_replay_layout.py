@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+import tempfile
 from collections import Counter
 from dataclasses import replace
 from typing import Any
@@ -199,8 +200,21 @@ def test_a_viewer_that_fails_is_said_and_only_a_browser_gets_a_page(
     asked = "import sys; sys.exit(8 if '--web-viewer' in sys.argv else 7)"
     monkeypatch.setattr("telemetry.scene.viewer._RERUN", (sys.executable, "-c", asked))
     monkeypatch.setenv("DISPLAY", ":0")
-    with pytest.raises(RecordingError, match=f"ended with exit code {code}"):
+    with pytest.raises(
+        RecordingError, match=f"the viewer ended with exit code {code}; see its message above; write a file"
+    ):
         viewer.show(replay.scene([short_file]), in_browser=in_browser)
+
+
+def test_a_viewer_that_is_too_slow_is_said(monkeypatch):
+    monkeypatch.setattr("telemetry.scene.viewer._START_LIMIT_S", 0.0)
+    monkeypatch.setattr("telemetry.scene.viewer._RERUN", (sys.executable, "-c", "import time; time.sleep(9)"))
+    with (
+        tempfile.TemporaryFile() as log,
+        pytest.raises(RecordingError, match="not ready within 0 s; end what else keeps this machine busy"),
+        viewer.started(log=log),
+    ):
+        pass
 
 
 @pytest.mark.parametrize(
