@@ -70,14 +70,13 @@ class ArtifactError(ValueError):
 
 
 @contextmanager
-def explained(what: str, cure: str = "", *also: type[Exception]) -> Iterator[None]:
+def explained(what: str, cure: str, *also: type[Exception]) -> Iterator[None]:
     """Turn errors of what is read into an ArtifactError that says what is wrong and how to mend it."""
     expected: tuple[type[Exception], ...] = (OSError, ValueError, KeyError, TypeError, *also)
     try:
         yield
     except expected as error:
-        ending = f"; {cure}" if cure else ""
-        raise ArtifactError(f"{what} ({type(error).__name__}: {error}){ending}") from error
+        raise ArtifactError(f"{what} ({type(error).__name__}: {error}); {cure}") from error
 
 
 def strangers(folder: Path) -> Iterator[str]:

@@ -112,7 +112,7 @@ def read(folder: Path) -> dict[str, Any]:
     if not folder.is_dir():
         raise ArtifactError(f"{folder} is no folder; give the folder of a run, outputs/NAME/TIME")
     path = require(folder, CONFIG)
-    with explained(f"{path} cannot be read"):
+    with explained(f"{path} cannot be read", "restore it, or start a new run"):
         config = parse(path.read_bytes())
     if not isinstance(config, dict):
         raise ArtifactError(f"{path} holds no configuration; it must be a mapping of keys to values")

@@ -125,7 +125,8 @@ def read(text: str, source: str) -> Requirements:
     try:
         content = configuration.parse(text.encode())
     except ValueError as error:
-        raise RequirementError(f"{source} is no YAML: {' '.join(str(error).split())}") from error
+        why = " ".join(str(error).split())
+        raise RequirementError(f"{source} is no YAML: {why}; correct it there") from error
     if not isinstance(content, dict) or (content.get("schema"), content.get("schema_version")) != SCHEMA:
         raise RequirementError(
             f"{source} holds no requirements; its first lines must say schema: {SCHEMA[0]} and "

@@ -174,7 +174,7 @@ TRACK = {"case": [0, 0], "sample": [0, 1], **{f"position_{axis}_m": [0.0, 1.0] f
     [
         (None, "has no config.yaml; choose the folder of a run"),
         (b"- 1\n", "holds no configuration"),
-        (b"a: [1", "cannot be read"),
+        (b"a: [1", r"\); restore it, or start a new run"),
         (b"a: !!python/object/apply:os.getcwd []", "cannot be read"),
         (b"1: 2\na: 3", "is no text; write it in quotes"),
         (b"a: [{on: 3}]", "is no text; write it in quotes"),

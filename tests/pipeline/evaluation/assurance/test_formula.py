@@ -168,6 +168,7 @@ def changed(place: int, **values: object) -> str:
     ("text", "words"),
     [
         ("a: [", "mine is no YAML"),
+        ("a: [", "; correct it there"),
         ("[" * 9999, "mine is no YAML"),
         ("schema: fuzzy-controller", "must say schema: requirements"),
         ("schema: requirements\nschema_version: 1", "version 1 lacked consequence"),
