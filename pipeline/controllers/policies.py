@@ -20,10 +20,12 @@ MOST_BYTES = 16 << 20
 #: limits of a network, counted before anything is allocated: operators and constants, numbers in its layers,
 #: and multiplications to read it
 MOST_PARTS, MOST_NUMBERS, MOST_STEPS = 10_000, 8 << 20, 4_000_000_000
+#: the operators, by the format's names
 OPERATORS = ("Add", "Sub", "Mul", "Div", "Clip", "Flatten", "Gemm", "Identity", "MatMul", "Relu", "Tanh")
+ONLY_CHAINS = f"only a chain of {', '.join(OPERATORS)} is flown"
 #: attributes that are read; operators of early versions of the format have others
 ATTRIBUTES = {"Flatten": {"axis"}, "Gemm": {"alpha", "beta", "transA", "transB"}}
-#: the operators, by the format's names
+#: the format's numbers of what tensors hold and where
 FLOAT, DOUBLE, EXTERNAL = 1, 11, 1
 
 
@@ -75,7 +77,7 @@ def _graph(source: bytes) -> Any:
     try:
         return onnx.ModelProto.FromString(source).graph
     except DecodeError as error:
-        raise _UnreadableError("it is no ONNX file") from error
+        raise _UnreadableError("it is no ONNX file; give one, as torch.onnx.export writes it") from error
 
 
 @dataclass
@@ -140,7 +142,9 @@ class _Chain:
 def _network(graph: Any) -> Network:
     """Read the layers of a graph."""
     if len(graph.node) + len(graph.initializer) > MOST_PARTS:
-        raise _UnreadableError(f"it has more than {MOST_PARTS:,} operators and constants")
+        raise _UnreadableError(
+            f"it has more than {MOST_PARTS:,} operators and constants; a policy is a small network"
+        )
     constants = dict(_constants(graph))
     (now,) = _names([value.name for value in graph.input if value.name not in constants], "input")
     (end,) = _names([value.name for value in graph.output], "output")
@@ -149,9 +153,7 @@ def _network(graph: Any) -> Network:
         if node.op_type == "Constant" and not node.domain:
             continue
         if node.op_type not in OPERATORS or node.domain not in ("", "ai.onnx"):
-            raise _UnreadableError(
-                f"it has the operator {node.op_type}; only a chain of {', '.join(OPERATORS)} is flown"
-            )
+            raise _UnreadableError(f"it has the operator {node.op_type}; {ONLY_CHAINS}")
         unknown = {attribute.name for attribute in node.attribute} - ATTRIBUTES.get(node.op_type, set())
         if unknown:
             raise _UnreadableError(
@@ -159,12 +161,14 @@ def _network(graph: Any) -> Network:
             )
         is_chain = list(node.input).count(now) == 1 and len(node.output) == 1
         if not is_chain or not all(name == now or name in constants for name in node.input if name):
-            raise _UnreadableError(f"its operator {node.op_type} does not take the numbers of the one before")
+            raise _UnreadableError(
+                f"its operator {node.op_type} does not take the numbers of the one before; {ONLY_CHAINS}"
+            )
         values = [None if name == now or not name else constants[name] for name in node.input]
         _follow(chain, node, values)
         (now,) = node.output
     if now != end:
-        raise _UnreadableError("its output is not what the last operator gives")
+        raise _UnreadableError(f"its output is not what the last operator gives; {ONLY_CHAINS}")
     chain.close(LINEAR)
     return _packed(chain.layers)
 
@@ -190,13 +194,17 @@ def _constants(graph: Any) -> Iterator[tuple[str, Floats]]:
                 "its weights are in another file; save them in it (torch.onnx.export: external_data=False)"
             )
         if tensor.data_type not in (FLOAT, DOUBLE):
-            raise _UnreadableError(f"its constant {name} is not of floating point numbers")
+            raise _UnreadableError(
+                f"its constant {name} is not of floating point numbers; export it as float32"
+            )
         try:
             values = np.asarray(to_array(tensor), dtype=np.float64)
         except ValueError as error:
-            raise _UnreadableError(f"its constant {name} is not of the shape that it says") from error
+            raise _UnreadableError(
+                f"its constant {name} is not of the shape that it says; export the policy again"
+            ) from error
         if not np.isfinite(values).all():
-            raise _UnreadableError(f"its constant {name} is not finite")
+            raise _UnreadableError(f"its constant {name} is not finite; export a policy that learned numbers")
         yield name, values
 
 
@@ -229,7 +237,8 @@ def _follow(chain: _Chain, node: Any, values: Sequence[Floats | None]) -> None:
             chain.scale(1.0 / other, 0.0 * one)
         case _:
             raise _UnreadableError(
-                f"its operator {node.op_type} does not take numbers and constants as layers do"
+                f"its operator {node.op_type} does not take numbers and constants as layers do; export "
+                "layers with constant weights"
             )
 
 
@@ -237,7 +246,7 @@ def _follow_gemm(chain: _Chain, node: Any, matrix: Floats, bias: Sequence[Floats
     attributes: Mapping[str, Any] = {one.name: one for one in node.attribute}
     alpha, beta = (attributes[name].f if name in attributes else 1.0 for name in ("alpha", "beta"))
     if "transA" in attributes and attributes["transA"].i:
-        raise _UnreadableError("its operator Gemm turns its numbers about (transA)")
+        raise _UnreadableError("its operator Gemm turns its numbers about; export it with transA=0")
     if "transB" in attributes and attributes["transB"].i:
         matrix = matrix.T
     chain.multiply(alpha * matrix)
