@@ -98,8 +98,7 @@ class Task:
     @property
     def is_tilted(self) -> bool:
         """Whether the Sun of some start is out of the orbit plane."""
-        sun = self.experiment.sun
-        return sun.elevation_range_deg is not None or sun.elevation_deg != 0.0
+        return self.experiment.sun.elevations_deg != (0.0, 0.0)
 
     @property
     def scales(self) -> Floats:

@@ -15,7 +15,7 @@ from pipeline.flight.state.log import Scenario
 from pipeline.flight.world.pack import inspection_points
 from pipeline.optimum.plan import CasePlan, num_agreeing
 from pipeline.run import artifacts, tables
-from pipeline.settings.experiment import SHIPPED, Experiment, Mission, SettingError, Sun
+from pipeline.settings.experiment import SHIPPED, Experiment, Mission, SettingError
 from pipeline.settings.mission import Dynamics
 from pipeline.settings.start_table import POSITION, VELOCITY
 
@@ -158,18 +158,11 @@ def solved_for(experiment: Experiment) -> Solved:
         raise IncomparableError(f"sun.mode is {sun.mode} here, and {their_sun} in the plans' cases")
     if sun.mode == "fixed" and not np.allclose(angles, np.radians(sun.angle_deg), rtol=0.0, atol=1e-9):
         raise IncomparableError(f"sun.angle_deg is {sun.angle_deg:g} here, and another in the plans' cases")
-    low, high = _elevations(sun)
+    low, high = sun.elevations_deg
     elevations = np.degrees(solved.cases.get("sun_elevation_rad", np.zeros(len(angles))))
     if np.any(elevations < low - 1e-9) or np.any(elevations > high + 1e-9):
         raise IncomparableError("the Sun has other elevations here than in the plans' cases")
     return solved
-
-
-def _elevations(sun: Sun) -> tuple[float, float]:
-    """Return the lowest and the highest elevation of a Sun, deg."""
-    if sun.mode == "random" and sun.elevation_range_deg is not None:
-        return sun.elevation_range_deg[0], sun.elevation_range_deg[1]
-    return sun.elevation_deg, sun.elevation_deg
 
 
 def case_row(case: int, scenario: Scenario, plan: CasePlan, num_points: int) -> dict[str, Any]:

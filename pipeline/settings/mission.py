@@ -205,6 +205,13 @@ class Sun:
         for elevation in self.elevation_range_deg or ():
             checks.within("sun.elevation_range_deg", elevation, -90.0, 90.0, "deg")
 
+    @property
+    def elevations_deg(self) -> tuple[float, float]:
+        """The lowest and the highest elevation that a start can have."""
+        drawn = () if self.mode == "fixed" else self.elevation_range_deg or ()
+        given = () if self.mode == "random" and drawn else (self.elevation_deg,)
+        return min(given + drawn), max(given + drawn)
+
 
 FLOWN = Only("attitude.mode=flown")
 

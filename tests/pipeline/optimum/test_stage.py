@@ -324,6 +324,19 @@ def test_plans_of_ones_own_measure_another_mission(tmp_path):
 
 
 @pytest.mark.slow
+def test_plans_under_alternating_elevations_measure_their_own_mission(tmp_path):
+    mission = ("duration_s=900", "sun=mixed", "sun.elevation_range_deg=[10,40]")
+    solve(tmp_path, *mission, *QUICK, "optimum.points=45", "optimum.workers=1")
+    fixed, drawn = solved_for(evaluation(*mission, f"optimum.reference={tmp_path}")).cases[
+        "sun_elevation_rad"
+    ]
+    assert fixed == 0.0
+    assert 10.0 < np.degrees(drawn) < 40.0
+    with pytest.raises(IncomparableError, match="the Sun has other elevations here"):
+        solved_for(evaluation(*mission[:2], f"optimum.reference={tmp_path}"))
+
+
+@pytest.mark.slow
 def test_a_reference_that_is_not_there_is_told_before_anything_is_made(tmp_path, capsys):
     words = [*EVALUATE, f"optimum.reference={tmp_path / 'none'}", f"hydra.run.dir={tmp_path / 'run'}"]
     assert main(words) == 2
