@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from fis_tools.document import Block, Document, Heading, Paragraph, Table, text
 from pipeline.evaluation.monte_carlo import SUCCESS, summarise
 from pipeline.evaluation.statistics import Fraction, Statistic
-from pipeline.flight.control.controller import Controller
 from pipeline.flight.state.log import points_needed
 from pipeline.flight.world.pack import inspection_points
 from pipeline.optimum.solved import Solved
@@ -87,11 +86,6 @@ class ComparisonRow:
     summary: Mapping[str, Any]
     times: Mapping[str, Any] | None = None
     world: str = ""
-
-
-def rules_of(controller: Controller) -> int | None:
-    """Return the number of rules of a controller; None if it has none."""
-    return sum(len(system.rules) for system in controller.systems) or None
 
 
 def planned_row(experiment: Experiment, solved: Solved) -> ComparisonRow:

@@ -135,7 +135,7 @@ def _rows(lot: Lot, name: str, controller: Controller, flights: _Flights) -> lis
             sun=experiment.sun.mode,
             safety=layer,
             num_cases=len(lot.scenarios),
-            rules=comparison.rules_of(controller),
+            rules=sum(len(system.rules) for system in controller.systems) or None,
             summary=summarise(episodes, experiment.monte_carlo.confidence_percent),
             times=times,
             world=lot.world,
