@@ -228,12 +228,11 @@ def expected(low: float | None, high: float) -> str:
     return f"at least {low:g}" if high == math.inf else f"from {low:g} to {high:g}"
 
 
-def ascending(low_key: str, low: float, high_key: str, high: float, unit: str) -> None:
-    """Raise SettingError unless the second bound is greater."""
-    if not low < high:
+def ascending(low_key: str, low_m: float, high_key: str, high_m: float) -> None:
+    """Raise SettingError unless the second of two distances is greater."""
+    if not low_m < high_m:
         raise SettingError(
-            f"{low_key} is {low} and {high_key} is {high}; the first must be less than the second"
-            f"{in_unit(unit)}"
+            f"{low_key} is {low_m} and {high_key} is {high_m}; the first must be less than the second (m)"
         )
 
 

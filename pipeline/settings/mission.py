@@ -83,7 +83,7 @@ class Deputy:
     def __post_init__(self) -> None:
         """Check the limits, and that the start lies apart from the chief and is not absurdly fast."""
         checks.ascending(
-            "deputy.min_distance_m", self.min_distance_m, "deputy.max_distance_m", self.max_distance_m, "m"
+            "deputy.min_distance_m", self.min_distance_m, "deputy.max_distance_m", self.max_distance_m
         )
         if not math.hypot(*self.initial_velocity_m_s) <= 1e3:
             raise SettingError(
@@ -496,7 +496,7 @@ class Mission:
         safety, deputy = self.safety, self.deputy
         near = "deputy.min_distance_m plus safety.keep_out_margin_m"
         far = "deputy.max_distance_m less safety.keep_in_margin_m"
-        checks.ascending(near, self.keep_out_m, far, self.keep_in_m, "m")
+        checks.ascending(near, self.keep_out_m, far, self.keep_in_m)
         checks.within("safety.braking_force_n", safety.braking_force_n, 0.0, deputy.max_force_n, "N")
         standing = 3.0 * self.orbit.mean_motion_rad_s**2 * self.keep_in_m * deputy.mass_kg
         if not standing <= safety.braking_force_n:
