@@ -160,8 +160,7 @@ def spread(low: Floats, high: Floats, num_samples: int) -> Floats:
     (num_samples, num_inputs)
     """
     places = np.stack([_radical_inverse(num_samples, base) for base in _primes(len(low))], axis=1)
-    samples: Floats = low + (high - low) * places
-    return samples
+    return low + (high - low) * places
 
 
 def _radical_inverse(count: int, base: int) -> Floats:

@@ -455,8 +455,7 @@ def _exact(match: _Match, game: _Game) -> Floats:
         _worth(match, game.samples[first : first + at_once], game.rules[first : first + at_once], members)
         for first in range(0, len(game.samples), at_once)
     ]
-    shared: Floats = np.concatenate(found) @ weights.T
-    return shared
+    return np.concatenate(found) @ weights.T
 
 
 def _one_worth(match: _Match, game: _Game, members: Booleans) -> Floats:
@@ -474,8 +473,7 @@ def _worth(match: _Match, samples: Integers, rules: Integers, members: Booleans)
         strengths: Floats = np.take_along_axis(firing, rules, axis=1)
         np.put_along_axis(rows, rules[:, np.newaxis], members * strengths[:, np.newaxis], axis=2)
         found = compiled.conclude(rows.reshape(-1, rows.shape[2]))[:, place].reshape(rows.shape[:2])
-    worth: Floats = np.where(members.any(axis=1), found, compiled.system.outputs[place].default or 0.0)
-    return worth
+    return np.where(members.any(axis=1), found, compiled.system.outputs[place].default or 0.0)
 
 
 def importance(compiled: CompiledSystem, inputs: Floats) -> Floats:

@@ -164,8 +164,7 @@ class CompiledSystem:
 
     def _unfired(self, rows: Floats) -> Booleans:
         """Return where there is nothing to defuzzify: a centroid is a number if there is any area."""
-        found: Booleans = np.isnan(self._shared(lambda part: interpreter.evaluate(self._marking, part), rows))
-        return found
+        return np.isnan(self._shared(lambda part: interpreter.evaluate(self._marking, part), rows))
 
     @cached_property
     def _marking(self) -> Program:

@@ -300,8 +300,7 @@ def _crossings(grid: Floats, mf: Floats, cut: float) -> Floats:
     """Return the points where a membership function crosses its cut between two points of the grid."""
     reaches = mf > cut if cut == 0.0 else mf >= cut
     i = np.flatnonzero(reaches[1:] != reaches[:-1])
-    crossings: Floats = grid[i] + (cut - mf[i]) * (grid[i + 1] - grid[i]) / (mf[i + 1] - mf[i])
-    return crossings
+    return grid[i] + (cut - mf[i]) * (grid[i + 1] - grid[i]) / (mf[i + 1] - mf[i])
 
 
 def _centroid(x: Floats, y: Floats) -> float:

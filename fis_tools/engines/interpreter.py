@@ -95,8 +95,7 @@ def prepare(program: Program) -> Callable[..., list[float]]:
         for place, value in enumerate(values):
             flat[place] = value
         run()
-        found: list[float] = outputs.tolist()
-        return found
+        return outputs.tolist()
 
     return infer
 

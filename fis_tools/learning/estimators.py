@@ -105,8 +105,7 @@ class FuzzyRegressor(RegressorMixin, _FuzzyEstimator):
 
     def predict(self, X: ArrayLike) -> Floats:
         """Return the number of each row, (n,)."""
-        answers: Floats = self._infer(X)[:, 0]
-        return answers
+        return self._infer(X)[:, 0]
 
 
 class FuzzyClassifier(ClassifierMixin, _FuzzyEstimator):

@@ -74,8 +74,7 @@ class Partition:
     def peaks(self) -> Floats:
         """The peaks in the unit of the variable, shape (num_terms,)."""
         points = np.linspace(self.low, self.high, STEPS + 1)
-        peaks: Floats = points[list(self.places)]
-        return peaks
+        return points[list(self.places)]
 
     @property
     def num_moved(self) -> int:

@@ -267,8 +267,7 @@ class GeneralizedBell(MembershipFunction):
 
     def at(self, x: Floats) -> Floats:
         """Evaluate the formula."""
-        values: Floats = 1.0 / (1.0 + np.abs((x - self.centre) / self.width) ** (2 * self.slope))
-        return values
+        return 1.0 / (1.0 + np.abs((x - self.centre) / self.width) ** (2 * self.slope))
 
 
 @shape(
@@ -285,8 +284,7 @@ class Sigmoid(MonotoneFunction):
 
     def at(self, x: Floats) -> Floats:
         """Evaluate the formula."""
-        values: Floats = 1.0 / (1.0 + np.exp(-self.slope * (x - self.inflection)))
-        return values
+        return 1.0 / (1.0 + np.exp(-self.slope * (x - self.inflection)))
 
     def inverse(self, degrees: Floats) -> Floats:
         """Return the points with these degrees; infinite for a degree of one."""
@@ -461,8 +459,7 @@ class Spike(MembershipFunction):
 
     def at(self, x: Floats) -> Floats:
         """Evaluate the formula."""
-        values: Floats = np.exp(-np.abs(10.0 / self.width * (x - self.centre)))
-        return values
+        return np.exp(-np.abs(10.0 / self.width * (x - self.centre)))
 
 
 @shape("cosine", "cosine, centre {centre}, width {width}", fll=("Cosine",), fis=("cosinemf",))
@@ -559,5 +556,4 @@ class Ramp(MonotoneFunction):
 def _circle(x: Floats, centre: float, radius: float) -> Floats:
     """Return the height of a circle at points, scaled to a radius of one; zero outside."""
     inside = radius * radius - np.square(x - centre)
-    heights: Floats = np.sqrt(np.maximum(inside, 0.0)) / radius
-    return heights
+    return np.sqrt(np.maximum(inside, 0.0)) / radius
