@@ -108,7 +108,7 @@ class Measures:
 
 def measure(system: model.FuzzySystem) -> Measures:
     """Compute every index of a system without problems; outputs that are weighed have no terms to measure."""
-    variables = [v for v in (*system.inputs, *system.outputs) if v not in system.weighed]
+    variables = [v for v in system.variables if v not in system.weighed]
     covered = {variable.name: coverage(variable) for variable in variables}
     return Measures(complexity(system), covered, completeness(system), rule_consistency(system))
 

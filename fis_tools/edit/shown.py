@@ -88,7 +88,7 @@ def rules(system: FuzzySystem, original: FuzzySystem | None, as_list: bool) -> l
     ]
     found = None if as_list else text.rule_tables(system)
     if found is None:
-        heads = ["rule", *(breakable(one.name) for one in (*system.inputs, *system.outputs))]
+        heads = ["rule", *(breakable(one.name) for one in system.variables)]
         entries = [{"head": f"rule {n + 1}", "rule": n, "cells": row} for n, row in enumerate(rows)]
         return [{"kind": "list", "heads": heads, "rows": entries}]
     concluded = (row[-1] for row in rows)

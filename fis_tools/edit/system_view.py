@@ -138,8 +138,7 @@ class SystemView:
     def show(self) -> None:
         """Show the system as it stands; only what changed is sent."""
         system = self.system
-        variables = (*system.inputs, *system.outputs)
-        for view, variable in zip((*self._inputs, *self._outputs), variables, strict=True):
+        for view, variable in zip((*self._inputs, *self._outputs), system.variables, strict=True):
             self._tell(view, "show", shown.variable(variable))
         for name, choice in self._operators.items():
             choice.set_value(getattr(system, name))

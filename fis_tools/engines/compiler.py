@@ -324,7 +324,7 @@ def _packed(system: FuzzySystem) -> Packed | None:
     """
     if system.weighed:
         return None
-    for memberships in (variable.memberships for variable in (*system.inputs, *system.outputs)):
+    for memberships in (variable.memberships for variable in system.variables):
         if np.abs(np.diff(memberships)).max() > STEEPEST or memberships.max(axis=1).min() < LOWEST_PEAK:
             return None
     for output in system.outputs:

@@ -138,7 +138,7 @@ def _require_compilable(system: FuzzySystem) -> None:
     methods = (system.and_operator, system.or_operator, output.accumulation, system.defuzzifier_of(output))
     if methods != ("min", "max", "max", "centroid") or not system.cuts(output):
         refuse("only minimum, maximum and centroid are covered")
-    for variable in (*system.inputs, *system.outputs):
+    for variable in system.variables:
         if len(variable.terms) > MAX_TERMS:
             refuse(f"{variable.name!r} has {len(variable.terms)} terms, at most {MAX_TERMS} are covered")
         if variable.points is not None:

@@ -115,7 +115,7 @@ class SystemEncoding:
         """Return for each gene what it tunes."""
         names = []
         for system in self.systems:
-            for variable in (*system.inputs, *system.outputs):
+            for variable in system.variables:
                 where = f"{system.name}.{variable.name}"
                 names += [f"{where}.{term.name}.mean" for term in variable.terms[1:-1]]
                 names += [f"{where}.{term.name}.standard_deviation" for term in variable.terms]
@@ -128,7 +128,7 @@ class SystemEncoding:
         places, at = [], 0
         for system in self.systems:
             means, widths = [], []
-            for variable in (*system.inputs, *system.outputs):
+            for variable in system.variables:
                 terms = len(variable.terms)
                 means.append(slice(at, at + terms - 2))
                 widths.append(slice(at + terms - 2, at + 2 * terms - 2))
@@ -143,8 +143,7 @@ class SystemEncoding:
         genomes = self._checked(np.asarray(genome, dtype=np.float64)[np.newaxis])
         systems = []
         for system, places in zip(self.systems, self.places(), strict=True):
-            variables = (*system.inputs, *system.outputs)
-            found = zip(variables, self._taken(genomes, system, places), strict=True)
+            found = zip(system.variables, self._taken(genomes, system, places), strict=True)
             *inputs, output = (self._decoded(variable, *numbers) for variable, numbers in found)
             words = [output.terms[index].name for index in _terms(genomes[:, places.rules], output)[0]]
             rules = table_rules(inputs, output, words)
@@ -175,7 +174,7 @@ class SystemEncoding:
         """Return the genome, shape (num_genes,), of systems of this structure; clipped to the bounds."""
         genes: list[float] = []
         for system in systems:
-            for variable in (*system.inputs, *system.outputs):
+            for variable in system.variables:
                 means, widths = _gaussians(variable)
                 reach = variable.maximum if variable is system.outputs[0] else None
                 low, high = variable.minimum, variable.maximum
@@ -208,8 +207,7 @@ class SystemEncoding:
 
     def _taken(self, genomes: Floats, system: FuzzySystem, places: Places) -> Iterator[Numbers]:
         """Yield the numbers of each variable of a system, inputs first."""
-        variables = (*system.inputs, *system.outputs)
-        for variable, inner, widths in zip(variables, places.means, places.widths, strict=True):
+        for variable, inner, widths in zip(system.variables, places.means, places.widths, strict=True):
             low = np.full(len(genomes), variable.minimum)
             high = np.full(len(genomes), variable.maximum)
             if variable is system.outputs[0]:
@@ -429,7 +427,7 @@ class Stretches:
         for system in self.systems:
             if rule_table(system) is None:
                 raise ValueError(f"system {system.name!r} is not a full rule table; only those can be tuned")
-            for variable in (*system.inputs, *system.outputs):
+            for variable in system.variables:
                 if variable.minimum != -variable.maximum or variable.points is not None:
                     raise ValueError(
                         f"variable {variable.name!r} ranges from {variable.minimum} to {variable.maximum}; "
@@ -447,7 +445,7 @@ class Stretches:
         for system in self.systems:
             if self.has_planes:
                 names += [f"{system.name}.{variable.name}.gain" for variable in system.inputs]
-            names += [f"{system.name}.{v.name}.stretch" for v in (*system.inputs, *system.outputs)]
+            names += [f"{system.name}.{v.name}.stretch" for v in system.variables]
         return names
 
     def decode(self, genome: Floats) -> tuple[FuzzySystem, ...]:
@@ -488,9 +486,7 @@ class Stretches:
             if self.has_planes:
                 gains = plane_gains(system, table.astype(np.float64))
                 genes += list(0.5 + 0.5 * gains / READABLE_GAIN)
-            for before, now in zip(
-                (*own.inputs, *own.outputs), (*system.inputs, *system.outputs), strict=True
-            ):
+            for before, now in zip(own.variables, system.variables, strict=True):
                 genes.append(float(np.log(now.maximum / before.maximum / low) / np.log(high / low)))
         return np.clip(np.array(genes, dtype=np.float64), 0.0, 1.0)
 

@@ -284,6 +284,11 @@ class FuzzySystem:
         return self.defuzzifier_of(output) in WEIGHING
 
     @property
+    def variables(self) -> tuple[Variable, ...]:
+        """The inputs, then the outputs."""
+        return (*self.inputs, *self.outputs)
+
+    @property
     def weighed(self) -> tuple[Variable, ...]:
         """The outputs that are weighted averages or sums."""
         return tuple(output for output in self.outputs if self.weighs(output))
@@ -296,10 +301,10 @@ class FuzzySystem:
         KeyError
             If there is none.
         """
-        for variable in (*self.inputs, *self.outputs):
+        for variable in self.variables:
             if variable.name == name:
                 return variable
-        known = ", ".join(v.name for v in (*self.inputs, *self.outputs))
+        known = ", ".join(v.name for v in self.variables)
         raise KeyError(f"system {self.name!r} has no variable {name!r}; its variables are {known}")
 
     def and_operator_of(self, rule: Rule) -> AndOperator:

@@ -98,11 +98,10 @@ def problems(system: FuzzySystem) -> list[str]:
 def _size_problems(system: FuzzySystem) -> Iterator[str]:
     """Yield what makes a system too large for further checks."""
     where = f"system {system.name!r}"
-    everything = (*system.inputs, *system.outputs)
-    most_terms = max((len(variable.terms) for variable in everything), default=0)
+    most_terms = max((len(variable.terms) for variable in system.variables), default=0)
     memberships = sum(
         len(variable.terms) * variable.num_points
-        for variable in everything
+        for variable in system.variables
         if isinstance(variable.num_points, int | np.integer)
     )
     for what, count, most in (
@@ -123,9 +122,8 @@ def _problems(system: FuzzySystem) -> Iterator[str]:
     for kind, variables in (("inputs", system.inputs), ("outputs", system.outputs)):
         if not variables:
             yield f"{where} has no {kind}; a system needs at least one, so add a variable"
-    everything = (*system.inputs, *system.outputs)
-    yield from _duplicates(where, "variables", (variable.name for variable in everything))
-    for variable in everything:
+    yield from _duplicates(where, "variables", (variable.name for variable in system.variables))
+    for variable in system.variables:
         yield from (f"{where}, {problem}" for problem in _variable_problems(variable))
     yield from (f"{where}, {problem}" for problem in _output_problems(system))
     yield from (f"{where}, {problem}" for problem in _rule_base_problems(system))

@@ -39,7 +39,7 @@ def memberships_figure(system: FuzzySystem, *, theme: Theme = LIGHT) -> Figure:
 
     Outputs whose terms are numbers are left out.
     """
-    variables = [v for v in (*system.inputs, *system.outputs) if has_sets(v)]
+    variables = [v for v in system.variables if has_sets(v)]
     tall = [2.0 + 0.06 * len(variable.terms) for variable in variables]
     figure = Figure(figsize=(6.4, sum(tall) + 0.3), layout="constrained")
     axes = figure.subplots(len(variables), squeeze=False, height_ratios=tall).ravel()

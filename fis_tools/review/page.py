@@ -200,7 +200,7 @@ def _blocks(system: FuzzySystem, samples: Samples) -> Iterator[Block]:
     yield Paragraph(f"{summary(system)}.")
     terms = [
         [variable.name, term.name, shape_words(term)]
-        for variable in (*system.inputs, *system.outputs)
+        for variable in system.variables
         for term in variable.terms
     ]
     yield Fold("Terms, and what rules conclude", [Table(["variable", "term", "function or formula"], terms)])

@@ -104,7 +104,7 @@ def find(system: FuzzySystem, measures: Measures, thresholds: Thresholds) -> Ite
     """Yield the findings on the variables of a system."""
     yield from _unused(system)
     yield from _weighed(system)
-    for variable in (*system.inputs, *system.outputs):
+    for variable in system.variables:
         if variable in system.weighed:
             continue
         yield from _low(variable)
@@ -132,7 +132,7 @@ def _weighed(system: FuzzySystem) -> Iterator[Finding]:
 
 def _unused(system: FuzzySystem) -> Iterator[Finding]:
     used = used_terms(system.rules)
-    for variable in (*system.inputs, *system.outputs):
+    for variable in system.variables:
         idle = [term.name for term in variable.terms if (variable.name, term.name) not in used]
         is_input = variable in system.inputs
         if len(idle) == len(variable.terms):

@@ -49,7 +49,7 @@ class Merger:
 
 def mergers(system: FuzzySystem, look_alike: float) -> Iterator[Merger]:
     """Yield how similar terms can be merged: as the first, as the second, as their mean."""
-    for variable in (*system.inputs, *system.outputs):
+    for variable in system.variables:
         similarity = distinguishability(variable).similarity
         for first, second in zip(*np.nonzero(np.triu(similarity >= look_alike, 1)), strict=True):
             a, b = variable.terms[first], variable.terms[second]
@@ -194,7 +194,7 @@ MOST_DIGITS = 6
 def units(system: FuzzySystem) -> list[Unit]:
     """List what can be rounded: for each variable the ends of its range, and each of its terms."""
     found: list[Unit] = []
-    for variable in (*system.inputs, *system.outputs):
+    for variable in system.variables:
         shaped = [term for term in variable.terms if not isinstance(term.membership, model.Sampled)]
         if len(shaped) == len(variable.terms) and variable.points is None:
             found.append((variable.name, ""))
@@ -342,7 +342,7 @@ def cleaned(draft: Draft) -> Draft:
 def unused_words(before: FuzzySystem, after: FuzzySystem) -> str:
     """List the removed terms, by variable; empty if there are none."""
     unused = []
-    for old, new in zip((*before.inputs, *before.outputs), (*after.inputs, *after.outputs), strict=True):
+    for old, new in zip(before.variables, after.variables, strict=True):
         names = {term.name for term in new.terms}
         gone = [term.name for term in old.terms if term.name not in names]
         unused += [f"{listed(gone, len(gone))} of {old.name}"] if gone else []

@@ -256,7 +256,7 @@ class Simplification(Result):
 
 def num_terms(system: FuzzySystem) -> int:
     """Count the terms of all variables."""
-    return sum(len(variable.terms) for variable in (*system.inputs, *system.outputs))
+    return sum(len(variable.terms) for variable in system.variables)
 
 
 def budget_words(budget: Budget, *, flown: bool) -> str:

@@ -331,8 +331,7 @@ class _System:
     """One system of a controller on its way to C."""
 
     def __init__(self, name: str, system: FuzzySystem) -> None:
-        variables = (*system.inputs, *system.outputs)
-        words = _identifiers(variable.name for variable in variables)
+        words = _identifiers(variable.name for variable in system.variables)
         self.name = name
         self.system = system
         self.inputs = [

@@ -91,11 +91,10 @@ class Names:
     """
 
     def __init__(self, system: FuzzySystem) -> None:
-        everything = (*system.inputs, *system.outputs)
-        self.variables = _identifiers(variable.name for variable in everything)
+        self.variables = _identifiers(variable.name for variable in system.variables)
         self.terms = {
             (variable.name, term): name
-            for variable in everything
+            for variable in system.variables
             for term, name in _identifiers(term.name for term in variable.terms).items()
         }
         self.system = identifier(system.name)

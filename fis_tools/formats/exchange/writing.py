@@ -124,8 +124,7 @@ def _differences(
     controller: FuzzyController, expressed: Expressed, dialect: Dialect
 ) -> Iterator[tuple[str, list[str]]]:
     (system,) = controller.systems
-    originals = (*system.inputs, *system.outputs)
-    pairs = list(zip(originals, (*expressed.system.inputs, *expressed.system.outputs), strict=True))
+    pairs = list(zip(system.variables, expressed.system.variables, strict=True))
     names = [(system.name, expressed.system.name)]
     for variable, other in pairs:
         names.append((variable.name, other.name))
