@@ -176,7 +176,7 @@ class LinearLaw:
         for system, has_offset in zip(self.template.systems, self._has_offset, strict=True):
             table = rule_table(system)
             assert table is not None
-            genes += (0.5 + 0.5 * plane_gains(system, table.astype(np.float64)) / STEEPEST).tolist()
+            genes += (0.5 + 0.5 * plane_gains(system, table) / STEEPEST).tolist()
             genes += [0.5] * has_offset + [float(np.log(1.0 / low) / np.log(high / low))]
         return np.clip(np.array(genes), 0.0, 1.0)
 

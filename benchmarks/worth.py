@@ -115,7 +115,7 @@ def table_of(champion: Controller, senses: Sequence[int]) -> Controller:
     for system, place in zip(champion.systems, senses, strict=True):
         rules = rule_table(system)
         assert rules is not None
-        is_rising = plane_gains(system, rules.astype(np.float64))[place] >= 0.0
+        is_rising = plane_gains(system, rules)[place] >= 0.0
         inputs, output = (five_terms(system.inputs[place]),), five_terms(system.outputs[0])
         words = table_rules(inputs, output, WORDS[5] if is_rising else WORDS[5][::-1])
         systems.append(replace(system, inputs=inputs, outputs=(output,), rules=words))

@@ -94,8 +94,7 @@ class SystemEncoding:
         """Raise ValueError for systems that cannot be tuned in this way."""
         require_mamdani(self.systems, "tuning by these genes")
         for system in self.systems:
-            if rule_table(system) is None:
-                raise ValueError(f"system {system.name!r} is not a full rule table; only those can be tuned")
+            _full_table(system, "only those can be tuned")
             output = system.outputs[0]
             if output.minimum != -output.maximum:
                 raise ValueError(
@@ -176,19 +175,16 @@ class SystemEncoding:
         for system in systems:
             for variable in system.variables:
                 means, widths = _gaussians(variable)
-                reach = variable.maximum if variable is system.outputs[0] else None
                 low, high = variable.minimum, variable.maximum
                 centres, half = self._windows(np.array([low]), np.array([high]), len(means))
                 inner = (means - centres[0] + half[0]) / (2 * half[0])
                 least, greatest = self.bounds.standard_deviation
                 genes += list(inner[1:-1])
                 genes += list((widths / (high - low) - least) / (greatest - least))
-                if reach is not None:
-                    shortest, longest = self.bounds.output_reach
-                    genes.append(float(np.log(reach / shortest) / np.log(longest / shortest)))
-            table = rule_table(system)
-            if table is None:
-                raise ValueError(f"system {system.name!r} is not a full rule table; it has no genome")
+            shortest, longest = self.bounds.output_reach
+            reach = system.outputs[0].maximum
+            genes.append(float(np.log(reach / shortest) / np.log(longest / shortest)))
+            table = _full_table(system, "it has no genome")
             genes += list((table + 0.5) / len(system.outputs[0].terms))
         if len(genes) != self.num_genes:
             raise ValueError(
@@ -234,9 +230,17 @@ class SystemEncoding:
 
 
 def _terms(genes: Floats, output: Variable) -> Integers:
-    """Return the output term of each rule by its gene, (n, rules)."""
+    """Return the output term of each rule by its gene, of the same shape."""
     chosen = np.floor(len(output.terms) * genes).astype(np.int64)
     return np.minimum(chosen, len(output.terms) - 1)
+
+
+def _full_table(system: FuzzySystem, why: str) -> Integers:
+    """Return what the cells of a full rule table conclude; a ValueError says why there must be one."""
+    table = rule_table(system)
+    if table is None:
+        raise ValueError(f"system {system.name!r} is not a full rule table; {why}")
+    return table
 
 
 def _fault(variable: Variable) -> str:
@@ -310,8 +314,7 @@ class Planes:
         """Return the short vector of planes fitted to the tables of a genome, shape (encoding.num_genes,)."""
         genes: list[float] = []
         for system, places in zip(self.encoding.systems, self.encoding.places(), strict=True):
-            num_terms = len(system.outputs[0].terms)
-            terms = np.minimum(np.floor(num_terms * genome[places.rules]), num_terms - 1)
+            terms = _terms(genome[places.rules], system.outputs[0])
             genes += list(0.5 + 0.5 * plane_gains(system, terms) / GREATEST_GAIN)
             genes += [float(genome[widths].mean()) for widths in places.widths]
             genes.append(float(genome[places.reach]))
@@ -361,13 +364,14 @@ class KeptRules:
         return is_tuned
 
 
-def plane_terms(system: FuzzySystem, gains: Floats) -> Floats:
+def plane_terms(system: FuzzySystem, gains: Floats) -> Integers:
     """Return the output term of each rule of planar tables with gains, shape (n, inputs), as (n, rules)."""
     last = len(system.outputs[0].terms) - 1
-    return np.asarray(np.clip(np.rint(0.5 * last * (1.0 + gains @ _cells(system).T)), 0, last))
+    chosen = np.clip(np.rint(0.5 * last * (1.0 + gains @ _cells(system).T)), 0, last)
+    return np.asarray(chosen, dtype=np.int64)
 
 
-def plane_gains(system: FuzzySystem, terms: Floats) -> Floats:
+def plane_gains(system: FuzzySystem, terms: Integers) -> Floats:
     """Return the gains, shape (inputs,), that best fit the output terms of a table, shape (rules,).
 
     This works even if much of the plane is clipped at the ends.
@@ -425,8 +429,7 @@ class Stretches:
     def __post_init__(self) -> None:
         """Raise ValueError for systems that cannot be tuned in this way."""
         for system in self.systems:
-            if rule_table(system) is None:
-                raise ValueError(f"system {system.name!r} is not a full rule table; only those can be tuned")
+            _full_table(system, "only those can be tuned")
             for variable in system.variables:
                 if variable.minimum != -variable.maximum or variable.points is not None:
                     raise ValueError(
@@ -454,12 +457,11 @@ class Stretches:
         systems, at = [], 0
         for system in self.systems:
             count = len(system.inputs)
-            table = rule_table(system)
+            table = _full_table(system, "only those can be tuned")
             if self.has_planes:
                 gains = READABLE_GAIN * (2.0 * genome[at : at + count] - 1.0)
-                table = plane_terms(system, gains[np.newaxis])[0].astype(np.int64)
+                table = plane_terms(system, gains[np.newaxis])[0]
                 at += count
-            assert table is not None  # noqa: S101 - others are rejected above
             factors = low * (high / low) ** genome[at : at + count + 1]
             at += count + 1
             inputs = tuple(self._stretched(v, f) for v, f in zip(system.inputs, factors, strict=False))
@@ -480,11 +482,9 @@ class Stretches:
         low, high = self.factors
         genes: list[float] = []
         for own, system in zip(self.systems, systems, strict=True):
-            table = rule_table(system)
-            if table is None:
-                raise ValueError(f"system {system.name!r} is not a full rule table; it has no genome")
+            table = _full_table(system, "it has no genome")
             if self.has_planes:
-                gains = plane_gains(system, table.astype(np.float64))
+                gains = plane_gains(system, table)
                 genes += list(0.5 + 0.5 * gains / READABLE_GAIN)
             for before, now in zip(own.variables, system.variables, strict=True):
                 genes.append(float(np.log(now.maximum / before.maximum / low) / np.log(high / low)))
