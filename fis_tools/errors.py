@@ -1,5 +1,8 @@
 """Errors that a person can put right, each with a sentence that says how."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 
 class MissingExtra(ImportError):  # noqa: N818
     """An optional package is needed but not installed.
@@ -22,3 +25,12 @@ class MissingExtra(ImportError):  # noqa: N818
 
 class ControllerFileError(ValueError):
     """A controller file that cannot be read, told in a sentence."""
+
+
+@contextmanager
+def told_as(kind: type[Exception], *causes: type[Exception], where: str = "") -> Iterator[None]:
+    """Tell errors of some kinds that a block raises as errors of another; ``where`` begins the sentences."""
+    try:
+        yield
+    except causes as error:
+        raise kind(f"{where}{error}") from error

@@ -12,7 +12,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from fis_tools.analysis import flights
-from fis_tools.errors import ControllerFileError
+from fis_tools.errors import ControllerFileError, told_as
 from fis_tools.formats import serialize
 from fis_tools.model import FuzzyController, FuzzySystem
 from fis_tools.model.validate import nearest
@@ -108,10 +108,8 @@ def _of_program(path: Path | str, trust: bool) -> FuzzyController:
     found = read_object(path)
     if isinstance(found, str | Path):  # a path is read when it is given, not when a program names it
         raise ControllerFileError(f"{path} is the text {str(found)!r}; name a system or a controller")
-    try:
+    with told_as(ControllerFileError, ValueError, TypeError, where=f"{path}: "):
         return as_controller(found, str(path).rpartition(":")[2])
-    except (ValueError, TypeError) as error:
-        raise ControllerFileError(f"{path}: {error}") from error
 
 
 def _champion_of(folder: Path) -> str:

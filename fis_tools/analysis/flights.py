@@ -3,8 +3,8 @@
 This is the one file of the package that reads recordings.
 """
 
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterable
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -16,7 +16,7 @@ from fis_tools.analysis import tables
 from fis_tools.analysis.arrays import firing
 from fis_tools.array_types import Booleans, Floats
 from fis_tools.engines.compiler import compile as compiled
-from fis_tools.errors import ControllerFileError, MissingExtra
+from fis_tools.errors import ControllerFileError, MissingExtra, told_as
 from fis_tools.formats import serialize
 from fis_tools.model import FuzzyController, FuzzySystem
 from fis_tools.model.thrust import COUNTED, UNKNOWN
@@ -452,15 +452,11 @@ def _read(path: Path | str, topics: tuple[str, ...]) -> "Recording":
         return reader.read(path, topics)
 
 
-@contextmanager
-def _understood() -> Iterator[None]:
+def _understood() -> AbstractContextManager[None]:
     """Turn what a recording says wrongly into a `ControllerFileError`."""
     from telemetry.file import reader  # noqa: PLC0415 - as in `_read`
 
-    try:
-        yield
-    except reader.RecordingError as error:
-        raise ControllerFileError(str(error)) from error
+    return told_as(ControllerFileError, reader.RecordingError)
 
 
 def _controller_of(recording: "Recording") -> FuzzyController:
@@ -469,10 +465,9 @@ def _controller_of(recording: "Recording") -> FuzzyController:
         raise ControllerFileError(
             f"{recording.path} carries no {CONTROLLER_ATTACHMENT}; give the controller's file instead"
         )
-    try:
+    where = f"{recording.path}, {CONTROLLER_ATTACHMENT}: "
+    with told_as(ControllerFileError, ControllerFileError, UnicodeDecodeError, where=where):
         return serialize.loads(content.decode("utf-8"), "json")
-    except (ControllerFileError, UnicodeDecodeError) as error:
-        raise ControllerFileError(f"{recording.path}, {CONTROLLER_ATTACHMENT}: {error}") from error
 
 
 def _all_flown(recording: "Recording") -> list[FlownSystem]:

@@ -11,8 +11,8 @@ from fis_tools.analysis import flights as logged
 from fis_tools.analysis import tables
 from fis_tools.analysis.bounds import NUM_BOXES, ask, output_ranges
 from fis_tools.analysis.domain import Box, Departure, departures, from_mapping
-from fis_tools.commands.arguments import Asked, UserMistake, analysing, expected, mistakes, the_system
-from fis_tools.errors import ControllerFileError
+from fis_tools.commands.arguments import Asked, UserMistake, analysing, expected, the_system
+from fis_tools.errors import ControllerFileError, told_as
 
 
 def bounds(
@@ -54,7 +54,7 @@ def bounds(
     controller = asked.read()
     systems = (the_system(controller),) if where or question is not None else controller.systems
     sentences, verdict = [], None
-    with mistakes(ValueError), analysing(controller) as tell:
+    with told_as(UserMistake, ValueError), analysing(controller) as tell:
 
         def progress(num_boxes: int, num_open: int) -> None:
             tell(f"{num_boxes} boxes, {num_open} open")

@@ -37,15 +37,6 @@ class UserMistake(ValueError):  # noqa: N818
     """What the person at the keyboard can put right, told in a sentence."""
 
 
-@contextmanager
-def mistakes(*kinds: type[ValueError]) -> Iterator[None]:
-    """Tell errors of some kinds that a block raises as mistakes of the person at the keyboard."""
-    try:
-        yield
-    except kinds as error:
-        raise UserMistake(str(error)) from error
-
-
 def expected(words: str, is_right: Callable[[Any], bool]) -> Parameter:
     """Return what refuses the values of an option that are not as expected."""
 

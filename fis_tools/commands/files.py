@@ -10,7 +10,8 @@ from typing import Annotated, Literal
 from cyclopts import Parameter
 
 from fis_tools.commands import arguments
-from fis_tools.commands.arguments import Asked, Output, UserMistake, mistakes, write
+from fis_tools.commands.arguments import Asked, Output, UserMistake, write
+from fis_tools.errors import told_as
 from fis_tools.formats import serialize
 from fis_tools.formats.c import source
 from fis_tools.formats.files import ONE_SYSTEM, WHOLE, File, of_one_system
@@ -63,7 +64,7 @@ def export(
     if format in ONE_SYSTEM:
         _write_each(controller, format, output)
         return
-    with mistakes(ValueError):
+    with told_as(UserMistake, ValueError):
         write(output, source.write(controller, bare) if bare else WHOLE[format](controller))
 
 
@@ -74,10 +75,8 @@ def _write_each(controller: FuzzyController, form: str, output: str | None) -> N
         raise UserMistake("an FMU is an archive and cannot be printed; add -o FILE.fmu or -o FOLDER")
     files: dict[str, File] = {}
     for name, alone in _files(controller, ONE_SYSTEM[form], place).items():
-        try:
+        with told_as(UserMistake, ValueError, where=f"{alone.systems[0].name}: "):
             files[name] = of_one_system(alone, form)
-        except ValueError as error:
-            raise UserMistake(f"{alone.systems[0].name}: {error}") from error
     for name, file in files.items():
         if place is None:
             print(file.content.decode(), end="")
@@ -160,7 +159,7 @@ def import_(
     names = list(dict.fromkeys(controller.name for controller in controllers))
     name = name or (names[0] if len(names) == 1 else Path(files[0]).stem)
     controller = FuzzyController(name, systems, attributes, provenance)
-    with mistakes(InvalidSystem):
+    with told_as(UserMistake, InvalidSystem):
         content = form(controller)
     write(output, content)
     for sentence in (sentence for reading in readings for sentence in reading.assumptions):
@@ -257,7 +256,7 @@ def learn(
         write the controller (.json, .yaml)
     """
     form = arguments.form_of(output)
-    with mistakes(UnreadableTable, Unlearnable):
+    with told_as(UserMistake, UnreadableTable, Unlearnable):
         read_table = as_table(read(table), target, list(inputs) or None)
         for note in read_table.notes:
             print(f"note: {note}", file=sys.stderr)

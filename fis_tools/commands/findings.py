@@ -16,6 +16,7 @@ from fis_tools.commands import arguments
 from fis_tools.commands.arguments import AskedAlong, AskedInstant, Output, UserMistake, analysing
 from fis_tools.document import as_json, text
 from fis_tools.engines.inference import infer
+from fis_tools.errors import told_as
 from fis_tools.findings import audit as faults
 from fis_tools.findings import explanation, simplification
 from fis_tools.findings.audit import Severity, Thresholds, report
@@ -162,7 +163,7 @@ def _of_instants(
     if steps:
         steps_of = [wording.explain(infer(one.system, one.inputs)) for one in found if one.inputs is not None]
         return "\n".join([*steps_of, *silent])
-    with arguments.mistakes(ValueError), analysing(controller):
+    with told_as(UserMistake, ValueError), analysing(controller):
         explained = [
             explanation.explain(one.system, one.inputs, crossing, one.points)
             for one in found
@@ -308,7 +309,7 @@ def simplify(
     samples = asked.flown(controller)
     if samples is None and flights_only:
         raise UserMistake("--flights-only needs flights; add --flights, or leave it out")
-    with arguments.mistakes(ValueError):
+    with told_as(UserMistake, ValueError):
         budget = Budget(max_change, mean_change, flights_only, look_alike)
     with analysing(controller) as tell:
         found = simplification.simplify(controller, samples, budget, tell)

@@ -15,6 +15,7 @@ from fis_tools.array_types import Floats
 from fis_tools.commands import arguments
 from fis_tools.document import text
 from fis_tools.engines.inference import infer
+from fis_tools.errors import told_as
 from fis_tools.formats.csv import rows_as_text
 from fis_tools.model import FuzzyController, FuzzySystem
 from fis_tools.source import read_controller
@@ -203,7 +204,7 @@ def surface(
     elif in_space or asked.flights:
         raise arguments.UserMistake("--3d and --flights are for pictures; add -o FILE.png, .svg or .pdf")
     held = arguments.assignments(fixed)
-    with arguments.mistakes(ValueError):
+    with told_as(arguments.UserMistake, ValueError):
         result = arrays.surface(system, x, y, fixed=held, output=of, num_points=points)
     if output is None or ending not in PICTURES:
         arguments.write(output, _surface_csv(result))

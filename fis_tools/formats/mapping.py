@@ -16,7 +16,7 @@ from types import MappingProxyType
 from typing import Any, TypeVar
 
 from fis_tools import model
-from fis_tools.errors import ControllerFileError
+from fis_tools.errors import ControllerFileError, told_as
 from fis_tools.model.operators import HEDGES
 from fis_tools.model.shapes import SHAPES
 from fis_tools.model.validate import (
@@ -347,10 +347,8 @@ def _rules(
             f"{where} is a table of terms but the system has {len(outputs)} outputs; write each rule as "
             "{if: ..., then: [...]}"
         )
-    try:
+    with told_as(ControllerFileError, ValueError, where=f"{where}: "):
         return model.table_rules(inputs, outputs[0], value)
-    except ValueError as error:
-        raise ControllerFileError(f"{where}: {error}") from error
 
 
 def _rule(value: Any, where: str) -> model.Rule:

@@ -17,7 +17,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, Final
 
-from fis_tools.errors import ControllerFileError
+from fis_tools.errors import ControllerFileError, told_as
 from fis_tools.formats import mapping, notation
 from fis_tools.formats.mapping import to_mapping
 from fis_tools.model import FuzzyController
@@ -227,10 +227,8 @@ def reads(text: str, kind: Kind) -> Reading:
     if kind not in _PLAIN_READERS:
         reading: Reading = _module(kind).read(text)
         return reading
-    try:
+    with told_as(ControllerFileError, notation.Unreadable):
         content = _PLAIN_READERS[kind](text)
-    except notation.Unreadable as error:
-        raise ControllerFileError(str(error)) from error
     return Reading(from_mapping(content), ())
 
 

@@ -14,7 +14,7 @@ from fis_tools.analysis import tables
 from fis_tools.analysis.tables import name_and_unit
 from fis_tools.array_types import Floats, Integers
 from fis_tools.engines.inference import columns_of
-from fis_tools.errors import ControllerFileError
+from fis_tools.errors import ControllerFileError, told_as
 from fis_tools.learning.rules import range_of
 from fis_tools.model.validate import nearest
 from fis_tools.plain_text import distinct
@@ -145,10 +145,8 @@ def read(path: Path | str) -> Mapping[str, Any]:
     """
     if Path(path).suffix.lower() != tables.PARQUET:
         return read_csv(path)
-    try:
+    with told_as(UnreadableTable, ControllerFileError):
         return tables.read_parquet(Path(path), list)
-    except ControllerFileError as error:
-        raise UnreadableTable(str(error)) from error
 
 
 def read_csv(path: Path | str) -> dict[str, list[str]]:

@@ -19,6 +19,7 @@ from skfuzzy.control.term import TermAggregate
 
 from fis_tools import model
 from fis_tools.array_types import Floats
+from fis_tools.errors import told_as
 from fis_tools.model.operators import ACCUMULATIONS, AND_OPERATORS, OR_OPERATORS
 from fis_tools.model.systems import Named, NotResolvable, said_once, unchained
 from fis_tools.model.validate import MAX_NESTING, nearest, problems
@@ -174,10 +175,8 @@ def _defuzzifier(source: Any) -> model.Defuzzifier:
 def _rules(sources: Sequence[control.Rule], outputs: Sequence[model.Variable]) -> tuple[model.Rule, ...]:
     """Read rules in the order in which they are computed, and say those of a chain of the inputs alone."""
     named = [Named(_called(source), _rule(source)) for source in sources]
-    try:
+    with told_as(UnreadableControlSystem, NotResolvable):
         rules = unchained(named, {output.name: output for output in outputs})
-    except NotResolvable as error:
-        raise UnreadableControlSystem(str(error)) from error
     return _with_labels(sources, rules)
 
 

@@ -11,7 +11,7 @@ from dataclasses import replace
 from typing import Any
 
 from fis_tools import model
-from fis_tools.errors import ControllerFileError
+from fis_tools.errors import ControllerFileError, told_as
 from fis_tools.formats.exchange import foreign, vocabulary
 from fis_tools.formats.exchange.antecedents import with_any
 from fis_tools.formats.exchange.dialect import Dialect, Expressed, settle
@@ -154,10 +154,8 @@ def _system(blocks: Sequence[Block]) -> FuzzySystem:
         if block.kind == "OutputVariable" and block.name in weighed:
             _refuse_joined(block, rules)
     named = [Named(f"rule {place}", rule) for place, rule in enumerate(rules, start=1)]
-    try:
+    with told_as(ControllerFileError, NotResolvable):
         resolved = unchained(named, {output.name: output for output in outputs})
-    except NotResolvable as error:
-        raise ControllerFileError(str(error)) from error
     name = engines[0].name or "unnamed"
     operators_of_all = (and_operator or "min", or_operator or "max")
     read = FuzzySystem(name, with_any(inputs, rules), outputs, tuple(resolved), *operators_of_all)

@@ -18,7 +18,7 @@ from itertools import groupby
 from typing import Any
 
 from fis_tools import model
-from fis_tools.errors import ControllerFileError
+from fis_tools.errors import ControllerFileError, told_as
 from fis_tools.formats import notation, rendered, serialize
 from fis_tools.formats.exchange import dialect as dialects
 from fis_tools.formats.exchange import vocabulary
@@ -224,10 +224,8 @@ def understand(visible: FuzzySystem, comments: Iterable[tuple[int, str]], dialec
     )
     complete = replace(visible, outputs=tuple(outputs))
     refuse_problems(FuzzyController(visible.name, (complete,)))
-    try:
+    with told_as(ControllerFileError, NotExpressible):
         dialects.refuse_joined(complete)
-    except NotExpressible as error:
-        raise ControllerFileError(str(error)) from error
     if carried is None:
         return Reading(FuzzyController(visible.name, (complete,)), (*_assumptions(visible, dialect), *found))
     try:
