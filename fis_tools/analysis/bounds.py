@@ -326,7 +326,7 @@ def ask(
     asked = read_conditions(question, names)
     coefficients = np.array([[one.coefficients.get(name, 0.0) for name in names] for one in asked])
     lowest, highest = np.array([one.least for one in asked]), np.array([one.greatest for one in asked])
-    widths = np.abs(coefficients) @ [variable.maximum - variable.minimum for variable in system.outputs]
+    widths = np.abs(coefficients) @ [variable.span for variable in system.outputs]
 
     def promise(least: Floats, greatest: Floats) -> Floats:
         """Return how far inside of all conditions the outputs may lie; negative where they cannot."""
@@ -388,16 +388,13 @@ def output_ranges(
     packed = interval.pack(system)
     ranges = []
     for place, output in enumerate(system.outputs):
-        width = output.maximum - output.minimum
-        ends = []
+        gap, ends = tolerance * output.span, []
         for sign in (-1.0, 1.0):
 
             def promise(least: Floats, greatest: Floats, place: int = place, sign: float = sign) -> Floats:
                 return greatest[:, place] if sign > 0.0 else -least[:, place]
 
-            found = subdivide(
-                packed, where, promise, tolerance=tolerance * width, max_boxes=max_boxes, progress=progress
-            )
+            found = subdivide(packed, where, promise, tolerance=gap, max_boxes=max_boxes, progress=progress)
             if not len(found.open_promises) and found.best == -np.inf:
                 raise ValueError(f"no inputs meet all conditions of {region!r}; relax one of them")
             ends.append(found)

@@ -84,7 +84,7 @@ def holding_back(compiled: CompiledSystem, output: int = 0) -> tuple[int, ...]:
     ]
     middle = np.array([(v.minimum + v.maximum) / 2.0 for v in system.inputs])
     alone = compiled.conclude(np.eye(len(system.rules)), np.tile(middle, (len(system.rules), 1)))[:, output]
-    away = np.abs(alone - (variable.default or 0.0)) / (variable.maximum - variable.minimum)
+    away = np.abs(alone - (variable.default or 0.0)) / variable.span
     return tuple(place + 1 for place in concluding if away[place] < NOTHING)
 
 
@@ -113,7 +113,7 @@ def importance(compiled: CompiledSystem, inputs: Floats) -> Floats:
     if len(moved) == 0:
         raise ValueError("there are no samples; pass at least one row of inputs")
     counts = np.count_nonzero(~np.isnan(moved), axis=0)
-    ranges = np.array([variable.maximum - variable.minimum for variable in compiled.system.outputs])
+    ranges = np.array([variable.span for variable in compiled.system.outputs])
     shares: Floats = np.nansum(moved, axis=0) / np.maximum(counts, 1) / ranges
     return shares
 

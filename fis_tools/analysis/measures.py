@@ -208,7 +208,7 @@ def _meanings(system: model.FuzzySystem, number: int, answers: Floats, own: Floa
         place = names.index(consequent.variable)
         variable = system.outputs[place]
         if system.weighs(variable):
-            off = np.abs(answers[:, place] - own[place]) / (variable.maximum - variable.minimum)
+            off = np.abs(answers[:, place] - own[place]) / variable.span
             meant = np.minimum(meant, np.clip(1.0 - off, 0.0, 1.0))
             continue
         function = variable.memberships[variable.term_index(consequent.term)]

@@ -485,7 +485,7 @@ def importance(compiled: CompiledSystem, inputs: Floats) -> Floats:
         The mean size of its shares, in parts of the output's range; of many samples `MOST_SAMPLES` are taken.
     """
     some = inputs[:: -(-len(inputs) // MOST_SAMPLES)]
-    ranges = np.array([variable.maximum - variable.minimum for variable in compiled.system.outputs])
+    ranges = np.array([variable.span for variable in compiled.system.outputs])
     moved: Floats = np.abs(shares(compiled, some, FEW_ORDERS).values).mean(axis=0) / ranges
     return moved
 

@@ -13,7 +13,6 @@ from fis_tools.array_types import Floats
 from fis_tools.edit.touches import numbers_of, said
 from fis_tools.model import And, Consequent, FuzzySystem, Is, MembershipFunction, Rule, Term, Variable
 from fis_tools.model.shapes import SHAPES
-from fis_tools.model.systems import has_sets
 from fis_tools.model.variables import sample, shape_values
 from fis_tools.words import text
 from fis_tools.words.text import with_unit
@@ -41,7 +40,7 @@ def variable(shown: Variable) -> dict[str, Any]:
     pairs = zip(shown.terms, colours(len(shown.terms)), strict=True)
     terms = [_term(shown, term, colour) for term, colour in pairs]
     found = {name: getattr(shown, name) for name in ("name", "unit", "description", "minimum", "maximum")}
-    return found | {"has_sets": has_sets(shown), "shapes": SETS, "terms": terms}
+    return found | {"has_sets": shown.has_sets, "shapes": SETS, "terms": terms}
 
 
 def _term(shown: Variable, term: Term, colour: str) -> dict[str, Any]:
@@ -52,11 +51,11 @@ def _term(shown: Variable, term: Term, colour: str) -> dict[str, Any]:
         "colour": colour,
         "numbers": [{"key": key, "value": value} for key, value in numbers.items()],
     }
-    if not has_sets(shown):
+    if not shown.has_sets:
         constant = getattr(shape, "value", getattr(shape, "constant", 0.0))
         return found | {"middle": constant, "path": "", "handles": []}
     values = sample(shown, term)
-    x = 1000.0 * (shown.universe - shown.minimum) / (shown.maximum - shown.minimum)
+    x = 1000.0 * (shown.universe - shown.minimum) / shown.span
     points = " L".join(f"{a:.5g} {100 - 100 * b:.4g}" for a, b in zip(x, values, strict=True))
     middle = shown.universe[np.flatnonzero(values == values.max())[[0, -1]]].mean()
     return found | {"middle": float(middle), "path": f"M{points}", "handles": list(_handles(shape))}

@@ -15,7 +15,6 @@ from fis_tools.edit.session import Session
 from fis_tools.engines.inference import infer
 from fis_tools.model import FuzzySystem, Variable
 from fis_tools.model.operators import AND_OPERATORS, OR_OPERATORS
-from fis_tools.model.systems import has_sets
 from fis_tools.words.text import rule_tables
 
 #: points along each axis of a surface
@@ -165,7 +164,7 @@ class SystemView:
         for view, degrees in zip(self._inputs, inference.memberships, strict=True):
             self._tell(view, "infer", degrees.round(4).tolist())
         for view, output in zip(self._outputs, inference.outputs, strict=True):
-            cuts = output.cuts.round(4).tolist() if has_sets(output.variable) else []
+            cuts = output.cuts.round(4).tolist() if output.variable.has_sets else []
             self._tell(view, "infer", cuts, float(output.value))
         self._tell(self._rules, "fire", inference.firing_strengths.round(3).tolist())
 

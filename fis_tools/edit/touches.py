@@ -14,7 +14,6 @@ from fis_tools import model
 from fis_tools.formats.exchange.fll_rules import read_own
 from fis_tools.model import FuzzyController, FuzzySystem, Is, Rule, Term, Variable
 from fis_tools.model.shapes import SHAPES
-from fis_tools.model.systems import has_sets
 from fis_tools.model.variables import sample
 
 #: half the width of a Gaussian at half its height, in standard deviations
@@ -84,7 +83,7 @@ def reshaped(variable: Variable, term: Term, name: str) -> Term:
     inside = variable.universe[sample(variable, term) >= 0.5]
     low, high = (inside[0], inside[-1]) if len(inside) else (variable.minimum, variable.maximum)
     middle = 0.5 * float(low + high)
-    width = max(float(high - low), 0.01 * (variable.maximum - variable.minimum))
+    width = max(float(high - low), 0.01 * variable.span)
     kinds = SHAPES[name].entry.kinds
     places = [key for key, kind in kinds.items() if kind == "place"]
     spread = np.linspace(middle - width, middle + width, len(places)) if len(places) > 1 else [middle]
@@ -98,9 +97,9 @@ def new_term(variable: Variable) -> Term:
     """Return a term to be added: in the middle of the range, with a name of its own."""
     taken = {term.name for term in variable.terms}
     name = next(name for n in range(1, len(taken) + 2) if (name := f"term_{n}") not in taken)
-    if not has_sets(variable):
+    if not variable.has_sets:
         return Term(name, model.Constant(0.0))
-    middle, width = 0.5 * (variable.minimum + variable.maximum), 0.25 * (variable.maximum - variable.minimum)
+    middle, width = 0.5 * (variable.minimum + variable.maximum), 0.25 * variable.span
     return Term(name, model.Triangular(middle - width, middle, middle + width))
 
 

@@ -329,7 +329,7 @@ def _packed(system: FuzzySystem) -> Packed | None:
             return None
     for output in system.outputs:
         farthest = max(abs(output.minimum), abs(output.maximum))
-        if UNITS_OFF * np.spacing(farthest) > ROUNDED * (output.maximum - output.minimum):
+        if UNITS_OFF * np.spacing(farthest) > ROUNDED * output.span:
             return None
     try:
         return packing.pack(system)

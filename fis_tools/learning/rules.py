@@ -415,8 +415,8 @@ def _numbers(output: Variable, inputs: Sequence[Variable], coefficients: Floats)
 
     Constants stay in the range of the output, which rows beside a rule may have led out of it.
     """
-    step = DIGIT * (output.maximum - output.minimum)
-    steps = [step / (variable.maximum - variable.minimum) for variable in inputs]
+    step = DIGIT * output.span
+    steps = [step / variable.span for variable in inputs]
     found = []
     for rule, (*factors, constant) in enumerate(coefficients.tolist(), start=1):
         if any(factors):

@@ -528,11 +528,6 @@ def require_mamdani(systems: Iterable[FuzzySystem], what: str) -> None:
             )
 
 
-def has_sets(variable: Variable) -> bool:
-    """Return whether the terms of a variable are fuzzy sets rather than numbers."""
-    return not any(isinstance(term.membership, Number) for term in variable.terms)
-
-
 def reach(output: Variable, inputs: Sequence[Variable]) -> tuple[float, float]:
     """Return the least and the greatest value of an output's terms over the ranges of the inputs.
 

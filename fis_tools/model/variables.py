@@ -10,6 +10,7 @@ from functools import cached_property
 import numpy as np
 
 from fis_tools.array_types import Floats
+from fis_tools.model.numbers import Number
 from fis_tools.model.operators import Accumulation, Aggregation, Defuzzifier
 from fis_tools.model.shapes import SMALLEST_MEMBERSHIP, MembershipFunction
 from fis_tools.plain_text import plain
@@ -79,6 +80,16 @@ class Variable:
         if self.points is not None:
             return np.array(self.points, dtype=np.float64)
         return np.linspace(self.minimum, self.maximum, self.num_points)
+
+    @property
+    def span(self) -> float:
+        """The width of the universe."""
+        return self.maximum - self.minimum
+
+    @property
+    def has_sets(self) -> bool:
+        """Whether its terms are fuzzy sets rather than numbers."""
+        return not any(isinstance(term.membership, Number) for term in self.terms)
 
     @cached_property
     def memberships(self) -> Floats:
@@ -158,4 +169,4 @@ def peak(variable: Variable, term: Term) -> float:
     """Return the middle of where a term's sampled membership is highest; rounding errors become 0."""
     values = sample(variable, term)
     place = float(np.mean(variable.universe[values >= values.max() - 1e-9]))
-    return 0.0 if abs(place) < 1e-9 * (variable.maximum - variable.minimum) else place
+    return 0.0 if abs(place) < 1e-9 * variable.span else place

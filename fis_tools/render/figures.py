@@ -14,7 +14,6 @@ from matplotlib.figure import Figure
 from fis_tools.analysis.arrays import Surface, output_named, surface
 from fis_tools.array_types import Floats
 from fis_tools.model import FuzzySystem, Term, Variable
-from fis_tools.model.systems import has_sets
 from fis_tools.model.variables import peak, sample
 from fis_tools.render import lettering, surfaces
 from fis_tools.render.inference import memberships
@@ -39,7 +38,7 @@ def memberships_figure(system: FuzzySystem, *, theme: Theme = LIGHT) -> Figure:
 
     Outputs whose terms are numbers are left out.
     """
-    variables = [v for v in system.variables if has_sets(v)]
+    variables = [v for v in system.variables if v.has_sets]
     tall = [2.0 + 0.06 * len(variable.terms) for variable in variables]
     figure = Figure(figsize=(6.4, sum(tall) + 0.3), layout="constrained")
     axes = figure.subplots(len(variables), squeeze=False, height_ratios=tall).ravel()

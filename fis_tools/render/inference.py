@@ -54,8 +54,7 @@ def memberships(variable: Variable, ax: Axes, value: float | None = None, *, the
 def _name(variable: Variable, ax: Axes, theme: Theme) -> float:
     """Write each term's name over its peak, one line above the other; return the share of height taken."""
     across, down = lettering.inches(ax)
-    span = variable.maximum - variable.minimum
-    peaks = [across * (peak(variable, term) - variable.minimum) / span for term in variable.terms]
+    peaks = [across * (peak(variable, term) - variable.minimum) / variable.span for term in variable.terms]
     most_lines = max(1, int((_MOST_ROOM * down - 0.05) / lettering.height("", SMALL)))
     names = [term.name for term in variable.terms]
     widths = [1.0, 0.6, 0.45, 0.3, 0.2, 0.15, 0.1]

@@ -57,7 +57,7 @@ def value_limits(results: Sequence[Surface]) -> tuple[float, float]:
     low = min(float(np.nanmin(result.values)) for result in results)
     high = max(float(np.nanmax(result.values)) for result in results)
     output = results[0].output
-    is_flat = high - low < _SAME * (output.maximum - output.minimum)
+    is_flat = high - low < _SAME * output.span
     return (output.minimum, output.maximum) if is_flat else (low, high)
 
 

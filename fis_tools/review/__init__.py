@@ -11,7 +11,6 @@ from types import ModuleType
 from fis_tools.document import html
 from fis_tools.errors import MissingExtra
 from fis_tools.model import FuzzyController, FuzzySystem, Variable
-from fis_tools.model.systems import has_sets
 from fis_tools.words.text import outline
 
 
@@ -42,7 +41,7 @@ def system_tables(system: FuzzySystem) -> str:
 
 def variable_picture(variable: Variable) -> str | None:
     """Return a variable's membership functions as SVG; None, for its text, without matplotlib or any."""
-    if not has_sets(variable):
+    if not variable.has_sets:
         return None
     try:
         from fis_tools import render  # noqa: PLC0415 - tables are shown without matplotlib

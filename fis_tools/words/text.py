@@ -247,7 +247,7 @@ NEGLIGIBLE = 1e-9
 
 def amount(variable: Variable, value: float) -> str:
     """Format a value of a variable with four significant digits and its unit; rounding errors become 0."""
-    value = 0.0 if abs(value) < NEGLIGIBLE * span(variable) else value
+    value = 0.0 if abs(value) < NEGLIGIBLE * variable.span else value
     return f"{number(float(f'{value:.4g}'))} {variable.unit}".rstrip()
 
 
@@ -278,11 +278,6 @@ def listed(words: list[str], most: int = 3) -> str:
     if len(words) > most:
         return f"{', '.join(shown)} and {len(words) - most} more"
     return " and ".join([", ".join(shown[:-1]), shown[-1]] if len(shown) > 1 else shown)
-
-
-def span(variable: Variable) -> float:
-    """Return the width of a variable's universe."""
-    return variable.maximum - variable.minimum
 
 
 def outline(controller: FuzzyController) -> Document:

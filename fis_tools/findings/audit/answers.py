@@ -11,7 +11,7 @@ from fis_tools.array_types import Floats
 from fis_tools.engines.compiler import compile as compiled
 from fis_tools.findings.audit.report import Finding, Severity, Thresholds
 from fis_tools.model import FuzzySystem
-from fis_tools.words.text import NEGLIGIBLE, amount, listed, percent, place, rule_words, span
+from fis_tools.words.text import NEGLIGIBLE, amount, listed, percent, place, rule_words
 
 #: About how many points of the input ranges are evaluated.
 NUM_POINTS = 20_000
@@ -60,7 +60,7 @@ def _complete(system: FuzzySystem, measures: Measures, thresholds: Thresholds) -
 def _reach(system: FuzzySystem, which: int, values: Floats, thresholds: Thresholds) -> Iterator[Finding]:
     output = system.outputs[which]
     low, high = float(values.min()), float(values.max())
-    part = (high - low) / span(output)
+    part = (high - low) / output.span
     if part >= thresholds.reach:
         return
     extent = f"{amount(output, output.minimum)} to {amount(output, output.maximum)}"
@@ -92,7 +92,7 @@ def _ways_back(
     way = 1.0 if up >= down else -1.0
     back = np.maximum.accumulate(way * lines, axis=-1) - way * lines
     worst = np.unravel_index(int(np.argmax(back)), back.shape)
-    if back[worst] < thresholds.reversal * span(output):
+    if back[worst] < thresholds.reversal * output.span:
         return
     line, end = way * lines[worst[:-1]], int(worst[-1])
     start = int(end - np.argmax(line[: end + 1][::-1] == line[: end + 1].max()))
@@ -100,7 +100,7 @@ def _ways_back(
     held = [(system.inputs[o], float(axes[o][i])) for o, i in zip(others, worst[:-1], strict=True)]
     where = ", ".join(f"{other.name} = {amount(other, value)}" for other, value in held)
     ways = ("rises", "falls") if way > 0 else ("falls", "rises")
-    by = f"{amount(output, float(back[worst]))} ({percent(float(back[worst]) / span(output))} of its range)"
+    by = f"{amount(output, float(back[worst]))} ({percent(float(back[worst]) / output.span)} of its range)"
     yield Finding(
         "monotonicity-surface",
         Severity.WARNING,

@@ -143,7 +143,7 @@ def _table(system: FuzzySystem) -> _Table | None:
     if system.weighed and not all(isinstance(t.membership, Constant) for t in system.outputs[0].terms):
         return None
     output = system.outputs[0]
-    centres = np.array([centre(output, term) for term in output.terms]) / text.span(output)
+    centres = np.array([centre(output, term) for term in output.terms]) / output.span
     numbers = np.zeros([len(variable.terms) for variable in system.inputs], dtype=np.int64)
     count = np.zeros_like(numbers)
     for index, cell in enumerate(cells):
@@ -180,7 +180,7 @@ def _jumps(system: FuzzySystem, axis: int, steps: list[Step], thresholds: Thresh
     if not far:
         return
     output = system.outputs[0]
-    jump = text.amount(output, abs(far[0].change) * text.span(output))
+    jump = text.amount(output, abs(far[0].change) * output.span)
     yield Finding(
         "contradicting-neighbours",
         Severity.WARNING if len(far) > thresholds.against * len(steps) else Severity.NOTE,
@@ -242,7 +242,7 @@ def _symmetry(system: FuzzySystem, table: _Table, thresholds: Thresholds) -> Ite
     if not numbers.all():
         return
     output, everywhere = system.outputs[0], tuple(range(numbers.ndim))
-    middle = (output.minimum + output.maximum) / text.span(output)
+    middle = (output.minimum + output.maximum) / output.span
     ones = [(axis,) for axis in everywhere] if len(everywhere) > 1 else []
     for axes, is_odd in ((everywhere, True), *product(ones, (True, False))):
         reflected = np.flip(levels, axes)

@@ -12,7 +12,7 @@ from fis_tools.analysis.measures import Measures, centre
 from fis_tools.array_types import Floats
 from fis_tools.findings.audit.report import Finding, Severity, Thresholds
 from fis_tools.model import FuzzySystem, Variable, used_terms
-from fis_tools.words.text import amount, listed, number, percent, span
+from fis_tools.words.text import amount, listed, number, percent
 
 #: Words of a magnitude, from little to much.
 _MAGNITUDES = {
@@ -314,7 +314,7 @@ def _zero(variable: Variable, readings: list[Reading | None], thresholds: Thresh
             "zero-off-zero",
             Severity.SERIOUS if best != place and at_zero[place] < 0.5 else Severity.WARNING,
             f"{term.name} of {variable.name} peaks at {amount(variable, here)}, "
-            f"{percent(abs(here) / span(variable))} of the range away from 0: 0 has a membership "
+            f"{percent(abs(here) / variable.span)} of the range away from 0: 0 has a membership "
             f"of only {at_zero[place]:.2f} in it{instead}.",
             f"Move {term.name} to 0, or rename it after where it lies.",
             variable.name,

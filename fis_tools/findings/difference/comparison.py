@@ -13,7 +13,6 @@ from fis_tools.array_types import Floats
 from fis_tools.engines.compiler import compile as compiled
 from fis_tools.formats.serialize import fingerprint
 from fis_tools.model import FuzzyController, FuzzySystem, Rule, Term, Variable
-from fis_tools.model.systems import has_sets
 from fis_tools.model.variables import peak, sample
 from fis_tools.words.text import number
 
@@ -288,14 +287,14 @@ def _compare_terms(before: Variable, after: Variable) -> Iterator[TermChange]:
             yield TermChange(None, new)
         elif old != new or not _is_same_function(before, old, after, new):
             moved = _middle(after, new) - _middle(before, old)
-            width = max(v.maximum - v.minimum for v in (before, after))
+            width = max(v.span for v in (before, after))
             yield TermChange(old, new, moved, abs(moved) / width, _similarity(before, old, after, new))
     for old in gone.values():
         yield TermChange(old, None)
 
 
 def _is_same_function(before: Variable, old: Term, after: Variable, new: Term) -> bool:
-    if not (has_sets(before) and has_sets(after)):
+    if not (before.has_sets and after.has_sets):
         return old == new
     is_same_universe = np.array_equal(before.universe, after.universe)
     return not is_same_universe or np.array_equal(sample(before, old), sample(after, new))
@@ -315,7 +314,7 @@ def _middle(variable: Variable, term: Term) -> float:
 
 def _similarity(before: Variable, old: Term, after: Variable, new: Term) -> float:
     """Return the area under the lower of two functions over that under the higher one."""
-    if not (has_sets(before) and has_sets(after)):
+    if not (before.has_sets and after.has_sets):
         return float(old.membership == new.membership)
     points = np.union1d(before.universe, after.universe)
     points = np.union1d(points, np.linspace(points[0], points[-1], 2001))
@@ -412,7 +411,7 @@ def _change(
 ) -> OutputChange:
     sizes = np.abs(values[1] - values[0])
     worst = int(np.argmax(sizes))
-    width = max(v.maximum - v.minimum for v in (before.variable(output.name), output))
+    width = max(v.span for v in (before.variable(output.name), output))
     mean, largest = float(sizes.mean()), float(sizes[worst])
     at = {name: float(column[worst]) for name, column in inputs.items()}
     sides = values[:, worst].tolist()

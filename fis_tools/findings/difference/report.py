@@ -11,7 +11,6 @@ from fis_tools.findings.difference import comparison
 from fis_tools.findings.difference.comparison import Fact, Pair, Source, SystemDifference, VariableChange
 from fis_tools.findings.difference.pictures import draw_surfaces, draw_terms
 from fis_tools.model import Formula, FuzzyController, FuzzySystem, Linear, Rule, Sampled, Term, with_terms
-from fis_tools.model.systems import has_sets
 from fis_tools.model.validate import validate
 from fis_tools.words import text
 
@@ -164,7 +163,7 @@ def _outputs(changes: Sequence[comparison.OutputChange]) -> Iterator[Table]:
 def largest_words(change: comparison.OutputChange) -> str:
     """Describe where an output changed most, with both values."""
     output = change.output
-    noise = 1e-12 * (output.maximum - output.minimum)
+    noise = 1e-12 * output.span
     before, after = (value if abs(value) > noise else 0.0 for value in (change.before, change.after))
     at = ", ".join(f"{name} = {text.number(value)}" for name, value in change.inputs.items())
     return f"from {text.number(before)} to {text.quantity(output, after)} at {at}"
@@ -185,7 +184,7 @@ def _variable(change: VariableChange, pictures: bool) -> Iterator[Block]:
     yield Heading(head, 3)
     yield from _fact_table(change.facts)
     if change.terms:
-        if pictures and has_sets(change.before) and has_sets(change.after):
+        if pictures and change.before.has_sets and change.after.has_sets:
             yield Figure(draw_terms(change))
         rows = [[term_name(term), *term_words(change, term)] for term in change.terms]
         yield Table(["term", f"membership function, before {TO} after", "how far"], rows)

@@ -17,7 +17,7 @@ from fis_tools.findings.explanation.flips import ClassFlip, Flip, class_flips, f
 from fis_tools.findings.explanation.points import made_of, missed_words, plain_parts, rehearsed
 from fis_tools.findings.explanation.shares import shares
 from fis_tools.model import FuzzySystem, Variable
-from fis_tools.words.text import NEGLIGIBLE, amount, listed, percent, sentence, signed, span
+from fis_tools.words.text import NEGLIGIBLE, amount, listed, percent, sentence, signed
 
 __all__ = ["Explanation", "Flip", "explain", "flips", "missed_words", "rehearsed", "shares"]
 
@@ -206,7 +206,7 @@ class Explanation(Result):
         is_told = abs(whole) > CANCELLED * max(map(abs, shared.values()), default=0.0)
         sentences = []
         for term in sorted(groups, key=lambda term: -abs(shared[term])):
-            least = NEGLIGIBLE * span(output.variable)
+            least = NEGLIGIBLE * output.variable.span
             who = [str(move.rule) for move in groups[term] if abs(move.share) > least]
             if who:
                 holds = all(move.rule in output.holding for move in groups[term])
@@ -221,7 +221,7 @@ class Explanation(Result):
     def _moves(self, output: ExplainedOutput, everything: bool) -> tuple[list[list[str]], str]:
         """Return the listed rules as cells, and a sentence on the others."""
         variable, moves = output.variable, output.moves
-        shown = [move for move in moves if abs(move.share) >= WORTH_TELLING * span(variable)][:MOST_RULES]
+        shown = [move for move in moves if abs(move.share) >= WORTH_TELLING * variable.span][:MOST_RULES]
         shown = list(moves) if everything else shown or list(moves[:1])
         rows = []
         for move in shown:
@@ -233,7 +233,7 @@ class Explanation(Result):
             return rows, ""
         fire = "1 more rule fires, with" if len(rest) == 1 else f"{len(rest)} more rules fire, each with"
         most = abs(rest[0].share)
-        share = f"{amount(variable, most)} at most" if most > NEGLIGIBLE * span(variable) else "no share"
+        share = f"{amount(variable, most)} at most" if most > NEGLIGIBLE * variable.span else "no share"
         return rows, f"{fire} {share}"
 
 
@@ -292,7 +292,7 @@ def _landing(flip: Flip) -> str:
         return ""
     if flip.takes_default:
         return f"; there no rule fires, and it takes its default, {amount(flip.output, flip.output_at_first)}"
-    if abs(flip.output_at_first - flip.output_at_last) > JUMP * span(flip.output):
+    if abs(flip.output_at_first - flip.output_at_last) > JUMP * flip.output.span:
         jump = f"{amount(flip.output, flip.output_at_last)} to {amount(flip.output, flip.output_at_first)}"
         return f"; there it jumps from {jump}"
     return ""

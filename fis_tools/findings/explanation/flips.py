@@ -10,7 +10,6 @@ from fis_tools.array_types import Booleans, Floats
 from fis_tools.engines.compiler import CompiledSystem, compile
 from fis_tools.engines.inference import infer
 from fis_tools.model import FuzzySystem, Variable
-from fis_tools.words.text import span
 
 #: Steps of the search from one point of a universe to the next.
 STEPS = 8
@@ -66,7 +65,7 @@ class Flip:
     @property
     def share(self) -> float:
         """The size of the change as a share of the input's range; infinite if no change suffices."""
-        return np.inf if self.change is None else abs(self.change) / span(self.input)
+        return np.inf if self.change is None else abs(self.change) / self.input.span
 
 
 def flips(system: object, inputs: ArrayLike | Mapping[str, float], value: float = 0.0) -> tuple[Flip, ...]:
@@ -102,7 +101,7 @@ def flips(system: object, inputs: ArrayLike | Mapping[str, float], value: float 
 
         def side_of(outputs: Floats, place: int = place, output: Variable = output) -> Floats:
             differences = outputs[:, place] - value
-            return np.where(np.abs(differences) <= TOUCHING * span(output), 0.0, np.sign(differences))
+            return np.where(np.abs(differences) <= TOUCHING * output.span, 0.0, np.sign(differences))
 
         of_output = []
         for index, way, side, ends in _searched(compiled, given, side_of):
@@ -137,7 +136,7 @@ class ClassFlip:
     @property
     def share(self) -> float:
         """The size of the change as a share of the input's range."""
-        return abs(self.first - self.given) / span(self.input)
+        return abs(self.first - self.given) / self.input.span
 
 
 def is_classifier(system: FuzzySystem) -> bool:
@@ -173,7 +172,7 @@ def _searched(
         across, ends = np.flatnonzero(_is_across(sides, sides[0])), None
         if len(across):
             last, first = rows[across[0] - 1], rows[across[0]]
-            while abs(first[index] - last[index]) > LOCATED * span(compiled.system.inputs[index]):
+            while abs(first[index] - last[index]) > LOCATED * compiled.system.inputs[index].span:
                 middle = last.copy()
                 middle[index] = 0.5 * (last[index] + first[index])
                 is_there = _is_across(side_of(compiled(middle[np.newaxis])), sides[0])[0]

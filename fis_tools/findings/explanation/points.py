@@ -9,7 +9,7 @@ from fis_tools.analysis.flights import Points
 from fis_tools.array_types import Floats
 from fis_tools.document import Block, Document, Paragraph, Table
 from fis_tools.model import FuzzySystem
-from fis_tools.words.text import NEGLIGIBLE, amount, listed, signed, span
+from fis_tools.words.text import NEGLIGIBLE, amount, listed, signed
 
 #: beyond so many points, only what the others add together is told
 MOST_POINTS = 5
@@ -32,7 +32,7 @@ def made_of(
         rows = [[signed(variable, float(parts[place])), *_where(points, place)] for place in shown]
         if len(order) > len(shown):
             rows.append([signed(variable, rest), f"{len(order) - len(shown)} more", "", "", ""])
-        if not order or abs(others) > NEGLIGIBLE * span(variable):
+        if not order or abs(others) > NEGLIGIBLE * variable.span:
             rows.append([signed(variable, others), "none", "", "", ""])
         yield Paragraph(f"{variable.name} = {amount(variable, value)}, the sum of what points add:")
         yield Table(["part", "point", "latitude", "longitude", "dark in"], rows, numbers=(0, 1, 2, 3, 4))

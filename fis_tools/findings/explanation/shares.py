@@ -142,7 +142,7 @@ def shares(system: object, samples: Floats) -> Shares:
     """
     compiled = compile(system)
     usage = rule_usage(compiled.firing_strengths(samples))
-    spans = np.array([variable.maximum - variable.minimum for variable in compiled.system.outputs])
+    spans = np.array([variable.span for variable in compiled.system.outputs])
     weights = shapley.importance(compiled, samples)
     moved, needed = weights * spans, importance(compiled, samples) * spans
     weights = weights.max(axis=1)

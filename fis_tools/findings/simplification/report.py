@@ -13,7 +13,7 @@ from fis_tools.array_types import Floats
 from fis_tools.document import Block, Document, Heading, Paragraph, Result, Table, plain
 from fis_tools.engines.compiler import compile
 from fis_tools.model import FuzzyController, FuzzySystem
-from fis_tools.words.text import amount, span
+from fis_tools.words.text import amount
 
 #: Samples of the whole ranges of the inputs.
 NUM_SPREAD = 4096
@@ -145,7 +145,7 @@ def bench_for(system: FuzzySystem, flown: Floats | None, budget: Budget) -> Benc
     samples[SPREAD] = spread_inputs(system, NUM_SPREAD)
     compiled = compile(system)
     outputs = {name: compiled(rows) for name, rows in samples.items()}
-    return Bench(budget, samples, outputs, np.array([span(variable) for variable in system.outputs]))
+    return Bench(budget, samples, outputs, np.array([variable.span for variable in system.outputs]))
 
 
 Kind = Literal["input", "drop", "merge", "terms", "round"]
@@ -282,9 +282,7 @@ def _blocks(system: SimplifiedSystem) -> Iterator[Block]:
     for place, output in enumerate(system.original.outputs):
         departs = []
         for where, change in system.changes.items():
-            most, mean = (
-                amount(output, part[place] * span(output)) for part in (change.largest, change.mean)
-            )
+            most, mean = (amount(output, part[place] * output.span) for part in (change.largest, change.mean))
             departs.append(f"{most} at most and {mean} on average {_PLACES[where]}")
         yield Paragraph(f"{name}: {output.name} departs by {'; by '.join(departs)}")
     heads = [f"{word} {_PLACES[where].split()[-1]}" for where in sets for word in ("max,", "mean,")]

@@ -325,14 +325,13 @@ def without_walls(variable: Variable, membership: MembershipFunction) -> Members
     """Turn the walls of a triangle or trapezoid at the ends of a range into flanks outside of it."""
     if not isinstance(membership, model.Triangular | model.Trapezoidal):
         return membership
-    width = variable.maximum - variable.minimum
     _, left_top, *_ = corners = [getattr(membership, name) for name in membership.entry.kinds]
     right_top = corners[-2]
     left, right = membership.left, membership.right
     return replace(
         membership,
-        left=left_top - width if left == left_top <= variable.minimum else left,
-        right=right_top + width if right == right_top >= variable.maximum else right,
+        left=left_top - variable.span if left == left_top <= variable.minimum else left,
+        right=right_top + variable.span if right == right_top >= variable.maximum else right,
     )
 
 

@@ -24,7 +24,6 @@ from fis_tools.formats.exchange.writing import term_words, understand, written
 from fis_tools.formats.serialize import Reading, Written
 from fis_tools.model import Expression, FuzzySystem, Hedge, MembershipFunction, Rule, Variable
 from fis_tools.model.operators import WEIGHING
-from fis_tools.model.systems import has_sets
 
 DIALECT = Dialect(
     title="a .fis file",
@@ -66,7 +65,7 @@ def write(controller: model.FuzzyController) -> Written:
 def _facts(expressed: Expressed) -> dict[str, Any]:
     system, kind = expressed.system, "mamdani"
     if system.weighed:
-        kind = "tsukamoto" if has_sets(system.outputs[0]) else "sugeno"
+        kind = "tsukamoto" if system.outputs[0].has_sets else "sugeno"
     return {
         "kind": kind,
         "words": term_words,

@@ -24,7 +24,7 @@ from fis_tools.formats.serialize import Reading, Written
 from fis_tools.model import FuzzySystem, MembershipFunction, Rule, Variable
 from fis_tools.model.operators import WEIGHING
 from fis_tools.model.shapes import words_of
-from fis_tools.model.systems import Named, NotResolvable, has_sets, unchained
+from fis_tools.model.systems import Named, NotResolvable, unchained
 
 #: Intervals where a defuzzifier states none: fuzzylite leaves its own number out, this one since version 8.
 RESOLUTION = 1000
@@ -48,7 +48,7 @@ def write(controller: model.FuzzyController) -> Written:
 
 
 def _facts(_expressed: Expressed) -> dict[str, Any]:
-    return {"words": term_words, "rule_words": foreign.rule_words, "has_sets": has_sets, "end": END}
+    return {"words": term_words, "rule_words": foreign.rule_words, "end": END}
 
 
 # Reading.
