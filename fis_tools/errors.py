@@ -1,7 +1,12 @@
 """Errors that a person can put right, each with a sentence that says how."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from difflib import get_close_matches
+from itertools import islice
+
+#: Most names that a suggestion compares.
+MOST_NAMES = 50
 
 
 class MissingExtra(ImportError):  # noqa: N818
@@ -34,3 +39,12 @@ def told_as(kind: type[Exception], *causes: type[Exception], where: str = "") ->
         yield
     except causes as error:
         raise kind(f"{where}{error}") from error
+
+
+def nearest(wrong: str, known: Iterable[str]) -> str:
+    """Return the nearest known name, or a list of them; of very many names only the first are compared."""
+    names = list(islice(known, MOST_NAMES))
+    matches = get_close_matches(wrong, names, n=1)
+    if matches:
+        return f"did you mean {matches[0]!r}?"
+    return f"choose one of {', '.join(names)}" if names else "none is declared"

@@ -12,10 +12,9 @@ from contextlib import suppress
 from pathlib import Path
 
 from fis_tools.analysis import flights
-from fis_tools.errors import ControllerFileError, told_as
+from fis_tools.errors import ControllerFileError, nearest, told_as
 from fis_tools.formats import serialize
 from fis_tools.model import FuzzyController, FuzzySystem
-from fis_tools.model.validate import nearest
 
 MANIFEST = "manifest.json"
 #: where a folder whose manifest names no champion has it

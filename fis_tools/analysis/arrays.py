@@ -14,8 +14,8 @@ import numpy as np
 
 from fis_tools.array_types import Floats
 from fis_tools.engines.compiler import compile
+from fis_tools.errors import nearest
 from fis_tools.model import FuzzySystem, Variable
-from fis_tools.model.validate import nearest
 
 #: Points and statements gone through for samples spread over ranges, a few seconds' worth.
 MOST_WORK = 200_000_000

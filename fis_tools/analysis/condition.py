@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from fis_tools.array_types import Booleans, Floats
+from fis_tools.errors import nearest
 from fis_tools.model import FuzzySystem
-from fis_tools.model.validate import nearest
 
 GRAMMAR = "write conditions as NAME > NUMBER, 2 NAME - OTHER <= NUMBER or NAME in [NUMBER, NUMBER]"
 NUMBER = r"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"

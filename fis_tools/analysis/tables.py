@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.array_types import Floats
-from fis_tools.errors import ControllerFileError, MissingExtra
-from fis_tools.model.validate import nearest
+from fis_tools.errors import ControllerFileError, MissingExtra, nearest
 
 CSV, PARQUET = ".csv", ".parquet"
 #: the types of words, by their names in Parquet files

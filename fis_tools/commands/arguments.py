@@ -14,10 +14,10 @@ from cyclopts import Parameter
 
 from fis_tools.analysis import flights
 from fis_tools.array_types import Floats
+from fis_tools.errors import nearest
 from fis_tools.formats import serialize
 from fis_tools.model import FuzzyController, FuzzySystem
 from fis_tools.model.thrust import COUNTED, REASONS, UNKNOWN
-from fis_tools.model.validate import nearest
 from fis_tools.source import read_controller
 from fis_tools.waiting import waiting
 from fis_tools.words.text import number

@@ -16,14 +16,13 @@ from fis_tools.commands import arguments
 from fis_tools.commands.arguments import AskedAlong, AskedInstant, Output, UserMistake, analysing
 from fis_tools.document import as_json, text
 from fis_tools.engines.inference import infer
-from fis_tools.errors import told_as
+from fis_tools.errors import nearest, told_as
 from fis_tools.findings import audit as faults
 from fis_tools.findings import explanation, simplification
 from fis_tools.findings.audit import Severity, Thresholds, report
 from fis_tools.findings.difference import difference
 from fis_tools.findings.simplification import Budget
 from fis_tools.model import FuzzyController
-from fis_tools.model.validate import nearest
 from fis_tools.source import read_controller
 from fis_tools.words import text as wording
 

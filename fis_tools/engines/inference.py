@@ -14,9 +14,9 @@ import numpy as np
 
 from fis_tools import model
 from fis_tools.array_types import Floats, Integers
+from fis_tools.errors import nearest
 from fis_tools.model import Consequent, Expression, FuzzySystem, Rule, Variable
 from fis_tools.model.operators import ACCUMULATIONS, AGGREGATIONS, AND_OPERATORS, HEDGES, OR_OPERATORS
-from fis_tools.model.validate import nearest
 
 #: scikit-fuzzy divides by the larger of the area and this.
 SMALLEST_AREA = float(np.finfo(np.float64).eps)

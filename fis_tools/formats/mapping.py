@@ -16,16 +16,10 @@ from types import MappingProxyType
 from typing import Any, TypeVar
 
 from fis_tools import model
-from fis_tools.errors import ControllerFileError, told_as
+from fis_tools.errors import ControllerFileError, nearest, told_as
 from fis_tools.model.operators import HEDGES
 from fis_tools.model.shapes import SHAPES
-from fis_tools.model.validate import (
-    MAX_NESTING,
-    MOST_MEMBERSHIPS,
-    InvalidSystem,
-    controller_problems,
-    nearest,
-)
+from fis_tools.model.validate import MAX_NESTING, MOST_MEMBERSHIPS, InvalidSystem, controller_problems
 
 SCHEMA = "fuzzy-controller"
 SCHEMA_VERSION = 1

@@ -14,9 +14,8 @@ from fis_tools.analysis import tables
 from fis_tools.analysis.tables import name_and_unit
 from fis_tools.array_types import Floats, Integers
 from fis_tools.engines.inference import columns_of
-from fis_tools.errors import ControllerFileError, told_as
+from fis_tools.errors import ControllerFileError, nearest, told_as
 from fis_tools.learning.rules import range_of
-from fis_tools.model.validate import nearest
 from fis_tools.plain_text import distinct
 
 

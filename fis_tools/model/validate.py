@@ -3,13 +3,13 @@
 import math
 from collections import Counter
 from collections.abc import Iterable, Iterator
-from difflib import get_close_matches
 from itertools import islice, pairwise
 from typing import get_args
 from weakref import WeakValueDictionary
 
 import numpy as np
 
+from fis_tools.errors import nearest
 from fis_tools.model import operators
 from fis_tools.model.numbers import Formula, Linear, NotAFormula, Number
 from fis_tools.model.operators import HEDGES, WEIGHING
@@ -22,8 +22,6 @@ POSITIVE = frozenset({"width", "deviation", "exponent"})
 #: The terms of each variable, in order.
 Vocabulary = dict[str, dict[str, None]]
 
-#: Most names that a suggestion compares.
-MOST_NAMES = 50
 #: Rounding tolerance of memberships outside [0, 1].
 ROUNDING = 1e-12
 #: Most problems of a system that are listed.
@@ -409,12 +407,3 @@ def _reference_problems(known: Vocabulary, kind: str, variable: str, term: str) 
         yield f"{kind} {variable!r} does not exist; {nearest(variable, known)}"
     elif term not in known[variable]:
         yield f"{kind} {variable!r} has no term {term!r}; {nearest(term, known[variable])}"
-
-
-def nearest(wrong: str, known: Iterable[str]) -> str:
-    """Return the nearest known name, or a list of them; of very many names only the first are compared."""
-    names = list(islice(known, MOST_NAMES))
-    matches = get_close_matches(wrong, names, n=1)
-    if matches:
-        return f"did you mean {matches[0]!r}?"
-    return f"choose one of {', '.join(names)}" if names else "none is declared"

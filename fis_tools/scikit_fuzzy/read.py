@@ -19,10 +19,10 @@ from skfuzzy.control.term import TermAggregate
 
 from fis_tools import model
 from fis_tools.array_types import Floats
-from fis_tools.errors import told_as
+from fis_tools.errors import nearest, told_as
 from fis_tools.model.operators import ACCUMULATIONS, AND_OPERATORS, OR_OPERATORS
 from fis_tools.model.systems import Named, NotResolvable, said_once, unchained
-from fis_tools.model.validate import MAX_NESTING, nearest, problems
+from fis_tools.model.validate import MAX_NESTING, problems
 from fis_tools.scikit_fuzzy.recognition import recognise
 
 _Name = TypeVar("_Name", bound=str)

@@ -13,14 +13,13 @@ from typing import TypeVar
 import numpy as np
 
 from fis_tools import model
-from fis_tools.errors import ControllerFileError
+from fis_tools.errors import ControllerFileError, nearest
 from fis_tools.formats.exchange.dialect import INPUT_POINTS, OUTPUT_POINTS, input_universe, universe_of
 from fis_tools.formats.exchange.vocabulary import HEDGES
 from fis_tools.formats.mapping import MOST_POINTS
 from fis_tools.model import MembershipFunction, Term, Trapezoidal, Variable
 from fis_tools.model.numbers import FUNCTIONS, NotAFormula, linear
 from fis_tools.model.shapes import Format, words_of
-from fis_tools.model.validate import nearest
 from fis_tools.words.text import antecedent_words, before
 
 _Choice = TypeVar("_Choice")
