@@ -17,7 +17,6 @@ from fis_tools.analysis.arrays import Coverage, coverage, crossings
 from fis_tools.array_types import Floats, Integers
 from fis_tools.engines.interpreter import conclude
 from fis_tools.engines.program import assemble
-from fis_tools.model.variables import sample
 
 #: A grid of more points than this is replaced by samples.
 MOST_POINTS = 50_000
@@ -135,7 +134,7 @@ def centre(variable: model.Variable, term: model.Term) -> float:
         case model.Trapezoidal(_, left_top, right_top, _):
             return 0.5 * (left_top + right_top)
         case _:
-            values = sample(variable, term)
+            values = model.sample(variable, term)
             highest = np.flatnonzero(values == values.max())
             return float(0.5 * (variable.universe[highest[0]] + variable.universe[highest[-1]]))
 

@@ -18,8 +18,7 @@ from fis_tools.formats.files import ONE_SYSTEM, WHOLE, File, of_one_system
 from fis_tools.formats.mapping import MOST_POINTS
 from fis_tools.learning.learner import Recipe, Unlearnable, cross_validated, learn_table
 from fis_tools.learning.table import Table, UnreadableTable, as_table, read
-from fis_tools.model import FuzzyController, FuzzySystem, Sampled, Variable
-from fis_tools.model.systems import with_variables
+from fis_tools.model import FuzzyController, FuzzySystem, Sampled, Variable, with_variables
 from fis_tools.model.validate import InvalidSystem
 from fis_tools.source import is_program, read_controller
 from fis_tools.words.text import sentences, with_unit

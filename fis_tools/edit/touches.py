@@ -12,9 +12,8 @@ import numpy as np
 
 from fis_tools import model
 from fis_tools.formats.exchange.fll_rules import read_own
-from fis_tools.model import FuzzyController, FuzzySystem, Is, Rule, Term, Variable
+from fis_tools.model import FuzzyController, FuzzySystem, Is, Rule, Term, Variable, sample
 from fis_tools.model.shapes import SHAPES
-from fis_tools.model.variables import sample
 
 #: half the width of a Gaussian at half its height, in standard deviations
 HALF_WIDTH = 1.1774

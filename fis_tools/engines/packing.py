@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 
 from fis_tools.array_types import Floats, Integers
 from fis_tools.compiled.vectors import ROW
-from fis_tools.model import FuzzySystem, Variable, conjunctions
+from fis_tools.model import FuzzySystem, Variable, conjunctions, is_unimodal
 from fis_tools.model.validate import validate
-from fis_tools.model.variables import is_unimodal
 
 Layout = NDArray[np.void]
 

@@ -13,8 +13,7 @@ from matplotlib.figure import Figure
 
 from fis_tools.analysis.arrays import Surface, output_named, surface
 from fis_tools.array_types import Floats
-from fis_tools.model import FuzzySystem, Term, Variable
-from fis_tools.model.variables import peak, sample
+from fis_tools.model import FuzzySystem, Term, Variable, peak, sample
 from fis_tools.render import lettering, surfaces
 from fis_tools.render.inference import memberships
 from fis_tools.render.rules import firing_map, rule_cells, rule_matrix

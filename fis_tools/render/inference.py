@@ -9,10 +9,9 @@ from matplotlib.figure import Figure
 
 from fis_tools.array_types import Floats
 from fis_tools.engines.inference import Inference, OutputInference
-from fis_tools.model import And, Expression, FuzzySystem, Hedged, Is, Not, Or, Rule, Variable
+from fis_tools.model import And, Expression, FuzzySystem, Hedged, Is, Not, Or, Rule, Variable, peak, sample
 from fis_tools.model.operators import AND_OPERATORS
 from fis_tools.model.systems import require_mamdani
-from fis_tools.model.variables import peak, sample
 from fis_tools.render import lettering
 from fis_tools.render.theme import LARGE, LIGHT, MEDIUM, SMALL, Theme, dress
 from fis_tools.words.text import METHODS, SHOWN_FROM, number, quantity, sentence, with_unit

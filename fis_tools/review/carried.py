@@ -11,8 +11,7 @@ from fis_tools.analysis import arrays, shapley
 from fis_tools.analysis.flights import FlownSystem
 from fis_tools.array_types import Floats
 from fis_tools.findings.explanation.points import in_short
-from fis_tools.model import And, Expression, FuzzySystem, Hedged, Is, Not, Or, Rule, Variable
-from fis_tools.model.variables import sample
+from fis_tools.model import And, Expression, FuzzySystem, Hedged, Is, Not, Or, Rule, Variable, sample
 from fis_tools.review.flown import Flight
 from fis_tools.words.text import sentence
 

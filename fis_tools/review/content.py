@@ -15,8 +15,7 @@ from fis_tools.engines.compiler import compile
 from fis_tools.engines.interval import NotBounded
 from fis_tools.errors import ControllerFileError
 from fis_tools.findings.audit import Audit, Finding
-from fis_tools.model import FuzzyController, FuzzySystem, Variable
-from fis_tools.model.variables import peak
+from fis_tools.model import FuzzyController, FuzzySystem, Variable, peak
 from fis_tools.review.flown import Evaluation, Flight, Samples
 from fis_tools.words import text as wording
 from fis_tools.words.text import amount, number

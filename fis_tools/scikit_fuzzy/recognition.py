@@ -16,7 +16,6 @@ from fis_tools import model
 from fis_tools.array_types import Booleans, Floats
 from fis_tools.model.shapes import SMALLEST_MEMBERSHIP
 from fis_tools.model.validate import shape_problems
-from fis_tools.model.variables import is_unimodal, shape_values
 
 Estimate = tuple[type[model.MembershipFunction], tuple[float, ...]]
 
@@ -81,7 +80,7 @@ class Samples:
         """Return how far a shape is from each value; no number where it has none, infinite if it is wrong."""
         if any(shape_problems(shape, len(self.values))):
             return np.full(len(self.values), np.inf)
-        given = shape_values(self.universe, shape)
+        given = model.shape_values(self.universe, shape)
         given = np.where(given < SMALLEST_MEMBERSHIP, 0.0, given)
         return np.abs(given - self.values)
 
@@ -136,7 +135,7 @@ def _rounded(
 
 
 def _estimates(samples: Samples) -> Iterator[Estimate]:
-    if not is_unimodal(samples.values):
+    if not model.is_unimodal(samples.values):
         return
     yield from _straight(samples)
     for kind, parameters in _smooth(samples):
@@ -275,7 +274,7 @@ def _fitted(
     """Improve an estimate by least squares."""
 
     def residuals(parameters: Floats) -> Floats:
-        given = shape_values(samples.universe, _made(kind, tuple(parameters)))
+        given = model.shape_values(samples.universe, _made(kind, tuple(parameters)))
         return np.where(np.isfinite(given), given - samples.values, 1.0)
 
     # To the last digit, which a start that leads anywhere needs few steps for.

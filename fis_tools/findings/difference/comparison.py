@@ -12,8 +12,7 @@ from fis_tools.analysis.arrays import spread_inputs
 from fis_tools.array_types import Floats
 from fis_tools.engines.compiler import compile as compiled
 from fis_tools.formats.serialize import fingerprint
-from fis_tools.model import FuzzyController, FuzzySystem, Rule, Term, Variable
-from fis_tools.model.variables import peak, sample
+from fis_tools.model import FuzzyController, FuzzySystem, Rule, Term, Variable, peak, sample
 from fis_tools.words.text import number
 
 Thing = TypeVar("Thing")

@@ -13,8 +13,7 @@ from fis_tools.analysis.arrays import Surface, surface
 from fis_tools.document.html import element, void
 from fis_tools.engines.compiler import compile as compiled
 from fis_tools.findings.difference.comparison import SystemDifference, VariableChange, over_both_ranges
-from fis_tools.model import FuzzySystem
-from fis_tools.model.variables import sample
+from fis_tools.model import FuzzySystem, sample
 
 if TYPE_CHECKING:
     from fis_tools.render import Figure, Theme

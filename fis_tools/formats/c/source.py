@@ -23,9 +23,8 @@ from fis_tools import model
 from fis_tools.array_types import Integers
 from fis_tools.engines.program import Conclusion, assemble
 from fis_tools.formats import rendered
-from fis_tools.model import FuzzyController, FuzzySystem, Term, Variable, thrust
+from fis_tools.model import FuzzyController, FuzzySystem, Term, Variable, sample, thrust
 from fis_tools.model.thrust import ThrustLogic
-from fis_tools.model.variables import sample
 from fis_tools.plain_text import distinct
 from fis_tools.words.text import number, sentence, shape_words, summary, with_unit
 

@@ -17,10 +17,9 @@ from fis_tools.array_types import Floats
 from fis_tools.formats.exchange import antecedents
 from fis_tools.formats.exchange.antecedents import NotExpressible, is_leaf, with_plain_not
 from fis_tools.formats.exchange.vocabulary import HEDGES, Names
-from fis_tools.model import Consequent, FuzzySystem, MembershipFunction, Rule, Term, Variable
+from fis_tools.model import Consequent, FuzzySystem, MembershipFunction, Rule, Term, Variable, sample
 from fis_tools.model.shapes import Format
 from fis_tools.model.systems import said_once
-from fis_tools.model.variables import sample
 from fis_tools.words.text import before
 
 #: Points of an output's universe where a file states none: as many as MATLAB's evalfis takes.

@@ -28,10 +28,9 @@ from fis_tools.formats.exchange.foreign import RAMPS, TABLES
 from fis_tools.formats.mapping import from_mapping, refuse_problems, to_mapping
 from fis_tools.formats.notation import Unreadable
 from fis_tools.formats.serialize import Reading, Written
-from fis_tools.model import FuzzyController, FuzzySystem, Rule, Term, Variable
+from fis_tools.model import FuzzyController, FuzzySystem, Rule, Term, Variable, sample
 from fis_tools.model.shapes import Format
 from fis_tools.model.systems import reach
-from fis_tools.model.variables import sample
 from fis_tools.words.text import number
 
 
