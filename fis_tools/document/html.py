@@ -47,6 +47,11 @@ def source_hash(source: str) -> str:
     return "sha256-" + base64.b64encode(hashlib.sha256(source.encode()).digest()).decode("ascii")
 
 
+def png_address(png: bytes) -> str:
+    """Return an address that is a picture itself."""
+    return f"data:image/png;base64,{base64.b64encode(png).decode('ascii')}"
+
+
 def element(tag: str, *inside: object, **attributes: Any) -> Markup:
     """Return an element of HTML or SVG; what is put into it is escaped, unless it is Markup.
 

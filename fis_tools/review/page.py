@@ -1,6 +1,5 @@
 """The page itself: words, systems and flights put into one file that needs no other."""
 
-import base64
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import compress
 from pathlib import Path
@@ -10,7 +9,7 @@ from markupsafe import Markup
 
 from fis_tools.analysis import arrays, flights, shapley
 from fis_tools.document import Block, Document, Figure, Fold, Heading, Items, Paragraph, Table, html
-from fis_tools.document.html import element, read, source_hash, template, void
+from fis_tools.document.html import element, png_address, read, source_hash, template, void
 from fis_tools.engines.compiler import compile
 from fis_tools.errors import MissingExtra
 from fis_tools.findings.audit import Audit, audit, report
@@ -231,8 +230,4 @@ def _pictures(system: FuzzySystem) -> Iterator[Block]:
         return
     for name, figure in render.surface_figures(system):
         picture = render.encode(figure, "png", 90)
-        yield Figure(element("figure", void("img", src=_address(picture), alt=f"{system.name}: {name}")))
-
-
-def _address(png: bytes) -> str:
-    return f"data:image/png;base64,{base64.b64encode(png).decode()}"
+        yield Figure(element("figure", void("img", src=png_address(picture), alt=f"{system.name}: {name}")))

@@ -1,22 +1,19 @@
 """Pictures of a difference for pages: the terms of a variable superimposed, and outputs side by side."""
 
-import base64
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 from markupsafe import Markup
 
+from fis_tools import render
 from fis_tools.analysis.arrays import Surface, surface
-from fis_tools.document.html import element, void
+from fis_tools.document.html import element, png_address, void
 from fis_tools.engines.compiler import compile as compiled
 from fis_tools.findings.difference.comparison import SystemDifference, VariableChange, over_both_ranges
 from fis_tools.model import FuzzySystem, sample
-
-if TYPE_CHECKING:
-    from fis_tools.render import Figure, Theme
+from fis_tools.render import Figure, Theme
 
 #: Points along each axis of a surface.
 NUM_POINTS = 61
@@ -25,14 +22,12 @@ _DARK = "(prefers-color-scheme: dark)"
 
 def draw_terms(change: VariableChange) -> Markup:
     """Draw the terms of a variable after, and those that changed as they were before (dotted)."""
-    from fis_tools import render  # noqa: PLC0415 - differences are told without matplotlib
-
     old, new = change.before, change.after
     assert old is not None  # noqa: S101 - of a variable that came or went no terms changed
     assert new is not None  # noqa: S101
 
-    def drawn(theme: "Theme") -> "Figure":
-        figure = render.Figure(figsize=(7.2, 2.6), layout="constrained")
+    def drawn(theme: Theme) -> Figure:
+        figure = Figure(figsize=(7.2, 2.6), layout="constrained")
         ax = render.memberships(new, figure.subplots(), theme=theme)
         figure.set_facecolor(theme.paper)
         for term in change.terms:
@@ -49,8 +44,6 @@ def draw_surfaces(system: SystemDifference) -> list[Markup]:
 
     Nothing is drawn if the inputs changed, or are fewer than two.
     """
-    from fis_tools import render  # noqa: PLC0415 - differences are told without matplotlib
-
     before, after = system.before, system.after
     if before is None or after is None or len(after.inputs) < 2:
         return []
@@ -90,13 +83,11 @@ def changed_surfaces(
     return replace(grid, values=old), replace(grid, values=new), moved
 
 
-def _figure(surfaces: tuple[Surface, Surface, Surface], theme: "Theme") -> "Figure":
+def _figure(surfaces: tuple[Surface, Surface, Surface], theme: Theme) -> Figure:
     """Draw both with one scale, and the change with one whose middle is zero."""
-    from fis_tools import render  # noqa: PLC0415 - differences are told without matplotlib
-
     shown = np.concatenate([one.values.ravel() for one in surfaces[:2]])
     limits = (float(np.nanmin(shown)), float(np.nanmax(shown)))
-    figure = render.Figure(figsize=(12.6, 3.7), layout="constrained")
+    figure = Figure(figsize=(12.6, 3.7), layout="constrained")
     *axes, last = figure.subplots(1, 3)
     for one, words, ax in zip(surfaces[:2], ("before", "after"), axes, strict=True):
         render.draw_surface(one, ax, None if limits[0] == limits[1] else limits, title=words, theme=theme)
@@ -104,13 +95,10 @@ def _figure(surfaces: tuple[Surface, Surface, Surface], theme: "Theme") -> "Figu
     return figure
 
 
-def _picture(caption: str, drawn: "Callable[[Theme], Figure]") -> Markup:
+def _picture(caption: str, drawn: Callable[[Theme], Figure]) -> Markup:
     """Return a figure as an element of a page, drawn for light and for dark screens."""
-    from fis_tools import render  # noqa: PLC0415 - as above
-
     light, dark = (
-        f"data:image/png;base64,{base64.b64encode(render.encode(drawn(theme), 'png', 100)).decode('ascii')}"
-        for theme in (render.LIGHT, render.DARK)
+        png_address(render.encode(drawn(theme), "png", 100)) for theme in (render.LIGHT, render.DARK)
     )
     source, image = void("source", media=_DARK, srcset=dark), void("img", alt=caption, src=light)
     return element("figure", element("picture", source, image), element("figcaption", caption))

@@ -9,7 +9,6 @@ from fis_tools.document import Block, Cell, Change, Document, Figure, Heading, P
 from fis_tools.document.html import fragment, page
 from fis_tools.findings.difference import comparison
 from fis_tools.findings.difference.comparison import Fact, Pair, Source, SystemDifference, VariableChange
-from fis_tools.findings.difference.pictures import draw_surfaces, draw_terms
 from fis_tools.model import Formula, FuzzyController, FuzzySystem, Linear, Rule, Sampled, Term, with_terms
 from fis_tools.model.validate import validate
 from fis_tools.words import text
@@ -109,6 +108,8 @@ def _system(system: SystemDifference, pictures: bool) -> Iterator[Block]:
     yield from _fact_table(system.facts)
     yield from _outputs(system.outputs)
     if pictures:
+        from fis_tools.findings.difference.pictures import draw_surfaces  # noqa: PLC0415 - needs matplotlib
+
         yield from map(Figure, draw_surfaces(system))
         if any(change.terms for change in system.variables):
             yield Paragraph(_LEGEND)
@@ -185,6 +186,8 @@ def _variable(change: VariableChange, pictures: bool) -> Iterator[Block]:
     yield from _fact_table(change.facts)
     if change.terms:
         if pictures and change.before.has_sets and change.after.has_sets:
+            from fis_tools.findings.difference.pictures import draw_terms  # noqa: PLC0415 - as above
+
             yield Figure(draw_terms(change))
         rows = [[term_name(term), *term_words(change, term)] for term in change.terms]
         yield Table(["term", f"membership function, before {TO} after", "how far"], rows)
