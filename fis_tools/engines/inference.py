@@ -5,7 +5,7 @@ arithmetic, so results agree to the last bit. `fis_tools.engines.kernel` is the 
 case.
 """
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import reduce
 from typing import Any
@@ -124,41 +124,33 @@ def infer(system: FuzzySystem, inputs: Any) -> Inference:
         If there are too few or too many inputs, or one is NaN.
     """
     values = as_rows(system, inputs)
-    rows = _checked(system, values[np.newaxis])
-    memberships = fuzzify(system, rows)
-    firing = _fire(system, memberships)[0]
-    clipped = _clipped(system, rows)[0]
-    outputs = tuple(_infer_outputs(system, firing, clipped))
-    return Inference(system, values, clipped, tuple(rows[0] for rows in memberships), firing, outputs)
-
-
-def fuzzify(system: FuzzySystem, inputs: Floats) -> list[Floats]:
-    """Return for each input the degrees of membership of samples in its terms, shape (n, num_terms)."""
-    memberships = []
-    for variable, column in zip(system.inputs, inputs.T, strict=True):
-        universe = variable.universe
-        x = np.fmax(np.fmin(column, universe[-1]), universe[0])
-        terms = [np.interp(x, universe, mf, left=0.0, right=0.0) for mf in variable.memberships]
-        memberships.append(np.stack(terms, axis=1))
-    return memberships
-
-
-def _checked(system: FuzzySystem, rows: Floats) -> Floats:
-    if rows.ndim != 2 or rows.shape[1] != len(system.inputs):
+    if values.ndim != 1 or len(values) != len(system.inputs):
         raise ValueError(
-            f"inputs have shape {rows.shape[-1:]}; system {system.name!r} has {len(system.inputs)} inputs, "
+            f"inputs have shape {values.shape[-1:]}; system {system.name!r} has {len(system.inputs)} inputs, "
             "pass one number for each"
         )
-    if np.isnan(rows).any():
+    if np.isnan(values).any():
         raise ValueError("an input is NaN; pass numbers, those out of range are clipped")
-    return rows
+    ends = np.array([variable.universe[[0, -1]] for variable in system.inputs])
+    clipped = np.clip(values, ends[:, 0], ends[:, 1])
+    memberships = tuple(map(_fuzzify, system.inputs, clipped))
+    firing = _fire(system, memberships)
+    outputs = tuple(_infer_outputs(system, firing, clipped))
+    return Inference(system, values, clipped, memberships, firing, outputs)
 
 
-def _fire(system: FuzzySystem, memberships: list[Floats]) -> Floats:
-    degrees = {
-        (variable.name, term.name): rows[:, index]
-        for variable, rows in zip(system.inputs, memberships, strict=True)
-        for index, term in enumerate(variable.terms)
+def _fuzzify(variable: Variable, value: float) -> Floats:
+    """Return the degrees of membership of a value in the terms of a variable, shape (num_terms,)."""
+    functions = variable.memberships
+    return np.array([np.interp(value, variable.universe, mf, left=0.0, right=0.0) for mf in functions])
+
+
+def _fire(system: FuzzySystem, memberships: Sequence[Floats]) -> Floats:
+    """Return how far each antecedent holds, shape (num_rules,)."""
+    degrees: dict[tuple[str, str], Floats] = {
+        (variable.name, term.name): degree
+        for variable, held in zip(system.inputs, memberships, strict=True)
+        for term, degree in zip(variable.terms, held, strict=True)
     }
 
     def degree(rule: Rule, expression: Expression) -> Floats:
@@ -175,13 +167,7 @@ def _fire(system: FuzzySystem, memberships: list[Floats]) -> Floats:
                 combine = OR_OPERATORS[system.or_operator_of(rule)]
         return reduce(combine, [degree(rule, operand) for operand in operands])
 
-    return np.stack([degree(rule, rule.antecedent) for rule in system.rules], axis=1)
-
-
-def _clipped(system: FuzzySystem, rows: Floats) -> Floats:
-    """Return values, (n, num_inputs), clipped to the universes."""
-    ends = np.array([variable.universe[[0, -1]] for variable in system.inputs])
-    return np.clip(rows, ends[:, 0], ends[:, 1])
+    return np.array([degree(rule, rule.antecedent) for rule in system.rules])
 
 
 def conclusions_on(system: FuzzySystem, output: Variable) -> Iterator[tuple[int, Consequent]]:
