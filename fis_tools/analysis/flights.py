@@ -235,15 +235,7 @@ def read_flight(
         If the file cannot be read, a log does not fit the controller it carries, or a table has not a column
         for each input.
     """
-    if tables.is_table(path):
-        if controller is None:
-            raise ControllerFileError(
-                f"{path} is a table, which carries no controller; say whose inputs it holds, as a controller "
-                "file"
-            )
-        return tuple(_tabled(path, system) for system in controller.systems)
-    recording = _read(path, topics=(f"{TOPIC_PREFIX}*", CONTROL_TOPICS, PULLS_TOPICS))
-    flown_systems = _all_flown(recording)
+    flown_systems, _ = _all_flown(path, controller)
     return tuple(flown if all_periods else flown.at(flown.is_counted) for flown in flown_systems)
 
 
@@ -310,14 +302,10 @@ def read_periods(
     ControllerFileError
         If the file cannot be read, does not fit the controller, or holds nothing of that time.
     """
-    if tables.is_table(path):
-        recording, starts = None, np.empty(0)
-        flown_systems = list(read_flight(path, controller=controller))
-    else:
-        recording = _read(path, topics=(f"{TOPIC_PREFIX}*", CONTROL_TOPICS, PULLS_TOPICS))
-        flown_systems = _all_flown(recording)
-        starts = recording.control_time_s[recording.control_time_s < recording.end_s]
-    times = [starts] if len(starts) else [flown.time_s for flown in flown_systems]
+    flown_systems, recording = _all_flown(path, controller)
+    times = [flown.time_s for flown in flown_systems]
+    if recording is not None and (within := recording.control_time_s < recording.end_s).any():
+        times = [recording.control_time_s[within]]
     starts = np.unique(np.concatenate([np.empty(0), *times]))
     hold = float(starts[-1] - starts[-2]) if len(starts) > 1 else 0.0
     if not len(starts) or not starts[0] <= time_s <= starts[-1] + hold:
@@ -470,9 +458,20 @@ def _controller_of(recording: "Recording") -> FuzzyController:
         return serialize.loads(content.decode("utf-8"), "json")
 
 
-def _all_flown(recording: "Recording") -> list[FlownSystem]:
-    controller = _controller_of(recording)
-    return [_flown(recording, controller, system) for system in controller.systems]
+def _all_flown(
+    path: Path | str, controller: FuzzyController | None
+) -> tuple[list[FlownSystem], "Recording | None"]:
+    """Return every inference of a flight, and its recording; of a table, which is none, the rows."""
+    if tables.is_table(path):
+        if controller is None:
+            raise ControllerFileError(
+                f"{path} is a table, which carries no controller; say whose inputs it holds, as a controller "
+                "file"
+            )
+        return [_tabled(path, system) for system in controller.systems], None
+    recording = _read(path, topics=(f"{TOPIC_PREFIX}*", CONTROL_TOPICS, PULLS_TOPICS))
+    carried = _controller_of(recording)
+    return [_flown(recording, carried, system) for system in carried.systems], recording
 
 
 def _flown(recording: "Recording", controller: FuzzyController, system: FuzzySystem) -> FlownSystem:

@@ -74,6 +74,7 @@ def read(
         raise ControllerFileError(f"{path} cannot be read ({error}); give a CSV or Parquet file") from error
     if not len(columns):
         raise ControllerFileError(f"{path} holds no rows; give logged data")
+    _require_finite(path, known, columns)
     time_s = columns[:, known.index(TIME)] if TIME in known else None
     values = columns[:, [known.index(name) for name in names]]
     if time_s is not None and np.any(np.diff(time_s) < 0.0):
@@ -115,7 +116,7 @@ def _from_csv(path: Path, names: Sequence[str], labels: Mapping[str, str]) -> tu
                 f"{path}, row {number}: {', '.join(row)} does not hold a number for each of "
                 f"{', '.join(wanted)}; complete the row, or leave it out"
             ) from None
-    return list(wanted), _finite(path, list(wanted), columns)
+    return list(wanted), columns
 
 
 def _from_parquet(path: Path, names: Sequence[str], labels: Mapping[str, str]) -> tuple[list[str], Floats]:
@@ -130,7 +131,7 @@ def _from_parquet(path: Path, names: Sequence[str], labels: Mapping[str, str]) -
         columns = [np.asarray(found[column], dtype=np.float64) for column in wanted.values()]
     except (TypeError, ValueError) as error:
         raise ControllerFileError(f"{path}: {error}; give a Parquet file whose inputs are numbers") from error
-    return list(wanted), _finite(path, list(wanted), np.column_stack(columns))
+    return list(wanted), np.column_stack(columns)
 
 
 def read_parquet(path: Path, choose: Callable[[Sequence[str]], Sequence[str]]) -> dict[str, NDArray[Any]]:
@@ -188,7 +189,7 @@ def _column(column: Any) -> NDArray[Any]:
     return np.concatenate(parts)
 
 
-def _finite(path: Path, names: Sequence[str], columns: Floats) -> Floats:
+def _require_finite(path: Path, names: Sequence[str], columns: Floats) -> None:
     wrong = np.argwhere(~np.isfinite(columns))
     if len(wrong):
         row, column = wrong[0]
@@ -196,4 +197,3 @@ def _finite(path: Path, names: Sequence[str], columns: Floats) -> Floats:
             f"{path}: {names[column]} is {columns[row, column]:g} in its sample {row + 1}, and missing or "
             f"infinite in {len({int(each) for each in wrong[:, 0]})} of {len(columns)}; leave these out"
         )
-    return columns
