@@ -11,7 +11,7 @@ import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any
 
 from fis_tools import model
 from fis_tools.errors import ControllerFileError
@@ -255,52 +255,35 @@ def _rules(
     weight = foreign.number(parts["weight"], where)
     if not asked or not concluded:
         raise ControllerFileError(f"{where}: the rule asks or concludes nothing; give it a term on each side")
-    for each in concluded:
-        if each.is_negated or each.term == antecedents.ANY:
-            what = "not" if each.is_negated else antecedents.ANY
+    for is_negated, hedges, statement in concluded:
+        if is_negated or statement.term == antecedents.ANY:
+            what = "not" if is_negated else antecedents.ANY
             raise ControllerFileError(
                 f"{where}: the rule concludes {what!r}; conclude a term, made for it if need be"
             )
-        if each.hedges and fractions is not antecedents.FUZZYLITES_FRACTIONS:
+        if hedges and fractions is not antecedents.FUZZYLITES_FRACTIONS:
             raise ControllerFileError(
-                f"{where}: the hedge on {each.term!r}, which the rule concludes, is none of MATLAB's, and "
-                "Octave changes by it what fuzzylite does not; conclude a term made for it"
+                f"{where}: the hedge on {statement.term!r}, which the rule concludes, is none of MATLAB's, "
+                "and Octave changes by it what fuzzylite does not; conclude a term made for it"
             )
-    antecedent = _joined([each.expression for each in asked], is_or=parts["join"] == "2")
-    return hedged_rules(antecedent, [(c.hedges, c.variable, c.term) for c in concluded], weight, where)
+    leaves = [_expressed(*each) for each in asked]
+    kind = model.Or if parts["join"] == "2" else model.And
+    antecedent = leaves[0] if len(leaves) == 1 else kind(tuple(leaves))
+    return hedged_rules(
+        antecedent, [(hedges, s.variable, s.term) for _, hedges, s in concluded], weight, where
+    )
 
 
-def _joined(leaves: Sequence[Expression], *, is_or: bool) -> Expression:
-    return leaves[0] if len(leaves) == 1 else (model.Or if is_or else model.And)(tuple(leaves))
+#: What a rule says of a variable: whether it is denied, the hedges before the term, and the statement.
+_Said = tuple[bool, tuple[Hedge, ...], model.Is]
 
 
-class _Statement(NamedTuple):
-    """What a rule says of a variable.
-
-    Attributes
-    ----------
-    variable, term : str
-    hedges : tuple of str
-        Those before the term.
-    is_negated : bool
-        Whether `not` stands before all of it.
-    """
-
-    variable: str
-    term: str
-    hedges: tuple[Hedge, ...]
-    is_negated: bool
-
-    @property
-    def expression(self) -> Expression:
-        """As part of an antecedent."""
-        expressed = antecedents.hedged(self.hedges, model.Is(self.variable, self.term))
-        return model.Not(expressed) if self.is_negated else expressed
+def _expressed(is_negated: bool, hedges: Sequence[Hedge], statement: model.Is) -> Expression:
+    expressed = antecedents.hedged(hedges, statement)
+    return model.Not(expressed) if is_negated else expressed
 
 
-def _term_numbers(
-    words: str, variables: Sequence[Variable], fractions: Fractions, where: str
-) -> list[_Statement]:
+def _term_numbers(words: str, variables: Sequence[Variable], fractions: Fractions, where: str) -> list[_Said]:
     """Read one term number for each variable; hedges stand in its fraction."""
     values = foreign.numbers(words.split(), where)
     if len(values) != len(variables):
@@ -320,11 +303,9 @@ def _term_numbers(
             raise ControllerFileError(
                 f"{where}: {variable.name} has {len(variable.terms)} terms, and none numbered {abs(value):g}"
             )
-        if fraction == _ANY:
-            found.append(_Statement(variable.name, antecedents.ANY, (), value < 0))
-        elif value:
-            name = variable.terms[number - 1].name
-            found.append(_Statement(variable.name, name, fractions.get(fraction, ()), value < 0))
+        if value:
+            name = antecedents.ANY if fraction == _ANY else variable.terms[number - 1].name
+            found.append((value < 0, fractions.get(fraction, ()), model.Is(variable.name, name)))
     return found
 
 
