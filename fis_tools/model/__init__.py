@@ -49,4 +49,4 @@ from fis_tools.model.systems import (
     with_terms,
     with_variables,
 )
-from fis_tools.model.variables import Term, Variable, is_unimodal, peak, sample, shape_values
+from fis_tools.model.variables import Term, Variable, is_unimodal, peak, sample, shape_values, with_universe

@@ -4,7 +4,7 @@ Values below `fis_tools.model.shapes.SMALLEST_MEMBERSHIP` are set to zero, becau
 numbers lose all their digits.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -116,6 +116,20 @@ class Variable:
                 return index
         known = ", ".join(term.name for term in self.terms)
         raise KeyError(f"variable {self.name!r} has no term {name!r}; its terms are {known}")
+
+
+def with_universe(variable: Variable, universe: Floats) -> Variable:
+    """Return a variable over points from its minimum to its maximum, listed unless they are evenly spaced.
+
+    Parameters
+    ----------
+    variable : Variable
+    universe : array
+        Ascending, shape (num_points,).
+    """
+    even = np.linspace(variable.minimum, variable.maximum, len(universe))
+    points = None if np.array_equal(even, universe) else tuple(universe.tolist())
+    return replace(variable, num_points=len(universe), points=points)
 
 
 def sample(variable: Variable, term: Term) -> Floats:

@@ -108,11 +108,8 @@ def _variable(source: Any) -> model.Variable:
     universe = _universe(source)
     low = float(universe[0])
     high = float(universe[-1])
-    terms = source.terms.values()
-    is_even = np.array_equal(universe, np.linspace(low, high, len(universe)))
-    points = None if is_even else tuple(universe.tolist())
-    named = tuple(_term(source, universe, term) for term in terms)
-    return model.Variable(str(source.label), "", low, high, named, len(universe), points)
+    terms = tuple(_term(source, universe, term) for term in source.terms.values())
+    return model.with_universe(model.Variable(str(source.label), "", low, high, terms), universe)
 
 
 def _output(source: Any, defaults: Mapping[str, float]) -> model.Variable:

@@ -17,7 +17,7 @@ from fis_tools.array_types import Floats
 from fis_tools.formats.exchange import antecedents
 from fis_tools.formats.exchange.antecedents import NotExpressible, is_leaf, with_plain_not
 from fis_tools.formats.exchange.vocabulary import HEDGES, Names
-from fis_tools.model import Consequent, FuzzySystem, MembershipFunction, Rule, Term, Variable, sample
+from fis_tools.model import Consequent, FuzzySystem, MembershipFunction, Rule, Term, Variable, with_universe
 from fis_tools.model.shapes import Format
 from fis_tools.model.systems import said_once
 from fis_tools.words.text import before
@@ -203,8 +203,7 @@ def _finer(variable: Variable) -> Variable:
     low, high = float(variable.minimum), float(variable.maximum)
     if not (low < high and np.isfinite(high - low)):
         return variable
-    num_points, points = input_universe(low, high, shapes, FINE_INPUT_POINTS)
-    return replace(variable, num_points=num_points, points=points)
+    return with_universe(variable, input_universe(low, high, shapes, FINE_INPUT_POINTS))
 
 
 def _with_known_hedges(system: FuzzySystem, dialect: Dialect) -> FuzzySystem:
@@ -281,18 +280,18 @@ def _expressed_variable(variable: Variable, names: Names, dialect: Dialect, *, i
         Term(names.terms[variable.name, term.name], _expressed_membership(variable, term, dialect))
         for term in variable.terms
     )
+    ends = float(variable.minimum), float(variable.maximum)
     if any(isinstance(term.membership, model.Sampled) for term in terms):
-        num_points, points = universe_of(variable.minimum, variable.maximum, variable.universe.tolist())
+        universe = variable.universe
     elif is_output:
-        num_points, points = (variable.num_points if dialect.resolution else OUTPUT_POINTS), None
+        universe = np.linspace(*ends, variable.num_points if dialect.resolution else OUTPUT_POINTS)
     else:
-        shapes = [term.membership for term in terms]
-        num_points, points = input_universe(float(variable.minimum), float(variable.maximum), shapes)
+        universe = input_universe(*ends, [term.membership for term in terms])
     default = variable.default if dialect.holds_defaults else middle(variable.minimum, variable.maximum)
     about = one_line(variable.description) if dialect.holds_descriptions else ""
-    ends = float(variable.minimum), float(variable.maximum)
-    bare = Variable(names.variables[variable.name], "", *ends, terms, num_points, points, description=about)
-    return replace(bare, default=default if is_output else None, aggregation=variable.aggregation)
+    bare = Variable(names.variables[variable.name], "", *ends, terms, description=about)
+    said = replace(bare, default=default if is_output else None, aggregation=variable.aggregation)
+    return with_universe(said, universe)
 
 
 def _expressed_weighed(system: FuzzySystem, output: Variable, names: Names, dialect: Dialect) -> Variable:
@@ -316,7 +315,7 @@ def _expressed_weighed(system: FuzzySystem, output: Variable, names: Names, dial
 def _expressed_membership(variable: Variable, term: Term, dialect: Dialect) -> MembershipFunction:
     shape = term.membership
     if dialect.words and dialect.words not in shape.entry.words and not isinstance(shape, model.Sampled):
-        return model.Sampled(tuple(sample(variable, term).tolist()))
+        return model.Sampled(tuple(model.sample(variable, term).tolist()))
     return shape if dialect.has_walls else without_walls(variable, shape)
 
 
@@ -336,7 +335,7 @@ def without_walls(variable: Variable, membership: MembershipFunction) -> Members
 
 def input_universe(
     minimum: float, maximum: float, shapes: Sequence[MembershipFunction], fewest: int = INPUT_POINTS
-) -> tuple[int, tuple[float, ...] | None]:
+) -> Floats:
     """Choose points on which straight lines are what other programs compute from the formulas of an input.
 
     As many evenly spaced ones as put one on each corner, where some number does; else the corners are added.
@@ -344,10 +343,8 @@ def input_universe(
 
     Returns
     -------
-    num_points : int
-        `fewest` or more.
-    points : tuple of float or None
-        None where they are evenly spaced.
+    array
+        Ascending, `fewest` points or more.
     """
     corners, jumps = corners_of(minimum, maximum, shapes)
     shares = (corners - minimum) / (maximum - minimum)
@@ -355,13 +352,12 @@ def input_universe(
     places = np.multiply.outer(counts, shares)
     fitting = counts[(np.abs(places - np.rint(places)) < ON_POINT).all(axis=1)]
     if fitting.size and not jumps.size:
-        return int(fitting[0]) + 1, None
+        return np.linspace(minimum, maximum, int(fitting[0]) + 1)
     grid = np.linspace(minimum, maximum, int(fitting[0] if fitting.size else counts[0]) + 1)
     gap = np.spacing(max(abs(minimum), abs(maximum)))  # as near as numbers of the range are to each other
     added = np.concatenate([corners, jumps - gap, jumps + gap])
     near = np.abs(np.subtract.outer(grid[1:-1], corners)).min(axis=1) < ON_POINT * (grid[1] - grid[0])
-    points = np.union1d(np.concatenate([grid[:1], grid[1:-1][~near], grid[-1:]]), added)
-    return len(points), tuple(points.tolist())
+    return np.union1d(np.concatenate([grid[:1], grid[1:-1][~near], grid[-1:]]), added)
 
 
 def corners_of(minimum: float, maximum: float, shapes: Sequence[MembershipFunction]) -> tuple[Floats, Floats]:
@@ -369,15 +365,6 @@ def corners_of(minimum: float, maximum: float, shapes: Sequence[MembershipFuncti
     inside = [[x for x in shape.corners if minimum < x < maximum] for shape in shapes]
     jumps = [x for corners in inside for x, other in pairwise(corners) if x == other]
     return np.unique([x for corners in inside for x in corners]), np.unique(jumps)
-
-
-def universe_of(
-    minimum: float, maximum: float, points: Sequence[float]
-) -> tuple[int, tuple[float, ...] | None]:
-    """Return the number of points of a universe, and the points where they are not evenly spaced."""
-    if np.array_equal(np.linspace(minimum, maximum, len(points)), points):
-        return len(points), None
-    return len(points), tuple(points)
 
 
 def middle(minimum: float, maximum: float) -> float:

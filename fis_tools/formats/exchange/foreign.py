@@ -13,11 +13,12 @@ from typing import TypeVar
 import numpy as np
 
 from fis_tools import model
+from fis_tools.array_types import Floats
 from fis_tools.errors import ControllerFileError, nearest
-from fis_tools.formats.exchange.dialect import INPUT_POINTS, OUTPUT_POINTS, input_universe, universe_of
+from fis_tools.formats.exchange.dialect import INPUT_POINTS, OUTPUT_POINTS, input_universe
 from fis_tools.formats.exchange.vocabulary import HEDGES
 from fis_tools.formats.mapping import MOST_POINTS
-from fis_tools.model import MembershipFunction, Term, Trapezoidal, Variable
+from fis_tools.model import MembershipFunction, Term, Trapezoidal, Variable, with_universe
 from fis_tools.model.numbers import FUNCTIONS, NotAFormula, linear
 from fis_tools.model.shapes import Format, words_of
 from fis_tools.words.text import antecedent_words, before
@@ -90,6 +91,10 @@ class Table:
 
     x: tuple[float, ...]
     y: tuple[float, ...]
+
+    def on(self, universe: Floats) -> model.Sampled:
+        """Return the function sampled on a universe."""
+        return model.Sampled(tuple(np.interp(universe, self.x, self.y).tolist()))
 
 
 def table(values: Sequence[float], where: str) -> Table:
@@ -376,39 +381,26 @@ def variable(
 
     Where all tables have the same points, from one end of the range to the other, these are the universe.
     """
+    low, high = extent.low, extent.high
     tables = [membership for _, membership in terms if isinstance(membership, Table)]
     shapes = [membership for _, membership in terms if not isinstance(membership, Table)]
-    points: tuple[float, ...] | None = None
-    is_possible = extent.low < extent.high and np.isfinite(extent.high - extent.low)
-    if num_points is None:
-        num_points = OUTPUT_POINTS if is_output else INPUT_POINTS
-        if not is_output and not tables and is_possible:
-            num_points, points = input_universe(extent.low, extent.high, shapes)
-    if tables and is_possible:
-        universe = _universe(extent, num_points, tables, [] if is_output else shapes)
-        num_points, points = universe_of(extent.low, extent.high, universe)
-        terms = [
-            (term, model.Sampled(tuple(np.interp(universe, function.x, function.y).tolist())))
-            if isinstance(function, Table)
-            else (term, function)
-            for term, function in terms
-        ]
-    named = tuple(Term(term, function) for term, function in terms if not isinstance(function, Table))
-    return Variable(name, "", extent.low, extent.high, named, num_points, points)
+    num_points = num_points or (OUTPUT_POINTS if is_output else INPUT_POINTS)
+    if not (low < high and np.isfinite(high - low)):  # is refused later
+        named = (Term(term, shape) for term, shape in terms if not isinstance(shape, Table))
+        return Variable(name, "", low, high, tuple(named), num_points)
+    universe = np.linspace(low, high, num_points) if is_output else input_universe(low, high, shapes)
+    if tables:
+        universe = _with_points(universe, tables)
+    named = (Term(term, shape.on(universe) if isinstance(shape, Table) else shape) for term, shape in terms)
+    return with_universe(Variable(name, "", low, high, tuple(named)), universe)
 
 
-def _universe(
-    extent: Extent, num_points: int, tables: Sequence[Table], shapes: Sequence[MembershipFunction]
-) -> list[float]:
-    first = tables[0].x
-    if (first[0], first[-1]) == (extent.low, extent.high) and all(table.x == first for table in tables):
-        return list(first)
-    grid = np.linspace(extent.low, extent.high, num_points)
-    if shapes:
-        num_points, points = input_universe(extent.low, extent.high, shapes)
-        grid = np.linspace(extent.low, extent.high, num_points) if points is None else np.array(points)
-    corners = np.array([x for table in tables for x in table.x if extent.low < x < extent.high])
-    return [float(x) for x in np.union1d(grid, corners)]
+def _with_points(universe: Floats, tables: Sequence[Table]) -> Floats:
+    """Return the points of tables where all have the same over a universe, else these and the universe's."""
+    first, low, high = tables[0].x, universe[0], universe[-1]
+    if (first[0], first[-1]) == (low, high) and all(table.x == first for table in tables):
+        return np.array(first)
+    return np.union1d(universe, [x for table in tables for x in table.x if low < x < high])
 
 
 def rule_words(rule: model.Rule) -> str:
