@@ -15,7 +15,7 @@ from typing import Literal
 
 import numpy as np
 
-from fis_tools.analysis.condition import Region, read_conditions, read_region
+from fis_tools.analysis.condition import Region, linear_bounds, read_conditions, read_region
 from fis_tools.array_types import Floats
 from fis_tools.document import Document, Paragraph, Result
 from fis_tools.engines import interpreter, interval
@@ -330,7 +330,7 @@ def ask(
 
     def promise(least: Floats, greatest: Floats) -> Floats:
         """Return how far inside of all conditions the outputs may lie; negative where they cannot."""
-        low, high = _linear_bounds(coefficients, least, greatest)
+        low, high = linear_bounds(coefficients, least, greatest)
         return np.asarray((np.minimum(high - lowest, highest - low) / widths).min(axis=1))
 
     where = read_region(system, region)
@@ -420,12 +420,6 @@ def _range(
 
 def _most(found: Subdivision) -> float:
     return float(max(found.closed, found.open_promises.max(initial=-np.inf)))
-
-
-def _linear_bounds(coefficients: Floats, least: Floats, greatest: Floats) -> tuple[Floats, Floats]:
-    """Bound linear forms, (m, num_outputs), of bounded outputs, (n, num_outputs); return two of (n, m)."""
-    positive, negative = np.maximum(coefficients, 0.0).T, np.minimum(coefficients, 0.0).T
-    return least @ positive + greatest @ negative, greatest @ positive + least @ negative
 
 
 def _rounded(values: dict[str, float]) -> dict[str, float]:

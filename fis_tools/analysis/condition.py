@@ -71,17 +71,22 @@ class Region:
 
     def may_meet(self, low: Floats, high: Floats) -> Booleans:
         """Return which boxes, given by their corners (n, num_inputs), may hold an input of the region."""
-        positive, negative = np.maximum(self.coefficients, 0.0).T, np.minimum(self.coefficients, 0.0).T
+        lowest, highest = linear_bounds(self.coefficients, low, high)
         size = np.maximum(np.abs(low), np.abs(high)) @ np.abs(self.coefficients).T
         slack = 4 * float(np.finfo(np.float64).eps) * (low.shape[1] + 2) * size
-        reaches = high @ positive + low @ negative + slack >= self.least
-        begins = low @ positive + high @ negative - slack <= self.greatest
-        return np.asarray((reaches & begins).all(axis=1))
+        is_met = (highest + slack >= self.least) & (lowest - slack <= self.greatest)
+        return np.asarray(is_met.all(axis=1))
 
     def holds(self, inputs: Floats) -> Booleans:
         """Return which inputs of the box, (n, num_inputs), lie in the region."""
         values = inputs @ self.coefficients.T
         return np.asarray(((values >= self.least) & (values <= self.greatest)).all(axis=1))
+
+
+def linear_bounds(coefficients: Floats, low: Floats, high: Floats) -> tuple[Floats, Floats]:
+    """Bound linear forms, (m, k), over boxes that are given by their corners, (n, k): two of (n, m)."""
+    positive, negative = np.maximum(coefficients, 0.0).T, np.minimum(coefficients, 0.0).T
+    return low @ positive + high @ negative, high @ positive + low @ negative
 
 
 def read_region(system: FuzzySystem, text: str) -> Region:
