@@ -61,7 +61,7 @@ def conclude_by_rule(conclusion: Conclusion, firing: Floats, out: Floats) -> Non
 @compiled(error_model="numpy", forceinline=True)
 def _defuzzify(defuzzifier: int, x: Floats, y: Floats, count: int, areas: Floats, default: float) -> float:
     """Return what an aggregated set, the first `count` points, becomes; the default if it is zero."""
-    if _is_empty(y, count):
+    if not y[:count].any():
         return default
     if defuzzifier == codes.CENTROID:
         return _centroid(x, y, count)
@@ -127,15 +127,6 @@ def _merge(
         point += 1
         count += 1
     return count
-
-
-@compiled(error_model="numpy", forceinline=True)
-def _is_empty(y: Floats, count: int) -> bool:
-    """Return whether all heights are zero: most others show after a few points."""
-    point = 0
-    while point < count and y[point] == 0.0:
-        point += 1
-    return point == count
 
 
 @compiled(error_model="numpy")

@@ -341,12 +341,8 @@ def _heights(conclusion: Conclusion, cuts: Floats, out: Floats) -> tuple[float, 
 @compiled(error_model="numpy", nogil=True)
 def _support(x: Floats, heights: Floats) -> tuple[float, float]:
     """Return the ends of the segments in which the aggregated set may be positive."""
-    first, last = 0, len(x) - 1
-    while heights[first, 1] == 0.0:
-        first += 1
-    while heights[last, 1] == 0.0:
-        last -= 1
-    return x[max(first - 1, 0)], x[min(last + 1, len(x) - 1)]
+    positive = np.flatnonzero(heights[:, 1])
+    return x[max(positive[0] - 1, 0)], x[min(positive[-1] + 1, len(x) - 1)]
 
 
 @compiled(error_model="numpy", nogil=True)
