@@ -15,7 +15,8 @@ show themselves.
 """
 
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -143,15 +144,11 @@ def show_in(shell: Any) -> None:
         for noun, way in ways.items():
             module, _, name = noun.rpartition(".")
             formatter = shell.display_formatter.formatters[kind]
-            formatter.for_type_by_name(f"{__name__}.model.{module}", name, _shown_by(way))
+            formatter.for_type_by_name(f"{__name__}.model.{module}", name, partial(_show, way))
 
 
-def _shown_by(way: str) -> Callable[[Any], str | None]:
-    def show(thing: Any) -> str | None:
-        shown: str | None = getattr(import_module(f"{__name__}.review"), way)(thing)
-        return shown
-
-    return show
+def _show(way: str, thing: object) -> Any:
+    return getattr(import_module(f"{__name__}.review"), way)(thing)
 
 
 if "IPython" in sys.modules and (_shell := sys.modules["IPython"].get_ipython()) is not None:
