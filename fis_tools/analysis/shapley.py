@@ -7,7 +7,7 @@ alone it would lead to the middle of its consequent however weakly it fired.
 
 Rules that cut terms of their own, which no others cut, are a block; the ways of the
 blocks are combined. Many samples have the same structure: what follows from it is worked out once.
-`Subsets` asks the compiled kernel for many coalitions of many samples, where it covers the system.
+`by_kernel` asks the compiled kernel for many coalitions of many samples, where it covers the system.
 
 Source: L. S. Shapley, A value for n-person games, 1953; as an integral over coalitions that each player joins
 independently: G. Owen, Multilinear extensions of games, Management Science 18 (1972) 64-79.
@@ -194,8 +194,12 @@ def _gains(after: Leads, chances: Floats) -> Iterator[Floats]:
         yield _spread(after, chances, place, 1.0) - _spread(after, chances, place, 0.0)
 
 
-class Subsets:
-    """Some samples of a packed system, in which rules fire always, or only as members of a subset.
+#: From samples, (g,), rules, (g, k), and subsets of these rules, (s, k), to outputs, (g, s).
+Concluding = Callable[[Integers, Integers, Booleans], Floats]
+
+
+def by_kernel(system: FuzzySystem, packed: Packed, firing: Floats, plays: Booleans) -> Concluding:
+    """Return what concludes from subsets of the rules of a packed system.
 
     Parameters
     ----------
@@ -207,27 +211,33 @@ class Subsets:
     plays : (n, num_rules) bool
         Which rules may be left out; the others always fire.
     """
+    (output,) = system.outputs
+    term_of = np.array([output.term_index(rule.consequents[0].term) for rule in system.rules])
+    left = np.where(plays, 0.0, firing)
+    heights = [left[:, term_of == term].max(axis=1, initial=0.0) for term in range(len(output.terms))]
+    always, scratch = np.stack(heights, axis=1), make_scratch()
+    arrays = (packed.values[0], packed.rules[0], packed.layout)
 
-    def __init__(self, system: FuzzySystem, packed: Packed, firing: Floats, plays: Booleans):
-        (output,) = system.outputs
-        self._packed = packed
-        self._firing = firing
-        self._terms = np.array([output.term_index(rule.consequents[0].term) for rule in system.rules])
-        always = np.where(plays, 0.0, firing)
-        heights = [
-            always[:, self._terms == term].max(axis=1, initial=0.0) for term in range(len(output.terms))
-        ]
-        self._always = np.stack(heights, axis=1)
-        self._scratch = make_scratch()
-
-    def conclude(self, samples: Integers, rules: Integers, members: Booleans) -> Floats:
-        """Return outputs, (g, s), of some samples, (g,), for subsets, (s, k), of their rules, (g, k)."""
+    def concluding(samples: Integers, rules: Integers, members: Booleans) -> Floats:
         out = np.empty((len(members), len(samples)))
-        packed, strengths = self._packed, self._firing[samples[:, np.newaxis], rules]
-        players = (self._always[samples], self._terms[rules], strengths)
-        arrays = (packed.values[0], packed.rules[0], packed.layout)
-        _conclude_subsets(arrays, players, members, self._scratch, out)
+        players = (always[samples], term_of[rules], firing[samples[:, np.newaxis], rules])
+        _conclude_subsets(arrays, players, members, scratch, out)
         return out.T
+
+    return concluding
+
+
+def _by_program(compiled: CompiledSystem, place: int, firing: Floats, plays: Booleans) -> Concluding:
+    """Return the same for one of the outputs of any system."""
+
+    def concluding(samples: Integers, rules: Integers, members: Booleans) -> Floats:
+        left = np.where(plays[samples], 0.0, firing[samples])
+        rows = np.repeat(left[:, np.newaxis], len(members), axis=1)
+        strengths = firing[samples[:, np.newaxis], rules]
+        np.put_along_axis(rows, rules[:, np.newaxis], members * strengths[:, np.newaxis], axis=2)
+        return compiled.conclude(rows.reshape(-1, rows.shape[2]))[:, place].reshape(rows.shape[:2])
+
+    return concluding
 
 
 @compiled(nogil=True, error_model="numpy")
@@ -299,8 +309,7 @@ class _Match(NamedTuple):
         Of the output.
     conclusions : list of Cuts
     firing, plays : (n, num_rules)
-    subsets : Subsets or None
-        The same samples for the kernel, where it covers the system.
+    concluding : Concluding
     """
 
     compiled: CompiledSystem
@@ -308,7 +317,7 @@ class _Match(NamedTuple):
     conclusions: list[Cuts]
     firing: Floats
     plays: Booleans
-    subsets: Subsets | None
+    concluding: Concluding
 
 
 class _Game(NamedTuple):
@@ -371,9 +380,10 @@ def _match(compiled: CompiledSystem, place: int, firing: Floats) -> _Match:
     concludes = np.array([bool(weights) for weights in conclusions])
     strongest = firing.max(axis=1, keepdims=True, initial=0.0, where=concludes)
     plays = concludes & (firing >= np.minimum(FIRED, strongest)) & (firing > 0.0)
-    packed = compiled.packed
-    subsets = None if packed is None else Subsets(compiled.system, packed, firing, plays)
-    return _Match(compiled, place, conclusions, firing, plays, subsets)
+    concluding = _by_program(compiled, place, firing, plays)
+    if compiled.packed is not None:
+        concluding = by_kernel(compiled.system, compiled.packed, firing, plays)
+    return _Match(compiled, place, conclusions, firing, plays, concluding)
 
 
 def _games(match: _Match) -> Iterator[_Game]:
@@ -464,16 +474,8 @@ def _one_worth(match: _Match, game: _Game, members: Booleans) -> Floats:
 
 def _worth(match: _Match, samples: Integers, rules: Integers, members: Booleans) -> Floats:
     """Return what coalitions, (c, num_players) of the rules, (g, num_players), are worth: (g, c)."""
-    compiled, place = match.compiled, match.place
-    if match.subsets is not None:
-        found = match.subsets.conclude(samples, rules, members)
-    else:
-        firing = match.firing[samples]
-        rows = np.repeat(np.where(match.plays[samples], 0.0, firing)[:, np.newaxis], len(members), axis=1)
-        strengths: Floats = np.take_along_axis(firing, rules, axis=1)
-        np.put_along_axis(rows, rules[:, np.newaxis], members * strengths[:, np.newaxis], axis=2)
-        found = compiled.conclude(rows.reshape(-1, rows.shape[2]))[:, place].reshape(rows.shape[:2])
-    return np.where(members.any(axis=1), found, compiled.system.outputs[place].default or 0.0)
+    found = match.concluding(samples, rules, members)
+    return np.where(members.any(axis=1), found, match.compiled.system.outputs[match.place].default or 0.0)
 
 
 def importance(compiled: CompiledSystem, inputs: Floats) -> Floats:
