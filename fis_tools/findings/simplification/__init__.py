@@ -57,10 +57,7 @@ class Search:
             if cost > 1.0:
                 return
             before, self.bench, self.ranking, self.draft = self.draft, bench, bench.thinned(), draft
-            gone = tuple(number for number in before.numbers if number not in draft.numbers)
-            changes = bench.measure(draft.system)
-            terms = report.num_terms(draft.system)
-            self.steps.append(Step("input", words, gone, len(draft.numbers), terms, changes))
+            self._record("input", words, before)
 
     def _shorter(self) -> Iterator[tuple[float, Bench, Draft, str]]:
         """Yield each system without one input: its cost, its bench, itself, and the step in words."""
@@ -138,8 +135,7 @@ class Search:
     def _record(self, kind: report.Kind, words: str, before: Draft) -> None:
         after = self.draft
         rules = tuple(number for number in before.numbers if number not in after.numbers)
-        gone = drafts.unused_words(before.exact, after.exact)
-        if gone and kind == "drop":
+        if kind == "drop" and (gone := drafts.unused_words(before.exact, after.exact)):
             words += f"; {gone} {'goes' if ' and ' not in gone else 'go'} with it"
         changes = self.bench.measure(after.system)
         step = Step(kind, words, rules, len(after.numbers), report.num_terms(after.system), changes)
