@@ -27,14 +27,15 @@ def policy(style: str = "") -> Markup:
 @cache
 def template(package: str, folder: str, name: str) -> Template:
     """Return a template in a folder of a package; it escapes all that is put into it."""
-    environment = Environment(
-        loader=PackageLoader(package, folder),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
+    return environment(package, folder, autoescape=True).get_template(name)
+
+
+def environment(package: str, folder: str, **options: Any) -> Environment:
+    """Return what finds templates in a folder of a package; options are those of jinja2."""
+    loader = PackageLoader(package, folder)
+    return Environment(  # noqa: S701 - some forms know no markup
+        loader=loader, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True, **options
     )
-    return environment.get_template(name)
 
 
 def read(name: str, package: str = "fis_tools.document") -> str:

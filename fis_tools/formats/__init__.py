@@ -15,14 +15,8 @@ def rendered(template: str, **facts: Any) -> str:
     """
     from html import escape  # noqa: PLC0415 - as below
 
-    from jinja2 import Environment, PackageLoader, StrictUndefined  # noqa: PLC0415 - few commands write files
+    from fis_tools.document.html import environment  # noqa: PLC0415 - few commands write files
 
-    environment = Environment(  # noqa: S701 - most forms know no markup, the others have a filter
-        loader=PackageLoader("fis_tools.formats", ""),
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-    )
-    environment.filters |= {"exact": repr, "xml": escape}
-    return environment.get_template(template).render(facts)
+    forms = environment("fis_tools.formats", "", keep_trailing_newline=True)
+    forms.filters |= {"exact": repr, "xml": escape}
+    return forms.get_template(template).render(facts)
