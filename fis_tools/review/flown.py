@@ -67,7 +67,9 @@ def read_flights(
     own = {system.name: system for system in controller.systems}
     found = []
     for name, path in zip(_names(paths), paths, strict=True):
-        flown = _flown(path, controller, all_periods)
+        read = flights.read_flight(path, all_periods, controller)
+        flown = {one.system.name: one for one in read if one.system.name in own}
+        _require_same_inputs(path, flown, own)
         found.append(Flight(name, flown, all(one.system == own[key] for key, one in flown.items())))
     return found
 
@@ -80,10 +82,9 @@ def _names(paths: Sequence[Path]) -> list[str]:
     return next((names for names in candidates if len(set(names)) == len(set(parts))), [])
 
 
-def _flown(path: Path | str, controller: FuzzyController, all_periods: bool) -> dict[str, FlownSystem]:
-    known = {system.name: system for system in controller.systems}
-    read = flights.read_flight(path, all_periods, controller)
-    flown = {one.system.name: one for one in read if one.system.name in known}
+def _require_same_inputs(
+    path: Path, flown: Mapping[str, FlownSystem], known: Mapping[str, FuzzySystem]
+) -> None:
     if not flown:
         names = ", ".join(known)
         raise ControllerFileError(f"{path} was flown without any of the systems {names}; give another flight")
@@ -94,7 +95,6 @@ def _flown(path: Path | str, controller: FuzzyController, all_periods: bool) -> 
                 f"{path}: its system {name!r} senses {', '.join(logged)}, but the controller's senses "
                 f"{', '.join(wanted)}; give flights of this controller"
             )
-    return flown
 
 
 def samples_of(system: FuzzySystem, flown: Sequence[Flight], noun: str) -> Samples:
