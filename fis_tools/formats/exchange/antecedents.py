@@ -4,18 +4,15 @@ A complement moves inwards (De Morgan) where the two operators are duals of each
 hedge moves to the statements behind it.
 """
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import reduce
 from typing import get_args
 
 from fis_tools import model
-from fis_tools.formats.exchange.vocabulary import HEDGES
+from fis_tools.formats.exchange.vocabulary import HEDGES, Names
 from fis_tools.model import AndOperator, Expression, Hedge, OrOperator, Rule, Variable
 from fis_tools.words.text import before
-
-#: A variable and one of its terms.
-Statement = tuple[str, str]
 
 #: They stand at the same places in their lists.
 _DUALS = set(zip(get_args(AndOperator), get_args(OrOperator), strict=True))
@@ -111,24 +108,15 @@ def operands_of(expression: Expression) -> tuple[Expression, ...]:
     return expression.operands if isinstance(expression, model.And | model.Or) else (expression,)
 
 
-def renamed(rule: Rule, names: Mapping[Statement, Statement]) -> Rule:
-    """Return a rule that speaks of other variables and terms.
+def renamed(rule: Rule, names: Names) -> Rule:
+    """Return a rule that calls its variables and terms by other names."""
 
-    Parameters
-    ----------
-    rule : Rule
-        Any rule.
-    names : mapping
-        Each variable and term that it mentions, with what stands in their place.
-    """
+    def expressed(one: model.Is) -> model.Is:
+        return model.Is(*names.of(one.variable, one.term))
 
-    def expressed(statement: model.Is) -> model.Is:
-        return model.Is(*names[statement.variable, statement.term])
-
-    consequents = tuple(model.Consequent(*names[c.variable, c.term], c.weight) for c in rule.consequents)
-    return replace(
-        rule, antecedent=model.with_statements(rule.antecedent, expressed), consequents=consequents
-    )
+    consequents = tuple(model.Consequent(*names.of(c.variable, c.term), c.weight) for c in rule.consequents)
+    antecedent = model.with_statements(rule.antecedent, expressed)
+    return replace(rule, antecedent=antecedent, consequents=consequents)
 
 
 #: Behind the number of a term in a `.fis` file, as MATLAB's and Octave's powers have them.

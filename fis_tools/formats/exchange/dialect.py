@@ -131,10 +131,7 @@ def express(system: FuzzySystem, dialect: Dialect) -> Expressed:
     system = _with_known_hedges(system, dialect)
     names = Names(system)
     groups = [
-        [
-            antecedents.renamed(expressed, names.statements)
-            for expressed in _expressed_rules(place, rule, system, dialect)
-        ]
+        [antecedents.renamed(one, names) for one in _expressed_rules(place, rule, system, dialect)]
         for place, rule in enumerate(system.rules, start=1)
     ]
     own_ways = tuple(system.defuzzifier_of(output) for output in system.outputs)

@@ -86,8 +86,6 @@ class Names:
         By the variable's name.
     terms : dict
         By the variable's and the term's name.
-    statements : dict
-        By the variable's and the term's name: both of them.
     """
 
     def __init__(self, system: FuzzySystem) -> None:
@@ -98,10 +96,10 @@ class Names:
             for term, name in _identifiers(term.name for term in variable.terms).items()
         }
         self.system = identifier(system.name)
-        self.statements = {
-            (variable, term): (self.variables[variable], name)
-            for (variable, term), name in self.terms.items()
-        }
+
+    def of(self, variable: str, term: str) -> tuple[str, str]:
+        """Return what stands for a variable and one of its terms."""
+        return self.variables[variable], self.terms[variable, term]
 
 
 def identifier(name: str) -> str:
