@@ -28,7 +28,6 @@ from fis_tools.array_types import Booleans, Floats, Integers
 from fis_tools.compiled.decorator import compiled
 from fis_tools.compiled.vectors import width_of
 from fis_tools.engines.compiler import CompiledSystem
-from fis_tools.engines.inference import conclusions_on
 from fis_tools.engines.kernel import conclude, make_scratch
 from fis_tools.engines.packing import Packed
 from fis_tools.engines.program import Weighing
@@ -374,7 +373,7 @@ def shares(compiled: CompiledSystem, inputs: Floats, num_orders: int = NUM_ORDER
 def _match(compiled: CompiledSystem, place: int, firing: Floats) -> _Match:
     output = compiled.system.outputs[place]
     conclusions: list[Cuts] = [[] for _ in compiled.system.rules]
-    for rule, c in conclusions_on(compiled.system, output):
+    for rule, c in compiled.system.conclusions_on(output):
         if c.weight:
             conclusions[rule].append((output.term_index(c.term), c.weight))
     concludes = np.array([bool(weights) for weights in conclusions])

@@ -5,7 +5,7 @@ arithmetic, so results agree to the last bit. `fis_tools.engines.kernel` is the 
 case.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import reduce
 from typing import Any
@@ -15,7 +15,7 @@ import numpy as np
 from fis_tools import model
 from fis_tools.array_types import Floats, Integers
 from fis_tools.errors import nearest
-from fis_tools.model import Consequent, Expression, FuzzySystem, Rule, Variable
+from fis_tools.model import Expression, FuzzySystem, Rule, Variable
 from fis_tools.model.operators import ACCUMULATIONS, AGGREGATIONS, AND_OPERATORS, HEDGES, OR_OPERATORS
 
 #: scikit-fuzzy divides by the larger of the area and this.
@@ -170,12 +170,6 @@ def _fire(system: FuzzySystem, memberships: Sequence[Floats]) -> Floats:
     return np.array([degree(rule, rule.antecedent) for rule in system.rules])
 
 
-def conclusions_on(system: FuzzySystem, output: Variable) -> Iterator[tuple[int, Consequent]]:
-    """Yield what rules conclude on an output, in their order, each with the index of its rule."""
-    for place, rule in enumerate(system.rules):
-        yield from ((place, each) for each in rule.consequents if each.variable == output.name)
-
-
 def _infer_outputs(system: FuzzySystem, firing: Floats, clipped: Floats) -> list[OutputInference]:
     """Infer one output after the other, from the inputs and, for formulas, from the outputs before it."""
     values = {variable.name: x for variable, x in zip(system.inputs, clipped, strict=True)}
@@ -210,7 +204,7 @@ def _weigh(
     """Weight each rule's conclusion by its strength, one after the other."""
     found, total, moment = [], 0.0, 0.0
     cuts = np.full(len(variable.terms), np.nan)
-    for place, consequent in conclusions_on(system, variable):
+    for place, consequent in system.conclusions_on(variable):
         term = variable.term_index(consequent.term)
         strength, number = float(firing[place] * consequent.weight), np.nan
         if strength > 0.0:
@@ -251,7 +245,7 @@ def _concluded(
 def _cut_terms(system: FuzzySystem, variable: Variable, firing: Floats) -> Floats:
     accumulate = ACCUMULATIONS[variable.accumulation]
     cuts = np.full(len(variable.terms), np.nan)
-    for place, consequent in conclusions_on(system, variable):
+    for place, consequent in system.conclusions_on(variable):
         index = variable.term_index(consequent.term)
         activation = firing[place] * consequent.weight
         is_first = np.isnan(cuts[index])
@@ -275,7 +269,7 @@ def _conclude_by_rule(system: FuzzySystem, variable: Variable, firing: Floats) -
     """Aggregate each rule's implied set, one after the other, at the points of the universe."""
     imply, aggregate = AND_OPERATORS[system.implication], AGGREGATIONS[variable.aggregation]
     aggregated = np.zeros(len(variable.universe))
-    for place, consequent in conclusions_on(system, variable):
+    for place, consequent in system.conclusions_on(variable):
         shape = variable.memberships[variable.term_index(consequent.term)]
         activation = np.full(len(shape), firing[place] * consequent.weight)
         aggregated = aggregate(aggregated, imply(activation, shape))

@@ -10,7 +10,6 @@ import numpy as np
 from fis_tools import model
 from fis_tools.array_types import Floats, Integers
 from fis_tools.compiled.decorator import compiled
-from fis_tools.engines.inference import conclusions_on
 
 #: Operations as numbers, since compiled functions have no strings.
 AND_CODES = range(7)
@@ -326,7 +325,7 @@ def _steps(system: model.FuzzySystem) -> tuple[list[tuple[int, int, int]], list[
 def _conclusion(system: model.FuzzySystem, output: model.Variable) -> Conclusion:
     concluded = [
         (output.term_index(consequent.term), rule, consequent.weight)
-        for rule, consequent in conclusions_on(system, output)
+        for rule, consequent in system.conclusions_on(output)
     ]
     terms = sorted({term for term, _, _ in concluded})
     if system.cuts(output):
@@ -353,7 +352,7 @@ def _conclusion(system: model.FuzzySystem, output: model.Variable) -> Conclusion
 def _weighing(system: model.FuzzySystem, output: model.Variable) -> Weighing:
     concluded = [
         (rule, consequent.weight, output.terms[output.term_index(consequent.term)].membership)
-        for rule, consequent in conclusions_on(system, output)
+        for rule, consequent in system.conclusions_on(output)
     ]
     before = system.outputs[: system.outputs.index(output)]
     parameters = np.zeros((len(concluded), max(len(system.inputs) + 1, 2)))

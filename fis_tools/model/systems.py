@@ -307,6 +307,11 @@ class FuzzySystem:
         known = ", ".join(v.name for v in self.variables)
         raise KeyError(f"system {self.name!r} has no variable {name!r}; its variables are {known}")
 
+    def conclusions_on(self, output: Variable) -> Iterator[tuple[int, Consequent]]:
+        """Yield what rules conclude on an output, in their order, each with the index of its rule."""
+        for place, rule in enumerate(self.rules):
+            yield from ((place, each) for each in rule.consequents if each.variable == output.name)
+
     def and_operator_of(self, rule: Rule) -> AndOperator:
         """Return how `and` combines in one of its rules."""
         return rule.and_operator or self.and_operator

@@ -41,21 +41,16 @@ def rule_cells(system: FuzzySystem, output: Variable) -> tuple[Integers, Floats]
     if prod(shape) > MOST_CELLS:
         return None
     terms, weights = np.full(shape, -1, dtype=np.int64), np.ones(shape)
-    for rule in system.rules:
-        for consequent in rule.consequents:
-            if consequent.variable != output.name:
-                continue
-            asked = conjunction(rule.antecedent)
-            if asked is None:
-                return None
-            cell = tuple(
-                v.term_index(asked[v.name]) if v.name in asked else slice(None) for v in system.inputs
-            )
-            term = output.term_index(consequent.term)
-            taken = terms[cell] != -1
-            if np.any(taken & ((terms[cell] != term) | (weights[cell] != consequent.weight))):
-                return None
-            terms[cell], weights[cell] = term, consequent.weight
+    for place, consequent in system.conclusions_on(output):
+        asked = conjunction(system.rules[place].antecedent)
+        if asked is None:
+            return None
+        cell = tuple(v.term_index(asked[v.name]) if v.name in asked else slice(None) for v in system.inputs)
+        term = output.term_index(consequent.term)
+        taken = terms[cell] != -1
+        if np.any(taken & ((terms[cell] != term) | (weights[cell] != consequent.weight))):
+            return None
+        terms[cell], weights[cell] = term, consequent.weight
     return (terms, weights) if np.mean(terms != -1) >= _LEAST_FILLED else None
 
 

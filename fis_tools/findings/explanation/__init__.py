@@ -12,7 +12,7 @@ from fis_tools.analysis.contribution import contributions, holding_back
 from fis_tools.analysis.flights import Points
 from fis_tools.document import Block, Document, Heading, Items, Paragraph, Result, Table, plain
 from fis_tools.engines.compiler import compile
-from fis_tools.engines.inference import conclusions_on, infer
+from fis_tools.engines.inference import infer
 from fis_tools.findings.explanation.flips import ClassFlip, Flip, class_flips, flips, is_classifier
 from fis_tools.findings.explanation.points import made_of, missed_words, plain_parts, rehearsed
 from fis_tools.findings.explanation.shares import shares
@@ -346,7 +346,7 @@ def explain(
     outputs = []
     for place, output in enumerate(inference.outputs):
         strengths = inference.firing_strengths
-        asked = {rule for rule, c in conclusions_on(compiled.system, output.variable) if c.weight > 0.0}
+        asked = {rule for rule, c in compiled.system.conclusions_on(output.variable) if c.weight > 0.0}
         concluding = [number for number in sorted(asked) if strengths[number] > 0.0]
         numbers = np.column_stack([strengths, shared[0, :, place], needed[0, :, place]])
         moves = [Move(number + 1, *numbers[number].tolist()) for number in concluding]

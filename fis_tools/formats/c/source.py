@@ -344,8 +344,7 @@ class _System:
         self.signals = {signal.variable.name: signal for signal in (*self.inputs, *self.outputs)}
 
     def _output(self, variable: Variable, word: str) -> _Signal:
-        consequents = (c for rule in self.system.rules for c in rule.consequents)
-        names = {consequent.term for consequent in consequents if consequent.variable == variable.name}
+        names = {consequent.term for _, consequent in self.system.conclusions_on(variable)}
         terms = [term for term in variable.terms if term.name in names]
         kind: Kind = "cut" if self.system.cuts(variable) else "implied"
         if self.system.weighs(variable):

@@ -173,15 +173,15 @@ def refuse_joined(system: FuzzySystem) -> None:
     """
     for output in system.weighed:
         seen: dict[str, int] = {}
-        for place, rule in enumerate(system.rules, start=1):
-            for term in [c.term for c in rule.consequents if c.variable == output.name]:
-                shape = output.terms[output.term_index(term)].membership
-                if isinstance(shape, model.MonotoneFunction) and seen.setdefault(term, place) != place:
-                    raise NotExpressible(
-                        f"rules {seen[term]} and {place} conclude {term!r} of {output.name!r}: other "
-                        "programs add their strengths up before they look where the term has them, here "
-                        "each counts by itself; give each rule a term of its own"
-                    )
+        for place, consequent in system.conclusions_on(output):
+            term, number = consequent.term, place + 1
+            shape = output.terms[output.term_index(term)].membership
+            if isinstance(shape, model.MonotoneFunction) and seen.setdefault(term, number) != number:
+                raise NotExpressible(
+                    f"rules {seen[term]} and {number} conclude {term!r} of {output.name!r}: other programs "
+                    "add their strengths up before they look where the term has them, here each counts by "
+                    "itself; give each rule a term of its own"
+                )
 
 
 def settle(system: FuzzySystem) -> FuzzySystem:
