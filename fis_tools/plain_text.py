@@ -22,6 +22,14 @@ def plain(data: Any) -> Any:
     return data
 
 
+def as_number(data: Any) -> float | None:
+    """Return the number that a text is, or that data is anyway; None where it is none."""
+    try:
+        return float(data)
+    except (TypeError, ValueError):
+        return None
+
+
 def distinct(names: Iterable[str]) -> list[str]:
     """Return names of which no two are equal: later ones get a number."""
     found: list[str] = []

@@ -5,7 +5,7 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import KW_ONLY, dataclass, replace
-from math import inf, isfinite
+from math import isfinite
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -18,6 +18,7 @@ from fis_tools.errors import nearest
 from fis_tools.formats import serialize
 from fis_tools.model import FuzzyController, FuzzySystem
 from fis_tools.model.thrust import COUNTED, REASONS, UNKNOWN
+from fis_tools.plain_text import as_number
 from fis_tools.source import read_controller
 from fis_tools.waiting import waiting
 from fis_tools.words.text import number
@@ -169,11 +170,8 @@ def assignments(words: str) -> dict[str, float]:
     values: dict[str, float] = {}
     for word in filter(None, (word.strip() for word in words.split(","))):
         name, _, number = (part.strip() for part in word.rpartition("="))
-        try:
-            value = float(number)
-        except ValueError:
-            value = inf
-        if not name or not isfinite(value):
+        value = as_number(number)
+        if not name or value is None or not isfinite(value):
             raise UserMistake(f"{word!r} gives no name a finite number; write NAME=NUMBER,NAME=NUMBER")
         if name in values:
             raise UserMistake(f"{name!r} is given twice; give it one number")

@@ -23,6 +23,7 @@ from fis_tools.findings.audit import Severity, Thresholds, report
 from fis_tools.findings.difference import difference
 from fis_tools.findings.simplification import Budget
 from fis_tools.model import FuzzyController
+from fis_tools.plain_text import as_number
 from fis_tools.source import read_controller
 from fis_tools.words import text as wording
 
@@ -251,13 +252,11 @@ DEFAULTS = Budget()
 def _share(_kind: object, tokens: Sequence[Token]) -> float:
     """Read ``5%`` or ``0.05``."""
     word = tokens[0].value.strip()
-    try:
-        value = float(word.removesuffix("%")) / (100.0 if word.endswith("%") else 1.0)
-    except ValueError:
-        value = -1.0
-    if not 0.0 <= value <= 1.0:
+    value = as_number(word.removesuffix("%"))
+    whole = 100.0 if word.endswith("%") else 1.0
+    if value is None or not 0.0 <= value / whole <= 1.0:
         raise ValueError(f"{word!r} is no share from 0% to 100%; write 5% or 0.05")
-    return value
+    return value / whole
 
 
 Share = Annotated[float, Parameter(converter=_share)]

@@ -11,6 +11,7 @@ from typing import Any
 
 from fis_tools.model import FuzzyController
 from fis_tools.model.systems import conjunction
+from fis_tools.plain_text import as_number
 from fis_tools.words.text import antecedent_words
 
 #: what a spreadsheet may take for the beginning of a formula
@@ -20,13 +21,8 @@ FORMULA = ("=", "+", "-", "@", "\t", "\r")
 def as_text(cell: Any) -> Any:
     """Return a cell that no spreadsheet runs."""
     # spreadsheets do without the blanks before
-    if not (isinstance(cell, str) and (cell.startswith(FORMULA) or cell.lstrip().startswith(FORMULA))):
-        return cell
-    try:
-        float(cell)
-    except ValueError:
-        return f"'{cell}"
-    return cell
+    is_run = isinstance(cell, str) and (cell.startswith(FORMULA) or cell.lstrip().startswith(FORMULA))
+    return f"'{cell}" if is_run and as_number(cell) is None else cell
 
 
 def rows_as_text(rows: Iterable[Sequence[Any]]) -> str:

@@ -21,6 +21,7 @@ from fis_tools.errors import ControllerFileError, told_as
 from fis_tools.formats import mapping, notation
 from fis_tools.formats.mapping import to_mapping
 from fis_tools.model import FuzzyController
+from fis_tools.plain_text import as_number
 
 
 @dataclass(frozen=True)
@@ -253,11 +254,10 @@ SIMPLIFIED: Final = "simplified_from"
 
 def content_hash(controller: FuzzyController) -> str:
     """Return the SHA-256 of what a controller does: its attributes and systems without descriptions."""
-    mapping = to_mapping(controller)
-    content = {
-        "attributes": {name: _as_number(text) for name, text in controller.attributes},
-        "systems": _without_descriptions(mapping["systems"]),
-    }
+    numbers = {name: as_number(text) for name, text in controller.attributes}
+    facts = {name: text if numbers[name] is None else numbers[name] for name, text in controller.attributes}
+    systems = _without_descriptions(to_mapping(controller)["systems"])
+    content = {"attributes": facts, "systems": systems}
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
@@ -281,13 +281,6 @@ def checked(controller: FuzzyController) -> FuzzyController:
 def edited(controller: FuzzyController) -> str | None:
     """Return what is told of a later change; None where nothing is."""
     return dict(controller.provenance).get(EDITED)
-
-
-def _as_number(text: str) -> float | str:
-    try:
-        return float(text)
-    except ValueError:
-        return text
 
 
 def _without_descriptions(value: Any) -> Any:

@@ -16,7 +16,7 @@ from fis_tools.array_types import Floats, Integers
 from fis_tools.engines.inference import columns_of
 from fis_tools.errors import ControllerFileError, nearest, told_as
 from fis_tools.learning.rules import range_of
-from fis_tools.plain_text import distinct
+from fis_tools.plain_text import as_number, distinct
 
 
 class UnreadableTable(ValueError):  # noqa: N818 - the sentence is the message
@@ -107,7 +107,7 @@ def as_table(content: Any, target: str, inputs: list[str] | None = None) -> Tabl
     try:
         values = _numbers(target, values)
     except UnreadableTable:
-        if not all(isinstance(value, str) and not _says_number(value) for value in values.tolist()):
+        if not all(isinstance(value, str) and as_number(value) is None for value in values.tolist()):
             raise
     return Table(labels, rows, target, values, tuple(notes))
 
@@ -115,7 +115,7 @@ def as_table(content: Any, target: str, inputs: list[str] | None = None) -> Tabl
 def _idle(column: NDArray[Any]) -> str:
     """Return why no rule can ask for a column; nothing if one can."""
     values = column[~_gaps(column)].tolist() if column.ndim == 1 else []
-    if values and not any(map(_says_number, values)):
+    if values and all(as_number(value) is None for value in values):
         return "holds words, while rules ask for numbers,"
     if len(values) > 1 and len(set(values)) == 1:
         return f"is {values[0]} in every row"
@@ -182,7 +182,7 @@ def _numbers(name: str, values: NDArray[Any]) -> Floats:
     if values.dtype.kind in "iufb":
         numbers = values.astype(np.float64)
     else:
-        numbers = np.array([_number(value) for value in values.tolist()], dtype=np.float64)
+        numbers = np.array([as_number(value) for value in values.tolist()], dtype=np.float64)
     if not np.isfinite(numbers).all():
         row = int(np.argmin(np.isfinite(numbers)))
         raise UnreadableTable(
@@ -190,18 +190,6 @@ def _numbers(name: str, values: NDArray[Any]) -> Floats:
             "rows or the column out"
         )
     return numbers
-
-
-def _number(value: Any) -> float:
-    return float(value) if _says_number(value) else math.nan
-
-
-def _says_number(value: Any) -> bool:
-    try:
-        float(value)
-    except (TypeError, ValueError):
-        return False
-    return True
 
 
 @dataclass(frozen=True)

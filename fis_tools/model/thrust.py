@@ -7,10 +7,11 @@ it.
 """
 
 from dataclasses import dataclass
-from math import isfinite
+from math import inf
 from typing import Final
 
 from fis_tools.model.systems import FuzzyController
+from fis_tools.plain_text import as_number
 
 #: what became of a component of the force: the word in a recording, and in a sentence
 REASONS: Final = {
@@ -95,11 +96,8 @@ def thrust_logic(controller: FuzzyController) -> ThrustLogic | None:
 
     def number(name: str) -> float:
         text = attributes.get(name, "0")
-        try:
-            value = float(text)
-        except ValueError:
-            value = -1.0
-        if not isfinite(value) or value < 0.0:
+        value = as_number(text)
+        if value is None or not 0.0 <= value < inf:
             raise ValueError(f"controller {controller.name!r} has {name} {text!r}; give a number from 0 on")
         return value
 

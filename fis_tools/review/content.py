@@ -16,6 +16,7 @@ from fis_tools.engines.interval import NotBounded
 from fis_tools.errors import ControllerFileError
 from fis_tools.findings.audit import Audit, Finding
 from fis_tools.model import FuzzyController, FuzzySystem, Variable, peak
+from fis_tools.plain_text import as_number
 from fis_tools.review.flown import Evaluation, Flight, Samples
 from fis_tools.words import text as wording
 from fis_tools.words.text import amount, number
@@ -222,21 +223,13 @@ def constants(controller: FuzzyController, meanings: Mapping[str, str]) -> list[
     """
     found = []
     for name, text in controller.attributes:
-        value = number_of(text)
+        value = as_number(text)
         if value is None:
             continue
         unit = next((unit for end, unit in UNITS.items() if name.endswith(end)), "")
         meaning = meanings.get(name, "").removesuffix(f", {unit}")
         found.append(Constant(name, f"{value:.4g}", text, unit, meaning))
     return found
-
-
-def number_of(text: str) -> float | None:
-    """Return the number that an attribute is, if it is one."""
-    try:
-        return float(text)
-    except ValueError:
-        return None
 
 
 #: cividis (J. R. Nuñez, C. R. Anderton, R. S. Renslow, PLoS ONE 13, 2018) from its lowest to its highest,
@@ -269,7 +262,7 @@ def level_styles() -> str:
 
 def texts(controller: FuzzyController) -> list[tuple[str, str]]:
     """Return the attributes of a controller that are no numbers."""
-    return [(name, text) for name, text in controller.attributes if number_of(text) is None]
+    return [(name, text) for name, text in controller.attributes if as_number(text) is None]
 
 
 def facts(pairs: Sequence[tuple[str, str]]) -> list[tuple[str, str]]:
