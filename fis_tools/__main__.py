@@ -94,20 +94,20 @@ def main(words: Sequence[str] | None = None) -> int:
         return 0
     except CycloptsError as mistake:
         command = f"python -m fis_tools {asked} --help" if asked in COMMANDS else "python -m fis_tools --help"
-        said = f"{asked} is now part of {GONE[asked]}." if asked in GONE else mistake
-        print(f"error: {said} `{command}` tells more.", file=sys.stderr)
-        return MISTAKE
+        why = f"{asked} is now part of {GONE[asked]}." if asked in GONE else mistake
+        said = f"{why} `{command}` tells more."
     except OSError as mistake:
         place = mistake.filename or "the output"
-        print(f"error: {place} cannot be written ({mistake.strerror}); choose another place", file=sys.stderr)
-        return MISTAKE
+        said = f"{place} cannot be written ({mistake.strerror}); choose another place"
     except _mistakes() as mistake:
-        print(f"error: {mistake}", file=sys.stderr)
-        return MISTAKE
+        said = str(mistake)
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)
         return INTERRUPTED
-    return int(status or 0) if words else MISTAKE
+    else:
+        return int(status or 0) if words else MISTAKE
+    print(f"error: {said}", file=sys.stderr)
+    return MISTAKE
 
 
 if __name__ == "__main__":

@@ -95,7 +95,7 @@ def domain(domain: str, flights: tuple[str, ...], /) -> int:
         found = _departures(path, boxes)
         num_left += bool(found)
         print(f"{path}: {'stayed inside' if not found else ''}".rstrip())
-        for one in found:
+        for one in sorted(found, key=lambda one: one.first_s):
             print(f"  {_sentence(one)}")
     return int(num_left > 0)
 
@@ -109,13 +109,13 @@ def _read(path: Path) -> tuple[Box, ...]:
 
 
 def _departures(path: str, boxes: dict[str, Box]) -> list[Departure]:
-    """Return when a flight left the boxes of its systems, in order of time."""
+    """Return when a flight left the boxes of its systems."""
     found: list[Departure] = []
     if tables.is_table(path):
         for each in boxes.values():
             sensed, time_s = tables.read(path, each.inputs)
             found += departures(each, np.arange(1.0, len(sensed) + 1.0) if time_s is None else time_s, sensed)
-        return sorted(found, key=lambda one: one.first_s)
+        return found
     for flown in logged.read_flight(path):
         box, inputs = boxes.get(flown.system.name), tuple(one.name for one in flown.system.inputs)
         if box is None or box.inputs != inputs:
@@ -124,7 +124,7 @@ def _departures(path: str, boxes: dict[str, Box]) -> list[Departure]:
                 "domain does not have; give flights of the controller that it was made with"
             )
         found += departures(box, flown.time_s, flown.inputs)
-    return sorted(found, key=lambda one: one.first_s)
+    return found
 
 
 def _sentence(one: Departure) -> str:
