@@ -26,10 +26,8 @@ MOST_PANELS = 30
 
 def one_panel(title: str, *, theme: Theme = LIGHT, in_space: bool = False) -> tuple[Figure, Any]:
     """Make a figure with one pair of axes, flat or in space."""
-    figure = Figure(figsize=(5.6, 4.4), layout="constrained")
-    head(figure, title, theme)
-    with mpl.rc_context({"grid.color": theme.grid}):  # axes in space take it only when they are made
-        return figure, figure.subplots(subplot_kw={"projection": "3d" if in_space else None})
+    figure, (ax,) = _panels(1, (4.8, 4.0), title, theme, "3d" if in_space else None)
+    return figure, ax
 
 
 def memberships_figure(system: FuzzySystem, *, theme: Theme = LIGHT) -> Figure:
@@ -222,7 +220,7 @@ def _panels(
     figsize = (size[0] * columns + 0.8, size[1] * rows + 0.4)
     figure = Figure(figsize=figsize, layout="constrained")
     head(figure, title, theme)
-    with mpl.rc_context({"grid.color": theme.grid}):  # as above
+    with mpl.rc_context({"grid.color": theme.grid}):  # axes in space take it only when they are made
         axes = figure.subplots(rows, columns, squeeze=False, subplot_kw={"projection": projection}).ravel()
     for ax in axes[count:]:
         ax.remove()

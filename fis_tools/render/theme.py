@@ -16,6 +16,7 @@ from matplotlib.colors import Colormap, LinearSegmentedColormap, to_rgb
 from matplotlib.text import Text
 
 from fis_tools.array_types import Floats
+from fis_tools.render import lettering
 
 #: A name, or red, green and blue from 0 to 1.
 Colour: TypeAlias = str | Floats | tuple[float, float, float]
@@ -104,9 +105,7 @@ def dress(ax: Axes, theme: Theme, x_size: float = SMALL, y_size: float = SMALL) 
 
     The sizes are those of the words at the ticks.
     """
-    figure = ax.get_figure(root=True)
-    if figure is not None:
-        figure.set_facecolor(theme.paper)
+    lettering.figure_of(ax).set_facecolor(theme.paper)
     ax.set_facecolor(theme.paper)
     for spine in ax.spines.values():
         spine.set_edgecolor(theme.muted)
