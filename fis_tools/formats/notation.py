@@ -320,10 +320,8 @@ def _mapping_lines(mapping: Mapping[str, Any], indent: int) -> list[str]:
             lines += _table_lines(mapping, rows, indent)
         elif _fits(value, len(head) + 1):
             lines.append(f"{head} {_inline(value, _yaml_scalar)}")
-        elif isinstance(value, Mapping):
-            lines += [head, *_mapping_lines(value, indent + 2)]
         else:
-            lines += [head, *_sequence_lines(value, indent + 2)]
+            lines += [head, *_lines(value, indent + 2)]
     return lines
 
 
@@ -332,13 +330,14 @@ def _sequence_lines(items: Sequence[Any], indent: int) -> list[str]:
     for item in items:
         if _fits(item, indent + 2):
             lines.append(" " * indent + "- " + _inline(item, _yaml_scalar))
-        elif isinstance(item, Mapping):
-            first, *rest = _mapping_lines(item, indent + 2)
-            lines += [" " * indent + "- " + first.lstrip(), *rest]
         else:
-            first, *rest = _sequence_lines(item, indent + 2)
+            first, *rest = _lines(item, indent + 2)
             lines += [" " * indent + "- " + first.lstrip(), *rest]
     return lines
+
+
+def _lines(value: Any, indent: int) -> list[str]:
+    return _mapping_lines(value, indent) if isinstance(value, Mapping) else _sequence_lines(value, indent)
 
 
 def _fits(value: Any, used: int) -> bool:
