@@ -124,16 +124,14 @@ def _row(inputs: tuple[str, ...], tones: tuple[Any, ...], rule: Rule, place: int
         cells = [{"terms": [asked[name]] if name in asked else []} for name in inputs]
     for output, colour in tones:
         terms = [
-            shown("then", n, one, _weighted(one), kind=changed, tone=dict(colour)[one.term])
+            shown(
+                "then", n, one, text.weighted(one.term, one.weight), kind=changed, tone=dict(colour)[one.term]
+            )
             for n, one in enumerate(rule.consequents)
             if one.variable == output
         ]
         cells.append({"terms": terms})
     return cells
-
-
-def _weighted(one: Consequent) -> str:
-    return one.term if one.weight == 1.0 else f"{one.term} × {one.weight:g}"
 
 
 def sentence(system: FuzzySystem, rule: int) -> str | None:

@@ -10,12 +10,12 @@ from matplotlib.patches import Rectangle
 
 from fis_tools.analysis.arrays import FIRED, output_named
 from fis_tools.array_types import Floats, Integers
-from fis_tools.model import Consequent, FuzzySystem, Variable
+from fis_tools.model import FuzzySystem, Variable
 from fis_tools.model.systems import conjunction
 from fis_tools.render import lettering
 from fis_tools.render.surfaces import colour_bar
 from fis_tools.render.theme import LIGHT, MEDIUM, SMALL, Theme, dress, readable_on, term_colours
-from fis_tools.words.text import antecedent_words, number
+from fis_tools.words.text import antecedent_words, weighted
 
 #: Tables with more cells than this are not laid out.
 MOST_CELLS = 4096
@@ -143,8 +143,7 @@ def _fill(ax: Axes, output: Variable, terms: Integers, weights: Floats, theme: T
     room = (0.9 * across / terms.shape[1], 0.9 * down / terms.shape[0])
     concluded = [(int(term), float(weight)) for term, weight in zip(terms.flat, weights.flat, strict=True)]
     words = [
-        "no rule" if term < 0 else output.terms[term].name + ("" if weight == 1.0 else f" × {number(weight)}")
-        for term, weight in concluded
+        "no rule" if term < 0 else weighted(output.terms[term].name, weight) for term, weight in concluded
     ]
     texts = lettering.fit(words, room, _SIZES)
     colours = term_colours(len(output.terms))
@@ -178,15 +177,11 @@ def rule_names(system: FuzzySystem) -> list[str]:
         if asked is not None:
             words = " · ".join(asked.get(variable.name, "any") for variable in system.inputs)
         outputs = ["" if len(system.outputs) == 1 else f"{c.variable} " for c in rule.consequents]
-        concluded = map("".join, zip(outputs, map(conclusion, rule.consequents), strict=True))
+        concluded = [
+            out + weighted(c.term, c.weight) for out, c in zip(outputs, rule.consequents, strict=True)
+        ]
         names.append(f"{place}: {words} → {', '.join(concluded)}")
     return names
-
-
-def conclusion(consequent: Consequent) -> str:
-    """Say the term of a consequent, and its weight where that is not one."""
-    weight = "" if consequent.weight == 1.0 else f" × {number(consequent.weight)}"
-    return f"{consequent.term}{weight}"
 
 
 #: Rules with a smaller share that never fire are not drawn along a flight.

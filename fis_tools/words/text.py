@@ -94,9 +94,19 @@ def sentence(rule: Rule) -> str:
     return f"If {antecedent_words(rule.antecedent)}{note} then {consequent_words(rule.consequents)}"
 
 
+def labelled(rule: Rule) -> str:
+    """Return a rule in words after its label, if it has one, in square brackets."""
+    return (f"[{rule.label}] " if rule.label else "") + sentence(rule)
+
+
 def sentences(system: FuzzySystem) -> list[str]:
-    """Return every rule of a system in words, in order; labels stand in square brackets."""
-    return [(f"[{rule.label}] " if rule.label else "") + sentence(rule) for rule in system.rules]
+    """Return every rule of a system in words, in order, as `labelled` does."""
+    return [labelled(rule) for rule in system.rules]
+
+
+def weighted(term: str, weight: float) -> str:
+    """Return the term that a rule concludes, with a weight other than one: ``PS × 0.5``."""
+    return term if weight == 1.0 else f"{term} × {number(weight)}"
 
 
 def shape_words(term: Term) -> str:

@@ -280,9 +280,7 @@ def _rules(system: SystemDifference) -> Iterator[Block]:
 
 
 def _rule_words(rule: Rule | None) -> str:
-    if rule is None:
-        return "none"
-    return (f"[{rule.label}] " if rule.label else "") + text.sentence(rule)
+    return "none" if rule is None else text.labelled(rule)
 
 
 def _plain_system(system: SystemDifference) -> dict[str, object]:
