@@ -105,12 +105,11 @@ def bound(program: Program, low: Floats, high: Floats) -> tuple[Floats, Floats, 
     variation = np.empty(low.shape)
     _fire(program.antecedents, low, high, strengths, variation)
     limits = np.empty((len(program.conclusions), len(low), 2))
+    low, high = (np.clip(end, program.ends[:, 0], program.ends[:, 1]) for end in (low, high))
     for conclusion, column in zip(program.conclusions, limits, strict=True):
         if isinstance(conclusion, Weighing):
-            _weigh(conclusion, program.ends, low, high, strengths, column)
-            variation += (
-                _steepness(conclusion, program.ends) * np.diff(_inside(program.ends, low, high))[..., 0]
-            )
+            _weigh(conclusion, low, high, strengths, column)
+            variation += _steepness(conclusion, low.shape[1]) * (high - low)
         else:
             _conclude(conclusion, strengths, column)
     return limits[:, :, 0].T, limits[:, :, 1].T, variation
@@ -189,23 +188,16 @@ def _widened(low: float, high: float) -> tuple[float, float]:
     return low * (1.0 - 8 * EPSILON), high * (1.0 + 8 * EPSILON)
 
 
-def _inside(ends: Floats, low: Floats, high: Floats) -> Floats:
-    """Return boxes of inputs clipped to the universes, (n, num_inputs, 2)."""
-    return np.clip(np.stack([low, high], axis=-1), ends[:, :1], ends[:, 1:])
-
-
-def _steepness(weighing: Weighing, ends: Floats) -> Floats:
+def _steepness(weighing: Weighing, num_inputs: int) -> Floats:
     """Return the sensitivity of concluded numbers to each input, as shares of the output's range."""
     factors = np.abs(np.where(weighing.kinds[:, np.newaxis] == codes.NUMBER, weighing.parameters, 0.0))
-    steepest: Floats = factors[:, : len(ends)].max(axis=0, initial=0.0) / (weighing.high - weighing.low)
+    steepest: Floats = factors[:, :num_inputs].max(axis=0, initial=0.0) / (weighing.high - weighing.low)
     return steepest
 
 
 @compiled(error_model="numpy", nogil=True)
-def _weigh(
-    weighing: Weighing, ends: Floats, low: Floats, high: Floats, strengths: Floats, out: Floats
-) -> None:
-    """Bound one weighted output, for bounded firing strengths, (n, rules, 2), of boxes of inputs."""
+def _weigh(weighing: Weighing, low: Floats, high: Floats, strengths: Floats, out: Floats) -> None:
+    """Bound one weighted output, for bounded firing strengths, (n, rules, 2), of boxes in the universes."""
     count = len(weighing.rules)
     weights, numbers = np.empty((count, 2)), np.empty((count, 2))
     for box in range(len(strengths)):
@@ -213,7 +205,7 @@ def _weigh(
             least, greatest = strengths[box, weighing.rules[index]]
             weight = weighing.weights[index]
             weights[index] = _widened(least * weight, greatest * weight)
-            numbers[index] = _number(weighing, index, ends, low[box], high[box], weights[index])
+            numbers[index] = _number(weighing, index, low[box], high[box], weights[index])
         least_total, greatest_total = weights[:, 0].sum(), weights[:, 1].sum()
         if greatest_total == 0.0:
             out[box] = weighing.default, weighing.default
@@ -248,7 +240,7 @@ def _least_average(weights: Floats, numbers: Floats) -> float:
 
 @compiled(error_model="numpy", nogil=True)
 def _number(
-    weighing: Weighing, index: int, ends: Floats, low: Floats, high: Floats, degrees: Floats
+    weighing: Weighing, index: int, low: Floats, high: Floats, degrees: Floats
 ) -> tuple[float, float]:
     """Bound the number that one rule concludes."""
     row, kind = weighing.parameters[index], weighing.kinds[index]
@@ -257,12 +249,11 @@ def _number(
         other = invert(kind, row[0], row[1], min(degrees[1], 1.0))
         slack = 8 * EPSILON * max(abs(row[0]), abs(row[1]))
         return min(one, other) - slack, max(one, other) + slack
-    num_inputs = len(ends)
+    num_inputs = len(low)
     least = greatest = row[num_inputs]
     size = abs(least)
     for place in range(num_inputs):
-        left = row[place] * min(max(low[place], ends[place, 0]), ends[place, 1])
-        right = row[place] * min(max(high[place], ends[place, 0]), ends[place, 1])
+        left, right = row[place] * low[place], row[place] * high[place]
         least, greatest = least + min(left, right), greatest + max(left, right)
         size += max(abs(left), abs(right))
     slack = 4 * EPSILON * (num_inputs + 1) * size
