@@ -18,11 +18,11 @@ from fis_tools.errors import ControllerFileError
 from fis_tools.formats.exchange import antecedents, foreign, vocabulary
 from fis_tools.formats.exchange.dialect import Dialect, Expressed, settle
 from fis_tools.formats.exchange.fll_rules import hedged_rules
-from fis_tools.formats.exchange.foreign import Block, Extent, Table
+from fis_tools.formats.exchange.foreign import Block, Extent
 from fis_tools.formats.exchange.vocabulary import AGGREGATIONS, AND, DEFUZZIFIERS, OR, meanings
 from fis_tools.formats.exchange.writing import term_words, understand, written
 from fis_tools.formats.serialize import Reading, Written
-from fis_tools.model import Expression, FuzzySystem, Hedge, MembershipFunction, Rule, Variable
+from fis_tools.model import Expression, FuzzySystem, Hedge, Rule, Variable
 from fis_tools.model.operators import WEIGHING
 
 DIALECT = Dialect(
@@ -202,10 +202,7 @@ def _variable(section: Block, weighed_by: Sequence[str] | None, notes: list[str]
     return replace(variable, default=section.number("Default") if states_default else None)
 
 
-_Named = tuple[str, MembershipFunction | Table]
-
-
-def _numbered(variable: str, terms: list[_Named], notes: list[str]) -> list[_Named]:
+def _numbered(variable: str, terms: list[foreign.Named], notes: list[str]) -> list[foreign.Named]:
     """Add numbers to names that several terms have; rules go by places."""
     counts = Counter(name for name, _ in terms)
     notes += [
@@ -222,9 +219,7 @@ def _numbered(variable: str, terms: list[_Named], notes: list[str]) -> list[_Nam
 _TERM = re.compile(r"(['\"])(?P<name>.*)\1\s*:\s*(['\"])(?P<shape>\w+)\3\s*,\s*(?P<numbers>\[[^\]]*\])")
 
 
-def _term(
-    line: int, value: str, extent: Extent, weighed_by: Sequence[str] | None
-) -> tuple[str, MembershipFunction | Table]:
+def _term(line: int, value: str, extent: Extent, weighed_by: Sequence[str] | None) -> foreign.Named:
     where = f"line {line}"
     parts = _TERM.fullmatch(value)
     if parts is None:

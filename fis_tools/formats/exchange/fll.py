@@ -16,12 +16,12 @@ from fis_tools.formats.exchange import foreign, vocabulary
 from fis_tools.formats.exchange.antecedents import with_any
 from fis_tools.formats.exchange.dialect import Dialect, Expressed, settle
 from fis_tools.formats.exchange.fll_rules import Operators, read_rules
-from fis_tools.formats.exchange.foreign import Block, Extent, Table
+from fis_tools.formats.exchange.foreign import Block, Extent
 from fis_tools.formats.exchange.vocabulary import AGGREGATIONS, AND, DEFUZZIFIERS, OR, meanings
 from fis_tools.formats.exchange.writing import MARK, term_words, understand, written
 from fis_tools.formats.mapping import MOST_POINTS
 from fis_tools.formats.serialize import Reading, Written
-from fis_tools.model import FuzzySystem, MembershipFunction, Rule, Variable
+from fis_tools.model import FuzzySystem, Rule, Variable
 from fis_tools.model.operators import WEIGHING
 from fis_tools.model.shapes import words_of
 from fis_tools.model.systems import Named, NotResolvable, unchained
@@ -229,9 +229,7 @@ def _output(block: Block, inputs: Sequence[str]) -> Variable:
     )
 
 
-def _refuse_other_kind(
-    block: Block, parameter: str, terms: Sequence[tuple[str, MembershipFunction | Table]]
-) -> None:
+def _refuse_other_kind(block: Block, parameter: str, terms: Sequence[foreign.Named]) -> None:
     """Refuse terms that an output is not weighed by."""
     for (line, words), (name, shape) in zip(block.listed, terms, strict=True):
         kind = "TakagiSugeno" if isinstance(shape, model.Number) else "Tsukamoto"
@@ -242,11 +240,9 @@ def _refuse_other_kind(
             )
 
 
-def _terms(
-    block: Block, extent: Extent, inputs: Sequence[str] | None = None
-) -> list[tuple[str, MembershipFunction | Table]]:
+def _terms(block: Block, extent: Extent, inputs: Sequence[str] | None = None) -> list[foreign.Named]:
     """Read the terms of a variable; `inputs` are those of an output that is weighed."""
-    terms: list[tuple[str, MembershipFunction | Table]] = []
+    terms: list[foreign.Named] = []
     for line, words in block.listed:
         if len(words.split()) < 2:
             raise ControllerFileError(

@@ -97,6 +97,10 @@ class Table:
         return model.Sampled(tuple(np.interp(universe, self.x, self.y).tolist()))
 
 
+#: What a term is called, and its function.
+Named = tuple[str, MembershipFunction | Table]
+
+
 def table(values: Sequence[float], where: str) -> Table:
     """Read ``x y x y …``."""
     if not values or len(values) % 2:
@@ -370,12 +374,7 @@ def concluded_formula(text: str, inputs: Sequence[str], where: str) -> Membershi
 
 
 def variable(
-    name: str,
-    extent: Extent,
-    terms: Sequence[tuple[str, MembershipFunction | Table]],
-    *,
-    is_output: bool,
-    num_points: int | None = None,
+    name: str, extent: Extent, terms: Sequence[Named], *, is_output: bool, num_points: int | None = None
 ) -> Variable:
     """Build a variable of terms alone; its universe holds the points of every table.
 
