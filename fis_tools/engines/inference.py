@@ -170,6 +170,10 @@ def _fire(system: FuzzySystem, memberships: Sequence[Floats]) -> Floats:
     return np.array([degree(rule, rule.antecedent) for rule in system.rules])
 
 
+#: Clipped inputs, and the outputs inferred so far, by their names.
+Values = Mapping[str, Any]
+
+
 def _infer_outputs(system: FuzzySystem, firing: Floats, clipped: Floats) -> list[OutputInference]:
     """Infer one output after the other, from the inputs and, for formulas, from the outputs before it."""
     values = {variable.name: x for variable, x in zip(system.inputs, clipped, strict=True)}
@@ -180,9 +184,7 @@ def _infer_outputs(system: FuzzySystem, firing: Floats, clipped: Floats) -> list
     return found
 
 
-def _infer_output(
-    system: FuzzySystem, variable: Variable, firing: Floats, values: Mapping[str, Any]
-) -> OutputInference:
+def _infer_output(system: FuzzySystem, variable: Variable, firing: Floats, values: Values) -> OutputInference:
     if system.weighs(variable):
         return _weigh(system, variable, firing, values)
     cuts = _cut_terms(system, variable, firing)
@@ -198,9 +200,7 @@ def _infer_output(
     return OutputInference(variable, cuts, universe, aggregated, value, is_default)
 
 
-def _weigh(
-    system: FuzzySystem, variable: Variable, firing: Floats, values: Mapping[str, Any]
-) -> OutputInference:
+def _weigh(system: FuzzySystem, variable: Variable, firing: Floats, values: Values) -> OutputInference:
     """Weight each rule's conclusion by its strength, one after the other."""
     found, total, moment = [], 0.0, 0.0
     cuts = np.full(len(variable.terms), np.nan)
@@ -220,9 +220,7 @@ def _weigh(
     return OutputInference(variable, cuts, np.empty(0), np.empty(0), value, total == 0.0, weighing)
 
 
-def _concluded(
-    system: FuzzySystem, variable: Variable, term: int, strength: float, values: Mapping[str, Any]
-) -> float:
+def _concluded(system: FuzzySystem, variable: Variable, term: int, strength: float, values: Values) -> float:
     """Return the number that a rule of positive strength concludes.
 
     A sigmoid never reaches one; at a strength of one its rule concludes the end of the range.

@@ -199,7 +199,11 @@ def parse(text: str) -> Part:
     return whole
 
 
-def linear(part: Part, inputs: Sequence[str]) -> tuple[Floats, float] | None:
+#: A linear form: the factor of each input, and the constant.
+Form = tuple[Floats, float]
+
+
+def linear(part: Part, inputs: Sequence[str]) -> Form | None:
     """Return the factor of each input, and the constant, of a linear formula; None for any other."""
     if not part.word:
         return np.zeros(len(inputs)), part.number
@@ -211,9 +215,7 @@ def linear(part: Part, inputs: Sequence[str]) -> tuple[Floats, float] | None:
     return None if found[0] is None or found[1] is None else _combined(part.word, found[0], found[1])
 
 
-def _combined(
-    word: str, left: tuple[Floats, float], right: tuple[Floats, float]
-) -> tuple[Floats, float] | None:
+def _combined(word: str, left: Form, right: Form) -> Form | None:
     (one, constant), (other, factor) = left, right
     match word:
         case "+":

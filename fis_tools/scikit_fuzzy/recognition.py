@@ -17,7 +17,9 @@ from fis_tools.array_types import Booleans, Floats
 from fis_tools.model.shapes import SMALLEST_MEMBERSHIP
 from fis_tools.model.validate import shape_problems
 
-Estimate = tuple[type[model.MembershipFunction], tuple[float, ...]]
+Kind = type[model.MembershipFunction]
+Numbers = tuple[float, ...]
+Estimate = tuple[Kind, Numbers]
 
 #: An estimate that misses the samples by more is not looked at further.
 NEAR = 1e-6
@@ -85,9 +87,7 @@ class Samples:
         return np.abs(given - self.values)
 
 
-def _settled(
-    samples: Samples, kind: type[model.MembershipFunction], parameters: tuple[float, ...]
-) -> model.MembershipFunction | None:
+def _settled(samples: Samples, kind: Kind, parameters: Numbers) -> model.MembershipFunction | None:
     """Return the shape of the simplest numbers near an estimate that gives the samples, if there is one.
 
     Where rounding does not find it neighbouring parameters move, two at a time and by units in their last
@@ -95,7 +95,7 @@ def _settled(
     belong together.
     """
 
-    def missed(numbers: tuple[float, ...]) -> int:
+    def missed(numbers: Numbers) -> int:
         return int(np.count_nonzero(samples.misses(_made(kind, numbers))))
 
     def moves(place: int) -> set[float]:
@@ -119,13 +119,11 @@ def _settled(
     return None if fewest else _made(kind, best)
 
 
-def _made(kind: type[model.MembershipFunction], parameters: tuple[float, ...]) -> model.MembershipFunction:
+def _made(kind: Kind, parameters: Numbers) -> model.MembershipFunction:
     return kind(*map(float, parameters))
 
 
-def _rounded(
-    kind: type[model.MembershipFunction], parameters: tuple[float, ...], digits: int, width: float
-) -> tuple[float, ...]:
+def _rounded(kind: Kind, parameters: Numbers, digits: int, width: float) -> Numbers:
     """Round places to digits of the universe's width, spreads and slopes to digits of their own."""
     rounded = []
     for what, value in zip(kind.entry.kinds.values(), parameters, strict=True):
@@ -268,9 +266,7 @@ def _bells(samples: Samples, odds: list[tuple[float, float] | None]) -> Iterator
         yield model.GeneralizedBell, (width, 0.5 * width / abs(halves[0][1]), centre)
 
 
-def _fitted(
-    samples: Samples, kind: type[model.MembershipFunction], start: tuple[float, ...]
-) -> tuple[float, ...]:
+def _fitted(samples: Samples, kind: Kind, start: Numbers) -> Numbers:
     """Improve an estimate by least squares."""
 
     def residuals(parameters: Floats) -> Floats:

@@ -1,6 +1,6 @@
 """Audits of fuzzy controllers: what a reviewer should look at before signing, with the numbers behind it."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from itertools import chain
 
@@ -10,7 +10,7 @@ from fis_tools.analysis.arrays import check_samples
 from fis_tools.analysis.measures import measure
 from fis_tools.array_types import Floats
 from fis_tools.findings.audit import answers, rules, terms
-from fis_tools.findings.audit.report import Audit, AuditedSystem, Finding, Severity, Thresholds
+from fis_tools.findings.audit.report import Audit, AuditedSystem, Finding, Findings, Severity, Thresholds
 from fis_tools.formats.serialize import edited
 from fis_tools.model import FuzzyController, FuzzySystem
 from fis_tools.model.validate import validate
@@ -62,7 +62,7 @@ def audit(
     return Audit(name, tuple(audited), tuple(findings))
 
 
-def _edited(controller: FuzzyController) -> Iterator[Finding]:
+def _edited(controller: FuzzyController) -> Findings:
     """Yield that a controller is no longer the one that its provenance tells of."""
     if (how := edited(controller)) is not None:
         yield Finding(

@@ -1,7 +1,5 @@
 """Findings on outputs: gaps and reversals over the input ranges; along logs, what rules and inputs did."""
 
-from collections.abc import Iterator
-
 import numpy as np
 
 from fis_tools.analysis.arrays import evaluate, firing, rule_usage
@@ -9,7 +7,7 @@ from fis_tools.analysis.contribution import importance
 from fis_tools.analysis.measures import Measures
 from fis_tools.array_types import Floats
 from fis_tools.engines.compiler import compile as compiled
-from fis_tools.findings.audit.report import Finding, Severity, Thresholds
+from fis_tools.findings.audit.report import Finding, Findings, Severity, Thresholds
 from fis_tools.model import FuzzySystem
 from fis_tools.words.text import NEGLIGIBLE, amount, listed, percent, place, rule_words
 
@@ -17,7 +15,7 @@ from fis_tools.words.text import NEGLIGIBLE, amount, listed, percent, place, rul
 NUM_POINTS = 20_000
 
 
-def find(system: FuzzySystem, measures: Measures, thresholds: Thresholds) -> Iterator[Finding]:
+def find(system: FuzzySystem, measures: Measures, thresholds: Thresholds) -> Findings:
     """Yield the findings on the outputs of a system, over the whole ranges of its inputs."""
     yield from _complete(system, measures, thresholds)
     num_points = max(2, min(201, int(NUM_POINTS ** (1.0 / len(system.inputs)))))
@@ -31,7 +29,7 @@ def find(system: FuzzySystem, measures: Measures, thresholds: Thresholds) -> Ite
             yield from _ways_back(system, place_of_output, axis, axes, values, thresholds)
 
 
-def _complete(system: FuzzySystem, measures: Measures, thresholds: Thresholds) -> Iterator[Finding]:
+def _complete(system: FuzzySystem, measures: Measures, thresholds: Thresholds) -> Findings:
     found = measures.completeness
     gap = min(measures.coverage[variable.name].least for variable in system.inputs)
     is_reported = 0.0 < gap < thresholds.coverage and found.least >= gap
@@ -57,7 +55,7 @@ def _complete(system: FuzzySystem, measures: Measures, thresholds: Thresholds) -
     )
 
 
-def _reach(system: FuzzySystem, which: int, values: Floats, thresholds: Thresholds) -> Iterator[Finding]:
+def _reach(system: FuzzySystem, which: int, values: Floats, thresholds: Thresholds) -> Findings:
     output = system.outputs[which]
     low, high = float(values.min()), float(values.max())
     part = (high - low) / output.span
@@ -82,7 +80,7 @@ def _reach(system: FuzzySystem, which: int, values: Floats, thresholds: Threshol
 
 def _ways_back(
     system: FuzzySystem, which: int, axis: int, axes: list[Floats], values: Floats, thresholds: Thresholds
-) -> Iterator[Finding]:
+) -> Findings:
     variable, output = system.inputs[axis], system.outputs[which]
     lines = np.moveaxis(values, axis, -1)
     changes = np.diff(lines, axis=-1)
@@ -124,7 +122,7 @@ def _ways_back(
 MOST_SAMPLES = 2_000
 
 
-def find_along(system: FuzzySystem, samples: Floats, thresholds: Thresholds) -> Iterator[Finding]:
+def find_along(system: FuzzySystem, samples: Floats, thresholds: Thresholds) -> Findings:
     """Yield the findings on a system at the inputs that it was given, shape (n, num_inputs)."""
     if not len(samples):
         yield Finding(
@@ -145,7 +143,7 @@ def find_along(system: FuzzySystem, samples: Floats, thresholds: Thresholds) -> 
     yield from _idle(usage.fired, matters, thresholds)
 
 
-def _clipped(system: FuzzySystem, samples: Floats, thresholds: Thresholds) -> Iterator[Finding]:
+def _clipped(system: FuzzySystem, samples: Floats, thresholds: Thresholds) -> Findings:
     for variable, column in zip(system.inputs, samples.T, strict=True):
         outside = (column < variable.minimum) | (column > variable.maximum)
         if not outside.any():
@@ -166,7 +164,7 @@ def _clipped(system: FuzzySystem, samples: Floats, thresholds: Thresholds) -> It
         )
 
 
-def _silent(strengths: Floats) -> Iterator[Finding]:
+def _silent(strengths: Floats) -> Findings:
     part = float(np.mean(strengths.max(axis=1) == 0.0))
     if part > 0:
         yield Finding(
@@ -178,7 +176,7 @@ def _silent(strengths: Floats) -> Iterator[Finding]:
         )
 
 
-def _dead(fired: Floats, num_samples: int, thresholds: Thresholds) -> Iterator[Finding]:
+def _dead(fired: Floats, num_samples: int, thresholds: Thresholds) -> Findings:
     dead = [int(index) + 1 for index in np.flatnonzero(fired == 0.0)]
     if not dead:
         return
@@ -194,9 +192,7 @@ def _dead(fired: Floats, num_samples: int, thresholds: Thresholds) -> Iterator[F
     )
 
 
-def _dominant(
-    system: FuzzySystem, leading: Floats, matters: Floats, thresholds: Thresholds
-) -> Iterator[Finding]:
+def _dominant(system: FuzzySystem, leading: Floats, matters: Floats, thresholds: Thresholds) -> Findings:
     total = float(matters.sum())
     shares = matters / total if total > 0 else np.zeros(len(matters))
     for index, rule in enumerate(system.rules):
@@ -218,7 +214,7 @@ def _dominant(
         )
 
 
-def _idle(fired: Floats, matters: Floats, thresholds: Thresholds) -> Iterator[Finding]:
+def _idle(fired: Floats, matters: Floats, thresholds: Thresholds) -> Findings:
     idle = [int(i) + 1 for i in np.flatnonzero((fired > 0.0) & (matters < thresholds.idle))]
     if idle:
         yield Finding(

@@ -1,6 +1,6 @@
 """An audit: findings with their severity, the thresholds behind them, and what there is to say of it."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Any
@@ -60,6 +60,10 @@ class Finding:
     terms: tuple[str, ...] = ()
     rules: tuple[int, ...] = ()
     evidence: Mapping[str, Any] = field(default_factory=dict)
+
+
+#: Findings of one kind, as they are found.
+Findings = Iterator[Finding]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,7 +1,6 @@
 """Findings on rules as written: duplicates, contradictions, jumps between neighbours, meaning, number."""
 
 from collections import defaultdict
-from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import combinations, product
 
@@ -9,7 +8,7 @@ import numpy as np
 
 from fis_tools.analysis.measures import Measures, centre
 from fis_tools.array_types import Floats, Integers
-from fis_tools.findings.audit.report import Finding, Severity, Thresholds
+from fis_tools.findings.audit.report import Finding, Findings, Severity, Thresholds
 from fis_tools.model import Constant, FuzzySystem, Rule, canonical, conjunctions
 from fis_tools.words import text
 
@@ -36,7 +35,7 @@ class Step:
     change: float
 
 
-def find(system: FuzzySystem, measures: Measures, thresholds: Thresholds) -> Iterator[Finding]:
+def find(system: FuzzySystem, measures: Measures, thresholds: Thresholds) -> Findings:
     """Yield the findings on the rules of a system."""
     yield from _weightless(system)
     yield from _repeated(system)
@@ -55,7 +54,7 @@ def _concludes(rule: Rule) -> dict[str, str]:
     return {consequent.variable: consequent.term for consequent in rule.consequents}
 
 
-def _weightless(system: FuzzySystem) -> Iterator[Finding]:
+def _weightless(system: FuzzySystem) -> Findings:
     for number, rule in enumerate(system.rules, start=1):
         idle = [consequent for consequent in rule.consequents if consequent.weight == 0.0]
         if idle:
@@ -69,7 +68,7 @@ def _weightless(system: FuzzySystem) -> Iterator[Finding]:
             )
 
 
-def _repeated(system: FuzzySystem) -> Iterator[Finding]:
+def _repeated(system: FuzzySystem) -> Findings:
     alike: dict[object, list[int]] = defaultdict(list)
     for number, rule in enumerate(system.rules, start=1):
         alike[canonical(rule.antecedent)].append(number)
@@ -99,7 +98,7 @@ def _repeated(system: FuzzySystem) -> Iterator[Finding]:
             )
 
 
-def _overlapping(system: FuzzySystem) -> Iterator[Finding]:
+def _overlapping(system: FuzzySystem) -> Findings:
     """Yield rules that hold wherever a narrower rule does, and conclude something else."""
     found = conjunctions(system)
     if found is None or np.all(found[0] >= 0):
@@ -174,7 +173,7 @@ def _step_words(system: FuzzySystem, step: Step) -> str:
     return f"from {words[0]} to {words[1]}"
 
 
-def _jumps(system: FuzzySystem, axis: int, steps: list[Step], thresholds: Thresholds) -> Iterator[Finding]:
+def _jumps(system: FuzzySystem, axis: int, steps: list[Step], thresholds: Thresholds) -> Findings:
     variable = system.inputs[axis]
     far = sorted((s for s in steps if abs(s.change) > thresholds.jump), key=lambda s: -abs(s.change))
     if not far:
@@ -195,7 +194,7 @@ def _jumps(system: FuzzySystem, axis: int, steps: list[Step], thresholds: Thresh
     )
 
 
-def _turns(system: FuzzySystem, axis: int, steps: list[Step], thresholds: Thresholds) -> Iterator[Finding]:
+def _turns(system: FuzzySystem, axis: int, steps: list[Step], thresholds: Thresholds) -> Findings:
     variable, output = system.inputs[axis], system.outputs[0]
     rising = [step for step in steps if step.change > 0]
     falling = [step for step in steps if step.change < 0]
@@ -233,7 +232,7 @@ def _turns(system: FuzzySystem, axis: int, steps: list[Step], thresholds: Thresh
     )
 
 
-def _symmetry(system: FuzzySystem, table: _Table, thresholds: Thresholds) -> Iterator[Finding]:
+def _symmetry(system: FuzzySystem, table: _Table, thresholds: Thresholds) -> Findings:
     """Yield the few pairs of rules that break a symmetry of the rest of a full rule table.
 
     Where all inputs, or one, are mirrored, a table may conclude the mirrored term, or the same.
@@ -266,7 +265,7 @@ def _symmetry(system: FuzzySystem, table: _Table, thresholds: Thresholds) -> Ite
         )
 
 
-def _consistency(system: FuzzySystem, measures: Measures, thresholds: Thresholds) -> Iterator[Finding]:
+def _consistency(system: FuzzySystem, measures: Measures, thresholds: Thresholds) -> Findings:
     found = measures.rule_consistency
     weak = [
         int(i) for i in np.argsort(found.values, kind="stable") if found.values[i] < thresholds.consistency
@@ -297,7 +296,7 @@ def _consistency(system: FuzzySystem, measures: Measures, thresholds: Thresholds
     )
 
 
-def _many(measures: Measures, thresholds: Thresholds) -> Iterator[Finding]:
+def _many(measures: Measures, thresholds: Thresholds) -> Findings:
     counted = measures.complexity
     if counted.rules > thresholds.rules:
         yield Finding(

@@ -1,7 +1,6 @@
 """Findings on variables: gaps between terms, overlaps, their order, and whether their names fit."""
 
 import re
-from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -10,7 +9,7 @@ import numpy as np
 from fis_tools.analysis.arrays import distinguishability
 from fis_tools.analysis.measures import Measures, centre
 from fis_tools.array_types import Floats
-from fis_tools.findings.audit.report import Finding, Severity, Thresholds
+from fis_tools.findings.audit.report import Finding, Findings, Severity, Thresholds
 from fis_tools.model import FuzzySystem, Variable, used_terms
 from fis_tools.words.text import amount, listed, number, percent
 
@@ -100,7 +99,7 @@ def _on_scale(words: list[str], scale: list[str]) -> Reading | None:
     return Reading(outwards * (2.0 * scale.index(rest[0]) / (len(scale) - 1) - 1.0))
 
 
-def find(system: FuzzySystem, measures: Measures, thresholds: Thresholds) -> Iterator[Finding]:
+def find(system: FuzzySystem, measures: Measures, thresholds: Thresholds) -> Findings:
     """Yield the findings on the variables of a system."""
     yield from _unused(system)
     yield from _weighed(system)
@@ -118,7 +117,7 @@ def find(system: FuzzySystem, measures: Measures, thresholds: Thresholds) -> Ite
         yield from _many(variable, thresholds)
 
 
-def _weighed(system: FuzzySystem) -> Iterator[Finding]:
+def _weighed(system: FuzzySystem) -> Findings:
     for output in system.weighed:
         yield Finding(
             "weighed-output",
@@ -130,7 +129,7 @@ def _weighed(system: FuzzySystem) -> Iterator[Finding]:
         )
 
 
-def _unused(system: FuzzySystem) -> Iterator[Finding]:
+def _unused(system: FuzzySystem) -> Findings:
     used = used_terms(system.rules)
     for variable in system.variables:
         idle = [term.name for term in variable.terms if (variable.name, term.name) not in used]
@@ -157,7 +156,7 @@ def _unused(system: FuzzySystem) -> Iterator[Finding]:
             )
 
 
-def _low(variable: Variable) -> Iterator[Finding]:
+def _low(variable: Variable) -> Findings:
     for term, highest in zip(variable.terms, variable.memberships.max(axis=1), strict=True):
         if highest < 0.5:
             yield Finding(
@@ -173,9 +172,7 @@ def _low(variable: Variable) -> Iterator[Finding]:
             )
 
 
-def _covered(
-    system: FuzzySystem, variable: Variable, measures: Measures, thresholds: Thresholds
-) -> Iterator[Finding]:
+def _covered(system: FuzzySystem, variable: Variable, measures: Measures, thresholds: Thresholds) -> Findings:
     worst = measures.coverage[variable.name]
     if worst.least >= thresholds.coverage or variable in system.outputs:
         return
@@ -209,7 +206,7 @@ def _covered_up_to(x: Floats, terms: Floats, at: float, level: float) -> float:
     return float(x[last] + way * (x[last + 1] - x[last]))
 
 
-def _alike(variable: Variable, thresholds: Thresholds) -> Iterator[Finding]:
+def _alike(variable: Variable, thresholds: Thresholds) -> Findings:
     likeness = distinguishability(variable)
     areas = np.asarray(np.trapezoid(variable.memberships, variable.universe))
     for a, b in combinations(range(len(variable.terms)), 2):
@@ -243,7 +240,7 @@ def _alike(variable: Variable, thresholds: Thresholds) -> Iterator[Finding]:
         yield Finding(kind, severity, sentence, cure, variable.name, names_of_both, evidence=evidence)
 
 
-def _ordered(variable: Variable) -> Iterator[Finding]:
+def _ordered(variable: Variable) -> Findings:
     centres = [centre(variable, term) for term in variable.terms]
     for place in range(len(centres) - 1):
         if centres[place] > centres[place + 1]:
@@ -260,7 +257,7 @@ def _ordered(variable: Variable) -> Iterator[Finding]:
             )
 
 
-def _named(variable: Variable, readings: list[Reading | None]) -> Iterator[Finding]:
+def _named(variable: Variable, readings: list[Reading | None]) -> Findings:
     read = [
         (r, t, centre(variable, t)) for r, t in zip(readings, variable.terms, strict=True) if r is not None
     ]
@@ -286,7 +283,7 @@ def _named(variable: Variable, readings: list[Reading | None]) -> Iterator[Findi
         )
 
 
-def _signs(variable: Variable, readings: list[Reading | None]) -> Iterator[Finding]:
+def _signs(variable: Variable, readings: list[Reading | None]) -> Findings:
     for reading, term in zip(readings, variable.terms, strict=True):
         here = centre(variable, term)
         if reading is not None and reading.sign and reading.sign * here < 0:
@@ -301,7 +298,7 @@ def _signs(variable: Variable, readings: list[Reading | None]) -> Iterator[Findi
             )
 
 
-def _zero(variable: Variable, readings: list[Reading | None], thresholds: Thresholds) -> Iterator[Finding]:
+def _zero(variable: Variable, readings: list[Reading | None], thresholds: Thresholds) -> Findings:
     if not variable.minimum <= 0.0 <= variable.maximum:
         return
     at_zero = [float(np.interp(0.0, variable.universe, function)) for function in variable.memberships]
@@ -323,7 +320,7 @@ def _zero(variable: Variable, readings: list[Reading | None], thresholds: Thresh
         )
 
 
-def _many(variable: Variable, thresholds: Thresholds) -> Iterator[Finding]:
+def _many(variable: Variable, thresholds: Thresholds) -> Findings:
     if len(variable.terms) > thresholds.terms:
         yield Finding(
             "many-terms",
