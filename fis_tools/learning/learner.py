@@ -6,6 +6,7 @@ reaches on rows that it did not see.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
@@ -375,7 +376,8 @@ def imitate(
         function = lambda *columns: infer(np.stack(columns, axis=1))[:, 0]  # noqa: E731
     columns = columns_within(ranges)
     low, high = (np.array([getattr(column, end) for column in columns]) for end in ("low", "high"))
-    samples = np.concatenate([_corners(low, high), spread(low, high, num_samples + JUDGED_BY)])
+    corners = list(product(*zip(low, high, strict=True)))  # there many functions are extreme
+    samples = np.concatenate([corners, spread(low, high, num_samples + JUDGED_BY)])
     answers = _answers(function, samples)
     taught = len(samples) - JUDGED_BY
     *_, name = distinct([*(column.name for column in columns), output])
@@ -393,12 +395,6 @@ def _one_output(what: object) -> FuzzySystem:
         outputs = ", ".join(variable.name for system in systems for variable in system.outputs)
         raise ValueError(f"there are several outputs: {outputs}; pass a function that returns one of them")
     return systems[0]
-
-
-def _corners(low: Floats, high: Floats) -> Floats:
-    """Return the corners of a box, (2 ** num_inputs, num_inputs): there many functions are extreme."""
-    ends = np.indices((2,) * len(low)).reshape(len(low), -1).T
-    return np.where(ends, high, low)
 
 
 def _answers(function: Callable[..., Any], samples: Floats) -> Floats:
