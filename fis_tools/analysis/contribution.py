@@ -3,6 +3,8 @@
 Where an output is weighed, what each rule adds is exact, and it adds up.
 """
 
+from collections import defaultdict
+
 import numpy as np
 
 from fis_tools.array_types import Booleans, Floats
@@ -76,16 +78,14 @@ def holding_back(compiled: CompiledSystem, output: int = 0) -> tuple[int, ...]:
         if not isinstance(term.membership, Formula)
         and not (isinstance(term.membership, Linear) and any(term.membership.coefficients))
     }
-    concluding = [
-        place
-        for place, rule in enumerate(system.rules)
-        if (terms := [c.term for c in rule.consequents if c.variable == variable.name and c.weight > 0.0])
-        and fixed.issuperset(terms)
-    ]
+    concluded: dict[int, set[str]] = defaultdict(set)
+    for place, consequent in system.conclusions_on(variable):
+        if consequent.weight > 0.0:
+            concluded[place].add(consequent.term)
     middle = np.array([(v.minimum + v.maximum) / 2.0 for v in system.inputs])
     alone = compiled.conclude(np.eye(len(system.rules)), np.tile(middle, (len(system.rules), 1)))[:, output]
     away = np.abs(alone - (variable.default or 0.0)) / variable.span
-    return tuple(place + 1 for place in concluding if away[place] < NOTHING)
+    return tuple(place + 1 for place, terms in concluded.items() if terms <= fixed and away[place] < NOTHING)
 
 
 def importance(compiled: CompiledSystem, inputs: Floats) -> Floats:
