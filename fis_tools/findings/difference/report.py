@@ -11,6 +11,7 @@ from fis_tools.findings.difference import comparison
 from fis_tools.findings.difference.comparison import Fact, Pair, Source, SystemDifference, VariableChange
 from fis_tools.model import Formula, FuzzyController, FuzzySystem, Linear, Rule, Sampled, Term, with_terms
 from fis_tools.model.validate import validate
+from fis_tools.source import as_controller
 from fis_tools.words import text
 
 #: Between the old and the new value.
@@ -343,10 +344,7 @@ def difference(
     InvalidSystem
         If a system has problems.
     """
-    sides = [
-        one if isinstance(one, FuzzyController) else FuzzyController(one.name, (one,))
-        for one in (before, after)
-    ]
+    sides = [as_controller(one) for one in (before, after)]
     old, new = ({system.name: system for system in side.systems} for side in sides)
     if isinstance(before, FuzzySystem) and isinstance(after, FuzzySystem):
         old = {after.name: before}

@@ -16,6 +16,7 @@ from fis_tools.formats.serialize import SIMPLIFIED, checked
 from fis_tools.model import FuzzyController, FuzzySystem
 from fis_tools.model.systems import require_mamdani
 from fis_tools.model.validate import validate
+from fis_tools.source import as_controller
 from fis_tools.words.text import listed
 
 __all__ = ["Budget", "Simplification", "SimplifiedSystem", "simplify"]
@@ -199,8 +200,7 @@ def simplify(
     ValueError
         If samples are for a system that there is not, or do not fit its inputs.
     """
-    if isinstance(controller, FuzzySystem):
-        controller = FuzzyController(controller.name, (controller,))
+    controller = as_controller(controller)
     require_mamdani(controller.systems, "simplification")
     budget, samples = budget or Budget(), samples or {}
     check_samples(controller.systems, samples)
