@@ -116,15 +116,15 @@ def _size_problems(system: FuzzySystem) -> Iterator[str]:
 def _problems(system: FuzzySystem) -> Iterator[str]:
     where = f"system {system.name!r}"
     yield from _name_problems("a system", system.name)
-    yield from (f"{where}: {problem}" for problem in _choice_problems(system))
+    yield from _at(f"{where}: ", _choice_problems(system))
     for kind, variables in (("inputs", system.inputs), ("outputs", system.outputs)):
         if not variables:
             yield f"{where} has no {kind}; a system needs at least one, so add a variable"
     yield from _duplicates(where, "variables", (variable.name for variable in system.variables))
     for variable in system.variables:
-        yield from (f"{where}, {problem}" for problem in _variable_problems(variable))
-    yield from (f"{where}, {problem}" for problem in _output_problems(system))
-    yield from (f"{where}, {problem}" for problem in _rule_base_problems(system))
+        yield from _at(f"{where}, ", _variable_problems(variable))
+    yield from _at(f"{where}, ", _output_problems(system))
+    yield from _at(f"{where}, ", _rule_base_problems(system))
 
 
 _CHOICES = {
@@ -146,6 +146,11 @@ def _choice_problems(chooser: FuzzySystem | Variable | Rule) -> Iterator[str]:
             yield f"{kind} {chosen!r} is not known; use one of {', '.join(allowed)}"
 
 
+def _at(where: str, problems: Iterable[str]) -> Iterator[str]:
+    """Say of problems where they are."""
+    return (f"{where}{problem}" for problem in problems)
+
+
 def _name_problems(what: str, name: str) -> Iterator[str]:
     if not name or not name.isprintable() or name != name.strip():
         yield (
@@ -164,16 +169,16 @@ def _variable_problems(variable: Variable) -> Iterator[str]:
     where = f"variable {variable.name!r}"
     yield from _name_problems("a variable", variable.name)
     universe_problems = list(_universe_problems(variable))
-    yield from (f"{where}: {problem}" for problem in universe_problems)
+    yield from _at(f"{where}: ", universe_problems)
     if not variable.terms:
         yield f"{where} has no terms; give it at least one membership function"
     yield from _duplicates(where, "terms", (term.name for term in variable.terms))
     for term in variable.terms:
-        yield from (f"{where}, {problem}" for problem in _name_problems("a term", term.name))
+        yield from _at(f"{where}, ", _name_problems("a term", term.name))
         faults = list(shape_problems(term.membership, variable.num_points))
         if not faults and not universe_problems and not isinstance(term.membership, Number):
             faults = list(_sample_problems(variable, term))
-        yield from (f"{where}, term {term.name!r}: {fault}" for fault in faults)
+        yield from _at(f"{where}, term {term.name!r}: ", faults)
 
 
 def _universe_problems(variable: Variable) -> Iterator[str]:
@@ -275,7 +280,7 @@ def _output_problems(system: FuzzySystem) -> Iterator[str]:
             )
         elif not _is_finite(variable.default):
             yield f"output {variable.name!r}: default {variable.default} must be a finite number"
-        yield from (f"output {variable.name!r}: {problem}" for problem in _choice_problems(variable))
+        yield from _at(f"output {variable.name!r}: ", _choice_problems(variable))
         yield from _kind_problems(system, variable)
         if variable.accumulation != "max" and not system.cuts(variable):
             yield (
@@ -323,10 +328,7 @@ def _kind_problems(system: FuzzySystem, output: Variable) -> Iterator[str]:
                     f"{len(system.inputs)} inputs; give one for each input, and the constant"
                 )
             case Formula() as formula:
-                yield from (
-                    f"{where}, term {term.name!r}: {fault}"
-                    for fault in _formula_problems(system, output, formula)
-                )
+                yield from _at(f"{where}, term {term.name!r}: ", _formula_problems(system, output, formula))
             case Number() | MonotoneFunction():
                 pass
             case shape:
@@ -364,13 +366,13 @@ def _rule_base_problems(system: FuzzySystem) -> Iterator[str]:
         where = f"rule {number}"
         if rule.label and not rule.label.isprintable():
             yield f"{where}: the label {rule.label!r} is not printable; drop the control characters"
-        yield from (f"{where}: {problem}" for problem in _choice_problems(rule))
-        yield from (f"{where}: {problem}" for problem in _expression_problems(inputs, rule.antecedent, 0))
+        yield from _at(f"{where}: ", _choice_problems(rule))
+        yield from _at(f"{where}: ", _expression_problems(inputs, rule.antecedent, 0))
         if not rule.consequents:
             yield f"{where} concludes nothing; give it at least one consequent"
         for consequent in rule.consequents:
             found = _reference_problems(outputs, "output", consequent.variable, consequent.term)
-            yield from (f"{where}: {problem}" for problem in found)
+            yield from _at(f"{where}: ", found)
             if not (_is_finite(consequent.weight) and 0.0 <= consequent.weight <= 1.0):
                 yield f"{where}: weight {consequent.weight} lies outside [0, 1]; choose one inside"
 
