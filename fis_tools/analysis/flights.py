@@ -303,9 +303,10 @@ def read_periods(
         If the file cannot be read, does not fit the controller, or holds nothing of that time.
     """
     flown_systems, recording = _all_flown(path, controller)
-    times = [flown.time_s for flown in flown_systems]
-    if recording is not None and (within := recording.control_time_s < recording.end_s).any():
-        times = [recording.control_time_s[within]]
+    starts = np.empty(0)
+    if recording is not None:
+        starts = recording.control_time_s[recording.control_time_s < recording.end_s]
+    times = [starts] if len(starts) else [flown.time_s for flown in flown_systems]
     starts = np.unique(np.concatenate([np.empty(0), *times]))
     hold = float(starts[-1] - starts[-2]) if len(starts) > 1 else 0.0
     if not len(starts) or not starts[0] <= time_s <= starts[-1] + hold:
