@@ -127,8 +127,7 @@ def _expression_mapping(expression: model.Expression) -> dict[str, Any]:
             return {"not": _expression_mapping(operand)}
         case model.Hedged(hedge, operand):
             return {hedge: _expression_mapping(operand)}
-    word = "and" if isinstance(expression, model.And) else "or"
-    return {word: [_expression_mapping(operand) for operand in expression.operands]}
+    return {expression.word: [_expression_mapping(operand) for operand in expression.operands]}
 
 
 # Reading.

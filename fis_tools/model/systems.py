@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import chain, product
 from math import prod
-from typing import Any, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 
@@ -48,6 +48,7 @@ class Hedged:
 class And:
     """The conjunction of statements, combined from left to right."""
 
+    word: ClassVar[str] = "and"
     operands: tuple["Expression", ...]
 
 
@@ -55,6 +56,7 @@ class And:
 class Or:
     """The disjunction of statements, combined from left to right."""
 
+    word: ClassVar[str] = "or"
     operands: tuple["Expression", ...]
 
 

@@ -396,8 +396,7 @@ def _expression_problems(inputs: Vocabulary, expression: Expression, depth: int)
             yield from _expression_problems(inputs, operand, depth + 1)
         case And(operands) | Or(operands):
             if not operands:
-                word = "and" if isinstance(expression, And) else "or"
-                yield f"an {word!r} joins no statements; give it at least one"
+                yield f"an {expression.word!r} joins no statements; give it at least one"
             for operand in operands:
                 yield from _expression_problems(inputs, operand, depth + 1)
         case _:

@@ -127,10 +127,8 @@ def _expression(expression: Expression, system: FuzzySystem) -> list[Any]:
             return ["not", _expression(operand, system)]
         case Hedged(hedge, operand):
             return [hedge, _expression(operand, system)]
-        case And(operands):
-            return ["and", [_expression(operand, system) for operand in operands]]
-        case Or(operands):
-            return ["or", [_expression(operand, system) for operand in operands]]
+        case And(operands) | Or(operands):
+            return [expression.word, [_expression(operand, system) for operand in operands]]
 
 
 def _doubles(values: Floats) -> str:

@@ -45,10 +45,8 @@ def antecedent_words(expression: Expression, hedges: Mapping[str, str] = Mapping
             return " ".join([variable, "is", *prefix, term])
         case _ if prefix:
             return f"{' '.join(prefix)} ({antecedent_words(inside, hedges)})"
-        case model.And(operands):
-            return " and ".join(_inside(operand, model.And, hedges) for operand in operands)
-        case model.Or(operands):
-            return " or ".join(_inside(operand, model.Or, hedges) for operand in operands)
+        case model.And(operands) | model.Or(operands):
+            return f" {inside.word} ".join(_inside(operand, type(inside), hedges) for operand in operands)
     raise TypeError(f"{inside!r} is no antecedent")
 
 
