@@ -49,39 +49,36 @@ def pack(system: FuzzySystem) -> Program:
     """
     validate(system)
     for output in system.outputs:
-        if system.defuzzifier_of(output) == "bisector":
-            raise NotBounded(
-                f"output {output.name!r} cannot be bounded: across a gap between fired terms scikit-fuzzy's "
-                "bisector is not the bisector, and may be no number; choose another defuzzifier"
-            )
-        if system.weighs(output):
-            _require_limits(output)
-            continue
-        if not system.cuts(output):
-            raise NotBounded(
-                f"output {output.name!r} cannot be bounded: bounds hold where terms are cut by min and "
-                f"aggregated by max, here the implication is {system.implication} and the aggregation "
-                f"{output.aggregation}; choose min and max"
-            )
+        if obstacle := _obstacle(system, output):
+            raise NotBounded(f"output {output.name!r} cannot be bounded: {obstacle}")
     if len(system.rules) >= codes.MANY_RULES:
         advise_numba()
     return assemble(system)
 
 
-def _require_limits(output: Variable) -> None:
-    """Raise NotBounded for Tsukamoto terms whose conclusions diverge as the firing strength vanishes."""
-    for term in output.terms:
-        if isinstance(term.membership, Formula):
-            raise NotBounded(
-                f"output {output.name!r} cannot be bounded: its rules conclude the formula "
-                f"{term.membership.text[:40]!r}, and bounds are for numbers linear in the inputs"
+def _obstacle(system: FuzzySystem, output: Variable) -> str:
+    """Return why an output cannot be bounded, or nothing."""
+    if system.defuzzifier_of(output) == "bisector":
+        return (
+            "across a gap between fired terms scikit-fuzzy's bisector is not the bisector, and may be no "
+            "number; choose another defuzzifier"
+        )
+    if not (system.weighs(output) or system.cuts(output)):
+        return (
+            "bounds hold where terms are cut by min and aggregated by max, here the implication is "
+            f"{system.implication} and the aggregation {output.aggregation}; choose min and max"
+        )
+    for term in output.terms if system.weighs(output) else ():
+        shape = term.membership
+        if isinstance(shape, Formula):
+            words = "and bounds are for numbers linear in the inputs"
+            return f"its rules conclude the formula {shape.text[:40]!r}, {words}"
+        if isinstance(shape, Concave | Sigmoid):  # what they conclude diverges as the strength vanishes
+            return (
+                f"as the strength of a rule goes to zero, the number that it concludes by {term.name!r}, a "
+                f"{shape.entry.name}, has no limit; take a ramp or an s_shape"
             )
-        if isinstance(term.membership, Concave | Sigmoid):
-            raise NotBounded(
-                f"output {output.name!r} cannot be bounded: as the strength of a rule goes to zero, the "
-                f"number that it concludes by {term.name!r}, a {term.membership.entry.name}, has no limit; "
-                "take a ramp or an s_shape"
-            )
+    return ""
 
 
 def bound(program: Program, low: Floats, high: Floats) -> tuple[Floats, Floats, Floats]:
