@@ -41,12 +41,9 @@ class Box:
     num_samples: int
 
     def beyond(self, inputs: Floats) -> Floats:
-        """Return by how much of the box's width each input is outside, (n, num_inputs); zero inside."""
+        """Return how far outside of the box each input is, (n, num_inputs), in its unit; zero inside."""
         low, high = np.array(self.low), np.array(self.high)
-        outside = np.maximum(np.maximum(low - inputs, inputs - high), 0.0)
-        width = high - low
-        shares: Floats = outside / np.where(width > 0.0, width, 1.0)
-        return shares
+        return np.asarray(np.maximum(np.maximum(low - inputs, inputs - high), 0.0))
 
 
 @dataclass(frozen=True)
