@@ -105,16 +105,6 @@ def nilpotent_maximum(a: Floats, b: Floats) -> Floats:
     return np.where(a + b < 1.0, np.fmax(a, b), 1.0)
 
 
-def unbounded_sum(a: Floats, b: Floats) -> Floats:
-    """Return ``a + b``, which is not a disjunction: MATLAB's aggregation by sum."""
-    return a + b
-
-
-def very(a: Floats) -> Floats:
-    """Return ``a a``."""
-    return a * a
-
-
 def somewhat(a: Floats) -> Floats:
     """Return the square root of `a`, which rounding may have made negative."""
     return np.sqrt(np.fmax(a, 0.0))
@@ -156,10 +146,11 @@ OR_OPERATORS: dict[OrOperator, Operator] = {
 }
 ACCUMULATIONS: dict[Accumulation, Operator] = {"product": np.multiply}
 ACCUMULATIONS.update(OR_OPERATORS.items())
-AGGREGATIONS: dict[Aggregation, Operator] = {"unbounded_sum": unbounded_sum}
+#: The unbounded sum is not a disjunction: it is MATLAB's aggregation by sum.
+AGGREGATIONS: dict[Aggregation, Operator] = {"unbounded_sum": np.add}
 AGGREGATIONS.update(OR_OPERATORS.items())
 HEDGES: dict[Hedge, Callable[[Floats], Floats]] = {
-    "very": very,
+    "very": np.square,
     "somewhat": somewhat,
     "extremely": extremely,
     "intensely": intensely,
