@@ -462,7 +462,7 @@ def _controller_of(recording: "Recording") -> FuzzyController:
 def _all_flown(
     path: Path | str, controller: FuzzyController | None
 ) -> tuple[list[FlownSystem], "Recording | None"]:
-    """Return every inference of a flight, and its recording; of a table, which is none, the rows."""
+    """Return every inference along a flight, and its recording; along a table, which has none, every row."""
     if tables.is_table(path):
         if controller is None:
             raise ControllerFileError(
