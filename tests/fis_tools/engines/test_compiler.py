@@ -10,9 +10,8 @@ from fis_tools.engines.compiler import CompiledSystem, compile
 from fis_tools.model import FuzzySystem
 from fis_tools.model.validate import InvalidSystem
 from fis_tools.scikit_fuzzy.read import UnreadableControlSystem
-from tests.fis_tools.reference_engine import ReferenceEngine
-from tests.fis_tools.sample_controllers import FORCE_X, FORCE_Z, GENERAL, ROOM
-from tests.fis_tools.step_by_step import assert_near, ends
+from tests.fis_tools.sample_controllers import FORCE_X, ROOM
+from tests.fis_tools.step_by_step import ends
 
 
 def test_control_systems_take_a_default_for_when_no_rule_fires():
@@ -60,19 +59,6 @@ def test_anything_else_is_refused():
         compile(FORCE_X, defaults={"force_x": 1.0})
     with pytest.raises(InvalidSystem, match="has no inputs"):
         compile(FuzzySystem("broken", (), (), ()))
-
-
-@pytest.mark.parametrize("system", [FORCE_X, FORCE_Z, *GENERAL.systems])
-def test_a_systems_own_engine_and_the_parts_of_an_inference_agree_with_scikit_fuzzy(system):
-    low, high = ends(system)
-    margin = 0.1 * (high - low)
-    rows = np.random.default_rng(1).uniform(low - margin, high + margin, (30, len(low)))
-    compiled = compile(system)
-    engine = ReferenceEngine(system)
-    expected = np.array([engine.compute(row) for row in rows])
-    for outputs in (compiled(rows), compiled.conclude(compiled.firing_strengths(rows))):
-        assert_near(outputs, expected, system)
-    assert (compiled.packed is None) == (system.name == "room")
 
 
 def compiled_room() -> CompiledSystem:

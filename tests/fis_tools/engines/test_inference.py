@@ -70,53 +70,11 @@ def test_terms_nobody_concludes_have_no_cut_and_weights_lessen_it() -> None:
     np.testing.assert_allclose(step.firing_strengths, [1.0], rtol=0, atol=1e-15)
 
 
-def test_rules_may_combine_in_their_own_ways() -> None:
-    """With a = 2 and b = 5 the memberships are 0.8, 0.2 and 0.5, 0.5."""
-    both, either = (kind((Is("a", "left"), Is("b", "left"))) for kind in (And, Or))
-    concluded = (Consequent("y", "left"),)
-    rules = (
-        Rule(both, concluded),
-        Rule(both, concluded, and_operator="product"),
-        Rule(both, concluded, and_operator="bounded_difference"),
-        Rule(either, concluded, or_operator="probabilistic_sum"),
-        Rule(either, concluded, or_operator="bounded_sum"),
-        Rule(either, concluded),
-    )
-    step = infer(FuzzySystem("own", INPUTS, (OUTPUT,), rules), np.array([2.0, 5.0]))
-    np.testing.assert_allclose(step.firing_strengths, [0.5, 0.4, 0.3, 0.9, 1.0, 0.8], rtol=0, atol=1e-15)
-
-
-@pytest.mark.parametrize(
-    ("accumulation", "cut"),
-    [("max", 0.5), ("probabilistic_sum", 0.6), ("bounded_sum", 0.7), ("drastic_sum", 1.0), ("product", 0.1)],
-)
-def test_rules_accumulate_as_the_output_says(accumulation: str, cut: float) -> None:
-    asked = (Is("a", "right"), Is("b", "left"))
-    rules = tuple(Rule(one, (Consequent("y", "right"),)) for one in asked)
-    output = replace(OUTPUT, accumulation=accumulation)  # type: ignore[arg-type]
-    step = infer(FuzzySystem("two", INPUTS, (output,), rules), np.array([2.0, 5.0]))
-    np.testing.assert_allclose(step.outputs[0].cuts, [np.nan, cut], rtol=0, atol=1e-15)
-
-
-def test_outputs_may_be_defuzzified_in_their_own_ways() -> None:
-    outputs = (OUTPUT, replace(OUTPUT, name="z", defuzzifier="lom"))
-    rule = Rule(Is("a", "left"), (Consequent("y", "left"), Consequent("z", "left")))
-    system = FuzzySystem("ways", INPUTS, outputs, (rule,), defuzzifier="som")
-    np.testing.assert_allclose(infer(system, np.array([5.0, 0.0])).values, [0.0, 5.0], rtol=0, atol=1e-14)
-
-
 def test_inputs_are_clipped_and_kept_as_given() -> None:
     step = infer(one_rule(Is("a", "left")), np.array([-3.0, np.inf]))
     np.testing.assert_array_equal(step.inputs, [-3.0, np.inf])
     np.testing.assert_array_equal(step.clipped, [0.0, 10.0])
     np.testing.assert_array_equal(step.memberships, [[1.0, 0.0], [0.0, 1.0]])
-
-
-@pytest.mark.parametrize(("value", "weight"), [(10.0, 1.0), (0.0, 0.0)])
-def test_nothing_fired_gives_the_default(value: float, weight: float) -> None:
-    step = infer(one_rule(Is("a", "left"), weight), np.array([value, 0.0]))
-    assert step.outputs[0].is_default
-    assert step.values[0] == -7.0
 
 
 def system(base: float = 0.0, width: float = 30.0) -> FuzzySystem:

@@ -137,26 +137,14 @@ def test_scikit_fuzzy_agrees_on_both_sides_of_a_flip(name: str) -> None:
     assert found >= 3
 
 
-@pytest.mark.parametrize("name", ["force_x", "tipper.fis"])
-def test_a_rule_moved_what_scikit_fuzzy_loses_without_it(name: str) -> None:
-    system, _ = STARTS[name]
-    whole = ReferenceEngine(system)
-    for start in spread_inputs(system, 3):
-        told = explain(system, start).outputs[0]
-        assert told.value == pytest.approx(whole.compute(start)[0], abs=1e-13)
-        sizes = [abs(move.share) for move in told.moves]
-        assert sizes == sorted(sizes, reverse=True)
-        for move in told.moves[:3]:
-            rules = system.rules[: move.rule - 1] + system.rules[move.rule :]
-            without = ReferenceEngine(replace(system, rules=rules)).compute(start)[0]
-            assert move.needed == pytest.approx(told.value - without, abs=1e-12)
-
-
 def test_an_explanation_leads_with_what_matters() -> None:
     told = explain(FORCE_X, {"velocity_body_x": 0.05, "distance": 80.0})
     lines = told.text().splitlines()
     assert lines[0] == "force_x at distance = 80 m, velocity_body_x = 0.05 m/s"
     assert lines[1].startswith("  force_x = ")
+    for start in spread_inputs(FORCE_X, 3):
+        sizes = [abs(move.share) for move in explain(FORCE_X, start).outputs[0].moves]
+        assert sizes == sorted(sizes, reverse=True)
     strongest = told.outputs[0].moves[0]
     heads = next(place for place, line in enumerate(lines) if line.split() == list(COLUMNS))
     assert f"{strongest.rule}. If distance is" in lines[heads + 1]

@@ -232,11 +232,6 @@ def test_a_table_of_billions_of_cells_is_counted_not_built():
     assert loads(dump_json(controller), "json") == controller
 
 
-def test_too_many_problems_are_counted_not_listed():
-    with pytest.raises(ControllerFileError, match="and 17 more"):
-        from_mapping(_edited(_edit(*SYSTEM, "rules", to=["XL"] * 25)))
-
-
 def test_what_cannot_be_read_again_is_not_written():
     broken = FuzzyController("broken", (replace(FORCE_X, rules=()),))
     with pytest.raises(InvalidSystem, match="no rules"):

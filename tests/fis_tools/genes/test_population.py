@@ -23,7 +23,6 @@ from fis_tools.model.shapes import Gaussian, Sampled, Sigmoid, Triangular
 from fis_tools.model.validate import InvalidSystem, problems
 from tests.fis_tools.engines.random_systems import full_table_system, inputs_for
 from tests.fis_tools.genes.test_parameters import BOUNDS, PAPER, UNEVEN
-from tests.fis_tools.reference_engine import ReferenceEngine
 from tests.fis_tools.sample_controllers import terms
 
 #: of the range: inside, on a grid point, at and beyond the ends
@@ -40,21 +39,6 @@ def sparse_system(default: float | None) -> FuzzySystem:
     output = Variable("y", "", -1.0, 1.0, sides, num_points=21, default=default)
     rules = table_rules(inputs, output, ["left", "none", "right"] * 3)
     return FuzzySystem("sparse", inputs, (output,), rules)
-
-
-def test_where_no_rule_fires_the_declared_default_is_given_whatever_came_before() -> None:
-    system = sparse_system(0.625)
-    engine = ReferenceEngine(system)
-    generator = np.random.default_rng(1)
-    silent, fired = generator.uniform(0.26, 0.39, (40, 2)), generator.uniform(0.0, 0.24, (40, 2))
-    silent[::3, 0], fired[::4, 1] = 0.1, 0.95  # one silent input is enough
-    rows = np.where((np.arange(40) % 3 == 0)[:, np.newaxis], fired, silent)
-    outputs = evaluate(pack(system), rows)
-    is_silent = np.arange(40) % 3 != 0
-    np.testing.assert_array_equal(outputs[is_silent], 0.625)
-    expected = np.array([engine.compute(row)[0] for row in rows[~is_silent]])
-    assert np.abs(expected - 0.625).min() > 0.05
-    np.testing.assert_allclose(outputs[~is_silent], expected, rtol=0, atol=2e-12)
 
 
 def test_an_output_without_a_default_is_refused() -> None:

@@ -115,12 +115,6 @@ def test_smooth_shapes_have_the_values_their_formulas_say(shape, expected):
     np.testing.assert_allclose(values, list(expected.values()), rtol=0, atol=1e-4)
 
 
-def test_a_peak_on_a_grid_point_is_one_and_the_feet_are_zero():
-    variable = Variable("x", "", 0.0, 10.0, (), 11)
-    values = sample(variable, Term("t", shapes.Triangular(2.0, 4.0, 8.0)))
-    np.testing.assert_allclose(values, [0, 0, 0, 0.5, 1, 0.75, 0.5, 0.25, 0, 0, 0], rtol=0, atol=1e-15)
-
-
 def test_samples_are_taken_as_they_are_and_terms_stack():
     terms = (Term("a", shapes.Sampled((0.0, 0.25, 1e-300))), Term("b", shapes.Triangular(0.0, 0.0, 2.0)))
     variable = Variable("x", "", 0.0, 2.0, terms, 3)
