@@ -44,7 +44,10 @@ CASES = {
         STEERING,
     ),
     "ball that is sometimes fast": (mission(deputy={"inertia_kg_m2": ball(0.4)}), MIXED),
-    "full inertia": (mission(deputy={"inertia_kg_m2": FULL_INERTIA}), STEERING),
+    "full inertia, narrow limits": (
+        mission(deputy={"inertia_kg_m2": FULL_INERTIA, "min_distance_m": 64.0, "max_distance_m": 80.0}),
+        STEERING,
+    ),
     "pole blending": (mission(attitude={"pole_blending": True}), STEERING),
     "Hill axes": (mission(), RESTORING),
     "plan": (mission(duration_s=900.0), PLAN),
@@ -82,9 +85,16 @@ def test_alone_in_company_in_any_order_on_any_number_of_threads_logged_or_not(na
         np.testing.assert_array_equal(log.position_m.astype(np.float32), tracks[index])
         counts = log.is_inspected[-1].sum(), log.is_inspectable.sum()
         assert tuple(row[:3]) == (log.delta_v_m_s[-1], *counts)
+        distance = np.linalg.norm(log.position_m, axis=1)
+        nearest, farthest = what.deputy.min_distance_m, what.deputy.max_distance_m
+        outside = np.maximum(nearest - distance, distance - farthest)[1:].max(initial=0.0)
+        held = distance.mean(), distance.min(), distance.max(), outside
+        np.testing.assert_allclose(row[3:7], held, rtol=1e-12)
         assert row[7] == np.count_nonzero(log.safety_limit)
         changed = np.abs(log.safety_force_hill_n).sum() * what.control_period_s / what.deputy.mass_kg
         np.testing.assert_allclose(row[8], changed, rtol=1e-12)
+    if "narrow" in name:
+        assert 0 < np.count_nonzero(rows[:, 6]) < len(STARTS)
 
 
 def test_a_population_flies_from_few_starts_as_one_controller_does():

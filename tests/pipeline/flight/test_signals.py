@@ -7,7 +7,6 @@ from fis_tools.model import FuzzyController
 from pipeline.flight.control.controller import Controller, ControllerError, from_fuzzy, law_of
 from pipeline.flight.fly.simulation import fly_logged
 from pipeline.flight.period.look.guidance import POINTS
-from pipeline.flight.state import signals
 from pipeline.flight.state.log import FlightLog, Scenario
 from pipeline.flight.state.signals import NOTHING, SIGNALS, Signal, constant, slot
 from pipeline.flight.world.pack import by_neighbourhood, inspection_points
@@ -25,21 +24,6 @@ def test_a_signal_behind_the_last_needs_what_its_row_says(monkeypatch):
     law = law_of(from_fuzzy(FuzzyController("tried", (system,), BODY)), mission())
     assert law.signals[0, 0] == len(SIGNALS) - 1
     assert law.needs == NOTHING
-
-
-@pytest.mark.parametrize(
-    ("controller", "needs"),
-    [
-        (cases.STEERING, signals.ANGLES),
-        (cases.ORBITAL, signals.ORBIT),
-        (cases.LOOKING_AHEAD, signals.ORBIT | signals.APPROACH),
-        (cases.FORESEEING, signals.ORBIT | signals.PREVIEW),
-        (cases.HURRYING, signals.URGENCY),
-        (cases.SEEING, signals.URGENCY | signals.SETTING),
-    ],
-)
-def test_what_must_be_computed_adds_up(controller, needs):
-    assert law_of(controller, mission()).needs == needs
 
 
 def test_signals_that_are_written_together_stand_together():

@@ -104,19 +104,6 @@ def test_recorded_flights_repeat_the_evaluation_exactly(finished):
     assert counts[2] == episodes["inspected_count"].max()
 
 
-def test_the_eight_training_flights(finished):
-    training = [name for name in recordings(finished) if name.startswith("training")]
-    assert training == [f"training-{case}.mcap" for case in range(8)]
-    starts = []
-    for name in training:
-        flight = cases.contents(finished / "episodes" / name)
-        start = flight.values("/deputy/state", "position_m")[0]
-        assert np.linalg.norm(start) == pytest.approx(75.0)
-        starts.append(tuple(np.sign(start)))
-        assert flight.metadata["episode"]["scenario_id"] == name.removesuffix(".mcap")
-    assert len(set(starts)) == 8
-
-
 @pytest.mark.parametrize(("words", "index"), [((), 0), (("starts.redraw=true", "optimizer.rounds=4"), 1)])
 def test_of_many_training_scenarios_the_first_eight_of_the_round_it_came_to(words, index, tmp_path):
     words = (*words, "starts=random", "telemetry.record_training=true", "telemetry.record_ranked=false")

@@ -88,26 +88,6 @@ def test_metadata_and_attachments_come_before_the_first_message(flight, flight_f
     assert (kinds[Metadata], kinds[Attachment]) == (4, 2)
 
 
-def test_numbers_come_back_in_full_precision(flight, messages):
-    def column(topic, field):
-        return np.array([getattr(message, field) for _, message in messages[topic]])
-
-    plain = synthetic_flight.PLAIN_FIELDS | {
-        "/deputy/control": ("force_body_n", "force_hill_n"),
-        "/mission": ("sun_angle_rad", "delta_v_m_s"),
-    }
-    expected = {
-        **{(topic, field): getattr(flight, field) for topic, fields in plain.items() for field in fields},
-        ("/fis/f_y", "inputs"): flight.fis_inputs[1],
-        ("/fis/f_y", "output_n"): flight.fis_output_n[1],
-        ("/fis/f_z", "firing_strengths"): flight.firing_strengths[2].astype(np.float32),
-        ("/mission", "inspected_count"): flight.inspected.sum(axis=1),
-        ("/mission", "inspection_rate_percent"): 100.0 * flight.inspected.sum(axis=1) / 99,
-    }
-    for (topic, field), values in expected.items():
-        np.testing.assert_array_equal(column(topic, field), values, err_msg=f"{topic} {field}")
-
-
 def test_points_keep_their_order_and_wear_the_colour_of_their_state(flight, messages):
     layout = np.dtype([("position", "<f4", 3), ("colour", "u1", 4)])
     for k in (0, 200, 360):

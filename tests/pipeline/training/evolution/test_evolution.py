@@ -63,18 +63,6 @@ def test_elite_is_kept_verbatim_and_nothing_is_evaluated_again(monkeypatch):
         np.testing.assert_array_equal(generation.champion, population[squares.argmin()])
 
 
-def test_logbook_has_one_row_a_generation_with_the_parts_of_the_champion():
-    result = evolve(Sphere(), NUM_GENES, optimizer(generations=5), seed=3)
-    assert column(result, "generation") == list(range(6))
-    assert list(rows_of(result)[0]) == [
-        "round", "generation", "evaluations", "best", "mean", "std", "step_size", "first", "others",
-    ]  # fmt: skip
-    for row in rows_of(result):
-        assert row["best"] == pytest.approx(row["first"] + row["others"])
-        assert row["best"] <= row["mean"]
-        assert row["std"] > 0
-
-
 def test_step_size_follows_success():
     result = evolve(Sphere(), NUM_GENES, optimizer(generations=60), seed=4)
     steps = column(result, "step_size")
@@ -105,13 +93,6 @@ def test_a_seed_alone_decides_and_the_global_generators_are_left_as_they_were():
     assert evolve(Sphere(), NUM_GENES, small, seed=6).history[-1].best != one.history[-1].best
 
 
-def test_initial_genomes_take_part():
-    known = np.full((1, NUM_GENES), 0.3)
-    result = evolve(Sphere(), NUM_GENES, optimizer(generations=1), seed=1, initial=known)
-    assert result.history[0].best == 0.0
-    np.testing.assert_array_equal(result.history[-1].champion, known[0])
-
-
 def test_rounds_start_afresh_from_the_last_champion():
     spheres = [Sphere(0.3), Sphere(0.6), Sphere(0.6)]
     settings = optimizer(rounds=3, generations=10)
@@ -133,43 +114,6 @@ def test_stall_ends_a_round():
 
     result = evolve(plateau, NUM_GENES, optimizer(stall_generations=4, rounds=2, generations=50), seed=1)
     assert column(result, "generation") == [0, 1, 2, 3, 4, 0, 1, 2, 3, 4]
-
-
-class StoppedError(Exception):
-    """The machine goes down."""
-
-
-@pytest.mark.parametrize("calls", [1, 15, 24])
-def test_resumed_run_equals_an_uninterrupted_one(tmp_path, calls):
-    settings = optimizer(rounds=2, generations=14)
-    spheres = [Sphere(0.3), Sphere(0.7)]
-    whole = evolve_rounds(lambda index, _: spheres[index], NUM_GENES, settings, seed=7)
-    countdown = iter(range(calls))
-
-    def failing(index, _):
-        def evaluate(genomes):
-            if next(countdown, None) is None:
-                raise StoppedError
-            return spheres[index](genomes)
-
-        return evaluate
-
-    checkpoint = tmp_path / "train" / "checkpoint.npz"
-    with pytest.raises(StoppedError):
-        evolve_rounds(failing, NUM_GENES, settings, seed=7, checkpoint=checkpoint)
-    assert [path.name for path in checkpoint.parent.iterdir()] == ["checkpoint.npz"]
-    lengths: list[int] = []
-    resumed = evolve_rounds(
-        lambda index, _: spheres[index],
-        NUM_GENES,
-        settings,
-        seed=7,
-        checkpoint=checkpoint,
-        resume=True,
-        on_generation=lambda history: lengths.append(len(history)),
-    )
-    assert_same(whole, resumed)
-    assert lengths == list(range(calls, 31))
 
 
 @pytest.fixture

@@ -208,9 +208,8 @@ def test_what_is_judged_stays_in_the_box_and_an_optimum_on_its_edge_is_found() -
 
 @pytest.mark.parametrize("kind", ["genetic", "afresh", "carried"])
 def test_interrupted_anywhere_and_resumed_it_equals_the_whole(kind: str, tmp_path) -> None:
-    settings = optimizer(generations=14)
-    if kind != "genetic":
-        settings = cma(generations=5, rounds=3, next_round=kind)
+    rounds = {"generations": 5, "rounds": 3}
+    settings = optimizer(**rounds) if kind == "genetic" else cma(**rounds, next_round=kind)
     spheres = [Sphere(0.2), Sphere(0.4), Sphere(0.6)]
 
     def run(limit=None, **how):
