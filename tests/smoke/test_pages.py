@@ -153,14 +153,6 @@ def test_every_module_of_a_command_is_there():
     assert [module for module in modules if find_spec(module) is None] == []
 
 
-def test_the_checks_run_what_the_readme_says():
-    checks = (PROJECT / ".ci" / "run").read_text(encoding="utf-8")
-    readme = (PROJECT / "README.md").read_text(encoding="utf-8")
-    for command in ("pip install --quiet --require-hashes -r requirements-dev.txt", "python -m pytest"):
-        assert command in checks
-        assert command in readme
-
-
 @pytest.mark.parametrize("page", PAGES, ids=name_of)
 def test_links_and_named_tests_lead_somewhere(page):
     """Links to headings, and to what is made with the site, are checked when it is built."""

@@ -8,11 +8,10 @@ import pytest
 
 from fis_tools.analysis.measures import measure
 from fis_tools.engines.kernel import LANES, evaluate, firing_strengths
-from fis_tools.engines.packing import NotCompilable, Packed, pack
+from fis_tools.engines.packing import NotCompilable, pack
 from fis_tools.genes.parameters import (
     GREATEST_GAIN,
     READABLE_GAIN,
-    Bounds,
     KeptRules,
     Planes,
     Stretches,
@@ -116,21 +115,6 @@ def test_each_of_a_controllers_systems_is_evaluated_as_if_alone() -> None:
         np.testing.assert_array_equal(evaluate(packed, rows, index), evaluate(pack(system), rows))
         strengths = firing_strengths(packed, rows, index)
         np.testing.assert_array_equal(strengths, firing_strengths(pack(system), rows))
-
-
-def test_every_controller_of_a_population_answers_as_its_decoded_systems() -> None:
-    encoding = SystemEncoding(PAPER[1:2], Bounds())
-    genomes = np.random.default_rng(3).random((3, encoding.num_genes))
-    population = encoding.pack(genomes)
-    rows = np.random.default_rng(4).uniform(-1.0, 1.0, (5, 2)) * [np.pi, 0.25]
-    answers = set()
-    for index, genome in enumerate(genomes):
-        values, rules = population.values[index : index + 1], population.rules[index : index + 1]
-        one = Packed(population.layout, values, rules, population.cells)
-        outputs = evaluate(one, rows)
-        np.testing.assert_array_equal(outputs, evaluate(pack(*encoding.decode(genome)), rows))
-        answers.add(tuple(outputs.tolist()))
-    assert len(answers) == 3
 
 
 def parted(name: str, reach: float, count: int) -> Variable:

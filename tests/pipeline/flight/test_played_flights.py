@@ -1,7 +1,6 @@
 """Flights played from tables: forces along body axes, torques, attitudes, and starts that already turn."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,21 +8,15 @@ from numba import njit
 from scipy.spatial.transform import Rotation
 
 from fis_tools.compiled.vectors import load, store
-from fis_tools.formats import serialize
-from fis_tools.genes.parameters import Bounds, SystemEncoding
 from pipeline.controllers.played import read_played
-from pipeline.flight.cases.starts import cases_of
-from pipeline.flight.control.controller import ControllerError, coast, from_fuzzy, law_of, open_loop
-from pipeline.flight.fly.population import fly_population
+from pipeline.flight.control.controller import ControllerError, coast, open_loop
 from pipeline.flight.fly.simulation import fly_all, fly_logged
 from pipeline.flight.state.lanes import arctangent, exponential
 from pipeline.flight.state.log import Scenario
-from pipeline.flight.world.pack import pack_world
 from pipeline.settings.experiment import Mission
 from tests.pipeline.flight.as_written import assert_as_written
-from tests.pipeline.flight.cases import COMPLETED, MIXED, OVER_POLES, STARTS, mission
+from tests.pipeline.flight.cases import COMPLETED, MIXED, STARTS, mission
 from tests.pipeline.flight.missions import FULL_INERTIA
-from tests.places import PROJECT
 
 TURNED = Rotation.from_euler("zyx", [100.0, -35.0, 20.0], degrees=True)
 RATE = (0.01, -0.02, 0.005)
@@ -87,40 +80,6 @@ def test_tables_that_cannot_be_played(content, message, tmp_path):
     path.write_text(content)
     with pytest.raises(ControllerError, match=message):
         read_played(path, MINUTES)
-
-
-PAPER = serialize.load(PROJECT / "conf" / "controller" / "paper.yaml")
-MISSION = mission(guidance={"kind": "clusters"})
-FLIGHTS = [*STARTS, *OVER_POLES, COMPLETED]
-
-
-@pytest.mark.parametrize(("workers", "kind"), [(1, "json"), (3, "yaml")])
-def test_a_genome_and_its_file_fly_the_same_bit_for_bit(workers: int, kind: str, tmp_path: Path) -> None:
-    encoding = SystemEncoding(PAPER.systems, Bounds())
-    genomes = np.random.default_rng(8).random((5, encoding.num_genes))
-    genomes[0] = encoding.encode(PAPER.systems)
-    law = law_of(from_fuzzy(PAPER), MISSION)
-    world = pack_world(MISSION)
-    length = MISSION.num_controls + 1
-    tracks = np.empty((5, len(FLIGHTS), length, 3), dtype=np.float32)
-    flat = tracks.reshape(-1, length, 3)
-    cases = cases_of(MISSION, FLIGHTS)
-    population = fly_population(world, law, encoding.pack(genomes), cases, workers, flat)
-    assert population.delta_v_m_s.shape == (5, len(FLIGHTS))
-    assert len(np.unique(population.delta_v_m_s)) == population.delta_v_m_s.size
-    for row, genome in enumerate(genomes):
-        champion = replace(PAPER, systems=encoding.decode(genome))
-        path = tmp_path / f"champion.{kind}"
-        path.write_text(getattr(serialize, f"dump_{kind}")(champion), encoding="utf-8")
-        track = np.empty_like(tracks[row])
-        alone = fly_all(MISSION, from_fuzzy(serialize.load(path)), FLIGHTS, 1, track)
-        np.testing.assert_array_equal(track, tracks[row])
-        for fact, values in vars(alone).items():
-            np.testing.assert_array_equal(values, getattr(population, fact)[row], err_msg=fact)
-    # nothing of the template is clipped
-    one = fly_all(MISSION, from_fuzzy(PAPER), FLIGHTS)
-    np.testing.assert_array_equal(one.inspected_count, population.inspected_count[0])
-    np.testing.assert_allclose(one.delta_v_m_s, population.delta_v_m_s[0], rtol=1e-6)
 
 
 WIDTH = 8

@@ -112,7 +112,8 @@ def test_of_many_training_scenarios_the_first_eight_of_the_round_it_came_to(word
     tables.write_parquet(tmp_path / artifacts.HISTORY, {"round": np.array([0, 0, index])})
     flights = record.flights_of(run, tmp_path)
     drawn = training_scenarios(run.starts, run.sun, run.seed, index)
-    assert [flight.name for flight in flights] == [f"training-{case}" for case in range(8)]
+    named = [f"training-{case}" for case in range(8)]
+    assert [flight.name for flight in flights] == [flight.scenario_id for flight in flights] == named
     for flight, scenario in zip(flights, drawn, strict=False):
         np.testing.assert_array_equal(flight.scenario.position_m, scenario.position_m)
         assert flight.scenario.sun_angle_rad == scenario.sun_angle_rad

@@ -57,19 +57,12 @@ def trained(tmp_path_factory):
 
 
 @pytest.mark.slow
-def test_the_page_needs_no_other_file_and_leads_only_to_the_review(trained):
-    _, _, text, page = trained
+def test_all_sections_are_there_with_their_pictures(trained):
+    folder, experiment, text, page = trained
     check_policy(text)
     check_references(text)
-    links = {link["href"] for link in page.all("a")}
-    assert [link for link in links if not link.startswith("#")] == [artifacts.REVIEW]
     # the only addresses are names of XML's vocabularies, and none is left
     assert "http" not in text.replace("http-equiv", "")
-
-
-@pytest.mark.slow
-def test_all_sections_are_there_with_their_pictures(trained):
-    folder, experiment, _, page = trained
     assert [section["id"] for section in page.all("section") if section.get("id")] == list(SECTIONS)
     names = {"control-training-0", "distributions", "convergence"}
     names |= {"trajectories-training", "trajectories-evaluation"}

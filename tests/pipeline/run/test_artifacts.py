@@ -195,15 +195,6 @@ def test_configurations_that_are_none(content, message, tmp_path):
     tracemalloc.stop()
 
 
-def test_deep_manifests(tmp_path):
-    (tmp_path / artifacts.CONFIG).write_text("a: 1\n")
-    (tmp_path / artifacts.MANIFEST).write_text("[" * 100_000)
-    with pytest.raises(artifacts.ArtifactError, match=r"manifest\.json cannot be read"):
-        manifests.read(tmp_path)
-    with pytest.raises(RecordingError, match=r"manifest\.json cannot be read"):
-        runs.file_of(tmp_path, "evaluation_episodes")
-
-
 @pytest.mark.parametrize("name", ["../secret.json", "/etc/passwd"])
 def test_a_manifest_leads_nowhere_else(name, tmp_path):
     files = {"champion": name, "evaluation_episodes": name}

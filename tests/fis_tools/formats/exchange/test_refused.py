@@ -158,20 +158,6 @@ def test_damage_anywhere(kind: Kind, is_ours: bool, data: st.DataObject) -> None
     assert read_or_refused(text, kind) in ("read", "refused")
 
 
-@settings(max_examples=80, deadline=None)
-@given(st.sampled_from(list(WHOLE)), st.data())
-def test_lines_mixed_up(kind: Kind, data: st.DataObject) -> None:
-    lines = WHOLE[kind][0].splitlines()
-    for _ in range(data.draw(st.integers(1, 3))):
-        first = data.draw(st.integers(0, len(lines) - 1))
-        second = data.draw(st.integers(0, len(lines) - 1))
-        if data.draw(st.booleans()):
-            lines[first], lines[second] = lines[second], lines[first]
-        else:
-            lines.insert(first, lines[second])
-    assert read_or_refused("\n".join(lines), kind) in ("read", "refused")
-
-
 @pytest.mark.parametrize("kind", list(WHOLE))
 def test_our_files_cut_anywhere_are_refused(kind: Kind) -> None:
     text = WHOLE[kind][1].rstrip()

@@ -18,7 +18,7 @@ from fis_tools.model import And, Consequent, FuzzyController, FuzzySystem, Hedge
 from fis_tools.model.shapes import Gaussian, Sampled
 from tests.fis_tools.engines.random_systems import hedged, otherwise, random_general_system
 from tests.fis_tools.formats.exchange.systems import DENIED, FLAT, NESTED, alone, without_comment
-from tests.fis_tools.sample_controllers import FORCE_X, FORCE_Z, GENERAL
+from tests.fis_tools.sample_controllers import FORCE_X, FORCE_Z
 from tests.fis_tools.step_by_step import assert_near
 
 pytestmark = pytest.mark.slow
@@ -83,11 +83,6 @@ def test_hedges_are_said_in_the_words_of_a_format(form, asked, words):
     (shown,) = serialize.loads(without_comment(written.text), form.__name__.rpartition(".")[2]).systems
     rows = np.random.default_rng(3).uniform((-10.0, 0.0), (40.0, 25.0), (40, 2))
     assert_near(compile(shown)(rows), compile(system)(rows), system, 2e-3)
-
-
-@pytest.mark.parametrize("controller", [GENERAL, *map(alone, OWN_WAYS.values())])
-def test_nested_rules_of_any_operators_survive_in_fll(controller):
-    assert fll.read(fll.write(controller).text).controller == controller
 
 
 @pytest.mark.parametrize("form", FORMS)

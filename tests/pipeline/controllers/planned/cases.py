@@ -19,11 +19,6 @@ Floats = NDArray[np.float64]
 
 KINDS = ("natural_motion", "lqr", "receding_horizon")
 MEAN_MOTION, MASS, PERIOD = 0.0011068, 12.0, 10.0
-#: of the Clohessy-Wiltshire equations, states [x, y, z, x', y', z']
-DERIVATIVE = np.zeros((6, 6))
-DERIVATIVE[:3, 3:] = np.eye(3)
-DERIVATIVE[3, 0], DERIVATIVE[3, 4] = 3.0 * MEAN_MOTION**2, 2.0 * MEAN_MOTION
-DERIVATIVE[4, 3], DERIVATIVE[5, 2] = -2.0 * MEAN_MOTION, -(MEAN_MOTION**2)
 
 
 @cache
