@@ -137,7 +137,7 @@ def followed(flight, k, result, log):
 def differences(flight, k, result, log):
     """The fields of the log in which a period differs by more than rounding, with both values."""
     found = {}
-    for name, expected in fields(flight, k, *result).items():
+    for name, expected in fields(flight, *result).items():
         value = of_log(log, name, k)
         near = signed_as(value, expected)
         if name == "command_reason":  # as silent counts less than inference may err by
@@ -238,7 +238,7 @@ def on_a_knifes_edge(flight, k, state, log):
     left = [differences(flight, k, run, log) for run in runs]
     for name in set.intersection(*map(set, left)):
         value = of_log(log, name, k)
-        others = np.array([signed_as(value, fields(flight, k, *run)[name]) for run in runs])
+        others = np.array([signed_as(value, fields(flight, *run)[name]) for run in runs])
         low, high = others.min(axis=0), others.max(axis=0)
         spread = high - low if value.dtype.kind == "f" else 0
         if not is_within(value, low - spread, high + spread, allowed(flight, k, log, name)):
@@ -273,7 +273,7 @@ def nudged(flight, k, state, log, generator):
     return period(other, k, state)
 
 
-def fields(flight, k, seen, done, after):
+def fields(flight, seen, done, after):
     """What the readable flight found, by the names of the log; of the next sample with a dash."""
     found = {
         "quaternion_b_from_h": seen.attitude.as_quat(),

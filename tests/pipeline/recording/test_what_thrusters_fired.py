@@ -41,7 +41,9 @@ ROUNDING_N = 1e-12
 
 def recorded(path: Path, name: str, world: str) -> tuple[Mission, Controller, Recording]:
     composed = cases.composed("duration_s=900.0", *(WORLDS | DOCKING)[world]).experiment.mission
-    mission = guarded(PASSIVE, duration_s=1800.0) if world == "guarded" else composed
+    # with a shadow, for then all controllers under the layer fly by the same compiled code
+    half_an_hour = {"duration_s": 1800.0, "light": {"shadow": "conical"}}
+    mission = guarded(PASSIVE, **half_an_hour) if world == "guarded" else composed
     controller = PAUSING if name == "pausing" else named(name, mission)
     cases.recorded(path, mission, controller, START)
     return mission, controller, telemetry.read(path)
