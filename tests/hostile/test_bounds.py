@@ -49,7 +49,9 @@ def chain(kinds: list[tuple[str, list[str]]]):
     [
         [("MatMul", ["wide"]), *[("Tanh", [])] * 1500],
         [("MatMul", ["wide"]), ("Tanh", []), *[("MatMul", ["square"])] * 9000],
-        [("MatMul", ["wide"]), ("Tanh", []), *[("Mul", ["gains"])] * 9000],
+        pytest.param(
+            [("MatMul", ["wide"]), ("Tanh", []), *[("Mul", ["gains"])] * 9000], marks=pytest.mark.slow
+        ),
         [("Tanh", [])] * 20_000,
     ],
     ids=["activations", "matrices", "factors", "operators"],
@@ -70,7 +72,9 @@ def test_a_constant_that_gives_nothing_is_refused():
         policy_of("p", network([node, *chain([("Tanh", [])])], {}), "p.onnx")
 
 
-@pytest.mark.parametrize("columns", [{"x": 0.0, "y": 0.0}, {"x": "a" * 100, "y": 1.0}])
+@pytest.mark.parametrize(
+    "columns", [{"x": 0.0, "y": 0.0}, pytest.param({"x": "a" * 100, "y": 1.0}, marks=pytest.mark.slow)]
+)
 def test_a_table_that_unpacks_to_gigabytes(columns, tmp_path, little_memory):
     path = tmp_path / "x.parquet"
     part = pa.table({name: pa.repeat(value, 2**20) for name, value in columns.items()})
@@ -131,6 +135,7 @@ def test_a_mesh_names_no_other_file(tmp_path):
     assert len(surface.read_mesh(str(tmp_path / "a.obj"))) == 4
 
 
+@pytest.mark.slow
 def test_an_output_of_very_many_points_is_tried_at_fewer_places(tmp_path, capsys):
     controller = paper_like_controller()
     told = json.loads(serialize.dump_json(replace(controller, systems=controller.systems[:1])))

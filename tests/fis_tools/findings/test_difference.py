@@ -284,6 +284,7 @@ def test_surfaces_are_those_of_both_over_the_ranges_of_both():
         assert change.values[row, column] == pytest.approx(now - was, abs=1e-12)
 
 
+@pytest.mark.slow
 def test_the_page_pictures_surfaces_of_what_moved_alone():
     moved = difference(FORCE_X, ONE_CELL).html()
     assert moved.count('src="data:image/png;base64,') == 1

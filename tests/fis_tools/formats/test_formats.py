@@ -270,6 +270,7 @@ def test_other_words_for_the_same_are_no_edit(change) -> None:
     assert edited(serialize.loads(text.replace(*change), "yaml")) is None
 
 
+@pytest.mark.slow
 def test_what_was_simplified_is_told_apart_from_what_a_hand_did() -> None:
     trained = described(PAPER_LIKE, {"training_fitness": "0.5"})
     simpler = simplify(trained).controller

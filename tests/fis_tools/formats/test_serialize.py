@@ -219,6 +219,7 @@ def test_what_is_no_mapping_is_no_controller(nonsense):
         from_mapping(nonsense)
 
 
+@pytest.mark.slow
 def test_a_table_of_billions_of_cells_is_counted_not_built():
     mapping = serialize.to_mapping(PAPER_LIKE)
     system = mapping["systems"][1]

@@ -229,7 +229,7 @@ def bumps(count: int = 300) -> tuple[np.ndarray, np.ndarray]:
     return X, np.cos(2.0 * X[:, 0]) + X[:, 1]
 
 
-@pytest.mark.parametrize("consequents", ["constants", "linear", "sets"])
+@pytest.mark.parametrize("consequents", ["constants", pytest.param("linear", marks=pytest.mark.slow), "sets"])
 def test_all_that_takes_a_system_takes_what_they_learned(consequents, tmp_path):
     X, y = bumps()
     model = FuzzyRegressor(consequents, 5, 7, max_inputs=2, tune=consequents != "sets").fit(X, y)
@@ -266,7 +266,12 @@ def test_without_scikit_learn_a_sentence_says_what_to_install():
 
 @pytest.mark.parametrize(
     "estimator",
-    [FuzzyRegressor(), FuzzyRegressor("linear"), FuzzyRegressor("sets"), FuzzyClassifier()],
+    [
+        FuzzyRegressor(),
+        pytest.param(FuzzyRegressor("linear"), marks=pytest.mark.slow),
+        FuzzyRegressor("sets"),
+        FuzzyClassifier(),
+    ],
     ids=str,
 )
 def test_a_row_of_weight_two_counts_as_two_rows(estimator):

@@ -65,6 +65,7 @@ def test_a_constant_makes_it_better(cases, opened, page) -> None:
     assert succeeded(now) == succeeded(opened)
 
 
+@pytest.mark.slow
 def test_what_else_to_try(cases, opened, page) -> None:
     middle = list(cases.fly(pressed(1, 5)))[-1]
     assert f"one press, and {succeeded(middle):.1f} % succeed" in page

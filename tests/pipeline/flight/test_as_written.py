@@ -190,7 +190,7 @@ QUICK = (
     *("pole blending", "Hill axes, weak thruster, slow clocks, narrow camera", "what goes dark soon"),
     "about the oblate Earth, in and out of its shadow",
     "on an ellipse, past the perigee",
-    "a decision every half minute, safety layer",
+    "safety layer against a push",
     "shadow",
 )
 

@@ -209,6 +209,7 @@ def test_the_projection_is_that_of_a_solver(seed: int) -> None:
     np.testing.assert_allclose(found, solved.x, atol=1e-5)
 
 
+@pytest.mark.slow
 def test_the_change_is_the_least() -> None:
     """Against a solver of the nonlinear problem itself, at the outer sphere, where it is convex."""
     layer = Layer(guarded())

@@ -206,6 +206,7 @@ def test_one_point_takes_what_the_linear_program_says_and_those_never_lit_cannot
     assert np.isinf(delta_v_bound(case, int(ever.sum()) + 1))
 
 
+@pytest.mark.slow
 def test_a_pair_takes_no_more_than_the_linear_program_says_and_nearly_as_much():
     case = problem(1, "duration_s=160.0")
     costs = sample_costs(case)

@@ -82,6 +82,7 @@ def test_a_topic_is_a_table_of_its_columns(short_file):
     assert units(table) == told | {"angular_velocity_rad_s": "rad/s"}
 
 
+@pytest.mark.slow
 def test_every_topic_is_a_table_whatever_its_shape(short_file, tmp_path):
     recording = telemetry.read(short_file)
     # whoever takes streams of Arrow takes a topic
