@@ -56,14 +56,6 @@ def test_a_clipped_triangle_has_the_centre_geometry_gives() -> None:
     assert not output.is_default
 
 
-@pytest.mark.parametrize(
-    ("defuzzifier", "expected"), [("bisector", 3.75), ("mom", 2.5), ("som", 0.0), ("lom", 5.0)]
-)
-def test_the_other_defuzzifiers_on_the_same_shape(defuzzifier, expected) -> None:
-    system = replace(one_rule(Is("a", "left")), defuzzifier=defuzzifier)
-    assert infer(system, np.array([5.0, 0.0])).values[0] == pytest.approx(expected, abs=1e-14)
-
-
 def test_terms_nobody_concludes_have_no_cut_and_weights_lessen_it() -> None:
     step = infer(one_rule(Is("a", "left"), 0.5, "right"), np.array([0.0, 9.0]))
     np.testing.assert_allclose(step.outputs[0].cuts, [np.nan, 0.5], rtol=0, atol=1e-15)

@@ -140,20 +140,6 @@ def test_missing_and_unknown_keys_of_a_composed_configuration():
     assert "there is no key deputy.mass; did you mean deputy.mass_kg?" in unknown
 
 
-def test_the_experiment_is_what_the_configuration_says():
-    config = plain_config("seed=7", "sun=random", "chief=tumbling", "optimizer=champion", "starts=random")
-    experiment = experiment_from(config)
-    assert experiment.seed == 7
-    assert experiment.sun.mode == "random"
-    assert experiment.mission.chief.initial_angular_velocity_rad_s == (0.0005, 0.0, 0.002)
-    assert experiment.mission.deputy.inertia_kg_m2 == ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-    assert (experiment.mission.num_controls, experiment.mission.num_attitude_steps) == (360, 10)
-    assert (experiment.optimizer.rounds, experiment.optimizer.population_size) == (5, 200)
-    assert experiment.optimizer.crossover_rate == 0.8  # of the group that champion.yaml builds on
-    assert experiment.controller == {"kind": "coast"}
-    assert not experiment.resume
-
-
 def test_keys_of_earlier_versions_are_read_but_not_beside_todays():
     config = plain_config()
     expected = experiment_from(config)
