@@ -264,7 +264,6 @@ def test_ctrl_c_that_a_callback_of_llvm_swallows_comes_again(package):
 
 
 DAY_S = 86400.0
-FOLDER = Path(fis_tools.__file__).parent
 
 
 def sources(function: Callable[..., object]) -> set[str]:
@@ -431,18 +430,6 @@ def test_a_folder_of_somebody_else_and_a_link_are_refused(root, tmp_path, monkey
     root.mkdir(mode=0o700)
     monkeypatch.setattr(os, "getuid", lambda: root.stat().st_uid + 1)
     assert f"{root} belongs to somebody else" in refused()
-
-
-def test_where_no_folder_can_be_made_code_is_not_kept(root):
-    root.parent.write_text("a file where a folder should be")
-    assert f"{root} cannot be written" in refused()
-
-
-def test_a_source_that_is_newer_than_the_process_is_not_kept(root, monkeypatch):
-    monkeypatch.setattr(cache, "_loaded_ns", 0)
-    place = placed()
-    assert isinstance(place, cache.Refused)
-    assert "quaternion.py has changed since it was loaded" in place.reason
 
 
 def test_caches_that_nobody_has_used_for_a_month_are_dropped(root):
