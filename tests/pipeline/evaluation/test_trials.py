@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from scipy.stats import binomtest
 
 from pipeline.evaluation.monte_carlo import episode_columns, summarise
 from pipeline.evaluation.trials import trials
@@ -162,7 +163,7 @@ def test_a_row_a_case() -> None:
 
 
 def test_a_summary_by_hand() -> None:
-    summary = summarise(four_cases(), 95.0)
+    summary = summarise(four_cases(), 90.0)
     assert json.loads(json.dumps(summary)) == summary
     assert summary["delta_v_m_s"]["mean"] == 3.0
     assert summary["delta_v_m_s"]["standard_deviation"] == pytest.approx(np.sqrt(14.0 / 3.0))
@@ -173,8 +174,5 @@ def test_a_summary_by_hand() -> None:
     assert summary["safety_periods"]["mean"] == 2.0
     assert summary["safety_delta_v_m_s"]["mean"] == pytest.approx(0.01)
     assert summary["safety_acted"]["count"] == 2
-    # Wilson, 2 of 4 at z = 1.96: the middle stays 1/2, the reach is z sqrt(1/16 + z^2/64)/(1 + z^2/4)
-    z = 1.959963984540054
-    reach = z * np.sqrt(1 / 16 + z * z / 64) / (1 + z * z / 4)
-    both = summary["success_and_within_limits"]
-    assert (both["low"], both["high"]) == (pytest.approx(0.5 - reach), pytest.approx(0.5 + reach))
+    both, expected = summary["success_and_within_limits"], binomtest(2, 4).proportion_ci(0.9, "wilson")
+    assert (both["low"], both["high"]) == pytest.approx((expected.low, expected.high))

@@ -90,17 +90,6 @@ def test_the_summary_tells_what_flew_and_how_well(evaluated, capsys):
     assert "Sun random" in told
 
 
-def test_the_safety_layer_keeps_a_deputy_inside_that_flies_away(tmp_path):
-    away = tmp_path / "away.csv"
-    rows = [f"{10 * k},1,1,1" for k in range(30)]
-    away.write_text("\n".join(["time_s,force_x_n,force_y_n,force_z_n", *rows]))
-    words = ("safety=filter", "controller=open_loop", f"controller.path={away}")
-    evaluate.run(prepared(tmp_path, *words, experiment="evaluate").experiment, tmp_path)
-    episodes = tables.read_parquet(tmp_path, artifacts.EPISODES)
-    assert not episodes["violated"].any()
-    assert episodes["safety_periods"].min() > 0
-
-
 def test_a_champion_in_the_folder_flies_instead_of_the_configured_controller(tmp_path):
     run = prepared(tmp_path, *SUN, experiment="evaluate").experiment
     fuzzy = controller_source.load(run.controller, run.mission).fuzzy
