@@ -93,7 +93,7 @@ def fly_linearly(
     while flight < last:
         row, start = flight // num_starts, flight % num_starts
         num_lanes = min(width, num_starts - start, last - flight)
-        control = Control(law, flights.values[row], flights.rules[row])
+        control = Control(law, flights.values[row, 0], flights.rules[row])
         start_lanes(Moment(world, state, work, start, num_lanes, 0), flights.cases, flights.counted)
         if law.needs & (URGENCY | SETTING):
             note_deadlines(Moment(world, state, work, start, num_lanes, 0), optics)

@@ -322,7 +322,7 @@ def read_periods(
 def read_rehearsals(path: Path | str, time_s: float) -> dict[str, list[tuple[float, str]]]:
     """Return what each way that was flown ahead would have cost, m/s, the cheapest first, by what was chosen.
 
-    Choices that were over by that time are left out.
+    Choices that were not yet made by that time, or were over, are left out.
 
     Raises
     ------
@@ -337,7 +337,7 @@ def read_rehearsals(path: Path | str, time_s: float) -> dict[str, list[tuple[flo
     return {
         what: sorted(zip(one.costs_m_s, one.names, strict=True))
         for what, one in rehearsals.items()
-        if time_s < one.until_s
+        if one.from_s <= time_s < one.until_s
     }
 
 

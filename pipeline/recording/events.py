@@ -10,7 +10,7 @@ import numpy as np
 from fis_tools.model.thrust import ThrustLogic, thrust_logic
 from pipeline.array_types import Floats
 from pipeline.flight.control.controller import Controller, rehearsed_pushes
-from pipeline.flight.fly.rehearsals import tour_names
+from pipeline.flight.fly.rehearsals import rehearsal_samples, tour_names
 from pipeline.flight.goals import reach
 from pipeline.flight.state.log import (
     KEEP_IN,
@@ -64,7 +64,7 @@ def events(
     found: list[Event] = []
     inspects = mission.problem.kind == "inspection"
     if controller is not None:
-        found += [Event(0, "info", f"rehearsed: {text}") for text in _rehearsed(mission, log, controller)]
+        found += _rehearsed(mission, log, controller)
     found += _progress(mission, log) if inspects else ()
     found += [*_limits(mission, log, near_limit_m), *_safety(mission, log)]
     logic = thrust_logic(controller.fuzzy) if controller and controller.fuzzy else None
@@ -78,18 +78,20 @@ def events(
     return sorted(found, key=lambda event: event.sample)
 
 
-def _rehearsed(mission: Mission, log: FlightLog, controller: Controller) -> Iterator[str]:
-    """Say which first push, and which image of a tour, a rehearsal chose."""
+def _rehearsed(mission: Mission, log: FlightLog, controller: Controller) -> Iterator[Event]:
+    """Say which first push, and which tours, rehearsals chose."""
     if num_rehearsed := len(rehearsed_pushes(controller)):
         per_force = 1000.0 * mission.control_period_s / mission.deputy.mass_kg
         x, y, z = (per_force * log.force_asked_n[0]).tolist()
-        yield (
-            f"of {num_rehearsed} first pushes, each flown to the end by the rules, this one ends cheapest: "
-            f"{x:.0f} mm/s radially, {y:.0f} along the track, {z:.0f} across"
+        text = (
+            f"rehearsed: of {num_rehearsed} first pushes, each flown to the end by the rules, this one ends "
+            f"cheapest: {x:.0f} mm/s radially, {y:.0f} along the track, {z:.0f} across"
         )
-    if len(log.tour_costs_m_s):
-        tour = tour_names(controller)[log.tour_costs_m_s.argmin()]
-        yield f"of the tour's images, each flown to the end by the rules, one ends cheapest: {tour}"
+        yield Event(0, "info", text)
+    names, samples = tour_names(controller), rehearsal_samples(controller, mission)
+    for sample, costs in zip(samples, log.tour_costs_m_s, strict=False):
+        text = "rehearsed: of the tours, each flown to the end by the rules, one ends cheapest: "
+        yield Event(sample, "info", text + names[costs.argmin()])
 
 
 def _progress(mission: Mission, log: FlightLog) -> Iterator[Event]:

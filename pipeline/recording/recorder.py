@@ -27,7 +27,7 @@ from pipeline.controllers.played import to_mapping
 from pipeline.flight.cases.actuators import thrusters_of
 from pipeline.flight.cases.dispersions import mission_of_case
 from pipeline.flight.control.controller import Controller, decision_stride, rehearsed_pushes
-from pipeline.flight.fly.rehearsals import tour_images, tour_names
+from pipeline.flight.fly.rehearsals import following, rehearsal_samples, tour_names
 from pipeline.flight.fly.workspace import lit_and_seen
 from pipeline.flight.goals.reach import ended
 from pipeline.flight.period.look.optics import note_lit_and_seen
@@ -161,17 +161,18 @@ class FlightRecorder:
         """Tell what each of the first pushes, and of the images of the tour, would have cost."""
         pushes = (1e3 * rehearsed_pushes(self.controller)).tolist()
         ways = [f"{x:.0f} mm/s radially, {y:.0f} along the track, {z:.0f} across" for x, y, z in pushes]
-        mission, tours = self.mission, log.tour_costs_m_s
-        found = {
-            "first push": (ways, log.push_costs_m_s, mission.control_period_s),
-            "image of the tour": (tour_names(self.controller), tours, mission.duration_s),
-        }
+        period, names = self.mission.control_period_s, tour_names(self.controller)
+        found = {"first push": (ways, log.push_costs_m_s, 0.0, period)} if ways else {}
+        begins = [period * sample for sample in rehearsal_samples(self.controller, self.mission)]
+        ends = [*begins[1:], self.mission.duration_s]
+        for costs, begin, end in zip(log.tour_costs_m_s, begins, ends, strict=False):
+            what = "image of the tour" + (f" from {begin:g} s" if begin else "")
+            found[what] = (names, costs, begin, end)
         return {
             topics.REHEARSAL_METADATA_PREFIX + what: Rehearsal(
-                names=tuple(names), costs_m_s=tuple(costs.tolist()), until_s=until_s
+                names=tuple(names), costs_m_s=tuple(costs.tolist()), until_s=end, from_s=begin
             ).to_metadata()
-            for what, (names, costs, until_s) in found.items()
-            if len(costs)
+            for what, (names, costs, begin, end) in found.items()
         }
 
     def _write(self, writer: EpisodeWriter, scenario: Scenario, log: FlightLog) -> None:
@@ -228,9 +229,13 @@ class FlightRecorder:
         mission = mission_of_case(self.mission, scenario)
         world = self._world if mission is self.mission else pack_world(mission)
         samples = np.arange(0, len(log.is_decided), decision_stride(self.controller, mission))
-        images = tour_images(self.controller)
-        flown = images[log.tour_costs_m_s.argmin()] if images else self.controller
-        parts = parts_of_points(world, flown, log, samples)
+        flown = self.controller
+        if len(log.tour_costs_m_s):
+            flown = following(flown, mission, log.tour_costs_m_s.argmin(axis=1).tolist())
+        begins, each = zip(*flown.stretches, strict=True)
+        shares = np.split(samples, np.searchsorted(samples, begins[1:]))
+        of_stretches = [parts_of_points(world, of, log, own) for of, own in zip(each, shares, strict=True)]
+        parts = {name: np.concatenate([one[name] for one in of_stretches]) for name in of_stretches[0]}
         columns = np.hstack([*parts.values(), log.is_missed[samples]])
         # while the deputy coasts little changes
         is_new = np.append(True, np.any(columns[1:] != columns[:-1], axis=1))[: len(samples)]

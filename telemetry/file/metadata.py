@@ -184,7 +184,7 @@ class FisDescription(Description):
 
 @dataclass(frozen=True, kw_only=True)
 class Rehearsal(Description):
-    """What was flown ahead to choose between ways to begin, the cheapest of which was taken.
+    """What was flown ahead to choose between ways to go on, the cheapest of which was taken.
 
     Parameters
     ----------
@@ -194,11 +194,14 @@ class Rehearsal(Description):
         What each would have cost.
     until_s : float
         Simulation time until which the choice tells what is done.
+    from_s : float
+        Simulation time of the choice.
     """
 
     names: tuple[str, ...]
     costs_m_s: tuple[float, ...]
     until_s: float
+    from_s: float = 0.0
 
     def __post_init__(self) -> None:
         """Raise RecordingError if there is not one cost for each name."""

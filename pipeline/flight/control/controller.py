@@ -98,14 +98,17 @@ class Controller:
     regulator: Regulator | None = None
     pilot: Pilot | None = None
     fuzzy: FuzzyController | None = None  # the source of the systems, for files and reports
+    # samples, ascending, and what it becomes at each, with the same systems but constants of its own
+    later: "tuple[tuple[int, Controller], ...]" = ()
 
     @cached_property
     def numbers(self) -> Packed:
-        """Its systems as compiled flights read them; none for a plan."""
+        """Its systems as compiled flights read them, a row for each stretch of a flight; none for a plan."""
         if self.systems:
             packed = pack(*self.systems)
             more = self.constants[np.newaxis] if has_constants(self) else np.zeros((1, 0))
-            return replace(packed, values=np.hstack([packed.values, more]))
+            values = np.hstack([packed.values, more])
+            return replace(packed, values=np.vstack([values, *(one.numbers.values for _, one in self.later)]))
         return Packed(layout_of(())[0], np.zeros((1, 0)), np.zeros((1, 0), dtype=np.int64), ())
 
     @cached_property
@@ -118,6 +121,16 @@ class Controller:
             If one is not a finite number, or is a negative length, force or time.
         """
         return _constants_of(self)
+
+    @property
+    def stretches(self) -> "tuple[tuple[int, Controller], ...]":
+        """The samples at which its stretches begin, from 0, and what it is in each."""
+        return (0, self), *self.later
+
+    @property
+    def changes(self) -> tuple[int, ...]:
+        """The samples at which it becomes what it is `later`."""
+        return tuple(sample for sample, _ in self.later)
 
     @property
     def plays_turns(self) -> bool:
@@ -218,6 +231,7 @@ def law_of(controller: Controller, mission: Mission) -> Law:
         slots = [slot(variable.name) for variable in system.inputs]
         row[:] = (slots + [slots[-1]] * 3)[:3]
     check_tour(controller, mission)
+    rehearsal_stride(controller, mission)
     return Law(
         axes=np.array([AXES[system.outputs[0].name] for system in controller.systems], dtype=np.int64),
         signals=signals,
@@ -234,8 +248,7 @@ def law_of(controller: Controller, mission: Mission) -> Law:
 
 def played(forces: Floats, turns: Turns = AIMED) -> Plans:
     """Return plans of forces, shape (m or 1, K, 3), and of turns, that are played open loop."""
-    nowhere = np.zeros((0, forces.shape[1], 6))
-    return Plans(forces, nowhere, np.zeros((3, 6)), 0.0, nowhere, turns)
+    return Plans(forces, np.zeros((0, forces.shape[1], 6)), np.zeros((3, 6)), 0.0, turns)
 
 
 def has_constants(controller: Controller) -> bool:
@@ -268,11 +281,11 @@ def _constants_of(controller: Controller) -> Floats:
             f"controller {controller.name!r} has rehearsal_tours {attributes['rehearsal_tours']!r}; give 2 "
             "for the tour and its mirror image through the orbit plane, 4 for both the other way round too"
         )
-    if values[constant("rehearsal_draws")] % 1.0 != 0.0:
-        raise ControllerError(
-            f"controller {controller.name!r} has rehearsal_draws {attributes['rehearsal_draws']!r}; give a "
-            "whole number of flights"
-        )
+    for name in ("rehearsal_draws", "rehearsal_shapes"):
+        if values[constant(name)] % 1.0 != 0.0:
+            raise ControllerError(
+                f"controller {controller.name!r} has {name} {attributes[name]!r}; give a whole number"
+            )
     if values[constant("rehearsal_reach_m_s")] > 0.0 and controller.force_axes != "hill":
         raise ControllerError(
             f"controller {controller.name!r} rehearses its first push with force_axes "
@@ -309,6 +322,26 @@ def decision_stride(controller: Controller, mission: Mission) -> int:
     return max(1, round(periods))
 
 
+def rehearsal_stride(controller: Controller, mission: Mission) -> int:
+    """Return the control periods from one rehearsal of tours to the next; 0 without ``rehearsal_period_s``.
+
+    Raises
+    ------
+    ControllerError
+        If ``rehearsal_period_s`` is not a whole number of times from one decision to the next.
+    """
+    period = float(controller.constants[constant("rehearsal_period_s")])
+    stride = decision_stride(controller, mission)
+    decision_period = stride * mission.control_period_s
+    decisions = period / decision_period
+    if abs(decisions - round(decisions)) > 1e-6:
+        raise ControllerError(
+            f"controller {controller.name!r} has rehearsal_period_s {period:g}; give a multiple of the "
+            f"{decision_period:g} s from one decision to the next, or leave it out to rehearse once"
+        )
+    return round(decisions) * stride
+
+
 def check_tour(controller: Controller, mission: Mission) -> None:
     """Raise ControllerError for times from half an orbit on: no push across the track leads onto the tour."""
     half = pi / mission.orbit.mean_motion_rad_s
@@ -326,8 +359,8 @@ def sensed_by(controller: Controller) -> list[str]:
     return [variable.name for system in controller.systems for variable in system.inputs]
 
 
-#: flies plans for a number of control periods
-Fly = Callable[[int, Plans], object]
+#: flies plans up to a sample; returns what the deputies know there, shape (m, 6), m and m/s, Hill axes
+Fly = Callable[[int, Plans], Floats]
 
 
 def regulated(regulator: Regulator, scenarios: list[Scenario]) -> Plans:
@@ -345,15 +378,13 @@ def planned(
     `fly` flies plans from these starts; `workers` threads plan, one per processor unless given.
     """
     plans = played(np.zeros((len(scenarios), num_controls, 3)))
-    noted = plans._replace(known=np.zeros((len(scenarios), num_controls, 6)))
     decisions = list(planner.decisions)
     for decision, following in zip(decisions, [*decisions[1:], num_controls], strict=True):
-        fly(decision + 1, noted)
+        known = fly(decision, plans)
 
-        def plan(case: int, decision: int = decision, following: int = following) -> None:
-            forces = planner(scenarios[case], decision, noted.known[case, decision].copy())
-            kept = forces[: following - decision]
-            plans.forces[case, decision : decision + len(kept)] = kept
+        def plan(case: int, known: Floats = known, now: int = decision, then: int = following) -> None:
+            forces = planner(scenarios[case], now, known[case])[: then - now]
+            plans.forces[case, now : now + len(forces)] = forces
 
         in_threads(plan, range(len(scenarios)), workers=workers)
     return plans

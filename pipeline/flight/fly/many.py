@@ -38,10 +38,11 @@ class Flights(NamedTuple):
 
     world: World
     law: Law
-    values: Floats  # (n, ...) rows of n controllers, of `fis_tools.engines.packing.Packed`
-    rules: Integers  # (n, ...) likewise
+    values: Floats  # (n, S, ...) rows of n controllers in S stretches of a flight, of `Packed`
+    rules: Integers  # (n, ...) likewise, the same in all stretches
+    changes: Integers  # (S-1,) samples at which the next stretch begins
     cases: Any  # (m,) starts, of `CASE`
-    counted: Bytes  # (m or 1, P padded) 1 for the points that a flight counts, 0 for those never lit in it
+    counted: Bytes  # (m or 1, P padded) 1 for the points that a flight counts, 0 for those it leaves out
     openings: Floats  # (m, 3) first forces, N, Hill axes; no rows where the rules decide them
 
 
@@ -51,6 +52,7 @@ class Results(NamedTuple):
     log: FlightLog  # of one flight alone; empty for none
     tracks: NDArray[np.float32]  # (n m, K+1, NUM_PLACED or NUM_TRACKED); empty for none
     outcomes: Floats  # (n m, NUM_OUTCOMES)
+    known: Floats  # (n m, 6+P) what the deputies know at the end, see `write_known`; empty for none
 
 
 @compiled(error_model="numpy")
@@ -105,12 +107,22 @@ def write_outcomes(now: Moment, flight: int, outcomes: Floats) -> None:
             if not np.isfinite(state.truth.attitude[component, lane]):
                 row[arrays.DELTA_V] = np.nan
         row[arrays.INSPECTED] = lanes.num_counted[lane] - lanes.num_unseen[lane]
-        row[arrays.MEAN_DISTANCE] = lanes.travelled[lane] / (world.num_controls + 1)
+        row[arrays.MEAN_DISTANCE] = lanes.travelled[lane] / (world.last - world.first + 1)
         row[arrays.MIN_DISTANCE] = lanes.nearest[lane]
         row[arrays.MAX_DISTANCE] = lanes.farthest[lane]
         row[arrays.OUTSIDE] = lanes.beyond[lane]
         row[arrays.SAFETY_PERIODS] = lanes.num_acted[lane]
         row[arrays.SAFETY_DELTA_V] = lanes.corrected[lane]
+
+
+@compiled(error_model="numpy")
+def write_known(now: Moment, lane: int, row: Floats) -> None:
+    """Write the place and velocity that a deputy believes in, m and m/s, and 1 for each point it has left."""
+    belief = now.state.belief
+    write_row(row[:3], belief.position, lane)
+    write_row(row[3:6], belief.velocity, lane)
+    for j in range(now.world.num_points):
+        row[6 + j] = now.state.unseen[lane, j]
 
 
 @compiled(error_model="numpy", inline="always")
@@ -178,11 +190,11 @@ def fly_many(
     while flight < last:
         row, start = flight // num_starts, flight % num_starts
         num_lanes = min(width, num_starts - start, last - flight)
-        control = Control(law, flights.values[row], flights.rules[row])
+        stretch = 0
         start_lanes(Moment(world, state, work, start, num_lanes, 0), flights.cases, flights.counted)
         if law.needs & (URGENCY | SETTING):
             note_deadlines(Moment(world, state, work, start, num_lanes, 0), optics)
-        for k in range(world.num_controls + 1):
+        for k in range(world.first, world.last + 1):
             now = Moment(world, state, work, start, num_lanes, k)
             look(now, optics, clusters, errors, law.plans)
             for lane in range(num_lanes if len(tracks) > 0 else 0):
@@ -190,9 +202,14 @@ def fly_many(
             if is_logged:
                 counts = flights.counted[start if len(flights.counted) > 1 else 0]
                 write_sample(now, errors, counts, log, flights.cases[start])
-            if k == world.num_controls:
+            if k == world.last:
                 write_outcomes(now, flight, results.outcomes)
+                for lane in range(num_lanes if len(results.known) > 0 else 0):
+                    write_known(now, lane, results.known[flight + lane])
                 break
+            if stretch < len(flights.changes) and k == flights.changes[stretch]:
+                stretch += 1
+            control = Control(law, flights.values[row, stretch], flights.rules[row])
             decide(now, optics, pushes, control)
             is_opened = k == 0 and len(flights.openings) > 0
             if is_opened:

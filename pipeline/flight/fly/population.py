@@ -1,14 +1,14 @@
 """Many flights at once: every controller of a population from every start, on all processors."""
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.engines.kernel import FEW_LANES, LANES
 from fis_tools.engines.packing import Packed
-from pipeline.array_types import Floats
+from pipeline.array_types import Bytes, Floats
 from pipeline.flight.cases.starts import Cases
 from pipeline.flight.fly.many import Flights, Results, fly_many
 from pipeline.flight.fly.workspace import (
@@ -25,6 +25,7 @@ from pipeline.flight.state.log import Outcomes, no_log
 from pipeline.threads import in_threads
 
 NO_TRACKS = np.empty((0, 0, 3), dtype=np.float32)
+NOTHING_KNOWN = np.empty((0, 6))
 
 
 class FlightError(ValueError):
@@ -39,19 +40,36 @@ def lanes_for(num_starts: int) -> int:
     return FEW_LANES if num_starts <= FEW_LANES else LANES
 
 
+def lanes_of_group(num_groups: int, num_starts: int, lanes: int) -> int:
+    """Return the flights to fly side by side in one of some groups, where `lanes` are for a single group."""
+    return lanes_for(num_starts) if num_groups > FEW_LANES else lanes
+
+
 def flights_of(
     world: World,
     law: Law,
     numbers: Packed,
     cases: Cases,
     openings: Floats | None = None,
+    changes: Sequence[int] = (),
+    wanted: Bytes | None = None,
     note: Callable[..., None] = note_inspectable,
 ) -> tuple[Parts, Flights, NDArray[np.uint8]]:
-    """Return what is to fly from some starts, and `inspectable_points` as noted by a function."""
-    inspectable = inspectable_points(world, cases.starts, note)
-    counted = counted_points(world, cases.starts, inspectable)
+    """Return what is to fly from some starts, and the points that its outcomes call inspectable.
+
+    See `fly_population`; a function notes those that are lit in a flight.
+    """
+    if wanted is None:
+        inspectable = inspectable_points(world, cases.starts, note)
+        counted = counted_points(world, cases.starts, inspectable)
+    else:
+        inspectable = counted = wanted
+    values, rules = numbers.values[:, np.newaxis], numbers.rules
+    if len(changes):
+        values, rules = numbers.values[np.newaxis], numbers.rules[:1]
     opened = np.zeros((0, 3)) if openings is None else openings
-    flights = Flights(world, law, numbers.values, numbers.rules, cases.starts, counted, opened)
+    samples = np.array(changes, dtype=np.int64)
+    flights = Flights(world, law, values, rules, samples, cases.starts, counted, opened)
     return parts_in_use(world, law, cases), flights, inspectable
 
 
@@ -64,6 +82,9 @@ def fly_population(
     tracks: NDArray[np.float32] | None = None,
     openings: Floats | None = None,
     lanes: int = LANES,
+    changes: Sequence[int] = (),
+    wanted: Bytes | None = None,
+    known: Floats | None = None,
 ) -> Outcomes:
     """Fly every controller of a population, of one structure, from every start; n controllers and m starts.
 
@@ -79,20 +100,31 @@ def fly_population(
         rad/s: columns as in `pipeline.flight.state.arrays`.
     openings : (m, 3) array, optional
         Fired in the first control period instead of what the rules decide, N, Hill axes.
+    changes : sequence of int, optional
+        Samples at which flights go over to the next row of `numbers`. These are then not a population but
+        one controller, in so many stretches and one more.
+    wanted : (m, P padded) array, optional
+        1 for the points that flights are about, instead of those that are lit in them.
+    known : (n * m, 6+P) array, optional
+        Filled with what the deputies know at the end: position, m, velocity, m/s, Hill axes, and 1 for
+        each point that is still to be inspected.
 
     Raises
     ------
     FlightError
         If a flight's numbers are not finite.
     """
-    num_pairs = len(numbers.values) * len(cases)
+    parts, flights, inspectable = flights_of(world, law, numbers, cases, openings, changes, wanted)
+    num_controllers = len(flights.values)
+    num_pairs = num_controllers * len(cases)
     outcomes = np.empty((num_pairs, NUM_OUTCOMES))
     workers = workers or os.cpu_count() or 1
     # flights of one vector stay together
-    shares = _shares(num_pairs, lanes if len(numbers.values) == 1 else max(1, len(cases)), workers)
+    shares = _shares(num_pairs, lanes if num_controllers == 1 else max(1, len(cases)), workers)
     workers, untaken = min(workers, len(shares)), iter(shares)
-    parts, flights, inspectable = flights_of(world, law, numbers, cases, openings)
-    results = Results(no_log(), NO_TRACKS if tracks is None else tracks, outcomes)
+    results = Results(
+        no_log(), NO_TRACKS if tracks is None else tracks, outcomes, NOTHING_KNOWN if known is None else known
+    )
 
     def fly_shares(state: State, work: Workspace) -> None:
         """Fly shares one after the other, each not taken by another thread."""
@@ -102,7 +134,7 @@ def fly_population(
     states = [make_state(world, parts[-1], lanes) for _ in range(workers)]
     works = [make_workspace(world, lanes) for _ in range(workers)]
     in_threads(fly_shares, states, works, workers=workers)
-    rows = outcomes.reshape(len(numbers.values), len(cases), NUM_OUTCOMES)
+    rows = outcomes.reshape(num_controllers, len(cases), NUM_OUTCOMES)
     return outcomes_of(rows, inspectable[:, : world.num_points].sum(axis=1, dtype=np.int64))
 
 

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.compiled.decorator import sparingly
-from fis_tools.engines.kernel import FEW_LANES, LANES
+from fis_tools.engines.kernel import LANES
 from pipeline.array_types import Floats
 from pipeline.flight.cases.dispersions import groups_of, mission_of_case
 from pipeline.flight.cases.starts import cases_of
@@ -22,13 +22,20 @@ from pipeline.flight.fly.many import Results, fly_many
 from pipeline.flight.fly.plain import fly_plainly
 from pipeline.flight.fly.population import (
     NO_TRACKS,
+    NOTHING_KNOWN,
     check_finite,
     flights_of,
     fly_population,
-    lanes_for,
+    lanes_of_group,
     outcomes_of,
 )
-from pipeline.flight.fly.rehearsals import rehearsed_openings, tour_costs, tour_images
+from pipeline.flight.fly.rehearsals import (
+    by_tours,
+    following,
+    rehearse_tours,
+    rehearsed_openings,
+    tour_images,
+)
 from pipeline.flight.fly.workspace import make_state, make_workspace
 from pipeline.flight.period.look.optics import note_inspectable
 from pipeline.flight.state.arrays import NUM_OUTCOMES, Law, Plans
@@ -59,16 +66,19 @@ def fly_all(
         return _fly_groups(groups, scenarios, workers, tracks)
     if is_interpreted(mission):
         return _outcomes_of_logs(mission, controller, scenarios, tracks)
-    images = tour_images(controller)
-    if images:
-        followed = tour_costs(mission, controller, scenarios, workers, lanes).argmin(axis=1)
-        chosen = np.unique(followed).tolist()
-        groups = [(mission, images[image], np.flatnonzero(followed == image).tolist()) for image in chosen]
+    if tour_images(controller):
+        followed = rehearse_tours(mission, controller, scenarios, workers, lanes).followed
+        groups = [
+            (mission, following(controller, mission, tours), places.tolist())
+            for tours, places in by_tours(followed).items()
+        ]
         return _fly_groups(groups, scenarios, workers, tracks, lanes)
     world, cases = pack_world(mission), cases_of(mission, scenarios)
     law, numbers = law_for(controller, mission, scenarios, workers), controller.numbers
     openings, _ = rehearsed_openings(mission, controller, scenarios, workers)
-    many = fly_population(world, law, numbers, cases, workers, tracks, openings, lanes)
+    many = fly_population(
+        world, law, numbers, cases, workers, tracks, openings, lanes, changes=controller.changes
+    )
     return many.each(lambda values: values[0])
 
 
@@ -84,7 +94,7 @@ def _fly_groups(
     def fly_group(group: tuple[Mission, Controller, list[int]]) -> tuple[list[int], Outcomes]:
         own, controller, places = group
         found = None if tracks is None else tracks[places]
-        own_lanes = lanes_for(len(places)) if len(groups) > FEW_LANES else lanes
+        own_lanes = lanes_of_group(len(groups), len(places), lanes)
         outcomes = fly_all(own, controller, [scenarios[place] for place in places], 1, found, own_lanes)
         if tracks is not None and found is not None:
             tracks[places] = found
@@ -108,9 +118,11 @@ def law_for(
         return law
     world, numbers, cases = pack_world(mission), controller.numbers, cases_of(mission, scenarios)
 
-    def fly(periods: int, plans: Plans) -> None:
-        shorter = world._replace(num_controls=periods)
-        fly_population(shorter, law._replace(plans=plans), numbers, cases, workers)
+    def fly(last: int, plans: Plans) -> Floats:
+        known = np.empty((len(cases), 6 + world.num_points))
+        flown = law._replace(plans=plans)
+        fly_population(world._replace(last=last), flown, numbers, cases, workers, known=known)
+        return known[:, :6]
 
     return law._replace(plans=planned(controller.planner, num_controls, scenarios, fly, workers))
 
@@ -142,10 +154,10 @@ def _fly_and_log(mission: Mission, controller: Controller, scenario: Scenario) -
             f"controller {controller.name!r} flies ahead, which guidance.engine=sklearn is too slow for; "
             "choose guidance.engine=compiled, or leave rehearsal_reach_m_s and rehearsal_tours out"
         )
-    of_tours = of_pushes = np.empty((1, 0))
+    of_tours, of_pushes = np.empty((0, 0)), np.empty((1, 0))
     if images:
-        of_tours = tour_costs(mission, controller, [scenario], 1)
-        controller = images[of_tours[0].argmin()]
+        (of_tours,), (followed,) = rehearse_tours(mission, controller, [scenario], 1)
+        controller = following(controller, mission, followed.tolist())
     world, cases = pack_world(mission), cases_of(mission, [scenario])
     law, numbers = law_for(controller, mission, [scenario], 1), controller.numbers
     log = empty_log(mission.num_controls, mission.num_attitude_steps, world.num_points, len(law.axes))
@@ -154,8 +166,10 @@ def _fly_and_log(mission: Mission, controller: Controller, scenario: Scenario) -
     if not is_interpreted(mission):
         openings, of_pushes = rehearsed_openings(mission, controller, [scenario], 1)
     noted = sparingly(note_inspectable)
-    parts, flights, inspectable = flights_of(world, law, numbers, cases, openings, noted)
-    results = Results(log, NO_TRACKS, np.empty((1, NUM_OUTCOMES)))
+    parts, flights, inspectable = flights_of(
+        world, law, numbers, cases, openings, controller.changes, note=noted
+    )
+    results = Results(log, NO_TRACKS, np.empty((1, NUM_OUTCOMES)), NOTHING_KNOWN)
     if is_interpreted(mission):
         fly_plainly(parts, flights, results)
     else:
@@ -168,7 +182,7 @@ def _fly_and_log(mission: Mission, controller: Controller, scenario: Scenario) -
     log.is_inspectable[:] = inspectable[0, : world.num_points] > 0
     attitudes = log.quaternion_b_from_h, log.quaternion_c_from_h
     check_finite(log.position_m, log.velocity_m_s, *attitudes, log.force_hill_n)
-    return log._replace(push_costs_m_s=of_pushes[0], tour_costs_m_s=of_tours[0]), results.outcomes
+    return log._replace(push_costs_m_s=of_pushes[0], tour_costs_m_s=of_tours), results.outcomes
 
 
 def _outcomes_of_logs(

@@ -56,6 +56,8 @@ class World(NamedTuple):
     """Data that all flights of a mission share, as numbers and arrays in SI."""
 
     num_controls: int
+    first: int  # sample at which flights begin: 0, but for those flown ahead from later ones
+    last: int  # sample at which they end: `num_controls`, but for those flown up to an earlier one
     num_attitude_steps: int
     mean_motion: float
     control_period: float
@@ -122,7 +124,6 @@ class Plans(NamedTuple):
     paths: Floats  # (m, K, 6) states that the feedback tracks; no rows without feedback
     gain: Floats  # (3, 6) from a deviation to the corrective force, N/m and N s/m
     least_answer: float  # a component smaller than this is not fired, N
-    known: Floats  # (m, K, 6) filled with the states as the deputies know them; no rows to skip this
     turns: Turns
 
 

@@ -106,9 +106,9 @@ class FlightLog(NamedTuple):
     fix_m: Annotated[Floats, "K+1", 3]  # that comes into use; NaN where none does, like the next two
     innovation_m: Annotated[Floats, "K+1", 3]  # it minus the place that the filter expects
     innovation_square: Annotated[Floats, "K+1"]  # in standard deviations (NIS), of 3 degrees of freedom
-    # costs by which the first push, and the image of the tour, were chosen, m/s; none without a rehearsal
+    # costs by which the first push was chosen, and the tour in each rehearsal, m/s; none without a rehearsal
     push_costs_m_s: Annotated[Floats, "R"]
-    tour_costs_m_s: Annotated[Floats, "R"]
+    tour_costs_m_s: Annotated[Floats, "R", "R"]
 
 
 def empty_log(num_controls: int, num_attitude_steps: int, num_points: int, num_systems: int) -> FlightLog:

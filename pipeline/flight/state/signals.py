@@ -238,15 +238,25 @@ CONSTANTS = {
         is_tuned=False,
     ),
     "rehearsal_slowest_s": Constant(
-        "each image is flown ahead in four times from tour_time_s to this one, less than half an orbit, s",
+        "each image is flown ahead in three times from tour_time_s to this one, less than half an orbit, s",
         is_tuned=False,
     ),
     "rehearsal_smallest": Constant(
-        "each image is flown ahead in three sizes, from its own to this share of it", is_tuned=False
+        "each image is flown ahead in two sizes, its own and this share of it", is_tuned=False
+    ),
+    "rehearsal_shapes": Constant(
+        "so many more tours, drawn around the controller's own, are flown ahead in the same way",
+        is_tuned=False,
+    ),
+    "rehearsal_spread_m": Constant(
+        "spread of each place of these tours about the controller's own, m", is_tuned=False
     ),
     "rehearsal_draws": Constant(
-        "so often the tour that is cheapest so far is flown ahead with errors drawn anew, before the choice",
+        "so many flights with errors drawn are flown ahead, each time of the tour that is cheapest so far",
         is_tuned=False,
+    ),
+    "rehearsal_period_s": Constant(
+        "the tours are flown ahead again after each such time, whole decision periods, s", is_tuned=False
     ),
 }
 

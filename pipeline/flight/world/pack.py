@@ -160,6 +160,8 @@ def pack_world(mission: Mission) -> World:
     stride, look = max(1, round(PREVIEW_PERIOD_S / period)), max(1, round(LOOK_PERIOD_S / period))
     return World(
         num_controls=mission.num_controls,
+        first=0,
+        last=mission.num_controls,
         num_attitude_steps=mission.num_attitude_steps,
         mean_motion=orbit.mean_motion_rad_s,
         control_period=period,

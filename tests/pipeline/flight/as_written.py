@@ -56,7 +56,10 @@ FORCES = (
     "safety_force_hill_n",
 )
 #: constants that are counts, which rounding does not touch
-WHOLE = ("coast_below_points", "decision_period_s", "rehearsal_tours", "rehearsal_draws")
+WHOLE = (
+    *("coast_below_points", "decision_period_s", "rehearsal_tours"),
+    *("rehearsal_draws", "rehearsal_shapes", "rehearsal_period_s"),
+)
 LIMITS = (None, "keep_out", "keep_in", "speed", "passive_safety")
 
 
@@ -94,8 +97,10 @@ def assert_as_written(mission: Mission, controller: Controller, scenario: Scenar
         flight = replace(flight, opening=log.force_asked_n[0])
     flight.__dict__["chief"] = [Rotation.from_quat(q) for q in log.quaternion_c_from_h]
     flight.__dict__["suns"] = list(zip(log.sun_angle_rad, log.sun_elevation_rad, strict=True))
-    state = start(flight)
+    state, stretches = start(flight), dict(controller.stretches)
     for k in range(mission.num_controls + 1):
+        if k in stretches:
+            flight.__dict__["constants"] = replace(flight, controller=stretches[k]).constants
         result = period(flight, k, state)
         if differences(flight, k, result, log):
             result = on_a_knifes_edge(flight, k, state, log)

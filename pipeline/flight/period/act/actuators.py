@@ -75,13 +75,14 @@ def turn_with_body(now: Moment) -> None:
 @compiled(error_model="numpy")
 def note_errors(now: Moment, drawn: ThrustErrors) -> None:
     """Store the thruster errors of all lanes from now on."""
-    state, lanes = now.state, now.state.lanes
-    for lane in range(width_of(lanes) if now.k < drawn.matrices.shape[1] else 0):
+    state, lanes, is_first = now.state, now.state.lanes, now.k == now.world.first
+    which = min(now.k, drawn.matrices.shape[1] - 1)
+    for lane in range(width_of(lanes) if which == now.k or is_first else 0):
         case = flight_of(now, lane)
         for row in range(3):
             for column in range(3):
-                state.thrusters.errors[3 * row + column, lane] = drawn.matrices[case, now.k, row, column]
-        if now.k == 0:
+                state.thrusters.errors[3 * row + column, lane] = drawn.matrices[case, which, row, column]
+        if is_first:
             write_lane(lanes.arm, 0, lane, three_of(drawn.arms[case]))
             write_lane(lanes.twist, 0, lane, Three(0.0, 0.0, 0.0))
             state.thrusters.mass[lane] = 1.0
@@ -95,7 +96,7 @@ def fire(now: Moment, firing: Firing) -> None:
     note_errors(now, firing.errors)
     store_at(state.commands, k, 0, load_three(force, 0))
     asked = same(0.0, width)
-    if k >= thrusters.delay:
+    if k - now.world.first >= thrusters.delay:
         asked = load_at(state.commands, k - thrusters.delay, 0, 0, width)
     e = state.thrusters.errors
     fired = Three(turned_row(e, 0, asked), turned_row(e, 3, asked), turned_row(e, 6, asked))
@@ -181,7 +182,7 @@ def carry_out(now: Moment, errors: ModelErrors) -> None:
     state, k, delay = now.state, now.k, errors.firing.thrusters.delay
     if errors.fixes.is_on:
         # the command in the period in which it acts, as the force of ideal thrusters
-        if k < delay:
+        if k - now.world.first < delay:
             store_at(state.acting, k, 0, same(0.0, width_of(state.lanes)))
         if k + delay < now.world.num_controls:
             store_at(state.acting, k + delay, 0, load_three(state.lanes.commanded, 0))

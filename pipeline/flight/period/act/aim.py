@@ -81,7 +81,7 @@ def aim_by_rules(now: Moment, moving: Any, force: Floats, last: int) -> None:
     for lane in range(now.num_lanes):
         if lanes.is_near_pole[lane] > 0.0 or world.has_pole_blending:
             place, velocity = lane_of(moving.position, 0, lane), lane_of(moving.velocity, 0, lane)
-            aim_plainly(now, place, velocity, lane_of(force, 0, lane), lane, last, now.k == 0)
+            aim_plainly(now, place, velocity, lane_of(force, 0, lane), lane, last, now.k == now.world.first)
     if not world.has_pole_blending:
         store_three(lanes.y_before, 0, chosen(follows, load_three(lanes.y_before, 0), level))
 

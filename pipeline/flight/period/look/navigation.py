@@ -265,23 +265,24 @@ def measure(now: Moment, errors: Errors, which: int) -> None:
 
 
 @compiled(error_model="numpy", forceinline=True)
-def is_corrected(law: Filter, k: int) -> bool:
-    """Return whether the filter takes a fix at sample k: one of `delay` periods before."""
-    return k >= law.delay and (k - law.delay) % law.stride == 0
+def is_corrected(now: Moment, law: Filter) -> bool:
+    """Return whether the filter takes a fix at this sample: one of `delay` periods before."""
+    taken = now.k - law.delay
+    return taken >= now.world.first and taken % law.stride == 0
 
 
 @compiled(error_model="numpy")
 def write_estimate(now: Moment, law: Filter, log: FlightLog) -> None:
     """Log lane 0's estimate and its covariance, and the fix that comes into use."""
     estimate, k = now.state.estimate, now.k
-    if is_corrected(law, k):
+    if is_corrected(now, law):
         write_row(log.fix_m[k], now.state.fixes[(k - law.delay) // law.stride], 0)
         write_row(log.innovation_m[k], estimate.innovation, 0)
         log.innovation_square[k] = estimate.innovation[3, 0]
     for row in range(6):
         for column in range(6 + len(law.constants)):
             store(estimate.now, (row, column, 0), entry(estimate.covariance, row, column))
-    for period in range(max(k - law.delay, 0), k):
+    for period in range(max(k - law.delay, now.world.first), k):
         propagate_covariance(now, law, estimate.now, period)
     write_row(log.estimate[k], estimate.known, 0)
     for row in range(6):
@@ -291,24 +292,24 @@ def write_estimate(now: Moment, law: Filter, log: FlightLog) -> None:
 @compiled(error_model="numpy")
 def navigate(now: Moment, fixes: Fixes) -> None:
     """Measure, filter, and write what the deputies believe at sample k."""
-    state, law, k = now.state, fixes.law, now.k
+    state, law, k, first = now.state, fixes.law, now.k, now.world.first
     estimate, width = state.estimate, width_of(state.estimate)
     sense_attitude(now, fixes.errors)
     for axis in range(3):
         store_at(state.sensed, 3 * k + axis, 0, to_hill(four(state.belief.attitude), unit(axis)))
-    if k == 0:
+    if k == first:
         start_estimate(now, fixes)
     if k % law.stride == 0:
         measure(now, fixes.errors, k // law.stride)
     filtered_to = k - law.delay
-    if filtered_to > 0:
+    if filtered_to > first:
         advance(now, estimate.filtered, filtered_to - 1)
         propagate_covariance(now, law, estimate.covariance, filtered_to - 1)
-    if is_corrected(law, k):
+    if is_corrected(now, law):
         correct(law, state, filtered_to // law.stride)
     for row in range(6):
         store(estimate.known, row, load(estimate.filtered, row, width))
-    for period in range(max(filtered_to, 0), k):
+    for period in range(max(filtered_to, first), k):
         advance(now, estimate.known, period)
     store_three(state.belief.position, 0, load_three(estimate.known, 0))
     store_three(state.belief.velocity, 0, load_three(estimate.known, 3))
