@@ -4,23 +4,15 @@ A component is a float, or a vector with a lane for each flight (`fis_tools.comp
 components of one `Three` are of the same kind. Arrays that hold some have a row for each component.
 """
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.compiled.decorator import compiled
-from fis_tools.compiled.vectors import Mask, Vector, load, select, splat, store, total, width_of
+from fis_tools.compiled.vectors import Mask, Three, load, select, splat, store, total, width_of
 
 Floats = NDArray[np.float64]
-
-
-class Three(NamedTuple):
-    """The components of a vector along three axes, which its user names."""
-
-    x: Vector
-    y: Vector
-    z: Vector
 
 
 @compiled(forceinline=True)
@@ -104,31 +96,7 @@ def same(value: float, width: int) -> Three:
 
 
 @compiled(forceinline=True)
-def plus(a: Three, b: Three) -> Three:
-    """Return a + b."""
-    return Three(a.x + b.x, a.y + b.y, a.z + b.z)
-
-
-@compiled(forceinline=True)
-def minus(a: Three, b: Three) -> Three:
-    """Return a - b."""
-    return Three(a.x - b.x, a.y - b.y, a.z - b.z)
-
-
-@compiled(forceinline=True)
-def scaled(factor: Vector, a: Three) -> Three:
-    """Return a times a factor, one for all components."""
-    return Three(factor * a.x, factor * a.y, factor * a.z)
-
-
-@compiled(error_model="numpy", forceinline=True)
-def divided(a: Three, divisor: Vector) -> Three:
-    """Return a divided by a number, one for all components."""
-    return Three(a.x / divisor, a.y / divisor, a.z / divisor)
-
-
-@compiled(forceinline=True)
-def dot(a: Three, b: Three) -> Vector:
+def dot(a: Three, b: Three) -> float:
     """Return the scalar product."""
     return a.x * b.x + a.y * b.y + a.z * b.z
 
@@ -140,9 +108,10 @@ def cross(a: Three, b: Three) -> Three:
 
 
 @compiled(forceinline=True)
-def length(a: Three) -> Vector:
+def length(a: Three) -> float:
     """Return the Euclidean length."""
-    return np.sqrt(dot(a, a))
+    root: float = np.sqrt(dot(a, a))
+    return root
 
 
 @compiled(forceinline=True)

@@ -160,12 +160,36 @@ infer_global(operator.setitem, types.Function(_Assigned))
 # Arithmetic, comparisons and logic
 
 
-def _binary(operation: Any, result: Callable[[Any], Any], emit: Callable[[Any, Any, Any], Any]) -> None:
-    """Register an operation of two vectors, or of a vector and a number; for two numbers it is numba's."""
+def _is_three(kind: Any) -> bool:
+    return getattr(kind, "instance_class", None) is vectors.Three
+
+
+def _component(kind: Any, place: int) -> Any:
+    """Return the type of a three-vector's component, or that of a number or vector for all components."""
+    return kind.types[place] if _is_three(kind) else kind
+
+
+def _three_type(one: Any, other: Any) -> Any:
+    joint = tuple(_joint(_component(one, place), _component(other, place)) for place in range(3))
+    return None if None in joint else types.BaseTuple.from_types(joint, vectors.Three)
+
+
+def _binary(
+    operation: Any,
+    result: Callable[[Any], Any],
+    emit: Callable[[Any, Any, Any], Any],
+    takes_threes: bool = False,
+) -> None:
+    """Register an operation of two vectors, or of a vector and a number; for two numbers it is numba's.
+
+    With a three-vector among its arguments it works component by component, if it takes them.
+    """
 
     def typer(one: Any, other: Any) -> Any:
         if one is other and one in (types.float64, types.int64):
             return result(one)
+        if takes_threes and (_is_three(one) or _is_three(other)):
+            return _three_type(one, other)
         joint = _joint(one, other)
         return result(joint) if isinstance(joint, VectorType) else None
 
@@ -173,9 +197,24 @@ def _binary(operation: Any, result: Callable[[Any], Any], emit: Callable[[Any, A
         pairs = zip(args, signature.args, strict=True)
         return emit(builder, *_alike(context, builder, _joint(*signature.args), pairs))
 
+    def lower_threes(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        found = []
+        for place, wanted in enumerate(signature.return_type.types):
+            pairs = [
+                (builder.extract_value(value, place) if _is_three(kind) else value, _component(kind, place))
+                for value, kind in zip(args, signature.args, strict=True)
+            ]
+            found.append(emit(builder, *_alike(context, builder, wanted, pairs)))
+        return context.make_tuple(builder, signature.return_type, found)
+
     typed(operation, 2, typer)
     for kinds in ((VectorType, VectorType), (VectorType, types.Number), (types.Number, VectorType)):
         lower_builtin(operation, *kinds)(lower)
+    if takes_threes:
+        lower_builtin(operation, types.BaseNamedTuple, types.BaseNamedTuple)(lower_threes)
+        for factor in (VectorType, types.Number):
+            lower_builtin(operation, types.BaseNamedTuple, factor)(lower_threes)
+            lower_builtin(operation, factor, types.BaseNamedTuple)(lower_threes)
 
 
 def _quotient(kind: Any) -> Any:
@@ -189,7 +228,7 @@ for _operations, _result, _emit in (
     ((operator.truediv, operator.itruediv), _quotient, ir.IRBuilder.fdiv),
 ):
     for _operation in _operations:
-        _binary(_operation, _result, _emit)
+        _binary(_operation, _result, _emit, takes_threes=True)
 
 
 def _truth_of(kind: Any) -> Any:

@@ -11,7 +11,7 @@ numba, where a vector is a value like a float. Its width is part of its type: wh
 `width`, it is a constant, a power of two up to 64. See docs/explanation/vectors.md.
 """
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,6 +38,37 @@ class Lanes(np.ndarray[Any, Any]):
 
 for _name in ("add", "sub", "mul", "truediv", "and", "or", "xor"):
     setattr(Lanes, f"__i{_name}__", getattr(np.ndarray, f"__{_name}__"))
+
+
+class Three(NamedTuple):
+    """A vector along three axes, which its user names: formulas of mechanics without x, y and z.
+
+    A component is a float, or in its place a vector with a lane for each sample; all are of the same kind.
+    Three-vectors are added and subtracted, and multiplied and divided by a number.
+    """
+
+    x: float
+    y: float
+    z: float
+
+    def __add__(self, other: "Three") -> "Three":  # type: ignore[override]
+        return Three(self.x + other.x, self.y + other.y, self.z + other.z)
+
+    def __sub__(self, other: "Three") -> "Three":
+        return Three(self.x - other.x, self.y - other.y, self.z - other.z)
+
+    def __mul__(self, factor: float) -> "Three":  # type: ignore[override]
+        return Three(self.x * factor, self.y * factor, self.z * factor)
+
+    def __rmul__(self, factor: float) -> "Three":  # type: ignore[override]
+        return self * factor
+
+    def __truediv__(self, divisor: float) -> "Three":
+        return Three(self.x / divisor, self.y / divisor, self.z / divisor)
+
+
+# so that NumPy's numbers and vectors leave products to it
+Three.__array_ufunc__ = None  # type: ignore[attr-defined]
 
 
 def rows_of(fields: Rows, width: int) -> np.dtype[Any]:

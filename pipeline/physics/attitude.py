@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from fis_tools.compiled.decorator import compiled
-from fis_tools.compiled.three import Three, cross, divided, dot, length, minus, plus, scaled, three_of, times
+from fis_tools.compiled.three import Three, cross, dot, length, three_of, times
 from pipeline.array_types import Floats
 from pipeline.physics.quaternion import dcm_b_from_h, derivative, normalised
 
@@ -30,10 +30,10 @@ RETURN_RATE = 0.005
 @compiled(error_model="numpy")
 def _carried_y(x: Three, previous_y: Three) -> Three:
     """Return the previous y* made orthogonal to x*."""
-    y = minus(previous_y, scaled(dot(previous_y, x), x))
+    y = previous_y - dot(previous_y, x) * x
     if length(y) < 1e-9:  # the previous y* lies along x*: any other axis will do
         y = cross(x, Three(1.0, 0.0, 0.0)) if abs(x.x) < 0.9 else cross(x, Three(0.0, 1.0, 0.0))
-    return divided(y, length(y))
+    return y / length(y)
 
 
 @compiled(error_model="numpy")
@@ -41,8 +41,8 @@ def desired_y(position_h: Three, previous_y_h: Three) -> Three:
     """Return the desired second body axis, from that at the previous instant; `FIRST_Y` before the first."""
     distance, horizontal = length(position_h), Three(-position_h.y, position_h.x, 0.0)
     if length(horizontal) < POLE * distance:
-        return _carried_y(divided(position_h, distance), previous_y_h)
-    return divided(horizontal, length(horizontal))
+        return _carried_y(position_h / distance, previous_y_h)
+    return horizontal / length(horizontal)
 
 
 @compiled(error_model="numpy")
@@ -54,23 +54,23 @@ def blended_y(position_h: Three, previous_y_h: Three, attitude_period: float) ->
     `desired_y`.
     """
     distance, horizontal = length(position_h), Three(-position_h.y, position_h.x, 0.0)
-    x = divided(position_h, distance)
+    x = position_h / distance
     carried = _carried_y(x, previous_y_h)
     if length(horizontal) < BLENDED_POLE * distance:
         return carried
-    goal, sideways = divided(horizontal, length(horizontal)), cross(x, carried)
+    goal, sideways = horizontal / length(horizontal), cross(x, carried)
     angle = atan2(dot(goal, sideways), dot(goal, carried))
     most = RETURN_RATE * attitude_period
     if abs(angle) <= most:
         return goal
     turn = most if angle > 0.0 else -most
-    return plus(scaled(cos(turn), carried), scaled(sin(turn), sideways))
+    return cos(turn) * carried + sin(turn) * sideways
 
 
 @compiled(error_model="numpy")
 def desired_dcm(position_h: Three, y_h: Three) -> Floats:
     """Return the desired attitude as a matrix from Hill to body components, with rows x*, y*, z*."""
-    x = divided(position_h, length(position_h))
+    x = position_h / length(position_h)
     return np.array((x, y_h, cross(x, y_h)))
 
 
@@ -81,7 +81,7 @@ TUMBLING_TOLERANCE_RAD = 1e-4
 @compiled(error_model="numpy", forceinline=True)
 def euler(inertia: Floats, inverse_inertia: Floats, inertial_rate: Three, torque: Three) -> Three:
     """Return the rate of change of an inertial rate, ``J^-1 (tau - w x J w)``: Euler's equation."""
-    return times(inverse_inertia, minus(torque, cross(inertial_rate, times(inertia, inertial_rate))))
+    return times(inverse_inertia, torque - cross(inertial_rate, times(inertia, inertial_rate)))
 
 
 def longest_tumbling_step(
@@ -132,7 +132,7 @@ def tumble(
     for _ in range(num_steps):
         q, w, q_next, w_next = attitude.copy(), rate.copy(), attitude.copy(), rate.copy()
         for stage in range(4):
-            q_rate = derivative(q, minus(three_of(w), times(dcm_b_from_h(q), hill_rate)))
+            q_rate = derivative(q, three_of(w) - times(dcm_b_from_h(q), hill_rate))
             w_rate = euler(inertia, inverse_inertia, three_of(w), free)
             _advance(stage, step, attitude, q_rate, q, q_next)
             _advance(stage, step, rate, w_rate, w, w_next)

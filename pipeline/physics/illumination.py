@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fis_tools.compiled.decorator import compiled
-from fis_tools.compiled.three import Three, dot, plus, scaled
+from fis_tools.compiled.three import Three, dot
 from pipeline.array_types import Floats
 
 ASTRONOMICAL_UNIT_M = 149_597_870_700.0
@@ -119,7 +119,7 @@ def is_bright(reflection: Reflection, normal: Three, to_sun: Three, to_camera: T
 
     `normal` and `to_sun` are unit vectors; `to_camera` may have any length.
     """
-    half = plus(to_sun, scaled(1.0 / sqrt(dot(to_camera, to_camera)), to_camera))
+    half = to_sun + (1.0 / sqrt(dot(to_camera, to_camera))) * to_camera
     facing = max(0.0, dot(normal, to_sun))
     glancing = max(0.0, dot(normal, half) / sqrt(dot(half, half)))
     shine = power(glancing, reflection.exponent)

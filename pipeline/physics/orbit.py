@@ -15,18 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fis_tools.compiled.decorator import compiled
-from fis_tools.compiled.three import (
-    Three,
-    cross,
-    divided,
-    dot,
-    length,
-    minus,
-    plus,
-    scaled,
-    three_of,
-    write_three,
-)
+from fis_tools.compiled.three import Three, cross, dot, length, three_of, write_three
 from pipeline.array_types import Floats
 from pipeline.physics.illumination import EARTH_RADIUS_M
 
@@ -79,26 +68,26 @@ def oblate_attraction(course: Course, place: Three) -> Three:
     pole = three_of(course.pole)
     square, height = dot(place, place), dot(place, pole)
     scale = -course.oblateness / (square * square * sqrt(square))
-    outward, poleward = scaled(1.0 - 5.0 * height * height / square, place), scaled(2.0 * height, pole)
-    return scaled(scale, plus(outward, poleward))
+    outward, poleward = (1.0 - 5.0 * height * height / square) * place, 2.0 * height * pole
+    return scale * (outward + poleward)
 
 
 @compiled(error_model="numpy", forceinline=True)
 def attraction(course: Course, place: Three) -> Three:
     """Return the Earth's attraction at a place, m/s^2."""
-    return plus(scaled(-course.gravity / length(place) ** 3, place), oblate_attraction(course, place))
+    return (-course.gravity / length(place) ** 3) * place + oblate_attraction(course, place)
 
 
 @compiled(error_model="numpy", forceinline=True)
 def ahead(place: Three, velocity: Three, pull: Three, time: float) -> Three:
     """Return the position after a time of constant acceleration."""
-    return plus(plus(place, scaled(time, velocity)), scaled(0.5 * time * time, pull))
+    return place + time * velocity + 0.5 * time * time * pull
 
 
 @compiled(error_model="numpy", forceinline=True)
 def velocity_at_end(velocity: Three, first: Three, middle: Three, last: Three, time: float) -> Three:
     """Return the velocity after a step of Nystrom's method, by the accelerations at its three instants."""
-    return plus(velocity, scaled(time / 6.0, plus(plus(first, scaled(4.0, middle)), last)))
+    return velocity + (time / 6.0) * (first + 4.0 * middle + last)
 
 
 @compiled(error_model="numpy")
@@ -109,19 +98,19 @@ def revolve(course: Course, drag_per_square: float, velocity: Three) -> None:
     for at in range(len(places)):
         pull, normal = attraction(course, place), cross(place, velocity)
         momentum = length(normal)
-        upward, normal = divided(place, length(place)), divided(normal, momentum)
+        upward, normal = place / length(place), normal / momentum
         write_three(places[at], place)
         write_three(axes[at, 0], upward)
         write_three(axes[at, 1], cross(normal, upward))
         write_three(axes[at, 2], normal)
         turned = length(place) * dot(pull, normal) / momentum
         write_three(turning[at], Three(turned, 0.0, momentum / dot(place, place)))
-        slowed = scaled(-drag_per_square * length(velocity), velocity)
-        write_three(course.common[at], minus(slowed, oblate_attraction(course, place)))
+        slowed = -drag_per_square * length(velocity) * velocity
+        write_three(course.common[at], slowed - oblate_attraction(course, place))
         middle = attraction(course, ahead(place, velocity, pull, 0.5 * duration))
         last = attraction(course, ahead(place, velocity, middle, duration))
-        moved = scaled(duration**2 / 6.0, plus(pull, scaled(2.0, middle)))
-        place = plus(plus(place, scaled(duration, velocity)), moved)
+        moved = (duration**2 / 6.0) * (pull + 2.0 * middle)
+        place = place + duration * velocity + moved
         velocity = velocity_at_end(velocity, pull, middle, last, duration)
 
 
@@ -145,6 +134,6 @@ def course_of(
     earth = gravity, 1.5 * elements.j2 * gravity * EARTH_RADIUS_M**2, pole
     sunlight = elements.radiation_m_s2, has_shadow
     course = Course(True, num_steps, step, *earth, *sunlight, places, axes, turning, common)
-    velocity = scaled(sqrt(gravity / parameter), Three(e * sin(anomaly), 1.0 + e * cos(anomaly), 0.0))
+    velocity = sqrt(gravity / parameter) * Three(e * sin(anomaly), 1.0 + e * cos(anomaly), 0.0)
     revolve(course, elements.drag_m_s2 * radius / gravity, velocity)
     return course

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.compiled.decorator import compiled
-from fis_tools.compiled.three import Three, cross, dot, lane_of, minus, plus, scaled, three_of, times
+from fis_tools.compiled.three import Three, cross, dot, lane_of, three_of, times
 from fis_tools.compiled.vectors import Mask, Vector, most
 from pipeline.array_types import Bytes, Floats
 from pipeline.physics.illumination import ASTRONOMICAL_UNIT_M
@@ -77,7 +77,7 @@ def meets(triangle: Floats, origin: Three, direction: Three) -> bool:
     volume = dot(first, p)
     if volume == 0.0:
         return False
-    s = minus(origin, three_of(triangle[0]))
+    s = origin - three_of(triangle[0])
     q = cross(s, first)
     u, v = dot(s, p) / volume, dot(direction, q) / volume
     return bool(0.0 <= u <= 1.0 and v >= 0.0 and u + v <= 1.0 and dot(second, q) / volume > 0.0)
@@ -92,7 +92,7 @@ def note_free(
         direction = three_of(centre_of(edge, cell))
         for point in range(len(points)):
             normal = three_of(normals[point])
-            origin = plus(three_of(points[point]), scaled(lift, normal))
+            origin = three_of(points[point]) + lift * normal
             is_seen = dot(normal, direction) > 0.0
             for triangle in range(len(triangles)):
                 if not is_seen or meets(triangles[triangle], origin, direction):
@@ -114,7 +114,7 @@ def note_free_along(
         turn = axes[k if len(axes) > 1 else 0]
         for j in range(points.shape[2]):
             if is_granted[k, j]:
-                to_path = minus(three_of(path[k]), lane_of(points[k], 0, j))
+                to_path = three_of(path[k]) - lane_of(points[k], 0, j)
                 cell = cell_of(occlusion.edge, times(turn, to_path))
                 is_granted[k, j] = occlusion.is_free[cell, j] > 0
 

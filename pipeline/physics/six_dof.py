@@ -6,7 +6,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from fis_tools.compiled.decorator import compiled
-from fis_tools.compiled.three import Three, minus, scaled, three_of, times
+from fis_tools.compiled.three import Three, three_of, times
 from pipeline.array_types import Floats
 from pipeline.physics.attitude import euler
 from pipeline.physics.quaternion import dcm_b_from_h, derivative
@@ -39,7 +39,7 @@ def slopes(
     dcm = dcm_b_from_h(attitude)
     # of stages that are not of unit length AFRL's matrix differs from ours by this on its diagonal
     surplus = 1.0 - np.sum(attitude * attitude)
-    relative = minus(minus(rate, times(dcm, hill_rate)), scaled(surplus, hill_rate))
+    relative = rate - times(dcm, hill_rate) - surplus * hill_rate
     change = euler(inertia, inverse_inertia, rate, three_of(torque))
     thrust = times(dcm.T, three_of(push))
     slope = np.empty(13)

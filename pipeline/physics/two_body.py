@@ -15,8 +15,7 @@ vectors.
 import numpy as np
 
 from fis_tools.compiled.decorator import compiled
-from fis_tools.compiled.three import Three, divided, dot, minus, plus, scaled, three_of, times
-from fis_tools.compiled.vectors import Vector
+from fis_tools.compiled.three import Three, dot, three_of, times
 from pipeline.physics.orbit import Course, ahead, velocity_at_end
 
 
@@ -45,28 +44,26 @@ def left(course: Course, row: int, place: Three, velocity: Three) -> tuple[Three
 
 
 @compiled(error_model="numpy", forceinline=True)
-def acceleration(course: Course, row: int, d: Three, force: Three, light: Three, shine: Vector) -> Three:
+def acceleration(course: Course, row: int, d: Three, force: Three, light: Three, shine: float) -> Three:
     """Return the acceleration relative to the chief of a deputy at d from it, axes of the course.
 
     See `stepped` for force, light and shine.
     """
     chief, pole = three_of(course.places[row]), three_of(course.pole)
     square = dot(chief, chief)
-    twice = scaled(2.0, chief)
-    q = dot(d, plus(d, twice)) / square
+    q = dot(d, d + 2.0 * chief) / square
     far = (1.0 + q) * square
-    root = np.sqrt(far)
-    f = q * (3.0 + 3.0 * q + q * q) / (1.0 + (1.0 + q) * np.sqrt(1.0 + q))
+    root: float = np.sqrt(far)
+    f: float = q * (3.0 + 3.0 * q + q * q) / (1.0 + (1.0 + q) * np.sqrt(1.0 + q))
     pull = -course.gravity / (far * root)
-    place = plus(chief, d)
+    place = chief + d
     height = dot(pole, place)
     oblate = -course.oblateness / (far * far * root)
     outward, poleward = oblate * (1.0 - 5.0 * height * height / far), 2.0 * oblate * height
     push, common = to_inertial(course, row, force), three_of(course.common[row])
     # summed in this order, so that recorded flights stay as they are
-    pulled = scaled(pull, minus(d, scaled(f, chief)))
-    pulled = plus(plus(plus(pulled, scaled(outward, place)), scaled(poleward, pole)), common)
-    return plus(plus(pulled, push), scaled(shine, light))
+    pulled = pull * (d - f * chief) + outward * place + poleward * pole + common
+    return pulled + push + shine * light
 
 
 @compiled(error_model="numpy", forceinline=True)
@@ -83,5 +80,5 @@ def stepped(
     first = acceleration(course, row, place, force, light, shine.x)
     middle = acceleration(course, row + 1, ahead(place, velocity, first, 0.5 * time), force, light, shine.y)
     last = acceleration(course, row + 2, ahead(place, velocity, middle, time), force, light, shine.z)
-    mean = divided(plus(first, scaled(2.0, middle)), 3.0)
+    mean = (first + 2.0 * middle) / 3.0
     return ahead(place, velocity, mean, time), velocity_at_end(velocity, first, middle, last, time)

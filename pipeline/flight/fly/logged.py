@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.compiled.decorator import compiled
-from fis_tools.compiled.three import Three, lane_of, plus, write_three
+from fis_tools.compiled.three import Three, lane_of, write_three
 from fis_tools.model.thrust import SILENT_N
 from pipeline.array_types import Bytes
 from pipeline.flight.period.act.actuators import EMPTY, burns
@@ -88,7 +88,7 @@ def write_period(
     asked = lane_of(lanes.asked, 0, 0)
     if law.force_axes == HILL:
         a, b, c, d = log.sensed_quaternion_b_from_h[k]
-        asked = plus(Three(0.0, 0.0, 0.0), to_body((a, b, c, d), asked))  # added to zeros, none is -0.0
+        asked = Three(0.0, 0.0, 0.0) + to_body((a, b, c, d), asked)  # added to zeros, none is -0.0
     write_three(log.force_body_n[k], asked)
     log.safety_limit[k] = int(lanes.limit[0])
     if errors is not None and burns(errors.firing):

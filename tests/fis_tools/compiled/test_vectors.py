@@ -18,7 +18,7 @@ from numba import TypingError, njit
 from numpy.typing import NDArray
 
 from fis_tools.compiled import borrowed_code, vector_code, vectors  # noqa: F401 - teaches numba what is borrowed
-from fis_tools.compiled.vectors import borrowed, least, load, most, select, splat, store, total
+from fis_tools.compiled.vectors import Three, borrowed, least, load, most, select, splat, store, total
 from tests.places import PROJECT
 
 Floats = NDArray[np.float64]
@@ -93,6 +93,38 @@ def test_arithmetic_is_that_of_numpy(width: int, data: st.DataObject, number: fl
         ]
     for found, truth in zip(out, expected, strict=True):
         assert_same(found, truth)
+
+
+def path_in_lanes(numbers: Floats, width: int, factor: int, out: Floats) -> float:
+    """Do with three-vectors all that they can."""
+    place = Three(load(numbers, 0, width), load(numbers, 1, width), load(numbers, 2, width))
+    steady = Three(0.5, -2.0, factor)
+    moved = place - 2.5 * steady + place.x * steady / place.y
+    moved += load(numbers, 3, width) * place
+    moved -= steady * factor
+    moved *= place.z
+    moved /= factor
+    store(out, 0, moved.x)
+    store(out, 1, moved.y)
+    store(out, 2, moved.z)
+    return (steady + steady * factor - steady / 4).z
+
+
+@pytest.mark.parametrize("width", WIDTHS)
+def test_three_vectors_compute_by_components(width: int) -> None:
+    x = np.random.default_rng(width).uniform(1.0, 2.0, (4, width))
+
+    @njit(error_model="numpy")
+    def run(numbers: Floats, factor: int, out: Floats) -> float:
+        return path(numbers, width, factor, out)
+
+    path, found, plain = njit(error_model="numpy")(path_in_lanes), np.zeros((3, width)), np.zeros((3, width))
+    steady = np.array([[0.5], [-2.0], [3.0]])
+    expected = x[:3] - 2.5 * steady + x[0] * steady / x[1]
+    expected = (expected + x[3] * x[:3] - steady * 3) * x[2] / 3
+    assert run(x, 3, found) == path_in_lanes(x, width, 3, plain) == 11.25
+    assert_same(found, expected)
+    assert_same(plain, expected)
 
 
 @cache

@@ -8,9 +8,7 @@ from fis_tools.compiled.three import (
     chosen,
     load_at,
     load_three,
-    plus,
     same,
-    scaled,
     store_at,
     store_three,
     three_of,
@@ -139,8 +137,8 @@ def stop_when_empty(world: World, thrusters: Thrusters, state: State) -> None:
     lanes, width = state.lanes, width_of(state.lanes)
     used, left = consumed(world, thrusters, state)[0], one(state.thrusters.mass) - thrusters.dry
     share = select(used > left, left / most(used, left), 1.0)
-    store_three(lanes.force, 0, scaled(share, load_three(lanes.force, 0)))
-    store_three(lanes.twist, 0, scaled(share, load_three(lanes.twist, 0)))
+    store_three(lanes.force, 0, share * load_three(lanes.force, 0))
+    store_three(lanes.twist, 0, share * load_three(lanes.twist, 0))
     for i in range(len(thrusters.table)):
         store(state.thrust, (i, 0), share * load(state.thrust, (i, 0), width))
 
@@ -170,8 +168,8 @@ def divide(thrusters: Thrusters, state: State) -> None:
     for i in range(len(table)):
         thrust = in_impulses(load(state.thrust, (i, 0), width) * share, thrusters.step, thrusters.least)
         store(state.thrust, (i, 0), thrust)
-        force = plus(force, scaled(thrust, three_of(layout[i])))
-        moment = plus(moment, scaled(thrust, three_of(layout[i, 3:])))
+        force += thrust * three_of(layout[i])
+        moment += thrust * three_of(layout[i, 3:])
     store_three(lanes.force, 0, to_hill(q, force))
     store_three(lanes.twist, 0, moment)
 
@@ -211,7 +209,7 @@ def burn(world: World, firing: Firing, state: State) -> Three:
         return force
     spent_per_force = world.control_period * world.acceleration_per_force
     (used, more), before = consumed(world, firing.thrusters, state), one(state.thrusters.mass)
-    per_mass = 1.0 / (before - 0.5 * used)
+    per_mass: float = 1.0 / (before - 0.5 * used)
     store(lanes.spent, 0, one(lanes.spent) + more * (per_mass * spent_per_force))
     store(state.thrusters.mass, 0, before - used)
-    return scaled(per_mass, force)
+    return per_mass * force

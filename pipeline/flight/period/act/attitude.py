@@ -19,8 +19,6 @@ from fis_tools.compiled.three import (
     dot,
     lane_of,
     load_three,
-    plus,
-    scaled,
     store_three,
     three_of,
     times,
@@ -83,10 +81,10 @@ def spin(world: World, w: Three, torque: Three, h: float) -> tuple[Three, Three]
     """
     inertia, inverse = world.inertia, world.inverse_inertia
     a = euler(inertia, inverse, w, torque)
-    b = euler(inertia, inverse, plus(w, scaled(0.5 * h, a)), torque)
-    c = euler(inertia, inverse, plus(w, scaled(0.5 * h, b)), torque)
-    d = euler(inertia, inverse, plus(w, scaled(h, c)), torque)
-    u = plus(w, scaled(h / 6.0, plus(plus(a, scaled(2.0, plus(b, c))), d)))
+    b = euler(inertia, inverse, w + 0.5 * h * a, torque)
+    c = euler(inertia, inverse, w + 0.5 * h * b, torque)
+    d = euler(inertia, inverse, w + h * c, torque)
+    u = w + (h / 6.0) * (a + 2.0 * (b + c) + d)
     e = euler(inertia, inverse, u, torque)
     # Simpson's rule with the midpoint by Hermite's formula, then the commutator of the Magnus expansion
     half, twelfth = 0.5 * h, h * h / 12.0
@@ -152,13 +150,11 @@ def turn_balls(now: Moment) -> None:
         write_four(work.passed[j].attitude, q)
         store_three(work.passed[j].rate, 0, rate)
         e, u = error_of(q, four(work.aims[j].attitude)), relative_rate(q, rate, n)
-        torque = Three(-kp * e.x - kd * u.x, -kp * e.y - kd * u.y, -kp * e.z - kd * u.z)
-        torque = clip_three(torque, world.max_torque)
+        torque = clip_three(-kp * e - kd * u, world.max_torque)
         # one small step, in which the rate is linear in time
-        a = plus(scaled(h, rate), scaled(half, torque))
-        a = plus(a, scaled(twelfth, cross(rate, torque)))
+        a = h * rate + half * torque + twelfth * cross(rate, torque)
         sine, cosine = half_angle_series(dot(a, a))
-        q, rate = turn(q, a, sine, cosine, hill_sin, hill_cos), plus(rate, scaled(step, torque))
+        q, rate = turn(q, a, sine, cosine, hill_sin, hill_cos), rate + step * torque
     write_four(state.truth.attitude, q)
     store_three(state.truth.rate, 0, rate)
 
@@ -181,8 +177,8 @@ def turn_any(now: Moment, plans: Plans, lane: int) -> None:
         if world.turns_by_thrust:
             # of the thrust: arm x C f, and the twist
             force = to_body(q, lane_of(lanes.force, 0, lane))
-            thrust = plus(cross(lane_of(lanes.arm, 0, lane), force), lane_of(lanes.twist, 0, lane))
-            torque = plus(torque, thrust)
+            thrust = cross(lane_of(lanes.arm, 0, lane), force) + lane_of(lanes.twist, 0, lane)
+            torque += thrust
         q, rate = turn_body(world, q, rate, torque)
     write_attitude(state.truth.attitude, lane, q)
     write_lane(state.truth.rate, 0, lane, rate)

@@ -1,17 +1,7 @@
 """Motion of all lanes over a control period: linear in Hill axes, or about the Earth."""
 
 from fis_tools.compiled.decorator import compiled
-from fis_tools.compiled.three import (
-    Three,
-    dot,
-    length,
-    load_three,
-    plus,
-    scaled,
-    store_three,
-    three_of,
-    write_lane,
-)
+from fis_tools.compiled.three import Three, dot, length, load_three, store_three, three_of, write_lane
 from fis_tools.compiled.vectors import splat, store, width_of
 from pipeline.flight.state.arrays import Moment, State, World
 from pipeline.flight.state.lanes import flight_of, two
@@ -60,12 +50,12 @@ def move_about_earth(now: Moment, course: Course, force: Three) -> None:
     """Move all lanes by a control period under forces, N, Hill axes."""
     state, lanes, truth, row = now.state, now.state.lanes, now.state.truth, 2 * course.num_steps * now.k
     place, velocity = entered(course, row, load_three(truth.position, 0), load_three(truth.velocity, 0))
-    pull = scaled(now.world.acceleration_per_force, force)
+    pull = now.world.acceleration_per_force * force
     if len(course.varying) > 0:
         for lane in range(width_of(lanes)):
             write_lane(lanes.drag, 0, lane, three_of(course.varying[flight_of(now, lane), now.k]))
-        pull = plus(pull, load_three(lanes.drag, 0))
-    light = scaled(-course.radiation, suns(state))
+        pull += load_three(lanes.drag, 0)
+    light = -course.radiation * suns(state)
     for _ in range(course.num_steps):
         note_sunshine(course, state, row)
         place, velocity = stepped(course, row, place, velocity, pull, light, load_three(lanes.shine, 0))

@@ -30,15 +30,11 @@ import numpy as np
 from fis_tools.compiled.decorator import compiled
 from fis_tools.compiled.three import (
     Three,
-    divided,
     dot,
     lane_of,
     length,
     load_three,
-    minus,
-    plus,
     same,
-    scaled,
     store_three,
     three_of,
     write_lane,
@@ -150,17 +146,17 @@ def cut(world: World, free: Flying, ahead: Flying, limit: int, place: int, half_
     if limit == SPEED and place > 0:
         row = guard.stop[place - 1]
         sign = -1.0 if stopping_force(guard.stop, at, moving)[place - 1] > 0.0 else 1.0
-        p, q = scaled(sign, three_of(row)), scaled(sign, three_of(row[3:]))
+        p, q = sign * three_of(row), sign * three_of(row[3:])
         level = SLACK / world.motion.control[0, 2, 2] - guard.braking_force
     elif limit == SPEED:
         speed, distance, slope = length(moving), length(at), guard.speed_slope
-        p, q = divided(scaled(slope, at), distance), divided(scaled(-1.0, moving), speed)
+        p, q = slope * at / distance, -1.0 * moving / speed
         level = SLACK / world.control_period - guard.speed_at_chief
     else:
         there = place_of(guard.places, place)
         outward = drifted_place(there, at, moving)
         sign = -1.0 if limit == KEEP_IN else 1.0
-        p, q = slopes(there, scaled(sign / max(length(outward), TOLERANCE), outward))
+        p, q = slopes(there, (sign / max(length(outward), TOLERANCE)) * outward)
         level = SLACK if place < STANDING else EARLY_SLACK
         level += -guard.keep_in if limit == KEEP_IN else guard.keep_out
     (x, y, z), (u, v, w) = free
@@ -187,10 +183,10 @@ def project(asked: Three, cuts: Floats, num_cuts: int, max_force: float) -> Thre
             short = (cuts[c, 3] - dot(g, force)) / max(dot(g, g), 1e-30)
             step = max(short, -multipliers[c])
             multipliers[c] += step
-            force = plus(force, scaled(step, g))
-        wished = plus(force, beyond)
+            force += step * g
+        wished = force + beyond
         force = clip_three(wished, max_force)
-        beyond, change = minus(wished, force), minus(force, before)
+        beyond, change = wished - force, force - before
         if max(abs(change.x), abs(change.y), abs(change.z)) < LEAST_CHANGE:
             break
     return force
@@ -235,16 +231,16 @@ def retreat(world: World, known: Flying, free: Flying, force: Three) -> Three:
             push_back = guard.step_back / max(length(rest), TOLERANCE)
             if length(rest) > 0.5 * (guard.keep_out + guard.keep_in):
                 push_back = -push_back
-            force = clip_three(plus(stop, scaled(push_back, rest)), world.max_force)
+            force = clip_three(stop + push_back * rest, world.max_force)
         return force
-    way, low, high = minus(force, stop), 0.0, 1.0
+    way, low, high = force - stop, 0.0, 1.0
     for _ in range(HALVINGS):
         share = 0.5 * (low + high)
-        if is_safe(world, free, plus(stop, scaled(share, way)), TOLERANCE):
+        if is_safe(world, free, stop + share * way, TOLERANCE):
             low = share
         else:
             high = share
-    return plus(stop, scaled(low, way))
+    return stop + low * way
 
 
 @compiled(error_model="numpy")
@@ -288,7 +284,7 @@ def assure(now: Moment) -> None:
             continue  # by rounding
         lanes.num_acted[lane] += 1.0
         lanes.limit[lane] = limit
-        change = minus(force, asked)
+        change = force - asked
         for axis in range(3):
             lanes.corrected[lane] += abs(change[axis]) * per_force
         write_lane(lanes.change, 0, lane, change)

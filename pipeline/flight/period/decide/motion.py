@@ -9,18 +9,7 @@ from math import cos, sin
 import numpy as np
 
 from fis_tools.compiled.decorator import compiled
-from fis_tools.compiled.three import (
-    Three,
-    divided,
-    dot,
-    lane_of,
-    length,
-    load_three,
-    minus,
-    plus,
-    scaled,
-    store_three,
-)
+from fis_tools.compiled.three import Three, dot, lane_of, length, load_three, store_three
 from fis_tools.compiled.vectors import Vector, least, most, select, store
 from pipeline.flight.period.look.guidance import MIN_PROJECTION_M
 from pipeline.flight.state.arrays import Control, Moment, constant_of
@@ -91,7 +80,7 @@ def sense_orbit(now: Moment, control: Control) -> None:
     write_two(signals, SUN_BEARING, bearing_along / reach, bearing_across / reach)
     target = load_three(state.lanes.target, 0)
     far = most(length(target), MIN_PROJECTION_M)
-    store_three(signals, TARGET_DIRECTION, divided(target, far))
+    store_three(signals, TARGET_DIRECTION, target / far)
     store(signals, TARGET_SETTING, (sun_cos * target.y - sun_sin * target.x) / far)
     place_cos, place_sin = sun_cos * along + sun_sin * across, sun_sin * along - sun_cos * across
     write_two(signals, RING_ERROR, -3.0 * rx - ahead - place_cos, vx / n - place_sin)
@@ -112,10 +101,10 @@ def sense_approach(now: Moment) -> None:
     before, nearest = place, dot(place, place)
     for part in range(ORBIT_PARTS):
         after = drifted_place(place_of(now.world.orbit_parts, part), place, velocity)
-        chord = minus(after, before)
+        chord = after - before
         square = dot(chord, chord)
         share = -dot(before, chord) / select(square > 0.0, square, 1.0)
-        passed = plus(before, scaled(least(most(share, 0.0), 1.0), chord))
+        passed = before + least(most(share, 0.0), 1.0) * chord
         nearest = least(dot(passed, passed), nearest)
         before = after
     store(now.work.signals, CLOSEST_APPROACH, np.sqrt(nearest))
@@ -133,9 +122,9 @@ def turned_aside(now: Moment, control: Control, lane: int, push: Three, scale: f
     to the least distance nothing is turned.
     """
     place, skirt = lane_of(now.state.belief.position, 0, lane), constant_of(control, SKIRT_DISTANCE)
-    wanted, min_distance, distance = divided(push, scale), now.world.min_distance, length(place)
+    wanted, min_distance, distance = push / scale, now.world.min_distance, length(place)
     if not min_distance < skirt or not distance < skirt:
         return wanted
     inward = max(0.0, -dot(push, place) / (scale * distance))
     nearness = min(1.0, (skirt - distance) / (skirt - min_distance))
-    return plus(wanted, scaled(2.0 * nearness * inward / distance, place))
+    return wanted + (2.0 * nearness * inward / distance) * place

@@ -18,10 +18,7 @@ from fis_tools.compiled.three import (
     length,
     load_at,
     load_from,
-    minus,
-    plus,
     same,
-    scaled,
     totals,
     write_lane,
 )
@@ -74,23 +71,21 @@ def shortfall(world: World, optics: Beyond | None, j: int, points: Three, eye: E
     """
     if optics is None:
         radius = sqrt(world.sight.horizon)
-        way = scaled(1.0 / radius, points)
+        way = (1.0 / radius) * points
         near = LEAST_SHORT_M if eye.square < SQUARED_NEAR_M2 else -np.inf
         short = radius - dot(way, eye.place)
         return select(short > near, short, near), way
     cosine, reach = sqrt(world.optics.incidence_squared), sqrt(world.optics.range_squared)
     sample = eye.beam.sample
     normal = load_at(world.surface, sample, NORMAL, j, POINTS)
-    d = minus(eye.place, points)
+    d = eye.place - points
     distance = length(d)
     per = 1.0 / distance
     above = dot(normal, eye.place) - load(world.surface, (sample, HEIGHT, j), POINTS)
     short, far = cosine * distance - above, distance - reach
     is_far, lean = far > short, cosine * per
-    nearer = Three(-d.x * per, -d.y * per, -d.z * per)
-    higher = Three(normal.x - lean * d.x, normal.y - lean * d.y, normal.z - lean * d.z)
     short = select(is_far, far, short)
-    return select(short > LEAST_SHORT_M, short, LEAST_SHORT_M), chosen(is_far, nearer, higher)
+    return select(short > LEAST_SHORT_M, short, LEAST_SHORT_M), chosen(is_far, -per * d, normal - lean * d)
 
 
 @compiled(error_model="numpy", forceinline=True)
@@ -148,16 +143,16 @@ def fitted_push(now: Moment, lane: int, rate: float, damping: float) -> Three:
             weight = select(counts, weight, 0.0)
             short = load(work.looks, (SHORT, j), POINTS)
             g = chosen(counts, load_from(work.looks, SLOPE, j, POINTS), same(0.0, POINTS))
-            w = scaled(weight, g)
-            squares = plus(squares, Three(w.x * g.x, w.y * g.y, w.z * g.z))
-            products = plus(products, Three(w.x * g.y, w.x * g.z, w.y * g.z))
-            sums = plus(sums, scaled(select(counts, short, 0.0), w))
+            w = weight * g
+            squares += Three(w.x * g.x, w.y * g.y, w.z * g.z)
+            products += Three(w.x * g.y, w.x * g.z, w.y * g.z)
+            sums += select(counts, short, 0.0) * w
     least, square, product = damping * KS2, totals(squares), totals(products)
     first = Three(least + square.x, product.x, product.y)
     second = Three(product.x, least + square.y, product.z)
     x, y, z = cofactors(first, second, Three(product.y, product.z, least + square.z))
     b = totals(sums)
-    return scaled(1.0 / dot(first, x), Three(dot(x, b), dot(y, b), dot(z, b)))
+    return (1.0 / dot(first, x)) * Three(dot(x, b), dot(y, b), dot(z, b))
 
 
 @compiled(error_model="numpy")
@@ -183,4 +178,4 @@ def sense_push(now: Moment, optics: Beyond | None, control: Control) -> None:
             push = fitted_push(now, lane, rate, damping)
             push = turned_aside(now, control, lane, push, 1.0)
         write_lane(signals, PUSH, lane, push)
-        write_lane(signals, AIM, lane, plus(push, scaled(urgent, lane_of(signals, URGENT, lane))))
+        write_lane(signals, AIM, lane, push + urgent * lane_of(signals, URGENT, lane))

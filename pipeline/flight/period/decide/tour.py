@@ -3,7 +3,7 @@
 from math import atan2, cos, pi, sin, sqrt
 
 from fis_tools.compiled.decorator import compiled
-from fis_tools.compiled.three import Three, lane_of, minus, plus, scaled, write_lane
+from fis_tools.compiled.three import Three, lane_of, write_lane
 from fis_tools.compiled.vectors import width_of
 from pipeline.flight.period.decide.motion import turned_aside
 from pipeline.flight.state.arrays import Control, Moment, constant_of
@@ -70,8 +70,8 @@ def sense_tour(now: Moment, control: Control) -> None:
         turned_cos, turned_sin = cos(n * time), sin(n * time)
         c, s = x * turned_cos + y * turned_sin, y * turned_cos - x * turned_sin
         wanted = tour_at(control, c, s, height)
-        wanted = plus(wanted, scaled(constant_of(control, TOUR_LEAN), lane_of(signals, URGENT, lane)))
+        wanted += constant_of(control, TOUR_LEAN) * lane_of(signals, URGENT, lane)
         place, velocity = lane_of(belief.position, 0, lane), lane_of(belief.velocity, 0, lane)
         then = place_over(n, time)
-        push = push_by(then, minus(wanted, drifted_place(then, place, velocity)))
+        push = push_by(then, wanted - drifted_place(then, place, velocity))
         write_lane(signals, TOUR_PUSH, lane, turned_aside(now, control, lane, push, 1.0))

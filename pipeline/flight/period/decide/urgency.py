@@ -4,7 +4,7 @@ A point's deadline is the last sample of the flight at which it is lit.
 """
 
 from fis_tools.compiled.decorator import compiled
-from fis_tools.compiled.three import Three, length, load_at, plus, same, scaled, totals, write_lane
+from fis_tools.compiled.three import Three, length, load_at, same, totals, write_lane
 from fis_tools.compiled.vectors import load, select, some, splat, store, total
 from pipeline.flight.period.decide.motion import turned_aside
 from pipeline.flight.period.look.guidance import MIN_PROJECTION_M, POINTS
@@ -67,7 +67,7 @@ def sense_urgency(now: Moment, optics: Beyond | None, control: Control) -> None:
                 time_left = time - load(work.deadlines, (lane, j), POINTS)
                 weight = select(counts, exponential(time_left * rate), 0.0)
                 weights += weight
-                sums = plus(sums, scaled(weight, near))
+                sums += weight * near
         towards = totals(sums)
         if length(towards) > MIN_PROJECTION_M * total(weights):
             write_lane(signals, URGENT, lane, turned_aside(now, control, lane, towards, length(towards)))

@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fis_tools.compiled.decorator import compiled
-from fis_tools.compiled.three import dot, lane_of, load_from, minus, plus, scaled, three_of, write_three
+from fis_tools.compiled.three import dot, lane_of, load_from, three_of, write_three
 from fis_tools.compiled.vectors import load, select, store
 from pipeline.array_types import Floats
 
@@ -61,7 +61,7 @@ def _assign(clusters: Clusters, first: int, last: int, labels: Floats) -> None:
         points = load_from(candidates, 0, i, POINTS)
         nearest, label = load(distances, i, POINTS), load(labels, i, POINTS)
         for j in range(first, last):
-            apart = minus(points, three_of(centres[j]))
+            apart = points - three_of(centres[j])
             distance = dot(apart, apart)
             is_nearer = distance < nearest
             nearest, label = select(is_nearer, distance, nearest), select(is_nearer, float(j), label)
@@ -89,7 +89,7 @@ def start_centres(clusters: Clusters, position_h: Floats, num_centres: int) -> i
         if j == 0:
             nearest = np.inf
             for i in range(num_candidates):
-                apart = minus(lane_of(candidates, 0, i), three_of(position_h))
+                apart = lane_of(candidates, 0, i) - three_of(position_h)
                 distance = dot(apart, apart)
                 if distance < nearest - TIE_M2:
                     nearest = distance
@@ -99,9 +99,9 @@ def start_centres(clusters: Clusters, position_h: Floats, num_centres: int) -> i
                 if distances[i] > distances[chosen] + TIE_M2:
                     chosen = i
         place = lane_of(candidates, 0, chosen)
-        towards = minus(three_of(position_h), place)
+        towards = three_of(position_h) - place
         share = CENTRE_SHIFT_M / max(sqrt(dot(towards, towards)), 1e-300)
-        write_three(centres[j], plus(place, scaled(share, towards)))
+        write_three(centres[j], place + share * towards)
         _assign(clusters, j, j + 1, labels)
     return wanted
 
@@ -218,7 +218,7 @@ def nearest_centre(centres: Floats, num_centres: int, position_h: Floats) -> int
     chosen = 0
     nearest = np.inf
     for j in range(num_centres):
-        apart = minus(three_of(centres[j]), three_of(position_h))
+        apart = three_of(centres[j]) - three_of(position_h)
         distance = dot(apart, apart)
         if distance < nearest - TIE_M2:
             nearest = distance

@@ -10,16 +10,12 @@ from fis_tools.compiled.three import (
     Three,
     cofactors,
     cross,
-    divided,
     dot,
     lane_of,
     length,
     load_at,
     load_three,
-    minus,
-    plus,
     same,
-    scaled,
     store_at,
     store_three,
     three_of,
@@ -67,7 +63,7 @@ def force_of(law: Filter, state: State, which: int, force: Three, period: int) -
         return cross(force, load_at(state.sensed, sensed + error - OF_ATTITUDE, 0, 0, width))
     axis = unit(error % 3)
     if error >= OF_ROTATION:
-        return cross(scaled(splat(1.0, width), axis), force)
+        return cross(splat(1.0, width) * axis, force)
     return Three(axis.x * force.x, axis.y * force.y, axis.z * force.z)
 
 
@@ -77,9 +73,9 @@ def shift_of(law: Filter, state: State, which: int, fix: int, place: Three) -> T
     width, error = width_of(state.estimate), law.constants[which]
     if error >= OF_SQUARES:
         axis = load_at(state.sensed, 3 * fix * law.stride + error - OF_SQUARES, 0, 0, width)
-        return scaled(length(place), axis)
+        return length(place) * axis
     if error >= OF_FIXES:
-        return scaled(splat(1.0, width), unit(error - OF_FIXES))
+        return same(0.0, width) + unit(error - OF_FIXES)
     if error >= OF_ATTITUDE and law.is_sight:
         return cross(load_at(state.sensed, 3 * fix * law.stride + error - OF_ATTITUDE, 0, 0, width), place)
     return same(0.0, width)
@@ -145,34 +141,34 @@ def correct(law: Filter, state: State, fix: int) -> None:
     estimate, count = state.estimate, len(law.constants)
     filtered, p, work, width = estimate.filtered, estimate.covariance, estimate.half, width_of(estimate)
     place = load_three(filtered, 0)
-    off = minus(load_at(state.fixes, fix, 0, 0, width), place)
+    off = load_at(state.fixes, fix, 0, 0, width) - place
     for row in range(6):
         store_at(work, row, 0, load_at(p, row, 0, 0, width))
     # a fix has one variance across the line of sight and another along it
     square = dot(place, place)
     across = law.fix + law.bearing * square
     more = (law.range - law.bearing * square) / square
-    first = plus(scaled(across, unit(0)), scaled(more * place.x, place))
-    second = plus(scaled(across, unit(1)), scaled(more * place.y, place))
-    third = plus(scaled(across, unit(2)), scaled(more * place.z, place))
+    first = across * unit(0) + more * place.x * place
+    second = across * unit(1) + more * place.y * place
+    third = across * unit(2) + more * place.z * place
     for which in range(count):
         n = shift_of(law, state, which, fix, place)
         for row in range(6):
-            common = scaled(entry(p, row, 6 + which), n)
-            store_at(work, row, 0, plus(load_at(work, row, 0, 0, width), common))
-        m = plus(column_of(p, 6 + which), scaled(law.variances[which], n))
+            common = entry(p, row, 6 + which) * n
+            store_at(work, row, 0, load_at(work, row, 0, 0, width) + common)
+        m = column_of(p, 6 + which) + law.variances[which] * n
         store(work, (0, 6 + which, 0), m.x)
         store(work, (1, 6 + which, 0), m.y)
         store(work, (2, 6 + which, 0), m.z)
-        first, second = plus(first, scaled(n.x, m)), plus(second, scaled(n.y, m))
-        third = plus(third, scaled(n.z, m))
-    first, second = plus(first, load_at(work, 0, 0, 0, width)), plus(second, load_at(work, 1, 0, 0, width))
-    third = plus(third, load_at(work, 2, 0, 0, width))
+        first, second, third = first + n.x * m, second + n.y * m, third + n.z * m
+    first += load_at(work, 0, 0, 0, width)
+    second += load_at(work, 1, 0, 0, width)
+    third += load_at(work, 2, 0, 0, width)
     # symmetric, but for rounding
     second, third = Three(first.y, second.y, second.z), Three(first.z, second.z, third.z)
     x, y, z = cofactors(first, second, third)
     scale = 1.0 / dot(first, x)
-    first, second, third = scaled(scale, x), scaled(scale, y), scaled(scale, z)
+    first, second, third = scale * x, scale * y, scale * z
     w = Three(dot(first, off), dot(second, off), dot(third, off))
     distance = dot(w, off)
     is_believed = distance <= law.gate
@@ -203,7 +199,7 @@ def note_turn(now: Moment, errors: Errors) -> None:
     for lane in range(width_of(now.state.estimate)):
         error = three_of(errors.of_attitude[flight_of(now, lane), now.k])
         scale = 1.0 / sqrt(1.0 + 0.25 * dot(error, error))
-        write_lane(turn, 0, lane, scaled(scale, scaled(0.5, error)))
+        write_lane(turn, 0, lane, scale * (0.5 * error))
         turn[3, lane] = scale
 
 
@@ -231,7 +227,7 @@ def sense_attitude(now: Moment, errors: Errors) -> None:
     write_four(belief.attitude, sensed)
     store_three(belief.boresight, 0, to_hill(sensed, three_of(now.world.boresight)))
     # angles are twice the ratio of the quaternion's components
-    store_three(state.estimate.tilt, 0, to_hill(q, divided(scaled(2.0, Three(a, b, c)), d)))
+    store_three(state.estimate.tilt, 0, to_hill(q, 2.0 * Three(a, b, c) / d))
 
 
 @compiled(error_model="numpy")
@@ -242,8 +238,8 @@ def start_estimate(now: Moment, fixes: Fixes) -> None:
     for lane in range(width):
         error = fixes.errors.at_start[flight_of(now, lane)]
         place, velocity = lane_of(state.truth.position, 0, lane), lane_of(state.truth.velocity, 0, lane)
-        write_lane(filtered, 0, lane, plus(place, three_of(error)))
-        write_lane(filtered, 3, lane, plus(velocity, three_of(error[3:])))
+        write_lane(filtered, 0, lane, place + three_of(error))
+        write_lane(filtered, 3, lane, velocity + three_of(error[3:]))
     for row in range(6):
         for column in range(6 + len(fixes.law.constants)):
             covariance = splat(fixes.law.at_start[row, column] if column < 6 else 0.0, width)
@@ -258,10 +254,10 @@ def measure(now: Moment, errors: Errors, which: int) -> None:
         case, place = flight_of(now, lane), lane_of(state.truth.position, 0, lane)
         if errors.of_sight.shape[1] > 0:  # by a range and a bearing
             error = errors.of_sight[case, which]
-            turned_by = plus(three_of(error[1:]), lane_of(state.estimate.tilt, 0, lane))
-            towards = plus(place, cross(turned_by, place))
-            place = scaled((length(place) + error[0]) / length(towards), towards)
-        write_lane(state.fixes[which], 0, lane, plus(place, three_of(errors.of_fixes[case, which])))
+            turned_by = three_of(error[1:]) + lane_of(state.estimate.tilt, 0, lane)
+            towards = place + cross(turned_by, place)
+            place = ((length(place) + error[0]) / length(towards)) * towards
+        write_lane(state.fixes[which], 0, lane, place + three_of(errors.of_fixes[case, which]))
 
 
 @compiled(error_model="numpy", forceinline=True)

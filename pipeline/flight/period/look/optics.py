@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.compiled.decorator import compiled
-from fis_tools.compiled.three import Three, dot, lane_of, load_at, minus, scaled, three_of, times
+from fis_tools.compiled.three import Three, dot, lane_of, load_at, three_of, times
 from fis_tools.compiled.vectors import Mask, Vector, borrowed, count, load, select, some, store
 from pipeline.array_types import Bytes, Floats
 from pipeline.flight.period.look.guidance import POINTS
@@ -124,10 +124,9 @@ def eye_on_chief(world: World, optics: Beyond | None, beam: Beam, place: Three) 
     """Return the camera at a place, aimed at the chief's centre."""
     square = dot(place, place)
     if optics is not None:
-        return eye_at(world, optics, beam, place, scaled(-1.0 / sqrt(square), place))
+        return eye_at(world, optics, beam, place, (-1.0 / sqrt(square)) * place)
     # any length of the boresight will do
-    inward = Three(-place.x, -place.y, -place.z)
-    return Eye(place, inward, beam, square, -square, square, square >= fits_from(world.sight), False)
+    return Eye(place, -1.0 * place, beam, square, -square, square, square >= fits_from(world.sight), False)
 
 
 @compiled(error_model="numpy", forceinline=True)
@@ -179,7 +178,7 @@ def leave_out_hidden_and_dim(world: World, work: Workspace, j: int, eye: Eye) ->
     for i in range(j, min(j + POINTS, world.num_points)):
         if work.seen[i] == 0.0:
             continue
-        to_camera = minus(eye.place, lane_of(world.points[sample], 0, i))
+        to_camera = eye.place - lane_of(world.points[sample], 0, i)
         if world.num_edge_cells > 0:
             work.seen[i] = world.is_free[cell_towards(world, sample, to_camera), i]
         if world.reflection.is_on:

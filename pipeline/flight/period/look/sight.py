@@ -5,12 +5,10 @@ import numpy as np
 from fis_tools.compiled.decorator import compiled
 from fis_tools.compiled.three import (
     chosen,
-    divided,
     lane_of,
     length,
     load_at,
     load_three,
-    plus,
     same,
     store_three,
     three_of,
@@ -53,10 +51,10 @@ def inspect(now: Moment, optics: Beyond | None, lane: int) -> None:
             num_seen += count(seen)
         store(work.candidate, j, select(left, 1.0, nothing))
         num_left += count(left)
-        centre = plus(centre, chosen(left, points, same(0.0, POINTS)))
+        centre += chosen(left, points, same(0.0, POINTS))
     lanes.num_unseen[lane] -= num_seen
     lanes.num_candidates[lane] = num_left
-    write_lane(lanes.target, 0, lane, divided(totals(centre), max(num_left, 1)))
+    write_lane(lanes.target, 0, lane, totals(centre) / max(num_left, 1))
 
 
 @compiled(error_model="numpy", forceinline=True)
