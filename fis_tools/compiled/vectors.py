@@ -6,9 +6,8 @@ between vectors and floats as well. A function written for floats therefore work
 it branches on a comparison: it must call `select`, `least` or `most` instead, which also take floats.
 
 This module defines the operations in NumPy: a vector is an array of shape (width,), a mask one of bools.
-Kernels run on these when numba is disabled. `fis_tools.compiled.vector_code` gives the same operations to
-numba, where a vector is a value like a float. Its width is part of its type: where an operation takes a
-`width`, it is a constant, a power of two up to 64. See docs/explanation/vectors.md.
+`fis_tools.compiled.vector_code` gives the same operations to numba. Where an operation takes a `width`, it
+is a constant, a power of two up to 64. See docs/explanation/vectors.md.
 """
 
 from typing import Any, NamedTuple

@@ -7,9 +7,7 @@ revised edition, section 8.4) the difference of the attractions of a point mass 
 
     -mu / |R + d|^3 (d - f(q) R)        f(q) = (1 + q)^(3/2) - 1 = q (3 + 3 q + q^2) / (1 + (1 + q)^(3/2))
 
-Oblateness, drag and the Sun's pressure are those of `pipeline.physics.orbit.Course`. The steps are Nystrom's
-of fourth order, as there. Functions marked ``forceinline`` work on floats and, in compiled flights, on
-vectors.
+Everything else, and the method of the steps, is that of `pipeline.physics.orbit`.
 """
 
 import numpy as np

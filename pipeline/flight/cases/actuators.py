@@ -1,19 +1,8 @@
-"""From a commanded force to the force that the thrusters fire.
+"""From a commanded force to the force that the thrusters fire; docs/explanation/navigation.md describes it.
 
-A command is delayed, rotated and scaled by the errors of its flight, rounded to whole impulses, dropped
-if below the least impulse, and clipped to the thrust limit: in this order, along Hill axes, in
-which forces are fired. The safety layer acts on commands, before all this. Delta-v counts what is fired.
-
-The force acts at an offset from the centre of mass and so turns the deputy, by ``arm x force`` in body axes;
-this torque adds to that of attitude control, and follows the attitude while the force stays along Hill
-axes. By Tsiolkovsky's equation it consumes ``(|f_x| + |f_y| + |f_z|) T/(g I)`` of the mass in a control
-period, in which the mean of the mass before and after is accelerated; the deputy itself computes with the
-mass at the start.
-
-With a layout of thrusters the command, rotated and scaled as above, is allocated to them by a table: for
-each of the six directions along the body axes, the forces of least sum that push by one newton without
-turning the deputy, if there are any. The contributions of the axes are added up. If a thruster would exceed
-its limit, all are reduced in proportion. Impulses and propellant are counted for each thruster.
+A command is delayed, rotated and scaled, rounded to whole impulses, dropped if below the least impulse, and
+clipped: in this order, along Hill axes. A layout of thrusters divides it among them by a table. The mean of
+the mass before and after a control period is accelerated in it.
 """
 
 from functools import cache

@@ -1,8 +1,8 @@
 """Dispersions: settings drawn for each case.
 
-A case draws from its own seed, ``SeedSequence(seed, spawn_key=(stage, case))``, after its direction, distance
-and Sun and in the order of the sorted keys, so that the same case always has the same settings.
-Settings that vary within a flight are drawn where it is flown, see `pipeline.flight.cases.processes`.
+A case draws them after its start (`pipeline.flight.cases.starts`) and in the order of the sorted keys, so
+that the same case always has the same settings. Settings that vary within a flight are drawn where it is
+flown, see `pipeline.flight.cases.processes`.
 """
 
 from collections.abc import Sequence

@@ -1,26 +1,13 @@
 """The deputy's knowledge of its own state: fixes with errors, and a Kalman filter.
 
-The filter is Kalman's (A new approach to linear filtering and prediction problems, Journal of Basic
-Engineering 82, 1960, 35-45) over the six numbers of position and velocity, moving by Clohessy and Wiltshire's
-equations under the commanded forces. Its process noise is a constant acceleration in each control
-period, and a share of each commanded force. It knows the thrusters' impulses and delay, and along which axes
-they fired.
+docs/explanation/navigation.md describes both; the filter runs in `pipeline.flight.period.look.navigation`.
 
-Errors that a flight keeps are considered, not estimated (Schmidt, Application of state-space methods to
-navigation problems, Advances in Control Systems 3, 1966, 293-340): scales and rotations of the thrusters,
-rotations of the sensed attitude and biases of fixes, to first order, each with its variance. To second order
-a rotation of bearings shifts a fix as three more errors along the body axes, shares of the distance, would.
-
-A fix is a place, or a range and a bearing. These are converted to a place; its covariance is taken
-along and across the line of sight that the filter predicts, so that it does not depend on the fix's own error
-(Bordonaro, Willett and Bar-Shalom, Decorrelated unbiased converted measurement Kalman filter, IEEE
-Transactions on Aerospace and Electronic Systems 50(2), 2014, 1431-1444). Bearing errors are rotations of the
-line of sight, so that no direction is special.
-
-The sensed attitude is the true one rotated by a small angle about the body axes. The deputy uses it for
-everything: it takes bearings with it, turns until it equals the desired one, and
-fires its thrusters as if it were the true one.
-The filter runs in `pipeline.flight.period.look.navigation`.
+It is Kalman's (A new approach to linear filtering and prediction problems, Journal of Basic Engineering 82,
+1960, 35-45), and considers the errors that a flight keeps (Schmidt, Application of state-space methods to
+navigation problems, Advances in Control Systems 3, 1966, 293-340). The covariance of a range and a bearing,
+converted to a place, is taken along and across the line of sight that the filter predicts, so that it does
+not depend on the fix's own error (Bordonaro, Willett and Bar-Shalom, Decorrelated unbiased converted
+measurement Kalman filter, IEEE Transactions on Aerospace and Electronic Systems 50(2), 2014, 1431-1444).
 """
 
 from dataclasses import replace

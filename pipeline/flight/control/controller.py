@@ -210,7 +210,7 @@ def open_loop(name: str, plan: Floats, force_axes: str = "hill", turns: Turns = 
 def law_of(controller: Controller, mission: Mission) -> Law:
     """Return what the compiled episode needs to know of a controller, apart from its numbers.
 
-    It holds no plans of a planner or a regulator yet; `pipeline.flight.control.controller` makes these.
+    It holds no plans of a planner or a regulator yet; `planned` and `regulated` make these.
 
     Raises
     ------

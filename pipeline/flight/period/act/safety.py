@@ -1,28 +1,14 @@
 """Run-time assurance, compiled: the smallest change of force that keeps the deputies safe.
 
-A force f held over the control period T leads to the next state ``s = Phi s(k) + Gamma f``. It is safe when
+docs/explanation/safety.md has the limits, their sources, and why samples never leave the spheres. A force f
+held over the control period T leads to the next state ``s = Phi s(k) + Gamma f``. From there the force
+``f_stop = K s``, ``K = -Gamma_v^-1 Phi_v``, stops the deputy within a period, at ``r_stop = P s``,
+``P = Phi_r + Gamma_r K``. Never given up are the limits on the distance at s and at r_stop, on each axis of
+f_stop, and on the speed, ``|v| <= v0 + v1 (|r| - d0)``.
 
-- *keep-out, keep-in*: the deputy is between the two spheres at s, and also where it comes to rest when it is
-    stopped from s within one period: ``f_stop = K s``, ``K = -Gamma_v^-1 Phi_v``, leads to ``r_stop = P s``,
-  ``P = Phi_r + Gamma_r K``, with no speed;
-- *braking*: no axis of f_stop needs more than the force that is reserved for it;
-- *speed*: ``|v| <= v0 + v1 (|r| - d0)``.
-
-A deputy at rest can hold its place with a constant force: ``f_stop`` of ``(r_stop, 0)`` leads to itself. So
-from a safe state the stop is a safe force, and the next state is safe again: samples never leave the
-spheres, whatever force is commanded. The safe set is that of the explicit backup "stop" (Gurriet, Mote,
-Singletary, Nilsson, Feron and Ames, "A scalable safety critical control framework for nonlinear systems",
-IEEE Access 8, 2020), and the filter a control barrier function's in discrete time (Agrawal and Sreenath,
-"Discrete control barrier functions for safety-critical control of discrete systems", RSS 2017; Ames, Coogan,
-Egerstedt, Notomista, Sreenath and Tabuada, "Control barrier functions: theory and applications", ECC 2019).
-The limits are those of Dunlap, van Wijk and Hobbs, "Run time assurance for autonomous spacecraft inspection"
-(2023).
-
-Two more limits act early, while a small force is enough. They yield to those above:
-
-- *passive safety*: free drift from s stays outside the keep-out sphere at all samples of a horizon
-  (Breger and How, "Safe trajectories for autonomous rendezvous of spacecraft", J. Guidance 31, 2008);
-- free drift from s stays inside the keep-in sphere at all samples of another.
+Limits on the distance in free drift from s, at all samples of a horizon, act early, while a small force is
+enough (passive safety: Breger and How, "Safe trajectories for autonomous rendezvous of spacecraft",
+J. Guidance 31, 2008). They yield to the others.
 """
 
 import numpy as np
