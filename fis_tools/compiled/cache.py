@@ -1,9 +1,8 @@
 """The cache of compiled code: its location, why stale code cannot be loaded, and whose code is never loaded.
 
-numba's own cache checks the file of a compiled function, not the files of the functions it calls, so it would
-miss a change in a callee. Here every module with compiled functions has a cache folder named after a hash of
-its own source and of all that it imports at its top level, directly or not, from packages with compiled
-functions. An edit creates new folders for the modules that depend on the edited file, and for no others.
+numba's own cache would miss a change in a callee. Here every module with compiled functions has a folder
+named after a hash of its own source and of all that it imports at its top level, directly or not, from
+packages with compiled functions.
 
 A cache is unpickled, so whoever can write to it can run code as its user. It is used only in a folder that
 belongs to the user and that nobody else can write to or replace.
@@ -43,13 +42,6 @@ packages = {"fis_tools"}
 
 
 @dataclass(frozen=True)
-class Refused:
-    """Why compiled code is not cached: the fact and its remedy, in a sentence without its full stop."""
-
-    reason: str
-
-
-@dataclass(frozen=True)
 class Sources:
     """The sources that a module's compiled functions depend on."""
 
@@ -58,19 +50,22 @@ class Sources:
     digest: str  # sixteen hexadecimal digits of a hash over the files and the versions of the compilers
 
 
-def place_for(function: Callable[..., Any]) -> Path | Refused:
-    """Return the folder for the compiled code of a function's module; it is made if missing."""
+def place_for(function: Callable[..., Any]) -> Path | str:
+    """Return the folder for the compiled code of a function's module; it is made if missing.
+
+    If there can be none, it returns why: the fact and its remedy, in a sentence without its full stop.
+    """
     try:
         sources = sources_of(function.__module__, function.__code__.co_filename)
         changed = changed_since_loaded(sources.files)
         if changed is not None:
-            return Refused(f"{changed} has changed since it was loaded; start Python anew")
+            return f"{changed} has changed since it was loaded; start Python anew"
     except OSError as error:
-        return Refused(f"{error.filename} cannot be read; put the function into a file")
+        return f"{error.filename} cannot be read; put the function into a file"
     try:
         root = cache_root()
     except RuntimeError:
-        return Refused("there is no home folder; set NUMBA_CACHE_DIR to a folder of your own")
+        return "there is no home folder; set NUMBA_CACHE_DIR to a folder of your own"
     name = f"{function.__module__}-{sources.digest}"
     try:
         root.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -78,9 +73,7 @@ def place_for(function: Callable[..., Any]) -> Path | Refused:
         if refused is None:
             _make(root / name)
     except OSError as error:
-        return Refused(
-            f"{root} cannot be written ({error.strerror}); set NUMBA_CACHE_DIR to a folder of your own"
-        )
+        return f"{root} cannot be written ({error.strerror}); set NUMBA_CACHE_DIR to a folder of your own"
     return refused or root / name
 
 
@@ -136,8 +129,8 @@ def drop_old_caches(root: Path) -> None:
                     shutil.rmtree(folder, ignore_errors=True)
 
 
-def refusal(folder: Path) -> Refused | None:
-    """Return why a folder's content may come from somebody else; None if it cannot.
+def refusal(folder: Path) -> str | None:
+    """Return why a folder's content may come from somebody else, see `place_for`; None if it cannot.
 
     The folder must be the user's own, and nobody else may be able to replace anything in it or above it.
     """
@@ -156,9 +149,7 @@ def refusal(folder: Path) -> Refused | None:
             fact = fact or f"others may write to {place}"
     if fact is None:
         return None
-    return Refused(
-        f"{fact}; set NUMBA_CACHE_DIR to a folder of your own, in folders that only you can write to"
-    )
+    return f"{fact}; set NUMBA_CACHE_DIR to a folder of your own, in folders that only you can write to"
 
 
 def _others_may_write(status: os.stat_result) -> bool:

@@ -168,8 +168,8 @@ def _dispatcher(function: Callable[..., Any], options: dict[str, Any]) -> Any:
         if Path(dispatcher.stats.cache_path).is_relative_to(place):
             _keep_apart(dispatcher, place)
             return dispatcher
-        place = cache.Refused(f"numba cannot write to {place}")
-    notice.tell_refusal(place.reason)
+        place = f"numba cannot write to {place}"
+    notice.tell_refusal(place)
     return njit(**options)(function)
 
 
