@@ -36,8 +36,14 @@ def orbit_radius(mean_motion: float) -> float:
 
 
 @compiled
-def share_at(sun_height: float, orbit_radius: float) -> float:
-    """Return the same as `visible_share`, given the component of the Sun's direction along i."""
+def visible_share(sun_height: float, orbit_radius: float) -> float:
+    """Return the share of the Sun's disc that the Earth leaves visible from the chief, 0 to 1.
+
+    Two circles in the sky: the Sun's about its direction, the Earth's about -i (O. Montenbruck and E. Gill,
+    Satellite Orbits, 2000, section 3.4.2). Both bodies are spheres, the Sun is one astronomical unit away;
+    its height is the component along i of the unit vector towards it. The radius, m, is greater than the
+    Earth's.
+    """
     sun, earth = asin(SUN_RADIUS_M / ASTRONOMICAL_UNIT_M), asin(EARTH_RADIUS_M / orbit_radius)
     apart = acos(max(-1.0, min(1.0, -sun_height)))
     if apart >= sun + earth:
@@ -51,32 +57,21 @@ def share_at(sun_height: float, orbit_radius: float) -> float:
     return min(1.0, max(0.0, 1.0 - hidden / (pi * sun * sun)))
 
 
-@compiled
-def visible_share(sun_h: Floats, orbit_radius: float) -> float:
-    """Return the share of the Sun's disc that the Earth leaves visible from the chief, 0 to 1.
-
-    Two circles in the sky: the Sun's about its direction, the Earth's about -i (O. Montenbruck and E. Gill,
-    Satellite Orbits, 2000, section 3.4.2). Both bodies are spheres, the Sun is one astronomical unit away in
-    the direction `sun_h`, a unit vector of shape (3,); the radius, m, is greater than the Earth's.
-    """
-    return share_at(sun_h[0], orbit_radius)
-
-
 def least_sun_height(orbit_radius: float, min_share: float) -> float:
     """Return the lowest Sun at which a share of its disc is visible, as the cosine of its zenith angle.
 
     The higher the Sun stands over the chief's horizon, the more of its disc is visible, so that one number
-    separates light from shadow; found by bisection of `share_at`. For a share of 0 there is no shadow: -2,
-    which that cosine always exceeds.
+    separates light from shadow; found by bisection of `visible_share`. For a share of 0 there is no shadow:
+    -2, which that cosine always exceeds.
     """
-    if share_at(-1.0, orbit_radius) >= min_share:
+    if visible_share(-1.0, orbit_radius) >= min_share:
         return -2.0
     dark, lit = pi, 0.5 * pi
     while True:  # to the last bit
         middle = 0.5 * (dark + lit)
         if middle in (dark, lit):
             return cos(lit)
-        share = share_at(cos(middle), orbit_radius)
+        share = visible_share(cos(middle), orbit_radius)
         dark, lit = (dark, middle) if share >= min_share else (middle, lit)
 
 

@@ -73,7 +73,7 @@ def sun_shares(mission: Mission, angles: Floats, elevations: Floats) -> Floats:
         return np.ones(len(angles))
     radius = shadowing_radius(mission.orbit, mission.light)
     places = zip(angles.tolist(), elevations.tolist(), strict=True)
-    return np.array([visible_share(sun_direction_h(*place), radius) for place in places])
+    return np.array([visible_share(sun_direction_h(*place)[0], radius) for place in places])
 
 
 #: from one place to the next of a preview of what coasting would show; the Sun turns by 8 deg

@@ -8,7 +8,7 @@ from fis_tools.compiled.decorator import plainly
 from fis_tools.compiled.three import Three
 from pipeline.flight.period.act import attitude
 from pipeline.physics import attitude as desired
-from pipeline.physics.illumination import share_at
+from pipeline.physics.illumination import visible_share
 from pipeline.physics.motion import place_after, step_of, velocity_after
 from pipeline.physics.two_body import entered, left, stepped
 
@@ -26,7 +26,7 @@ def move_beside(course, period, state, force, sun):
 
     def shine(at):
         return (
-            share_at(course.axes[at, 0] @ sun, np.linalg.norm(course.places[at]))
+            visible_share(course.axes[at, 0] @ sun, np.linalg.norm(course.places[at]))
             if course.has_shadow
             else 1.0
         )

@@ -5,7 +5,7 @@ from fis_tools.compiled.three import Three, dot, length, load_three, store_three
 from fis_tools.compiled.vectors import splat, store, width_of
 from pipeline.flight.state.arrays import Moment, State, World
 from pipeline.flight.state.lanes import flight_of, two
-from pipeline.physics.illumination import share_at
+from pipeline.physics.illumination import visible_share
 from pipeline.physics.motion import place_after, step_of, velocity_after
 from pipeline.physics.orbit import Course
 from pipeline.physics.two_body import entered, left, stepped
@@ -42,7 +42,7 @@ def note_sunshine(course: Course, state: State, row: int) -> None:
         store(shines, part, dot(three_of(course.axes[row + part, 0]), sun))
         radius = length(three_of(course.places[row + part]))
         for lane in range(width):
-            shines[part, lane] = share_at(shines[part, lane], radius)
+            shines[part, lane] = visible_share(shines[part, lane], radius)
 
 
 @compiled(error_model="numpy")
