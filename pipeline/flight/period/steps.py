@@ -91,8 +91,7 @@ def act(now: Moment, guard: Guard | None, errors: ModelErrors | None, plans: Pla
         turn_deputies(now, plans)
     if errors is not None and errors.firing.is_on:
         force = burn(world, errors.firing, state)
-    spent_per_force = world.control_period * world.acceleration_per_force
-    spent = (abs(force.x) + abs(force.y) + abs(force.z)) * spent_per_force
+    spent = (abs(force.x) + abs(force.y) + abs(force.z)) * world.delta_v_per_force
     store(lanes.spent, 0, one(lanes.spent) + spent)
     if errors is not None and errors.course.is_on:
         move_about_earth(now, errors.course, force)

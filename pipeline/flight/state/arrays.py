@@ -63,6 +63,7 @@ class World(NamedTuple):
     control_period: float
     attitude_period: float
     acceleration_per_force: float
+    delta_v_per_force: float  # held over a control period
     motion: Motion  # over a control period
     instants: Motion  # over 0, 1, … S-1 attitude periods
     orbit_parts: Motion  # over parts of an orbit

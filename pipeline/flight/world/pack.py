@@ -167,6 +167,7 @@ def pack_world(mission: Mission) -> World:
         control_period=period,
         attitude_period=mission.attitude_period_s,
         acceleration_per_force=1.0 / deputy.mass_kg,
+        delta_v_per_force=period * (1.0 / deputy.mass_kg),
         motion=motion_over(orbit, deputy, (period,)),
         instants=motion_over(orbit, deputy, instants),
         orbit_parts=orbit_parts(orbit, deputy),

@@ -127,8 +127,7 @@ def consumed(world: World, thrusters: Thrusters, state: State) -> tuple[Vector, 
         fired = splat(0.0, width)
         for i in range(len(thrusters.table)):
             fired += load(state.thrust, (i, 0), width)
-    spent_per_force = world.control_period * world.acceleration_per_force
-    return fired * (spent_per_force / thrusters.exhaust_speed), fired - along_axes
+    return fired * (world.delta_v_per_force / thrusters.exhaust_speed), fired - along_axes
 
 
 @compiled(error_model="numpy")
@@ -207,9 +206,8 @@ def burn(world: World, firing: Firing, state: State) -> Three:
     lanes, force = state.lanes, load_three(state.lanes.force, 0)
     if not burns(firing):
         return force
-    spent_per_force = world.control_period * world.acceleration_per_force
     (used, more), before = consumed(world, firing.thrusters, state), one(state.thrusters.mass)
     per_mass: float = 1.0 / (before - 0.5 * used)
-    store(lanes.spent, 0, one(lanes.spent) + more * (per_mass * spent_per_force))
+    store(lanes.spent, 0, one(lanes.spent) + more * (per_mass * world.delta_v_per_force))
     store(state.thrusters.mass, 0, before - used)
     return per_mass * force

@@ -259,7 +259,6 @@ def assure(now: Moment) -> None:
     store_three(lanes.change, 0, same(0.0, width_of(lanes)))
     if not look_ahead(world, now.state):
         return
-    per_force = world.control_period * world.acceleration_per_force
     for lane in range(now.num_lanes):
         if lanes.is_unsafe[lane] == 0.0:
             continue
@@ -272,6 +271,6 @@ def assure(now: Moment) -> None:
         lanes.limit[lane] = limit
         change = force - asked
         for axis in range(3):
-            lanes.corrected[lane] += abs(change[axis]) * per_force
+            lanes.corrected[lane] += abs(change[axis]) * world.delta_v_per_force
         write_lane(lanes.change, 0, lane, change)
         write_lane(lanes.commanded, 0, lane, force)
