@@ -132,8 +132,8 @@ class _Decisions:
         for row, k in enumerate(self.samples):
             angle, up = self.log.sun_angle_rad[k], self.log.sun_elevation_rad[k]
             with plainly("pipeline"):
-                sun = np.cos(angle), np.sin(angle), np.cos(up)
-                time = time_ahead(self.world.optics.least_height, n, *limits, *sun)
+                sun = np.cos(angle), np.sin(angle)
+                time = time_ahead(self.world.optics.least_height, n, *limits, sun, np.cos(up))
             if time == 0.0:
                 continue
             then = angle - n * time

@@ -13,8 +13,9 @@ from pipeline.array_types import Bytes
 from pipeline.flight.period.act.actuators import EMPTY, burns
 from pipeline.flight.period.act.attitude import relative_rate, write_instants
 from pipeline.flight.period.decide.motion import ETA_U, LAMBDA_U, sense_angles
+from pipeline.flight.period.decide.preview import FARTHEST, MISSED, NEAREST
 from pipeline.flight.period.decide.see_push import COST, SHORT
-from pipeline.flight.period.decide.thrust import FARTHEST, MISSED, NEAREST, is_decision, may_coast
+from pipeline.flight.period.decide.thrust import is_decision, may_coast
 from pipeline.flight.period.look.navigation import write_estimate
 from pipeline.flight.state import log as logs
 from pipeline.flight.state.arrays import Beyond, Control, Law, Moment, Workspace, World

@@ -8,13 +8,12 @@ from math import cos, sin, sqrt
 
 from fis_tools.compiled.decorator import compiled
 from fis_tools.compiled.three import dot, lane_of
-from pipeline.flight.period.look.optics import beam_at, strike_out_seen
+from pipeline.flight.period.look.optics import beam_at, strike_out_seen, turned_back
 from pipeline.flight.state.arrays import Beyond, Moment
 from pipeline.flight.state.signals import slot
 from pipeline.physics.motion import drifted_place, drifted_velocity, step_of
 
-MISSED = slot("missed")
-COASTING_NEAREST, COASTING_FARTHEST = slot("coasting_nearest"), slot("coasting_farthest")
+MISSED, NEAREST, FARTHEST = slot("missed"), slot("coasting_nearest"), slot("coasting_farthest")
 
 
 @compiled(error_model="numpy")
@@ -28,30 +27,30 @@ def preview(now: Moment, optics: Beyond | None) -> None:
     # the places fall on the same instants at every preview, counted back from the end
     first = (world.num_controls - k - 1) % stride + 1
     turn = world.mean_motion * world.control_period
-    first_cos, first_sin = cos(turn * first), sin(turn * first)
-    stride_cos, stride_sin = cos(turn * stride), sin(turn * stride)
+    first_turn = cos(turn * first), sin(turn * first)
+    stride_turn = cos(turn * stride), sin(turn * stride)
     for lane in range(now.num_lanes):
         num_left = int(lanes.num_unseen[lane])
-        sun_x, sun_y = lanes.sun[0, lane], lanes.sun[1, lane]
+        sun = lanes.sun[0, lane], lanes.sun[1, lane]
         place, velocity = lane_of(belief.position, 0, lane), lane_of(belief.velocity, 0, lane)
         nearest = dot(place, place)
         farthest = nearest
         for j in range(len(ahead) if num_left > 0 else 0):
             ahead[j] = state.unseen[lane, j if optics is not None else world.order[j]]
-        step, turn_cos, turn_sin = first, first_cos, first_sin
+        step, sun_turn = first, first_turn
         sample = k
         while sample < world.num_controls:
             sample += step
             leap = step_of(world.strides, step)
             moved = drifted_place(leap.place, place, velocity)
             place, velocity = moved, drifted_velocity(leap, place, velocity)
-            sun_x, sun_y = sun_x * turn_cos + sun_y * turn_sin, sun_y * turn_cos - sun_x * turn_sin
-            step, turn_cos, turn_sin = stride, stride_cos, stride_sin
+            sun = turned_back(sun, sun_turn)
+            step, sun_turn = stride, stride_turn
             square = dot(place, place)
             nearest, farthest = min(nearest, square), max(farthest, square)
             if num_left > 0:
-                beam = beam_at(now, optics, lane, sample, (sun_x, sun_y))
+                beam = beam_at(now, optics, lane, sample, sun)
                 num_left -= strike_out_seen(world, optics, now.work, points, beam, place)
         signals[MISSED, lane] = num_left
-        signals[COASTING_NEAREST, lane] = sqrt(nearest)
-        signals[COASTING_FARTHEST, lane] = sqrt(farthest)
+        signals[NEAREST, lane] = sqrt(nearest)
+        signals[FARTHEST, lane] = sqrt(farthest)

@@ -24,8 +24,17 @@ from fis_tools.compiled.three import (
 )
 from fis_tools.compiled.vectors import Mask, Vector, count, load, select, some, splat, store
 from pipeline.flight.period.decide.motion import turned_aside
+from pipeline.flight.period.decide.urgency import URGENCY_TIME, URGENT
 from pipeline.flight.period.look.guidance import POINTS
-from pipeline.flight.period.look.optics import Eye, Pair, beam_at, eye_on_chief, lit_points, seen_points
+from pipeline.flight.period.look.optics import (
+    Eye,
+    Pair,
+    beam_at,
+    eye_on_chief,
+    lit_points,
+    seen_points,
+    turned_back,
+)
 from pipeline.flight.state.arrays import Beyond, Control, Moment, Workspace, World, constant_of
 from pipeline.flight.state.lanes import exponential
 from pipeline.flight.state.signals import constant, slot
@@ -34,9 +43,8 @@ from pipeline.physics.sight import HEIGHT, NORMAL
 
 PUSH = slot("see_push_radial", "see_push_along_track", "see_push_cross_track")
 AIM = slot("aim_radial", "aim_along_track", "aim_cross_track")
-URGENT = slot("urgent_radial", "urgent_along_track", "urgent_cross_track")
-URGENCY_TIME, AIM_URGENT = constant("urgency_time_s"), constant("aim_urgent_m_s")
 SEE_HORIZON, SEE_DAMPING = constant("see_horizon_s"), constant("see_damping_ks2")
+AIM_URGENT = constant("aim_urgent_m_s")
 
 #: rows of `Workspace.looks`
 COST, SHORT, SLOPE = 0, 1, 2
@@ -159,8 +167,8 @@ def fitted_push(now: Moment, lane: int, rate: float, damping: float) -> Three:
 def sense_push(now: Moment, optics: Beyond | None, control: Control) -> None:
     """Write the push that shows setting points, and the aim, of lanes that may fire."""
     world, lanes, belief, signals, k = now.world, now.state.lanes, now.state.belief, now.work.signals, now.k
-    look_turn = world.mean_motion * world.control_period * world.look_stride
-    look_cos, look_sin = cos(look_turn), sin(look_turn)
+    look_angle = world.mean_motion * world.control_period * world.look_stride
+    look_turn = cos(look_angle), sin(look_angle)
     rate, damping = 1.0 / constant_of(control, URGENCY_TIME), constant_of(control, SEE_DAMPING)
     horizon, urgent = constant_of(control, SEE_HORIZON), constant_of(control, AIM_URGENT)
     farthest = int(horizon / (world.control_period * world.look_stride) + 1e-9)
@@ -168,13 +176,13 @@ def sense_push(now: Moment, optics: Beyond | None, control: Control) -> None:
     for lane in range(now.num_lanes):
         push = Three(0.0, 0.0, 0.0)
         if lanes.coasts[lane] == 0.0 and await_dark(now, lane, horizon) > 0:
-            sun_x, sun_y = lanes.sun[0, lane], lanes.sun[1, lane]
+            sun = lanes.sun[0, lane], lanes.sun[1, lane]
             place, velocity = lane_of(belief.position, 0, lane), lane_of(belief.velocity, 0, lane)
             for look in range(1, num_looks + 1):
-                sun_x, sun_y = sun_x * look_cos + sun_y * look_sin, sun_y * look_cos - sun_x * look_sin
+                sun = turned_back(sun, look_turn)
                 then = place_of(world.looks, look)
                 at = drifted_place(then, place, velocity)
-                look_from(now, optics, lane, k + look * world.look_stride, then, at, (sun_x, sun_y))
+                look_from(now, optics, lane, k + look * world.look_stride, then, at, sun)
             push = fitted_push(now, lane, rate, damping)
             push = turned_aside(now, control, lane, push, 1.0)
         write_lane(signals, PUSH, lane, push)

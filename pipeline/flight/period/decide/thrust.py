@@ -6,12 +6,12 @@ from fis_tools.compiled.decorator import compiled
 from fis_tools.compiled.three import Three, load_three, same, store_three
 from fis_tools.compiled.vectors import load, select, some, store, width_of
 from fis_tools.engines.kernel import infer
+from pipeline.flight.period.decide.preview import FARTHEST, MISSED, NEAREST
 from pipeline.flight.state.arrays import Control, Law, Moment, Plans, constant_of
 from pipeline.flight.state.lanes import clip_three, flight_of, four, one
-from pipeline.flight.state.signals import BODY, FIRST_DEAD_BAND, constant, slot
+from pipeline.flight.state.signals import BODY, FIRST_DEAD_BAND, constant
 from pipeline.physics.quaternion import to_hill
 
-MISSED, NEAREST, FARTHEST = slot("missed"), slot("coasting_nearest"), slot("coasting_farthest")
 COAST_BELOW, COAST_MARGIN = constant("coast_below_points"), constant("coast_margin_m")
 
 

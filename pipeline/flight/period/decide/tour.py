@@ -6,12 +6,13 @@ from fis_tools.compiled.decorator import compiled
 from fis_tools.compiled.three import Three, lane_of, write_lane
 from fis_tools.compiled.vectors import width_of
 from pipeline.flight.period.decide.motion import turned_aside
+from pipeline.flight.period.decide.urgency import URGENT
+from pipeline.flight.period.look.optics import Pair, turned_back
 from pipeline.flight.state.arrays import Control, Moment, constant_of
 from pipeline.flight.state.signals import constant, slot
 from pipeline.physics.motion import drifted_place, place_over, push_by
 
 TOUR_PUSH = slot("tour_push_radial", "tour_push_along_track", "tour_push_cross_track")
-URGENT = slot("urgent_radial", "urgent_along_track", "urgent_cross_track")
 TOUR_TIME, TOUR_WAIT, TOUR_LEAN = constant("tour_time_s"), constant("tour_wait_s"), constant("tour_lean_m")
 RADIAL, ALONG_TRACK = constant("tour_radial_mean_m"), constant("tour_along_track_mean_m")
 CROSS_TRACK, LIFT = constant("tour_cross_track_mean_m"), constant("tour_lift_mean_m")
@@ -36,21 +37,22 @@ def tour_at(control: Control, c: float, s: float, height: float) -> Three:
 
 @compiled(error_model="numpy", inline="always")
 def time_ahead(
-    least_height: float, mean_motion: float, time: float, wait: float, x: float, y: float, level: float
+    least_height: float, mean_motion: float, time: float, wait: float, sun: Pair, level: float
 ) -> float:
     """Return the time until a lane is to be on the tour, s; zero if it need not move yet.
 
     If it would be dark after `time`, the arrival is when the shadow ends, unless that is later than `wait`;
-    with a `wait` of zero darkness is ignored. x, y and level are cosine and sine of the Sun's angle, and
-    cosine of its elevation; it is dark where its direction's component along i is below the least height.
+    with a `wait` of zero darkness is ignored. `level` is the cosine of the Sun's elevation; it is dark where
+    the component of the Sun's direction along i is below the least height.
     """
-    turned_cos, turned_sin = cos(mean_motion * time), sin(mean_motion * time)
-    if wait == 0.0 or (x * turned_cos + y * turned_sin) * level >= least_height:
+    angle = mean_motion * time
+    if wait == 0.0 or turned_back(sun, (cos(angle), sin(angle)))[0] * level >= least_height:
         return time
     # end of the shadow
     end_cos = least_height / level
     end_sin = sqrt(1.0 - end_cos * end_cos)
-    turn = atan2(y * end_cos - x * end_sin, x * end_cos + y * end_sin)
+    along, across = turned_back(sun, (end_cos, end_sin))
+    turn = atan2(across, along)
     ahead = (turn if turn > 0.0 else turn + 2.0 * pi) / mean_motion
     return ahead if ahead <= wait else 0.0
 
@@ -61,14 +63,13 @@ def sense_tour(now: Moment, control: Control) -> None:
     lanes, belief, signals, n = now.state.lanes, now.state.belief, now.work.signals, now.world.mean_motion
     wait, least_height = constant_of(control, TOUR_WAIT), now.world.optics.least_height
     for lane in range(width_of(lanes)):
-        x, y = lanes.sun[0, lane], lanes.sun[1, lane]
+        sun = lanes.sun[0, lane], lanes.sun[1, lane]
         level, height = lanes.sun_height[0, lane], lanes.sun_height[1, lane]
-        time = time_ahead(least_height, n, constant_of(control, TOUR_TIME), wait, x, y, level)
+        time = time_ahead(least_height, n, constant_of(control, TOUR_TIME), wait, sun, level)
         if time == 0.0:
             write_lane(signals, TOUR_PUSH, lane, Three(0.0, 0.0, 0.0))
             continue
-        turned_cos, turned_sin = cos(n * time), sin(n * time)
-        c, s = x * turned_cos + y * turned_sin, y * turned_cos - x * turned_sin
+        c, s = turned_back(sun, (cos(n * time), sin(n * time)))
         wanted = tour_at(control, c, s, height)
         wanted += constant_of(control, TOUR_LEAN) * lane_of(signals, URGENT, lane)
         place, velocity = lane_of(belief.position, 0, lane), lane_of(belief.velocity, 0, lane)

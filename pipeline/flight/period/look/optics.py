@@ -62,6 +62,13 @@ class Eye(NamedTuple):
 
 
 @compiled(error_model="numpy", forceinline=True)
+def turned_back(angle: Pair, turn: Pair) -> Pair:
+    """Return cosine and sine of an angle less another: by the addition theorem, without library functions."""
+    (x, y), (turned_cos, turned_sin) = angle, turn
+    return x * turned_cos + y * turned_sin, y * turned_cos - x * turned_sin
+
+
+@compiled(error_model="numpy", forceinline=True)
 def sun_after(world: World, sun: Pair, height: Pair, k: int) -> tuple[Pair, Pair]:
     """Return cosines and sines of the Sun's angle and elevation at a sample from those at the start.
 
@@ -73,10 +80,7 @@ def sun_after(world: World, sun: Pair, height: Pair, k: int) -> tuple[Pair, Pair
         flat = np.sqrt(x * x + y * y)
         return (x / flat, y / flat), (flat, z)
     angle = world.mean_motion * world.control_period * k
-    turned_cos, turned_sin = cos(angle), sin(angle)
-    # by the addition theorem, so that no lane calls library functions
-    x, y = sun
-    return (x * turned_cos + y * turned_sin, y * turned_cos - x * turned_sin), height
+    return turned_back(sun, (cos(angle), sin(angle))), height
 
 
 @compiled(error_model="numpy")
