@@ -5,7 +5,7 @@ values. LLVM has vectors of any width as values and maps them to the processor's
 """
 
 import operator
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from typing import Any
 
 import numpy as np
@@ -123,8 +123,8 @@ def defined(
     return register
 
 
-def _alike(context: Any, builder: Any, wanted: Any, pairs: Any) -> list[Any]:
-    """Return vectors and numbers, given with their types, as floats or as vectors of the wanted type."""
+def _alike(context: Any, builder: Any, wanted: Any, values: Any, kinds: Any) -> list[Any]:
+    """Return vectors and numbers, of some types, as floats or as vectors of the wanted type."""
 
     def alike(value: Any, kind: Any) -> Any:
         if isinstance(kind, VectorType):
@@ -132,7 +132,7 @@ def _alike(context: Any, builder: Any, wanted: Any, pairs: Any) -> list[Any]:
         number = context.cast(builder, value, kind, types.float64)
         return _splat(builder, number, wanted.width) if isinstance(wanted, VectorType) else number
 
-    return [alike(*pair) for pair in pairs]
+    return [alike(*pair) for pair in zip(values, kinds, strict=True)]
 
 
 def _splat(builder: Any, value: Any, width: int) -> Any:
@@ -178,57 +178,57 @@ def _binary(
     operation: Any,
     result: Callable[[Any], Any],
     emit: Callable[[Any, Any, Any], Any],
-    takes_threes: bool = False,
+    threes: Collection[tuple[bool, bool]] = (),
 ) -> None:
     """Register an operation of two vectors, or of a vector and a number; for two numbers it is numba's.
 
-    With a three-vector among its arguments it works component by component, if it takes them.
+    `threes` says which arguments may be three-vectors: on these it works component by component.
     """
 
     def typer(one: Any, other: Any) -> Any:
         if one is other and one in (types.float64, types.int64):
             return result(one)
-        if takes_threes and (_is_three(one) or _is_three(other)):
+        if (_is_three(one), _is_three(other)) in threes:
             return _three_type(one, other)
         joint = _joint(one, other)
         return result(joint) if isinstance(joint, VectorType) else None
 
     def lower(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        pairs = zip(args, signature.args, strict=True)
-        return emit(builder, *_alike(context, builder, _joint(*signature.args), pairs))
+        return emit(builder, *_alike(context, builder, _joint(*signature.args), args, signature.args))
 
     def lower_threes(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         found = []
         for place, wanted in enumerate(signature.return_type.types):
-            pairs = [
-                (builder.extract_value(value, place) if _is_three(kind) else value, _component(kind, place))
+            values = [
+                builder.extract_value(value, place) if _is_three(kind) else value
                 for value, kind in zip(args, signature.args, strict=True)
             ]
-            found.append(emit(builder, *_alike(context, builder, wanted, pairs)))
+            kinds = [_component(kind, place) for kind in signature.args]
+            found.append(emit(builder, *_alike(context, builder, wanted, values, kinds)))
         return context.make_tuple(builder, signature.return_type, found)
 
     typed(operation, 2, typer)
     for kinds in ((VectorType, VectorType), (VectorType, types.Number), (types.Number, VectorType)):
         lower_builtin(operation, *kinds)(lower)
-    if takes_threes:
-        lower_builtin(operation, types.BaseNamedTuple, types.BaseNamedTuple)(lower_threes)
-        for factor in (VectorType, types.Number):
-            lower_builtin(operation, types.BaseNamedTuple, factor)(lower_threes)
-            lower_builtin(operation, factor, types.BaseNamedTuple)(lower_threes)
+    for is_three in threes:
+        for number in (VectorType, types.Number):
+            three_or_number = [types.BaseNamedTuple if is_one else number for is_one in is_three]
+            lower_builtin(operation, *three_or_number)(lower_threes)
 
 
 def _quotient(kind: Any) -> Any:
     return kind if isinstance(kind, VectorType) else types.float64
 
 
-for _operations, _result, _emit in (
-    ((operator.add, operator.iadd), lambda kind: kind, ir.IRBuilder.fadd),
-    ((operator.sub, operator.isub), lambda kind: kind, ir.IRBuilder.fsub),
-    ((operator.mul, operator.imul), lambda kind: kind, ir.IRBuilder.fmul),
-    ((operator.truediv, operator.itruediv), _quotient, ir.IRBuilder.fdiv),
+BOTH, FIRST_ALONE, SECOND_ALONE = (True, True), (True, False), (False, True)
+for _operations, _result, _emit, _threes in (
+    ((operator.add, operator.iadd), lambda kind: kind, ir.IRBuilder.fadd, (BOTH,)),
+    ((operator.sub, operator.isub), lambda kind: kind, ir.IRBuilder.fsub, (BOTH,)),
+    ((operator.mul, operator.imul), lambda kind: kind, ir.IRBuilder.fmul, (FIRST_ALONE, SECOND_ALONE)),
+    ((operator.truediv, operator.itruediv), _quotient, ir.IRBuilder.fdiv, (FIRST_ALONE,)),
 ):
     for _operation in _operations:
-        _binary(_operation, _result, _emit, takes_threes=True)
+        _binary(_operation, _result, _emit, _threes)
 
 
 def _truth_of(kind: Any) -> Any:
@@ -241,15 +241,8 @@ def _comparing(symbol: str) -> Callable[[Any, Any, Any], Any]:
     return lambda builder, one, other: compare(builder, symbol, one, other)
 
 
-for _operation, _symbol in (
-    (operator.lt, "<"),
-    (operator.le, "<="),
-    (operator.gt, ">"),
-    (operator.ge, ">="),
-    (operator.eq, "=="),
-    (operator.ne, "!="),
-):
-    _binary(_operation, _truth_of, _comparing(_symbol))
+for _name, _symbol in (("lt", "<"), ("le", "<="), ("gt", ">"), ("ge", ">="), ("eq", "=="), ("ne", "!=")):
+    _binary(getattr(operator, _name), _truth_of, _comparing(_symbol))
 
 
 def _same(one: Any, other: Any) -> Any:
@@ -307,8 +300,7 @@ def _select_type(mask: Any, one: Any, other: Any) -> Any:
 
 @defined(vectors.select, types.Type, types.Type, types.Type, result=_select_type)
 def _select(context: Any, builder: Any, signature: Any, mask: Any, *values: Any) -> Any:
-    pairs = zip(values, signature.args[1:], strict=True)
-    return builder.select(mask, *_alike(context, builder, signature.return_type, pairs))
+    return builder.select(mask, *_alike(context, builder, signature.return_type, values, signature.args[1:]))
 
 
 def _extreme(operation: Any, symbol: str) -> None:
@@ -316,8 +308,7 @@ def _extreme(operation: Any, symbol: str) -> None:
 
     @defined(operation, types.Type, types.Type, result=_joint)
     def emit(context: Any, builder: Any, signature: Any, *values: Any) -> Any:
-        pairs = zip(values, signature.args, strict=True)
-        one, other = _alike(context, builder, signature.return_type, pairs)
+        one, other = _alike(context, builder, signature.return_type, values, signature.args)
         return builder.select(builder.fcmp_ordered(symbol, one, other), one, other)
 
 
@@ -352,7 +343,7 @@ def _splat_type(value: Any, width: Any) -> Any:
 
 @defined(vectors.splat, types.Number, types.Integer, result=_splat_type, takes_constants=True)
 def _splat_number(context: Any, builder: Any, signature: Any, value: Any, width: Any) -> Any:
-    return _alike(context, builder, signature.return_type, [(value, signature.args[0])])[0]
+    return _alike(context, builder, signature.return_type, [value], signature.args[:1])[0]
 
 
 def _is_of_floats(array: Any, most_dimensions: int) -> bool:
