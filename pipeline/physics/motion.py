@@ -68,21 +68,18 @@ def input_matrix(mean_motion: float, duration: float, mass: float) -> Floats:
     """Return Gamma, shape (6, 3), for a mean motion above zero, rad/s, a duration, s, and a mass, kg."""
     n = mean_motion
     angle = n * duration
-    s = sin(angle)
     one_minus_c = 2.0 * sin(0.5 * angle) ** 2
     late = _angle_minus_sine(angle)
     along_track = 4.0 * one_minus_c / (n * n) - 1.5 * duration * duration
-    per_newton = np.array(
+    place = np.array(
         [
             [one_minus_c / (n * n), 2.0 * late / (n * n), 0.0],
             [-2.0 * late / (n * n), along_track, 0.0],
             [0.0, 0.0, one_minus_c / (n * n)],
-            [s / n, 2.0 * one_minus_c / n, 0.0],
-            [-2.0 * one_minus_c / n, duration - 4.0 * late / n, 0.0],
-            [0.0, 0.0, s / n],
         ]
     )
-    return per_newton / mass
+    # a steady acceleration changes the velocity as a velocity changes the place
+    return np.vstack((place, state_transition(n, duration)[:3, 3:])) / mass
 
 
 #: parts into which `closest_approach` divides an orbit

@@ -9,7 +9,7 @@ from math import sqrt
 import numpy as np
 
 from fis_tools.compiled.decorator import compiled
-from fis_tools.compiled.three import Three
+from fis_tools.compiled.three import Three, dot
 from fis_tools.compiled.vectors import Vector
 from pipeline.array_types import Floats
 
@@ -43,11 +43,7 @@ def to_hill(q: Quaternion, a: Three) -> Three:
 def to_body(q: Quaternion, a: Three) -> Three:
     """Return vectors in Hill axes in body axes."""
     x, y, z = axes_of(q)
-    return Three(
-        x.x * a.x + x.y * a.y + x.z * a.z,
-        y.x * a.x + y.y * a.y + y.z * a.z,
-        z.x * a.x + z.y * a.y + z.z * a.z,
-    )
+    return Three(dot(x, a), dot(y, a), dot(z, a))
 
 
 @compiled(error_model="numpy", forceinline=True)
