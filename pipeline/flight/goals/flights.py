@@ -11,8 +11,7 @@ from pipeline.flight.cases.starts import Cases
 from pipeline.flight.control.controller import Controller
 from pipeline.flight.fly import simulation
 from pipeline.flight.fly.population import fly_population
-from pipeline.flight.goals import reach
-from pipeline.flight.goals.reach import judged
+from pipeline.flight.goals.reach import ended, judged
 from pipeline.flight.state.arrays import NUM_TRACKED, Law, World
 from pipeline.flight.state.log import FlightLog, Outcomes, Scenario, combined, points_in_words
 from pipeline.settings.experiment import Mission
@@ -71,7 +70,8 @@ def _room(count: int, mission: Mission) -> NDArray[np.float32]:
 def achieved(mission: Mission, log: FlightLog) -> tuple[int, float]:
     """Return what a logged flight counts for: points inspected, or 1 for the goal, and its delta-v, m/s."""
     if mission.problem.kind == "reach":
-        return reach.achieved(mission, log)
+        last, fault = ended(mission, log)
+        return int(not fault), float(np.float32(log.delta_v_m_s[last]))
     return int(log.is_inspected[-1].sum()), float(log.delta_v_m_s[-1])
 
 
@@ -79,7 +79,8 @@ def fly_logged(mission: Mission, controller: Controller, scenario: Scenario) -> 
     """Fly one episode and log it; a goal that is reached counts as the one point."""
     log = simulation.fly_logged(mission, controller, scenario)
     if mission.problem.kind == "reach":
-        reach.mark(mission, log)
+        last, fault = ended(mission, log)
+        log.is_inspected[last:] = not fault
     return log
 
 

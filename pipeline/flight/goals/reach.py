@@ -53,18 +53,6 @@ def ends(problem: Problem, distance: Floats, speed: Floats) -> tuple[Floats, Boo
     return last, is_there[np.arange(len(last)), last], used
 
 
-def achieved(mission: Mission, log: FlightLog) -> tuple[int, float]:
-    """Return 1 if a logged flight reached its goal, else 0, and the delta-v (m/s) spent by its end."""
-    last, outcome = ended(mission, log)
-    return int(not outcome), float(np.float32(log.delta_v_m_s[last]))
-
-
-def mark(mission: Mission, log: FlightLog) -> None:
-    """Note in a flight's log from when on its goal is reached."""
-    last, fault = ended(mission, log)
-    log.is_inspected[last:] = not fault
-
-
 def ended(mission: Mission, log: FlightLog) -> tuple[int, str]:
     """Return the sample at which a logged flight ends, and what went wrong, in words; empty if nothing."""
     problem = mission.problem
