@@ -66,6 +66,12 @@ def attitude_of(rows: Floats, lane: int) -> Quaternion:
 
 
 @compiled(forceinline=True)
+def write_attitude(rows: Floats, lane: int, q: Any) -> None:
+    """Write the attitude of one lane: four floats, or an array of them."""
+    rows[0, lane], rows[1, lane], rows[2, lane], rows[3, lane] = q
+
+
+@compiled(forceinline=True)
 def write_row(target: Any, rows: Floats, lane: int) -> None:
     """Write the numbers of one lane into an array of shape (n,), from the first row on."""
     for i in range(len(target)):

@@ -14,7 +14,7 @@ from fis_tools.compiled.three import Three, chosen, lane_of, load_three, same, s
 from fis_tools.compiled.vectors import most, select, some, splat, store, width_of
 from pipeline.array_types import Floats
 from pipeline.flight.state.arrays import Moment, Plans
-from pipeline.flight.state.lanes import four, one, write_four
+from pipeline.flight.state.lanes import four, one, write_attitude, write_four
 from pipeline.physics.attitude import POLE, blended_y, desired_dcm, desired_y
 from pipeline.physics.motion import place_after, step_of
 from pipeline.physics.quaternion import axes_of, from_dcm
@@ -61,9 +61,7 @@ def aim_plainly(
         else:
             y = desired_y(at, y)
         is_start = False
-        quaternion = from_dcm(desired_dcm(at, y))
-        for i in range(4):
-            now.work.aims[j].attitude[i, lane] = quaternion[i]
+        write_attitude(now.work.aims[j].attitude, lane, from_dcm(desired_dcm(at, y)))
     write_lane(y_before, 0, lane, y)
 
 

@@ -26,9 +26,8 @@ from fis_tools.compiled.three import (
     write_three,
 )
 from fis_tools.compiled.vectors import Vector, select, some, store
-from pipeline.array_types import Floats
 from pipeline.flight.state.arrays import Moment, Plans, World
-from pipeline.flight.state.lanes import attitude_of, clip_three, four, write_four, write_row
+from pipeline.flight.state.lanes import attitude_of, clip_three, four, write_attitude, write_four, write_row
 from pipeline.flight.state.log import FlightLog
 from pipeline.physics.attitude import euler
 from pipeline.physics.quaternion import Quaternion, axes_of, to_body
@@ -134,7 +133,7 @@ def error_of(q: Quaternion, aim: Quaternion) -> Three:
 def relative_rate(q: Quaternion, rate: Three, n: float) -> Three:
     """Return the rate relative to Hill of a body with an inertial rate, rad/s, body axes."""
     x, y, z = axes_of(q)
-    return Three(rate.x - n * x.z, rate.y - n * y.z, rate.z - n * z.z)
+    return rate - n * Three(x.z, y.z, z.z)
 
 
 @compiled(error_model="numpy", forceinline=True)
@@ -157,12 +156,6 @@ def turn_balls(now: Moment) -> None:
         q, rate = turn(q, a, sine, cosine, hill_sin, hill_cos), rate + step * torque
     write_four(state.truth.attitude, q)
     store_three(state.truth.rate, 0, rate)
-
-
-@compiled(error_model="numpy", forceinline=True)
-def write_attitude(rows: Floats, lane: int, q: Quaternion) -> None:
-    """Write the attitude of one lane."""
-    rows[0, lane], rows[1, lane], rows[2, lane], rows[3, lane] = q
 
 
 @compiled(error_model="numpy")
@@ -189,7 +182,7 @@ def control_torque(world: World, q: Quaternion, aim: Quaternion, rate: Three) ->
     """Return the torque of the attitude law, N m, body axes: ``-Kp q_e - Kd w``, each axis clipped."""
     u = relative_rate(q, rate, world.mean_motion)
     p, d = times(world.proportional_gain, error_of(q, aim)), times(world.derivative_gain, u)
-    return clip_three(Three(-p.x - d.x, -p.y - d.y, -p.z - d.z), world.max_torque)
+    return clip_three(-1.0 * p - d, world.max_torque)
 
 
 @compiled(error_model="numpy")
