@@ -5,7 +5,6 @@ import numpy as np
 from fis_tools.compiled.decorator import compiled
 from fis_tools.compiled.three import (
     Three,
-    chosen,
     load_at,
     load_three,
     same,
@@ -18,7 +17,7 @@ from fis_tools.compiled.vectors import Vector, least, load, most, select, splat,
 from pipeline.array_types import Floats
 from pipeline.flight.state.arrays import Moment, State, World
 from pipeline.flight.state.errors import Firing, ModelErrors, ThrustErrors, Thrusters
-from pipeline.flight.state.lanes import clip_three, flight_of, four, one, write_four
+from pipeline.flight.state.lanes import clip, clip_three, flight_of, four, one, write_four
 from pipeline.physics.quaternion import to_body, to_hill, turned
 
 #: propellant, as a share of the mass at the start, that counts as none: what rounding leaves
@@ -45,17 +44,10 @@ def believed(thrusters: Thrusters, command: Vector, fired: Vector) -> Vector:
 def note_fired(now: Moment, thrusters: Thrusters) -> None:
     """Correct the stored command of a period by whether thrusters fired along each axis, which they tell."""
     state, width = now.state, width_of(now.state.lanes)
-    command, fired = load_at(state.acting, now.k, 0, 0, width), load_three(state.lanes.force, 0)
-    known = Three(
-        believed(thrusters, command.x, fired.x),
-        believed(thrusters, command.y, fired.y),
-        believed(thrusters, command.z, fired.z),
-    )
-    store_at(state.acting, now.k, 0, known)
-    has_fired = Three(
-        select(fired.x == 0.0, 0.0, 1.0), select(fired.y == 0.0, 0.0, 1.0), select(fired.z == 0.0, 0.0, 1.0)
-    )
-    store_at(state.has_fired, now.k, 0, has_fired)
+    for axis in range(3):
+        command, fired = load(state.acting, (now.k, axis, 0), width), load(state.lanes.force, axis, width)
+        store(state.acting, (now.k, axis, 0), believed(thrusters, command, fired))
+        store(state.has_fired, (now.k, axis, 0), select(fired == 0.0, 0.0, 1.0))
 
 
 @compiled(error_model="numpy")
@@ -96,18 +88,12 @@ def fire(now: Moment, firing: Firing) -> None:
     asked = same(0.0, width)
     if k - now.world.first >= thrusters.delay:
         asked = load_at(state.commands, k - thrusters.delay, 0, 0, width)
-    e = state.thrusters.errors
-    fired = Three(turned_row(e, 0, asked), turned_row(e, 3, asked), turned_row(e, 6, asked))
-    if len(thrusters.table) == 0:
-        step, smallest = thrusters.step, thrusters.least
-        fired = Three(
-            in_impulses(fired.x, step, smallest),
-            in_impulses(fired.y, step, smallest),
-            in_impulses(fired.z, step, smallest),
-        )
-        fired = clip_three(fired, now.world.max_force)
     has_left = one(state.thrusters.mass) - thrusters.dry > EMPTY
-    store_three(force, 0, chosen(has_left, fired, same(0.0, width)))
+    for axis in range(3):
+        fired = turned_row(state.thrusters.errors, 3 * axis, asked)
+        if len(thrusters.table) == 0:
+            fired = clip(in_impulses(fired, thrusters.step, thrusters.least), now.world.max_force)
+        store(force, axis, select(has_left, fired, 0.0))
     if len(thrusters.table) > 0:
         divide(thrusters, state)
     if burns(firing):

@@ -1,8 +1,8 @@
 """Motion of all lanes over a control period: linear in Hill axes, or about the Earth."""
 
 from fis_tools.compiled.decorator import compiled
-from fis_tools.compiled.three import Three, dot, length, load_three, store_three, three_of, write_lane
-from fis_tools.compiled.vectors import splat, store, width_of
+from fis_tools.compiled.three import Three, dot, length, load_three, same, store_three, three_of, write_lane
+from fis_tools.compiled.vectors import store, width_of
 from pipeline.flight.state.arrays import Moment, State, World
 from pipeline.flight.state.lanes import flight_of, two
 from pipeline.physics.illumination import visible_share
@@ -34,8 +34,7 @@ def note_sunshine(course: Course, state: State, row: int) -> None:
     width = width_of(state.lanes)
     shines = state.lanes.shine
     if course.radiation == 0.0 or not course.has_shadow:
-        for part in range(3):
-            store(shines, part, splat(1.0, width))
+        store_three(shines, 0, same(1.0, width))
         return
     sun = suns(state)
     for part in range(3):
