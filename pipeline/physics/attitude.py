@@ -8,7 +8,6 @@ torques (3,), in body axes; all SI units.
 """
 
 from math import atan2, cos, sin
-from typing import Any
 
 import numpy as np
 
@@ -104,19 +103,6 @@ def longest_tumbling_step(
 
 
 @compiled
-def _advance(stage: int, duration: float, start: Floats, rate: Any, state: Floats, end: Floats) -> None:
-    """Apply one stage's rate in the classical Runge-Kutta method, in place.
-
-    `state` becomes the point of the next of the four stages, and `end` accumulates the end of the step.
-    """
-    weight = duration / 3.0 if 0 < stage < 3 else duration / 6.0
-    reach = duration if stage == 2 else 0.5 * duration
-    for i in range(len(start)):
-        end[i] += weight * rate[i]
-        state[i] = start[i] + reach * rate[i]
-
-
-@compiled
 def tumble(
     quaternion_c_from_h: Floats,
     inertial_rate_c: Floats,
@@ -128,13 +114,15 @@ def tumble(
 ) -> tuple[Floats, Floats]:
     """Return attitude and rate of a torque-free chief after steps of the classical Runge-Kutta method."""
     hill_rate, free, step = Three(0.0, 0.0, mean_motion), Three(0.0, 0.0, 0.0), duration / num_steps
-    attitude, rate = quaternion_c_from_h, inertial_rate_c
+    attitude, rate = quaternion_c_from_h, three_of(inertial_rate_c)
     for _ in range(num_steps):
-        q, w, q_next, w_next = attitude.copy(), rate.copy(), attitude.copy(), rate.copy()
+        q, w, q_next, w_next = attitude, rate, attitude, rate
         for stage in range(4):
-            q_rate = derivative(q, three_of(w) - times(dcm_b_from_h(q), hill_rate))
-            w_rate = euler(inertia, inverse_inertia, three_of(w), free)
-            _advance(stage, step, attitude, q_rate, q, q_next)
-            _advance(stage, step, rate, w_rate, w, w_next)
+            q_rate = derivative(q, w - times(dcm_b_from_h(q), hill_rate))
+            w_rate = euler(inertia, inverse_inertia, w, free)
+            weight = step / 3.0 if 0 < stage < 3 else step / 6.0
+            q_next, w_next = q_next + weight * q_rate, w_next + weight * w_rate
+            reach = step if stage == 2 else 0.5 * step  # to where the next stage is
+            q, w = attitude + reach * q_rate, rate + reach * w_rate
         attitude, rate = normalised(q_next), w_next
-    return attitude, rate
+    return attitude, np.array(rate)

@@ -62,13 +62,13 @@ def num_chief_steps(mission: Mission) -> int:
     SettingError
         If it turns so fast that a flight would need too many.
     """
-    rate, longest = mission.chief.initial_angular_velocity_rad_s, LONGEST_STEP_S
+    rate = mission.chief.initial_angular_velocity_rad_s
     if rate is None:
         return 0
     inertia = np.array(mission.chief.inertia_kg_m2, dtype=np.float64)
     mean_motion = mission.orbit.mean_motion_rad_s
-    longest = min(longest, longest_tumbling_step(inertia, np.array(rate), mean_motion, mission.duration_s))
-    steps = math.ceil(mission.control_period_s / longest)
+    longest = longest_tumbling_step(inertia, np.array(rate), mean_motion, mission.duration_s)
+    steps = math.ceil(mission.control_period_s / min(LONGEST_STEP_S, longest))
     in_flight = steps * mission.num_controls
     if in_flight > MOST_STEPS:
         raise SettingError(
