@@ -45,9 +45,7 @@ def aim(now: Moment, place: Three, velocity: Three, force: Three, last: int) -> 
 
 
 @compiled(error_model="numpy")
-def aim_plainly(
-    now: Moment, place: Three, velocity: Three, force: Three, lane: int, last: int, is_start: bool
-) -> None:
+def aim_plainly(now: Moment, place: Three, velocity: Three, force: Three, lane: int, last: int) -> None:
     """Write one lane's desired attitudes at the instants before `last` in turn, with the rules for poles.
 
     Slower than `aim`, for the cases that it does not cover; `y_before` is carried along.
@@ -56,11 +54,10 @@ def aim_plainly(
     y = lane_of(y_before, 0, lane)
     for j in range(last):
         at = place_after(step_of(world.instants, j), place, velocity, force)
-        if world.has_pole_blending and not is_start:
+        if world.has_pole_blending and now.k + j > 0:
             y = blended_y(at, y, world.attitude_period)
         else:
             y = desired_y(at, y)
-        is_start = False
         write_attitude(now.work.aims[j].attitude, lane, from_dcm(desired_dcm(at, y)))
     write_lane(y_before, 0, lane, y)
 
@@ -79,7 +76,7 @@ def aim_by_rules(now: Moment, moving: Any, force: Floats, last: int) -> None:
     for lane in range(now.num_lanes):
         if lanes.is_near_pole[lane] > 0.0 or world.has_pole_blending:
             place, velocity = lane_of(moving.position, 0, lane), lane_of(moving.velocity, 0, lane)
-            aim_plainly(now, place, velocity, lane_of(force, 0, lane), lane, last, now.k == now.world.first)
+            aim_plainly(now, place, velocity, lane_of(force, 0, lane), lane, last)
     if not world.has_pole_blending:
         store_three(lanes.y_before, 0, chosen(follows, load_three(lanes.y_before, 0), level))
 
