@@ -1,8 +1,4 @@
-"""Three-vectors of lanes: formulas of mechanics in vectors instead of in x, y and z.
-
-A component is a float, or a vector with a lane for each flight (`fis_tools.compiled.vectors`); all
-components of one `Three` are of the same kind. Arrays that hold some have a row for each component.
-"""
+"""Products of three-vectors, `fis_tools.compiled.vectors.Three`, and arrays with a row for each component."""
 
 from typing import Any
 

@@ -9,8 +9,8 @@ Mechanics of Space Systems, section 14.4)::
     y'' + 2 n x'           = f_y / m
     z'' + n^2 z            = f_z / m
 
-Any other effect on the deputy enters here and nowhere else: `motion_over` computes the matrices, and
-everything that moves a deputy reads them from there.
+`motion_over` computes the matrices. Forces that the deputy does not know, where flights have any, are those
+of `pipeline.physics.orbit`.
 
 Compiled code takes a state as a position and a velocity, m and m/s, and reads the elements of Phi and Gamma
 that are not 0 or 1 from a `Step`. A law that stops a deputy is a gain, shape (3, 6): ``f = K s``,
