@@ -70,7 +70,7 @@ class Tour(NamedTuple):
 #: times and sizes in which each image is flown ahead, if the controller says how slow and how small
 NUM_TIMES, NUM_SIZES = 3, 2
 #: flights that are drawn together: so many fly side by side at no further cost
-NUM_DRAWN = 8
+NUM_DRAWN = LANES
 
 
 def rehearsed_tours(controller: Controller) -> list[Tour]:

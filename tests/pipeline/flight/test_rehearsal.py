@@ -290,7 +290,7 @@ def test_draws_of_the_errors_go_to_the_tour_that_is_cheapest_so_far() -> None:
     belief = sizes * start.generator(FIXES).standard_normal(6)
     images = tour_images(controller)
     flights = [[cost(image, MISSION, moved(belief, start.noise))] for image in images]
-    for count in (8, 8, 4):
+    for count in (16, 4):
         best = int(np.argmin([np.mean(costs) for costs in flights]))
         for _ in range(count):
             noise = (1, 2 + (len(flights[best]) << 22), 3)

@@ -54,7 +54,7 @@ def aim_plainly(now: Moment, place: Three, velocity: Three, force: Three, lane: 
     y = lane_of(y_before, 0, lane)
     for j in range(last):
         at = place_after(step_of(world.instants, j), place, velocity, force)
-        if world.has_pole_blending and now.k + j > 0:
+        if world.has_pole_blending and now.k + j > world.first:
             y = blended_y(at, y, world.attitude_period)
         else:
             y = desired_y(at, y)

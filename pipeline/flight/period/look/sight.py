@@ -105,7 +105,7 @@ def see(now: Moment, optics: Beyond | None, clusters: bool | None) -> None:
     store(lanes.travelled, 0, one(lanes.travelled) + distance)
     store(lanes.nearest, 0, least(distance, one(lanes.nearest)))
     store(lanes.farthest, 0, most(distance, one(lanes.farthest)))
-    if k > 0:
+    if k > world.first:
         beyond = most(world.min_distance - distance, distance - world.max_distance)
         store(lanes.beyond, 0, most(beyond, one(lanes.beyond)))
     store_three(truth.boresight, 0, to_hill(four(truth.attitude), three_of(world.boresight)))
