@@ -5,7 +5,8 @@ little as the tour itself. Motion about a circular orbit, light and shadow are u
 the orbit plane, with the Sun. They are also unchanged when time and the along-track axis are reversed:
 where a tour leads from one place to the next, its image leads back, past places mirrored along the track,
 while the Sun moves as always. So a tour has four images, including itself, and which is nearest depends on
-the start.
+the start. Each may be rehearsed in other times, sizes and shapes too, and again later in the flight. Flights
+are reproducible to the last digit: up to a later rehearsal they are flown again.
 """
 
 from collections.abc import Callable, Sequence
@@ -67,8 +68,8 @@ class Tour(NamedTuple):
     shape: int  # 0 for the controller's own, then those drawn around it
 
 
-#: times and sizes in which each image is flown ahead, if the controller says how slow and how small
-NUM_TIMES, NUM_SIZES = 3, 2
+#: times in which each image is flown ahead, if the controller says how slow
+NUM_TIMES = 3
 #: flights that are drawn together: so many fly side by side at no further cost
 NUM_DRAWN = LANES
 
@@ -80,7 +81,7 @@ def rehearsed_tours(controller: Controller) -> list[Tour]:
     smallest, num_images = values[constant("rehearsal_smallest")], round(values[constant("rehearsal_tours")])
     shapes = range(round(values[constant("rehearsal_shapes")]) + 1)
     times = np.geomspace(own, slowest, NUM_TIMES) if slowest > 0.0 else [own]
-    sizes = np.linspace(1.0, smallest, NUM_SIZES) if smallest > 0.0 else [1.0]
+    sizes = [1.0, smallest] if smallest > 0.0 else [1.0]
     found = product(shapes, times, sizes, range(num_images))
     return [Tour(image, float(size), float(time), shape) for shape, time, size, image in found]
 
@@ -109,11 +110,12 @@ def tour_images(controller: Controller) -> tuple[Controller, ...]:
 
 
 def _following(fuzzy: FuzzyController, tour: Tour) -> Controller:
-    attributes = dict(fuzzy.attributes)
-    spread = float(attributes.get("rehearsal_spread_m", 0.0)) * (tour.shape > 0)
-    drawn = np.random.default_rng(0).standard_normal((max(1, tour.shape), len(TOUR_PLACES)))[-1].tolist()
-    for name, off in zip(TOUR_PLACES, drawn, strict=True):
-        place = float(attributes.get(name, 0.0)) + spread * off
+    attributes, off = dict(fuzzy.attributes), np.zeros(len(TOUR_PLACES))
+    if tour.shape > 0:
+        drawn = np.random.default_rng(0).standard_normal((tour.shape, len(TOUR_PLACES)))
+        off = float(attributes.get("rehearsal_spread_m", 0.0)) * drawn[-1]
+    for name, shift in zip(TOUR_PLACES, off.tolist(), strict=True):
+        place = float(attributes.get(name, 0.0)) + shift
         attributes[name] = repr(sign(name, tour.image) * tour.size * place)
     for name in REHEARSING_TOURS:
         attributes.pop(name, None)
