@@ -45,7 +45,7 @@ def parts_of_points(
     world : World
         Of the case that was flown.
     controller : Controller
-        As it was flown: where it rehearses images of its tour, with the one that it followed.
+        As it was flown: where it rehearses tours, one that follows those that it followed.
     log : FlightLog
     samples : (n,)
         Parts are zero at those without an inference.
@@ -55,11 +55,15 @@ def parts_of_points(
     dict of str to (n, P)
         In the unit of the signal.
     """
-    decisions = _Decisions(world, controller.constants, log, samples)
-    found = {}
-    for name in sensed_of_points(world, controller):
-        vector, place = MADE_OF_POINTS[name]
-        found[name] = np.where(log.is_decided[samples, np.newaxis], getattr(decisions, vector)[..., place], 0)
+    names = sensed_of_points(world, controller)
+    found = {name: np.zeros((len(samples), world.num_points)) for name in names}
+    ends = [*controller.changes, world.num_controls + 1]
+    for (begin, one), end in zip(controller.stretches, ends, strict=True):
+        places = np.flatnonzero((begin <= samples) & (samples < end) & log.is_decided[samples])
+        decisions = _Decisions(world, one.constants, log, samples[places])
+        for name in names:
+            vector, axis = MADE_OF_POINTS[name]
+            found[name][places] = getattr(decisions, vector)[..., axis]
     return found
 
 

@@ -232,10 +232,7 @@ class FlightRecorder:
         flown = self.controller
         if len(log.tour_costs_m_s):
             flown = following(flown, mission, log.tour_costs_m_s.argmin(axis=1).tolist())
-        begins, each = zip(*flown.stretches, strict=True)
-        shares = np.split(samples, np.searchsorted(samples, begins[1:]))
-        of_stretches = [parts_of_points(world, of, log, own) for of, own in zip(each, shares, strict=True)]
-        parts = {name: np.concatenate([one[name] for one in of_stretches]) for name in of_stretches[0]}
+        parts = parts_of_points(world, flown, log, samples)
         columns = np.hstack([*parts.values(), log.is_missed[samples]])
         # while the deputy coasts little changes
         is_new = np.append(True, np.any(columns[1:] != columns[:-1], axis=1))[: len(samples)]

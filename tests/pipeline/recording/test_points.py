@@ -12,14 +12,14 @@ from fis_tools.analysis.flights import read_rehearsals
 from fis_tools.findings.explanation.points import rehearsed
 from fis_tools.formats import serialize
 from pipeline.flight.control.controller import Controller, coast, from_fuzzy
-from pipeline.flight.fly.rehearsals import tour_images
+from pipeline.flight.fly.rehearsals import following, tour_names
 from pipeline.flight.fly.simulation import fly_logged
 from pipeline.flight.state.log import FlightLog
 from pipeline.flight.world.pack import pack_world
 from pipeline.recording.points import parts_of_points, sensed_of_points
 from pipeline.settings.experiment import Mission
 from tests.pipeline.flight.as_written import written
-from tests.pipeline.flight.cases import STARTS, controller, leaning_system, mission
+from tests.pipeline.flight.cases import STARTS, controller, leaning_system, mission, touring
 from tests.pipeline.recording.cases import recorded
 from tests.places import PROJECT
 from tests.readable_flight.see_push import KS2, cheapest_looks
@@ -53,10 +53,11 @@ TARGETING = controller((leaning_system("force_x", 0.02, ("target_radial", "", 1.
 
 
 def flown(what: Mission, flying: Controller, start: int = 0) -> tuple[FlightLog, Controller]:
-    """A flight's log, and the controller with the image of the tour that it followed."""
+    """A flight's log, and the controller with the tours that it followed."""
     log = fly_logged(what, flying, STARTS[start])
-    images = tour_images(flying)
-    return log, images[log.tour_costs_m_s.argmin()] if images else flying
+    if len(log.tour_costs_m_s) == 0:
+        return log, flying
+    return log, following(flying, what, log.tour_costs_m_s.argmin(axis=1).tolist())
 
 
 @cache
@@ -172,6 +173,21 @@ def test_a_recording_holds_what_rehearsals_cost(tmp_path: Path) -> None:
     words = rehearsed("first push", first).blocks[1]
     assert len(words.rows) == 6
     assert words.rows[5][2].startswith("100 more, of ")
+
+
+def test_a_recording_holds_what_later_rehearsals_cost(tmp_path: Path) -> None:
+    flying = touring(rehearsal_tours=2, rehearsal_period_s=300.0)
+    what = replace(WORLDS["the paper's"], duration_s=600.0)
+    log = recorded(tmp_path / "x.mcap", what, flying, STARTS[0])
+    first, second = "image of the tour", "image of the tour from 300 s"
+    found = [read_rehearsals(tmp_path / "x.mcap", time_s) for time_s in (290.0, 300.0)]
+    for told, name, costs in zip(found, (first, second), log.tour_costs_m_s, strict=True):
+        assert told == {name: sorted(zip(costs.tolist(), tour_names(flying), strict=True))}
+    events = telemetry.read(tmp_path / "x.mcap").topics["/log"]
+    told_at = [
+        time for time, text in zip(events.time_s, events["message"], strict=True) if "rehearsed" in text
+    ]
+    assert told_at == [0.0, 300.0]
 
 
 def test_a_recording_holds_them_and_one_without_such_inputs_has_no_topic(tmp_path: Path) -> None:
