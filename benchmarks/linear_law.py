@@ -20,7 +20,7 @@ from fis_tools.genes.parameters import plane_gains
 from fis_tools.model import rule_table
 from pipeline.array_types import Floats
 from pipeline.flight.control.controller import Controller, has_constants
-from pipeline.flight.fly import population, rehearsals, simulation
+from pipeline.flight.fly import population, rehearsals, simulation, tours
 from pipeline.flight.fly.many import (
     Flights,
     Results,
@@ -30,7 +30,7 @@ from pipeline.flight.fly.many import (
     write_outcomes,
     write_track,
 )
-from pipeline.flight.fly.rehearsals import tour_images
+from pipeline.flight.fly.tours import tour_images
 from pipeline.flight.period.decide.thrust import is_decision
 from pipeline.flight.period.decide.urgency import note_deadlines
 from pipeline.flight.period.steps import act, decide, look
@@ -122,6 +122,7 @@ def flying() -> Iterator[None]:
     with (
         patch.object(population, "fly_many", fly_linearly),
         patch.object(rehearsals, "tour_images", images_of),
+        patch.object(tours, "tour_images", images_of),
         patch.object(simulation, "tour_images", images_of),
         patch.object(judging, "from_fuzzy", lambda controller: controller),
     ):

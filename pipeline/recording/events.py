@@ -10,7 +10,7 @@ import numpy as np
 from fis_tools.model.thrust import ThrustLogic, thrust_logic
 from pipeline.array_types import Floats
 from pipeline.flight.control.controller import Controller, rehearsed_pushes
-from pipeline.flight.fly.rehearsals import rehearsal_samples, tour_names
+from pipeline.flight.fly.tours import rehearsal_samples, tour_names
 from pipeline.flight.goals import reach
 from pipeline.flight.state.log import (
     KEEP_IN,

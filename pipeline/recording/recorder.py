@@ -27,7 +27,7 @@ from pipeline.controllers.played import to_mapping
 from pipeline.flight.cases.actuators import thrusters_of
 from pipeline.flight.cases.dispersions import mission_of_case
 from pipeline.flight.control.controller import Controller, decision_stride, rehearsed_pushes
-from pipeline.flight.fly.rehearsals import following, rehearsal_samples, tour_names
+from pipeline.flight.fly.tours import following, rehearsal_samples, tour_names
 from pipeline.flight.fly.workspace import lit_and_seen
 from pipeline.flight.goals.reach import ended
 from pipeline.flight.period.look.optics import note_lit_and_seen

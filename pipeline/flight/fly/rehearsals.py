@@ -1,150 +1,34 @@
-"""Rehearsals: flights that a controller simulates to the end from each start before choosing how to begin.
+"""Rehearsals: flights that a controller simulates to the end before choosing how to begin or to go on.
 
-A controller may rehearse the images of its tour, closed paths around the chief that show as much for as
-little as the tour itself. Motion about a circular orbit, light and shadow are unchanged when mirrored in
-the orbit plane, with the Sun. They are also unchanged when time and the along-track axis are reversed:
-where a tour leads from one place to the next, its image leads back, past places mirrored along the track,
-while the Sun moves as always. So a tour has four images, including itself, and which is nearest depends on
-the start. Each may be rehearsed in other times, sizes and shapes too, and again later in the flight. Flights
-are reproducible to the last digit: up to a later rehearsal they are flown again.
+It may rehearse its first push, and the tours that it may follow, also later in the flight. Flights are
+reproducible to the last digit: up to a later rehearsal they are flown again.
 """
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
-from itertools import product
 from typing import NamedTuple
 
 import numpy as np
 
 from fis_tools.engines.kernel import LANES
-from fis_tools.model import FuzzyController
 from pipeline.array_types import Bytes, Floats, Integers
 from pipeline.flight.cases.navigation import as_believed, as_drawn
 from pipeline.flight.cases.starts import cases_of
-from pipeline.flight.control.controller import (
-    Controller,
-    from_fuzzy,
-    law_of,
-    rehearsal_stride,
-    rehearsed_pushes,
-)
+from pipeline.flight.control.controller import Controller, law_of, rehearsed_pushes
 from pipeline.flight.fly.population import fly_population, lanes_of_group
+from pipeline.flight.fly.tours import following, rehearsal_samples, tour_images
 from pipeline.flight.state.log import Outcomes, Scenario
-from pipeline.flight.state.signals import TOUR_PLACES, constant
+from pipeline.flight.state.signals import constant
 from pipeline.flight.world.pack import pack_world
 from pipeline.settings.experiment import Mission
 from pipeline.threads import in_threads
-
-#: names of the images, in the order in which they are tried
-IMAGES = (
-    "as it is",
-    "mirrored through the orbit plane",
-    "the other way round",
-    "the other way round and mirrored through the orbit plane",
-)
-
-
-def sign(name: str, image: int) -> float:
-    """Return the factor of a tour's constant in an image.
-
-    The lift keeps its sign in the mirror: it is multiplied by the Sun's elevation, which changes sign. With
-    time reversed the tour's place at an angle is its former place at minus that angle, where sines change
-    sign, mirrored along the track.
-    """
-    is_mirrored, is_turned_round = image % 2 == 1, image >= 2
-    flips = is_mirrored and name.startswith("tour_cross_track")
-    if is_turned_round:
-        flips ^= ("_sin_" in name) ^ name.startswith("tour_along_track")
-    return -1.0 if flips else 1.0
-
-
-class Tour(NamedTuple):
-    """A tour that is flown ahead."""
-
-    image: int
-    size: float  # share of the controller's own
-    time_s: float  # in place of ``tour_time_s``
-    shape: int  # 0 for the controller's own, then those drawn around it
-
-
-#: times in which each image is flown ahead, if the controller says how slow
-NUM_TIMES = 3
-#: flights that are drawn together: so many fly side by side at no further cost
-NUM_DRAWN = LANES
-
-
-def rehearsed_tours(controller: Controller) -> list[Tour]:
-    """Return the tours that a controller rehearses, first its own; none by default."""
-    values = controller.constants
-    own, slowest = values[constant("tour_time_s")], values[constant("rehearsal_slowest_s")]
-    smallest, num_images = values[constant("rehearsal_smallest")], round(values[constant("rehearsal_tours")])
-    shapes = range(round(values[constant("rehearsal_shapes")]) + 1)
-    times = np.geomspace(own, slowest, NUM_TIMES) if slowest > 0.0 else [own]
-    sizes = [1.0, smallest] if smallest > 0.0 else [1.0]
-    found = product(shapes, times, sizes, range(num_images))
-    return [Tour(image, float(size), float(time), shape) for shape, time, size, image in found]
-
-
-def tour_names(controller: Controller) -> list[str]:
-    """Return what each tour that a controller rehearses is called."""
-    tours = rehearsed_tours(controller)
-    with_time, with_size = (len({tour[part] for tour in tours}) > 1 for part in (2, 1))
-    return [
-        (f"shape {tour.shape}, " if tour.shape else "")
-        + IMAGES[tour.image]
-        + (f", {100.0 * tour.size:.0f} % of its size" if with_size else "")
-        + (f", in {tour.time_s:.0f} s" if with_time else "")
-        for tour in tours
-    ]
-
-
-@lru_cache(maxsize=8)
-def tour_images(controller: Controller) -> tuple[Controller, ...]:
-    """Return a controller for each tour that a controller rehearses; none by default.
-
-    Each follows its tour without rehearsing any. The first follows the controller's own.
-    """
-    fuzzy = controller.fuzzy
-    return tuple(_following(fuzzy, tour) for tour in rehearsed_tours(controller) if fuzzy is not None)
-
-
-def _following(fuzzy: FuzzyController, tour: Tour) -> Controller:
-    attributes, off = dict(fuzzy.attributes), np.zeros(len(TOUR_PLACES))
-    if tour.shape > 0:
-        drawn = np.random.default_rng(0).standard_normal((tour.shape, len(TOUR_PLACES)))
-        off = float(attributes.get("rehearsal_spread_m", 0.0)) * drawn[-1]
-    for name, shift in zip(TOUR_PLACES, off.tolist(), strict=True):
-        place = float(attributes.get(name, 0.0)) + shift
-        attributes[name] = repr(sign(name, tour.image) * tour.size * place)
-    for name in REHEARSING_TOURS:
-        attributes.pop(name, None)
-    attributes["tour_time_s"] = repr(tour.time_s)
-    return from_fuzzy(replace(fuzzy, attributes=tuple(attributes.items())))
-
-
-def following(controller: Controller, mission: Mission, tours: Sequence[int]) -> Controller:
-    """Return a controller for the tours that a controller follows, from each of its rehearsals on."""
-    images, samples = tour_images(controller), rehearsal_samples(controller, mission)
-    followed = [images[tour] for tour in tours]
-    return replace(followed[0], later=tuple(zip(samples[1:], followed[1:], strict=False)))
-
-
-def rehearsal_samples(controller: Controller, mission: Mission) -> list[int]:
-    """Return the samples at which a controller rehearses its tours, from 0."""
-    stride = rehearsal_stride(controller, mission)
-    return list(range(0, mission.num_controls, stride)) if stride else [0]
-
 
 #: rehearsal costs of a point missed, and of leaving the limits, more than any flight can spend
 REHEARSED_POINT_M_S, OUTSIDE_M_S = 0.15, 1e4
 #: the first where errors are drawn: high, so that the choice is by the share of flights that succeed
 DRAWN_POINT_M_S = 0.7
-#: constants that say which tours are flown ahead, and how often
-REHEARSING_TOURS = (
-    *("rehearsal_tours", "rehearsal_slowest_s", "rehearsal_smallest"),
-    *("rehearsal_shapes", "rehearsal_spread_m", "rehearsal_draws", "rehearsal_period_s"),
-)
+#: flights that are drawn together: so many fly side by side at no further cost
+NUM_DRAWN = LANES
 
 
 def rehearsed_openings(
@@ -258,7 +142,7 @@ def _at_sample(
 def by_tours(followed: Integers) -> dict[tuple[int, ...], Integers]:
     """Return the places of the flights, by the tours that they follow, given in rows."""
     found, which = np.unique(followed, axis=0, return_inverse=True)
-    return {tuple(row): np.flatnonzero(which == place) for place, row in enumerate(found.tolist())}
+    return {tuple(row): np.flatnonzero(which.ravel() == place) for place, row in enumerate(found.tolist())}
 
 
 @dataclass(frozen=True)

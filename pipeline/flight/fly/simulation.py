@@ -29,13 +29,8 @@ from pipeline.flight.fly.population import (
     lanes_of_group,
     outcomes_of,
 )
-from pipeline.flight.fly.rehearsals import (
-    by_tours,
-    following,
-    rehearse_tours,
-    rehearsed_openings,
-    tour_images,
-)
+from pipeline.flight.fly.rehearsals import by_tours, rehearse_tours, rehearsed_openings
+from pipeline.flight.fly.tours import following, tour_images
 from pipeline.flight.fly.workspace import make_state, make_workspace
 from pipeline.flight.period.look.optics import note_inspectable
 from pipeline.flight.state.arrays import NUM_OUTCOMES, Law, Plans

@@ -18,15 +18,9 @@ from pipeline.flight.control.controller import (
     rehearsed_pushes,
 )
 from pipeline.flight.fly.population import fly_population
-from pipeline.flight.fly.rehearsals import (
-    IMAGES,
-    following,
-    rehearsal_samples,
-    rehearsed_openings,
-    tour_images,
-    tour_names,
-)
+from pipeline.flight.fly.rehearsals import rehearsed_openings
 from pipeline.flight.fly.simulation import fly_all, fly_logged
+from pipeline.flight.fly.tours import IMAGES, following, rehearsal_samples, tour_images, tour_names
 from pipeline.flight.state.log import Outcomes, Scenario
 from pipeline.flight.state.signals import CONSTANTS, TOUR_PLACES
 from pipeline.flight.world.pack import pack_world

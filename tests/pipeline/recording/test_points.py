@@ -12,8 +12,8 @@ from fis_tools.analysis.flights import read_rehearsals
 from fis_tools.findings.explanation.points import rehearsed
 from fis_tools.formats import serialize
 from pipeline.flight.control.controller import Controller, coast, from_fuzzy
-from pipeline.flight.fly.rehearsals import following, tour_names
 from pipeline.flight.fly.simulation import fly_logged
+from pipeline.flight.fly.tours import following, tour_names
 from pipeline.flight.state.log import FlightLog
 from pipeline.flight.world.pack import pack_world
 from pipeline.recording.points import parts_of_points, sensed_of_points
