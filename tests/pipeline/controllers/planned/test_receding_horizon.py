@@ -7,7 +7,7 @@ import pytest
 
 from pipeline.controllers.planned.paths import elements_matrix
 from pipeline.controllers.source import load, remembering
-from pipeline.flight.fly.simulation import fly_all
+from pipeline.flight.fly.simulation import fly_all, fly_logged
 from pipeline.flight.state.log import Scenario
 from tests.pipeline.controllers.planned import cases
 from tests.pipeline.controllers.planned.cases import MEAN_MOTION, flown
@@ -135,6 +135,29 @@ def test_under_several_layers_what_is_known_alike_is_planned_once() -> None:
         expected = fly_all(mission, again, STARTS[:2], 1)
         np.testing.assert_array_equal(found.delta_v_m_s, expected.delta_v_m_s)
         np.testing.assert_array_equal(found.inspected_count, expected.inspected_count)
+
+
+def test_what_is_planned_from_is_where_the_safety_layer_has_led() -> None:
+    """In vectors with room for more flights than are flown, too: copies there are not guarded."""
+    experiment = cases.composed("receding_horizon", "sun=random").experiment
+    told = {}
+
+    class Diving:
+        decisions = (0, 12, 24)
+
+        def __call__(self, scenario, decision, state):
+            told[decision] = state
+            return -0.5 * np.tile(state[:3] / np.linalg.norm(state[:3]), (12, 1))
+
+    guard = replace(experiment.mission.safety, kind="filter")
+    guarded = replace(experiment.mission, safety=guard, duration_s=600.0)
+    diving = replace(load(experiment.controller, experiment.mission), planner=Diving())
+    log = fly_logged(guarded, diving, STARTS[0])
+    assert np.any(log.safety_force_hill_n[12:24])
+    for decision, state in told.items():
+        np.testing.assert_array_equal(
+            state, np.hstack((log.position_m[decision], log.velocity_m_s[decision]))
+        )
 
 
 def test_where_no_solution_is_found_nothing_is_fired(plans):
