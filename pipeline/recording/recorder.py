@@ -7,6 +7,7 @@ import base64
 import json
 import math
 from collections.abc import Mapping
+from itertools import compress
 from pathlib import Path
 from typing import Any
 
@@ -167,7 +168,8 @@ class FlightRecorder:
         ends = [*begins[1:], self.mission.duration_s]
         for costs, begin, end in zip(log.tour_costs_m_s, begins, ends, strict=False):
             what = "image of the tour" + (f" from {begin:g} s" if begin else "")
-            found[what] = (names, costs, begin, end)
+            is_told = np.isfinite(costs)
+            found[what] = (list(compress(names, is_told)), costs[is_told], begin, end)
         return {
             topics.REHEARSAL_METADATA_PREFIX + what: Rehearsal(
                 names=tuple(names), costs_m_s=tuple(costs.tolist()), until_s=end, from_s=begin

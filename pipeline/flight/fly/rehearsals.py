@@ -26,7 +26,7 @@ from pipeline.threads import in_threads
 #: rehearsal costs of a point missed, and of leaving the limits, more than any flight can spend
 REHEARSED_POINT_M_S, OUTSIDE_M_S = 0.15, 1e4
 #: the first where errors are drawn: high, so that the choice is by the share of flights that succeed
-DRAWN_POINT_M_S = 0.7
+DRAWN_POINT_M_S = 1.0
 #: flights that are drawn together: so many fly side by side at no further cost
 NUM_DRAWN = LANES
 
@@ -163,7 +163,7 @@ class _Ahead:
         are means: again and again, the tour that is cheapest so far is flown `NUM_DRAWN` times more, with
         errors drawn by the mission's settings, up to so many flights in all. So draws go to the tours that
         the choice is between, and none is followed because a single flight went well. A start's first draw is
-        the same for all tours, as are its further ones.
+        the same for all tours, as are its further ones. Tours without draws cost infinitely much.
         """
         num_draws = round(self.controller.constants[constant("rehearsal_draws")])
         price = DRAWN_POINT_M_S if num_draws else REHEARSED_POINT_M_S
@@ -184,6 +184,8 @@ class _Ahead:
                 more = fly(tour, starts, each).reshape(-1, count).sum(axis=1)
                 costs[places, tour] = (costs[places, tour] * flown + more) / (flown + count)
                 num_flown[places, tour] += count
+        # a flight without errors is too good to be compared with those
+        costs[num_flown == 1] = np.inf
         return costs
 
     def _flying(self, mission: Mission, price: float) -> Callable[[int, list[Scenario], Integers], Floats]:
