@@ -6,6 +6,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
@@ -83,11 +84,12 @@ def test_a_disk_that_nobody_may_write_to(alone, tmp_path, monkeypatch, refused):
         goes_on(folder, alone)
 
 
-@pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
-def test_a_folder_that_may_not_be_written_to(tmp_path, refused):
-    tmp_path.chmod(0o500)
-    refused(words(tmp_path / "run"), "cannot be a run's folder (Permission denied)")
-    tmp_path.chmod(0o700)
+def test_a_folder_that_may_not_be_written_to(refused):
+    with TemporaryDirectory() as own:
+        Path(own).chmod(0o555)
+        with faults.without_privileges():
+            refused(words(Path(own) / "run"), "cannot be a run's folder (Permission denied)")
+        assert not list(Path(own).iterdir())
 
 
 def test_a_folder_that_is_deleted_under_a_run(alone, tmp_path, monkeypatch, refused):
