@@ -239,9 +239,10 @@ def _numbers(key: str, text: str) -> float | tuple[float, ...]:
         NUMBERS_OF.get(key) or len(given)
     )
     if not are_numbers or not is_right:
+        kind = "whole numbers" if key in WHOLE else "numbers"
         raise RecordingError(
             f"metadata {key!r} is {text[:80]!r}, but {NUMBERS_OF.get(key, 1) or 'any number of'} finite "
-            f"{'whole ' * (key in WHOLE)}numbers are expected; {CURE}"
+            f"{kind} are expected; {CURE}"
         )
     return tuple(value) if isinstance(value, list) else value  # type: ignore[return-value,arg-type]
 

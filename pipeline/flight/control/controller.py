@@ -231,7 +231,7 @@ def law_of(controller: Controller, mission: Mission) -> Law:
         slots = [slot(variable.name) for variable in system.inputs]
         row[:] = (slots + [slots[-1]] * 3)[:3]
     check_tour(controller, mission)
-    rehearsal_stride(controller, mission)
+    rehearsal_stride(controller, mission)  # its rehearsals must fit its decisions
     return Law(
         axes=np.array([AXES[system.outputs[0].name] for system in controller.systems], dtype=np.int64),
         signals=signals,
