@@ -6,7 +6,6 @@ import subprocess
 import sys
 import time
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
@@ -84,12 +83,14 @@ def test_a_disk_that_nobody_may_write_to(alone, tmp_path, monkeypatch, refused):
         goes_on(folder, alone)
 
 
-def test_a_folder_that_may_not_be_written_to(refused):
-    with TemporaryDirectory() as own:
-        Path(own).chmod(0o555)
-        with faults.without_privileges():
-            refused(words(Path(own) / "run"), "cannot be a run's folder (Permission denied)")
-        assert not list(Path(own).iterdir())
+def test_a_folder_that_may_not_be_written_to(tmp_path):
+    tmp_path.chmod(0o555)
+    command = [*faults.without_privilege(), sys.executable, "-m", "pipeline", *words(tmp_path / "run")]
+    ended = subprocess.run(command, cwd=PROJECT, capture_output=True, text=True, check=False)  # noqa: S603
+    assert ended.returncode == 2
+    assert "cannot be a run's folder (Permission denied)" in ended.stderr
+    assert "Traceback" not in ended.stderr
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_folder_that_is_deleted_under_a_run(alone, tmp_path, monkeypatch, refused):
