@@ -248,34 +248,27 @@ def read_outcome(path: Path | str) -> Outcome:
         If the flight cannot be read.
     """
     recording = _read(path, topics=("/mission", CONTROL_TOPICS))
-    episode, mission = recording.episode, recording.topics.get("/mission")
-    control = _topic(recording, "/control")
-    end: dict[str, float | None] = dict.fromkeys(("delta_v_m_s", "inspection_rate_percent"))
-    distance = np.array([])
-    if mission is not None and len(mission):
-        last = recording.last_sample
-        end = {name: float(mission[name][last]) for name in end}
-        distance = mission["distance_m"][: last + 1].astype(np.float64)
-    nearest, farthest = (float(distance.min()), float(distance.max())) if len(distance) else (None, None)
-    goal, rate = episode.inspection_threshold_percent, end["inspection_rate_percent"]
-    limits = (episode.min_distance_m, episode.max_distance_m)
-    # the start may lie outside
-    outside = [
-        limit is not None and bool(np.any(sign * (distance[1:] - limit) > 0.0))
-        for sign, limit in zip((-1.0, 1.0), limits, strict=True)
-    ]
+    end, control = recording.outcome, _topic(recording, "/control")
+    goal, rate = recording.episode.inspection_threshold_percent, end.get("inspection_rate_percent")
+    nearest, farthest = recording.episode.min_distance_m, recording.episode.max_distance_m
+    is_outside = None
+    if end and nearest is not None and farthest is not None:
+        # the start may lie outside
+        distance = recording["/mission"]["distance_m"][1 : recording.last_sample + 1].astype(np.float64)
+        is_outside = bool(np.any((distance < nearest) | (distance > farthest)))
     acted = None
     if control is not None and len(control):
         reasons = [control[name].reshape(len(control), -1) for name in ("reason", "command_reason")]
         is_safety = np.hstack(reasons) == "safety"
         acted = int(is_safety.any(axis=1).sum()) if is_safety.size else None
     return Outcome(
-        end_s=episode.end_s,
-        **end,
-        nearest_m=nearest,
-        farthest_m=farthest,
+        end_s=recording.episode.end_s,
+        delta_v_m_s=end.get("delta_v_m_s"),
+        inspection_rate_percent=rate,
+        nearest_m=end.get("min_distance_m"),
+        farthest_m=end.get("max_distance_m"),
         is_success=None if goal is None or rate is None else rate >= goal,
-        is_outside=None if None in limits or not len(distance) else any(outside),
+        is_outside=is_outside,
         num_safety=acted,
         constants=dict(recording.metadata.get(CONSTANTS_METADATA, {})),
     )

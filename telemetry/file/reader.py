@@ -171,6 +171,24 @@ class Recording:
         return max(0, int(np.searchsorted(self[topics.MISSION].time_s, self.end_s, side="right")) - 1)
 
     @property
+    def outcome(self) -> dict[str, float]:
+        """What the flight came to, with a unit in each name; empty where the recording does not say."""
+        mission = self.topics.get(topics.MISSION)
+        if mission is None or not len(mission):
+            return {}
+        end_s, last = self.episode.end_s, self.last_sample
+        distance = mission["distance_m"][: last + 1]
+        return ({} if end_s is None else {"end_s": end_s}) | {
+            "inspected_count": int(mission["inspected_count"][last]),
+            "num_points": mission["inspected_mask"].shape[1],
+            "inspectable_count": int(mission["inspectable_count"][last]),
+            "inspection_rate_percent": float(mission["inspection_rate_percent"][last]),
+            "delta_v_m_s": float(mission["delta_v_m_s"][last]),
+            "min_distance_m": float(distance.min()),
+            "max_distance_m": float(distance.max()),
+        }
+
+    @property
     def command_age_s(self) -> float:
         """How long before a control period what it fires was commanded; 0 where that is not recorded."""
         control = self.topics.get(topics.DEPUTY_CONTROL)

@@ -39,30 +39,12 @@ def summarize(recording: Recording) -> dict[str, Any]:
         "end_s": float(times.max()) if times.size else None,
         "is_rescued": topics.RECOVERY_METADATA in recording.metadata,
         "episode": dict(recording.metadata.get(topics.EPISODE_METADATA, {})),
-        "outcome": outcome_of(recording),
+        "outcome": recording.outcome,
         "fuzzy_systems": {name: _system(recording, name) for name in recording.fis_names},
         "topics": {
             name: {"schema": topic.schema, "messages": len(topic)} for name, topic in recording.topics.items()
         },
         "attachments": {name: len(content) for name, content in recording.attachments.items()},
-    }
-
-
-def outcome_of(recording: Recording) -> dict[str, float]:
-    """Return what a flight came to; empty where the recording does not say."""
-    mission = recording.topics.get(topics.MISSION)
-    if mission is None or not len(mission):
-        return {}
-    end_s, last = recording.episode.end_s, recording.last_sample
-    distance = mission["distance_m"][: last + 1].astype(np.float64)
-    return ({} if end_s is None else {"end_s": end_s}) | {
-        "inspected_count": int(mission["inspected_count"][last]),
-        "num_points": mission["inspected_mask"].shape[1],
-        "inspectable_count": int(mission["inspectable_count"][last]),
-        "inspection_rate_percent": float(mission["inspection_rate_percent"][last]),
-        "delta_v_m_s": float(mission["delta_v_m_s"][last]),
-        "min_distance_m": float(distance.min()),
-        "max_distance_m": float(distance.max()),
     }
 
 

@@ -12,7 +12,7 @@ from telemetry.array_types import Bytes, Floats
 from telemetry.file import topics
 from telemetry.file.metadata import FisDescription
 from telemetry.file.reader import Recording, TopicColumns
-from telemetry.file.summary import ending, outcome_of
+from telemetry.file.summary import ending
 from telemetry.scene.curves import drawable, table
 
 #: size of the heat map in pixels; a 2D view keeps the aspect ratio
@@ -185,7 +185,7 @@ def flights_in_words(recordings: Sequence[Recording], names: Sequence[str]) -> s
 
 
 def _facts(recording: Recording) -> list[tuple[str, str]]:
-    outcome = outcome_of(recording)
+    outcome = recording.outcome
     end_s = recording.episode.end_s
     count, num_points = outcome["inspected_count"], outcome["num_points"]
     inspected = ("inspected", f"{count} of {num_points} points")
