@@ -3,7 +3,8 @@
 `afrl/make_tables.py` made the tables, of safe-autonomy-sims (https://github.com/act3-ace/safe-autonomy-sims).
 """
 
-from typing import NamedTuple
+from itertools import compress
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -16,14 +17,19 @@ from pipeline.flight.fly.simulation import fly_logged
 from pipeline.flight.state.log import Scenario
 from pipeline.flight.world.pack import inspection_points
 from pipeline.gym import AFRL, AFRL_WEIGHTED, InspectionEnv, SixDofInspectionEnv, task_of
+from pipeline.physics.six_dof import PLACE
 from tests.places import PROJECT
 
 pytestmark = pytest.mark.slow
 
 #: of those, positions are kept
 EVERY = 10
+#: their greatest forces, N, and torques, N m
+GREATEST = [1.0, 1.0, 1.0, 0.001, 0.001, 0.001]
 #: theirs integrates with a tolerance of 1e-3 and takes forces in single precision
 CLOSE_M = 1e-4
+#: random episodes count in which their own positions change by less when last bits do
+REPEATED_M = 1e-5
 ENDS = {"Success", "Crash", "Out of Bounds", "Timeout"}
 WORLDS = {"afrl": AFRL, "afrl_weighted": AFRL_WEIGHTED}
 
@@ -41,10 +47,14 @@ class Episode(NamedTuple):
     status: str
 
 
-def episodes(world: str) -> list[Episode]:
-    """Read the episodes of a world."""
-    with np.load(PROJECT / "tests" / "pipeline" / "gym" / "afrl" / f"{world}.npz") as table:
-        columns = dict(table)
+def table(world: str) -> dict[str, NDArray[Any]]:
+    """Read the columns of a world's table."""
+    with np.load(PROJECT / "tests" / "pipeline" / "gym" / "afrl" / f"{world}.npz") as columns:
+        return dict(columns)
+
+
+def episodes(columns: dict[str, NDArray[Any]]) -> list[Episode]:
+    """Part a table into its episodes."""
     lengths = columns["length"]
     steps, samples, kept = (np.cumsum(n)[:-1] for n in (lengths, lengths + 1, -(-lengths // EVERY) + 1))
 
@@ -65,19 +75,29 @@ def episodes(world: str) -> list[Episode]:
     return [Episode(*row) for row in rows]
 
 
+def started(env: InspectionEnv | SixDofInspectionEnv, one: Episode) -> dict[str, Any]:
+    """Start an episode as theirs; return what is told."""
+    place, velocity, (sun,), priority = np.split(one.start, [3, 6, 7])
+    scenario = Scenario(place, velocity, -sun)  # their Sun's angle is counted from +i towards -j
+    return env.reset(options={"scenario": scenario, "priority": priority})[1]
+
+
+def apart(places: list[NDArray[np.float64]], one: Episode) -> float:
+    """Return how far places are off at most, m."""
+    return float(np.abs(np.array([*places[:-1:EVERY], places[-1]]) - one.places).max())
+
+
 def agreed(env: InspectionEnv | SixDofInspectionEnv, one: Episode) -> float:
     """Fly an episode with its actions; return how far off places are at most, m.
 
     At every step points, their weight and the reward are the same, and so is the end; attitudes are close.
     """
-    place, velocity, (sun,), priority = np.split(one.start, [3, 6, 7])
-    scenario = Scenario(place, velocity, -sun)  # their Sun's angle is counted from +i towards -j
-    _, told = env.reset(options={"scenario": scenario, "priority": priority})
+    told, place = started(env, one), one.start[:3]
     places, turns, rewards, rows, is_over = [place], [np.array([0.0, 0.0, 0.0, 1.0])], [], [told], False
     for action in one.actions:
         assert not is_over
         if isinstance(env, SixDofInspectionEnv):
-            _, reward, terminated, truncated, told = env.step(action / [1.0, 1.0, 1.0, *[0.001] * 3])
+            _, reward, terminated, truncated, told = env.step(action / GREATEST)
             place, turn = np.split(env.state[[0, 1, 2, 6, 7, 8, 9]], [3])
             turns.append(turn)
         else:
@@ -97,29 +117,46 @@ def agreed(env: InspectionEnv | SixDofInspectionEnv, one: Episode) -> float:
     np.testing.assert_allclose(rewards, one.rewards, rtol=0, atol=1e-6)
     if len(one.turns):
         np.testing.assert_allclose([*turns[:-1:EVERY], turns[-1]], one.turns, rtol=0, atol=1e-3)
-    return float(np.abs(np.array([*places[:-1:EVERY], places[-1]]) - one.places).max())
+    return apart(places, one)
+
+
+def moved(env: SixDofInspectionEnv, one: Episode) -> float:
+    """Fly an episode with its actions, whatever it shows; return how far off places are at most, m."""
+    started(env, one)
+    places = [env.state[PLACE]]
+    for action in one.actions:
+        env.step(action / GREATEST)
+        places.append(env.state[PLACE])
+    return apart(places, one)
 
 
 @pytest.mark.parametrize("world", WORLDS)
 def test_the_same_actions_give_the_same_episode(world: str) -> None:
     """Half of the episodes are random."""
     env = InspectionEnv([f"world={world}"], WORLDS[world])
-    found = episodes(world)
+    found = episodes(table(world))
     assert max(agreed(env, one) for one in found) < CLOSE_M
     assert len(found) == 40
     assert {one.status for one in found} == ENDS
 
 
 def test_the_same_actions_turn_the_deputy_as_theirs() -> None:
-    """Random torques meet the limit of the rate, where their integrator makes much of rounding."""
+    """Random torques meet the limit of the rate, where their integrator makes much of rounding.
+
+    As many random episodes are flown as it takes for twenty that theirs repeats when last bits change.
+    """
     theirs = "chief.initial_angular_velocity_rad_s=[0,0,0]", "inspection_threshold_percent=45"
     env = SixDofInspectionEnv(["world=afrl_six_dof", *theirs])
-    found = episodes("afrl_six_dof")
-    apart = np.array([agreed(env, one) for one in found])
-    assert {one.status for one in found} == ENDS
-    assert apart[:20].max() < CLOSE_M
-    assert np.sum(apart[20:] < CLOSE_M) >= 15
-    assert apart.max() < 0.1
+    columns = table("afrl_six_dof")
+    found, own_change = episodes(columns), columns["own_change"]
+    scripted, drawn, is_repeated = found[:20], found[20:], own_change < REPEATED_M
+    assert {one.status for one in scripted} == ENDS
+    assert is_repeated.sum() == 20
+    assert is_repeated[-1]
+    assert max(agreed(env, one) for one in [*scripted, *compress(drawn, is_repeated)]) < CLOSE_M
+    off = [moved(env, one) for one in compress(drawn, ~is_repeated)]
+    assert len(off) == 15
+    assert max(off) < own_change.max()
 
 
 def test_a_camera_of_60_degrees_sees_what_theirs_would() -> None:

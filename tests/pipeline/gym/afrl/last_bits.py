@@ -1,40 +1,38 @@
-"""Print how far AFRL's own motion with six degrees of freedom parts from itself: ``python last_bits.py``.
+"""How far AFRL's own motion with six degrees of freedom changes when last bits do.
 
-The random episodes of `afrl_six_dof.npz` are flown again by ``safe_autonomy_simulation`` alone, as they are
-and with each thrust changed in its last bit: its Runge-Kutta steps are chosen by an error of the size of
-rounding, and a step that ends later passes the limit of the rate by more.
+Its Runge-Kutta steps are chosen by an error of the size of rounding, and a step that ends later passes the
+limit of the rate by more. Code that does the same sums in another order changes such bits.
 """
 
-import sys
-from pathlib import Path
+from typing import Any
 
 import numpy as np
-from safe_autonomy_simulation.sims.spacecraft.sixdof_model import SixDOFDynamics
 
-NUM_SCRIPTED = 20
+NUM_TRIES = 20
+#: where a slope has what thrust and torque make
+ACCELERATIONS = [3, 4, 5, 10, 11, 12]
 
 
-def flown(start: np.ndarray, actions: np.ndarray) -> np.ndarray:
+def flown(dynamics: Any, start: np.ndarray, actions: np.ndarray) -> np.ndarray:
     """Return the positions at each step, m, of a deputy that starts along Hill axes, at rest."""
-    inertia, limits = 0.0573 * np.eye(3), {"ang_vel_limit": [0.034907] * 3, "ang_acc_limit": [0.017453] * 3}
-    dynamics = SixDOFDynamics(m=12.0, inertia_matrix=inertia, n=0.001027, **limits)
-    states = [np.array([*start, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])]
+    states = [np.array([*start[:6], 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])]
     for action in actions:
         states.append(dynamics.step(10.0, states[-1], action)[0])
     return np.array(states)[:, :3]
 
 
-def main() -> None:
-    """Print the largest distance in each episode, sorted."""
-    table = np.load(Path(__file__).parent / "afrl_six_dof.npz")
-    ends, apart = np.cumsum(table["length"]), []
-    for episode in range(NUM_SCRIPTED, len(ends)):
-        actions = table["actions"][ends[episode - 1] : ends[episode]].astype(np.float64)
-        start, changed = table["start"][episode][:6], actions.copy()
-        changed[:, :3] = np.nextafter(actions[:, :3], np.inf)
-        apart.append(np.abs(flown(start, changed) - flown(start, actions)).max())
-    sys.stdout.write(" ".join(f"{gap:.1e}" for gap in sorted(apart, reverse=True)) + " m\n")
+def own_change(dynamics: Any, start: np.ndarray, actions: np.ndarray) -> float:
+    """Return how far positions change at most, m, in tries with other last bits of thrust and torque.
 
+    Each acceleration that they make goes up or down by a bit, at random, each time the integrator asks.
+    """
+    generator, slopes = np.random.default_rng(1), dynamics.compute_state_dot
 
-if __name__ == "__main__":
-    main()
+    def changed(*asked: Any) -> np.ndarray:
+        slope = slopes(*asked)
+        slope[ACCELERATIONS] = np.nextafter(slope[ACCELERATIONS], generator.choice([-np.inf, np.inf], 6))
+        return slope
+
+    as_it_is = flown(dynamics, start, actions)
+    dynamics.compute_state_dot = changed
+    return max(float(np.abs(flown(dynamics, start, actions) - as_it_is).max()) for _ in range(NUM_TRIES))

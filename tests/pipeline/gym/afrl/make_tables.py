@@ -1,11 +1,13 @@
 """Make the tables beside this file from AFRL's own environments: ``python make_tables.py SIMS``.
 
 SIMS is a copy of https://github.com/act3-ace/safe-autonomy-sims; its ``safe_autonomy_simulation`` is
-installed with pip, and Gymnasium with it. `made_with.json` says which versions made the tables. Episodes
-start from their `reset`, by seed. Of each twenty, twelve are flown to success, two to the end of time, three
-into the chief, three out of bounds; twenty more have random forces. Their weighted classes leave out the
-placement that their configurations name, Fibonacci's; it is put back here. Their chief with six degrees of
-freedom is at rest among the stars, so that one side of it is always dark: success is at 0.45 of the weight.
+installed with pip, ``--no-deps`` as it asks for an older NumPy, and what both import: Gymnasium, PettingZoo,
+SciPy, scikit-learn, diffrax, pint. `made_with.json` says which versions made the tables. Episodes start from
+their `reset`, by seed. Of each twenty, twelve are flown to success, two to the end of time, three into the
+chief, three out of bounds; twenty more have random forces. Their weighted classes leave out the placement
+that their configurations name, Fibonacci's; it is put back here. Their chief with six degrees of freedom is
+at rest among the stars, so that one side of it is always dark: success is at 0.45 of the weight. Random
+episodes are flown there until twenty repeat when last bits change (`last_bits.py`); all are kept.
 """
 
 import functools
@@ -18,12 +20,15 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+from last_bits import own_change
 from scipy.spatial.transform import Rotation
 
 HERE = Path(__file__).parent
 NUM_EPISODES = 20
 #: positions are kept of each tenth step, and of the last
 EVERY = 10
+#: an episode repeats if its positions change by less, m, when last bits do
+REPEATED_M = 1e-5
 RADII = [40.0] * 12 + [60.0] * 2 + [1.0] * 3 + [900.0] * 3
 
 
@@ -84,15 +89,25 @@ def flown(env: Any, seed: int, act: Callable[[int], np.ndarray]) -> dict[str, An
     }  # fmt: skip
 
 
+def flights(kind: Callable[[], Any], law: Callable[..., Any], may_change: bool) -> list[dict[str, Any]]:
+    """Fly twenty episodes; where last bits may change them, as many as it takes for twenty to repeat."""
+    found: list[dict[str, Any]] = []
+    while sum(one["own_change"] < REPEATED_M for one in found) < NUM_EPISODES:
+        env, seed, change = kind(), len(found), 0.0
+        one = flown(env, seed, functools.partial(law, env, seed))
+        if may_change:
+            change = own_change(env.deputy.dynamics, one["start"], one["actions"])
+        found.append(one | {"own_change": change})
+    return found
+
+
 def make(name: str, kind: Callable[[], Any], script: Callable[..., np.ndarray] = scripted) -> None:
     """Write the table of one of their environments."""
+    is_turning = name == "afrl_six_dof"
     columns: dict[str, list[Any]] = {}
-    for law in (script, randomly):
-        for episode in range(NUM_EPISODES):
-            env = kind()
-            one = flown(env, episode, functools.partial(law, env, episode))
-            for key, value in one.items():
-                columns.setdefault(key, []).append(value)
+    for one in [*flights(kind, script, may_change=False), *flights(kind, randomly, may_change=is_turning)]:
+        for key, value in one.items():
+            columns.setdefault(key, []).append(value)
     lengths = [len(actions) for actions in columns["actions"]]
     joined = {
         key: np.concatenate(values)
@@ -101,8 +116,9 @@ def make(name: str, kind: Callable[[], Any], script: Callable[..., np.ndarray] =
     }
     if name != "afrl":
         joined["weights"] = np.concatenate(columns["weights"])
-    if name == "afrl_six_dof":
+    if is_turning:
         joined["turns"] = np.concatenate(columns["turns"])
+        joined["own_change"] = np.array(columns["own_change"][NUM_EPISODES:])
     arrays = joined | {"start": columns["start"], "status": columns["status"], "length": lengths}
     np.savez_compressed(HERE / f"{name}.npz", **{key: np.asarray(value) for key, value in arrays.items()})
 
