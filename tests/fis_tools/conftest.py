@@ -24,6 +24,18 @@ def run(capsys: pytest.CaptureFixture[str]) -> Callable[..., tuple[int, str, str
 
 
 @pytest.fixture
+def refused(run: Callable[..., tuple[int, str, str]]) -> Callable[..., str]:
+    """Run a command of `fis_tools` that is refused; return what it says."""
+
+    def refused(*words: object) -> str:
+        status, _, complaint = run(*words)
+        assert status == 2
+        return complaint
+
+    return refused
+
+
+@pytest.fixture
 def saved(tmp_path: Path) -> Callable[..., Path]:
     """Write a controller into a file; return the file."""
 

@@ -293,13 +293,11 @@ def test_conditions_are_read_as_they_are_written():
         (["--boxes", "0"], "Give a whole number above 0"),
     ],
 )
-def test_a_mistake_ends_in_one_sentence(paper, run, words, sentence):
-    status, _, told = run("bounds", paper, "--system", "force_x", *words)
-    assert status == 2
-    assert sentence in told
+def test_a_mistake_ends_in_one_sentence(paper, refused, words, sentence):
+    assert sentence in refused("bounds", paper, "--system", "force_x", *words)
 
 
-def test_the_command_answers_and_checks(paper, run):
+def test_the_command_answers_and_checks(paper, run, refused):
     status, printed, _ = run("bounds", paper)
     assert status == 0
     assert [line.split()[0] for line in printed.splitlines()] == ["force_x", "force_z"]
@@ -309,6 +307,4 @@ def test_the_command_answers_and_checks(paper, run):
     assert status == 0
     assert "no, proved with" in printed
     assert run(*question, "--expect", "yes")[0] == 1
-    status, _, told = run("bounds", paper, "--ask", "force_x > 0")
-    assert status == 2
-    assert "add --system" in told
+    assert "add --system" in refused("bounds", paper, "--ask", "force_x > 0")

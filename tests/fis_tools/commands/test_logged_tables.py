@@ -52,18 +52,6 @@ def told(run):
     return told
 
 
-@pytest.fixture
-def refused(run):
-    """Run a command that is refused; return what it says."""
-
-    def refused(*words):
-        status, _, complaints = run(*words)
-        assert status == 2
-        return complaints
-
-    return refused
-
-
 @pytest.mark.parametrize("ending", ["csv", "parquet"])
 def test_columns_go_by_their_names(ending, tmp_path):
     values, time_s = tables.read(write(tmp_path / f"evening.{ending}", ROWS), ["service", "food"])
