@@ -168,7 +168,7 @@ def read_evidence(path: Path | str, fingerprint: str) -> tuple[dict[str, Any], l
         content = json.loads(Path(path).read_text(encoding="utf-8"))
         if content["schema"] != SCHEMA:
             raise ValueError(content["schema"])
-        about = content["controller"]
+        name, sha256 = (content["controller"].get(key) for key in ("name", "sha256"))
         found = [
             [
                 " ".join(str(one[key]) for key in ("id", "title") if key in one),
@@ -176,14 +176,14 @@ def read_evidence(path: Path | str, fingerprint: str) -> tuple[dict[str, Any], l
             ]
             for one in content["requirements"]
         ]
-    except (OSError, ValueError, KeyError, TypeError) as error:
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise ControllerFileError(
             f"{path} is no evidence that can be read ({error}); give the assure/evidence.json of a run of "
             "+experiment=assure"
         ) from error
-    if about.get("sha256") != fingerprint:
+    if sha256 != fingerprint:
         raise ControllerFileError(
-            f"{path} is about the controller {about.get('name')!r} with the SHA-256 {about.get('sha256')}, "
+            f"{path} is about the controller {name!r} with the SHA-256 {sha256}, "
             f"but this one has {fingerprint}; give the evidence of this controller"
         )
     return content, found

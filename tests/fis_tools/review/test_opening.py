@@ -19,6 +19,7 @@ from fis_tools import __main__ as command_line
 from fis_tools.analysis import arrays
 from fis_tools.document import Paragraph, Table
 from fis_tools.engines.inference import infer
+from fis_tools.errors import ControllerFileError
 from fis_tools.findings.audit import audit
 from fis_tools.findings.difference import difference
 from fis_tools.findings.explanation import explain, shares
@@ -102,6 +103,14 @@ def test_failures_are_counted_over_all_flights_of_the_run_of_a_recording(tmp_pat
     assert "1 of 4: 25.0 %" in told
     assert told.endswith("The worst: case 1 (71.0 %), case 2 (97.0 %, outside).")
     assert flown.evaluations([tmp_path / "elsewhere" / "episodes" / "best.mcap"]) == []
+
+
+@pytest.mark.parametrize("controller", ['"x"', "[" * 100_000], ids=["a word", "too deep"])
+def test_a_file_that_is_no_evidence_is_said(tmp_path: Path, controller: str) -> None:
+    path = tmp_path / "evidence.json"
+    path.write_text(f'{{"schema": "evidence", "requirements": [], "controller": {controller}}}')
+    with pytest.raises(ControllerFileError, match="is no evidence that can be read"):
+        content.read_evidence(path, "0")
 
 
 @pytest.fixture(scope="module")
