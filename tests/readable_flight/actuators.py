@@ -69,7 +69,7 @@ def divided(flight, commanded, attitude, wanted):
 
 
 def believed(flight, command, fired):
-    """What a command became as far as thrusters tell, which is along which axes they fired, and these axes.
+    """What a command amounts to, as far as thrusters tell, and along which axes they fired.
 
     Those of a layout tell nothing.
     """
@@ -78,8 +78,7 @@ def believed(flight, command, fired):
         return command, np.ones(3, dtype=bool)
     least = max(law.impulse_step_n_s, law.least_impulse_n_s) / flight.mission.control_period_s
     known = impulses(flight, command)
-    known = np.where(known == 0.0, least * np.sign(command), known)
-    return np.where(fired == 0.0, 0.0, known), fired != 0.0
+    return np.where((known == 0.0) & (fired != 0.0), least * np.sign(command), known), fired != 0.0
 
 
 def mass_after(flight, thrust, mass):

@@ -23,7 +23,7 @@ class Belief:
     fixes : list of (3,)
         Measured so far, m.
     acting : (K, 3)
-        Commands in the control periods in which they act, N.
+        Commands in the control periods in which they act, in impulses, fired or not, N.
     has_fired : (K, 3)
         Along which axes anything was fired in a period.
     sensed : list of (3, 3)
@@ -95,7 +95,8 @@ def estimate(flight, k, belief, measured, sensed):
 
 def predicted(flight, belief, state, covariance, period):
     """``x <- Phi x + Gamma f``, ``P <- Phi P Phi' + Q``."""
-    mission, law, force = flight.mission, flight.mission.navigation, belief.acting[period]
+    mission, law = flight.mission, flight.mission.navigation
+    force = belief.has_fired[period] * belief.acting[period]
     phi, gamma = transition(mission.orbit.mean_motion_rad_s, mission.control_period_s, mission.deputy.mass_kg)
     tilt = np.radians(law.attitude_noise_deg)
     unknown = (mission.deputy.mass_kg * law.process_noise_m_s2) ** 2

@@ -228,7 +228,7 @@ class State(NamedTuple):
     thrusters: Any  # record of `pipeline.flight.state.errors.THRUSTING`
     fixes: Floats  # (F, 3, L) measured so far, m, Hill axes
     commands: Floats  # (K, 3, L) so far, N, Hill axes
-    acting: Floats  # (K, 3, L) the same in the periods in which they act, as the filter knows them
+    acting: Floats  # (K, 3, L) the same in the periods in which they act, in impulses, fired or not
     has_fired: Floats  # (K, 3, L) 0 where thrusters tell that they fired nothing along an axis, or 1
     sensed: Floats  # (3K+3, 3, L) body axes as sensed, Hill axes
     thrust: Floats  # (N, L) of each thruster of a layout, N

@@ -28,6 +28,8 @@ from tests.pipeline.flight.guarded import LAST_MOMENT
 #: thrusters that do as they are told, flown by the code of those that do not
 EXACT = REAL | {"scale_error": 0.0, "misalignment_deg": 0.0, "least_impulse_n_s": 0.0}
 ASKEW_ALL = {"scale_error": 0.05, "misalignment_deg": 2.0}
+#: so far off that what is not fired along an axis pushes along others
+FAR_OFF = REAL | {"scale_error": 0.5, "misalignment_deg": 20.0, "least_impulse_n_s": 0.1}
 KNOWN = FIXES | {"bias_m": 0.0, "process_noise_m_s2": 0.0, "execution_error": 0.0}
 
 
@@ -62,6 +64,7 @@ SIGHTING = {"measures": "range_bearing", "range_noise_m": 0.5, "bearing_noise_de
         ({"bias_m": 2.0}, EXACT, None),
         ({}, EXACT | ASKEW_ALL, None),
         ({"delay_s": 40.0}, REAL | ASKEW_ALL | {"delay_s": 20.0}, None),
+        ({}, FAR_OFF, None),
         ({"measures": "range_bearing", "attitude_bias_deg": 0.2}, EXACT, None),
         ({"measures": "range_bearing", "attitude_bias_deg": 2.0}, EXACT, None),
     ],

@@ -33,11 +33,14 @@ def in_impulses(force: Vector, step: float, least: float) -> Vector:
 
 @compiled(error_model="numpy", forceinline=True)
 def believed(thrusters: Thrusters, command: Vector, fired: Vector) -> Vector:
-    """Return the force that a command is believed to become, by impulses and whether thrusters fired."""
+    """Return what a command amounts to, by impulses and whether thrusters fired along its axis.
+
+    A command along whose axis nothing was fired is kept: turned, it pushes along the other axes.
+    """
     force = in_impulses(command, thrusters.step, thrusters.least)
     smallest = max(thrusters.step, thrusters.least)
     one_impulse = select(command > 0.0, smallest, select(command < 0.0, -smallest, 0.0))
-    return select(fired == 0.0, 0.0, select(force == 0.0, one_impulse, force))
+    return select((force == 0.0) & (fired != 0.0), one_impulse, force)
 
 
 @compiled(error_model="numpy")

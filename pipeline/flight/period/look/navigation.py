@@ -53,9 +53,16 @@ def unit(axis: int) -> Three:
     return Three(1.0 * (axis == 0), 1.0 * (axis == 1), 1.0 * (axis == 2))
 
 
+@compiled(error_model="numpy", forceinline=True)
+def fired_part(state: State, period: int, force: Three) -> Three:
+    """Return what remains of a force in a control period: nothing along axes on which nothing was fired."""
+    has_fired = load_at(state.has_fired, period, 0, 0, width_of(state.estimate))
+    return Three(force.x * has_fired.x, force.y * has_fired.y, force.z * has_fired.z)
+
+
 @compiled(error_model="numpy")
 def force_of(law: Filter, state: State, which: int, force: Three, period: int) -> Three:
-    """Return the force of a unit constant error in a control period, to first order, N."""
+    """Return what a unit constant error adds to a force in a control period, to first order, N."""
     width, error = width_of(state.estimate), law.constants[which]
     if error >= OF_ATTITUDE:
         # thrusters turn with the true body
@@ -90,8 +97,8 @@ def propagate_covariance(now: Moment, law: Filter, covariance: Floats, period: i
     """
     state, phi, gamma = now.state, now.world.motion.transition[0], now.world.motion.control[0]
     width, half, pushes = width_of(state.estimate), state.estimate.half, state.estimate.pushes
-    force = load_at(state.acting, period, 0, 0, width)
-    has_fired = load_at(state.has_fired, period, 0, 0, width)
+    asked = load_at(state.acting, period, 0, 0, width)
+    force = fired_part(state, period, asked)
     count = 6 + len(law.constants)
     square = dot(force, force)
     for row in range(6):
@@ -103,8 +110,7 @@ def propagate_covariance(now: Moment, law: Filter, covariance: Floats, period: i
     for which in range(len(law.constants)):
         felt = same(0.0, width)
         if law.constants[which] < OF_FIXES:
-            felt = force_of(law, state, which, force, period)
-            felt = Three(felt.x * has_fired.x, felt.y * has_fired.y, felt.z * has_fired.z)
+            felt = fired_part(state, period, force_of(law, state, which, asked, period))
         for row in range(6):
             push = dot(three_of(gamma[row]), felt)
             store(pushes, (row, which, 0), push)
@@ -125,7 +131,8 @@ def propagate_covariance(now: Moment, law: Filter, covariance: Floats, period: i
 @compiled(error_model="numpy")
 def advance(now: Moment, estimate: Floats, period: int) -> None:
     """Propagate an estimate, shape (6, L), through a control period under the commanded forces."""
-    step, force = step_of(now.world.motion, 0), load_at(now.state.acting, period, 0, 0, width_of(estimate))
+    step, state = step_of(now.world.motion, 0), now.state
+    force = fired_part(state, period, load_at(state.acting, period, 0, 0, width_of(estimate)))
     place, velocity = load_three(estimate, 0), load_three(estimate, 3)
     store_three(estimate, 0, place_after(step, place, velocity, force))
     store_three(estimate, 3, velocity_after(step, place, velocity, force))
