@@ -99,7 +99,8 @@ def predicted(flight, belief, state, covariance, period):
     force = belief.has_fired[period] * belief.acting[period]
     phi, gamma = transition(mission.orbit.mean_motion_rad_s, mission.control_period_s, mission.deputy.mass_kg)
     tilt = np.radians(law.attitude_noise_deg)
-    unknown = (mission.deputy.mass_kg * law.process_noise_m_s2) ** 2
+    farther = max(1.0, belief.state[:3] @ belief.state[:3] / mission.deputy.max_distance_m**2)
+    unknown = (mission.deputy.mass_kg * law.process_noise_m_s2 * farther) ** 2
     unknown += (law.execution_error**2 + tilt**2) * (force @ force)
     noise, both = np.zeros((21, 21)), np.eye(21)
     noise[:6, :6] = unknown * gamma @ gamma.T

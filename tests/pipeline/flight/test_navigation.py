@@ -100,6 +100,20 @@ def test_a_filter_that_is_wrong_itself_comes_to_believe_its_fixes_again() -> Non
     assert np.linalg.norm(log.position_m[-1] - log.position_m[0]) > 50.0
 
 
+def test_beyond_the_limits_the_filter_allows_for_what_its_equations_neglect() -> None:
+    """Which the bound within them no longer covers: errors would be hundreds of standard deviations."""
+    what = mission(
+        navigation=KNOWN | {"gate_sigma": None, "process_noise_m_s2": None},
+        dynamics=LOW_ORBIT,
+        attitude={"mode": "ideal"},
+        duration_s=1200.0,
+    )
+    far = replace(STARTS[0], position_m=np.array([0.0, 20_000.0, 0.0]))
+    logs = [fly_logged(what, coast(), replace(far, noise=(7, 0, case))) for case in range(20)]
+    for sample in (7, 40, 120):
+        assert squared(logs, sample).sum() < chi2.ppf(1 - 1e-4, 6 * len(logs))
+
+
 def test_errors_are_drawn_as_the_settings_say() -> None:
     what = mission(navigation=FIXES | {"outlier_share": 0.25}, duration_s=490.0)
     starts = [Scenario(np.ones(3), np.zeros(3), 0.0, noise=(1, 0, case)) for case in range(400)]

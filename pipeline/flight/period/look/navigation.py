@@ -21,7 +21,7 @@ from fis_tools.compiled.three import (
     three_of,
     write_lane,
 )
-from fis_tools.compiled.vectors import Vector, load, select, splat, store, width_of
+from fis_tools.compiled.vectors import Vector, load, most, select, splat, store, width_of
 from pipeline.array_types import Floats
 from pipeline.flight.state.arrays import Moment, State
 from pipeline.flight.state.errors import OF_ATTITUDE, OF_FIXES, OF_ROTATION, OF_SQUARES, Errors, Filter, Fixes
@@ -93,7 +93,8 @@ def propagate_covariance(now: Moment, law: Filter, covariance: Floats, period: i
     """Propagate covariances through a control period.
 
     With G the pushes of constant errors of variances V on the state, ``C <- Phi C + G V`` and
-    ``P <- Phi P Phi' + Phi C_before G' + G C' + Q``.
+    ``P <- Phi P Phi' + Phi C_before G' + G C' + Q``. Beyond the greatest distance the acceleration in Q grows
+    with the square of the distance, as the second order of attraction does.
     """
     state, phi, gamma = now.state, now.world.motion.transition[0], now.world.motion.control[0]
     width, half, pushes = width_of(state.estimate), state.estimate.half, state.estimate.pushes
@@ -101,6 +102,9 @@ def propagate_covariance(now: Moment, law: Filter, covariance: Floats, period: i
     force = fired_part(state, period, asked)
     count = 6 + len(law.constants)
     square = dot(force, force)
+    place = load_three(state.estimate.filtered, 0)
+    farther = most(dot(place, place) / now.world.max_distance**2, 1.0)
+    growth = farther * farther
     for row in range(6):
         for column in range(count):
             entries = splat(0.0, width)
@@ -118,7 +122,7 @@ def propagate_covariance(now: Moment, law: Filter, covariance: Floats, period: i
             store(covariance, (row, 6 + which, 0), more)
     for row in range(6):
         for column in range(row, 6):
-            entries = law.process[row, column] + law.process_per_force[row, column] * square
+            entries = law.process[row, column] * growth + law.process_per_force[row, column] * square
             for i in range(6):
                 entries += entry(half, row, i) * phi[column, i]
             for which in range(len(law.constants)):
@@ -306,8 +310,8 @@ def navigate(now: Moment, fixes: Fixes) -> None:
         measure(now, fixes.errors, k // law.stride)
     filtered_to = k - law.delay
     if filtered_to > first:
-        advance(now, estimate.filtered, filtered_to - 1)
         propagate_covariance(now, law, estimate.covariance, filtered_to - 1)
+        advance(now, estimate.filtered, filtered_to - 1)
     if is_corrected(now, law):
         correct(law, state, filtered_to // law.stride)
     for row in range(6):
