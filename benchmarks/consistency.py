@@ -66,6 +66,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Print a row for each world, as configured and with errors ten times as large."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks consistency", description=__doc__)
     parser.add_argument("--flights", type=int, default=50, help="in each world")
+    parser.add_argument("--seed", type=int, default=6, help="of their starts and errors")
     parser.add_argument("--controller", default="paper_champion", help="an option of conf/controller")
     parser.add_argument("--only", default="", help="worlds with this text in their overrides")
     options = parser.parse_args(arguments)
@@ -78,7 +79,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for overrides in WORLDS:
         if options.only not in " ".join(overrides):
             continue
-        more = [f"controller={options.controller}", f"monte_carlo.num_cases={options.flights}", "seed=6"]
+        more = [f"controller={options.controller}", f"monte_carlo.num_cases={options.flights}"]
+        more.append(f"seed={options.seed}")
         composed = compose_experiment(["+experiment=evaluate", *overrides, *more]).experiment
         controller = named(options.controller, composed.mission)
         for factor in (1.0, 10.0):
