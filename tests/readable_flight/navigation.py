@@ -105,7 +105,8 @@ def predicted(flight, belief, state, covariance, period):
     noise, both = np.zeros((21, 21)), np.eye(21)
     noise[:6, :6] = unknown * gamma @ gamma.T
     both[:6, :6], both[:6, 6:] = phi, gamma @ pushes(flight, belief, period)
-    return phi @ state + gamma @ force, both @ covariance @ both.T + noise
+    turns = np.radians([law.attitude_bias_deg, law.attitude_noise_deg])
+    return phi @ state + gamma @ force * (1.0 - turns @ turns), both @ covariance @ both.T + noise
 
 
 def pushes(flight, belief, period):
@@ -127,7 +128,7 @@ def correct(flight, belief, at):
         shifts[:, 12:] = np.linalg.norm(place) * belief.sensed[at].T
     seen, noise = np.hstack((np.eye(3, 6), shifts)), fix_covariance(law, place)
     innovation = seen @ belief.covariance @ seen.T + noise
-    off = belief.fixes[at // flight.periods(law.fix_period_s)] - place
+    off = belief.fixes[at // flight.periods(law.fix_period_s)] - expected(law, place)
     if law.gate_sigma is not None and off @ np.linalg.solve(innovation, off) > law.gate_sigma**2:
         belief.covariance[:6, :6] *= WIDER
         return
@@ -136,6 +137,14 @@ def correct(flight, belief, at):
     belief.state = belief.state + gain[:6] @ off
     kept = np.eye(21) - gain @ seen
     belief.covariance = kept @ belief.covariance @ kept.T + gain @ noise @ gain.T
+
+
+def expected(law, place):
+    """The mean of fixes of a place: turned about two axes it is shorter by half of each square."""
+    if law.measures == "position":
+        return place
+    turns = np.radians([law.bearing_noise_deg, law.attitude_noise_deg, law.attitude_bias_deg])
+    return (1.0 - turns @ turns) * place
 
 
 def fix_covariance(law, place):

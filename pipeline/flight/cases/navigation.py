@@ -52,7 +52,8 @@ def filter_of(mission: Mission) -> Filter:
     control = motion_over(mission.orbit, mission.deputy, (period,)).control[0]
     unit = control @ control.T
     is_seen = navigation.measures == "range_bearing"
-    bearing, tilt = np.square(np.radians((navigation.bearing_noise_deg, navigation.attitude_noise_deg)))
+    angles = navigation.bearing_noise_deg, navigation.attitude_noise_deg, navigation.attitude_bias_deg
+    bearing, tilt, bias = np.square(np.radians(angles))
     variances = considered(mission)
     actuators, is_real = mission.actuators, mission.actuators.kind == "real"
     start = [navigation.initial_position_m] * 3 + [navigation.initial_velocity_m_s] * 3
@@ -70,6 +71,9 @@ def filter_of(mission: Mission) -> Filter:
         is_seen,
         navigation.range_noise_m**2 if is_seen else 0.0,
         float(bearing + tilt) if is_seen else 0.0,
+        # two of three turns shorten a vector, each by half its square
+        float(1.0 - tilt - bias),
+        float(1.0 - bearing - tilt - bias) if is_seen else 1.0,
     )
 
 

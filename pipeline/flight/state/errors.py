@@ -45,6 +45,8 @@ class Filter(NamedTuple):
     is_sight: bool  # whether fixes are a range and a bearing, not places
     range: float  # further variance along the line of sight, m^2
     bearing: float  # and of its direction about each axis, rad^2
+    kept: float  # share of a force that is left in the mean when it is turned with the attitude's errors
+    seen: float  # share of a place that is left in the mean of its fixes, as bearings turn these
 
 
 class Errors(NamedTuple):

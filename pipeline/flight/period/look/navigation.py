@@ -133,10 +133,10 @@ def propagate_covariance(now: Moment, law: Filter, covariance: Floats, period: i
 
 
 @compiled(error_model="numpy")
-def advance(now: Moment, estimate: Floats, period: int) -> None:
+def advance(now: Moment, law: Filter, estimate: Floats, period: int) -> None:
     """Propagate an estimate, shape (6, L), through a control period under the commanded forces."""
     step, state = step_of(now.world.motion, 0), now.state
-    force = fired_part(state, period, load_at(state.acting, period, 0, 0, width_of(estimate)))
+    force = law.kept * fired_part(state, period, load_at(state.acting, period, 0, 0, width_of(estimate)))
     place, velocity = load_three(estimate, 0), load_three(estimate, 3)
     store_three(estimate, 0, place_after(step, place, velocity, force))
     store_three(estimate, 3, velocity_after(step, place, velocity, force))
@@ -152,7 +152,7 @@ def correct(law: Filter, state: State, fix: int) -> None:
     estimate, count = state.estimate, len(law.constants)
     filtered, p, work, width = estimate.filtered, estimate.covariance, estimate.half, width_of(estimate)
     place = load_three(filtered, 0)
-    off = load_at(state.fixes, fix, 0, 0, width) - place
+    off = load_at(state.fixes, fix, 0, 0, width) - law.seen * place
     for row in range(6):
         store_at(work, row, 0, load_at(p, row, 0, 0, width))
     # a fix has one variance across the line of sight and another along it
@@ -311,13 +311,13 @@ def navigate(now: Moment, fixes: Fixes) -> None:
     filtered_to = k - law.delay
     if filtered_to > first:
         propagate_covariance(now, law, estimate.covariance, filtered_to - 1)
-        advance(now, estimate.filtered, filtered_to - 1)
+        advance(now, law, estimate.filtered, filtered_to - 1)
     if is_corrected(now, law):
         correct(law, state, filtered_to // law.stride)
     for row in range(6):
         store(estimate.known, row, load(estimate.filtered, row, width))
     for period in range(max(filtered_to, first), k):
-        advance(now, estimate.known, period)
+        advance(now, law, estimate.known, period)
     store_three(state.belief.position, 0, load_three(estimate.known, 0))
     store_three(state.belief.velocity, 0, load_three(estimate.known, 3))
 
