@@ -25,8 +25,6 @@ from pipeline.threads import in_threads
 
 #: rehearsal costs of a point missed, and of leaving the limits, more than any flight can spend
 REHEARSED_POINT_M_S, OUTSIDE_M_S = 0.15, 1e4
-#: the first where errors are drawn: high, so that the choice is by the share of flights that succeed
-DRAWN_POINT_M_S = 1.0
 #: flights that are drawn together: so many fly side by side at no further cost
 NUM_DRAWN = LANES
 
@@ -166,13 +164,12 @@ class _Ahead:
         the same for all tours, as are its further ones. Tours without draws cost infinitely much.
         """
         num_draws = round(self.controller.constants[constant("rehearsal_draws")])
-        price = DRAWN_POINT_M_S if num_draws else REHEARSED_POINT_M_S
         num_tours, every = len(tour_images(self.controller)), np.arange(len(believed))
-        fly = self._flying(known, price)
+        fly = self._flying(known)
         costs = np.column_stack([fly(tour, believed, every) for tour in range(num_tours)])
         if not num_draws:
             return costs
-        fly, num_flown = self._flying(drawn, price), np.ones(costs.shape, dtype=np.int64)
+        fly, num_flown = self._flying(drawn), np.ones(costs.shape, dtype=np.int64)
         for begun in range(0, num_draws, NUM_DRAWN):
             count = min(NUM_DRAWN, num_draws - begun)
             best = costs.argmin(axis=1)
@@ -188,7 +185,7 @@ class _Ahead:
         costs[num_flown == 1] = np.inf
         return costs
 
-    def _flying(self, mission: Mission, price: float) -> Callable[[int, list[Scenario], Integers], Floats]:
+    def _flying(self, mission: Mission) -> Callable[[int, list[Scenario], Integers], Floats]:
         """Return what flies a tour from starts at some places, and returns the costs, shape (m,)."""
         world, law = pack_world(mission)._replace(first=self.sample), law_of(self.controller, mission)
         images = tour_images(self.controller)
@@ -200,18 +197,16 @@ class _Ahead:
                 lanes=self.lanes,
                 wanted=wanted,
             )
-            found: Floats = _rehearsed_costs(self.controller, ends, price)[0]
+            found: Floats = _rehearsed_costs(self.controller, ends)[0]
             return found
 
         return costs_of
 
 
-def _rehearsed_costs(
-    controller: Controller, ends: Outcomes, point_m_s: float = REHEARSED_POINT_M_S
-) -> Floats:
+def _rehearsed_costs(controller: Controller, ends: Outcomes) -> Floats:
     """Return the costs by which rehearsals are compared, m/s, of the shape of the outcomes."""
     # missed points that the controller accepts cost nothing
     least = max(1.0, controller.constants[constant("coast_below_points")])
     missed = np.maximum(0.0, ends.inspectable_count - ends.inspected_count - np.ceil(least) + 1.0)
-    cost = ends.delta_v_m_s + point_m_s * missed + OUTSIDE_M_S * ends.is_violated
+    cost = ends.delta_v_m_s + REHEARSED_POINT_M_S * missed + OUTSIDE_M_S * ends.is_violated
     return np.asarray(cost)
