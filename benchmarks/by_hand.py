@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from fis_tools.model import And, FuzzySystem, Is, Term, Triangular, Variable
 from pipeline.command_line.config import compose_experiment
 from pipeline.controllers import source
-from pipeline.flight.cases.starts import evaluation_scenarios
 from pipeline.flight.fly.simulation import fly_logged
 from pipeline.flight.state.log import FlightLog
+from pipeline.scenarios import evaluation_scenarios
 from pipeline.settings.experiment import Mission
 
 Corners = list[tuple[float, float]]

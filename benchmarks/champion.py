@@ -17,7 +17,6 @@ from fis_tools.words.text import antecedent_words, sentence
 from pipeline.command_line.config import compose_experiment
 from pipeline.controllers import source
 from pipeline.evaluation.monte_carlo import SUCCESS, episode_columns, summarise
-from pipeline.flight.cases.starts import evaluation_scenarios
 from pipeline.flight.control.controller import Controller, open_loop
 from pipeline.flight.fly.simulation import fly_all, fly_logged
 from pipeline.flight.state.log import FlightLog, Scenario
@@ -25,6 +24,7 @@ from pipeline.flight.world.pack import inspection_points
 from pipeline.optimum.solved import Solved, solved_for
 from pipeline.report.figures.style import PALETTE, save, style
 from pipeline.report.figures.trajectories import Tracks, trajectories
+from pipeline.scenarios import evaluation_scenarios
 from pipeline.settings.experiment import Experiment, Mission
 
 Floats = NDArray[np.float64]

@@ -12,8 +12,8 @@ from benchmarks.timing import best_wall_seconds, line
 from pipeline.command_line.config import compose_experiment
 from pipeline.controllers import source
 from pipeline.evaluation.monte_carlo import fly_cases
-from pipeline.flight.cases.starts import evaluation_scenarios
 from pipeline.flight.state.log import Scenario
+from pipeline.scenarios import evaluation_scenarios
 
 PROCESSORS = os.cpu_count() or 1
 NUM_CASES, TURNS = (1_000, 10_000), 4

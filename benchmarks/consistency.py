@@ -16,10 +16,10 @@ from scipy.stats import chi2
 
 from pipeline.command_line.config import compose_experiment
 from pipeline.controllers.source import named
-from pipeline.flight.cases.starts import evaluation_scenarios
 from pipeline.flight.control.controller import Controller
 from pipeline.flight.fly.simulation import fly_logged
 from pipeline.flight.state.log import FlightLog
+from pipeline.scenarios import evaluation_scenarios
 from pipeline.settings.experiment import Experiment
 
 WORLDS = (

@@ -15,10 +15,10 @@ import numpy as np
 
 from pipeline.command_line.config import compose_experiment, conf_folder
 from pipeline.controllers import source
-from pipeline.flight.cases.starts import evaluation_scenarios
 from pipeline.flight.control.controller import ControllerError
 from pipeline.flight.fly.simulation import fly_all, fly_logged
 from pipeline.flight.state.arrays import NUM_TRACKED
+from pipeline.scenarios import evaluation_scenarios
 
 #: of which each kind flies so many
 NUM_STARTS = 24

@@ -22,13 +22,13 @@ from fis_tools.learning import learn
 from fis_tools.model import FuzzyController
 from pipeline.command_line.config import compose_experiment
 from pipeline.controllers.source import named
-from pipeline.flight.cases.starts import evaluation_scenarios, validation_scenarios
 from pipeline.flight.control.controller import Controller, from_fuzzy
 from pipeline.flight.fly.policy import Policy, answer
 from pipeline.flight.fly.simulation import fly_all
 from pipeline.flight.fly.stepping import NUM_SEEN, NUM_UNSEEN, POSITION, SUN, TARGET, VELOCITY, Flights
 from pipeline.flight.state.arrays import NUM_TRACKED, TRACK_FORCE
 from pipeline.flight.state.log import Scenario
+from pipeline.scenarios import evaluation_scenarios, validation_scenarios
 from pipeline.settings.experiment import Mission
 
 Floats = NDArray[np.float64]

@@ -19,9 +19,9 @@ from scipy.stats import trim_mean
 from pipeline.command_line.config import compose_experiment
 from pipeline.controllers.source import named
 from pipeline.evaluation.statistics import fraction
-from pipeline.flight.cases.starts import evaluation_scenarios
 from pipeline.flight.fly.simulation import fly_all
 from pipeline.flight.state.log import Outcomes
+from pipeline.scenarios import evaluation_scenarios
 
 Floats = NDArray[np.float64]
 

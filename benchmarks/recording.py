@@ -13,10 +13,10 @@ from benchmarks.timing import best_cpu_seconds, best_wall_seconds, line
 from fis_tools.model import FuzzyController, FuzzySystem, rule_table, table_rules
 from pipeline.command_line.config import Job, compose_experiment
 from pipeline.controllers import source as controller_source
-from pipeline.flight.cases.starts import evaluation_scenarios
 from pipeline.flight.control.controller import Controller, from_fuzzy
 from pipeline.flight.fly.simulation import fly_logged
 from pipeline.recording.recorder import FlightRecorder
+from pipeline.scenarios import evaluation_scenarios
 
 NUM_FLIGHTS = 100
 PERIOD_NS = 3_610_000_000_000

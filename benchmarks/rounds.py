@@ -7,9 +7,9 @@ import numpy as np
 
 from pipeline.controllers import source
 from pipeline.evaluation.monte_carlo import SUCCESS, fly_cases, summarise
-from pipeline.flight.cases.starts import evaluation_scenarios
 from pipeline.flight.control.controller import from_fuzzy
 from pipeline.run import artifacts, configuration, tables
+from pipeline.scenarios import evaluation_scenarios
 from pipeline.settings.experiment import Sun
 from pipeline.settings.schema import experiment_from
 from pipeline.training.genome import genome_of

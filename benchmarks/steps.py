@@ -16,12 +16,13 @@ from llvmlite import binding
 from benchmarks.timing import best_cpu_seconds, line
 from pipeline.command_line.config import compose_experiment
 from pipeline.controllers import source
-from pipeline.flight.cases.starts import cases_of, evaluation_scenarios
+from pipeline.flight.cases.starts import cases_of
 from pipeline.flight.control.controller import rehearsed_pushes
 from pipeline.flight.fly.population import fly_population
 from pipeline.flight.fly.rehearsals import rehearsed_openings
 from pipeline.flight.fly.simulation import law_for
 from pipeline.flight.world.pack import pack_world
+from pipeline.scenarios import evaluation_scenarios
 
 #: by type of processor, as they differ
 STORED = Path(__file__).with_name("ratios.json")

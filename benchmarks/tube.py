@@ -11,10 +11,10 @@ import numpy as np
 from pipeline.array_types import Floats
 from pipeline.command_line.config import compose_experiment
 from pipeline.controllers.source import load
-from pipeline.flight.cases.starts import evaluation_scenarios
 from pipeline.flight.fly import simulation
 from pipeline.flight.state.arrays import NUM_TRACKED
 from pipeline.run import artifacts, tables
+from pipeline.scenarios import evaluation_scenarios
 
 #: flights side by side
 BATCH = 2000

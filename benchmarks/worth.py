@@ -23,12 +23,12 @@ from fis_tools.model import Gaussian, Term, Triangular, Variable, rule_table, ta
 from pipeline.command_line.config import compose_experiment
 from pipeline.controllers.source import named
 from pipeline.evaluation.statistics import fraction, statistic
-from pipeline.flight.cases.starts import evaluation_scenarios, training_scenarios
 from pipeline.flight.control.controller import Controller, from_fuzzy
 from pipeline.flight.goals.flights import fly_all
 from pipeline.flight.state.log import Outcomes, Scenario
 from pipeline.flight.state.signals import CONSTANTS
 from pipeline.optimum.solved import solved_for
+from pipeline.scenarios import evaluation_scenarios, training_scenarios
 from pipeline.settings.experiment import Experiment
 from pipeline.training.genome import Genome, genome_of
 from pipeline.training.judging import choose, costs_of, evolved

@@ -23,12 +23,12 @@ from pipeline.evaluation.assurance.requirements import CASES, Requirement, needs
 from pipeline.evaluation.assurance.verdicts import Found, judge, verdict
 from pipeline.evaluation.monte_carlo import episode_columns, fly_tracked
 from pipeline.evaluation.statistics import Column, Compared, compare, succeeds
-from pipeline.flight.cases.starts import evaluation_scenarios
 from pipeline.flight.control.controller import Controller, decision_stride, from_fuzzy
 from pipeline.flight.goals.flights import fly_logged
 from pipeline.flight.state.log import FlightLog
 from pipeline.flight.state.signals import AXES
 from pipeline.flight.world.pack import inspection_points
+from pipeline.scenarios import evaluation_scenarios
 from pipeline.settings.experiment import Experiment
 from pipeline.threads import in_threads
 

@@ -8,13 +8,13 @@ from numpy.typing import NDArray
 
 from pipeline.evaluation.statistics import Column, Columns, fraction, statistic, succeeds
 from pipeline.flight.cases.dispersions import drawn
-from pipeline.flight.cases.starts import columns_of
 from pipeline.flight.control.controller import Controller
 from pipeline.flight.goals.flights import fly_all
 from pipeline.flight.goals.reach import Reached
 from pipeline.flight.state.arrays import NUM_TRACKED
 from pipeline.flight.state.log import Outcomes, Scenario, inspectable_rate
 from pipeline.flight.world.pack import inspection_points
+from pipeline.scenarios import columns_of
 from pipeline.settings.dispersions import distributions
 from pipeline.settings.experiment import Mission
 from pipeline.settings.mission import STANDARD_GRAVITY_M_S2

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from pipeline.array_types import Floats
 from pipeline.command_line.config import compose_experiment
-from pipeline.flight.cases.starts import PRIORITY, direction_of, draw
 from pipeline.flight.control.controller import open_loop
 from pipeline.flight.fly import stepping
 from pipeline.flight.fly.simulation import fly_logged
@@ -23,13 +22,14 @@ from pipeline.flight.world.pack import inspection_points
 from pipeline.flight.world.surface import priority_weights
 from pipeline.physics.motion import nearest_in_orbit
 from pipeline.recording.recorder import FlightRecorder
+from pipeline.scenarios import PRIORITY, direction_of, draw
 from pipeline.settings.experiment import Experiment, Mission
 
 Truths = NDArray[np.bool_]
 
 #: what is composed where nothing else is asked for: nothing of it is flown but the world
 BASE: Final = ("+experiment=evaluate", "controller=coast")
-#: first part of the spawn key of starts, beside those of `pipeline.flight.cases.starts`
+#: first part of the spawn key of starts, beside those of `pipeline.scenarios`
 EPISODES = 1 << 22
 #: seeds of starts are drawn below this
 MOST_SEED = 1 << 31

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from fis_tools.compiled.decorator import plainly
 from pipeline.array_types import Floats
-from pipeline.flight.cases.starts import PRIORITY, direction_of
 from pipeline.flight.state.log import Scenario
 from pipeline.flight.world.chief import chief_attitudes
 from pipeline.flight.world.pack import optics_of
@@ -24,6 +23,7 @@ from pipeline.physics.motion import nearest_in_orbit
 from pipeline.physics.quaternion import dcm_b_from_h, normalised
 from pipeline.physics.sight import is_resolved, is_sunlit
 from pipeline.physics.six_dof import ATTITUDE, PLACE, RATE, VELOCITY, moved
+from pipeline.scenarios import PRIORITY, direction_of
 
 #: parts of a mission that this environment does not fly
 LEFT_OUT: Final = ("safety", "navigation", "actuators", "dynamics")

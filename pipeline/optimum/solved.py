@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.array_types import Floats
-from pipeline.flight.cases.starts import starts_in
 from pipeline.flight.state.log import Scenario
 from pipeline.flight.world.pack import inspection_points
 from pipeline.optimum.plan import CasePlan, num_agreeing
 from pipeline.run import artifacts, tables
+from pipeline.scenarios import starts_in
 from pipeline.settings.experiment import SHIPPED, Experiment, Mission, SettingError
 from pipeline.settings.mission import Dynamics
 from pipeline.settings.start_table import POSITION, VELOCITY

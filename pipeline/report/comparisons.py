@@ -11,13 +11,13 @@ import numpy as np
 from pipeline.evaluation import comparison
 from pipeline.evaluation.monte_carlo import SUCCESS
 from pipeline.evaluation.statistics import Columns
-from pipeline.flight.cases.starts import evaluation_scenarios
 from pipeline.flight.control.controller import Controller, open_loop
 from pipeline.flight.goals.flights import fly_all, fly_logged
 from pipeline.flight.state.log import FlightLog
 from pipeline.optimum.solved import IncomparableError, solved_for, summarise_times
 from pipeline.report.figures.comparison import Mark
 from pipeline.run import artifacts, tables
+from pipeline.scenarios import evaluation_scenarios
 from pipeline.settings.experiment import Experiment, Safety
 from pipeline.settings.keys import value_at
 

@@ -15,13 +15,13 @@ from pipeline.controllers.source import controller_of_run
 from pipeline.evaluation.comparison import PAPER_TEST, PAPER_TRAINING, ComparisonRow, Reported
 from pipeline.evaluation.monte_carlo import SUCCESS, fly_cases, rank, summarise
 from pipeline.evaluation.statistics import Columns, Fraction, Statistic
-from pipeline.flight.cases.starts import evaluation_scenarios, start_shown, training_scenarios
 from pipeline.flight.control.controller import Controller
 from pipeline.flight.goals.flights import fly_logged
 from pipeline.flight.state.log import FlightLog, Scenario
 from pipeline.report import comparisons
 from pipeline.report.figures.training import HISTORY_COLUMNS
 from pipeline.run import artifacts, configuration, manifests, tables
+from pipeline.scenarios import evaluation_scenarios, start_shown, training_scenarios
 from pipeline.settings.experiment import Experiment
 from pipeline.settings.keys import value_at
 from pipeline.settings.start_table import POSITION

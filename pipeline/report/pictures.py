@@ -11,7 +11,6 @@ import yaml
 from fis_tools.document.html import read
 from pipeline.evaluation.comparison import ComparisonRow, worlds_of
 from pipeline.evaluation.monte_carlo import fly_tracked
-from pipeline.flight.cases.starts import evaluation_scenarios
 from pipeline.flight.state.log import FlightLog, points_needed
 from pipeline.flight.world.pack import inspection_points
 from pipeline.report.comparisons import marks_of
@@ -21,6 +20,7 @@ from pipeline.report.figures.comparison import LINEAR, beside_optimum, by_world,
 from pipeline.report.figures.flights import METRICS, Sample, approach, controls, distributions
 from pipeline.report.figures.training import convergence
 from pipeline.report.figures.trajectories import MOST_TOLD_APART, Tracks, trajectories
+from pipeline.scenarios import evaluation_scenarios
 from pipeline.settings.experiment import Mission
 
 #: the files that this stage writes into the folder of figures, or once did, and no other

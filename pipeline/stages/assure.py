@@ -31,7 +31,6 @@ from pipeline.evaluation.assurance.requirements import (
 )
 from pipeline.evaluation.assurance.verdicts import Found, cases_needed, failures_allowed, judge, percent
 from pipeline.flight.cases.dispersions import drawn
-from pipeline.flight.cases.starts import evaluation_scenarios
 from pipeline.flight.control.controller import Controller
 from pipeline.flight.goals.flights import fly_logged
 from pipeline.flight.state.log import Scenario
@@ -41,6 +40,7 @@ from pipeline.report.evidence import write as page_of
 from pipeline.report.figures.flights import draw_tube
 from pipeline.report.figures.style import Illustration
 from pipeline.run import artifacts, configuration, maker, tables, writing
+from pipeline.scenarios import evaluation_scenarios
 from pipeline.settings.dispersions import distributions
 from pipeline.settings.experiment import Experiment, Mission, MonteCarlo
 from pipeline.settings.places import requirements_path

@@ -12,13 +12,13 @@ from typing import Any, cast
 from pipeline.controllers.source import named, remembering
 from pipeline.evaluation import comparison
 from pipeline.evaluation.monte_carlo import episode_columns, fly_cases, summarise
-from pipeline.flight.cases.starts import evaluation_scenarios
 from pipeline.flight.control.controller import Controller
 from pipeline.flight.goals.flights import fly_all
 from pipeline.flight.state.log import Outcomes, Scenario, combined
 from pipeline.optimum.solved import IncomparableError, Solved, beside_optimum, solved_for, summarise_times
 from pipeline.run import artifacts, tables, writing
 from pipeline.run.progress import Progress
+from pipeline.scenarios import evaluation_scenarios
 from pipeline.settings.experiment import Experiment, Mission, Safety
 from pipeline.settings.schema import in_world
 

@@ -14,12 +14,12 @@ import numpy as np
 from pipeline.controllers.source import controller_of_run
 from pipeline.evaluation.monte_carlo import SUCCESS, episode_columns, fly_cases, summarise
 from pipeline.evaluation.statistics import Column, percentiles, sensitivity
-from pipeline.flight.cases.starts import evaluation_scenarios
 from pipeline.flight.control.controller import Controller
 from pipeline.flight.goals.flights import fly_all
 from pipeline.optimum.solved import IncomparableError, beside_optimum, solved_for, summarise_times
 from pipeline.run import artifacts, tables, writing
 from pipeline.run.progress import Progress
+from pipeline.scenarios import evaluation_scenarios
 from pipeline.settings.dispersions import distributions
 from pipeline.settings.experiment import Experiment
 from pipeline.settings.start_table import POSITION

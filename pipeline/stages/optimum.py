@@ -10,13 +10,14 @@ from typing import Any
 import numpy as np
 
 from pipeline.controllers.played import COLUMNS, read_played
-from pipeline.flight.cases.starts import EVALUATION, evaluation_scenarios, given_start, starts_in, starts_of
+from pipeline.flight.cases.starts import starts_of
 from pipeline.flight.state.log import Scenario
 from pipeline.flight.world.pack import inspection_points
 from pipeline.optimum.plan import CasePlan, solve
 from pipeline.optimum.solved import case_row, summarise, terms_of
 from pipeline.run import artifacts, tables, writing
 from pipeline.run.progress import Progress
+from pipeline.scenarios import EVALUATION, evaluation_scenarios, given_start, starts_in
 from pipeline.settings.experiment import Experiment
 
 CaseRow = dict[str, Any]

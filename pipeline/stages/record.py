@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 from pipeline.controllers.source import controller_of_run
 from pipeline.evaluation.monte_carlo import rank
 from pipeline.evaluation.statistics import Columns
-from pipeline.flight.cases.starts import evaluation_scenarios, start_shown, training_scenarios
 from pipeline.flight.goals.flights import achieved, fly_logged, in_words
 from pipeline.flight.state.log import Scenario
 from pipeline.recording.recorder import FlightRecorder
 from pipeline.run import artifacts, configuration
+from pipeline.scenarios import evaluation_scenarios, start_shown, training_scenarios
 from pipeline.settings.experiment import Experiment
 from telemetry import RecordingError
 

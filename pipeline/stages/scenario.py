@@ -3,9 +3,9 @@
 from pathlib import Path
 from typing import Any
 
-from pipeline.flight.cases.starts import evaluation_scenarios, training_scenarios
 from pipeline.flight.state.log import Scenario
 from pipeline.run import artifacts, tables
+from pipeline.scenarios import evaluation_scenarios, training_scenarios
 from pipeline.settings.experiment import Experiment
 from pipeline.settings.start_table import COLUMNS
 

@@ -8,11 +8,11 @@ from typing import Any
 
 from fis_tools.formats import serialize
 from pipeline.controllers import source
-from pipeline.flight.cases.starts import validation_scenarios
 from pipeline.flight.control.controller import Controller, from_fuzzy
 from pipeline.flight.goals.flights import fly_all
 from pipeline.run import artifacts, configuration, tables, writing
 from pipeline.run.progress import Progress
+from pipeline.scenarios import validation_scenarios
 from pipeline.settings.checks import SettingError
 from pipeline.settings.experiment import Experiment
 from pipeline.settings.schema import experiment_from, with_tried

@@ -9,13 +9,14 @@ import numpy as np
 
 from fis_tools.model import FuzzyController
 from pipeline.array_types import Floats
-from pipeline.flight.cases.starts import cases_of, hard_candidates, training_scenarios, validation_scenarios
+from pipeline.flight.cases.starts import cases_of
 from pipeline.flight.control.controller import from_fuzzy, law_of
 from pipeline.flight.fly.population import lanes_for
 from pipeline.flight.fly.tours import tour_images
 from pipeline.flight.goals.flights import fly_all, fly_genomes
 from pipeline.flight.state.log import Outcomes, Scenario, combined
 from pipeline.flight.world.pack import pack_world
+from pipeline.scenarios import hard_candidates, training_scenarios, validation_scenarios
 from pipeline.settings.experiment import Experiment
 from pipeline.training.evolution.generations import Evaluate
 from pipeline.training.evolution.rounds import Evolution, evolve_rounds

@@ -15,10 +15,10 @@ from pipeline.evaluation.assurance import verdicts
 from pipeline.evaluation.assurance.campaign import Outcome, Search, speed
 from pipeline.evaluation.assurance.requirements import Requirement
 from pipeline.flight.cases.dispersions import drawn
-from pipeline.flight.cases.starts import columns_of
 from pipeline.flight.control.controller import Controller
 from pipeline.flight.goals.flights import fly_logged
 from pipeline.flight.state.log import FlightLog, Scenario
+from pipeline.scenarios import columns_of
 from pipeline.settings.experiment import Experiment, Mission
 from pipeline.threads import in_threads
 

@@ -1,1 +1,1 @@
-"""What a case draws: its start, dispersions, errors of fixes and thrusters, drag in time."""
+"""What a case draws besides its start: dispersions, errors of fixes and thrusters, drag in time."""

@@ -1,6 +1,6 @@
 """Dispersions: settings drawn for each case.
 
-A case draws them after its start (`pipeline.flight.cases.starts`) and in the order of the sorted keys, so
+A case draws them after its start (`pipeline.scenarios`) and in the order of the sorted keys, so
 that the same case always has the same settings. Settings that vary within a flight are drawn where it is
 flown, see `pipeline.flight.cases.processes`.
 """

@@ -1,18 +1,10 @@
-"""Starts of flights, drawn case by case so that a case does not depend on the number of cases.
+"""Starts of flights as arrays, and how each flight differs from the deputy's model of it."""
 
-Case i of a stage draws from ``SeedSequence(seed, spawn_key=(stage, i))``: direction, then distance, then the
-Sun's angle, then its elevation, whether or not they are used. The same seed therefore gives the same
-positions under any Sun setting.
-"""
-
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
-from itertools import product
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.array_types import Floats
 from pipeline.flight.cases.actuators import firing_of
@@ -22,166 +14,7 @@ from pipeline.flight.state.arrays import CASE
 from pipeline.flight.state.errors import Errors, Firing, Fixes, ModelErrors, ThrustErrors
 from pipeline.flight.state.log import Scenario
 from pipeline.physics.orbit import Course
-from pipeline.settings.experiment import Experiment, Mission, MonteCarlo, Sun
-from pipeline.settings.mission import Deputy
-from pipeline.settings.start_table import numbers
-from pipeline.settings.training import Starts
-
-#: first part of the spawn key: evaluation; training round r as ``TRAINING + r``; the candidates for its hard
-#: starts, ``HARD + r``; and those on which the champion is chosen
-EVALUATION, TRAINING, HARD, VALIDATION = 0, 1, 1 << 20, 1 << 21
-
-#: places in the spawn key of the random numbers for a start's velocity and for its points' priority
-SPEED, PRIORITY = 3, 1 << 10
-
-OCTANTS = np.array(list(product((1.0, -1.0), repeat=3))) / np.sqrt(3.0)
-
-
-def draw(
-    seed: int,
-    stage: int,
-    case: int,
-    shell_m: tuple[float, float],
-    sun: Sun,
-    max_speed_m_s: float = 0.0,
-    directions: str = "even",
-    box: tuple[tuple[float, ...], ...] | None = None,
-) -> Scenario:
-    """Draw the start of a case: its direction, distance uniform in the shell; likewise its velocity.
-
-    The shell is a least and a greatest distance, the speed uniform up to a greatest one, 0 for rest. A Sun
-    that alternates is fixed in even cases and random in odd ones. See `direction_of` for `directions`. From a
-    box, of the least and the greatest place and velocity, both are drawn evenly.
-    """
-    generator = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(stage, case)))
-    direction = direction_of(generator, directions)
-    direction /= np.linalg.norm(direction)
-    distance = generator.uniform(*shell_m)
-    angle = generator.uniform(0.0, 2.0 * np.pi)
-    share = generator.uniform()
-    elevation_deg = sun.elevation_deg
-    if sun.mode == "fixed" or (sun.mode == "mixed" and case % 2 == 0):
-        angle = float(np.radians(sun.angle_deg))
-    elif sun.elevation_range_deg is not None:
-        low, high = sun.elevation_range_deg
-        elevation_deg = low + share * (high - low)
-    elevation = float(np.radians(elevation_deg))
-    start = Scenario(distance * direction, np.zeros(3), angle, elevation, (seed, stage, case))
-    if box is not None:
-        drawn = start.generator(SPEED).uniform(*np.array(box))
-        return replace(start, position_m=drawn[:3], velocity_m_s=drawn[3:])
-    if not max_speed_m_s > 0.0:
-        return start
-    generator = start.generator(SPEED)
-    direction = direction_of(generator, directions)
-    speed = generator.uniform(0.0, max_speed_m_s)
-    return replace(start, velocity_m_s=speed * direction / np.linalg.norm(direction))
-
-
-def direction_of(generator: np.random.Generator, directions: str = "angles") -> Floats:
-    """Draw a vector of any length: even on the sphere, or by even angles, azimuth and elevation."""
-    if directions == "even":
-        return generator.standard_normal(3)
-    azimuth, elevation = generator.uniform([0.0, -0.5 * np.pi], [2.0 * np.pi, 0.5 * np.pi])
-    flat = np.cos(elevation)
-    return np.array([flat * np.cos(azimuth), flat * np.sin(azimuth), np.sin(elevation)])
-
-
-def _drawn(
-    starts: Starts | MonteCarlo, sun: Sun, seed: int, stage: int, cases: Sequence[int]
-) -> list[Scenario]:
-    """Draw the starts of some cases of a stage."""
-    shell = starts.min_distance_m, starts.max_distance_m
-    rest = starts.max_speed_m_s, starts.directions, starts.box
-    return [draw(seed, stage, case, shell, sun, *rest) for case in cases]
-
-
-def training_scenarios(starts: Starts, sun: Sun, seed: int, round_index: int = 0) -> list[Scenario]:
-    """Return the starts of a round of training; without `starts.redraw` those of the first round."""
-    if starts.table is not None:
-        return _given(starts.table, seed, TRAINING)
-    stage = TRAINING + (round_index if starts.redraw else 0)
-    drawn = _drawn(starts, sun, seed, stage, range(starts.num_cases))
-    if starts.kind == "random":
-        return drawn
-    return [
-        replace(case, position_m=starts.min_distance_m * direction)
-        for direction, case in zip(OCTANTS, drawn, strict=True)
-    ]
-
-
-def hard_candidates(starts: Starts, sun: Sun, seed: int, round_index: int) -> list[Scenario]:
-    """Return the starts among which the hard ones of a round of training are sought."""
-    return _drawn(starts, sun, seed, HARD + round_index, range(starts.hard_from))
-
-
-def validation_scenarios(starts: Starts, sun: Sun, seed: int, num_cases: int) -> list[Scenario]:
-    """Return the starts on which the champion is chosen: drawn as for training, not flown in it."""
-    return _drawn(starts, sun, seed, VALIDATION, range(num_cases))
-
-
-def given_start(deputy: Deputy, sun: Sun, seed: int) -> Scenario:
-    """Return the start that the configuration gives; a random Sun is that of the first evaluation case."""
-    drawn = draw(seed, EVALUATION, 0, (deputy.min_distance_m, deputy.max_distance_m), sun)
-    position, velocity = np.array(deputy.initial_position_m), np.array(deputy.initial_velocity_m_s)
-    return replace(drawn, position_m=position, velocity_m_s=velocity)
-
-
-def start_shown(experiment: Experiment) -> tuple[str, Scenario]:
-    """Return the start that is flown alone and its name: the given one, or a case of the evaluation."""
-    sun, seed, case = experiment.sun, experiment.seed, experiment.case
-    if case is None:
-        return "start", given_start(experiment.mission.deputy, sun, seed)
-    return f"case-{case}", evaluation_scenarios(experiment.monte_carlo, sun, seed, [case])[0]
-
-
-def evaluation_scenarios(
-    monte_carlo: MonteCarlo, sun: Sun, seed: int, cases: slice | Sequence[int] = slice(None)
-) -> list[Scenario]:
-    """Return the starts of an evaluation, or of some of its cases."""
-    if monte_carlo.table is not None:
-        given = _given(monte_carlo.table, seed, EVALUATION)
-        return given[cases] if isinstance(cases, slice) else [given[case] for case in cases]
-    drawn = range(monte_carlo.num_cases)[cases] if isinstance(cases, slice) else cases
-    return _drawn(monte_carlo, sun, seed, EVALUATION, drawn)
-
-
-def _given(table: str, seed: int, stage: int) -> list[Scenario]:
-    """Return the starts of a table, with the errors of a seed and a stage."""
-    starts = enumerate(starts_in(numbers(table, "the table of starts")))
-    return [replace(start, noise=(seed, stage, case)) for case, start in starts]
-
-
-def starts_in(columns: Mapping[str, NDArray[Any]]) -> list[Scenario]:
-    """Return the starts in a table of episodes or of solved cases, columns of shape (n,), row by row.
-
-    They are ``position_x_m`` and so on (Hill axes), ``sun_angle_rad``; optionally ``velocity_x_m_s`` and so
-    on (else at rest), and ``sun_elevation_rad`` (else the Sun is in the orbit plane).
-    """
-    angles = np.asarray(columns["sun_angle_rad"], dtype=np.float64)
-    at_rest = np.zeros(len(angles))
-    elevations = np.asarray(columns.get("sun_elevation_rad", at_rest), dtype=np.float64)
-    positions = np.stack([columns[f"position_{axis}_m"] for axis in "xyz"], axis=1)
-    velocities = np.stack([columns.get(f"velocity_{axis}_m_s", at_rest) for axis in "xyz"], axis=1)
-    places = positions.astype(np.float64), velocities.astype(np.float64)
-    columns_of_starts = *places, angles.tolist(), elevations.tolist()
-    return [
-        Scenario(position, velocity, angle, elevation, (0, EVALUATION, row))
-        for row, (position, velocity, angle, elevation) in enumerate(zip(*columns_of_starts, strict=True))
-    ]
-
-
-def columns_of(scenarios: Sequence[Scenario]) -> dict[str, Floats]:
-    """Return the places of starts as columns that `starts_in` reads, and the velocities if any moves."""
-    positions, velocities = (
-        np.array([getattr(one, name) for one in scenarios]).reshape(-1, 3)
-        for name in ("position_m", "velocity_m_s")
-    )
-    columns = {f"position_{axis}_m": positions[:, n] for n, axis in enumerate("xyz")}
-    if velocities.any():
-        columns |= {f"velocity_{axis}_m_s": velocities[:, n] for n, axis in enumerate("xyz")}
-    return columns
-
+from pipeline.settings.experiment import Mission
 
 StartRows = np.recarray[Any, Any]  # an array of `CASE`
 

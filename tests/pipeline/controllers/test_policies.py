@@ -12,7 +12,6 @@ from onnx.reference import ReferenceEvaluator
 from pipeline.command_line.overrides import ConfigError, rewrite_paths
 from pipeline.controllers.policies import policy_of, read_policy
 from pipeline.controllers.source import named
-from pipeline.flight.cases.starts import evaluation_scenarios
 from pipeline.flight.control.controller import Controller, ControllerError
 from pipeline.flight.fly import policy
 from pipeline.flight.fly.policy import answer
@@ -22,6 +21,7 @@ from pipeline.flight.state.log import FlightLog
 from pipeline.gym import InspectionEnv, task_of
 from pipeline.recording.recorder import FlightRecorder
 from pipeline.recording.reflight import fly_again
+from pipeline.scenarios import evaluation_scenarios
 
 RNG = np.random.default_rng(4)
 W1, B1 = RNG.normal(0.0, 0.3, (NUM_SEEN, 8)), RNG.normal(0.0, 0.3, 8)

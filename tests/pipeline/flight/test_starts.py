@@ -13,7 +13,11 @@ from pipeline.command_line.config import compose_experiment
 from pipeline.controllers.source import named
 from pipeline.evaluation.monte_carlo import fly_cases
 from pipeline.flight.cases.dispersions import drawn, mission_of_case
-from pipeline.flight.cases.starts import (
+from pipeline.flight.fly.simulation import fly_all, fly_logged
+from pipeline.flight.period.act.attitude import turn_body
+from pipeline.flight.state.log import Scenario
+from pipeline.flight.world.pack import pack_world
+from pipeline.scenarios import (
     EVALUATION,
     columns_of,
     draw,
@@ -21,10 +25,6 @@ from pipeline.flight.cases.starts import (
     starts_in,
     training_scenarios,
 )
-from pipeline.flight.fly.simulation import fly_all, fly_logged
-from pipeline.flight.period.act.attitude import turn_body
-from pipeline.flight.state.log import Scenario
-from pipeline.flight.world.pack import pack_world
 from pipeline.settings.experiment import Experiment, MonteCarlo, SettingError, Sun
 from pipeline.settings.training import Starts
 from tests.pipeline.flight.missions import PAPER

@@ -11,13 +11,13 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from pipeline.flight.cases.starts import evaluation_scenarios
 from pipeline.flight.control.controller import coast
 from pipeline.flight.fly.simulation import fly_logged
 from pipeline.flight.state.log import Scenario
 from pipeline.flight.world.pack import inspection_points
 from pipeline.gym import AFRL, AFRL_WEIGHTED, InspectionEnv, SixDofInspectionEnv, task_of
 from pipeline.physics.six_dof import PLACE
+from pipeline.scenarios import evaluation_scenarios
 from tests.places import PROJECT
 
 pytestmark = pytest.mark.slow

@@ -13,13 +13,13 @@ from benchmarks.field import is_enough_in_rso
 from pipeline import gym
 from pipeline.command_line.config import compose_experiment
 from pipeline.controllers.source import load
-from pipeline.flight.cases.starts import evaluation_scenarios
 from pipeline.flight.fly import stepping
 from pipeline.flight.fly.simulation import fly_logged
 from pipeline.flight.state.log import FlightLog, Scenario, empty_log
 from pipeline.flight.world.pack import inspection_points
 from pipeline.gym import InspectionEnv, task_of
 from pipeline.recording.reflight import fly_again
+from pipeline.scenarios import evaluation_scenarios
 
 #: what differs in the parts of a flight that are compiled
 WORLDS = {"paper": ["safety=filter"], "afrl": ["world=afrl"], "leo": ["world=leo", "duration_s=1200"]}

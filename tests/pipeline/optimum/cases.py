@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.command_line.config import Job, compose_experiment
-from pipeline.flight.cases.starts import evaluation_scenarios
 from pipeline.optimum.problem import Problem, problem_of
+from pipeline.scenarios import evaluation_scenarios
 
 Floats = NDArray[np.float64]
 

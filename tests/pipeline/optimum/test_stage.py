@@ -12,7 +12,6 @@ from pipeline.command_line.cli import main
 from pipeline.command_line.config import compose_experiment
 from pipeline.controllers import source
 from pipeline.evaluation.monte_carlo import fly_cases
-from pipeline.flight.cases.starts import evaluation_scenarios, given_start
 from pipeline.flight.control.controller import open_loop
 from pipeline.flight.fly.simulation import fly_all
 from pipeline.flight.state.log import Scenario
@@ -30,6 +29,7 @@ from pipeline.optimum.solved import (
 )
 from pipeline.run import artifacts, tables, writing
 from pipeline.run.runner import run_stages
+from pipeline.scenarios import evaluation_scenarios, given_start
 from pipeline.stages.optimum import kept_rows
 from tests.pipeline.optimum.cases import composed
 

@@ -11,10 +11,10 @@ from fis_tools.formats import serialize
 from pipeline.command_line.config import Job, compose_experiment
 from pipeline.evaluation.monte_carlo import rank
 from pipeline.flight.cases.dispersions import mission_of_case
-from pipeline.flight.cases.starts import evaluation_scenarios, training_scenarios
 from pipeline.run import artifacts, tables, writing
 from pipeline.run.artifacts import ArtifactError
 from pipeline.run.runner import run_stages
+from pipeline.scenarios import evaluation_scenarios, training_scenarios
 from pipeline.stages import record
 from tests.pipeline.recording import cases
 

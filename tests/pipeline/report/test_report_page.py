@@ -17,7 +17,6 @@ from fis_tools.render.theme import contrast
 from fis_tools.review import page as review
 from fis_tools.words.text import summary
 from pipeline.evaluation.monte_carlo import fly_cases, summarise
-from pipeline.flight.cases.starts import training_scenarios
 from pipeline.flight.fly.simulation import fly_logged
 from pipeline.report.contents import command_of, gather, read_evaluation, tracks_of
 from pipeline.report.page import write
@@ -25,6 +24,7 @@ from pipeline.report.pictures import draw
 from pipeline.run import artifacts, manifests, tables
 from pipeline.run.artifacts import ArtifactError
 from pipeline.run.writing import write_json
+from pipeline.scenarios import training_scenarios
 from tests.pipeline.report.runs import HOSTILE, SECTIONS, page_of, run_of, small_controller, write_training
 from tests.policies import Page, check_policy, check_references
 

@@ -11,10 +11,10 @@ from pipeline.command_line.cli import main
 from pipeline.controllers.source import load, named
 from pipeline.evaluation.comparison import HEADER, row_of
 from pipeline.evaluation.monte_carlo import summarise
-from pipeline.flight.cases.starts import evaluation_scenarios
 from pipeline.flight.control.controller import ControllerError
 from pipeline.flight.fly.simulation import fly_all
 from pipeline.run import artifacts, tables
+from pipeline.scenarios import evaluation_scenarios
 from pipeline.settings.experiment import SettingError
 from pipeline.stages import compare
 from tests.pipeline.stages.cases import composed, prepared

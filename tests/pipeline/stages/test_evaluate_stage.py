@@ -14,10 +14,10 @@ from fis_tools.formats import serialize
 from pipeline.command_line.config import compose_experiment
 from pipeline.controllers import source as controller_source
 from pipeline.evaluation.monte_carlo import summarise
-from pipeline.flight.cases.starts import evaluation_scenarios
 from pipeline.flight.fly.simulation import fly_logged
 from pipeline.run import artifacts, tables
 from pipeline.run.artifacts import ArtifactError
+from pipeline.scenarios import evaluation_scenarios
 from pipeline.settings.experiment import SettingError
 from pipeline.stages import evaluate, search
 from tests.pipeline.stages.cases import prepared

@@ -8,9 +8,9 @@ import pytest
 
 from pipeline.command_line.config import compose_experiment
 from pipeline.command_line.overrides import ConfigError, rewrite_paths
-from pipeline.flight.cases.starts import evaluation_scenarios, training_scenarios
 from pipeline.flight.state.log import Scenario
 from pipeline.run import artifacts
+from pipeline.scenarios import evaluation_scenarios, training_scenarios
 from pipeline.settings.experiment import Experiment, SettingError
 from pipeline.stages import scenario
 from tests.pipeline.stages.cases import prepared

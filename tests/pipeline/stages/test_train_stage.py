@@ -17,10 +17,10 @@ import pytest
 
 from fis_tools.formats import serialize
 from pipeline.controllers import source
-from pipeline.flight.cases.starts import hard_candidates, training_scenarios, validation_scenarios
 from pipeline.flight.control.controller import ControllerError, from_fuzzy
 from pipeline.flight.fly.simulation import fly_all
 from pipeline.run import artifacts, configuration, writing
+from pipeline.scenarios import hard_candidates, training_scenarios, validation_scenarios
 from pipeline.stages import record, train
 from pipeline.training import judging
 from pipeline.training.fitness import costs

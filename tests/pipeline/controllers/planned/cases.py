@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from pipeline.command_line.config import Job, compose_experiment
 from pipeline.controllers.source import controller_of_kind
-from pipeline.flight.cases.starts import evaluation_scenarios
 from pipeline.flight.state.log import Scenario
+from pipeline.scenarios import evaluation_scenarios
 from pipeline.settings.controllers import planned_settings
 from pipeline.settings.experiment import Mission
 from tests.readable_flight.motion import transition

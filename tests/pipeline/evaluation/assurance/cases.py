@@ -4,9 +4,9 @@ from functools import cache
 
 from pipeline.command_line.config import compose_experiment
 from pipeline.controllers.source import named
-from pipeline.flight.cases.starts import evaluation_scenarios
 from pipeline.flight.control.controller import Controller
 from pipeline.flight.state.log import Scenario
+from pipeline.scenarios import evaluation_scenarios
 from pipeline.settings.experiment import Experiment
 
 

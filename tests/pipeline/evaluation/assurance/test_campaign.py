@@ -13,12 +13,12 @@ from pipeline.evaluation.assurance.formula import parse
 from pipeline.evaluation.assurance.quantities import QUANTITIES, UNITS, track_of
 from pipeline.evaluation.assurance.requirements import Requirement, RequirementError, read
 from pipeline.flight.cases.dispersions import mission_of_case
-from pipeline.flight.cases.starts import evaluation_scenarios
 from pipeline.flight.fly.simulation import fly_all, fly_logged, tracked
 from pipeline.flight.state.arrays import TRACK_BORESIGHT, TRACK_FORCE, TRACK_TURN_RATE
 from pipeline.flight.state.log import FlightLog, Scenario
 from pipeline.recording.recorder import FlightRecorder
 from pipeline.recording.reflight import fly_again
+from pipeline.scenarios import evaluation_scenarios
 from pipeline.settings.checks import SettingError
 from pipeline.settings.experiment import Mission
 from pipeline.settings.places import requirements_path

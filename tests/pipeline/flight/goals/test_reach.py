@@ -16,13 +16,13 @@ from pipeline.command_line.cli import main
 from pipeline.command_line.config import compose_experiment
 from pipeline.controllers.source import named
 from pipeline.evaluation.monte_carlo import fly_cases
-from pipeline.flight.cases.starts import evaluation_scenarios
 from pipeline.flight.goals import reach
 from pipeline.flight.goals.flights import achieved, fly_all, fly_logged
 from pipeline.flight.state.arrays import NUM_TRACKED, TRACK_SPENT
 from pipeline.flight.state.log import Outcomes
 from pipeline.recording.events import events
 from pipeline.recording.recorder import FlightRecorder
+from pipeline.scenarios import evaluation_scenarios
 from telemetry.file.summary import summarize
 
 NAMES = ("delta_v_m_s", "inspected_count", "inspectable_count", "mean_distance_m", "min_distance_m")
