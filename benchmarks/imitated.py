@@ -21,9 +21,9 @@ from fis_tools.formats import serialize
 from fis_tools.learning import learn
 from fis_tools.model import FuzzyController
 from pipeline.command_line.config import compose_experiment
+from pipeline.controllers.learned import Policy, answer
 from pipeline.controllers.source import named
 from pipeline.flight.control.controller import Controller, from_fuzzy
-from pipeline.flight.fly.policy import Policy, answer
 from pipeline.flight.fly.simulation import fly_all
 from pipeline.flight.fly.stepping import NUM_SEEN, NUM_UNSEEN, POSITION, SUN, TARGET, VELOCITY, Flights
 from pipeline.flight.state.arrays import NUM_TRACKED, TRACK_FORCE

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from pipeline.array_types import Floats
+from pipeline.controllers.learned import CLIPPED, LINEAR, TANH, Network, Policy
 from pipeline.flight.control.controller import Controller, ControllerError
-from pipeline.flight.fly.policy import CLIPPED, LINEAR, TANH, Network, Policy
 from pipeline.flight.fly.stepping import NUM_SEEN
 
 MOST_BYTES = 16 << 20

@@ -1,1 +1,1 @@
-"""Who flies: many flights at once, one logged, one period at a time, rehearsals, learned policies."""
+"""Who flies: many flights at once, one logged, one period at a time, rehearsals."""

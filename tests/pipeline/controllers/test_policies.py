@@ -10,11 +10,10 @@ from onnx import ModelProto, NodeProto, TensorProto, helper, numpy_helper
 from onnx.reference import ReferenceEvaluator
 
 from pipeline.command_line.overrides import ConfigError, rewrite_paths
+from pipeline.controllers.learned import Policy, answer
 from pipeline.controllers.policies import policy_of, read_policy
 from pipeline.controllers.source import named
 from pipeline.flight.control.controller import Controller, ControllerError
-from pipeline.flight.fly import policy
-from pipeline.flight.fly.policy import answer
 from pipeline.flight.fly.simulation import fly_all, fly_logged
 from pipeline.flight.fly.stepping import NUM_SEEN, OBSERVED
 from pipeline.flight.state.log import FlightLog
@@ -80,7 +79,7 @@ def read(made: ModelProto) -> Controller:
 def test_a_network_answers_what_the_reference_of_the_format_does(steps) -> None:
     seen = RNG.normal(0.0, 1.0, (50, NUM_SEEN)) * SCALES
     found, pilot = np.empty((50, 3)), read(model(steps)).pilot
-    assert isinstance(pilot, policy.Policy)
+    assert isinstance(pilot, Policy)
     answer(pilot.network, seen, np.zeros((2, NUM_SEEN)), found)
     (expected,) = ReferenceEvaluator(model(steps, TensorProto.DOUBLE)).run(None, {"value0": seen})
     # the weights of the file are of single precision
@@ -178,7 +177,7 @@ def test_a_policy_flies_in_the_gym_what_it_flies_here(flown) -> None:
 @pytest.mark.slow
 def test_a_flight_is_the_same_in_any_company(flown, monkeypatch) -> None:
     task, controller, starts, log = flown
-    monkeypatch.setattr(policy, "BLOCK", 3)
+    monkeypatch.setattr("pipeline.controllers.learned.BLOCK", 3)
     many = fly_all(task.mission, controller, starts, 2)
     alone = fly_all(task.mission, controller, starts[1:2], 1)
     assert many.delta_v_m_s[1] == alone.delta_v_m_s[0] == log.delta_v_m_s[-1]
