@@ -18,11 +18,11 @@ from pipeline.flight.world.pack import optics_of
 from pipeline.flight.world.surface import priority_weights, surface_of
 from pipeline.gym.env import Started
 from pipeline.gym.episodes import AFRL_WEIGHTED, Reward, task_of
+from pipeline.gym.six_dof_motion import ATTITUDE, PLACE, RATE, VELOCITY, moved
 from pipeline.physics.illumination import sun_angle, sun_direction_h
 from pipeline.physics.motion import nearest_in_orbit
 from pipeline.physics.quaternion import dcm_b_from_h, normalised
 from pipeline.physics.sight import is_resolved, is_sunlit
-from pipeline.physics.six_dof import ATTITUDE, PLACE, RATE, VELOCITY, moved
 from pipeline.scenarios import PRIORITY, direction_of
 
 #: parts of a mission that this environment does not fly
