@@ -20,10 +20,10 @@ from pipeline.controllers.source import load, named
 from pipeline.evaluation.statistics import fraction
 from pipeline.flight.cases.starts import starts_of
 from pipeline.flight.fly.simulation import fly_logged
-from pipeline.flight.fly.workspace import lit_at_samples
 from pipeline.flight.state.log import FlightLog, Scenario, points_needed
 from pipeline.flight.world.pack import inspection_points, pack_world
 from pipeline.flight.world.surface import priority_weights
+from pipeline.optimum.light import lit_at_samples
 from pipeline.physics.motion import nearest_in_orbit
 from pipeline.scenarios import PRIORITY, direction_of, evaluation_scenarios
 from pipeline.settings.experiment import Mission

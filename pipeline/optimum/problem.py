@@ -18,13 +18,13 @@ from pipeline.array_types import Floats
 from pipeline.flight.cases.starts import starts_of
 from pipeline.flight.control.controller import open_loop
 from pipeline.flight.fly.simulation import fly_logged
-from pipeline.flight.fly.workspace import lit_at_samples
 from pipeline.flight.state.log import FlightLog, Scenario
 from pipeline.flight.world.pack import pack_world
+from pipeline.optimum.light import lit_at_samples, note_free_along
 from pipeline.physics.illumination import sun_angle, sun_direction_h
 from pipeline.physics.motion import free_path, repeated
 from pipeline.physics.quaternion import dcm_b_from_h
-from pipeline.physics.sight import NORMAL, Occlusion, note_free_along
+from pipeline.physics.sight import NORMAL, Occlusion
 from pipeline.settings.experiment import Mission, SettingError
 
 #: margin of the camera's pointing error for a slightly different flight

@@ -8,10 +8,9 @@ from math import atan, pi, tan
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fis_tools.compiled.decorator import compiled
-from fis_tools.compiled.three import Three, cross, dot, lane_of, three_of, times
+from fis_tools.compiled.three import Three, cross, dot, three_of
 from fis_tools.compiled.vectors import Mask, Vector, most
 from pipeline.array_types import Bytes, Floats
 from pipeline.physics.illumination import ASTRONOMICAL_UNIT_M
@@ -99,24 +98,6 @@ def note_free(
                     is_seen = False
                     break
             is_free[cell, point] = is_seen
-
-
-@compiled(nogil=True, error_model="numpy")
-def note_free_along(
-    occlusion: Occlusion, axes: Floats, path: Floats, points: Floats, is_granted: NDArray[np.bool_]
-) -> None:
-    """Make `is_granted`, (K+1, P), false for points that the body hides from the places of a path.
-
-    The path has the shape (K+1, 3), points (K+1, 3, P), m, and axes (K+1 or 1, 3, 3), from the path's to the
-    body's.
-    """
-    for k in range(len(path)):
-        turn = axes[k if len(axes) > 1 else 0]
-        for j in range(points.shape[2]):
-            if is_granted[k, j]:
-                to_path = three_of(path[k]) - lane_of(points[k], 0, j)
-                cell = cell_of(occlusion.edge, times(turn, to_path))
-                is_granted[k, j] = occlusion.is_free[cell, j] > 0
 
 
 def occlusion_of(points: Floats, normals: Floats, corners: Floats) -> Occlusion:

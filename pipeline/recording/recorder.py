@@ -29,15 +29,14 @@ from pipeline.flight.cases.actuators import thrusters_of
 from pipeline.flight.cases.dispersions import mission_of_case
 from pipeline.flight.control.controller import Controller, decision_stride, rehearsed_pushes
 from pipeline.flight.fly.tours import following, rehearsal_samples, tour_names
-from pipeline.flight.fly.workspace import lit_and_seen
 from pipeline.flight.goals.reach import ended
-from pipeline.flight.period.look.optics import note_lit_and_seen
 from pipeline.flight.state.log import FlightLog, Scenario
 from pipeline.flight.state.signals import CONSTANTS, SIGNALS
 from pipeline.flight.world.pack import pack_world
 from pipeline.flight.world.surface import surface_of
 from pipeline.recording.events import events
 from pipeline.recording.points import parts_of_points, sensed_of_points
+from pipeline.recording.visible import lit_and_seen, note_lit_and_seen
 from pipeline.run import configuration, maker
 from pipeline.settings.experiment import Experiment
 from pipeline.settings.schema import only_results

@@ -9,10 +9,14 @@ number of points; if there is none, the one that inspects most.
 """
 
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fis_tools.compiled.decorator import compiled
+from fis_tools.compiled.three import three_of
+from fis_tools.compiled.vectors import borrowed
 from pipeline.array_types import Floats
 from pipeline.controllers.planned.paths import (
     CENTRE_ALONG_TRACK,
@@ -24,8 +28,8 @@ from pipeline.controllers.planned.paths import (
 from pipeline.flight.cases.starts import starts_of
 from pipeline.flight.control.controller import Controller
 from pipeline.flight.fly.workspace import make_workspace, optics_in_use
-from pipeline.flight.period.look.optics import note_seen_along
-from pipeline.flight.state.arrays import World
+from pipeline.flight.period.look.optics import beam_of_case, strike_out_seen, want_all
+from pipeline.flight.state.arrays import Beyond, Workspace, World
 from pipeline.flight.state.log import Scenario
 from pipeline.flight.world.pack import pack_world
 from pipeline.physics.motion import free_path
@@ -157,3 +161,27 @@ def count_seen(world: World, scenario: Scenario, paths: Floats, stride: int = 1)
     workspace = make_workspace(world)
     note_seen_along(world, optics, workspace, starts, np.ascontiguousarray(paths), stride, counts)
     return counts
+
+
+@compiled(nogil=True, error_model="numpy")
+def note_seen_along(
+    world: World,
+    optics: Beyond | None,
+    work: Workspace,
+    cases: Any,
+    paths: Floats,
+    stride: int,
+    counts: NDArray[np.int64],
+) -> None:
+    """Write the number of points that a camera aimed at the chief inspects along paths, (n, samples, 3), m.
+
+    Places are `stride` control periods apart, from the first case's start on.
+    """
+    world, work, cases, paths, counts = borrowed((world, work, cases, paths, counts))
+    for path in range(len(paths)):
+        want_all(world, work)
+        for place in range(paths.shape[1]):
+            k = place * stride
+            beam = beam_of_case(world, optics, cases[0], k)
+            at = three_of(paths[path, place])
+            counts[path] += strike_out_seen(world, optics, work, world.points, beam, at)

@@ -4,20 +4,17 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fis_tools.compiled.vectors import aligned, make_rows
 from fis_tools.engines.kernel import LANES, make_scratch
-from pipeline.array_types import Booleans, Bytes
+from pipeline.array_types import Bytes
 from pipeline.flight.cases.starts import Cases, StartRows
 from pipeline.flight.period.act.safety import MOST_CUTS
 from pipeline.flight.period.look.guidance import num_clusters
-from pipeline.flight.period.look.optics import note_inspectable, note_lit_and_seen, note_lit_at_samples
+from pipeline.flight.period.look.optics import note_inspectable
 from pipeline.flight.state.arrays import CARRIED, MOVING, TURNED, Beyond, Guard, Law, State, Workspace, World
 from pipeline.flight.state.errors import ESTIMATED, THRUSTING, ModelErrors
-from pipeline.flight.state.log import FlightLog
 from pipeline.flight.state.signals import SETTING, SIGNALS
-from pipeline.physics.quaternion import dcm_b_from_h
 
 #: what `fly_many` is compiled for: light, safety layer, clusters, pushes, errors of the deputies' model
 Parts = tuple[Beyond | None, Guard | None, bool | None, bool | None, ModelErrors | None]
@@ -119,30 +116,6 @@ def inspectable_points(
     found = np.empty((len(starts), world.points.shape[2]), dtype=np.uint8)
     note(world, optics_in_use(world, starts.sun_elevation), work or make_workspace(world), starts, found)
     return found
-
-
-def lit_at_samples(world: World, starts: StartRows) -> NDArray[np.bool_]:
-    """Return which points are lit at each sample of one case's flight, shape (K+1, P)."""
-    found = np.empty((world.num_controls + 1, world.points.shape[2]), dtype=np.uint8)
-    note_lit_at_samples(
-        world, optics_in_use(world, starts.sun_elevation), make_workspace(world), starts, found
-    )
-    return np.ascontiguousarray(found[:, : world.num_points] > 0)
-
-
-def lit_and_seen(
-    world: World, log: FlightLog, note: Callable[..., None] = note_lit_and_seen
-) -> tuple[Booleans, Booleans]:
-    """Return which points not inspected are lit, and which dark ones are in view, at each sample."""
-    angles, num_points = (log.sun_angle_rad, log.sun_elevation_rad), world.num_points
-    left = np.zeros((len(log.position_m), world.points.shape[2]), dtype=np.uint8)
-    left[:, :num_points] = ~log.is_inspected
-    boresights = np.array([dcm_b_from_h(turned).T @ world.boresight for turned in log.quaternion_b_from_h])
-    lit, seen = np.zeros_like(left), np.zeros_like(left)
-    beyond = optics_in_use(world, log.sun_elevation_rad)
-    suns = np.stack([turn(angle) for angle in angles for turn in (np.cos, np.sin)], axis=1)
-    note(world, beyond, make_workspace(world), suns, log.position_m, boresights, left, lit, seen)
-    return lit[:, :num_points] > 0, seen[:, :num_points] > 0
 
 
 def counted_points(world: World, starts: StartRows, inspectable: Bytes) -> Bytes:

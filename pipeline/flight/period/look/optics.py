@@ -10,10 +10,9 @@ from math import cos, sin, sqrt
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fis_tools.compiled.decorator import compiled
-from fis_tools.compiled.three import Three, dot, lane_of, load_at, three_of, times
+from fis_tools.compiled.three import Three, dot, lane_of, load_at, times
 from fis_tools.compiled.vectors import Mask, Vector, borrowed, count, load, select, some, store
 from pipeline.array_types import Bytes, Floats
 from pipeline.flight.period.look.guidance import POINTS
@@ -262,70 +261,3 @@ def note_inspectable(world: World, optics: Beyond | None, work: Workspace, cases
                     break
         for j in range(len(work.ahead)):
             found[row, j] = 1 if j < world.num_points and work.ahead[j] == 0.0 else 0
-
-
-@compiled(nogil=True, error_model="numpy")
-def note_lit_at_samples(
-    world: World, optics: Beyond | None, work: Workspace, cases: Any, found: Bytes
-) -> None:
-    """Write which points are lit at each sample of the first case's flight, shape (K+1, P padded), 0 or 1."""
-    for k in range(len(found)):
-        want_all(world, work)
-        note_lit(world, optics, work, beam_of_case(world, optics, cases[0], k))
-        for j in range(len(work.lit)):
-            found[k, j] = work.lit[j] > 0.0
-
-
-@compiled(nogil=True, error_model="numpy")
-def note_lit_and_seen(
-    world: World,
-    optics: Beyond | None,
-    work: Workspace,
-    suns: Floats,
-    places: Floats,
-    boresights: Floats,
-    left: Bytes,
-    lit: Bytes,
-    seen: Bytes,
-) -> None:
-    """Write which of the points left are lit at the samples of a flight, and which dark ones are in view.
-
-    Suns, (K+1, 4), are cosine and sine of the Sun's angle and of its elevation; places (m) and boresights of
-    the camera, (K+1, 3), are in Hill axes; `left`, `lit` and `seen`, (K+1, P padded), are 0 or 1.
-    """
-    for k in range(len(places)):
-        beam = beam_from(world, optics, k, (suns[k, 0], suns[k, 1]), (suns[k, 2], suns[k, 3]))
-        eye = eye_at(world, optics, beam, three_of(places[k]), three_of(boresights[k]))
-        for j in range(len(work.ahead)):
-            work.ahead[j] = left[k, j]
-        note_lit(world, optics, work, beam)
-        for j in range(0, len(work.ahead), POINTS):
-            dark, points = load(work.ahead, j, POINTS) > 0.0, load_at(world.points, beam.sample, 0, j, POINTS)
-            seen_dark = seen_points(world, optics, work, j, points, dark, eye)
-            store(work.ahead, j, select(seen_dark, 1.0, 0.0))
-        for j in range(len(work.ahead)):
-            lit[k, j], seen[k, j] = work.lit[j] > 0.0, work.ahead[j] > 0.0 and not eye.is_blind
-
-
-@compiled(nogil=True, error_model="numpy")
-def note_seen_along(
-    world: World,
-    optics: Beyond | None,
-    work: Workspace,
-    cases: Any,
-    paths: Floats,
-    stride: int,
-    counts: NDArray[np.int64],
-) -> None:
-    """Write the number of points that a camera aimed at the chief inspects along paths, (n, samples, 3), m.
-
-    Places are `stride` control periods apart, from the first case's start on.
-    """
-    world, work, cases, paths, counts = borrowed((world, work, cases, paths, counts))
-    for path in range(len(paths)):
-        want_all(world, work)
-        for place in range(paths.shape[1]):
-            k = place * stride
-            beam = beam_of_case(world, optics, cases[0], k)
-            at = three_of(paths[path, place])
-            counts[path] += strike_out_seen(world, optics, work, world.points, beam, at)
