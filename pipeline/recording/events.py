@@ -11,7 +11,7 @@ from fis_tools.model.thrust import ThrustLogic, thrust_logic
 from pipeline.array_types import Floats
 from pipeline.flight.control.controller import Controller, rehearsed_pushes
 from pipeline.flight.fly.tours import rehearsal_samples, tour_names
-from pipeline.flight.goals import reach
+from pipeline.flight.goals.reach import ended, limit_at
 from pipeline.flight.state.log import (
     KEEP_IN,
     KEEP_OUT,
@@ -72,10 +72,24 @@ def events(
     if inspects:
         found.append(_summary(mission, log))
     else:
-        found += [
-            Event(k, "warning" if fault else "info", text) for k, fault, text in reach.events(mission, log)
-        ]
+        found += _approach(mission, log)
     return sorted(found, key=lambda event: event.sample)
+
+
+def _approach(mission: Mission, log: FlightLog) -> Iterator[Event]:
+    """Say where a flight towards a goal was too fast, and how it ended."""
+    distance, speed = np.linalg.norm(log.position_m, axis=1), np.linalg.norm(log.velocity_m_s, axis=1)
+    last, fault = ended(mission, log)
+    over = speed - limit_at(mission.problem, distance)
+    too_fast = np.flatnonzero(over[1 : last + 1] > 0.0) + 1
+    for spell in np.split(too_fast, np.flatnonzero(np.diff(too_fast) > 1) + 1) if too_fast.size else ():
+        most, seconds = over[spell].max(), len(spell) * mission.control_period_s
+        words = f"above the limit on the speed for {seconds:g} s, by {most:.3f} m/s at most"
+        yield Event(int(spell[0]), "warning", words)
+    where = f"{distance[last]:.2f} m from the chief at {speed[last]:.3f} m/s"
+    spent = f"delta-v {log.delta_v_m_s[last]:.3f} m/s"
+    words = f"end: {fault or 'the goal is reached'}, {where}, {spent}; the rest does not count"
+    yield Event(last, "warning" if fault else "info", words)
 
 
 def _rehearsed(mission: Mission, log: FlightLog, controller: Controller) -> Iterator[Event]:

@@ -6,7 +6,6 @@ above the limit, summed over samples 1, 2, ...; what it does afterwards does not
 goal if it ends there no faster than ``goal_speed_m_s``. The start is given, so its own speed is not judged.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -68,22 +67,6 @@ def ended(mission: Mission, log: FlightLog) -> tuple[int, str]:
     if not is_there[0]:
         return last, "not arrived in time"
     return last, "" if speed[0, last] <= problem.goal_speed_m_s else "a crash"
-
-
-def events(mission: Mission, log: FlightLog) -> Iterator[tuple[int, bool, str]]:
-    """Yield what happened in a logged flight: the sample, whether it is a fault, and the words."""
-    distance, speed = np.linalg.norm(log.position_m, axis=1), np.linalg.norm(log.velocity_m_s, axis=1)
-    last, fault = ended(mission, log)
-    over = speed - limit_at(mission.problem, distance)
-    too_fast = np.flatnonzero(over[1 : last + 1] > 0.0) + 1
-    for spell in np.split(too_fast, np.flatnonzero(np.diff(too_fast) > 1) + 1) if too_fast.size else ():
-        most, seconds = over[spell].max(), len(spell) * mission.control_period_s
-        words = f"above the limit on the speed for {seconds:g} s, by {most:.3f} m/s at most"
-        yield int(spell[0]), True, words
-    where = f"{distance[last]:.2f} m from the chief at {speed[last]:.3f} m/s"
-    spent = f"delta-v {log.delta_v_m_s[last]:.3f} m/s"
-    words = f"end: {fault or 'the goal is reached'}, {where}, {spent}; the rest does not count"
-    yield last, bool(fault), words
 
 
 def judged(mission: Mission, outcomes: Outcomes, tracks: NDArray[np.floating]) -> Reached:
