@@ -34,7 +34,7 @@ from pipeline.flight.fly.stepping import NUM_SEEN
 from pipeline.flight.world import surface
 from pipeline.recording.reflight import fly_again
 from pipeline.run import artifacts, configuration, manifests, sweep, tables
-from pipeline.settings import start_table
+from pipeline.settings import mesh, start_table
 from pipeline.settings.experiment import HparamsSearch, Mission
 from pipeline.settings.places import conf_folder, requirements_path
 from pipeline.settings.schema import experiment_from
@@ -150,7 +150,7 @@ def _starts(content: bytes, _folder: Path) -> object:
 
 
 def _mesh(path: Path) -> object:
-    return surface.spread_points(surface.read_mesh(str(path)), 20)
+    return surface.spread_points(mesh.read_mesh(str(path)), 20)
 
 
 def _sweep(content: bytes, folder: Path) -> object:

@@ -22,7 +22,7 @@ from fis_tools.learning import table
 from pipeline.controllers.policies import policy_of
 from pipeline.flight.control.controller import ControllerError
 from pipeline.flight.fly.stepping import NUM_SEEN
-from pipeline.flight.world import surface
+from pipeline.settings import mesh
 from pipeline.settings.experiment import SettingError
 from tests.fis_tools.sample_controllers import paper_like_controller
 from tests.hostile.readers import network
@@ -125,14 +125,14 @@ CORNERS = b"v 0 0 0\nv 1 0 0\nv 0 1 0\n"
 def test_meshes_are_counted_before_they_are_loaded(name, content, told, tmp_path, little_memory):
     (tmp_path / name).write_bytes(content)
     with pytest.raises(SettingError, match=told):
-        surface.read_mesh(str(tmp_path / name))
+        mesh.read_mesh(str(tmp_path / name))
 
 
 def test_a_mesh_names_no_other_file(tmp_path):
     os.mkfifo(tmp_path / "secret.mtl")  # whoever opens it waits for ever
     faces = b"mtllib secret.mtl\nusemtl x\n" + CORNERS + b"v 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n"
     (tmp_path / "a.obj").write_bytes(faces)
-    assert len(surface.read_mesh(str(tmp_path / "a.obj"))) == 4
+    assert len(mesh.read_mesh(str(tmp_path / "a.obj"))) == 4
 
 
 @pytest.mark.slow
