@@ -14,7 +14,7 @@ import numpy as np
 from fis_tools.compiled.decorator import compiled
 from pipeline.array_types import Floats, Integers
 from pipeline.flight.control.controller import ControllerError
-from pipeline.flight.fly.simulation import is_interpreted
+from pipeline.flight.fly.plain import is_interpreted
 from pipeline.flight.fly.stepping import NUM_UNSEEN, Flights
 from pipeline.flight.state.log import Scenario
 from pipeline.settings.experiment import Mission

@@ -1,13 +1,13 @@
-"""One flight whose targets scikit-learn chooses, in plain Python: for comparison, slowly."""
+"""Flights whose targets scikit-learn chooses, in plain Python: for comparison, slowly."""
 
+from contextlib import AbstractContextManager, nullcontext
 from functools import cache
 from typing import Any
 
 from fis_tools.compiled.decorator import plainly
 from pipeline.array_types import Floats
-from pipeline.flight.fly.many import Flights, Results, fly_many
-from pipeline.flight.fly.workspace import Parts, make_state, make_workspace
 from pipeline.flight.period.look.guidance import MAX_ITERATIONS, Clusters, cluster_centres, start_centres
+from pipeline.settings.experiment import Mission
 
 
 @cache
@@ -32,8 +32,13 @@ def centres_by_sklearn(clusters: Clusters, position_h: Floats, num_centres: int)
     return wanted
 
 
-def fly_plainly(parts: Parts, flights: Flights, results: Results) -> None:
-    """Fly and log the one flight of one controller; see `pipeline.flight.fly.many.fly_many`."""
-    state, work = make_state(flights.world, parts[-1], 1), make_workspace(flights.world, 1)
-    with plainly("pipeline", {cluster_centres: centres_by_sklearn}):
-        fly_many(*parts, flights, state, work, results, 0, 1)
+def is_interpreted(mission: Mission) -> bool:
+    """Return whether flights are plain Python: those whose clusters are scikit-learn's."""
+    return mission.guidance.kind == "clusters" and mission.guidance.engine == "sklearn"
+
+
+def as_asked(mission: Mission) -> AbstractContextManager[None]:
+    """Let flights inside, on this thread, be those of `is_interpreted` if a mission asks for them."""
+    if is_interpreted(mission):
+        return plainly("pipeline", {cluster_centres: centres_by_sklearn})
+    return nullcontext()

@@ -19,7 +19,7 @@ from pipeline.flight.control.controller import (
 )
 from pipeline.flight.fly.logged import write_reasons
 from pipeline.flight.fly.many import Results, fly_many
-from pipeline.flight.fly.plain import fly_plainly
+from pipeline.flight.fly.plain import as_asked, is_interpreted
 from pipeline.flight.fly.population import (
     NO_TRACKS,
     NOTHING_KNOWN,
@@ -27,7 +27,6 @@ from pipeline.flight.fly.population import (
     flights_of,
     fly_population,
     lanes_of_group,
-    outcomes_of,
 )
 from pipeline.flight.fly.rehearsals import by_tours, rehearse_tours, rehearsed_openings
 from pipeline.flight.fly.tours import following, tour_images
@@ -37,7 +36,6 @@ from pipeline.flight.state.arrays import NUM_OUTCOMES, Law, Plans
 from pipeline.flight.state.log import FlightLog, Outcomes, Scenario, combined, empty_log
 from pipeline.flight.world.chief import chief_attitudes
 from pipeline.flight.world.pack import pack_world, sun_shares
-from pipeline.physics.quaternion import dcm_b_from_h
 from pipeline.settings.dispersions import distributions
 from pipeline.settings.experiment import Mission
 from pipeline.threads import in_threads
@@ -59,8 +57,7 @@ def fly_all(
     if distributions(mission.dispersions):
         groups = [(own, controller, places) for own, places in groups_of(mission, scenarios)]
         return _fly_groups(groups, scenarios, workers, tracks)
-    if is_interpreted(mission):
-        return _outcomes_of_logs(mission, controller, scenarios, tracks)
+    check_flown_ahead(mission, controller)
     if tour_images(controller):
         followed = rehearse_tours(mission, controller, scenarios, workers, lanes).followed
         groups = [
@@ -71,9 +68,11 @@ def fly_all(
     world, cases = pack_world(mission), cases_of(mission, scenarios)
     law, numbers = law_for(controller, mission, scenarios, workers), controller.numbers
     openings, _ = rehearsed_openings(mission, controller, scenarios, workers)
-    many = fly_population(
-        world, law, numbers, cases, workers, tracks, openings, lanes, changes=controller.changes
-    )
+    workers = 1 if is_interpreted(mission) else workers
+    with as_asked(mission):
+        many = fly_population(
+            world, law, numbers, cases, workers, tracks, openings, lanes, changes=controller.changes
+        )
     return many.each(lambda values: values[0])
 
 
@@ -122,9 +121,13 @@ def law_for(
     return law._replace(plans=planned(controller.planner, num_controls, scenarios, fly, workers))
 
 
-def is_interpreted(mission: Mission) -> bool:
-    """Return whether flights are plain Python: those whose clusters are scikit-learn's."""
-    return mission.guidance.kind == "clusters" and mission.guidance.engine == "sklearn"
+def check_flown_ahead(mission: Mission, controller: Controller) -> None:
+    """Raise ControllerError if a controller flies ahead in a mission whose flights are plain Python."""
+    if is_interpreted(mission) and (tour_images(controller) or len(rehearsed_pushes(controller))):
+        raise ControllerError(
+            f"controller {controller.name!r} flies ahead, which guidance.engine=sklearn is too slow for; "
+            "choose guidance.engine=compiled, or leave rehearsal_reach_m_s and rehearsal_tours out"
+        )
 
 
 def fly_logged(mission: Mission, controller: Controller, scenario: Scenario) -> FlightLog:
@@ -137,39 +140,26 @@ def fly_logged(mission: Mission, controller: Controller, scenario: Scenario) -> 
     FlightError
         If the flight's numbers are not finite.
     """
-    return _fly_and_log(mission, controller, scenario)[0]
-
-
-def _fly_and_log(mission: Mission, controller: Controller, scenario: Scenario) -> tuple[FlightLog, Floats]:
-    """Return the log of an episode and its row of outcomes, shape (1, NUM_OUTCOMES)."""
     mission = mission_of_case(mission, scenario)
-    images = tour_images(controller)
-    if is_interpreted(mission) and (images or len(rehearsed_pushes(controller))):
-        raise ControllerError(
-            f"controller {controller.name!r} flies ahead, which guidance.engine=sklearn is too slow for; "
-            "choose guidance.engine=compiled, or leave rehearsal_reach_m_s and rehearsal_tours out"
-        )
-    of_tours, of_pushes = np.empty((0, 0)), np.empty((1, 0))
-    if images:
+    check_flown_ahead(mission, controller)
+    of_tours = np.empty((0, 0))
+    if tour_images(controller):
         (of_tours,), (followed,) = rehearse_tours(mission, controller, [scenario], 1)
         controller = following(controller, mission, followed.tolist())
     world, cases = pack_world(mission), cases_of(mission, [scenario])
     law, numbers = law_for(controller, mission, [scenario], 1), controller.numbers
     log = empty_log(mission.num_controls, mission.num_attitude_steps, world.num_points, len(law.axes))
     log.mass_kg[:] = mission.deputy.mass_kg
-    openings = None
-    if not is_interpreted(mission):
-        openings, of_pushes = rehearsed_openings(mission, controller, [scenario], 1)
+    openings, of_pushes = rehearsed_openings(mission, controller, [scenario], 1)
     noted = sparingly(note_inspectable)
     parts, flights, inspectable = flights_of(
         world, law, numbers, cases, openings, controller.changes, note=noted
     )
     results = Results(log, NO_TRACKS, np.empty((1, NUM_OUTCOMES)), NOTHING_KNOWN)
-    if is_interpreted(mission):
-        fly_plainly(parts, flights, results)
-    else:
-        state, work = make_state(world, parts[-1]), make_workspace(world)
-        sparingly(fly_many)(*parts, flights, state, work, results, 0, 1)
+    state, work = make_state(world, parts[-1]), make_workspace(world)
+    with as_asked(mission):
+        fly = fly_many if is_interpreted(mission) else sparingly(fly_many)
+        fly(*parts, flights, state, work, results, 0, 1)
     num_counted = int(flights.counted[0, : world.num_points].sum())
     write_reasons(world, law, parts[-1], log, num_counted, openings is not None)
     log.quaternion_c_from_h[:] = chief_attitudes(mission)
@@ -177,27 +167,4 @@ def _fly_and_log(mission: Mission, controller: Controller, scenario: Scenario) -
     log.is_inspectable[:] = inspectable[0, : world.num_points] > 0
     attitudes = log.quaternion_b_from_h, log.quaternion_c_from_h
     check_finite(log.position_m, log.velocity_m_s, *attitudes, log.force_hill_n)
-    return log._replace(push_costs_m_s=of_pushes[0], tour_costs_m_s=of_tours), results.outcomes
-
-
-def _outcomes_of_logs(
-    mission: Mission, controller: Controller, scenarios: list[Scenario], tracks: NDArray[np.float32] | None
-) -> Outcomes:
-    rows, inspectable = [], np.empty(len(scenarios), dtype=np.int64)
-    for case, scenario in enumerate(scenarios):
-        log, outcomes = _fly_and_log(mission, controller, scenario)
-        rows.append(outcomes[0])
-        inspectable[case] = log.is_inspectable.sum()
-        if tracks is not None:
-            tracks[case] = tracked(mission, log)[:, : tracks.shape[2]]
-    return outcomes_of(np.array(rows), inspectable)
-
-
-def tracked(mission: Mission, log: FlightLog) -> Floats:
-    """Return the track of a logged flight, (K+1, 15), in double precision; see `fly_population`."""
-    left = np.count_nonzero(~log.is_inspected, axis=1)
-    fired = np.vstack([log.force_hill_n, np.zeros(3)])
-    boresights = [dcm_b_from_h(turned).T @ mission.sensor.boresight for turned in log.quaternion_b_from_h]
-    turn_rates = np.linalg.norm(log.angular_velocity_b_rad_s, axis=1)
-    columns = [log.position_m, log.velocity_m_s, log.delta_v_m_s, left, fired, boresights, turn_rates]
-    return np.column_stack(columns)
+    return log._replace(push_costs_m_s=of_pushes[0], tour_costs_m_s=of_tours)

@@ -13,7 +13,7 @@ from pipeline.array_types import Booleans, Bytes, Floats, Integers
 from pipeline.flight.cases.starts import cases_of
 from pipeline.flight.control.controller import played
 from pipeline.flight.fly.many import start_lanes
-from pipeline.flight.fly.simulation import is_interpreted
+from pipeline.flight.fly.plain import is_interpreted
 from pipeline.flight.fly.workspace import (
     counted_points,
     inspectable_points,

@@ -13,9 +13,10 @@ from pipeline.evaluation.assurance.formula import parse
 from pipeline.evaluation.assurance.quantities import QUANTITIES, UNITS, track_of
 from pipeline.evaluation.assurance.requirements import Requirement, RequirementError, read
 from pipeline.flight.cases.dispersions import mission_of_case
-from pipeline.flight.fly.simulation import fly_all, fly_logged, tracked
+from pipeline.flight.fly.simulation import fly_all, fly_logged
 from pipeline.flight.state.arrays import TRACK_BORESIGHT, TRACK_FORCE, TRACK_TURN_RATE
 from pipeline.flight.state.log import FlightLog, Scenario
+from pipeline.physics.quaternion import dcm_b_from_h
 from pipeline.recording.recorder import FlightRecorder
 from pipeline.recording.reflight import fly_again
 from pipeline.scenarios import evaluation_scenarios
@@ -51,6 +52,16 @@ def test_margins_are_those_of_the_outcomes_and_parts_do_not_matter(monkeypatch: 
     monkeypatch.setattr(campaign, "PART", 3)
     for name, outcome in Flights(MISSION, champion(), workers=1).judge(flown, REQUIREMENTS).items():
         np.testing.assert_array_equal(outcome.margins, found[name].margins)
+
+
+def tracked(mission: Mission, log: FlightLog):
+    """The track of a logged flight, (K+1, 15), in double precision."""
+    left = np.count_nonzero(~log.is_inspected, axis=1)
+    fired = np.vstack([log.force_hill_n, np.zeros(3)])
+    boresights = [dcm_b_from_h(turned).T @ mission.sensor.boresight for turned in log.quaternion_b_from_h]
+    turn_rates = np.linalg.norm(log.angular_velocity_b_rad_s, axis=1)
+    columns = [log.position_m, log.velocity_m_s, log.delta_v_m_s, left, fired, boresights, turn_rates]
+    return np.column_stack(columns)
 
 
 def recorded(path: Path, mission: Mission, scenario: Scenario, log: FlightLog, config: object = None):
