@@ -75,9 +75,9 @@ def rows_of(fields: Rows, width: int) -> np.dtype[Any]:
     return np.dtype([(name, np.float64, (*count, width)) for name, count in fields.items()], align=True)
 
 
-def make_rows(fields: Rows, width: int, count: int = 1) -> Any:
-    """Return such records, zeros, shape (count,), aligned so that no vector crosses a cache line."""
-    return aligned(count, rows_of(fields, width)).view(np.recarray)
+def make_rows(fields: Rows, width: int, shape: int | tuple[int, ...] = 1) -> Any:
+    """Return such records, zeros, aligned so that no vector crosses a cache line."""
+    return aligned(shape, rows_of(fields, width)).view(np.recarray)
 
 
 def width_of(rows: Any) -> int:

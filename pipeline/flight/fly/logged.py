@@ -4,12 +4,11 @@ from math import atan2, floor, pi
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fis_tools.compiled.decorator import compiled
 from fis_tools.compiled.three import Three, lane_of, write_three
 from fis_tools.model.thrust import SILENT_N
-from pipeline.array_types import Bytes
+from pipeline.array_types import Bytes, Integers
 from pipeline.flight.period.act.actuators import EMPTY, burns
 from pipeline.flight.period.act.attitude import relative_rate, write_instants
 from pipeline.flight.period.decide.motion import ETA_U, LAMBDA_U, sense_angles
@@ -121,9 +120,6 @@ def write_points(now: Moment, law: Law, log: FlightLog) -> None:
                 log.looks[k, j, row] = work.looks[SHORT + row, j]
 
 
-Codes = NDArray[np.int64]
-
-
 def write_reasons(
     world: World, law: Law, errors: ModelErrors | None, log: FlightLog, num_counted: int, is_opened: bool
 ) -> None:
@@ -137,7 +133,7 @@ def write_reasons(
     log.reason[:] = log.command_reason if errors is None else _of_firing(errors, log)
 
 
-def _of_commands(world: World, law: Law, log: FlightLog, num_counted: int, is_opened: bool) -> Codes:
+def _of_commands(world: World, law: Law, log: FlightLog, num_counted: int, is_opened: bool) -> Integers:
     """Return why each component was, or was not, commanded; later steps override earlier ones."""
     sensed = log.sensed_quaternion_b_from_h[:-1]
     wanted_h = np.array([dcm_b_from_h(q).T @ body for q, body in zip(sensed, log.force_body_n, strict=True)])
@@ -164,7 +160,7 @@ def _of_commands(world: World, law: Law, log: FlightLog, num_counted: int, is_op
     return found
 
 
-def _of_firing(errors: ModelErrors, log: FlightLog) -> Codes:
+def _of_firing(errors: ModelErrors, log: FlightLog) -> Integers:
     """Return why something was, or was not, fired along each of Hill's axes."""
     is_commanded, is_fired = (np.abs(f) >= SILENT_N for f in (log.force_commanded_n, log.force_hill_n))
     reasons, count = log.command_reason, len(log.reason)

@@ -29,7 +29,7 @@ from pipeline.flight.state import arrays
 from pipeline.flight.state.arrays import Beyond, Control, Guard, Law, Moment, State, Workspace, World
 from pipeline.flight.state.errors import ModelErrors
 from pipeline.flight.state.lanes import attitude_of, flight_of, write_row
-from pipeline.flight.state.log import FlightLog
+from pipeline.flight.state.log import NO_LOG, FlightLog
 from pipeline.flight.state.signals import SETTING, URGENCY
 
 
@@ -46,13 +46,17 @@ class Flights(NamedTuple):
     openings: Floats  # (m, 3) first forces, N, Hill axes; no rows where the rules decide them
 
 
+NO_TRACKS = np.empty((0, 0, 3), dtype=np.float32)
+NOTHING_KNOWN = np.empty((0, 6))
+
+
 class Results(NamedTuple):
     """What flights fill in."""
 
-    log: FlightLog  # of one flight alone; empty for none
-    tracks: NDArray[np.float32]  # (n m, K+1, NUM_PLACED or NUM_TRACKED); empty for none
     outcomes: Floats  # (n m, NUM_OUTCOMES)
-    known: Floats  # (n m, 6+P) what the deputies know at the end, see `write_known`; empty for none
+    log: FlightLog = NO_LOG  # of one flight alone
+    tracks: NDArray[np.float32] = NO_TRACKS  # (n m, K+1, NUM_PLACED or NUM_TRACKED)
+    known: Floats = NOTHING_KNOWN  # (n m, 6+P) what the deputies know at the end, see `write_known`
 
 
 @compiled(error_model="numpy")
@@ -136,15 +140,10 @@ def write_track(now: Moment, lane: int, row: NDArray[np.float32]) -> None:
         write_row(row[arrays.TRACK_BORESIGHT : arrays.TRACK_BORESIGHT + 3], truth.boresight, lane)
         row[arrays.TRACK_SPENT] = lanes.spent[lane]
         row[arrays.TRACK_LEFT] = world.num_points - lanes.num_counted[lane] + lanes.num_unseen[lane]
-        row[arrays.TRACK_TURN_RATE] = 0.0 if world.is_attitude_ideal else turn_rate(world, now.state, lane)
-
-
-@compiled(error_model="numpy")
-def turn_rate(world: World, state: State, lane: int) -> float:
-    """Return a lane's angular rate relative to Hill, rad/s: its inertial rate less the orbit's."""
-    attitude, rate = attitude_of(state.truth.attitude, lane), lane_of(state.truth.rate, 0, lane)
-    relative: float = length(relative_rate(attitude, rate, world.mean_motion))
-    return relative
+        row[arrays.TRACK_TURN_RATE] = 0.0
+        if not world.is_attitude_ideal:
+            attitude, rate = attitude_of(truth.attitude, lane), lane_of(truth.rate, 0, lane)
+            row[arrays.TRACK_TURN_RATE] = length(relative_rate(attitude, rate, world.mean_motion))
 
 
 @compiled(error_model="numpy", inline="always")

@@ -10,7 +10,7 @@ from fis_tools.engines.kernel import FEW_LANES, LANES
 from fis_tools.engines.packing import Packed
 from pipeline.array_types import Bytes, Floats
 from pipeline.flight.cases.starts import Cases
-from pipeline.flight.fly.many import Flights, Results, fly_many
+from pipeline.flight.fly.many import NO_TRACKS, NOTHING_KNOWN, Flights, Results, fly_many
 from pipeline.flight.fly.workspace import (
     Parts,
     counted_points,
@@ -21,11 +21,8 @@ from pipeline.flight.fly.workspace import (
 )
 from pipeline.flight.period.look.optics import note_inspectable
 from pipeline.flight.state.arrays import NUM_OUTCOMES, Law, State, Workspace, World
-from pipeline.flight.state.log import Outcomes, no_log
+from pipeline.flight.state.log import Outcomes
 from pipeline.threads import in_threads
-
-NO_TRACKS = np.empty((0, 0, 3), dtype=np.float32)
-NOTHING_KNOWN = np.empty((0, 6))
 
 
 class FlightError(ValueError):
@@ -94,10 +91,7 @@ def fly_population(
     Parameters
     ----------
     tracks : (n * m, K+1, 3 or 15) float32, optional
-        Filled with positions, m, Hill axes; if there is room also with velocities, m/s, the
-        delta-v spent, m/s, the number of points not yet inspected, the force fired over the control period
-        that follows, N, the boresight, both in Hill axes, and the deputy's angular rate relative to Hill,
-        rad/s: columns as in `pipeline.flight.state.arrays`.
+        Filled with positions, m, Hill axes, or all columns of a track, see `pipeline.flight.state.arrays`.
     openings : (m, 3) array, optional
         Fired in the first control period instead of what the rules decide, N, Hill axes.
     changes : sequence of int, optional
@@ -122,9 +116,8 @@ def fly_population(
     # flights of one vector stay together
     shares = _shares(num_pairs, lanes if num_controllers == 1 else max(1, len(cases)), workers)
     workers, untaken = min(workers, len(shares)), iter(shares)
-    results = Results(
-        no_log(), NO_TRACKS if tracks is None else tracks, outcomes, NOTHING_KNOWN if known is None else known
-    )
+    tracks, known = NO_TRACKS if tracks is None else tracks, NOTHING_KNOWN if known is None else known
+    results = Results(outcomes, tracks=tracks, known=known)
 
     def fly_shares(state: State, work: Workspace) -> None:
         """Fly shares one after the other, each not taken by another thread."""

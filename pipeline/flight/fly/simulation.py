@@ -20,14 +20,7 @@ from pipeline.flight.control.controller import (
 from pipeline.flight.fly.logged import write_reasons
 from pipeline.flight.fly.many import Results, fly_many
 from pipeline.flight.fly.plain import as_asked, is_interpreted
-from pipeline.flight.fly.population import (
-    NO_TRACKS,
-    NOTHING_KNOWN,
-    check_finite,
-    flights_of,
-    fly_population,
-    lanes_of_group,
-)
+from pipeline.flight.fly.population import check_finite, flights_of, fly_population, lanes_of_group
 from pipeline.flight.fly.rehearsals import by_tours, rehearse_tours, rehearsed_openings
 from pipeline.flight.fly.tours import following, tour_images
 from pipeline.flight.fly.workspace import make_state, make_workspace
@@ -155,7 +148,7 @@ def fly_logged(mission: Mission, controller: Controller, scenario: Scenario) -> 
     parts, flights, inspectable = flights_of(
         world, law, numbers, cases, openings, controller.changes, note=noted
     )
-    results = Results(log, NO_TRACKS, np.empty((1, NUM_OUTCOMES)), NOTHING_KNOWN)
+    results = Results(np.empty((1, NUM_OUTCOMES)), log)
     state, work = make_state(world, parts[-1]), make_workspace(world)
     with as_asked(mission):
         fly = fly_many if is_interpreted(mission) else sparingly(fly_many)

@@ -5,16 +5,15 @@ from typing import Any
 
 import numpy as np
 
-from fis_tools.compiled.vectors import aligned, make_rows
 from fis_tools.engines.kernel import LANES, make_scratch
 from pipeline.array_types import Bytes
 from pipeline.flight.cases.starts import Cases, StartRows
 from pipeline.flight.period.act.safety import MOST_CUTS
 from pipeline.flight.period.look.guidance import num_clusters
 from pipeline.flight.period.look.optics import note_inspectable
-from pipeline.flight.state.arrays import CARRIED, MOVING, TURNED, Beyond, Guard, Law, State, Workspace, World
-from pipeline.flight.state.errors import ESTIMATED, THRUSTING, ModelErrors
-from pipeline.flight.state.signals import SETTING, SIGNALS
+from pipeline.flight.state.arrays import Beyond, Guard, Law, State, Workspace, World, allocated
+from pipeline.flight.state.errors import ModelErrors
+from pipeline.flight.state.signals import SETTING
 
 #: what `fly_many` is compiled for: light, safety layer, clusters, pushes, errors of the deputies' model
 Parts = tuple[Beyond | None, Guard | None, bool | None, bool | None, ModelErrors | None]
@@ -22,28 +21,14 @@ Parts = tuple[Beyond | None, Guard | None, bool | None, bool | None, ModelErrors
 
 def make_states(world: World, errors: ModelErrors | None, lanes: int, count: int) -> State:
     """Allocate states of `lanes` flights side by side; every array has a further first axis of `count`."""
-    width, clusters = world.points.shape[2], num_clusters(world.num_points)
-    truth = make_rows(MOVING, lanes, count)
-    num_fixes = 0 if errors is None else errors.fixes.errors.of_fixes.shape[1]
-    num_thrusters = 0 if errors is None else len(errors.firing.thrusters.table)
-    num_controls = 0 if errors is None else world.num_controls
-    return State(
-        truth=truth,
-        belief=truth if errors is None else make_rows(MOVING, lanes, count),
-        lanes=make_rows(CARRIED, lanes, count),
-        unseen=aligned((count, lanes, width)),
-        centres=np.zeros((count, lanes, clusters, 3)),
-        num_centres=np.zeros((count, lanes), dtype=np.int64),
-        clustered=aligned((count, lanes, width)),
-        estimate=make_rows(ESTIMATED, lanes, count),
-        thrusters=make_rows(THRUSTING, lanes, count),
-        fixes=np.zeros((count, num_fixes, 3, lanes)),
-        commands=np.zeros((count, num_controls, 3, lanes)),
-        acting=np.zeros((count, num_controls, 3, lanes)),
-        has_fired=np.ones((count, num_controls, 3, lanes)),
-        sensed=np.zeros((count, 3 * num_controls + 3, 3, lanes)),
-        thrust=np.zeros((count, num_thrusters, lanes)),
-    )
+    sizes = {"L": lanes, "P": world.points.shape[2], "C": num_clusters(world.num_points)}
+    sizes |= {"F": 0, "K": 0, "3K+3": 3, "N": 0}
+    if errors is not None:
+        sizes |= {"K": world.num_controls, "3K+3": 3 * world.num_controls + 3}
+        sizes |= {"F": errors.fixes.errors.of_fixes.shape[1], "N": len(errors.firing.thrusters.table)}
+    states: State = allocated(State, sizes, (count,))
+    states.has_fired[:] = 1.0
+    return states._replace(belief=states.truth) if errors is None else states
 
 
 def make_state(world: World, errors: ModelErrors | None, lanes: int = LANES) -> State:
@@ -53,26 +38,10 @@ def make_state(world: World, errors: ModelErrors | None, lanes: int = LANES) -> 
 
 def make_workspace(world: World, lanes: int = LANES) -> Workspace:
     """Allocate the workspace of one thread, for `lanes` flights side by side."""
-    width, instants = world.points.shape[2], world.num_attitude_steps
-    return Workspace(
-        aims=make_rows(TURNED, lanes, instants),
-        passed=make_rows(TURNED, lanes, instants),
-        candidate=aligned(width),
-        lit=aligned(width),
-        seen=aligned(width),
-        ahead=aligned(width),
-        setting=aligned(width),
-        deadlines=aligned((lanes, width)),
-        looks=aligned((5, width)),
-        signals=aligned((len(SIGNALS), lanes)),
-        outputs=aligned((3, lanes)),
-        scratch=make_scratch(lanes),
-        candidates=aligned((3, width)),
-        labels=aligned((2, width)),
-        distances=aligned(width),
-        sums=np.zeros((num_clusters(world.num_points), 4)),
-        cuts=np.zeros((MOST_CUTS, 4)),
-    )
+    sizes = {"L": lanes, "P": world.points.shape[2], "C": num_clusters(world.num_points)}
+    sizes |= {"S": world.num_attitude_steps, "cuts": MOST_CUTS}
+    work: Workspace = allocated(Workspace, sizes, scratch=make_scratch(lanes))
+    return work
 
 
 def optics_in_use(world: World, elevations: Any) -> Beyond | None:

@@ -4,23 +4,26 @@ Up to L flights of one controller run side by side: every quantity that a flight
 a lane for each of them (`fis_tools.compiled.vectors`).
 """
 
-from typing import Any, NamedTuple
+from collections.abc import Mapping
+from typing import Annotated, Any, NamedTuple, get_args, get_type_hints
 
 import numpy as np
 
 from fis_tools.compiled.decorator import compiled
-from fis_tools.compiled.vectors import Rows
+from fis_tools.compiled.vectors import Rows, aligned, make_rows
 from pipeline.array_types import Bytes, Floats, Integers
+from pipeline.flight.state.errors import ESTIMATED, THRUSTING
+from pipeline.flight.state.signals import SIGNALS
 from pipeline.physics.illumination import Reflection
 from pipeline.physics.motion import Motion
 from pipeline.physics.orbit import Course
 from pipeline.physics.sight import Optics, Sight
 
-#: columns of a track: position, or these
+#: columns of a track: position (m, Hill axes), or these
 NUM_PLACED, NUM_TRACKED = 3, 15
-#: of a track, after position and velocity: delta-v spent, points not yet inspected, where the columns begin
-#: of the force fired next (Hill axes, zero at the last sample) and of the boresight (Hill axes), and the
-#: deputy's angular rate relative to Hill
+#: of a track, after position and velocity (m/s): delta-v spent (m/s), points not yet inspected, where the
+#: columns begin of the force fired next (N, Hill axes, zero at the last sample) and of the boresight (Hill
+#: axes), and the deputy's angular rate relative to Hill (rad/s)
 TRACK_SPENT, TRACK_LEFT, TRACK_FORCE, TRACK_BORESIGHT, TRACK_TURN_RATE = 6, 7, 8, 11, 14
 #: columns of a row of outcomes
 DELTA_V, INSPECTED, MEAN_DISTANCE, MIN_DISTANCE, MAX_DISTANCE, OUTSIDE = 0, 1, 2, 3, 4, 5
@@ -215,45 +218,74 @@ TURNED: Rows = {"attitude": (4,), "rate": (3,)}
 
 
 class State(NamedTuple):
-    """What flights carry from one control period to the next, a lane each."""
+    """What flights carry from one control period to the next; every array says its shape.
 
-    truth: Any  # record of `MOVING`: the true state
-    belief: Any  # and what the deputies know; the same record where they know it exactly
-    lanes: Any  # record of `CARRIED`
-    unseen: Floats  # (L, P padded) 1 where a point counts and is not inspected
-    centres: Floats  # (L, C, 3) of the clusters of the last sample, m, Hill axes
-    num_centres: Integers  # (L,)
-    clustered: Floats  # (L, P padded) the candidates that the centres belong to, 1 for each
-    estimate: Any  # record of `pipeline.flight.state.errors.ESTIMATED`
-    thrusters: Any  # record of `pipeline.flight.state.errors.THRUSTING`
-    fixes: Floats  # (F, 3, L) measured so far, m, Hill axes
-    commands: Floats  # (K, 3, L) so far, N, Hill axes
-    acting: Floats  # (K, 3, L) the same in the periods in which they act, in impulses, fired or not
-    has_fired: Floats  # (K, 3, L) 0 where thrusters tell that they fired nothing along an axis, or 1
-    sensed: Floats  # (3K+3, 3, L) body axes as sensed, Hill axes
-    thrust: Floats  # (N, L) of each thruster of a layout, N
+    L is the number of lanes, P of points, padded, C of clusters, F of fixes, K of control periods, N of
+    thrusters. The last three are 0 where flights are as the deputies' model has them.
+    """
+
+    truth: Annotated[Any, MOVING]  # the true state
+    belief: Annotated[Any, MOVING]  # what the deputies know; the same record where they know it exactly
+    lanes: Annotated[Any, CARRIED]
+    unseen: Annotated[Floats, "L", "P"]  # 1 where a point counts and is not inspected
+    centres: Annotated[Floats, "L", "C", 3]  # of the clusters of the last sample, m, Hill axes
+    num_centres: Annotated[Integers, "L"]
+    clustered: Annotated[Floats, "L", "P"]  # the candidates that the centres belong to, 1 for each
+    estimate: Annotated[Any, ESTIMATED]
+    thrusters: Annotated[Any, THRUSTING]
+    fixes: Annotated[Floats, "F", 3, "L"]  # measured so far, m, Hill axes
+    commands: Annotated[Floats, "K", 3, "L"]  # so far, N, Hill axes
+    # the same in the periods in which they act, in impulses, fired or not
+    acting: Annotated[Floats, "K", 3, "L"]
+    # 0 where thrusters tell that they fired nothing along an axis, or 1
+    has_fired: Annotated[Floats, "K", 3, "L"]
+    sensed: Annotated[Floats, "3K+3", 3, "L"]  # body axes as sensed, Hill axes
+    thrust: Annotated[Floats, "N", "L"]  # of each thruster of a layout, N
 
 
 class Workspace(NamedTuple):
-    """Working arrays of one thread; their content need not outlast a control period, but for `deadlines`."""
+    """Working arrays of one thread; their content need not outlast a control period, but for `deadlines`.
 
-    aims: Any  # (S,) records of `TURNED`: desired attitudes at the instants of a control period
-    passed: Any  # (S,) records of `TURNED`: attitudes and rates at them
-    candidate: Floats  # (P padded,) 1 where a point is lit and not inspected
-    lit: Floats  # (P padded,) 1 where a wanted point is lit
-    seen: Floats  # (P padded,) 1 where one of these is seen
-    ahead: Floats  # (P padded,) 1 where a point is neither inspected nor foreseen to be
-    setting: Floats  # (P padded,) 1 where such a point, by another look ahead, soon goes dark for good
-    deadlines: Floats  # (L, P padded) when a point is lit for the last time, s; of the flights being flown
-    looks: Floats  # (5, P padded) of the cheapest look at each point: cost, shortfall, slopes
-    signals: Floats  # (signals, L) in the order of `pipeline.flight.state.signals.SIGNALS`
-    outputs: Floats  # (3, L) of the controller's systems, N
+    Shapes are as those of `State`; S is the number of instants of a control period.
+    """
+
+    aims: Annotated[Any, "S", TURNED]  # desired attitudes at the instants
+    passed: Annotated[Any, "S", TURNED]  # attitudes and rates at them
+    candidate: Annotated[Floats, "P"]  # 1 where a point is lit and not inspected
+    lit: Annotated[Floats, "P"]  # 1 where a wanted point is lit
+    seen: Annotated[Floats, "P"]  # 1 where one of these is seen
+    ahead: Annotated[Floats, "P"]  # 1 where a point is neither inspected nor foreseen to be
+    setting: Annotated[Floats, "P"]  # 1 where such a point, by another look ahead, soon goes dark for good
+    deadlines: Annotated[Floats, "L", "P"]  # last light of each point, s; of the flights being flown
+    looks: Annotated[Floats, 5, "P"]  # of the cheapest look at each point: cost, shortfall, slopes
+    signals: Annotated[Floats, len(SIGNALS), "L"]  # in the order of `SIGNALS`
+    outputs: Annotated[Floats, 3, "L"]  # of the controller's systems, N
     scratch: Any  # of `fis_tools.engines.kernel.make_scratch`
-    candidates: Floats  # (3, P padded) those of this sample, packed
-    labels: Floats  # (2, P padded)
-    distances: Floats  # (P padded,)
-    sums: Floats  # (C, 4)
-    cuts: Floats  # (MOST_CUTS, 4) half-spaces g . f >= b that the safety layer works with
+    candidates: Annotated[Floats, 3, "P"]  # those of this sample, packed
+    labels: Annotated[Floats, 2, "P"]
+    distances: Annotated[Floats, "P"]
+    sums: Annotated[Floats, "C", 4]
+    cuts: Annotated[Floats, "cuts", 4]  # half-spaces g . f >= b that the safety layer works with
+
+
+def allocated(kind: Any, sizes: Mapping[str, int], before: tuple[int, ...] = (), **others: Any) -> Any:
+    """Return a named tuple of zeros, in the shapes that its fields declare after some first axes.
+
+    Where a shape ends with the fields of a record, these are records with L lanes. Other fields are given.
+    """
+    fields = dict(others)
+    for name, declared in get_type_hints(kind, include_extras=True).items():
+        if name in others:
+            continue
+        array, *shape = get_args(declared)
+        record = shape.pop() if isinstance(shape[-1], dict) else None
+        numbers = (*before, *(sizes.get(size, size) for size in shape))
+        if record is None:
+            (element,) = get_args(get_args(array)[1])
+            fields[name] = aligned(numbers, element)
+        else:
+            fields[name] = make_rows(record, sizes["L"], numbers)
+    return kind(**fields)
 
 
 class Moment(NamedTuple):

@@ -2,13 +2,13 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cache
-from typing import Annotated, Any, NamedTuple, Self, TypeVar, get_args, get_type_hints
+from typing import Annotated, Any, NamedTuple, Self, TypeVar
 
 import numpy as np
 
 from fis_tools.model.thrust import REASONS
 from pipeline.array_types import Booleans, Floats, Integers
+from pipeline.flight.state.arrays import allocated
 
 #: the limit that the safety layer acted on at a sample, see `FlightLog.safety_limit`
 SAFE, KEEP_OUT, KEEP_IN, SPEED, PASSIVE_SAFETY = range(5)
@@ -115,22 +115,15 @@ def empty_log(num_controls: int, num_attitude_steps: int, num_points: int, num_s
     """Allocate the log of a flight: zeros; NaN in `foreseen` and fixes, all of the Sun and points."""
     sizes = {"K": num_controls, "K+1": num_controls + 1, "S": num_attitude_steps}
     sizes |= {"P": num_points, "F": num_systems, "R": 0}
-    arrays = {}
-    for name, field in get_type_hints(FlightLog, include_extras=True).items():
-        kind, *shape = get_args(field)
-        (element,) = get_args(get_args(kind)[1])
-        arrays[name] = np.zeros([sizes.get(size, size) for size in shape], element)
-    log = FlightLog(**arrays)
+    log: FlightLog = allocated(FlightLog, sizes)
     log.visible_sun_share[:], log.is_inspectable[:] = 1.0, True
     for unknown in (log.foreseen, log.fix_m, log.innovation_m, log.innovation_square):
         unknown[:] = np.nan
     return log
 
 
-@cache
-def no_log() -> FlightLog:
-    """Return the log of flights that are not logged: arrays without samples."""
-    return FlightLog._make(values[:0] for values in empty_log(0, 0, 0, 0))
+#: the log of flights that are not logged: arrays without samples
+NO_LOG = FlightLog._make(values[:0] for values in empty_log(0, 0, 0, 0))
 
 
 @dataclass(frozen=True)
