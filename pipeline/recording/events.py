@@ -19,7 +19,6 @@ from pipeline.flight.state.log import (
     SPEED,
     FlightLog,
     inspectable_rate,
-    points_in_words,
     points_needed,
 )
 from pipeline.settings.experiment import Mission
@@ -214,3 +213,12 @@ def _summary(mission: Mission, log: FlightLog) -> Event:
 def _distances(log: FlightLog) -> Floats:
     distances: Floats = np.linalg.norm(log.position_m, axis=1)
     return distances
+
+
+def points_in_words(log: FlightLog, sample: int = -1) -> str:
+    """Return the numbers of points inspected at a sample, inspectable, and in all, in words."""
+    count, inspectable = int(log.is_inspected[sample].sum()), int(log.is_inspectable.sum())
+    num_points = len(log.is_inspectable)
+    if inspectable == num_points:
+        return f"{count} of {num_points} points"
+    return f"{count} of the {inspectable} points that can be inspected ({num_points} in all)"

@@ -11,7 +11,8 @@ from fis_tools.document.html import page, policy, template
 from fis_tools.words.text import summary
 from pipeline.evaluation import comparison
 from pipeline.evaluation.monte_carlo import SUCCESS
-from pipeline.flight.state.log import Scenario, inspectable_rate, points_in_words, points_needed
+from pipeline.flight.state.log import Scenario, inspectable_rate, points_needed
+from pipeline.recording.events import points_in_words
 from pipeline.report import comparisons
 from pipeline.report.contents import Contents, FlightSet, ShownFlight
 from pipeline.report.figures.style import MOST_POINTS, Illustration

@@ -13,12 +13,13 @@ from numpy.typing import NDArray
 from pipeline.controllers.source import controller_of_run
 from pipeline.evaluation.monte_carlo import rank
 from pipeline.evaluation.statistics import Columns
-from pipeline.flight.goals.flights import achieved, fly_logged, in_words
-from pipeline.flight.state.log import Scenario
+from pipeline.flight.goals.flights import achieved, fly_logged
+from pipeline.flight.state.log import FlightLog, Scenario
+from pipeline.recording.events import points_in_words
 from pipeline.recording.recorder import FlightRecorder
 from pipeline.run import artifacts, configuration
 from pipeline.scenarios import evaluation_scenarios, start_shown, training_scenarios
-from pipeline.settings.experiment import Experiment
+from pipeline.settings.experiment import Experiment, Mission
 from telemetry import RecordingError
 
 #: only the first of many random training scenarios are recorded
@@ -122,7 +123,7 @@ def _record(experiment: Experiment, folder: Path, flights: list[FlightToRecord])
             recorder.record(path, flight.scenario, log, flight.scenario_id)
         except RecordingError as error:
             raise artifacts.ArtifactError(str(error)) from error
-        sys.stderr.write(f"  {path.relative_to(folder).as_posix()}: {in_words(experiment.mission, log)}\n")
+        sys.stderr.write(f"  {path.relative_to(folder).as_posix()}: {_in_words(experiment.mission, log)}\n")
     # the last: the best of an evaluation
     sys.stderr.write(f"  to watch one: python -m telemetry replay {shlex.quote(str(path))}\n")
 
@@ -139,3 +140,11 @@ def _check_repeated(flight: FlightToRecord, flown: tuple[int, float]) -> None:
             f"{artifacts.EPISODES} says {count} for {delta_v:.6f} m/s; the controller or the program "
             "has changed since: repeat the stage evaluate"
         )
+
+
+def _in_words(mission: Mission, log: FlightLog) -> str:
+    """Describe the outcome of a logged flight."""
+    done, delta_v = achieved(mission, log)
+    if mission.problem.kind == "reach":
+        return f"{'the goal is reached' if done else 'the goal is not reached'}, {delta_v:.3f} m/s"
+    return f"{points_in_words(log)}, {delta_v:.3f} m/s"

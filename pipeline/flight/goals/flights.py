@@ -13,7 +13,7 @@ from pipeline.flight.fly import simulation
 from pipeline.flight.fly.population import fly_population
 from pipeline.flight.goals.reach import ended, judged
 from pipeline.flight.state.arrays import NUM_TRACKED, Law, World
-from pipeline.flight.state.log import FlightLog, Outcomes, Scenario, combined, points_in_words
+from pipeline.flight.state.log import FlightLog, Outcomes, Scenario, combined
 from pipeline.settings.experiment import Mission
 
 #: numbers of tracks that are in memory at once
@@ -82,11 +82,3 @@ def fly_logged(mission: Mission, controller: Controller, scenario: Scenario) -> 
         last, fault = ended(mission, log)
         log.is_inspected[last:] = not fault
     return log
-
-
-def in_words(mission: Mission, log: FlightLog) -> str:
-    """Describe the outcome of a logged flight."""
-    done, delta_v = achieved(mission, log)
-    if mission.problem.kind == "reach":
-        return f"{'the goal is reached' if done else 'the goal is not reached'}, {delta_v:.3f} m/s"
-    return f"{points_in_words(log)}, {delta_v:.3f} m/s"

@@ -170,15 +170,6 @@ def inspectable_rate(inspected: Any, inspectable: Any) -> Any:
     return np.where(np.equal(inspectable, 0), 100.0, 100.0 * inspected / np.maximum(inspectable, 1))[()]
 
 
-def points_in_words(log: FlightLog, sample: int = -1) -> str:
-    """Return the numbers of points inspected at a sample, inspectable, and in all, in words."""
-    count, inspectable = int(log.is_inspected[sample].sum()), int(log.is_inspectable.sum())
-    num_points = len(log.is_inspectable)
-    if inspectable == num_points:
-        return f"{count} of {num_points} points"
-    return f"{count} of the {inspectable} points that can be inspected ({num_points} in all)"
-
-
 def points_needed(num_points: Any, threshold_percent: float) -> Any:
     """Return the least number of points whose rate reaches the threshold, for a number or an array."""
     needed = np.ceil(num_points * threshold_percent / 100.0 - 1e-9)
