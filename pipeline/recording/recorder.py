@@ -345,7 +345,7 @@ def controller_text(controller: Controller) -> str:
         fuzzy = controller.fuzzy or FuzzyController(controller.name, controller.systems, attributes)
         return serialize.dump_json(fuzzy)
     played = to_mapping(controller)
-    if not len(controller.plan) and not controller.plays_turns:
+    if not any(len(played) for played in (controller.plan, *controller.turns)):
         played = {"kind": "coast", "name": controller.name}
     return json.dumps(played, ensure_ascii=False) + "\n"
 

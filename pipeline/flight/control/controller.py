@@ -9,9 +9,10 @@ The names of signals, components and constants are those of `pipeline.flight.sta
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, reduce
 from itertools import product
 from math import pi
+from operator import or_
 from typing import Protocol
 
 import numpy as np
@@ -21,7 +22,7 @@ from fis_tools.model import FuzzyController, FuzzySystem
 from pipeline.array_types import Floats
 from pipeline.flight.state.arrays import AIMED, Law, Plans, Turns
 from pipeline.flight.state.log import Scenario
-from pipeline.flight.state.signals import AXES, CONSTANTS, FORCE_AXES, SIGNALS, constant, needs_of, slot
+from pipeline.flight.state.signals import AXES, CONSTANTS, FORCE_AXES, NOTHING, SIGNALS, constant, slot
 from pipeline.settings.experiment import Mission
 from pipeline.threads import in_threads
 
@@ -133,11 +134,6 @@ class Controller:
         return tuple(sample for sample, _ in self.later)
 
     @property
-    def plays_turns(self) -> bool:
-        """Whether it plays attitudes or torques."""
-        return len(self.turns.attitudes) > 0 or len(self.turns.torques) > 0
-
-    @property
     def is_of_a_kind(self) -> bool:
         """Whether its name states its kind: a planner or a regulator."""
         return self.planner is not None or self.regulator is not None
@@ -235,7 +231,7 @@ def law_of(controller: Controller, mission: Mission) -> Law:
     return Law(
         axes=np.array([AXES[system.outputs[0].name] for system in controller.systems], dtype=np.int64),
         signals=signals,
-        needs=needs_of(sensed_by(controller)),
+        needs=reduce(or_, (SIGNALS[name].needs for name in sensed_by(controller)), NOTHING),
         num_inputs=np.array([len(system.inputs) for system in controller.systems], dtype=np.int64),
         layout=numbers.layout,
         constants=numbers.values.shape[1] - len(CONSTANTS) if has_constants(controller) else -1,

@@ -6,7 +6,6 @@ body axes or Hill's. Flights (`pipeline.flight.period`) keep signals and constan
 arrays; `slot` and `constant` give the places there.
 """
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 
 #: what must be computed before a signal can be read: flags, combined over all that a controller senses
@@ -159,14 +158,6 @@ def slot(*names: str) -> int:
     if tuple(order[first : first + len(names)]) != names:
         raise ValueError(f"{', '.join(names)} do not follow one another in SIGNALS; put their rows together")
     return first
-
-
-def needs_of(names: Iterable[str]) -> int:
-    """Return what must be computed for some signals, as the combined flags of `Signal.needs`."""
-    needs = NOTHING
-    for name in names:
-        needs |= SIGNALS[name].needs
-    return needs
 
 
 @dataclass(frozen=True)
