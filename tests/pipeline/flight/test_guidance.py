@@ -9,7 +9,7 @@ from pipeline.flight.period.look.guidance import POINTS as LOOKED_AT_TOGETHER
 from pipeline.flight.period.look.guidance import (
     Clusters,
     cluster_centres,
-    nearest_centre,
+    nearest_place,
     num_clusters,
     start_centres,
 )
@@ -40,7 +40,7 @@ class Carried:
     def chosen(self, candidates, position):
         """The centre of the cluster nearest to a place."""
         self.count = cluster_centres(self.of(candidates), np.asarray(position), self.count)
-        return self.centres[nearest_centre(self.centres, self.count, np.asarray(position))].copy()
+        return self.centres[nearest_place(self.centres, self.count, np.asarray(position))].copy()
 
 
 @pytest.mark.slow
@@ -92,11 +92,11 @@ def test_up_to_ten_candidates_make_one_cluster_and_eleven_two_and_none_none():
     assert cluster_centres(Carried(POINTS[:3]).of(()), POINTS[0], 3) == 0
 
 
-def test_the_nearest_centre_is_the_first_of_equals():
+def test_the_nearest_place_is_the_first_of_equals():
     centres = np.array([[0.0, 5.0, 1.0], [0.0, 5.0, -1.0], [0.0, 5.0, 1.0], [0.0, 9.0, 0.0]])
-    assert nearest_centre(centres, 3, np.array([0.0, 50.0, 0.0])) == 0
-    assert nearest_centre(centres, 4, np.array([0.0, 50.0, 0.0])) == 3
-    assert nearest_centre(centres, 4, np.array([0.0, 0.0, -50.0])) == 1
+    assert nearest_place(centres, 3, np.array([0.0, 50.0, 0.0])) == 0
+    assert nearest_place(centres, 4, np.array([0.0, 50.0, 0.0])) == 3
+    assert nearest_place(centres, 4, np.array([0.0, 0.0, -50.0])) == 1
 
 
 @pytest.mark.parametrize(

@@ -85,16 +85,10 @@ def start_centres(clusters: Clusters, position_h: Floats, num_centres: int) -> i
         distances[:] = np.inf
         _assign(clusters, 0, ready, labels)
     for j in range(ready, wanted):
-        chosen = 0
         if j == 0:
-            nearest = np.inf
-            for i in range(num_candidates):
-                apart = lane_of(candidates, 0, i) - three_of(position_h)
-                distance = dot(apart, apart)
-                if distance < nearest - TIE_M2:
-                    nearest = distance
-                    chosen = i
+            chosen = nearest_place(candidates.T, num_candidates, position_h)
         else:
+            chosen = 0
             for i in range(1, num_candidates):
                 if distances[i] > distances[chosen] + TIE_M2:
                     chosen = i
@@ -213,12 +207,12 @@ def cluster_centres(clusters: Clusters, position_h: Floats, num_centres: int) ->
 
 
 @compiled
-def nearest_centre(centres: Floats, num_centres: int, position_h: Floats) -> int:
-    """Return the row of the centre nearest the deputy, of some at least; among equals the lowest."""
+def nearest_place(places: Floats, num_places: int, position_h: Floats) -> int:
+    """Return the row, of some first ones, shape (n, 3), nearest the deputy; among equals the lowest."""
     chosen = 0
     nearest = np.inf
-    for j in range(num_centres):
-        apart = three_of(centres[j]) - three_of(position_h)
+    for j in range(num_places):
+        apart = three_of(places[j]) - three_of(position_h)
         distance = dot(apart, apart)
         if distance < nearest - TIE_M2:
             nearest = distance

@@ -16,7 +16,7 @@ from fis_tools.compiled.three import (
     write_lane,
 )
 from fis_tools.compiled.vectors import count, least, load, most, select, some, splat, store
-from pipeline.flight.period.look.guidance import POINTS, Clusters, cluster_centres, nearest_centre
+from pipeline.flight.period.look.guidance import POINTS, Clusters, cluster_centres, nearest_place
 from pipeline.flight.period.look.optics import beam_now, eye_at, lit_points, seen_points, sun_after
 from pipeline.flight.state.arrays import Beyond, Moment, State, Workspace
 from pipeline.flight.state.lanes import four, one, two, write_row, write_two
@@ -90,7 +90,7 @@ def choose_cluster(now: Moment, lane: int) -> None:
             filled += int(work.candidate[j])
         clusters = Clusters(work.candidates, num_candidates, centres, work.labels, work.distances, work.sums)
         state.num_centres[lane] = cluster_centres(clusters, position, state.num_centres[lane])
-    nearest = nearest_centre(centres, state.num_centres[lane], position)
+    nearest = nearest_place(centres, state.num_centres[lane], position)
     write_lane(lanes.target, 0, lane, three_of(centres[nearest]))
 
 
