@@ -26,6 +26,7 @@ from pipeline.flight.period.steps import act, look
 from pipeline.flight.state.arrays import CASE, Beyond, Guard, Moment, Plans, State, Workspace, World
 from pipeline.flight.state.errors import ModelErrors
 from pipeline.flight.state.log import Scenario
+from pipeline.flight.state.signals import HILL_AXES
 from pipeline.flight.world.pack import pack_world
 from pipeline.settings.experiment import Mission
 
@@ -121,12 +122,9 @@ def step_many(
 
 #: observations of learners and policies, in this order, with units; vectors in Hill axes. Position and
 #: velocity are as the deputy knows them: its estimate, if it navigates by fixes.
+VECTORS = {"position": "m", "velocity": "m/s", "target": "m", "sun": "", "boresight": ""}
 OBSERVED: Final = (
-    *(("position_radial", "m"), ("position_along_track", "m"), ("position_cross_track", "m")),
-    *(("velocity_radial", "m/s"), ("velocity_along_track", "m/s"), ("velocity_cross_track", "m/s")),
-    *(("target_radial", "m"), ("target_along_track", "m"), ("target_cross_track", "m")),
-    *(("sun_radial", ""), ("sun_along_track", ""), ("sun_cross_track", "")),
-    *(("boresight_radial", ""), ("boresight_along_track", ""), ("boresight_cross_track", "")),
+    *((f"{vector}_{axis}", unit) for vector, unit in VECTORS.items() for axis in HILL_AXES),
     *(("num_inspected", ""), ("num_candidates", ""), ("delta_v", "m/s"), ("time_left", "s")),
 )
 NUM_SEEN: Final = LEFT + 1
