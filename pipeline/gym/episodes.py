@@ -19,8 +19,7 @@ from pipeline.flight.fly import stepping
 from pipeline.flight.fly.simulation import fly_logged
 from pipeline.flight.state.log import FlightLog, Scenario, points_needed
 from pipeline.flight.world.pack import inspection_points
-from pipeline.flight.world.surface import priority_weights
-from pipeline.physics.motion import nearest_in_orbit
+from pipeline.gym.counted import nearest_in_orbit, priority_weights
 from pipeline.recording.recorder import FlightRecorder
 from pipeline.scenarios import PRIORITY, direction_of, draw
 from pipeline.settings.experiment import Experiment, Mission

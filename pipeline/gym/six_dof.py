@@ -15,12 +15,12 @@ from pipeline.array_types import Floats
 from pipeline.flight.state.log import Scenario
 from pipeline.flight.world.chief import chief_attitudes
 from pipeline.flight.world.pack import optics_of
-from pipeline.flight.world.surface import priority_weights, surface_of
+from pipeline.flight.world.surface import surface_of
+from pipeline.gym.counted import nearest_in_orbit, priority_weights
 from pipeline.gym.env import Started
 from pipeline.gym.episodes import AFRL_WEIGHTED, Reward, task_of
 from pipeline.gym.six_dof_motion import ATTITUDE, PLACE, RATE, VELOCITY, moved
 from pipeline.physics.illumination import sun_angle, sun_direction_h
-from pipeline.physics.motion import nearest_in_orbit
 from pipeline.physics.quaternion import dcm_b_from_h, normalised
 from pipeline.physics.sight import is_resolved, is_sunlit
 from pipeline.scenarios import PRIORITY, direction_of

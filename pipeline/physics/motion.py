@@ -18,7 +18,7 @@ that are not 0 or 1 from a `Step`. A law that stops a deputy is a gain, shape (3
 """
 
 from collections.abc import Collection
-from math import ceil, cos, pi, sin
+from math import cos, pi, sin
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -295,13 +295,6 @@ def stopping_force(k: Floats, r: Three, v: Three) -> Three:
         k[1, 0] * r.x + k[1, 3] * v.x + k[1, 4] * v.y,
         k[2, 2] * r.z + k[2, 5] * v.z,
     )
-
-
-def nearest_in_orbit(orbit: Orbit, deputy: Deputy, state: Floats) -> float:
-    """Return the least distance of free motion from a state, (6,), sampled each second of an orbit, m."""
-    num_seconds = ceil(2.0 * pi / orbit.mean_motion_rad_s)
-    path = free_path(motion_over(orbit, deputy, (1.0,)), state, num_seconds)
-    return float(np.linalg.norm(path[:, :3], axis=1).min())
 
 
 def orbit_parts(orbit: Orbit, deputy: Deputy) -> Motion:

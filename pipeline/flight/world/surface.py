@@ -91,13 +91,6 @@ class Surface(NamedTuple):
     corners: Floats  # (T, 3, 3) triangles of a mesh; no rows for a sphere
 
 
-def priority_weights(points: Floats, priority: Floats) -> Floats:
-    """Return what points count, shape (P,), one in all: as their angle from the opposite of a direction."""
-    cosines = points @ -priority / (np.linalg.norm(points, axis=1) * np.linalg.norm(priority))
-    angles = np.arccos(np.clip(cosines, -1.0, 1.0))
-    return np.asarray(angles / angles.sum())
-
-
 def surface_of(mission: Mission) -> Surface:
     """Return the points of a mission's chief.
 
