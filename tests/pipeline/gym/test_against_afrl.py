@@ -16,7 +16,7 @@ from pipeline.flight.fly.simulation import fly_logged
 from pipeline.flight.state.log import Scenario
 from pipeline.flight.world.pack import inspection_points
 from pipeline.gym import AFRL, AFRL_WEIGHTED, InspectionEnv, SixDofInspectionEnv, task_of
-from pipeline.physics.six_dof import PLACE
+from pipeline.gym.six_dof_motion import PLACE
 from pipeline.scenarios import evaluation_scenarios
 from tests.places import PROJECT
 
