@@ -44,7 +44,7 @@ def pages(controller: str) -> Iterator[str]:
     overrides = ["+experiment=evaluate", f"controller={controller}", "sun=random", f"seed={SEED}"]
     experiment = compose_experiment(overrides).experiment
     flown = source.load(experiment.controller, experiment.mission)
-    starts = evaluation_scenarios(experiment.monte_carlo, experiment.sun, experiment.seed)[:STARTS]
+    starts = evaluation_scenarios(experiment)[:STARTS]
     for case, start in enumerate(starts):
         log = fly_logged(experiment.mission, flown, start)
         place = ", ".join(f"{value:.1f}" for value in start.position_m)

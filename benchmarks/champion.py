@@ -70,7 +70,7 @@ def main() -> None:
     controller = source.named(options.controller, experiment.mission)
     if options.case is not None:
         return tell_flight(experiment, controller, options.case, options.picture)
-    scenarios = evaluation_scenarios(experiment.monte_carlo, experiment.sun, options.seed)
+    scenarios = evaluation_scenarios(replace(experiment, seed=options.seed))
     if options.flights is not None:
         return draw_flights(guarded.mission, controller, scenarios[: options.flights], options.picture)
     if options.without:

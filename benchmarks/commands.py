@@ -29,7 +29,7 @@ def run_monte_carlo(controller: str) -> None:
 
     for num_cases in NUM_CASES:
         cases = replace(experiment.monte_carlo, num_cases=num_cases)
-        scenarios = evaluation_scenarios(cases, experiment.sun, experiment.seed)
+        scenarios = evaluation_scenarios(replace(experiment, monte_carlo=cases))
         times = [(flying(scenarios, 1), flying(scenarios, PROCESSORS)) for _ in range(TURNS)]
         one, many = (min(column) for column in zip(*times, strict=True))
         print(f"Monte Carlo: {num_cases:,} cases of {controller}, trajectories kept")

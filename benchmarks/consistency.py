@@ -58,7 +58,7 @@ def larger(experiment: Experiment, factor: float) -> Experiment:
 
 def judged(experiment: Experiment, controller: Controller) -> np.ndarray:
     """Fly; return the mean squares at each sample, shape (2, SHARES)."""
-    starts = evaluation_scenarios(experiment.monte_carlo, experiment.sun, experiment.seed)
+    starts = evaluation_scenarios(experiment)
     return np.mean([squares(fly_logged(experiment.mission, controller, start)) for start in starts], axis=0)
 
 

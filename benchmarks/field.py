@@ -142,8 +142,7 @@ def main(arguments: Sequence[str]) -> int:
             option = "coast" if is_file else first
             told = ["+experiment=evaluate", f"controller={option}", *rest, *words]
             experiment: Any = compose_experiment(told).experiment
-            mission, cases = experiment.mission, experiment.monte_carlo
-            starts = evaluation_scenarios(cases, experiment.sun, experiment.seed)
+            mission, starts = experiment.mission, evaluation_scenarios(experiment)
             controller = named(first, mission) if is_file else load(experiment.controller, mission)
             flown = [
                 judged(world, mission, start, fly_logged(mission, controller, start))

@@ -80,9 +80,7 @@ def hash_of(settings: Sequence[str]) -> str:
         controller = source.load(experiment.controller, mission)
     except (ValueError, ControllerError) as error:
         return f"refused: {str(error)[:60]}"
-    scenarios = evaluation_scenarios(
-        experiment.monte_carlo, experiment.sun, experiment.seed, range(NUM_STARTS)
-    )
+    scenarios = evaluation_scenarios(experiment, range(NUM_STARTS))
     tracks = np.zeros((NUM_STARTS, mission.num_controls + 1, NUM_TRACKED), dtype=np.float32)
     found = hashlib.sha256()
     _add(found, fly_all(mission, controller, scenarios, tracks=tracks))

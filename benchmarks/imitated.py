@@ -127,13 +127,11 @@ def main(arguments: Sequence[str]) -> int:
     experiment: Any = compose_experiment(["+experiment=train", *base]).experiment
     mission, controller = experiment.mission, named(options.policy, experiment.mission)
     policy: Any = controller.pilot
-    judged = evaluation_scenarios(experiment.monte_carlo, experiment.sun, experiment.seed)
+    judged = evaluation_scenarios(experiment)
     flown, threshold = controller, mission.inspection_threshold_percent
     rows, answers = np.zeros((0, NUM_SEEN)), np.zeros((0, 3))
     lines = [row("the policy", [fly_all(mission, controller, judged)], threshold)]
-    starts = validation_scenarios(
-        experiment.starts, experiment.sun, experiment.seed, options.starts * (options.rounds + 1)
-    )
+    starts = validation_scenarios(experiment, options.starts * (options.rounds + 1))
     for number in range(1, options.rounds + 1):
         own = starts[(number - 1) * options.starts : number * options.starts]
         seen, done = asked_along(policy, mission, own, flown_forces(mission, flown, own))

@@ -93,7 +93,7 @@ def main(arguments: Sequence[str]) -> int:
     for way, of_way in WAYS.items():
         base = ["+experiment=evaluate", "controller=coast", *words, *cases, *of_way]
         experiment: Any = compose_experiment(base).experiment
-        starts = evaluation_scenarios(experiment.monte_carlo, experiment.sun, experiment.seed)
+        starts = evaluation_scenarios(experiment)
         print(f"\n{way}: {options.cases} starts, {' '.join([*words, *of_way])}\n")
         print("| controller | delta-v (m/s) | inspection rate (%) | success rate | outside the limits |")
         print("|---|---|---|---|---|", flush=True)

@@ -39,7 +39,7 @@ def run(controller: str) -> None:
 def time_recording(composed: Job, flown: Controller, path: Path) -> None:
     """Fly and record once; print milliseconds and KiB."""
     experiment = composed.experiment
-    scenario = evaluation_scenarios(experiment.monte_carlo, experiment.sun, experiment.seed)[0]
+    scenario = evaluation_scenarios(experiment)[0]
     log = fly_logged(experiment.mission, flown, scenario)
     recorder = FlightRecorder(experiment, flown, composed.config)
 

@@ -1,6 +1,7 @@
 """The gain of each round of a training: ``python -m benchmarks.rounds RUN_FOLDER`` flies its champions."""
 
 import argparse
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -34,7 +35,7 @@ def main() -> None:
         controller = from_fuzzy(tuned.decode(np.asarray(genome)))
         for mode in ("fixed", "random"):
             sun = Sun(mode=mode, angle_deg=experiment.sun.angle_deg)
-            scenarios = evaluation_scenarios(experiment.monte_carlo, sun, options.seed)
+            scenarios = evaluation_scenarios(replace(experiment, sun=sun, seed=options.seed))
             summary = summarise(fly_cases(experiment.mission, controller, scenarios)[0], 95.0)
             means = [summary[name] for name in ("delta_v_m_s", "inspection_rate_percent")]
             shares = [100.0 * summary[name]["fraction"] for name in (SUCCESS, "violated")]

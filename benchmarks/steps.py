@@ -111,7 +111,7 @@ def step_seconds(overrides: Sequence[str], num_flights: int) -> float:
     # a rehearsal flies each start some hundred times before the flight itself
     num_flights = max(1, num_flights // (1 + len(rehearsed_pushes(controller))))
     cases = replace(experiment.monte_carlo, num_cases=num_flights)
-    scenarios = evaluation_scenarios(cases, experiment.sun, experiment.seed)
+    scenarios = evaluation_scenarios(replace(experiment, monte_carlo=cases))
     world, law = pack_world(mission), law_for(controller, mission, scenarios)
     numbers, flown = controller.numbers, cases_of(mission, scenarios)
 

@@ -49,7 +49,7 @@ def main(arguments: Sequence[str]) -> int:
     given = (*options.overrides, f"duration_s={periods}.0", f"monte_carlo.num_cases={options.cases}")
     experiment = compose_experiment(["+experiment=evaluate", *given]).experiment
     mission, controller = experiment.mission, load(experiment.controller, experiment.mission)
-    starts = evaluation_scenarios(experiment.monte_carlo, experiment.sun, experiment.seed)
+    starts = evaluation_scenarios(experiment)
     states = stray = 0
     for first in range(0, len(starts), BATCH):
         part = starts[first : first + BATCH]

@@ -137,7 +137,7 @@ def five_terms(variable: Variable) -> Variable:
 
 def main_inputs(training: Experiment, champion: Controller) -> tuple[int, ...]:
     """Return the input of each axis with which a table costs least before the search, of all choices."""
-    starts = training_scenarios(training.starts, training.sun, training.seed)
+    starts = training_scenarios(training)
 
     def cost(senses: tuple[int, ...]) -> float:
         genome = genome_of(table_of(champion, senses), training.optimizer.encoding)
@@ -192,7 +192,7 @@ def rows(name: str, cases: int, rounds: int | None, folder: Path, plans: Path | 
     world = [word for word in STUDIES[name][0] if word.startswith(("world=", "problem="))]
     flying_words = ["+experiment=evaluate", f"controller={name}", *world, f"sun={sun}", f"seed={SEED}"]
     judged = compose_experiment([*flying_words, f"monte_carlo.num_cases={cases}"]).experiment
-    starts = evaluation_scenarios(judged.monte_carlo, judged.sun, judged.seed)
+    starts = evaluation_scenarios(judged)
     champion, encoding = named(name, judged.mission), training.optimizer.encoding
     threshold = judged.mission.inspection_threshold_percent
     rules = sum(len(system.rules) for system in champion.systems)

@@ -78,7 +78,7 @@ class Cases:
         self._threads = experiment.monte_carlo.workers or os.cpu_count() or 1
         self.requirements = needs(requirements, CASES)
         self._formulas = {one.id: one.formula for one in self.requirements if one.formula is not None}
-        self.scenarios = evaluation_scenarios(experiment.monte_carlo, experiment.sun, experiment.seed)
+        self.scenarios = evaluation_scenarios(experiment)
 
     def fly(self, fuzzy: FuzzyController) -> Iterator[Flown]:
         """Fly the first cases, then more, then all; what is yielded holds those before it.

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from pipeline.array_types import Floats
 from pipeline.flight.state.log import Scenario
 from pipeline.settings.experiment import Experiment, MonteCarlo, Sun
-from pipeline.settings.mission import Deputy
 from pipeline.settings.start_table import numbers
 from pipeline.settings.training import Starts
 
@@ -81,20 +80,21 @@ def direction_of(generator: np.random.Generator, directions: str = "angles") -> 
 
 
 def _drawn(
-    starts: Starts | MonteCarlo, sun: Sun, seed: int, stage: int, cases: Sequence[int]
+    experiment: Experiment, starts: Starts | MonteCarlo, stage: int, cases: Sequence[int]
 ) -> list[Scenario]:
     """Draw the starts of some cases of a stage."""
     shell = starts.min_distance_m, starts.max_distance_m
     rest = starts.max_speed_m_s, starts.directions, starts.box
-    return [draw(seed, stage, case, shell, sun, *rest) for case in cases]
+    return [draw(experiment.seed, stage, case, shell, experiment.sun, *rest) for case in cases]
 
 
-def training_scenarios(starts: Starts, sun: Sun, seed: int, round_index: int = 0) -> list[Scenario]:
+def training_scenarios(experiment: Experiment, round_index: int = 0) -> list[Scenario]:
     """Return the starts of a round of training; without `starts.redraw` those of the first round."""
+    starts = experiment.starts
     if starts.table is not None:
-        return _given(starts.table, seed, TRAINING)
+        return _given(starts.table, experiment.seed, TRAINING)
     stage = TRAINING + (round_index if starts.redraw else 0)
-    drawn = _drawn(starts, sun, seed, stage, range(starts.num_cases))
+    drawn = _drawn(experiment, starts, stage, range(starts.num_cases))
     if starts.kind == "random":
         return drawn
     return [
@@ -103,40 +103,44 @@ def training_scenarios(starts: Starts, sun: Sun, seed: int, round_index: int = 0
     ]
 
 
-def hard_candidates(starts: Starts, sun: Sun, seed: int, round_index: int) -> list[Scenario]:
+def hard_candidates(experiment: Experiment, round_index: int) -> list[Scenario]:
     """Return the starts among which the hard ones of a round of training are sought."""
-    return _drawn(starts, sun, seed, HARD + round_index, range(starts.hard_from))
+    starts = experiment.starts
+    return _drawn(experiment, starts, HARD + round_index, range(starts.hard_from))
 
 
-def validation_scenarios(starts: Starts, sun: Sun, seed: int, num_cases: int) -> list[Scenario]:
+def validation_scenarios(experiment: Experiment, num_cases: int) -> list[Scenario]:
     """Return the starts on which the champion is chosen: drawn as for training, not flown in it."""
-    return _drawn(starts, sun, seed, VALIDATION, range(num_cases))
+    return _drawn(experiment, experiment.starts, VALIDATION, range(num_cases))
 
 
-def given_start(deputy: Deputy, sun: Sun, seed: int) -> Scenario:
+def given_start(experiment: Experiment) -> Scenario:
     """Return the start that the configuration gives; a random Sun is that of the first evaluation case."""
-    drawn = draw(seed, EVALUATION, 0, (deputy.min_distance_m, deputy.max_distance_m), sun)
+    deputy = experiment.mission.deputy
+    shell = deputy.min_distance_m, deputy.max_distance_m
+    drawn = draw(experiment.seed, EVALUATION, 0, shell, experiment.sun)
     position, velocity = np.array(deputy.initial_position_m), np.array(deputy.initial_velocity_m_s)
     return replace(drawn, position_m=position, velocity_m_s=velocity)
 
 
 def start_shown(experiment: Experiment) -> tuple[str, Scenario]:
     """Return the start that is flown alone and its name: the given one, or a case of the evaluation."""
-    sun, seed, case = experiment.sun, experiment.seed, experiment.case
+    case = experiment.case
     if case is None:
-        return "start", given_start(experiment.mission.deputy, sun, seed)
-    return f"case-{case}", evaluation_scenarios(experiment.monte_carlo, sun, seed, [case])[0]
+        return "start", given_start(experiment)
+    return f"case-{case}", evaluation_scenarios(experiment, [case])[0]
 
 
 def evaluation_scenarios(
-    monte_carlo: MonteCarlo, sun: Sun, seed: int, cases: slice | Sequence[int] = slice(None)
+    experiment: Experiment, cases: slice | Sequence[int] = slice(None)
 ) -> list[Scenario]:
     """Return the starts of an evaluation, or of some of its cases."""
+    monte_carlo = experiment.monte_carlo
     if monte_carlo.table is not None:
-        given = _given(monte_carlo.table, seed, EVALUATION)
+        given = _given(monte_carlo.table, experiment.seed, EVALUATION)
         return given[cases] if isinstance(cases, slice) else [given[case] for case in cases]
     drawn = range(monte_carlo.num_cases)[cases] if isinstance(cases, slice) else cases
-    return _drawn(monte_carlo, sun, seed, EVALUATION, drawn)
+    return _drawn(experiment, monte_carlo, EVALUATION, drawn)
 
 
 def _given(table: str, seed: int, stage: int) -> list[Scenario]:

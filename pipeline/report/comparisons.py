@@ -310,7 +310,7 @@ def fly_without(experiment: Experiment, controller: Controller, episodes: Column
     if not acted.size:
         return None
     cases = episodes["case"][acted].tolist()
-    scenarios = evaluation_scenarios(experiment.monte_carlo, experiment.sun, experiment.seed, cases)
+    scenarios = evaluation_scenarios(experiment, cases)
     off = replace(mission, safety=Safety())
     outcomes = fly_all(off, controller, scenarios, experiment.monte_carlo.workers)
     limits = mission.deputy

@@ -151,7 +151,7 @@ def gather(experiment: Experiment, folder: Path) -> Contents:
     if controller and (has_trained or has_starts):
         # of the last round that the logbook tells of; of the first without one
         last = 0 if logbook is None else int(logbook["round"][-1])
-        starts = training_scenarios(experiment.starts, experiment.sun, experiment.seed, last)
+        starts = training_scenarios(experiment, last)
     training_round = int(logbook["round"][-1]) + 1 if logbook and experiment.starts.redraw else None
     config = folder / artifacts.CONFIG
     manifest = manifests.read(folder) if (folder / artifacts.MANIFEST).exists() else None
@@ -285,7 +285,7 @@ def fly_shown(
         order = rank(episodes)
         row = int(order[len(order) // 2])
         case = int(episodes["case"][row])
-        (start,) = evaluation_scenarios(experiment.monte_carlo, experiment.sun, experiment.seed, [case])
+        (start,) = evaluation_scenarios(experiment, [case])
         chosen.append((f"median-case-{case}", f"Case {case}, the median of the evaluation", start))
     return [
         ShownFlight(name, title, scenario, fly_logged(experiment.mission, controller, scenario))

@@ -116,7 +116,7 @@ def _approach(contents: Contents) -> Iterator[Drawn]:
     if contents.evaluation is None or controller is None:
         return
     shown = range(min(MOST_DRAWN, experiment.monte_carlo.num_cases))
-    starts = evaluation_scenarios(experiment.monte_carlo, experiment.sun, experiment.seed, shown)
+    starts = evaluation_scenarios(experiment, shown)
     _, tracks = fly_tracked(mission, controller, starts, experiment.monte_carlo.workers)
     yield _captioned("approach", approach(tracks, mission.problem), "approach")
 

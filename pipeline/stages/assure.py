@@ -141,7 +141,7 @@ def _gather(experiment: Experiment, folder: Path, requirements: Requirements) ->
 def _scenarios(experiment: Experiment, num_cases: int) -> list[Scenario]:
     """Return the first cases of an evaluation from this seed."""
     cases = replace(experiment.monte_carlo, num_cases=num_cases)
-    return evaluation_scenarios(cases, experiment.sun, experiment.seed)
+    return evaluation_scenarios(replace(experiment, monte_carlo=cases))
 
 
 def _searches(

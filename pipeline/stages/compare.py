@@ -63,8 +63,7 @@ def _lots(experiment: Experiment, world: str) -> list[Lot]:
     there, lots = in_world(experiment, world), []
     for sun in experiment.compare.suns:
         under = replace(there, sun=replace(there.sun, mode=cast(Any, sun)))
-        scenarios = evaluation_scenarios(under.monte_carlo, under.sun, under.seed)
-        lots.append(Lot(under, world, scenarios, None if world else _solved(under)))
+        lots.append(Lot(under, world, evaluation_scenarios(under), None if world else _solved(under)))
     return lots
 
 

@@ -28,7 +28,7 @@ from pipeline.settings.start_table import POSITION
 def run(experiment: Experiment, folder: Path) -> None:
     """Fly the run's champion, or the configured controller if nothing was trained."""
     controller = controller_of_run(experiment, folder)
-    first = evaluation_scenarios(experiment.monte_carlo, experiment.sun, experiment.seed, slice(1))
+    first = evaluation_scenarios(experiment, slice(1))
     fly_cases(experiment.mission, controller, first, 1)  # compiles if necessary
     started = time.perf_counter()
     episodes = _flown(experiment, controller, folder)
@@ -74,14 +74,13 @@ def _done_in_words(summary: Mapping[str, Any]) -> str:
 
 def _flown(experiment: Experiment, controller: Controller, folder: Path) -> Mapping[str, Column]:
     """Fly all cases and write them; a campaign in parts, and without trajectories."""
-    cases = experiment.monte_carlo
     if _is_in_parts(experiment):
         (folder / artifacts.TRAJECTORIES).unlink(missing_ok=True)
         paths = _fly_parts(experiment, controller, folder, "cases")
         tables.join_parquet(folder / artifacts.EPISODES, paths)
         return tables.Columns([folder / artifacts.EPISODES])
-    scenarios = evaluation_scenarios(cases, experiment.sun, experiment.seed)
-    episodes, tracks = fly_cases(experiment.mission, controller, scenarios, cases.workers)
+    scenarios, workers = evaluation_scenarios(experiment), experiment.monte_carlo.workers
+    episodes, tracks = fly_cases(experiment.mission, controller, scenarios, workers)
     tables.write_parquet(folder / artifacts.EPISODES, episodes)
     case, sample = np.indices(tracks.shape[:2], dtype=np.int32)
     positions = {name: tracks[:, :, axis].ravel() for axis, name in enumerate(POSITION)}
@@ -107,7 +106,7 @@ def _fly_parts(experiment: Experiment, controller: Controller, folder: Path, kin
     left = [part for part, path in enumerate(paths) if not path.exists()]
     with Progress("part:", len(paths), len(paths) - len(left)) as progress:
         for done, part in enumerate(left, len(paths) - len(left) + 1):
-            scenarios = evaluation_scenarios(cases, experiment.sun, experiment.seed, slice(*bounds[part]))
+            scenarios = evaluation_scenarios(experiment, slice(*bounds[part]))
             outcomes = fly_all(experiment.mission, controller, scenarios, cases.workers)
             columns = episode_columns(experiment.mission, scenarios, outcomes)
             tables.write_parquet(paths[part], columns | {"case": np.arange(*bounds[part])})
@@ -144,12 +143,11 @@ def _dispersed(
 
 def _nominal(experiment: Experiment, controller: Controller, folder: Path) -> Mapping[str, Column]:
     """Fly the same cases without their dispersions."""
-    cases = experiment.monte_carlo
     undispersed = replace(experiment, mission=replace(experiment.mission, dispersions={}))
     if _is_in_parts(experiment):
         return tables.Columns(_fly_parts(undispersed, controller, folder, "nominal"))
-    scenarios = evaluation_scenarios(cases, experiment.sun, experiment.seed)
-    return fly_cases(undispersed.mission, controller, scenarios, cases.workers)[0]
+    scenarios = evaluation_scenarios(experiment)
+    return fly_cases(undispersed.mission, controller, scenarios, experiment.monte_carlo.workers)[0]
 
 
 def _beside_in_words(beside: Mapping[str, Any]) -> str:

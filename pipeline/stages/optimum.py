@@ -51,8 +51,8 @@ def run(experiment: Experiment, folder: Path) -> None:
 def scenarios_of(experiment: Experiment) -> list[Scenario]:
     """Return the starts to solve: those of the evaluation, or the one given in the configuration."""
     if experiment.optimum.cases == "start":
-        return [given_start(experiment.mission.deputy, experiment.sun, experiment.seed)]
-    return evaluation_scenarios(experiment.monte_carlo, experiment.sun, experiment.seed)
+        return [given_start(experiment)]
+    return evaluation_scenarios(experiment)
 
 
 def plan_path(folder: Path, case: int) -> Path:

@@ -73,9 +73,7 @@ def flights_of(experiment: Experiment, folder: Path) -> list[FlightToRecord]:
     """Return the flights to record: of the training, of the evaluation, from the given start or case."""
     flights: list[FlightToRecord] = []
     if experiment.telemetry.record_training:
-        scenarios = training_scenarios(
-            experiment.starts, experiment.sun, experiment.seed, _last_round(folder)
-        )
+        scenarios = training_scenarios(experiment, _last_round(folder))
         for case, scenario in enumerate(scenarios[:MOST_TRAINING_FLIGHTS]):
             flights.append(FlightToRecord(f"training-{case}", f"training-{case}", scenario))
     if experiment.telemetry.record_ranked:
@@ -101,7 +99,7 @@ def _last_round(folder: Path) -> int:
 
 def _ranked_flights(experiment: Experiment, episodes: Columns) -> list[FlightToRecord]:
     """Return the worst, the median and the best flight of an evaluation."""
-    scenarios = evaluation_scenarios(experiment.monte_carlo, experiment.sun, experiment.seed)
+    scenarios = evaluation_scenarios(experiment)
     order = rank(episodes)
     flights = []
     for name, row in (("worst", order[0]), ("median", order[len(order) // 2]), ("best", order[-1])):

@@ -16,10 +16,9 @@ def run(experiment: Experiment, folder: Path) -> None:
     sets: dict[str, list[Scenario]] = {}
     if "train" in experiment.stages or experiment.telemetry.record_training:
         for index in range(rounds):
-            starts = training_scenarios(experiment.starts, experiment.sun, experiment.seed, index)
-            sets[f"training-{index}"] = starts
+            sets[f"training-{index}"] = training_scenarios(experiment, index)
     if "evaluate" in experiment.stages:
-        sets["evaluation"] = evaluation_scenarios(experiment.monte_carlo, experiment.sun, experiment.seed)
+        sets["evaluation"] = evaluation_scenarios(experiment)
     rows: list[list[Any]] = []
     for name, scenarios in sets.items():
         for case, at in enumerate(scenarios):

@@ -66,7 +66,7 @@ def _judge(
     tried = experiment_from(with_tried(config, values))
     controller = _trained(tried) if search.trains else source.load(tried.controller, tried.mission)
     made["last"] = controller
-    scenarios = validation_scenarios(experiment.starts, experiment.sun, experiment.seed, search.num_cases)
+    scenarios = validation_scenarios(experiment, search.num_cases)
     for first in range(0, len(scenarios), search.block_cases):
         block = scenarios[first : first + search.block_cases]
         outcomes = fly_all(tried.mission, controller, block, experiment.monte_carlo.workers)

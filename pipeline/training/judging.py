@@ -40,12 +40,11 @@ def fitness_of_round(
     champion : (num_genes,) array, optional
         Of the round before: the worst of some further starts for it are added to the round's own.
     """
-    starts = experiment.starts
-    scenarios = training_scenarios(starts, experiment.sun, experiment.seed, round_index)
-    if champion is not None and starts.num_hard > 0:
-        candidates = hard_candidates(starts, experiment.sun, experiment.seed, round_index)
+    scenarios, num_hard = training_scenarios(experiment, round_index), experiment.starts.num_hard
+    if champion is not None and num_hard > 0:
+        candidates = hard_candidates(experiment, round_index)
         worst = np.argsort(-costs_of(experiment, genome, champion, candidates, round_index), kind="stable")
-        scenarios += [candidates[index] for index in worst[: starts.num_hard]]
+        scenarios += [candidates[index] for index in worst[:num_hard]]
     return fitness_from(experiment, genome, scenarios, round_index)
 
 
@@ -129,11 +128,11 @@ def choose(experiment: Experiment, genome: Genome, history: Sequence[Generation]
     num_cases = experiment.optimizer.validation_cases
     if num_cases == 0:
         return Choice(history[-1].champion, history[-1].best)
-    scenarios = validation_scenarios(experiment.starts, experiment.sun, experiment.seed, num_cases)
+    scenarios = validation_scenarios(experiment, num_cases)
     last_of_round = list({generation.round: generation for generation in history}.values())
     rounds = []
     for index, generation in enumerate(last_of_round):
-        own = training_scenarios(experiment.starts, experiment.sun, experiment.seed, generation.round)
+        own = training_scenarios(experiment, generation.round)
         training, validation = (
             float(costs_of(experiment, genome, generation.champion, starts, history[-1].round).mean())
             for starts in (own, scenarios)

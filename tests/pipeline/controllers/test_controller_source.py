@@ -75,7 +75,7 @@ def test_first_push_is_the_limited_sum_of_the_signals_beyond_the_dead_band() -> 
     words = ["+experiment=evaluate", "controller=champion_27", "sun=random", "monte_carlo.num_cases=8"]
     experiment = compose_experiment(words).experiment
     mission = replace(experiment.mission, duration_s=experiment.mission.control_period_s)
-    starts = evaluation_scenarios(experiment.monte_carlo, experiment.sun, experiment.seed)
+    starts = evaluation_scenarios(experiment)
     champion = named("champion_27", mission)
     genes = np.array([0.6, 0.4, 0.1, 0.7, 0.55, 0.5, 0.8, 0.3, 0.9])
     controller = linear_law.LinearLaw(champion).decode(genes)

@@ -149,11 +149,8 @@ def flown(tmp_path_factory) -> tuple[Any, Controller, list[Any], FlightLog]:
     path = tmp_path_factory.mktemp("policy") / "learned.onnx"
     path.write_bytes(model(LAYERS).SerializeToString())
     task = task_of(OVERRIDES)
-    monte_carlo = task.experiment.monte_carlo
-    sun = task.experiment.sun
-    seed = task.experiment.seed
     controller = named(str(path), task.mission)
-    starts = evaluation_scenarios(monte_carlo, sun, seed)
+    starts = evaluation_scenarios(task.experiment)
     return task, controller, starts, fly_logged(task.mission, controller, starts[1])
 
 

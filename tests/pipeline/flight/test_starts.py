@@ -1,6 +1,7 @@
 """Starts: what a case depends on, and what it does not."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -40,6 +41,11 @@ DRAWN = Starts(kind="random", num_cases=16, redraw=True, num_hard=0, hard_from=0
 OCTANTS = replace(DRAWN, kind="octants", num_cases=8, min_distance_m=75.0, max_distance_m=75.0, redraw=False)
 
 
+def under(sun: Sun, **changes: object) -> Experiment:
+    """An experiment under a Sun, with these starts unless others are given."""
+    return replace(composed("seed=1"), **({"sun": sun, "monte_carlo": CASES, "starts": DRAWN} | changes))
+
+
 def positions(scenarios: list[Scenario]) -> np.ndarray:
     return np.array([scenario.position_m for scenario in scenarios])
 
@@ -50,12 +56,12 @@ def suns(scenarios: list[Scenario]) -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def cases() -> list[Scenario]:
-    return evaluation_scenarios(CASES, RANDOM, 1)
+    return evaluation_scenarios(under(RANDOM))
 
 
 def test_a_case_depends_on_its_seed_and_number_alone(cases: list[Scenario]) -> None:
     """Direction, then distance, then Sun from ``SeedSequence(seed, spawn_key=(stage, case))``."""
-    few = evaluation_scenarios(replace(CASES, num_cases=3), RANDOM, 1)
+    few = evaluation_scenarios(under(RANDOM, monte_carlo=replace(CASES, num_cases=3)))
     np.testing.assert_array_equal(positions(few), positions(cases)[:3])
     np.testing.assert_array_equal(suns(few), suns(cases)[:3])
     generator = np.random.default_rng(np.random.SeedSequence(1, spawn_key=(0, 7)))
@@ -63,7 +69,7 @@ def test_a_case_depends_on_its_seed_and_number_alone(cases: list[Scenario]) -> N
     expected = generator.uniform(50.0, 100.0) * direction / np.linalg.norm(direction)
     np.testing.assert_allclose(cases[7].position_m, expected, rtol=1e-15)
     assert cases[7].sun_angle_rad == generator.uniform(0.0, 2.0 * np.pi)
-    for others in (evaluation_scenarios(CASES, RANDOM, 2), training_scenarios(DRAWN, RANDOM, 1)):
+    for others in (evaluation_scenarios(under(RANDOM, seed=2)), training_scenarios(under(RANDOM))):
         assert not np.isin(positions(others), positions(cases)).any()
         assert not np.isin(suns(others), suns(cases)).any()
 
@@ -71,7 +77,7 @@ def test_a_case_depends_on_its_seed_and_number_alone(cases: list[Scenario]) -> N
 def test_all_suns_have_the_same_positions_and_a_mixed_one_is_fixed_and_random_by_turns(
     cases: list[Scenario],
 ) -> None:
-    fixed, mixed = (evaluation_scenarios(CASES, sun, 1) for sun in (FIXED, MIXED))
+    fixed, mixed = (evaluation_scenarios(under(sun)) for sun in (FIXED, MIXED))
     np.testing.assert_array_equal(positions(fixed), positions(cases))
     np.testing.assert_array_equal(positions(mixed), positions(cases))
     np.testing.assert_array_equal(suns(fixed), np.radians(30.0))
@@ -101,10 +107,10 @@ def test_starts_rest_in_the_shell_directions_are_isotropic_distances_and_suns_un
 
 @pytest.mark.parametrize("redraws", [True, False])
 def test_rounds_draw_their_own_or_have_the_firsts(redraws: bool) -> None:
-    starts = replace(DRAWN, redraw=redraws)
-    first, again, second = (training_scenarios(starts, MIXED, 1, index) for index in (0, 0, 1))
+    experiment = under(MIXED, starts=replace(DRAWN, redraw=redraws))
+    first, again, second = (training_scenarios(experiment, index) for index in (0, 0, 1))
     np.testing.assert_array_equal(positions(again), positions(first))
-    np.testing.assert_array_equal(positions(first), positions(training_scenarios(DRAWN, MIXED, 1, 0)))
+    np.testing.assert_array_equal(positions(first), positions(training_scenarios(under(MIXED))))
     assert np.isin(positions(second), positions(first)).all() == (not redraws)
     assert np.isin(positions(second), positions(first)).any() == (not redraws)
     assert (suns(second) == suns(first))[1::2].any() == (not redraws)
@@ -112,12 +118,12 @@ def test_rounds_draw_their_own_or_have_the_firsts(redraws: bool) -> None:
 
 
 def test_the_papers_starts_are_the_diagonals_of_the_octants() -> None:
-    starts = training_scenarios(OCTANTS, FIXED, 1)
+    starts = training_scenarios(under(FIXED, starts=OCTANTS))
     np.testing.assert_allclose(np.abs(positions(starts)), 75.0 / np.sqrt(3.0), rtol=1e-15)
     assert len({tuple(signs) for signs in np.sign(positions(starts)).tolist()}) == 8
     np.testing.assert_array_equal(suns(starts), np.radians(30.0))
     assert not any(np.any(start.velocity_m_s) for start in starts)
-    other_seed = training_scenarios(OCTANTS, RANDOM, 2)
+    other_seed = training_scenarios(under(RANDOM, starts=OCTANTS, seed=2))
     np.testing.assert_array_equal(positions(other_seed), positions(starts))
     assert len(set(suns(other_seed).tolist())) == 8
 
@@ -139,7 +145,7 @@ def test_a_sun_that_is_drawn_has_an_elevation_from_its_range() -> None:
 
 def test_starts_that_move_stand_where_those_at_rest_do(cases: list[Scenario]) -> None:
     """Speeds are uniform and directions isotropic, drawn beside everything else; a table holds them."""
-    moving = evaluation_scenarios(replace(CASES, max_speed_m_s=0.3), RANDOM, 1)
+    moving = evaluation_scenarios(under(RANDOM, monte_carlo=replace(CASES, max_speed_m_s=0.3)))
     np.testing.assert_array_equal(positions(moving), positions(cases))
     np.testing.assert_array_equal(suns(moving), suns(cases))
     velocities = np.array([start.velocity_m_s for start in moving])
@@ -158,7 +164,7 @@ def test_starts_that_move_stand_where_those_at_rest_do(cases: list[Scenario]) ->
 def test_directions_by_even_angles_are_denser_at_the_poles() -> None:
     """The share of starts and of speeds above 60 degrees is a third; it is a seventh of an even sphere."""
     by_angles = replace(CASES, num_cases=900, max_speed_m_s=0.3, directions="angles")
-    starts = evaluation_scenarios(by_angles, RANDOM, 1)
+    starts = evaluation_scenarios(under(RANDOM, monte_carlo=by_angles))
     for vectors in (positions(starts), np.array([start.velocity_m_s for start in starts])):
         x, y, z = (vectors / np.linalg.norm(vectors, axis=1, keepdims=True)).T
         assert_uniform(np.degrees(np.arcsin(z)), -90.0, 180.0)
@@ -192,18 +198,15 @@ ANGLE = "+dispersions.sensor.half_angle_deg={kind:uniform,low:13,high:17}"
 VARIED_TORQUE = "+dispersions.deputy.max_torque_n_m={kind:normal,mean:0.01,std:0.002,low:0.009}"
 
 
+@cache
 def composed(*words: str) -> Experiment:
     return compose_experiment(["+experiment=evaluate", "controller=lqr", "seed=3", *words]).experiment
-
-
-def scenarios_of(experiment: Experiment) -> list[Scenario]:
-    return evaluation_scenarios(experiment.monte_carlo, experiment.sun, experiment.seed)
 
 
 @pytest.mark.slow
 def test_cases_draw_by_their_distributions() -> None:
     experiment = composed(VARIED_TORQUE, MASS, ANGLE, "monte_carlo.num_cases=400")
-    scenarios = scenarios_of(experiment)
+    scenarios = evaluation_scenarios(experiment)
     told = [drawn(experiment.mission, scenario) for scenario in scenarios]
     keys = ["deputy.mass_kg", "deputy.max_torque_n_m", "sensor.half_angle_deg"]
     assert all([key for key, _ in one] == keys for one in told)
@@ -214,14 +217,14 @@ def test_cases_draw_by_their_distributions() -> None:
     assert np.abs(np.corrcoef(values.T) - np.eye(3)).max() < 0.2
     # a case is the same among however many others
     assert drawn(experiment.mission, scenarios[7]) == told[7]
-    np.testing.assert_array_equal(positions(scenarios_of(composed())[:400]), positions(scenarios))
+    np.testing.assert_array_equal(positions(evaluation_scenarios(composed())[:400]), positions(scenarios))
 
 
 @pytest.mark.slow
 def test_a_case_flies_its_own_mission_alone_and_among_others() -> None:
     experiment = composed(MASS, "monte_carlo.num_cases=4", "duration_s=600.0")
     mission = experiment.mission
-    scenarios = scenarios_of(experiment)
+    scenarios = evaluation_scenarios(experiment)
     controller = named("lqr", mission)
     episodes, tracks = fly_cases(mission, controller, scenarios, 2)
     for case, scenario in enumerate(scenarios):
@@ -264,7 +267,7 @@ def test_dispersions_that_cannot_be(told: str, message: str) -> None:
 @pytest.mark.slow
 def test_a_draw_that_cannot_be_names_its_cure_and_training_flies_none() -> None:
     experiment = composed("+dispersions.deputy.mass_kg={kind:normal,mean:0.1,std:1.0}")
-    scenarios = scenarios_of(experiment)
+    scenarios = evaluation_scenarios(experiment)
     impossible = next(one for one in scenarios if drawn(experiment.mission, one)[0][1] < 0.0)
     with pytest.raises(SettingError, match=r"a case draws what cannot be: deputy.mass_kg is -.*truncate"):
         mission_of_case(experiment.mission, impossible)

@@ -163,7 +163,7 @@ def test_a_camera_of_60_degrees_sees_what_theirs_would() -> None:
     """Their law, from where the deputy is and how it is turned; the torques stay within 1 mN m."""
     task = task_of(["world=afrl_six_dof", "seed=3"])
     mission, experiment = task.mission, task.experiment
-    start = evaluation_scenarios(experiment.monte_carlo, experiment.sun, experiment.seed, [0])[0]
+    start = evaluation_scenarios(experiment, [0])[0]
     log, points = fly_logged(mission, coast(), start), inspection_points(mission)
     seen, closest = np.zeros(100, dtype=bool), []
     for k, (place, quaternion) in enumerate(zip(log.position_m, log.quaternion_b_from_h, strict=True)):

@@ -39,7 +39,7 @@ def known(log: FlightLog, k: int) -> np.ndarray:
 def test_flights_driven_with_the_forces_of_a_log_are_that_flight(world: str) -> None:
     task = task_of([*WORLDS[world], "controller=lqr", "monte_carlo.num_cases=2", "seed=7"])
     experiment, mission = task.experiment, task.mission
-    scenarios = evaluation_scenarios(experiment.monte_carlo, experiment.sun, experiment.seed)
+    scenarios = evaluation_scenarios(experiment)
     logs = [fly_logged(mission, load(experiment.controller, mission), one) for one in scenarios]
     flights = stepping.Flights(mission, 2, is_tilted=task.is_tilted)
     for flight, scenario in enumerate(scenarios):

@@ -20,7 +20,7 @@ def composed(*overrides: str) -> Job:
 @cache
 def problem(case: int, *overrides: str) -> Problem:
     experiment = composed(*overrides).experiment
-    scenarios = evaluation_scenarios(experiment.monte_carlo, experiment.sun, experiment.seed)
+    scenarios = evaluation_scenarios(experiment)
     return problem_of(experiment.mission, scenarios[case])
 
 

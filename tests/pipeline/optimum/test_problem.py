@@ -52,7 +52,7 @@ def test_margins_are_the_sight_of_a_flight_in_a_strict_world(chief):
 def planned(*overrides):
     """A plan of the second case."""
     experiment = composed(*overrides).experiment
-    (_, scenario) = evaluation_scenarios(experiment.monte_carlo, experiment.sun, experiment.seed)
+    (_, scenario) = evaluation_scenarios(experiment)
     return solve(experiment.mission, scenario, experiment.optimum, np.random.SeedSequence(5))
 
 

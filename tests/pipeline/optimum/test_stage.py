@@ -63,7 +63,7 @@ def plans_in(folder: Path) -> dict[str, bytes]:
 def test_plans_fly_as_the_table_says_and_their_forces_are_in_one_table(folder):
     experiment = composed(*SMALL).experiment
     cases = cases_of(folder)
-    scenarios = scenarios_of(experiment)
+    scenarios = evaluation_scenarios(experiment)
     lines = (folder / artifacts.OPTIMUM_FORCES).read_text().splitlines()
     assert lines[0] == "case,time_s,force_x_n,force_y_n,force_z_n"
     rows = np.array([[float(cell) for cell in line.split(",")] for line in lines[1:]])
@@ -94,7 +94,7 @@ def test_cases_that_are_there_are_kept_and_others_are_made_again_by_any_workers(
     assert plans_in(tmp_path) == plans_in(folder)
     assert (tmp_path / artifacts.OPTIMUM_CASES).read_bytes() == table
     # those of other starts are not, be they at other places or moving
-    starts = scenarios_of(composed(*SMALL).experiment)
+    starts = evaluation_scenarios(composed(*SMALL).experiment)
     assert kept_rows(tmp_path, [replace(one, velocity_m_s=np.full(3, 0.01)) for one in starts]) == {}
     solve(tmp_path, *QUICK, "sun=fixed")
     assert "are there already" not in capsys.readouterr().err
@@ -104,7 +104,7 @@ def test_cases_that_are_there_are_kept_and_others_are_made_again_by_any_workers(
 def test_where_time_is_too_short_the_best_there_is_is_kept_and_not_called_a_plan(tmp_path, capsys):
     short = ("duration_s=300.0", "optimum.points=95", "optimum.restarts=1", "optimum.kicks=0")
     cases = cases_of(solve(tmp_path, *short, "optimum.cases=start"))
-    start = given_start(composed().experiment.mission.deputy, composed().experiment.sun, 1)
+    start = given_start(composed().experiment)
     assert cases["position_x_m"].tolist() == [start.position_m[0]]
     assert cases["is_feasible"].tolist() == [False]
     assert 0 < cases["inspected_count"][0] < 95
@@ -184,10 +184,6 @@ def evaluation(*overrides):
     return compose_experiment([*EVALUATE, *overrides]).experiment
 
 
-def scenarios_of(experiment):
-    return evaluation_scenarios(experiment.monte_carlo, experiment.sun, experiment.seed)
-
-
 LEO = f"optimum.reference={SHIPPED_FOLDERS['fixed'].with_name('leo')}"
 
 
@@ -196,7 +192,7 @@ LEO = f"optimum.reference={SHIPPED_FOLDERS['fixed'].with_name('leo')}"
 def test_the_shipped_cases_are_the_first_of_the_default_seed(world):
     experiment = evaluation(*world, "monte_carlo.num_cases=50")
     solved = solved_for(experiment)
-    for found, expected in zip(solved.scenarios, scenarios_of(experiment), strict=True):
+    for found, expected in zip(solved.scenarios, evaluation_scenarios(experiment), strict=True):
         # to rounding: NumPy's functions differ in the last digit between processors
         np.testing.assert_allclose(found.position_m, expected.position_m, rtol=1e-14)
         np.testing.assert_array_equal(found.velocity_m_s, 0.0)

@@ -111,7 +111,7 @@ def test_of_many_training_scenarios_the_first_eight_of_the_round_it_came_to(word
     assert run.starts.num_cases > 8
     tables.write_parquet(tmp_path / artifacts.HISTORY, {"round": np.array([0, 0, index])})
     flights = record.flights_of(run, tmp_path)
-    drawn = training_scenarios(run.starts, run.sun, run.seed, index)
+    drawn = training_scenarios(run, index)
     named = [f"training-{case}" for case in range(8)]
     assert [flight.name for flight in flights] == [flight.scenario_id for flight in flights] == named
     for flight, scenario in zip(flights, drawn, strict=False):
@@ -171,7 +171,7 @@ def test_the_given_start_has_the_suns_angle_or_one_drawn():
     assert angle("sun.angle_deg=90") == math.radians(90)
     words = ["+experiment=evaluate", "controller=coast", "sun=random", "seed=5"]
     drawn = compose_experiment(words).experiment
-    first = evaluation_scenarios(drawn.monte_carlo, drawn.sun, drawn.seed)[0]
+    first = evaluation_scenarios(drawn)[0]
     assert angle("sun=random", "seed=5") == first.sun_angle_rad
     assert angle("sun=random", "seed=6") != first.sun_angle_rad
 
@@ -186,7 +186,7 @@ def test_a_case_of_the_evaluation_is_flown_alone():
     alone = compose_experiment(["+experiment=fly", "case=7", *words]).experiment
     (flight,) = record.flights_of(alone, Path("unused"))
     evaluated = compose_experiment(["+experiment=evaluate", *words]).experiment
-    seventh = evaluation_scenarios(evaluated.monte_carlo, evaluated.sun, evaluated.seed)[7]
+    seventh = evaluation_scenarios(evaluated)[7]
     assert (flight.name, flight.scenario_id) == ("case-7", "case-7")
     np.testing.assert_array_equal(flight.scenario.velocity_m_s, seventh.velocity_m_s)
     np.testing.assert_array_equal(flight.scenario.position_m, seventh.position_m)

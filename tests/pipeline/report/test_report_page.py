@@ -87,7 +87,7 @@ def test_numbers_are_those_of_the_summary(trained):
     folder, experiment, text, page = trained
     summary = json.loads((folder / artifacts.SUMMARY).read_text())
     told = gather(experiment, folder)
-    scenarios = training_scenarios(experiment.starts, experiment.sun, experiment.seed)
+    scenarios = training_scenarios(experiment)
     episodes, _ = fly_cases(experiment.mission, told.controller, scenarios)
     # in ten minutes not all points are lit
     metrics = ("delta_v_m_s", "inspection_rate_percent", "inspectable_rate_percent", "mean_distance_m")
@@ -349,7 +349,7 @@ def test_training_flights_start_where_the_last_round_did(tmp_path):
     told = gather(experiment, tmp_path)
     assert told.training_round == 2
     assert told.shown[0].title == "Training case 0 of round 2"
-    expected = training_scenarios(experiment.starts, experiment.sun, experiment.seed, 1)
+    expected = training_scenarios(experiment, 1)
     np.testing.assert_array_equal(told.shown[0].scenario.position_m, expected[0].position_m)
     xs = [scenario.position_m[0] for scenario in expected]
     np.testing.assert_array_equal(told.training.episodes["position_x_m"], xs)

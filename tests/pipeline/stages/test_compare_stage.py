@@ -58,8 +58,7 @@ def test_all_fly_the_same_cases_and_each_as_alone(finished):
     episodes = tables.read_parquet(folder, artifacts.COMPARISON_EPISODES)
     assert len(episodes["case"]) == 2 * len(CONTROLLERS) * 2 * 4
     for sun in ("fixed", "random"):
-        under = replace(experiment.sun, mode=sun)
-        scenarios = evaluation_scenarios(experiment.monte_carlo, under, 7)
+        scenarios = evaluation_scenarios(replace(experiment, sun=replace(experiment.sun, mode=sun)))
         for name in CONTROLLERS:
             own = (episodes["sun"] == sun) & (episodes["controller"] == name) & (episodes["safety"] == "none")
             part = {key: column[own] for key, column in episodes.items()}

@@ -61,7 +61,7 @@ def test_rows_are_the_flights_from_the_runs_starts(evaluated):
     positions = tables.read_parquet(folder, artifacts.TRAJECTORIES)
     track = np.column_stack([positions[f"position_{axis}_m"] for axis in "xyz"]).reshape(5, 31, 3)
     controller = controller_source.load(experiment.controller, experiment.mission)
-    starts = evaluation_scenarios(experiment.monte_carlo, experiment.sun, experiment.seed)
+    starts = evaluation_scenarios(experiment)
     for case, start in enumerate(starts):
         log = fly_logged(experiment.mission, controller, start)
         assert [episodes[f"position_{axis}_m"][case] for axis in "xyz"] == start.position_m.tolist()

@@ -1,6 +1,7 @@
 """scenarios.csv: where every flight of a run starts."""
 
 import csv
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -40,8 +41,8 @@ def test_a_training_writes_its_octants_and_its_evaluation(tmp_path: Path) -> Non
     scenario.run(run, tmp_path)
     found = rows(tmp_path)
     assert [row["set"] for row in found] == ["training-0"] * 8 + ["evaluation"] * 5
-    assert_written(found, "training-0", training_scenarios(run.starts, run.sun, run.seed))
-    assert_written(found, "evaluation", evaluation_scenarios(run.monte_carlo, run.sun, run.seed))
+    assert_written(found, "training-0", training_scenarios(run))
+    assert_written(found, "evaluation", evaluation_scenarios(run))
 
 
 def test_rounds_that_draw_anew_are_all_written(tmp_path: Path) -> None:
@@ -51,7 +52,7 @@ def test_rounds_that_draw_anew_are_all_written(tmp_path: Path) -> None:
     found = rows(tmp_path)
     assert [row["set"] for row in found] == ["training-0"] * 3 + ["training-1"] * 3 + ["evaluation"] * 5
     for index in (0, 1):
-        assert_written(found, f"training-{index}", training_scenarios(run.starts, run.sun, run.seed, index))
+        assert_written(found, f"training-{index}", training_scenarios(run, index))
     # without training only the evaluation is written
     scenario.run(prepared(tmp_path, experiment="evaluate").experiment, tmp_path)
     assert {row["set"] for row in rows(tmp_path)} == {"evaluation"}
@@ -69,10 +70,8 @@ def test_what_a_run_wrote_is_flown_again_to_the_last_bit(tmp_path: Path) -> None
     run = prepared(tmp_path, "starts=random", "starts.num_cases=3", "sun=random").experiment
     scenario.run(run, tmp_path)
     again = composed(tmp_path / artifacts.SCENARIOS, "+experiment=train")
-    kinds = (training_scenarios, evaluation_scenarios)
-    pairs = [(run.starts, again.starts), (run.monte_carlo, again.monte_carlo)]
-    for starts_of, (drawn, given) in zip(kinds, pairs, strict=True):
-        first, second = starts_of(drawn, run.sun, run.seed), starts_of(given, again.sun, again.seed)
+    for starts_of, given in ((training_scenarios, again.starts), (evaluation_scenarios, again.monte_carlo)):
+        first, second = starts_of(run), starts_of(again)
         assert len(first) == len(second) == given.num_cases
         for one, other in zip(first, second, strict=True):
             np.testing.assert_array_equal(one.position_m, other.position_m)
@@ -85,10 +84,7 @@ def test_a_table_without_sets_serves_training_and_evaluation(tmp_path: Path) -> 
     path = tmp_path / "own.csv"
     path.write_text(f"velocity_y_m_s,{HEADER}\n-0.1,60,0,0,1.5\n0,0,-70,5,2\n")
     experiment = composed(path, "+experiment=train")
-    for starts in (
-        training_scenarios(experiment.starts, experiment.sun, 1, 4),
-        evaluation_scenarios(experiment.monte_carlo, experiment.sun, 9),
-    ):
+    for starts in (training_scenarios(experiment, 4), evaluation_scenarios(replace(experiment, seed=9))):
         assert [start.sun_angle_rad for start in starts] == [1.5, 2.0]
         np.testing.assert_array_equal(starts[0].velocity_m_s, [0.0, -0.1, 0.0])
         np.testing.assert_array_equal(starts[1].position_m, [0.0, -70.0, 5.0])

@@ -181,7 +181,7 @@ def test_from_the_second_round_on_the_starts_that_the_champion_flies_worst_join(
     champion = genome.encode()
     plain = judging.fitness_of_round(run, genome, 1)(champion[np.newaxis])
     mined = judging.fitness_of_round(run, genome, 1, champion)(champion[np.newaxis])
-    candidates = hard_candidates(run.starts, run.sun, run.seed, 1)
+    candidates = hard_candidates(run, 1)
     outcomes = fly_all(run.mission, source.load(run.controller, run.mission), candidates)
     each = np.sort(costs(outcomes, run.optimizer.penalty.of_round(1), run.mission))
     expected = (4 * plain["fitness"][0] + each[-3:].sum()) / 7
@@ -201,8 +201,8 @@ def test_the_champion_is_the_rounds_best_on_starts_of_its_own(tmp_path):
     last_of_round = genomes(tmp_path)[[2, 5, 8]]
     assert champion.systems == encoding_of(run).decode(last_of_round[int(best["round"])]).systems
     assert float(dict(champion.provenance)["validation_fitness"]) == best["validation"]
-    starts = validation_scenarios(run.starts, run.sun, run.seed, 9)
-    drawn = [training_scenarios(run.starts, run.sun, run.seed, index) for index in range(3)]
+    starts = validation_scenarios(run, 9)
+    drawn = [training_scenarios(run, index) for index in range(3)]
     flown = {tuple(s.position_m) for each in drawn for s in each}
     assert not flown & {tuple(s.position_m) for s in starts}
     outcomes = fly_all(run.mission, from_fuzzy(champion), starts)

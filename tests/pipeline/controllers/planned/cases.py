@@ -30,7 +30,7 @@ def composed(controller: str, *overrides: str) -> Job:
 
 def starts(controller: str, *overrides: str) -> tuple[Mission, list[Scenario]]:
     experiment = composed(controller, *overrides).experiment
-    return experiment.mission, evaluation_scenarios(experiment.monte_carlo, experiment.sun, experiment.seed)
+    return experiment.mission, evaluation_scenarios(experiment)
 
 
 def planner(controller: str, *overrides: str, **changes: Any) -> Any:

@@ -23,4 +23,4 @@ def champion() -> Controller:
 
 
 def scenarios(count: int) -> list[Scenario]:
-    return evaluation_scenarios(experiment().monte_carlo, experiment().sun, 1)[:count]
+    return evaluation_scenarios(experiment())[:count]

@@ -129,7 +129,7 @@ def test_genes_spread_evenly_give_starts_as_an_evaluation_draws_them(problem):
     space = case_space(replace(composed, monte_carlo=starts))
     genes = np.random.default_rng(1).random((4000, len(space.genes)))
     ours = [space.scenario(row) for row in genes]
-    theirs = evaluation_scenarios(starts, composed.sun, 3)
+    theirs = evaluation_scenarios(replace(composed, monte_carlo=starts, seed=3))
     for of in (
         lambda one: [*one.position_m, *one.velocity_m_s],
         lambda one: [np.linalg.norm(one.position_m), one.sun_angle_rad, np.linalg.norm(one.velocity_m_s)],

@@ -34,10 +34,6 @@ def docking(*overrides: str, problem: str = "docking"):
     return compose_experiment(words).experiment
 
 
-def scenarios_of(experiment, cases=slice(None)):
-    return evaluation_scenarios(experiment.monte_carlo, experiment.sun, experiment.seed, cases)
-
-
 MISSION = docking().mission
 NUMBERS = st.floats(0.01, 3.0)
 
@@ -97,7 +93,7 @@ def test_judged_as_by_a_plain_loop(samples, data):
 def test_what_is_flown_in_parts_logged_and_as_a_population_agrees(monkeypatch):
     experiment = docking("monte_carlo.num_cases=7", "duration_s=300")
     controller = named("steady", experiment.mission)
-    starts = scenarios_of(experiment)
+    starts = evaluation_scenarios(experiment)
     tracks = np.empty((7, 301, 3), dtype=np.float32)
     whole = fly_all(experiment.mission, controller, starts, 1, tracks)
     monkeypatch.setattr("pipeline.flight.goals.flights.MOST_TRACKED", 2 * 301 * NUM_TRACKED)
@@ -116,7 +112,7 @@ def test_what_is_flown_in_parts_logged_and_as_a_population_agrees(monkeypatch):
 def docked(request):
     experiment = docking("duration_s=1500", *filter(None, [request.param]))
     controller = named("steady", experiment.mission)
-    start = scenarios_of(experiment, [0])[0]
+    start = evaluation_scenarios(experiment, [0])[0]
     return experiment.mission, controller, start, fly_logged(experiment.mission, controller, start)
 
 
@@ -153,7 +149,7 @@ def test_a_recording_counts_up_to_the_end_alone(docked, tmp_path):
 
 def test_starts_of_a_box_lie_in_it_evenly():
     experiment = docking("monte_carlo.num_cases=2000", problem="docking_planar")
-    starts = scenarios_of(experiment)
+    starts = evaluation_scenarios(experiment)
     drawn = np.array([[*start.position_m, *start.velocity_m_s] for start in starts])
     low, high = np.array(experiment.monte_carlo.box)
     assert (drawn >= low).all()
