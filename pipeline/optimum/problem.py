@@ -153,7 +153,7 @@ def problem_of(mission: Mission, scenario: Scenario) -> Problem:
         chief_axes=world.chief_axes,
         is_lit=lit_at_samples(world, starts_of([scenario])),
         sight=np.zeros(num_controls + 1),
-        delta_v_per_force=world.control_period * world.acceleration_per_force,
+        delta_v_per_force=world.delta_v_per_force,
     )
     return seen_as(problem, flown(problem, np.zeros((0, 3))))
 

@@ -130,6 +130,19 @@ def price_burns(
             costs[first + lane] = cost + PRICE_OF_DISTANCE * outside[lane]
 
 
+def priced(
+    problem: Problem, genes: Floats, num_burns: int, needed: int, limits_m: tuple[float, float]
+) -> Floats:
+    """Return the costs of n plans, m/s, by `price_burns`, for genes of shape (4 num_burns - 1, n)."""
+    columns, costs = np.ascontiguousarray(genes), np.empty(genes.shape[1])
+    price_burns(
+        columns, num_burns, needed, problem.free, problem.gain, problem.normals, problem.is_lit,
+        problem.sight, problem.heights, problem.points, problem.cos_incidence, problem.max_range,
+        limits_m, problem.delta_v_per_force, costs,
+    )  # fmt: skip
+    return costs
+
+
 def search(problem: Problem, needed: int, num_burns: int, generator: np.random.Generator) -> Floats:
     """Search for a few burns that see the points at low cost.
 
@@ -158,14 +171,8 @@ def search(problem: Problem, needed: int, num_burns: int, generator: np.random.G
     highest = np.r_[np.full(num_forces, reach), np.full(num_later, last)]
 
     def costs_of(genes: Floats) -> Any:
-        columns = np.ascontiguousarray(genes.reshape(len(lowest), -1))
-        costs = np.empty(columns.shape[1])
-        price_burns(
-            columns, num_burns, needed, problem.free, problem.gain, problem.normals, problem.is_lit,
-            problem.sight, problem.heights, problem.points, problem.cos_incidence, problem.max_range,
-            (deputy.min_distance_m, deputy.max_distance_m), problem.delta_v_per_force, costs,
-        )  # fmt: skip
-        return costs
+        limits = deputy.min_distance_m, deputy.max_distance_m
+        return priced(problem, genes.reshape(len(lowest), -1), num_burns, needed, limits)
 
     found = differential_evolution(
         costs_of,
