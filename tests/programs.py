@@ -1,15 +1,31 @@
-"""Programs that the project did not write, and that its files and pages are checked with."""
+"""Programs that tests run: Python, and those that our files and pages are checked with."""
 
 import os
 import shutil
 import subprocess
+import sys
 from pathlib import Path
 from typing import NoReturn
 
 import pytest
 
+from tests.places import PROJECT
+
 #: Set where a missing program is a fault and no reason to leave a test out, as in `.ci/run`.
 REQUIRED = "EVERY_PROGRAM_REQUIRED"
+
+
+def run_python(
+    *words: object, folder: Path = PROJECT, path: object = PROJECT, code: int = 0, **more: str
+) -> subprocess.CompletedProcess[str]:
+    """Run Python in a folder, with packages from a path; it ends with a code and without a traceback."""
+    command = [sys.executable, *map(str, words)]
+    environment = os.environ | {"PYTHONPATH": str(path)} | more
+    captured = {"stdin": subprocess.DEVNULL, "capture_output": True, "text": True}
+    done = subprocess.run(command, cwd=folder, env=environment, check=False, **captured)  # noqa: S603
+    assert done.returncode == code, done.stdout + done.stderr
+    assert "Traceback" not in done.stderr
+    return done
 
 
 def program(name: str, package: str) -> str:

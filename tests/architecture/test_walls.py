@@ -1,11 +1,9 @@
 """The walls between packages hold, and they can fall."""
 
 import shutil
-import subprocess
-import sys
-from pathlib import Path
 
 from tests.places import PROJECT
+from tests.programs import run_python
 
 #: lines that no wall allows, by the module that they are put into, and what import-linter says of each
 BREACHES = {
@@ -24,17 +22,12 @@ BREACHES = {
 }
 
 
-def check_walls(folder: Path) -> tuple[int, str]:
-    """Run import-linter's contracts on the packages of a folder."""
-    code = "import sys; from importlinter.cli import lint_imports; sys.exit(lint_imports(no_cache=True))"
-    command = [sys.executable, "-c", code]
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)  # noqa: S603
-    return done.returncode, " ".join(done.stdout.split())
+#: runs import-linter's contracts on the packages of a folder
+CHECK = "import sys; from importlinter.cli import lint_imports; sys.exit(lint_imports(no_cache=True))"
 
 
 def test_the_walls_stand():
-    code, told = check_walls(PROJECT)
-    assert code == 0, told
+    run_python("-c", CHECK)
 
 
 def test_each_breach_is_told(tmp_path):
@@ -44,6 +37,5 @@ def test_each_breach_is_told(tmp_path):
     for module, (lines, _) in BREACHES.items():
         with (tmp_path / module).open("a", encoding="utf-8") as stream:
             stream.write(f"\n{lines}\n")
-    code, output = check_walls(tmp_path)
-    assert code == 1
+    output = " ".join(run_python("-c", CHECK, folder=tmp_path, path=tmp_path, code=1).stdout.split())
     assert [told for _, told in BREACHES.values() if told not in output] == []

@@ -1,10 +1,6 @@
 """Runs of the command line in miniature, as a person starts them."""
 
-import os
-import subprocess
-import sys
 from pathlib import Path
-from subprocess import CompletedProcess
 
 from pipeline.command_line.cli import main
 from tests.places import PROJECT
@@ -25,17 +21,6 @@ FEW = {
     "reproduce": ("compare.controllers=[paper_champion,champion_27,natural_motion]",),
 }
 NUM_SAMPLES = 61
-
-
-def run_python(*words: object, folder: Path, path: object = PROJECT, **more: str) -> CompletedProcess[str]:
-    """Run Python in a folder, with packages from a path, and expect that it ends well."""
-    command = [sys.executable, *map(str, words)]
-    environment = os.environ | {"PYTHONPATH": str(path)} | more
-    captured = {"stdin": subprocess.DEVNULL, "capture_output": True, "text": True}
-    done = subprocess.run(command, cwd=folder, env=environment, check=False, **captured)  # noqa: S603
-    assert done.returncode == 0, done.stderr
-    assert "Traceback" not in done.stderr
-    return done
 
 
 def run_pipeline(*words: str | Path, folder: Path) -> Path:

@@ -11,7 +11,8 @@ import pytest
 
 from docs import hooks
 from pipeline.flight.state.signals import CONSTANTS, SIGNALS
-from tests.smoke.command_line import PROJECT, run_python
+from tests.places import PROJECT
+from tests.programs import run_python
 from tests.smoke.pages import DOCS, blocks
 
 #: the most files that a patch touches

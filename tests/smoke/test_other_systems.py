@@ -2,7 +2,8 @@
 
 import pytest
 
-from tests.smoke.command_line import PROJECT, run_python
+from tests.places import PROJECT
+from tests.programs import run_python
 
 PACKAGES = ("pipeline", "fis_tools", "telemetry")
 LACKING = ("fcntl", "grp", "pty", "pwd", "resource", "termios", "tty")

@@ -16,7 +16,7 @@ from packaging.requirements import Requirement
 from fis_tools.formats.serialize import load
 from pipeline.run import maker, manifests
 from tests.places import PROJECT
-from tests.smoke.command_line import run_python
+from tests.programs import run_python
 
 pytestmark = pytest.mark.slow
 

@@ -9,6 +9,8 @@ from tests.pipeline.command_line.cases import use_stages
 
 FLY = ["+experiment=fly", "controller=coast"]
 LQR = ["+experiment=fly", "controller=lqr"]
+EVALUATE = ["+experiment=evaluate", "controller=coast"]
+OPTIMUM, BASELINES = ["+experiment=optimum"], ["+experiment=baselines"]
 
 MISTAKES = [
     # keys
@@ -66,13 +68,25 @@ MISTAKES = [
     ([*FLY, "deputy.mass_kg=-1"], "deputy.mass_kg is -1.0; it must be greater than 0 (kg)"),
     ([*FLY, "seed=1,-2", "-m"], "seed is -2; it must be a whole number of at least 0"),
     (["+experiment=train", "guidance=clusters", "guidance.engine=sklearn"], "guidance.engine is sklearn"),
-    (["+experiment=optimum", "light=blinn_phong"], "light.reflection is blinn_phong, which plans of least"),
+    ([*OPTIMUM, "optimum.points=100"], "optimum.points is 100, but the chief has 99 points"),
+    ([*OPTIMUM, "optimum.burns=6"], "optimum.burns is 6; it must be from 2 to 5"),
+    ([*OPTIMUM, "optimum.cases=all"], "optimum.cases is 'all'; it must be one of evaluation, start"),
+    ([*BASELINES, "compare.controllers=[]"], "compare.controllers is []; name at least one, and each once"),
+    ([*BASELINES, "compare.controllers=[lqr,coast,lqr]"], "compare.controllers is [lqr, coast, lqr]"),
+    ([*BASELINES, "compare.suns=[fixd]"], "compare.suns has 'fixd'; it must be one of fixed, random, mixed"),
+    ([*BASELINES, "compare.safety=[on]"], "compare.safety"),
+    ([*BASELINES, "compare.controllers=[lqrr]"], "no controller lqrr; did you mean lqr? The controllers"),
+    ([*BASELINES, "compare.controllers=[qqqq]"], "there is no controller qqqq; the controllers are aim"),
+    ([*BASELINES, "compare.controllers=[coast,open_loop]"], "there is no controller open_loop"),
+    ([*OPTIMUM, "light=blinn_phong"], "light.reflection is blinn_phong, which plans of least"),
     ([*LQR, "controller.follows=route", "light=blinn_phong"], "is blinn_phong, which plans of least fuel"),
     # files
     (["+experiment=fly", "controller=nowhere.json"], "nowhere.json: cannot be read (no such file or"),
     (["+experiment=fly", "controller=nowhere.yaml,other.json", "-m"], "nowhere.yaml: cannot be read"),
     (["+experiment=fly", "controller=coast,other.json", "-m"], "mixes names and paths"),
     (["+experiment=fly", "controller=open_loop", "controller.path=x.csv"], "x.csv cannot be read"),
+    ([*BASELINES, "compare.controllers=[coast,missing.csv]"], "missing.csv cannot be read"),
+    ([*EVALUATE, "optimum.reference=none"], "none has no optimum/cases.parquet; the stage optimum writes it"),
     (["resume=nowhere"], "nowhere is no folder; give the folder of a run"),
 ]
 

@@ -1,9 +1,6 @@
 """How the command starts: quickly, from any folder, installed or not."""
 
-import os
 import re
-import subprocess
-import sys
 import tomllib
 from pathlib import Path
 from subprocess import CompletedProcess
@@ -15,15 +12,10 @@ from pipeline.command_line.arguments import read_arguments
 from pipeline.command_line.config import compose_experiment, compose_jobs, conf_folder, options
 from pipeline.flight.state.signals import SIGNALS
 from pipeline.run import maker
+from tests.programs import run_python
 
 HEAVY = ["numpy", "numba", "sklearn", "matplotlib", "deap", "pyarrow", "rerun", "mcap", "skfuzzy"]
 HEAVY += ["pipeline.flight.fly.many"]
-
-
-def run_python(*arguments: str, folder: Path, path: Path = maker.SOURCES) -> CompletedProcess[str]:
-    environment = {**os.environ, "PYTHONPATH": str(path)}
-    command = [sys.executable, *arguments]
-    return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)  # noqa: S603
 
 
 def test_a_mistake_and_a_flight_load_no_more_than_they_need(tmp_path):
@@ -49,8 +41,7 @@ class Stopping:
 sys.meta_path.insert(0, Stopping())
 sys.exit(main())
 """
-    done = run_python("-c", code, folder=tmp_path)
-    assert done.returncode == 130
+    done = run_python("-c", code, folder=tmp_path, code=130)
     assert done.stderr == "\ninterrupted before anything was done; nothing to keep\n"
 
 
@@ -85,13 +76,6 @@ def test_help_lists_experiments_controllers_and_signals(arguments, code, capsys,
         assert re.search(rf"^  {name} +\[{re.escape(signal.unit)}\] \w", text, re.MULTILINE), name
     assert "random" in text
     assert list(tmp_path.iterdir()) == []
-
-
-def test_help_lists_the_users_own(capsys, tmp_path):
-    (tmp_path / "experiment").mkdir()
-    (tmp_path / "experiment" / "own.yaml").write_text("# @package _global_\n# My own flight.\nname: own\n")
-    assert cli.main(["--help", "--config-dir", str(tmp_path)]) == 0
-    assert re.search(r"^  own +My own flight\.$", capsys.readouterr().out, re.MULTILINE)
 
 
 def test_name_and_version_are_the_projects(capsys):

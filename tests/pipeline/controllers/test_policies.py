@@ -90,14 +90,8 @@ def test_a_network_answers_what_the_reference_of_the_format_does(steps) -> None:
     ("steps", "reason"),
     [
         ([*LAYERS, ("Exp", [""], {})], "it has the operator Exp; only a chain of Add, Sub, "),
-        (
-            [("Add", ["", ""], {}), *LAYERS],
-            "its operator Add does not take the numbers of the one before; only a",
-        ),
-        (
-            [*LAYERS[:-2], ("Clip", ["low", "", "high"], {})],
-            "its operator Clip does not take numbers .*; export layers",
-        ),
+        ([("Add", ["", ""], {}), *LAYERS], "its operator Add does not take the numbers of the one before"),
+        ([*LAYERS[:-2], ("Clip", ["low", "", "high"], {})], "its operator Clip does not take numbers"),
         ([*LAYERS, ("Mul", ["", "infinite"], {})], "its constant infinite is not finite; export a"),
         ([*LAYERS, ("Div", ["", "zero"], {})], "its operator Div does not take numbers"),
         ([("MatMul", ["", "wide"], {})], r"weights of shape \(18, 3\) follow 19 numbers"),

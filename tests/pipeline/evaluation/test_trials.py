@@ -83,21 +83,6 @@ def test_settings_that_do_not_fit_fail_their_trial_alone(tmp_path):
     assert "complete" in {trial.state for trial in tried if trial.values["sun.mode"] == "random"}
 
 
-@pytest.mark.parametrize(
-    ("space", "told"),
-    [
-        ({"optimizer": {"initial_stp": {"low": 1, "high": 2}}}, "did you mean optimizer.initial_step"),
-        ({"seed": {"low": 2, "high": 1}}, "hparams_search.space.seed is"),
-        ({"seed": {"low": 0.0, "high": 1, "log": True}}, "with log positive"),
-        ({"seed": {"choices": [1]}}, "two or more"),
-        ({"seed": 3}, "give a range"),
-    ],
-)
-def test_spaces_that_cannot_be_are_refused(space, told):
-    with pytest.raises(SettingError, match=told):
-        search(space=space)
-
-
 def test_values_are_set_where_they_stand():
     config = {"seed": 1, "sun": {"mode": "fixed"}}
     assert with_tried(config, {"sun.mode": "random"}) == {"seed": 1, "sun": {"mode": "random"}}

@@ -48,12 +48,8 @@ TURNED = (
 )
 #: fields that inference makes
 FORCES = (
-    "fis_output_n",
-    "force_asked_n",
-    "force_body_n",
-    "force_hill_n",
-    "force_commanded_n",
-    "safety_force_hill_n",
+    *("fis_output_n", "force_asked_n", "force_body_n"),
+    *("force_hill_n", "force_commanded_n", "safety_force_hill_n"),
 )
 #: constants that are counts, which rounding does not touch
 WHOLE = (

@@ -74,10 +74,8 @@ def setting(draw: Any, kind: Any, name: str, value: Any) -> Any:
         "boresight": direction(3),
         "initial_quaternion": direction(4),
     }
-    limits, found = (
-        limits_of(field.annotation, field.metadata),
-        simple.get(field.annotation, special.get(name)),
-    )
+    limits = limits_of(field.annotation, field.metadata)
+    found = simple.get(field.annotation, special.get(name))
     if get_origin(field.annotation) is Literal:
         found = st.sampled_from(get_args(field.annotation))
     if found is None and "tuple" in str(field.annotation):

@@ -148,10 +148,8 @@ def test_errors_are_drawn_as_the_settings_say() -> None:
 
 def test_a_layout_of_thrusters_gives_what_is_asked_and_no_torque() -> None:
     """Two thrusters a face: what is commanded comes out, by forces not below zero that cannot be less."""
-    what = compose_experiment(
-        ["+experiment=evaluate", "controller=coast", "actuators=layout"]
-    ).experiment.mission
-    table, layout = layout_of(what.actuators.thrusters)
+    words = ["+experiment=fly", "controller=coast", "actuators=layout"]
+    table, layout = layout_of(compose_experiment(words).experiment.mission.actuators.thrusters)
     for force in np.random.default_rng(8).normal(0.0, 0.2, (20, 3)):
         thrusts = table @ np.concatenate((np.maximum(force, 0.0), np.maximum(-force, 0.0)))
         assert np.all(thrusts >= 0.0)
@@ -163,9 +161,8 @@ def test_a_layout_of_thrusters_gives_what_is_asked_and_no_torque() -> None:
     table, layout = layout_of(ASKEW)
     np.testing.assert_allclose(layout[:, :3].T @ table, np.hstack([np.eye(3), -np.eye(3)]), atol=1e-12)
     rows = [[float(number) for number in row] for row in ASKEW[:5]]
-    lame = ["+experiment=fly", "controller=coast", "actuators=layout", f"actuators.thrusters={rows}"]
     with pytest.raises(SettingError, match="cannot push in every direction"):
-        compose_experiment(lame)
+        compose_experiment([*words, f"actuators.thrusters={rows}"])
 
 
 def test_mass_falls_by_the_rocket_equation_and_nothing_fires_without_propellant() -> None:

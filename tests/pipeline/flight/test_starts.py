@@ -5,19 +5,14 @@ from functools import cache
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 from scipy.stats import kstest, norm, truncnorm, uniform
 
-from fis_tools.compiled.decorator import plainly
-from fis_tools.compiled.three import Three
 from pipeline.command_line.config import compose_experiment
 from pipeline.controllers.source import named
 from pipeline.evaluation.monte_carlo import fly_cases
 from pipeline.flight.cases.dispersions import drawn, mission_of_case
 from pipeline.flight.fly.simulation import fly_all, fly_logged
-from pipeline.flight.period.act.attitude import turn_body
 from pipeline.flight.state.log import Scenario
-from pipeline.flight.world.pack import pack_world
 from pipeline.scenarios import (
     EVALUATION,
     columns_of,
@@ -28,8 +23,6 @@ from pipeline.scenarios import (
 )
 from pipeline.settings.experiment import Experiment, MonteCarlo, SettingError, Sun
 from pipeline.settings.training import Starts
-from tests.pipeline.flight.missions import PAPER
-from tests.readable_flight.turning import turned
 
 FIXED = Sun(mode="fixed", angle_deg=30.0)
 RANDOM = Sun(mode="random", angle_deg=30.0)
@@ -169,28 +162,6 @@ def test_directions_by_even_angles_are_denser_at_the_poles() -> None:
         x, y, z = (vectors / np.linalg.norm(vectors, axis=1, keepdims=True)).T
         assert_uniform(np.degrees(np.arcsin(z)), -90.0, 180.0)
         assert_uniform(np.degrees(np.arctan2(y, x)), -180.0, 360.0)
-
-
-MISSION = replace(PAPER, deputy=replace(PAPER.deputy, inertia_kg_m2=((1.0, 0, 0), (0, 2.0, 0), (0, 0, 2.5))))
-
-
-@pytest.mark.parametrize(
-    "rate", [(0.2, 0.02, 0.02), (0.3, 0.1, 0.2), (2.0, 0.1, -0.1), (5.0, 0.3, -0.2), (10.0, 1.0, 1.0)]
-)
-def test_a_period_of_fast_rotation(rate):
-    world = pack_world(MISSION)
-    torque = (0.01, -0.01, 0.01)
-    hill_rate = np.array([0.0, 0.0, world.mean_motion])
-    attitude, turning = (0.0, 0.0, 0.0, 1.0), Three(*rate)
-    with plainly("pipeline"):
-        for _ in range(world.num_attitude_steps):
-            attitude, turning = turn_body(world, attitude, turning, Three(*torque))
-    wanted = Rotation.identity()
-    relative = np.array(rate) - hill_rate
-    for _ in range(10):
-        wanted, relative = turned(MISSION, wanted, relative, torque, 1.0)
-    assert (Rotation.from_quat(attitude).inv() * wanted).magnitude() < 1e-5
-    np.testing.assert_allclose(turning, relative + wanted.inv().apply(hill_rate), rtol=0, atol=2e-5)
 
 
 MASS = "+dispersions.deputy.mass_kg={kind:normal,mean:12.0,std:0.5}"

@@ -8,13 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.command_line.cli import main
 from pipeline.command_line.config import compose_experiment
 from pipeline.controllers import source
 from pipeline.evaluation.monte_carlo import fly_cases
 from pipeline.flight.control.controller import open_loop
 from pipeline.flight.fly.simulation import fly_all
-from pipeline.flight.state.log import Scenario
 from pipeline.optimum.bound import delta_v_bound
 from pipeline.optimum.problem import problem_of
 from pipeline.optimum.solved import (
@@ -32,6 +30,8 @@ from pipeline.run.runner import run_stages
 from pipeline.scenarios import evaluation_scenarios, given_start
 from pipeline.stages.optimum import kept_rows
 from tests.pipeline.optimum.cases import composed
+
+pytestmark = pytest.mark.slow
 
 SMALL = ("optimum.points=60", "optimum.restarts=2", "optimum.kicks=1", "sun=random")
 
@@ -59,7 +59,6 @@ def plans_in(folder: Path) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in sorted((folder / artifacts.OPTIMUM_PLANS).iterdir())}
 
 
-@pytest.mark.slow
 def test_plans_fly_as_the_table_says_and_their_forces_are_in_one_table(folder):
     experiment = composed(*SMALL).experiment
     cases = cases_of(folder)
@@ -84,7 +83,6 @@ def test_plans_fly_as_the_table_says_and_their_forces_are_in_one_table(folder):
         assert spent == pytest.approx(cases["delta_v_m_s"][case], rel=1e-12)
 
 
-@pytest.mark.slow
 def test_cases_that_are_there_are_kept_and_others_are_made_again_by_any_workers(folder, tmp_path, capsys):
     shutil.copytree(folder / "optimum", tmp_path / "optimum")
     table = (folder / artifacts.OPTIMUM_CASES).read_bytes()
@@ -100,7 +98,6 @@ def test_cases_that_are_there_are_kept_and_others_are_made_again_by_any_workers(
     assert "are there already" not in capsys.readouterr().err
 
 
-@pytest.mark.slow
 def test_where_time_is_too_short_the_best_there_is_is_kept_and_not_called_a_plan(tmp_path, capsys):
     short = ("duration_s=300.0", "optimum.points=95", "optimum.restarts=1", "optimum.kicks=0")
     cases = cases_of(solve(tmp_path, *short, "optimum.cases=start"))
@@ -115,22 +112,6 @@ def test_where_time_is_too_short_the_best_there_is_is_kept_and_not_called_a_plan
     assert (tmp_path / artifacts.OPTIMUM_PLANS / "case-0000.csv").exists()
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("override", "told"),
-    [
-        ("optimum.points=100", "optimum.points is 100, but the chief has 99 points"),
-        ("optimum.burns=6", "optimum.burns is 6; it must be from 2 to 5"),
-        ("optimum.cases=all", "optimum.cases is 'all'; it must be one of evaluation, start"),
-    ],
-)
-def test_what_cannot_be_asked_is_refused_before_a_folder_is_made(override, told, tmp_path, capsys):
-    assert main(["+experiment=optimum", override, f"hydra.run.dir={tmp_path / 'run'}"]) == 2
-    assert told in capsys.readouterr().err
-    assert not (tmp_path / "run").exists()
-
-
-@pytest.mark.slow
 def test_the_summary_counts_feasible_cases_alone():
     row = {"is_feasible": True, "delta_v_m_s": 0.2, "delta_v_bound_m_s": 0.1, "restarts_agreeing": 2}
     dearer = row | {"delta_v_m_s": 0.4, "restarts_agreeing": 1}
@@ -146,11 +127,6 @@ for harder in HARDER_FOLDERS.values():
     FOLDERS += zip(harder, (98, 99), strict=True)
 
 
-def start_of(cases: dict[str, np.ndarray], row: int) -> Scenario:
-    position = np.array([cases[f"position_{axis}_m"][row] for axis in "xyz"])
-    return Scenario(position, np.zeros(3), float(cases["sun_angle_rad"][row]))
-
-
 @pytest.mark.parametrize(("folder", "asked"), FOLDERS, ids=lambda value: getattr(value, "name", value))
 def test_every_plan_flies_as_its_table_says(folder, asked):
     mission = composed().experiment.mission
@@ -158,7 +134,7 @@ def test_every_plan_flies_as_its_table_says(folder, asked):
     assert mission.attitude.mode == "flown"
     for row in range(50):
         plan = open_loop("plan", solved.plan(row, mission))
-        outcome = fly_all(mission, plan, [start_of(solved.cases, row)], workers=1)
+        outcome = fly_all(mission, plan, [solved.scenarios[row]], workers=1)
         assert outcome.delta_v_m_s[0] == pytest.approx(solved.cases["delta_v_m_s"][row], rel=1e-9)
         assert outcome.inspected_count[0] == solved.cases["inspected_count"][row] >= asked
         assert not outcome.is_violated[0]
@@ -166,18 +142,14 @@ def test_every_plan_flies_as_its_table_says(folder, asked):
 
 
 def test_bounds_in_the_table_are_those_of_the_cases():
-    cases = cases_of(SHIPPED_FOLDERS["random"])
-    problem = problem_of(composed().experiment.mission, start_of(cases, 3))
-    bound = delta_v_bound(problem, 95, float(cases["delta_v_m_s"][3]))
-    assert bound == pytest.approx(cases["delta_v_bound_m_s"][3], rel=1e-9)
+    solved = read_solved(SHIPPED_FOLDERS["random"])
+    problem = problem_of(composed().experiment.mission, solved.scenarios[3])
+    bound = delta_v_bound(problem, 95, float(solved.cases["delta_v_m_s"][3]))
+    assert bound == pytest.approx(solved.cases["delta_v_bound_m_s"][3], rel=1e-9)
 
 
-EVALUATE = (
-    "+experiment=evaluate",
-    "controller=paper_champion",
-    "monte_carlo.num_cases=2",
-    "stages=[evaluate]",
-)
+EVALUATE = ("+experiment=evaluate", "controller=paper_champion")
+EVALUATE += ("monte_carlo.num_cases=2", "stages=[evaluate]")
 
 
 def evaluation(*overrides):
@@ -187,7 +159,6 @@ def evaluation(*overrides):
 LEO = f"optimum.reference={SHIPPED_FOLDERS['fixed'].with_name('leo')}"
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("world", [["sun=fixed"], ["sun=random"], ["world=leo", "dynamics=cw", LEO]])
 def test_the_shipped_cases_are_the_first_of_the_default_seed(world):
     experiment = evaluation(*world, "monte_carlo.num_cases=50")
@@ -202,7 +173,6 @@ def test_the_shipped_cases_are_the_first_of_the_default_seed(world):
     assert np.all(solved.cases["delta_v_m_s"] >= solved.cases["delta_v_bound_m_s"])
 
 
-@pytest.mark.slow
 def test_a_flight_is_beside_the_cheapest_plan_that_sees_as_much():
     solved = solved_for(evaluation("sun=random"))
     seen = np.array([98, 99, 95, *np.full(47, 60)])
@@ -215,7 +185,6 @@ def test_a_flight_is_beside_the_cheapest_plan_that_sees_as_much():
     assert [p["points_asked"][0] for p in plans] == [95, 98, 99]
 
 
-@pytest.mark.slow
 def test_an_evaluation_flies_the_solved_cases_whatever_its_own_are(tmp_path):
     run = compose_experiment([*EVALUATE, "seed=7"])
     run_stages(run.experiment, run.config, tmp_path)
@@ -224,11 +193,8 @@ def test_an_evaluation_flies_the_solved_cases_whatever_its_own_are(tmp_path):
     np.testing.assert_array_equal(columns["case"], np.arange(50))
     for start in ("position_x_m", "position_y_m", "position_z_m", "sun_angle_rad"):
         np.testing.assert_array_equal(columns[start], cases[start])
-    for own, name in (
-        ("optimum_inspected_count", "inspected_count"),
-        ("optimum_bound_m_s", "delta_v_bound_m_s"),
-    ):
-        np.testing.assert_array_equal(columns[own], cases[name])
+    np.testing.assert_array_equal(columns["optimum_inspected_count"], cases["inspected_count"])
+    np.testing.assert_array_equal(columns["optimum_bound_m_s"], cases["delta_v_bound_m_s"])
     times = columns["times_optimum"]
     np.testing.assert_allclose(times * cases["delta_v_m_s"], columns["delta_v_m_s"], rtol=1e-15)
     assert len(tables.read_parquet(tmp_path, artifacts.EPISODES)["case"]) == 2
@@ -241,7 +207,6 @@ def test_an_evaluation_flies_the_solved_cases_whatever_its_own_are(tmp_path):
     assert told["num_successful"] == int(np.sum(columns["inspected_count"] >= 95)) < 50
 
 
-@pytest.mark.slow
 def test_a_case_outside_the_limits_is_no_success():
     columns = {
         "case": np.array([4, 9, 2]),
@@ -256,7 +221,6 @@ def test_a_case_outside_the_limits_is_no_success():
     assert told["times_optimum"] == {"mean": 4.0, "median": 4.0, "min": 2.0, "max": 6.0, "max_case": 9}
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("overrides", "reason"),
     [
@@ -275,14 +239,12 @@ def test_another_mission_is_not_compared(overrides, reason):
         solved_for(evaluation(*overrides))
 
 
-@pytest.mark.slow
 def test_what_no_plan_depends_on_does_not_matter():
     others = ("guidance.kind=clusters", "coast_when_complete=false", "inspection_threshold_percent=90")
     experiment = evaluation(*others, "deputy.initial_position_m=[60,0,0]", "seed=5")
     assert len(solved_for(experiment).cases["case"]) == 50
 
 
-@pytest.mark.slow
 def test_the_reason_is_kept_and_an_older_table_goes(tmp_path):
     run = compose_experiment([*EVALUATE, "duration_s=300"])
     stale = tmp_path / artifacts.BESIDE_OPTIMUM
@@ -293,7 +255,6 @@ def test_the_reason_is_kept_and_an_older_table_goes(tmp_path):
     assert not stale.exists()
 
 
-@pytest.mark.slow
 def test_plans_of_ones_own_measure_another_mission(tmp_path):
     own = composed("duration_s=900", *QUICK, "optimum.workers=1")
     run_stages(own.experiment, own.config, tmp_path)
@@ -306,7 +267,6 @@ def test_plans_of_ones_own_measure_another_mission(tmp_path):
         solved_for(evaluation("duration_s=900", "sun=random", f"optimum.reference={tmp_path}"))
 
 
-@pytest.mark.slow
 def test_plans_under_alternating_elevations_measure_their_own_mission(tmp_path):
     mission = ("duration_s=900", "sun=mixed", "sun.elevation_range_deg=[10,40]")
     solve(tmp_path, *mission, *QUICK, "optimum.points=45", "optimum.workers=1")
@@ -319,15 +279,6 @@ def test_plans_under_alternating_elevations_measure_their_own_mission(tmp_path):
         solved_for(evaluation(*mission[:2], f"optimum.reference={tmp_path}"))
 
 
-@pytest.mark.slow
-def test_a_reference_that_is_not_there_is_told_before_anything_is_made(tmp_path, capsys):
-    words = [*EVALUATE, f"optimum.reference={tmp_path / 'none'}", f"hydra.run.dir={tmp_path / 'run'}"]
-    assert main(words) == 2
-    assert "none has no optimum/cases.parquet; the stage optimum writes it" in capsys.readouterr().err
-    assert not (tmp_path / "run").exists()
-
-
-@pytest.mark.slow
 def test_a_damaged_table_of_forces_is_told(tmp_path):
     shutil.copytree(SHIPPED_FOLDERS["fixed"], tmp_path, dirs_exist_ok=True)
     (tmp_path / artifacts.OPTIMUM_FORCES).write_text("case,time_s\n0,zero\n")

@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pipeline.physics.motion import Motion, input_matrix, state_transition
 from pipeline.physics.quaternion import dcm_b_from_h
-from tests.pipeline.physics.what_flies import propagate, turned
+from tests.pipeline.physics.what_flies import motion_over, propagate, turned
 from tests.places import PROJECT
 
 Floats = NDArray[np.float64]
@@ -19,40 +18,29 @@ Floats = NDArray[np.float64]
 #: their defaults
 MEAN_MOTION, MASS, MAX_FORCE, INERTIA, FASTEST = 0.001027, 12.0, 1.0, 0.0573 * np.eye(3), 0.034907
 STEP_S = 0.1
+TABLES = PROJECT / "tests" / "pipeline" / "physics" / "afrl"
 
 
-def cases(name: str) -> Floats:
-    return np.genfromtxt(
-        PROJECT / "tests" / "pipeline" / "physics" / "afrl" / name, delimiter=",", skip_header=2
-    )
-
-
-def motion(seconds: float) -> Motion:
-    return Motion(
-        state_transition(MEAN_MOTION, seconds)[np.newaxis],
-        input_matrix(MEAN_MOTION, seconds, MASS)[np.newaxis],
-    )
-
-
-@pytest.mark.parametrize("case", cases("cwh.csv"))
+@pytest.mark.parametrize("case", np.genfromtxt(TABLES / "cwh.csv", delimiter=",", skip_header=2))
 def test_motion(case: Floats) -> None:
     start, force, seconds, end, bound = np.split(case, [6, 9, 10, 16])
-    moved = propagate(motion(float(seconds[0])), start, np.clip(force, -MAX_FORCE, MAX_FORCE))
+    motion = motion_over(MEAN_MOTION, float(seconds[0]), MASS)
+    moved = propagate(motion, start, np.clip(force, -MAX_FORCE, MAX_FORCE))
     np.testing.assert_allclose(moved, end, rtol=0, atol=0.01 * bound[0])
 
 
-@pytest.mark.parametrize("case", cases("sixdof.csv"))
+@pytest.mark.parametrize("case", np.genfromtxt(TABLES / "sixdof.csv", delimiter=",", skip_header=2))
 def test_motion_and_attitude(case: Floats) -> None:
     """The force acts along the axes of the body halfway through each step."""
     start, force, torque, seconds, end, bound = np.split(case, [13, 16, 19, 20, 33])
     place, quaternion, velocity, rate = np.split(start, [3, 7, 10])
     force = np.clip(force, -MAX_FORCE, MAX_FORCE)
-    state = np.concatenate((place, velocity))
+    state, step = np.concatenate((place, velocity)), motion_over(MEAN_MOTION, STEP_S, MASS)
     for _ in range(round(float(seconds[0]) / STEP_S)):
         is_fastest = np.abs(rate + 0.5 * STEP_S * np.linalg.solve(INERTIA, torque)).max() > FASTEST
         turning = quaternion, rate, INERTIA, np.zeros(3) if is_fastest else torque
         force_h = dcm_b_from_h(turned(*turning, 0.5 * STEP_S)[0]).T @ force
-        state = propagate(motion(STEP_S), state, force_h)
+        state = propagate(step, state, force_h)
         quaternion, rate = turned(*turning, STEP_S)
     is_told = ~np.isnan(end)
     found = np.concatenate((state[:3], quaternion, state[3:], rate))

@@ -15,10 +15,9 @@ from pipeline.flight.period.decide.motion import CLOSEST_APPROACH, sense_approac
 from pipeline.flight.state.arrays import Moment
 from pipeline.flight.world.pack import pack_world
 from pipeline.physics.illumination import EARTH_GRAVITY_M3_S2, orbit_radius, sun_direction_h
-from pipeline.physics.motion import Motion, input_matrix, motion_over, state_transition
 from pipeline.physics.orbit import Course, course_of
 from tests.pipeline.flight.missions import MEAN_MOTION, PAPER
-from tests.pipeline.physics.what_flies import move_beside, propagate
+from tests.pipeline.physics.what_flies import motion_over, move_beside, propagate
 from tests.readable_flight.two_body import Earth, chief_orbit, moved
 
 TOLD = json.loads((Path(__file__).parent / "basilisk" / "trajectories.json").read_text(encoding="utf-8"))
@@ -98,9 +97,7 @@ def test_scipy_flies_the_same_hour_under_forces(dynamics, radius):
 def test_nearby_on_a_circle_motion_is_clohessy_and_wiltshires():
     start, force = np.array([0.6, -0.4, 0.3, 5e-4, 1e-3, -8e-4]), np.full((360, 3), [1e-7, -2e-7, 1e-7])
     path = flown(course({}, 360), start, force)
-    orbit = SimpleNamespace(mean_motion_rad_s=TOLD_MOTION)
-    deputy = SimpleNamespace(mass_kg=1.0)
-    linear = motion_over(orbit, deputy, [PERIOD])
+    linear = motion_over(TOLD_MOTION, PERIOD, 1.0)
     state = start
     for period in range(360):
         state = propagate(linear, state, force[period])
@@ -124,18 +121,12 @@ def hill(_, state, force=(0.0, 0.0, 0.0)):
     return [vx, vy, vz, 3.0 * n * n * x + 2.0 * n * vy + a, -2.0 * n * vx + b, -n * n * z + c]
 
 
-def over(duration: float) -> Motion:
-    """Motion by the closed form."""
-    closed = state_transition(MEAN_MOTION, duration), input_matrix(MEAN_MOTION, duration, MASS)
-    return Motion(*(matrix[np.newaxis] for matrix in closed))
-
-
 @pytest.mark.parametrize("force", [np.zeros(3), *np.eye(3)])
 @pytest.mark.parametrize("duration", [0.5, 1.0, 10.0, 600.0, 3600.0, 40000.0])
 def test_motion_is_that_of_the_differential_equation(duration, force):
     """Free, and what a held force adds."""
     start = np.zeros(6) if force.any() else START
-    state = propagate(over(duration), start, force)
+    state = propagate(motion_over(MEAN_MOTION, duration, MASS), start, force)
     scale = np.repeat([1.0, MEAN_MOTION], 3)
     solved = solve_ivp(hill, (0.0, duration), start, "DOP853", args=(force,), rtol=1e-13, atol=1e-12 * scale)
     expected = solved.y[:, -1]

@@ -9,8 +9,21 @@ from fis_tools.compiled.three import Three
 from pipeline.flight.period.act import attitude
 from pipeline.physics import attitude as desired
 from pipeline.physics.illumination import visible_share
-from pipeline.physics.motion import place_after, step_of, velocity_after
+from pipeline.physics.motion import (
+    Motion,
+    input_matrix,
+    place_after,
+    state_transition,
+    step_of,
+    velocity_after,
+)
 from pipeline.physics.two_body import entered, left, stepped
+
+
+def motion_over(mean_motion, seconds, mass):
+    """Return the motion beside a circular orbit over one duration, by the closed form."""
+    closed = state_transition(mean_motion, seconds), input_matrix(mean_motion, seconds, mass)
+    return Motion(*(matrix[np.newaxis] for matrix in closed))
 
 
 def propagate(motion, state, force_h):

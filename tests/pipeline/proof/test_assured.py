@@ -31,7 +31,8 @@ def test_a_requirement_is_shown_by_the_proof_of_its_run_alone(tmp_path: Path) ->
     path, folder = tmp_path / "near.yaml", tmp_path / "run"
     path.write_text(REQUIREMENT)
     fixed = ["+experiment=prove", "problem=docking_planar", "controller=steady", *NEAR]
-    words = [*fixed, "assurance.num_cases=4", f"assurance.requirements={path}", f"hydra.run.dir={folder}"]
+    few = ("assurance.num_cases=4", "assurance.domain_cases=1")
+    words = [*fixed, *few, f"assurance.requirements={path}", f"hydra.run.dir={folder}"]
 
     def verdict() -> tuple[str, str]:
         evidence = json.loads((folder / "assure" / "evidence.json").read_text())

@@ -16,6 +16,7 @@ from mcap_protobuf.decoder import DecoderFactory
 from fis_tools.formats import serialize
 from pipeline.command_line.config import Job, compose_experiment
 from pipeline.controllers.source import controller_of_run
+from pipeline.flight.cases.starts import given_start
 from pipeline.flight.control.controller import Controller, from_fuzzy
 from pipeline.flight.fly.simulation import fly_logged
 from pipeline.flight.state.log import FlightLog, Scenario
@@ -96,10 +97,5 @@ def champion() -> Controller:
 def flown(*overrides: str) -> FlightLog:
     """The flight of an experiment from its start."""
     experiment = composed(*overrides).experiment
-    deputy = experiment.mission.deputy
-    start = Scenario(
-        np.array(deputy.initial_position_m),
-        np.array(deputy.initial_velocity_m_s),
-        np.radians(experiment.sun.angle_deg),
-    )
-    return fly_logged(experiment.mission, controller_of_run(experiment, Path("no-folder")), start)
+    controller = controller_of_run(experiment, Path("no-folder"))
+    return fly_logged(experiment.mission, controller, given_start(experiment))

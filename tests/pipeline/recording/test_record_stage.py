@@ -1,13 +1,11 @@
 """Which flights the stage records, under which names, and that they are the evaluation's own."""
 
 import math
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from fis_tools.formats import serialize
 from pipeline.command_line.config import Job, compose_experiment
 from pipeline.evaluation.monte_carlo import rank
 from pipeline.flight.cases.dispersions import mission_of_case
@@ -135,17 +133,6 @@ def test_the_flight_from_the_start_takes_the_place_of_earlier_recordings(tmp_pat
     assert flight.values("/mission", "sun_angle_rad")[0] == math.pi / 2
 
 
-def test_the_champion_is_flown_where_there_is_one(tmp_path):
-    run = compose_experiment(["+experiment=fly", "duration_s=20.0"])
-    fuzzy = serialize.from_mapping(run.config["controller"])
-    champion = replace(fuzzy, name="winner", systems=(replace(fuzzy.systems[2], name="only"),))
-    (tmp_path / artifacts.CHAMPION).write_text(serialize.dump_json(champion))
-    run_stages(run.experiment, run.config, tmp_path)
-    flight = cases.contents(tmp_path / "episodes" / "start.mcap")
-    assert serialize.loads(flight.attachments["controller.json"].decode(), "json") == champion
-    assert [topic for topic in flight.messages if topic.startswith("/fis/")] == ["/fis/only"]
-
-
 def test_without_an_evaluation_of_the_controller_there_is_nothing_to_rank(tmp_path, finished):
     with pytest.raises(ArtifactError, match=r"no evaluate/episodes\.parquet; the stage evaluate writes it"):
         record.run(evaluated().experiment, tmp_path)
@@ -153,13 +140,6 @@ def test_without_an_evaluation_of_the_controller_there_is_nothing_to_rank(tmp_pa
     run = evaluated("controller=coast")
     with pytest.raises(ArtifactError, match=r"says \d+ for .* m/s; .* repeat the stage evaluate"):
         run_stages(run.experiment, run.config, tmp_path, ["record"])
-
-
-def test_a_folder_that_cannot_be_written_is_a_sentence(tmp_path):
-    run = compose_experiment(["+experiment=fly", "duration_s=20.0"])
-    (tmp_path / "episodes" / "start.mcap.partial").mkdir(parents=True)
-    with pytest.raises(ArtifactError, match=r"start\.mcap cannot be written: Is a directory"):
-        run_stages(run.experiment, run.config, tmp_path)
 
 
 def test_the_given_start_has_the_suns_angle_or_one_drawn():

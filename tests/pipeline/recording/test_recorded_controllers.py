@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 import telemetry
 from fis_tools.formats import serialize
 from fis_tools.model.thrust import thrust_logic
-from pipeline.flight.control.controller import Controller, coast, open_loop
+from pipeline.flight.control.controller import Controller, open_loop
 from pipeline.flight.state.log import Scenario
 from pipeline.recording.recorder import directions
 from pipeline.run.runner import run_stages
@@ -90,14 +90,6 @@ def test_open_loop(tmp_path):
     told = json.loads(found.attachments["controller.json"])
     assert (told["kind"], told["name"], told["force_axes"]) == ("open_loop", "table", "hill")
     assert_array_equal(told["forces_n"], plan)
-
-
-def test_coast(tmp_path):
-    found = recorded(tmp_path / "coast.mcap", coast())
-    assert not found.values("/deputy/control", "force_hill_n").any()
-    assert found.times("/mission") == [10_000_000_000 * k for k in range(11)]
-    assert json.loads(found.attachments["controller.json"]) == {"kind": "coast", "name": "coast"}
-    assert {"episode"} == set(found.metadata)
 
 
 def test_ideal_pointing_and_another_clock(tmp_path):

@@ -88,12 +88,7 @@ def test_git_revision_is_that_of_the_sources_or_none(tmp_path, monkeypatch):
     [
         (artifacts.read_json, "champion.json", None, r"has no champion.json; the stage train writes it"),
         (artifacts.read_json, "x/summary.json", b'{"a": ', r"summary.json cannot be read .*; repeat the"),
-        (
-            manifests.read,
-            "manifest.json",
-            b'{"manifest_version": 99}',
-            "version 99, this program reads 1 and",
-        ),
+        (manifests.read, "manifest.json", b'{"manifest_version": 99}', "version 99, this program reads 1"),
         (tables.read_parquet, artifacts.EPISODES, None, "has no evaluate/episodes.parquet; the stage eval"),
     ],
 )

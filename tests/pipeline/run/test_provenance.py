@@ -20,6 +20,7 @@ from pipeline.run.maker import present_maker
 from pipeline.run.runner import run_stages
 from tests.pipeline.command_line.cases import use_stages
 from tests.places import PROJECT
+from tests.programs import run_python
 
 EVALUATE = ["+experiment=evaluate", "controller=coast"]
 
@@ -212,9 +213,7 @@ def test_compiled_code_gives_the_same_bits_on_every_processor(tmp_path):
     (tmp_path / "several.py").write_text(COMPILED)
     told = []
     for chosen in ({}, {"NUMBA_CPU_NAME": "x86-64", "NUMBA_CPU_FEATURES": ""}):
-        env = {**os.environ, "PYTHONPATH": str(PROJECT), "NUMBA_CACHE_DIR": str(tmp_path), **chosen}
-        command = [sys.executable, tmp_path / "several.py"]
-        told.append(subprocess.run(command, env=env, capture_output=True, check=True).stdout)  # noqa: S603
+        told.append(run_python(tmp_path / "several.py", NUMBA_CACHE_DIR=str(tmp_path), **chosen).stdout)
     assert len(told[0]) > 4096
     assert told[0] == told[1]
 
@@ -226,8 +225,7 @@ def test_no_kernel_lets_the_compiler_round_as_it_likes():
 
 @pytest.mark.slow
 def test_a_run_starts_anew_with_what_it_asks_of_libraries(tmp_path):
-    command = [sys.executable, "-m", "pipeline", *WORDS, f"hydra.run.dir={tmp_path / 'run'}"]
-    done = subprocess.run(command, cwd=PROJECT, capture_output=True, text=True, check=True)  # noqa: S603
+    done = run_python("-m", "pipeline", *WORDS, f"hydra.run.dir={tmp_path / 'run'}")
     assert done.stderr.count("run folder:") == 1
     processor = manifests.read(tmp_path / "run")["makers"][0]["processor"]
     assert processor["reproducible"] is True

@@ -67,16 +67,6 @@ def test_a_controller_may_be_a_path(word, monkeypatch):
     assert called[0][1].controller == {"path": word.strip("'")}
 
 
-def test_experiments_of_the_users(monkeypatch):
-    called = use_stages(monkeypatch)
-    own = "# @package _global_\ndefaults:\n  - override /sun: low\nname: own\nstages: [record]\n"
-    writing.write_atomically(Path("mine/sun/low.yaml"), "mode: fixed\nangle_deg: 45.0\n")
-    writing.write_atomically(Path("mine/experiment/own.yaml"), own)
-    assert main(["+experiment=own", "controller=coast", "--config-dir", "mine"]) == 0
-    assert called[0][1].sun.angle_deg == 45.0
-    assert run_folder("own").exists()
-
-
 def test_an_interrupt_says_what_was_kept_and_resume_goes_on(monkeypatch, capsys):
     def stop(_experiment, folder):
         writing.write_atomically(folder / artifacts.CHECKPOINT, "state")

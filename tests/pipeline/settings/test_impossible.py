@@ -65,6 +65,17 @@ CASES = [
     ("controller", {"kind": "cost"}, "natural_motion, lqr, receding_horizon; did you mean coast?"),
     ("controller", {"kind": "coast", "path": "x"}, "one of kind coast has kind"),
     ("controller", {"path": "x", "name": "y"}, "one of kind file has path"),
+    ("safety.keep_out_margin_m", 0.0, "safety.keep_out_margin_m is 0.0; it must be at least 0.001 (m)"),
+    ("safety.keep_out_margin_m", 190.0, "is 205.0 and deputy.max_distance_m less safety.keep_in_margin_m is"),
+    ("safety.braking_force_n", 1.1, "safety.braking_force_n is 1.1; it must be from 0 to 1 (N)"),
+    ("safety.braking_force_n", 0.008, "to stand still 198 m above the chief takes 0.00873 N; raise it"),
+    ("safety.speed_distance_m", 100.0, "m/s at the keep-out sphere (16 m); it must be at least"),
+    ("deputy.min_distance_m", 197.5, "the first must be less than the second (m)"),
+    ("hparams_search.space", {"seed": {"low": 2, "high": 1}}, "hparams_search.space.seed is"),
+    ("hparams_search.space", {"seed": {"low": 0.0, "high": 1, "log": True}}, "with log positive"),
+    ("hparams_search.space", {"seed": {"choices": [1]}}, "two or more"),
+    ("hparams_search.space", {"seed": 3}, "give a range"),
+    ("hparams_search.space", {"sede": {"choices": [1, 2]}}, "did you mean seed"),
     ("deputy", 3, "deputy is 3; it must be a group of keys: mass_kg"),
 ]
 
@@ -80,7 +91,7 @@ def config_with(values, *words):
 
 @pytest.mark.parametrize(("key", "value", "message"), CASES, ids=[f"{k}={v}" for k, v, _ in CASES])
 def test_impossible_values(key, value, message):
-    words = refusal_of(config_with({key: value}, "light=shadow", "chief=tumbling"))
+    words = refusal_of(config_with({key: value}, "light=shadow", "chief=tumbling", "safety=filter"))
     assert message in words
     assert "\n" not in words
 

@@ -7,15 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipeline.command_line.cli import main
-from pipeline.controllers.source import load, named
+from pipeline.controllers.source import load
 from pipeline.evaluation.comparison import HEADER, row_of
 from pipeline.evaluation.monte_carlo import summarise
-from pipeline.flight.control.controller import ControllerError
 from pipeline.flight.fly.simulation import fly_all
 from pipeline.run import artifacts, tables
 from pipeline.scenarios import evaluation_scenarios
-from pipeline.settings.experiment import SettingError
 from pipeline.stages import compare
 from tests.pipeline.stages.cases import composed, prepared
 
@@ -127,37 +124,6 @@ def test_beside_the_plans_that_ship(tmp_path):
     assert fixed.times["num_cases"] == 50
     # one burn, however well it is chosen, cannot do with less than plans of least fuel where it succeeds
     assert fixed.times["times_optimum"]["mean"] > 1.0
-
-
-def test_comparisons_that_cannot_be():
-    for setting, message in (
-        ("compare.controllers=[]", r"compare.controllers is \[\]; name at least one, and each once"),
-        ("compare.controllers=[lqr,coast,lqr]", r"compare.controllers is \[lqr, coast, lqr\]"),
-        ("compare.suns=[fixd]", "compare.suns has 'fixd'; it must be one of fixed, random, mixed; did"),
-        ("compare.safety=[on]", "compare.safety"),
-    ):
-        with pytest.raises(SettingError, match=message):
-            composed(setting, experiment="baselines")
-
-
-@pytest.mark.parametrize(
-    ("name", "message"),
-    [
-        ("lqrr", r"there is no controller lqrr; did you mean lqr\? The controllers are aim, champion_"),
-        ("qqqq", "there is no controller qqqq; the controllers are aim, champion_"),
-        ("open_loop", "there is no controller open_loop"),
-        ("missing.csv", "missing.csv cannot be read"),
-    ],
-)
-def test_controllers_that_are_not_there(name, message, tmp_path, monkeypatch, capsys):
-    mission = composed(experiment="baselines").experiment.mission
-    with pytest.raises(ControllerError, match=message):
-        named(name, mission)
-    monkeypatch.chdir(tmp_path)
-    # refused before a folder is made
-    assert main(["+experiment=baselines", f"compare.controllers=[coast,{name}]"]) == 2
-    assert name in capsys.readouterr().err
-    assert not (tmp_path / "outputs").exists()
 
 
 def test_two_files_of_one_name_are_told_apart():

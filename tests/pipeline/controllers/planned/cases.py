@@ -23,9 +23,8 @@ MEAN_MOTION, MASS, PERIOD = 0.0011068, 12.0, 10.0
 
 @cache
 def composed(controller: str, *overrides: str) -> Job:
-    return compose_experiment(
-        ["+experiment=evaluate", f"controller={controller}", "monte_carlo.num_cases=8", *overrides]
-    )
+    words = ("+experiment=evaluate", f"controller={controller}", "monte_carlo.num_cases=8")
+    return compose_experiment([*words, *overrides])
 
 
 def starts(controller: str, *overrides: str) -> tuple[Mission, list[Scenario]]:

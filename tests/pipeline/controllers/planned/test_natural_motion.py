@@ -67,17 +67,11 @@ def test_no_closed_burn_nearby_does_as_well_for_less(plans):
 
 
 STRANGE = ("light=shadow", "sensor.max_incidence_deg=70", "sensor.max_range_m=120", "chief.shape=mesh")
+WORLDS = [("sun=fixed",), ("sun=random",), ("chief=tumbling",)]
+WORLDS += [pytest.param(("chief=tumbling", *STRANGE), marks=pytest.mark.slow)]
 
 
-@pytest.mark.parametrize(
-    "world",
-    [
-        ("sun=fixed",),
-        ("sun=random",),
-        ("chief=tumbling",),
-        pytest.param(("chief=tumbling", *STRANGE), marks=pytest.mark.slow),
-    ],
-)
+@pytest.mark.parametrize("world", WORLDS)
 def test_what_is_foretold_is_what_a_camera_on_the_chief_inspects(world):
     mission, scenarios = cases.starts("natural_motion", *world, "attitude=ideal")
     plan_for = None if "chief=tumbling" in world else cases.planner("natural_motion", *world)

@@ -163,7 +163,8 @@ def test_starts_of_a_box_lie_in_it_evenly():
 @pytest.mark.slow
 def test_a_run_is_reported_and_verified(tmp_path, capsys):
     words = ["+experiment=evaluate", "problem=docking", "controller=steady", "monte_carlo.num_cases=4"]
-    assert main([*words, f"hydra.run.dir={tmp_path}"]) == 0
+    words += ["duration_s=600", "report.dots_per_inch=40", f"hydra.run.dir={tmp_path}"]
+    assert main(words) == 0
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
     summary = json.loads((tmp_path / "evaluate" / "summary.json").read_text(encoding="utf-8"))
     spent = summary["delta_v_m_s"]
