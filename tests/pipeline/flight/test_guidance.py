@@ -1,5 +1,3 @@
-from math import pi
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -14,7 +12,7 @@ from pipeline.flight.period.look.guidance import (
     start_centres,
 )
 from pipeline.flight.world.surface import regular_placement
-from tests.readable_flight.guidance import clustered, relative_angle
+from tests.readable_flight.guidance import clustered
 
 POINTS = regular_placement(100, 10.0)
 
@@ -95,22 +93,3 @@ def test_the_nearest_place_is_the_first_of_equals():
     assert nearest_place(centres, 3, np.array([0.0, 50.0, 0.0])) == 0
     assert nearest_place(centres, 4, np.array([0.0, 50.0, 0.0])) == 3
     assert nearest_place(centres, 4, np.array([0.0, 0.0, -50.0])) == 1
-
-
-@pytest.mark.parametrize(
-    ("target", "position", "expected"),
-    [
-        ((0.0, 1.0), (1.0, 0.0), pi / 2),
-        ((1.0, 0.0), (0.0, 1.0), -pi / 2),
-        ((-1.0, 0.1), (-1.0, -0.1), -2.0 * np.arctan(0.1)),  # across the cut of atan2
-        ((-1.0, -0.1), (-1.0, 0.1), 2.0 * np.arctan(0.1)),
-        ((-1.0, 0.0), (1.0, 0.0), pi),  # half a turn is +pi, from either side
-        ((0.0, -1.0), (0.0, 1.0), pi),
-        ((0.9e-9, 0.0), (0.0, 1.0), 0.0),
-        ((1.1e-9, 0.0), (0.0, 1.0), -pi / 2),
-        ((0.0, 1.0), (0.0, 0.9e-9), 0.0),
-        ((0.0, 0.0), (3.0, 4.0), 0.0),
-    ],
-)
-def test_relative_angles(target, position, expected):
-    assert relative_angle(target, position) == pytest.approx(expected, abs=1e-15)

@@ -16,6 +16,7 @@ from pipeline.controllers import source as controller_source
 from pipeline.evaluation.monte_carlo import summarise
 from pipeline.flight.fly.simulation import fly_logged
 from pipeline.run import artifacts, tables
+from pipeline.run.artifacts import ArtifactError
 from pipeline.scenarios import evaluation_scenarios
 from pipeline.settings.experiment import SettingError
 from pipeline.stages import evaluate, search
@@ -98,6 +99,13 @@ def test_a_champion_in_the_folder_flies_instead_of_the_configured_controller(tmp
     assert controller_source.controller_of_run(run, tmp_path).systems == fuzzy.systems[:1]
     evaluate.run(run, tmp_path)
     assert artifacts.read_json(tmp_path, artifacts.SUMMARY)["controller"] == "champion"
+
+
+def test_a_run_that_trains_is_not_evaluated_without_its_champion(tmp_path):
+    run = prepared(tmp_path).experiment
+    with pytest.raises(ArtifactError, match=r"has no champion.json; the stage train writes it, run that"):
+        evaluate.run(run, tmp_path)
+    assert not (tmp_path / artifacts.EPISODES).exists()
 
 
 def test_a_controller_file_changed_later_does_not_change_the_run(tmp_path):

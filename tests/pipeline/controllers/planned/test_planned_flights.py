@@ -105,17 +105,6 @@ def test_the_gain_is_that_of_scipys_riccati_solution_and_the_closed_loop_is_stab
     assert np.abs(np.linalg.eigvals(TRANSITION - CONTROL @ found)).max() ** 142 < 0.2
 
 
-def test_forces_follow_the_law_to_a_ring_in_phase_with_the_sun():
-    controller = load(cases.composed("lqr", "sun=random").experiment.controller, MISSION)
-    feedback = gain(SETTINGS, TRANSITION, CONTROL)
-    for start in STARTS:
-        plan = fly_logged(MISSION, controller, start).force_hill_n
-        states = flown(start, plan)
-        np.testing.assert_allclose(plan, regulated(feedback, start, states), atol=1e-7)
-        off = np.linalg.norm((states - cases.ring(SETTINGS, start, np.arange(361)))[:, :3], axis=1)
-        assert off[-1] < 0.2 * off[0]
-
-
 @pytest.mark.parametrize(
     ("kind", "changes", "message"),
     [
