@@ -29,26 +29,17 @@ SPEED, PRIORITY = 3, 1 << 10
 OCTANTS = np.array(list(product((1.0, -1.0), repeat=3))) / np.sqrt(3.0)
 
 
-def draw(
-    seed: int,
-    stage: int,
-    case: int,
-    shell_m: tuple[float, float],
-    sun: Sun,
-    max_speed_m_s: float = 0.0,
-    directions: str = "even",
-    box: tuple[tuple[float, ...], ...] | None = None,
-) -> Scenario:
+def draw(seed: int, stage: int, case: int, starts: Starts | MonteCarlo, sun: Sun) -> Scenario:
     """Draw the start of a case: its direction, distance uniform in the shell; likewise its velocity.
 
-    The shell is a least and a greatest distance, the speed uniform up to a greatest one, 0 for rest. A Sun
-    that alternates is fixed in even cases and random in odd ones. See `direction_of` for `directions`. From a
-    box, of the least and the greatest place and velocity, both are drawn evenly.
+    The shell is from the least to the greatest distance, the speed uniform up to a greatest one, 0 for rest.
+    A Sun that alternates is fixed in even cases and random in odd ones. See `direction_of` for the settings'
+    `directions`. From a box, of the least and the greatest place and velocity, both are drawn evenly.
     """
     generator = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(stage, case)))
-    direction = direction_of(generator, directions)
+    direction = direction_of(generator, starts.directions)
     direction /= np.linalg.norm(direction)
-    distance = generator.uniform(*shell_m)
+    distance = generator.uniform(starts.min_distance_m, starts.max_distance_m)
     angle = generator.uniform(0.0, 2.0 * np.pi)
     share = generator.uniform()
     elevation_deg = sun.elevation_deg
@@ -59,14 +50,14 @@ def draw(
         elevation_deg = low + share * (high - low)
     elevation = float(np.radians(elevation_deg))
     start = Scenario(distance * direction, np.zeros(3), angle, elevation, (seed, stage, case))
-    if box is not None:
-        drawn = start.generator(SPEED).uniform(*np.array(box))
+    if starts.box is not None:
+        drawn = start.generator(SPEED).uniform(*np.array(starts.box))
         return replace(start, position_m=drawn[:3], velocity_m_s=drawn[3:])
-    if not max_speed_m_s > 0.0:
+    if not starts.max_speed_m_s > 0.0:
         return start
     generator = start.generator(SPEED)
-    direction = direction_of(generator, directions)
-    speed = generator.uniform(0.0, max_speed_m_s)
+    direction = direction_of(generator, starts.directions)
+    speed = generator.uniform(0.0, starts.max_speed_m_s)
     return replace(start, velocity_m_s=speed * direction / np.linalg.norm(direction))
 
 
@@ -83,9 +74,7 @@ def _drawn(
     experiment: Experiment, starts: Starts | MonteCarlo, stage: int, cases: Sequence[int]
 ) -> list[Scenario]:
     """Draw the starts of some cases of a stage."""
-    shell = starts.min_distance_m, starts.max_distance_m
-    rest = starts.max_speed_m_s, starts.directions, starts.box
-    return [draw(experiment.seed, stage, case, shell, experiment.sun, *rest) for case in cases]
+    return [draw(experiment.seed, stage, case, starts, experiment.sun) for case in cases]
 
 
 def training_scenarios(experiment: Experiment, round_index: int = 0) -> list[Scenario]:
@@ -115,10 +104,10 @@ def validation_scenarios(experiment: Experiment, num_cases: int) -> list[Scenari
 
 
 def given_start(experiment: Experiment) -> Scenario:
-    """Return the start that the configuration gives; a random Sun is that of the first evaluation case."""
+    """Return the start that the configuration gives; its Sun is that of a first case with even directions."""
     deputy = experiment.mission.deputy
-    shell = deputy.min_distance_m, deputy.max_distance_m
-    drawn = draw(experiment.seed, EVALUATION, 0, shell, experiment.sun)
+    even = replace(experiment.monte_carlo, directions="even")
+    drawn = draw(experiment.seed, EVALUATION, 0, even, experiment.sun)
     position, velocity = np.array(deputy.initial_position_m), np.array(deputy.initial_velocity_m_s)
     return replace(drawn, position_m=position, velocity_m_s=velocity)
 

@@ -130,10 +130,8 @@ class Task:
 
     def draw(self, generator: np.random.Generator) -> Scenario:
         """Draw a start, as an evaluation does."""
-        cases, sun = self.experiment.monte_carlo, self.experiment.sun
-        shell = cases.min_distance_m, cases.max_distance_m
-        rest = cases.max_speed_m_s, cases.directions, cases.box
-        return draw(int(generator.integers(MOST_SEED)), EPISODES, 0, shell, sun, *rest)
+        seed = int(generator.integers(MOST_SEED))
+        return draw(seed, EPISODES, 0, self.experiment.monte_carlo, self.experiment.sun)
 
     def forces(self, actions: NDArray[Any]) -> Floats:
         """Return the forces of actions, shape (n, 3), N, Hill axes."""

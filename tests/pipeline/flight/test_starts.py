@@ -124,16 +124,14 @@ def test_the_papers_starts_are_the_diagonals_of_the_octants() -> None:
 def test_a_sun_that_is_drawn_has_an_elevation_from_its_range() -> None:
     """Positions and angles stay those of a Sun in the plane; a fixed Sun has the one elevation given."""
     tilted = replace(RANDOM, elevation_range_deg=(-20.0, 60.0))
-    flat, drawn = (
-        [draw(3, EVALUATION, case, (50.0, 100.0), sun) for case in range(400)] for sun in (RANDOM, tilted)
-    )
+    flat, drawn = ([draw(3, EVALUATION, case, CASES, sun) for case in range(400)] for sun in (RANDOM, tilted))
     np.testing.assert_array_equal(positions(flat), positions(drawn))
     np.testing.assert_array_equal(suns(flat), suns(drawn))
     assert not any(one.sun_elevation_rad for one in flat)
     assert_uniform(np.degrees([one.sun_elevation_rad for one in drawn]), -20.0, 80.0)
     mixed = replace(tilted, mode="mixed", elevation_deg=5.0)
-    assert np.degrees(draw(3, EVALUATION, 2, (50.0, 100.0), mixed).sun_elevation_rad) == 5.0
-    assert draw(3, EVALUATION, 3, (50.0, 100.0), mixed).sun_elevation_rad == drawn[3].sun_elevation_rad
+    assert np.degrees(draw(3, EVALUATION, 2, CASES, mixed).sun_elevation_rad) == 5.0
+    assert draw(3, EVALUATION, 3, CASES, mixed).sun_elevation_rad == drawn[3].sun_elevation_rad
 
 
 def test_starts_that_move_stand_where_those_at_rest_do(cases: list[Scenario]) -> None:
