@@ -153,11 +153,15 @@ def cells_in_words(row: ComparisonRow, guarded: ComparisonRow | None) -> list[st
     mark = "*" if row.source == PUBLISHED else f", {row.num_cases} cases" if row.source == PLANNED else ""
     layer = ["", "", ""]
     if guarded is not None:
-        layer = [share(guarded, "violated"), mean(guarded, "delta_v_m_s", 3), share(guarded, "safety_acted")]
+        layer = [
+            share(guarded, "violated"),
+            spread(guarded.summary["delta_v_m_s"], 3),
+            share(guarded, "safety_acted"),
+        ]
     return [
         row.controller + mark,
         "-" if row.rules is None else str(row.rules),
-        mean(row, "delta_v_m_s", 3),
+        spread(row.summary["delta_v_m_s"], 3),
         rate(row),
         share(row, SUCCESS),
         share(row, "violated"),
@@ -166,16 +170,15 @@ def cells_in_words(row: ComparisonRow, guarded: ComparisonRow | None) -> list[st
     ]
 
 
-def mean(row: ComparisonRow, name: str, places: int) -> str:
-    """Return a mean with its standard deviation."""
-    measure = row.summary[name]
+def spread(measure: Mapping[str, float], places: int) -> str:
+    """Return a mean with its standard deviation, of a part of a summary."""
     return f"{measure['mean']:.{places}f} ± {measure['standard_deviation']:.{places}f}"
 
 
 def rate(row: ComparisonRow) -> str:
     """Return the inspection rate, and that of the points that are ever lit if some are not."""
     measure, of_lit = row.summary["inspection_rate_percent"], row.summary.get("inspectable_rate_percent")
-    words = mean(row, "inspection_rate_percent", 2)
+    words = spread(measure, 2)
     if of_lit is None or of_lit["mean"] == measure["mean"]:
         return words
     return f"{words}, of lit {of_lit['mean']:.2f}"

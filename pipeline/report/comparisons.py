@@ -130,10 +130,9 @@ def _between(interval: Mapping[str, float | None], places: int) -> str:
 
 
 def _outcome(summary: Mapping[str, Any]) -> list[str]:
-    delta_v, rate = summary["delta_v_m_s"], summary["inspectable_rate_percent"]
     return [
-        f"{delta_v['mean']:.3f} ± {delta_v['standard_deviation']:.3f}",
-        f"{rate['mean']:.2f} ± {rate['standard_deviation']:.2f}",
+        comparison.spread(summary["delta_v_m_s"], 3),
+        comparison.spread(summary["inspectable_rate_percent"], 2),
         *(f"{100 * summary[name]['fraction']:.1f} %" for name in (SUCCESS, "violated")),
     ]
 

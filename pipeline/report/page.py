@@ -185,9 +185,9 @@ def lead(who: str, summary: Mapping[str, Any], mission: Mission) -> str:
     return (
         f"{who}, flown from {summary['num_cases']:,} starts, comes within {problem.goal_radius_m:g} m of the "
         f"chief, no faster than {problem.goal_speed_m_s:g} m/s, in {reached:.1f} % of the flights. They end "
-        f"after {end['mean']:.0f} s in the mean, at {speed['mean']:.4f} m/s, and spend {spent['mean']:.3f} ± "
-        f"{spent['standard_deviation']:.3f} m/s. {held:.1f} % are never above the limit on the speed after "
-        "their start."
+        f"after {end['mean']:.0f} s in the mean, at {speed['mean']:.4f} m/s, and spend "
+        f"{comparison.spread(spent, 3)} m/s. {held:.1f} % are never above the limit on the speed after their "
+        "start."
     )
 
 
@@ -197,9 +197,8 @@ def _results(summary: Mapping[str, Any]) -> Iterator[Block]:
     heads = ["", "mean ± standard deviation", "least", "greatest"]
     means = []
     for name, (words, places) in MEASURES.items():
-        of = summary[name]
-        ends = (f"{of[end]:.{places}f}" for end in ("minimum", "maximum"))
-        means.append([words, f"{of['mean']:.{places}f} ± {of['standard_deviation']:.{places}f}", *ends])
+        ends = (f"{summary[name][end]:.{places}f}" for end in ("minimum", "maximum"))
+        means.append([words, comparison.spread(summary[name], places), *ends])
     yield Table(heads, means, numbers=(1, 2, 3))
     heads = ["of the flights", "share", f"{summary['confidence_percent']:g} % interval"]
     shares = []
