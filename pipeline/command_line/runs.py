@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from pipeline.command_line.arguments import EXPERIMENT, ConfigError
 from pipeline.run import artifacts, configuration, maker, manifests
 from pipeline.run.lock import held
-from pipeline.run.runner import finished_stages, run_stages
+from pipeline.run.runner import run_stages
 from pipeline.settings import schema
 from pipeline.settings.experiment import Experiment
 from pipeline.settings.keys import in_todays_words
@@ -111,14 +111,15 @@ def resume(folder: Path, overrides: Sequence["Override"], command: Sequence[str]
         given = _given_again(overrides, _experiment_of(folder, stored).name)
         config = schema.with_values(stored, given)
         experiment = _experiment_of(folder, config)
-        finished = finished_stages(folder)
+        manifest = manifests.found(folder)
+        finished = manifest.get("finished_stages", [])
         left = [stage for stage in experiment.stages if stage not in finished]
         if not left:
             sys.stderr.write(f"nothing is left to do: {', '.join(finished)} are finished\n")
             sys.stdout.write(f"{folder}\n")
             return OK
         check_before(replace(experiment, stages=tuple(left)))
-        command = None if (folder / artifacts.MANIFEST).exists() else command
+        command = None if manifest else command
         return _run(config, replace(experiment, resume=True), folder, left, command)
 
 
@@ -174,7 +175,8 @@ def _stored(folder: Path) -> dict[str, Any]:
             f"{folder} is no run's folder, it has no {artifacts.MANIFEST}; give the folder of a run, "
             "outputs/NAME/TIME"
         )
-    if (folder / artifacts.MANIFEST).exists() and not configuration.is_of(config, manifests.read(folder)):
+    manifest = manifests.found(folder)
+    if manifest and not configuration.is_of(config, manifest):
         raise artifacts.ArtifactError(
             f"{folder / artifacts.CONFIG} is not what the run was made with (its hash is not the "
             "manifest's); restore it, or start a new run"

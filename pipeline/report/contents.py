@@ -92,7 +92,8 @@ class Contents:
     shown : sequence of ShownFlight
     logbook : mapping of str to (n,) array, optional
         One entry a generation.
-    manifest : mapping, optional
+    manifest : mapping
+        Empty where there is none.
     config_text : str
         The resolved configuration, YAML.
     command : str
@@ -113,7 +114,7 @@ class Contents:
     without_safety: comparisons.Without | None
     shown: Sequence[ShownFlight]
     logbook: Columns | None
-    manifest: Mapping[str, Any] | None
+    manifest: Mapping[str, Any]
     config_text: str
     command: str
     recordings: Mapping[str, int]
@@ -154,7 +155,7 @@ def gather(experiment: Experiment, folder: Path) -> Contents:
         starts = training_scenarios(experiment, last)
     training_round = int(logbook["round"][-1]) + 1 if logbook and experiment.starts.redraw else None
     config = folder / artifacts.CONFIG
-    manifest = manifests.read(folder) if (folder / artifacts.MANIFEST).exists() else None
+    manifest = manifests.found(folder)
     recordings = sorted((folder / artifacts.RECORDINGS).glob("*.mcap"))
     return Contents(
         experiment=experiment,
@@ -309,9 +310,9 @@ def read_logbook(folder: Path) -> dict[str, NDArray[np.float64]] | None:
     return columns if rows else None
 
 
-def command_of(folder: Path, manifest: Mapping[str, Any] | None) -> str:
+def command_of(folder: Path, manifest: Mapping[str, Any]) -> str:
     """Return the command that repeats the run; empty if it was not kept."""
-    words = [str(word) for word in (manifest or {}).get("command", ())] or _command_kept_by_hydra(folder)
+    words = [str(word) for word in manifest.get("command", ())] or _command_kept_by_hydra(folder)
     words = [word for word in words if not word.startswith("hydra.")]
     paths = [re.fullmatch(r"controller\.path='([\w./@%+-]+)'", word) for word in words]
     if "controller=file" in words and any(paths):

@@ -173,7 +173,7 @@ def _towards_goal(contents: Contents, illustrations: Mapping[str, Illustration])
     yield Heading("Provenance", id="provenance")
     if contents.command:
         yield Code(contents.command)
-    for name, value in (contents.manifest or {}).items():
+    for name, value in contents.manifest.items():
         if name in ("config_hash", "seed", "git_revision"):
             yield Paragraph(f"{name}: {value}")
 

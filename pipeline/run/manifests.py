@@ -130,3 +130,8 @@ def read(folder: Path) -> dict[str, Any]:
                 f"{folder / MANIFEST} is damaged, it has no proper {name}; restore it, or start a new run"
             )
     return dict(manifest)
+
+
+def found(folder: Path) -> dict[str, Any]:
+    """Read the manifest of a run as `read` does; nothing where there is none."""
+    return read(folder) if (folder / MANIFEST).exists() else {}

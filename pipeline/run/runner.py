@@ -20,13 +20,6 @@ class Interrupted(KeyboardInterrupt):
     """A run was interrupted from the keyboard; says what was kept and how to go on."""
 
 
-def finished_stages(folder: Path) -> list[str]:
-    """Return the finished stages of a run's folder, none for a new one."""
-    if not (folder / artifacts.MANIFEST).exists():
-        return []
-    return list(manifests.read(folder)["finished_stages"])
-
-
 def run_stages(
     experiment: Experiment,
     config: Mapping[str, Any],
@@ -59,7 +52,7 @@ def run_stages(
         maker.require_reproducible()
     stages = experiment.stages if stages is None else tuple(stages)
     folder.mkdir(parents=True, exist_ok=True)
-    earlier = manifests.read(folder) if (folder / artifacts.MANIFEST).exists() else {}
+    earlier = manifests.found(folder)
     finished: list[str] = earlier.get("finished_stages", [])
     makers, made_by = _makers(earlier), {str(k): list(v) for k, v in earlier.get("made_by", {}).items()}
     known: dict[str, Any] = {

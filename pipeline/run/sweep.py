@@ -82,8 +82,7 @@ def _run_of(entry: Mapping[str, Any]) -> SweptRun:
 def state_of(folder: Path, run: SweptRun) -> str:
     """Return whether a run is `DONE`, `FAILED` or `UNFINISHED`, by the files in its folder."""
     own = folder / run.folder
-    if (own / artifacts.MANIFEST).exists():
-        finished = manifests.read(own)["finished_stages"]
-        if set(configuration.read(own).get("stages", [])) <= set(finished):
-            return DONE
+    manifest = manifests.found(own)
+    if manifest and set(configuration.read(own).get("stages", [])) <= set(manifest["finished_stages"]):
+        return DONE
     return FAILED if run.failure else UNFINISHED

@@ -324,7 +324,7 @@ def test_a_summary_without_its_numbers_is_refused_in_words(tmp_path, change, mis
 
 
 def test_the_command_is_the_one_that_was_typed(tmp_path):
-    assert command_of(tmp_path, None) == command_of(tmp_path, {}) == ""
+    assert command_of(tmp_path, {}) == ""
     words = ["+experiment=evaluate", "controller=file", "controller.path=a b.json", "hydra.run.dir=here"]
     expected = "python -m pipeline +experiment=evaluate controller=file 'controller.path=a b.json'"
     assert command_of(tmp_path, {"command": words}) == expected
@@ -338,7 +338,7 @@ def test_the_command_is_the_one_that_was_typed(tmp_path):
     assert command_of(tmp_path, {"seed": 1}) == "python -m pipeline +experiment=evaluate"
     sources = [{"path": "/ours", "provider": "main"}, {"path": "/my conf", "provider": "command-line"}]
     (kept / "hydra.yaml").write_text(yaml.safe_dump({"hydra": {"runtime": {"config_sources": sources}}}))
-    assert command_of(tmp_path, None) == "python -m pipeline --config-dir '/my conf' +experiment=evaluate"
+    assert command_of(tmp_path, {}) == "python -m pipeline --config-dir '/my conf' +experiment=evaluate"
 
 
 @pytest.mark.slow
