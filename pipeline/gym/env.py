@@ -3,7 +3,7 @@
 The rewards of the latter are those of AFRL's problem of that kind.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,8 +11,10 @@ from typing import Any
 import gymnasium
 import numpy as np
 from gymnasium.spaces import Box
-from gymnasium.vector import AutoresetMode, VectorEnv, VectorObservationWrapper
+from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
+from gymnasium.wrappers import TransformObservation
+from gymnasium.wrappers.vector import TransformObservation as TransformVectorObservation
 from numpy.typing import NDArray
 
 from pipeline.flight.fly.stepping import POSITION, SPENT, VELOCITY
@@ -176,35 +178,29 @@ class InspectionVectorEnv(VectorEnv[Observation, NDArray[Any], NDArray[Any]]):
         self._episodes.record(flight, Path(path))
 
 
-def _scaled(space: "Box[np.float32]", scales: NDArray[np.float32]) -> "Box[np.float32]":
-    return Box(space.low / scales, space.high / scales, dtype=np.float32)
+Divide = Callable[[Observation], Observation]
 
 
-class NormalizedObservation(gymnasium.ObservationWrapper):
+def _normalised(task: Task) -> tuple[Divide, "Box[np.float32]"]:
+    """Return what divides observations by `pipeline.gym.episodes.Task.scales`, and their space then."""
+    space, scales = task.observation_space(), task.scales.astype(np.float32)
+    divided = Box(space.low / scales, space.high / scales, dtype=np.float32)
+    return lambda observations: observations / scales, divided
+
+
+class NormalizedObservation(TransformObservation):
     """Divides observations by `pipeline.gym.episodes.Task.scales`."""
 
     def __init__(self, env: InspectionEnv) -> None:
-        super().__init__(env)
-        self._scales = env.task.scales.astype(np.float32)
-        self.observation_space = _scaled(env.task.observation_space(), self._scales)
-
-    def observation(self, observation: Observation) -> Observation:
-        """Return an observation, divided."""
-        return observation / self._scales
+        super().__init__(env, *_normalised(env.task))
 
 
-class NormalizedVectorObservation(VectorObservationWrapper):
+class NormalizedVectorObservation(TransformVectorObservation):
     """The same for many flights."""
 
     def __init__(self, env: InspectionVectorEnv) -> None:
-        super().__init__(env)
-        self._scales = env.task.scales.astype(np.float32)
-        self.single_observation_space = _scaled(env.task.observation_space(), self._scales)
-        self.observation_space = batch_space(self.single_observation_space, env.num_envs)
-
-    def observations(self, observations: Observation) -> Observation:
-        """Return observations, divided."""
-        return observations / self._scales
+        divide, space = _normalised(env.task)
+        super().__init__(env, divide, single_observation_space=space)
 
 
 @dataclass(frozen=True)
