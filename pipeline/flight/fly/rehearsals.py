@@ -23,8 +23,8 @@ from pipeline.flight.world.pack import pack_world
 from pipeline.settings.experiment import Mission
 from pipeline.threads import in_threads
 
-#: rehearsal costs of a point missed, and of leaving the limits, more than any flight can spend
-REHEARSED_POINT_M_S, OUTSIDE_M_S = 0.15, 1e4
+#: rehearsal costs of a point missed unless given, and of leaving the limits, more than any flight can spend
+POINT_M_S, OUTSIDE_M_S = 0.15, 1e4
 #: flights that are drawn together: so many fly side by side at no further cost
 NUM_DRAWN = LANES
 
@@ -191,22 +191,21 @@ class _Ahead:
         images = tour_images(self.controller)
 
         def costs_of(tour: int, starts: list[Scenario], places: Integers) -> Floats:
-            wanted = None if self.left is None else self.left[places]
             ends = fly_population(
                 *(world, law, images[tour].numbers, cases_of(mission, starts), self.workers),
                 lanes=self.lanes,
-                wanted=wanted,
+                wanted=None if self.left is None else self.left[places],
             )
-            found: Floats = _rehearsed_costs(self.controller, ends)[0]
-            return found
+            return np.asarray(_rehearsed_costs(self.controller, ends)[0])
 
         return costs_of
 
 
 def _rehearsed_costs(controller: Controller, ends: Outcomes) -> Floats:
     """Return the costs by which rehearsals are compared, m/s, of the shape of the outcomes."""
+    constants = controller.constants
+    price = constants[constant("rehearsal_point_m_s")] or POINT_M_S
     # missed points that the controller accepts cost nothing
-    least = max(1.0, controller.constants[constant("coast_below_points")])
-    missed = np.maximum(0.0, ends.inspectable_count - ends.inspected_count - np.ceil(least) + 1.0)
-    cost = ends.delta_v_m_s + REHEARSED_POINT_M_S * missed + OUTSIDE_M_S * ends.is_violated
-    return np.asarray(cost)
+    accepted = np.ceil(max(1.0, constants[constant("coast_below_points")])) - 1.0
+    missed = np.maximum(0.0, ends.inspectable_count - ends.inspected_count - accepted)
+    return np.asarray(ends.delta_v_m_s + price * missed + OUTSIDE_M_S * ends.is_violated)

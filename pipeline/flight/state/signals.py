@@ -216,6 +216,9 @@ CONSTANTS = {
         "largest radial part of the first pushes of which the one that ends cheapest is fired, m/s",
         is_tuned=False,
     ),
+    "rehearsal_point_m_s": Constant(
+        "what a point missed costs among flights that are flown ahead; 0.15 unless given, m/s", is_tuned=False
+    ),
     "tour_time_s": Constant(
         "tour_push_* leads to where the tour is after this time, less than half an orbit, s",
         needed_for=TOUR,

@@ -268,7 +268,8 @@ def test_times_of_rehearsals_are_those_of_decisions() -> None:
 def test_draws_of_the_errors_go_to_the_tour_that_is_cheapest_so_far() -> None:
     fixes = {"mode": "fixes", "initial_position_m": 20.0, "initial_velocity_m_s": 0.01}
     real = mission(attitude={"mode": "ideal"}, navigation=fixes, actuators={"kind": "real"})
-    controller, start = touring(rehearsal_tours=4, rehearsal_draws=20), replace(STARTS[0], noise=(1, 2, 3))
+    controller = touring(rehearsal_tours=4, rehearsal_draws=20, rehearsal_point_m_s=0.3)
+    start = replace(STARTS[0], noise=(1, 2, 3))
     sizes = np.repeat([20.0, 0.01], 3)
 
     def moved(by: Floats, noise: tuple[int, int, int]) -> Scenario:
@@ -278,7 +279,7 @@ def test_draws_of_the_errors_go_to_the_tour_that_is_cheapest_so_far() -> None:
 
     def cost(image: Controller, flown: Mission, at: Scenario) -> float:
         end = fly_all(flown, image, [at], 1)
-        missed = np.maximum(0, end.inspectable_count - end.inspected_count)
+        missed = 0.3 * np.maximum(0, end.inspectable_count - end.inspected_count)
         return float((end.delta_v_m_s + missed + 1e4 * end.is_violated)[0])
 
     belief = sizes * start.generator(FIXES).standard_normal(6)
