@@ -3,10 +3,10 @@
 import csv
 import re
 import shlex
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,8 +25,6 @@ from pipeline.scenarios import evaluation_scenarios, start_shown, training_scena
 from pipeline.settings.experiment import Experiment
 from pipeline.settings.keys import value_at
 from pipeline.settings.start_table import POSITION
-
-Read = TypeVar("Read")
 
 #: what a summary says of each metric and of each share of flights
 SUMMARY_PARTS: Mapping[str, type] = {
@@ -184,18 +182,18 @@ def gather(experiment: Experiment, folder: Path) -> Contents:
 def read_evaluation(folder: Path, confidence_percent: float) -> FlightSet | None:
     """Read what the stage evaluate wrote, as far as it is there."""
     has_summary = (folder / artifacts.SUMMARY).exists()
-    episodes = _if_there(tables.read_parquet, folder, artifacts.EPISODES)
+    episodes = _table(folder, artifacts.EPISODES)
     if episodes is None:
         return FlightSet(None, None, read_summary(folder)) if has_summary else None
-    rows = _if_there(tables.read_parquet, folder, artifacts.TRAJECTORIES)
+    rows = _table(folder, artifacts.TRAJECTORIES)
     tracks = None if rows is None else tracks_of(rows, episodes["case"])
     summary = read_summary(folder) if has_summary else _summary(episodes, confidence_percent)
     return FlightSet(episodes, tracks, summary)
 
 
-def _if_there(read: Callable[[Path, str], Read], folder: Path, name: str) -> Read | None:
-    """Read a file of a run; None where there is none."""
-    return read(folder, name) if (folder / name).exists() else None
+def _table(folder: Path, name: str) -> dict[str, NDArray[Any]] | None:
+    """Read a table of a run; None where there is none."""
+    return tables.read_parquet(folder, name) if (folder / name).exists() else None
 
 
 def _summary(episodes: Columns, confidence_percent: float) -> dict[str, Any]:
