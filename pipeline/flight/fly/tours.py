@@ -52,11 +52,6 @@ class Tour(NamedTuple):
     shape: int  # 0 for the controller's own, then those drawn around it
 
 
-#: constants that say which tours are flown ahead, and how often
-REHEARSING_TOURS = (
-    *("rehearsal_tours", "rehearsal_slowest_s", "rehearsal_smallest"),
-    *("rehearsal_shapes", "rehearsal_spread_m", "rehearsal_draws", "rehearsal_period_s"),
-)
 #: times in which each image is flown ahead, if the controller says how slow
 NUM_TIMES = 3
 
@@ -104,9 +99,8 @@ def _following(fuzzy: FuzzyController, tour: Tour) -> Controller:
     for name, shift in zip(TOUR_PLACES, off.tolist(), strict=True):
         place = float(attributes.get(name, 0.0)) + shift
         attributes[name] = repr(sign(name, tour.image) * tour.size * place)
-    for name in REHEARSING_TOURS:
-        attributes.pop(name, None)
     attributes["tour_time_s"] = repr(tour.time_s)
+    attributes.pop("rehearsal_tours", None)  # it rehearses none itself
     return from_fuzzy(replace(fuzzy, attributes=tuple(attributes.items())))
 
 

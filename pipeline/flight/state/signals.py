@@ -7,6 +7,7 @@ arrays; `slot` and `constant` give the places there.
 """
 
 from dataclasses import dataclass
+from functools import partial
 
 #: what must be computed before a signal can be read: flags, combined over all that a controller senses
 NOTHING, ANGLES, ORBIT, APPROACH, PREVIEW, URGENCY, SETTING, TOUR = 0, 1, 2, 4, 8, 16, 32, 64
@@ -171,6 +172,9 @@ class Constant:
     such_as: str = ""  # a value to begin with, of one that is needed
 
 
+#: a constant that evolution leaves as it is
+Chosen = partial(Constant, is_tuned=False)
+
 #: components of the tour: along Hill axes, and the lift, added to the last times the sine of the elevation
 TOUR_PARTS = HILL_AXES | {"lift": "along k, by the sine of the Sun's elevation"}
 #: terms of each component: a mean and waves, by their number in a turn of the Sun
@@ -193,9 +197,8 @@ CONSTANTS = {
     "prediction_time_s": Constant("how far ahead predicted_centre_along_track looks, s"),
     "coast_below_points": Constant("with fewer points than this missed by coasting to the end, coast"),
     "coast_margin_m": Constant("unless that would come nearer than this to a distance limit, m"),
-    "decision_period_s": Constant(
-        "time from one decision to the next, a whole number of control periods; a force lasts one, s",
-        is_tuned=False,
+    "decision_period_s": Chosen(
+        "time from one decision to the next, a whole number of control periods; a force lasts one, s"
     ),
     "urgency_time_s": Constant(
         "time before its last light within which a point becomes urgent, s",
@@ -212,12 +215,11 @@ CONSTANTS = {
         such_as="0.1",
     ),
     "aim_urgent_m_s": Constant("speed that urgent_* adds to see_push_* in aim_*, m/s"),
-    "rehearsal_reach_m_s": Constant(
-        "largest radial part of the first pushes of which the one that ends cheapest is fired, m/s",
-        is_tuned=False,
+    "rehearsal_reach_m_s": Chosen(
+        "largest radial part of the first pushes of which the one that ends cheapest is fired, m/s"
     ),
-    "rehearsal_point_m_s": Constant(
-        "what a point missed costs among flights that are flown ahead; 0.15 unless given, m/s", is_tuned=False
+    "rehearsal_point_m_s": Chosen(
+        "what a point missed costs among flights that are flown ahead; 0.15 unless given, m/s"
     ),
     "tour_time_s": Constant(
         "tour_push_* leads to where the tour is after this time, less than half an orbit, s",
@@ -227,30 +229,22 @@ CONSTANTS = {
     "tour_wait_s": Constant("longest wait for light where it is dark then, less than half an orbit, s"),
     "tour_lean_m": Constant("how far the tour leans towards what is urgent, m"),
     **TOUR_PLACES,
-    "rehearsal_tours": Constant(
-        "2 or 4: of the tour's images, so many are flown ahead, and the one that ends cheapest is followed",
-        is_tuned=False,
+    "rehearsal_tours": Chosen(
+        "2 or 4: of the tour's images, so many are flown ahead, and the one that ends cheapest is followed"
     ),
-    "rehearsal_slowest_s": Constant(
-        "each image is flown ahead in three times from tour_time_s to this one, less than half an orbit, s",
-        is_tuned=False,
+    "rehearsal_slowest_s": Chosen(
+        "each image is flown ahead in three times from tour_time_s to this one, less than half an orbit, s"
     ),
-    "rehearsal_smallest": Constant(
-        "each image is flown ahead in two sizes, its own and this share of it", is_tuned=False
+    "rehearsal_smallest": Chosen("each image is flown ahead in two sizes, its own and this share of it"),
+    "rehearsal_shapes": Chosen(
+        "so many more tours, drawn around the controller's own, are flown ahead in the same way"
     ),
-    "rehearsal_shapes": Constant(
-        "so many more tours, drawn around the controller's own, are flown ahead in the same way",
-        is_tuned=False,
+    "rehearsal_spread_m": Chosen("spread of each place of these tours about the controller's own, m"),
+    "rehearsal_draws": Chosen(
+        "so many flights with errors drawn are flown ahead, each time of the tour that is cheapest so far"
     ),
-    "rehearsal_spread_m": Constant(
-        "spread of each place of these tours about the controller's own, m", is_tuned=False
-    ),
-    "rehearsal_draws": Constant(
-        "so many flights with errors drawn are flown ahead, each time of the tour that is cheapest so far",
-        is_tuned=False,
-    ),
-    "rehearsal_period_s": Constant(
-        "the tours are flown ahead again after each such time, whole decision periods, s", is_tuned=False
+    "rehearsal_period_s": Chosen(
+        "the tours are flown ahead again after each such time, whole decision periods, s"
     ),
 }
 

@@ -16,11 +16,11 @@ from mcap_protobuf.decoder import DecoderFactory
 from fis_tools.formats import serialize
 from pipeline.command_line.config import Job, compose_experiment
 from pipeline.controllers.source import controller_of_run
-from pipeline.flight.cases.starts import given_start
 from pipeline.flight.control.controller import Controller, from_fuzzy
 from pipeline.flight.fly.simulation import fly_logged
 from pipeline.flight.state.log import FlightLog, Scenario
 from pipeline.recording.recorder import FlightRecorder
+from pipeline.scenarios import given_start
 from pipeline.settings.experiment import Mission
 from tests.places import PROJECT
 
