@@ -314,7 +314,7 @@ def test_steps_back_stay_within_the_bound_whatever_the_thrusters_and_the_estimat
 def test_no_adversary_takes_a_deputy_out_where_nothing_is_exact(force_n: float) -> None:
     mission = composed("world=leo")
     mission = replace(mission, attitude=replace(mission.attitude, mode="ideal"))
-    starts = between_the_spheres(mission, 200, 11)
+    starts = between_the_spheres(mission, 200, 12)
     outcomes = fly_all(mission, pushing(force_n), starts, 1)
     assert not outcomes.is_violated.any()
     assert np.mean(outcomes.safety_periods > 0) > 0.9
