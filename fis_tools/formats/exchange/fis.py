@@ -372,8 +372,8 @@ def _take(section: Block, line: int, content: str, notes: list[str]) -> None:
     section.settings[key] = (line, value)
 
 
-#: All before a mark that stands in no quotes; nothing is tried twice, however long the line is.
-_SAID = re.compile(r"""(?:'[^']*+(?:'|$)|"[^"]*+(?:"|$)|[^'"%#/]++|/(?!/))*+""")
+#: all before a mark that stands in no quotes: what is next says which part applies, so nothing is tried twice
+_SAID = re.compile(r"""(?:'[^']*(?:'|$)|"[^"]*(?:"|$)|[^'"%#/]|/(?!/))*""")
 
 
 def _without_remark(line: str) -> str:

@@ -312,7 +312,7 @@ def share(requirement: Requirement, judged: Outcome) -> str:
 
 
 def sentence(found: Found, judged: Outcome) -> str:
-    """Say what became of a requirement, in a sentence or two.
+    """Say what became of a requirement, in a few sentences.
 
     Parameters
     ----------
@@ -326,7 +326,7 @@ def sentence(found: Found, judged: Outcome) -> str:
         ": in all inputs", ": for all inputs"
     )
     is_flown = found.judgement or found.searches
-    words = f"{claim}; {_flown(found) if is_flown else f'failing means {requirement.consequence}'}."
+    words = f"{claim}. {_flown(found) if is_flown else f'Failing means {requirement.consequence}'}."
     return words if judged.verdict == "shown" else f"{words} {judged.why[0].upper()}{judged.why[1:]}."
 
 
@@ -346,9 +346,9 @@ def _flown(found: Found) -> str:
     worst = worst_words(found.requirement, min(margins))
     has_failed = num_found or (judgement and judgement.num_failed)
     consequence = found.requirement.consequence
-    return f"{' and '.join(parts)}, {worst}" + (
-        f": {consequence}" if has_failed else f"; failing means {consequence}"
-    )
+    flown = f"{' and '.join(parts)}, {worst}"
+    stake = f": {consequence}" if has_failed else f". Failing means {consequence}"
+    return flown[0].upper() + flown[1:] + stake
 
 
 def worst_words(requirement: Requirement, margin: float) -> str:

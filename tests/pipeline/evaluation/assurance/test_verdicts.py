@@ -258,8 +258,8 @@ def test_what_all_cases_must_meet_is_shown_by_a_proof_alone_and_refuted_by_one_f
     assert "at least 99.77 % of such cases" in verdict(flown).why
     proved = replace(flown, proof=LAYER)
     said = sentence(proved, verdict(proved))
-    assert said.startswith("Shown: in all cases (proved) the deputy stays away; all 1,000 did and all 2")
-    assert "the nearest 15.5 m from its centre; failing means a collision." in said
+    assert said.startswith("Shown: in all cases (proved) the deputy stays away. All 1,000 did and all 2")
+    assert "the nearest 15.5 m from its centre. Failing means a collision." in said
     assert verdict(replace(flown, judgement=cases(1, probability=1.0))).word == "refuted"
     failed = replace(flown, searches=(searched(-0.5),))
     assert sentence(failed, verdict(failed)).startswith("Refuted: in all cases the deputy stays away")
