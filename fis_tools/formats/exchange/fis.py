@@ -372,8 +372,8 @@ def _take(section: Block, line: int, content: str, notes: list[str]) -> None:
     section.settings[key] = (line, value)
 
 
-#: all before a mark that stands in no quotes: what is next says which part applies, so nothing is tried twice
-_SAID = re.compile(r"""(?:'[^']*(?:'|$)|"[^"]*(?:"|$)|[^'"%#/]|/(?!/))*""")
+#: what is in quotes, or a mark that begins a remark
+_QUOTED = re.compile(r"""'[^']*(?:'|$)|"[^"]*(?:"|$)|(?P<mark>[%#]|//)""")
 
 
 def _without_remark(line: str) -> str:
@@ -384,8 +384,8 @@ def _without_remark(line: str) -> str:
     content = line.strip()
     if content.startswith(("%", "#", "//")):
         return content
-    said = _SAID.match(content)
-    return said[0].rstrip(" \t;") if said else ""
+    marks = (found.start() for found in _QUOTED.finditer(content) if found["mark"])
+    return content[: next(marks, None)].rstrip(" \t;")
 
 
 def section_of(sections: dict[str, Block], title: str) -> Block:
