@@ -24,6 +24,9 @@ FINE = 33
 class _VariableView(ui.element, component="terms.js"):
     """A variable; see ``terms.js``."""
 
+    #: how many touches of its terms have been answered
+    touches = 0
+
 
 class _RulesView(ui.element, component="rules.js"):
     """The rules; see ``rules.js``."""
@@ -87,7 +90,7 @@ class SystemView:
     def _variable(self, kind: str, variable: Variable, place: int) -> _VariableView:
         view = _VariableView()
         view.props["kind"], view.props["start"] = kind, self._values[place] if kind == "input" else None
-        view.on("touch", lambda event: self._touch_term(variable.name, event.args))
+        view.on("touch", lambda event: self._touch_term(view, variable.name, event.args))
         view.on("slide", lambda event: self._slide(place, float(event.args["value"])))
         return view
 
@@ -106,7 +109,8 @@ class SystemView:
     def _change(self, change: Callable[[FuzzySystem], FuzzySystem], gesture: object = None) -> None:
         self._touch(lambda one: touches.with_system(one, change(self.system)), gesture)
 
-    def _touch_term(self, name: str, details: dict[str, Any]) -> None:
+    def _touch_term(self, view: _VariableView, name: str, details: dict[str, Any]) -> None:
+        view.touches = details.pop("touches")
         gesture = (self.system.name, name, details.pop("gesture"))
         self._change(lambda system: touches.term_touched(system, system.variable(name), **details), gesture)
 
@@ -138,7 +142,7 @@ class SystemView:
         """Show the system as it stands; only what changed is sent."""
         system = self.system
         for view, variable in zip((*self._inputs, *self._outputs), system.variables, strict=True):
-            self._tell(view, "show", shown.variable(variable))
+            self._tell(view, "show", shown.variable(variable), view.touches)
         for name, choice in self._operators.items():
             choice.set_value(getattr(system, name))
         before = {one.name: one for one in self._session.original.systems}.get(system.name)

@@ -44,7 +44,7 @@ export default {
   </section>`,
   props: { kind: String, start: Number },
   data() {
-    return { variable: null, value: this.start ?? null, degrees: [], gesture: 0 };
+    return { variable: null, value: this.start ?? null, degrees: [], gesture: 0, touches: 0 };
   },
   computed: {
     span() { return this.variable.maximum - this.variable.minimum; },
@@ -53,7 +53,8 @@ export default {
     share(x) { return Math.min(100, Math.max(0, (100 * (x - this.variable.minimum)) / this.span)); },
     short(x) { return Math.abs(x) < 1e-9 * this.span ? "0" : String(Number(Number(x).toPrecision(4))); },
     words(key) { return key.replaceAll("_", " "); },
-    show(variable) { this.variable = variable; },
+    // what the page held a few touches ago would pull a handle from under the hand that drags it
+    show(variable, touches) { if (touches >= this.touches) this.variable = variable; },
     // the answer of an inference: degrees of the terms and, of an output, its value
     infer(degrees, value = this.value) { [this.degrees, this.value] = [degrees, value]; },
     slide(event) {
@@ -63,7 +64,7 @@ export default {
     // a whole drag is one change to undo, and so are the keys pressed on one handle
     say(what, term, told) {
       if (what !== "drag") this.gesture++;
-      this.$emit("touch", { what, term: term.name, gesture: this.gesture, ...told });
+      this.$emit("touch", { what, term: term.name, gesture: this.gesture, touches: ++this.touches, ...told });
     },
     // what is typed stays until it is said; then the fields show what holds
     settle(event) { event.currentTarget.reset(); },
