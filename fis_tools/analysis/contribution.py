@@ -11,8 +11,9 @@ from fis_tools.array_types import Booleans, Floats
 from fis_tools.engines import interpreter
 from fis_tools.engines.compiler import CompiledSystem
 from fis_tools.engines.defuzzifier import formula_values
+from fis_tools.engines.inference import infer_outputs
 from fis_tools.engines.program import FORMULA, INVERTED, NUMBER, WEIGHTED_SUM, Program, Weighing
-from fis_tools.model import Formula, Linear
+from fis_tools.model import Formula, FuzzySystem, Linear
 
 #: Samples, each with one rule silenced, that are concluded at a time.
 BATCH = 4096
@@ -66,12 +67,12 @@ def _can_matter(compiled: CompiledSystem, firing: Floats) -> Booleans:
     return matters & (firing > 0.0)
 
 
-def holding_back(compiled: CompiledSystem, output: int = 0) -> tuple[int, ...]:
+def holding_back(system: FuzzySystem, output: int = 0) -> tuple[int, ...]:
     """Return the numbers, from 1, of the rules that alone conclude what an output is without any rule.
 
     Whatever their share, such rules ask for nothing: they hold back what others ask for.
     """
-    system, variable = compiled.system, compiled.system.outputs[output]
+    variable = system.outputs[output]
     fixed = {
         term.name
         for term in variable.terms
@@ -83,8 +84,9 @@ def holding_back(compiled: CompiledSystem, output: int = 0) -> tuple[int, ...]:
         if consequent.weight > 0.0:
             concluded[place].add(consequent.term)
     middle = np.array([(v.minimum + v.maximum) / 2.0 for v in system.inputs])
-    alone = compiled.conclude(np.eye(len(system.rules)), np.tile(middle, (len(system.rules), 1)))[:, output]
-    away = np.abs(alone - (variable.default or 0.0)) / variable.span
+    # a few rules once: numba would take longer to compile this than Python to infer
+    alone = [infer_outputs(system, one, middle)[output].value for one in np.eye(len(system.rules))]
+    away = np.abs(np.array(alone) - (variable.default or 0.0)) / variable.span
     return tuple(place + 1 for place, terms in concluded.items() if terms <= fixed and away[place] < NOTHING)
 
 

@@ -336,7 +336,9 @@ class _Game(NamedTuple):
     rules: Integers
 
 
-def shares(compiled: CompiledSystem, inputs: Floats, num_orders: int = NUM_ORDERS) -> Shares:
+def shares(
+    compiled: CompiledSystem, inputs: Floats, num_orders: int = NUM_ORDERS, firing: Floats | None = None
+) -> Shares:
     """Compute the share of each rule in each output.
 
     They are exact where rules can cut the output's terms in `MOST_COALITIONS` ways or fewer, as dozens of
@@ -351,8 +353,11 @@ def shares(compiled: CompiledSystem, inputs: Floats, num_orders: int = NUM_ORDER
         One row per sample.
     num_orders : int
         How many orders are drawn where coalitions are too many; an even number.
+    firing : (n, num_rules), optional
+        The firing strengths at these inputs, if they are known.
     """
-    firing = compiled.firing_strengths(inputs)
+    if firing is None:
+        firing = compiled.firing_strengths(inputs)
     values = np.zeros((*firing.shape, len(compiled.system.outputs)))
     error = np.zeros((len(firing), values.shape[2]))
     for place, conclusion in enumerate(compiled.program.conclusions):

@@ -135,7 +135,7 @@ def infer(system: FuzzySystem, inputs: Any) -> Inference:
     clipped = np.clip(values, ends[:, 0], ends[:, 1])
     memberships = tuple(map(_fuzzify, system.inputs, clipped))
     firing = _fire(system, memberships)
-    outputs = tuple(_infer_outputs(system, firing, clipped))
+    outputs = tuple(infer_outputs(system, firing, clipped))
     return Inference(system, values, clipped, memberships, firing, outputs)
 
 
@@ -174,8 +174,11 @@ def _fire(system: FuzzySystem, memberships: Sequence[Floats]) -> Floats:
 Values = Mapping[str, Any]
 
 
-def _infer_outputs(system: FuzzySystem, firing: Floats, clipped: Floats) -> list[OutputInference]:
-    """Infer one output after the other, from the inputs and, for formulas, from the outputs before it."""
+def infer_outputs(system: FuzzySystem, firing: Floats, clipped: Floats) -> list[OutputInference]:
+    """Infer one output after the other, from firing strengths and inputs inside the universes.
+
+    Formulas also take the outputs before their own.
+    """
     values = {variable.name: x for variable, x in zip(system.inputs, clipped, strict=True)}
     found = []
     for variable in system.outputs:

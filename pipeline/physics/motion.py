@@ -23,7 +23,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from fis_tools.compiled.decorator import compiled
+from fis_tools.compiled.decorator import compiled, plainly
 from fis_tools.compiled.three import Three
 from pipeline.array_types import Floats
 
@@ -63,7 +63,6 @@ def state_transition(mean_motion: float, duration: float) -> Floats:
     )
 
 
-@compiled
 def input_matrix(mean_motion: float, duration: float, mass: float) -> Floats:
     """Return Gamma, shape (6, 3), for a mean motion above zero, rad/s, a duration, s, and a mass, kg."""
     n = mean_motion
@@ -140,10 +139,11 @@ class Step(NamedTuple):
 def motion_over(orbit: Orbit, deputy: Deputy, durations: Collection[float]) -> Motion:
     """Return the motion of a deputy over some durations, s."""
     n, mass = orbit.mean_motion_rad_s, deputy.mass_kg
-    return Motion(
-        transition=np.array([state_transition(n, duration) for duration in durations]).reshape(-1, 6, 6),
-        control=np.array([input_matrix(n, duration, mass) for duration in durations]).reshape(-1, 6, 3),
-    )
+    with plainly("pipeline"):  # compiling takes longer than all calls in a run
+        return Motion(
+            transition=np.array([state_transition(n, duration) for duration in durations]).reshape(-1, 6, 6),
+            control=np.array([input_matrix(n, duration, mass) for duration in durations]).reshape(-1, 6, 3),
+        )
 
 
 def stop_of(motion: Motion) -> Floats:

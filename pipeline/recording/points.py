@@ -138,11 +138,11 @@ class _Decisions:
             with plainly("pipeline"):
                 sun = np.cos(angle), np.sin(angle)
                 time = time_ahead(self.world.optics.least_height, n, *limits, sun, np.cos(up))
+                phi = state_transition(n, time)
             if time == 0.0:
                 continue
             then = angle - n * time
             x, y, z, lift = waves @ [1.0, *(f(i * then) for i in (1.0, 2.0) for f in (np.cos, np.sin))]
-            phi = state_transition(n, time)
             push_by = np.linalg.inv(phi[:3, 3:])
             alone[row] = push_by @ ([x, y, z + np.sin(up) * lift] - phi[:3] @ self.states[row])
             found[row] = self["tour_lean_m"] * self.urgent[row] @ push_by.T

@@ -271,7 +271,8 @@ class FlightRecorder:
             strengths = firing_strengths(self._numbers, inputs, place)
             is_fired = self._is_fired(log, decided, COMPONENTS.index(system.outputs[0].name))
             shares = np.zeros_like(strengths)
-            shares[is_fired] = shapley.shares(compiled, inputs[is_fired]).values[:, :, 0]
+            found = shapley.shares(compiled, inputs[is_fired], firing=strengths[is_fired])
+            shares[is_fired] = found.values[:, :, 0]
             writer.record(
                 topics.fis_topic(system.name),
                 times[decided],
@@ -323,7 +324,7 @@ def describe(compiled: CompiledSystem, force_axes: str) -> FisDescription:
         output_name=output.name,
         output_unit=output.unit,
         rules=tuple(sentences(system)),
-        holding=holding_back(compiled),
+        holding=holding_back(system),
         output_axes=force_axes,
     )
 

@@ -352,7 +352,7 @@ def explain(
         moves = [Move(number + 1, *numbers[number].tolist()) for number in concluding]
         moves.sort(key=lambda move: (-abs(move.share), -move.strength))
         of_output = tuple(flip for flip in found if flip.output == output.variable)
-        reasons = (tuple(moves), float(error[0, place]), frozenset(holding_back(compiled, place)))
+        reasons = (tuple(moves), float(error[0, place]), frozenset(holding_back(compiled.system, place)))
         found_out = (output.variable, output.value, output.is_default)
         outputs.append(ExplainedOutput(*found_out, *reasons, float(crossing), of_output))
     turned = class_flips(compiled, given) if is_classifier(compiled.system) else ()
