@@ -299,16 +299,6 @@ def infer(values: Floats, rules: Integers, layout: Any, index: int, scratch: Any
     conclude(values, rules, system, room)
 
 
-@compiled(error_model="numpy", forceinline=True)
-def put_side_by_side(inputs: Floats, first: int, room: Any) -> int:
-    """Write one row of inputs per lane, or the remaining ones; return how many."""
-    num_lanes = min(width_of(room), len(inputs) - first)
-    for lane in range(num_lanes):
-        for place in range(inputs.shape[1]):
-            room.inputs[place, lane] = inputs[first + lane, place]
-    return num_lanes
-
-
 @compiled(nogil=True, error_model="numpy")
 def infer_rows(
     values: Floats, rules: Integers, layout: Any, index: int, inputs: Floats, scratch: Any, out: Floats
@@ -316,28 +306,13 @@ def infer_rows(
     """Write the outputs of one system, (n,), for finite inputs (n, num_inputs)."""
     room = scratch[0]
     for first in range(0, len(inputs), width_of(room)):
-        num_lanes = put_side_by_side(inputs, first, room)
+        num_lanes = min(width_of(room), len(inputs) - first)
+        for lane in range(num_lanes):
+            for place in range(inputs.shape[1]):
+                room.inputs[place, lane] = inputs[first + lane, place]
         infer(values, rules, layout, index, scratch)
         for lane in range(num_lanes):
             out[first + lane] = room.output[lane]
-
-
-@compiled(error_model="numpy")
-def _strengths(
-    values: Floats, layout: Any, index: int, cells: Integers, inputs: Floats, scratch: Any, out: Floats
-) -> None:
-    system, room = layout[index], scratch[0]
-    for first in range(0, len(inputs), width_of(room)):
-        num_lanes = put_side_by_side(inputs, first, room)
-        fuzzify(values, system, room)
-        for rule in range(len(cells)):
-            for lane in range(num_lanes):
-                strength, slot = 1.0, 0
-                for place in range(cells.shape[1]):
-                    if cells[rule, place] >= 0:
-                        strength = min(strength, room.memberships[slot + cells[rule, place], lane])
-                    slot += system.input_terms[place]
-                out[first + lane, rule] = strength
 
 
 def make_scratch(width: int = LANES) -> Any:
@@ -367,15 +342,4 @@ def evaluate(packed: Packed, inputs: Floats, system: int = 0) -> Floats:
     rows = np.ascontiguousarray(inputs, dtype=np.float64)
     out = np.empty(len(rows))
     infer_rows(packed.values[0], packed.rules[0], packed.layout, system, rows, make_scratch(), out)
-    return out
-
-
-def firing_strengths(packed: Packed, inputs: Floats, system: int = 0) -> Floats:
-    """Return each rule's firing strength, shape (n, rules), in the order of the rules.
-
-    Same parameters as `evaluate`.
-    """
-    rows = np.ascontiguousarray(inputs, dtype=np.float64)
-    out = np.empty((len(rows), len(packed.cells[system])))
-    _strengths(packed.values[0], packed.layout, system, packed.cells[system], rows, make_scratch(), out)
     return out

@@ -68,14 +68,11 @@ class Packed:
         One row per controller: for each system, the output's terms in the order of these bounds; the peak of
         each output term as an index of the universe, the bounds of each output term's rules, then the rules
         sorted by output term, each as the positions of its memberships in the concatenated input terms.
-    cells : tuple of (rules, inputs) int arrays
-        For each system, in the order of its rules, the term of each input that a rule uses, -1 for none.
     """
 
     layout: Layout
     values: Floats
     rules: Integers
-    cells: tuple[Integers, ...]
 
 
 class NotCompilable(ValueError):  # noqa: N818
@@ -159,7 +156,6 @@ def pack(*systems: FuzzySystem) -> Packed:
     layout, num_values, num_entries = layout_of(systems)
     values = np.zeros((1, num_values))
     rules = np.zeros((1, num_entries), dtype=np.int64)
-    cells: list[Integers] = []
     for row, system in zip(layout, systems, strict=True):
         for place, variable in enumerate(system.inputs):
             fill_input(values, row, place, *_ends(variable), variable.memberships[np.newaxis])
@@ -174,9 +170,8 @@ def pack(*systems: FuzzySystem) -> Packed:
         fill_output(values, rules, row, *_ends(output), np.array([default]), output.memberships[np.newaxis])
         rule_base = conjunctions(system)
         assert rule_base is not None  # noqa: S101 - others are rejected by layout_of
-        cells.append(rule_base[0])
         fill_rules(rules, row, rule_base[0], rule_base[1][np.newaxis])
-    return Packed(layout, values, rules, tuple(cells))
+    return Packed(layout, values, rules)
 
 
 def _ends(variable: Variable) -> tuple[Floats, Floats]:

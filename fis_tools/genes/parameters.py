@@ -155,7 +155,6 @@ class SystemEncoding:
         layout, num_values, num_entries = packing.layout_of(self.systems)
         values = np.zeros((len(genomes), num_values))
         rules = np.zeros((len(genomes), num_entries), dtype=np.int64)
-        cells: list[Integers] = []
         for row, system, places in zip(layout, self.systems, self.places(), strict=True):
             *inputs, (low, high, means, widths) = self._taken(genomes, system, places)
             for place, (variable, numbers) in enumerate(zip(system.inputs, inputs, strict=True)):
@@ -165,9 +164,9 @@ class SystemEncoding:
             sampled = _memberships(low, high, output.num_points, means, widths)
             default = np.full(len(genomes), 0.0 if output.default is None else output.default)
             packing.fill_output(values, rules, row, low, high, default, sampled)
-            cells.append(table_cells(system.inputs))
-            packing.fill_rules(rules, row, cells[-1], _terms(genomes[:, places.rules], output))
-        return Packed(layout, values, rules, tuple(cells))
+            chosen = _terms(genomes[:, places.rules], output)
+            packing.fill_rules(rules, row, table_cells(system.inputs), chosen)
+        return Packed(layout, values, rules)
 
     def encode(self, systems: tuple[FuzzySystem, ...]) -> Floats:
         """Return the genome, shape (num_genes,), of systems of this structure; clipped to the bounds."""

@@ -18,7 +18,6 @@ from fis_tools.analysis import shapley
 from fis_tools.analysis.contribution import holding_back
 from fis_tools.compiled.decorator import sparingly
 from fis_tools.engines.compiler import CompiledSystem, compile
-from fis_tools.engines.kernel import firing_strengths
 from fis_tools.formats import serialize
 from fis_tools.model import FuzzyController
 from fis_tools.model.thrust import COMPONENTS, COUNTED, REASONS
@@ -106,7 +105,6 @@ class FlightRecorder:
         # whether flights depend on what their cases have drawn besides the start
         has_errors = mission.navigation.mode == "fixes" or mission.actuators.kind == "real"
         self._is_noisy = has_errors or bool(mission.dispersions)
-        self._numbers = controller.numbers
         self._delay = thrusters_of(mission).delay if mission.actuators.kind == "real" else 0
 
     def record(self, path: Path, scenario: Scenario, log: FlightLog, scenario_id: str) -> None:
@@ -268,7 +266,7 @@ class FlightRecorder:
         for place, compiled in enumerate(self._compiled):
             system = compiled.system
             inputs = log.fis_input[decided, place, : len(system.inputs)]
-            strengths = firing_strengths(self._numbers, inputs, place)
+            strengths = compiled.firing_strengths(inputs)
             is_fired = self._is_fired(log, decided, COMPONENTS.index(system.outputs[0].name))
             shares = np.zeros_like(strengths)
             found = shapley.shares(compiled, inputs[is_fired], firing=strengths[is_fired])

@@ -110,7 +110,7 @@ class Controller:
             more = self.constants[np.newaxis] if has_constants(self) else np.zeros((1, 0))
             values = np.hstack([packed.values, more])
             return replace(packed, values=np.vstack([values, *(one.numbers.values for _, one in self.later)]))
-        return Packed(layout_of(())[0], np.zeros((1, 0)), np.zeros((1, 0), dtype=np.int64), ())
+        return Packed(layout_of(())[0], np.zeros((1, 0)), np.zeros((1, 0), dtype=np.int64))
 
     @cached_property
     def constants(self) -> Floats:

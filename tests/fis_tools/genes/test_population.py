@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from fis_tools.analysis.measures import measure
-from fis_tools.engines.kernel import LANES, evaluate, firing_strengths
+from fis_tools.engines.kernel import LANES, evaluate
 from fis_tools.engines.packing import NotCompilable, pack
 from fis_tools.genes.parameters import (
     GREATEST_GAIN,
@@ -85,14 +85,6 @@ def test_what_the_kernel_does_not_cover_is_refused_with_the_way_out(system: Fuzz
         pack(system)
 
 
-def test_firing_strengths_of_triangles_by_hand() -> None:
-    strengths = firing_strengths(pack(sparse_system(0.0)), np.array([[0.05, 0.9], [0.45, 0.5], [0.3, 0.5]]))
-    expected = np.zeros((3, 9))
-    expected[0, 2] = min(0.8, 0.6)  # a is low, b is high
-    expected[1, 4] = 0.5  # both are middle
-    np.testing.assert_allclose(strengths, expected, rtol=0, atol=1e-12)
-
-
 @pytest.mark.parametrize("num_rows", [1, 2, LANES - 1, LANES, LANES + 1, 2 * LANES, 2 * LANES + 1, 40])
 def test_a_batch_of_any_length_is_its_rows_bit_for_bit(num_rows: int) -> None:
     generator = np.random.default_rng(num_rows)
@@ -113,8 +105,6 @@ def test_each_of_a_controllers_systems_is_evaluated_as_if_alone() -> None:
         low, high = (np.array([getattr(v, end) for v in system.inputs]) for end in ("minimum", "maximum"))
         rows = low + PLACES[:5, np.newaxis] * (high - low)
         np.testing.assert_array_equal(evaluate(packed, rows, index), evaluate(pack(system), rows))
-        strengths = firing_strengths(packed, rows, index)
-        np.testing.assert_array_equal(strengths, firing_strengths(pack(system), rows))
 
 
 def parted(name: str, reach: float, count: int) -> Variable:
