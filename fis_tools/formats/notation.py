@@ -18,6 +18,8 @@ from typing import Any
 import yaml
 from yaml.composer import Composer
 
+from fis_tools.errors import ControllerFileError
+
 #: Levels of lists and mappings in a file.
 MAX_DEPTH = 64
 #: Bytes of a file; of JSON so many that every system that can be compiled can be read.
@@ -29,21 +31,17 @@ MAX_YAML_BYTES = 256 * 1024
 LINE_WIDTH = 110
 
 
-class Unreadable(ValueError):  # noqa: N818
-    """Raised for a text that is not acceptable JSON or YAML; says why in a sentence."""
-
-
 @contextmanager
 def _refusing() -> Iterator[None]:
     """Refuse what no reader of plain data takes, whichever the notation."""
     try:
         yield
-    except Unreadable:
+    except ControllerFileError:
         raise
     except RecursionError as error:
-        raise Unreadable(f"it is nested more than {MAX_DEPTH} deep; flatten it") from error
+        raise ControllerFileError(f"it is nested more than {MAX_DEPTH} deep; flatten it") from error
     except ValueError as error:
-        raise Unreadable(f"a number is too long: {error}") from error
+        raise ControllerFileError(f"a number is too long: {error}") from error
 
 
 def is_scalar(value: object) -> bool:
@@ -89,7 +87,7 @@ def read_json(text: str) -> Any:
 
     Raises
     ------
-    Unreadable
+    ControllerFileError
         With a sentence.
     """
     with _refusing():
@@ -97,11 +95,11 @@ def read_json(text: str) -> Any:
             return json.loads(text, object_pairs_hook=_unique_keys, parse_constant=_refuse_constant)
         except json.JSONDecodeError as error:
             if not text[error.pos :].strip():
-                raise Unreadable(
+                raise ControllerFileError(
                     f"the JSON ends in the middle of a value (line {error.lineno}); the file is cut short: "
                     "get a whole copy"
                 ) from error
-            raise Unreadable(
+            raise ControllerFileError(
                 f"it is not JSON: {error.msg} in line {error.lineno}, column {error.colno}; correct it there"
             ) from error
 
@@ -122,12 +120,12 @@ def _unique_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     if len(mapping) != len(pairs):
         times = Counter(key for key, _ in pairs)
         repeated = next(key for key, _ in pairs if times[key] > 1)
-        raise Unreadable(f"the key {repeated!r} appears twice in one place; keep one of them")
+        raise ControllerFileError(f"the key {repeated!r} appears twice in one place; keep one of them")
     return mapping
 
 
 def _refuse_constant(name: str) -> None:
-    raise Unreadable(f"it contains {name}; every number must be finite")
+    raise ControllerFileError(f"it contains {name}; every number must be finite")
 
 
 def _json_scalar(value: Any) -> str:
@@ -183,11 +181,11 @@ class _Loader(*_BASES):  # type: ignore[misc]
         event = self.peek_event()
         line = event.start_mark.line + 1
         if isinstance(event, yaml.AliasEvent) or event.anchor:
-            raise Unreadable(f"line {line} uses an anchor or alias (& or *); write the value out")
+            raise ControllerFileError(f"line {line} uses an anchor or alias (& or *); write the value out")
         if event.tag:
-            raise Unreadable(f"line {line} has the tag {event.tag!r}; tags are not read: remove it")
+            raise ControllerFileError(f"line {line} has the tag {event.tag!r}; tags are not read: remove it")
         if self.depth >= MAX_DEPTH:
-            raise Unreadable(f"line {line} is nested more than {MAX_DEPTH} deep; flatten it")
+            raise ControllerFileError(f"line {line} is nested more than {MAX_DEPTH} deep; flatten it")
         self.depth += 1
         node: yaml.Node | None = super().compose_node(parent, index)
         self.depth -= 1
@@ -204,10 +202,10 @@ class _Loader(*_BASES):  # type: ignore[misc]
         for key_node, value_node in node.value:
             line = key_node.start_mark.line + 1
             if not isinstance(key_node, yaml.ScalarNode):
-                raise Unreadable(f"line {line} has a list or mapping as a key; keys are words")
+                raise ControllerFileError(f"line {line} has a list or mapping as a key; keys are words")
             key = str(key_node.value)
             if key in mapping:
-                raise Unreadable(f"line {line} repeats the key {key!r}; keep one of them")
+                raise ControllerFileError(f"line {line} repeats the key {key!r}; keep one of them")
             mapping[key] = self.construct_object(value_node, deep=True)
         return mapping
 
@@ -239,21 +237,21 @@ def read_yaml(text: str) -> Any:
 
     Raises
     ------
-    Unreadable
+    ControllerFileError
         With a sentence.
     """
     if len(text) > MAX_YAML_BYTES:
-        raise Unreadable(f"it is longer than {MAX_YAML_BYTES} characters; keep so much data as JSON")
+        raise ControllerFileError(f"it is longer than {MAX_YAML_BYTES} characters; keep so much data as JSON")
     with _refusing():
         try:
             loader = _Loader(text)
             data = loader.get_single_data()
         except yaml.MarkedYAMLError as error:
-            raise Unreadable(_problem(error)) from error
+            raise ControllerFileError(_problem(error)) from error
         except (yaml.YAMLError, UnicodeEncodeError) as error:
-            raise Unreadable(f"it is not YAML: {' '.join(str(error).split())}") from error
+            raise ControllerFileError(f"it is not YAML: {' '.join(str(error).split())}") from error
     if loader.is_opened and not loader.is_closed:
-        raise Unreadable(
+        raise ControllerFileError(
             "it opens with '---' but does not close with '...', so its end may be missing; get a whole copy, "
             "or add a last line '...' if it is whole"
         )

@@ -17,7 +17,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, Final
 
-from fis_tools.errors import ControllerFileError, told_as
+from fis_tools.errors import ControllerFileError
 from fis_tools.formats import mapping, notation
 from fis_tools.formats.mapping import to_mapping
 from fis_tools.model import FuzzyController
@@ -228,9 +228,7 @@ def reads(text: str, kind: Kind) -> Reading:
     if kind not in _PLAIN_READERS:
         reading: Reading = _module(kind).read(text)
         return reading
-    with told_as(ControllerFileError, notation.Unreadable):
-        content = _PLAIN_READERS[kind](text)
-    return Reading(from_mapping(content), ())
+    return Reading(from_mapping(_PLAIN_READERS[kind](text)), ())
 
 
 def writer(name: str) -> Callable[[FuzzyController], Written]:

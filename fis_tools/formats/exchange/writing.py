@@ -26,7 +26,6 @@ from fis_tools.formats.exchange.antecedents import ANY, NotExpressible, any_term
 from fis_tools.formats.exchange.dialect import Dialect, Expressed, express, only_system
 from fis_tools.formats.exchange.foreign import RAMPS, TABLES
 from fis_tools.formats.mapping import from_mapping, refuse_problems, to_mapping
-from fis_tools.formats.notation import Unreadable
 from fis_tools.formats.serialize import Reading, Written
 from fis_tools.model import FuzzyController, FuzzySystem, Rule, Term, Variable, sample
 from fis_tools.model.shapes import Format
@@ -257,7 +256,7 @@ def _find(comments: Iterable[tuple[int, str]]) -> FuzzyController | None:
         )
     try:
         controller = from_mapping(notation.read_json(text.removeprefix(MARK)))
-    except (Unreadable, ControllerFileError) as error:
+    except ControllerFileError as error:
         raise ControllerFileError(f"line {line}: the comment is damaged ({error}); {cure}") from error
     if len(controller.systems) != 1:
         raise ControllerFileError(f"line {line}: the comment carries several systems; {cure}")

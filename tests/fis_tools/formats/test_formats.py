@@ -18,7 +18,7 @@ from fis_tools.findings.simplification import simplify
 from fis_tools.formats import csv as csv_format
 from fis_tools.formats import serialize
 from fis_tools.formats.exchange import foreign
-from fis_tools.formats.notation import Unreadable, read_json
+from fis_tools.formats.notation import read_json
 from fis_tools.formats.serialize import content_hash, described, edited
 from fis_tools.model import And, FuzzySystem, Hedged, Is, Not, Or, Term, shapes, table_rules, validate
 from fis_tools.source import named, read_controller
@@ -194,7 +194,7 @@ def test_a_number_of_a_million_digits_with_a_letter_behind_it_takes_no_time():
 
 def test_the_last_of_many_keys_repeated_takes_no_time():
     text = "{" + ", ".join(f'"k{i}": 0' for i in range(200_000)) + ', "k199999": 0}'
-    with pytest.raises(Unreadable, match="the key 'k199999' appears twice"):
+    with pytest.raises(ControllerFileError, match="the key 'k199999' appears twice"):
         read_json(text)
 
 
