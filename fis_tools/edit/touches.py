@@ -11,8 +11,9 @@ from typing import Any, TypeVar
 import numpy as np
 
 from fis_tools import model
-from fis_tools.formats.exchange.fll_rules import read_own
+from fis_tools.formats.exchange.fll_rules import read_rules
 from fis_tools.model import FuzzyController, FuzzySystem, Is, Rule, Term, Variable, sample
+from fis_tools.model.operators import HEDGES
 from fis_tools.model.shapes import SHAPES
 
 #: half the width of a Gaussian at half its height, in standard deviations
@@ -137,7 +138,8 @@ def said(system: FuzzySystem, rule: int, text: str) -> FuzzySystem:
         If the sentence is no rule.
     """
     held = system.rules[rule]
-    (read,) = read_own("the sentence", text.strip().replace("If ", "if ", 1))
+    words = text.strip().replace("If ", "if ", 1)
+    (read,) = read_rules("the sentence", words, ("min", "max"), {hedge: hedge for hedge in HEDGES})
     return with_rule(system, rule, replace(held, antecedent=read.antecedent, consequents=read.consequents))
 
 

@@ -8,14 +8,14 @@ universe. Rules are sentences, ``if a is low and (b is high or c is not low) the
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
+from itertools import chain
 
 from fis_tools import model
 from fis_tools.errors import ControllerFileError, told_as
 from fis_tools.formats.exchange import foreign, vocabulary
 from fis_tools.formats.exchange.antecedents import with_any
-from fis_tools.formats.exchange.dialect import Dialect, Expressed, settle
-from fis_tools.formats.exchange.fll_rules import Operators, read_rules
+from fis_tools.formats.exchange.dialect import Dialect, settle
+from fis_tools.formats.exchange.fll_rules import read_rules
 from fis_tools.formats.exchange.foreign import Block, Extent
 from fis_tools.formats.exchange.vocabulary import AGGREGATIONS, AND, DEFUZZIFIERS, OR, meanings
 from fis_tools.formats.exchange.writing import MARK, term_words, understand, written
@@ -44,11 +44,8 @@ END = "end of file"
 
 def write(controller: model.FuzzyController) -> Written:
     """Write a controller with one system; see `fis_tools.formats.exchange.writing.written`."""
-    return written(controller, DIALECT, "fll.jinja", _facts)
-
-
-def _facts(_expressed: Expressed) -> dict[str, Any]:
-    return {"words": term_words, "rule_words": foreign.rule_words, "end": END}
+    facts = {"words": term_words, "rule_words": foreign.rule_words, "end": END}
+    return written(controller, DIALECT, "fll.jinja", lambda _: facts)
 
 
 # Reading.
@@ -144,10 +141,10 @@ def _system(blocks: Sequence[Block]) -> FuzzySystem:
         for block in rule_blocks
     ]
     and_operator, or_operator = next(iter(operators), (None, None))
-    groups = [
-        (block, [rule for line, words in block.listed for rule in _own_rules(line, words, own)])
-        for block, own in zip(rule_blocks, operators, strict=True)
-    ]
+    groups: list[tuple[Block, list[Rule]]] = []
+    for block, own in zip(rule_blocks, operators, strict=True):
+        read = (read_rules(f"line {line}", words, own) for line, words in block.listed)
+        groups.append((block, [replace(r, and_operator=own[0], or_operator=own[1]) for r in chain(*read)]))
     rules = [rule for _, group in groups for rule in group]
     weighed = {output.name for output in outputs if output.defuzzifier in WEIGHING}
     for block in blocks:
@@ -158,8 +155,8 @@ def _system(blocks: Sequence[Block]) -> FuzzySystem:
         resolved = unchained(named, {output.name: output for output in outputs})
     name = engines[0].name or "unnamed"
     operators_of_all = (and_operator or "min", or_operator or "max")
-    read = FuzzySystem(name, with_any(inputs, rules), outputs, tuple(resolved), *operators_of_all)
-    return settle(replace(read, implication=_implication(groups, weighed)))
+    system = FuzzySystem(name, with_any(inputs, rules), outputs, tuple(resolved), *operators_of_all)
+    return settle(replace(system, implication=_implication(groups, weighed)))
 
 
 def _implication(groups: Sequence[tuple[Block, Sequence[Rule]]], weighed: set[str]) -> model.AndOperator:
@@ -176,10 +173,6 @@ def _implication(groups: Sequence[tuple[Block, Sequence[Rule]]], weighed: set[st
             "system of ours has one implication; give each block a file of its own"
         )
     return next(iter(implications), "min")
-
-
-def _own_rules(line: int, words: str, own: Operators) -> list[Rule]:
-    return [replace(rule, and_operator=own[0], or_operator=own[1]) for rule in read_rules(line, words, own)]
 
 
 def _refuse_joined(block: Block, rules: Sequence[Rule]) -> None:

@@ -9,7 +9,6 @@ from fis_tools.errors import ControllerFileError
 from fis_tools.formats.exchange import foreign
 from fis_tools.formats.exchange.antecedents import ANY, FUZZYLITES, hedged, joined
 from fis_tools.model import Consequent, Expression, Hedge, Rule
-from fis_tools.model.operators import HEDGES
 from fis_tools.model.validate import MAX_NESTING
 
 #: The operators of a block of rules; None where it has none.
@@ -43,7 +42,9 @@ class _Words:
         return word
 
 
-def read_rules(line: int, text: str, operators: Operators) -> list[Rule]:
+def read_rules(
+    where: str, text: str, operators: Operators, hedges: Mapping[str, Hedge] = FUZZYLITES
+) -> list[Rule]:
     """Read a rule; where it concludes with hedges, it becomes one for each strength that it concludes with.
 
     fuzzylite applies a hedge before a concluded term to the strength of the rule, for this term and all that
@@ -51,27 +52,20 @@ def read_rules(line: int, text: str, operators: Operators) -> list[Rule]:
 
     Parameters
     ----------
-    line : int
-        Where it stands.
+    where : str
+        What mistakes begin with, such as its line.
     text : str
         Such as ``if a is low or b is not high then c is up with 0.5``.
     operators : (and operator, or operator)
         Those of its block; None where that has none.
+    hedges : mapping, optional
+        The words for hedges, with the hedges; those of fuzzylite by default.
 
     Raises
     ------
     ControllerFileError
         If it is not a rule, or says what one of ours cannot.
     """
-    return _read(f"line {line}", text, operators, FUZZYLITES)
-
-
-def read_own(where: str, text: str) -> list[Rule]:
-    """Read a rule whose hedges have our names, as `read_rules`; ``where`` begins mistakes."""
-    return _read(where, text, ("min", "max"), {hedge: hedge for hedge in HEDGES})
-
-
-def _read(where: str, text: str, operators: Operators, hedges: Mapping[str, Hedge]) -> list[Rule]:
     words = _Words(re.findall(r"[()]|[^\s()]+", text), where, hedges)
     words.take("if")
     antecedent = _disjunction(words, operators, 0)
