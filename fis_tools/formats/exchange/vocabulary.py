@@ -3,7 +3,7 @@
 import re
 import unicodedata
 from collections.abc import Iterable, Mapping
-from typing import Literal, NamedTuple, TypeVar
+from typing import Literal, NamedTuple, TypeVar, get_args
 
 from fis_tools.model import Aggregation, AndOperator, Defuzzifier, FuzzySystem, Hedge, OrOperator
 from fis_tools.plain_text import distinct
@@ -18,37 +18,32 @@ class Words(NamedTuple):
     fll: str
 
 
-AND: dict[AndOperator, Words] = {
+#: Of methods that a format calls otherwise than we do.
+_OTHERWISE = {
     "min": Words("min", "Minimum"),
-    "product": Words("prod", "AlgebraicProduct"),
-    "bounded_difference": Words("bounded_difference", "BoundedDifference"),
-    "einstein_product": Words("einstein_product", "EinsteinProduct"),
-    "hamacher_product": Words("hamacher_product", "HamacherProduct"),
-    "drastic_product": Words("drastic_product", "DrasticProduct"),
-    "nilpotent_minimum": Words("nilpotent_minimum", "NilpotentMinimum"),
-}
-OR: dict[OrOperator, Words] = {
     "max": Words("max", "Maximum"),
+    "product": Words("prod", "AlgebraicProduct"),
     "probabilistic_sum": Words("probor", "AlgebraicSum"),
-    "bounded_sum": Words("bounded_sum", "BoundedSum"),
-    "einstein_sum": Words("einstein_sum", "EinsteinSum"),
-    "hamacher_sum": Words("hamacher_sum", "HamacherSum"),
-    "drastic_sum": Words("drastic_sum", "DrasticSum"),
-    "nilpotent_maximum": Words("nilpotent_maximum", "NilpotentMaximum"),
-}
-AGGREGATIONS: dict[Aggregation, Words] = {"unbounded_sum": Words("sum", "UnboundedSum")}
-AGGREGATIONS.update(OR.items())
-#: Words of fuzzylite for what is known by another one: from two degrees of truth both make the same.
-NORMALIZED_SUMS: dict[str, OrOperator] = dict.fromkeys(("normalized_sum", "NormalizedSum"), "bounded_sum")
-DEFUZZIFIERS: dict[Defuzzifier, Words] = {
-    "centroid": Words("centroid", "Centroid"),
-    "bisector": Words("bisector", "Bisector"),
+    "unbounded_sum": Words("sum", "UnboundedSum"),
     "mom": Words("mom", "MeanOfMaximum"),
     "som": Words("som", "SmallestOfMaximum"),
     "lom": Words("lom", "LargestOfMaximum"),
     "weighted_average": Words("wtaver", "WeightedAverage"),
     "weighted_sum": Words("wtsum", "WeightedSum"),
 }
+
+
+def _worded(methods: Iterable[_Name]) -> dict[_Name, Words]:
+    """Return methods with their words: mostly our names, which fuzzylite writes as EinsteinSum."""
+    return {name: _OTHERWISE.get(name, Words(name, name.title().replace("_", ""))) for name in methods}
+
+
+AND: dict[AndOperator, Words] = _worded(get_args(AndOperator))
+OR: dict[OrOperator, Words] = _worded(get_args(OrOperator))
+AGGREGATIONS: dict[Aggregation, Words] = _worded(("unbounded_sum", *get_args(OrOperator)))
+DEFUZZIFIERS: dict[Defuzzifier, Words] = _worded(get_args(Defuzzifier))
+#: Words of fuzzylite for what is known by another one: from two degrees of truth both make the same.
+NORMALIZED_SUMS: dict[str, OrOperator] = dict.fromkeys(("normalized_sum", "NormalizedSum"), "bounded_sum")
 #: fuzzylite's words for hedges; the others have none. Its `extremely` is not that of MATLAB.
 HEDGES: dict[Hedge, str] = {
     "very": "very",
