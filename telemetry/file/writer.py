@@ -107,12 +107,9 @@ def rows(values: ArrayLike, count: int, length: int, field: str) -> Floats:
     return found.reshape(count, length)
 
 
-def transform(
-    time_ns: Integers, parent: str, child: str, translation_m: Floats, quaternion: Floats
-) -> Columns:
+def transform(parent: str, child: str, translation_m: Floats, quaternion: Floats) -> Columns:
     """Tell transforms of a child frame; quaternions (scalar last) turn child axes into parent axes."""
     return {
-        "timestamp": _timestamp(time_ns),
         "parent_frame_id": parent,
         "child_frame_id": child,
         "translation": dict(zip("xyz", translation_m.T, strict=True)),
@@ -120,24 +117,15 @@ def transform(
     }
 
 
-def pose_in_hill(time_ns: Integers, position_m: Floats, quaternion: Floats) -> Columns:
-    """Tell poses of a body in Hill; quaternions (scalar last) turn body axes into Hill axes."""
-    pose = {
-        "position": dict(zip("xyz", position_m.T, strict=True)),
-        "orientation": dict(zip("xyzw", quaternion.T, strict=True)),
-    }
-    return {"timestamp": _timestamp(time_ns), "frame_id": topics.HILL_FRAME, "pose": pose}
-
-
-def point_cloud(time_ns: Integers, points_m: ArrayLike, states: ArrayLike) -> Columns:
-    """Tell clouds of points, (P, 3), chief axes, coloured by their states, a row of P for each time.
+def point_cloud(count: int, points_m: ArrayLike, states: ArrayLike) -> Columns:
+    """Tell clouds of points, (P, 3), chief axes, coloured by their states, a row of P for each of them.
 
     Raises
     ------
     RecordingError
         If the shapes do not match or a state is not a `topics.PointState`.
     """
-    count, points, state = len(time_ns), np.asarray(points_m), np.asarray(states, dtype=np.int64)
+    points, state = np.asarray(points_m), np.asarray(states, dtype=np.int64)
     if points.ndim != 2 or points.shape[1] != 3 or state.size != count * len(points):
         wanted = "(P,)" if count == 1 else f"({count}, P)"
         raise RecordingError(
@@ -151,53 +139,31 @@ def point_cloud(time_ns: Integers, points_m: ArrayLike, states: ArrayLike) -> Co
         )
     colours = topics.POINT_COLOURS_RGBA[state.reshape(count, len(points))]
     channels = dict(zip(topics.COLOUR_CHANNELS, np.moveaxis(colours, -1, 0), strict=True))
-    return cloud_of(time_ns, points, channels)
+    return cloud_of(count, points, channels)
 
 
-def cloud_of(time_ns: Integers, points_m: ArrayLike, columns: Mapping[str, NDArray[Any]]) -> Columns:
-    """Tell clouds of points, (P, 3), chief axes, with columns of a row of P for each time, or one for all.
+def cloud_of(count: int, points_m: ArrayLike, columns: Mapping[str, NDArray[Any]]) -> Columns:
+    """Tell clouds of points, (P, 3), chief axes, with columns of a row of P for each cloud, or one for all.
 
     Columns of bytes or booleans are written as bytes, others as doubles.
     """
     points = np.asarray(points_m, dtype=np.float32)
     kinds = {name: "u1" if values.dtype.itemsize == 1 else "<f8" for name, values in columns.items()}
     layout = np.dtype([*dict.fromkeys("xyz", "<f4").items(), *kinds.items()])
-    clouds = np.empty((len(time_ns), len(points)), layout)
+    clouds = np.empty((count, len(points)), layout)
     for name, values in (*zip("xyz", points.T, strict=True), *columns.items()):
         clouds[name] = values
-    packed = clouds.view(np.uint8).reshape(len(time_ns), -1)
-    return {"timestamp": _timestamp(time_ns), "data": packed, **_layout(layout)}
-
-
-def event(time_ns: Integers, level: str, text: str) -> Columns:
-    """Tell a line of the event log.
-
-    Raises
-    ------
-    RecordingError
-        If `level` is not one of `LOG_LEVELS`.
-    """
-    if level not in LOG_LEVELS:
-        raise RecordingError(f"there is no log level {level!r}; choose one of {', '.join(LOG_LEVELS)}")
-    return {"timestamp": _timestamp(time_ns), "level": LOG_LEVELS[level], "message": text, "name": "episode"}
-
-
-def _timestamp(time_ns: Integers) -> Columns:
-    return {"seconds": time_ns // topics.NANOSECONDS, "nanos": time_ns % topics.NANOSECONDS}
-
-
-def _layout(dtype: np.dtype[Any]) -> Columns:
-    """Return what all clouds of points of a type have alike."""
-    fields = [(name, *dtype.fields[name][:2]) for name in dtype.names or ()]  # type: ignore[index]
+    fields = [(name, *layout.fields[name][:2]) for name in layout.names or ()]  # type: ignore[index]
     number_of = PackedElementField.NumericType.Value
     return {
         "frame_id": topics.CHIEF_FRAME,
         "pose": Pose(position=Vector3(), orientation=Quaternion(w=1.0)),
-        "point_stride": dtype.itemsize,
+        "point_stride": layout.itemsize,
         "fields": [
             PackedElementField(name=name, offset=offset, type=number_of(kind.name.upper()))
             for name, kind, offset in fields
         ],
+        "data": clouds.view(np.uint8).reshape(count, -1),
     }
 
 
@@ -268,7 +234,7 @@ class EpisodeWriter:
                 self._file.abandon()
                 raise
         start, origin = nanoseconds(0.0), np.zeros((1, 3))
-        root = transform(start, topics.VIEWER_ROOT_FRAME, topics.HILL_FRAME, origin, _UPRIGHT)
+        root = transform(topics.VIEWER_ROOT_FRAME, topics.HILL_FRAME, origin, _UPRIGHT)
         self._write(topics.TRANSFORMS, start, root)
         return self
 
@@ -309,9 +275,13 @@ class EpisodeWriter:
         origin = np.zeros_like(position)
         bodies = {topics.DEPUTY_FRAME: (position, deputy), topics.CHIEF_FRAME: (origin, chief)}
         for child, (place, turned) in bodies.items():
-            columns = transform(time_ns, topics.HILL_FRAME, child, place, turned)
+            columns = transform(topics.HILL_FRAME, child, place, turned)
             self._write(topics.TRANSFORMS, time_ns, columns)
-        self._write(topics.DEPUTY_POSE, time_ns, pose_in_hill(time_ns, position, deputy))
+        pose = {
+            "position": dict(zip("xyz", position.T, strict=True)),
+            "orientation": dict(zip("xyzw", deputy.T, strict=True)),
+        }
+        self._write(topics.DEPUTY_POSE, time_ns, {"frame_id": topics.HILL_FRAME, "pose": pose})
 
     def points(self, time_s: ArrayLike, points_m: ArrayLike, states: ArrayLike) -> None:
         """Record the inspection points and their states.
@@ -326,7 +296,7 @@ class EpisodeWriter:
             A `telemetry.file.topics.PointState` for each point.
         """
         time_ns = nanoseconds(time_s)
-        self._write(topics.CHIEF_POINTS, time_ns, point_cloud(time_ns, points_m, states))
+        self._write(topics.CHIEF_POINTS, time_ns, point_cloud(len(time_ns), points_m, states))
 
     def pulls(
         self,
@@ -353,7 +323,7 @@ class EpisodeWriter:
         """
         time_ns = nanoseconds(time_s)
         columns: dict[str, Any] = {**parts, "last_light_s": last_light_s, "is_missed": is_missed}
-        self._write(topics.CHIEF_PULLS, time_ns, cloud_of(time_ns, points_m, columns))
+        self._write(topics.CHIEF_PULLS, time_ns, cloud_of(len(time_ns), points_m, columns))
 
     def record(self, topic: str, time_s: ArrayLike, **fields: ArrayLike) -> None:
         """Record messages of one of this project's own kinds.
@@ -400,9 +370,16 @@ class EpisodeWriter:
             ``debug``, ``info``, ``warning`` or ``error``.
         text : str
             One sentence.
+
+        Raises
+        ------
+        RecordingError
+            If there is no such level.
         """
+        if level not in LOG_LEVELS:
+            raise RecordingError(f"there is no log level {level!r}; choose one of {', '.join(LOG_LEVELS)}")
         time_ns = nanoseconds(time_s)
-        self._write(topics.LOG, time_ns, event(time_ns, level, text))
+        self._write(topics.LOG, time_ns, {"level": LOG_LEVELS[level], "message": text, "name": "episode"})
         self._flush(int(time_ns[0]))
 
     def _begun(self) -> Writer:
@@ -444,6 +421,9 @@ class EpisodeWriter:
         channel, kind = self._channel(topic)
         if not len(time_ns):
             return
+        if "timestamp" in kind.DESCRIPTOR.fields_by_name:
+            seconds, nanos = np.divmod(time_ns, topics.NANOSECONDS)
+            columns = {"timestamp": {"seconds": seconds, "nanos": nanos}, **columns}
         times = time_ns.tolist()
         is_full = len(self._waiting_times) >= SAMPLES_PER_CHUNK
         if is_full and times[0] > max(self._waiting_times):
