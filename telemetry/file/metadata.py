@@ -14,8 +14,6 @@ from typing import Any, Final, Self
 
 from telemetry.file import RecordingError
 
-JsonValue = float | str | list[float] | list[str]
-
 #: keys with text, and with lists of words; all others have numbers
 TEXTS: Final = (
     *("scenario_id", "product_version", "config_hash"),
@@ -216,44 +214,32 @@ def _decoded(key: str, text: str) -> Any:
     """Decode the value of a key."""
     if key in TEXTS:
         return text
-    return _words(key, text) if key in WORDS else _numbers(key, text)
-
-
-def _from_json(key: str, text: str) -> JsonValue:
     try:
-        value: JsonValue = json.loads(text)
+        value = json.loads(text)
     except (ValueError, RecursionError) as error:
-        raise RecordingError(
-            f"metadata {key!r} is {text[:80]!r}, but a number or a list in JSON is expected; {CURE}"
-        ) from error
-    return value
+        raise _unfit(key, text, "a number or a list in JSON is") from error
+    if key not in WORDS:
+        return _numbers(key, text, value)
+    if not isinstance(value, list):
+        raise _unfit(key, text, "a JSON list of words is")
+    return tuple(plain(str(word)) for word in value)
 
 
-def _numbers(key: str, text: str) -> float | tuple[float, ...]:
-    """Decode a finite number, or as many as a key has."""
-    value = _from_json(key, text)
+def _numbers(key: str, text: str, value: Any) -> Any:
+    """Return a finite number, or as many as a key has."""
     given = value if isinstance(value, list) else [value]
     kinds, most = ((int,), MOST_WHOLE) if key in WHOLE else ((int, float), MOST)
-    are_numbers = all(type(one) in kinds and abs(one) <= most for one in given)  # type: ignore[arg-type]
-    is_right = isinstance(value, list) == (key in NUMBERS_OF) and len(given) == (
-        NUMBERS_OF.get(key) or len(given)
-    )
-    if not are_numbers or not is_right:
+    are_numbers = all(type(one) in kinds and abs(one) <= most for one in given)
+    has_all = len(given) == (NUMBERS_OF.get(key) or len(given))
+    if not are_numbers or not has_all or isinstance(value, list) != (key in NUMBERS_OF):
         kind = "whole numbers" if key in WHOLE else "numbers"
-        raise RecordingError(
-            f"metadata {key!r} is {text[:80]!r}, but {NUMBERS_OF.get(key, 1) or 'any number of'} finite "
-            f"{kind} are expected; {CURE}"
-        )
-    return tuple(value) if isinstance(value, list) else value  # type: ignore[return-value,arg-type]
+        how_many = NUMBERS_OF.get(key, 1) or "any number of"
+        raise _unfit(key, text, f"{how_many} finite {kind} are")
+    return tuple(given) if key in NUMBERS_OF else value
 
 
-def _words(key: str, text: str) -> tuple[str, ...]:
-    value = _from_json(key, text)
-    if not isinstance(value, list):
-        raise RecordingError(
-            f"metadata {key!r} is {text[:80]!r}, but a JSON list of words is expected; {CURE}"
-        )
-    return tuple(plain(str(word)) for word in value)
+def _unfit(key: str, text: str, expected: str) -> RecordingError:
+    return RecordingError(f"metadata {key!r} is {text[:80]!r}, but {expected} expected; {CURE}")
 
 
 #: control characters but line ends and tabs, what turns the direction of writing, and halves of pairs
