@@ -1,7 +1,7 @@
 """Findings on variables: gaps between terms, overlaps, their order, and whether their names fit."""
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
@@ -106,15 +106,21 @@ def find(system: FuzzySystem, measures: Measures, thresholds: Thresholds) -> Fin
     for variable in system.variables:
         if variable in system.weighed:
             continue
-        yield from _low(variable)
-        yield from _covered(system, variable, measures, thresholds)
-        yield from _alike(variable, thresholds)
-        yield from _ordered(variable)
-        readings = read_names([term.name for term in variable.terms])
-        yield from _named(variable, readings)
-        yield from _signs(variable, readings)
-        yield from _zero(variable, readings, thresholds)
-        yield from _many(variable, thresholds)
+        found = _of_sets(system, variable, measures, thresholds)
+        yield from (replace(finding, variable=variable.name) for finding in found)
+
+
+def _of_sets(system: FuzzySystem, variable: Variable, measures: Measures, thresholds: Thresholds) -> Findings:
+    """Yield the findings on a variable whose terms are fuzzy sets, without its name."""
+    yield from _low(variable)
+    yield from _covered(system, variable, measures, thresholds)
+    yield from _alike(variable, thresholds)
+    yield from _ordered(variable)
+    readings = read_names([term.name for term in variable.terms])
+    yield from _named(variable, readings)
+    yield from _signs(variable, readings)
+    yield from _zero(variable, readings, thresholds)
+    yield from _many(variable, thresholds)
 
 
 def _weighed(system: FuzzySystem) -> Findings:
@@ -166,8 +172,7 @@ def _low(variable: Variable) -> Findings:
                 f"{number(round(highest, 3))}: its peak lies outside the range or between the "
                 f"{variable.num_points} points of the universe.",
                 "Move the peak into the range, widen the term, or give the universe more points.",
-                variable.name,
-                (term.name,),
+                terms=(term.name,),
                 evidence={"highest": float(highest)},
             )
 
@@ -188,7 +193,6 @@ def _covered(system: FuzzySystem, variable: Variable, measures: Measures, thresh
         f"reaches a membership of {thresholds.coverage:g} there, and at {amount(variable, worst.at)} the "
         f"best one reaches {least}.",
         f"Widen the terms on both sides until each value has a membership of {thresholds.coverage:g} in one.",
-        variable.name,
         evidence={"least": worst.least, "at": worst.at, "from": low, "to": high},
     )
 
@@ -237,7 +241,7 @@ def _alike(variable: Variable, thresholds: Thresholds) -> Findings:
         else:
             continue
         names_of_both = (variable.terms[a].name, variable.terms[b].name)
-        yield Finding(kind, severity, sentence, cure, variable.name, names_of_both, evidence=evidence)
+        yield Finding(kind, severity, sentence, cure, terms=names_of_both, evidence=evidence)
 
 
 def _ordered(variable: Variable) -> Findings:
@@ -251,8 +255,7 @@ def _ordered(variable: Variable) -> Findings:
                 f"{before} of {variable.name} is listed before {after}, but lies higher "
                 f"({amount(variable, centres[place])} against {amount(variable, centres[place + 1])}).",
                 "List terms from the lowest to the highest: tables and neighbours are read in this order.",
-                variable.name,
-                (before, after),
+                terms=(before, after),
                 evidence={"centres": centres},
             )
 
@@ -277,8 +280,7 @@ def _named(variable: Variable, readings: list[Reading | None]) -> Findings:
             f"{amount(variable, high_at)}"
             + ("; all its terms are named from high to low." if falling else "."),
             "Swap the names or the membership functions: every rule that uses them reads wrongly.",
-            variable.name,
-            (low.name, high.name),
+            terms=(low.name, high.name),
             evidence={"centres": [low_at, high_at]},
         )
 
@@ -292,8 +294,7 @@ def _signs(variable: Variable, readings: list[Reading | None]) -> Findings:
                 Severity.SERIOUS,
                 f"{term.name} of {variable.name} peaks at {amount(variable, here)}, on the other side of 0.",
                 "Rename the term, or move it to the side that its name implies.",
-                variable.name,
-                (term.name,),
+                terms=(term.name,),
                 evidence={"centre": here},
             )
 
@@ -314,8 +315,7 @@ def _zero(variable: Variable, readings: list[Reading | None], thresholds: Thresh
             f"{percent(abs(here) / variable.span)} of the range away from 0: 0 has a membership "
             f"of only {at_zero[place]:.2f} in it{instead}.",
             f"Move {term.name} to 0, or rename it after where it lies.",
-            variable.name,
-            (term.name,),
+            terms=(term.name,),
             evidence={"centre": here, "membership_of_zero": at_zero[place]},
         )
 
@@ -327,6 +327,5 @@ def _many(variable: Variable, thresholds: Thresholds) -> Findings:
             Severity.NOTE,
             f"{variable.name} has {len(variable.terms)} terms; people tell about {thresholds.terms} apart.",
             "Merge terms that act alike (fis_tools simplify proposes some).",
-            variable.name,
             evidence={"terms": len(variable.terms)},
         )
