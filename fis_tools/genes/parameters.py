@@ -14,6 +14,7 @@ terms, so that their shapes, order and overlap stay as drawn. For instance, term
 are each one at their own peak only, stay so for all genes. Rule tables are planes or stay as they are.
 """
 
+from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
@@ -73,8 +74,21 @@ class Places:
 Numbers = tuple[Floats, Floats, Floats, Floats]
 
 
+class Genes(ABC):
+    """What the genes of a vector tune."""
+
+    @abstractmethod
+    def gene_names(self) -> list[str]:
+        """Return for each gene what it tunes."""
+
+    @property
+    def num_genes(self) -> int:
+        """Length of the vector."""
+        return len(self.gene_names())
+
+
 @dataclass(frozen=True)
-class SystemEncoding:
+class SystemEncoding(Genes):
     """The mapping from genes to the systems of one controller.
 
     Genes run system by system; inside a system input by input (inner means, then standard deviations), then
@@ -104,11 +118,6 @@ class SystemEncoding:
             for variable in (*system.inputs, output):
                 if fault := _fault(variable):
                     raise ValueError(f"variable {variable.name!r} {fault}")
-
-    @property
-    def num_genes(self) -> int:
-        """Length of the vector."""
-        return len(self.gene_names())
 
     def gene_names(self) -> list[str]:
         """Return for each gene what it tunes."""
@@ -268,7 +277,7 @@ GREATEST_GAIN = 3.0
 
 
 @dataclass(frozen=True)
-class Planes:
+class Planes(Genes):
     """Planar rule tables: for each system gains, widths and the reach, all in [0, 1].
 
     Parameters
@@ -278,11 +287,6 @@ class Planes:
     """
 
     encoding: SystemEncoding
-
-    @property
-    def num_genes(self) -> int:
-        """Length of the short vector."""
-        return sum(2 * len(system.inputs) + 2 for system in self.encoding.systems)
 
     def gene_names(self) -> list[str]:
         """Return for each gene what it tunes."""
@@ -321,7 +325,7 @@ class Planes:
 
 
 @dataclass(frozen=True)
-class KeptRules:
+class KeptRules(Genes):
     """Whole genomes without the genes of their rules, which are those of a given genome.
 
     Parameters
@@ -334,11 +338,6 @@ class KeptRules:
 
     encoding: SystemEncoding
     genome: Floats
-
-    @property
-    def num_genes(self) -> int:
-        """Length of the short vector."""
-        return int(self._is_tuned().sum())
 
     def gene_names(self) -> list[str]:
         """Return for each gene what it tunes."""
@@ -402,7 +401,7 @@ MORE_DIGITS = 2
 
 
 @dataclass(frozen=True)
-class Stretches:
+class Stretches(Genes):
     """The mapping from genes to stretches in the systems of one controller; all genes are in [0, 1].
 
     Genes run system by system: a gain for each input if tables are planes, then the stretch of each input
@@ -435,11 +434,6 @@ class Stretches:
                         f"variable {variable.name!r} ranges from {variable.minimum} to {variable.maximum}; "
                         "make it symmetric about zero and evenly spaced to stretch it"
                     )
-
-    @property
-    def num_genes(self) -> int:
-        """Length of the vector."""
-        return len(self.gene_names())
 
     def gene_names(self) -> list[str]:
         """Return for each gene what it tunes."""
