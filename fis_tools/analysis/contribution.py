@@ -116,8 +116,7 @@ def importance(compiled: CompiledSystem, inputs: Floats) -> Floats:
         raise ValueError("there are no samples; pass at least one row of inputs")
     counts = np.count_nonzero(~np.isnan(moved), axis=0)
     ranges = np.array([variable.span for variable in compiled.system.outputs])
-    shares: Floats = np.nansum(moved, axis=0) / np.maximum(counts, 1) / ranges
-    return shares
+    return np.asarray(np.nansum(moved, axis=0) / np.maximum(counts, 1) / ranges)
 
 
 def weighed_shares(program: Program, weighing: Weighing, firing: Floats, inputs: Floats) -> Floats:
@@ -148,8 +147,7 @@ def weighed_shares(program: Program, weighing: Weighing, firing: Floats, inputs:
     scale = total if weighing.defuzzifier == WEIGHTED_SUM else 1.0
     moved = parts * (scale * np.where(strengths > 0.0, numbers, 0.0) - default)
     found = np.zeros(firing.shape)
-    for column, rule in enumerate(weighing.rules):
-        found[:, rule] += moved[:, column]
+    np.add.at(found, (slice(None), weighing.rules), moved)
     return found
 
 

@@ -188,8 +188,7 @@ def _widened(low: float, high: float) -> tuple[float, float]:
 def _steepness(weighing: Weighing, num_inputs: int) -> Floats:
     """Return the sensitivity of concluded numbers to each input, as shares of the output's range."""
     factors = np.abs(np.where(weighing.kinds[:, np.newaxis] == codes.NUMBER, weighing.parameters, 0.0))
-    steepest: Floats = factors[:, :num_inputs].max(axis=0, initial=0.0) / (weighing.high - weighing.low)
-    return steepest
+    return np.asarray(factors[:, :num_inputs].max(axis=0, initial=0.0) / (weighing.high - weighing.low))
 
 
 @compiled(error_model="numpy", nogil=True)

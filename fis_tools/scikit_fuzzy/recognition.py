@@ -241,15 +241,11 @@ def _smooth(samples: Samples) -> Iterator[Estimate]:
         mean, deviation = left or (min(halves[0][0], low), halves[0][1])
         other_mean, other_deviation = right or (max(mean, high), deviation)
         yield model.TwoSidedGaussian, (mean, abs(deviation), other_mean, abs(other_deviation))
-    yield from _pairs_of_sigmoids(odds)
-    yield from _bells(samples, odds)
-
-
-def _pairs_of_sigmoids(odds: list[tuple[float, float] | None]) -> Iterator[Estimate]:
     left, right = odds
     if left is not None and right is not None:
         yield model.SigmoidProduct, (left[0], 1.0 / left[1], right[0], 1.0 / right[1])
         yield model.SigmoidDifference, (left[0], 1.0 / left[1], right[0], -1.0 / right[1])
+    yield from _bells(samples, odds)
 
 
 def _bells(samples: Samples, odds: list[tuple[float, float] | None]) -> Iterator[Estimate]:

@@ -166,7 +166,9 @@ def compare(first: Recording, second: Recording, tolerance: float = 0.0) -> Comp
     lone: list[LoneMessages] = []
     for name in sorted({topic.topic for topic in recorded}, key=_flow):
         pair = first.topics.get(name), second.topics.get(name)
-        rows, other_rows = _common_rows(*pair)
+        # the same time, and the same index among those of that time
+        keys = _keys(pair[0]), _keys(pair[1])
+        _, rows, other_rows = np.intersect1d(*keys, assume_unique=True, return_indices=True)
         for topic, common, is_in_first in zip(pair, (rows, other_rows), (True, False), strict=True):
             times = np.empty(0) if topic is None else np.delete(topic.time_s, common)
             if times.size:
@@ -196,12 +198,6 @@ def _flow(topic: str) -> tuple[int, str]:
     """Return a sort key for the order of data flow; other topics come last."""
     kind = topics.FIS_PREFIX if topic.startswith(topics.FIS_PREFIX) else topic
     return (_DATA_FLOW.index(kind) if kind in _DATA_FLOW else len(_DATA_FLOW)), topic
-
-
-def _common_rows(first: TopicColumns | None, second: TopicColumns | None) -> tuple[Indices, Indices]:
-    """Pair messages: the same time, and the same index among those of that time."""
-    _, rows, other_rows = np.intersect1d(_keys(first), _keys(second), assume_unique=True, return_indices=True)
-    return rows, other_rows
 
 
 def _keys(topic: TopicColumns | None) -> NDArray[np.void]:

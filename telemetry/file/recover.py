@@ -110,7 +110,8 @@ def recover(path: Path | str, output: Path | str | None = None) -> Recovery:
         cannot be written.
     """
     path = Path(path)
-    output = _default_output(path) if output is None else Path(output)
+    name = path.name.removesuffix(PARTIAL_SUFFIX).removesuffix(".mcap")
+    output = path.with_name(f"{name}.recovered.mcap") if output is None else Path(output)
     salvage = _scan(_content(path))
     is_whole = salvage.is_finished and salvage.num_damaged_records == 0
     if not is_whole:
@@ -122,11 +123,6 @@ def recover(path: Path | str, output: Path | str | None = None) -> Recovery:
     num_lost = path.stat().st_size - salvage.num_bytes_read
     written = None if is_whole else output
     return Recovery(written, salvage.num_messages, salvage.end_s, num_lost, salvage.num_damaged_records)
-
-
-def _default_output(path: Path) -> Path:
-    name = path.name.removesuffix(PARTIAL_SUFFIX).removesuffix(".mcap")
-    return path.with_name(f"{name}.recovered.mcap")
 
 
 def _content(path: Path) -> bytes:

@@ -160,17 +160,11 @@ def events_in_words(recordings: Sequence[Recording], names: Sequence[str]) -> li
         log = recording[topics.LOG]
         whose = f"{name}: " if len(recordings) > 1 else ""
         rows = zip(log.time_s.tolist(), log["level"].tolist(), log["message"].tolist(), strict=True)
-        events += [
-            Event(time_s, level.upper(), line)
-            for time_s, level, text in rows
-            for line in _lines(drawable(f"{time_s:.0f} s: {whose}{text}"))
-        ]
+        for time_s, level, text in rows:
+            # rerun shows the first line of each
+            lines = wrap(drawable(f"{time_s:.0f} s: {whose}{text}"), EVENT_WIDTH, subsequent_indent=" " * 8)
+            events += [Event(time_s, level.upper(), line) for line in lines]
     return sorted(events, key=lambda event: event.time_s)
-
-
-def _lines(text: str) -> list[str]:
-    """Break a text into rows that the panel of events has room for: rerun shows the first line of each."""
-    return wrap(text, EVENT_WIDTH, subsequent_indent="        ") or [text]
 
 
 def flights_in_words(recordings: Sequence[Recording], names: Sequence[str]) -> str:
@@ -220,8 +214,7 @@ def pulls(recording: Recording, sample_time_s: Floats) -> Floats | None:
     parts = np.abs(np.array(columns, dtype=np.float64))
     most = np.max(parts / np.maximum(parts.max(axis=(1, 2), keepdims=True), 1e-300), axis=0)
     rows = np.searchsorted(cloud.time_s, sample_time_s, side="right") - 1
-    found: Floats = np.where((rows >= 0)[:, None], most[rows], 0.0)
-    return found
+    return np.asarray(np.where((rows >= 0)[:, None], most[rows], 0.0))
 
 
 def sun_directions(mission: TopicColumns) -> Floats:

@@ -313,13 +313,11 @@ class _Signal:
     @property
     def universe(self) -> list[float]:
         """The points that its table holds."""
-        points: list[float] = self.variable.universe[self.places].tolist()
-        return points
+        return [float(point) for point in self.variable.universe[self.places]]
 
     def values(self, term: Term) -> list[float]:
         """Return a row of its table."""
-        values: list[float] = sample(self.variable, term)[self.places].tolist()
-        return values
+        return [float(value) for value in sample(self.variable, term)[self.places]]
 
     def row(self, term: str) -> int:
         """Return which row of its table a term is."""

@@ -86,9 +86,8 @@ def require_flat(expression: Expression, *, repeats: bool) -> None:
 def in_order(expression: Expression, inputs: Sequence[str]) -> Expression:
     """Put the statements of a flat antecedent, one of each input, in the order of the inputs."""
     if isinstance(expression, model.And | model.Or):
-        places = {name: place for place, name in enumerate(inputs)}
-        kind = type(expression)
-        return kind(tuple(sorted(expression.operands, key=lambda leaf: places[statement_of(leaf).variable])))
+        ordered = sorted(expression.operands, key=lambda leaf: inputs.index(statement_of(leaf).variable))
+        return type(expression)(tuple(ordered))
     return expression
 
 
