@@ -129,8 +129,7 @@ def most_changed(before: Flown, after: Flown, count: int) -> Integers:
     ends = succeeds(before.episodes) != succeeds(after.episodes)
     points = np.abs(after.episodes["inspected_count"] - before.episodes["inspected_count"])
     spent = np.abs(after.episodes["delta_v_m_s"] - before.episodes["delta_v_m_s"])
-    order: Integers = np.lexsort((-spent, -points, ~ends))[:count]
-    return order
+    return np.lexsort((-spent, -points, ~ends))[:count]
 
 
 #: bins of the histogram at most, and from one label to the next; flights that changed most, as shown

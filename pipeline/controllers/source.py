@@ -141,8 +141,7 @@ def controller_of_kind(kind: str, settings: Planned, mission: Mission) -> Contro
     SettingError
         If the settings do not fit the mission.
     """
-    made: Controller = import_module(f"pipeline.controllers.planned.{kind}").controller(settings, mission)
-    return made
+    return import_module(f"pipeline.controllers.planned.{kind}").controller(settings, mission)
 
 
 def remembering(controller: Controller) -> Controller:

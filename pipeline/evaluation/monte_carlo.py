@@ -123,5 +123,4 @@ def rank(episodes: Columns) -> NDArray[np.int64]:
     Equal ones stay in order.
     """
     keys = (-episodes["delta_v_m_s"], episodes["inspected_count"], ~episodes["violated"].astype(np.bool_))
-    order: NDArray[np.int64] = np.lexsort(keys)
-    return order
+    return np.lexsort(keys)

@@ -175,8 +175,7 @@ def sensitivity(episodes: Columns, keys: Sequence[str], confidence_percent: floa
 
 def succeeds(episodes: Columns) -> NDArray[np.bool_]:
     """Return which flights succeed: they inspect enough, and stay inside the limits."""
-    found: NDArray[np.bool_] = np.asarray(episodes["success"]) & ~np.asarray(episodes["violated"])
-    return found
+    return np.asarray(episodes["success"]) & ~np.asarray(episodes["violated"])
 
 
 #: columns that identify a case's start: cases that share them are the same case

@@ -103,8 +103,7 @@ def _pair_costs(problem: Problem, costs: Floats, points: Integers, ceiling: floa
 
 def _missing(problem: Problem) -> Floats:
     """Return how far each point is below its horizon without force, shape (K+1, P), m."""
-    below: Floats = problem.heights - np.einsum("ka,kaj->kj", problem.free, problem.normals)
-    return below
+    return problem.heights - np.einsum("ka,kaj->kj", problem.free, problem.normals)
 
 
 def sample_costs(problem: Problem) -> Floats:
@@ -115,8 +114,7 @@ def sample_costs(problem: Problem) -> Floats:
         slopes = np.einsum("aj,mab->mbj", problem.normals[k], problem.gain[1 : k + 1])
         steepest = np.abs(slopes).max(axis=(0, 1))
         costs[k] = np.divide(np.maximum(missing[k], 0.0), steepest, out=costs[k], where=steepest > 0.0)
-    lit: Floats = np.where(problem.is_lit, costs, inf)
-    return lit
+    return np.where(problem.is_lit, costs, inf)
 
 
 @compiled(nogil=True, error_model="numpy")

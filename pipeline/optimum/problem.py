@@ -207,8 +207,7 @@ def margins_along(problem: Problem, path: Floats) -> Floats:
     is_granted &= (-np.sum(path * problem.suns, axis=1) <= problem.most_sunward * distance)[:, np.newaxis]
     if problem.occlusion.edge:
         note_free_along(problem.occlusion, problem.chief_axes, path, problem.points, is_granted)
-    margins: Floats = np.where(is_granted, least, -np.inf)
-    return margins
+    return np.where(is_granted, least, -np.inf)
 
 
 def sight_demands(problem: Problem, path: Floats, k: int, point: int) -> list[tuple[Floats, float]]:

@@ -93,8 +93,7 @@ def terms_of(mission: Mission) -> dict[str, Any]:
 
 def _plain(terms: Mapping[str, Any]) -> dict[str, Any]:
     """Return terms in the form of a file."""
-    plain: dict[str, Any] = json.loads(json.dumps(terms))
-    return plain
+    return json.loads(json.dumps(terms))
 
 
 def _of_groups(mission: Mission) -> dict[str, Any]:

@@ -211,8 +211,7 @@ def _summary(mission: Mission, log: FlightLog) -> Event:
 
 
 def _distances(log: FlightLog) -> Floats:
-    distances: Floats = np.linalg.norm(log.position_m, axis=1)
-    return distances
+    return np.linalg.norm(log.position_m, axis=1)
 
 
 def points_in_words(log: FlightLog, sample: int = -1) -> str:

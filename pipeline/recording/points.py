@@ -84,15 +84,13 @@ class _Decisions:
         """Position (m) and velocity (m/s) as the deputy knew them, (n, 6)."""
         is_estimated = np.any(self.log.estimate_covariance)
         true = np.hstack([self.log.position_m, self.log.velocity_m_s])
-        known: Floats = (self.log.estimate if is_estimated else true)[self.samples]
-        return known
+        return (self.log.estimate if is_estimated else true)[self.samples]
 
     @cached_property
     def points(self) -> Floats:
         """The points in Hill axes, (n or 1, P, 3), m."""
         rows = self.world.points[self.samples if len(self.world.points) > 1 else [0]]
-        found: Floats = np.swapaxes(rows[:, :, : self.world.num_points], 1, 2)
-        return found
+        return np.swapaxes(rows[:, :, : self.world.num_points], 1, 2)
 
     @cached_property
     def urgency(self) -> Floats:
@@ -104,8 +102,7 @@ class _Decisions:
     def target(self) -> Floats:
         candidates = self.log.is_candidate[self.samples][..., np.newaxis] * self.points
         length = np.linalg.norm(candidates.sum(axis=1, keepdims=True), axis=2, keepdims=True)
-        found: Floats = candidates / np.maximum(length, MIN_PROJECTION_M)
-        return found
+        return candidates / np.maximum(length, MIN_PROJECTION_M)
 
     @cached_property
     def urgent(self) -> Floats:
@@ -158,5 +155,4 @@ class _Decisions:
         leads_in = np.sum((parts.sum(axis=1) + alone) * outward, axis=1, keepdims=True) < 0.0
         nearness = np.clip((skirt - distance) / (skirt - least), 0.0, 1.0) * leads_in
         along = parts @ outward[..., np.newaxis]
-        turned: Floats = parts - 2.0 * nearness[..., np.newaxis] * along * outward[:, np.newaxis]
-        return turned
+        return parts - 2.0 * nearness[..., np.newaxis] * along * outward[:, np.newaxis]

@@ -287,15 +287,13 @@ class FlightRecorder:
         # along a body axis, a force is one along all of Hill's
         own = slice(None) if self.controller.force_axes == "body" else [axis]
         is_fired = np.isin(log.reason[due], IN_EFFECT)[:, own].any(axis=1)
-        found: NDArray[np.bool_] = is_commanded & is_fired & (decided + self._delay < len(log.reason))
-        return found
+        return is_commanded & is_fired & (decided + self._delay < len(log.reason))
 
     def _point_states(self, log: FlightLog) -> States:
         """Return each point's `PointState` at each sample, (K+1, P): the highest that applies."""
         is_lit, is_seen = lit_and_seen(self._world, log, self._note_lit_and_seen)
         # dark is zero, and of the others at most one applies
-        states: States = LIT * is_lit + IN_VIEW_BUT_DARK * is_seen + INSPECTED * log.is_inspected
-        return states
+        return LIT * is_lit + IN_VIEW_BUT_DARK * is_seen + INSPECTED * log.is_inspected
 
 
 def _named(owner: object, *names: str) -> dict[str, Any]:
@@ -352,5 +350,4 @@ def controller_text(controller: Controller) -> str:
 def directions(vectors: Floats) -> Floats:
     """Return unit vectors, shape (n, 3), of vectors of the same shape; zeros for zeros."""
     lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
-    found: Floats = np.divide(vectors, lengths, out=np.zeros_like(vectors), where=lengths > 0.0)
-    return found
+    return np.divide(vectors, lengths, out=np.zeros_like(vectors), where=lengths > 0.0)

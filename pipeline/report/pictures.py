@@ -46,8 +46,7 @@ def draw(contents: Contents) -> list[style.Illustration]:
 
 @cache
 def _captions() -> Mapping[str, str]:
-    captions: Mapping[str, str] = yaml.safe_load(read("templates/captions.yaml", "pipeline.report"))
-    return captions
+    return yaml.safe_load(read("templates/captions.yaml", "pipeline.report"))
 
 
 def _captioned(name: str, figure: style.Figure, caption: str, **words: Any) -> Drawn:

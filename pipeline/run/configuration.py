@@ -48,10 +48,9 @@ def is_of(config: Mapping[str, Any], manifest: Mapping[str, Any]) -> bool:
 def text(config: Mapping[str, Any]) -> str:
     """Write a resolved configuration as YAML that reads back to the same data."""
     dumper = getattr(yaml, "CSafeDumper", yaml.SafeDumper)  # the first is ten times as fast
-    written: str = yaml.dump(
+    return yaml.dump(
         dict(config), Dumper=dumper, sort_keys=False, allow_unicode=True, default_flow_style=None, width=110
     )
-    return written
 
 
 def _check_events(content: bytes, loader: Any) -> None:

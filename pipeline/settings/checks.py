@@ -453,7 +453,6 @@ def settings(group: str, *only: Only) -> Callable[[type[Kind]], type[Kind]]:
         made.__init__ = check_and_build
         register(group, names_of(made))
         GROUPS.append((group, made, only))
-        kind: type[Kind] = made
-        return kind
+        return made
 
     return checked

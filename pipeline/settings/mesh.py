@@ -80,5 +80,4 @@ _count: Final = {".obj": _count_obj, ".stl": _count_stl}
 
 def outward_of(corners: Floats) -> Floats:
     """Return the cross product of two edges of each triangle, pointing out of the body."""
-    out: Floats = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    return out
+    return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])

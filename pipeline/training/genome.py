@@ -121,8 +121,7 @@ def _bounds_of(name: str, settings: Encoding) -> tuple[float, ...] | None:
     if name in TOUR_PLACES:
         return settings.tour_m
     key = "dead_band_n" if name.startswith("dead_band") else name
-    bounds: tuple[float, ...] | None = getattr(settings, key)
-    return bounds
+    return getattr(settings, key)
 
 
 def _systems_of(

@@ -119,8 +119,7 @@ class NaturalMotionPlanner:
         order = order[outside[order] <= outside[order[0]]]
         flown = paths[order, : self.world.num_controls // stride + 1]
         counts = np.minimum(count_seen(self.world, scenario, flown, stride), self.settings.points)
-        best: Floats = tried[order[np.lexsort((spent[order], -counts))[0]]]
-        return best
+        return tried[order[np.lexsort((spent[order], -counts))[0]]]
 
     def _outside(self, paths: Floats, states: Floats) -> Floats:
         """Return by how many metres paths leave the limits, or their states' ellipses miss the chief."""
@@ -131,8 +130,7 @@ class NaturalMotionPlanner:
         size = np.hypot(elements[:, RING_RADIAL], elements[:, RING_ALONG_TRACK])
         off = np.abs(elements[:, CENTRE_ALONG_TRACK]) - 2.0 * size
         short = np.maximum(self.limits[0] - nearest, 0.0) + np.maximum(farthest - self.limits[1], 0.0)
-        outside: Floats = short + np.maximum(off, 0.0)
-        return outside
+        return short + np.maximum(off, 0.0)
 
 
 def count_seen(world: World, scenario: Scenario, paths: Floats, stride: int = 1) -> NDArray[np.int64]:

@@ -58,8 +58,7 @@ def _inspected(tracks: Floats, num_points: int) -> Floats:
 def _degrees_between(one: Floats, other: Floats) -> Floats:
     """Return the angles between vectors, deg: by their tangents, which are accurate for small angles."""
     sines = np.linalg.norm(np.cross(one, other), axis=-1)
-    angles: Floats = np.degrees(np.arctan2(sines, np.sum(one * other, axis=-1)))
-    return angles
+    return np.degrees(np.arctan2(sines, np.sum(one * other, axis=-1)))
 
 
 def _along(name: str, topic: str, unit: str, first: int) -> dict[str, Quantity]:
