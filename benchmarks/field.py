@@ -22,7 +22,7 @@ from pipeline.flight.cases.starts import starts_of
 from pipeline.flight.fly.simulation import fly_logged
 from pipeline.flight.state.log import FlightLog, Scenario, points_needed
 from pipeline.flight.world.pack import inspection_points, pack_world
-from pipeline.gym.counted import nearest_in_orbit, priority_weights
+from pipeline.gym.episodes import nearest_in_orbit, priority_weights
 from pipeline.optimum.light import lit_at_samples
 from pipeline.scenarios import PRIORITY, direction_of, evaluation_scenarios
 from pipeline.settings.experiment import Mission

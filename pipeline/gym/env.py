@@ -71,12 +71,12 @@ class InspectionEnv(gymnasium.Env[Observation, NDArray[Any]]):
         scenario = given.get("scenario") or self.task.draw(self.np_random)
         self._episodes.start(0, scenario, given.get("priority"))
         self._episodes.step(None)
-        return self._episodes.observations[0], self._info()
+        return self._episodes.flights.seen[0], self._info()
 
     def step(self, action: NDArray[Any]) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Fly a control period."""
         rewards, terminated, truncated = self._episodes.step(np.asarray(action)[np.newaxis])
-        observation = self._episodes.observations[0]
+        observation = self._episodes.flights.seen[0]
         return observation, float(rewards[0]), bool(terminated[0]), bool(truncated[0]), self._info()
 
     def _info(self) -> dict[str, Any]:
@@ -153,7 +153,7 @@ class InspectionVectorEnv(VectorEnv[Observation, NDArray[Any], NDArray[Any]]):
             self._start(flight)
         self._has_ended[:] = False
         self._episodes.step(None)
-        return self._episodes.observations, self._told()
+        return self._episodes.flights.seen, self._told()
 
     def _start(self, flight: int) -> None:
         self._episodes.start(flight, self.task.draw(self._generators[flight]))
@@ -166,7 +166,7 @@ class InspectionVectorEnv(VectorEnv[Observation, NDArray[Any], NDArray[Any]]):
             self._start(int(flight))
         rewards, terminated, truncated = self._episodes.step(actions)
         self._has_ended = terminated | truncated
-        return self._episodes.observations, rewards, terminated, truncated, self._told()
+        return self._episodes.flights.seen, rewards, terminated, truncated, self._told()
 
     def _told(self) -> dict[str, NDArray[Any]]:
         """Return facts as vector environments tell them: an array each, and where it is known."""
@@ -288,6 +288,6 @@ class ReachEnv(InspectionEnv):
 
     def _state(self) -> tuple[float, float, float]:
         """Return distance (m), speed and delta-v (m/s)."""
-        now = self._episodes.known[0]
+        now = self._episodes.flights.observed[0]
         place, velocity = (np.linalg.norm(now[first : first + 3]) for first in (POSITION, VELOCITY))
         return float(place), float(velocity), float(now[SPENT])

@@ -5,6 +5,7 @@ The task says what is observed, in which order and units; what may be commanded;
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from math import ceil, pi
 from pathlib import Path
 from typing import Any, Final
 
@@ -12,19 +13,17 @@ import numpy as np
 from gymnasium.spaces import Box, MultiDiscrete
 from numpy.typing import NDArray
 
-from pipeline.array_types import Floats
+from pipeline.array_types import Booleans, Floats
 from pipeline.command_line.config import compose_experiment
 from pipeline.flight.control.controller import open_loop
 from pipeline.flight.fly import stepping
 from pipeline.flight.fly.simulation import fly_logged
 from pipeline.flight.state.log import FlightLog, Scenario, points_needed
 from pipeline.flight.world.pack import inspection_points
-from pipeline.gym.counted import nearest_in_orbit, priority_weights
+from pipeline.physics.motion import Deputy, Orbit, free_path, motion_over
 from pipeline.recording.recorder import FlightRecorder
 from pipeline.scenarios import PRIORITY, direction_of, draw
 from pipeline.settings.experiment import Experiment, Mission
-
-Truths = NDArray[np.bool_]
 
 #: what is composed where nothing else is asked for: nothing of it is flown but the world
 BASE: Final = ("+experiment=evaluate", "controller=coast")
@@ -67,6 +66,20 @@ class Reward:
 #: of AFRL's InspectionEnv and WeightedInspectionEnv (safe-autonomy-sims 4.2.3)
 AFRL: Final = Reward(per_point=0.01, per_delta_v=0.001, too_far=0.0, as_afrl=True)
 AFRL_WEIGHTED: Final = replace(AFRL, per_point=1.0)
+
+
+def priority_weights(points: Floats, priority: Floats) -> Floats:
+    """Return what points count, shape (P,), one in all: as their angle from the opposite of a direction."""
+    cosines = points @ -priority / (np.linalg.norm(points, axis=1) * np.linalg.norm(priority))
+    angles = np.arccos(np.clip(cosines, -1.0, 1.0))
+    return np.asarray(angles / angles.sum())
+
+
+def nearest_in_orbit(orbit: Orbit, deputy: Deputy, state: Floats) -> float:
+    """Return the least distance of free motion from a state, (6,), sampled each second of an orbit, m."""
+    num_seconds = ceil(2.0 * pi / orbit.mean_motion_rad_s)
+    path = free_path(motion_over(orbit, deputy, (1.0,)), state, num_seconds)
+    return float(np.linalg.norm(path[:, :3], axis=1).min())
 
 
 @dataclass(frozen=True)
@@ -175,11 +188,16 @@ class Episodes:
     ----------
     task : Task
     num_episodes : int
+
+    Attributes
+    ----------
+    flights : pipeline.flight.fly.stepping.Flights
+        With what is observed and what is known now.
     """
 
     def __init__(self, task: Task, num_episodes: int) -> None:
         self.task = task
-        self._flights = stepping.Flights(task.mission, num_episodes, is_tilted=task.is_tilted)
+        self.flights = stepping.Flights(task.mission, num_episodes, is_tilted=task.is_tilted)
         self._scenarios: list[Scenario | None] = [None] * num_episodes
         self._forces = np.zeros((num_episodes, task.mission.num_controls, 3))
         self._needed = np.zeros(num_episodes)
@@ -196,16 +214,16 @@ class Episodes:
 
         Where points have a priority, its direction, shape (3,), is drawn with the start, unless given.
         """
-        self._flights.start(episode, scenario)
+        self.flights.start(episode, scenario)
         self._scenarios[episode] = scenario
         threshold = self.task.mission.inspection_threshold_percent
-        self._needed[episode] = points_needed(int(self._flights.inspectable[episode]), threshold)
+        self._needed[episode] = points_needed(int(self.flights.inspectable[episode]), threshold)
         if self._weights is not None:
             direction = direction_of(scenario.generator(PRIORITY)) if priority is None else priority
             self._weights[episode] = priority_weights(self._points, direction)
             self._needed[episode] = threshold / 100.0
 
-    def step(self, actions: NDArray[np.float64] | None) -> tuple[Floats, Truths, Truths]:
+    def step(self, actions: NDArray[np.float64] | None) -> tuple[Floats, Booleans, Booleans]:
         """Fly all by a control period; without actions only those that are started move.
 
         Returns
@@ -217,7 +235,7 @@ class Episodes:
         truncated : (n,) array of bool
             The flight's time is over. See `Reward` for AFRL's ends.
         """
-        flights, reward = self._flights, self.task.reward
+        flights, reward = self.flights, self.task.reward
         forces = np.zeros((len(flights.samples), 3)) if actions is None else self.task.forces(actions)
         is_begun = flights.samples >= 0
         rows = np.flatnonzero(is_begun)
@@ -247,39 +265,29 @@ class Episodes:
     def _inspected(self) -> Floats:
         """How many points each has inspected, or their weight."""
         if self._weights is None:
-            return self._flights.observed[:, stepping.NUM_INSPECTED].copy()
-        return np.asarray(np.sum(self._weights * self._flights.is_inspected, axis=1))
+            return self.flights.observed[:, stepping.NUM_INSPECTED].copy()
+        return np.asarray(np.sum(self._weights * self.flights.is_inspected, axis=1))
 
-    def _succeeds(self, has_enough: Truths) -> Floats:
+    def _succeeds(self, has_enough: Booleans) -> Floats:
         """Return 1 for each episode that succeeds in this step, -1 where AFRL penalises it, else 0."""
         signs = has_enough.astype(np.float64)
         mission = self.task.mission
         if self.task.reward.as_afrl and self._weights is not None:
             for row in np.flatnonzero(has_enough):
                 nearest = nearest_in_orbit(
-                    mission.orbit, mission.deputy, self._flights.observed[row, : stepping.TARGET]
+                    mission.orbit, mission.deputy, self.flights.observed[row, : stepping.TARGET]
                 )
                 signs[row] = 1.0 if nearest >= mission.deputy.min_distance_m else -1.0
         return signs
 
     @property
-    def observations(self) -> NDArray[np.float32]:
-        """What is observed now, see `pipeline.flight.fly.stepping.Flights.seen`."""
-        return self._flights.seen
-
-    @property
-    def known(self) -> Floats:
-        """What is known now, (n, NUM_OBSERVED), in the columns of `pipeline.flight.fly.stepping`."""
-        return self._flights.observed
-
-    @property
     def facts(self) -> dict[str, NDArray[Any]]:
         """What is told beside observations: see `pipeline.flight.fly.stepping`."""
-        now = self._flights.observed
+        now = self.flights.observed
         return {
             "delta_v_m_s": now[:, stepping.SPENT].copy(),
             "num_inspected": now[:, stepping.NUM_INSPECTED].copy(),
-            "num_inspectable": self._flights.inspectable.copy(),
+            "num_inspectable": self.flights.inspectable.copy(),
             "is_success": (self._inspected >= self._needed) & (now[:, stepping.OUTSIDE] == 0.0),
             "outside_m": now[:, stepping.OUTSIDE].copy(),
             "safety_periods": now[:, stepping.NUM_ACTED].copy(),
@@ -288,7 +296,7 @@ class Episodes:
 
     def num_samples(self, episode: int) -> int:
         """Return the number of samples of an episode so far."""
-        return int(self._flights.samples[episode]) + 1
+        return int(self.flights.samples[episode]) + 1
 
     def log(self, episode: int) -> tuple[Scenario, FlightLog]:
         """Fly an episode again with the forces that were commanded, and without force from then on."""
@@ -307,5 +315,5 @@ class Episodes:
 
     def _played(self, episode: int) -> Floats:
         """Return the forces of an episode so far, one row a control period, N, Hill axes."""
-        flown = max(0, int(self._flights.samples[episode]))
+        flown = max(0, int(self.flights.samples[episode]))
         return self._forces[episode, :flown].copy()

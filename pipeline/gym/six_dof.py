@@ -1,4 +1,7 @@
-"""AFRL's inspection with six degrees of freedom: the deputy pushes along its own axes and turns itself."""
+"""AFRL's inspection with six degrees of freedom: the deputy pushes along its own axes and turns itself.
+
+Hill's equations of motion and Euler's are joined by forces along body axes.
+"""
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
@@ -9,19 +12,20 @@ import gymnasium
 import numpy as np
 from gymnasium.spaces import Box
 from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
 
-from fis_tools.compiled.decorator import plainly
+from fis_tools.compiled.decorator import compiled, plainly
+from fis_tools.compiled.three import Three, three_of, times
 from pipeline.array_types import Floats
 from pipeline.flight.state.log import Scenario
 from pipeline.flight.world.chief import chief_attitudes
 from pipeline.flight.world.pack import optics_of
 from pipeline.flight.world.surface import surface_of
-from pipeline.gym.counted import nearest_in_orbit, priority_weights
 from pipeline.gym.env import Started
-from pipeline.gym.episodes import AFRL_WEIGHTED, Reward, task_of
-from pipeline.gym.six_dof_motion import ATTITUDE, PLACE, RATE, VELOCITY, moved
+from pipeline.gym.episodes import AFRL_WEIGHTED, Reward, nearest_in_orbit, priority_weights, task_of
+from pipeline.physics.attitude import euler
 from pipeline.physics.illumination import sun_angle, sun_direction_h
-from pipeline.physics.quaternion import dcm_b_from_h, normalised
+from pipeline.physics.quaternion import dcm_b_from_h, derivative, normalised
 from pipeline.physics.sight import is_resolved, is_sunlit
 from pipeline.scenarios import PRIORITY, direction_of
 
@@ -54,6 +58,76 @@ class SixDofReward(Reward):
 
 #: of AFRL's WeightedSixDofInspectionEnv (safe-autonomy-sims 4.2.3)
 AFRL_SIX_DOF: Final = SixDofReward(**asdict(AFRL_WEIGHTED) | {"per_delta_v": 0.005, "too_far": 1.0})
+
+
+#: where a state has its parts: position (m) and velocity (m/s), Hill axes; attitude; inertial rate (rad/s)
+PLACE, VELOCITY, ATTITUDE, RATE = slice(0, 3), slice(3, 6), slice(6, 10), slice(10, 13)
+
+
+@compiled
+def slopes(
+    _time: float,
+    state: Floats,
+    push: Floats,
+    torque: Floats,
+    inertia: Floats,
+    inverse_inertia: Floats,
+    most_rate: float,
+    mean_motion: float,
+) -> Floats:
+    """Return the time derivative of a state, shape (13,), as `PLACE` and the others divide it.
+
+    The push is an acceleration by thrust, m/s^2, the torque in N m, inertia and its inverse in kg m^2, all in
+    body axes. No component of the inertial rate grows beyond the greatest, rad/s. The system's part is
+    rounded to single precision, as in AFRL's safe-autonomy-simulation (2.2.1), and so are Hill's equations,
+    which `pipeline.physics.motion` has in closed form: that form would not follow their rounding.
+    """
+    x, z, u, v = state[0], state[2], state[3], state[4]
+    rate = three_of(state[10:])
+    attitude, hill_rate = state[6:10], Three(0.0, 0.0, mean_motion)
+    dcm = dcm_b_from_h(attitude)
+    # of stages that are not of unit length AFRL's matrix differs from ours by this on its diagonal
+    surplus = 1.0 - np.sum(attitude * attitude)
+    relative = rate - times(dcm, hill_rate) - surplus * hill_rate
+    change = euler(inertia, inverse_inertia, rate, three_of(torque))
+    thrust = times(dcm.T, three_of(push))
+    slope = np.empty(13)
+    slope[0:3] = state[3:6]
+    slope[3] = 3.0 * mean_motion * mean_motion * x + 2.0 * mean_motion * v
+    slope[4] = -2.0 * mean_motion * u
+    slope[5] = -mean_motion * mean_motion * z
+    slope[6:10] = derivative(attitude, relative)
+    for i in range(10):
+        slope[i] = np.float32(slope[i])
+    for i in range(3):
+        slope[3 + i] += thrust[i]
+        if rate[i] >= most_rate:
+            slope[10 + i] = min(change[i], 0.0)
+        elif rate[i] <= -most_rate:
+            slope[10 + i] = max(change[i], 0.0)
+        else:
+            slope[10 + i] = change[i]
+    return slope
+
+
+def moved(
+    state: Floats,
+    push: Floats,
+    torque: Floats,
+    inertia: Floats,
+    most_rate: float,
+    mean_motion: float,
+    duration: float,
+) -> Floats:
+    """Return the state after a duration (s), shape (13,), by SciPy's RK45, with its tolerances, as AFRL's.
+
+    Parameters are those of `slopes`.
+    """
+    settings = push, torque, inertia, np.linalg.inv(inertia), most_rate, mean_motion
+    rates: Any = slopes  # its stubs ask for the number of dimensions
+    after = solve_ivp(rates, (0.0, duration), state, args=settings).y[:, -1]
+    after[RATE] = np.clip(after[RATE], -most_rate, most_rate)
+    return np.asarray(after)
 
 
 class SixDofInspectionEnv(gymnasium.Env[NDArray[np.float32], NDArray[Any]]):

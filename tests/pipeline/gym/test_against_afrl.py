@@ -16,7 +16,7 @@ from pipeline.flight.fly.simulation import fly_logged
 from pipeline.flight.state.log import Scenario
 from pipeline.flight.world.pack import inspection_points
 from pipeline.gym import AFRL, AFRL_WEIGHTED, InspectionEnv, SixDofInspectionEnv, task_of
-from pipeline.gym.six_dof_motion import PLACE
+from pipeline.gym.six_dof import PLACE
 from pipeline.scenarios import evaluation_scenarios
 from tests.places import PROJECT
 
@@ -102,7 +102,7 @@ def agreed(env: InspectionEnv | SixDofInspectionEnv, one: Episode) -> float:
             turns.append(turn)
         else:
             _, reward, terminated, truncated, told = env.step(action)
-            place = env._episodes._flights.observed[0, :3].copy()
+            place = env._episodes.flights.observed[0, :3].copy()
         places.append(place)
         rewards.append(reward)
         rows.append(told)

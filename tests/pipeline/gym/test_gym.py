@@ -89,7 +89,7 @@ def flown() -> InspectionEnv:
 @pytest.mark.slow
 def test_an_episode_is_a_flight_and_its_recording_flies_again(flown, tmp_path) -> None:
     log, told = flown.log(), flown._info()
-    assert flown._episodes._flights.samples[0] == flown.task.mission.num_controls  # by the limit of time
+    assert flown._episodes.flights.samples[0] == flown.task.mission.num_controls  # by the limit of time
     assert told["delta_v_m_s"] == log.delta_v_m_s[-1]
     assert told["num_inspected"] == log.is_inspected[-1].sum()
     assert told["outside_m"] == 0.0
