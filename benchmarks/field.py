@@ -23,7 +23,7 @@ from pipeline.flight.fly.simulation import fly_logged
 from pipeline.flight.state.log import FlightLog, Scenario, points_needed
 from pipeline.flight.world.pack import inspection_points, pack_world
 from pipeline.gym.episodes import nearest_in_orbit, priority_weights
-from pipeline.optimum.light import lit_at_samples
+from pipeline.optimum.problem import lit_at_samples
 from pipeline.scenarios import PRIORITY, direction_of, evaluation_scenarios
 from pipeline.settings.experiment import Mission
 
