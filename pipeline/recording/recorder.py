@@ -34,8 +34,7 @@ from pipeline.flight.state.signals import CONSTANTS, SIGNALS
 from pipeline.flight.world.pack import pack_world
 from pipeline.flight.world.surface import surface_of
 from pipeline.recording.events import events
-from pipeline.recording.points import parts_of_points, sensed_of_points
-from pipeline.recording.visible import lit_and_seen, note_lit_and_seen
+from pipeline.recording.points import lit_and_seen, note_lit_and_seen, parts_of_points, sensed_of_points
 from pipeline.run import configuration, maker
 from pipeline.settings.experiment import Experiment
 from pipeline.settings.schema import only_results

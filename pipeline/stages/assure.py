@@ -34,7 +34,7 @@ from pipeline.flight.cases.dispersions import drawn
 from pipeline.flight.control.controller import Controller
 from pipeline.flight.goals.flights import fly_logged
 from pipeline.flight.state.log import Scenario
-from pipeline.proof.loop import NotProvable, theorem_of
+from pipeline.proof.verdict import NotProvable, theorem_of
 from pipeline.recording.recorder import FlightRecorder
 from pipeline.report.evidence import write as page_of
 from pipeline.report.figures.flights import draw_tube

@@ -8,9 +8,8 @@ from fis_tools.engines.interval import NotBounded
 from fis_tools.formats.serialize import dump_json, fingerprint
 from pipeline.controllers.source import controller_of_run
 from pipeline.physics.motion import motion_over
-from pipeline.proof.loop import NotProvable, theorem_of
 from pipeline.proof.tube import CELLS
-from pipeline.proof.verdict import COLUMNS, prove
+from pipeline.proof.verdict import COLUMNS, NotProvable, prove, theorem_of
 from pipeline.run import artifacts, tables, writing
 from pipeline.run.progress import Progress
 from pipeline.settings.experiment import Experiment

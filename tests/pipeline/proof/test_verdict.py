@@ -13,9 +13,8 @@ from pipeline.flight.control.controller import from_fuzzy
 from pipeline.flight.fly.simulation import fly_logged
 from pipeline.flight.state.log import Scenario
 from pipeline.physics.motion import motion_over
-from pipeline.proof.loop import NotProvable, Theorem
 from pipeline.proof.tube import Box, surface_of
-from pipeline.proof.verdict import Verdict, limit_fault, prove
+from pipeline.proof.verdict import NotProvable, Theorem, Verdict, limit_fault, prove
 from pipeline.stages.prove import theorem_of
 from tests.pipeline.proof.cases import job, reversed_in_sign, steady
 
