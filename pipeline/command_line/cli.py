@@ -22,7 +22,7 @@ from pipeline.run.runner import Interrupted
 
 INTERRUPTED = 130
 #: other commands, to the modules with a function of that name, which few runs need; --help prints its text
-COMMANDS = {"edit": "editor", "summary": "results", "verify": "results", "warm": "cli"}
+COMMANDS = {"edit": "experiments", "summary": "results", "verify": "results", "warm": "cli"}
 #: what short runs are given
 FEW: Final = ("duration_s=600", "monte_carlo.num_cases=8")
 SMALL: Final = ("optimizer.population_size=8", "optimizer.generations=2")

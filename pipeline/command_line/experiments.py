@@ -1,5 +1,6 @@
-"""Experiments from the command line: checked, then run, resumed, repeated, or printed."""
+"""Experiments from the command line: checked, then run, resumed, repeated, printed, or flown beside edits."""
 
+import argparse
 import os
 import sys
 import time
@@ -12,19 +13,11 @@ from typing import Any
 
 from hydra.core.override_parser.types import Override
 
+from fis_tools.errors import MissingExtra
 from pipeline.command_line import runs
-from pipeline.command_line.arguments import EXPERIMENT, Asked, ConfigError
+from pipeline.command_line.arguments import EXPERIMENT, Asked, ConfigError, read_arguments
 from pipeline.command_line.config import Job, check_stages, compose_experiment, compose_jobs, options
-from pipeline.command_line.overrides import (
-    Groups,
-    check_overrides,
-    check_sweeps,
-    differences_of,
-    folder_names,
-    parse,
-    rewrite_paths,
-    single_runs,
-)
+from pipeline.command_line.overrides import Groups, differences_of, folder_names, read_overrides, single_runs
 from pipeline.run import artifacts, configuration, sweep
 from pipeline.run.lock import held
 from pipeline.run.runner import Interrupted
@@ -40,9 +33,7 @@ def plan(asked: Asked) -> Callable[[], int]:
     ValueError, OSError
     """
     groups = options(asked.folders)
-    overrides = parse(rewrite_paths(asked.overrides))
-    check_overrides(overrides, groups)
-    check_sweeps(overrides, asked.multirun)
+    overrides = read_overrides(asked.overrides, groups, is_multirun=asked.multirun)
     if asked.resume is not None:
         if (asked.resume / SWEEP).exists():
             return partial(resume_sweep, asked.resume, overrides)
@@ -179,3 +170,59 @@ def _tell(folder: Path, known: Sequence[SweptRun]) -> None:
         + (f"; to try the others again: python -m pipeline resume={folder}" if failed else "")
         + f"\nto see what came out: python -m pipeline summary {folder}\n"
     )
+
+
+#: whose cases are flown, unless another experiment is chosen
+def edit(arguments: Sequence[str]) -> int:
+    """Open a page on which rules and terms change, and each touch flies 1,000 paired cases anew.
+
+    Usage: python -m pipeline edit [key=value ...] [--port PORT] [--no-browser]
+
+    Keys are those of +experiment=evaluate, such as controller=champion_27, world=leo or sun=random. Ctrl-C
+    ends it. Nothing is written but the copy that you save.
+
+    Returns
+    -------
+    int
+        The exit code.
+
+    Raises
+    ------
+    ValueError, OSError
+        User errors.
+    """
+    parser = argparse.ArgumentParser(prog="python -m pipeline edit", allow_abbrev=False, add_help=False)
+    parser.add_argument("--port", type=int, default=0, choices=range(1 << 16), metavar="PORT")
+    parser.add_argument("--no-browser", action="store_true")
+    chosen, words = parser.parse_known_args(list(arguments))
+    asked = read_arguments(words)
+    overrides = read_overrides(asked.overrides, options(asked.folders), is_multirun=asked.multirun)
+    words = [one.input_line or "" for one in overrides]
+    if EXPERIMENT not in {one.key_or_group for one in overrides}:
+        words.insert(0, f"+{EXPERIMENT}=evaluate")
+    experiment = compose_experiment(words, asked.config_dir).experiment
+    runs.check_before(experiment)
+
+    from pipeline.controllers.source import load  # noqa: PLC0415 - compiled code, needed once the rest is right
+
+    try:
+        from fis_tools.edit.server import serve  # noqa: PLC0415 - the other commands do without a server
+    except MissingExtra as error:
+        raise ConfigError(str(error)) from error
+    from fis_tools.edit.page import Editor  # noqa: PLC0415
+    from pipeline.edit import panels  # noqa: PLC0415 - compiled code
+    from pipeline.evaluation.assurance.requirements import read_named  # noqa: PLC0415 - compiled code
+    from pipeline.flight.state.signals import CONSTANTS  # noqa: PLC0415
+
+    controller = load(experiment.controller, experiment.mission).fuzzy
+    if controller is None:
+        raise ConfigError("this controller has no rules to edit; choose one that has, such as champion_27")
+    requirements = read_named(experiment.assurance.requirements)
+    path = Path(str(experiment.controller.get("path", f"{controller.name}.yaml")))
+    meanings = {name: kind.description for name, kind in CONSTANTS.items()}
+
+    def page() -> None:
+        Editor(path, controller, panels(controller, experiment, requirements), meanings)
+
+    serve(page, controller.name, chosen.port, not chosen.no_browser)
+    return runs.OK

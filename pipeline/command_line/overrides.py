@@ -93,6 +93,19 @@ def _values(text: str, value: str) -> list[str]:
     return [] if isinstance(override.value(), Glob) else _choices(override, ())
 
 
+def read_overrides(words: Sequence[str], groups: Groups, *, is_multirun: bool) -> list[Override]:
+    """Parse and check the overrides of a command line, with paths rewritten.
+
+    Raises
+    ------
+    ConfigError
+    """
+    overrides = parse(rewrite_paths(words))
+    check_overrides(overrides, groups)
+    check_sweeps(overrides, is_multirun)
+    return overrides
+
+
 def check_overrides(overrides: Sequence[Override], groups: Groups) -> None:
     """Raise ConfigError for unknown keys and options, with the nearest known one.
 
