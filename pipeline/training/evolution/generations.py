@@ -18,7 +18,7 @@ DEAP draws from NumPy's global generator: it temporarily gets a state of ours, a
 
 import math
 import random
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, cast
@@ -308,10 +308,9 @@ def _sample_generation(state: State, evaluate: Evaluate, settings: Optimizer) ->
 
 def _evaluate_all(state: State, evaluate: Evaluate, genomes: Floats) -> None:
     """Put a population into the place of the one before, evaluated."""
-    names = state.history[0].parts if state.history else None
     state.genomes = genomes
     state.evaluations += len(genomes)
-    state.fitness, state.parts = _evaluated(evaluate, genomes, names)
+    state.fitness, state.parts = _evaluated(evaluate, genomes)
 
 
 def _evaluated_once(evaluate: Evaluate, genomes: Floats, state: State) -> tuple[Floats, dict[str, Floats]]:
@@ -324,7 +323,7 @@ def _evaluated_once(evaluate: Evaluate, genomes: Floats, state: State) -> tuple[
     source = first[place.reshape(-1)][len(state.genomes) :]
     is_new = source == np.arange(len(state.genomes), len(known))
     none = np.empty(0), dict.fromkeys(state.parts, np.empty(0))
-    fitness, parts = _evaluated(evaluate, genomes[is_new], state.parts) if is_new.any() else none
+    fitness, parts = _evaluated(evaluate, genomes[is_new]) if is_new.any() else none
     # index of each individual's result among those evaluated, the population first
     at = np.concatenate((np.arange(len(state.genomes)), len(state.genomes) + np.cumsum(is_new) - 1))[source]
     return (
@@ -333,25 +332,13 @@ def _evaluated_once(evaluate: Evaluate, genomes: Floats, state: State) -> tuple[
     )
 
 
-def _evaluated(
-    evaluate: Evaluate, genomes: Floats, names: Iterable[str] | None
-) -> tuple[Floats, dict[str, Floats]]:
-    """Call the fitness function and check its result; `names` are the parts of earlier generations."""
-    columns = {
-        name: np.asarray(values, dtype=np.float64) for name, values in evaluate(genomes.copy()).items()
-    }
-    for name, values in columns.items():
-        if values.shape != (len(genomes),):
-            raise ValueError(
-                f"the fitness function returned {name!r} of shape {values.shape} for {len(genomes)} genomes; "
-                f"it must return one number for each, shape ({len(genomes)},)"
-            )
-    if "fitness" not in columns or not np.all(np.isfinite(columns["fitness"])):
+def _evaluated(evaluate: Evaluate, genomes: Floats) -> tuple[Floats, dict[str, Floats]]:
+    """Call the fitness function; return the fitness, which it must find for each genome, and the parts."""
+    parts = dict(evaluate(genomes.copy()))
+    fitness = parts.pop("fitness")
+    if not np.all(np.isfinite(fitness)):
         raise ValueError("the fitness function must return 'fitness', a finite number for each genome")
-    fitness = columns.pop("fitness")
-    if names is not None and set(names) != set(columns):
-        raise ValueError(f"the fitness function returned the parts {sorted(columns)} after {sorted(names)}")
-    return fitness, columns
+    return fitness, parts
 
 
 #: state that `deap.cma.Strategy` carries between generations; the rest follows from it

@@ -169,18 +169,9 @@ def test_a_checkpoint_that_lacks_something_is_refused(name, message, checkpoint)
         resume(checkpoint, generations=1)
 
 
-@pytest.mark.parametrize(
-    ("returned", "message"),
-    [
-        (lambda n: {"fitness": np.full(n, np.nan)}, "a finite number for each genome"),
-        (lambda n: {"other": np.ones(n)}, "must return 'fitness'"),
-        (lambda n: {"fitness": np.ones(n - 1)}, r"shape \(39,\) for 40 genomes"),
-        (lambda n: {"fitness": np.ones(n), f"part_{n}": np.ones(n)}, "after"),
-    ],
-)
-def test_fitness_functions_that_break_the_contract(returned, message):
-    with pytest.raises(ValueError, match=message):
-        evolve(lambda genomes: returned(len(genomes)), NUM_GENES, optimizer(), seed=1)
+def test_a_fitness_that_is_no_number_is_refused():
+    with pytest.raises(ValueError, match="a finite number for each genome"):
+        evolve(lambda genomes: {"fitness": np.full(len(genomes), np.nan)}, NUM_GENES, optimizer(), seed=1)
 
 
 def test_threads_that_draw_from_the_global_generator_change_nothing():
