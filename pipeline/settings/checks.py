@@ -17,16 +17,7 @@ from dataclasses import dataclass, field, fields, is_dataclass
 from functools import wraps
 from typing import Annotated, Any, TypeVar, dataclass_transform, get_args, get_type_hints
 
-from pydantic import (
-    AfterValidator,
-    AllowInfNan,
-    BeforeValidator,
-    ConfigDict,
-    Field,
-    Strict,
-    ValidationError,
-    ValidationInfo,
-)
+from pydantic import AfterValidator, BeforeValidator, Field, Strict, ValidationError, ValidationInfo
 from pydantic.dataclasses import dataclass as checked_dataclass
 
 from pipeline.settings.keys import did_you_mean, dotted, register, unit_of, unknown, value_at
@@ -186,7 +177,7 @@ def _not_vanishing(value: float, info: ValidationInfo) -> float:
 Text = Annotated[str, Strict()]
 Texts = tuple[Text, ...]
 Flag = Annotated[bool, Strict()]
-Number = Annotated[float, Strict(), AllowInfNan(False), AfterValidator(_not_beyond)]
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False), AfterValidator(_not_beyond)]
 Positive = Annotated[Number, Field(gt=0), AfterValidator(_not_vanishing)]
 NotNegative = Annotated[Number, Field(ge=0)]
 Share = Annotated[Number, Field(ge=0, le=1)]
@@ -405,10 +396,13 @@ def _place(kind: Any, location: tuple[int | str, ...]) -> tuple[Any, list[Any]]:
     """Return the type at a location in a group, and the limits of the value there."""
     metadata: list[Any] = []
     for name in location:
-        if isinstance(name, int) or not is_dataclass(kind):
+        if isinstance(name, int):
+            metadata, kind = [], get_args(kind)[0]
+        elif not is_dataclass(kind):
             return kind, []
-        known: Any = kind
-        metadata, kind = known.__pydantic_fields__[name].metadata, get_type_hints(kind)[name]
+        else:
+            known: Any = kind
+            metadata, kind = known.__pydantic_fields__[name].metadata, get_type_hints(kind)[name]
     return kind, metadata
 
 
@@ -436,7 +430,7 @@ def settings(group: str, *only: Only) -> Callable[[type[Kind]], type[Kind]]:
 
     def checked(plain: type[Kind]) -> type[Kind]:
         # built when first needed: most commands need few groups
-        config = ConfigDict(extra="forbid", defer_build=True)
+        config: Any = {"extra": "forbid", "defer_build": True}
         made: Any = checked_dataclass(plain, config=config, frozen=True, kw_only=True)
         build = made.__init__
 

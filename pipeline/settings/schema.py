@@ -20,22 +20,11 @@ from typing import Any, Final, Literal, get_args, get_origin, get_type_hints
 
 import yaml
 
+from pipeline.settings import keys
 from pipeline.settings.checks import GROUPS, MOST, Freely, Only, SettingError, expected, names_of
 from pipeline.settings.controllers import PLANNED
 from pipeline.settings.dispersions import IN_TIME
 from pipeline.settings.experiment import Experiment, Mission
-from pipeline.settings.keys import (
-    DISPERSIONS,
-    FREE,
-    GONE,
-    dotted,
-    in_todays_words,
-    leaves,
-    unit_of,
-    unknown,
-    value_at,
-    without,
-)
 from pipeline.settings.mission import SHARED
 
 #: characters of a value in a message
@@ -74,17 +63,17 @@ class Key:
 def schema() -> dict[str, Key]:
     """Return every key by its dotted name, except those of controllers, in the order of their definition."""
     tops = [entry for entry in GROUPS if not entry[0]]
-    groups = [entry for entry in GROUPS if entry[0] not in ("", FREE)]
-    keys = (keys_of(group, kind, only) for group, kind, only in [*reversed(tops), *groups])
-    return {key.name: key for key in chain.from_iterable(keys)}
+    groups = [entry for entry in GROUPS if entry[0] not in ("", keys.FREE)]
+    found = (keys_of(group, kind, only) for group, kind, only in [*reversed(tops), *groups])
+    return {key.name: key for key in chain.from_iterable(found)}
 
 
 def keys_of(group: str, kind: Any, only: tuple[Only, ...] = ()) -> Iterator[Key]:
     """Yield the keys of a class of settings, without those that are groups."""
     hints, own = get_type_hints(kind, include_extras=True), names_of(kind)
     for field in fields(kind):
-        hint, name = hints[field.name], dotted(group, (field.name,))
-        if field.name in own and field.name != FREE and not is_dataclass(hint):
+        hint, name = hints[field.name], keys.dotted(group, (field.name,))
+        if field.name in own and field.name != keys.FREE and not is_dataclass(hint):
             default = field.default if field.default_factory is MISSING else field.default_factory()
             marks = [mark for mark in only if name not in mark.keys]
             marks += [mark for mark in getattr(hint, "__metadata__", ()) if isinstance(mark, Only)]
@@ -124,7 +113,7 @@ def with_tried(config: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str
         If a key is not in this configuration.
     """
     for key in values:
-        if value_at(config, key, ABSENT) is ABSENT:
+        if keys.value_at(config, key, ABSENT) is ABSENT:
             raise SettingError(f"hparams_search.space.{key} is no key of this experiment; leave it out")
     return with_values(config, values)
 
@@ -132,12 +121,12 @@ def with_tried(config: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str
 def completed(config: Mapping[str, Any]) -> dict[str, Any]:
     """Return a configuration with the defaults that it leaves out, without the keys that do not exist."""
     whole = _merged(defaults(), config)
-    return without(whole, [key.name for key in schema().values() if not key.exists(whole)])
+    return keys.without(whole, [key.name for key in schema().values() if not key.exists(whole)])
 
 
 def present(config: Mapping[str, Any]) -> dict[str, Any]:
     """Return a configuration, perhaps of an earlier version, as the present one would be `completed`."""
-    return completed(without(in_todays_words(config), GONE))
+    return completed(keys.without(keys.in_todays_words(config), keys.GONE))
 
 
 def _merged(under: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
@@ -161,10 +150,10 @@ def idle(config: Mapping[str, Any], *, stages: bool = False) -> dict[str, Only]:
         Whether also those that no stage of the run reads.
     """
     found: dict[str, Only] = {}
-    set_here = {name: name for name in schema() if value_at(config, name, ABSENT) is not ABSENT}
-    given = config.get(DISPERSIONS)
+    set_here = {name: name for name in schema() if keys.value_at(config, name, ABSENT) is not ABSENT}
+    given = config.get(keys.DISPERSIONS)
     spread = given if isinstance(given, Mapping) else {}
-    dispersed = {f"{DISPERSIONS}.{name}": name for name, _ in leaves(spread, ("kind",))}
+    dispersed = {f"{keys.DISPERSIONS}.{name}": name for name, _ in keys.leaves(spread, ("kind",))}
     for place, name in (set_here | dispersed).items():
         for mark in schema()[name].only if name in schema() else ():
             if (stages or not mark.is_of_stages) and not mark.holds(config):
@@ -185,7 +174,7 @@ def experiment_from(config: Mapping[str, Any]) -> Experiment:
     own, of_mission = names_of(Experiment), names_of(Mission)
     for name in config:
         if name not in own and name not in of_mission:
-            raise SettingError(unknown(name))
+            raise SettingError(keys.unknown(name))
     mission = Mission(**{name: config[name] for name in of_mission if name in config})
     return Experiment(mission=mission, **{name: config[name] for name in own if name in config})
 
@@ -199,8 +188,8 @@ def free_keys() -> tuple[str, ...]:
 
 def only_results(config: Mapping[str, Any]) -> dict[str, Any]:
     """Return a configuration without the settings that no result depends on."""
-    of_others = (key for key in GONE if not key.startswith("optimizer."))
-    return without(in_todays_words(config), [*free_keys(), *of_others])
+    of_others = (key for key in keys.GONE if not key.startswith("optimizer."))
+    return keys.without(keys.in_todays_words(config), [*free_keys(), *of_others])
 
 
 def in_world(experiment: Experiment, name: str) -> Experiment:
@@ -255,7 +244,7 @@ def differences(
     def walk(one: Any, other: Any, key: str) -> Iterator[str]:
         if one == other:
             return
-        if isinstance(one, Mapping) and isinstance(other, Mapping) and key != FREE:
+        if isinstance(one, Mapping) and isinstance(other, Mapping) and key != keys.FREE:
             for name in sorted({*one, *other}):
                 yield from walk(one.get(name), other.get(name), f"{key}.{name}" if key else name)
         else:
@@ -278,15 +267,15 @@ def tables() -> dict[str, list[Key]]:
     for key in schema().values():
         found.setdefault(key.name.rpartition(".")[0], []).append(key)
     for name, kind in PLANNED.items():
-        found[f"{FREE} ({name})"] = list(keys_of(FREE, kind))
+        found[f"{keys.FREE} ({name})"] = list(keys_of(keys.FREE, kind))
     return found
 
 
-def rows_of(group: str, keys: list[Key]) -> Iterator[tuple[str, str, str, str]]:
+def rows_of(group: str, shown: list[Key]) -> Iterator[tuple[str, str, str, str]]:
     """Yield the name, default, range and meaning of each key of a group."""
-    for key in keys:
+    for key in shown:
         name = key.name.rpartition(".")[2]
-        default = "" if key.default is MISSING else f"`{as_yaml(key.default)}` {unit_of(name)}".strip()
+        default = "" if key.default is MISSING else f"`{as_yaml(key.default)}` {keys.unit_of(name)}".strip()
         own = [mark for mark in key.only if not mark.is_of_stages and mark not in of_group(group)]
         meaning = descriptions().get(f"{group}.{name}".lstrip("."), "")
         only = f" Only with {in_code(own)}." if own else ""
@@ -356,8 +345,8 @@ def as_yaml(value: Any) -> str:
 def help_on(group: str) -> str:
     """Return the keys of a group, or one key, with defaults and meanings; nothing if there is none."""
     lines = []
-    for name, keys in tables().items():
-        found = [key for key in keys if f"{key.name}.".startswith(f"{group}.")]
+    for name, table in tables().items():
+        found = [key for key in table if f"{key.name}.".startswith(f"{group}.")]
         lines += [f"{name}: {descriptions()[name]}"] if found and name else []
         for key, (_, default, values, meaning) in zip(found, rows_of(name, found), strict=True):
             lines += [f"  {key.name}={default}", f"      {meaning}{f' ({values})' if values else ''}"]
@@ -374,11 +363,11 @@ def _commented(node: Mapping[str, Any], above: str, indent: str) -> Iterator[str
         key = f"{above}{name}"
         is_group = isinstance(value, dict) and value and key not in schema()
         if meaning := descriptions().get(key):
-            yield f"{indent}# {meaning}{f' ({unit})' if (unit := unit_of(key)) and not is_group else ''}"
-        if is_group and key != FREE:
+            yield f"{indent}# {meaning}{f' ({unit})' if (unit := keys.unit_of(key)) and not is_group else ''}"
+        if is_group and key != keys.FREE:
             yield f"{indent}{name}:"
             yield from _commented(value, f"{key}.", f"{indent}  ")
-        elif key == FREE:
+        elif key == keys.FREE:
             text = yaml.safe_dump({name: value}, sort_keys=False, allow_unicode=True, width=110)
             yield from text.splitlines()
         else:
@@ -391,7 +380,7 @@ def descriptions() -> dict[str, str]:
     texts: dict[str, str] = {}
     for group, kind, _ in GROUPS:
         # controllers that plan have a group each
-        named = next((f"{FREE} ({name})" for name, one in PLANNED.items() if one is kind), group)
+        named = next((f"{keys.FREE} ({name})" for name, one in PLANNED.items() if one is kind), group)
         prefix = f"{named}." if group else ""
         texts[prefix.rstrip(".")] = (inspect.getdoc(kind) or "").partition("\n")[0]
         for owner in inspect.getmro(kind)[:-1]:

@@ -73,7 +73,10 @@ MISTAKES = [
     ([*OPTIMUM, "optimum.cases=all"], "optimum.cases is 'all'; it must be one of evaluation, start"),
     ([*BASELINES, "compare.controllers=[]"], "compare.controllers is []; name at least one, and each once"),
     ([*BASELINES, "compare.controllers=[lqr,coast,lqr]"], "compare.controllers is [lqr, coast, lqr]"),
-    ([*BASELINES, "compare.suns=[fixd]"], "compare.suns has 'fixd'; it must be one of fixed, random, mixed"),
+    (
+        [*BASELINES, "compare.suns=[fixd]"],
+        "compare.suns[0] is 'fixd'; it must be one of fixed, random, mixed",
+    ),
     ([*BASELINES, "compare.safety=[on]"], "compare.safety"),
     ([*BASELINES, "compare.controllers=[lqrr]"], "no controller lqrr; did you mean lqr? The controllers"),
     ([*BASELINES, "compare.controllers=[qqqq]"], "there is no controller qqqq; the controllers are aim"),
