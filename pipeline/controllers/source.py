@@ -3,27 +3,16 @@
 Reading one executes no code from it.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from fis_tools.formats import serialize
 from pipeline.controllers.played import read_played
 from pipeline.controllers.policies import read_policy
-from pipeline.flight.control.controller import (
-    Controller,
-    ControllerError,
-    Planner,
-    coast,
-    decision_stride,
-    from_fuzzy,
-)
-from pipeline.flight.state.log import Scenario
+from pipeline.flight.control.controller import Controller, ControllerError, coast, decision_stride, from_fuzzy
 from pipeline.run import artifacts, configuration, writing
 from pipeline.settings.controllers import PLANNED, Planned, check_controller, planned_settings
 from pipeline.settings.experiment import Experiment, Mission
@@ -142,34 +131,3 @@ def controller_of_kind(kind: str, settings: Planned, mission: Mission) -> Contro
         If the settings do not fit the mission.
     """
     return import_module(f"pipeline.controllers.planned.{kind}").controller(settings, mission)
-
-
-def remembering(controller: Controller) -> Controller:
-    """Return the controller with a planner, if any, that caches its plans.
-
-    Flights from the same start with several safety layers are the same until a layer intervenes.
-    """
-    if controller.planner is None:
-        return controller
-    return replace(controller, planner=_Remembering(controller.planner))
-
-
-class _Remembering:
-    """A planner that caches the forces of every decision."""
-
-    def __init__(self, planner: Planner) -> None:
-        self._planner = planner
-        self._known: dict[tuple[object, ...], NDArray[np.float64]] = {}
-
-    @property
-    def decisions(self) -> Sequence[int]:
-        return self._planner.decisions
-
-    def __call__(self, scenario: Scenario, decision: int, state: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the forces from a decision on; see `Planner`."""
-        place, velocity = scenario.position_m.tobytes(), scenario.velocity_m_s.tobytes()
-        sun = scenario.sun_angle_rad, scenario.sun_elevation_rad
-        asked = (place, velocity, *sun, scenario.noise, scenario.settings, decision, state.tobytes())
-        if asked not in self._known:
-            self._known[asked] = self._planner(scenario, decision, state)
-        return self._known[asked]

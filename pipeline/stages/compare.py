@@ -7,12 +7,12 @@ from concurrent.futures import CancelledError, Future, ThreadPoolExecutor
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from threading import Event, Lock
-from typing import Any, cast
 
-from pipeline.controllers.source import named, remembering
+from pipeline.array_types import Floats
+from pipeline.controllers.source import named
 from pipeline.evaluation import comparison
 from pipeline.evaluation.monte_carlo import episode_columns, fly_cases, summarise
-from pipeline.flight.control.controller import Controller
+from pipeline.flight.control.controller import Controller, Planner
 from pipeline.flight.goals.flights import fly_all
 from pipeline.flight.state.log import Outcomes, Scenario, combined
 from pipeline.optimum.solved import IncomparableError, Solved, beside_optimum, solved_for, summarise_times
@@ -62,7 +62,7 @@ class Lot:
 def _lots(experiment: Experiment, world: str) -> list[Lot]:
     there, lots = in_world(experiment, world), []
     for sun in experiment.compare.suns:
-        under = replace(there, sun=replace(there.sun, mode=cast(Any, sun)))
+        under = replace(there, sun=replace(there.sun, mode=sun))
         lots.append(Lot(under, world, evaluation_scenarios(under), None if world else _solved(under)))
     return lots
 
@@ -141,6 +141,37 @@ def _rows(lot: Lot, name: str, controller: Controller, flights: _Flights) -> lis
         )
         rows.append((row, episodes))
     return rows
+
+
+def remembering(controller: Controller) -> Controller:
+    """Return the controller with a planner, if any, that caches its plans.
+
+    Flights from the same start with several safety layers are the same until a layer intervenes.
+    """
+    if controller.planner is None:
+        return controller
+    return replace(controller, planner=_Remembering(controller.planner))
+
+
+class _Remembering:
+    """A planner that caches the forces of every decision."""
+
+    def __init__(self, planner: Planner) -> None:
+        self._planner = planner
+        self._known: dict[tuple[object, ...], Floats] = {}
+
+    @property
+    def decisions(self) -> Sequence[int]:
+        return self._planner.decisions
+
+    def __call__(self, scenario: Scenario, decision: int, state: Floats) -> Floats:
+        """Return the forces from a decision on; see `Planner`."""
+        place, velocity = scenario.position_m.tobytes(), scenario.velocity_m_s.tobytes()
+        sun = scenario.sun_angle_rad, scenario.sun_elevation_rad
+        asked = (place, velocity, *sun, scenario.noise, scenario.settings, decision, state.tobytes())
+        if asked not in self._known:
+            self._known[asked] = self._planner(scenario, decision, state)
+        return self._known[asked]
 
 
 def label_of(name: str, names: Sequence[str]) -> str:

@@ -18,13 +18,7 @@ from fis_tools.compiled.decorator import compiled
 from fis_tools.compiled.three import three_of
 from fis_tools.compiled.vectors import borrowed
 from pipeline.array_types import Floats
-from pipeline.controllers.planned.paths import (
-    CENTRE_ALONG_TRACK,
-    CENTRE_RADIAL,
-    RING_ALONG_TRACK,
-    RING_RADIAL,
-    elements_matrix,
-)
+from pipeline.controllers.planned.paths import CENTRE_RADIAL, elements_matrix
 from pipeline.flight.cases.starts import starts_of
 from pipeline.flight.control.controller import Controller
 from pipeline.flight.fly.workspace import make_workspace, optics_in_use
@@ -126,9 +120,8 @@ class NaturalMotionPlanner:
         squares = paths * paths
         distances = squares[:, :, 0] + squares[:, :, 1] + squares[:, :, 2]
         nearest, farthest = np.sqrt(distances.min(axis=1)), np.sqrt(distances.max(axis=1))
-        elements = states @ elements_matrix(self.world.mean_motion).T
-        size = np.hypot(elements[:, RING_RADIAL], elements[:, RING_ALONG_TRACK])
-        off = np.abs(elements[:, CENTRE_ALONG_TRACK]) - 2.0 * size
+        _, centre, *ring, _, _ = (states @ elements_matrix(self.world.mean_motion).T).T
+        off = np.abs(centre) - 2.0 * np.hypot(*ring)
         short = np.maximum(self.limits[0] - nearest, 0.0) + np.maximum(farthest - self.limits[1], 0.0)
         return short + np.maximum(off, 0.0)
 

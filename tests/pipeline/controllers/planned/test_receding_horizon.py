@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from pipeline.controllers.planned.paths import elements_matrix
-from pipeline.controllers.source import load, remembering
+from pipeline.controllers.source import load
 from pipeline.flight.fly.simulation import fly_all, fly_logged
 from pipeline.flight.state.log import Scenario
+from pipeline.stages.compare import remembering
 from tests.pipeline.controllers.planned import cases
 from tests.pipeline.controllers.planned.cases import MEAN_MOTION, flown
 
