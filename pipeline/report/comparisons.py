@@ -226,24 +226,6 @@ def fly_pairs(experiment: Experiment, controller: Controller, beside: BesideOpti
     return pairs
 
 
-def optimum_in_words(beside: BesideOptimum, threshold_percent: float) -> str:
-    """Say how many times the optimum the controller burns; empty where it was not compared."""
-    if beside.columns is None:
-        return ""
-    summary, times = beside.summary, beside.summary["times_optimum"]
-    fewest = int(np.min(beside.columns["optimum_inspected_count"]))
-    cases = "the one solved case" if summary["num_cases"] == 1 else f"{summary['num_cases']} solved cases"
-    return (
-        f"In the mean of {cases} it burns {times['mean']:.2f} times the optimum, which is the fuel of a plan "
-        f"that knows the whole flight in advance and inspects at least {fewest} points. The median is "
-        f"{times['median']:.2f}, the range {times['min']:.2f} to {times['max']:.2f} (case "
-        f"{times['max_case']}). A case costs it {summary['delta_v_m_s']['mean']:.3f} m/s, the plan "
-        f"{summary['optimum_delta_v_m_s']['mean']:.3f} m/s. In {summary['num_successful']} of "
-        f"{summary['num_cases']} it inspects at least {threshold_percent:g} % of the points within the "
-        "limits."
-    )
-
-
 def optimum_rows(beside: BesideOptimum) -> list[list[str]]:
     """Return one row of words for each case, the greatest ratio first."""
     if beside.columns is None:
@@ -319,38 +301,3 @@ def fly_without(experiment: Experiment, controller: Controller, episodes: Column
     row = int(np.argmax(beyond))
     logs = (fly_logged(world, controller, scenarios[row]) for world in (mission, off))
     return Without(int(outcomes.is_violated.sum()), cases[row], *logs)
-
-
-def safety_words(flights: str, summary: Mapping[str, Any], without: Without | None) -> str:
-    """Say what the layer did; empty where the summary does not tell.
-
-    Parameters
-    ----------
-    flights : str
-        Which, such as ``evaluation``.
-    summary : mapping
-        Of `pipeline.evaluation.monte_carlo.summarise`, with ``num_cases``.
-    without : Without, optional
-    """
-    if "safety_acted" not in summary:
-        return ""
-    acted, num_cases = summary["safety_acted"], summary["num_cases"]
-    text = (
-        f"In the {flights} it acted in {acted['count']:,} of {num_cases:,} flights "
-        f"({100 * acted['fraction']:.1f} %, {100 * acted['low']:.1f} to {100 * acted['high']:.1f} %)"
-    )
-    if not acted["count"]:
-        return text + "."
-    periods, changed = summary["safety_periods"], summary["safety_delta_v_m_s"]
-    each = num_cases / acted["count"]
-    text += (
-        f", in these for {each * periods['mean']:.1f} control periods and by "
-        f"{each * changed['mean']:.4f} m/s in the mean; over all flights its changes come to "
-        f"{changed['mean']:.4f} m/s a flight, at most {changed['maximum']:.4f} m/s in one."
-    )
-    if without is not None:
-        leave = {0: "none of these flights", 1: "one of these flights"}.get(
-            without.num_outside, f"{without.num_outside:,} of these flights"
-        )
-        text += f" Without it, {leave} would have left the limits."
-    return text

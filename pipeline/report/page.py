@@ -51,7 +51,6 @@ def write(contents: Contents, illustrations: Mapping[str, Illustration]) -> str:
         policy=policy(),
         contents=contents,
         experiment=experiment,
-        safety=safety(contents),
         success=SUCCESS,
         means=[measure for measure in MEANS if has_unseen or measure[0] != INSPECTABLE],
         shares=SHARES,
@@ -67,7 +66,6 @@ def write(contents: Contents, illustrations: Mapping[str, Illustration]) -> str:
         compared=comparison,
         comparison=comparisons.tables_of(rows),
         worlds=comparison.matrices(rows) if comparison.worlds_of(rows) else [],
-        optimum_words=comparisons.optimum_in_words(contents.beside, mission.inspection_threshold_percent),
         optimum_cases=comparisons.optimum_rows(contents.beside),
         has_crowd=bool(contents.training and contents.training.summary["num_cases"] > MOST_POINTS),
         summary=summary,
@@ -79,18 +77,6 @@ def write(contents: Contents, illustrations: Mapping[str, Illustration]) -> str:
 def sees_less(flown: Mapping[str, Any]) -> bool:
     """Tell whether a summary is of flights in which some points could not be inspected."""
     return INSPECTABLE in flown and flown[INSPECTABLE]["mean"] != flown["inspection_rate_percent"]["mean"]
-
-
-def safety(contents: Contents) -> str:
-    """Say, a sentence or two for each set of flights, what the safety layer did; nothing where it is off."""
-    if contents.experiment.mission.safety.kind == "none":
-        return ""
-    unguarded = {"Evaluation": contents.without_safety}
-    words = (
-        comparisons.safety_words(word.lower(), flights.summary, unguarded.get(word))
-        for word, flights, _ in reversed(contents.sets)
-    )
-    return " ".join(filter(None, words))
 
 
 def flight_facts(flight: ShownFlight, mission: Mission) -> list[tuple[str, str]]:

@@ -7,12 +7,13 @@ import numpy as np
 import pytest
 
 import telemetry
+from fis_tools.document.html import template
 from pipeline.command_line.cli import main
 from pipeline.flight.fly.simulation import fly_logged
 from pipeline.flight.state.log import KEEP_IN, PASSIVE_SAFETY, SPEED, FlightLog
 from pipeline.recording import reflight
 from pipeline.recording.events import Event, events
-from pipeline.report.comparisons import Without, safety_words
+from pipeline.report.comparisons import Without
 from pipeline.run import artifacts
 from telemetry import RecordingError
 from tests.pipeline.flight.cases import STARTS, STEERING
@@ -159,6 +160,11 @@ def test_a_real_flight_tells_what_its_numbers_are() -> None:
     assert not any(event.level == "error" for event in found)
     begins = [event.sample for event in found if event.text.startswith("safety layer acts: ")]
     assert begins[0] == np.flatnonzero(log.safety_limit)[0]
+
+
+def safety_words(*told: object) -> str:
+    """Return what the report says of the safety layer."""
+    return template("pipeline.report", "templates", "words.html").module.safety(*told).strip()
 
 
 def test_the_report_tells_how_often_how_long_and_what_it_cost() -> None:

@@ -8,6 +8,7 @@ import pytest
 from matplotlib import colors
 from matplotlib.colors import to_hex
 
+from fis_tools.document.html import template
 from pipeline.command_line.config import compose_experiment
 from pipeline.evaluation.monte_carlo import fly_cases
 from pipeline.flight.control.controller import coast
@@ -165,7 +166,7 @@ def test_a_controller_that_burns_nothing_can_be_drawn_and_many_cases_too():
 def test_words_and_rows_are_those_of_the_table(tmp_path):
     tables.write_parquet(tmp_path / artifacts.BESIDE_OPTIMUM, made_up())
     beside = comparisons.read_beside(tmp_path)
-    words = comparisons.optimum_in_words(beside, 95.0)
+    words = template("pipeline.report", "templates", "words.html").module.optimum(beside, "95")
     assert "In the mean of 4 solved cases it burns 4.50 times the optimum" in words
     assert "at least 95 points. The median is 4.00, the range 2.00 to 8.00 (case 11)." in words
     assert "In 2 of 4 it inspects at least 95 % of the points within the limits." in words
