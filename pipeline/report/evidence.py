@@ -9,40 +9,17 @@ from typing import Any
 import yaml
 from markupsafe import Markup
 
-from fis_tools.document import (
-    Block,
-    Cell,
-    Code,
-    Document,
-    Figure,
-    Fold,
-    Heading,
-    Items,
-    Mark,
-    Paragraph,
-    Table,
-)
+from fis_tools.document import Block, Code, Document, Figure, Fold, Heading, Items, Mark, Paragraph, Table
 from fis_tools.document.html import element, page, read, template
 from pipeline.evaluation.assurance.requirements import METHODS as ALL_METHODS
 from pipeline.evaluation.assurance.requirements import SEVERITIES
-from pipeline.report.figures.style import Illustration
+from pipeline.report.figures.style import Illustration, caption_of
 from pipeline.run import artifacts
 
 #: ways of verification, as circles are lettered and columns are headed
 METHODS = {name: name.replace("_", " ") for name in ALL_METHODS}
 #: of a histogram, in its own units: a number nearer to the zero than this would stand on it
 ROOM = 40.0
-_DRAWN = (
-    "Goal structure (GSN): goals are rectangles, the strategy a parallelogram, contexts rounded, solutions "
-    "circles. Full outlines: shown or proved for the share that is named; dashed: not shown; dotted: refuted."
-)
-_MATRIX = (
-    "Requirements against evidence. A claim about a share of the cases stands or falls with the cases: "
-    "single failures that a search finds do not refute it, but they do a claim about all cases."
-)
-_WHY_LAYER = (
-    'The proof: docs/explanation/safety.md, "Why it holds"; of samples, for forces and states known exactly.'
-)
 
 
 def write(evidence: Mapping[str, Any], tube: Illustration | None = None) -> str:
@@ -65,7 +42,7 @@ def document(evidence: Mapping[str, Any], tube: Illustration | None = None) -> D
         f'Requirements "{evidence["name"]}"; {conditions["num_cases"]:,} cases, seed {conditions["seed"]}, '
         f"Sun {conditions['sun']}, safety {conditions['safety']}{errors and f', with {errors}'}."
     )
-    drawn = element("figcaption", _DRAWN)
+    drawn = element("figcaption", caption_of("argument"))
     blocks: list[Block] = [
         Heading(f"Evidence for {evidence['controller']['name']}", 1),
         Paragraph(run),
@@ -79,11 +56,9 @@ def document(evidence: Mapping[str, Any], tube: Illustration | None = None) -> D
     for one in requirements:
         blocks += _requirement(one, tube)
     blocks += [Heading("Operational domain", id="domain"), *_domain(evidence["domain"])]
-    caption = (
-        "The factors of NASA-STD-7009B. Levels, 0 to 4, are for a reviewer to give; this page claims none."
-    )
     heads = ["factor", "scale", "this run shows", "it does not show"]
-    blocks += [Heading("Credibility", id="credibility"), Table(heads, factors(evidence), caption=caption)]
+    credibility = Table(heads, factors(evidence), caption=caption_of("credibility"))
+    blocks += [Heading("Credibility", id="credibility"), credibility]
     return Document([*blocks, Heading("Provenance", id="provenance"), *_provenance(evidence)])
 
 
@@ -169,7 +144,7 @@ def lead(evidence: Mapping[str, Any]) -> str:
 
 
 def _matrix(requirements: list[Mapping[str, Any]]) -> Table:
-    rows: list[list[Cell]] = []
+    rows: list[list[Mark | str]] = []
     shown = [name for name in METHODS if any(name in one["methods"] for one in requirements)]
     for one in requirements:
         stake = f"failing means {one['consequence']} ({one['severity']})"
@@ -181,7 +156,9 @@ def _matrix(requirements: list[Mapping[str, Any]]) -> Table:
             link = f"{one['id']}-{method}"
             mark = Mark(found["word"], kind, link, _brief(one, method)) if found else ""
             rows[-1].append(mark)
-    return Table(["requirement", "verdict", *(METHODS[name] for name in shown)], rows, caption=_MATRIX)
+    return Table(
+        ["requirement", "verdict", *(METHODS[name] for name in shown)], rows, caption=caption_of("matrix")
+    )
 
 
 def _brief(requirement: Mapping[str, Any], method: str) -> str:
@@ -213,7 +190,7 @@ def _requirement(requirement: Mapping[str, Any], tube: Illustration | None) -> I
     if "tube" in details and tube:
         details["tube"].append(tube.block)
     if "safety_layer" in details:
-        details["safety_layer"].append(Paragraph(_WHY_LAYER))
+        details["safety_layer"].append(Paragraph(caption_of("layer")))
     for name, blocks in details.items():
         yield Fold(
             f"{METHODS[name].capitalize()}: {methods[name]['word']}", blocks, f"{requirement['id']}-{name}"
@@ -233,7 +210,8 @@ def _domain(domain: Mapping[str, Any] | None) -> Iterator[Block]:
     if domain is None:
         yield Paragraph("The controller has no fuzzy systems: there are no inputs to make a domain of.")
         return
-    yield Paragraph(domain_words(domain))
+    confidence, high = _percent(domain["confidence"]), _percent(domain["high"])
+    yield Paragraph(caption_of("domain", domain=domain, confidence=confidence, high=high))
     rows = []
     for system in domain["systems"]:
         for one in system["inputs"]:
@@ -243,16 +221,6 @@ def _domain(domain: Mapping[str, Any] | None) -> Iterator[Block]:
     yield Table(["input", "system", "least", "greatest"], rows, (2, 3), caption=caption)
     yield Paragraph("A monitor says when a recorded flight leaves it, in which input and by how much:")
     yield Code(f"python -m fis_tools domain {artifacts.DOMAIN} FLIGHT.mcap")
-
-
-def domain_words(domain: Mapping[str, Any]) -> str:
-    """Say how the domain was made and how far it can be trusted."""
-    return (
-        f"The box of inputs that {domain['num_made_from']:,} flights met. Of {domain['num_tried']:,} other "
-        f"flights from the same starts' distribution {domain['num_left']:,} leave it; with "
-        f"{_percent(domain['confidence'])} confidence no more than {_percent(domain['high'])} of such "
-        "flights do. What the controller does outside is not covered."
-    )
 
 
 def _case_facts(cases: Mapping[str, Any], unit: str) -> list[list[str]]:
@@ -309,11 +277,7 @@ def _sun(worst: Mapping[str, Any]) -> str:
 
 
 def _departure(left: Mapping[str, Any]) -> str:
-    unit = f" {left['unit']}" if left["unit"] else ""
-    return (
-        f"{left['system']} senses {left['name']} up to {left['value']:.4g}{unit} from {left['first_s']:g} to "
-        f"{left['last_s']:g} s, outside {left['low']:.4g} to {left['high']:.4g}{unit}"
-    )
+    return caption_of("departure", left=left, unit=f" {left['unit']}" if left["unit"] else "")
 
 
 def _provenance(evidence: Mapping[str, Any]) -> Iterator[Block]:

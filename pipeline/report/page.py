@@ -15,7 +15,7 @@ from pipeline.flight.state.log import Scenario, inspectable_rate, points_needed
 from pipeline.recording.events import points_in_words
 from pipeline.report import comparisons
 from pipeline.report.contents import Contents, FlightSet, ShownFlight
-from pipeline.report.figures.style import MOST_POINTS, Illustration
+from pipeline.report.figures.style import MOST_POINTS, Illustration, caption_of
 from pipeline.run import artifacts
 from pipeline.settings.experiment import Mission
 from pipeline.settings.start_table import POSITION
@@ -166,15 +166,9 @@ def _towards_goal(contents: Contents, illustrations: Mapping[str, Illustration])
 
 def lead(who: str, summary: Mapping[str, Any], mission: Mission) -> str:
     """Say in a sentence or two what came out."""
-    problem, spent, end, speed = mission.problem, *(summary[name] for name in list(MEASURES)[:3])
     reached, held = (100 * summary[name]["fraction"] for name in (SUCCESS, "held"))
-    return (
-        f"{who}, flown from {summary['num_cases']:,} starts, comes within {problem.goal_radius_m:g} m of the "
-        f"chief, no faster than {problem.goal_speed_m_s:g} m/s, in {reached:.1f} % of the flights. They end "
-        f"after {end['mean']:.0f} s in the mean, at {speed['mean']:.4f} m/s, and spend "
-        f"{comparison.spread(spent, 3)} m/s. {held:.1f} % are never above the limit on the speed after their "
-        "start."
-    )
+    shares = {"reached": reached, "held": held, "spent": comparison.spread(summary["delta_v_m_s"], 3)}
+    return caption_of("goal", who=who, summary=summary, problem=mission.problem, **shares)
 
 
 def _results(summary: Mapping[str, Any]) -> Iterator[Block]:

@@ -2,13 +2,10 @@
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from functools import cache
 from typing import Any
 
 import numpy as np
-import yaml
 
-from fis_tools.document.html import read
 from pipeline.evaluation.comparison import ComparisonRow, worlds_of
 from pipeline.evaluation.monte_carlo import fly_tracked
 from pipeline.flight.state.log import FlightLog, points_needed
@@ -44,13 +41,8 @@ def draw(contents: Contents) -> list[style.Illustration]:
         return [style.illustrate(*one, dots_per_inch) for one in drawn]
 
 
-@cache
-def _captions() -> Mapping[str, str]:
-    return yaml.safe_load(read("templates/captions.yaml", "pipeline.report"))
-
-
 def _captioned(name: str, figure: style.Figure, caption: str, **words: Any) -> Drawn:
-    return name, _captions()[caption].format(**words), figure
+    return name, style.caption_of(caption, **words), figure
 
 
 def _drawn(contents: Contents) -> Iterator[Drawn]:

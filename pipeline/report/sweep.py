@@ -14,7 +14,7 @@ from fis_tools.document import Block, Code, Document, Figure, Heading, Items, Pa
 from pipeline.evaluation.monte_carlo import SUCCESS
 from pipeline.evaluation.statistics import METRICS, Compared, Difference, Effect, Metric, effects, on_front
 from pipeline.report.figures.comparison import Point, front_of_runs
-from pipeline.report.figures.style import illustrate, style
+from pipeline.report.figures.style import caption_of, illustrate, style
 from pipeline.run import artifacts, sweep, tables
 
 Columns = dict[str, list[Any] | NDArray[Any]]
@@ -251,20 +251,6 @@ def compared_table(one: str, other: str, compared: Sequence[Compared], confidenc
 
 
 DOTS_PER_INCH = 100
-_BEST = (
-    "No other run spends as little and inspects as much; first those that succeed most often: that inspect "
-    "enough inside the limits."
-)
-_EFFECTS = (
-    "Each value of a setting against its first, in runs that differ in nothing else, on the cases that they "
-    "share. Where several pairs of runs differ so, each pair counts once; where one does, each case."
-)
-
-
-_FRONT = (
-    "Mean inspection rate over mean delta-v, with their intervals; the line joins the runs that no other "
-    "surpasses."
-)
 
 
 def write(swept: Swept) -> str:
@@ -280,7 +266,7 @@ def _document(swept: Swept) -> Document:
         Heading("Best, ready to fly"),
     ]
     if swept.offered:
-        blocks.append(Paragraph(_BEST))
+        blocks.append(Paragraph(caption_of("best")))
         for run in swept.offered:
             blocks += [Heading(run.name, 3), Code(run.fly)]
     else:
@@ -290,7 +276,7 @@ def _document(swept: Swept) -> Document:
         blocks += [Heading("Failed"), Items(failures), Paragraph("To try them again:")]
         blocks.append(Code(f"python -m pipeline resume={folder}"))
     if effects := effects_table(swept):
-        blocks += [Heading("Effects"), Paragraph(_EFFECTS), *effects]
+        blocks += [Heading("Effects"), Paragraph(caption_of("effects")), *effects]
     if len(swept.evaluated) > 1:
         blocks += [Heading("All runs"), _picture(swept)]
     return Document([*blocks, Heading("Runs"), *runs_table(swept)])
@@ -302,4 +288,4 @@ def _picture(swept: Swept) -> Figure:
         for run in swept.evaluated
     ]
     with style():
-        return illustrate("front", _FRONT, front_of_runs(points), DOTS_PER_INCH).block
+        return illustrate("front", caption_of("front"), front_of_runs(points), DOTS_PER_INCH).block

@@ -201,13 +201,6 @@ def _mark_means(ax: Axes, mean: float, paper: float | None, edges: Floats) -> No
     ax.text(1.0, 1.02, text, color=style.VERMILION, ha="right", **words)
 
 
-TUBE_CAPTION = (
-    "What the proof bounds for all starts, second by second (shaded), and {count} flights of the cases "
-    "(lines): the distance from the chief, and the speed, with its limit at the least distance that is "
-    "possible then (dashed)."
-)
-
-
 def draw_tube(
     tube: Mapping[str, Floats], tracks: NDArray[np.float32], mission: Mission, dots_per_inch: int
 ) -> style.Illustration:
@@ -237,7 +230,7 @@ def draw_tube(
         far.set(ylabel="distance from the chief (m)", ylim=(0.0, None))
         fast.set(xlabel="time (s)", ylabel="speed (m/s)", xlim=(0.0, time[-1]), ylim=(0.0, None))
         fast.legend(loc="upper right")
-        return style.illustrate("tube", TUBE_CAPTION.format(count=len(tracks)), figure, dots_per_inch)
+        return style.illustrate("tube", style.caption_of("tube", count=len(tracks)), figure, dots_per_inch)
 
 
 def approach(tracks: NDArray[np.float32], problem: Problem) -> Figure:

@@ -2,21 +2,23 @@
 
 import io
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
+from functools import cache
 from html import escape
 from typing import Any
 
 import matplotlib as mpl
 import numpy as np
+import yaml
 from markupsafe import Markup
 from matplotlib.figure import Figure
 from matplotlib.gridspec import GridSpec
 from numpy.typing import NDArray
 
 from fis_tools import document
-from fis_tools.document.html import element
+from fis_tools.document.html import element, read
 
 __all__ = ["STYLE", "Figure", "Picture", "grid", "pixels", "save", "style"]
 
@@ -200,6 +202,16 @@ def inline(svg: str, name: str, description: str) -> str:
     text = _ROOT.sub(lambda match: f"<svg {match[1]}>", text, count=1)
     text = _TAG.sub(fit, text).replace("<svg", f'<svg role="img" aria-label="{label}"', 1)
     return _INDENT.sub("\n", text).strip()
+
+
+@cache
+def _captions() -> Mapping[str, str]:
+    return yaml.safe_load(read("templates/captions.yaml", "pipeline.report"))
+
+
+def caption_of(name: str, **values: Any) -> str:
+    """Return a caption, or another sentence of a page, with some values, see ``templates/captions.yaml``."""
+    return _captions()[name].format(**values)
 
 
 @dataclass(frozen=True)
