@@ -116,7 +116,7 @@ def importance(compiled: CompiledSystem, inputs: Floats) -> Floats:
         raise ValueError("there are no samples; pass at least one row of inputs")
     counts = np.count_nonzero(~np.isnan(moved), axis=0)
     ranges = np.array([variable.span for variable in compiled.system.outputs])
-    return np.asarray(np.nansum(moved, axis=0) / np.maximum(counts, 1) / ranges)
+    return np.nansum(moved, axis=0) / np.maximum(counts, 1) / ranges
 
 
 def weighed_shares(program: Program, weighing: Weighing, firing: Floats, inputs: Floats) -> Floats:

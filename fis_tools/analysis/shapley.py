@@ -492,7 +492,7 @@ def importance(compiled: CompiledSystem, inputs: Floats) -> Floats:
     """
     some = inputs[:: -(-len(inputs) // MOST_SAMPLES)]
     ranges = np.array([variable.span for variable in compiled.system.outputs])
-    return np.asarray(np.abs(shares(compiled, some, FEW_ORDERS).values).mean(axis=0) / ranges)
+    return np.abs(shares(compiled, some, FEW_ORDERS).values).mean(axis=0) / ranges
 
 
 def sampled(num_players: int, worth: Worth, num_orders: int) -> tuple[Floats, float]:

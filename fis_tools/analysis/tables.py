@@ -180,8 +180,7 @@ def read_parquet(path: Path, choose: Callable[[Sequence[str]], Sequence[str]]) -
 def _column(column: Any) -> NDArray[Any]:
     """Return a column as an array; of words each once, however often it stands there."""
     if not hasattr(column.type, "value_type"):
-        found: NDArray[Any] = column.to_numpy()
-        return found
+        return column.to_numpy()
     parts = [np.empty(0, dtype=object)]
     for chunk in column.chunks:
         words = np.append(np.array(chunk.dictionary.to_pylist(), dtype=object), [None])

@@ -124,11 +124,9 @@ class CompiledSystem:
             If no rule fires and `on_no_fire` is "raise".
         """
         if on_no_fire != "default":
-            outputs: Floats | dict[str, Floats] = self.infer(inputs, on_no_fire=on_no_fire).outputs
-            return outputs
+            return self.infer(inputs, on_no_fire=on_no_fire).outputs
         rows, shape = self._read(inputs)
-        told: Floats | dict[str, Floats] = self._told(self._infer(rows), shape)
-        return told
+        return self._told(self._infer(rows), shape)
 
     def infer(self, inputs: Any, *, on_no_fire: OnNoFire = "default") -> Answers:
         """Infer many samples, and report where no rule fired; same parameters and errors as a call."""

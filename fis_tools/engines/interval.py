@@ -188,7 +188,7 @@ def _widened(low: float, high: float) -> tuple[float, float]:
 def _steepness(weighing: Weighing, num_inputs: int) -> Floats:
     """Return the sensitivity of concluded numbers to each input, as shares of the output's range."""
     factors = np.abs(np.where(weighing.kinds[:, np.newaxis] == codes.NUMBER, weighing.parameters, 0.0))
-    return np.asarray(factors[:, :num_inputs].max(axis=0, initial=0.0) / (weighing.high - weighing.low))
+    return factors[:, :num_inputs].max(axis=0, initial=0.0) / (weighing.high - weighing.low)
 
 
 @compiled(error_model="numpy", nogil=True)
@@ -358,8 +358,7 @@ def _way_down(x: Floats, mu: Floats, point: int, other: int, height: float) -> f
     """Return how far from a point towards its neighbour a membership function stays at least at a height."""
     if other < 0 or other == len(x) or mu[other] >= height:
         return 0.0
-    way: float = abs(x[other] - x[point]) * (mu[point] - height) / (mu[point] - mu[other])
-    return way
+    return abs(x[other] - x[point]) * (mu[point] - height) / (mu[point] - mu[other])
 
 
 @compiled(error_model="numpy", nogil=True)

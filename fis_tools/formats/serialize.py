@@ -226,15 +226,13 @@ def loads(text: str, kind: Kind) -> FuzzyController:
 def reads(text: str, kind: Kind) -> Reading:
     """Read a controller from text, and tell what the text does not state; parameters as for `loads`."""
     if kind not in _PLAIN_READERS:
-        reading: Reading = _module(kind).read(text)
-        return reading
+        return _module(kind).read(text)
     return Reading(from_mapping(_PLAIN_READERS[kind](text)), ())
 
 
 def writer(name: str) -> Callable[[FuzzyController], Written]:
     """Return what writes a kind of file of another program."""
-    write: Callable[[FuzzyController], Written] = _module(name).write
-    return write
+    return _module(name).write
 
 
 def _module(name: str) -> Any:

@@ -154,8 +154,8 @@ class FuzzyClassifier(ClassifierMixin, _FuzzyEstimator):
         total = shares.sum(axis=1, keepdims=True)
         prior = np.array([output.default for output in self.system_.outputs])
         shares = np.where(total > 0.0, shares, prior)
-        return np.asarray(shares / shares.sum(axis=1, keepdims=True))
+        return shares / shares.sum(axis=1, keepdims=True)
 
     def predict(self, X: ArrayLike) -> NDArray[Any]:
         """Return the class of the greatest share of each row, (n,)."""
-        return np.asarray(self.classes_[self.predict_proba(X).argmax(axis=1)])
+        return self.classes_[self.predict_proba(X).argmax(axis=1)]

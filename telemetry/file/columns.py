@@ -79,7 +79,7 @@ def _field(values: list[Any], field: Any) -> NDArray[np.generic]:
         words = np.array([value.name.lower() for value in field.enum_type.values])
         numbers = _rectangle(values, field.name, np.dtype(np.int64)).astype(np.int64)
         # the first word is "unknown"
-        return np.asarray(words[np.where(numbers < len(words), numbers, 0)])
+        return words[np.where(numbers < len(words), numbers, 0)]
     dtype = _DTYPE_OF_FIELD[field.type]
     return _rectangle(values, field.name, dtype) if field.is_repeated else np.array(values, dtype=dtype)
 

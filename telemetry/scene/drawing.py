@@ -214,7 +214,7 @@ def pulls(recording: Recording, sample_time_s: Floats) -> Floats | None:
     parts = np.abs(np.array(columns, dtype=np.float64))
     most = np.max(parts / np.maximum(parts.max(axis=(1, 2), keepdims=True), 1e-300), axis=0)
     rows = np.searchsorted(cloud.time_s, sample_time_s, side="right") - 1
-    return np.asarray(np.where((rows >= 0)[:, None], most[rows], 0.0))
+    return np.where((rows >= 0)[:, None], most[rows], 0.0)
 
 
 def sun_directions(mission: TopicColumns) -> Floats:

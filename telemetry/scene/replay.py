@@ -89,7 +89,7 @@ def _showable(recording: Recording) -> Recording:
 
 
 def _distances(recording: Recording) -> Floats:
-    return np.asarray(np.linalg.norm(recording[topics.DEPUTY_STATE]["position_m"], axis=1))
+    return np.linalg.norm(recording[topics.DEPUTY_STATE]["position_m"], axis=1)
 
 
 def _send_flight(stream: Stream, recording: Recording) -> None:

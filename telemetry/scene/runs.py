@@ -99,7 +99,7 @@ class Evaluation:
     @property
     def distance_m(self) -> Floats:
         """Distance to the chief, shape (n, K+1)."""
-        return np.asarray(np.linalg.norm(self.position_m.astype(np.float64), axis=2))
+        return np.linalg.norm(self.position_m.astype(np.float64), axis=2)
 
     @property
     def time_s(self) -> Floats:

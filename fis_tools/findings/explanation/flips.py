@@ -198,4 +198,4 @@ def _ways(compiled: CompiledSystem, given: Floats) -> Iterator[tuple[int, int, F
 
 
 def _is_across(sides: Floats, start: float) -> Booleans:
-    return np.asarray(sides != 0.0 if start == 0.0 else sides == -start)
+    return sides != 0.0 if start == 0.0 else sides == -start

@@ -313,11 +313,11 @@ class _Signal:
     @property
     def universe(self) -> list[float]:
         """The points that its table holds."""
-        return [float(point) for point in self.variable.universe[self.places]]
+        return self.variable.universe[self.places].tolist()
 
     def values(self, term: Term) -> list[float]:
         """Return a row of its table."""
-        return [float(value) for value in sample(self.variable, term)[self.places]]
+        return sample(self.variable, term)[self.places].tolist()
 
     def row(self, term: str) -> int:
         """Return which row of its table a term is."""
