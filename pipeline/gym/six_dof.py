@@ -110,26 +110,6 @@ def slopes(
     return slope
 
 
-def moved(
-    state: Floats,
-    push: Floats,
-    torque: Floats,
-    inertia: Floats,
-    most_rate: float,
-    mean_motion: float,
-    duration: float,
-) -> Floats:
-    """Return the state after a duration (s), shape (13,), by SciPy's RK45, with its tolerances, as AFRL's.
-
-    Parameters are those of `slopes`.
-    """
-    settings = push, torque, inertia, np.linalg.inv(inertia), most_rate, mean_motion
-    rates: Any = slopes  # its stubs ask for the number of dimensions
-    after = solve_ivp(rates, (0.0, duration), state, args=settings).y[:, -1]
-    after[RATE] = np.clip(after[RATE], -most_rate, most_rate)
-    return np.asarray(after)
-
-
 class SixDofInspectionEnv(gymnasium.Env[NDArray[np.float32], NDArray[Any]]):
     """Inspect the chief with a camera along +x of the body; see `NUM_OBSERVED` for what is observed.
 
@@ -210,8 +190,13 @@ class SixDofInspectionEnv(gymnasium.Env[NDArray[np.float32], NDArray[Any]]):
         mission, deputy, reward = self._mission, self._mission.deputy, self._reward
         shares = np.clip(np.asarray(action, dtype=np.float64), -1.0, 1.0)
         force, torque = shares[:3] * deputy.max_force_n, shares[3:] * deputy.max_torque_n_m
-        rest = self._inertia, self._max_rate, mission.orbit.mean_motion_rad_s, mission.control_period_s
-        self._state = moved(self._state, force / deputy.mass_kg, torque, *rest)
+        push, hill_rate = force / deputy.mass_kg, mission.orbit.mean_motion_rad_s
+        settings = push, torque, self._inertia, np.linalg.inv(self._inertia), self._max_rate, hill_rate
+        rates: Any = slopes  # SciPy's stubs ask for the number of dimensions
+        # RK45 with its tolerances, as AFRL's
+        flown = solve_ivp(rates, (0.0, mission.control_period_s), self._state, args=settings)
+        self._state = flown.y[:, -1]
+        self._state[RATE] = np.clip(self._state[RATE], -self._max_rate, self._max_rate)
         self._k += 1
         self._look()
         per_force = mission.control_period_s / deputy.mass_kg
