@@ -147,7 +147,8 @@ def weighed_shares(program: Program, weighing: Weighing, firing: Floats, inputs:
     scale = total if weighing.defuzzifier == WEIGHTED_SUM else 1.0
     moved = parts * (scale * np.where(strengths > 0.0, numbers, 0.0) - default)
     found = np.zeros(firing.shape)
-    np.add.at(found, (slice(None), weighing.rules), moved)
+    for column, rule in enumerate(weighing.rules):
+        found[:, rule] += moved[:, column]
     return found
 
 

@@ -261,7 +261,7 @@ class Safety:
     """Greatest force along each Hill axis to stop within a control period."""
     probability: Annotated[checks.Number, Field(gt=0, lt=1)] | None = None
     """Of a flight, that the bounds hold on its errors, for which margins are kept; null: none are."""
-    planned_force_n: Annotated[checks.Positive, Only("safety.probability")] = 0.08
+    planned_force_n: Annotated[checks.Positive, Only("safety.probability")] = 0.1
     """Greatest force along each Hill axis that is passed on where anything is inexact."""
     passive_horizon_s: checks.NotNegative = 600.0
     """How long free drift stays outside the keep-out sphere; 0: off."""
