@@ -172,7 +172,6 @@ def _tell(folder: Path, known: Sequence[SweptRun]) -> None:
     )
 
 
-#: whose cases are flown, unless another experiment is chosen
 def edit(arguments: Sequence[str]) -> int:
     """Open a page on which rules and terms change, and each touch flies 1,000 paired cases anew.
 
