@@ -9,7 +9,9 @@ import pytest
 from omegaconf import OmegaConf
 
 from fis_tools.compiled import cache
+from pipeline.command_line.cli import main
 from tests.browser import axe, browser, opened
+from tests.commands import running
 from tests.editors import open_page, window
 
 # fixtures for all tests: a process runs one browser
@@ -51,6 +53,12 @@ def _load(file: IO[str], load: Any = OmegaConf.load) -> Any:
 
 
 OmegaConf.load = staticmethod(_load)  # type: ignore[method-assign, assignment]
+
+
+@pytest.fixture
+def ran(capsys):
+    """Run a command of the pipeline, see `running`."""
+    return running(main, capsys)
 
 
 @pytest.hookimpl(tryfirst=True)

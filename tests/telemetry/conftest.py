@@ -2,6 +2,8 @@ from pathlib import Path
 
 import pytest
 
+from telemetry.commands import main
+from tests.commands import running
 from tests.telemetry import synthetic_flight
 from tests.telemetry.synthetic_flight import SyntheticFlight
 
@@ -26,3 +28,9 @@ def short_flight() -> SyntheticFlight:
 @pytest.fixture(scope="session")
 def short_file(short_flight: SyntheticFlight, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return synthetic_flight.record(short_flight, tmp_path_factory.mktemp("short") / "short.mcap")
+
+
+@pytest.fixture
+def ran(capsys):
+    """Run a command of `telemetry`, see `running`."""
+    return running(main, capsys)

@@ -14,12 +14,10 @@ from mcap.writer import Writer
 
 import telemetry
 from telemetry import commands
-from telemetry.commands import main
 
 
-def test_info_tells_what_it_was_and_how_it_went(flight_file, capsys):
-    assert main(["info", str(flight_file)]) == 0
-    text = capsys.readouterr().out
+def test_info_tells_what_it_was_and_how_it_went(flight_file, ran):
+    text = ran("info", flight_file).out
     for expected in (
         r"KiB, 0 to 3600 s",
         r"inspection rate +97\.98 %",
@@ -30,8 +28,7 @@ def test_info_tells_what_it_was_and_how_it_went(flight_file, capsys):
     ):
         assert re.search(expected, text), expected
     # the same to programs
-    assert main(["info", "--json", str(flight_file)]) == 0
-    told = json.loads(capsys.readouterr().out)
+    told = json.loads(ran("info", "--json", flight_file).out)
     assert (told["bytes"], told["end_s"], told["is_rescued"]) == (flight_file.stat().st_size, 3600.0, False)
     assert told["episode"]["scenario_id"] == "circle-0"
     assert (told["outcome"]["inspected_count"], told["outcome"]["num_points"]) == (97, 99)
@@ -40,30 +37,24 @@ def test_info_tells_what_it_was_and_how_it_went(flight_file, capsys):
     assert told["attachments"] == {"config.yaml": 8, "controller.json": 19}
 
 
-def test_a_cut_file_is_sent_to_recover_which_rescues_it(short_file, tmp_path, capsys):
+def test_a_cut_file_is_sent_to_recover_which_rescues_it(short_file, tmp_path, ran):
     path = tmp_path / "cut.mcap.partial"
     path.write_bytes(short_file.read_bytes()[:80_000])
-    assert main(["info", str(path)]) == 2
-    assert f"`python -m telemetry recover {path}`" in capsys.readouterr().err
-    assert main(["recover", str(path)]) == 0
-    assert "cut.recovered.mcap holds " in capsys.readouterr().out
+    assert f"`python -m telemetry recover {path}`" in ran("info", path, code=2).err
+    assert "cut.recovered.mcap holds " in ran("recover", path).out
     assert len(telemetry.read(tmp_path / "cut.recovered.mcap")["/deputy/state"]) == 60
-    assert main(["info", str(tmp_path / "cut.recovered.mcap")]) == 0
-    assert "the flight may have gone on" in capsys.readouterr().out
+    assert "the flight may have gone on" in ran("info", tmp_path / "cut.recovered.mcap").out
 
 
-def test_recover_warns_where_no_step_is_left_and_info_tells_the_rest(short_file, tmp_path, capsys):
+def test_recover_warns_where_no_step_is_left_and_info_tells_the_rest(short_file, tmp_path, ran):
     whole, path = short_file.read_bytes(), tmp_path / "cut it.mcap"
     # the attachments are whole, the first chunk is not
     path.write_bytes(whole[: whole.index(b"controller.json") + 2_000])
-    assert main(["info", str(path)]) == 2
-    assert f"`python -m telemetry recover '{path}'`" in capsys.readouterr().err
-    assert main(["recover", str(path)]) == 0
-    captured = capsys.readouterr()
+    assert f"`python -m telemetry recover '{path}'`" in ran("info", path, code=2).err
+    captured = ran("recover", path)
     assert "holds 0 messages; " in captured.out
     assert captured.err.startswith(f"warning: no step of the flight could be rescued from {path}")
-    assert main(["info", str(tmp_path / "cut it.recovered.mcap")]) == 0
-    text = capsys.readouterr().out
+    text = ran("info", tmp_path / "cut it.recovered.mcap").out
     assert "KiB, no messages" in text
     assert re.search(r"scenario_id +circle-0", text)
     assert re.search(r"topics\n  none", text)
@@ -75,30 +66,26 @@ def own(short_file, tmp_path):
     return Path(shutil.copy(short_file, tmp_path / "flight.mcap"))
 
 
-def test_export_makes_a_folder_beside_the_file(own, capsys):
-    assert main(["export", str(own), "--format", "csv"]) == 0
-    printed = capsys.readouterr().out.split()
+def test_export_makes_a_folder_beside_the_file(own, ran):
+    printed = ran("export", own, "--format", "csv").out.split()
     assert str(own.parent / "flight-csv" / "mission.csv") in printed
     assert all(Path(name).is_file() for name in printed)
 
 
-def test_replay_saves_a_file_but_not_over_its_flight(own, short_file, tmp_path, capsys):
+def test_replay_saves_a_file_but_not_over_its_flight(own, short_file, tmp_path, ran):
     output = tmp_path / "short.rrd"
-    assert main(["replay", str(own), "--save", str(output)]) == 0
+    assert f"rerun {output}" in ran("replay", own, "--save", output).out
     assert output.read_bytes()[:3] == b"RRF"
-    assert f"rerun {output}" in capsys.readouterr().out
-    assert main(["replay", str(own), "--save", str(own)]) == 2
-    assert "choose a name such as" in capsys.readouterr().err
+    assert "choose a name such as" in ran("replay", own, "--save", own, code=2).err
     assert own.read_bytes() == short_file.read_bytes()
 
 
 @pytest.mark.parametrize("command", ["info", "replay", "recover", "export"])
-def test_a_mistake_is_one_sentence_and_exit_code_two(tmp_path, capsys, command):
+def test_a_mistake_is_one_sentence_and_exit_code_two(tmp_path, ran, command):
     path = tmp_path / "notes.txt"
     path.write_text("not a recording")
-    arguments = [command, str(path), *(["--save", str(tmp_path / "x.rrd")] if command == "replay" else [])]
-    assert main(arguments) == 2
-    captured = capsys.readouterr()
+    saved = ["--save", tmp_path / "x.rrd"] if command == "replay" else []
+    captured = ran(command, path, *saved, code=2)
     assert captured.out == ""
     assert captured.err.startswith("telemetry: ")
     assert "is not an MCAP file" in captured.err
@@ -114,47 +101,43 @@ def test_output_that_nobody_reads_to_its_end_is_no_error(flight_file):
     assert (done.returncode, done.stderr) == (0, b"")
 
 
-def test_a_command_is_needed_and_of_one_that_is_gone_its_successors_are_told(capsys):
-    assert main([]) == 2
-    assert main(["training", "outputs/train/RUN", "--follow"]) == 2
-    assert "telemetry: training is gone: a run's report.html draws the" in capsys.readouterr().err
+def test_a_command_is_needed_and_of_one_that_is_gone_its_successors_are_told(ran):
+    ran(code=2)
+    told = ran("training", "outputs/train/RUN", "--follow", code=2).err
+    assert "telemetry: training is gone: a run's report.html draws the" in told
 
 
 @pytest.mark.parametrize(
     "command", ["replay", "campaign", "screenshot", "info", "recover", "export", "compare"]
 )
-def test_each_command_teaches_by_examples_that_it_takes(command, capsys):
-    assert main([command, "--help"]) == 0
-    examples = re.findall(r"^ python -m telemetry (.*)$", capsys.readouterr().out, flags=re.MULTILINE)
+def test_each_command_teaches_by_examples_that_it_takes(command, ran):
+    examples = re.findall(r"^ python -m telemetry (.*)$", ran(command, "--help").out, flags=re.MULTILINE)
     assert len(examples) >= 2
     for example in examples:
         assert example.split()[0] == command
         # what is named is not there, but the options are known
-        assert main(shlex.split(example)) == 2
+        ran(*shlex.split(example), code=2)
 
 
 @pytest.mark.parametrize("instant", ["nan", "inf", "-5", "soon"])
-def test_an_instant_that_cannot_be_is_refused(instant, capsys):
-    assert main(["screenshot", "flight.mcap", "--at", instant]) == 2
-    assert instant in capsys.readouterr().err
+def test_an_instant_that_cannot_be_is_refused(instant, ran):
+    assert instant in ran("screenshot", "flight.mcap", "--at", instant, code=2).err
 
 
-def test_an_interrupted_command_ends_in_a_sentence(short_file, monkeypatch, capsys):
+def test_an_interrupted_command_ends_in_a_sentence(short_file, monkeypatch, ran):
     def interrupted(_path):
         raise KeyboardInterrupt
 
     monkeypatch.setattr(commands, "read", interrupted)
-    assert main(["info", str(short_file)]) == 130
-    assert capsys.readouterr().err == "telemetry: interrupted\n"
+    assert ran("info", short_file, code=130).err == "telemetry: interrupted\n"
 
 
-def test_a_whole_file_that_never_got_its_name_is_to_be_renamed(own, capsys):
+def test_a_whole_file_that_never_got_its_name_is_to_be_renamed(own, ran):
     path = own.rename(own.with_name("flight.mcap.partial"))
-    assert main(["recover", str(path)]) == 0
-    assert "rename it to flight.mcap" in capsys.readouterr().out
+    assert "rename it to flight.mcap" in ran("recover", path).out
 
 
-def test_somebody_elses_recording_has_nothing_to_compare_or_export(tmp_path, capsys):
+def test_somebody_elses_recording_has_nothing_to_compare_or_export(tmp_path, ran):
     path = tmp_path / "foreign.mcap"
     with path.open("wb") as stream:
         writer = Writer(stream)
@@ -162,7 +145,6 @@ def test_somebody_elses_recording_has_nothing_to_compare_or_export(tmp_path, cap
         channel = writer.register_channel("/a", "json", writer.register_schema("x", "jsonschema", b"{}"))
         writer.add_message(channel, 5, b"{}", 5)
         writer.finish()
-    assert main(["compare", str(path), str(path)]) == 2
-    assert main(["export", str(path), "-o", str(tmp_path / "tables")]) == 2
-    assert capsys.readouterr().err.count("messages of a flight") == 2
+    for words in (["compare", path], ["export", "-o", tmp_path / "tables"]):
+        assert "messages of a flight" in ran(*words, path, code=2).err
     assert not (tmp_path / "tables").exists()

@@ -138,6 +138,5 @@ def test_a_constant_that_cannot_fly_is_refused_in_a_sentence(open_page, address)
     assert flights.get_by_text("give a whole number").count() == 0
 
 
-def test_a_controller_without_rules_is_refused(capsys) -> None:
-    assert main(["edit", "controller=lqr", "--no-browser"]) == 2
-    assert "no rules to edit" in capsys.readouterr().err
+def test_a_controller_without_rules_is_refused(ran) -> None:
+    assert "no rules to edit" in ran("edit", "controller=lqr", "--no-browser", code=2).err

@@ -26,7 +26,7 @@ EVALUATE = ["+experiment=evaluate", "controller=coast"]
 
 
 @pytest.fixture
-def folder(tmp_path, monkeypatch, capsys):
+def folder(tmp_path, monkeypatch):
     """A run of whose stages the second failed, and will not any more."""
 
     def fail(_experiment, _folder):
@@ -36,25 +36,22 @@ def folder(tmp_path, monkeypatch, capsys):
         use_stages(patched, evaluate=fail)
         assert main([*EVALUATE, f"hydra.run.dir={tmp_path / 'run'}"]) == 2
     use_stages(monkeypatch)
-    capsys.readouterr()
     return tmp_path / "run"
 
 
-def test_a_run_that_another_maker_goes_on_with_names_both(folder, monkeypatch, capsys):
+def test_a_run_that_another_maker_goes_on_with_names_both(folder, monkeypatch, ran):
     first = manifests.read(folder)
     assert first["made_by"] == {"scenario": [0], "evaluate": [0]}
     other = {**present_maker(), "sources": "0" * 64}
     monkeypatch.setattr(maker, "present_maker", lambda: other)
-    assert main([f"resume={folder}"]) == 0
-    assert "note: another maker began this run (other sources); what is" in capsys.readouterr().err
+    assert "note: another maker began this run (other sources); what is" in ran(f"resume={folder}").err
     manifest = manifests.read(folder)
     assert manifest["makers"] == [*first["makers"], other]
     assert manifest["made_by"] == {"scenario": [0], "evaluate": [0, 1], "record": [1], "report": [1]}
 
 
-def test_the_same_maker_is_named_once_and_nothing_is_told(folder, capsys):
-    assert main([f"resume={folder}"]) == 0
-    assert "another maker" not in capsys.readouterr().err
+def test_the_same_maker_is_named_once_and_nothing_is_told(folder, ran):
+    assert "another maker" not in ran(f"resume={folder}").err
     manifest = manifests.read(folder)
     assert len(manifest["makers"]) == 1
     names = {"machine", "compiled_for", "features", "libm", "numpy", "blas", "reproducible"}
@@ -62,52 +59,41 @@ def test_the_same_maker_is_named_once_and_nothing_is_told(folder, capsys):
     assert manifest["made_by"]["evaluate"] == [0]
 
 
-def test_a_run_of_a_version_without_makers_keeps_what_it_told(folder, capsys):
+def test_a_run_of_a_version_without_makers_keeps_what_it_told(folder, ran):
     manifest = json.loads((folder / artifacts.MANIFEST).read_text())
     for name in ("makers", "made_by"):
         del manifest[name]
     manifest["versions"]["numpy"] = "1.0"
     (folder / artifacts.MANIFEST).write_text(json.dumps(manifest))
-    assert main([f"resume={folder}"]) == 0
-    assert "(numpy 1.0, now " in capsys.readouterr().err
+    assert "(numpy 1.0, now " in ran(f"resume={folder}").err
     assert manifests.read(folder)["makers"][0]["versions"]["numpy"] == "1.0"
 
 
-def test_verify_tells_each_file_that_is_not_what_was_written(folder, capsys):
-    assert main([f"resume={folder}"]) == 0
-    capsys.readouterr()
-    assert main(["verify", str(folder)]) == 0
-    assert capsys.readouterr().out == "files: 5 as they were written\nflights: none is recorded\n"
+def test_verify_tells_each_file_that_is_not_what_was_written(folder, ran):
+    ran(f"resume={folder}")
+    assert ran("verify", folder).out == "files: 5 as they were written\nflights: none is recorded\n"
     (folder / "evaluate.txt").write_text("better")
     (folder / "record.txt").unlink()
     (folder / "more.txt").write_text("x")
-    assert main(["verify", str(folder)]) == 1
-    told = capsys.readouterr().out
-    assert "files: 3 as they were written" in told
-    assert "evaluate.txt has CHANGED since it was written" in told
-    assert "record.txt is MISSING" in told
-    assert "more.txt is not in the manifest" in told
+    told = ran("verify", folder, code=1).out
+    for words in ("files: 3 as", "evaluate.txt has CHANGED", "record.txt is MISSING", "more.txt is not in"):
+        assert words in told
     for words in ([], ["a", "b", "c"], ["nowhere"]):
-        assert main(["verify", *words]) == 2
-        assert capsys.readouterr().err.startswith("error: ")
+        assert ran("verify", *words, code=2).err.startswith("error: ")
 
 
-def test_two_runs_are_compared_with_what_may_make_them_differ(folder, tmp_path, capsys):
+def test_two_runs_are_compared_with_what_may_make_them_differ(folder, tmp_path, ran):
     assert main([f"resume={folder}"]) == 0
-    other = tmp_path / "other"
-    shutil.copytree(folder, other)
-    capsys.readouterr()
-    assert main(["verify", str(folder), str(other)]) == 0
-    assert capsys.readouterr().out == "files: 4 equal to the last bit\n"
+    other = Path(shutil.copytree(folder, tmp_path / "other"))
+    assert ran("verify", folder, other).out == "files: 4 equal to the last bit\n"
     manifest = json.loads((other / artifacts.MANIFEST).read_text())
     manifest["makers"][0]["processor"] |= {"libm": "glibc 2.99 with fma", "compiled_for": "znver9"}
     manifest["sha256"] |= {"evaluate.txt": "0", "more.txt": "0"}
     (other / artifacts.MANIFEST).write_text(json.dumps(manifest))
     config = configuration.read(other)
     configuration.write(other, {**config, "seed": 5})
-    assert main(["verify", str(folder), str(other)]) == 1
     libm = present_maker()["processor"]["libm"]
-    assert capsys.readouterr().out.splitlines() == [
+    assert ran("verify", folder, other, code=1).out.splitlines() == [
         "configuration: seed (here 1, there 5)",
         "files: 3 equal to the last bit",
         "  evaluate.txt differs",
@@ -135,20 +121,18 @@ def holder(folder: Path) -> Iterator[subprocess.Popen]:
             process.kill()
 
 
-def test_one_process_holds_a_folder_until_it_is_gone(tmp_path, monkeypatch, capsys):
+def test_one_process_holds_a_folder_until_it_is_gone(tmp_path, monkeypatch, ran):
     called = use_stages(monkeypatch)
     folder = tmp_path / "run"
     with holder(folder) as process:
         with pytest.raises(HeldError, match=rf"run is held by process {process.pid} on \S+ since 20"):
             held(folder).__enter__()
-        assert main([*FLY, f"hydra.run.dir={folder}"]) == 2
-        assert f"is held by process {process.pid} on" in capsys.readouterr().err
+        assert f"is held by process {process.pid} on" in ran(*FLY, f"hydra.run.dir={folder}", code=2).err
     assert called == []
     assert not (folder / artifacts.CONFIG).exists()
     # the lock of a killed process is told and taken over
     assert (folder / LOCK).exists()
-    assert main([*FLY, f"hydra.run.dir={folder}"]) == 0
-    told = capsys.readouterr().err
+    told = ran(*FLY, f"hydra.run.dir={folder}").err
     assert f"was held by process {process.pid} on" in told
     assert "which is gone; its lock is taken over" in told
     assert not (folder / LOCK).exists()

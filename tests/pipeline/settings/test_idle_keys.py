@@ -7,7 +7,6 @@ import pytest
 import yaml
 
 from docs import hooks
-from pipeline.command_line.cli import main
 from pipeline.command_line.config import compose_experiment
 from pipeline.settings.experiment import Mission, Safety, SettingError
 from pipeline.settings.keys import value_at
@@ -77,13 +76,12 @@ def test_what_counts_for_nothing_is_left_out_and_told_if_a_file_says_it(tmp_path
     assert "note: a file sets dynamics.j2, but dynamics.j2 counts only with" in capsys.readouterr().err
 
 
-def test_keys_of_other_stages_are_told_or_refused_where_they_mislead(tmp_path, monkeypatch, capsys):
+def test_keys_of_other_stages_are_told_or_refused_where_they_mislead(tmp_path, monkeypatch, ran):
     monkeypatch.chdir(tmp_path)
-    assert main(["+experiment=assure", "controller=coast", "monte_carlo.num_cases=500"]) == 2
-    assert "monte_carlo.num_cases counts in the stages scenario, search, train," in capsys.readouterr().err
+    told = ran("+experiment=assure", "controller=coast", "monte_carlo.num_cases=500", code=2)
+    assert "monte_carlo.num_cases counts in the stages scenario, search, train," in told.err
     words = ["optimizer.generations=5", "assurance.num_cases=5", "seed=3"]
-    assert main([*FLY, *words, "--cfg", "job"]) == 0
-    told = capsys.readouterr()
+    told = ran(*FLY, *words, "--cfg", "job")
     assert told.err == "note: no stage of this run reads optimizer.generations, assurance.num_cases\n"
     assert "mass_kg: 12.0" in told.out
     assert list(tmp_path.iterdir()) == []
@@ -127,21 +125,17 @@ def test_a_commented_configuration_reads_back_to_the_same_data():
     assert "  # Mass. (kg)\n  mass_kg: 12.0\n" in text
 
 
-def test_help_on_a_group_a_key_and_what_is_no_key(capsys):
-    assert main(["--help", "safety"]) == 0
-    assert "  safety.braking_force_n=0.8 N\n      Greatest force along each" in capsys.readouterr().out
-    assert main(["--help", "sun.mode", "seed"]) == 0
-    told = capsys.readouterr().out
+def test_help_on_a_group_a_key_and_what_is_no_key(ran):
+    assert "  safety.braking_force_n=0.8 N\n      Greatest force along each" in ran("--help", "safety").out
+    told = ran("--help", "sun.mode", "seed").out
     assert "(fixed, random, mixed)" in told
     assert "  seed=1\n" in told
-    assert main(["--help", "deputy.mass"]) == 2
-    assert "did you mean deputy.mass_kg?" in capsys.readouterr().err
+    assert "did you mean deputy.mass_kg?" in ran("--help", "deputy.mass", code=2).err
 
 
 @pytest.mark.parametrize("words", [["--help", "train_polish"], ["+experiment=train_polish", "--help"]])
-def test_help_on_an_experiment_shows_what_people_change_with_its_values(words, capsys):
-    assert main(words) == 0
-    told = capsys.readouterr().out
+def test_help_on_an_experiment_shows_what_people_change_with_its_values(words, ran):
+    told = ran(*words).out
     assert told.startswith("+experiment=train_polish: Polish all but the rules")
     shown = re.findall(r"^  ([\w.]+)=(.*)$", told, re.MULTILINE)
     assert len(shown) == 11  # the stages, and ten keys or groups

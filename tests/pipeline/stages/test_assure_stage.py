@@ -135,12 +135,11 @@ def test_it_repeats_to_the_last_bit(assured, evidence):
     assert again["requirements"] == evidence["requirements"]
 
 
-def test_mistakes_in_requirements_are_told_before_a_folder_is_made(tmp_path, capsys):
+def test_mistakes_in_requirements_are_told_before_a_folder_is_made(tmp_path, ran):
     mine = tmp_path / "mine.yaml"
     mine.write_text("schema: requirements\nschema_version: 2\nrequirements: [{id: A1}]\n", encoding="utf-8")
     words = ["+experiment=assure", *SMALL, f"hydra.run.dir={tmp_path / 'run'}"]
-    assert main([*words, f"assurance.requirements={mine}"]) == 2
-    assert "A1: verified_by must be a list" in capsys.readouterr().err
+    assert "A1: verified_by must be a list" in ran(*words, f"assurance.requirements={mine}", code=2).err
     assert not (tmp_path / "run").exists()
 
 

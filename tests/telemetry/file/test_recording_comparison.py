@@ -128,18 +128,15 @@ def test_another_number_of_rules_is_a_difference(compared):
     assert first == Parting("/fis/f_x", "firing_strengths", "", 0, 0.0, (), "25 values", "9 values")
 
 
-def test_the_command_answers_by_its_exit_code(path, tmp_path, capsys):
+def test_the_command_answers_by_its_exit_code(path, tmp_path, ran):
     other = synthetic_flight.record(changed(position_m=((2, 0), 80.0)), tmp_path / "other.mcap")
-    assert main(["compare", str(path), str(path)]) == 0
-    assert f"{path} and {path} are the same: 21 samples, " in capsys.readouterr().out
-    assert main(["compare", str(path), str(other)]) == 1
-    text = capsys.readouterr().out
+    assert f"{path} and {path} are the same: 21 samples, " in ran("compare", path, path).out
+    text = ran("compare", path, other, code=1).out
     number = float(FLIGHT.position_m[2, 0])
     assert f"from sample 2 of 0 to 20 (20 s): /deputy/state position_m[0] is {number!r} m in the " in text
     assert f" and 80.0 m in the second, {80.0 - number:.6g} m apart" in text
-    assert main(["compare", str(path), str(other), "--tolerance", "100"]) == 0
-    assert "are the same to within 100" in capsys.readouterr().out
+    assert "are the same to within 100" in ran("compare", path, other, "--tolerance", "100").out
     assert main(["compare", str(path), str(tmp_path / "none.mcap")]) == 2
     for tolerance in ("nan", "-1.0"):
-        assert main(["compare", str(path), str(path), f"--tolerance={tolerance}"]) == 2
-        assert f"the tolerance is {tolerance}, but zero or a pos" in capsys.readouterr().err
+        told = ran("compare", path, path, f"--tolerance={tolerance}", code=2).err
+        assert f"the tolerance is {tolerance}, but zero or a pos" in told

@@ -128,13 +128,12 @@ def test_pictures_show_what_they_are_asked_for(flight_file, run, tmp_path, capsy
 
 
 @pytest.mark.slow
-def test_a_missing_driver_and_nothing_to_draw_are_said(run, tmp_path, monkeypatch, capsys):
-    assert main(["screenshot", str(tmp_path)]) == 2
-    assert "does not exist; give the folder of a run that has been evaluated" in capsys.readouterr().err
+def test_a_missing_driver_and_nothing_to_draw_are_said(run, tmp_path, monkeypatch, ran):
+    told = ran("screenshot", tmp_path, code=2).err
+    assert "does not exist; give the folder of a run that has been evaluated" in told
     for variable in ("VK_DRIVER_FILES", "VK_ICD_FILENAMES"):
         monkeypatch.setenv(variable, str(tmp_path / "none.json"))
-    assert main(["screenshot", str(run), "-o", str(tmp_path)]) == 2
-    assert "needs a Vulkan driver" in capsys.readouterr().err
+    assert "needs a Vulkan driver" in ran("screenshot", run, "-o", tmp_path, code=2).err
 
 
 @pytest.mark.slow
