@@ -13,11 +13,11 @@ class Told(NamedTuple):
 def running(main, capsys):
     """Return a function that runs a command, which must end with a code and without a traceback."""
 
-    def run(*words, code=0):
+    def run(*words, code=0, slips=False):
         capsys.readouterr()
         assert main([str(word) for word in words]) == code
         told = Told(*capsys.readouterr())
-        assert "Traceback" not in told.err
+        assert ("Traceback" in told.err) == slips
         return told
 
     return run

@@ -158,4 +158,5 @@ class FuzzyClassifier(ClassifierMixin, _FuzzyEstimator):
 
     def predict(self, X: ArrayLike) -> NDArray[Any]:
         """Return the class of the greatest share of each row, (n,)."""
-        return self.classes_[self.predict_proba(X).argmax(axis=1)]
+        shares = self.predict_proba(X)
+        return self.classes_[shares.argmax(axis=1)]

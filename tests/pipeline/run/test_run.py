@@ -220,7 +220,7 @@ def test_a_sweep_with_injected_failures_is_summarised(monkeypatch, ran):
         evaluate(experiment, folder)
 
     use_stages(monkeypatch, evaluate=evaluate_or_fail)
-    told = ran(*LARGE, code=2).err
+    told = ran(*LARGE, code=2, slips=True).err
     *_, ends = told.split("[16/16]")
     assert ends.count("failed: ") == len(INJECTED)
     assert "failed: seed=2+deputy.mass_kg=12+sun=fixed: nothing to be flown" in ends
