@@ -70,7 +70,8 @@ def _can_matter(compiled: CompiledSystem, firing: Floats) -> Booleans:
 def holding_back(system: FuzzySystem, output: int = 0) -> tuple[int, ...]:
     """Return the numbers, from 1, of the rules that alone conclude what an output is without any rule.
 
-    Whatever their share, such rules ask for nothing: they hold back what others ask for.
+    Whatever their share, such rules ask for nothing: they hold back what others ask for. `output` is the
+    place of one of the system's outputs.
     """
     variable = system.outputs[output]
     fixed = {

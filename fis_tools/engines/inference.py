@@ -175,9 +175,15 @@ Values = Mapping[str, Any]
 
 
 def infer_outputs(system: FuzzySystem, firing: Floats, clipped: Floats) -> list[OutputInference]:
-    """Infer one output after the other, from firing strengths and inputs inside the universes.
+    """Infer the outputs of a valid system, one after the other: formulas take those before their own.
 
-    Formulas also take the outputs before their own.
+    Parameters
+    ----------
+    system : FuzzySystem
+    firing : (num_rules,)
+        Firing strengths, before weights.
+    clipped : (num_inputs,)
+        Inputs, inside the universes.
     """
     values = {variable.name: x for variable, x in zip(system.inputs, clipped, strict=True)}
     found = []

@@ -12,13 +12,21 @@ from pipeline.array_types import Floats
 from pipeline.flight.control.controller import Controller, rehearsed_pushes
 from pipeline.flight.fly.tours import rehearsal_samples, tour_names
 from pipeline.flight.goals.reach import ended, limit_at
-from pipeline.flight.state.log import FlightLog, inspectable_rate, points_needed
+from pipeline.flight.state.log import (
+    KEEP_IN,
+    KEEP_OUT,
+    PASSIVE_SAFETY,
+    SPEED,
+    FlightLog,
+    inspectable_rate,
+    points_needed,
+)
 from pipeline.settings.experiment import Mission
 
 Level = Literal["info", "warning", "error"]
 
-#: what the safety layer acts for, in words, in the order of the limits in `pipeline.flight.state.log`
-SAFETY_WORDS = ("", "keep-out", "keep-in", "speed", "passive safety")
+#: what the safety layer acts for, in words
+SAFETY_WORDS = {KEEP_OUT: "keep-out", KEEP_IN: "keep-in", SPEED: "speed", PASSIVE_SAFETY: "passive safety"}
 #: the safety layer has ceased to act once it has left the force alone for so many periods
 REST_PERIODS = 6
 

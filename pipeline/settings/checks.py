@@ -17,7 +17,15 @@ from dataclasses import dataclass, field, fields, is_dataclass
 from functools import wraps
 from typing import Annotated, Any, TypeVar, dataclass_transform, get_args, get_type_hints
 
-from pydantic import AfterValidator, BeforeValidator, Field, Strict, ValidationError, ValidationInfo
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    Strict,
+    ValidationError,
+    ValidationInfo,
+)
 from pydantic.dataclasses import dataclass as checked_dataclass
 
 from pipeline.settings.keys import did_you_mean, dotted, register, unit_of, unknown, value_at
@@ -430,7 +438,7 @@ def settings(group: str, *only: Only) -> Callable[[type[Kind]], type[Kind]]:
 
     def checked(plain: type[Kind]) -> type[Kind]:
         # built when first needed: most commands need few groups
-        config: Any = {"extra": "forbid", "defer_build": True}
+        config = ConfigDict(extra="forbid", defer_build=True)
         made: Any = checked_dataclass(plain, config=config, frozen=True, kw_only=True)
         build = made.__init__
 

@@ -120,8 +120,9 @@ class NaturalMotionPlanner:
         squares = paths * paths
         distances = squares[:, :, 0] + squares[:, :, 1] + squares[:, :, 2]
         nearest, farthest = np.sqrt(distances.min(axis=1)), np.sqrt(distances.max(axis=1))
-        _, centre, *ring, _, _ = (states @ elements_matrix(self.world.mean_motion).T).T
-        off = np.abs(centre) - 2.0 * np.hypot(*ring)
+        elements = states @ elements_matrix(self.world.mean_motion).T
+        _, centre_along_track, ring_radial, ring_along_track, _, _ = elements.T
+        off = np.abs(centre_along_track) - 2.0 * np.hypot(ring_radial, ring_along_track)
         short = np.maximum(self.limits[0] - nearest, 0.0) + np.maximum(farthest - self.limits[1], 0.0)
         return short + np.maximum(off, 0.0)
 
