@@ -16,6 +16,7 @@ import shutil
 import stat
 import sys
 import time
+from collections import defaultdict
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import dataclass
@@ -77,24 +78,21 @@ def place_for(function: Callable[..., Any]) -> Path | str:
     return refused or root / name
 
 
-#: Signatures requested of functions whose code is not cached.
-_asked: set[tuple[Callable[..., Any], str]] = set()
+#: For how long functions have run as plain Python in this process, with arguments of which types.
+_plain_s: defaultdict[tuple[Callable[..., Any], str], float] = defaultdict(float)
 
 
-def was_asked(function: Callable[..., Any], what: str) -> bool:
-    """Return whether this was requested of a function's code before, by any process; record the request."""
+def plain_s(function: Callable[..., Any], types: str, more_s: float = 0.0) -> float:
+    """Return the seconds for which a function has run as plain Python, in any process; add some to them."""
+    _plain_s[function, types] += more_s
     place = place_for(function)
     if isinstance(place, Path):
-        name = f"{function.__qualname__}-{hashlib.sha256(what.encode()).hexdigest()[:16]}.asked"
-        with suppress(OSError):
-            try:
-                (place / name).touch(exist_ok=False)
-            except FileExistsError:
-                return True
-            return False
-    before = len(_asked)
-    _asked.add((function, what))
-    return len(_asked) == before
+        name = f"{function.__qualname__}-{hashlib.sha256(types.encode()).hexdigest()[:16]}.plain_s"
+        with suppress(OSError), (place / name).open("a+", encoding="ascii") as kept:
+            kept.write(f"{more_s}\n" if more_s else "")
+            kept.seek(0)
+            return sum(map(float, kept))
+    return _plain_s[function, types]
 
 
 def cache_root() -> Path:

@@ -11,6 +11,7 @@ import hashlib
 import os
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -119,37 +120,37 @@ def plainly(package: str, instead: dict[Any, Callable[..., Any]] | None = None) 
 
 
 def sparingly(function: F) -> F:
-    """Return a function that calls a compiled function for a single result, first in plain Python.
+    """Return a function that calls a compiled function for a single result, at first in plain Python.
 
-    The first call with arguments of these types, in any process, runs the function and all functions of its
-    package that it calls as plain Python; later calls are compiled. The result is the same. Asking numba for
-    types takes long, so the function returned stops asking once it is compiled; call it with the same types.
+    The function, and all functions of its package that it calls, run as plain Python until they have done so,
+    with arguments of these types and in all processes, for as long as compiling is expected to take. The
+    result is the same. Asking numba for types takes long, so the function returned stops asking once it is
+    compiled; call it with the same types. With COMPILE_AT_ONCE=1 nothing runs as plain Python.
     """
     known = cast(Compiled, function)
-    is_known = False
+    is_known = "COMPILE_AT_ONCE" in os.environ or not is_compiling()
 
     def call(*args: Any) -> Any:
         nonlocal is_known
-        is_known = is_known or _is_wanted_again(known, args)
         if is_known:
             return known(*args)
-        from fis_tools.compiled import notice  # noqa: PLC0415 - numba, which is loaded by then
+        from numba import typeof  # noqa: PLC0415 - takes a while, and most commands compile nothing
 
-        notice.tell_next(known.py_func)
+        from fis_tools.compiled import notice  # noqa: PLC0415 - as above
+
+        function, types = known.py_func, tuple(map(typeof, args))
+        is_worth = cache.plain_s(function, str(types)) >= notice.expected_s(function)
+        is_known = is_worth or types in known.signatures
+        if is_known:
+            return known(*args)
+        notice.tell_plain(function)
+        began = time.thread_time()
         with plainly(known._package):
-            return known.py_func(*args)
+            result = function(*args)
+        cache.plain_s(function, str(types), time.thread_time() - began)
+        return result
 
     return cast(F, call)
-
-
-def _is_wanted_again(function: Compiled, args: tuple[Any, ...]) -> bool:
-    """Return whether a function has been called with arguments of these types before, by any process."""
-    if not is_compiling():
-        return True
-    from numba import typeof  # noqa: PLC0415 - as above
-
-    types = tuple(map(typeof, args))
-    return types in function.signatures or cache.was_asked(function.py_func, str(types))
 
 
 def _dispatcher(function: Callable[..., Any], options: dict[str, Any]) -> Any:

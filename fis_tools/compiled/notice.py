@@ -21,7 +21,7 @@ from fis_tools.waiting import waiting
 
 #: Compilations shorter than this are not announced.
 SHORTEST_S = 0.5
-#: Compilations from this on are announced where the next call will need them.
+#: Where compiling takes at least this long, it is said that a function runs as plain Python.
 LONG_S = 5.0
 #: What compiling a function takes on average, s (`python -m benchmarks start`).
 SECONDS_A_FUNCTION = 0.12
@@ -100,13 +100,11 @@ def _called(function: Callable[..., Any], known: set[Callable[..., Any]]) -> set
     return known
 
 
-def tell_next(function: Callable[..., Any]) -> None:
-    """Say that a function that runs in plain Python will be compiled next time, if that takes long."""
+def tell_plain(function: Callable[..., Any]) -> None:
+    """Say that a function runs in plain Python for now, if compiling it takes long."""
     if (seconds := expected_s(function)) >= LONG_S:
         name = f"{function.__module__}.{function.__qualname__}"
-        _write(
-            f"{name} runs as plain Python this once; the next time it compiles: about {seconds:.0f} s, once"
-        )
+        _write(f"{name} runs as plain Python for now: compiling takes about {seconds:.0f} s, once")
 
 
 def announce(function: Callable[..., Any]) -> None:

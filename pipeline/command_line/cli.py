@@ -105,8 +105,7 @@ def warm(given: Sequence[str]) -> int:
 
     Usage: python -m pipeline warm
 
-    Each of some short runs is run twice, in a folder of its own, for what is wanted once is not compiled yet.
-    `python -m pipeline warm &` does it in the background.
+    Some short runs are run in a folder of their own. `python -m pipeline warm &` does it in the background.
 
     Returns
     -------
@@ -123,10 +122,9 @@ def warm(given: Sequence[str]) -> int:
     with tempfile.TemporaryDirectory() as folder:
         for number, words in enumerate(WARMED):
             sys.stderr.write(f"[{number + 1}/{len(WARMED)}] {' '.join(words)}\n")
-            for turn in ("first", "second"):
-                place = f"hydra.run.dir={Path(folder, f'{number}-{turn}')}"
-                command = [sys.executable, "-m", "pipeline", *words, place]
-                done = subprocess.run(command, check=False, stdout=subprocess.DEVNULL)  # noqa: S603
-                if done.returncode:
-                    return done.returncode
+            command = [sys.executable, "-m", "pipeline", *words, f"hydra.run.dir={Path(folder, str(number))}"]
+            at_once = os.environ | {"COMPILE_AT_ONCE": "1"}
+            done = subprocess.run(command, check=False, stdout=subprocess.DEVNULL, env=at_once)  # noqa: S603
+            if done.returncode:
+                return done.returncode
     return runs.OK

@@ -45,17 +45,18 @@ sys.exit(main())
     assert done.stderr == "\ninterrupted before anything was done; nothing to keep\n"
 
 
-def test_to_warm_each_experiment_is_started_twice_in_new_folders_and_a_failure_ends_it(monkeypatch, ran):
-    started, codes = [], [0] * 2 * len(cli.WARMED) + [2]
+def test_to_warm_experiments_are_compiled_at_once_in_new_folders_and_a_failure_ends_it(monkeypatch, ran):
+    started, codes = [], [0] * len(cli.WARMED) + [2]
 
-    def run(command, **_):
+    def run(command, env, **_):
+        assert env["COMPILE_AT_ONCE"]
         started.append(command)
         return CompletedProcess(command, codes[len(started) - 1])
 
     monkeypatch.setattr(cli.subprocess, "run", run)
     assert cli.main(["warm"]) == 0
-    assert len({command[-1] for command in started}) == 2 * len(cli.WARMED)
-    assert [command[3:-1] for command in started[::2]] == [list(words) for words in cli.WARMED]
+    assert len({command[-1] for command in started}) == len(cli.WARMED)
+    assert [command[3:-1] for command in started] == [list(words) for words in cli.WARMED]
     for words in cli.WARMED:
         assert compose_experiment(list(words)).experiment.stages
     assert cli.main(["warm"]) == 2
