@@ -53,6 +53,7 @@ def test_to_warm_experiments_are_compiled_at_once_in_new_folders_and_a_failure_e
         started.append(command)
         return CompletedProcess(command, codes[len(started) - 1])
 
+    monkeypatch.delenv("COMPILE_AT_ONCE")
     monkeypatch.setattr(cli.subprocess, "run", run)
     assert cli.main(["warm"]) == 0
     assert len({command[-1] for command in started}) == len(cli.WARMED)
