@@ -13,9 +13,10 @@ import numpy as np
 
 from fis_tools.compiled.decorator import compiled
 from pipeline.array_types import Floats, Integers
-from pipeline.flight.control.controller import ControllerError
+from pipeline.flight.control.controller import ControllerError, played
 from pipeline.flight.fly.plain import is_interpreted
 from pipeline.flight.fly.stepping import NUM_UNSEEN, Flights
+from pipeline.flight.state.arrays import Plans
 from pipeline.flight.state.log import Scenario
 from pipeline.settings.experiment import Mission
 from pipeline.threads import in_threads
@@ -77,8 +78,8 @@ class Policy:
     network: Network
     source: bytes  # the file it was read from
 
-    def __call__(self, mission: Mission, scenarios: list[Scenario], workers: int | None) -> Floats:
-        """Return the forces of flights from some starts, shape (m, K, 3), N, Hill axes.
+    def __call__(self, mission: Mission, scenarios: list[Scenario], workers: int | None) -> Plans:
+        """Return the plans of flights from some starts.
 
         Raises
         ------
@@ -96,7 +97,7 @@ class Policy:
             self._decide(mission, scenarios[first : first + BLOCK], forces[first : first + BLOCK])
 
         in_threads(decide, range(0, len(scenarios), BLOCK), workers=workers)
-        return forces
+        return played(forces)
 
     def _decide(self, mission: Mission, scenarios: list[Scenario], forces: Floats) -> None:
         """Fly side by side, and fill in the forces decided on."""

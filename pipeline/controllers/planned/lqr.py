@@ -11,7 +11,8 @@ from scipy.linalg import solve_discrete_are
 
 from pipeline.array_types import Floats
 from pipeline.controllers.planned.paths import Routes, check_within_limits, elements_matrix, ring_elements
-from pipeline.flight.control.controller import Controller
+from pipeline.flight.control.controller import Controller, played
+from pipeline.flight.state.arrays import Plans
 from pipeline.flight.state.log import Scenario
 from pipeline.physics.motion import motion_over
 from pipeline.settings.checks import SettingError
@@ -60,7 +61,11 @@ def controller(settings: Lqr, mission: Mission) -> Controller:
 
 
 class LqrRegulator:
-    """Brings the deputy from any start of a mission to its ring, or keeps it on its route."""
+    """Brings the deputy from any start of a mission to its ring, or keeps it on its route.
+
+    Its force is ``forces - gain (state - path)``, without the components of the answer that are below
+    `dead_band_n`, N.
+    """
 
     def __init__(self, settings: Lqr, mission: Mission) -> None:
         self.routes = Routes(mission) if settings.follows == "route" else None
@@ -73,6 +78,12 @@ class LqrRegulator:
         times = np.arange(mission.num_controls, dtype=np.float64) * mission.control_period_s
         self.turned: Floats = mean_motion * times
         self.to_states = np.linalg.inv(elements_matrix(mean_motion))
+
+    def __call__(self, scenarios: list[Scenario]) -> Plans:
+        """Return the plans of flights from some starts; see `Regulator`."""
+        paths = np.array([self.path(scenario) for scenario in scenarios], dtype=np.float64)
+        forces = np.array([self.forces(scenario) for scenario in scenarios], dtype=np.float64)
+        return played(forces)._replace(paths=paths, gain=self.gain, least_answer=self.dead_band_n)
 
     def path(self, scenario: Scenario) -> Floats:
         """Return the states on ring or route at each decision, shape (K, 6), m and m/s, Hill axes."""

@@ -57,19 +57,8 @@ class Planner(Protocol):
 class Regulator(Protocol):
     """Holds the deputy on a path by a force that is linear in the deviation."""
 
-    @property
-    def gain(self) -> Floats:
-        """K of ``f = -K (state - path)``, shape (3, 6), N/m and N s/m, Hill axes."""
-
-    @property
-    def dead_band_n(self) -> float:
-        """A component smaller than this is not fired, N."""
-
-    def path(self, scenario: Scenario) -> Floats:
-        """Return the wanted states of a flight at each decision, shape (K, 6), m and m/s, Hill axes."""
-
-    def forces(self, scenario: Scenario) -> Floats:
-        """Return the feedforward forces of that path, shape (K, 3), N, Hill axes."""
+    def __call__(self, scenarios: list[Scenario]) -> Plans:
+        """Return the plans of flights from some starts, with the paths that they track."""
 
 
 class Pilot(Protocol):
@@ -79,8 +68,8 @@ class Pilot(Protocol):
     def source(self) -> bytes:
         """The file it was read from, for recordings."""
 
-    def __call__(self, mission: Mission, scenarios: list[Scenario], workers: int | None) -> Floats:
-        """Return the forces of flights from some starts, shape (m, K, 3), N, Hill axes."""
+    def __call__(self, mission: Mission, scenarios: list[Scenario], workers: int | None) -> Plans:
+        """Return the plans of flights from some starts."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -206,7 +195,7 @@ def open_loop(name: str, plan: Floats, force_axes: str = "hill", turns: Turns = 
 def law_of(controller: Controller, mission: Mission) -> Law:
     """Return what the compiled episode needs to know of a controller, apart from its numbers.
 
-    It holds no plans of a planner or a regulator yet; `planned` and `regulated` make these.
+    It holds no plans of a planner, a regulator or a pilot yet.
 
     Raises
     ------
@@ -357,13 +346,6 @@ def sensed_by(controller: Controller) -> list[str]:
 
 #: flies plans up to a sample; returns what the deputies know there, shape (m, 6), m and m/s, Hill axes
 Fly = Callable[[int, Plans], Floats]
-
-
-def regulated(regulator: Regulator, scenarios: list[Scenario]) -> Plans:
-    """Return the plans of flights under a linear law: feedforward forces and the path to track."""
-    paths = np.array([regulator.path(scenario) for scenario in scenarios], dtype=np.float64)
-    forces = np.array([regulator.forces(scenario) for scenario in scenarios], dtype=np.float64)
-    return played(forces)._replace(paths=paths, gain=regulator.gain, least_answer=regulator.dead_band_n)
 
 
 def planned(

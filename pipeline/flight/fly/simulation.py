@@ -8,15 +8,7 @@ from fis_tools.engines.kernel import LANES
 from pipeline.array_types import Floats
 from pipeline.flight.cases.dispersions import groups_of, mission_of_case
 from pipeline.flight.cases.starts import cases_of
-from pipeline.flight.control.controller import (
-    Controller,
-    ControllerError,
-    law_of,
-    planned,
-    played,
-    regulated,
-    rehearsed_pushes,
-)
+from pipeline.flight.control.controller import Controller, ControllerError, law_of, planned, rehearsed_pushes
 from pipeline.flight.fly.logged import write_reasons
 from pipeline.flight.fly.many import Results, fly_many
 from pipeline.flight.fly.plain import as_asked, is_interpreted
@@ -98,9 +90,9 @@ def law_for(
     """Return what compiled flights from some starts need to know of a controller, with their plans."""
     law, num_controls = law_of(controller, mission), mission.num_controls
     if controller.regulator is not None:
-        return law._replace(plans=regulated(controller.regulator, scenarios))
+        return law._replace(plans=controller.regulator(scenarios))
     if controller.pilot is not None:
-        return law._replace(plans=played(controller.pilot(mission, scenarios, workers)))
+        return law._replace(plans=controller.pilot(mission, scenarios, workers))
     if controller.planner is None:
         return law
     world, numbers, cases = pack_world(mission), controller.numbers, cases_of(mission, scenarios)
