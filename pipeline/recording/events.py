@@ -12,21 +12,11 @@ from pipeline.array_types import Floats
 from pipeline.flight.control.controller import Controller, rehearsed_pushes
 from pipeline.flight.fly.tours import rehearsal_samples, tour_names
 from pipeline.flight.goals.reach import ended, limit_at
-from pipeline.flight.state.log import (
-    KEEP_IN,
-    KEEP_OUT,
-    PASSIVE_SAFETY,
-    SPEED,
-    FlightLog,
-    inspectable_rate,
-    points_needed,
-)
+from pipeline.flight.state.log import LIMITS, FlightLog, inspectable_rate, points_needed
 from pipeline.settings.experiment import Mission
 
 Level = Literal["info", "warning", "error"]
 
-#: what the safety layer acts for, in words
-SAFETY_WORDS = {KEEP_OUT: "keep-out", KEEP_IN: "keep-in", SPEED: "speed", PASSIVE_SAFETY: "passive safety"}
 #: the safety layer has ceased to act once it has left the force alone for so many periods
 REST_PERIODS = 6
 
@@ -178,7 +168,7 @@ def _safety(mission: Mission, log: FlightLog) -> Iterator[Event]:
     acted = np.flatnonzero(log.safety_limit)
     for spell in np.split(acted, np.flatnonzero(np.diff(acted) > REST_PERIODS) + 1) if acted.size else ():
         first, last = int(spell[0]), int(spell[-1])
-        limits = [SAFETY_WORDS[limit] for limit in dict.fromkeys(log.safety_limit[spell].tolist())]
+        limits = [LIMITS[limit] for limit in dict.fromkeys(log.safety_limit[spell].tolist())]
         yield Event(first, "warning", f"safety layer acts: {limits[0]}")
         changed = f"{_delta_v(mission, log.safety_force_hill_n[spell]):.4f} m/s"
         share = f"it changed the force in {len(spell)} of {last + 1 - first} periods, by {changed}"

@@ -12,6 +12,8 @@ from pipeline.flight.state.arrays import allocated
 
 #: the limit that the safety layer acted on at a sample, see `FlightLog.safety_limit`
 SAFE, KEEP_OUT, KEEP_IN, SPEED, PASSIVE_SAFETY = range(5)
+#: these limits in words
+LIMITS = ("safe", "keep-out", "keep-in", "speed", "passive safety")
 
 #: what became of a component of the force, see `FlightLog.reason`; in the order of `REASONS`
 FIRED, SILENT, DEAD_BAND, WAITING, COASTING, COMPLETE, CLIPPED, SAFETY, REHEARSED = range(9)
