@@ -22,6 +22,7 @@ any of them. It is not an estimate: less is impossible, but the true minimum may
 
 from bisect import bisect_left
 from math import inf, pi
+from typing import NamedTuple
 
 import numpy as np
 
@@ -37,6 +38,14 @@ NUM_HARDEST = 16
 WEIGHTS = np.linspace(0.0, pi / 2.0, 11)[1:-1]
 #: factor on every bound, so that rounding does not make it too large
 ROUNDING = 1e-9
+
+
+class Sighting(NamedTuple):
+    """What it takes to see one point at each of K+1 samples."""
+
+    slopes: Floats  # (K+1, K, 3) m/N, see `slopes_of`
+    missing: Floats  # (K+1,) shortfalls in height, times the delta-v of a newton, m m/s/N
+    costs: Floats  # (K+1,) of seeing it alone, m/s
 
 
 def delta_v_bound(problem: Problem, needed: int, ceiling: float = inf) -> float:
@@ -89,15 +98,13 @@ def can_cover(edges: list[Edge], spare: int) -> bool:
 def _pair_costs(problem: Problem, costs: Floats, points: Integers, ceiling: float) -> dict[Edge, float]:
     """Return the cost of each pair, m/s, and of each point with itself; capped at the ceiling."""
     takes: dict[Edge, float] = {}
-    slopes = {int(j): slopes_of(problem.gain, problem.normals[:, :, j]) for j in points}
     missing = _missing(problem) * problem.delta_v_per_force
-    for place, j in enumerate(points.tolist()):
+    sightings: dict[int, Sighting] = {}
+    for j in points.tolist():
+        own = Sighting(slopes_of(problem.gain, problem.normals[:, :, j]), missing[:, j], costs[:, j])
         takes[j, j] = min(float(costs[:, j].min()), ceiling)
-        for other in points[:place].tolist():
-            takes[other, j] = price_pair(
-                slopes[j], slopes[other], missing[:, j], missing[:, other], costs[:, j], costs[:, other],
-                WEIGHTS, ceiling,
-            )  # fmt: skip
+        takes |= {(i, j): price_pair(own, other, WEIGHTS, ceiling) for i, other in sightings.items()}
+        sightings[j] = own
     return takes
 
 
@@ -139,47 +146,33 @@ def slopes_of(gain: Floats, normals: Floats) -> Floats:
 
 
 @compiled(nogil=True, error_model="numpy")
-def price_pair(
-    one_slopes: Floats,
-    other_slopes: Floats,
-    one_missing: Floats,
-    other_missing: Floats,
-    one_costs: Floats,
-    other_costs: Floats,
-    weights: Floats,
-    ceiling: float,
-) -> float:
+def price_pair(one: Sighting, other: Sighting, weights: Floats, ceiling: float) -> float:
     """Return the cost of seeing two points, or the ceiling if that is less, m/s.
 
     Parameters
     ----------
-    one_slopes, other_slopes : (K+1, K, 3)
-        m/N.
-    one_missing, other_missing : (K+1,)
-        Shortfalls in height, times the delta-v of a newton, m m/s/N.
-    one_costs, other_costs : (K+1,)
-        Cost of each alone, m/s.
+    one, other : Sighting
     weights : (n,)
         Directions to try, rad.
     ceiling : float
     """
     least, place = ceiling, 0
     cosines, sines = np.cos(weights), np.sin(weights)
-    for k in range(len(one_costs)):
-        if one_costs[k] >= least:
+    for k in range(len(one.costs)):
+        if one.costs[k] >= least:
             continue
-        for m in range(len(other_costs)):
-            cost = max(one_costs[k], other_costs[m])
+        for m in range(len(other.costs)):
+            cost = max(one.costs[k], other.costs[m])
             # in any order: the direction decisive for most of the last samples is likely to be so again
             for _ in range(len(weights)):
                 if cost >= least:
                     break
                 u, w = cosines[place], sines[place]
-                asked = u * one_missing[k] + w * other_missing[m]
+                asked = u * one.missing[k] + w * other.missing[m]
                 steepest = 0.0
                 for i in range(max(k, m) if asked > 0.0 else 0):
                     for axis in range(3):
-                        slope = u * one_slopes[k, i, axis] + w * other_slopes[m, i, axis]
+                        slope = u * one.slopes[k, i, axis] + w * other.slopes[m, i, axis]
                         steepest = max(steepest, abs(slope))
                     # larger slopes can only reduce the cost
                     if steepest > 0.0 and asked / steepest <= cost:

@@ -117,8 +117,6 @@ def _solve(problem: Problem, rows: Sequence[Constraint], periods: Integers) -> S
     max_force = problem.mission.deputy.max_force_n
     # few forces are free: presolving the program takes longer than solving it
     solved = least_forces(-matrix, -least, problem.delta_v_per_force, max_force, presolves=False)
-    if solved is None:
-        return Step(forces, 0.0, np.inf, np.zeros(len(least)))
     forces[periods] = solved.forces.reshape(-1, 3)
     spent = float(np.abs(forces).sum() * problem.delta_v_per_force)
     return Step(forces, spent, solved.slack, solved.prices)
@@ -189,7 +187,7 @@ class LeastForces(NamedTuple):
 
 def least_forces(
     rows: Floats, most: Floats, delta_v_per_force: float, max_force: float, *, presolves: bool
-) -> LeastForces | None:
+) -> LeastForces:
     """Return the minimum-fuel forces that meet constraints as far as possible.
 
     Parameters
@@ -207,19 +205,20 @@ def least_forces(
 
     Returns
     -------
-    LeastForces, optional
-        None if there is none: slacks make a program feasible and prices bounded, so that only numbers
-        that are not finite, or a numerical failure, prevent a solution.
+    LeastForces
+        No forces, and infinite slack, if there is none: slacks make a program feasible and prices bounded, so
+        that only numbers that are not finite, or a numerical failure, prevent a solution.
     """
-    if not (np.isfinite(rows).all() and np.isfinite(most).all()):
-        return None
     num_rows, num_forces = rows.shape
+    unsolved = LeastForces(np.zeros(num_forces), np.inf, np.zeros(num_rows))
+    if not (np.isfinite(rows).all() and np.isfinite(most).all()):
+        return unsolved
     num_parts = 2 * num_forces
     cost = np.repeat([delta_v_per_force, PRICE_OF_SLACK], [num_parts, num_rows])
     upper = np.repeat([max_force, np.inf], [num_parts, num_rows])
     solved = _solved_by_highs(cost, upper, rows, most, "on" if presolves else "off")
     if solved is None:
-        return None
+        return unsolved
     parts, prices = solved
     forces = parts[:num_forces] - parts[num_forces:num_parts]
     forces[np.abs(forces) < LEAST_FORCE] = 0.0

@@ -176,5 +176,4 @@ class RecedingHorizonPlanner:
 
     def _least(self, rows: Floats, most: Floats) -> Floats:
         """Return the forces of least fuel, flat, with ``rows forces <= most`` as far as possible."""
-        solved = least_forces(rows, most, self.delta_v_per_force, self.max_force, presolves=True)
-        return np.zeros(rows.shape[1]) if solved is None else solved.forces
+        return least_forces(rows, most, self.delta_v_per_force, self.max_force, presolves=True).forces

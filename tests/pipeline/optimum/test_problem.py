@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
-from pipeline.optimum import polish
+from pipeline.optimum import bound, polish
 from pipeline.optimum.bound import can_cover, delta_v_bound, price_pair, sample_costs, slopes_of, unavoidable
 from pipeline.optimum.plan import num_agreeing, solve
 from pipeline.optimum.problem import flown, margins_along, path_of, seen_as
@@ -192,12 +192,11 @@ def test_a_pair_takes_no_more_than_the_linear_program_says_and_nearly_as_much():
     # the other as far round as there is one that is lit and unseen
     other = int(np.where(finite > 0.0, case.normals[0, :, one] @ case.normals[0], 2.0).argmin())
     missing = (case.radius - np.einsum("ka,kaj->kj", case.free, case.normals)) * case.delta_v_per_force
-    pair = price_pair(
-        *(slopes_of(case.gain, np.ascontiguousarray(case.normals[:, :, j])) for j in (one, other)),
-        *(np.ascontiguousarray(table[:, j]) for table in (missing, costs) for j in (one, other)),
-        np.linspace(0.0, np.pi / 2, 41),
-        np.inf,
+    sightings = (
+        bound.Sighting(slopes_of(case.gain, case.normals[:, :, j]), missing[:, j], costs[:, j])
+        for j in (one, other)
     )
+    pair = price_pair(*sightings, np.linspace(0.0, np.pi / 2, 41), np.inf)
     when = [np.flatnonzero(case.is_lit[1:, j]) + 1 for j in (one, other)]
     true = min(least_by_linear_program(case, [(one, k), (other, m)]) for k, m in product(*when))
     assert max(finite[one], finite[other]) <= pair <= true * (1 + 1e-9)
@@ -259,10 +258,11 @@ def test_solutions_are_those_of_scipy(num_rows, num_forces, presolves):
     [(np.inf, -10.0, 1.0), (1.0, np.nan, 1.0), (1.0, -10.0, -1.0)],
     ids=["infinite slope", "no bound", "no force within its limits"],
 )
-def test_a_program_without_a_solution_gives_none(slope, most, max_force):
+def test_a_program_without_a_solution_has_no_forces_and_infinite_slack(slope, most, max_force):
     rows = np.array([[slope]])
     least = np.array([most])
-    assert polish.least_forces(rows, least, FUEL, max_force, presolves=False) is None
+    found = polish.least_forces(rows, least, FUEL, max_force, presolves=False)
+    assert (*found.forces, found.slack, *found.prices) == (0.0, np.inf, 0.0)
 
 
 NEEDED = 70
