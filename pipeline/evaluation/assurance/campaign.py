@@ -8,6 +8,7 @@ worst of them. Every flight counts.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,8 +32,7 @@ PART = 1000
 FEW = 64
 
 
-@dataclass(frozen=True)
-class Outcome:
+class Outcome(NamedTuple):
     """Results of some cases for a formula: the margin of each, (n,), and whether it holds, (n,)."""
 
     margins: Floats
@@ -99,9 +99,7 @@ def judged(
 
 def joined(parts: Sequence[Outcome]) -> Outcome:
     """Concatenate outcomes of one formula."""
-    return Outcome(
-        np.concatenate([part.margins for part in parts]), np.concatenate([part.is_met for part in parts])
-    )
+    return Outcome(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
 
 
 #: separates the random numbers of searches from all others with the same seed

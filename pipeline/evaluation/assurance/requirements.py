@@ -12,7 +12,7 @@ from pipeline.settings.places import requirements_path
 
 SCHEMA: Final = ("requirements", 2)
 #: methods of verification: many flights, a search for the worst case, boxes of inputs that bound the
-#: systems' outputs, and the proof of the safety layer
+#: systems' outputs, the proof of the safety layer, and a tube of all starts
 CASES, SEARCH, BOUNDS, SAFETY_LAYER, TUBE = "cases", "search", "bounds", "safety_layer", "tube"
 METHODS: Final = (CASES, SEARCH, BOUNDS, SAFETY_LAYER, TUBE)
 #: how bad a failure is, the worst first
