@@ -193,7 +193,7 @@ def problem_of(mission: Mission, scenario: Scenario) -> Problem:
         max_range=float(np.sqrt(optics.range_squared)),
         most_sunward=optics.most_sunward,
         suns=np.array([sun_direction_h(angle, scenario.sun_elevation_rad) for angle in angles]),
-        occlusion=Occlusion(world.is_free, world.num_edge_cells),
+        occlusion=world.occlusion,
         chief_axes=world.chief_axes,
         is_lit=lit_at_samples(world, starts_of([scenario])),
         sight=np.zeros(num_controls + 1),

@@ -92,7 +92,7 @@ class FlightRecorder:
         if pulled := sensed_of_points(self._world, controller):
             self._systems[topics.PULLS_METADATA] = {name: SIGNALS[name].unit for name in pulled}
         # what hides what on a mesh takes plain Python minutes
-        is_mesh = self._world.num_edge_cells > 0
+        is_mesh = self._world.occlusion.edge > 0
         self._note_lit_and_seen = note_lit_and_seen if is_mesh else sparingly(note_lit_and_seen)
         surface = surface_of(mission)
         self._points = surface.points

@@ -11,14 +11,7 @@ from fis_tools.engines.packing import Packed
 from pipeline.array_types import Bytes, Floats
 from pipeline.flight.cases.starts import Cases
 from pipeline.flight.fly.many import NO_TRACKS, NOTHING_KNOWN, Flights, Results, fly_many
-from pipeline.flight.fly.workspace import (
-    Parts,
-    counted_points,
-    inspectable_points,
-    make_state,
-    make_workspace,
-    parts_in_use,
-)
+from pipeline.flight.fly.workspace import Parts, make_state, make_workspace, parts_in_use, points_of_cases
 from pipeline.flight.period.look.optics import note_inspectable
 from pipeline.flight.state.arrays import NUM_OUTCOMES, Law, State, Workspace, World
 from pipeline.flight.state.log import Outcomes
@@ -56,11 +49,7 @@ def flights_of(
 
     See `fly_population`; a function notes those that are lit in a flight.
     """
-    if wanted is None:
-        inspectable = inspectable_points(world, cases.starts, note)
-        counted = counted_points(world, cases.starts, inspectable)
-    else:
-        inspectable = counted = wanted
+    inspectable, counted = points_of_cases(world, cases.starts, note) if wanted is None else (wanted, wanted)
     values, rules = numbers.values[:, np.newaxis], numbers.rules
     if len(changes):
         values, rules = numbers.values[np.newaxis], numbers.rules[:1]

@@ -14,13 +14,7 @@ from pipeline.flight.cases.starts import cases_of
 from pipeline.flight.control.controller import played
 from pipeline.flight.fly.many import start_lanes
 from pipeline.flight.fly.plain import is_interpreted
-from pipeline.flight.fly.workspace import (
-    counted_points,
-    inspectable_points,
-    make_states,
-    make_workspace,
-    optics_in_use,
-)
+from pipeline.flight.fly.workspace import make_states, make_workspace, optics_in_use, points_of_cases
 from pipeline.flight.period.decide.thrust import command_given
 from pipeline.flight.period.steps import act, look
 from pipeline.flight.state.arrays import CASE, Beyond, Guard, Moment, Plans, State, Workspace, World
@@ -201,9 +195,8 @@ class Flights:
         if self._optics is None and scenario.sun_elevation_rad != 0.0:
             raise ValueError("the Sun of this start is out of the orbit plane; pass is_tilted=True")
         world, cases = self._world, cases_of(self._mission, [scenario])
-        found = inspectable_points(world, cases.starts, work=self._lighting)
+        found, counted = points_of_cases(world, cases.starts, work=self._lighting)
         self._starts[flight] = cases.starts[0]
-        counted = counted_points(world, cases.starts, found)
         self._counted[flight] = counted[0] if self._optics is not None else 1
         self.inspectable[flight] = found[0, : world.num_points].sum()
         if self._errors is not None:

@@ -51,7 +51,7 @@ def optics_in_use(world: World, elevations: Any) -> Beyond | None:
     """
     if not (world.has_optics or np.any(elevations) or world.course.is_on):
         return None
-    return Beyond(closely=world.num_edge_cells > 0 or world.reflection.is_on or None)
+    return Beyond(closely=world.occlusion.edge > 0 or world.reflection.is_on or None)
 
 
 def parts_in_use(world: World, law: Law, cases: Cases) -> Parts:
@@ -72,28 +72,28 @@ def parts_in_use(world: World, law: Law, cases: Cases) -> Parts:
     )
 
 
-def inspectable_points(
+def points_of_cases(
     world: World,
     starts: StartRows,
     note: Callable[..., None] = note_inspectable,
     work: Workspace | None = None,
-) -> Bytes:
-    """Return which points are lit at some sample of each case's flight, shape (m, P padded) of 0 or 1.
+) -> tuple[Bytes, Bytes]:
+    """Return which points can be inspected in each case's flight, and which it counts, of 0 or 1.
 
-    A workspace that is given spares making one.
+    Points that are lit at some sample can be inspected. In the paper's world all points count, lit or not; in
+    others only those that can be inspected, so that a deputy does not wait for the rest. A workspace that is
+    given spares making one.
+
+    Returns
+    -------
+    inspectable : (m, P padded)
+    counted : (m or 1, P padded)
+        One row if flights count the same.
     """
     found = np.empty((len(starts), world.points.shape[2]), dtype=np.uint8)
-    note(world, optics_in_use(world, starts.sun_elevation), work or make_workspace(world), starts, found)
-    return found
-
-
-def counted_points(world: World, starts: StartRows, inspectable: Bytes) -> Bytes:
-    """Return the points that flights count, as `inspectable_points`, or one row if they are the same for all.
-
-    In the paper's world all points count, lit or not; in others only those that can be inspected, so
-    that a deputy does not wait for the rest.
-    """
-    if optics_in_use(world, starts.sun_elevation) is None:
-        return np.ones((1, inspectable.shape[1]), dtype=np.uint8)
+    optics = optics_in_use(world, starts.sun_elevation)
+    note(world, optics, work or make_workspace(world), starts, found)
+    if optics is None:
+        return found, np.ones((1, found.shape[1]), dtype=np.uint8)
     is_paper = np.zeros(len(starts), dtype=np.bool_) if world.has_optics else starts.sun_elevation == 0.0
-    return np.where(is_paper[:, np.newaxis], np.uint8(1), inspectable)
+    return found, np.where(is_paper[:, np.newaxis], np.uint8(1), found)

@@ -11,13 +11,13 @@ import numpy as np
 
 from fis_tools.compiled.decorator import compiled
 from fis_tools.compiled.vectors import Rows, aligned, make_rows
-from pipeline.array_types import Bytes, Floats, Integers
+from pipeline.array_types import Floats, Integers
 from pipeline.flight.state.errors import ESTIMATED, THRUSTING
 from pipeline.flight.state.signals import SIGNALS
 from pipeline.physics.illumination import Reflection
 from pipeline.physics.motion import Motion
 from pipeline.physics.orbit import Course
-from pipeline.physics.sight import Optics, Sight
+from pipeline.physics.sight import Occlusion, Optics, Sight
 
 #: columns of a track: position (m, Hill axes), or these
 NUM_PLACED, NUM_TRACKED = 3, 15
@@ -83,8 +83,7 @@ class World(NamedTuple):
     optics: Optics
     reflection: Reflection
     surface: Floats  # (K+1 or 1, NUM_SURFACE, P padded) surface at points, Hill axes; zeros in the padding
-    is_free: Bytes  # (cells, P) directions in which points are free, of `pipeline.physics.sight`
-    num_edge_cells: int  # zero where nothing is hidden
+    occlusion: Occlusion  # without cells where nothing is hidden
     chief_axes: Floats  # (K+1 or 1, 3, 3) from Hill to chief
     boresight: Floats  # (3,) body axes
     attitude_at_start: Floats  # (4,) Hill to body

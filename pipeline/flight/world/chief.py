@@ -1,4 +1,4 @@
-"""The chief's orbit, where the deputy moves about the Earth, and its attitude at every sample."""
+"""The chief's orbit, where the deputy moves about the Earth or its shadow matters, and its attitude."""
 
 import math
 
@@ -9,7 +9,7 @@ from pipeline.physics.attitude import longest_tumbling_step, tumble
 from pipeline.physics.illumination import EARTH_RADIUS_M, orbit_radius
 from pipeline.physics.orbit import NO_COURSE, Course, Elements, course_of
 from pipeline.settings.experiment import Mission, SettingError
-from pipeline.settings.mission import Orbit
+from pipeline.settings.mission import Light, Orbit
 
 
 def chief_course(mission: Mission) -> Course:
@@ -32,6 +32,24 @@ def chief_course(mission: Mission) -> Course:
 def semi_major_axis(orbit: Orbit) -> float:
     """Return the semi-major axis of an orbit, the radius of a circular one, m."""
     return orbit_radius(orbit.mean_motion_rad_s) if orbit.radius_m is None else orbit.radius_m
+
+
+def shadowing_radius(orbit: Orbit, light: Light) -> float:
+    """Return the radius of the orbit on which the chief passes through the Earth's shadow, m.
+
+    Raises
+    ------
+    SettingError
+        If the orbit lies inside the Earth.
+    """
+    radius = semi_major_axis(orbit)
+    if not radius > EARTH_RADIUS_M:
+        raise SettingError(
+            f"the orbit's radius is {radius:,.0f} m, inside the Earth whose shadow light.shadow="
+            f"{light.shadow} asks for; it must be greater than {EARTH_RADIUS_M:,.0f} m: lower "
+            "orbit.mean_motion_rad_s, or set orbit.radius_m"
+        )
+    return radius
 
 
 def check_perigee(mission: Mission) -> None:

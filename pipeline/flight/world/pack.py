@@ -8,20 +8,14 @@ from pipeline.array_types import Floats
 from pipeline.flight.period.look.guidance import POINTS
 from pipeline.flight.state.arrays import World
 from pipeline.flight.world.bounds import guard_of
-from pipeline.flight.world.chief import chief_attitudes, chief_course, semi_major_axis
+from pipeline.flight.world.chief import chief_attitudes, chief_course, shadowing_radius
 from pipeline.flight.world.surface import Surface, surface_of
-from pipeline.physics.illumination import (
-    EARTH_RADIUS_M,
-    Reflection,
-    least_sun_height,
-    sun_direction_h,
-    visible_share,
-)
+from pipeline.physics.illumination import Reflection, least_sun_height, sun_direction_h, visible_share
 from pipeline.physics.motion import motion_over, orbit_parts
 from pipeline.physics.quaternion import dcm_b_from_h
 from pipeline.physics.sight import HEIGHT, NORMAL, NUM_SURFACE, SQUARE, Optics, sight_of
-from pipeline.settings.experiment import Mission, SettingError
-from pipeline.settings.mission import Light, Orbit
+from pipeline.settings.experiment import Mission
+from pipeline.settings.mission import Light
 
 RIGHT_ANGLE_DEG, STRAIGHT_ANGLE_DEG = 90.0, 180.0
 
@@ -47,24 +41,6 @@ def reflection_of(light: Light) -> Reflection:
     ambient, diffuse, specular, least, greatest = (np.array(colour, dtype=np.float64) for colour in colours)
     is_on, exponent = light.reflection != "none", light.specular_exponent
     return Reflection(is_on, ambient, diffuse, specular, exponent, least, greatest)
-
-
-def shadowing_radius(orbit: Orbit, light: Light) -> float:
-    """Return the radius of the orbit on which the chief passes through the Earth's shadow, m.
-
-    Raises
-    ------
-    SettingError
-        If the orbit lies inside the Earth.
-    """
-    radius = semi_major_axis(orbit)
-    if not radius > EARTH_RADIUS_M:
-        raise SettingError(
-            f"the orbit's radius is {radius:,.0f} m, inside the Earth whose shadow light.shadow="
-            f"{light.shadow} asks for; it must be greater than {EARTH_RADIUS_M:,.0f} m: lower "
-            "orbit.mean_motion_rad_s, or set orbit.radius_m"
-        )
-    return radius
 
 
 def sun_shares(mission: Mission, angles: Floats, elevations: Floats) -> Floats:
@@ -184,8 +160,7 @@ def pack_world(mission: Mission) -> World:
         optics=optics_of(mission),
         reflection=reflection_of(mission.light),
         surface=rows_of(surface, axes),
-        is_free=surface.occlusion.is_free,
-        num_edge_cells=surface.occlusion.edge,
+        occlusion=surface.occlusion,
         chief_axes=axes,
         boresight=np.array(mission.sensor.boresight, dtype=np.float64),
         attitude_at_start=np.array(deputy.initial_quaternion, dtype=np.float64),

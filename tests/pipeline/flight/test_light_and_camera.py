@@ -16,7 +16,7 @@ from pipeline.flight.cases.starts import cases_of, starts_of
 from pipeline.flight.control.controller import coast, law_of
 from pipeline.flight.fly.population import FlightError, fly_population
 from pipeline.flight.fly.simulation import fly_all, fly_logged
-from pipeline.flight.fly.workspace import inspectable_points
+from pipeline.flight.fly.workspace import points_of_cases
 from pipeline.flight.state.log import Scenario
 from pipeline.flight.world.chief import num_chief_steps
 from pipeline.flight.world.pack import pack_world
@@ -36,7 +36,7 @@ def test_points_on_the_far_side_of_a_high_sun_are_never_lit(elevation_deg: float
     """Counted over whole orbits by rings of latitude: a ring is lit once its sunward point is."""
     start = replace(STARTS[0], sun_elevation_rad=np.radians(elevation_deg))
     world = pack_world(mission(duration_s=5680.0))
-    (lit,) = inspectable_points(world, starts_of([start]))
+    (lit,), _ = points_of_cases(world, starts_of([start]))
     assert lit.sum() == most
 
 

@@ -85,7 +85,7 @@ def sun_after(world: World, sun: Pair, height: Pair, k: int) -> tuple[Pair, Pair
 @compiled(error_model="numpy")
 def cell_towards(world: World, sample: int, direction: Three) -> int:
     """Return the cell of the chief's occlusion that a direction in Hill axes falls into."""
-    return cell_of(world.num_edge_cells, times(world.chief_axes[sample], direction))
+    return cell_of(world.occlusion.edge, times(world.chief_axes[sample], direction))
 
 
 @compiled(error_model="numpy", forceinline=True)
@@ -95,7 +95,7 @@ def beam_from(world: World, optics: Beyond | None, k: int, sun: Pair, height: Pa
     if optics is None:
         return Beam(Three(sun[0], sun[1], 0.0), True, cell, sample)
     towards = sunlight(world.optics, sun[0], sun[1], height[0], height[1])
-    if optics.closely is not None and world.num_edge_cells > 0:
+    if optics.closely is not None and world.occlusion.edge > 0:
         cell = cell_towards(world, sample, towards)
     return Beam(towards, dot(towards, towards) > 0.0, cell, sample)
 
@@ -142,10 +142,10 @@ def lit_points(
     along = dot(beam.sun, load_at(world.surface, beam.sample, NORMAL, j, POINTS))
     along += world.optics.past_terminator if beam.shines else 0.0
     lit = wanted & is_sunlit(along, load(world.surface, (beam.sample, HEIGHT, j), POINTS))
-    if optics.closely is not None and world.num_edge_cells > 0:
+    if optics.closely is not None and world.occlusion.edge > 0:
         store(work.lit, j, select(lit, 1.0, 0.0))
         for i in range(j, min(j + POINTS, world.num_points)):
-            work.lit[i] *= world.is_free[beam.cell, i]
+            work.lit[i] *= world.occlusion.is_free[beam.cell, i]
         lit = load(work.lit, j, POINTS) > 0.0
     return lit
 
@@ -168,7 +168,7 @@ def seen_points(
     seen = lit & is_resolved(world.optics, above, towards, squared)
     if optics.closely is not None:
         store(work.seen, j, select(seen, 1.0, 0.0))
-        if world.num_edge_cells > 0 or world.reflection.is_on:
+        if world.occlusion.edge > 0 or world.reflection.is_on:
             leave_out_hidden_and_dim(world, work, j, eye)
         seen = load(work.seen, j, POINTS) > 0.0
     return seen
@@ -182,8 +182,8 @@ def leave_out_hidden_and_dim(world: World, work: Workspace, j: int, eye: Eye) ->
         if work.seen[i] == 0.0:
             continue
         to_camera = eye.place - lane_of(world.points[sample], 0, i)
-        if world.num_edge_cells > 0:
-            work.seen[i] = world.is_free[cell_towards(world, sample, to_camera), i]
+        if world.occlusion.edge > 0:
+            work.seen[i] = world.occlusion.is_free[cell_towards(world, sample, to_camera), i]
         if world.reflection.is_on:
             normal = lane_of(world.surface[sample], NORMAL, i)
             if not is_bright(world.reflection, normal, eye.beam.sun, to_camera):
