@@ -62,36 +62,35 @@ def domain_of(
     """
     half = len(scenarios) // 2
 
-    def flown_from(scenario: Scenario) -> list[Floats]:
+    def flown_from(scenario: Scenario) -> dict[str, Floats]:
         return sensed(fly_logged(experiment.mission, controller, scenario), controller)
 
     flown = in_threads(flown_from, scenarios, workers=experiment.assurance.workers)
-    boxes = {}
-    for place, system in enumerate(controller.systems):
-        rows = np.concatenate([inputs[place] for inputs in flown[:half]])
+    boxes = []
+    for system in controller.systems:
+        rows = np.concatenate([inputs[system.name] for inputs in flown[:half]])
         if len(rows):
-            boxes[place] = box_of(system, rows)
+            boxes.append(box_of(system, rows))
     num_left = sum(
-        any(bool((box.beyond(inputs[place]) > 0.0).any()) for place, box in boxes.items())
-        for inputs in flown[half:]
+        any(bool((box.beyond(own[box.system]) > 0.0).any()) for box in boxes) for own in flown[half:]
     )
     num_tried = len(scenarios) - half
     _, high = verdicts.share_bounds(num_left, num_tried, confidence)
-    return Domain(tuple(boxes.values()), half, num_tried, num_left, high, confidence)
+    return Domain(tuple(boxes), half, num_tried, num_left, high, confidence)
 
 
-def sensed(log: FlightLog, controller: Controller) -> list[Floats]:
-    """Return the inputs of each system where inference decided, (n, num_inputs)."""
-    return [
-        log.fis_input[log.is_decided, place, : len(system.inputs)].copy()
+def sensed(log: FlightLog, controller: Controller) -> dict[str, Floats]:
+    """Return the inputs of each system, by its name, where inference decided, (n, num_inputs)."""
+    return {
+        system.name: log.fis_input[log.is_decided, place, : len(system.inputs)].copy()
         for place, system in enumerate(controller.systems)
-    ]
+    }
 
 
 def left_on(domain: Domain, log: FlightLog, controller: Controller, period_s: float) -> tuple[Departure, ...]:
     """Return when a flight left a domain."""
     times = np.flatnonzero(log.is_decided).astype(np.float64) * period_s
-    inputs = dict(zip((one.name for one in controller.systems), sensed(log, controller), strict=True))
+    inputs = sensed(log, controller)
     found = [one for box in domain.boxes for one in departures(box, times, inputs[box.system])]
     return tuple(sorted(found, key=lambda one: one.first_s))
 
