@@ -51,13 +51,8 @@ class Cases:
 
 def starts_of(scenarios: list[Scenario]) -> StartRows:
     """Return starts as an array, shape (m,)."""
-    starts = np.empty(len(scenarios), CASE)
-    if scenarios:
-        starts["position"] = np.array([scenario.position_m for scenario in scenarios])
-        starts["velocity"] = np.array([scenario.velocity_m_s for scenario in scenarios])
-        starts["sun_angle"] = [scenario.sun_angle_rad for scenario in scenarios]
-        starts["sun_elevation"] = [scenario.sun_elevation_rad for scenario in scenarios]
-    return starts.view(np.recarray)
+    rows = [(one.position_m, one.velocity_m_s, one.sun_angle_rad, one.sun_elevation_rad) for one in scenarios]
+    return np.array(rows, CASE).view(np.recarray)
 
 
 def cases_of(mission: Mission, scenarios: list[Scenario]) -> Cases:
