@@ -5,13 +5,12 @@ finished stages, and the SHA-256 of each file. For programs that know nothing of
 file has which role (`ROLES`) and gives the scene of its flights (`docs/reference/run-folder.md`).
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
 from pipeline.run import artifacts
 from pipeline.run.artifacts import MANIFEST, ArtifactError
-from pipeline.run.configuration import config_hash
 from pipeline.run.writing import write_json
 
 #: 2 added the roles of files, the scene and the command; runs of version 1 are read and resumed
@@ -42,60 +41,18 @@ MANIFEST_SHAPE: Final[Mapping[Any, Any]] = {
 MANIFEST_NEEDS: Final = ("config_hash", "finished_stages")
 
 
-def write(
-    folder: Path,
-    config: Mapping[str, Any],
-    finished: Sequence[str],
-    *,
-    command: Sequence[str] = (),
-    scene: Mapping[str, float] | None = None,
-    makers: Sequence[Mapping[str, Any]] = (),
-    made_by: Mapping[str, Sequence[int]] | None = None,
-    controller_edited: str | None = None,
-) -> None:
-    """Write the manifest of a run.
+def write(folder: Path, manifest: Mapping[str, Any]) -> None:
+    """Write the manifest of a run, with the hashes of the files that are there now.
 
     Parameters
     ----------
     folder : Path
         The run's.
-    config : mapping
-        Resolved, plain data.
-    finished : sequence of str
-        The finished stages.
-    command : sequence of str
-        The arguments with which the run was started, after ``python -m pipeline``.
-    scene : mapping of str to float, optional
-        Parameters for plotting its flights: ``sample_period_s``, ``min_distance_m`` and ``max_distance_m``
-        (limits), ``threshold_percent`` (of a success), ``chief_radius_m``.
-    makers : sequence of mapping
-        All that have worked on the run, see `pipeline.run.maker`; the last is the present one.
-    made_by : mapping of str to sequence of int, optional
-        For each stage that was begun, the indices of its makers.
-    controller_edited : str, optional
-        How the configured controller differs from what its provenance tells of.
+    manifest : mapping
+        All else, see `pipeline.run.runner.manifest_of`.
     """
-    manifest: dict[str, Any] = {
-        "manifest_version": MANIFEST_VERSION,
-        "name": config["name"],
-        "config_hash": config_hash(config),
-        "seed": config["seed"],
-        "command": list(command),
-        "finished_stages": list(finished),
-        "files": dict(ROLES),
-        "scene": dict(scene or {}),
-        "versions": makers[-1]["versions"] if makers else {},
-        "makers": [dict(maker) for maker in makers],
-        "made_by": {stage: list(indices) for stage, indices in (made_by or {}).items()},
-    }
-    if controller_edited is not None:
-        manifest["controller_edited"] = controller_edited
-    if makers and (revision := makers[-1]["git_revision"]):
-        manifest["git_revision"] = revision
-    manifest["sha256"] = {
-        name: artifacts.file_hash(folder / name) for name in artifacts.list_artifacts(folder)
-    }
-    write_json(folder / MANIFEST, manifest)
+    hashes = {name: artifacts.file_hash(folder / name) for name in artifacts.list_artifacts(folder)}
+    write_json(folder / MANIFEST, {**manifest, "sha256": hashes})
 
 
 def fits(value: Any, shape: Any) -> bool:

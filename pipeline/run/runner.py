@@ -52,19 +52,10 @@ def run_stages(
         maker.require_reproducible()
     stages = experiment.stages if stages is None else tuple(stages)
     folder.mkdir(parents=True, exist_ok=True)
-    earlier = manifests.found(folder)
-    finished: list[str] = earlier.get("finished_stages", [])
-    makers, made_by = _makers(earlier), {str(k): list(v) for k, v in earlier.get("made_by", {}).items()}
-    known: dict[str, Any] = {
-        "command": earlier.get("command", ()) if command is None else command,
-        "scene": scene_of(experiment.mission),
-        "makers": makers,
-        "made_by": made_by,
-        "controller_edited": _edited(config.get("controller", {})),
-    }
-    _begin(made_by, stages[0], len(makers) - 1, is_resumed=experiment.resume)
+    manifest = manifest_of(experiment, config, manifests.found(folder), command)
+    _begin(manifest, stages[0], is_resumed=experiment.resume)
     configuration.write(folder, config)
-    manifests.write(folder, config, finished, **known)
+    manifests.write(folder, manifest)
     with _logged_to(folder / artifacts.LOG):
         for index, name in enumerate(stages, start=1):
             sys.stderr.write(f"[{index}/{len(stages)}] {name}\n")
@@ -73,19 +64,20 @@ def run_stages(
                 with interrupts.heeded():
                     import_module(f"pipeline.stages.{name}").run(experiment, folder)
             except KeyboardInterrupt as error:
-                manifests.write(folder, config, finished, **known)
+                manifests.write(folder, manifest)
                 _LOG.info("stage %s interrupted", name)
-                raise Interrupted(_kept(folder, name, finished)) from error
+                raise Interrupted(_kept(folder, name, manifest["finished_stages"])) from error
             except Exception:  # raised again below: here the run's own log records it too
                 _LOG.exception("stage %s failed", name)
                 raise
             _check_there(folder)
             _LOG.info("stage %s took %.2f s", name, time.perf_counter() - started)
             # later stages were made from files that are no longer there
-            finished = [other for other in finished if STAGES.index(other) < STAGES.index(name)] + [name]
+            before = [one for one in manifest["finished_stages"] if STAGES.index(one) < STAGES.index(name)]
+            manifest["finished_stages"] = [*before, name]
             if index < len(stages):
-                _begin(made_by, stages[index], len(makers) - 1, is_resumed=False)
-            manifests.write(folder, config, finished, **known)
+                _begin(manifest, stages[index], is_resumed=False)
+            manifests.write(folder, manifest)
 
 
 def _check_there(folder: Path) -> None:
@@ -96,9 +88,55 @@ def _check_there(folder: Path) -> None:
         )
 
 
+def manifest_of(
+    experiment: Experiment,
+    config: Mapping[str, Any],
+    earlier: Mapping[str, Any],
+    command: Sequence[str] | None = None,
+) -> dict[str, Any]:
+    """Return the manifest of a run that begins or goes on, without the hashes of its files.
+
+    Parameters
+    ----------
+    experiment : Experiment
+    config : mapping
+        The same as plain data.
+    earlier : mapping
+        The manifest so far, empty where there is none.
+    command : sequence of str, optional
+        The arguments with which the run is started, after ``python -m pipeline``; by default those before.
+
+    Returns
+    -------
+    dict
+        Among others ``makers``, all that have worked on the run, the present one last; ``made_by``, for each
+        stage that was begun the indices of its makers; ``scene``, parameters for plotting its flights;
+        ``controller_edited``, how the configured controller differs from what its provenance tells of.
+    """
+    makers = _makers(earlier)
+    if_any = {
+        "controller_edited": _edited(config.get("controller", {})),
+        "git_revision": makers[-1]["git_revision"],
+    }
+    return {
+        "manifest_version": manifests.MANIFEST_VERSION,
+        "name": config["name"],
+        "config_hash": configuration.config_hash(config),
+        "seed": config["seed"],
+        "command": earlier.get("command", ()) if command is None else command,
+        "finished_stages": earlier.get("finished_stages", []),
+        "files": manifests.ROLES,
+        "scene": scene_of(experiment.mission),
+        "versions": makers[-1]["versions"],
+        "makers": makers,
+        "made_by": earlier.get("made_by", {}),
+        **{name: value for name, value in if_any.items() if value is not None},
+    }
+
+
 def _makers(earlier: Mapping[str, Any]) -> list[dict[str, Any]]:
     """Return the makers of a run with the present one last; report its differences from the one before."""
-    before = [dict(one) for one in earlier.get("makers", [])]
+    before: list[dict[str, Any]] = earlier.get("makers", [])
     if not before and "versions" in earlier:  # a run of a version that kept only the last one
         before = [{"versions": earlier["versions"], "git_revision": earlier.get("git_revision")}]
     now = maker.present_maker()
@@ -110,10 +148,11 @@ def _makers(earlier: Mapping[str, Any]) -> list[dict[str, Any]]:
     return before if before and before[-1] == now else [*before, now]
 
 
-def _begin(made_by: dict[str, list[int]], stage: str, maker: int, *, is_resumed: bool) -> None:
-    """Record the maker of a stage; a resumed stage may contain another's work."""
+def _begin(manifest: Mapping[str, Any], stage: str, *, is_resumed: bool) -> None:
+    """Record the present maker of a stage; a resumed stage may contain another's work."""
+    made_by, present = manifest["made_by"], len(manifest["makers"]) - 1
     earlier = made_by.get(stage, []) if is_resumed else []
-    made_by[stage] = [*(one for one in earlier if one != maker), maker]
+    made_by[stage] = [*(one for one in earlier if one != present), present]
 
 
 def _edited(source: Mapping[str, Any]) -> str | None:
@@ -130,7 +169,7 @@ def _edited(source: Mapping[str, Any]) -> str | None:
 
 
 def scene_of(mission: Mission) -> dict[str, float]:
-    """Return the parameters for plotting a mission's flights, see `manifests.write`."""
+    """Return the parameters for plotting a mission's flights, limits and threshold of success among them."""
     threshold = {"threshold_percent": mission.inspection_threshold_percent}
     return {
         "sample_period_s": mission.control_period_s,

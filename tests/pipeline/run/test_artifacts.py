@@ -16,6 +16,8 @@ from fis_tools.errors import ControllerFileError
 from fis_tools.source import read_controller
 from pipeline.run import artifacts, configuration, maker, manifests, tables, writing
 from pipeline.run.artifacts import ArtifactError
+from pipeline.run.runner import manifest_of
+from pipeline.settings.schema import experiment_from
 from telemetry import RecordingError
 from telemetry.scene import runs
 from tests.pipeline.command_line.cases import plain_config
@@ -59,7 +61,8 @@ def test_manifest_accounts_for_finished_files_only(tmp_path):
     for name in ("champion.json", "episodes/a.mcap", *others):
         writing.write_atomically(tmp_path / name, name)
     (tmp_path / "pipeline.log").write_text("x")
-    manifests.write(tmp_path, config, ["scenario"], makers=[maker.present_maker()])
+    earlier = {"finished_stages": ["scenario"]}
+    manifests.write(tmp_path, manifest_of(experiment_from(config), config, earlier))
     manifest = manifests.read(tmp_path)
     assert set(manifest["sha256"]) == {"config.yaml", "champion.json", "episodes/a.mcap"}
     assert manifest["sha256"]["champion.json"] == hashlib.sha256(b"champion.json").hexdigest()

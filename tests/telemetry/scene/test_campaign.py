@@ -11,7 +11,7 @@ import pytest
 from fis_tools import source
 from pipeline.command_line.config import Job
 from pipeline.run import artifacts, manifests, writing
-from pipeline.run.runner import scene_of
+from pipeline.run.runner import manifest_of
 from pipeline.stages import evaluate, train
 from telemetry import RecordingError
 from telemetry.scene import campaign, runs, viewer
@@ -166,8 +166,8 @@ def test_files_and_scene_are_what_the_manifest_says(made: tuple[Job, Path], tmp_
     }
     for role, name in named.items():
         (moved / manifests.ROLES[role]).rename(moved / name)
-    scene = scene_of(replace(composed.experiment.mission, control_period_s=20.0))
-    manifests.write(moved, composed.config, [], scene=scene)
+    mission = replace(composed.experiment.mission, control_period_s=20.0)
+    manifests.write(moved, manifest_of(replace(composed.experiment, mission=mission), composed.config, {}))
     told = json.loads((moved / artifacts.MANIFEST).read_text())
     assert told["files"].items() >= manifests.ROLES.items()
     told["files"] |= named
