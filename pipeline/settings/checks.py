@@ -15,7 +15,7 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass
 from functools import wraps
-from typing import Annotated, Any, TypeVar, dataclass_transform, get_args, get_type_hints
+from typing import Annotated, Any, TypeVar, dataclass_transform, get_args, get_origin, get_type_hints
 
 from pydantic import (
     AfterValidator,
@@ -365,12 +365,23 @@ def sentence(kind: Any, group: str, error: ValidationError) -> str:
         return f"the key {key} is missing; give it a value, {key}=..."
     if cause is not None:
         return str(cause).replace("{key}", key).replace("{unit}", in_unit(unit_of(key)))
-    return f"{key} is " + _refused(key, fault, *_place(kind, fault["loc"]))
+    return f"{key} is {_refused(key, fault, _hint_at(kind, fault['loc']))}"
 
 
-def _refused(key: str, fault: Mapping[str, Any], kind: Any, metadata: list[Any]) -> str:
+def _hint_at(kind: Any, location: tuple[int | str, ...]) -> Any:
+    """Return the annotation of a value in a group, or of the mapping that it is in."""
+    for name in location:
+        inside, *_ = opened(kind)
+        if is_dataclass(inside):
+            kind = get_type_hints(inside, include_extras=True)[str(name)]
+        elif get_origin(inside) is tuple:
+            kind = get_args(inside)[0]
+    return kind
+
+
+def _refused(key: str, fault: Mapping[str, Any], hint: Any) -> str:
     """Return a value and what it must be, in words."""
-    value = fault["input"]
+    value, (kind, limits, marks) = fault["input"], opened(hint)
     match fault["type"]:
         case "dataclass_type":
             return f"{value!r}; it must be a group of keys: {', '.join(names_of(kind))}"
@@ -381,37 +392,33 @@ def _refused(key: str, fault: Mapping[str, Any], kind: Any, metadata: list[Any])
             return f"{value}; it must be a finite number"
         case name if name in TYPES:
             return f"{value!r}; it must be {TYPES[name]}"
-    is_count = int in (kind, *get_args(kind))
-    return _limited(key, value, fault["ctx"], metadata, is_count=is_count)
-
-
-def _limited(key: str, value: float, broken: Mapping[str, float], marks: list[Any], *, is_count: bool) -> str:
-    """Return a number and its allowed range."""
-    limits = dict(broken)
-    for one in marks:
-        limits |= {name: getattr(one, name) for name in ("gt", "ge", "le") if hasattr(one, name)}
-    shown = value if is_count else float(value)
+    shown, unit = value if kind is int else float(value), in_unit(unit_of(key))
+    words = f"{expected(*ends_of(limits))}{unit}"
     if "gt" in limits and value <= limits["gt"]:
-        return f"{shown}; it must be greater than {limits['gt']:g}{in_unit(unit_of(key))}"
-    if is_count and "ge" in broken:
-        cure = "".join(one.words for one in marks if isinstance(one, Cure))
-        return f"{shown}; it must be a whole number of at least {broken['ge']}{cure}"
-    bounds = expected(limits.get("ge", limits.get("gt")), limits.get("le", math.inf))
-    return f"{shown}; it must be {bounds}{in_unit(unit_of(key))}"
+        words = f"greater than {limits['gt']:g}{unit}"
+    elif "lt" in limits and value >= limits["lt"]:
+        words = f"less than {limits['lt']:g}{unit}"
+    elif kind is int and "ge" in limits and value < limits["ge"]:
+        cures = [one.words for one in marks if isinstance(one, Cure)]
+        words = f"a whole number of at least {limits['ge']}{''.join(cures)}"
+    return f"{shown}; it must be {words}"
 
 
-def _place(kind: Any, location: tuple[int | str, ...]) -> tuple[Any, list[Any]]:
-    """Return the type at a location in a group, and the limits of the value there."""
-    metadata: list[Any] = []
-    for name in location:
-        if isinstance(name, int):
-            metadata, kind = [], get_args(kind)[0]
-        elif not is_dataclass(kind):
-            return kind, []
-        else:
-            known: Any = kind
-            metadata, kind = known.__pydantic_fields__[name].metadata, get_type_hints(kind)[name]
-    return kind, metadata
+def opened(hint: Any) -> tuple[Any, dict[str, float], list[Any]]:
+    """Return the type within an annotation, None left out, its limits by their names, and its marks."""
+    marks: list[Any] = []
+    while hasattr(hint, "__metadata__") or type(None) in get_args(hint):
+        for mark in getattr(hint, "__metadata__", ()):
+            marks += [mark, *getattr(mark, "metadata", ())]
+        hint = next(one for one in get_args(hint) if one is not type(None))
+    names = ("gt", "ge", "lt", "le")
+    limits = {name: getattr(one, name) for one in marks for name in names if hasattr(one, name)}
+    return hint, limits, marks
+
+
+def ends_of(limits: Mapping[str, float]) -> tuple[float | None, float]:
+    """Return the least and the greatest number within limits; None and infinity where there is none."""
+    return limits.get("gt", limits.get("ge")), limits.get("lt", limits.get("le", math.inf))
 
 
 #: each class of settings with its group, "" for keys at the top, and what holds for all its keys

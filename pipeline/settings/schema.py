@@ -20,8 +20,8 @@ from typing import Any, Final, Literal, get_args, get_origin, get_type_hints
 
 import yaml
 
-from pipeline.settings import keys
-from pipeline.settings.checks import GROUPS, MOST, Freely, Only, SettingError, expected, names_of
+from pipeline.settings import checks, keys
+from pipeline.settings.checks import GROUPS, Freely, Only, SettingError, names_of
 from pipeline.settings.controllers import PLANNED
 from pipeline.settings.dispersions import IN_TIME
 from pipeline.settings.experiment import Experiment, Mission
@@ -302,38 +302,20 @@ def marks_of(key: Key) -> str:
 
 def range_of(key: Key) -> str:
     """Return the values that a key may have."""
-    kind, limits = _opened(key.hint)
+    kind, limits, _ = checks.opened(key.hint)
     if get_origin(kind) is Literal:
         return ", ".join(f"`{value}`" for value in get_args(kind))
     if kind is bool:
         return "`true`, `false`"
     if kind not in (int, float):
         return ""
-    low, high = limits.get("gt", limits.get("ge")), limits.get("lt", limits.get("le", math.inf))
-    if kind is int and high >= MOST:
+    low, high = checks.ends_of(limits)
+    if kind is int and high >= checks.MOST:
         high = math.inf
-    is_open = low is None and high == math.inf
-    words = (
-        "greater than 0" if "gt" in limits and high == math.inf else "" if is_open else expected(low, high)
-    )
+    words = "" if low is None and high == math.inf else checks.expected(low, high)
+    if "gt" in limits and high == math.inf:
+        words = "greater than 0"
     return ", ".join(filter(None, ("whole" if kind is int else "", words)))
-
-
-def _opened(hint: Any) -> tuple[Any, dict[str, float]]:
-    """Return the type within an annotation, None left out, and its limits."""
-    limits: dict[str, float] = {}
-    while True:
-        if hasattr(hint, "__metadata__"):
-            for mark in hint.__metadata__:
-                for one in (mark, *getattr(mark, "metadata", ())):
-                    for name in ("gt", "ge", "lt", "le"):
-                        if getattr(one, name, None) is not None:
-                            limits[name] = getattr(one, name)
-            hint = hint.__origin__
-        elif type(None) in get_args(hint):
-            hint = next(one for one in get_args(hint) if one is not type(None))
-        else:
-            return hint, limits
 
 
 def as_yaml(value: Any) -> str:
