@@ -14,7 +14,7 @@ import sys
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import MISSING, asdict, dataclass, fields, is_dataclass, replace
 from functools import cache
-from itertools import chain
+from itertools import chain, pairwise
 from pathlib import Path
 from typing import Any, Final, Literal, get_args, get_origin, get_type_hints
 
@@ -120,23 +120,14 @@ def with_tried(config: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str
 
 def completed(config: Mapping[str, Any]) -> dict[str, Any]:
     """Return a configuration with the defaults that it leaves out, without the keys that do not exist."""
-    whole = _merged(defaults(), config)
+    absent = (key for key in schema().values() if keys.value_at(config, key.name, ABSENT) is ABSENT)
+    whole = with_values(config, {key.name: key.default for key in absent if key.default is not MISSING})
     return keys.without(whole, [key.name for key in schema().values() if not key.exists(whole)])
 
 
 def present(config: Mapping[str, Any]) -> dict[str, Any]:
     """Return a configuration, perhaps of an earlier version, as the present one would be `completed`."""
     return completed(keys.without(keys.in_todays_words(config), keys.GONE))
-
-
-def _merged(under: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
-    """Return one mapping over another, group by group."""
-    merged = dict(under)
-    for name, value in over.items():
-        below = merged.get(name)
-        is_group = isinstance(below, dict) and isinstance(value, Mapping)
-        merged[name] = _merged(below or {}, value) if is_group else copy.deepcopy(value)
-    return merged
 
 
 def idle(config: Mapping[str, Any], *, stages: bool = False) -> dict[str, Only]:
@@ -375,12 +366,11 @@ def descriptions() -> dict[str, str]:
 @cache
 def _meanings(path: str) -> dict[str, dict[str, str]]:
     """Return the texts below the fields of each class in a source file."""
-    tree = ast.parse(Path(path).read_text(encoding="utf-8"))
+    classes = ast.parse(Path(path).read_text(encoding="utf-8")).body
     found: dict[str, dict[str, str]] = {}
-    for node in (node for node in tree.body if isinstance(node, ast.ClassDef)):
-        for field, below in zip(node.body, node.body[1:], strict=False):
-            is_text = isinstance(below, ast.Expr) and isinstance(below.value, ast.Constant)
-            if is_text and isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name):
-                words = " ".join(str(below.value.value).split())  # type: ignore[attr-defined]
-                found.setdefault(node.name, {})[field.target.id] = words
+    for node in (node for node in classes if isinstance(node, ast.ClassDef)):
+        for pair in pairwise(node.body):
+            match pair:
+                case ast.AnnAssign(target=ast.Name(id=name)), ast.Expr(value=ast.Constant(value=str(text))):
+                    found.setdefault(node.name, {})[name] = " ".join(text.split())
     return found
