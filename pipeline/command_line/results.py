@@ -186,9 +186,9 @@ def summary(given: Sequence[str]) -> int:
     writing.write_atomically(folder / PAGE, sweep.write(swept))
     _print([*sweep.runs_table(swept), *sweep.effects_table(swept)])
     for run in swept.offered:
-        sys.stdout.write(f"to fly {run.name}: {run.fly}\n")
+        sys.stdout.write(f"to fly {run.folder}: {run.fly}\n")
     for run in swept.failed[:MOST_PRINTED]:
-        sys.stdout.write(f"failed: {run.name}: {run.failure}\n")
+        sys.stdout.write(f"failed: {run.folder}: {run.failure}\n")
     sys.stdout.write(f"written: {', '.join(str(folder / name) for name in (PAGE, RUNS, EFFECTS))}\n")
     return OK
 

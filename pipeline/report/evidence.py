@@ -1,6 +1,5 @@
 """The page of evidence as a document: verdicts in sentences, the argument, what was found, how credible."""
 
-import math
 from collections.abc import Iterator, Mapping
 from functools import partial
 from textwrap import wrap
@@ -14,6 +13,7 @@ from fis_tools.document.html import element, page, read, template
 from pipeline.evaluation.assurance.requirements import METHODS as ALL_METHODS
 from pipeline.evaluation.assurance.requirements import SEVERITIES
 from pipeline.report.figures.style import Illustration, caption_of
+from pipeline.report.page import sun_at_start
 from pipeline.run import artifacts
 
 #: ways of verification, as circles are lettered and columns are headed
@@ -264,16 +264,10 @@ def _worst_facts(worst: Mapping[str, Any], unit: str) -> list[list[str]]:
         ["margin of the recording, read back", _quantity(worst["recorded_margin"], unit)],
         ["start, Hill axes", f"({start}) m"],
         *([["velocity there", f"({velocity}) m/s"]] if any(worst.get("velocity_m_s", ())) else []),
-        ["Sun at the start", _sun(worst)],
+        ["Sun at the start", sun_at_start(worst["sun_angle_rad"], worst["sun_elevation_rad"], 2)],
         *([key, f"{value:.6g}"] for key, value in worst["settings"].items()),
         ["left the operational domain", "never" if not left else "once" if left == 1 else f"{left} times"],
     ]
-
-
-def _sun(worst: Mapping[str, Any]) -> str:
-    angle, elevation = math.degrees(worst["sun_angle_rad"]), math.degrees(worst["sun_elevation_rad"])
-    over = f", {elevation:.2f}° over the orbit plane" if elevation else ""
-    return f"{angle:.2f}°{over}".replace("-", "−")
 
 
 def _departure(left: Mapping[str, Any]) -> str:

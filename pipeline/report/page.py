@@ -11,7 +11,7 @@ from fis_tools.document.html import page, policy, template
 from fis_tools.words.text import summary
 from pipeline.evaluation import comparison
 from pipeline.evaluation.monte_carlo import SUCCESS
-from pipeline.flight.state.log import Scenario, inspectable_rate, points_needed
+from pipeline.flight.state.log import inspectable_rate, points_needed
 from pipeline.recording.events import points_in_words
 from pipeline.report import comparisons
 from pipeline.report.contents import Contents, FlightSet, ShownFlight
@@ -87,12 +87,13 @@ def flight_facts(flight: ShownFlight, mission: Mission) -> list[tuple[str, str]]
     needed = points_needed(inspectable, mission.inspection_threshold_percent)
     reached = np.flatnonzero(counts >= needed)
     distances = np.linalg.norm(log.position_m, axis=1)
-    start = ", ".join(_signed(component, 2) for component in flight.scenario.position_m)
+    scenario = flight.scenario
+    start = ", ".join(_signed(component, 2) for component in scenario.position_m)
     after = f"after {reached[0] * mission.control_period_s:g} s" if reached.size else "not in this flight"
     extremes = f"{distances.min():.1f} to {distances.max():.1f} m"
     return [
         ("start, Hill axes", f"({start}) m"),
-        ("Sun at the start", _sun_in_words(flight.scenario)),
+        ("Sun at the start", sun_at_start(scenario.sun_angle_rad, scenario.sun_elevation_rad, 1)),
         ("Δv", f"{log.delta_v_m_s[-1]:.3f} m/s"),
         ("inspected", f"{points_in_words(log)}, {inspectable_rate(counts[-1], inspectable):.2f} %"),
         (f"{mission.inspection_threshold_percent:g} % reached", after),
@@ -100,9 +101,10 @@ def flight_facts(flight: ShownFlight, mission: Mission) -> list[tuple[str, str]]
     ]
 
 
-def _sun_in_words(scenario: Scenario) -> str:
-    angle, elevation = math.degrees(scenario.sun_angle_rad), math.degrees(scenario.sun_elevation_rad)
-    return f"{angle:.1f}°" + (f", {_signed(elevation, 1)}° over the orbit plane" if elevation else "")
+def sun_at_start(angle_rad: float, elevation_rad: float, places: int) -> str:
+    """Return where the Sun is at the start of a flight, in degrees with so many decimals."""
+    angle, elevation = (_signed(math.degrees(value), places) for value in (angle_rad, elevation_rad))
+    return f"{angle}°" + (f", {elevation}° over the orbit plane" if elevation_rad else "")
 
 
 def case_rows(training: FlightSet | None) -> list[list[str]]:

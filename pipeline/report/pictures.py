@@ -13,7 +13,7 @@ from pipeline.flight.world.pack import inspection_points
 from pipeline.report.comparisons import marks_of
 from pipeline.report.contents import Contents, FlightSet, ShownFlight
 from pipeline.report.figures import style
-from pipeline.report.figures.comparison import LINEAR, beside_optimum, by_world, compared
+from pipeline.report.figures.comparison import ENDS, LINEAR, beside_optimum, by_world, compared, ends
 from pipeline.report.figures.flights import METRICS, Sample, approach, controls, distributions
 from pipeline.report.figures.training import convergence
 from pipeline.report.figures.trajectories import MOST_TOLD_APART, Tracks, trajectories
@@ -48,7 +48,7 @@ def _captioned(name: str, figure: style.Figure, caption: str, **words: Any) -> D
 def _drawn(contents: Contents) -> Iterator[Drawn]:
     mission = contents.experiment.mission
     num_points = len(inspection_points(mission))
-    needed = _needed(mission)
+    needed = int(points_needed(num_points, mission.inspection_threshold_percent))
     if contents.comparison:
         yield _comparison(contents.comparison, mission.inspection_threshold_percent)
     for flight in contents.shown:
@@ -120,27 +120,18 @@ def _two(flights: Mapping[str, FlightLog], mission: Mission) -> style.Figure:
     return trajectories(Tracks(paths, list(colours.values()), colours), mission)
 
 
-def _needed(mission: Mission) -> int:
-    """Return the points that make a success."""
-    return int(points_needed(len(inspection_points(mission)), mission.inspection_threshold_percent))
-
-
 def _tracks_by_outcome(flights: FlightSet, mission: Mission) -> Tracks:
     """Colour flights by how they ended, those outside the limits last."""
     assert flights.episodes is not None  # noqa: S101 - flights with tracks have episodes
     assert flights.tracks_m is not None  # noqa: S101
-    success, violated = (np.asarray(flights.episodes[name], dtype=bool) for name in ("success", "violated"))
-    threshold = f"{mission.inspection_threshold_percent:g} %"
-    kinds = [
-        (f"at least {threshold} inspected", style.BLUE, success & ~violated),
-        (f"less than {threshold}", style.ORANGE, ~success & ~violated),
-        ("outside the distance limits", style.PURPLE, violated),
-    ]
-    colours = np.empty(len(success), dtype=object)
+    ended, threshold = ends(flights.episodes), f"{mission.inspection_threshold_percent:g} %"
+    labels = f"at least {threshold} inspected", f"less than {threshold}", "outside the distance limits"
+    colours = np.empty(len(flights.tracks_m), dtype=object)
     legend = {}
-    for label, colour, is_so in kinds:
+    for label, (colour, _), is_so in zip(labels, ENDS.values(), ended, strict=True):
         colours[is_so] = colour
         legend[f"{label}: {int(is_so.sum()):,}"] = colour
+    *_, violated = ended
     order = np.argsort(violated, kind="stable")
     return Tracks(flights.tracks_m[order], colours[order].tolist(), legend, violated[order])
 

@@ -2,7 +2,7 @@
 
 import shlex
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from fis_tools.document import Block, Code, Document, Figure, Heading, Items, Paragraph, Table, html
 from pipeline.evaluation.monte_carlo import SUCCESS
 from pipeline.evaluation.statistics import METRICS, Compared, Difference, Effect, Metric, effects, on_front
-from pipeline.report.figures.comparison import Point, front_of_runs
+from pipeline.report.figures.comparison import front_of_runs
 from pipeline.report.figures.style import caption_of, illustrate, style
 from pipeline.run import artifacts, sweep, tables
 
@@ -39,18 +39,14 @@ class Value(NamedTuple):
     high: float
 
 
-@dataclass(frozen=True)
-class Run:
+@dataclass(frozen=True, kw_only=True)
+class Run(sweep.SweptRun):
     """A run of a sweep, with what came out.
 
     Parameters
     ----------
-    name : str
-        Its folder in the sweep's.
-    differs : mapping of str to str
     state : str
         Of `pipeline.run.sweep`.
-    failure : str
     num_cases : int
         Zero where nothing was evaluated.
     values : mapping of str to Value
@@ -59,13 +55,10 @@ class Run:
         The command that flies its controller; empty where nothing was evaluated.
     """
 
-    name: str
-    differs: Mapping[str, str]
     state: str
-    failure: str
-    num_cases: int
-    values: Mapping[str, Value]
-    fly: str
+    num_cases: int = 0
+    values: Mapping[str, Value] = field(default_factory=dict)
+    fly: str = ""
 
 
 @dataclass(frozen=True)
@@ -130,11 +123,13 @@ def gather(folder: Path) -> Swept:
 
 
 def _run(folder: Path, run: sweep.SweptRun, summary: Mapping[str, Any] | None) -> Run:
-    came = run.folder, run.differs, sweep.state_of(folder, run), run.failure
+    own = Run(**vars(run), state=sweep.state_of(folder, run))
     if summary is None:
-        return Run(*came, 0, {}, "")
+        return own
     values = {metric.name: _value(summary, metric.name) for metric in METRICS}
-    return Run(*came, int(summary["num_cases"]), values, _command(folder / run.folder, run))
+    return replace(
+        own, num_cases=int(summary["num_cases"]), values=values, fly=_command(folder / run.folder, run)
+    )
 
 
 def _value(summary: Mapping[str, Any], name: str) -> Value:
@@ -157,7 +152,7 @@ def _command(folder: Path, run: sweep.SweptRun) -> str:
 def columns_of(swept: Swept) -> Columns:
     """Return a sweep as a table, a row a run; what was not evaluated is NaN."""
     runs, nothing = swept.runs, Value(np.nan, np.nan, np.nan)
-    columns: Columns = {"run": [run.name for run in runs]}
+    columns: Columns = {"run": [run.folder for run in runs]}
     columns |= {key: [run.differs.get(key, "") for run in runs] for key in swept.factors}
     columns |= {"state": [run.state for run in runs], "failure": [run.failure for run in runs]}
     columns["num_cases"] = np.array([run.num_cases for run in runs])
@@ -268,10 +263,10 @@ def _document(swept: Swept) -> Document:
     if swept.offered:
         blocks.append(Paragraph(caption_of("best")))
         for run in swept.offered:
-            blocks += [Heading(run.name, 3), Code(run.fly)]
+            blocks += [Heading(run.folder, 3), Code(run.fly)]
     else:
         blocks.append(Paragraph("No run has been evaluated yet."))
-    failures = [f"{run.name}: {run.failure}" for run in swept.failed]
+    failures = [f"{run.folder}: {run.failure}" for run in swept.failed]
     if failures:
         blocks += [Heading("Failed"), Items(failures), Paragraph("To try them again:")]
         blocks.append(Code(f"python -m pipeline resume={folder}"))
@@ -283,9 +278,11 @@ def _document(swept: Swept) -> Document:
 
 
 def _picture(swept: Swept) -> Figure:
-    points = [
-        Point(run.name, run.values["delta_v_m_s"], run.values["inspection_rate_percent"], run in swept.front)
-        for run in swept.evaluated
-    ]
+    runs = swept.evaluated
+    spent, rates = (
+        np.array([run.values[name] for run in runs]) for name in ("delta_v_m_s", "inspection_rate_percent")
+    )
+    is_on_front = np.array([run in swept.front for run in runs])
     with style():
-        return illustrate("front", caption_of("front"), front_of_runs(points), DOTS_PER_INCH).block
+        figure = front_of_runs([run.folder for run in runs], spent, rates, is_on_front)
+        return illustrate("front", caption_of("front"), figure, DOTS_PER_INCH).block

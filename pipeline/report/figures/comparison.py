@@ -13,8 +13,8 @@ from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
-from numpy.typing import NDArray
 
+from pipeline.array_types import Booleans, Floats
 from pipeline.evaluation.comparison import FLOWN, ComparisonRow, is_worse
 from pipeline.evaluation.monte_carlo import SUCCESS
 from pipeline.evaluation.statistics import Columns
@@ -143,51 +143,44 @@ def _draw_squares(ax: Axes, rows: Sequence[ComparisonRow], names: list[str], wor
 NAMES_APART = 0.06
 
 
-@dataclass(frozen=True)
-class Point:
-    """A run: mean and interval of delta-v (m/s) and of the rate (%), and whether it is on the front."""
+def front_of_runs(names: Sequence[str], spent: Floats, rates: Floats, is_on_front: Booleans) -> Figure:
+    """Draw mean inspection rate over mean delta-v with their intervals, a point a run, and the front.
 
-    name: str
-    delta_v: tuple[float, float, float]
-    rate: tuple[float, float, float]
-    is_on_front: bool
-
-
-def front_of_runs(points: Sequence[Point]) -> Figure:
-    """Draw mean inspection rate over mean delta-v with their intervals, a point a run, and the front."""
+    Parameters
+    ----------
+    names : sequence of n str
+    spent, rates : (n, 3) arrays
+        Mean and ends of the interval, of delta-v (m/s) and of the rate (%).
+    is_on_front : (n,) array of bool
+    """
     figure = Figure(figsize=(9.6, 4.8), layout="constrained")
     ax = figure.subplots()
+    across, up = (np.abs(values[:, 1:] - values[:, :1]).T for values in (spent, rates))
+    order = np.argsort(spent[:, 0], kind="stable")
     looks = {False: ("o", style.MUTED, "surpassed by another run"), True: ("o-", style.BLUE, "on the front")}
     for kind, (line, colour, label) in looks.items():
-        chosen = sorted((point for point in points if point.is_on_front is kind), key=lambda p: p.delta_v)
-        if not chosen:
-            continue
-        spent, rate = np.array([p.delta_v for p in chosen]), np.array([p.rate for p in chosen])
-        across, up = (np.abs(values[:, 1:] - values[:, :1]).T for values in (spent, rate))
-        x, y = spent[:, 0], rate[:, 0]
-        ax.errorbar(
-            x, y, up, across, line, color=colour, markersize=5.5, elinewidth=0.8, linewidth=0.8, label=label
-        )
+        rows = order[is_on_front[order] == kind]
+        if rows.size:
+            at = spent[rows, 0], rates[rows, 0], up[:, rows], across[:, rows]
+            ax.errorbar(*at, line, color=colour, markersize=5.5, elinewidth=0.8, linewidth=0.8, label=label)
     ax.set(xlabel="mean Δv (m/s)", ylabel="mean inspection rate (%)")
     ax.margins(x=0.08, y=0.12)
-    _name_front(ax, [point for point in points if point.is_on_front])
+    means = np.column_stack([spent[:, 0], rates[:, 0]])[is_on_front]
+    _name_front(ax, [name for name, stands in zip(names, is_on_front, strict=True) if stands], means)
     ax.grid()
     ax.legend(loc="lower right")
     return figure
 
 
-def _name_front(ax: Axes, points: Sequence[Point]) -> None:
-    """Write the names of points at their places, as many as can be read."""
-    (left, right), (bottom, top) = ax.get_xlim(), ax.get_ylim()
-    named: list[NDArray[np.float64]] = []
-    for point in points:
-        place = np.array(
-            [(point.delta_v[0] - left) / (right - left), (point.rate[0] - bottom) / (top - bottom)]
-        )
+def _name_front(ax: Axes, names: Sequence[str], means: Floats) -> None:
+    """Write names at points, (n, 2), as many as can be read."""
+    corner, opposite = np.transpose([ax.get_xlim(), ax.get_ylim()])
+    named: list[Floats] = []
+    for name, mean in zip(names, means, strict=True):
+        place = (mean - corner) / (opposite - corner)
         if all(np.max(np.abs(place - other)) >= NAMES_APART for other in named):
             named.append(place)
-            at = (point.delta_v[0], point.rate[0])
-            ax.annotate(point.name, at, (5, 5), textcoords="offset points", fontsize=7.5, color=style.INK)
+            ax.annotate(name, mean, (5, 5), textcoords="offset points", fontsize=7.5, color=style.INK)
 
 
 #: how a controller's flight ended: words, colour, marker
@@ -257,13 +250,16 @@ def _draw_spent_by_case(ax: Axes, columns: Columns) -> None:
     ax.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=4, borderaxespad=0.2, handletextpad=0.3)
 
 
-def _ended(columns: Columns) -> dict[str, tuple[NDArray[np.bool_], str, str]]:
+def _ended(columns: Columns) -> dict[str, tuple[Booleans, str, str]]:
     """Return which flights ended how, with colour and marker; only ends that occur."""
-    success, violated = (columns[name].astype(np.bool_) for name in ("success", "violated"))
-    flags = (success & ~violated, ~success & ~violated, violated)
-    return {
-        label: (is_so, *look) for (label, look), is_so in zip(ENDS.items(), flags, strict=True) if is_so.any()
-    }
+    flags = zip(ENDS.items(), ends(columns), strict=True)
+    return {label: (is_so, *look) for (label, look), is_so in flags if is_so.any()}
+
+
+def ends(columns: Columns) -> tuple[Booleans, Booleans, Booleans]:
+    """Return which flights ended in the ways of `ENDS`, in their order."""
+    success, violated = (np.asarray(columns[name], dtype=np.bool_) for name in ("success", "violated"))
+    return success & ~violated, ~success & ~violated, violated
 
 
 def _draw_points_by_case(ax: Axes, columns: Columns, needed: int) -> None:
