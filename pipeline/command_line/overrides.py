@@ -9,7 +9,7 @@ from hydra.core.override_parser.types import Glob, Override, OverrideType
 from hydra.errors import HydraException
 
 from pipeline.command_line.arguments import EXPERIMENT, ConfigError
-from pipeline.settings.keys import GONE, all_keys, choices_of, did_you_mean, is_key, nearest, renamed, unknown
+from pipeline.settings.keys import GONE, KNOWN, choices_of, did_you_mean, is_key, nearest, renamed, unknown
 
 #: groups of options, to the names of these
 Groups = Mapping[str, Sequence[str]]
@@ -124,10 +124,10 @@ def check_overrides(overrides: Sequence[Override], groups: Groups) -> None:
         elif renamed(key) is not None or (key in GONE and not isinstance(override.value(), dict)):
             raise ConfigError(unknown(key))
         elif not is_key(key):
-            found = nearest(key, {*all_keys(), *groups})
+            found = nearest(key, {*KNOWN, *groups})
             plus = "+" if found == EXPERIMENT else ""
             raise ConfigError(f"there is no key {key}" + (f"; did you mean {plus}{found}?" if found else ""))
-        elif override.type == OverrideType.ADD and key in all_keys():
+        elif override.type == OverrideType.ADD and key in KNOWN:
             raise ConfigError(f"the key {key} exists already; write {plain} without the +")
 
 

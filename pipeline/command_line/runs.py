@@ -14,7 +14,7 @@ from pipeline.run.lock import held
 from pipeline.run.runner import run_stages
 from pipeline.settings import schema
 from pipeline.settings.experiment import Experiment
-from pipeline.settings.keys import in_todays_words
+from pipeline.settings.keys import in_todays_words, with_values
 
 if TYPE_CHECKING:
     from hydra.core.override_parser.types import Override
@@ -109,7 +109,7 @@ def resume(folder: Path, overrides: Sequence["Override"], command: Sequence[str]
     with held(folder):
         stored = _stored(folder)
         given = _given_again(overrides, _experiment_of(folder, stored).name)
-        config = schema.with_values(stored, given)
+        config = with_values(stored, given)
         experiment = _experiment_of(folder, config)
         manifest = manifests.found(folder)
         finished = manifest.get("finished_stages", [])

@@ -28,7 +28,7 @@ from pydantic import (
 )
 from pydantic.dataclasses import dataclass as checked_dataclass
 
-from pipeline.settings.keys import did_you_mean, dotted, register, unit_of, unknown, value_at
+from pipeline.settings.keys import FREE, KNOWN, did_you_mean, dotted, unit_of, unknown, value_at
 
 
 class SettingError(ValueError):
@@ -460,7 +460,8 @@ def settings(group: str, *only: Only) -> Callable[[type[Kind]], type[Kind]]:
                 made.__init__ = check_and_build
 
         made.__init__ = check_and_build
-        register(group, names_of(made))
+        if group != FREE:
+            KNOWN.update(dotted(group, (name,)) for name in names_of(made))
         GROUPS.append((group, made, only))
         return made
 

@@ -54,23 +54,13 @@ GONE: Mapping[str, str] = {
 }
 #: the group whose keys are those of the configuration
 SPACE = "hparams_search.space"
-_known: set[str] = set()
-
-
-def register(group: str, names: Iterable[str]) -> None:
-    """Register the keys of a group; "" is the configuration itself."""
-    if group != FREE:
-        _known.update(dotted(group, (name,)) for name in names)
-
-
-def all_keys() -> frozenset[str]:
-    """Return every dotted key and group of the configuration; `pipeline.settings.experiment` adds them."""
-    return frozenset(_known)
+#: every dotted key and group of the configuration, as `pipeline.settings.checks.settings` finds them
+KNOWN: set[str] = set()
 
 
 def is_key(key: str) -> bool:
     """Return whether a dotted key may be in the configuration."""
-    return key in _known or key.startswith((FREE + ".", DISPERSIONS + ".", SPACE + "."))
+    return key in KNOWN or key.startswith((FREE + ".", DISPERSIONS + ".", SPACE + "."))
 
 
 def renamed(key: str) -> str | None:
@@ -87,7 +77,7 @@ def unknown(key: str) -> str:
         return f"there is no key {key} any more; write {new}"
     if key in GONE:
         return f"there is no key {key} any more: {GONE[key]}"
-    return f"there is no key {key}{did_you_mean(key, _known)}"
+    return f"there is no key {key}{did_you_mean(key, KNOWN)}"
 
 
 def value_at(config: Mapping[str, Any], key: str, otherwise: Any = None) -> Any:
@@ -111,6 +101,20 @@ def in_todays_words(config: Mapping[str, Any]) -> dict[str, Any]:
         # a sink that is no more: such a run is read and goes on without
         logger["kind"] = "none"
     return renamed
+
+
+def with_values(config: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a configuration with some dotted keys set; groups are made where they are missing."""
+    changed = copy.deepcopy(dict(config))
+    for key, value in values.items():
+        *groups, name = key.split(".")
+        node = changed
+        for group in groups:
+            below = node.setdefault(group, {})
+            # the group is a new one if its place is taken by a value
+            node = below if isinstance(below, dict) else {}
+        node[name] = copy.deepcopy(value)
+    return changed
 
 
 def without(config: Mapping[str, Any], keys: Iterable[str]) -> dict[str, Any]:

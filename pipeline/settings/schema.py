@@ -7,7 +7,6 @@ meaning is the text below its field, and its range is in the field's type.
 """
 
 import ast
-import copy
 import inspect
 import math
 import sys
@@ -87,21 +86,8 @@ def _plain(value: Any) -> Any:
 
 def defaults() -> dict[str, Any]:
     """Return the configuration of all defaults, with the keys that only some of them make exist."""
-    return with_values({}, {key.name: key.default for key in schema().values() if key.default is not MISSING})
-
-
-def with_values(config: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a configuration with some dotted keys set; groups are made where they are missing."""
-    changed = copy.deepcopy(dict(config))
-    for key, value in values.items():
-        *groups, name = key.split(".")
-        node = changed
-        for group in groups:
-            below = node.setdefault(group, {})
-            # the group is a new one if its place is taken by a value
-            node = below if isinstance(below, dict) else {}
-        node[name] = copy.deepcopy(value)
-    return changed
+    given = {key.name: key.default for key in schema().values() if key.default is not MISSING}
+    return keys.with_values({}, given)
 
 
 def with_tried(config: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str, Any]:
@@ -115,13 +101,13 @@ def with_tried(config: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str
     for key in values:
         if keys.value_at(config, key, ABSENT) is ABSENT:
             raise SettingError(f"hparams_search.space.{key} is no key of this experiment; leave it out")
-    return with_values(config, values)
+    return keys.with_values(config, values)
 
 
 def completed(config: Mapping[str, Any]) -> dict[str, Any]:
     """Return a configuration with the defaults that it leaves out, without the keys that do not exist."""
     absent = (key for key in schema().values() if keys.value_at(config, key.name, ABSENT) is ABSENT)
-    whole = with_values(config, {key.name: key.default for key in absent if key.default is not MISSING})
+    whole = keys.with_values(config, {key.name: key.default for key in absent if key.default is not MISSING})
     return keys.without(whole, [key.name for key in schema().values() if not key.exists(whole)])
 
 

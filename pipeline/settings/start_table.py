@@ -40,7 +40,6 @@ def split(text: str, key: str) -> tuple[str, str]:
         If it is not a table; the message names the key.
     """
     header, rows = _cells(text, key)
-    _check_header(header, key)
     labels = [row[header.index("set")] if "set" in header else "" for row in rows]
     kept = [place for place, name in enumerate(header) if name not in LABELS]
 
@@ -66,7 +65,6 @@ def numbers(text: str, key: str) -> Mapping[str, "NDArray[np.float64]"]:
     import numpy as np  # noqa: PLC0415 - most runs have no table, and check their settings without it
 
     header, rows = _cells(text, key)
-    _check_header(header, key)
     values = np.empty((len(rows), len(header)))
     for place, row in enumerate(rows):
         for column, cell in enumerate(row):
@@ -121,7 +119,7 @@ def check_distance(what: str, distance_m: float, limits_m: tuple[float, float]) 
 
 
 def _cells(text: str, key: str) -> tuple[list[str], list[list[str]]]:
-    """Read the header and the rows of a table."""
+    """Read the header and the rows of a table; check their columns."""
     try:
         header, *rows = [row for row in csv.reader(io.StringIO(text)) if row]
     except (ValueError, csv.Error) as error:
@@ -134,6 +132,7 @@ def _cells(text: str, key: str) -> tuple[list[str], list[list[str]]]:
             )
     if not rows:
         raise SettingError(f"{key} has no row below its header; give at least one start")
+    _check_header(names, key)
     return names, rows
 
 
