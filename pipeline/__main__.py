@@ -14,10 +14,10 @@ def main() -> int:
     try:
         with interrupts.heeded():
             from pipeline.command_line import cli  # noqa: PLC0415 - takes a while, and may be interrupted
+        return cli.main()
     except KeyboardInterrupt:
         sys.stderr.write("\ninterrupted before anything was done; nothing to keep\n")
         return 130
-    return cli.main()
 
 
 if __name__ == "__main__":

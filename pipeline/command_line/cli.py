@@ -60,9 +60,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except Interrupted as interrupt:
         sys.stderr.write(f"\n{interrupt}\n")
         return INTERRUPTED
-    except KeyboardInterrupt:
-        sys.stderr.write("\ninterrupted before anything was done; nothing to keep\n")
-        return INTERRUPTED
     except (ValueError, OSError, MemoryError) as error:
         if os.environ.get("HYDRA_FULL_ERROR") == "1":
             raise
