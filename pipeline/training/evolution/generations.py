@@ -223,33 +223,35 @@ EvaluateForRound = Callable[[int, Floats | None], Evaluate]
 SPAWN_KEY = 0xE70
 
 
-def unpopulated(seed: int, round_index: int, num_genes: int, step_size: float) -> State:
-    """Return the state before the first population of a round: its random generators and no individuals."""
-    generator = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(SPAWN_KEY, round_index)))
-    python_state = random.Random(int(generator.integers(2**63))).getstate()  # noqa: S311
-    return State(round_index, step_size, np.empty((0, num_genes)), python_state, generator)
-
-
-def begin(state: State, evaluate: Evaluate, seeds: Floats, settings: Optimizer, before: State | None) -> None:
+def begin(
+    evaluate: Evaluate, seeds: Floats, settings: Optimizer, seed: int, round_index: int, before: State | None
+) -> State:
     """Make and evaluate the first population of a round.
 
     Parameters
     ----------
-    state : State
-        Of `unpopulated`.
     evaluate : callable
     seeds : (k, num_genes) array
         Genomes to start with; CMA-ES samples around the last of them.
     settings : Optimizer
+    seed : int
+        Of the evolution; each round has random generators of its own.
+    round_index : int
     before : State, optional
         The final state of the round before.
     """
+    generator = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(SPAWN_KEY, round_index)))
+    python_state = random.Random(int(generator.integers(2**63))).getstate()  # noqa: S311
+    nobody, step = np.empty((0, seeds.shape[1])), settings.step_of_round(round_index)
+    state = State(round_index, step, nobody, python_state, generator)
+    if before:
+        state.evaluations, state.history = before.evaluations, before.history
     is_carried = before is not None and settings.next_round == "carried"
     if settings.algorithm == "cma_es":
         own = _carried(_strategy(seeds[-1], settings.initial_step, settings))
         state.strategy = before.strategy if before and is_carried else own
         _sample_generation(state, evaluate, settings)
-        return
+        return state
     if before and is_carried:
         genomes = before.genomes
     elif settings.first_population == "near":
@@ -258,6 +260,7 @@ def begin(state: State, evaluate: Evaluate, seeds: Floats, settings: Optimizer, 
         genomes = state.generator.random((settings.population_size, seeds.shape[1]))
         genomes[: len(seeds)] = seeds
     _evaluate_all(state, evaluate, genomes)
+    return state
 
 
 def advance(state: State, evaluate: Evaluate, settings: Optimizer) -> None:

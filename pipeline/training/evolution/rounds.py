@@ -15,7 +15,7 @@ import numpy as np
 from pipeline.array_types import Floats
 from pipeline.settings.experiment import Optimizer
 from pipeline.training.evolution import generations
-from pipeline.training.evolution.generations import Evaluate, EvaluateForRound
+from pipeline.training.evolution.generations import EvaluateForRound
 from pipeline.training.evolution.state import Generation, State, load, save
 
 #: called with the history so far, after each generation
@@ -36,19 +36,6 @@ class Evolution:
 
     history: tuple[Generation, ...]
     interrupted: bool
-
-
-def _begun(
-    round_index: int, evaluate: Evaluate, seeds: Floats, settings: Optimizer, seed: int, before: State | None
-) -> State:
-    """Return the first population of a round, given the last of the round before."""
-    step = settings.step_of_round(round_index)
-    state = generations.unpopulated(seed, round_index, seeds.shape[1], step)
-    if before:
-        state.evaluations, state.history = before.evaluations, before.history
-    generations.begin(state, evaluate, seeds, settings, before)
-    generations.record(state)
-    return state
 
 
 def _is_finished(state: State, settings: Optimizer) -> bool:
@@ -135,6 +122,7 @@ def evolve_rounds(
     history = state.history if state else []
 
     def finish_generation(state: State) -> None:
+        generations.record(state)
         if checkpoint is not None:
             save(checkpoint, state, fingerprint)
         if on_generation is not None:
@@ -146,12 +134,11 @@ def evolve_rounds(
             earlier = [generation.champion for generation in history if generation.round < round_index]
             evaluate = evaluate_for_round(round_index, earlier[-1] if earlier else None)
             if state is None or state.round < round_index:
-                state = _begun(round_index, evaluate, seeds, settings, seed, state)
+                state = generations.begin(evaluate, seeds, settings, seed, round_index, state)
                 history = state.history
                 finish_generation(state)
             while not _is_finished(state, settings):
                 generations.advance(state, evaluate, settings)
-                generations.record(state)
                 finish_generation(state)
             seeds = history[-1].champion[np.newaxis]
     except KeyboardInterrupt:
