@@ -93,28 +93,31 @@ class Spread:
     ranking: Sequence[Sequence[str]] = ()
 
 
-def spread_of(summary: Mapping[str, Any]) -> Spread:
-    """Return the tables of a summary; empty where it does not tell.
+def spread_of(folder: Path, summary: Mapping[str, Any]) -> Spread:
+    """Return the tables of a run's summary; empty where it does not tell.
 
     Raises
     ------
-    KeyError, TypeError, ValueError
+    pipeline.run.artifacts.ArtifactError
         If it tells something else.
     """
-    by_metric = summary.get("percentiles", {})
-    percentiles = [
-        [name, _share(one["percent"]), f"{one['value']:.{places}f}", _between(one, places)]
-        for metric, (name, places) in METRICS.items()
-        for one in by_metric.get(metric, ())
-    ]
-    if "nominal" not in summary:
-        return Spread(percentiles)
-    nominal = [["as dispersed", *_outcome(summary)], ["without dispersions", *_outcome(summary["nominal"])]]
-    ranking = [
-        [one["key"], _correlation(one["delta_v_m_s"]), _correlation(one["inspectable_rate_percent"])]
-        for one in summary["sensitivity"]
-    ]
-    return Spread(percentiles, nominal, ranking)
+    what = f"{folder / artifacts.SUMMARY} does not tell of percentiles and dispersions what it should"
+    with artifacts.explained(what, "repeat the stage evaluate", AttributeError):
+        by_metric = summary.get("percentiles", {})
+        percentiles = [
+            [name, _share(one["percent"]), f"{one['value']:.{places}f}", _between(one, places)]
+            for metric, (name, places) in METRICS.items()
+            for one in by_metric.get(metric, ())
+        ]
+        if "nominal" not in summary:
+            return Spread(percentiles)
+        outcomes = {"as dispersed": summary, "without dispersions": summary["nominal"]}
+        nominal = [[which, *_outcome(of)] for which, of in outcomes.items()]
+        ranking = [
+            [one["key"], _correlation(one["delta_v_m_s"]), _correlation(one["inspectable_rate_percent"])]
+            for one in summary["sensitivity"]
+        ]
+        return Spread(percentiles, nominal, ranking)
 
 
 def _share(percent: float) -> str:
@@ -180,8 +183,8 @@ class Pair:
     plan: FlightLog
 
 
-def read_beside(folder: Path) -> BesideOptimum:
-    """Read what the stage evaluate wrote of it.
+def read_beside(folder: Path, summary: Mapping[str, Any]) -> BesideOptimum:
+    """Read what the stage evaluate wrote of it; without plans the summary says why there are none.
 
     Raises
     ------
@@ -197,8 +200,6 @@ def read_beside(folder: Path) -> BesideOptimum:
                 "repeat the stage evaluate"
             )
         return BesideOptimum(columns, summarise_times(columns), "")
-    has_summary = (folder / artifacts.SUMMARY).exists()
-    summary = artifacts.read_json(folder, artifacts.SUMMARY) if has_summary else {}
     return BesideOptimum(None, {}, str(value_at(summary, "optimum.not_compared", "")))
 
 

@@ -142,16 +142,15 @@ def gather(experiment: Experiment, folder: Path) -> Contents:
     is_untrained = has_trained and not (folder / artifacts.CHAMPION).exists()
     controller = None if is_untrained else controller_of_run(experiment, folder)
     evaluation = read_evaluation(folder, experiment.monte_carlo.confidence_percent)
-    beside = comparisons.read_beside(folder)
+    summary, episodes = (evaluation.summary, evaluation.episodes) if evaluation else ({}, None)
+    beside = comparisons.read_beside(folder, summary)
     scenarios = folder / artifacts.SCENARIOS
     # which also name starts of a training where these are recorded
     has_starts = scenarios.exists() and "\ntraining-" in scenarios.read_text(encoding="utf-8")
-    starts: list[Scenario] = []
-    if controller and (has_trained or has_starts):
-        # of the last round that the logbook tells of; of the first without one
-        last = 0 if logbook is None else int(logbook["round"][-1])
-        starts = training_scenarios(experiment, last)
-    training_round = int(logbook["round"][-1]) + 1 if logbook and experiment.starts.redraw else None
+    # the last round that the logbook tells of; the first without one
+    last = int(logbook["round"][-1]) if logbook else 0
+    starts = training_scenarios(experiment, last) if controller and (has_trained or has_starts) else []
+    training_round = last + 1 if logbook and experiment.starts.redraw else None
     config = folder / artifacts.CONFIG
     manifest = manifests.found(folder)
     recordings = sorted((folder / artifacts.RECORDINGS).glob("*.mcap"))
@@ -161,16 +160,12 @@ def gather(experiment: Experiment, folder: Path) -> Contents:
         training=fly_training(experiment, controller, starts) if controller and starts else None,
         training_round=training_round,
         evaluation=evaluation,
-        spread=read_spread(folder, evaluation),
+        spread=comparisons.spread_of(folder, summary),
         comparison=comparisons.read_comparison(folder),
         beside=beside,
         pairs=comparisons.fly_pairs(experiment, controller, beside) if controller else (),
-        without_safety=(
-            comparisons.fly_without(experiment, controller, evaluation.episodes)
-            if controller and evaluation
-            else None
-        ),
-        shown=fly_shown(experiment, controller, starts, evaluation, training_round) if controller else (),
+        without_safety=comparisons.fly_without(experiment, controller, episodes) if controller else None,
+        shown=fly_shown(experiment, controller, starts, episodes, training_round) if controller else (),
         logbook=logbook,
         manifest=manifest,
         config_text=config.read_text(encoding="utf-8") if config.exists() else "",
@@ -221,20 +216,6 @@ def read_summary(folder: Path) -> dict[str, Any]:
     return dict(summary)
 
 
-def read_spread(folder: Path, evaluation: FlightSet | None) -> comparisons.Spread:
-    """Return what the summary of an evaluation tells of its spread.
-
-    Raises
-    ------
-    pipeline.run.artifacts.ArtifactError
-        If it tells something else.
-    """
-    what = f"{folder / artifacts.SUMMARY} does not tell of percentiles and dispersions what it should"
-    cure = f"repeat the stage {artifacts.stage_of(artifacts.SUMMARY)}"
-    with artifacts.explained(what, cure, AttributeError):
-        return comparisons.spread_of(evaluation.summary) if evaluation else comparisons.Spread()
-
-
 def tracks_of(rows: Columns, cases: NDArray[Any]) -> NDArray[np.floating]:
     """Return the positions of some cases, shape (cases, samples, 3), from a table of a row a sample.
 
@@ -266,7 +247,7 @@ def fly_shown(
     experiment: Experiment,
     controller: Controller,
     starts: list[Scenario],
-    evaluation: FlightSet | None,
+    episodes: Columns | None,
     training_round: int | None,
 ) -> list[ShownFlight]:
     """Fly what is shown in detail: a training case, the given start, or else the evaluation's median case."""
@@ -279,8 +260,7 @@ def fly_shown(
         name, start = start_shown(experiment)
         title = "Flight from the given start" if experiment.case is None else f"Case {experiment.case}"
         chosen.append((name, title, start))
-    if not chosen and evaluation is not None and evaluation.episodes is not None:
-        episodes = evaluation.episodes
+    if not chosen and episodes is not None:
         order = rank(episodes)
         row = int(order[len(order) // 2])
         case = int(episodes["case"][row])

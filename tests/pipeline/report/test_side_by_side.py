@@ -35,7 +35,7 @@ def test_the_page_shows_the_middle_and_the_greatest_ratio(tmp_path):
     tables.write_parquet(tmp_path / artifacts.BESIDE_OPTIMUM, columns)
     middle, greatest = (int(np.flatnonzero(columns["times_optimum"] == ratio)[0]) for ratio in (25, 49))
 
-    pairs = comparisons.fly_pairs(experiment, coast(), comparisons.read_beside(tmp_path))
+    pairs = comparisons.fly_pairs(experiment, coast(), comparisons.read_beside(tmp_path, {}))
     assert [(pair.case, pair.which) for pair in pairs] == [(middle, "the middle"), (greatest, "the greatest")]
     for pair in pairs:
         assert pair.plan.delta_v_m_s[-1] == pytest.approx(solved.cases["delta_v_m_s"][pair.case], rel=1e-9)
@@ -165,7 +165,7 @@ def test_a_controller_that_burns_nothing_can_be_drawn_and_many_cases_too():
 
 def test_words_and_rows_are_those_of_the_table(tmp_path):
     tables.write_parquet(tmp_path / artifacts.BESIDE_OPTIMUM, made_up())
-    beside = comparisons.read_beside(tmp_path)
+    beside = comparisons.read_beside(tmp_path, {})
     words = template("pipeline.report", "templates", "words.html").module.optimum(beside, "95")
     assert "In the mean of 4 solved cases it burns 4.50 times the optimum" in words
     assert "at least 95 points. The median is 4.00, the range 2.00 to 8.00 (case 11)." in words
@@ -181,7 +181,7 @@ def test_a_table_without_a_column_is_refused(tmp_path):
         columns = {key: column for key, column in made_up().items() if key != name}
         tables.write_parquet(tmp_path / artifacts.BESIDE_OPTIMUM, columns)
         with pytest.raises(artifacts.ArtifactError, match=f"has no {name}; repeat the stage evaluate"):
-            comparisons.read_beside(tmp_path)
+            comparisons.read_beside(tmp_path, {})
 
 
 @pytest.mark.slow
