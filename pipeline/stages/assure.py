@@ -42,7 +42,7 @@ from pipeline.report.figures.style import Illustration
 from pipeline.run import artifacts, configuration, maker, tables, writing
 from pipeline.scenarios import evaluation_scenarios
 from pipeline.settings.dispersions import distributions
-from pipeline.settings.experiment import Experiment, Mission, MonteCarlo
+from pipeline.settings.experiment import Experiment, MonteCarlo
 from pipeline.settings.places import requirements_path
 from telemetry.file import reader
 from telemetry.file.topics import DEPUTY_CONTROL, DEPUTY_STATE, MISSION
@@ -233,21 +233,15 @@ def _record_worst(
     left = left_on(domain, log, controller, mission.control_period_s) if domain else ()
     return {
         "found_by": source,
-        **_start(mission, scenario),
-        "margin": margin,
-        "recorded_margin": recorded,
-        "recording": name,
-        "left_domain": [asdict(one) for one in left],
-    }
-
-
-def _start(mission: Mission, scenario: Scenario) -> dict[str, Any]:
-    return {
         "position_m": scenario.position_m.tolist(),
         "velocity_m_s": scenario.velocity_m_s.tolist(),
         "sun_angle_rad": float(scenario.sun_angle_rad),
         "sun_elevation_rad": float(scenario.sun_elevation_rad),
         "settings": dict(drawn(mission, scenario)),
+        "margin": margin,
+        "recorded_margin": recorded,
+        "recording": name,
+        "left_domain": [asdict(one) for one in left],
     }
 
 

@@ -137,17 +137,14 @@ def _dispersed(
     if not mission.dispersions:
         return {}
     keys = [one.key for one in distributions(mission.dispersions)]
-    nominal = _nominal(experiment, controller, folder)
-    return {"sensitivity": sensitivity(episodes, keys, confidence), "nominal": summarise(nominal, confidence)}
-
-
-def _nominal(experiment: Experiment, controller: Controller, folder: Path) -> Mapping[str, Column]:
-    """Fly the same cases without their dispersions."""
-    undispersed = replace(experiment, mission=replace(experiment.mission, dispersions={}))
+    undispersed = replace(experiment, mission=replace(mission, dispersions={}))
+    nominal: Mapping[str, Column]
     if _is_in_parts(experiment):
-        return tables.Columns(_fly_parts(undispersed, controller, folder, "nominal"))
-    scenarios = evaluation_scenarios(experiment)
-    return fly_cases(undispersed.mission, controller, scenarios, experiment.monte_carlo.workers)[0]
+        nominal = tables.Columns(_fly_parts(undispersed, controller, folder, "nominal"))
+    else:
+        scenarios, workers = evaluation_scenarios(experiment), experiment.monte_carlo.workers
+        nominal, _ = fly_cases(undispersed.mission, controller, scenarios, workers)
+    return {"sensitivity": sensitivity(episodes, keys, confidence), "nominal": summarise(nominal, confidence)}
 
 
 def _beside_in_words(beside: Mapping[str, Any]) -> str:

@@ -24,8 +24,9 @@ CaseRow = dict[str, Any]
 
 
 def run(experiment: Experiment, folder: Path) -> None:
-    """Solve the missing cases, and write each as soon as it is solved."""
-    scenarios = scenarios_of(experiment)
+    """Solve the missing cases, of the evaluation or of the given start, and write each once it is solved."""
+    is_given = experiment.optimum.cases == "start"
+    scenarios = [given_start(experiment)] if is_given else evaluation_scenarios(experiment)
     rows = kept_rows(folder, scenarios)
     if rows:
         sys.stderr.write(
@@ -46,13 +47,6 @@ def run(experiment: Experiment, folder: Path) -> None:
             pool.shutdown(cancel_futures=True)
             raise
     _finish(experiment, folder, rows)
-
-
-def scenarios_of(experiment: Experiment) -> list[Scenario]:
-    """Return the starts to solve: those of the evaluation, or the one given in the configuration."""
-    if experiment.optimum.cases == "start":
-        return [given_start(experiment)]
-    return evaluation_scenarios(experiment)
 
 
 def plan_path(folder: Path, case: int) -> Path:

@@ -26,10 +26,9 @@ def run(experiment: Experiment, folder: Path) -> None:
     pictures = folder / artifacts.FIGURES
     for name, illustration in illustrations.items():
         writing.write_atomically(pictures / f"{name}.png", illustration.png)
-    if pictures.is_dir():
-        for path in pictures.iterdir():
-            if OWN_FILES.fullmatch(path.name) and path.stem not in illustrations:
-                path.unlink()
+    for path in pictures.glob("*.png"):
+        if OWN_FILES.fullmatch(path.name) and path.stem not in illustrations:
+            path.unlink()
     page = write(contents, illustrations)
     writing.write_atomically(folder / artifacts.REPORT, page)
     sys.stderr.write(

@@ -20,8 +20,7 @@ import math
 import random
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
-from typing import Any, cast
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 from deap import base, cma, tools
@@ -42,8 +41,7 @@ LOCAL_SHARES = (0.01, 0.03, 0.1)
 LOCAL_STEPS = (0.3, 1.0, 2.0)
 
 
-@dataclass(frozen=True)
-class Split:
+class Split(NamedTuple):
     """Number of individuals of a generation from each source."""
 
     elite: int
