@@ -68,15 +68,12 @@ def options(folders: Sequence[Path]) -> dict[str, list[str]]:
     for folder in folders:
         for path in sorted(folder.rglob("*.yaml")):
             parts = path.relative_to(folder).with_suffix("").parts
-            if path.stem.startswith("_"):
-                continue  # what several options have in common
+            # what begins so is what several options have in common
+            if path.stem.startswith("_") or parts[0] in NOT_CHOSEN:
+                continue
             for cut in range(1, len(parts)):
                 found.setdefault("/".join(parts[:cut]), set()).add("/".join(parts[cut:]))
-    return {
-        group: sorted(names)
-        for group, names in sorted(found.items())
-        if group.split("/")[0] not in NOT_CHOSEN
-    }
+    return {group: sorted(names) for group, names in sorted(found.items())}
 
 
 def compose_experiment(overrides: Sequence[str], config_dir: Path | None = None) -> Job:

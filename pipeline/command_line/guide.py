@@ -23,6 +23,7 @@ options: --help, --help EXPERIMENT (what people change in it), --help GROUP (its
 """
 
 from collections.abc import Sequence
+from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
@@ -146,15 +147,10 @@ def _described(folders: Sequence[Path], group: str, groups: dict[str, list[str]]
 
 
 def _first_comment(path: Path) -> str:
-    """Return the first comment line of a YAML file that is not a Hydra directive."""
-    with path.open(encoding="utf-8") as stream:
-        for line in stream:
-            if not line.startswith("#"):
-                return ""
-            text = line.lstrip("#").strip()
-            if text and not text.startswith("@package"):
-                return text
-    return ""
+    """Return the first comment line at the top of a YAML file that is not a Hydra directive."""
+    comments = takewhile(lambda line: line.startswith("#"), path.read_text(encoding="utf-8").splitlines())
+    texts = (line.lstrip("#").strip() for line in comments)
+    return next((text for text in texts if text and not text.startswith("@package")), "")
 
 
 def _table(rows: Sequence[tuple[str, str]]) -> list[str]:

@@ -14,7 +14,7 @@ import platform
 import subprocess
 import sys
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
 from importlib import metadata
 from pathlib import Path
@@ -62,20 +62,16 @@ def product() -> Mapping[str, Any]:
 
 def unlike(one: Mapping[str, Any], other: Mapping[str, Any]) -> list[str]:
     """Return, in words, the differences between two makers."""
-    differences = []
-    for name, value in one.get("versions", {}).items():
-        now = other.get("versions", {}).get(name)
-        if now != value:
-            differences.append(f"{name} {value}, now {now}")
+
+    def changed(part: str, names: Iterable[str]) -> list[str]:
+        here, there = one.get(part, {}), other.get(part, {})
+        differing = (name for name in names if name in here and here[name] != there.get(name))
+        return [f"{name} {here[name]}, now {there.get(name)}" for name in differing]
+
+    differences = changed("versions", one.get("versions", {}))
     if one.get("sources") != other.get("sources"):
         differences.append("other sources" if one.get("sources") else "unknown sources")
-    here, there = one.get("processor", {}), other.get("processor", {})
-    differences += [
-        f"{name} {here[name]}, now {there.get(name)}"
-        for name in ROUNDING
-        if name in here and here[name] != there.get(name)
-    ]
-    return differences
+    return differences + changed("processor", ROUNDING)
 
 
 def sources_hash() -> str:
@@ -97,9 +93,7 @@ def processor() -> dict[str, Any]:
     from fis_tools.compiled.numba_parts import binding  # noqa: PLC0415 - as above
 
     own = binding.get_host_cpu_features()
-    features = os.environ.get("NUMBA_CPU_FEATURES")
-    if features is None:
-        features = own.flatten()
+    features = os.environ.get("NUMBA_CPU_FEATURES", own.flatten())
     has_fma = own.get("fma", False) and own.get("avx2", False) and not is_libm_fixed()
     pools = [one for one in threadpool_info() if one["user_api"] == "blas"]
     blas = {f"{one.get('architecture')} x{one['num_threads']}" for one in pools}

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, BinaryIO, Final
 
 from pipeline.run.artifacts import CONFIG, ArtifactError
+from pipeline.settings.keys import dotted
 
 #: suffix of the hidden name of a file while it is written
 UNFINISHED: Final = ".unfinished"
@@ -99,9 +100,6 @@ def _not_finite(content: Any, key: str = "") -> Iterator[str]:
     """Yield the keys of the numbers that JSON cannot hold."""
     if isinstance(content, float) and not math.isfinite(content):
         yield key
-    elif isinstance(content, Mapping):
-        for name, value in content.items():
-            yield from _not_finite(value, f"{key}.{name}".lstrip("."))
-    elif isinstance(content, list | tuple):
-        for index, value in enumerate(content):
-            yield from _not_finite(value, f"{key}[{index}]")
+    elif isinstance(content, Mapping | list | tuple):
+        for name, value in content.items() if isinstance(content, Mapping) else enumerate(content):
+            yield from _not_finite(value, dotted(key, (name,)))
