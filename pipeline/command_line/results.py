@@ -16,6 +16,7 @@ from fis_tools.document import Block, Document, text
 from pipeline.command_line.arguments import ConfigError
 from pipeline.evaluation import statistics
 from pipeline.report import sweep
+from pipeline.report.contents import read_summary
 from pipeline.run import artifacts, configuration, manifests, tables, writing
 from pipeline.run.maker import present_maker, require_reproducible, unlike
 from pipeline.settings.schema import differences, present
@@ -202,7 +203,7 @@ def compare(first: Path, second: Path) -> int:
         If one cannot be read, was not evaluated, or they share no case.
     """
     configs = [configuration.read(folder) for folder in (first, second)]
-    confidence = float(artifacts.read_json(first, artifacts.SUMMARY)["confidence_percent"])
+    confidence = float(read_summary(first).get("confidence_percent", sweep.CONFIDENCE_PERCENT))
     one, other = (tables.read_parquet(folder, artifacts.EPISODES) for folder in (first, second))
     compared = statistics.compare(one, other, confidence)
     _print(sweep.compared_table(first.name, second.name, compared, confidence))

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from fis_tools.document import Block, Code, Document, Figure, Heading, Items, Paragraph, Table, html
 from pipeline.evaluation.monte_carlo import SUCCESS
 from pipeline.evaluation.statistics import METRICS, Compared, Difference, Effect, Metric, effects, on_front
+from pipeline.report.contents import read_summary
 from pipeline.report.figures.comparison import front_of_runs
 from pipeline.report.figures.style import caption_of, illustrate, style
 from pipeline.run import artifacts, sweep, tables
@@ -113,9 +114,9 @@ def gather(folder: Path) -> Swept:
     runs, flown, confidence = [], [], CONFIDENCE_PERCENT
     for run in sweep.read(folder):
         own = folder / run.folder
-        summary = artifacts.read_json(own, artifacts.SUMMARY) if (own / artifacts.SUMMARY).exists() else None
+        summary = read_summary(own) if (own / artifacts.SUMMARY).exists() else None
         if summary is not None:
-            confidence = float(summary["confidence_percent"])
+            confidence = float(summary.get("confidence_percent", confidence))
             flown.append((run.differs, tables.read_parquet(own, artifacts.EPISODES)))
         runs.append(_run(folder, run, summary))
     found = tuple(effect for effect in effects(flown, confidence) if effect.factor != REPLICATE)

@@ -278,3 +278,13 @@ def test_a_file_that_is_no_sweeps_is_refused(content, told, tmp_path, ran):
     if content:
         (tmp_path / "out" / "sweep.json").write_text(content)
     assert told in ran("summary", "out", code=2).err
+
+
+def test_a_damaged_summary_is_refused_where_runs_are_summarised_or_compared(tmp_path, ran):
+    for name in ("a", "b"):
+        for path, text in ((artifacts.CONFIG, "name: x"), (artifacts.SUMMARY, "{}")):
+            writing.write_atomically(tmp_path / "out" / name / path, text)
+    runs = '[{"folder": "a", ' + REST + "}]"
+    (tmp_path / "out" / "sweep.json").write_text(f'{{"sweep_version": 1, "runs": {runs}}}')
+    for words in (("summary", "out"), ("compare=out/a,out/b",)):
+        assert "summary.json has no number num_cases" in ran(*words, code=2).err
