@@ -410,6 +410,23 @@ def inputs_along(
     return {name: np.concatenate(parts) for name, parts in rows.items()}
 
 
+def require_same_inputs(path: Path | str, flown: Iterable[FuzzySystem], controller: FuzzyController) -> None:
+    """Raise ControllerFileError for a flight of no system of a controller, or of one with other inputs."""
+    own = {system.name: system for system in controller.systems}
+    pairs = [(one, own[one.name]) for one in flown if one.name in own]
+    if not pairs:
+        raise ControllerFileError(
+            f"{path} was flown without any of the systems {', '.join(own)}; give flights of this controller"
+        )
+    for pair in pairs:
+        logged, wanted = (", ".join(variable.name for variable in system.inputs) for system in pair)
+        if logged != wanted:
+            raise ControllerFileError(
+                f"{path}: its system {pair[0].name!r} senses {logged}, but the controller's senses {wanted}; "
+                "give flights of this controller"
+            )
+
+
 def _tabled(path: Path | str, system: FuzzySystem) -> FlownSystem:
     """Ask a system what it would have done at the inputs of a table."""
     labels = {variable.name: with_unit(variable) for variable in system.inputs}

@@ -127,23 +127,9 @@ def flown_inputs(
     if not paths:
         return None
     sensed = flights.inputs_along(paths, all_periods, controller)
-    carried = flights.read_controller(paths[0]) if flights.is_flight(paths[0]) else controller
-    flown = {system.name: [v.name for v in system.inputs] for system in carried.systems}
-    for system in controller.systems:
-        inputs = [variable.name for variable in system.inputs]
-        if flown.get(system.name, inputs) != inputs:
-            raise UserMistake(
-                f"{paths[0]} was flown with a system {system.name!r} of the inputs "
-                f"{', '.join(flown[system.name])}, but the controller's has {', '.join(inputs)}; "
-                "give flights of this controller"
-            )
-    found = {system.name: sensed[system.name] for system in controller.systems if system.name in sensed}
-    if not found:
-        raise UserMistake(
-            f"{paths[0]} was flown with {', '.join(flown)}, but the controller has "
-            f"{', '.join(system.name for system in controller.systems)}; give flights of this controller"
-        )
-    return found
+    if flights.is_flight(paths[0]):
+        flights.require_same_inputs(paths[0], flights.read_controller(paths[0]).systems, controller)
+    return {system.name: sensed[system.name] for system in controller.systems if system.name in sensed}
 
 
 def chosen(controller: FuzzyController, name: str | None) -> FuzzyController:

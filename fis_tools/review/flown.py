@@ -68,8 +68,8 @@ def read_flights(
     found = []
     for name, path in zip(_names(paths), paths, strict=True):
         read = flights.read_flight(path, all_periods, controller)
+        flights.require_same_inputs(path, (one.system for one in read), controller)
         flown = {one.system.name: one for one in read if one.system.name in own}
-        _require_same_inputs(path, flown, own)
         found.append(Flight(name, flown, all(one.system == own[key] for key, one in flown.items())))
     return found
 
@@ -80,21 +80,6 @@ def _names(paths: Sequence[Path]) -> list[str]:
     lengths = range(1, max((len(one) for one in parts), default=0) + 1)
     candidates = (["/".join(one[-length:]) for one in parts] for length in lengths)
     return next((names for names in candidates if len(set(names)) == len(set(parts))), [])
-
-
-def _require_same_inputs(
-    path: Path, flown: Mapping[str, FlownSystem], known: Mapping[str, FuzzySystem]
-) -> None:
-    if not flown:
-        names = ", ".join(known)
-        raise ControllerFileError(f"{path} was flown without any of the systems {names}; give another flight")
-    for name, one in flown.items():
-        logged, wanted = ([v.name for v in system.inputs] for system in (one.system, known[name]))
-        if logged != wanted:
-            raise ControllerFileError(
-                f"{path}: its system {name!r} senses {', '.join(logged)}, but the controller's senses "
-                f"{', '.join(wanted)}; give flights of this controller"
-            )
 
 
 def samples_of(system: FuzzySystem, flown: Sequence[Flight], noun: str) -> Samples:
