@@ -1,6 +1,6 @@
 """Errors that a person can put right, each with a sentence that says how."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager
 from difflib import get_close_matches
 from itertools import islice
@@ -39,6 +39,13 @@ def told_as(kind: type[Exception], *causes: type[Exception], where: str = "") ->
         yield
     except causes as error:
         raise kind(f"{where}{error}") from error
+
+
+def require_known(names: Iterable[str], known: Collection[str], fault: str, kind: type[Exception]) -> None:
+    """Raise an error of a kind for a name that is not known; ``fault`` is its sentence up to the name."""
+    for name in names:
+        if name not in known:
+            raise kind(f"{fault} {name!r}; {nearest(str(name), known)}")
 
 
 def nearest(wrong: str, known: Iterable[str]) -> str:

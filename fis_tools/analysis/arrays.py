@@ -14,7 +14,7 @@ import numpy as np
 
 from fis_tools.array_types import Floats
 from fis_tools.engines.compiler import compile
-from fis_tools.errors import nearest
+from fis_tools.errors import require_known
 from fis_tools.model import FuzzySystem, Variable
 
 #: Points and statements gone through for samples spread over ranges, a few seconds' worth.
@@ -98,9 +98,8 @@ class RuleUsage:
 def check_samples(systems: Sequence[FuzzySystem], samples: Mapping[str, Floats]) -> None:
     """Raise a ValueError for samples of no system, or of another number of inputs."""
     by_name = {system.name: system for system in systems}
+    require_known(samples, by_name, "samples are given for", ValueError)
     for name, rows in samples.items():
-        if name not in by_name:
-            raise ValueError(f"samples are given for {name!r}; {nearest(name, by_name)}")
         wanted = len(by_name[name].inputs)
         if rows.ndim != 2 or rows.shape[1] != wanted:
             raise ValueError(
@@ -236,16 +235,16 @@ def output_named(system: FuzzySystem, name: str | None = None) -> Variable:
         If there is none of this name.
     """
     names = [variable.name for variable in system.outputs]
-    if name is not None and name not in names:
-        raise ValueError(f"system {system.name!r} has no output {name!r}; {nearest(name, names)}")
-    return system.outputs[0 if name is None else names.index(name)]
+    if name is None:
+        return system.outputs[0]
+    require_known([name], names, f"system {system.name!r} has no output", ValueError)
+    return system.outputs[names.index(name)]
 
 
 def _axes(system: FuzzySystem, x: str | None, y: str | None, held: dict[str, float]) -> tuple[str, str]:
     names = [variable.name for variable in system.inputs]
-    for name in (*held, *(axis for axis in (x, y) if axis is not None)):
-        if name not in names:
-            raise ValueError(f"system {system.name!r} has no input {name!r}; {nearest(name, names)}")
+    asked = (*held, *(axis for axis in (x, y) if axis is not None))
+    require_known(asked, names, f"system {system.name!r} has no input", ValueError)
     if x is not None and x == y:
         raise ValueError(f"both axes are {x!r}; choose two different inputs")
     for name in held:

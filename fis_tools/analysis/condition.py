@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fis_tools.array_types import Booleans, Floats
-from fis_tools.errors import nearest
+from fis_tools.errors import require_known
 from fis_tools.model import FuzzySystem
 
 GRAMMAR = "write conditions as NAME > NUMBER, 2 NAME - OTHER <= NUMBER or NAME in [NUMBER, NUMBER]"
@@ -210,8 +210,7 @@ def _linear_form(words: list[str], names: Sequence[str], text: str) -> dict[str,
         name = words.pop(0) if words else ""
         if not re.match(r"\w", name) and name not in names:
             raise ValueError(f"{name or 'the end'!r} in {text!r} stands where a variable should; {GRAMMAR}")
-        if name not in names:
-            raise ValueError(f"{name!r} in {text!r} is not a variable; {nearest(name, names)}")
+        require_known([name], names, f"in {text!r} there is no variable", ValueError)
         coefficients[name] = coefficients.get(name, 0.0) + sign
         if not words or words[0] not in {"+", "-"}:
             return coefficients

@@ -14,7 +14,7 @@ from cyclopts import Parameter
 
 from fis_tools.analysis import flights
 from fis_tools.array_types import Floats
-from fis_tools.errors import nearest
+from fis_tools.errors import require_known
 from fis_tools.formats import serialize
 from fis_tools.model import FuzzyController, FuzzySystem
 from fis_tools.model.thrust import COUNTED, REASONS, UNKNOWN
@@ -137,8 +137,7 @@ def chosen(controller: FuzzyController, name: str | None) -> FuzzyController:
     if name is None:
         return controller
     names = [system.name for system in controller.systems]
-    if name not in names:
-        raise UserMistake(f"controller {controller.name!r} has no system {name!r}; {nearest(name, names)}")
+    require_known([name], names, f"controller {controller.name!r} has no system", UserMistake)
     systems = tuple(system for system in controller.systems if system.name == name)
     return replace(controller, systems=systems)
 
@@ -249,8 +248,8 @@ def instants(asked: AskedInstant, controller: FuzzyController) -> Iterator[Insta
         )
     periods = flights.read_periods(paths[0], asked.time, controller)
     names = [period.flown.system.name for period in periods]
-    if asked.system is not None and asked.system not in names:
-        raise UserMistake(f"the flight has no system {asked.system!r}; {nearest(asked.system, names)}")
+    if asked.system is not None:
+        require_known([asked.system], names, "the flight has no system", UserMistake)
     for period in periods:
         if asked.system in (None, period.flown.system.name):
             yield _instant(period, asked.all_periods)
@@ -295,9 +294,7 @@ def _in_words(period: flights.Period) -> str:
 def _given(inputs: str, controller: FuzzyController) -> Iterator[tuple[FuzzySystem, Floats]]:
     values = assignments(inputs)
     known = list(dict.fromkeys(v.name for system in controller.systems for v in system.inputs))
-    for name in values:
-        if name not in known:
-            raise UserMistake(f"there is no input {name!r}; {nearest(name, known)}")
+    require_known(values, known, "there is no input", UserMistake)
     complete = [s for s in controller.systems if all(variable.name in values for variable in s.inputs)]
     if not complete:
         needs = "; ".join(f"{s.name} needs {', '.join(v.name for v in s.inputs)}" for s in controller.systems)

@@ -16,7 +16,7 @@ from fis_tools.commands import arguments
 from fis_tools.commands.arguments import AskedAlong, AskedInstant, Output, UserMistake, analysing
 from fis_tools.document import as_json, text
 from fis_tools.engines.inference import infer
-from fis_tools.errors import nearest, told_as
+from fis_tools.errors import require_known, told_as
 from fis_tools.findings import audit as faults
 from fis_tools.findings import explanation, simplification
 from fis_tools.findings.audit import Severity, Thresholds, report
@@ -95,9 +95,8 @@ def audit(
 def _thresholds(words: str) -> Thresholds:
     values = arguments.assignments(words)
     defaults = {field.name: field.default for field in fields(Thresholds)}
+    require_known(values, defaults, "there is no threshold", UserMistake)
     for name in values:
-        if name not in defaults:
-            raise UserMistake(f"there is no threshold {name!r}; {nearest(name, defaults)}")
         if values[name] < 0.0:
             raise UserMistake(f"the threshold {name!r} is below 0; give one that is not")
     return replace(Thresholds(), **values)  # type: ignore[arg-type]

@@ -14,7 +14,7 @@ import numpy as np
 
 from fis_tools import model
 from fis_tools.array_types import Floats, Integers
-from fis_tools.errors import nearest
+from fis_tools.errors import require_known
 from fis_tools.model import Expression, FuzzySystem, Rule, Variable
 from fis_tools.model.operators import ACCUMULATIONS, AGGREGATIONS, AND_OPERATORS, HEDGES, OR_OPERATORS
 
@@ -382,9 +382,7 @@ def pick(system: FuzzySystem, inputs: Any, names: tuple[str, ...]) -> list[Float
     """
     wanted = [variable.name for variable in system.inputs]
     if isinstance(inputs, Mapping):
-        for name in names:
-            if name not in wanted:
-                raise ValueError(f"system {system.name!r} has no input {name!r}; {nearest(name, wanted)}")
+        require_known(names, wanted, f"system {system.name!r} has no input", ValueError)
     for name in wanted:
         if name not in names:
             kind = "column" if not isinstance(inputs, Mapping) else "input"

@@ -16,7 +16,7 @@ from types import MappingProxyType
 from typing import Any, TypeVar
 
 from fis_tools import model
-from fis_tools.errors import ControllerFileError, nearest, told_as
+from fis_tools.errors import ControllerFileError, nearest, require_known, told_as
 from fis_tools.model.operators import HEDGES
 from fis_tools.model.shapes import SHAPES
 from fis_tools.model.validate import MAX_NESTING, MOST_MEMBERSHIPS, InvalidSystem, controller_problems
@@ -186,10 +186,7 @@ def _check_keys(value: Any, where: str, required: Sequence[str], optional: Seque
         raise ControllerFileError(
             f"{where} is {_kind_of(value)}; expected a mapping with {', '.join(required)}"
         )
-    known = (*required, *optional)
-    for key in value:
-        if key not in known:
-            raise ControllerFileError(f"{where}: unknown key {key!r}; {nearest(str(key), known)}")
+    require_known(value, (*required, *optional), f"{where}: unknown key", ControllerFileError)
     for key in required:
         if key not in value:
             raise ControllerFileError(f"{where}: the key {key!r} is missing; add it, or get a whole copy")
@@ -317,8 +314,7 @@ def _shape_of(value: Any, where: str) -> str:
         )
     if "shape" in value:
         shape = _text(value["shape"], f"{where}.shape")
-        if shape not in SHAPES:
-            raise ControllerFileError(f"{where}: unknown shape {shape!r}; {nearest(shape, SHAPES)}")
+        require_known([shape], SHAPES, f"{where}: unknown shape", ControllerFileError)
         return shape
     given = set(value)
     missed = {shape: len(set(_keys(shape)) - given) for shape in _KNOWN_BY_KEYS}

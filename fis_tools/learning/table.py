@@ -14,7 +14,7 @@ from fis_tools.analysis import tables
 from fis_tools.analysis.tables import name_and_unit
 from fis_tools.array_types import Floats, Integers
 from fis_tools.engines.inference import columns_of
-from fis_tools.errors import ControllerFileError, nearest, told_as
+from fis_tools.errors import ControllerFileError, require_known, told_as
 from fis_tools.learning.rules import range_of
 from fis_tools.plain_text import as_number, distinct
 
@@ -77,9 +77,7 @@ def as_table(content: Any, target: str, inputs: list[str] | None = None) -> Tabl
         raise UnreadableTable(
             "an array does not say what its columns are; pass a mapping of names to columns"
         )
-    for name in (target, *(inputs or ())):
-        if name not in names:
-            raise UnreadableTable(f"the table has no column {name!r}; {nearest(name, names)}")
+    require_known((target, *(inputs or ())), names, "the table has no column", UnreadableTable)
     labels = tuple(inputs or (name for name in names if name != target))
     if not labels:
         raise UnreadableTable(f"the table has no column besides {target!r}; add what rules may ask for")

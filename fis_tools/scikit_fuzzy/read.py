@@ -19,7 +19,7 @@ from skfuzzy.control.term import TermAggregate
 
 from fis_tools import model
 from fis_tools.array_types import Floats
-from fis_tools.errors import nearest, told_as
+from fis_tools.errors import require_known, told_as
 from fis_tools.model.operators import ACCUMULATIONS, AND_OPERATORS, OR_OPERATORS
 from fis_tools.model.systems import Named, NotResolvable, said_once, unchained
 from fis_tools.model.validate import MAX_NESTING, problems
@@ -89,9 +89,7 @@ def read_control_system(
     # The graph's own order is that of `source.rules`, which takes seconds where rules are many.
     rules = [node for node in source.graph.nodes() if isinstance(node, control.Rule)]
     defaults, labels = defaults or {}, [str(output.label) for output in source.consequents]
-    for label in defaults:
-        if label not in labels:
-            raise UnreadableControlSystem(f"defaults name {label!r}, no output; {nearest(label, labels)}")
+    require_known(defaults, labels, "defaults: there is no output", UnreadableControlSystem)
     outputs = tuple(_output(output, defaults) for output in source.consequents)
     inputs = tuple(map(_variable, source.antecedents))
     read = said_once(model.FuzzySystem(name, inputs, outputs, _rules(rules, outputs)))

@@ -287,7 +287,7 @@ def test_conditions_are_read_as_they_are_written():
         (["--where", "distance > 1 velocity_body_x > 2"], "a comma is missing"),
         (["--where", "distance > 100, distance < 50"], "no 'distance' meets all conditions"),
         (["--where", "distance + 1000 velocity_body_x > 999"], "no inputs of the universes meet"),
-        (["--where", "__import__('os')"], "is not a variable"),
+        (["--where", "__import__('os')"], "there is no variable"),
         (["--ask", "force > 0"], "did you mean 'force_x'?"),
         (["--expect", "no"], "add --ask"),
         (["--boxes", "0"], "Give a whole number above 0"),
