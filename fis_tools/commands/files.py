@@ -64,7 +64,7 @@ def export(
         _write_each(controller, format, output)
         return
     with told_as(UserMistake, ValueError):
-        write(output, source.write(controller, bare) if bare else WHOLE[format](controller))
+        write(output, source.write(controller, bare) if bare else WHOLE[format].write(controller))
 
 
 def _write_each(controller: FuzzyController, form: str, output: str | None) -> None:

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import NamedTuple
 
 from fis_tools.document import html, text
 from fis_tools.formats import csv, serialize
@@ -10,32 +11,30 @@ from fis_tools.formats.c import fmu, source
 from fis_tools.model import FuzzyController
 from fis_tools.words.text import outline, rule_list
 
+
+class Whole(NamedTuple):
+    """A form of file that holds a whole controller: what writes it, and how the names of its files end."""
+
+    write: Callable[[FuzzyController], str]
+    endings: tuple[str, ...]
+
+
 #: What a controller can be written as besides the forms of other programs.
-WHOLE: dict[str, Callable[[FuzzyController], str]] = {
-    "markdown": lambda controller: text.write_markdown(outline(controller)),
-    "csv": csv.write,
-    "text": lambda controller: text.write(rule_list(controller)),
-    "html": lambda controller: html.page(outline(controller)),
-    "latex": lambda controller: text.write_latex(outline(controller)),
-    "json": serialize.dump_json,
-    "yaml": serialize.dump_yaml,
-    "c": source.write,
+WHOLE = {
+    "markdown": Whole(lambda controller: text.write_markdown(outline(controller)), (".md",)),
+    "csv": Whole(csv.write, (".csv",)),
+    "text": Whole(lambda controller: text.write(rule_list(controller)), (".txt",)),
+    "html": Whole(lambda controller: html.page(outline(controller)), (".html",)),
+    "latex": Whole(lambda controller: text.write_latex(outline(controller)), (".tex",)),
+    "json": Whole(serialize.dump_json, (".json",)),
+    "yaml": Whole(serialize.dump_yaml, (".yaml", ".yml")),
+    "c": Whole(source.write, (".c",)),
 }
-_WHOLE_ENDINGS = {
-    ".md": "markdown",
-    ".csv": "csv",
-    ".txt": "text",
-    ".html": "html",
-    ".tex": "latex",
-    ".json": "json",
-    ".yaml": "yaml",
-    ".yml": "yaml",
-    ".c": "c",
-}
+_WRITERS = {ending: form.write for form in WHOLE.values() for ending in form.endings}
 #: How the names of files end that hold one system each, by their forms.
 ONE_SYSTEM = {**{name: form.endings[0] for name, form in serialize.FORMS.items()}, "fmu": ".fmu"}
 #: How the names of files end that are written.
-ENDINGS = (*_WHOLE_ENDINGS, *ONE_SYSTEM.values())
+ENDINGS = (*_WRITERS, *ONE_SYSTEM.values())
 
 
 @dataclass(frozen=True)
@@ -57,8 +56,8 @@ def written(controller: FuzzyController, place: Path) -> dict[Path, File]:
     ending = place.suffix.lower()
     if ending not in ENDINGS:
         raise ValueError(f"{place.name} ends in none of {', '.join(ENDINGS)}; name the file so")
-    if ending in _WHOLE_ENDINGS:
-        return {place: File(WHOLE[_WHOLE_ENDINGS[ending]](controller).encode())}
+    if ending in _WRITERS:
+        return {place: File(_WRITERS[ending](controller).encode())}
     alone = [replace(controller, systems=(system,)) for system in controller.systems]
     paths = [place.with_stem(f"{place.stem}-{one.systems[0].name}") for one in alone]
     paths = [place] if len(alone) == 1 else paths
