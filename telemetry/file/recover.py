@@ -23,38 +23,28 @@ from telemetry.file.reader import DAMAGE, check_attachment
 _KNOWN: Final = frozenset(map(int, Opcode))
 
 
-@dataclass(frozen=True)
+@dataclass
 class Recovery:
-    """Result of a recovery.
+    """What is intact in a recording, in file order, and where it was written.
 
     Parameters
     ----------
-    output : Path or None
-        The new file; None if the source was intact.
-    num_messages : int
-        Number of recovered messages.
-    end_s : float or None
-        Simulation time of the last one; None if there is none.
     num_bytes_lost : int
         Bytes of the source outside complete records.
     num_damaged_records : int
         Complete records with wrong bytes.
+    is_finished : bool
+        Whether the source ends as a recording does.
+    output : Path or None
+        The new file; None if the source was intact.
+    metadata, attachments, schemas, channels, chunks
+        The records; schemas and channels by their numbers, messages by chunks.
     """
 
-    output: Path | None
-    num_messages: int
-    end_s: float | None
     num_bytes_lost: int
-    num_damaged_records: int
-
-
-@dataclass
-class _Salvage:
-    """What a scan found, in file order."""
-
-    is_finished: bool = False
-    num_bytes_read: int = 0
     num_damaged_records: int = 0
+    is_finished: bool = False
+    output: Path | None = None
     metadata: list[Metadata] = field(default_factory=list)
     attachments: list[Attachment] = field(default_factory=list)
     schemas: dict[int, Schema] = field(default_factory=dict)
@@ -81,10 +71,12 @@ class _Salvage:
 
     @property
     def num_messages(self) -> int:
+        """Number of recovered messages."""
         return sum(map(len, self.chunks))
 
     @property
     def end_s(self) -> float | None:
+        """Simulation time of the last one; None if there is none."""
         times = [message.log_time for chunk in self.chunks for message in chunk]
         return max(times) / topics.NANOSECONDS if times else None
 
@@ -112,17 +104,15 @@ def recover(path: Path | str, output: Path | str | None = None) -> Recovery:
     path = Path(path)
     name = path.name.removesuffix(PARTIAL_SUFFIX).removesuffix(".mcap")
     output = path.with_name(f"{name}.recovered.mcap") if output is None else Path(output)
-    salvage = _scan(_content(path))
-    is_whole = salvage.is_finished and salvage.num_damaged_records == 0
-    if not is_whole:
-        if not salvage.metadata and not salvage.num_messages:
+    found = _scan(_content(path))
+    if not found.is_finished or found.num_damaged_records:
+        if not found.metadata and not found.num_messages:
             raise RecordingError(
                 f"nothing in {path} is intact: it ends before its first flushed step; fly the episode again"
             )
-        _write(path, output, salvage)
-    num_lost = path.stat().st_size - salvage.num_bytes_read
-    written = None if is_whole else output
-    return Recovery(written, salvage.num_messages, salvage.end_s, num_lost, salvage.num_damaged_records)
+        _write(path, output, found)
+        found.output = output
+    return found
 
 
 def _content(path: Path) -> bytes:
@@ -136,32 +126,32 @@ def _content(path: Path) -> bytes:
     return content
 
 
-def _scan(content: bytes) -> _Salvage:
-    salvage = _Salvage(num_bytes_read=min(len(content), len(MCAP0_MAGIC)))
+def _scan(content: bytes) -> Recovery:
+    found = Recovery(num_bytes_lost=max(0, len(content) - len(MCAP0_MAGIC)))
     room = claims.most_unpacked(len(content))
     for record_bytes in _whole_records(content):
-        salvage.num_bytes_read += len(record_bytes)
+        found.num_bytes_lost -= len(record_bytes)
         try:
             if record_bytes[0] == Opcode.CHUNK:
                 room -= claims.check_chunk(record_bytes[claims.FRAME.size :])
-                if room < 0 or salvage.num_messages > claims.most_messages(len(content)):
+                if room < 0 or found.num_messages > claims.most_messages(len(content)):
                     raise ValueError("more than a recording of this size holds")
             record = _parse(record_bytes)
             records = _chunk_records(record) if isinstance(record, Chunk) else [record]
         except DAMAGE:
-            salvage.num_damaged_records += 1
+            found.num_damaged_records += 1
             continue
         if isinstance(record, Chunk):
-            salvage.chunks.append([])
+            found.chunks.append([])
         for part in records:
-            salvage.add(part)
-        salvage.is_finished = isinstance(record, Footer)
-    if content[salvage.num_bytes_read :] == MCAP0_MAGIC:
-        salvage.num_bytes_read = len(content)
+            found.add(part)
+        found.is_finished = isinstance(record, Footer)
+    if content[len(content) - found.num_bytes_lost :] == MCAP0_MAGIC:
+        found.num_bytes_lost = 0
     else:
-        salvage.is_finished = False
-    salvage.drop_unexplained()
-    return salvage
+        found.is_finished = False
+    found.drop_unexplained()
+    return found
 
 
 def _whole_records(content: bytes) -> Iterator[bytes]:
@@ -197,32 +187,32 @@ def _chunk_records(chunk: Chunk) -> list[McapRecord]:
     return breakup_chunk(chunk, validate_crc=True)
 
 
-def _write(source: Path, output: Path, salvage: _Salvage) -> None:
+def _write(source: Path, output: Path, found: Recovery) -> None:
     if output.exists():
         raise RecordingError(f"{output} exists; remove it or choose another name with -o")
     cure = "make room, or choose another file with -o"
     with explained(f"{output} cannot be written", cure), whole_file(output) as stream:
-        _copy(Writer(stream, compression=CompressionType.ZSTD), source, salvage)
+        _copy(Writer(stream, compression=CompressionType.ZSTD), source, found)
 
 
-def _copy(writer: Writer, source: Path, salvage: _Salvage) -> None:
+def _copy(writer: Writer, source: Path, found: Recovery) -> None:
     writer.start(library="fuzzy-spacecraft-inspection telemetry recover")
-    for metadata in salvage.metadata:
+    for metadata in found.metadata:
         writer.add_metadata(metadata.name, sealed(metadata.name, metadata.metadata))
-    remark = {"source": source.name, "num_messages": str(salvage.num_messages)}
-    if (end_s := salvage.end_s) is not None:
+    remark = {"source": source.name, "num_messages": str(found.num_messages)}
+    if (end_s := found.end_s) is not None:
         remark["end_s"] = str(end_s)
     writer.add_metadata(topics.RECOVERY_METADATA, sealed(topics.RECOVERY_METADATA, remark))
-    for one in salvage.attachments:
+    for one in found.attachments:
         writer.add_attachment(one.create_time, one.log_time, one.name, one.media_type, one.data)
     schemas: dict[int, int] = {}
     channels: dict[int, int] = {}
-    for kind in salvage.schemas.values():
+    for kind in found.schemas.values():
         schemas[kind.id] = writer.register_schema(kind.name, kind.encoding, kind.data)
-    for way in salvage.channels.values():
+    for way in found.channels.values():
         schema = schemas[way.schema_id]
         channels[way.id] = writer.register_channel(way.topic, way.message_encoding, schema, way.metadata)
-    for chunk in salvage.chunks:
+    for chunk in found.chunks:
         for m in chunk:
             writer.add_message(channels[m.channel_id], m.log_time, m.data, m.publish_time, m.sequence)
         writer.flush()  # type: ignore[no-untyped-call]
