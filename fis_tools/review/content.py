@@ -93,15 +93,6 @@ def _met(variable: Variable, values: Floats) -> str:
     return f"{shown(variable, low)} to {shown(variable, high)}{beyond}"
 
 
-def flown_table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> list[Table]:
-    """Show how flights went, those of an evaluation together and each that was recorded."""
-    caption = (
-        "Means ± standard deviations; 95 % confidence intervals of shares in brackets. Recorded flights are "
-        "chosen to be looked at."
-    )
-    return [Table(heads, rows, caption=caption)] if rows else []
-
-
 def along(flown: Sequence[Flight], noun: str) -> str:
     """Say along what a controller was reviewed."""
     fires = "A rule fires where its strength is 0.05 or more."

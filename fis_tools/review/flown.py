@@ -14,6 +14,7 @@ import numpy as np
 from fis_tools.analysis import arrays, flights, tables
 from fis_tools.analysis.flights import FlownSystem, Outcome
 from fis_tools.array_types import Floats
+from fis_tools.document import Table
 from fis_tools.errors import ControllerFileError
 from fis_tools.model import FuzzyController, FuzzySystem
 
@@ -175,23 +176,24 @@ def failures(evaluation: Evaluation) -> str:
     return f"Over all {count:,} flights of the evaluation: {'; '.join(parts)}.{worst}"
 
 
-def outcome_rows(
+def flown_table(
     evaluations: Sequence[Evaluation], names: Sequence[str], flown: Sequence[Outcome]
-) -> list[list[str]]:
-    """Return the rows of the table, as many cells each as `heads` returns: evaluations, then single flights.
+) -> list[Table]:
+    """Show how flights went, in the words of those that inspect or that reach a goal.
 
-    Recorded flights are chosen, and stand for no others: nothing is counted over them.
+    Those of an evaluation stand together, then each that was recorded. Recorded flights are chosen, and stand
+    for no others: nothing is counted over them.
     """
-    return [_evaluation_row(one.summary) for one in evaluations] + [
-        _flight_row(name, one) for name, one in zip(names, flown, strict=True)
-    ]
-
-
-def heads(evaluations: Sequence[Evaluation], flown: Sequence[Outcome]) -> tuple[str, ...]:
-    """Return the heads of the table's columns, in the words of flights that inspect or that reach a goal."""
     has_goal = any(END in one.summary for one in evaluations) or any(one.end_s is not None for one in flown)
     achieved, failed = ("goal reached (%)", "failed on the way") if has_goal else ("inspected (%)", "outside")
-    return ("flights", "delta-v (m/s)", achieved, "success", "distance (m)", failed, "safety acted")
+    heads = ("flights", "delta-v (m/s)", achieved, "success", "distance (m)", failed, "safety acted")
+    rows = [_evaluation_row(one.summary) for one in evaluations]
+    rows += [_flight_row(name, one) for name, one in zip(names, flown, strict=True)]
+    caption = (
+        "Means ± standard deviations; 95 % confidence intervals of shares in brackets. Recorded flights are "
+        "chosen to be looked at."
+    )
+    return [Table(heads, rows, caption=caption)] if rows else []
 
 
 #: of a summary: enough inspected, and never outside

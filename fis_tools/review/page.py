@@ -97,7 +97,7 @@ def write(
         content.inputs(controller, samples),
         Heading(title, id="logged"),
         *(Paragraph(flown.failures(one)) for one in evaluated),
-        *content.flown_table(flown.heads(evaluated, went), flown.outcome_rows(evaluated, names, went)),
+        *flown.flown_table(evaluated, names, went),
         Paragraph(content.along(logged, noun)),
         Heading("What is not covered", id="uncovered"),
         Items(content.not_covered(evidenced, evaluated, samples, noun)),
