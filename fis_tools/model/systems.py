@@ -439,14 +439,13 @@ def rule_table(system: FuzzySystem) -> Integers | None:
 
 def with_terms(rule: Rule, names: Mapping[tuple[str, str], str]) -> Rule:
     """Return a rule with other terms, by variable and term, in what it asks and concludes."""
-    if not names:
-        return rule
+    return renamed(rule, lambda variable, term: (variable, names.get((variable, term), term)))
 
-    def asked(one: Is) -> Is:
-        return Is(one.variable, names.get((one.variable, one.term), one.term))
 
-    consequents = (replace(c, term=names.get((c.variable, c.term), c.term)) for c in rule.consequents)
-    antecedent = with_statements(rule.antecedent, asked)
+def renamed(rule: Rule, called: Callable[[str, str], tuple[str, str]]) -> Rule:
+    """Return a rule with other names for variables and terms; ``called`` returns both, given both."""
+    consequents = (Consequent(*called(c.variable, c.term), c.weight) for c in rule.consequents)
+    antecedent = with_statements(rule.antecedent, lambda one: Is(*called(one.variable, one.term)))
     return replace(rule, antecedent=antecedent, consequents=tuple(consequents))
 
 

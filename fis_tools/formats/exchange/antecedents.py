@@ -10,7 +10,7 @@ from functools import reduce
 from typing import get_args
 
 from fis_tools import model
-from fis_tools.formats.exchange.vocabulary import HEDGES, Names
+from fis_tools.formats.exchange.vocabulary import HEDGES
 from fis_tools.model import AndOperator, Expression, Hedge, OrOperator, Rule, Variable
 from fis_tools.words.text import before
 
@@ -105,17 +105,6 @@ def is_leaf(expression: Expression) -> bool:
 def operands_of(expression: Expression) -> tuple[Expression, ...]:
     """Return what a conjunction or disjunction joins; of anything else, itself."""
     return expression.operands if isinstance(expression, model.And | model.Or) else (expression,)
-
-
-def renamed(rule: Rule, names: Names) -> Rule:
-    """Return a rule that calls its variables and terms by other names."""
-
-    def expressed(one: model.Is) -> model.Is:
-        return model.Is(*names.of(one.variable, one.term))
-
-    consequents = tuple(model.Consequent(*names.of(c.variable, c.term), c.weight) for c in rule.consequents)
-    antecedent = model.with_statements(rule.antecedent, expressed)
-    return replace(rule, antecedent=antecedent, consequents=consequents)
 
 
 #: Behind the number of a term in a `.fis` file, as MATLAB's and Octave's powers have them.

@@ -19,7 +19,7 @@ from fis_tools.formats.exchange.antecedents import NotExpressible, is_leaf, with
 from fis_tools.formats.exchange.vocabulary import HEDGES, Names
 from fis_tools.model import Consequent, FuzzySystem, MembershipFunction, Rule, Term, Variable, with_universe
 from fis_tools.model.shapes import Format
-from fis_tools.model.systems import said_once
+from fis_tools.model.systems import renamed, said_once
 from fis_tools.words.text import before
 
 #: Points of an output's universe where a file states none: as many as MATLAB's evalfis takes.
@@ -131,7 +131,7 @@ def express(system: FuzzySystem, dialect: Dialect) -> Expressed:
     system = _with_known_hedges(system, dialect)
     names = Names(system)
     groups = [
-        [antecedents.renamed(one, names) for one in _expressed_rules(place, rule, system, dialect)]
+        [renamed(one, names.of) for one in _expressed_rules(place, rule, system, dialect)]
         for place, rule in enumerate(system.rules, start=1)
     ]
     own_ways = tuple(system.defuzzifier_of(output) for output in system.outputs)
