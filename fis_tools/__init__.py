@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from fis_tools.engines.compiler import CompiledSystem, compile
     from fis_tools.errors import MissingExtra
     from fis_tools.learning.learner import imitate, learn
-    from fis_tools.model import FuzzyController, FuzzySystem
+    from fis_tools.model import FuzzyController
     from fis_tools.source import read_controller
 
 __all__ = [
@@ -69,21 +69,6 @@ def _controller(thing: object) -> "FuzzyController":
     return as_controller(thing)
 
 
-def _only_system(thing: object) -> "FuzzySystem":
-    """Return the one system of something.
-
-    Raises
-    ------
-    ValueError
-        If it has several.
-    """
-    controller = _controller(thing)
-    if len(controller.systems) != 1:
-        names = ", ".join(system.name for system in controller.systems)
-        raise ValueError(f"controller {controller.name!r} has several systems; pass one of {names}")
-    return controller.systems[0]
-
-
 def audit(thing: object) -> Any:
     """List what a reviewer should know; see `fis_tools.findings.audit.audit`."""
     from fis_tools.findings import audit as findings  # noqa: PLC0415
@@ -95,14 +80,14 @@ def explain(thing: object, inputs: Mapping[str, float]) -> Any:
     """Tell which rules moved the outputs; see `fis_tools.findings.explanation.explain`."""
     from fis_tools.findings import explanation  # noqa: PLC0415
 
-    return explanation.explain(_only_system(thing), inputs)
+    return explanation.explain(_controller(thing).only_system("pass one of them"), inputs)
 
 
 def surface(thing: object, x: str | None = None, y: str | None = None, **options: Any) -> Any:
     """Evaluate an output over two inputs; see `fis_tools.analysis.arrays.surface`."""
     from fis_tools.analysis import arrays  # noqa: PLC0415
 
-    return arrays.surface(_only_system(thing), x, y, **options)
+    return arrays.surface(_controller(thing).only_system("pass one of them"), x, y, **options)
 
 
 def plot(thing: object, folder: Path | str = "figures", form: str = "png") -> list[Path]:

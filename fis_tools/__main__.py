@@ -67,9 +67,9 @@ def _mistakes() -> tuple[type[Exception], ...]:
     """Return the errors that a person can put right, each with a sentence that says how."""
     from fis_tools.commands.arguments import UserMistake  # noqa: PLC0415 - takes long, and is rarely needed
     from fis_tools.errors import ControllerFileError, MissingExtra  # noqa: PLC0415
-    from fis_tools.model.systems import NotMamdani  # noqa: PLC0415
+    from fis_tools.model.systems import NotMamdani, SeveralSystems  # noqa: PLC0415
 
-    return ControllerFileError, MissingExtra, NotMamdani, UserMistake
+    return ControllerFileError, MissingExtra, NotMamdani, SeveralSystems, UserMistake
 
 
 def main(words: Sequence[str] | None = None) -> int:

@@ -11,7 +11,7 @@ from fis_tools.analysis import flights as logged
 from fis_tools.analysis import tables
 from fis_tools.analysis.bounds import NUM_BOXES, ask, output_ranges
 from fis_tools.analysis.domain import Box, Departure, departures, from_mapping
-from fis_tools.commands.arguments import Asked, UserMistake, analysing, expected, the_system
+from fis_tools.commands.arguments import Asked, UserMistake, analysing, expected
 from fis_tools.errors import ControllerFileError, told_as
 
 
@@ -52,7 +52,9 @@ def bounds(
     if expect is not None and question is None:
         raise UserMistake("--expect is about the answer to a question; add --ask")
     controller = asked.read()
-    systems = (the_system(controller),) if where or question is not None else controller.systems
+    systems = (
+        (controller.only_system("add --system"),) if where or question is not None else controller.systems
+    )
     sentences, verdict = [], None
     with told_as(UserMistake, ValueError), analysing(controller) as tell:
 

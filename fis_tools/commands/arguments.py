@@ -142,14 +142,6 @@ def chosen(controller: FuzzyController, name: str | None) -> FuzzyController:
     return replace(controller, systems=systems)
 
 
-def the_system(controller: FuzzyController) -> FuzzySystem:
-    """Return the only system of a controller."""
-    if len(controller.systems) > 1:
-        names = ", ".join(system.name for system in controller.systems)
-        raise UserMistake(f"controller {controller.name!r} has several systems; add --system, one of {names}")
-    return controller.systems[0]
-
-
 def assignments(words: str) -> dict[str, float]:
     """Read ``NAME=NUMBER,NAME=NUMBER``."""
     values: dict[str, float] = {}

@@ -195,7 +195,7 @@ def surface(
         .png, .svg, .pdf, or CSV [default: CSV, printed]
     """
     controller = read_controller(asked.controller, asked.trust)
-    system = arguments.the_system(arguments.chosen(controller, asked.system))
+    system = arguments.chosen(controller, asked.system).only_system("add --system")
     ending = Path(output or "").suffix.lower()
     if ending not in (*PICTURES, ".csv") and output is not None:
         raise arguments.UserMistake(f"{output} ends in none of {', '.join(PICTURES)}, .csv; name the file so")

@@ -1,7 +1,6 @@
 """What one page edits: a controller, its history, and what changed since it was opened."""
 
 from collections.abc import Callable
-from dataclasses import replace
 from itertools import chain, count
 from pathlib import Path
 
@@ -77,8 +76,7 @@ class Session:
         if self.controller == self.original:
             return self.original
         edit = f"{fingerprint(self.original)}: {changes_in_words(difference(self.original, self.controller))}"
-        facts = dict(self.controller.provenance) | {EDITED_FROM: edit}
-        return checked(replace(self.controller, provenance=tuple(sorted(facts.items()))))
+        return checked(self.controller.with_provenance({EDITED_FROM: edit}))
 
     def save(self, place: Path, replaces: bool) -> list[str]:
         """Write a copy, in the form that its ending says; return what was written, and what was lost.

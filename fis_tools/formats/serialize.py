@@ -270,8 +270,9 @@ def checked(controller: FuzzyController) -> FuzzyController:
     if expected is None or expected == content_hash(controller):
         return controller
     who = "by simplify" if SIMPLIFIED in provenance else "by hand"
-    provenance[EDITED] = f"{who} after training; fitness and figures are of hash {expected}"
-    return replace(controller, provenance=tuple(sorted(provenance.items())))
+    return controller.with_provenance(
+        {EDITED: f"{who} after training; fitness and figures are of hash {expected}"}
+    )
 
 
 def edited(controller: FuzzyController) -> str | None:

@@ -381,6 +381,17 @@ class FuzzyController:
         object.__setattr__(self, "attributes", plain(self.attributes))
         object.__setattr__(self, "provenance", plain(self.provenance))
 
+    def only_system(self, cure: str) -> FuzzySystem:
+        """Return its one system; raise SeveralSystems, which says the cure, where it has several."""
+        if len(self.systems) != 1:
+            names = ", ".join(system.name for system in self.systems)
+            raise SeveralSystems(f"controller {self.name!r} has several systems, {names}; {cure}")
+        return self.systems[0]
+
+    def with_provenance(self, facts: Mapping[str, str]) -> "FuzzyController":
+        """Return it with more facts in its provenance; they replace those of the same keys."""
+        return replace(self, provenance=tuple(sorted({**dict(self.provenance), **facts}.items())))
+
 
 def table_antecedents(inputs: Sequence[Variable]) -> Iterator[Expression]:
     """Yield the antecedent of every cell of a full rule table, the last input changing fastest."""
@@ -504,6 +515,10 @@ def conjunctions(system: FuzzySystem) -> tuple[Integers, Integers] | None:
         consequent = rule.consequents[0]
         consequents[index] = system.outputs[0].term_index(consequent.term)
     return cells, consequents
+
+
+class SeveralSystems(ValueError):  # noqa: N818 - the sentence is the message
+    """Raised where a controller must have one system."""
 
 
 class NotMamdani(ValueError):  # noqa: N818 - the sentence is the message

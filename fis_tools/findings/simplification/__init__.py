@@ -209,20 +209,15 @@ def simplify(
         validate(system)
         found.append(_simplified(system, samples.get(system.name), budget, progress))
     systems = tuple(one.simplified for one in found)
-    provenance = _provenance(controller, budget, found)
-    simpler = replace(controller, systems=systems, provenance=provenance)
+    simpler = replace(controller, systems=systems).with_provenance(_facts(controller, budget, found))
     return Simplification(controller, checked(simpler), budget, tuple(found))
 
 
-def _provenance(
-    controller: FuzzyController, budget: Budget, found: list[SimplifiedSystem]
-) -> tuple[tuple[str, str], ...]:
+def _facts(controller: FuzzyController, budget: Budget, found: list[SimplifiedSystem]) -> dict[str, str]:
     num_flown = sum(system.num_flown for system in found)
     along = f" ({num_flown} inferences)" if num_flown else ""
-    facts = dict(controller.provenance)
-    facts[SIMPLIFIED] = controller.name
-    facts["simplified_within"] = report.budget_words(budget, flown=num_flown > 0) + along
-    return tuple(sorted(facts.items()))
+    within = report.budget_words(budget, flown=num_flown > 0) + along
+    return {SIMPLIFIED: controller.name, "simplified_within": within}
 
 
 def _simplified(

@@ -98,19 +98,8 @@ class Expressed:
 
 
 def only_system(controller: model.FuzzyController, dialect: Dialect) -> FuzzySystem:
-    """Return the one system of a controller.
-
-    Raises
-    ------
-    NotExpressible
-        If it has several.
-    """
-    if len(controller.systems) != 1:
-        raise NotExpressible(
-            f"{dialect.title} holds one system, but the controller has {len(controller.systems)}; write each "
-            "into a file of its own"
-        )
-    return controller.systems[0]
+    """Return the one system of a controller; raise SeveralSystems where it has several."""
+    return controller.only_system(f"{dialect.title} holds one, so write each into a file of its own")
 
 
 def express(system: FuzzySystem, dialect: Dialect) -> Expressed:

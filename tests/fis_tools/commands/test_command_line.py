@@ -150,7 +150,7 @@ def test_explain_takes_the_inputs_of_a_logged_flight(tmp_path, run, flight):
         (["show", "FOLDER"], "folder without champion.json"),
         (["show", "missing.mcap"], "cannot be opened"),
         (["show", "PAPER", "--system", "force"], "did you mean 'force_"),
-        (["surface", "PAPER"], "several systems; add --system, one of force_x, force_z"),
+        (["surface", "PAPER"], "several systems, force_x, force_z; add --system"),
         (["surface", "PAPER", "--system", "force_x", "--x", "distanse"], "did you mean 'distance'?"),
         (["surface", "PAPER", "--system", "force_x", "--points", "1"], "Give a whole number from 2 to 1000"),
         (["surface", "PAPER", "--system", "force_x", "--fixed", "a=1"], "no input 'a'"),
