@@ -149,12 +149,8 @@ def level(start: float, end: float, low: float, high: float) -> Trapezoidal:
     return Trapezoidal(start, start, end, end)
 
 
-@dataclass(frozen=True)
-class Extent:
-    """The ends of a variable's range."""
-
-    low: float
-    high: float
+#: The ends of a variable's range.
+Extent = tuple[float, float]
 
 
 def _words(text: str, _where: str) -> list[str]:
@@ -208,7 +204,7 @@ class Block:
         ends = numbers(parted(words, where), where)
         if len(ends) != 2:
             raise ControllerFileError(f"{where} has {len(ends)} numbers; expected 2")
-        return Extent(*ends)
+        return ends[0], ends[1]
 
     def expect(self, key: str, *allowed: str) -> None:
         """Refuse a setting that says something else than what can be read."""
@@ -249,14 +245,14 @@ def shape(
             raise ControllerFileError(f"{where}: {word} has an infinite number; write a finite one")
         return open_ended
     if word in flanks:
-        return flanks[word](values[0], values[1], extent.low, extent.high)
+        return flanks[word](values[0], values[1], *extent)
     build: Callable[..., MembershipFunction] = shapes[word][0]
     return build(**dict(zip(order, values, strict=True)))
 
 
 def _without_an_end(word: str, values: Sequence[float], extent: Extent) -> Trapezoidal | None:
     """Return a shape that stays as high as it is beyond an infinite number, from one end of the range on."""
-    low, high = extent.low, extent.high
+    low, high = extent
     match word, [*values]:
         case ("Triangle" | "trimf", [left, top, right]):
             corners = [left, top, top, right]
@@ -380,7 +376,7 @@ def variable(
 
     Where all tables have the same points, from one end of the range to the other, these are the universe.
     """
-    low, high = extent.low, extent.high
+    low, high = extent
     tables = [membership for _, membership in terms if isinstance(membership, Table)]
     shapes = [membership for _, membership in terms if not isinstance(membership, Table)]
     num_points = num_points or (OUTPUT_POINTS if is_output else INPUT_POINTS)
