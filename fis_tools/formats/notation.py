@@ -147,11 +147,8 @@ def _block(value: Any, depth: int) -> str:
 
 
 def _fitted(value: Any, depth: int, used: int) -> str:
-    inline = _inline(value, _json_scalar)
-    has_mappings = isinstance(value, Sequence) and any(isinstance(item, Mapping) for item in value)
-    if is_scalar(value) or (not has_mappings and 2 * depth + used + len(inline) <= LINE_WIDTH):
-        return inline
-    return _block(value, depth)
+    is_short = _fits(value, 2 * depth + used, _json_scalar)
+    return _inline(value, _json_scalar) if is_short else _block(value, depth)
 
 
 def _table(rows: Sequence[Sequence[str]], depth: int) -> str:
@@ -334,12 +331,13 @@ def _lines(value: Any, indent: int) -> list[str]:
     return _mapping_lines(value, indent) if isinstance(value, Mapping) else _sequence_lines(value, indent)
 
 
-def _fits(value: Any, used: int) -> bool:
+def _fits(value: Any, used: int, scalar: Callable[[Any], str] = _yaml_scalar) -> bool:
+    """Return whether a value stands on one line, behind so many characters; lists of mappings never do."""
     if is_scalar(value) or not value:
         return True
     if not isinstance(value, Mapping) and any(isinstance(item, Mapping) for item in value):
         return False
-    return used + len(_inline(value, _yaml_scalar)) <= LINE_WIDTH
+    return used + len(_inline(value, scalar)) <= LINE_WIDTH
 
 
 def _table_lines(system: Mapping[str, Any], rows: Sequence[Sequence[str]], indent: int) -> list[str]:
