@@ -2,7 +2,6 @@
 
 import asyncio
 import json
-from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import lru_cache, partial
@@ -141,8 +140,7 @@ def findings(controller: FuzzyController) -> str:
     """Return what an audit finds, the worst first."""
     found = [one for system in controller.systems for one in _audit(system).findings]
     found.sort(key=lambda one: -one.severity)
-    counts = Counter(one.severity for one in found)
-    words = ", ".join(severity.counted(count) for severity, count in counts.items()) or "nothing found"
+    words = audits.Audit("", (), tuple(found)).counted() or "nothing found"
     parts = [html.element("p", words)]
     for one in found:
         summary = html.element("summary", f"{one.system}: {one.sentence}")

@@ -33,8 +33,7 @@ def with_system(controller: FuzzyController, system: FuzzySystem) -> FuzzyContro
 
 def with_variable(system: FuzzySystem, variable: Variable) -> FuzzySystem:
     """Return a system with its variable of the same name replaced."""
-    inputs, outputs = (_with(held, variable.name, variable) for held in (system.inputs, system.outputs))
-    return replace(system, inputs=inputs, outputs=outputs)
+    return model.with_variables(system, lambda old: variable if old.name == variable.name else old)
 
 
 def numbers_of(shape: model.MembershipFunction) -> dict[str, str]:

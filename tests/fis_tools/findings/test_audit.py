@@ -359,7 +359,10 @@ def test_the_command_prints_and_sets_the_exit_status(tmp_path, paper, run):
         (["--thresholds", "cover=1"], "no threshold 'cover'; did you mean 'coverage'?"),
         (["--flights", "OTHER"], "give flights of this controller"),
         (["--flights", "missing.mcap"], "cannot be opened"),
-        (["--system", "force_x", "--flights", "SWAPPED"], "the controller's senses distance, velocity_body_x"),
+        (
+            ["--system", "force_x", "--flights", "SWAPPED"],
+            "the controller's senses distance, velocity_body_x",
+        ),
     ],
 )
 def test_a_mistake_gives_a_sentence(tmp_path, paper, refused, words, sentence):
