@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from cyclopts import App, CycloptsError, Parameter
 
 from fis_tools.commands import COMMANDS
+from fis_tools.errors import MissingExtra, Mistake
 
 HELP = """\
 Review a fuzzy controller: look at it, draw it, and ask why it does what it does.
@@ -63,15 +64,6 @@ def _shown(default: object) -> str | None:
     return None if default in (None, False, (), "") else str(default)
 
 
-def _mistakes() -> tuple[type[Exception], ...]:
-    """Return the errors that a person can put right, each with a sentence that says how."""
-    from fis_tools.commands.arguments import UserMistake  # noqa: PLC0415 - takes long, and is rarely needed
-    from fis_tools.errors import ControllerFileError, MissingExtra  # noqa: PLC0415
-    from fis_tools.model.systems import NotMamdani, SeveralSystems  # noqa: PLC0415
-
-    return ControllerFileError, MissingExtra, NotMamdani, SeveralSystems, UserMistake
-
-
 def main(words: Sequence[str] | None = None) -> int:
     """Run the command line.
 
@@ -99,7 +91,7 @@ def main(words: Sequence[str] | None = None) -> int:
     except OSError as mistake:
         place = mistake.filename or "the output"
         said = f"{place} cannot be written ({mistake.strerror}); choose another place"
-    except _mistakes() as mistake:
+    except (Mistake, MissingExtra) as mistake:
         said = str(mistake)
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)

@@ -28,7 +28,11 @@ class MissingExtra(ImportError):  # noqa: N818
         )
 
 
-class ControllerFileError(ValueError):
+class Mistake(ValueError):  # noqa: N818
+    """What a person can put right, told in a sentence; commands print that alone."""
+
+
+class ControllerFileError(Mistake):
     """A controller file that cannot be read, told in a sentence."""
 
 

@@ -14,7 +14,7 @@ from cyclopts import Parameter
 
 from fis_tools.analysis import flights
 from fis_tools.array_types import Floats
-from fis_tools.errors import require_known
+from fis_tools.errors import Mistake, require_known
 from fis_tools.formats import serialize
 from fis_tools.model import FuzzyController, FuzzySystem
 from fis_tools.model.thrust import COUNTED, REASONS, UNKNOWN
@@ -34,7 +34,7 @@ FLIGHTS = Parameter(name=("--flights", "--data"), consume_multiple=True)
 Output = Annotated[str | None, Parameter(name=("--output", "-o"))]
 
 
-class UserMistake(ValueError):  # noqa: N818
+class UserMistake(Mistake):
     """What the person at the keyboard can put right, told in a sentence."""
 
 

@@ -3,9 +3,9 @@
 import sys
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 from cyclopts import Parameter
 
@@ -16,10 +16,9 @@ from fis_tools.formats import serialize
 from fis_tools.formats.c import source
 from fis_tools.formats.files import ONE_SYSTEM, WHOLE, File, of_one_system
 from fis_tools.formats.mapping import MOST_POINTS
-from fis_tools.learning.learner import Recipe, Unlearnable, cross_validated, learn_table
-from fis_tools.learning.table import Table, UnreadableTable, as_table, read
+from fis_tools.learning.learner import Recipe, cross_validated, learn_table
+from fis_tools.learning.table import Table, as_table, read
 from fis_tools.model import FuzzyController, FuzzySystem, Sampled, Variable, with_variables
-from fis_tools.model.validate import InvalidSystem
 from fis_tools.source import is_program, read_controller
 from fis_tools.words.text import sentences, with_unit
 
@@ -90,12 +89,8 @@ def _write_each(controller: FuzzyController, form: str, output: str | None) -> N
 
 def _files(controller: FuzzyController, ending: str, place: Path | None) -> dict[str, FuzzyController]:
     """Return what goes into which file, where a file holds one system."""
-    if len(controller.systems) > 1 and (place is None or place.suffix == ending):
-        names = ", ".join(system.name for system in controller.systems)
-        raise UserMistake(
-            f"a file of this form holds one system, and there are several; add --system, one of {names}, or "
-            "-o FOLDER for a file each"
-        )
+    if place is None or place.suffix == ending:  # a file of such a form holds one system
+        controller.only_system("add --system, or -o FOLDER for a file each")
     files: dict[str, FuzzyController] = {}
     for system in controller.systems:
         name = arguments.file_name(system.name) + ending
@@ -158,9 +153,7 @@ def import_(
     names = list(dict.fromkeys(controller.name for controller in controllers))
     name = name or (names[0] if len(names) == 1 else Path(files[0]).stem)
     controller = FuzzyController(name, systems, attributes, provenance)
-    with told_as(UserMistake, InvalidSystem):
-        content = form(controller)
-    write(output, content)
+    write(output, form(controller))
     for sentence in (sentence for reading in readings for sentence in reading.assumptions):
         print(f"assumed: {sentence}", file=sys.stderr)
     for key in left_out:
@@ -205,7 +198,29 @@ def _merged(facts: Iterable[tuple[tuple[str, str], ...]]) -> tuple[tuple[tuple[s
     return tuple(sorted(fact for fact in kept.items() if fact[0] not in contradicted)), sorted(contradicted)
 
 
-DEFAULTS = Recipe()
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class AskedRecipe(Recipe):
+    """What a learned system may look like.
+
+    Parameters
+    ----------
+    consequents
+        what rules conclude: a number, one that is linear in the inputs, or (Wang and Mendel) a fuzzy set
+    terms
+        terms of each input, 2 to 7
+    output_terms
+        terms of an output of sets, 2 to 7
+    max_inputs
+        columns that rules ask for at most, those that matter most
+    tune
+        move the peaks of terms to where errors are least, or leave them evenly spaced
+    """
+
+    tune: Annotated[bool, Parameter(negative="--no-tuning")] = True
+
+
+DEFAULTS = AskedRecipe()
 
 
 def learn(
@@ -214,11 +229,7 @@ def learn(
     *,
     target: str,
     inputs: Annotated[tuple[str, ...], Parameter(consume_multiple=True)] = (),
-    consequents: Literal["constants", "linear", "sets"] = DEFAULTS.consequents,
-    terms: int = DEFAULTS.terms,
-    output_terms: int = DEFAULTS.output_terms,
-    max_inputs: int = DEFAULTS.max_inputs,
-    no_tuning: bool = False,
+    recipe: AskedRecipe = DEFAULTS,
     output: Output = None,
 ) -> None:
     """Make a fuzzy system from a table of numbers.
@@ -241,32 +252,14 @@ def learn(
         the column that is to be learned
     inputs
         the columns that rules may ask for [default: all others]
-    consequents
-        what rules conclude: a number, one that is linear in the inputs, or (Wang and Mendel) a fuzzy set
-    terms
-        terms of each input, 2 to 7
-    output_terms
-        terms of an output of sets, 2 to 7
-    max_inputs
-        columns that rules ask for at most, those that matter most
-    no_tuning
-        leave the terms evenly spaced
     output
         write the controller (.json, .yaml)
     """
     form = arguments.form_of(output)
-    with told_as(UserMistake, UnreadableTable, Unlearnable):
-        read_table = as_table(read(table), target, list(inputs) or None)
-        for note in read_table.notes:
-            print(f"note: {note}", file=sys.stderr)
-        recipe = Recipe(
-            consequents=consequents,
-            terms=terms,
-            output_terms=output_terms,
-            max_inputs=max_inputs,
-            tune=not no_tuning,
-        )
-        system = learn_table(read_table, recipe).system
+    read_table = as_table(read(table), target, list(inputs) or None)
+    for note in read_table.notes:
+        print(f"note: {note}", file=sys.stderr)
+    system = learn_table(read_table, recipe).system
     held_out = _reached(read_table, recipe)
     if form is not None:
         facts = {

@@ -15,6 +15,7 @@ from fis_tools.analysis.arrays import spread
 from fis_tools.analysis.tables import name_and_unit
 from fis_tools.array_types import Floats, Integers
 from fis_tools.engines.compiler import compile
+from fis_tools.errors import Mistake
 from fis_tools.learning import rules
 from fis_tools.learning.table import Column, Samples, Table, as_table, columns_within, samples_of
 from fis_tools.model import FuzzySystem, Variable
@@ -25,7 +26,7 @@ from fis_tools.source import as_controller
 Consequents = Literal["sets", "constants", "linear"]
 
 
-class Unlearnable(ValueError):  # noqa: N818 - the sentence is the message
+class Unlearnable(Mistake):
     """What no system can be learned by, told in a sentence."""
 
 

@@ -14,12 +14,12 @@ from fis_tools.analysis import tables
 from fis_tools.analysis.tables import name_and_unit
 from fis_tools.array_types import Floats, Integers
 from fis_tools.engines.inference import columns_of
-from fis_tools.errors import ControllerFileError, require_known, told_as
+from fis_tools.errors import ControllerFileError, Mistake, require_known, told_as
 from fis_tools.learning.rules import range_of
 from fis_tools.plain_text import as_number, distinct
 
 
-class UnreadableTable(ValueError):  # noqa: N818 - the sentence is the message
+class UnreadableTable(Mistake):
     """A table that nothing can be learned from, fault in a sentence."""
 
 

@@ -15,6 +15,7 @@ from typing import Any, ClassVar, TypeVar
 import numpy as np
 
 from fis_tools.array_types import Integers
+from fis_tools.errors import Mistake
 from fis_tools.model.numbers import Formula, Number
 from fis_tools.model.operators import WEIGHING, AndOperator, Defuzzifier, Hedge, OrOperator
 from fis_tools.model.variables import Variable
@@ -517,11 +518,11 @@ def conjunctions(system: FuzzySystem) -> tuple[Integers, Integers] | None:
     return cells, consequents
 
 
-class SeveralSystems(ValueError):  # noqa: N818 - the sentence is the message
+class SeveralSystems(Mistake):
     """Raised where a controller must have one system."""
 
 
-class NotMamdani(ValueError):  # noqa: N818 - the sentence is the message
+class NotMamdani(Mistake):
     """Raised where Mamdani outputs are required."""
 
 

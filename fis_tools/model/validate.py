@@ -9,7 +9,7 @@ from weakref import WeakValueDictionary
 
 import numpy as np
 
-from fis_tools.errors import nearest
+from fis_tools.errors import Mistake, nearest
 from fis_tools.model import operators
 from fis_tools.model.numbers import Formula, Linear, NotAFormula, Number
 from fis_tools.model.operators import HEDGES, WEIGHING
@@ -39,7 +39,7 @@ LEAST_RANGE = 1e-290
 MAX_NESTING = 20
 
 
-class InvalidSystem(ValueError):  # noqa: N818
+class InvalidSystem(Mistake):
     """A fuzzy system or controller that cannot be used; the message lists every problem."""
 
 

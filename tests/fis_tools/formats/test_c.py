@@ -245,6 +245,6 @@ def test_what_an_archive_cannot_say_is_told(tmp_path, refused):
     champion = PROJECT / "conf" / "controller" / "champion_27.yaml"
     for words, said in (
         ([TIPPER], "an FMU is an archive and cannot be printed; add -o"),
-        ([champion, "-o", tmp_path / "champion.fmu"], "a file of this form holds one system"),
+        ([champion, "-o", tmp_path / "champion.fmu"], "has several systems"),
     ):
         assert said in refused("export", *words, "--format", "fmu")

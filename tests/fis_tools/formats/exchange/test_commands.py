@@ -69,7 +69,10 @@ def test_facts_of_several_files_are_put_together(tmp_path, saved, run, refused):
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
-        (["export", "PAPER", "--format", "fis"], "holds one system, and there are several"),
+        (
+            ["export", "PAPER", "--format", "fis"],
+            "has several systems, force_x, force_z; add --system, or -o FOLDER",
+        ),
         (["export", "PAPER", "--format", "fis", "-o", "x.fis"], "-o FOLDER for a file each"),
         (["export", "GENERAL", "--format", "fis"], "room: rule 1 cannot be said in a .fis file"),
         (["export", "ALIKE", "--format", "fll", "-o", "FOLDER"], "both be written as a_b.fll"),
