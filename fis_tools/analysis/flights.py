@@ -115,10 +115,9 @@ class Outcome(NamedTuple):
     ----------
     end_s : float or None
         When it ended; None too where its time did.
-    delta_v_m_s, inspection_rate_percent : float or None
-        At its end.
-    nearest_m, farthest_m : float or None
-        Least and greatest distance.
+    came_to : dict of str to float
+        What it came to, with a unit in each name, see `telemetry.file.reader.Recording.outcome`; empty where
+        the recording does not say.
     is_success, is_outside : bool or None
         Whether it reached the rate that it records as the goal, and left the distances it records as limits.
     num_safety : int or None
@@ -128,10 +127,7 @@ class Outcome(NamedTuple):
     """
 
     end_s: float | None
-    delta_v_m_s: float | None
-    inspection_rate_percent: float | None
-    nearest_m: float | None
-    farthest_m: float | None
+    came_to: dict[str, float]
     is_success: bool | None
     is_outside: bool | None
     num_safety: int | None
@@ -263,10 +259,7 @@ def read_outcome(path: Path | str) -> Outcome:
         acted = int(is_safety.any(axis=1).sum()) if is_safety.size else None
     return Outcome(
         end_s=recording.episode.end_s,
-        delta_v_m_s=end.get("delta_v_m_s"),
-        inspection_rate_percent=rate,
-        nearest_m=end.get("min_distance_m"),
-        farthest_m=end.get("max_distance_m"),
+        came_to=end,
         is_success=None if goal is None or rate is None else rate >= goal,
         is_outside=is_outside,
         num_safety=acted,

@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 
 from fis_tools.analysis import arrays, flights, tables
-from fis_tools.analysis.flights import FlownSystem, Outcome
 from fis_tools.array_types import Floats
 from fis_tools.document import Table
 from fis_tools.errors import ControllerFileError
@@ -26,14 +25,14 @@ class Flight:
     Parameters
     ----------
     name : str
-    flown : mapping of str to FlownSystem
+    flown : mapping of str to flights.FlownSystem
         What each system did on it, by the system's name.
     is_own : bool
         Whether the reviewed controller flew it: every system as it is now.
     """
 
     name: str
-    flown: Mapping[str, FlownSystem]
+    flown: Mapping[str, flights.FlownSystem]
     is_own: bool
 
     @property
@@ -177,7 +176,7 @@ def failures(evaluation: Evaluation) -> str:
 
 
 def flown_table(
-    evaluations: Sequence[Evaluation], names: Sequence[str], flown: Sequence[Outcome]
+    evaluations: Sequence[Evaluation], names: Sequence[str], flown: Sequence[flights.Outcome]
 ) -> list[Table]:
     """Show how flights went, in the words of those that inspect or that reach a goal.
 
@@ -222,20 +221,20 @@ def _share(found: Mapping[str, float] | None, count: int) -> str:
     return f"{found['count']:.0f} of {count}: {100 * found['fraction']:.1f} % ({low:.1f} to {high:.1f})"
 
 
-def _flight_row(name: str, one: Outcome) -> list[str]:
-    def number(value: float | None, digits: int) -> str:
-        return UNKNOWN if value is None else f"{value:.{digits}f}"
+def _flight_row(name: str, one: flights.Outcome) -> list[str]:
+    def number(key: str, digits: int) -> str:
+        return f"{one.came_to[key]:.{digits}f}" if key in one.came_to else UNKNOWN
 
     def word(value: bool | None) -> str:
         return UNKNOWN if value is None else "yes" if value else "no"
 
-    distances = (one.nearest_m, one.farthest_m)
+    nearest, farthest = number("min_distance_m", 1), number("max_distance_m", 1)
     return [
         name,
-        number(one.delta_v_m_s, 3),
-        number(one.inspection_rate_percent, 2),
+        number("delta_v_m_s", 3),
+        number("inspection_rate_percent", 2),
         word(one.is_success and not one.is_outside),
-        UNKNOWN if None in distances else " to ".join(number(each, 1) for each in distances),
+        f"{nearest} to {farthest}" if one.came_to else UNKNOWN,
         word(one.is_outside),
         UNKNOWN if one.num_safety is None else f"in {one.num_safety} periods",
     ]

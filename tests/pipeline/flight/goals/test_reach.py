@@ -139,8 +139,8 @@ def test_a_recording_counts_up_to_the_end_alone(docked, tmp_path):
     assert 0.0 < judged.end_s[0] < 1500.0
     assert went.end_s == told["end_s"] == judged.end_s[0]
     assert went.is_success == judged.is_success(100.0)[0]
-    assert went.delta_v_m_s == pytest.approx(judged.delta_v_m_s[0])
-    assert went.delta_v_m_s < log.delta_v_m_s[-1]
+    assert went.came_to["delta_v_m_s"] == pytest.approx(judged.delta_v_m_s[0])
+    assert went.came_to["delta_v_m_s"] < log.delta_v_m_s[-1]
     assert told["min_distance_m"] == pytest.approx(judged.min_distance_m[0])
     assert all(one.time_s[-1] < judged.end_s[0] for one in flights.read_flight(path, all_periods=True))
     with pytest.raises(ControllerFileError, match="is on no control period"):
