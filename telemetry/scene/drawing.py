@@ -1,7 +1,6 @@
 """What a replay draws and says, as arrays and text; independent of the viewer."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from textwrap import wrap
 from typing import Final
 
@@ -144,17 +143,11 @@ def _rule_words(description: FisDescription, rule: int, strengths: Floats, share
     return f"{share}{holds}rule {rule + 1} ({strengths[rule]:.2f}): {description.rules[rule]}"
 
 
-@dataclass(frozen=True)
-class Event:
-    """An event of a flight, as text."""
+def events_in_words(recordings: Sequence[Recording], names: Sequence[str]) -> list[tuple[float, str, str]]:
+    """Return time (s), level and text of events in order of time, long ones in several rows.
 
-    time_s: float
-    level: str
-    text: str
-
-
-def events_in_words(recordings: Sequence[Recording], names: Sequence[str]) -> list[Event]:
-    """Return the events of flights in order of time, long ones in several rows; several flights are named."""
+    Several flights are named.
+    """
     events = []
     for recording, name in zip(recordings, names, strict=True):
         log = recording[topics.LOG]
@@ -163,8 +156,8 @@ def events_in_words(recordings: Sequence[Recording], names: Sequence[str]) -> li
         for time_s, level, text in rows:
             # rerun shows the first line of each
             lines = wrap(drawable(f"{time_s:.0f} s: {whose}{text}"), EVENT_WIDTH, subsequent_indent=" " * 8)
-            events += [Event(time_s, level.upper(), line) for line in lines]
-    return sorted(events, key=lambda event: event.time_s)
+            events += [(time_s, level.upper(), line) for line in lines]
+    return sorted(events, key=lambda event: event[0])
 
 
 def flights_in_words(recordings: Sequence[Recording], names: Sequence[str]) -> str:

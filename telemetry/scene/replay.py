@@ -1,6 +1,7 @@
 """Flights as a scene: one in full, the others overlaid."""
 
 from collections.abc import Sequence
+from itertools import cycle, islice
 from pathlib import Path
 from typing import Final
 
@@ -13,14 +14,13 @@ from telemetry.file import RecordingError, topics
 from telemetry.file.reader import Recording, read
 from telemetry.scene import blueprint, curves, drawing
 from telemetry.scene.blueprint import Stream, send
-from telemetry.scene.curves import AXIS_COLOURS, PLAIN_COLOUR, Colour
 from telemetry.scene.viewer import Scene
 
 SUN_COLOUR: Final = (255, 214, 64)
 TARGET_COLOUR: Final = (0, 210, 230)
 FORCE_COLOUR: Final = (255, 130, 60)
 CAMERA_COLOUR: Final = (150, 190, 255, 110)
-COMPANION_COLOURS: Final[tuple[Colour, ...]] = (
+COMPANION_COLOURS: Final[tuple[curves.Colour, ...]] = (
     (255, 160, 90),
     (120, 200, 255),
     (200, 150, 255),
@@ -51,8 +51,7 @@ def scene(paths: Sequence[Path]) -> Scene:
         If a recording cannot be read or shown.
     """
     recordings = [_showable(read(path)) for path in paths]
-    num_companions = len(recordings) - 1
-    colours = [PLAIN_COLOUR, *(COMPANION_COLOURS[i % len(COMPANION_COLOURS)] for i in range(num_companions))]
+    colours = [curves.PLAIN_COLOUR, *islice(cycle(COMPANION_COLOURS), len(recordings) - 1)]
     names = curves.flight_names(recordings)
     mission = curves.mission_plots(recordings, colours)
     effort = curves.effort_plots(recordings[0])
@@ -139,9 +138,9 @@ def _send_deputy(stream: Stream, recording: Recording) -> None:
     columns = rr.Transform3D.columns(translation=state["position_m"], quaternion=state["quaternion"])
     send(stream, deputy, state.time_s, columns)
     send(stream, blueprint.SEEN, state.time_s, rr.Transform3D.columns(quaternion=state["quaternion"]))
-    box = rr.Boxes3D(half_sizes=[(2.0, 2.0, 2.0)], colors=[PLAIN_COLOUR], fill_mode=FillMode.Solid)
+    box = rr.Boxes3D(half_sizes=[(2.0, 2.0, 2.0)], colors=[curves.PLAIN_COLOUR], fill_mode=FillMode.Solid)
     stream.log(f"{deputy}/body", box, static=True)
-    axes = rr.Arrows3D(vectors=12.0 * np.eye(3), colors=AXIS_COLOURS, radii=0.45)
+    axes = rr.Arrows3D(vectors=12.0 * np.eye(3), colors=curves.AXIS_COLOURS, radii=0.45)
     stream.log(f"{deputy}/axes", axes, static=True)
 
 
@@ -181,7 +180,7 @@ def _send_arrows(stream: Stream, recording: Recording) -> None:
 
 
 def _send_arrow(
-    stream: Stream, label: str, time_s: Floats, *, origins: Floats, vectors: Floats, colour: Colour
+    stream: Stream, label: str, time_s: Floats, *, origins: Floats, vectors: Floats, colour: curves.Colour
 ) -> None:
     if not len(time_s):
         return
@@ -197,7 +196,7 @@ def _send_arrow(
     send(stream, f"{entity}/tip", time_s, tips.partition(is_shown.astype(int)))
 
 
-def _send_trail(stream: Stream, recording: Recording, entity: str, colour: Colour) -> None:
+def _send_trail(stream: Stream, recording: Recording, entity: str, colour: curves.Colour) -> None:
     state = recording[topics.DEPUTY_STATE]
     position = state["position_m"].astype(np.float32)
     ahead = rr.LineStrips3D([position], colors=[(*colour, 45)], radii=rr.Radius.ui_points(0.7))
@@ -221,10 +220,10 @@ def _send_inferences(stream: Stream, recording: Recording) -> None:
     stream.log(f"{blueprint.RULE_MAP}/strengths", strengths, static=True)
     places = [(-drawing.MAP_NAME_WIDTH / 2, middle) for _, middle in middles]
     labels = [name for name, _ in middles]
-    names = rr.Points2D(places, labels=labels, colors=[PLAIN_COLOUR], radii=0.5, show_labels=True)
+    names = rr.Points2D(places, labels=labels, colors=[curves.PLAIN_COLOUR], radii=0.5, show_labels=True)
     stream.log(f"{blueprint.RULE_MAP}/names", names, static=True)
     now = f"{blueprint.RULE_MAP}/now"
-    line = rr.LineStrips2D.from_fields(colors=[PLAIN_COLOUR], radii=rr.Radius.ui_points(1.0))
+    line = rr.LineStrips2D.from_fields(colors=[curves.PLAIN_COLOUR], radii=rr.Radius.ui_points(1.0))
     stream.log(now, line, static=True)
     send(stream, now, time_s, rr.LineStrips2D.columns(strips=drawing.map_cursors(time_s)))
     _send_texts(stream, blueprint.RULES_IN_WORDS, time_s, drawing.inference_in_words(recording, time_s))
@@ -238,13 +237,13 @@ def _send_texts(stream: Stream, entity: str, time_s: Floats, texts: list[str]) -
 def _send_words(stream: Stream, recordings: Sequence[Recording], names: Sequence[str]) -> None:
     rows = drawing.events_in_words(recordings, names)
     if rows:
-        columns = rr.TextLog.columns(text=[row.text for row in rows], level=[row.level for row in rows])
-        send(stream, blueprint.EVENTS, np.array([row.time_s for row in rows]), columns)
+        times, levels, texts = zip(*rows, strict=True)
+        send(stream, blueprint.EVENTS, np.array(times), rr.TextLog.columns(text=texts, level=levels))
     text = rr.TextDocument(drawing.flights_in_words(recordings, names), media_type="text/markdown")
     stream.log(blueprint.SUMMARY, text, static=True)
 
 
-def _send_marker(stream: Stream, recording: Recording, index: int, name: str, colour: Colour) -> None:
+def _send_marker(stream: Stream, recording: Recording, index: int, name: str, colour: curves.Colour) -> None:
     entity = f"{blueprint.SCENE}/flights/{index}/deputy"
     state = recording[topics.DEPUTY_STATE]
     stream.log(entity, rr.Points3D.from_fields(radii=[1.6], colors=[colour], labels=[name]), static=True)
