@@ -12,8 +12,7 @@ from math import prod
 import numpy as np
 
 from fis_tools import model
-from fis_tools.analysis import arrays
-from fis_tools.analysis.arrays import Coverage, coverage, crossings
+from fis_tools.analysis.arrays import Coverage, coverage, crossings, evaluate, firing, spread_inputs
 from fis_tools.array_types import Floats, Integers
 from fis_tools.engines.interpreter import conclude
 from fis_tools.engines.program import assemble
@@ -156,8 +155,8 @@ def rule_consistency(system: model.FuzzySystem) -> RuleConsistency:
     """
     grid = _grid([_landmarks(variable) for variable in system.inputs])
     if grid is None:
-        grid = arrays.spread_inputs(system)
-    strengths, answers = arrays.firing(system, grid), arrays.evaluate(system, grid)
+        grid = spread_inputs(system)
+    strengths, answers = firing(system, grid), evaluate(system, grid)
     has_value = ~np.isnan(answers).any(axis=1)  # a formula may have none
     grid, strengths, answers = grid[has_value], strengths[has_value], answers[has_value]
     highest = strengths.max(axis=0)
@@ -228,13 +227,13 @@ def completeness(system: model.FuzzySystem) -> Completeness:
     """
     if _has_every_combination(system):
         place = np.array([coverage(variable).at for variable in system.inputs])
-        return Completeness(float(arrays.firing(system, place[np.newaxis]).max()), place, True)
+        return Completeness(float(firing(system, place[np.newaxis]).max()), place, True)
     grid = _grid([_turning_points(variable) for variable in system.inputs])
     operators = {(system.and_operator_of(rule), system.or_operator_of(rule)) for rule in system.rules}
     is_exact = grid is not None and operators == {("min", "max")}
     tried = [] if grid is None else [grid]
-    points = np.concatenate(tried if is_exact else [*tried, arrays.spread_inputs(system)])
-    strongest = arrays.firing(system, points).max(axis=1)
+    points = np.concatenate(tried if is_exact else [*tried, spread_inputs(system)])
+    strongest = firing(system, points).max(axis=1)
     worst = int(np.argmin(strongest))
     least = float(strongest[worst])
     return Completeness(least, points[worst], is_exact or least == 0.0)

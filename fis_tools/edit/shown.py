@@ -15,7 +15,6 @@ from fis_tools.model import And, Consequent, FuzzySystem, Is, MembershipFunction
 from fis_tools.model.shapes import SHAPES
 from fis_tools.model.variables import sample, shape_values
 from fis_tools.words import text
-from fis_tools.words.text import with_unit
 
 #: what a row of a table shows
 Cells = list[dict[str, Any]]
@@ -193,7 +192,7 @@ def surface(found: Surface) -> Options:
     values = np.round(np.nan_to_num(found.values), 9)
     points = np.stack([columns.ravel(), rows.ravel(), values.ravel()], axis=1).tolist()
     x, y = (
-        axis(with_unit(one), gap, type="category", data=[f"{point:.3g}" for point in at])
+        axis(text.with_unit(one), gap, type="category", data=[f"{point:.3g}" for point in at])
         | {"axisLabel": {"interval": (len(at) - 1) // 4 - 1}}
         for one, at, gap in ((found.x_variable, found.x, 26), (found.y_variable, found.y, 40))
     )
@@ -206,5 +205,5 @@ def surface(found: Surface) -> Options:
 def curve(system: FuzzySystem, points: Floats, values: Floats) -> Options:
     """Return an output over the only input."""
     only, output = system.inputs[0], system.outputs[0]
-    x = axis(with_unit(only), min=only.minimum, max=only.maximum)
-    return chart(x, axis(with_unit(output), 40), [line(np.stack([points, values], axis=1), RAMP[0])])
+    x = axis(text.with_unit(only), min=only.minimum, max=only.maximum)
+    return chart(x, axis(text.with_unit(output), 40), [line(np.stack([points, values], axis=1), RAMP[0])])

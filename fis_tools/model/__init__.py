@@ -41,7 +41,6 @@ from fis_tools.model.systems import (
     rebuilt,
     rule_table,
     statements_of,
-    table_antecedents,
     table_cells,
     table_rules,
     used_terms,

@@ -280,7 +280,7 @@ def _expressed(is_negated: bool, hedges: Sequence[Hedge], statement: model.Is) -
 
 def _term_numbers(words: str, variables: Sequence[Variable], fractions: Fractions, where: str) -> list[_Said]:
     """Read one term number for each variable; hedges stand in its fraction."""
-    values = foreign.numbers(words.split(), where)
+    values = [foreign.number(word, where) for word in words.split()]
     if len(values) != len(variables):
         raise ControllerFileError(
             f"{where}: {len(values)} term numbers for {len(variables)} variables; give one each"

@@ -44,11 +44,6 @@ def number(word: str, where: str) -> float:
     return value
 
 
-def numbers(words: Iterable[str], where: str) -> list[float]:
-    """Read finite numbers."""
-    return [number(word, where) for word in words]
-
-
 def count(word: str, where: str, most: int) -> int:
     """Read a whole number from 1 to `most`."""
     if not re.fullmatch(r"\d{1,9}", word.strip()) or not 1 <= int(word) <= most:
@@ -201,7 +196,7 @@ class Block:
     def extent(self, key: str, parted: Callable[[str, str], list[str]] = _words) -> Extent:
         """Return a range that is set; `parted` takes what it says, and where, apart into two numbers."""
         where, words = self.entry(key)
-        ends = numbers(parted(words, where), where)
+        ends = [number(word, where) for word in parted(words, where)]
         if len(ends) != 2:
             raise ControllerFileError(f"{where} has {len(ends)} numbers; expected 2")
         return ends[0], ends[1]
