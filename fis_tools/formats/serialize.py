@@ -19,6 +19,7 @@ from typing import Any, Final
 
 from fis_tools.errors import ControllerFileError
 from fis_tools.formats import mapping, notation
+from fis_tools.formats.mapping import to_mapping
 from fis_tools.model import FuzzyController
 from fis_tools.plain_text import as_number
 
@@ -106,7 +107,7 @@ def from_mapping(content: Any) -> FuzzyController:
 
 def dump_json(controller: FuzzyController) -> str:
     """Write a controller as JSON text; see `to_mapping` for what is refused."""
-    return notation.write_json(mapping.to_mapping(controller))
+    return notation.write_json(to_mapping(controller))
 
 
 def fingerprint(controller: FuzzyController) -> str:
@@ -127,7 +128,7 @@ def dump_yaml(controller: FuzzyController) -> str:
     ControllerFileError
         If it comes to more bytes than are read.
     """
-    content = mapping.to_mapping(controller)
+    content = to_mapping(controller)
     content["attributes"] = {name: _number_or_text(text) for name, text in controller.attributes}
     text = notation.write_yaml(content)
     if len(text) > notation.MAX_FILE_BYTES:
@@ -251,7 +252,7 @@ def content_hash(controller: FuzzyController) -> str:
     """Return the SHA-256 of what a controller does: its attributes and systems without descriptions."""
     numbers = {name: as_number(text) for name, text in controller.attributes}
     facts = {name: text if numbers[name] is None else numbers[name] for name, text in controller.attributes}
-    systems = _without_descriptions(mapping.to_mapping(controller)["systems"])
+    systems = _without_descriptions(to_mapping(controller)["systems"])
     content = {"attributes": facts, "systems": systems}
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
