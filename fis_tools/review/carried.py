@@ -25,14 +25,8 @@ def system_data(system: FuzzySystem) -> dict[str, Any]:
         "name": system.name,
         "inputs": [_variable(variable) for variable in system.inputs],
         "outputs": [
-            _variable(variable)
-            | {
-                "default": variable.default,
-                "defuzzifier": system.defuzzifier_of(variable),
-                "accumulation": variable.accumulation,
-                "implication": system.implication,
-                "aggregation": variable.aggregation,
-            }
+            _variable(variable, "default", "accumulation", "aggregation")
+            | {"defuzzifier": system.defuzzifier_of(variable), "implication": system.implication}
             for variable in system.outputs
         ],
         "rules": [_rule(rule, system) for rule in system.rules],
@@ -93,15 +87,11 @@ def _flown(system: FuzzySystem, flown: FlownSystem | None, most: int) -> dict[st
     }
 
 
-def _variable(variable: Variable) -> dict[str, Any]:
-    return {
-        "name": variable.name,
-        "unit": variable.unit,
-        "minimum": variable.minimum,
-        "maximum": variable.maximum,
-        "universe": _doubles(variable.universe),
-        "terms": [{"name": term.name, "values": _doubles(sample(variable, term))} for term in variable.terms],
-    }
+def _variable(variable: Variable, *more: str) -> dict[str, Any]:
+    """Return a variable as plain data, with more of its properties, by their names."""
+    found = {key: getattr(variable, key) for key in ("name", "unit", "minimum", "maximum", *more)}
+    terms = [{"name": term.name, "values": _doubles(sample(variable, term))} for term in variable.terms]
+    return found | {"universe": _doubles(variable.universe), "terms": terms}
 
 
 def _rule(rule: Rule, system: FuzzySystem) -> dict[str, Any]:

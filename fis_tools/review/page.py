@@ -16,8 +16,6 @@ from fis_tools.findings.audit import Audit, audit, report
 from fis_tools.formats import serialize
 from fis_tools.model import FuzzyController, FuzzySystem
 from fis_tools.review import carried, content, flown
-from fis_tools.review.content import BRIGHTNESS, constants, finding_rows, level_styles
-from fis_tools.review.flown import Samples
 from fis_tools.words.text import sentences, shape_words, summary
 
 #: what the reviewer ticks before signing, by key
@@ -106,7 +104,7 @@ def write(
     if any(system.weighed for system in systems):
         return _without_scripts(controller, opening_blocks, lead, samples, audited)
     data = {
-        "brightness": BRIGHTNESS,
+        "brightness": content.BRIGHTNESS,
         "sha256": fingerprint,
         "name": controller.name,
         "quadrature": carried.quadrature_data(systems),
@@ -118,7 +116,7 @@ def write(
         data,
         controller=controller,
         facts=content.facts(controller.provenance),
-        constants=constants(controller, meanings),
+        constants=content.constants(controller, meanings),
         others=content.facts(content.texts(controller)),
         lead=lead,
         opening=html.body(Document(opening_blocks)),
@@ -128,7 +126,7 @@ def write(
         checks={key: words.format(noun=noun, did=_DID[noun]) for key, words in CHECKS.items()},
         noun=noun,
         flights=logged,
-        findings=finding_rows(audited, controller),
+        findings=content.finding_rows(audited, controller),
         counted=audited.counted(),
         measure_words=report.MEASURE_WORDS,
         **content.CALLED,
@@ -142,7 +140,7 @@ def write(
 
 def _assemble(data: object, **words: object) -> str:
     """Put words, data, style sheet and scripts into the template."""
-    style = read("style.css", __package__) + level_styles()
+    style = read("style.css", __package__) + content.level_styles()
     script = _script()
     return template("fis_tools", "review", "page.html").render(
         words,
@@ -170,7 +168,7 @@ def _without_scripts(
     controller: FuzzyController,
     opening: Sequence[Block],
     lead: str,
-    samples: Mapping[str, Samples],
+    samples: Mapping[str, flown.Samples],
     audited: Audit,
 ) -> str:
     """Write the page: ``opening`` is what every review page begins with, ``lead`` its first sentences."""
@@ -195,7 +193,7 @@ def _facts(controller: FuzzyController) -> Block:
     return Table([], rows) if rows else Paragraph("Its file does not say: no data, no errors, no author.")
 
 
-def _blocks(system: FuzzySystem, samples: Samples) -> Iterator[Block]:
+def _blocks(system: FuzzySystem, samples: flown.Samples) -> Iterator[Block]:
     yield Paragraph(f"{summary(system)}.")
     terms = [
         [variable.name, term.name, shape_words(term)]
