@@ -155,9 +155,7 @@ def _space(origin: str, title: str, eye: Floats, **options: Any) -> rrb.View:
 
 def _plot(plot: Plot, end_s: float) -> rrb.View:
     corner = rrb.Corner2D.LeftTop if plot.rises else rrb.Corner2D.RightTop
-    axis_y = None
-    if plot.low is not None and plot.high is not None:
-        axis_y = rrb.ScalarAxis(range=(plot.low, plot.high))
+    axis_y = rrb.ScalarAxis(range=plot.ends) if plot.ends else None
     whole_flight = rr.TimeRange(
         start=rr.TimeRangeBoundary.absolute(seconds=0.0), end=rr.TimeRangeBoundary.absolute(seconds=end_s)
     )

@@ -10,7 +10,6 @@ import rerun as rr
 
 from telemetry.array_types import Booleans, Bytes
 from telemetry.scene import blueprint, curves
-from telemetry.scene.blueprint import Stream, send
 from telemetry.scene.runs import Evaluation, Outcome, read_evaluation
 from telemetry.scene.viewer import Scene
 
@@ -62,7 +61,7 @@ def scene(path: Path) -> Scene:
     farthest_m = float(np.percentile(evaluation.distance_m.max(axis=1), 90))
     layout = blueprint.campaign(distance, farthest_m=farthest_m)
 
-    def send_all(stream: Stream) -> None:
+    def send_all(stream: blueprint.Stream) -> None:
         surroundings = evaluation.surroundings
         blueprint.send_chief(stream, surroundings.chief_radius_m)
         blueprint.send_limits(stream, surroundings.min_distance_m, surroundings.max_distance_m)
@@ -153,7 +152,7 @@ def distance_plot(evaluation: Evaluation) -> curves.Plot:
         curves.level(f"limit_{limit:g}", float(time_s[-1]), limit, curves.LIMIT_COLOUR) for limit in limits
     ]
     most = 1.05 * max(float(spread.max()), *limits, 0.0)
-    return curves.Plot("distance", "Distance of all cases (m)", tuple(lines), 0.0, most)
+    return curves.Plot("distance", "Distance of all cases (m)", tuple(lines), (0.0, most))
 
 
 def _colours(evaluation: Evaluation) -> Bytes:
@@ -163,7 +162,7 @@ def _colours(evaluation: Evaluation) -> Bytes:
     return np.array([OUTCOME_COLOURS[kind] for kind in Outcome], dtype=np.uint8)[outcome]
 
 
-def _send_paths(stream: Stream, evaluation: Evaluation) -> None:
+def _send_paths(stream: blueprint.Stream, evaluation: Evaluation) -> None:
     outcome = evaluation.outcome
     kinds: Sequence[tuple[str, curves.Colour, Booleans]]
     if outcome is None:
@@ -181,17 +180,17 @@ def _send_paths(stream: Stream, evaluation: Evaluation) -> None:
         stream.log(f"{blueprint.SCENE}/paths/{name}", lines, static=True)
 
 
-def _send_deputies(stream: Stream, evaluation: Evaluation) -> None:
+def _send_deputies(stream: blueprint.Stream, evaluation: Evaluation) -> None:
     entity = f"{blueprint.SCENE}/deputies"
     num_cases, num_samples = evaluation.position_m.shape[:2]
     style = rr.Points3D.from_fields(colors=_colours(evaluation), radii=rr.Radius.ui_points(2.8))
     stream.log(entity, style, static=True)
     positions = np.ascontiguousarray(evaluation.position_m.transpose(1, 0, 2)).reshape(-1, 3)
     columns = rr.Points3D.columns(positions=positions)
-    send(stream, entity, evaluation.time_s, columns.partition([num_cases] * num_samples))
+    blueprint.send(stream, entity, evaluation.time_s, columns.partition([num_cases] * num_samples))
 
 
-def _send_extreme(stream: Stream, evaluation: Evaluation, extreme: Extreme) -> None:
+def _send_extreme(stream: blueprint.Stream, evaluation: Evaluation, extreme: Extreme) -> None:
     entity = f"{blueprint.SCENE}/named/{extreme.key}"
     track = evaluation.position_m[extreme.row]
     lines = rr.LineStrips3D([track], colors=[NAMED_COLOUR], radii=rr.Radius.ui_points(1.4))

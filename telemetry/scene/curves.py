@@ -98,7 +98,7 @@ class Plot:
     title : str
         With the unit.
     curves : tuple of Curves
-    low, high : float or None
+    ends : (float, float) or None
         Range of the vertical axis; None to fit the curves.
     has_legend : bool
     rises : bool
@@ -108,8 +108,7 @@ class Plot:
     key: str
     title: str
     curves: tuple[Curves, ...]
-    low: float | None = None
-    high: float | None = None
+    ends: tuple[float, float] | None = None
     has_legend: bool = True
     rises: bool = False
 
@@ -133,9 +132,9 @@ def mission_plots(recordings: Sequence[Recording], colours: Sequence[Colour]) ->
     spent = _reach(max(float(curve.values.max()) for curve in delta_v) or 1.0)
     ends, spent_ends = (-0.12 * farthest, 1.15 * farthest), (-0.12 * spent, 1.1 * spent)
     return (
-        Plot("distance", f"Distance (m{bounds})", distance, *ends, has_legend=False),
-        Plot("rate", f"Inspected (%{goal})", rate, -12.0, 115.0, has_legend=False),
-        Plot("delta_v", "Delta-v (m/s)", delta_v, *spent_ends, has_legend=has_legend, rises=True),
+        Plot("distance", f"Distance (m{bounds})", distance, ends, has_legend=False),
+        Plot("rate", f"Inspected (%{goal})", rate, (-12.0, 115.0), has_legend=False),
+        Plot("delta_v", "Delta-v (m/s)", delta_v, spent_ends, has_legend=has_legend, rises=True),
     )
 
 
@@ -200,8 +199,8 @@ def fis_plots(recording: Recording) -> list[Plot]:
     if not outputs:
         return []
     largest = max(float(np.abs(curves.values).max()) for curves in outputs)
-    reach = _reach(largest) if largest else None
-    plots = [Plot("fis_outputs", "Outputs that were fired (N)", tuple(outputs), reach and -reach, reach)]
+    ends = (-_reach(largest), _reach(largest)) if largest else None
+    plots = [Plot("fis_outputs", "Outputs that were fired (N)", tuple(outputs), ends)]
     for number, (unit, curves) in enumerate(inputs.items()):
         plots.append(Plot(f"fis_inputs_{number}", f"Inputs ({unit or 'no unit'})", tuple(curves)))
     return plots
@@ -232,12 +231,12 @@ def _with_limits(key: str, title: str, curves: Curves, limit: float | None) -> P
     largest = float(np.abs(curves.values).max())
     if largest < _LEAST_SHARE_OF_LIMIT * limit:
         reach = _reach(max(largest, 1e-3 * limit))
-        return Plot(key, title, (curves,), -reach, reach)
+        return Plot(key, title, (curves,), (-reach, reach))
     end_s = float(curves.instants[-1])
     levels = (
         level(name, end_s, value, LIMIT_COLOUR) for name, value in (("limit", limit), ("lower_limit", -limit))
     )
-    return Plot(key, title, (curves, *levels), -1.1 * limit, 1.1 * limit)
+    return Plot(key, title, (curves, *levels), (-1.1 * limit, 1.1 * limit))
 
 
 def _reach(largest: float) -> float:
