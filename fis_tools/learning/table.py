@@ -14,7 +14,7 @@ from fis_tools.analysis import tables
 from fis_tools.analysis.tables import name_and_unit
 from fis_tools.array_types import Floats, Integers
 from fis_tools.engines.inference import columns_of
-from fis_tools.errors import ControllerFileError, Mistake, require_known, told_as
+from fis_tools.errors import Mistake, require_known
 from fis_tools.learning.rules import range_of
 from fis_tools.plain_text import as_number, distinct
 
@@ -135,15 +135,13 @@ def read(path: Path | str) -> Mapping[str, Any]:
 
     Raises
     ------
-    UnreadableTable
+    UnreadableTable, ControllerFileError
         If it cannot be read.
     MissingExtra
         If it is a Parquet file and pyarrow is not installed.
     """
-    if Path(path).suffix.lower() != tables.PARQUET:
-        return read_csv(path)
-    with told_as(UnreadableTable, ControllerFileError):
-        return tables.read_parquet(Path(path), list)
+    is_parquet = Path(path).suffix.lower() == tables.PARQUET
+    return tables.read_parquet(Path(path), list) if is_parquet else read_csv(path)
 
 
 def read_csv(path: Path | str) -> dict[str, list[str]]:
