@@ -216,7 +216,9 @@ def write(controller: FuzzyController, bare: bool = False) -> str:
     static = "static " if has_step else ""
     signatures = [static + _signature(name, one.system) for name, one in zip(names, systems, strict=True)]
     own = [
-        *dict.fromkeys(text for one in systems for text in one.conclusion_functions()),
+        *dict.fromkeys(
+            one.conclude(output)[1] for one in systems for output in one.outputs if output.kind == "implied"
+        ),
         *(one.text(signature) for one, signature in zip(systems, signatures, strict=True)),
     ]
     declared = [f"{signature};" for signature in signatures]
@@ -350,11 +352,8 @@ class _System:
         places = np.arange(variable.num_points)
         return _Signal(variable, word, kind if terms else "silent", terms, places)
 
-    def conclusion_functions(self) -> Iterator[str]:
-        """Write the functions by which rules add what they imply, where terms are not cut."""
-        yield from (self._conclude(output)[1] for output in self.outputs if output.kind == "implied")
-
-    def _conclude(self, output: _Signal) -> tuple[str, str]:
+    def conclude(self, output: _Signal) -> tuple[str, str]:
+        """Return the function by which rules add what they imply, where terms are not cut: name and text."""
         return conclude(self.system.implication, output.variable.aggregation)
 
     def text(self, signature: str) -> str:
@@ -409,7 +408,7 @@ class _System:
             return f"weigh({strength}, {concluded}, &total_{word}, &moment_{word})"
         if output.kind == "implied":
             return (
-                f"{self._conclude(output)[0]}(memberships_{self.name}__{word}[{row}], "
+                f"{self.conclude(output)[0]}(memberships_{self.name}__{word}[{row}], "
                 f"{output.variable.num_points}, strength * {weight!r}, heights_{word})"
             )
         target = f"cuts_{word}[{row}]"
