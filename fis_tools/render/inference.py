@@ -39,15 +39,20 @@ def memberships(variable: Variable, ax: Axes, value: float | None = None, *, the
     for place, function in enumerate(variable.memberships):
         ax.plot(variable.universe, function, linewidth=1.8, clip_on=False, **theme.line(place))
     room = _name(variable, ax, theme)
-    ax.set(xlim=(variable.minimum, variable.maximum), ylim=(0.0, 1.0 / (1.0 - room)))
-    ax.set(xlabel=with_unit(variable), ylabel="membership", yticks=(0.0, 0.5, 1.0))
-    lettering.few_ticks(ax)
+    _frame(variable, ax, 1.0 / (1.0 - room))
     if value is not None:
         _mark(variable, variable.memberships, value, ax, theme)
-    ax.spines[["top", "right"]].set_visible(False)
     ax.spines["left"].set_bounds(0.0, 1.0)
     dress(ax, theme)
     return ax
+
+
+def _frame(variable: Variable, ax: Axes, top: float) -> None:
+    """Give axes the range of a variable and degrees of membership."""
+    ax.set(xlim=(variable.minimum, variable.maximum), ylim=(0.0, top), yticks=(0.0, 0.5, 1.0))
+    ax.set(xlabel=with_unit(variable), ylabel="membership")
+    lettering.few_ticks(ax)
+    ax.spines[["top", "right"]].set_visible(False)
 
 
 def _name(variable: Variable, ax: Axes, theme: Theme) -> float:
@@ -163,10 +168,7 @@ def output_panel(output: OutputInference, system: FuzzySystem, ax: Axes, theme: 
     reason = "the default: no rule fires" if output.is_default else method
     words = f"{variable.name} = {quantity(variable, output.value)}, {reason}"
     ax.set_title(lettering.broken(words, lettering.inches(ax)[0], MEDIUM), loc="left")
-    ax.set(xlim=(variable.minimum, variable.maximum), ylim=(0.0, 1.0), yticks=(0.0, 0.5, 1.0))
-    ax.set(xlabel=with_unit(variable), ylabel="membership")
-    lettering.few_ticks(ax)
-    ax.spines[["top", "right"]].set_visible(False)
+    _frame(variable, ax, 1.0)
     dress(ax, theme)
     ax.title.set_fontweight("bold")
     return ax
