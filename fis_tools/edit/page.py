@@ -64,7 +64,7 @@ class Editor:
         own = (Told("Findings", findings), Told("Changes", partial(changes, controller)))
         self._answers = Answers([*((sides[1], one) for one in panels), *((beside, one) for one in own)])
         self._choose(0)
-        self._ask()
+        self._answers.ask(self.session.controller)
 
     def _build_head(self) -> None:
         with ui.element("header").classes("head"):
@@ -119,7 +119,7 @@ class Editor:
             return
         self._status.set_text("")
         self._show()
-        self._ask()
+        self._answers.ask(self.session.controller)
 
     def _set(self, name: str, value: str) -> None:
         def change(controller: FuzzyController) -> FuzzyController:
@@ -131,9 +131,6 @@ class Editor:
     def _step(self, by: int) -> None:
         self.session.step(by)
         self._show()
-        self._ask()
-
-    def _ask(self) -> None:
         self._answers.ask(self.session.controller)
 
     def _show(self) -> None:
