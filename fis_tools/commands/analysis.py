@@ -11,8 +11,8 @@ from fis_tools.analysis import flights as logged
 from fis_tools.analysis import tables
 from fis_tools.analysis.bounds import NUM_BOXES, ask, output_ranges
 from fis_tools.analysis.domain import Box, Departure, departures, from_mapping
-from fis_tools.commands.arguments import Asked, UserMistake, analysing, expected
-from fis_tools.errors import ControllerFileError, told_as
+from fis_tools.commands.arguments import Asked, analysing, expected
+from fis_tools.errors import ControllerFileError, Mistake, told_as
 
 
 def bounds(
@@ -50,13 +50,13 @@ def bounds(
         with --ask: end with status 1 at any other answer
     """
     if expect is not None and question is None:
-        raise UserMistake("--expect is about the answer to a question; add --ask")
+        raise Mistake("--expect is about the answer to a question; add --ask")
     controller = asked.read()
     systems = (
         (controller.only_system("add --system"),) if where or question is not None else controller.systems
     )
     sentences, verdict = [], None
-    with told_as(UserMistake, ValueError), analysing(controller) as tell:
+    with told_as(Mistake, ValueError), analysing(controller) as tell:
 
         def progress(num_boxes: int, num_open: int) -> None:
             tell(f"{num_boxes} boxes, {num_open} open")

@@ -34,10 +34,6 @@ FLIGHTS = Parameter(name=("--flights", "--data"), consume_multiple=True)
 Output = Annotated[str | None, Parameter(name=("--output", "-o"))]
 
 
-class UserMistake(Mistake):
-    """What the person at the keyboard can put right, told in a sentence."""
-
-
 def expected(words: str, is_right: Callable[[Any], bool]) -> Parameter:
     """Return what refuses the values of an option that are not as expected."""
 
@@ -46,6 +42,11 @@ def expected(words: str, is_right: Callable[[Any], bool]) -> Parameter:
             raise ValueError(f"Give {words}.")
 
     return Parameter(validator=check)
+
+
+def whole_number(least: int, most: int) -> Parameter:
+    """Return what refuses the values of an option that are not between two numbers, both included."""
+    return expected(f"a whole number from {least} to {most}", lambda count: least <= count <= most)
 
 
 @Parameter(name="*")
@@ -137,7 +138,7 @@ def chosen(controller: FuzzyController, name: str | None) -> FuzzyController:
     if name is None:
         return controller
     names = [system.name for system in controller.systems]
-    require_known([name], names, f"controller {controller.name!r} has no system", UserMistake)
+    require_known([name], names, f"controller {controller.name!r} has no system", Mistake)
     systems = tuple(system for system in controller.systems if system.name == name)
     return replace(controller, systems=systems)
 
@@ -149,9 +150,9 @@ def assignments(words: str) -> dict[str, float]:
         name, _, number = (part.strip() for part in word.rpartition("="))
         value = as_number(number)
         if not name or value is None or not isfinite(value):
-            raise UserMistake(f"{word!r} gives no name a finite number; write NAME=NUMBER,NAME=NUMBER")
+            raise Mistake(f"{word!r} gives no name a finite number; write NAME=NUMBER,NAME=NUMBER")
         if name in values:
-            raise UserMistake(f"{name!r} is given twice; give it one number")
+            raise Mistake(f"{name!r} is given twice; give it one number")
         values[name] = value
     return values
 
@@ -171,7 +172,7 @@ def form_of(output: str | None) -> Callable[[FuzzyController], str] | None:
     """Return what writes a controller into a file of such a name; None without one."""
     form = _WRITERS.get(Path(output).suffix.lower()) if output else None
     if output and form is None:
-        raise UserMistake(f"{output} ends in none of {', '.join(_WRITERS)}; name the file so")
+        raise Mistake(f"{output} ends in none of {', '.join(_WRITERS)}; name the file so")
     return form
 
 
@@ -203,7 +204,7 @@ class AskedInstant(AskedAlong):
     def is_instant(self) -> bool:
         """Whether inputs are given, by themselves or by a time."""
         if self.inputs is not None and self.time is not None:
-            raise UserMistake("--inputs and --time both say which inputs are meant; drop one of them")
+            raise Mistake("--inputs and --time both say which inputs are meant; drop one of them")
         return self.inputs is not None or self.time is not None
 
 
@@ -235,13 +236,11 @@ def instants(asked: AskedInstant, controller: FuzzyController) -> Iterator[Insta
         return
     paths = asked.paths
     if len(paths) != 1:
-        raise UserMistake(
-            "--time is for one file of logged data; give a flight (.mcap), or add --flights FILE"
-        )
+        raise Mistake("--time is for one file of logged data; give a flight (.mcap), or add --flights FILE")
     periods = flights.read_periods(paths[0], asked.time, controller)
     names = [period.flown.system.name for period in periods]
     if asked.system is not None:
-        require_known([asked.system], names, "the flight has no system", UserMistake)
+        require_known([asked.system], names, "the flight has no system", Mistake)
     for period in periods:
         if asked.system in (None, period.flown.system.name):
             yield _instant(period, asked.all_periods)
@@ -286,11 +285,11 @@ def _in_words(period: flights.Period) -> str:
 def _given(inputs: str, controller: FuzzyController) -> Iterator[tuple[FuzzySystem, Floats]]:
     values = assignments(inputs)
     known = list(dict.fromkeys(v.name for system in controller.systems for v in system.inputs))
-    require_known(values, known, "there is no input", UserMistake)
+    require_known(values, known, "there is no input", Mistake)
     complete = [s for s in controller.systems if all(variable.name in values for variable in s.inputs)]
     if not complete:
         needs = "; ".join(f"{s.name} needs {', '.join(v.name for v in s.inputs)}" for s in controller.systems)
-        raise UserMistake(
+        raise Mistake(
             "the inputs of no system are all given; add --inputs NAME=NUMBER,… "
             f"(or --time for a flight): {needs}"
         )

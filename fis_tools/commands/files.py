@@ -10,8 +10,8 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from fis_tools.commands import arguments
-from fis_tools.commands.arguments import Asked, Output, UserMistake, write
-from fis_tools.errors import told_as
+from fis_tools.commands.arguments import Asked, Output, write
+from fis_tools.errors import Mistake, told_as
 from fis_tools.formats import serialize
 from fis_tools.formats.c import source
 from fis_tools.formats.files import ONE_SYSTEM, WHOLE, File, of_one_system
@@ -57,12 +57,12 @@ def export(
         c: inference alone, without the thrust logic of a controller that commands a force
     """
     if bare and format != "c":
-        raise UserMistake("--bare is for --format c; leave it out")
+        raise Mistake("--bare is for --format c; leave it out")
     controller = asked.read()
     if format in ONE_SYSTEM:
         _write_each(controller, format, output)
         return
-    with told_as(UserMistake, ValueError):
+    with told_as(Mistake, ValueError):
         write(output, source.write(controller, bare) if bare else WHOLE[format].write(controller))
 
 
@@ -70,10 +70,10 @@ def _write_each(controller: FuzzyController, form: str, output: str | None) -> N
     """Write each system into a file of its own, and tell what the files do not say."""
     place = None if output is None else Path(output)
     if form == "fmu" and place is None:
-        raise UserMistake("an FMU is an archive and cannot be printed; add -o FILE.fmu or -o FOLDER")
+        raise Mistake("an FMU is an archive and cannot be printed; add -o FILE.fmu or -o FOLDER")
     files: dict[str, File] = {}
     for name, alone in _files(controller, ONE_SYSTEM[form], place).items():
-        with told_as(UserMistake, ValueError, where=f"{alone.systems[0].name}: "):
+        with told_as(Mistake, ValueError, where=f"{alone.systems[0].name}: "):
             files[name] = of_one_system(alone, form)
     for name, file in files.items():
         if place is None:
@@ -95,9 +95,7 @@ def _files(controller: FuzzyController, ending: str, place: Path | None) -> dict
     for system in controller.systems:
         name = arguments.file_name(system.name) + ending
         if any(name.casefold() == other.casefold() for other in files):
-            raise UserMistake(
-                f"two systems would both be written as {name}; write one at a time, with --system"
-            )
+            raise Mistake(f"two systems would both be written as {name}; write one at a time, with --system")
         files[name] = arguments.chosen(controller, system.name)
     return files
 
@@ -109,12 +107,7 @@ def import_(
     trust: bool = False,
     output: Output = None,
     name: str | None = None,
-    points: Annotated[
-        int | None,
-        arguments.expected(
-            f"a whole number from 2 to {MOST_POINTS}", lambda count: 2 <= count <= MOST_POINTS
-        ),
-    ] = None,
+    points: Annotated[int | None, arguments.whole_number(2, MOST_POINTS)] = None,
 ) -> None:
     """Make one controller file from files of other programs, such as MATLAB or fuzzylite.
 
@@ -148,7 +141,7 @@ def import_(
         systems = tuple(_resampled(system, points) for system in systems)
     attributes, conflicts = _merged(controller.attributes for controller in controllers)
     if conflicts:
-        raise UserMistake(f"the files differ in the attribute {conflicts[0]!r}; import them one by one")
+        raise Mistake(f"the files differ in the attribute {conflicts[0]!r}; import them one by one")
     provenance, left_out = _merged(controller.provenance for controller in controllers)
     names = list(dict.fromkeys(controller.name for controller in controllers))
     name = name or (names[0] if len(names) == 1 else Path(files[0]).stem)
@@ -172,7 +165,7 @@ def _systems(paths: Sequence[str], controllers: Sequence[FuzzyController]) -> tu
     for path, controller in zip(paths, controllers, strict=True):
         for system in controller.systems:
             if system.name in found:
-                raise UserMistake(
+                raise Mistake(
                     f"{found[system.name][0]} and {path} both have a system {system.name!r}; rename one in "
                     "its file, or import them one by one"
                 )

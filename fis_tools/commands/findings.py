@@ -13,10 +13,10 @@ from cyclopts import Parameter, Token
 
 from fis_tools.analysis import flights
 from fis_tools.commands import arguments
-from fis_tools.commands.arguments import AskedAlong, AskedInstant, Output, UserMistake, analysing
+from fis_tools.commands.arguments import AskedAlong, AskedInstant, Output, analysing
 from fis_tools.document import as_json, text
 from fis_tools.engines.inference import infer
-from fis_tools.errors import require_known, told_as
+from fis_tools.errors import Mistake, require_known, told_as
 from fis_tools.findings import audit as faults
 from fis_tools.findings import explanation, simplification
 from fis_tools.findings.audit import Severity, Thresholds, report
@@ -95,10 +95,10 @@ def audit(
 def _thresholds(words: str) -> Thresholds:
     values = arguments.assignments(words)
     defaults = {field.name: field.default for field in fields(Thresholds)}
-    require_known(values, defaults, "there is no threshold", UserMistake)
+    require_known(values, defaults, "there is no threshold", Mistake)
     for name in values:
         if values[name] < 0.0:
-            raise UserMistake(f"the threshold {name!r} is below 0; give one that is not")
+            raise Mistake(f"the threshold {name!r} is below 0; give one that is not")
     return replace(Thresholds(), **values)  # type: ignore[arg-type]
 
 
@@ -142,15 +142,15 @@ def explain(
         print it for programs (schema fuzzy-explanation, version 2)
     """
     if asked.inputs is not None and asked.flights:
-        raise UserMistake("--flights are for the share of each rule over them; drop --inputs, or the flights")
+        raise Mistake("--flights are for the share of each rule over them; drop --inputs, or the flights")
     if steps and (json or crossing is not None):
-        raise UserMistake("--steps go without --json and --crossing; drop one of them")
+        raise Mistake("--steps go without --json and --crossing; drop one of them")
     controller = asked.read()
     if asked.is_instant or not asked.paths:
         print(_of_instants(asked, controller, crossing or 0.0, steps, all, json), end="")
         return
     if steps or crossing is not None:
-        raise UserMistake("--steps and --crossing are about one inference; add --time SECONDS or --inputs")
+        raise Mistake("--steps and --crossing are about one inference; add --time SECONDS or --inputs")
     print(_over_flights(asked, controller, all, json), end="")
 
 
@@ -162,7 +162,7 @@ def _of_instants(
     if steps:
         steps_of = [wording.explain(infer(one.system, one.inputs)) for one in found if one.inputs is not None]
         return "\n".join([*steps_of, *silent])
-    with told_as(UserMistake, ValueError), analysing(controller):
+    with told_as(Mistake, ValueError), analysing(controller):
         explained = [
             explanation.explain(one.system, one.inputs, crossing, one.points)
             for one in found
@@ -305,8 +305,8 @@ def simplify(
     controller = asked.read()
     samples = asked.flown(controller)
     if samples is None and flights_only:
-        raise UserMistake("--flights-only needs flights; add --flights, or leave it out")
-    with told_as(UserMistake, ValueError):
+        raise Mistake("--flights-only needs flights; add --flights, or leave it out")
+    with told_as(Mistake, ValueError):
         budget = Budget(max_change, mean_change, flights_only, look_alike)
     with analysing(controller) as tell:
         found = simplification.simplify(controller, samples, budget, tell)

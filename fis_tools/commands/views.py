@@ -15,7 +15,7 @@ from fis_tools.array_types import Floats
 from fis_tools.commands import arguments
 from fis_tools.document import text
 from fis_tools.engines.inference import infer
-from fis_tools.errors import told_as
+from fis_tools.errors import Mistake, told_as
 from fis_tools.formats.csv import rows_as_text
 from fis_tools.model import FuzzyController, FuzzySystem
 from fis_tools.source import read_controller
@@ -94,7 +94,7 @@ def _fired(asked: arguments.AskedInstant, controller: FuzzyController) -> list[t
     found = list(arguments.instants(asked, controller))
     drawn = [(one.system, one.inputs) for one in found if one.inputs is not None]
     if not drawn:
-        raise arguments.UserMistake("; ".join(one.note for one in found))
+        raise Mistake("; ".join(one.note for one in found))
     return drawn
 
 
@@ -104,13 +104,9 @@ def _kinds(asked: arguments.AskedInstant, only: Sequence[str]) -> Sequence[str]:
         more = {"inference": asked.is_instant, "firing": bool(asked.paths)}
         return [*KINDS[:3], *(kind for kind, is_asked in more.items() if is_asked)]
     if asked.is_instant and "inference" not in only:
-        raise arguments.UserMistake(
-            "--inputs and --time are for an inference; add --only inference, or leave them out"
-        )
+        raise Mistake("--inputs and --time are for an inference; add --only inference, or leave them out")
     if "firing" in only and not asked.paths:
-        raise arguments.UserMistake(
-            "--only firing is for logged data; give a flight (.mcap), or add --flights FILE"
-        )
+        raise Mistake("--only firing is for logged data; give a flight (.mcap), or add --flights FILE")
     return only
 
 
@@ -156,9 +152,7 @@ def surface(
     y: str | None = None,
     of: str | None = None,
     fixed: str = "",
-    points: Annotated[
-        int, arguments.expected("a whole number from 2 to 1000", lambda count: 2 <= count <= MOST_POINTS)
-    ] = 61,
+    points: Annotated[int, arguments.whole_number(2, MOST_POINTS)] = 61,
     in_space: Annotated[bool, Parameter(name="--3d")] = False,
     theme: Literal["light", "dark"] = "light",
     output: arguments.Output = None,
@@ -198,13 +192,13 @@ def surface(
     system = arguments.chosen(controller, asked.system).only_system("add --system")
     ending = Path(output or "").suffix.lower()
     if ending not in (*PICTURES, ".csv") and output is not None:
-        raise arguments.UserMistake(f"{output} ends in none of {', '.join(PICTURES)}, .csv; name the file so")
+        raise Mistake(f"{output} ends in none of {', '.join(PICTURES)}, .csv; name the file so")
     if ending in PICTURES:  # what pictures need is missed before anything is computed
         import_module("fis_tools.render")
     elif in_space or asked.flights:
-        raise arguments.UserMistake("--3d and --flights are for pictures; add -o FILE.png, .svg or .pdf")
+        raise Mistake("--3d and --flights are for pictures; add -o FILE.png, .svg or .pdf")
     held = arguments.assignments(fixed)
-    with told_as(arguments.UserMistake, ValueError):
+    with told_as(Mistake, ValueError):
         result = arrays.surface(system, x, y, fixed=held, output=of, num_points=points)
     if output is None or ending not in PICTURES:
         arguments.write(output, _surface_csv(result))
@@ -271,7 +265,7 @@ def review(
 def edit(
     asked: arguments.Asked,
     *,
-    port: Annotated[int, arguments.expected("a port from 0 to 65535", lambda port: 0 <= port < 1 << 16)] = 0,
+    port: Annotated[int, arguments.whole_number(0, 65535)] = 0,
     no_browser: bool = False,
 ) -> None:
     """Edit a controller on a page that answers every touch; nothing is written but the copies you save.

@@ -26,10 +26,6 @@ from fis_tools.source import as_controller
 Consequents = Literal["sets", "constants", "linear"]
 
 
-class Unlearnable(Mistake):
-    """What no system can be learned by, told in a sentence."""
-
-
 @dataclass(frozen=True, kw_only=True)
 class Recipe:
     """What a learned system may look like.
@@ -59,7 +55,7 @@ class Recipe:
         """Refuse what cannot be learned."""
         if self.consequents not in get_args(Consequents):
             known = ", ".join(get_args(Consequents))
-            raise Unlearnable(f"consequents is {self.consequents!r}; use one of {known}")
+            raise Mistake(f"consequents is {self.consequents!r}; use one of {known}")
         for name, least, most in (
             ("terms", min(rules.WORDS), max(rules.WORDS)),
             ("output_terms", min(rules.WORDS), max(rules.WORDS)),
@@ -67,7 +63,7 @@ class Recipe:
         ):
             value = getattr(self, name)
             if isinstance(value, bool) or not least <= value <= most or value != int(value):
-                raise Unlearnable(f"{name} is {value!r}; give a whole number from {least} to {most}")
+                raise Mistake(f"{name} is {value!r}; give a whole number from {least} to {most}")
 
 
 def _chosen_columns(samples: Samples, targets: Floats, recipe: Recipe, kind: rules.Kind) -> tuple[int, ...]:
@@ -89,7 +85,7 @@ def _chosen_columns(samples: Samples, targets: Floats, recipe: Recipe, kind: rul
     """
     inputs = min(recipe.max_inputs, len(samples.columns))
     if recipe.terms**inputs > MOST_RULES:
-        raise Unlearnable(
+        raise Mistake(
             f"{recipe.terms} terms of {inputs} inputs are up to {recipe.terms**inputs:,} rules, more than "
             f"{MOST_RULES:,}, which nobody reads; lower terms or max_inputs"
         )

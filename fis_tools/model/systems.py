@@ -383,10 +383,10 @@ class FuzzyController:
         object.__setattr__(self, "provenance", plain(self.provenance))
 
     def only_system(self, cure: str) -> FuzzySystem:
-        """Return its one system; raise SeveralSystems, which says the cure, where it has several."""
+        """Return its one system; raise Mistake, which says the cure, where it has several."""
         if len(self.systems) != 1:
             names = ", ".join(system.name for system in self.systems)
-            raise SeveralSystems(f"controller {self.name!r} has several systems, {names}; {cure}")
+            raise Mistake(f"controller {self.name!r} has several systems, {names}; {cure}")
         return self.systems[0]
 
     def with_provenance(self, facts: Mapping[str, str]) -> "FuzzyController":
@@ -518,16 +518,8 @@ def conjunctions(system: FuzzySystem) -> tuple[Integers, Integers] | None:
     return cells, consequents
 
 
-class SeveralSystems(Mistake):
-    """Raised where a controller must have one system."""
-
-
-class NotMamdani(Mistake):
-    """Raised where Mamdani outputs are required."""
-
-
 def require_mamdani(systems: Iterable[FuzzySystem], what: str) -> None:
-    """Raise NotMamdani for systems with weighted outputs.
+    """Raise Mistake for systems with weighted outputs.
 
     Parameters
     ----------
@@ -537,13 +529,13 @@ def require_mamdani(systems: Iterable[FuzzySystem], what: str) -> None:
 
     Raises
     ------
-    NotMamdani
+    Mistake
         If there is such an output.
     """
     for system in systems:
         for output in system.weighed:
             way = system.defuzzifier_of(output).replace("_", " ")
-            raise NotMamdani(
+            raise Mistake(
                 f"{what} is for Mamdani systems, whose rules conclude fuzzy sets, but output "
                 f"{output.name!r} of {system.name!r} is a {way} of numbers; show, audit, explain, review, "
                 "bounds, surface, plot, diff and export take it"

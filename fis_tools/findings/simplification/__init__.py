@@ -195,7 +195,7 @@ def simplify(
     ------
     InvalidSystem
         If a system has problems, with one line for each.
-    NotMamdani
+    Mistake
         If an output is a weighted average or sum.
     ValueError
         If samples are for a system that there is not, or do not fit its inputs.

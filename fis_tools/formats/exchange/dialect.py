@@ -98,7 +98,7 @@ class Expressed:
 
 
 def only_system(controller: model.FuzzyController, dialect: Dialect) -> FuzzySystem:
-    """Return the one system of a controller; raise SeveralSystems where it has several."""
+    """Return the one system of a controller; raise Mistake where it has several."""
     return controller.only_system(f"{dialect.title} holds one, so write each into a file of its own")
 
 
