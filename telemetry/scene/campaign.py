@@ -28,8 +28,8 @@ class Extreme:
 
     Parameters
     ----------
-    key : str
-        Name of its entity.
+    what : str
+        The quantity.
     row : int
         Row of the evaluation.
     sample : int
@@ -37,7 +37,7 @@ class Extreme:
     label : str
     """
 
-    key: str
+    what: str
     row: int
     sample: int
     label: str
@@ -97,8 +97,7 @@ def extremes(evaluation: Evaluation) -> list[Extreme]:
     extremes = []
     for what, place, how_much in found:
         row, sample = divmod(place, num_samples)
-        key = what.replace(" ", "_").replace("-", "_")
-        extremes.append(Extreme(key, row, sample, f"{what}: case {evaluation.case[row]}, {how_much}"))
+        extremes.append(Extreme(what, row, sample, f"{what}: case {evaluation.case[row]}, {how_much}"))
     return extremes
 
 
@@ -121,8 +120,7 @@ def in_words(evaluation: Evaluation) -> str:
             text = f"{values.mean():.{digits}f} ± {spread:.{digits}f} {unit}"
             rows.append((title, f"{text}, {values.min():.{digits}f} to {values.max():.{digits}f}"))
     for extreme in extremes(evaluation):
-        name, _, rest = extreme.label.partition(": ")
-        rows.append((name, rest))
+        rows.append((extreme.what, extreme.label.removeprefix(f"{extreme.what}: ")))
     legend = "White: the cases named above. Dots: the deputies at the selected time."
     return f"{curves.table(rows)}\n\n{legend}"
 
@@ -191,7 +189,7 @@ def _send_deputies(stream: blueprint.Stream, evaluation: Evaluation) -> None:
 
 
 def _send_extreme(stream: blueprint.Stream, evaluation: Evaluation, extreme: Extreme) -> None:
-    entity = f"{blueprint.SCENE}/named/{extreme.key}"
+    entity = f"{blueprint.SCENE}/named/{extreme.what.replace(' ', '_').replace('-', '_')}"
     track = evaluation.position_m[extreme.row]
     lines = rr.LineStrips3D([track], colors=[NAMED_COLOUR], radii=rr.Radius.ui_points(1.4))
     stream.log(entity, lines, static=True)

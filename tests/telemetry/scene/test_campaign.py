@@ -111,7 +111,7 @@ def test_a_table_alone_is_shown_in_one_colour(run: Path, tmp_path: Path) -> None
     (run / "evaluate/trajectories.parquet").rename(table)
     evaluation = runs.read_evaluation(table)
     assert evaluation.outcome is None
-    assert {extreme.key for extreme in campaign.extremes(evaluation)} == {"nearest", "farthest"}
+    assert {extreme.what for extreme in campaign.extremes(evaluation)} == {"nearest", "farthest"}
     assert "outcome | unknown" in campaign.in_words(evaluation)
     content = saved(campaign.scene(table), tmp_path)
     assert len(content.column("/scene/paths/all", "LineStrips3D:strips")[0]) == 4
