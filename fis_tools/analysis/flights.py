@@ -359,10 +359,9 @@ def _points_of(recording: "Recording") -> PointsAlong | None:
 def _period(flown: FlownSystem, start_s: float, recording: "Recording | None") -> Period:
     rows = np.flatnonzero(np.abs(flown.time_s + flown.delay_s - start_s) < SAME_TIME_S)
     row = int(rows[0]) if len(rows) else None
-    if recording is None:
-        return Period(flown, start_s, UNKNOWN, row)
-    reason = recording.fired_reasons(flown.system.outputs[0].name, np.array([start_s]))[0]
-    return Period(flown, start_s, str(reason), row)
+    name, starts = flown.system.outputs[0].name, np.array([start_s])
+    reason = UNKNOWN if recording is None else str(recording.fired_reasons(name, starts)[0])
+    return Period(flown, start_s, reason, row)
 
 
 def inputs_along(

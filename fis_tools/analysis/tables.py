@@ -93,9 +93,7 @@ def _wanted(
     }
     for name, column in wanted.items():
         if held.count(column) != 1:
-            found = (
-                f"it has no {name!r}; {nearest(name, held)}" if column not in held else f"it has two {name!r}"
-            )
+            found = f"it has two {name!r}" if column in held else f"it has no {name!r}; {nearest(name, held)}"
             asked = ", ".join(wanted)
             raise ControllerFileError(f"{path}: columns go by the names of inputs ({asked}), and {found}")
     return wanted | ({TIME: TIME} if TIME in held else {})

@@ -60,10 +60,7 @@ def to_mapping(controller: model.FuzzyController) -> dict[str, Any]:
 
 def _system_mapping(system: model.FuzzySystem) -> dict[str, Any]:
     return {
-        "name": system.name,
-        "and_operator": system.and_operator,
-        "or_operator": system.or_operator,
-        "defuzzifier": system.defuzzifier,
+        **{key: getattr(system, key) for key in ("name", "and_operator", "or_operator", "defuzzifier")},
         **_told(system, "implication"),
         "inputs": [_variable_mapping(variable) for variable in system.inputs],
         "outputs": [_variable_mapping(variable) for variable in system.outputs],

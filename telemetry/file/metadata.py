@@ -15,10 +15,7 @@ from typing import Any, Final, Self
 from telemetry.file import RecordingError
 
 #: keys with text, and with lists of words; all others have numbers
-TEXTS: Final = (
-    *("scenario_id", "product_version", "config_hash"),
-    *("output_name", "output_unit", "output_axes"),
-)
+TEXTS: Final = ("scenario_id", "product_version", "config_hash", "output_name", "output_unit", "output_axes")
 WORDS: Final = ("input_names", "input_units", "rules", "names")
 #: keys with a list of numbers, and how many; None for any number
 NUMBERS_OF: Final[Mapping[str, int | None]] = {
