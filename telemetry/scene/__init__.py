@@ -1,1 +1,1 @@
-"""Scenes in the viewer: flights, evaluations and trainings."""
+"""Scenes in the viewer: flights and evaluations."""

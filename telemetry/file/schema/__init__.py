@@ -1,1 +1,1 @@
-"""The protobuf schemas of a recording; `generate` builds the Python module from the `.proto`."""
+"""The protobuf schemas of a recording; CONTRIBUTING.md says how the Python module is made of the `.proto`."""
