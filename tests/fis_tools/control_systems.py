@@ -1,4 +1,4 @@
-"""scikit-fuzzy's control systems built from fuzzy systems, for the proof that the engines agree with it.
+"""scikit-fuzzy's control systems built from fuzzy systems, and its inference, which the engines must equal.
 
 Every call builds fresh variables. scikit-fuzzy keeps state on classes, keyed by objects and by ``id``, so two
 control systems on the same variables can read each other's cached memberships.
@@ -9,11 +9,17 @@ from operator import and_, or_
 from typing import Any
 
 import networkx as nx
+import numpy as np
 from skfuzzy import control
+from skfuzzy.control.controlsystem import CrispValueCalculator
 
-from fis_tools.model import And, Consequent, Expression, FuzzySystem, Hedged, Is, Not, Or, Rule, Variable
+from fis_tools.array_types import Floats
+from fis_tools.model import And, Expression, FuzzySystem, Hedged, Is, Not, Or, Rule, Variable
 from fis_tools.model.operators import ACCUMULATIONS, AND_OPERATORS, OR_OPERATORS
 from fis_tools.model.variables import sample
+
+#: Results that a reference engine keeps before it empties scikit-fuzzy's cache.
+RUNS_KEPT = 1000
 
 
 def build_control_system(system: FuzzySystem) -> control.ControlSystem:
@@ -23,17 +29,16 @@ def build_control_system(system: FuzzySystem) -> control.ControlSystem:
     once: ``addrule`` walks the whole graph for every rule, some seconds for 125 rules. All variables are in
     it, in order, also those that no rule mentions.
     """
-    inputs = {v.name: _with_terms(control.Antecedent(v.universe, v.name), v) for v in system.inputs}
-    outputs = {v.name: _with_terms(_build_output(system, v), v) for v in system.outputs}
-    labels = _unique_labels(system)
+    variables = {v.name: _with_terms(control.Antecedent(v.universe, v.name), v) for v in system.inputs}
+    variables |= {v.name: _with_terms(_build_output(system, v), v) for v in system.outputs}
     rules = [
-        _build_rule(system, rule, label, inputs, outputs)
-        for rule, label in zip(system.rules, labels, strict=True)
+        _build_rule(system, rule, rule.label or str(number), variables)
+        for number, rule in enumerate(system.rules, start=1)
     ]
     control_system = control.ControlSystem()
-    variables = nx.DiGraph()
-    variables.add_nodes_from((*inputs.values(), *outputs.values()))
-    control_system.graph = nx.compose_all([variables, *(rule.graph for rule in rules)])
+    graph = nx.DiGraph()
+    graph.add_nodes_from(variables.values())
+    control_system.graph = nx.compose_all([graph, *(rule.graph for rule in rules)])
     return control_system
 
 
@@ -55,42 +60,96 @@ def _with_terms(fuzzy_variable: Any, variable: Variable) -> Any:
     return fuzzy_variable
 
 
-def _unique_labels(system: FuzzySystem) -> list[str]:
-    taken = {rule.label for rule in system.rules}
-    labels = []
-    for number, rule in enumerate(system.rules, start=1):
-        label = rule.label or str(number)
-        while not rule.label and label in taken:
-            label = f"#{label}"
-        labels.append(label)
-    return labels
-
-
-def _build_rule(
-    system: FuzzySystem, rule: Rule, label: str, inputs: dict[str, Any], outputs: dict[str, Any]
-) -> control.Rule:
+def _build_rule(system: FuzzySystem, rule: Rule, label: str, variables: dict[str, Any]) -> control.Rule:
     return control.Rule(
-        antecedent=_build_expression(rule.antecedent, inputs),
-        consequent=[_build_consequent(consequent, outputs) for consequent in rule.consequents],
+        antecedent=_build_expression(rule.antecedent, variables),
+        consequent=[variables[one.variable][one.term] % float(one.weight) for one in rule.consequents],
         label=label,
         and_func=AND_OPERATORS[system.and_operator_of(rule)],
         or_func=OR_OPERATORS[system.or_operator_of(rule)],
     )
 
 
-def _build_consequent(consequent: Consequent, outputs: dict[str, Any]) -> Any:
-    return outputs[consequent.variable][consequent.term] % float(consequent.weight)
-
-
-def _build_expression(expression: Expression, inputs: dict[str, Any]) -> Any:
+def _build_expression(expression: Expression, variables: dict[str, Any]) -> Any:
     match expression:
         case Is(variable, term):
-            return inputs[variable][term]
+            return variables[variable][term]
         case Not(operand):
-            return ~_build_expression(operand, inputs)
+            return ~_build_expression(operand, variables)
         case Hedged(hedge, _):
             raise ValueError(f"a rule says {hedge!r}, which scikit-fuzzy does not know")
         case And(operands):
-            return reduce(and_, [_build_expression(operand, inputs) for operand in operands])
+            return reduce(and_, [_build_expression(operand, variables) for operand in operands])
         case Or(operands):
-            return reduce(or_, [_build_expression(operand, inputs) for operand in operands])
+            return reduce(or_, [_build_expression(operand, variables) for operand in operands])
+
+
+class _Sorted(control.ControlSystem):  # type: ignore[misc]
+    """A control system that has sorted its rules; scikit-fuzzy's sorts them anew for every sample."""
+
+    def __init__(self, plain: control.ControlSystem) -> None:
+        super().__init__()
+        self.graph = plain.graph
+        self._rules = list(plain.rules)
+
+    @property
+    def rules(self) -> list[control.Rule]:
+        """Rules in the order of calculation."""
+        return self._rules
+
+
+class ReferenceEngine:
+    """Inference by scikit-fuzzy's own ``compute()``: slow, and the definition of what is right.
+
+    Parameters
+    ----------
+    system : FuzzySystem
+        What to evaluate.
+    """
+
+    def __init__(self, system: FuzzySystem) -> None:
+        self.system = system
+        # Flushing inside `compute` would take the cuts away before `_fires` can look at them.
+        self._simulation = control.ControlSystemSimulation(
+            _Sorted(build_control_system(system)), flush_after_run=2 * RUNS_KEPT
+        )
+        self._runs = 0
+        self._outputs = {variable.label: variable for variable in self._simulation.ctrl.consequents}
+
+    def compute(self, inputs: Floats) -> Floats:
+        """Infer the outputs for one sample.
+
+        Parameters
+        ----------
+        inputs : (num_inputs,)
+            In the order of the system's inputs; clipped to the universes.
+
+        Returns
+        -------
+        (num_outputs,)
+            An output's default where no rule that concludes on it fires.
+        """
+        self._runs += 1
+        if self._runs % RUNS_KEPT == 0:
+            self._simulation.reset()
+        for variable, value in zip(self.system.inputs, inputs, strict=True):
+            self._simulation.input[variable.name] = float(value)
+        # A repeated input that fires no rule leaves the previous output in place: start from none.
+        self._simulation.output = {}
+        with np.errstate(divide="ignore", invalid="ignore"):  # a bisector of an area with a gap
+            self._simulation.compute()
+        return np.array([self._crisp(variable) for variable in self.system.outputs])
+
+    def _crisp(self, variable: Variable) -> float:
+        assert variable.default is not None
+        if variable.name not in self._simulation.output or not self._fires(variable):
+            return variable.default
+        return float(self._simulation.output[variable.name])
+
+    def _fires(self, variable: Variable) -> bool:
+        """Return whether anything is left to defuzzify; scikit-fuzzy asks this for areas only."""
+        if self.system.defuzzifier_of(variable) in {"centroid", "bisector"}:
+            return True
+        calculator = CrispValueCalculator(self._outputs[variable.name], self._simulation)
+        _, aggregated, _ = calculator.find_memberships()
+        return bool(aggregated.sum() > 0)

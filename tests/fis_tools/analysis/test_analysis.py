@@ -15,7 +15,7 @@ from fis_tools.engines.compiler import compile
 from fis_tools.errors import ControllerFileError
 from fis_tools.model import FuzzySystem, Gaussian, Triangular, Variable
 from tests.fis_tools import step_by_step
-from tests.fis_tools.reference_engine import ReferenceEngine
+from tests.fis_tools.control_systems import ReferenceEngine
 from tests.fis_tools.sample_controllers import FORCE_X, FORCE_Z, GENERAL, ROOM, ramp_system, terms
 
 

@@ -19,6 +19,7 @@ from fis_tools.model.numbers import Constant, Formula, Linear
 from fis_tools.model.shapes import SHAPES
 from fis_tools.model.validate import problems
 from tests.fis_tools import step_by_step
+from tests.fis_tools.control_systems import ReferenceEngine
 from tests.fis_tools.engines import random_systems
 from tests.fis_tools.engines.random_systems import (
     full_table_system,
@@ -26,7 +27,6 @@ from tests.fis_tools.engines.random_systems import (
     random_general_system,
     sparse_system,
 )
-from tests.fis_tools.reference_engine import ReferenceEngine
 from tests.fis_tools.sample_controllers import terms
 from tests.fis_tools.step_by_step import assert_near
 from tests.places import PROJECT

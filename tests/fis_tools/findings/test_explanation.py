@@ -13,7 +13,7 @@ from fis_tools.engines.compiler import compile
 from fis_tools.findings.explanation import Explanation, Flip, explain, flips, shares
 from fis_tools.formats.serialize import load
 from fis_tools.model import FuzzySystem, Triangular
-from tests.fis_tools.reference_engine import ReferenceEngine
+from tests.fis_tools.control_systems import ReferenceEngine
 from tests.fis_tools.sample_controllers import FORCE_X, FORCE_Z, ROOM, ramp_system, terms
 from tests.places import PROJECT
 

@@ -17,7 +17,7 @@ from fis_tools.model.shapes import Gaussian, Trapezoidal, Triangular
 from fis_tools.model.validate import controller_problems
 from tests.fis_tools import sample_controllers
 from tests.fis_tools.analysis.test_flights import log_flight
-from tests.fis_tools.reference_engine import ReferenceEngine
+from tests.fis_tools.control_systems import ReferenceEngine
 from tests.fis_tools.sample_controllers import FORCE_X, PAPER_LIKE, ROOM, terms
 from tests.fis_tools.step_by_step import ends
 from tests.places import PROJECT
