@@ -14,9 +14,8 @@ from skfuzzy import control
 from skfuzzy.control.controlsystem import CrispValueCalculator
 
 from fis_tools.array_types import Floats
-from fis_tools.model import And, Expression, FuzzySystem, Hedged, Is, Not, Or, Rule, Variable
+from fis_tools.model import And, Expression, FuzzySystem, Hedged, Is, Not, Or, Variable, sample
 from fis_tools.model.operators import ACCUMULATIONS, AND_OPERATORS, OR_OPERATORS
-from fis_tools.model.variables import sample
 
 #: Results that a reference engine keeps before it empties scikit-fuzzy's cache.
 RUNS_KEPT = 1000
@@ -32,7 +31,13 @@ def build_control_system(system: FuzzySystem) -> control.ControlSystem:
     variables = {v.name: _with_terms(control.Antecedent(v.universe, v.name), v) for v in system.inputs}
     variables |= {v.name: _with_terms(_build_output(system, v), v) for v in system.outputs}
     rules = [
-        _build_rule(system, rule, rule.label or str(number), variables)
+        control.Rule(
+            antecedent=_build_expression(rule.antecedent, variables),
+            consequent=[variables[one.variable][one.term] % float(one.weight) for one in rule.consequents],
+            label=rule.label or str(number),
+            and_func=AND_OPERATORS[system.and_operator_of(rule)],
+            or_func=OR_OPERATORS[system.or_operator_of(rule)],
+        )
         for number, rule in enumerate(system.rules, start=1)
     ]
     control_system = control.ControlSystem()
@@ -58,16 +63,6 @@ def _with_terms(fuzzy_variable: Any, variable: Variable) -> Any:
     for term in variable.terms:
         fuzzy_variable[term.name] = sample(variable, term)
     return fuzzy_variable
-
-
-def _build_rule(system: FuzzySystem, rule: Rule, label: str, variables: dict[str, Any]) -> control.Rule:
-    return control.Rule(
-        antecedent=_build_expression(rule.antecedent, variables),
-        consequent=[variables[one.variable][one.term] % float(one.weight) for one in rule.consequents],
-        label=label,
-        and_func=AND_OPERATORS[system.and_operator_of(rule)],
-        or_func=OR_OPERATORS[system.or_operator_of(rule)],
-    )
 
 
 def _build_expression(expression: Expression, variables: dict[str, Any]) -> Any:
@@ -109,10 +104,9 @@ class ReferenceEngine:
 
     def __init__(self, system: FuzzySystem) -> None:
         self.system = system
+        built = _Sorted(build_control_system(system))
         # Flushing inside `compute` would take the cuts away before `_fires` can look at them.
-        self._simulation = control.ControlSystemSimulation(
-            _Sorted(build_control_system(system)), flush_after_run=2 * RUNS_KEPT
-        )
+        self._simulation = control.ControlSystemSimulation(built, flush_after_run=2 * RUNS_KEPT)
         self._runs = 0
         self._outputs = {variable.label: variable for variable in self._simulation.ctrl.consequents}
 
@@ -153,3 +147,9 @@ class ReferenceEngine:
         calculator = CrispValueCalculator(self._outputs[variable.name], self._simulation)
         _, aggregated, _ = calculator.find_memberships()
         return bool(aggregated.sum() > 0)
+
+
+def by_scikit_fuzzy(system: FuzzySystem, rows: Floats) -> Floats:
+    """Outputs of samples, (n, num_outputs)."""
+    engine = ReferenceEngine(system)
+    return np.array([engine.compute(row) for row in rows])

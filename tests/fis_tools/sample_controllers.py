@@ -1,11 +1,13 @@
 """Controllers to test with: one like the paper's, and one with everything a fuzzy system can have."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
 from fis_tools.formats.serialize import load
 from fis_tools.model import FuzzyController, FuzzySystem, MembershipFunction, Term, Variable, table_rules
 from fis_tools.model.shapes import Gaussian, Triangular
+from tests.places import PROJECT
 
 HERE = Path(__file__).parent
 FORCE_TERMS = ("NL", "NS", "ZE", "PS", "PL")
@@ -32,12 +34,32 @@ GENERAL = load(HERE / "room.yaml")
 (ROOM,) = GENERAL.systems
 
 
+#: a file of another program's
+TIPPER = PROJECT / "docs" / "examples" / "tipper.fis"
+#: the fuzzy controllers that the project ships, by name
+SHIPPED = {
+    path.stem: path
+    for path in sorted((PROJECT / "conf" / "controller").glob("*.yaml"))
+    if not re.search("^(kind|path):", path.read_text(encoding="utf-8"), re.MULTILINE)
+}
+
+
 def paper_like_controller() -> FuzzyController:
     return PAPER_LIKE
 
 
 def force(name: str = "force_x") -> Variable:
     return replace(FORCE_X.outputs[0], name=name)
+
+
+def gapped_system(default: float | None) -> FuzzySystem:
+    """Triangles with gaps between them: nothing fires from 0.25 to 0.4, from 0.6 to 0.75."""
+    apart = terms(low=Triangular(0, 0, 0.25), middle=Triangular(0.4, 0.5, 0.6), high=Triangular(0.75, 1, 1))
+    sides = terms(left=Gaussian(-1.0, 0.2), none=Gaussian(0.0, 0.2), right=Gaussian(1.0, 0.2))
+    inputs = tuple(Variable(name, "", 0.0, 1.0, apart, num_points=21) for name in "ab")
+    output = Variable("y", "", -1.0, 1.0, sides, num_points=21, default=default)
+    rules = table_rules(inputs, output, ["left", "none", "right"] * 3)
+    return FuzzySystem("gapped", inputs, (output,), rules)
 
 
 def ramp_system(default: float = 0.5, defuzzifier: str = "centroid") -> FuzzySystem:

@@ -28,9 +28,8 @@ Kernel = Callable[..., None]
 WIDTHS = (1, 2, 8, 16, vector_code.MOST_LANES)
 SPECIAL = [0.0, -0.0, np.inf, -np.inf, np.nan, 5e-324, -1e-310, 1.7e308, 0.5, 2.5, -3.5, 1e17]
 
-when_compiled = pytest.mark.skipif(
-    os.environ.get("NUMBA_DISABLE_JIT") == "1", reason="numba is switched off: nothing is typed"
-)
+is_plain = os.environ.get("NUMBA_DISABLE_JIT") == "1"
+when_compiled = pytest.mark.skipif(is_plain, reason="numba is switched off: nothing is typed")
 
 
 def assert_same(found: Floats, expected: Floats) -> None:

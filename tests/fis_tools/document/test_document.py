@@ -14,6 +14,7 @@ from fis_tools.document.html import element
 from tests.policies import Page, check_policy
 
 NASTY = 'a|b <i>&"_c_ \\d{e} 5 % #f $g ^h ~j [k] *l*'
+CHANGES = (document.Change("N", "P"), document.Change("Z", "Z"))
 DOCUMENT = Document(
     [
         Heading(NASTY, 1),
@@ -21,11 +22,7 @@ DOCUMENT = Document(
         Heading("below", 3),
         document.Items([f"{NASTY}\nmore", "second"]),
         Table(["name", "number"], [[NASTY, "1"], ["b", "22"]], numbers=(1,)),
-        Table(
-            ["x \\ y", "low", "high"],
-            [["left", document.Change("N", "P"), document.Change("Z", "Z")]],
-            across="y",
-        ),
+        Table(["x \\ y", "low", "high"], [["left", *CHANGES]], across="y"),
         document.Code("python -m fis_tools show *.fis"),
         document.Figure('<svg class="drawn"></svg>'),
     ]

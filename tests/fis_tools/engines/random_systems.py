@@ -7,21 +7,10 @@ from typing import TypeVar, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from fis_tools.model import shapes
+from fis_tools.model import And, Consequent, Expression, FuzzySystem, Hedged, Is, Not, Or, Rule, shapes
 from fis_tools.model.operators import WEIGHING, Accumulation, AndOperator, Defuzzifier, Hedge, OrOperator
 from fis_tools.model.shapes import MembershipFunction
-from fis_tools.model.systems import (
-    And,
-    Consequent,
-    Expression,
-    FuzzySystem,
-    Hedged,
-    Is,
-    Not,
-    Or,
-    Rule,
-    table_rules,
-)
+from fis_tools.model.systems import table_rules
 from fis_tools.model.variables import Term, Variable
 
 Floats = NDArray[np.float64]
@@ -192,7 +181,7 @@ def _any_variable(generator: np.random.Generator, name: str, named: Callable[[st
     return replace(variable, terms=terms)
 
 
-def any_shape(generator: np.random.Generator, variable: Variable) -> MembershipFunction:  # noqa: PLR0911
+def any_shape(generator: np.random.Generator, variable: Variable) -> MembershipFunction:
     """One of all shapes; corners lie inside the universe, a little outside, or on its points."""
     low, high = variable.minimum, variable.maximum
     width = high - low
@@ -212,29 +201,22 @@ def any_shape(generator: np.random.Generator, variable: Variable) -> MembershipF
             5: shapes.SemiEllipse(a, c),
             6: shapes.Arc(c, a),
         }[kind]
-    match kind:
-        case 0:
-            return shapes.Gaussian(b, spreads[0])
-        case 1:
-            return shapes.Triangular(b if is_steep else a, b, c)
-        case 2:
-            return shapes.Trapezoidal(a, b, c, c if is_steep else d)
-        case 3:
-            return shapes.TwoSidedGaussian(b, spreads[0], c, spreads[1])
-        case 4:
-            return shapes.GeneralizedBell(spreads[0], float(generator.uniform(0.5, 6.0)), b)
-        case 5:
-            return shapes.Sigmoid(b, steepness[0] * float(generator.choice([-1.0, 1.0])))
-        case 6:
-            return shapes.SigmoidDifference(b, steepness[0], c, steepness[0])
-        case 7:
-            return shapes.SigmoidProduct(b, steepness[0], c, -steepness[1])
-        case 8 if a < c:
-            return shapes.SShape(a, c)
-        case 9 if b < d:
-            return shapes.ZShape(b, d)
-        case 10 if a < b and c < d:
-            return shapes.PiShape(a, b, c, d)
+    makers: dict[int, Callable[[], MembershipFunction]] = {
+        0: lambda: shapes.Gaussian(b, spreads[0]),
+        1: lambda: shapes.Triangular(b if is_steep else a, b, c),
+        2: lambda: shapes.Trapezoidal(a, b, c, c if is_steep else d),
+        3: lambda: shapes.TwoSidedGaussian(b, spreads[0], c, spreads[1]),
+        4: lambda: shapes.GeneralizedBell(spreads[0], float(generator.uniform(0.5, 6.0)), b),
+        5: lambda: shapes.Sigmoid(b, steepness[0] * float(generator.choice([-1.0, 1.0]))),
+        6: lambda: shapes.SigmoidDifference(b, steepness[0], c, steepness[0]),
+        7: lambda: shapes.SigmoidProduct(b, steepness[0], c, -steepness[1]),
+        8: lambda: shapes.SShape(a, c),
+        9: lambda: shapes.ZShape(b, d),
+        10: lambda: shapes.PiShape(a, b, c, d),
+    }
+    has_width = {8: a < c, 9: b < d, 10: a < b and c < d}
+    if kind in makers and has_width.get(kind, True):
+        return makers[kind]()
     values = np.clip(generator.uniform(-0.5, 1.5, variable.num_points), 0.0, 1.0)
     return shapes.Sampled(tuple(float(value) for value in values))
 

@@ -9,8 +9,8 @@ import pytest
 import skfuzzy
 from skfuzzy import control
 
-from fis_tools.engines import compiler, inference, interpreter
-from fis_tools.engines.compiler import CompiledSystem, NoRuleFired, compile
+from fis_tools.engines import compiler, interpreter
+from fis_tools.engines.compiler import NoRuleFired, compile
 from fis_tools.engines.inference import infer
 from fis_tools.model import Gaussian, Triangular, Variable
 from fis_tools.model.systems import And, Consequent, Expression, FuzzySystem, Is, Not, Or, Rule, table_rules
@@ -78,9 +78,8 @@ def system(base: float = 0.0, width: float = 30.0) -> FuzzySystem:
     """Two inputs that differ in meaning, with a gap between two terms, where no rule fires."""
     gap = terms(low=Triangular(0.0, 0.0, 4.0), high=Triangular(6.0, 10.0, 10.0))
     tastes = terms(bad=Gaussian(0.0, 4.0), good=Gaussian(10.0, 4.0))
-    amounts = terms(
-        small=Gaussian(base + 0.2 * width, width / 4), large=Gaussian(base + 0.9 * width, width / 4)
-    )
+    small, large = (Gaussian(base + share * width, width / 4) for share in (0.2, 0.9))
+    amounts = terms(small=small, large=large)
     inputs = (Variable("service", "", 0.0, 10.0, gap), Variable("food", "", 0.0, 10.0, tastes))
     output = Variable("tip", "", base, base + width, amounts, default=base + width / 2)
     rules = table_rules(inputs, output, ["small", "large", "small", "large"])
@@ -107,8 +106,8 @@ def test_columns_go_by_their_names(table: Any) -> None:
     np.testing.assert_array_equal(tip.firing_strengths(table), tip.firing_strengths(by_place))
     by_name, by_column = (step_by_step.evaluate(system(), one) for one in (table, by_place))
     np.testing.assert_array_equal(by_name, by_column)
-    named = inference.infer(system(), {"food": 8.0, "service": 1.0})
-    np.testing.assert_array_equal(named.values, inference.infer(system(), np.array([1.0, 8.0])).values)
+    named = infer(system(), {"food": 8.0, "service": 1.0})
+    np.testing.assert_array_equal(named.values, infer(system(), np.array([1.0, 8.0])).values)
 
 
 def test_a_table_without_an_input_is_refused() -> None:
@@ -187,12 +186,8 @@ def test_anything_else_is_refused():
         compile(FuzzySystem("broken", (), (), ()))
 
 
-def compiled_room() -> CompiledSystem:
-    return compile(ROOM)
-
-
 def test_mappings_come_back_as_mappings_of_the_same_shape():
-    room = compiled_room()
+    room = compile(ROOM)
     temperatures = np.linspace(-5.0, 45.0, 6).reshape(2, 3)
     outputs = room({"wind": 3.0, "temperature": temperatures})
     rows = np.stack([temperatures.ravel(), np.full(6, 3.0)], axis=1)
@@ -202,7 +197,7 @@ def test_mappings_come_back_as_mappings_of_the_same_shape():
 
 
 def test_values_out_of_range_and_infinite_ones_are_clipped():
-    for compiled in (compiled_room(), compile(FORCE_X)):
+    for compiled in (compile(ROOM), compile(FORCE_X)):
         (a, c), (b, d) = ends(compiled.system)
         beyond = compiled(np.array([[-np.inf, np.inf], [b + 7.0, c - 7.0]]))
         np.testing.assert_array_equal(beyond, compiled(np.array([[a, d], [b, c]])))
@@ -226,13 +221,13 @@ def test_nan_and_wrong_shapes_are_refused(system):
 
 def test_names_that_are_missing_or_unknown_are_told():
     with pytest.raises(ValueError, match="no input 'temprature'; did you mean 'temperature'"):
-        compiled_room()({"temprature": 3.0, "wind": 1.0})
+        compile(ROOM)({"temprature": 3.0, "wind": 1.0})
     with pytest.raises(ValueError, match="input 'wind' is missing; pass temperature, wind"):
-        compiled_room()({"temperature": 3.0})
+        compile(ROOM)({"temperature": 3.0})
 
 
 def test_no_samples_are_no_mistake():
-    for compiled in (compiled_room(), compile(FORCE_X)):
+    for compiled in (compile(ROOM), compile(FORCE_X)):
         assert compiled(np.empty((0, 2))).shape == (0, len(compiled.system.outputs))
         assert compiled.firing_strengths(np.empty((0, 2))).shape == (0, len(compiled.system.rules))
 

@@ -115,17 +115,9 @@ def test_decoded_genomes_are_encoded_back_up_to_the_cells_of_rules(genome):
 def test_genes_by_hand():
     """One input from -3 to 5 m with two terms; an output with three, of which the middle one moves."""
     encoding = SystemEncoding(UNEVEN[:1], BOUNDS)
-    assert encoding.gene_names() == [
-        "one.a.t0.standard_deviation",
-        "one.a.t1.standard_deviation",
-        "one.y.t1.mean",
-        "one.y.t0.standard_deviation",
-        "one.y.t1.standard_deviation",
-        "one.y.t2.standard_deviation",
-        "one.y.reach",
-        "one.rule_0",
-        "one.rule_1",
-    ]
+    widths = [f"one.{name}.standard_deviation" for name in ("a.t0", "a.t1", "y.t0", "y.t1", "y.t2")]
+    of_output = ["one.y.t1.mean", *widths[2:], "one.y.reach"]
+    assert encoding.gene_names() == [*widths[:2], *of_output, "one.rule_0", "one.rule_1"]
     (system,) = encoding.decode(np.array([0.0, 1.0, 1.0, 0.5, 0.0, 1.0, 0.5, 0.0, 1.0]))
     (first, second), (output,) = system.inputs[0].terms, system.outputs
     assert first.membership == Gaussian(-3.0, pytest.approx(0.04 * 8.0))

@@ -9,40 +9,23 @@ import pytest
 from fis_tools.analysis.measures import measure
 from fis_tools.engines.kernel import LANES, evaluate
 from fis_tools.engines.packing import NotCompilable, pack
-from fis_tools.genes.parameters import (
-    GREATEST_GAIN,
-    READABLE_GAIN,
-    KeptRules,
-    Planes,
-    Stretches,
-    SystemEncoding,
-)
+from fis_tools.genes import parameters
+from fis_tools.genes.parameters import GREATEST_GAIN, KeptRules, Planes, Stretches, SystemEncoding
 from fis_tools.model import FuzzySystem, Not, Term, Variable, rule_table, table_rules
 from fis_tools.model.shapes import Gaussian, Sampled, Sigmoid, Triangular
 from fis_tools.model.validate import InvalidSystem, problems
 from tests.fis_tools.engines.random_systems import full_table_system, inputs_for
-from tests.fis_tools.genes.test_parameters import BOUNDS, PAPER, UNEVEN
-from tests.fis_tools.sample_controllers import terms
+from tests.fis_tools.genes.test_parameters import BOUNDS, PAPER, UNEVEN, assert_same
+from tests.fis_tools.sample_controllers import gapped_system, terms
+from tests.fis_tools.step_by_step import ends
 
 #: of the range: inside, on a grid point, at and beyond the ends
 PLACES = np.array([0.0, 0.13, 0.25, 0.5, 0.77, 1.0, -3.0, 4.0])
 
 
-def sparse_system(default: float | None) -> FuzzySystem:
-    """Triangles with gaps between them: nothing fires from 0.25 to 0.4, from 0.6 to 0.75."""
-    apart = terms(
-        low=Triangular(0.0, 0.0, 0.25), middle=Triangular(0.4, 0.5, 0.6), high=Triangular(0.75, 1.0, 1.0)
-    )
-    sides = terms(left=Gaussian(-1.0, 0.2), none=Gaussian(0.0, 0.2), right=Gaussian(1.0, 0.2))
-    inputs = tuple(Variable(name, "", 0.0, 1.0, apart, num_points=21) for name in "ab")
-    output = Variable("y", "", -1.0, 1.0, sides, num_points=21, default=default)
-    rules = table_rules(inputs, output, ["left", "none", "right"] * 3)
-    return FuzzySystem("sparse", inputs, (output,), rules)
-
-
 def test_an_output_without_a_default_is_refused() -> None:
     with pytest.raises(InvalidSystem, match="output 'y' has no default; declare default"):
-        pack(sparse_system(None))
+        pack(gapped_system(None))
 
 
 def with_output(system: FuzzySystem, **changes: Any) -> FuzzySystem:
@@ -52,35 +35,35 @@ def with_output(system: FuzzySystem, **changes: Any) -> FuzzySystem:
 
 def of_inputs(*inputs: Variable) -> FuzzySystem:
     words = ["left"] * len(inputs[0].terms)
-    return replace(SPARSE, inputs=inputs, rules=table_rules(inputs, SPARSE.outputs[0], words))
+    return replace(GAPPED, inputs=inputs, rules=table_rules(inputs, GAPPED.outputs[0], words))
 
 
-SPARSE = sparse_system(0.0)
-NEGATED = replace(SPARSE.rules[0], antecedent=Not(SPARSE.rules[0].antecedent))
-TWO_PEAKS = (Term("left", Sampled((0.0, 1.0, 0.5, 1.0, 0.0))), *SPARSE.outputs[0].terms[1:])
+GAPPED = gapped_system(0.0)
+NEGATED = replace(GAPPED.rules[0], antecedent=Not(GAPPED.rules[0].antecedent))
+TWO_PEAKS = (Term("left", Sampled((0.0, 1.0, 0.5, 1.0, 0.0))), *GAPPED.outputs[0].terms[1:])
 MANY = Variable("a", "", 0.0, 1.0, terms(**{f"t{i}": Gaussian(i / 16, 0.1) for i in range(17)}), num_points=5)
-OWN_OPERATORS = replace(SPARSE, rules=tuple(replace(rule, and_operator="product") for rule in SPARSE.rules))
+OWN_OPERATORS = replace(GAPPED, rules=tuple(replace(rule, and_operator="product") for rule in GAPPED.rules))
 FOUR = tuple(replace(MANY, name=name, terms=MANY.terms[:1]) for name in "abcd")
 
 
 @pytest.mark.parametrize(
     ("system", "fact"),
     [
-        (replace(SPARSE, rules=(NEGATED,)), "its rules are not plain conjunctions"),
-        (replace(SPARSE, defuzzifier="mom"), "only minimum, maximum and centroid are covered"),
-        (replace(SPARSE, and_operator="product"), "only minimum, maximum and centroid are covered"),
-        (with_output(SPARSE, defuzzifier="som"), "only minimum, maximum and centroid are covered"),
-        (with_output(SPARSE, accumulation="bounded_sum"), "only minimum, maximum and centroid are covered"),
+        (replace(GAPPED, rules=(NEGATED,)), "its rules are not plain conjunctions"),
+        (replace(GAPPED, defuzzifier="mom"), "only minimum, maximum and centroid are covered"),
+        (replace(GAPPED, and_operator="product"), "only minimum, maximum and centroid are covered"),
+        (with_output(GAPPED, defuzzifier="som"), "only minimum, maximum and centroid are covered"),
+        (with_output(GAPPED, accumulation="bounded_sum"), "only minimum, maximum and centroid are covered"),
         (OWN_OPERATORS, "its rules are not plain conjunctions .* without operators of their own"),
-        (with_output(SPARSE, num_points=5, terms=TWO_PEAKS), "output term 'left' has more than one peak"),
-        (with_output(SPARSE, points=(-1.0, 0.5, 1.0), num_points=3), "the universe of 'y' is not evenly"),
+        (with_output(GAPPED, num_points=5, terms=TWO_PEAKS), "output term 'left' has more than one peak"),
+        (with_output(GAPPED, points=(-1.0, 0.5, 1.0), num_points=3), "the universe of 'y' is not evenly"),
         (of_inputs(*FOUR), "it has 4 inputs, 1 to 3 are covered"),
         (of_inputs(MANY), "'a' has 17 terms, at most 16 are covered"),
     ],
 )
 def test_what_the_kernel_does_not_cover_is_refused_with_the_way_out(system: FuzzySystem, fact: str) -> None:
     assert problems(system) == []
-    told = f"'sparse' cannot be compiled: {fact}.*; evaluate it with fis_tools"
+    told = f"'gapped' cannot be compiled: {fact}.*; evaluate it with fis_tools"
     with pytest.raises(NotCompilable, match=told):
         pack(system)
 
@@ -90,7 +73,7 @@ def test_a_batch_of_any_length_is_its_rows_bit_for_bit(num_rows: int) -> None:
     generator = np.random.default_rng(num_rows)
     smooth = full_table_system(generator, 3, is_smooth=True)
     for system, rows in (
-        (sparse_system(0.625), generator.choice(PLACES, (num_rows, 2))),
+        (gapped_system(0.625), generator.choice(PLACES, (num_rows, 2))),
         (smooth, inputs_for(smooth, generator, num_rows)),
     ):
         packed = pack(system)
@@ -99,10 +82,10 @@ def test_a_batch_of_any_length_is_its_rows_bit_for_bit(num_rows: int) -> None:
 
 
 def test_each_of_a_controllers_systems_is_evaluated_as_if_alone() -> None:
-    systems = (PAPER[0], sparse_system(0.625), PAPER[2])
+    systems = (PAPER[0], gapped_system(0.625), PAPER[2])
     packed = pack(*systems)
     for index, system in enumerate(systems):
-        low, high = (np.array([getattr(v, end) for v in system.inputs]) for end in ("minimum", "maximum"))
+        low, high = ends(system)
         rows = low + PLACES[:5, np.newaxis] * (high - low)
         np.testing.assert_array_equal(evaluate(packed, rows, index), evaluate(pack(system), rows))
 
@@ -152,9 +135,7 @@ def test_a_population_is_packed_as_its_controllers_are() -> None:
     genomes = np.random.default_rng(6).random((4, stretches.num_genes))
     population = stretches.pack(genomes)
     for row, genome in enumerate(genomes):
-        alone = pack(*stretches.decode(genome))
-        np.testing.assert_array_equal(population.values[row], alone.values[0])
-        np.testing.assert_array_equal(population.rules[row], alone.rules[0])
+        assert_same(population, pack(*stretches.decode(genome)), row)
         for system in stretches.decode(genome):
             np.testing.assert_array_equal(rule_table(system), rule_table(DRAWN))
 
@@ -162,7 +143,7 @@ def test_a_population_is_packed_as_its_controllers_are() -> None:
 def test_gains_lay_tables_out_and_are_found_again() -> None:
     stretches = Stretches((DRAWN,), (0.5, 2.0), True)
     genome = np.full(5, 0.5)
-    genome[:2] = 0.5 + 0.5 * np.array([1.0, -0.5]) / READABLE_GAIN
+    genome[:2] = 0.5 + 0.5 * np.array([1.0, -0.5]) / parameters.READABLE_GAIN
     (system,) = stretches.decode(genome)
     np.testing.assert_array_equal(rule_table(system).reshape(3, 3), [[1, 0, 0], [3, 2, 1], [4, 4, 3]])
     np.testing.assert_allclose(stretches.encode((system,)), genome, atol=0.1)

@@ -1,43 +1,19 @@
 """Every way in which a system can be wrong is told, and a right one passes."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 
-import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from fis_tools.formats.exchange import fis, fll
 from fis_tools.formats.serialize import dump_json
-from fis_tools.model import (
-    And,
-    Consequent,
-    FuzzyController,
-    FuzzySystem,
-    Hedged,
-    Is,
-    Not,
-    Or,
-    Rule,
-    Term,
-    validate,
-)
+from fis_tools.model import And, Consequent, FuzzySystem, Hedged, Is, Not, Or, Rule, shapes, validate
 from fis_tools.model.numbers import Formula, Linear
-from fis_tools.model.shapes import (
-    SHAPES,
-    Gaussian,
-    MembershipFunction,
-    Sampled,
-    Sigmoid,
-    Triangular,
-    TwoSidedGaussian,
-    Width,
-    ZShape,
-)
-from fis_tools.model.systems import Expression
-from fis_tools.model.validate import MAX_NESTING, InvalidSystem, controller_problems, problems, shape_problems
-from fis_tools.model.variables import Variable
+from fis_tools.model.shapes import SHAPES, Gaussian, MembershipFunction, Sampled, Triangular
+from fis_tools.model.systems import Expression, FuzzyController
+from fis_tools.model.validate import MAX_NESTING, InvalidSystem, controller_problems, problems
+from fis_tools.model.variables import Term, Variable
 from tests.fis_tools.sample_controllers import FORCE_X, GENERAL, PAPER_LIKE, force
 
 NAN, INF = float("nan"), float("inf")
@@ -45,16 +21,6 @@ NAN, INF = float("nan"), float("inf")
 
 class _Narrow(Gaussian):
     """A shape made from one of ours."""
-
-
-@dataclass(frozen=True, slots=True)
-class _Unregistered(MembershipFunction):
-    """A shape that is not in the registry, so that nothing can tell that its width must be positive."""
-
-    width: Width
-
-    def at(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
-        return np.exp(-np.abs(x) / self.width)
 
 
 def _with_membership(membership: MembershipFunction) -> FuzzySystem:
@@ -81,10 +47,6 @@ def _with_own_operators(**changes: object) -> FuzzySystem:
     return replace(FORCE_X, rules=(replace(first, **changes), *rest))  # type: ignore[arg-type]
 
 
-def _labelled(label: str) -> Rule:
-    return replace(FORCE_X.rules[0], label=label)
-
-
 def _nested(depth: int) -> Expression:
     expression: Expression = Is("distance", "near")
     for _ in range(depth):
@@ -106,15 +68,14 @@ def test_right_controllers_have_no_problems(controller: FuzzyController) -> None
         (_with_membership(Gaussian(0.0, 0.0)), ["standard deviation 0.0", "above 0"]),
         (_with_membership(Gaussian(0.0, 1e-170)), ["under- or overflows"]),
         (_with_membership(Triangular(0.0, 2.0, 1.0)), ["left, peak, right", "ascend"]),
-        (_with_membership(TwoSidedGaussian(1.0, 1.0, 2.0, 0.0)), ["right standard deviation 0.0"]),
-        (_with_membership(ZShape(2.0, 2.0)), ["top, foot", "no width", "trapezoidal"]),
+        (_with_membership(shapes.TwoSidedGaussian(1.0, 1.0, 2.0, 0.0)), ["right standard deviation 0.0"]),
+        (_with_membership(shapes.ZShape(2.0, 2.0)), ["top, foot", "no width", "trapezoidal"]),
         (_with_membership(Gaussian(0.0, None)), ["mean, standard_deviation", "finite numbers"]),  # type: ignore[arg-type]
         (_with_membership(Gaussian(0.0, True)), ["mean, standard_deviation", "finite numbers"]),
         (_with_membership(Triangular("a", 1.0, 2.0)), ["left, peak, right", "finite numbers"]),  # type: ignore[arg-type]
-        (_with_membership(Sigmoid(1j, 1.0)), ["inflection, slope", "finite numbers"]),  # type: ignore[arg-type]
+        (_with_membership(shapes.Sigmoid(1j, 1.0)), ["inflection, slope", "finite numbers"]),  # type: ignore[arg-type]
         (_with_membership(None), ["NoneType is not a known shape", "Gaussian, Triangular"]),  # type: ignore[arg-type]
         (_with_membership(_Narrow(0.0, 1.0)), ["_Narrow is not a known shape", "Gaussian, Triangular"]),
-        (_with_membership(_Unregistered(-1.0)), ["_Unregistered is not a known shape"]),
         (_with_membership(Sampled(("x",) * 101)), ["not a number"]),  # type: ignore[arg-type]
         (_with_membership(Sampled((0.0, 1.0))), ["2 membership values", "101 points"]),
         (_with_membership(Sampled((1.5,) * 101)), ["outside [0, 1]"]),
@@ -168,7 +129,7 @@ def test_right_controllers_have_no_problems(controller: FuzzyController) -> None
         (_with_rule(_nested(1), Consequent("force_x", "ZE", 1.5)), ["weight 1.5", "outside [0, 1]"]),
         (_with_rule(_nested(1), Consequent("force_x", "ZE", NAN)), ["weight nan"]),
         (replace(FORCE_X, rules=(Rule(_nested(1), ()),)), ["concludes nothing"]),
-        (replace(FORCE_X, rules=(_labelled("a"),) * 2), ["2 rules called 'a'"]),
+        (replace(FORCE_X, rules=(replace(FORCE_X.rules[0], label="a"),) * 2), ["2 rules called 'a'"]),
     ],
 )
 def test_each_problem_is_told_in_one_sentence(system: FuzzySystem, words: list[str]) -> None:
@@ -219,20 +180,16 @@ def test_every_parameter_of_every_shape_has_its_limits(kind: type[MembershipFunc
         "exponent": (-1.0, 0.0, INF),
     }
     right = [1.0 + place for place in range(len(kind.entry.kinds))]
-    assert _shape_faults(kind(*right)) == []
+    assert not list(validate.parameter_problems(kind(*right)))
     for place, what in enumerate(kind.entry.kinds.values()):
         for value in wrong[what]:
             numbers = [value if index == place else number for index, number in enumerate(right)]
-            assert len(_shape_faults(kind(*numbers))) == 1
+            assert len(list(validate.parameter_problems(kind(*numbers)))) == 1
     for left, following in pairwise(kind.entry.ascending):
         swapped = replace(kind(*right), **{left: 9.0, following: 0.5})
-        assert any("do not ascend" in fault for fault in _shape_faults(swapped))
+        assert any("do not ascend" in fault for fault in validate.parameter_problems(swapped))
     for foot, top in kind.entry.flanks:
-        assert _shape_faults(replace(kind(*right), **{foot: 1.5, top: 1.5})) != []
-
-
-def _shape_faults(shape: MembershipFunction) -> list[str]:
-    return list(shape_problems(shape, 101))
+        assert list(validate.parameter_problems(replace(kind(*right), **{foot: 1.5, top: 1.5})))
 
 
 @pytest.mark.parametrize("write", [dump_json, fis.write, fll.write])

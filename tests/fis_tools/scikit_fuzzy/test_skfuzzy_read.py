@@ -2,7 +2,7 @@
 
 import operator
 from dataclasses import replace
-from functools import partial
+from functools import partial, reduce
 from typing import Any
 
 import networkx as nx
@@ -22,16 +22,18 @@ from fis_tools.scikit_fuzzy.recognition import recognise
 from tests.fis_tools import step_by_step
 from tests.fis_tools.control_systems import build_control_system, build_simulation
 from tests.fis_tools.engines.random_systems import any_shape, inputs_for, random_general_system
-from tests.fis_tools.sample_controllers import FORCE_X, FORCE_Z, GENERAL, terms
+from tests.fis_tools.sample_controllers import FORCE_X, FORCE_Z, GENERAL
 from tests.seeds import seeds
 
 
+def _graded(variable: Any) -> Any:
+    variable.automf(3)
+    return variable
+
+
 def _variables() -> tuple[Any, Any, Any]:
-    a, b = (control.Antecedent(np.arange(0, 11), name) for name in ("a", "b"))
-    y = control.Consequent(np.linspace(0, 1, 21), "y")
-    for variable in (a, b, y):
-        variable.automf(3)
-    return a, b, y
+    a, b = (_graded(control.Antecedent(np.arange(0, 11), name)) for name in "ab")
+    return a, b, _graded(control.Consequent(np.linspace(0, 1, 21), "y"))
 
 
 def _read(*rules: control.Rule, **options: Any) -> FuzzySystem:
@@ -40,10 +42,9 @@ def _read(*rules: control.Rule, **options: Any) -> FuzzySystem:
 
 def test_the_tipping_problem_is_read_as_it_was_written():
     """The example of scikit-fuzzy's documentation, with `automf` for the inputs."""
-    quality, service = (control.Antecedent(np.arange(0, 11, 1), name) for name in ("quality", "service"))
+    names = ("quality", "service")
+    quality, service = (_graded(control.Antecedent(np.arange(0, 11, 1), name)) for name in names)
     tip = control.Consequent(np.arange(0, 26, 1), "tip")
-    quality.automf(3)
-    service.automf(3)
     for name, corners in (("low", [0, 0, 13]), ("medium", [0, 13, 25]), ("high", [13, 25, 25])):
         tip[name] = skfuzzy.trimf(tip.universe, corners)
     rules = [
@@ -52,18 +53,14 @@ def test_the_tipping_problem_is_read_as_it_was_written():
         control.Rule(service["good"] | quality["good"], tip["high"]),
     ]
     source = control.ControlSystem(rules)
-    degrees = terms(
-        poor=shapes.Triangular(0.0, 0.0, 5.0),
-        average=shapes.Triangular(0.0, 5.0, 10.0),
-        good=shapes.Triangular(5.0, 10.0, 10.0),
-    )
-    tips = terms(
-        low=shapes.Triangular(0.0, 0.0, 13.0),
-        medium=shapes.Triangular(0.0, 13.0, 25.0),
-        high=shapes.Triangular(13.0, 25.0, 25.0),
-    )
+
+    def triangles(**corners):
+        return tuple(Term(name, shapes.Triangular(*places)) for name, places in corners.items())
+
+    degrees = triangles(poor=(0.0, 0.0, 5.0), average=(0.0, 5.0, 10.0), good=(5.0, 10.0, 10.0))
+    tips = triangles(low=(0.0, 0.0, 13.0), medium=(0.0, 13.0, 25.0), high=(13.0, 25.0, 25.0))
     system = read_control_system(source, "tipping")
-    assert system.inputs == tuple(Variable(n, "", 0.0, 10.0, degrees, 11) for n in ("quality", "service"))
+    assert system.inputs == tuple(Variable(n, "", 0.0, 10.0, degrees, 11) for n in names)
     assert system.outputs == (Variable("tip", "", 0.0, 25.0, tips, 26, default=0.0),)
     assert system.rules == (
         Rule(Or((Is("quality", "poor"), Is("service", "poor"))), (Consequent("tip", "low"),)),
@@ -75,11 +72,6 @@ def test_the_tipping_problem_is_read_as_it_was_written():
     assert infer(system, np.array([6.5, 9.8])).values[0] == pytest.approx(19.84, abs=0.01)
 
 
-def _told_by_scikit_fuzzy(system: FuzzySystem) -> FuzzySystem:
-    """Leave out what a ControlSystem has no place for."""
-    return with_variables(system, lambda variable: replace(variable, unit="", description=""))
-
-
 def with_an_unused_input() -> FuzzySystem:
     """The force system, its inputs the other way round, and one that no rule mentions before them."""
     unused = replace(FORCE_X.inputs[0], name="unused")
@@ -89,8 +81,9 @@ def with_an_unused_input() -> FuzzySystem:
 @pytest.mark.parametrize("system", [FORCE_X, FORCE_Z, *GENERAL.systems, with_an_unused_input()])
 def test_a_system_survives_being_built_and_read(system):
     defaults = {output.name: output.default for output in system.outputs if output.default is not None}
-    built = build_control_system(system)
-    assert read_control_system(built, system.name, defaults=defaults) == _told_by_scikit_fuzzy(system)
+    read = read_control_system(build_control_system(system), system.name, defaults=defaults)
+    # a ControlSystem has no place for the rest
+    assert read == with_variables(system, lambda variable: replace(variable, unit="", description=""))
 
 
 def test_a_simulation_is_read_like_its_system():
@@ -129,8 +122,7 @@ def test_labels_of_persons_are_kept_and_told_apart_and_scikit_fuzzys_are_not(lab
 
 def test_methods_are_those_of_most_and_the_rest_says_so():
     a, b, y = _variables()
-    z = control.Consequent(np.linspace(0, 1, 5), "z", "SOM")
-    z.automf(3)
+    z = _graded(control.Consequent(np.linspace(0, 1, 5), "z", "SOM"))
     z.accumulation_method = operators.bounded_sum
     rules = [
         control.Rule(a["poor"] & b["poor"], y["good"], and_func=np.multiply),
@@ -149,8 +141,7 @@ def test_methods_are_those_of_most_and_the_rest_says_so():
 
 def test_defaults_are_zero_or_nearest_to_it_unless_given():
     a, _, y = _variables()
-    heat = control.Consequent(np.linspace(15, 30, 11), "heat")
-    heat.automf(3)
+    heat = _graded(control.Consequent(np.linspace(15, 30, 11), "heat"))
     rule = control.Rule(a["poor"], (y["good"], heat["good"]))
     assert [output.default for output in _read(rule).outputs] == [0.0, 15.0]
     given = _read(rule, defaults={"heat": 20.0})
@@ -187,16 +178,14 @@ def _input_with(universe: Any, membership: Any) -> None:
 def _chained(weight: float = 1.0, and_func: Any = np.fmin) -> None:
     """A chain of two rules."""
     a, b, y = _variables()
-    z = control.Consequent(np.arange(5), "z")
-    z.automf(3)
+    z = _graded(control.Consequent(np.arange(5), "z"))
     before = control.Rule(a["poor"] & b["poor"], y["good"] % weight, and_func=and_func)
     _read(before, control.Rule(y["good"] & b["poor"], z["good"], "last"))
 
 
 def _without_its_source() -> None:
     a, _, y = _variables()
-    z = control.Consequent(np.arange(5), "z")
-    z.automf(3)
+    z = _graded(control.Consequent(np.arange(5), "z"))
     source = control.ControlSystem([control.Rule(a["poor"], y["poor"])])
     source.graph = nx.compose(source.graph, control.Rule(y["good"], z["good"]).graph)
     read_control_system(source)
@@ -222,15 +211,14 @@ def _concluding(method: str = "centroid", weight: float = 1.0) -> None:
 
 def _nested() -> None:
     a, _, y = _variables()
-    tree = a["poor"]
-    for _ in range(30):
-        tree = ~tree
-    _read(control.Rule(tree, y["good"], "deep"))
+    _read(control.Rule(reduce(lambda tree, _: ~tree, range(30), a["poor"]), y["good"], "deep"))
 
 
 AND_CURE = "pass a function of fis_tools.model.operators: min, product"
 OR_CURE = "pass a function of fis_tools.model.operators: max, probabilistic_sum"
 FIVE = np.arange(5.0)
+SINGLE = FIVE.astype(np.float32)
+ABOVE_ONE = np.array([0.0, 1.0 + 5e-7, 0.0])
 
 
 def _product(p: float, q: float) -> float:
@@ -261,18 +249,12 @@ class _Unhashable:
         (_concluding_an_input, ["rule 'odd' concludes 'b'", "make it a Consequent"]),
         (_with_terms_made_again, ["rule 'old' mentions a term 'poor' that 'a' no longer has"]),
         (_nested, ["rule 'deep' nests", "more than 20 deep", "split the rule"]),
-        (
-            partial(_input_with, FIVE.astype(np.float32), np.zeros(5)),
-            ["'c' is stored as float32", "as float64"],
-        ),
+        (partial(_input_with, SINGLE, np.zeros(5)), ["'c' is stored as float32", "as float64"]),
         (partial(_input_with, FIVE, np.eye(5, dtype=np.uint8)[0]), ["term 'odd' is stored as uint8"]),
         (partial(_input_with, FIVE, np.eye(5, dtype=bool)[0]), ["as bool, with which", "rounds or fails"]),
         (partial(_input_with, FIVE[::-1], np.zeros(5)), ["universe of 'c'", "ascending", "sort it"]),
         (partial(_input_with, np.array([1.0]), np.zeros(1)), ["two or more ascending numbers"]),
-        (
-            partial(_input_with, FIVE[:3], np.array([0.0, 1.0 + 5e-7, 0.0])),
-            ["'odd' runs from 0 to 1", "in [0, 1]"],
-        ),
+        (partial(_input_with, FIVE[:3], ABOVE_ONE), ["'odd' runs from 0 to 1", "in [0, 1]"]),
         (partial(_input_with, FIVE[:3], np.array([0.0, np.nan, 0.0])), ["term 'odd' runs from nan"]),
         (partial(_input_with, np.arange(4.0), np.zeros((2, 2))), ["has shape (2, 2), the universe (4,)"]),
     ],
@@ -286,8 +268,7 @@ def test_what_a_fuzzy_system_cannot_say_is_refused(make, words):
 
 def test_variables_of_one_name_are_refused():
     a, _, y = _variables()
-    twin = control.Antecedent(np.arange(0, 11), "a")
-    twin.automf(3)
+    twin = _graded(control.Antecedent(np.arange(0, 11), "a"))
     with pytest.raises(UnreadableControlSystem, match="2 variables called 'a'"):
         _read(control.Rule(a["poor"] & twin["good"], y["good"]))
 
@@ -340,9 +321,7 @@ GRID = np.linspace(0.0, 10.0, 101)
     ],
 )
 def test_what_scikit_fuzzy_samples_is_found_again(values, expected):
-    assert recognise(GRID, values) == (
-        shapes.Sampled(tuple(values.tolist())) if expected is None else expected
-    )
+    assert recognise(GRID, values) == (expected or shapes.Sampled(tuple(values.tolist())))
 
 
 @settings(max_examples=60, deadline=None)
