@@ -51,9 +51,8 @@ def test_antecedents_in_words(expression, words) -> None:
 
 
 def test_rules_in_words() -> None:
-    assert text.sentences(FORCE_X)[4] == (
-        "If distance is very near and velocity_body_x is towards fast then force_x is NL"
-    )
+    fifth = "If distance is very near and velocity_body_x is towards fast then force_x is NL"
+    assert text.sentences(FORCE_X)[4] == fifth
     assert text.sentences(ROOM)[0] == (
         "[warm up] If temperature is cold and (wind is calm or temperature is not hot) "
         "then heat is high and vent is open (weight 0.25)"
@@ -61,11 +60,10 @@ def test_rules_in_words() -> None:
 
 
 def test_ways_of_its_own_are_said_where_they_count() -> None:
-    system = ROOM
-    first, second = system.rules
-    heat, vent = system.outputs
+    first, second = ROOM.rules
+    heat, vent = ROOM.outputs
     system = replace(
-        system,
+        ROOM,
         rules=(replace(first, and_operator="min", or_operator="bounded_sum"), second),
         outputs=(replace(heat, defuzzifier="mom"), replace(vent, accumulation="einstein_sum")),
     )
@@ -136,9 +134,7 @@ def test_an_inference_is_explained_step_by_step() -> None:
 
 
 def test_an_inference_in_which_nothing_fires_is_explained() -> None:
-    system = ROOM
-    system = replace(system, rules=system.rules[1:])
-    told = text.explain(infer(system, np.array([0.0, 16.0])))
+    told = text.explain(infer(replace(ROOM, rules=ROOM.rules[1:]), np.array([0.0, 16.0])))
     assert "no rule fires" in told
     assert "      none" in told
     assert "heat = 0.5 kW, its default" in told
@@ -152,12 +148,8 @@ def test_csv_has_a_row_for_each_rule_and_consequent() -> None:
     assert told.items() <= row.items()
     assert (row["term"], row["eta_u"]) == ("NS", "")
     general = list(csv.DictReader(io.StringIO(csv_format.write(GENERAL))))
-    assert [(row["output"], row["term"], row["weight"]) for row in general] == [
-        ("heat", "high", "1.0"),
-        ("vent", "open", "0.25"),
-        ("heat", "low", "0.75"),
-        ("vent", "open", "1.0"),
-    ]
+    concluded = [" ".join((row["output"], row["term"], row["weight"])) for row in general]
+    assert concluded == ["heat high 1.0", "vent open 0.25", "heat low 0.75", "vent open 1.0"]
     assert [row["temperature"] for row in general] == ["", "", "hot", "hot"]
 
 
@@ -178,12 +170,14 @@ def variable(name, **changes):
 def controller(inputs, rules):
     outputs = [variable("y", default=0.0)]
     system = {"name": "s", "inputs": inputs, "outputs": outputs, "rules": rules}
-    mapping = {"schema": "fuzzy-controller", "schema_version": 1, "name": "c", "systems": [system]}
-    return json.dumps(mapping)
+    return json.dumps({"schema": "fuzzy-controller", "schema_version": 1, "name": "c", "systems": [system]})
 
 
 def terms(number):
     return [{"name": f"t{i}", "mean": i / number, "standard_deviation": 0.1} for i in range(number)]
+
+
+MANY_TERMS = variable("x", terms=terms(1000), points=10_001)
 
 
 def test_a_number_of_a_million_digits_with_a_letter_behind_it_takes_no_time():
@@ -209,10 +203,7 @@ def test_of_very_many_problems_the_first_are_told():
     [
         (controller([variable(f"x{i}") for i in range(24)], ["low"]), "has 24 inputs; at most 12 are read"),
         (controller([variable("x", terms=terms(3000))], ["low"] * 3000), "3000 terms of one variable"),
-        (
-            controller([variable("x", terms=terms(1000), points=10_001)], ["low"] * 1000),
-            "memberships, terms times points; at most",
-        ),
+        (controller([MANY_TERMS], ["low"] * 1000), "memberships, terms times points; at most"),
     ],
     ids=["inputs", "terms", "memberships"],
 )

@@ -5,6 +5,7 @@ import math
 import operator
 from collections.abc import Callable
 from dataclasses import replace
+from functools import reduce
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from typing import Any
@@ -133,9 +134,7 @@ def _edited(change: Callable[[dict[str, Any]], object]) -> dict[str, Any]:
 
 
 def _within(mapping: Any, path: tuple[Any, ...]) -> Any:
-    for step in path:
-        mapping = mapping[step]
-    return mapping
+    return reduce(operator.getitem, path, mapping)
 
 
 def _edit(*path: Any, to: Any) -> Callable[[dict[str, Any]], None]:
@@ -149,6 +148,8 @@ def _drop(*path: Any) -> Callable[[dict[str, Any]], None]:
 SYSTEM = ("systems", 0)
 INPUT = (*SYSTEM, "inputs", 0)
 TERM = (*INPUT, "terms", 0)
+RULES = (*SYSTEM, "rules")
+ASKED = {"is": ["a", "b"]}
 
 
 @pytest.mark.parametrize(
@@ -184,26 +185,20 @@ TERM = (*INPUT, "terms", 0)
         (_edit(*INPUT, "points", to=10**9), ["points is more than 4000000"]),
         (_edit(*INPUT, "universe", to=[0, 1]), ["unknown key 'range'"]),
         (_edit(*INPUT, "default", to=1), ["unknown key 'default'"]),
-        (_edit(*SYSTEM, "rules", to=["NL"] * 24), ["25 rules", "24 consequents"]),
-        (_edit(*SYSTEM, "rules", 7, to="XL"), ["rule 8", "no term 'XL'"]),
-        (_edit(*SYSTEM, "rules", 7, to=7), ["rules[0] is 'PL'"]),
-        (_edit(*SYSTEM, "rules", to=None), ["rules is empty"]),
-        (_edit(*SYSTEM, "rules", to=[{"if": {}, "then": []}]), ["expected one of is, not, and, or"]),
-        (_edit(*SYSTEM, "rules", to=[{"if": {"xor": []}, "then": []}]), ["unknown word 'xor'"]),
-        (
-            _edit(*SYSTEM, "rules", to=[{"if": {"is": ["distance"]}, "then": []}]),
-            ["1 words", "[variable, term]"],
-        ),
-        (_edit(*SYSTEM, "rules", to=[{"if": {"is": ["a", "b"]}}]), ["'then' is missing"]),
+        (_edit(*RULES, to=["NL"] * 24), ["25 rules", "24 consequents"]),
+        (_edit(*RULES, 7, to="XL"), ["rule 8", "no term 'XL'"]),
+        (_edit(*RULES, 7, to=7), ["rules[0] is 'PL'"]),
+        (_edit(*RULES, to=None), ["rules is empty"]),
+        (_edit(*RULES, to=[{"if": {}, "then": []}]), ["expected one of is, not, and, or"]),
+        (_edit(*RULES, to=[{"if": {"xor": []}, "then": []}]), ["unknown word 'xor'"]),
+        (_edit(*RULES, to=[{"if": {"is": ["distance"]}, "then": []}]), ["1 words", "[variable, term]"]),
+        (_edit(*RULES, to=[{"if": ASKED}]), ["'then' is missing"]),
         (_edit(*SYSTEM, "defuzzifier", to=None), ["defuzzifier is empty", "expected a word"]),
         (_edit(*SYSTEM, "outputs", 0, "accumulation", to=1), ["accumulation is 1", "expected a word"]),
         (_edit(*INPUT, "accumulation", to="max"), ["unknown key 'accumulation'"]),
         (_edit(*TERM, "shape", to="pi_shape"), ["unknown key 'mean'", "left_top"]),
         (_edit(*TERM, to={"name": "near", "shape": "s_shape", "foot": 1.0}), ["'top' is missing"]),
-        (
-            _edit(*SYSTEM, "rules", to=[{"if": {"is": ["a", "b"]}, "then": [], "and_operator": 2}]),
-            ["rules[0].and_operator is 2"],
-        ),
+        (_edit(*RULES, to=[{"if": ASKED, "then": [], "and_operator": 2}]), ["rules[0].and_operator is 2"]),
     ],
 )
 def test_wrong_content_is_refused_with_a_sentence(change, words):

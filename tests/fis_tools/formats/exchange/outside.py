@@ -53,9 +53,8 @@ def fuzzylite_outputs(path: Path, inputs: Floats, folder: Path) -> Floats:
     understood, samples, results = folder / "understood.fll", folder / "samples.fld", folder / "results.fld"
     many = ["-decimals", "15"]
     _run([fuzzylite, "-i", str(path), "-o", str(understood), *many])
-    engine, count = re.subn(
-        r"(defuzzifier: \w+) \d+", rf"\1 {NUM_POINTS - 1}", understood.read_text(encoding="utf-8")
-    )
+    text = understood.read_text(encoding="utf-8")
+    engine, count = re.subn(r"(defuzzifier: \w+) \d+", rf"\1 {NUM_POINTS - 1}", text)
     assert count or "defuzzifier: Weighted" in engine
     understood.write_text(engine, encoding="utf-8")
     np.savetxt(samples, inputs, fmt="%.17g")

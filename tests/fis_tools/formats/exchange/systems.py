@@ -49,6 +49,5 @@ def written(folder: Path, system: FuzzySystem, form: ModuleType) -> Path:
 
 def alone(system: FuzzySystem) -> FuzzyController:
     """A controller with one system and facts of its own."""
-    return FuzzyController(
-        "exchanged", (system,), (("axis", "x"), ("note", "a -- b */ <c> & 'd' # e")), (("made_by", "hand"),)
-    )
+    attributes = (("axis", "x"), ("note", "a -- b */ <c> & 'd' # e"))
+    return FuzzyController("exchanged", (system,), attributes, (("made_by", "hand"),))

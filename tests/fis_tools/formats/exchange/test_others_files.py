@@ -12,9 +12,11 @@ from fis_tools.errors import ControllerFileError
 from fis_tools.formats import serialize
 from fis_tools.formats.exchange import fis, fll
 from fis_tools.model import FuzzyController, FuzzySystem, Hedged, Is, Not, Or, Triangular
+from tests.fis_tools import step_by_step
+from tests.fis_tools.engines import weighed_systems
 from tests.fis_tools.engines.random_systems import otherwise
 from tests.fis_tools.formats.exchange.outside import NUM_POINTS, Floats, fuzzylite_outputs, octave_outputs
-from tests.fis_tools.formats.exchange.systems import DENIED, FLAT, NESTED, fine, written
+from tests.fis_tools.formats.exchange.systems import DENIED, FLAT, NESTED, fine, without_comment, written
 from tests.fis_tools.sample_controllers import FORCE_X
 from tests.places import PROJECT
 from tests.programs import library
@@ -96,8 +98,6 @@ EXAMPLES = PROJECT / "docs" / "examples"
 
 
 TOLERANCE = 5e-5
-TOLERANCE_BETWEEN_POINTS = 1e-3
-
 OCTAVES_OWN = "/usr/share/octave/packages/fuzzy-logic-toolkit-0.4.6/mamdani_tip_calculator.fis"
 
 
@@ -114,10 +114,9 @@ SYSTEMS = {name: fine(system, NUM_POINTS) for name, system in NAMED.items()}
 
 
 def assert_near(system: FuzzySystem, ours: Floats, theirs: Floats, tolerance: float = TOLERANCE) -> None:
-    assert theirs.shape == ours.shape
-    widths = np.array([output.maximum - output.minimum for output in system.outputs])
-    assert np.ptp(ours, axis=0).min() > 0.1 * widths.min()
-    assert (np.abs(ours - theirs) / widths).max() < tolerance
+    narrowest = min(output.maximum - output.minimum for output in system.outputs)
+    assert np.ptp(ours, axis=0).min() > 0.1 * narrowest
+    step_by_step.assert_near(theirs, ours, system, tolerance)
 
 
 @pytest.mark.slow
@@ -133,10 +132,17 @@ def test_octave_evaluates_our_files_as_we_do(tmp_path):
     for name in ("as it is", "octaves"):
         chosen[name] = fine(serialize.load(files[name]).systems[0], NUM_POINTS)
         inputs[name] = spread_inputs(chosen[name], 5)
+    # outputs that are weighed, of systems as others see them
+    for name in ("constant", "linear", "constant_sum"):
+        files[name] = written(tmp_path, replace(weighed_systems.SYSTEMS[name], name=name), fis)
+        visible = without_comment(files[name].read_text(encoding="utf-8"))
+        (chosen[name],) = fis.read(visible).controller.systems
+        inputs[name] = np.clip(weighed_systems.samples(chosen[name], 6), 0.0, 10.0)
     theirs = octave_outputs(files, inputs, tmp_path)
+    tolerances = {"octaves": 1e-3, "constant": 1e-5, "linear": 1e-5, "constant_sum": 1e-5}
     for name, system in chosen.items():
-        tolerance = TOLERANCE_BETWEEN_POINTS if name == "octaves" else TOLERANCE
-        assert_near(system, compile(system)(inputs[name]), theirs[name], tolerance)
+        outputs = compile(system)(inputs[name])
+        assert_near(system, outputs, theirs[name], tolerances.get(name, TOLERANCE))
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,6 @@
 """What is written and read back is equal: all of it with our comment, all that the format holds without."""
 
 from dataclasses import replace
-from types import ModuleType
 
 import numpy as np
 import pytest
@@ -9,13 +8,14 @@ import pytest
 from fis_tools.analysis.arrays import spread_inputs
 from fis_tools.engines.compiler import compile
 from fis_tools.formats import serialize
-from fis_tools.formats.exchange import antecedents, fis, fll
+from fis_tools.formats.exchange import fis, fll
 from fis_tools.formats.exchange.antecedents import NotExpressible
 from fis_tools.formats.exchange.dialect import express
 from fis_tools.formats.exchange.writing import EDITED
 from fis_tools.formats.serialize import ControllerFileError
 from fis_tools.model import And, Consequent, FuzzyController, FuzzySystem, Hedged, Is, Not, Or, Rule, Term
 from fis_tools.model.shapes import Gaussian, Sampled
+from fis_tools.model.systems import with_variables
 from tests.fis_tools.engines.random_systems import hedged, otherwise, random_general_system
 from tests.fis_tools.formats.exchange.systems import DENIED, FLAT, NESTED, alone, without_comment
 from tests.fis_tools.sample_controllers import FORCE_X, FORCE_Z
@@ -60,7 +60,7 @@ HEAT, FLAP = FLAT.outputs
 SOME_HEAT = (Consequent("heat", "some"),)
 CALM = Is("wind", "calm")
 STORM = Is("wind", "storm")
-WARM_BREEZE = And((Is("temperature", "warm"), Is("wind", "breeze")))
+NESTED_BY_PRODUCT = replace(NESTED, and_operator="product")
 #: with ways of their own, which an .fll file can say
 OWN_WAYS = {
     "an output": replace(FLAT, outputs=(HEAT, replace(FLAP, defuzzifier="bisector"))),
@@ -73,7 +73,7 @@ OWN_WAYS = {
     ("form", "asked", "words"),
     [
         (fll, Not(Hedged("very", CALM)), "wind is not very calm"),
-        (fll, Hedged("intensely", WARM_BREEZE), "is extremely some"),
+        (fll, Hedged("intensely", And((Is("temperature", "warm"), CALM))), "is extremely some"),
     ],
 )
 def test_hedges_are_said_in_the_words_of_a_format(form, asked, words):
@@ -87,10 +87,8 @@ def test_hedges_are_said_in_the_words_of_a_format(form, asked, words):
 
 @pytest.mark.parametrize("form", FORMS)
 def test_implications_and_aggregations_survive(form):
-    for implication, aggregation in (
-        ("product", "probabilistic_sum"),
-        ("nilpotent_minimum", "unbounded_sum"),
-    ):
+    pairs = (("product", "probabilistic_sum"), ("nilpotent_minimum", "unbounded_sum"))
+    for implication, aggregation in pairs:
         system = otherwise(FLAT, implication, aggregation)
         text = form.write(alone(system)).text
         shown = form.read(without_comment(text)).controller.systems[0]
@@ -125,15 +123,11 @@ def test_rules_written_otherwise_mean_the_same(form, and_operator):
     expressed = express(system, form.DIALECT).system
     assert len(expressed.rules) > len(system.rules) or form is fll
 
-    def with_universes(variables):
-        same = {v.name: system.variable(v.name) for v in variables}
-        return tuple(
-            replace(v, num_points=same[v.name].num_points, default=same[v.name].default) for v in variables
-        )
+    def as_before(variable):
+        before = system.variable(variable.name)
+        return replace(variable, num_points=before.num_points, default=before.default)
 
-    expressed = replace(
-        expressed, inputs=with_universes(expressed.inputs), outputs=with_universes(expressed.outputs)
-    )
+    expressed = with_variables(expressed, as_before)
     inputs = spread_inputs(system, 500)
     np.testing.assert_allclose(compile(expressed)(inputs), compile(system)(inputs), rtol=0, atol=1e-12)
 
@@ -149,17 +143,9 @@ def test_not_before_a_conjunction_moves_inwards():
     ("form", "system", "words"),
     [
         (fis, NESTED, r"rule 1 cannot be said in a \.fis file: 'and' and 'or' are nested"),
-        (
-            fll,
-            replace(NESTED, and_operator="product"),
-            r"rule 2 cannot be said in an \.fll file: 'not' stands before",
-        ),
-        (fis, with_rules(Rule(antecedents.hedged(["very"], CALM), SOME_HEAT)), "no word for 'very'"),
-        (
-            fll,
-            with_rules(Rule(antecedents.hedged(["extremely"], CALM), SOME_HEAT)),
-            "no word for 'extremely'",
-        ),
+        (fll, NESTED_BY_PRODUCT, r"rule 2 cannot be said in an \.fll file: 'not' stands before"),
+        (fis, with_rules(Rule(Hedged("very", CALM), SOME_HEAT)), "no word for 'very'"),
+        (fll, with_rules(Rule(Hedged("extremely", CALM), SOME_HEAT)), "no word for 'extremely'"),
         (fis, OWN_WAYS["an output"], "knows one way for all"),
         (fis, OWN_WAYS["a rule"], "combine their statements"),
         (fis, OWN_WAYS["twice"], "two things of one input"),
@@ -192,16 +178,6 @@ def test_losses_are_sentences_about_what_is_missing():
 # Files that were changed by hand after they were written.
 
 
-def edited(form: ModuleType, old: str, new: str, system: FuzzySystem | None = None) -> FuzzyController:
-    text = form.write(alone(system or own_words(FLAT))).text
-    head, mark, rest = text.partition("[System]" if form is fis else "Engine:")
-    assert rest.count(old) == 1
-    reading = form.read(head + mark + rest.replace(old, new))
-    assert any("changed after it was written" in sentence for sentence in reading.assumptions)
-    assert EDITED in reading.controller.provenance
-    return reading.controller
-
-
 @pytest.mark.parametrize(
     ("form", "old", "new"),
     [
@@ -210,9 +186,14 @@ def edited(form: ModuleType, old: str, new: str, system: FuzzySystem | None = No
     ],
 )
 def test_of_a_file_that_was_changed_what_it_shows_counts(form, old, new):
-    controller = edited(form, old, new)
-    (system,) = controller.systems
-    assert system.variable("heat").terms[1].membership == Gaussian(6.0, 1.4)
+    text = form.write(alone(own_words(FLAT))).text
+    head, mark, rest = text.partition("[System]" if form is fis else "Engine:")
+    assert rest.count(old) == 1
+    reading = form.read(head + mark + rest.replace(old, new))
+    controller = reading.controller
+    assert any("changed after it was written" in sentence for sentence in reading.assumptions)
+    assert EDITED in controller.provenance
+    assert controller.systems[0].variable("heat").terms[1].membership == Gaussian(6.0, 1.4)
     assert controller.attributes == ()
 
 
