@@ -8,29 +8,24 @@ import pytest
 from fis_tools.__main__ import main
 from fis_tools.formats.serialize import dump_yaml
 from fis_tools.model import FuzzyController
+from tests.commands import Told, running
 from tests.fis_tools.sample_controllers import PAPER_LIKE
 
 
 @pytest.fixture
-def run(capsys: pytest.CaptureFixture[str]) -> Callable[..., tuple[int, str, str]]:
-    """Run a command of `fis_tools`; return its exit status, what it printed, and its errors and notes."""
-
-    def run(*words: object) -> tuple[int, str, str]:
-        capsys.readouterr()
-        status = main([str(word) for word in words])
-        return status, *capsys.readouterr()
-
-    return run
+def run(capsys: pytest.CaptureFixture[str]) -> Callable[..., Told]:
+    """Run a command of `fis_tools`, see `running`."""
+    return running(main, capsys)
 
 
 @pytest.fixture
-def refused(run: Callable[..., tuple[int, str, str]]) -> Callable[..., str]:
+def refused(run: Callable[..., Told]) -> Callable[..., str]:
     """Run a command of `fis_tools` that is refused; return what it says."""
 
     def refused(*words: object) -> str:
-        status, _, complaint = run(*words)
-        assert status == 2
-        return complaint
+        told = run(*words, code=2)
+        assert told.out == ""
+        return told.err
 
     return refused
 

@@ -1,22 +1,28 @@
-"""Measures against closed forms, and surfaces against scikit-fuzzy."""
+"""Measures against closed forms and counts by hand, and surfaces against scikit-fuzzy."""
 
 import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from scipy.special import erf
 from scipy.stats import qmc
 
 from fis_tools.analysis.arrays import coverage, distinguishability, rule_usage, spread_inputs, surface
 from fis_tools.analysis.contribution import contributions, importance
 from fis_tools.analysis.domain import as_mapping, box_of, departures, from_mapping
+from fis_tools.analysis.measures import centre, completeness, complexity, rule_consistency
 from fis_tools.engines.compiler import compile
 from fis_tools.errors import ControllerFileError
-from fis_tools.model import FuzzySystem, Gaussian, Triangular, Variable
+from fis_tools.model import And, Consequent, Expression, FuzzySystem, Is, Not, Or, Rule, Term, Variable
+from fis_tools.model.shapes import Gaussian, MembershipFunction, Sampled, Trapezoidal, Triangular
+from fis_tools.model.systems import table_rules
 from tests.fis_tools import step_by_step
+from tests.fis_tools.analysis.test_shapley import silenced
 from tests.fis_tools.control_systems import ReferenceEngine
-from tests.fis_tools.sample_controllers import FORCE_X, FORCE_Z, GENERAL, ROOM, ramp_system, terms
+from tests.fis_tools.sample_controllers import FORCE_X, FORCE_Z, ROOM, ramp_system, terms
 
 
 def test_a_surface_is_what_scikit_fuzzy_computes_at_its_grid_points() -> None:
@@ -64,25 +70,26 @@ def test_wrong_axes_are_refused_with_a_sentence(arguments: dict[str, object], wo
         surface(FORCE_X, **arguments)  # type: ignore[arg-type]
 
 
+def of_two(a: MembershipFunction, b: MembershipFunction, maximum: float, num_points: int) -> Variable:
+    return Variable("x", "", 0.0, maximum, terms(a=a, b=b), num_points)
+
+
 def test_coverage_of_two_gaussians_is_their_crossing() -> None:
-    pair = terms(a=Gaussian(0.0, 1.0), b=Gaussian(4.0, 1.0))
-    found = coverage(Variable("x", "", 0.0, 4.0, pair, 4001))
+    found = coverage(of_two(Gaussian(0.0, 1.0), Gaussian(4.0, 1.0), 4.0, 4001))
     assert found.at == pytest.approx(2.0, abs=1e-9)
     assert found.least == pytest.approx(np.exp(-2.0), abs=1e-9)
 
 
 def test_coverage_between_the_points_of_the_universe() -> None:
     """Two lines cross half way between the only two points."""
-    pair = terms(a=Triangular(0.0, 0.0, 1.0), b=Triangular(0.0, 1.0, 1.0))
-    found = coverage(Variable("x", "", 0.0, 1.0, pair, 2))
+    found = coverage(of_two(Triangular(0.0, 0.0, 1.0), Triangular(0.0, 1.0, 1.0), 1.0, 2))
     assert (found.least, found.at) == (0.5, 0.5)
 
 
 def test_likeness_of_triangles_has_a_closed_form() -> None:
     """Two triangles of half width 2, peaks 2 apart: they share a triangle of base 2 and height 1/2."""
-    pair = terms(a=Triangular(0.0, 2.0, 4.0), b=Triangular(2.0, 4.0, 6.0))
     # the universe misses the crossing at 3
-    found = distinguishability(Variable("x", "", 0.0, 6.0, pair, 4))
+    found = distinguishability(of_two(Triangular(0.0, 2.0, 4.0), Triangular(2.0, 4.0, 6.0), 6.0, 4))
     np.testing.assert_allclose(found.similarity, [[1, 0.5 / 3.5], [0.5 / 3.5, 1]], rtol=0, atol=1e-15)
     np.testing.assert_allclose(found.possibility, [[1, 0.5], [0.5, 1]], rtol=0, atol=1e-15)
 
@@ -90,16 +97,14 @@ def test_likeness_of_triangles_has_a_closed_form() -> None:
 def test_likeness_of_gaussians_has_a_closed_form() -> None:
     """Equal Gaussians d apart cross half way: the shared area is 2 Phi(-d / 2 sigma) of one of them."""
     sigma, apart = 0.5, 1.2
-    pair = terms(a=Gaussian(5.0, sigma), b=Gaussian(5.0 + apart, sigma))
-    found = distinguishability(Variable("x", "", 0.0, 12.0, pair, 6001))
+    found = distinguishability(of_two(Gaussian(5.0, sigma), Gaussian(5.0 + apart, sigma), 12.0, 6001))
     shared = 1.0 - erf(apart / (2.0 * sigma) / np.sqrt(2.0))
     assert found.similarity[0, 1] == pytest.approx(shared / (2.0 - shared), abs=1e-6)
     assert found.possibility[0, 1] == pytest.approx(np.exp(-((apart / 2 / sigma) ** 2) / 2), abs=1e-6)
 
 
 def test_a_term_that_is_never_above_zero_is_like_no_other() -> None:
-    pair = terms(a=Gaussian(0.5, 1e-6), b=Gaussian(0.0, 1.0))
-    found = distinguishability(Variable("x", "", 0.0, 1.0, pair, 2))
+    found = distinguishability(of_two(Gaussian(0.5, 1e-6), Gaussian(0.0, 1.0), 1.0, 2))
     np.testing.assert_array_equal(found.similarity, [[0, 0], [0, 1]])
 
 
@@ -124,9 +129,8 @@ def test_spread_inputs_are_scipys_halton_sequence(num_inputs: int) -> None:
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-14)
 
 
-SYSTEM = FORCE_X
-MET = np.random.default_rng(1).uniform(-1.0, 1.0, (50, len(SYSTEM.inputs)))
-BOX = box_of(SYSTEM, MET)
+MET = np.random.default_rng(1).uniform(-1.0, 1.0, (50, len(FORCE_X.inputs)))
+BOX = box_of(FORCE_X, MET)
 
 
 def test_the_box_holds_what_was_met_and_no_more():
@@ -140,12 +144,12 @@ def test_the_box_holds_what_was_met_and_no_more():
 
 
 def test_each_stretch_outside_is_a_departure_with_its_farthest_value():
-    inputs = np.zeros((8, len(SYSTEM.inputs)))
+    inputs = np.zeros((8, len(FORCE_X.inputs)))
     inputs[2:5, 0] = [1.5, 3.0, 2.0]
     inputs[7, 0] = -4.0
     inputs[0, 1] = 9.0
     found = departures(BOX, 10.0 * np.arange(8), inputs)
-    names = [variable.name for variable in SYSTEM.inputs]
+    names = [variable.name for variable in FORCE_X.inputs]
     expected = [(names[1], 0.0, 0.0, 9.0), (names[0], 20.0, 40.0, 3.0), (names[0], 70.0, 70.0, -4.0)]
     assert [(one.name, one.first_s, one.last_s, one.value) for one in found] == expected
     assert (found[1].low, found[1].high) == (BOX.low[0], BOX.high[0])
@@ -163,26 +167,17 @@ def test_something_else_is_refused(told):
         from_mapping(told, "that.json")
 
 
-def without(system: FuzzySystem, index: int) -> FuzzySystem:
-    """The same system, one rule's conclusions weighted with zero."""
-    rule = system.rules[index]
-    silent = replace(rule, consequents=tuple(replace(c, weight=0.0) for c in rule.consequents))
-    return replace(system, rules=(*system.rules[:index], silent, *system.rules[index + 1 :]))
+ADDING_ROOM = replace(ROOM, outputs=tuple(replace(v, accumulation="bounded_sum") for v in ROOM.outputs))
 
 
-def adding_room() -> FuzzySystem:
-    outputs = tuple(replace(output, accumulation="bounded_sum") for output in ROOM.outputs)
-    return replace(ROOM, outputs=outputs)
-
-
-@pytest.mark.parametrize("system", [FORCE_X, *GENERAL.systems, adding_room()])
+@pytest.mark.parametrize("system", [FORCE_X, ROOM, ADDING_ROOM])
 def test_a_contribution_is_what_silencing_the_rule_takes_away(system: FuzzySystem) -> None:
     inputs = spread_inputs(system, 20)
     found = contributions(compile(system), inputs)
     outputs = step_by_step.evaluate(system, inputs)
     assert found.shape == (20, len(system.rules), len(system.outputs))
     for index in range(len(system.rules)):
-        expected = outputs - step_by_step.evaluate(without(system, index), inputs)
+        expected = outputs - step_by_step.evaluate(silenced(system, {index}), inputs)
         np.testing.assert_allclose(found[:, index], expected, rtol=0, atol=1e-14)
     assert np.count_nonzero(found) > 20
 
@@ -202,3 +197,129 @@ def test_many_samples_come_out_as_few_do() -> None:
 def test_importance_needs_samples() -> None:
     with pytest.raises(ValueError, match="there are no samples"):
         importance(compile(ramp_system()), np.empty((0, 1)))
+
+
+def even_terms(names: tuple[str, ...], low: float, high: float) -> tuple[Term, ...]:
+    """Triangles that peak evenly from end to end and fall to zero where their neighbours peak."""
+    peaks = np.linspace(low, high, len(names))
+    step = peaks[1] - peaks[0]
+    return tuple(
+        Term(name, Triangular(max(low, peak - step), peak, min(high, peak + step)))
+        for name, peak in zip(names, peaks.tolist(), strict=True)
+    )
+
+
+THREE = ("low", "medium", "high")
+
+
+X = Variable("x", "", 0.0, 1.0, even_terms(THREE, 0.0, 1.0))
+Y = Variable("y", "", 0.0, 8.0, even_terms(THREE, 0.0, 8.0))
+Z = Variable("z", "", 0.0, 1.0, even_terms(THREE, 0.0, 1.0), default=0.0)
+
+
+def product_of(x: Variable, y: Variable, rules: tuple[Rule, ...], **how: object) -> FuzzySystem:
+    return FuzzySystem("s", (x, y), (Z,), rules, **how)  # type: ignore[arg-type]
+
+
+def concluding(term: str, *asked: Expression) -> tuple[Rule, ...]:
+    return tuple(Rule(one, (Consequent("z", term),)) for one in asked)
+
+
+def test_complexity_is_counted_by_hand() -> None:
+    counted = complexity(ROOM)
+    # cold and (calm or not hot); hot
+    assert (counted.rules, counted.premises, counted.input_terms, counted.output_terms) == (2, 4, 3, 3)
+    assert complexity(FORCE_X).premises == 50
+
+
+def test_centres_of_every_shape() -> None:
+    points = (0.0, 1.0, 2.0, 3.0, 4.0, 5.0)
+    sampled = Term("t", Sampled((0.0, 0.8, 0.8, 0.6, 0.2, 0.0)))
+    variable = Variable("x", "", 0.0, 5.0, (sampled,), 6, points=points)
+    assert centre(variable, sampled) == 1.5
+    term = Term("t", Trapezoidal(0.0, 2.0, 4.0, 5.0))
+    assert centre(variable, term) == 3.0
+
+
+def test_completeness_of_a_full_table_is_where_both_inputs_are_worst() -> None:
+    """Even triangles hold by one half between two peaks, so min gives 1/2 and the product 1/4."""
+    rules = table_rules((X, Y), Z, ["low"] * 9)
+    for operator, least in (("min", 0.5), ("product", 0.25)):
+        found = completeness(product_of(X, Y, rules, and_operator=operator))
+        assert found.is_exact
+        assert found.least == pytest.approx(least, abs=1e-12)
+        assert found.at[0] % 0.5 == pytest.approx(0.25)
+
+
+def test_completeness_finds_the_missing_rule() -> None:
+    rules = table_rules((X, Y), Z, ["low"] * 9)
+    found = completeness(product_of(X, Y, rules[:4] + rules[5:]))
+    assert found.is_exact
+    assert found.least == pytest.approx(0.0, abs=1e-12)
+    np.testing.assert_allclose(found.at, [0.5, 4.0], atol=1e-12)
+    by_product = completeness(product_of(X, Y, rules[:4] + rules[5:], and_operator="product"))
+    assert by_product.least == pytest.approx(0.0, abs=1e-12)
+
+
+@st.composite
+def small_systems(draw: st.DrawFn) -> FuzzySystem:
+    """Two inputs of few points, rules of and, or and not."""
+
+    def variable(name: str) -> Variable:
+        values = st.lists(st.integers(0, 4), min_size=5, max_size=5)
+        terms = tuple(Term(term, Sampled(tuple(v / 4 for v in draw(values)))) for term in "ab")
+        return Variable(name, "", 0.0, 4.0, terms, 5)
+
+    statement = st.builds(Is, st.sampled_from("xy"), st.sampled_from("ab"))
+    either = st.one_of(statement, st.builds(Not, statement))
+    pair = st.tuples(either, either)
+    antecedent = st.one_of(either, st.builds(And, pair), st.builds(Or, pair))
+    rules = draw(st.lists(antecedent, min_size=1, max_size=3))
+    return product_of(variable("x"), variable("y"), concluding("low", *rules))
+
+
+@settings(max_examples=60, deadline=None)
+@given(small_systems())
+def test_an_exact_completeness_is_below_a_dense_grid_and_is_met(system: FuzzySystem) -> None:
+    found = completeness(system)
+    assert found.is_exact
+    dense = np.linspace(0.0, 4.0, 97)
+    grid = np.stack([part.ravel() for part in np.meshgrid(dense, dense)], axis=1)
+    assert found.least <= compile(system).firing_strengths(grid).max(axis=1).min() + 1e-12
+    assert step_by_step.firing_strengths(system, found.at[np.newaxis]).max() == pytest.approx(
+        found.least, abs=1e-12
+    )
+
+
+def test_rules_of_even_triangles_are_fully_meant() -> None:
+    """At its cell only one rule fires, so the system answers what the rule alone would."""
+    system = FuzzySystem("s", (X, Y), (Z,), table_rules((X, Y), Z, list(THREE) * 3))
+    found = rule_consistency(system)
+    np.testing.assert_allclose(found.values, 1.0, atol=1e-9)
+    np.testing.assert_allclose(found.points[5], [0.5, 8.0])
+    # half a triangle from 1/2 to 1, the centre of which lies a third of the way from its higher end
+    assert found.outputs[5, 0] == pytest.approx(1.0 - 0.5 / 3, abs=1e-12)
+    assert found.index == pytest.approx(1.0)
+
+
+def test_samples_are_said_to_be_samples() -> None:
+    """The product of three rules of one input is weakest off the grid of their crossings."""
+    told = (And((Is("x", "low"), Not(Is("y", "low")))), Is("x", "high"), Is("x", "medium"))
+    rules = concluding("low", *told)
+    found = completeness(product_of(X, Y, rules, and_operator="product"))
+    assert found.least == pytest.approx(0.0, abs=1e-12)
+    rules = concluding("low", *told, Is("x", "low"))
+    found = completeness(product_of(X, Y, rules, and_operator="product"))
+    assert not found.is_exact
+    assert found.least == pytest.approx(0.5, abs=1e-12)
+
+
+def test_a_rule_that_is_outvoted_means_little() -> None:
+    """Two rules hold in full at x = 0, on low and on high: the answer 1/2 is neither."""
+    x = Variable("x", "", 0.0, 1.0, even_terms(("low", "high"), 0.0, 1.0))
+    rules = concluding("low", Is("x", "low")) + concluding("high", Not(Is("x", "high")))
+    rules += concluding("medium", Is("x", "high"))
+    found = rule_consistency(FuzzySystem("s", (x,), (Z,), rules))
+    np.testing.assert_allclose(found.values, [0.0, 0.0, 1.0], atol=1e-9)
+    np.testing.assert_allclose(found.outputs[:, 0], 0.5, atol=1e-12)
+    np.testing.assert_allclose(found.alone[:, 0], [1 / 6, 5 / 6, 0.5], atol=1e-9)

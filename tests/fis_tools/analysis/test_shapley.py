@@ -1,6 +1,5 @@
 """Shares of rules against every coalition enumerated, the axioms that define them, and values by hand."""
 
-from collections.abc import Iterator
 from dataclasses import replace
 from itertools import combinations
 from math import comb
@@ -17,21 +16,16 @@ from fis_tools.model import FuzzySystem, Rule
 from fis_tools.model.operators import ACCUMULATIONS
 from tests.fis_tools import step_by_step
 from tests.fis_tools.engines.random_systems import inputs_for, random_general_system
-from tests.fis_tools.sample_controllers import FORCE_X, ramp_system
-from tests.places import PROJECT
-
-CONTROLLERS = sorted(
-    path for path in (PROJECT / "conf" / "controller").glob("*.yaml") if "systems:" in path.read_text()
-)
+from tests.fis_tools.sample_controllers import FORCE_X, SHIPPED, ramp_system
 
 
-def silenced(system: FuzzySystem, output: str, rules: set[int]) -> FuzzySystem:
-    """The same system, in which some rules conclude on an output with no weight."""
+def silenced(system: FuzzySystem, rules: set[int], output: str | None = None) -> FuzzySystem:
+    """The same system, in which some rules conclude with no weight, on an output or on all."""
 
     def quiet(place: int, rule: Rule) -> Rule:
         if place not in rules:
             return rule
-        told = (replace(c, weight=0.0) if c.variable == output else c for c in rule.consequents)
+        told = (replace(c, weight=0.0) if output in (None, c.variable) else c for c in rule.consequents)
         return replace(rule, consequents=tuple(told))
 
     return replace(system, rules=tuple(quiet(*numbered) for numbered in enumerate(system.rules)))
@@ -41,16 +35,14 @@ def enumerated(system: FuzzySystem, row: np.ndarray, place: int) -> np.ndarray:
     """Shapley's sum over all coalitions, each inferred step by step."""
     output = system.outputs[place]
     strengths = step_by_step.firing_strengths(system, row[np.newaxis])[0]
-    concludes = [
-        any(c.variable == output.name and c.weight for c in rule.consequents) for rule in system.rules
-    ]
+    concludes = [any(c.variable == output.name and c.weight for c in r.consequents) for r in system.rules]
     strongest = max((s for s, told in zip(strengths, concludes, strict=True) if told), default=0.0)
     least = min(FIRED, strongest)
     players = [i for i, s in enumerate(strengths) if concludes[i] and s >= least and s > 0.0]
     worth = {frozenset[int](): output.default}
     for size in range(1, len(players) + 1):
         for some in combinations(players, size):
-            others = silenced(system, output.name, set(players) - set(some))
+            others = silenced(system, set(players) - set(some), output.name)
             worth[frozenset(some)] = inference.infer(others, row).values[place]
     values = np.zeros(len(system.rules))
     for player in players:
@@ -61,32 +53,20 @@ def enumerated(system: FuzzySystem, row: np.ndarray, place: int) -> np.ndarray:
     return values
 
 
-def small_systems() -> Iterator[FuzzySystem]:
-    generator = np.random.default_rng(12)
-    found = 0
-    while found < 24:
-        system = random_general_system(generator)
-        if len(system.rules) <= 8:
-            found += 1
-            accumulations = generator.choice(list(ACCUMULATIONS), len(system.outputs))
-            pairs = zip(system.outputs, accumulations, strict=True)
-            yield replace(system, outputs=tuple(replace(v, accumulation=str(a)) for v, a in pairs))
-
-
 def test_shares_are_those_of_all_coalitions_enumerated() -> None:
-    generator = np.random.default_rng(3)
+    drawing, generator = np.random.default_rng(12), np.random.default_rng(3)
     several = 0
-    for system in small_systems():
+    for _ in range(24):
+        system = random_general_system(drawing)
+        accumulations = drawing.choice(list(ACCUMULATIONS), len(system.outputs))
+        pairs = zip(system.outputs, accumulations, strict=True)
+        system = replace(system, outputs=tuple(replace(v, accumulation=str(a)) for v, a in pairs))
         rows = inputs_for(system, generator, 3)
         found = shapley.shares(compile(system), rows)
         for sample, row in enumerate(rows):
-            for place, output in enumerate(system.outputs):
-                expected = enumerated(system, row, place)
-                several += np.count_nonzero(expected) > 2
-                scale = output.maximum - output.minimum
-                np.testing.assert_allclose(
-                    found.values[sample, :, place], expected, rtol=0, atol=1e-11 * scale
-                )
+            of_outputs = [enumerated(system, row, place) for place in range(len(system.outputs))]
+            several += sum(np.count_nonzero(expected) > 2 for expected in of_outputs)
+            step_by_step.assert_near(found.values[sample], np.transpose(of_outputs), system, 1e-11)
         assert not found.error.any()
     assert several > 20
 
@@ -99,22 +79,21 @@ def assert_adds_up(system: FuzzySystem, rows: np.ndarray) -> shapley.Shares:
     return found
 
 
-@pytest.mark.parametrize("path", CONTROLLERS, ids=lambda path: path.stem)
-def test_shares_add_up_for_every_controller_that_ships(path) -> None:
-    for system in serialize.load(path).systems:
+@pytest.mark.parametrize("name", SHIPPED)
+def test_shares_add_up_for_every_controller_that_ships(name) -> None:
+    for system in serialize.load(SHIPPED[name]).systems:
         found = assert_adds_up(system, spread_inputs(system, 40))
         assert not found.error.any()
         assert np.count_nonzero(found.values) > 40
 
 
 def test_samples_of_one_structure_get_the_shares_that_each_gets_alone(monkeypatch) -> None:
-    systems = [system for path in CONTROLLERS for system in serialize.load(path).systems]
+    systems = [system for path in SHIPPED.values() for system in serialize.load(path).systems]
     together = [assert_adds_up(system, spread_inputs(system, 12)).values for system in systems]
     monkeypatch.setattr(shapley, "_games_by_level", lambda match: iter(()))
     for system, found in zip(systems, together, strict=True):
         alone = assert_adds_up(system, spread_inputs(system, 12)).values
-        span = system.outputs[0].maximum - system.outputs[0].minimum
-        np.testing.assert_allclose(found, alone, rtol=0, atol=1e-12 * span)
+        step_by_step.assert_near(found, alone, system)
 
 
 def test_sampled_shares_add_up_and_are_as_near_as_they_say(monkeypatch) -> None:
@@ -134,7 +113,5 @@ def test_a_rule_that_hardly_fires_has_no_share_unless_it_is_the_strongest() -> N
     found = shapley.shares(compile(system), np.array([[0.04]])).values[0, :, 0]
     assert found[1] == 0.0
     assert found[0] == pytest.approx(inference.infer(system, np.array([0.04])).values[0] - 0.5, abs=1e-14)
-    lone = shapley.shares(compile(replace(system, rules=system.rules[1:])), np.array([[0.04]])).values[
-        0, :, 0
-    ]
-    np.testing.assert_allclose(lone, [2.5], rtol=0, atol=1e-14)
+    lone = compile(replace(system, rules=system.rules[1:]))
+    assert shapley.shares(lone, np.array([[0.04]])).values.item() == pytest.approx(2.5, abs=1e-14)

@@ -3,7 +3,6 @@
 import csv
 import io
 import json
-import os
 import subprocess
 import sys
 from dataclasses import fields, replace
@@ -21,12 +20,34 @@ from fis_tools.formats.serialize import dump_json, load, loads
 from fis_tools.model import FuzzyController
 from fis_tools.words.text import outline
 from tests.fis_tools.analysis.test_flights import log_flight
-from tests.fis_tools.sample_controllers import FORCE_X, PAPER_LIKE
+from tests.fis_tools.formats.exchange.systems import FLAT, NESTED, alone
+from tests.fis_tools.sample_controllers import FORCE_X, GENERAL, PAPER_LIKE, TIPPER
+from tests.programs import run_python
 
 
-@pytest.fixture
-def flight(tmp_path):
-    return log_flight(tmp_path / "flight.mcap", PAPER_LIKE)
+@pytest.fixture(scope="module")
+def flight(tmp_path_factory):
+    return log_flight(tmp_path_factory.mktemp("flown") / "flight.mcap", PAPER_LIKE)
+
+
+@pytest.fixture(scope="module")
+def places(tmp_path_factory, flight):
+    """What words of a mistaken command stand for."""
+    folder = tmp_path_factory.mktemp("places")
+    places = {"FLIGHT": flight, "FOLDER": folder, "PAPER/x.csv": folder / "PAPER.json" / "x.csv"}
+    places["TIPPER"] = TIPPER
+    places["SILENT"] = log_flight(folder / "silent.mcap", PAPER_LIKE, num_samples=0)
+    first, second = PAPER_LIKE.systems
+    others = {"OTHER": replace(first, name="other"), "SWAPPED": replace(second, name="force_x")}
+    for name, system in others.items():
+        places[name] = log_flight(folder / f"{name}.mcap", FuzzyController("other", (system,)))
+    alike = tuple(replace(first, name=name) for name in ("a b", "A/B"))
+    written = {"PAPER": PAPER_LIKE, "GENERAL": GENERAL}
+    written |= {"LESS": FuzzyController("less", (second,)), "ALIKE": FuzzyController("alike", alike)}
+    for name, controller in written.items():
+        places[name] = folder / f"{name}.json"
+        places[name].write_text(dump_json(controller), encoding="utf-8")
+    return places
 
 
 def test_show_reads_a_file_a_run_and_a_flight(tmp_path, paper, run, flight):
@@ -34,14 +55,14 @@ def test_show_reads_a_file_a_run_and_a_flight(tmp_path, paper, run, flight):
     (tmp_path / "run" / "champion.json").write_text(dump_json(PAPER_LIKE), encoding="utf-8")
     expected = text.write(outline(PAPER_LIKE))
     for source in (paper, tmp_path / "run", flight):
-        assert run("show", source) == (0, expected, "")
+        assert run("show", source) == (expected, "")
 
 
-def test_plot_writes_pictures(tmp_path, paper, run):
+@pytest.mark.slow
+def test_plot_writes_pictures(tmp_path, run, flight):
     folder = tmp_path / "new" / "figures"
-    status, printed, _ = run("plot", paper, "-o", folder, "--format", "png", "--system", "force_x")
-    assert status == 0
-    names = [f"force_x-{name}.png" for name in ("memberships", "rules", "surface", "surface-3d")]
+    printed = run("plot", flight, "-o", folder, "--format", "png", "--system", "force_x").out
+    names = [f"force_x-{name}.png" for name in ("memberships", "rules", "surface", "surface-3d", "firing")]
     assert printed.split() == [str(folder / name) for name in names]
     assert all((folder / name).read_bytes().startswith(b"\x89PNG") for name in names)
 
@@ -51,19 +72,17 @@ def test_plot_draws_what_is_asked_for(tmp_path, paper, run, flight):
     inputs = "distance=80,velocity_body_x=0.05"
 
     def drawn(*words):
-        status, printed, _ = run("plot", *words, "-o", tmp_path, "--system", "force_x")
-        assert status == 0
+        printed = run("plot", *words, "-o", tmp_path, "--system", "force_x").out
         return [Path(line).stem.removeprefix("force_x-") for line in printed.splitlines()]
 
     assert drawn(paper, "--only", "inference", "--inputs", inputs) == ["inference"]
     assert drawn(paper, "--only", "rules", "--only", "memberships") == ["memberships", "rules"]
     assert drawn(flight, "--time", "15", "--only", "inference", "--only", "firing") == ["inference", "firing"]
-    assert drawn(flight)[-1] == "firing"
 
 
 def test_a_dark_picture_is_dark_and_says_the_inputs(tmp_path, paper, run):
     words = ("plot", paper, "--only", "inference", "--inputs", "distance=80,velocity_body_x=0.05")
-    assert run(*words, "--theme", "dark", "--format", "svg", "-o", tmp_path)[0] == 0
+    run(*words, "--theme", "dark", "--format", "svg", "-o", tmp_path)
     content = (tmp_path / "force_x-inference.svg").read_text(encoding="utf-8")
     assert content.startswith("<?xml")
     assert "#14181d" in content
@@ -73,71 +92,63 @@ def test_a_dark_picture_is_dark_and_says_the_inputs(tmp_path, paper, run):
 def test_pictures_whose_names_come_to_the_same_do_not_replace_one_another(tmp_path, saved, run):
     one, other = (replace(FORCE_X, name=name) for name in ("a/b", "A b"))
     path = saved(FuzzyController("alike", (one, other)))
-    printed = run("plot", path, "--only", "rules", "-o", tmp_path / "out")[1]
+    printed = run("plot", path, "--only", "rules", "-o", tmp_path / "out").out
     assert [Path(line).name for line in printed.splitlines()] == ["a_b-rules.png", "A_b-rules-2.png"]
     assert len(list((tmp_path / "out").iterdir())) == 2
 
 
 def test_surface_prints_numbers_or_draws(tmp_path, paper, run, flight):
     words = ("surface", paper, "--system", "force_x", "--points", "3")
-    status, printed, _ = run(*words)
-    assert status == 0
-    header, *rows = csv.reader(io.StringIO(printed))
+    header, *rows = csv.reader(io.StringIO(run(*words).out))
     assert header == ["distance", "velocity_body_x", "force_x"]
     assert len(rows) == 9
     for row in (rows[1], rows[5]):
         x, y, value = map(float, row)
         assert value == pytest.approx(infer(FORCE_X, [x, y]).values[0], abs=1e-13)  # type: ignore[arg-type]
-    assert run(*words, "-o", tmp_path / "surface.png")[0] == 0
+    run(*words, "-o", tmp_path / "surface.png")
     assert (tmp_path / "surface.png").read_bytes().startswith(b"\x89PNG")
     picture = tmp_path / "space.svg"
-    assert run(*words, "--3d", "--theme", "dark", "--flights", flight, "-o", picture)[0] == 0
+    run(*words, "--3d", "--theme", "dark", "--flights", flight, "-o", picture)
     assert "force_x (N)" in picture.read_text(encoding="utf-8")
 
 
 def test_export_writes_every_form(tmp_path, paper, run):
-    told = run("export", paper, "--format", "markdown")[1]
-    assert told == text.write_markdown(outline(PAPER_LIKE))
+    assert run("export", paper, "--format", "markdown").out == text.write_markdown(outline(PAPER_LIKE))
     for form in ("json", "yaml"):
         path = tmp_path / f"copy.{form}"
-        assert run("export", paper, "--format", form, "-o", path) == (0, "", "")
+        assert run("export", paper, "--format", form, "-o", path) == ("", "")
         assert load(path) == PAPER_LIKE
     for form in ("csv", "text"):
-        assert "very near" in run("export", paper, "--format", form)[1]
+        assert "very near" in run("export", paper, "--format", form).out
     for form, start in (("html", "<!"), ("latex", "%"), ("c", "/*")):
-        assert run("export", paper, "--format", form)[1].startswith(start)
+        assert run("export", paper, "--format", form).out.startswith(start)
 
 
 def test_explain_tells_each_system_whose_inputs_are_given(paper, run):
     words = ("explain", paper, "--inputs", "distance=80, velocity_body_x=5e-2")
-    status, told, _ = run(*words)
-    assert status == 0
+    told = run(*words).out
     assert told == explain(FORCE_X, {"distance": 80.0, "velocity_body_x": 0.05}).text()
-    _, crossing, _ = run(*words, "--crossing", "-0.02", "--all")
+    crossing = run(*words, "--crossing", "-0.02", "--all").out
     assert "What would take force_x " in crossing
     assert len(crossing.splitlines()) > len(told.splitlines())
-    _, printed, _ = run(*words, "--json")
-    assert json.loads(printed)["explanations"][0]["inputs"] == {"distance": 80.0, "velocity_body_x": 0.05}
+    (plain,) = json.loads(run(*words, "--json").out)["explanations"]
+    assert plain["inputs"] == {"distance": 80.0, "velocity_body_x": 0.05}
 
 
 def test_explain_tells_the_share_of_each_rule_over_flights(tmp_path, paper, run):
     flights = [log_flight(tmp_path / f"{seed}.mcap", PAPER_LIKE, seed=seed) for seed in (1, 2)]
     expected = shares(FORCE_X, inputs_along(flights)["force_x"])
-    status, told, _ = run("explain", paper, "--flights", *flights, "--system", "force_x")
-    assert (status, told) == (0, expected.text())
-    _, alone, _ = run("explain", flights[0], "--all")
-    assert "force_x over 4 inferences: " in alone
-    _, printed, _ = run("explain", flights[0], "--json")
-    assert [one["samples"] for one in json.loads(printed)["shares"]] == [4, 4]
+    assert run("explain", paper, "--flights", *flights, "--system", "force_x").out == expected.text()
+    assert "force_x over 4 inferences: " in run("explain", flights[0], "--all").out
+    plain = json.loads(run("explain", flights[0], "--json").out)
+    assert [one["samples"] for one in plain["shares"]] == [4, 4]
     silent = log_flight(tmp_path / "silent.mcap", PAPER_LIKE, num_samples=0)
-    assert "never fired anything" in run("explain", silent)[1]
+    assert "never fired anything" in run("explain", silent).out
 
 
 def test_explain_takes_the_inputs_of_a_logged_flight(tmp_path, run, flight):
-    at = {
-        time: run("explain", flight, "--time", time, "--system", "force_z") for time in (10, 15, 20, 30, 40)
-    }
-    assert at[10][0] == 0
+    words = ("explain", flight, "--system", "force_z", "--time")
+    at = {time: run(*words, time) for time in (10, 15, 20, 30, 40)}
     assert at[10] == at[15] != at[20]
     assert at[15] != at[30] == at[40]
 
@@ -183,34 +194,47 @@ def test_explain_takes_the_inputs_of_a_logged_flight(tmp_path, run, flight):
         (["explain", "FLIGHT", "--time", "1", "--system", "x"], "no system 'x'"),
         (["export", "PAPER", "--format", "csv", "-o", "PAPER/x.csv"], "cannot be written"),
         (["export", "PAPER", "--format", "word"], "Choose from: "),
+        (["audit", "PAPER", "--thresholds", "cover=1"], "no threshold 'cover'; did you mean 'coverage'?"),
+        (["audit", "PAPER", "--flights", "OTHER"], "give flights of this controller"),
+        (["audit", "PAPER", "--flights", "missing.mcap"], "cannot be opened"),
+        (["audit", "PAPER", "--system", "force_x", "--flights", "SWAPPED"], "senses distance, velocity_body_x"),
+        (["diff", "PAPER", "missing.yaml"], "cannot be read"),
+        (["diff", "PAPER", "PAPER", "--system", "force_y"], "did you mean 'force_"),
+        (["diff", "PAPER", "LESS", "--system", "force_x"], "'less' has no system 'force_x'"),
+        (["simplify", "PAPER", "--max-change", "5"], "'5' is no share from 0% to 100%; write 5% or 0.05"),
+        (["simplify", "PAPER", "--mean-change=-1%"], "is no share"),
+        (["simplify", "PAPER", "--max-change", "much"], "is no share"),
+        (["simplify", "PAPER", "--look-alike", "0%"], "give a likeness above 0"),
+        (["simplify", "PAPER", "--flights-only"], "--flights-only needs flights"),
+        (["simplify", "PAPER", "-o", "simpler.fis"], "ends in none of .json, .yaml, .yml"),
+        (["export", "PAPER", "--format", "fis"], "force_x, force_z; add --system, or -o FOLDER"),
+        (["export", "PAPER", "--format", "fis", "-o", "x.fis"], "-o FOLDER for a file each"),
+        (["export", "GENERAL", "--format", "fis"], "room: rule 1 cannot be said in a .fis file"),
+        (["export", "ALIKE", "--format", "fll", "-o", "out"], "both be written as A_B.fll"),
+        (["import", "TIPPER", "TIPPER"], "both have a system 'tipper'"),
+        (["import", "TIPPER", "-o", "x.fis"], "ends in none of .json, .yaml, .yml"),
+        (["import", "TIPPER", "--points", "1"], "Give a whole number from 2 to 4000000"),
+        (["import", "missing.fis"], "cannot be read"),
+        (["import", "TIPPER", "--name", " "], "a name is printable text"),
         (["fly"], 'Unknown command "fly"'),
         (["firing", "a.mcap"], "firing is now part of `explain CONTROLLER"),
     ],
 )
-def test_a_mistake_ends_in_one_sentence(tmp_path, paper, run, words, sentence, flight):
-    places = {
-        "PAPER": paper,
-        "FLIGHT": flight,
-        "SILENT": log_flight(tmp_path / "silent.mcap", PAPER_LIKE, num_samples=0),
-        "PAPER/x.csv": paper / "x.csv",
-        "FOLDER": tmp_path,
-    }
-    status, printed, told = run(*(places.get(word, word) for word in words))
-    assert (status, printed) == (2, "")
-    assert sentence in told
-    assert "Traceback" not in told
+def test_a_mistake_writes_one_sentence_alone(places, refused, words, sentence, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert sentence in refused(*(places.get(word, word) for word in words))
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_what_is_printed_into_a_file_reads_back_in_any_locale(saved):
     controller = replace(PAPER_LIKE, name="Prüfling \N{RIGHTWARDS ARROW} 漢")
-    command = [sys.executable, "-m", "fis_tools", "export", str(saved(controller)), "--format", "json"]
-    narrow = {**os.environ, "PYTHONIOENCODING": "ascii", "PYTHONUTF8": "0"}
-    printed = subprocess.run(command, env=narrow, capture_output=True, check=True).stdout  # noqa: S603
-    assert loads(printed.decode("utf-8"), "json") == controller
+    words = ("-m", "fis_tools", "export", saved(controller), "--format", "json")
+    printed = run_python(*words, PYTHONIOENCODING="ascii", PYTHONUTF8="0").stdout
+    assert loads(printed, "json") == controller
 
 
 def test_every_threshold_is_explained(run):
-    printed = run("audit", "--help")[1]
+    printed = run("audit", "--help").out
     assert all(f" {field.name} ({field.default}): " in printed for field in fields(Thresholds))
 
 
@@ -230,12 +254,61 @@ def test_domain_tells_when_flights_left_it(tmp_path, run, refused, flight):
     boxes = [box_of(system, sensed[system.name]) for system in PAPER_LIKE.systems]
     path = tmp_path / "domain.json"
     path.write_text(json.dumps(as_mapping(boxes)), encoding="utf-8")
-    assert run("domain", path, flight) == (0, f"{flight}: stayed inside\n", "")
+    assert run("domain", path, flight) == (f"{flight}: stayed inside\n", "")
     first = boxes[0]
     smaller = replace(first, high=(0.5 * (first.low[0] + first.high[0]), *first.high[1:]))
     path.write_text(json.dumps(as_mapping([smaller, *boxes[1:]])), encoding="utf-8")
-    status, told, _ = run("domain", path, flight)
-    assert status == 1
+    told = run("domain", path, flight, code=1).out
     assert f"{first.system} senses {first.inputs[0]} = {first.high[0]:.6g}" in told
     path.write_text(json.dumps(as_mapping(boxes[1:])), encoding="utf-8")
     assert "which the domain does not have" in refused("domain", path, flight)
+
+
+@pytest.mark.parametrize("form", ["fis", "fll"])
+def test_systems_go_into_a_file_each_and_come_back_as_one_controller(tmp_path, saved, run, form):
+    source = saved(PAPER_LIKE)
+    folder = tmp_path / "new" / "exchange"
+    printed, notes = run("export", source, "--format", form, "-o", folder)
+    files = [folder / f"force_x.{form}", folder / f"force_z.{form}"]
+    assert printed.split() == [str(path) for path in files]
+    assert f"force_x.{form}: attributes are left out: force_axes" in notes
+    assert run("import", *files, "-o", tmp_path / "back.yaml") == ("", "")
+    assert (tmp_path / "back.yaml").read_text(encoding="utf-8") == source.read_text(encoding="utf-8")
+    for command in ("show", "audit"):
+        run(command, files[0])
+
+
+def test_one_system_goes_to_a_file_or_is_printed(tmp_path, saved, run):
+    source = saved(PAPER_LIKE)
+    chosen = ("export", source, "--format", "fis", "--system", "force_x")
+    printed, notes = run(*chosen)
+    assert "[System]" in printed
+    assert "units are left out" in notes
+    run(*chosen, "-o", tmp_path / "one.fis")
+    assert (tmp_path / "one.fis").read_text(encoding="utf-8") == printed
+    for folder in (tmp_path, tmp_path / "new"):
+        assert run(*chosen, "-o", folder).out == f"{folder / 'force_x.fis'}\n"
+        assert (folder / "force_x.fis").read_text(encoding="utf-8") == printed
+
+
+def test_what_was_assumed_is_printed(tmp_path, run):
+    words = ("import", TIPPER, "--name", "tips", "--points", 201)
+    notes = run(*words, "-o", tmp_path / "tips.json").err
+    assert "assumed: tipper: tip is 15 when no rule fires" in notes
+    controller = load(tmp_path / "tips.json")
+    assert controller.name == "tips"
+    (system,) = controller.systems
+    assert {v.num_points for v in (*system.inputs, *system.outputs)} == {201}
+    assert run("import", TIPPER).out.startswith('{\n  "schema": "fuzzy-controller"')
+
+
+def test_facts_of_several_files_are_put_together(tmp_path, saved, run, refused):
+    one = alone(FLAT)
+    other = replace(alone(replace(NESTED, name="other")), provenance=(("made_by", "machine"),))
+    paths = [saved(one, "one.yaml"), saved(other, "other.yaml")]
+    notes = run("import", *paths, "-o", tmp_path / "both.json").err
+    assert "left out: the provenance made_by" in notes
+    both = load(tmp_path / "both.json")
+    assert (both.name, both.attributes, both.provenance) == (one.name, one.attributes, ())
+    saved(replace(other, attributes=(("axis", "y"),)), "other.yaml")
+    assert "differ in the attribute 'axis'" in refused("import", *paths)

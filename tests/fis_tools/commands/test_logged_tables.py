@@ -21,9 +21,9 @@ from fis_tools.formats.serialize import load
 from fis_tools.model import Formula, FuzzyController, Term
 from fis_tools.words.text import sentence, shape_words
 from tests.fis_tools.engines.weighed_systems import SYSTEMS
+from tests.fis_tools.sample_controllers import TIPPER
 from tests.places import PROJECT
 
-TIPPER = PROJECT / "docs" / "examples" / "tipper.fis"
 #: in the system's order, service and food
 ROWS = np.array([[1.0, 9.0], [4.0, 8.0], [9.5, 2.0]])
 
@@ -40,18 +40,6 @@ def write(path: Path, rows: NDArray[np.float64]) -> Path:
     return path
 
 
-@pytest.fixture
-def told(run):
-    """Run a command that succeeds; return what it printed."""
-
-    def told(*words):
-        status, printed, complaints = run(*words)
-        assert status == 0, complaints
-        return printed
-
-    return told
-
-
 @pytest.mark.parametrize("ending", ["csv", "parquet"])
 def test_columns_go_by_their_names(ending, tmp_path):
     values, time_s = tables.read(write(tmp_path / f"evening.{ending}", ROWS), ["service", "food"])
@@ -59,35 +47,33 @@ def test_columns_go_by_their_names(ending, tmp_path):
     assert np.array_equal(time_s, [0.0, 10.0, 20.0])
 
 
-def test_every_command_that_takes_flights_takes_tables(tmp_path, told, run):
+def test_every_command_that_takes_flights_takes_tables(tmp_path, run):
     logged = write(tmp_path / "evening.csv", ROWS)
     system = load(TIPPER).systems[0]
     strengths = np.array([infer(system, row).firing_strengths for row in ROWS])
 
-    printed = told("explain", TIPPER, "--data", logged, "--all")
+    printed = run("explain", TIPPER, "--data", logged, "--all").out
     assert "tipper over 3 inferences: " in printed
     for rule, strength in enumerate(strengths.T, start=1):
         (line,) = (line for line in printed.splitlines() if f" {rule}. If" in line)
         assert f" {100 * np.mean(strength >= 0.05):.1f} % " in line
         assert f" {strength.max():.2f} " in line
 
-    assert "3 logged inferences" in told("audit", TIPPER, "--data", logged)
+    assert "3 logged inferences" in run("audit", TIPPER, "--data", logged).out
     expected = shares(system, ROWS)
-    assert told("explain", TIPPER, "--flights", logged) == expected.text()
-    at_an_instant = told("explain", TIPPER, "--flights", logged, "--time", "10")
-    assert at_an_instant == told("explain", TIPPER, "--inputs", "service=4,food=8")
-    assert "along the logs" in " ".join(told("simplify", TIPPER, "--flights", logged).split())
+    assert run("explain", TIPPER, "--flights", logged).out == expected.text()
+    at_an_instant = run("explain", TIPPER, "--flights", logged, "--time", "10").out
+    assert at_an_instant == run("explain", TIPPER, "--inputs", "service=4,food=8").out
+    assert "along the logs" in " ".join(run("simplify", TIPPER, "--flights", logged).out.split())
     doubled = tmp_path / "other.fis"
     doubled.write_text(TIPPER.read_text(encoding="utf-8").replace("[1.5 0]", "[3 0]"), encoding="utf-8")
-    assert "the flights, 3 inputs" in told("diff", TIPPER, doubled, "--flights", logged)
-    told("plot", TIPPER, "--flights", logged, "--only", "firing", "-o", tmp_path)
+    assert "the flights, 3 inputs" in run("diff", TIPPER, doubled, "--flights", logged).out
+    run("plot", TIPPER, "--flights", logged, "--only", "firing", "-o", tmp_path)
     assert (tmp_path / "tipper-firing.png").stat().st_size > 10_000
-    told("surface", TIPPER, "--flights", logged, "-o", tmp_path / "surface.png")
+    run("surface", TIPPER, "--flights", logged, "-o", tmp_path / "surface.png")
     met = tmp_path / "domain.json"
     met.write_text(json.dumps(as_mapping([box_of(system, ROWS[:2])])), encoding="utf-8")
-    status, printed, _ = run("domain", met, logged)
-    assert status == 1
-    assert "at 20 s: tipper senses food = 2, outside 8 to 9" in printed
+    assert "at 20 s: tipper senses food = 2, outside 8 to 9" in run("domain", met, logged, code=1).out
 
 
 @pytest.mark.parametrize(
@@ -106,35 +92,26 @@ def test_a_table_that_does_not_fit_is_refused(change, words, tmp_path, refused):
     assert words in refused("audit", TIPPER, "--flights", path)
 
 
-def test_a_table_without_times_goes_by_its_rows(tmp_path, told):
+def test_a_table_without_times_goes_by_its_rows(tmp_path, run):
     path = tmp_path / "rows.csv"
     path.write_text("service,food\n1,9\n4,8\n", encoding="utf-8")
-    by_row = told("explain", TIPPER, "--flights", path, "--time", "2")
-    assert by_row == told("explain", TIPPER, "--inputs", "service=4,food=8")
+    by_row = run("explain", TIPPER, "--flights", path, "--time", "2").out
+    assert by_row == run("explain", TIPPER, "--inputs", "service=4,food=8").out
 
 
-NAMES = ("constant", "linear", "tsukamoto", "mixed")
-
-
-@pytest.fixture
-def weighed(saved, name):
-    return saved(FuzzyController(name, (SYSTEMS[name],)))
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_what_is_weighed_is_kept_and_reviewed_and_what_needs_fuzzy_sets_says_so(
-    name, weighed, tmp_path, told, refused
-):
+@pytest.mark.parametrize("name", ["constant", "linear", "tsukamoto", "mixed"])
+def test_what_is_weighed_is_reviewed_and_what_needs_fuzzy_sets_says_so(name, saved, tmp_path, run, refused):
     system = SYSTEMS[name]
+    weighed = saved(FuzzyController(name, (system,)))
     assert load(weighed).systems == (system,)
     sentence_of_all = "is for Mamdani systems, whose rules conclude fuzzy sets, but output 'y'"
     assert sentence_of_all in refused("simplify", weighed, "-o", tmp_path / "out.json")
     assert not (tmp_path / "out.json").exists()
-    told("review", weighed, "-o", tmp_path / "out.html")
+    run("review", weighed, "-o", tmp_path / "out.html")
     text = (tmp_path / "out.html").read_text(encoding="utf-8")
     for words in (*map(sentence, system.rules), *map(shape_words, system.outputs[0].terms)):
         assert words in text
-    audited = " ".join(told("audit", weighed).split())  # as wide as the terminal is
+    audited = " ".join(run("audit", weighed).out.split())  # as wide as the terminal is
     assert "y is a weighted average: how its terms cover the range, overlap and are ordered" in audited
     assert "y_0 and y_1" not in audited
 
@@ -152,17 +129,17 @@ def test_forms_without_formulas_say_so(form, tmp_path, saved, refused):
     assert "output 'y'" in refused("export", path, "--format", form, "-o", tmp_path / f"sine.{form}")
 
 
-def test_where_a_formula_has_no_value_is_left_out(tmp_path, saved, told, refused):
+def test_where_a_formula_has_no_value_is_left_out(tmp_path, saved, run, refused):
     """The logarithm of what is below zero has none, and that of zero is infinite."""
     before = saved(with_formula("log(x0 - 5)"), "before.yaml")
     after = saved(with_formula("log(x0 - 5) + 1"), "after.yaml")
     complaint = refused("explain", before, "--inputs", "x0=4,x1=5")
     assert "y is nan there: a formula that a rule concludes has no value" in complaint
-    difference = told("diff", before, after)
+    difference = run("diff", before, after).out
     assert re.search(r"y_0 +log\(x0 - 5\) → log\(x0 - 5\) \+ 1", difference)
     assert re.search(r"\n +y +the ranges, \d+ inputs +0\.", difference)
     assert "nan" not in difference
-    told("plot", before, "-o", tmp_path, "--only", "surfaces")
+    run("plot", before, "-o", tmp_path, "--only", "surfaces")
 
 
 TIPPING = PROJECT / "docs" / "examples" / "tipping.py"
@@ -189,18 +166,18 @@ def program(tmp_path):
 NEEDED: dict[str, tuple[str, ...]] = {
     "export": ("--format", "markdown"),
     "explain": ("--inputs", "quality=6.5,service=9.8"),
-    "diff": (str(PROJECT / "docs" / "examples" / "tipper.fis"),),
+    "diff": (str(TIPPER),),
     "plot": ("--only", "rules"),
 }
 
 
 @pytest.mark.parametrize("command", [name for name in COMMANDS if name not in {"domain", "learn", "edit"}])
-def test_every_command_takes_a_program_that_is_trusted(command, program, monkeypatch, told, refused):
+def test_every_command_takes_a_program_that_is_trusted(command, program, monkeypatch, run, refused):
     monkeypatch.chdir(program.parent)
     words = [command, "mine.py:built", *NEEDED.get(command, ())]
     assert "runs its code with all your rights; add --trust if you trust" in refused(*words)
     assert not Path("it-ran").exists()
-    told(*words, "--trust")
+    run(*words, "--trust")
     assert Path("it-ran").exists()
 
 

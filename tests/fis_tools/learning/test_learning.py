@@ -2,8 +2,6 @@
 
 import math
 import pickle
-import subprocess
-import sys
 
 import numpy as np
 import pyarrow
@@ -28,7 +26,9 @@ from fis_tools.learning.table import UnreadableTable, as_table, read, read_csv
 from fis_tools.model import FuzzyController, Is
 from fis_tools.source import read_controller
 from fis_tools.words.text import sentence
+from tests.fis_tools.sample_controllers import TIPPER
 from tests.places import PROJECT
+from tests.programs import run_python
 
 IRIS = PROJECT / "docs" / "examples" / "iris.csv"
 
@@ -151,17 +151,16 @@ def test_a_table_that_is_none_is_told(text, told, tmp_path, refused):
     assert told in refused("learn", path, "--target", "y")
 
 
-def test_the_command_writes_a_controller(tmp_path, run):
+def test_the_command_writes_a_controller(tmp_path, run, refused):
     path = tmp_path / "iris.json"
     table = read_csv(IRIS)
     words = ("learn", IRIS, "--target", "species")
-    status, told, _ = run(*words, "-o", path)
-    assert status == 0
+    told = run(*words, "-o", path).out
     assert "5 rules of petal_length (cm), petal_width (cm)" in told
     assert "always setosa: 33.3%" in told
     assert serialize.load(path).systems == (learn(table, "species"),)
-    assert "terms is 9; give a whole number from 2 to 7" in run(*words, "--terms", "9")[2]
-    assert run("learn", tmp_path / "none.csv", "--target", "y")[0] == 2
+    assert "terms is 9; give a whole number from 2 to 7" in refused(*words, "--terms", "9")
+    refused("learn", tmp_path / "none.csv", "--target", "y")
     columns = {name: table[name] if name == "species" else list(map(float, table[name])) for name in table}
     parquet.write_table(pyarrow.table(columns), tmp_path / "iris.parquet")
     assert learn(read(tmp_path / "iris.parquet"), "species") == learn(table, "species")
@@ -256,10 +255,8 @@ def test_the_same_table_gives_the_same_system():
 def test_without_scikit_learn_a_sentence_says_what_to_install():
     code = "import sys; sys.modules['sklearn'] = None\nimport fis_tools.learning as learning\n"
     code += "try:\n    learning.FuzzyRegressor\nexcept ImportError as error:\n    print(error)"
-    command = [sys.executable, "-c", code]
-    done = subprocess.run(command, cwd=PROJECT, capture_output=True, text=True, check=True)  # noqa: S603
     cure = "which is not installed; install it: python -m pip install scikit-learn"
-    assert done.stdout == f"an estimator needs scikit-learn, {cure}\n"
+    assert run_python("-c", code).stdout == f"an estimator needs scikit-learn, {cure}\n"
 
 
 @pytest.mark.parametrize(
@@ -322,13 +319,12 @@ def test_the_error_told_is_that_on_other_samples():
 
 
 def test_more_terms_imitate_a_fuzzy_system_better():
-    tipper = PROJECT / "docs" / "examples" / "tipper.fis"
-    coarse, fine = (imitate(tipper, terms=terms, num_samples=600, tune=False) for terms in (2, 5))
+    coarse, fine = (imitate(TIPPER, terms=terms, num_samples=600, tune=False) for terms in (2, 5))
     assert fine.root_mean_square < 0.75 * coarse.root_mean_square
-    names = [v.name for v in read_controller(tipper).systems[0].inputs]
+    names = [v.name for v in read_controller(TIPPER).systems[0].inputs]
     assert [v.name for v in fine.system.inputs] == names
     assert fine.system.outputs[0].name == "tip"
-    assert imitate(tipper, terms=2, num_samples=600, tune=False).system == coarse.system
+    assert imitate(TIPPER, terms=2, num_samples=600, tune=False).system == coarse.system
 
 
 @pytest.mark.parametrize(
@@ -338,7 +334,7 @@ def test_more_terms_imitate_a_fuzzy_system_better():
         (np.sin, {"a": (1.0, 1.0)}, "give two finite numbers that ascend"),
         (lambda a: 1.0, {"a": (0.0, 1.0)}, "pass numpy.vectorize"),
         (lambda a: np.where(a > 0.5, np.nan, a), {"a": (0.0, 1.0)}, "returns no finite number at"),
-        (PROJECT / "docs" / "examples" / "tipper.fis", {"a": (0.0, 1.0)}, "pass those of service, food"),
+        (TIPPER, {"a": (0.0, 1.0)}, "pass those of service, food"),
         (PROJECT / "conf" / "controller" / "paper_champion.yaml", None, "there are several outputs"),
     ],
 )
