@@ -56,8 +56,7 @@ def test_a_value_is_marked_with_its_memberships_the_greatest_first() -> None:
     ax = memberships(variable, Figure().subplots(), 60.0)
     means, standard_deviation = (0.0, 50.0, 100.0, 150.0, 200.0), 25.0
     expected = [exp(-((60.0 - mean) ** 2) / (2 * standard_deviation**2)) for mean in means]
-    title = ax.get_title(loc="left").replace("\n", " ").replace("\xa0", " ")
-    assert title.startswith("distance = 60 m: near 0.92, middle 0.28, very near 0.06")
+    assert title(ax).startswith("distance = 60 m: near 0.92, middle 0.28, very near 0.06")
     marks = [(*line.get_xdata(), *line.get_ydata()) for line in ax.lines[6:]]
     # 60 m is a point of the universe
     assert marks == [(60.0, pytest.approx(mu, abs=1e-12)) for mu in expected if mu >= 0.005]

@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import replace
+from itertools import accumulate
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from fis_tools.document import html, text
 from fis_tools.model import And, Consequent, Expression, FuzzyController, FuzzySystem, Is, Rule
 from fis_tools.render import rule_matrix, rules_figures
 from fis_tools.render.rules import firing_map, rule_names
-from fis_tools.render.theme import contrast, luminance, term_colours
+from fis_tools.render.theme import contrast, term_colours
 from fis_tools.words.text import outline
 from tests.fis_tools.analysis.test_flights import log_flight
 from tests.fis_tools.render.picture_systems import one_input_system
@@ -38,18 +39,6 @@ def test_each_cell_has_the_colour_of_its_word_and_the_word_can_be_read() -> None
         assert contrast(face, label.get_color()) >= 4.5
         x, y = label.get_position()
         assert (cell.get_x() + 0.5, cell.get_y() + 0.5) == (x, y)  # type: ignore[attr-defined]
-
-
-def test_brightness_alone_orders_the_terms() -> None:
-    ax = rule_matrix(FORCE_X, Figure().subplots())
-    place = {name: index for index, name in enumerate(("NL", "NS", "ZE", "PS", "PL"))}
-    pairs = {
-        (place[label.get_text()], round(luminance(cell.get_facecolor()[:3]), 6))
-        for label, cell in zip(ax.texts, ax.patches, strict=True)
-    }
-    brightness = [value for _, value in sorted(pairs)]
-    assert len(brightness) == 5
-    assert brightness == sorted(brightness)
 
 
 def test_a_third_input_needs_a_term() -> None:
@@ -133,13 +122,6 @@ def test_rules_are_named_in_few_words() -> None:
 NASTY = 'a_b & 50 % <i>{x}</i> \\cmd $5^2$ #1 ~ | "q" *'
 
 
-def nasty_controller() -> FuzzyController:
-    system = ROOM
-    described = replace(system.inputs[0], description=NASTY)
-    system = replace(system, inputs=(described, *system.inputs[1:]))
-    return FuzzyController(NASTY, (system,), (("key", NASTY),))
-
-
 def assert_is_latex(source: str) -> None:
     """Braces and environments balance, commands are of LaTeX, booktabs and longtable, rows are whole."""
     bare = re.sub(r"(?m)^%.*$", "", source)
@@ -151,11 +133,8 @@ def assert_is_latex(source: str) -> None:
     }
     characters = re.sub(r"\\[\\{}$&#%_]", " ", bare)
     assert not re.search(r"[$#~^_%]", characters)
-    depth = 0
-    for character in characters:
-        depth += (character == "{") - (character == "}")
-        assert depth >= 0
-    assert depth == 0
+    depths = list(accumulate((character == "{") - (character == "}") for character in characters))
+    assert min(depths) >= 0 == depths[-1]
     opened: list[str] = []
     for kind, name in re.findall(r"\\(begin|end)\{(\w+)\}", bare):
         if kind == "begin":
@@ -179,7 +158,9 @@ def test_latex_is_whole() -> None:
     assert r" & \multicolumn{5}{c}{velocity\_body\_x} \\" in written
     assert "\nfar & PL & PS & PS & ZE & NS \\\\\n" in written
     assert "longtable}{" not in written
-    assert_is_latex(text.write_latex(outline(nasty_controller())))
+    described = replace(ROOM, inputs=(replace(ROOM.inputs[0], description=NASTY), *ROOM.inputs[1:]))
+    nasty = FuzzyController(NASTY, (described,), (("key", NASTY),))
+    assert_is_latex(text.write_latex(outline(nasty)))
 
 
 def test_latex_rows_that_begin_like_an_option_are_kept() -> None:

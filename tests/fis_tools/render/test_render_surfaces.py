@@ -120,10 +120,8 @@ def test_slices_share_their_colours_and_tell_what_is_held():
 def test_in_space_the_surface_is_that_of_the_system_over_a_floor_with_contours(monkeypatch):
     result = surface(FORCE_X, num_points=21)
     ax, nets = in_space(), []
-    draw_net = ax.plot_surface
-    monkeypatch.setattr(
-        ax, "plot_surface", lambda *net, **options: nets.append(net) or draw_net(*net, **options)
-    )
+    draw = ax.plot_surface
+    monkeypatch.setattr(ax, "plot_surface", lambda *net, **how: nets.append(net) or draw(*net, **how))
     surface_space(result, ax, points=np.array([[100.0, 0.1]]), theme=DARK)
     ((x, y, values),) = nets
     assert values[3, 7] == pytest.approx(infer(FORCE_X, np.array([x[3, 7], y[3, 7]])).values[0], abs=1e-13)
