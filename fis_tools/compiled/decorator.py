@@ -128,7 +128,7 @@ def sparingly(function: F) -> F:
     compiled; call it with the same types. With COMPILE_AT_ONCE=1 nothing runs as plain Python.
     """
     known = cast(Compiled, function)
-    is_known = "COMPILE_AT_ONCE" in os.environ or not is_compiling()
+    is_known = os.environ.get("COMPILE_AT_ONCE") == "1" or not is_compiling()
 
     def call(*args: Any) -> Any:
         nonlocal is_known

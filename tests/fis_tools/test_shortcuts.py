@@ -1,16 +1,14 @@
 """One line each, from a control system of scikit-fuzzy, a system and a file, without heavy imports."""
 
 import runpy
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
 import fis_tools
+from tests.fis_tools.sample_controllers import TIPPER
 from tests.places import PROJECT
-
-TIPPER = PROJECT / "docs" / "examples" / "tipper.fis"
+from tests.programs import run_python
 
 
 def test_one_line_each_from_a_file(tmp_path: Path) -> None:
@@ -37,4 +35,4 @@ def test_names_are_shown_and_nothing_heavy_is_imported() -> None:
         "assert not heavy & set(sys.modules), heavy & set(sys.modules); "
         "import fis_tools.engines.compiler; assert 'skfuzzy' not in sys.modules"
     )
-    subprocess.run([sys.executable, "-c", code], check=True, cwd=PROJECT)  # noqa: S603
+    run_python("-c", code)

@@ -7,6 +7,7 @@ import sys
 import pytest
 
 from tests.places import PROJECT
+from tests.programs import run_python
 
 PROGRAM = """
 import time
@@ -19,17 +20,15 @@ print("result")
 """
 
 
-def told_and_shown(stderr: int) -> str:
-    environment = os.environ | {"PYTHONPATH": str(PROJECT), "TERM": "xterm", "COLUMNS": "80"}
-    command = [sys.executable, "-c", PROGRAM]
-    done = subprocess.run(command, stdout=-1, stderr=stderr, text=True, check=True, env=environment)  # noqa: S603
-    return done.stdout + (done.stderr or "")
+TERMINAL = {"TERM": "xterm", "COLUMNS": "80"}
 
 
 def test_a_terminal_shows_what_goes_on_and_nothing_of_it_stays() -> None:
     pty = pytest.importorskip("pty")
     ours, theirs = pty.openpty()
-    assert told_and_shown(theirs) == "result\n"
+    command = [sys.executable, "-c", PROGRAM]
+    printed = subprocess.check_output(command, stderr=theirs, cwd=PROJECT, env=os.environ | TERMINAL)  # noqa: S603
+    assert printed == b"result\n"
     os.close(theirs)
     shown = os.read(ours, 100_000).decode()
     os.close(ours)
@@ -39,4 +38,5 @@ def test_a_terminal_shows_what_goes_on_and_nothing_of_it_stays() -> None:
 
 
 def test_elsewhere_nothing_is_shown() -> None:
-    assert told_and_shown(subprocess.PIPE) == "result\n"
+    done = run_python("-c", PROGRAM, **TERMINAL)
+    assert (done.stdout, done.stderr) == ("result\n", "")

@@ -197,7 +197,10 @@ def test_explain_takes_the_inputs_of_a_logged_flight(tmp_path, run, flight):
         (["audit", "PAPER", "--thresholds", "cover=1"], "no threshold 'cover'; did you mean 'coverage'?"),
         (["audit", "PAPER", "--flights", "OTHER"], "give flights of this controller"),
         (["audit", "PAPER", "--flights", "missing.mcap"], "cannot be opened"),
-        (["audit", "PAPER", "--system", "force_x", "--flights", "SWAPPED"], "senses distance, velocity_body_x"),
+        (
+            ["audit", "PAPER", "--system", "force_x", "--flights", "SWAPPED"],
+            "senses distance, velocity_body_x",
+        ),
         (["diff", "PAPER", "missing.yaml"], "cannot be read"),
         (["diff", "PAPER", "PAPER", "--system", "force_y"], "did you mean 'force_"),
         (["diff", "PAPER", "LESS", "--system", "force_x"], "'less' has no system 'force_x'"),

@@ -10,38 +10,34 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import pytest
 
-import fis_tools
 from fis_tools.compiled import borrowed_code, cache  # noqa: F401 - as the decorator loads it
 from fis_tools.compiled.decorator import plainly
 from fis_tools.compiled.three import same
 from pipeline.flight.fly import many
 from pipeline.flight.period.act import attitude, safety
 from pipeline.physics import quaternion
+from tests.places import PROJECT
+from tests.programs import run_python
 
-PROJECT = Path(fis_tools.__file__).parents[1]
-
+HEAD = "from fis_tools.compiled.decorator import compiled\n"
 #: Sources of a package by file; `caller` reaches `callee`, and a number in `constants`, at one more remove.
 SOURCES = {
     "__init__": "",
     "constants": "STEP = 1\n",
-    "callee": "from fis_tools.compiled.decorator import compiled\nfrom kernels.constants import STEP\n\n\n"
-    "@compiled\ndef step(x):\n    return x + STEP\n",
-    "caller": "from fis_tools.compiled.decorator import compiled\nfrom kernels.callee import step\n\n\n"
+    "callee": f"{HEAD}from kernels.constants import STEP\n\n\n@compiled\ndef step(x):\n    return x + STEP\n",
+    "caller": f"{HEAD}from kernels.callee import step\n\n\n"
     '@compiled(error_model="numpy")\ndef twice(x):\n    """Take two steps."""\n    return step(step(x))\n',
-    "other": "from fis_tools.compiled.decorator import compiled\n\n\n"
-    "@compiled\ndef double(x):\n    return 2 * x\n",
+    "other": f"{HEAD}\n\n@compiled\ndef double(x):\n    return 2 * x\n",
 }
-CALL = (
+CALL = (  # announces what is compiled at once
+    "from fis_tools.compiled import notice\nnotice.SHORTEST_S = 0.0\n"
     "from kernels.caller import twice\nfrom kernels.other import double\n"
     "print(twice(5), double(4), *(sum(f.stats.cache_hits.values()) for f in (twice, double)))"
 )
-
-
-#: announces what is compiled at once
-AT_ONCE = "from fis_tools.compiled import notice\nnotice.SHORTEST_S = 0.0\n"
 
 
 class Package:
@@ -59,13 +55,7 @@ class Package:
     def run(self, program: str, **variables: str) -> subprocess.CompletedProcess[str]:
         path = os.pathsep.join([str(self.folder), str(PROJECT)])
         usual = {"NUMBA_CACHE_DIR": str(self.folder / "cache"), "NUMBA_DISABLE_JIT": "0"}
-        environment = os.environ | {"PYTHONPATH": path} | usual | variables
-        if not environment.get("COMPILE_AT_ONCE"):
-            environment.pop("COMPILE_AT_ONCE", None)
-        command = [sys.executable, "-c", program]
-        return subprocess.run(  # noqa: S603
-            command, env=environment, check=True, cwd=self.folder, capture_output=True, text=True
-        )
+        return run_python("-c", program, folder=self.folder, path=path, **usual | variables)
 
     def call(self) -> str:
         return self.run(CALL).stdout.strip()
@@ -85,9 +75,9 @@ def test_what_is_wanted_once_is_not_compiled_until_that_would_have_taken_no_long
     )
     slow, quick = ask.format(""), ask.format("notice.expected_s = lambda _: 1e-9")
     for _ in range(2):
-        assert package.run(slow, COMPILE_AT_ONCE="").stdout.split() == ["7", "0", "8", "0", "2.5", "0"]
+        assert package.run(slow, COMPILE_AT_ONCE="0").stdout.split() == ["7", "0", "8", "0", "2.5", "0"]
     # what has run as plain Python before, in any process, has taken longer than a nanosecond
-    assert package.run(quick, COMPILE_AT_ONCE="").stdout.split() == ["7", "1", "8", "1", "2.5", "2"]
+    assert package.run(quick, COMPILE_AT_ONCE="0").stdout.split() == ["7", "1", "8", "1", "2.5", "2"]
 
 
 @pytest.mark.slow
@@ -126,8 +116,7 @@ for name in several.NAMES:
 def test_processes_that_keep_code_at_once_do_not_take_one_for_the_other(package):
     names = [f"half_{n}" for n in range(6)]
     functions = [f"@compiled\ndef {name}(x):\n    return x / 2\n" for name in names]
-    head = f"from fis_tools.compiled.decorator import compiled\nNAMES = {names}"
-    package.write("several", "\n\n\n".join([head, *functions]))
+    package.write("several", "\n\n\n".join([f"{HEAD}NAMES = {names}", *functions]))
     with ThreadPoolExecutor() as pool:
         list(pool.map(package.run, [KEEP.replace("TYPE", kind) for kind in ("int", "float")]))
     look = (
@@ -144,8 +133,9 @@ def test_what_takes_vectors_runs_as_plain_python_with_the_package_that_calls_it(
 
 
 @pytest.mark.slow
-def test_an_edit_compiles_anew_what_depends_on_it_and_no_more(package):
-    package.call()
+def test_an_edit_compiles_anew_what_depends_on_it_and_no_more_and_compilations_are_announced(package):
+    announced = "  compiling kernels.caller.twice: about 1 s, once\n"
+    assert package.run(CALL).stderr == announced + announced.replace("caller.twice", "other.double")
     for name, old, new, answer in (
         ("callee", "x + STEP", "x * 3", 45),
         ("constants", "1", "10", 25),
@@ -154,7 +144,8 @@ def test_an_edit_compiles_anew_what_depends_on_it_and_no_more(package):
         package.write(name, SOURCES[name].replace(old, new))
         assert package.call() == f"{answer} 8 0 1"
         package.write(name, SOURCES[name])
-    assert package.call() == "7 8 1 1"
+    warm = package.run(CALL)
+    assert (warm.stdout, warm.stderr) == ("7 8 1 1\n", "")
 
 
 @pytest.mark.slow
@@ -170,6 +161,7 @@ def test_the_caches_of_other_functions_stay_where_they_are(package):
     assert Path(place) == package.folder / "kernels" / "__pycache__"
 
 
+@pytest.mark.slow
 def test_nothing_imports_numba_before_the_first_call(package):
     look = (
         "import sys\nfrom kernels.caller import twice\nbefore = 'numba' in sys.modules\n"
@@ -218,8 +210,7 @@ def test_they_are_plain_functions_without_numba_and_long_work_says_so_once(packa
 
 @pytest.mark.slow
 def test_a_function_without_a_file_is_compiled_and_not_kept(package):
-    head = "from fis_tools.compiled.decorator import compiled\n"
-    done = package.run(f"{head}@compiled\ndef f(x):\n    return x\nprint(f(3))")
+    done = package.run(f"{HEAD}@compiled\ndef f(x):\n    return x\nprint(f(3))")
     assert done.stdout == "3\n"
     assert "compiled code is not kept: <string> cannot be read" in done.stderr
 
@@ -235,15 +226,6 @@ def test_a_source_edited_under_a_running_process_poisons_no_cache(package):
     assert done.stdout.strip() == "7"  # of the code that was loaded
     assert "callee.py has changed since it was loaded" in done.stderr
     assert package.call() == "45 8 0 0"
-
-
-@pytest.mark.slow
-def test_a_compilation_is_announced_and_a_warm_start_is_silent(package):
-    assert package.run(AT_ONCE + CALL).stderr == (
-        "  compiling kernels.caller.twice: about 1 s, once\n"
-        "  compiling kernels.other.double: about 1 s, once\n"
-    )
-    assert package.run(AT_ONCE + CALL).stderr == ""
 
 
 @pytest.mark.slow
@@ -275,9 +257,6 @@ def test_ctrl_c_that_a_callback_of_llvm_swallows_comes_again(package):
     done = package.run(program)
     assert done.stdout == "interrupted\n"
     assert "ignored" not in done.stderr
-
-
-DAY_S = 86400.0
 
 
 def sources(function: Callable[..., object]) -> set[str]:
@@ -381,13 +360,12 @@ def root(tmp_path, monkeypatch):
     return tmp_path / "own" / "fis-tools"
 
 
-def placed() -> Path | str:
+def placed() -> Any:
     return cache.place_for(quaternion.normalised.py_func)  # type: ignore[attr-defined]
 
 
 def test_a_new_cache_is_closed_to_others(root):
     place = placed()
-    assert isinstance(place, Path)
     assert place.parent == root
     assert place.name.startswith("pipeline.physics.quaternion-")
     for folder in (root, place):
@@ -398,8 +376,7 @@ posix = pytest.mark.skipif(not hasattr(os, "getuid"), reason="owners and modes a
 
 
 def refused() -> str:
-    place = placed()
-    assert isinstance(place, str)
+    place = str(placed())
     assert "set NUMBA_CACHE_DIR to a folder of your own" in place
     return place
 
@@ -450,13 +427,12 @@ def test_caches_that_nobody_has_used_for_a_month_are_dropped(root):
     for name, days in (("recent", 29.0), ("old", 31.0)):
         (root / name / "sub").mkdir(parents=True)
         (root / name / "sub" / "fly.nbi").write_text("index")
-        moment = time.time() - days * DAY_S
+        moment = time.time() - days * 86400.0
         os.utime(root / name, (moment, moment))
     (root / "note.txt").write_text("not a cache")
     os.utime(root / "note.txt", (0.0, 0.0))
     root.chmod(0o700)
     used = placed()
-    assert isinstance(used, Path)
     os.utime(used, (0.0, 0.0))
     placed()  # using it keeps it
     cache.drop_old_caches(root)

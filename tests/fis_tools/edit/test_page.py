@@ -4,8 +4,6 @@ import http.client
 import re
 import shutil
 import socket
-import subprocess
-import sys
 from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
@@ -20,6 +18,7 @@ from fis_tools.source import read_controller
 from tests.browser import serious_violations
 from tests.editors import served
 from tests.places import PROJECT
+from tests.programs import run_python
 
 pytestmark = pytest.mark.slow
 
@@ -268,8 +267,6 @@ def test_only_who_knows_the_address_is_answered_and_no_other_page(address) -> No
 def test_a_damaged_file_ends_in_a_sentence(folder, tmp_path) -> None:
     damaged = tmp_path / "champion_27.yaml"
     damaged.write_text((folder / "champion_27.yaml").read_text(encoding="utf-8")[:3000], encoding="utf-8")
-    command = [sys.executable, "-m", "fis_tools", "edit", str(damaged), "--no-browser"]
-    done = subprocess.run(command, check=False, capture_output=True, text=True, cwd=PROJECT)  # noqa: S603
-    assert done.returncode == 2
+    done = run_python("-m", "fis_tools", "edit", damaged, "--no-browser", code=2)
     assert done.stderr.startswith(f"error: {damaged}: ")
     assert done.stdout == ""
