@@ -4,7 +4,7 @@ from dataclasses import replace
 from functools import cache
 
 from fis_tools.formats import serialize
-from fis_tools.model import Consequent, FuzzyController, FuzzySystem, Rule
+from fis_tools.model import FuzzyController
 from pipeline.command_line.config import Job, compose_experiment
 from tests.places import PROJECT
 
@@ -22,19 +22,14 @@ def steady() -> FuzzyController:
 
 
 def reversed_in_sign(controller: FuzzyController) -> FuzzyController:
-    """The controller whose rules conclude the opposite."""
-
-    def opposite(system: FuzzySystem) -> FuzzySystem:
-        terms = [term.name for term in system.outputs[0].terms]
-        swapped = dict(zip(terms, reversed(terms), strict=True))
-
-        def concluding(rule: Rule) -> Rule:
-            (one,) = rule.consequents
-            return replace(rule, consequents=(Consequent(one.variable, swapped[one.term]),))
-
-        return replace(system, rules=tuple(map(concluding, system.rules)))
-
-    return replace(controller, systems=tuple(map(opposite, controller.systems)))
+    """The controller whose rules conclude the opposite: terms of its outputs have each other's names."""
+    systems = []
+    for system in controller.systems:
+        (output,) = system.outputs
+        pairs = zip(output.terms, reversed(output.terms), strict=True)
+        terms = tuple(replace(term, name=opposite.name) for term, opposite in pairs)
+        systems.append(replace(system, outputs=(replace(output, terms=terms),)))
+    return replace(controller, systems=tuple(systems))
 
 
 @cache
