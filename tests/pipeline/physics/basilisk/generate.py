@@ -15,21 +15,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from Basilisk import __version__  # type: ignore[import-not-found]
-from Basilisk.architecture import astroConstants, messaging  # type: ignore[import-not-found]
-from Basilisk.simulation import (  # type: ignore[import-not-found]
+from Basilisk import __version__
+from Basilisk.architecture import astroConstants, messaging
+from Basilisk.simulation import (
     dragDynamicEffector,
     eclipse,
     exponentialAtmosphere,
     radiationPressure,
     spacecraft,
 )
-from Basilisk.utilities import (  # type: ignore[import-not-found]
-    SimulationBaseClass,
-    macros,
-    orbitalMotion,
-    simIncludeGravBody,
-)
+from Basilisk.utilities import SimulationBaseClass, macros, orbitalMotion, simIncludeGravBody
 
 MEAN_MOTION, GRAVITY = 0.0011068, 3.986004418e14
 EARTH_RADIUS_M, ASTRONOMICAL_UNIT_M = 6_378_137.0, 149_597_870_700.0
@@ -96,7 +91,13 @@ def message_of(name: str, place: Any) -> Any:
     return messaging.SpicePlanetStateMsg().write(state)
 
 
-def add_drag(simulation: Any, craft: Any, acceleration: float, kept: list[Any]) -> None:
+def add(simulation: Any, model: Any, *priority: int) -> None:
+    """Let a model take part in a simulation, which does not keep it by itself."""
+    simulation.AddModelToTask("task", model, *priority)
+    simulation.kept.append(model)
+
+
+def add_drag(simulation: Any, craft: Any, acceleration: float) -> None:
     """Let air that is everywhere as dense slow a craft so much at the speed of a circular orbit."""
     air = exponentialAtmosphere.ExponentialAtmosphere()
     air.ModelTag, air.planetRadius, air.scaleHeight = "air", EARTH_RADIUS_M, 1e15
@@ -106,31 +107,28 @@ def add_drag(simulation: Any, craft: Any, acceleration: float, kept: list[Any]) 
     drag.coreParams.projectedArea, drag.coreParams.dragCoeff = 1.0, 1.0
     drag.atmoDensInMsg.subscribeTo(air.envOutMsgs[0])
     craft.addDynamicEffector(drag)
-    for model in (air, drag):
-        simulation.AddModelToTask("task", model)
-        kept.append(model)
+    add(simulation, air)
+    add(simulation, drag)
 
 
-def add_sunlight(
-    simulation: Any, craft: Any, acceleration: float, sun: Any, has_shadow: bool, kept: list[Any]
-) -> None:
+def add_sunlight(simulation: Any, craft: Any, acceleration: float, sun: Any, has_shadow: bool) -> None:
     """Let the Sun push a craft so much at one astronomical unit, where the Earth does not hide it."""
     light = radiationPressure.RadiationPressure()
     light.setUseCannonballModel()
     light.area, light.coefficientReflection = acceleration * MASS / PRESSURE, 1.0
     sun_message = message_of("sun", sun)
     light.sunEphmInMsg.subscribeTo(sun_message)
-    kept += [light, sun_message]
+    simulation.kept.append(sun_message)
     if has_shadow:
         shadow, earth_message = eclipse.Eclipse(), message_of("earth", np.zeros(3))
         shadow.sunInMsg.subscribeTo(sun_message)
         shadow.addPlanetToModel(earth_message)
         shadow.addSpacecraftToModel(craft.scStateOutMsg)
         light.sunEclipseInMsg.subscribeTo(shadow.eclipseOutMsgs[0])
-        simulation.AddModelToTask("task", shadow)
-        kept += [shadow, earth_message]
+        add(simulation, shadow)
+        simulation.kept.append(earth_message)
     craft.addDynamicEffector(light)
-    simulation.AddModelToTask("task", light)
+    add(simulation, light)
 
 
 def flown(dynamics: dict[str, float], has_shadow: bool, start: Any, folder: Path) -> dict[str, Any]:
@@ -145,22 +143,19 @@ def flown(dynamics: dict[str, float], has_shadow: bool, start: Any, folder: Path
     simulation = SimulationBaseClass.SimBaseClass()
     process = simulation.CreateNewProcess("process")
     process.addTask(simulation.CreateNewTask("task", macros.sec2nano(STEP_S)))
-    kept: list[Any] = [earth_of(dynamics["j2"], folder)]
-    recorders = []
+    earth, simulation.kept, recorders = earth_of(dynamics["j2"], folder), [], []
     for name, at, speed in (("chief", place, velocity), ("deputy", deputy_place, deputy_velocity)):
         craft = spacecraft.Spacecraft()
         craft.ModelTag, craft.hub.mHub = name, MASS
         craft.hub.r_CN_NInit, craft.hub.v_CN_NInit = list(at), list(speed)
-        kept[0].addBodiesTo(craft)
-        simulation.AddModelToTask("task", craft, 10)
+        earth.addBodiesTo(craft)
+        add(simulation, craft, 10)
         if name == "deputy" and dynamics["drag_m_s2"]:
-            add_drag(simulation, craft, dynamics["drag_m_s2"], kept)
+            add_drag(simulation, craft, dynamics["drag_m_s2"])
         if name == "deputy" and dynamics["radiation_m_s2"]:
-            add_sunlight(simulation, craft, dynamics["radiation_m_s2"], sun, has_shadow, kept)
-        recorder = craft.scStateOutMsg.recorder(macros.sec2nano(SAMPLE_S))
-        simulation.AddModelToTask("task", recorder)
-        recorders.append(recorder)
-        kept.append(craft)
+            add_sunlight(simulation, craft, dynamics["radiation_m_s2"], sun, has_shadow)
+        recorders.append(craft.scStateOutMsg.recorder(macros.sec2nano(SAMPLE_S)))
+        add(simulation, recorders[-1])
     simulation.InitializeSimulation()
     simulation.ConfigureStopTime(macros.sec2nano(DURATION_S))
     simulation.ExecuteSimulation()
