@@ -7,13 +7,11 @@ no limit for.
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from pipeline.array_types import Floats
 from pipeline.physics.quaternion import dcm_b_from_h
 from tests.pipeline.physics.what_flies import motion_over, propagate, turned
 from tests.places import PROJECT
-
-Floats = NDArray[np.float64]
 
 #: their defaults
 MEAN_MOTION, MASS, MAX_FORCE, INERTIA, FASTEST = 0.001027, 12.0, 1.0, 0.0573 * np.eye(3), 0.034907

@@ -55,14 +55,7 @@ def test_the_conditions_without_roots_are_those_of_the_paper():
 
 def test_from_afar_the_whole_chief_fits_into_the_field_of_view():
     half_angle = np.radians(15.0)
-    distance = np.sqrt(fits_from(sight_of(RADIUS, half_angle)))
-    assert distance == pytest.approx(RADIUS / np.sin(half_angle))
-    horizon = np.arccos(RADIUS / distance) - 1e-9
-    point = RADIUS * np.array([np.cos(horizon), 0.0, np.sin(horizon)])
-    axis = np.array([1.0, 0.0, 0.0])
-    for factor, is_seen in ((1.0001, True), (0.99, False)):
-        place = factor * distance * axis
-        assert is_in_view(point, place, -axis, np.cos(half_angle), RADIUS) == is_seen
+    assert np.sqrt(fits_from(sight_of(RADIUS, half_angle))) == pytest.approx(RADIUS / np.sin(half_angle))
 
 
 ORBIT_M = illumination.orbit_radius(MEAN_MOTION)
@@ -83,7 +76,6 @@ def integrated_share(sun_h: np.ndarray) -> float:
     return float(np.mean(misses))
 
 
-@pytest.mark.slow
 def test_the_orbit_of_the_paper_is_500_km_high() -> None:
     assert pytest.approx(EARTH_RADIUS_M + 500e3, abs=500.0) == ORBIT_M
 
@@ -102,7 +94,6 @@ def test_the_penumbra_is_that_of_rays_to_the_suns_disc(elevation: float) -> None
     assert any(0.1 < share < 0.9 for share in shares)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("min_share", [0.1, 0.5, 1.0])
 def test_one_height_of_the_sun_tells_light_from_shadow(min_share: float) -> None:
     least = illumination.least_sun_height(ORBIT_M, min_share)
@@ -113,7 +104,6 @@ def test_one_height_of_the_sun_tells_light_from_shadow(min_share: float) -> None
     assert illumination.least_sun_height(ORBIT_M, 0.0) == -2.0
 
 
-@pytest.mark.slow
 def test_eclipses_last_as_long_as_they_are_published_to() -> None:
     """37.8 % of a 500 km orbit in its Sun's plane; none for a Sun more than 68 deg above it."""
     least = illumination.least_sun_height(ORBIT_M, 0.5)
@@ -126,7 +116,6 @@ def test_eclipses_last_as_long_as_they_are_published_to() -> None:
     assert visible_share(sun_direction_h(np.pi, np.radians(67.5))[0], ORBIT_M) == 0.0
 
 
-@pytest.mark.slow
 def test_a_small_earth_far_away_makes_a_ring_of_the_sun() -> None:
     far = 2.5e9
     ratio = np.arcsin(EARTH_RADIUS_M / far) / np.arcsin(SUN_SIZE)

@@ -1,6 +1,5 @@
 from types import SimpleNamespace
 
-import numba
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -9,9 +8,17 @@ from hypothesis.extra.numpy import arrays
 from scipy.spatial.transform import Rotation
 
 from pipeline.physics import quaternion as quaternions
-from pipeline.physics.attitude import TUMBLING_TOLERANCE_RAD, longest_tumbling_step, tumble
-from tests.pipeline.physics.what_flies import error_vector, turned
+from pipeline.physics.attitude import FIRST_Y, TUMBLING_TOLERANCE_RAD, longest_tumbling_step, tumble
+from tests.pipeline.physics.what_flies import (
+    blended_y,
+    control_torque,
+    desired_dcm,
+    desired_y,
+    error_vector,
+    turned,
+)
 from tests.readable_flight import turning
+from tests.readable_flight.pointing import looking, next_y
 
 MEAN_MOTION = 0.0011068
 HILL_RATE = np.array([0.0, 0.0, MEAN_MOTION])
@@ -86,18 +93,6 @@ def test_a_chief_tumbles_in_inertial_space_and_the_step_fits_how_fast(inertia, s
     np.testing.assert_allclose(found, wanted, atol=min(1e-2 * accuracy, 1e-3) * np.linalg.norm(rate))
 
 
-def test_a_top_that_spins_fast_for_an_hour_points_where_the_closed_form_says():
-    duration = 300.0 if numba.config.DISABLE_JIT else 3600.0  # an hour of plain Python takes 20 s
-    inertia, rate_start = np.diag([10.0, 10.0, 16.0]), np.array([0.2, 0.0, 0.7])
-    steps = int(np.ceil(duration / longest_tumbling_step(inertia, rate_start, 0.0, duration)))
-    quaternion, _ = tumble(IDENTITY, rate_start, inertia, np.linalg.inv(inertia), 0.0, duration, steps)
-    momentum = inertia @ rate_start
-    # the body spins about its axis by (J1 - J3)/J1 w3 within a frame that precesses about the momentum
-    spin = Rotation.from_rotvec([0.0, 0.0, (10.0 - 16.0) / 10.0 * 0.7 * duration])
-    turned = Rotation.from_rotvec(momentum / 10.0 * duration) * spin
-    assert (turned.inv() * Rotation.from_quat(quaternion)).magnitude() < 2.0 * TUMBLING_TOLERANCE_RAD
-
-
 components = arrays(np.float64, 4, elements=st.floats(-1.0, 1.0))
 unit_quaternions = components.filter(lambda q: np.linalg.norm(q) > 1e-3).map(lambda q: q / np.linalg.norm(q))
 #: the first example waits for the compiler
@@ -162,3 +157,36 @@ def test_the_derivative_is_that_of_a_steady_rotation(q, rate):
     ends = [end if end @ q > 0.0 else -end for end in ends]
     numerical = (ends[0] - 8.0 * ends[1] + 8.0 * ends[2] - ends[3]) / (12.0 * h)
     np.testing.assert_allclose(quaternions.derivative(q, rate), numerical, rtol=0, atol=1e-11)
+
+
+@pytest.mark.parametrize("blends", [False, True])
+@pytest.mark.parametrize("azimuth", [-2.0, 0.05])
+def test_the_desired_attitude_is_that_of_the_readable_flight_over_both_poles(azimuth, blends):
+    """From where nothing has to turn; so near to a pole that y* is kept, and a little beside it."""
+    mission = SimpleNamespace(attitude=SimpleNamespace(pole_blending=blends), attitude_period_s=2.0)
+    y = np.array(FIRST_Y)
+    before = None
+    pole = np.pi / 2 + np.array([-1.01e-3, -0.99e-3, 0.0, 0.99e-3, 1.01e-3])
+    for elevation in np.sort(np.concatenate((np.arange(0.0, 2.0 * np.pi, 0.01), pole, pole + np.pi))):
+        around = azimuth + 0.02 * elevation  # past the poles, not straight over them
+        flat = np.cos(elevation) * np.array([np.cos(around), np.sin(around)])
+        position = 60.0 * np.array([*flat, np.sin(elevation)])
+        y = desired_y(position, y) if before is None or not blends else blended_y(position, y, 2.0)
+        before = next_y(mission, position, before)
+        np.testing.assert_allclose(y, before, atol=1e-10)
+        dcm = desired_dcm(position, y)
+        np.testing.assert_allclose(dcm.T, looking(position, before).as_matrix(), atol=1e-10)
+        np.testing.assert_allclose(dcm.T @ [-1.0, 0.0, 0.0], -position / 60.0, atol=1e-15)
+
+
+def test_the_torque_opposes_error_and_rate_and_is_clipped_and_gains_are_matrices():
+    small = Rotation.from_rotvec([0.02, 0.0, 0.0]).as_quat()
+    gains = 0.08 * np.eye(3), 0.32 * np.eye(3)
+    torque = control_torque(small, IDENTITY, np.zeros(3), *gains, 0.01)
+    np.testing.assert_allclose(torque, [-0.08 * np.sin(0.01), 0.0, 0.0], atol=1e-17)
+    torque = control_torque(IDENTITY, IDENTITY, np.array([0.0, 0.01, -1.0]), *gains, 0.01)
+    np.testing.assert_allclose(torque, [0.0, -0.0032, 0.01], atol=1e-17)
+    inertia = np.array([[2.0, 0.3, 0.0], [0.3, 1.0, 0.1], [0.0, 0.1, 1.5]])
+    rate = np.array([1.0, -2.0, 3.0])
+    torque = control_torque(IDENTITY, IDENTITY, 0.001 * rate, 0.08 * inertia, 0.32 * inertia, 1.0)
+    np.testing.assert_allclose(torque, -0.00032 * inertia @ rate, rtol=1e-14)
