@@ -7,16 +7,10 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.spatial.transform import Rotation
 
+from fis_tools.compiled.three import Three
+from pipeline.physics import attitude as attitudes
 from pipeline.physics import quaternion as quaternions
-from pipeline.physics.attitude import FIRST_Y, TUMBLING_TOLERANCE_RAD, longest_tumbling_step, tumble
-from tests.pipeline.physics.what_flies import (
-    blended_y,
-    control_torque,
-    desired_dcm,
-    desired_y,
-    error_vector,
-    turned,
-)
+from tests.pipeline.physics.what_flies import control_torque, error_vector, turned
 from tests.readable_flight import turning
 from tests.readable_flight.pointing import looking, next_y
 
@@ -27,17 +21,15 @@ INERTIA = np.array([[2.0, 0.2, -0.1], [0.2, 1.4, 0.15], [-0.1, 0.15, 1.1]])
 CHIEF_INERTIA = np.array([[900.0, 30.0, -50.0], [30.0, 1200.0, 20.0], [-50.0, 20.0, 700.0]])
 
 
-def turned_by_scipy(inertia, rate, torque, duration, mean_motion=MEAN_MOTION):
+def turned_by_scipy(inertia, rate, torque, duration):
     """Attitude from body to Hill axes, and the inertial rate in the body, after a held torque."""
-    deputy = SimpleNamespace(inertia_kg_m2=inertia)
-    what = SimpleNamespace(deputy=deputy, orbit=SimpleNamespace(mean_motion_rad_s=mean_motion))
-    hill_rate = np.array([0.0, 0.0, mean_motion])
-    attitude = Rotation.identity()
-    relative = np.array(rate) - hill_rate
+    deputy, orbit = SimpleNamespace(inertia_kg_m2=inertia), SimpleNamespace(mean_motion_rad_s=MEAN_MOTION)
+    what = SimpleNamespace(deputy=deputy, orbit=orbit)
+    attitude, relative = Rotation.identity(), np.array(rate) - HILL_RATE
     num_parts = int(np.ceil(duration / 10.0 * max(1.0, np.linalg.norm(rate))))
     for _ in range(num_parts):
         attitude, relative = turning.turned(what, attitude, relative, torque, duration / num_parts)
-    return attitude, relative + attitude.inv().apply(hill_rate)
+    return attitude, relative + attitude.inv().apply(HILL_RATE)
 
 
 @pytest.mark.parametrize(("speed", "tolerance"), [(0.05, 2e-6), (0.2, 5e-5)])
@@ -84,10 +76,10 @@ def test_a_chief_tumbles_in_inertial_space_and_the_step_fits_how_fast(inertia, s
     """Or it is a second, which is more accurate."""
     rate = np.array(start)
     inverse = np.linalg.inv(inertia)
-    step = 1.0 if accuracy else longest_tumbling_step(inertia, rate, MEAN_MOTION, duration)
+    step = 1.0 if accuracy else attitudes.longest_tumbling_step(inertia, rate, MEAN_MOTION, duration)
     steps = int(np.ceil(duration / step))
-    accuracy = accuracy or 2.0 * TUMBLING_TOLERANCE_RAD
-    quaternion, found = tumble(IDENTITY, rate, inertia, inverse, MEAN_MOTION, duration, steps)
+    accuracy = accuracy or 2.0 * attitudes.TUMBLING_TOLERANCE_RAD
+    quaternion, found = attitudes.tumble(IDENTITY, rate, inertia, inverse, MEAN_MOTION, duration, steps)
     attitude, wanted = turned_by_scipy(inertia, rate, np.zeros(3), duration)
     assert (Rotation.from_quat(quaternion).inv() * attitude).magnitude() < accuracy
     np.testing.assert_allclose(found, wanted, atol=min(1e-2 * accuracy, 1e-3) * np.linalg.norm(rate))
@@ -164,17 +156,17 @@ def test_the_derivative_is_that_of_a_steady_rotation(q, rate):
 def test_the_desired_attitude_is_that_of_the_readable_flight_over_both_poles(azimuth, blends):
     """From where nothing has to turn; so near to a pole that y* is kept, and a little beside it."""
     mission = SimpleNamespace(attitude=SimpleNamespace(pole_blending=blends), attitude_period_s=2.0)
-    y = np.array(FIRST_Y)
-    before = None
+    y, before = Three(*attitudes.FIRST_Y), None
     pole = np.pi / 2 + np.array([-1.01e-3, -0.99e-3, 0.0, 0.99e-3, 1.01e-3])
     for elevation in np.sort(np.concatenate((np.arange(0.0, 2.0 * np.pi, 0.01), pole, pole + np.pi))):
         around = azimuth + 0.02 * elevation  # past the poles, not straight over them
         flat = np.cos(elevation) * np.array([np.cos(around), np.sin(around)])
         position = 60.0 * np.array([*flat, np.sin(elevation)])
-        y = desired_y(position, y) if before is None or not blends else blended_y(position, y, 2.0)
+        at, blended = Three(*position), blends and before is not None
+        y = attitudes.blended_y(at, y, 2.0) if blended else attitudes.desired_y(at, y)
         before = next_y(mission, position, before)
         np.testing.assert_allclose(y, before, atol=1e-10)
-        dcm = desired_dcm(position, y)
+        dcm = attitudes.desired_dcm(at, y)
         np.testing.assert_allclose(dcm.T, looking(position, before).as_matrix(), atol=1e-10)
         np.testing.assert_allclose(dcm.T @ [-1.0, 0.0, 0.0], -position / 60.0, atol=1e-15)
 

@@ -10,15 +10,19 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from fis_tools.compiled.decorator import plainly
+from pipeline.flight.control.controller import coast
 from pipeline.flight.fly.workspace import make_state, make_workspace
 from pipeline.flight.period.decide.motion import CLOSEST_APPROACH, sense_approach
 from pipeline.flight.state.arrays import Moment
+from pipeline.flight.state.log import Scenario
 from pipeline.flight.world.pack import pack_world
 from pipeline.physics.illumination import EARTH_GRAVITY_M3_S2, orbit_radius, sun_direction_h
 from pipeline.physics.orbit import Course, course_of
+from tests.pipeline.flight.as_written import written
+from tests.pipeline.flight.cases import mission
 from tests.pipeline.flight.missions import MEAN_MOTION, PAPER
 from tests.pipeline.physics.what_flies import motion_over, move_beside, propagate
-from tests.readable_flight.two_body import Earth, chief_orbit, moved
+from tests.readable_flight.two_body import moved
 
 TOLD = json.loads((Path(__file__).parent / "basilisk" / "trajectories.json").read_text(encoding="utf-8"))
 TOLD_MOTION, PERIOD = TOLD["mean_motion_rad_s"], 10.0
@@ -57,21 +61,14 @@ def test_basilisk_flies_the_same_hour(name):
 
 def plainly_flown(dynamics, radius: float, start: np.ndarray, forces: np.ndarray) -> np.ndarray:
     """The places, Hill axes, at the beginning and after each force, held for a minute, of readable flight."""
-    mission = SimpleNamespace(
-        orbit=SimpleNamespace(mean_motion_rad_s=np.sqrt(EARTH_GRAVITY_M3_S2 / radius**3), radius_m=radius),
-        dynamics=SimpleNamespace(**(ROUND | dynamics)),
-        light=SimpleNamespace(shadow="none"),
+    motion = float(np.sqrt(EARTH_GRAVITY_M3_S2 / radius**3))
+    what = mission(
+        orbit={"mean_motion_rad_s": motion, "radius_m": radius},
+        dynamics={"model": "two_body"} | dynamics,
         control_period_s=6.0 * PERIOD,
-        num_controls=len(forces),
+        duration_s=6.0 * PERIOD * len(forces),
     )
-    earth = Earth(mission)
-    angle, elevation = np.radians(TOLD["sun_deg"])
-    flight = SimpleNamespace(
-        mission=mission,
-        earth=earth,
-        orbit=chief_orbit(earth, mission),
-        scenario=SimpleNamespace(sun_angle_rad=angle, sun_elevation_rad=elevation),
-    )
+    flight = written(what, coast(), Scenario(start[:3], start[3:], *np.radians(TOLD["sun_deg"])))
     states = [start]
     for k, force in enumerate(forces):
         states.append(moved(flight, k, states[-1], force, 0.0))

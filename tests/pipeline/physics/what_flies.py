@@ -7,29 +7,21 @@ import numpy as np
 from fis_tools.compiled.decorator import plainly
 from fis_tools.compiled.three import Three
 from pipeline.flight.period.act import attitude
-from pipeline.physics import attitude as desired
+from pipeline.physics import motion
 from pipeline.physics.illumination import visible_share
-from pipeline.physics.motion import (
-    Motion,
-    input_matrix,
-    place_after,
-    state_transition,
-    step_of,
-    velocity_after,
-)
 from pipeline.physics.two_body import entered, left, stepped
 
 
 def motion_over(mean_motion, seconds, mass):
     """Return the motion beside a circular orbit over one duration, by the closed form."""
-    closed = state_transition(mean_motion, seconds), input_matrix(mean_motion, seconds, mass)
-    return Motion(*(matrix[np.newaxis] for matrix in closed))
+    closed = motion.state_transition(mean_motion, seconds), motion.input_matrix(mean_motion, seconds, mass)
+    return motion.Motion(*(matrix[np.newaxis] for matrix in closed))
 
 
-def propagate(motion, state, force_h):
+def propagate(linear, state, force_h):
     """Return a state, shape (6,), after the first duration of a motion under a held force, N, Hill axes."""
-    step, at, moving, force = step_of(motion, 0), Three(*state[:3]), Three(*state[3:]), Three(*force_h)
-    return np.array([*place_after(step, at, moving, force), *velocity_after(step, at, moving, force)])
+    held = motion.step_of(linear, 0), Three(*state[:3]), Three(*state[3:]), Three(*force_h)
+    return np.array([*motion.place_after(*held), *motion.velocity_after(*held)])
 
 
 def move_beside(course, period, state, force, sun):
@@ -38,11 +30,8 @@ def move_beside(course, period, state, force, sun):
     light = Three(*(-course.radiation * np.asarray(sun)))
 
     def shine(at):
-        return (
-            visible_share(course.axes[at, 0] @ sun, np.linalg.norm(course.places[at]))
-            if course.has_shadow
-            else 1.0
-        )
+        height, distance = course.axes[at, 0] @ sun, np.linalg.norm(course.places[at])
+        return visible_share(height, distance) if course.has_shadow else 1.0
 
     with plainly("pipeline"):
         place, velocity = entered(course, row, Three(*state[:3]), Three(*state[3:]))
@@ -52,21 +41,6 @@ def move_beside(course, period, state, force, sun):
             row += 2
         place, velocity = left(course, row, place, velocity)
     return np.array([*place, *velocity])
-
-
-def desired_y(position, previous):
-    """Return the desired second body axis."""
-    return np.array(desired.desired_y(Three(*position), Three(*previous)))
-
-
-def blended_y(position, previous, period):
-    """Return the same without fast turns over a pole."""
-    return np.array(desired.blended_y(Three(*position), Three(*previous), period))
-
-
-def desired_dcm(position, y):
-    """Return the desired attitude as a matrix."""
-    return desired.desired_dcm(Three(*position), Three(*y))
 
 
 def hill_rate_b(quaternion, mean_motion):
