@@ -11,74 +11,57 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from pipeline.evaluation.assurance import formula as stl
 from pipeline.evaluation.assurance import requirements
-from pipeline.evaluation.assurance.formula import (
-    Always,
-    And,
-    Comparison,
-    Eventually,
-    FormulaError,
-    Not,
-    Or,
-    Until,
-    Window,
-    _margin,
-    _over,
-    holds,
-    parse,
-    quantities_of,
-    robustness,
-    unit_of,
-)
 from pipeline.evaluation.assurance.requirements import METHODS, Question, RequirementError, read
 from pipeline.settings.places import requirements_path
 
 UNITS = {"distance": "m", "speed": "m/s", "inspection_rate": "%", "points": ""}
-NEAR = Comparison((("distance", -1.0),), 60.0, True, "m")
+NEAR = stl.Comparison((("distance", -1.0),), 60.0, True, "m")
 
 
-A, B, C = (Comparison((("points", 1.0),), -float(n), True, "") for n in (1, 2, 3))
+A, B, C = (stl.Comparison((("points", 1.0),), -float(n), True, "") for n in (1, 2, 3))
 
 
 @pytest.mark.parametrize(
     ("text", "formula"),
     [
         # what binds closest
-        ("points > 1 or points > 2 and points > 3", Or(A, And(B, C))),
-        ("points > 1 -> points > 2 -> points > 3", Or(Not(A), Or(Not(B), C))),
-        ("not points > 1 until[0:9] points > 2", Until(Window(0, 9), Not(A), B)),
-        ("always eventually[2,5] points > 1", Always(Window(), Eventually(Window(2, 5), A))),
+        ("points > 1 or points > 2 and points > 3", stl.Or(A, stl.And(B, C))),
+        ("points > 1 -> points > 2 -> points > 3", stl.Or(stl.Not(A), stl.Or(stl.Not(B), C))),
+        ("not points > 1 until[0:9] points > 2", stl.Until(stl.Window(0, 9), stl.Not(A), B)),
+        ("always eventually[2,5] points > 1", stl.Always(stl.Window(), stl.Eventually(stl.Window(2, 5), A))),
         # units may stand or not
         ("distance < 60", NEAR),
         ("distance < 60 m", NEAR),
-        ("always[0 s: 10 s] points > 1", Always(Window(0, 10), A)),
+        ("always[0 s: 10 s] points > 1", stl.Always(stl.Window(0, 10), A)),
         # sums come to one side
-        ("0.5 * distance + 2 m >= distance - 3", Comparison((("distance", -0.5),), 5.0, False, "m")),
+        ("0.5 * distance + 2 m >= distance - 3", stl.Comparison((("distance", -0.5),), 5.0, False, "m")),
     ],
 )
 def test_a_text_is_read_as_its_formula(text, formula):
-    assert parse(text, UNITS) == formula
+    assert stl.parse(text, UNITS) == formula
 
 
 def test_a_formula_without_end_is_refused():
     for text in ("(" * 9999, "not " * 9999, "points > 1 -> " * 9999):
-        with pytest.raises(FormulaError, match="without end"):
-            parse(text, UNITS)
+        with pytest.raises(stl.FormulaError, match="without end"):
+            stl.parse(text, UNITS)
 
 
 def test_a_rate_makes_a_speed_of_a_distance():
-    found = parse("speed <= 0.2 m/s + 0.002 per_s * distance", UNITS)
+    found = stl.parse("speed <= 0.2 m/s + 0.002 per_s * distance", UNITS)
     assert found.unit == "m/s"
     assert dict(found.factors) == {"speed": -1.0, "distance": 0.002}
-    with pytest.raises(FormulaError, match="m/s does not go with m"):
-        parse("distance <= 0.002 per_s * distance", UNITS)
+    with pytest.raises(stl.FormulaError, match="m/s does not go with m"):
+        stl.parse("distance <= 0.002 per_s * distance", UNITS)
 
 
 def test_a_formula_tells_its_quantities_and_the_unit_of_its_margin():
-    formula = parse("always (distance < 60 -> speed < 1) and distance > 15", UNITS)
-    assert quantities_of(formula) == ("distance", "speed")
-    assert unit_of(formula) is None
-    assert unit_of(parse("always distance > 15", UNITS)) == "m"
+    formula = stl.parse("always (distance < 60 -> speed < 1) and distance > 15", UNITS)
+    assert stl.quantities_of(formula) == ("distance", "speed")
+    assert stl.unit_of(formula) is None
+    assert stl.unit_of(stl.parse("always distance > 15", UNITS)) == "m"
 
 
 @pytest.mark.parametrize(
@@ -104,8 +87,8 @@ def test_a_formula_tells_its_quantities_and_the_unit_of_its_margin():
     ],
 )
 def test_mistakes_are_pointed_at(text, column, words):
-    with pytest.raises(FormulaError) as caught:
-        parse(text, UNITS)
+    with pytest.raises(stl.FormulaError) as caught:
+        stl.parse(text, UNITS)
     shown, pointed = str(caught.value).split("\n")
     assert shown == text
     assert pointed.index("^") == column
@@ -119,27 +102,27 @@ PLAIN = {"a": "", "b": ""}
 @pytest.mark.parametrize("case", TABLE["cases"], ids=lambda case: f"{case['formula']} on {case['trace']}")
 def test_rtamt_agrees_at_every_sample(case):
     trace = {name: np.array([row]) for name, row in TABLE["traces"][case["trace"]].items()}
-    ours = _over(parse(case["formula"], PLAIN), trace, 1.0, _margin)[0]
+    ours = stl._over(stl.parse(case["formula"], PLAIN), trace, 1.0, stl._margin)[0]
     np.testing.assert_allclose(ours, case["robustness"], rtol=0, atol=1e-12)
 
 
 @given(arrays(np.float64, (3, 9), elements=st.sampled_from([-1.0, 0.0, 1.0])))
 def test_what_holds_has_a_margin_that_is_not_below_zero(values):
     for text in ("always a >= 0", "eventually[1:4] a > 0", "not (a > 0) until[0:5] a >= 1"):
-        formula = parse(text, PLAIN)
-        margin, truth = robustness(formula, {"a": values}, 1.0), holds(formula, {"a": values}, 1.0)
+        formula = stl.parse(text, PLAIN)
+        margin, truth = stl.robustness(formula, {"a": values}, 1.0), stl.holds(formula, {"a": values}, 1.0)
         assert np.all(truth[margin > 0.0])
         assert not np.any(truth[margin < 0.0])
     zero = {"a": np.array([[0.0, 1.0]])}
-    assert holds(parse("always a >= 0", PLAIN), zero, 1.0)[0]
-    assert not holds(parse("always a > 0", PLAIN), zero, 1.0)[0]
+    assert stl.holds(stl.parse("always a >= 0", PLAIN), zero, 1.0)[0]
+    assert not stl.holds(stl.parse("always a > 0", PLAIN), zero, 1.0)[0]
 
 
 def test_windows_are_in_seconds_whatever_the_period():
     signals = {"a": np.array([[5.0, 4.0, 3.0, 2.0]])}
-    for window, least in ((Window(0, 20), 3.0), (Window(0, 29.9), 3.0), (Window(10, 30), 2.0)):
+    for window, least in ((stl.Window(0, 20), 3.0), (stl.Window(0, 29.9), 3.0), (stl.Window(10, 30), 2.0)):
         text = f"always[{window.first_s}:{window.last_s}] a >= 0"
-        assert robustness(parse(text, PLAIN), signals, 10.0)[0] == least
+        assert stl.robustness(stl.parse(text, PLAIN), signals, 10.0)[0] == least
 
 
 SHIPPED = requirements_path("inspection").read_text(encoding="utf-8")

@@ -6,22 +6,13 @@ import numpy as np
 import pytest
 from scipy.stats import binom, binomtest
 
-from pipeline.evaluation.assurance import proofs
+from pipeline.evaluation.assurance import proofs, verdicts
 from pipeline.evaluation.assurance.campaign import Outcome, Search
 from pipeline.evaluation.assurance.formula import parse
 from pipeline.evaluation.assurance.proofs import Certificate, safety_proof
 from pipeline.evaluation.assurance.quantities import UNITS
 from pipeline.evaluation.assurance.requirements import Question, Requirement, RequirementError
-from pipeline.evaluation.assurance.verdicts import (
-    Found,
-    cases_needed,
-    failures_allowed,
-    judge,
-    outcomes,
-    sentence,
-    share_bounds,
-    verdict,
-)
+from pipeline.evaluation.assurance.verdicts import Found, sentence, verdict
 from pipeline.flight.state.log import Scenario
 from tests.fis_tools import step_by_step
 from tests.pipeline.evaluation.assurance.cases import champion, experiment, scenarios
@@ -38,16 +29,16 @@ from tests.pipeline.evaluation.assurance.cases import champion, experiment, scen
 )
 def test_cases_needed_are_those_of_hanson_and_beard(probability, cases):
     """NASA/TP-2010-216447, with a consumer's risk of 10 %."""
-    assert tuple(cases_needed(probability, 0.9, failed) for failed in range(len(cases))) == cases
+    assert tuple(verdicts.cases_needed(probability, 0.9, failed) for failed in range(len(cases))) == cases
     for failed, number in enumerate(cases):
-        assert failures_allowed(number, probability, 0.9) == failed
-        assert failures_allowed(number - 1, probability, 0.9) == failed - 1
+        assert verdicts.failures_allowed(number, probability, 0.9) == failed
+        assert verdicts.failures_allowed(number - 1, probability, 0.9) == failed - 1
 
 
 @pytest.mark.parametrize(("met", "cases"), [(0, 10), (10, 10), (7, 10), (993, 1000), (9993, 10000)])
 def test_bounds_are_those_of_scipy(met, cases):
     for confidence in (0.8, 0.9, 0.95):
-        low, high = share_bounds(met, cases, confidence)
+        low, high = verdicts.share_bounds(met, cases, confidence)
         greater, less = (binomtest(met, cases, alternative=side) for side in ("greater", "less"))
         assert low == pytest.approx(greater.proportion_ci(confidence).low, abs=1e-12)
         assert high == pytest.approx(less.proportion_ci(confidence).high, abs=1e-12)
@@ -55,7 +46,7 @@ def test_bounds_are_those_of_scipy(met, cases):
 
 def cases(num_failed: int, num_cases: int = 1000, probability: float = 0.99):
     margins = np.r_[-np.ones(num_failed), np.ones(num_cases - num_failed)]
-    return judge(margins, margins > 0, probability, 0.9)
+    return verdicts.judge(margins, margins > 0, probability, 0.9)
 
 
 @pytest.mark.parametrize(
@@ -72,11 +63,11 @@ def test_verdicts(verdict, counts):
 
 def test_margins_by_order_statistics():
     margins = np.random.default_rng(1).permutation(np.arange(1000.0))
-    judgement = judge(margins, margins >= 3, 0.99, 0.9)
+    judgement = verdicts.judge(margins, margins >= 3, 0.99, 0.9)
     # P(at most 5 of 1000 below the 1 % quantile) is at most 10 %, of 6 it is more
     assert binom.cdf(5, 1000, 0.01) <= 0.1 < binom.cdf(6, 1000, 0.01)
     assert (judgement.margin, judgement.worst_margin, judgement.median_margin) == (5.0, 0.0, 499.5)
-    assert judge(margins[:50], margins[:50] >= 3, 0.99, 0.9).margin is None
+    assert verdicts.judge(margins[:50], margins[:50] >= 3, 0.99, 0.9).margin is None
 
 
 def certified(*question: str) -> tuple[Certificate, ...]:
@@ -117,15 +108,15 @@ HEAVIER = "+dispersions.deputy.mass_kg={kind:uniform,low:11.0,high:13.0}"
 def test_the_layer_proves_what_follows_from_its_spheres():
     proof = safety_proof(experiment("safety=filter").mission, scenarios(20))
     assert (proof.num_safe, proof.keep_out_m, proof.keep_in_m) == (20, 16.0, 198.0)
-    for text in (KEPT, "always[0:600] (distance <= 200 m) and always (distance > 15.5 m)"):
-        assert proof.proves(parse(text, UNITS))
-    for text in (
-        "always (distance >= 17 m)",
-        "always (distance <= 198 m)",  # rounding: nothing is kept to spare
-        "always (speed <= 10 m/s)",
-        "eventually (distance >= 15 m)",
-    ):
-        assert not proof.proves(parse(text, UNITS))
+    claims = {
+        KEPT: True,
+        "always[0:600] (distance <= 200 m) and always (distance > 15.5 m)": True,
+        "always (distance >= 17 m)": False,
+        "always (distance <= 198 m)": False,  # rounding: nothing is kept to spare
+        "always (speed <= 10 m/s)": False,
+        "eventually (distance >= 15 m)": False,
+    }
+    assert {text: proof.proves(parse(text, UNITS)) for text in claims} == claims
     assert not replace(proof, is_on=False).proves(parse(KEPT, UNITS))
 
 
@@ -169,13 +160,8 @@ def test_each_premise_that_fails_is_named_and_nothing_is_proved(overrides, premi
 
 
 def test_starts_that_are_not_safe_states_are_told():
-    at_rest = np.zeros(3)
-    place = np.array([60.0, 0.0, 0.0])
-    starts = [
-        Scenario(place, at_rest, 0.0),
-        Scenario(np.array([15.5, 0.0, 0.0]), at_rest, 0.0),  # in the margin
-        Scenario(place, np.array([0.0, 0.9, 0.0]), 0.0),  # too fast to be stopped
-    ]
+    states = (60.0, 0.0), (15.5, 0.0), (60.0, 0.9)  # also one in the margin, one too fast to be stopped
+    starts = [Scenario(np.array([x, 0.0, 0.0]), np.array([0.0, speed, 0.0]), 0.0) for x, speed in states]
     proof = safety_proof(experiment("safety=filter").mission, starts)
     assert (proof.num_starts, proof.num_safe) == (3, 1)
     assert not proof.proves(parse(KEPT, UNITS))
@@ -237,7 +223,7 @@ def test_the_verdict_of_all_evidence(word, evidence):
 def test_a_claim_about_a_share_stands_with_the_cases_whatever_a_search_finds():
     three = found(judgement=cases(3), searches=(searched(1.0, -0.5),), proof=OFF)
     assert verdict(three).why == "up to 5 failures show 99 % with 90 % confidence"
-    words = {name: one.word for name, one in outcomes(three).items()}
+    words = {name: one.word for name, one in verdicts.outcomes(three).items()}
     told = {"cases": "3 of 1,000 cases fail", "search": "failure found", "safety_layer": "does not apply"}
     assert words == told
     said = sentence(three, verdict(three))
@@ -245,7 +231,7 @@ def test_a_claim_about_a_share_stands_with_the_cases_whatever_a_search_finds():
     assert "3 of 1,000 did not and 1 of 1 searches found a flight that did not, the nearest 14 m" in said
     few = verdict(found(judgement=cases(0, 50), proof=OFF))
     assert few.why == "99 % with 90 % confidence needs 230 cases without a failure"
-    unsafe = outcomes(found(proof=replace(LAYER, num_safe=999)))
+    unsafe = verdicts.outcomes(found(proof=replace(LAYER, num_safe=999)))
     assert "1 of 1,000 starts are not safe" in unsafe["safety_layer"].why
 
 
