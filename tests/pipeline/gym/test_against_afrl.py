@@ -47,9 +47,9 @@ class Episode(NamedTuple):
     status: str
 
 
-def table(world: str) -> dict[str, NDArray[Any]]:
-    """Read the columns of a world's table."""
-    with np.load(PROJECT / "tests" / "pipeline" / "gym" / "afrl" / f"{world}.npz") as columns:
+def table(name: str) -> dict[str, NDArray[Any]]:
+    """Read the columns of a table."""
+    with np.load(PROJECT / "tests" / "pipeline" / "gym" / f"{name}.npz") as columns:
         return dict(columns)
 
 
@@ -134,7 +134,7 @@ def moved(env: SixDofInspectionEnv, one: Episode) -> float:
 def test_the_same_actions_give_the_same_episode(world: str) -> None:
     """Half of the episodes are random."""
     env = InspectionEnv([f"world={world}"], WORLDS[world])
-    found = episodes(table(world))
+    found = episodes(table(f"afrl/{world}"))
     assert max(agreed(env, one) for one in found) < CLOSE_M
     assert len(found) == 40
     assert {one.status for one in found} == ENDS
@@ -147,7 +147,7 @@ def test_the_same_actions_turn_the_deputy_as_theirs() -> None:
     """
     theirs = "chief.initial_angular_velocity_rad_s=[0,0,0]", "inspection_threshold_percent=45"
     env = SixDofInspectionEnv(["world=afrl_six_dof", *theirs])
-    columns = table("afrl_six_dof")
+    columns = table("afrl/afrl_six_dof")
     found, own_change = episodes(columns), columns["own_change"]
     scripted, drawn, is_repeated = found[:20], found[20:], own_change < REPEATED_M
     assert {one.status for one in scripted} == ENDS

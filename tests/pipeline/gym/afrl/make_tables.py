@@ -1,4 +1,4 @@
-"""Make the tables beside this file from AFRL's own environments: ``python make_tables.py SIMS``.
+"""Make the tables here and in `../docking` from AFRL's own environments: ``python make_tables.py SIMS``.
 
 SIMS is a copy of https://github.com/act3-ace/safe-autonomy-sims; its ``safe_autonomy_simulation`` is
 installed with pip, ``--no-deps`` as it asks for an older NumPy, and what both import: Gymnasium, PettingZoo,
@@ -7,13 +7,16 @@ their `reset`, by seed. Of each twenty, twelve are flown to success, two to the 
 chief, three out of bounds; twenty more have random forces. Their weighted classes leave out the placement
 that their configurations name, Fibonacci's; it is put back here. Their chief with six degrees of freedom is
 at rest among the stars, so that one side of it is always dark: success is at 0.45 of the weight. Random
-episodes are flown there until twenty repeat when last bits change (`last_bits.py`); all are kept.
+episodes are flown there until twenty repeat when last bits change (`last_bits.py`); all are kept. Of ten of
+docking with a script, six are flown to the dock, two are too fast there, two stay away to the end of time;
+ten more have random forces.
 """
 
 import functools
+import itertools
 import json
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from importlib.metadata import version
 from pathlib import Path
 from types import SimpleNamespace
@@ -29,6 +32,8 @@ NUM_EPISODES = 20
 EVERY = 10
 #: an episode repeats if its positions change by less, m, when last bits do
 REPEATED_M = 1e-5
+#: of docking's wanted speeds: share of the limit at the distance
+SHARES = [0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 1.02, 1.02, 0.001, 0.001]
 RADII = [40.0] * 12 + [60.0] * 2 + [1.0] * 3 + [900.0] * 3
 
 
@@ -65,27 +70,40 @@ def randomly(env: Any, episode: int, k: int) -> np.ndarray:
     return (drawn * env.action_space.high).astype(np.float32)
 
 
-def flown(env: Any, seed: int, act: Callable[[int], np.ndarray]) -> dict[str, Any]:
-    """Fly an episode to its end; return what happened."""
+def flown(env: Any, law: Callable[[int], np.ndarray], told: Callable[[], Any]) -> tuple[Any, Any, list[Any]]:
+    """Fly an episode to its end; return actions, rewards and what is told at each sample."""
+    actions, rewards, rows, is_over = [], [], [told()], False
+    while not is_over:
+        actions.append(law(len(actions)))
+        _, reward, terminated, truncated, _ = env.step(actions[-1])
+        rewards.append(reward)
+        rows.append(told())
+        is_over = terminated or truncated
+    return np.array(actions), np.array(rewards), rows
+
+
+def kept(samples: Sequence[np.ndarray]) -> np.ndarray:
+    """Return each tenth sample, and the last."""
+    return np.array([*samples[:-1:EVERY], samples[-1]])
+
+
+def inspected(env: Any, seed: int, act: Callable[[int], np.ndarray]) -> dict[str, Any]:
+    """Fly an episode of inspection; return what happened."""
     env._get_obs = lambda: np.zeros(1)  # theirs finds clusters, which takes most of the time
     env.reset(seed=seed)
-    points = env.chief.inspection_points
-    start = (*env.deputy.position, *env.deputy.velocity, env.sun.theta, *points.priority_vector)
-    rows = [(points.get_num_points_inspected(), points.get_total_weight_inspected(), 0.0)]
-    places, turns, actions, is_over = [env.deputy.position.copy()], [env.deputy.orientation.copy()], [], False
-    while not is_over:
-        actions.append(act(len(actions)))
-        _, reward, terminated, truncated, told = env.step(actions[-1])
-        rows.append((points.get_num_points_inspected(), points.get_total_weight_inspected(), reward))
-        places.append(env.deputy.position.copy())
-        turns.append(env.deputy.orientation.copy())
-        is_over = terminated or truncated
-    counts, weights, rewards = np.array(rows).T
-    kept, turned = [*places[:-1:EVERY], places[-1]], [*turns[:-1:EVERY], turns[-1]]
+    deputy, points = env.deputy, env.chief.inspection_points
+    start = np.array((*deputy.position, *deputy.velocity, env.sun.theta, *points.priority_vector))
+
+    def told() -> tuple[int, float, np.ndarray, np.ndarray]:
+        seen = points.get_num_points_inspected(), points.get_total_weight_inspected()
+        return *seen, deputy.position.copy(), deputy.orientation.copy()
+
+    actions, rewards, rows = flown(env, act, told)
+    counts, weights, places, turns = zip(*rows, strict=True)
     return {
-        "start": np.array(start), "actions": np.array(actions), "counts": counts.astype(np.uint8),
-        "weights": weights, "rewards": rewards[1:], "places": np.array(kept), "turns": np.array(turned),
-        "status": told["status"],
+        "start": start, "actions": actions, "counts": np.array(counts, dtype=np.uint8),
+        "weights": np.array(weights), "rewards": rewards, "places": kept(places), "turns": kept(turns),
+        "status": env.status,
     }  # fmt: skip
 
 
@@ -94,7 +112,7 @@ def flights(kind: Callable[[], Any], law: Callable[..., Any], may_change: bool) 
     found: list[dict[str, Any]] = []
     while sum(one["own_change"] < REPEATED_M for one in found) < NUM_EPISODES:
         env, seed, change = kind(), len(found), 0.0
-        one = flown(env, seed, functools.partial(law, env, seed))
+        one = inspected(env, seed, functools.partial(law, env, seed))
         if may_change:
             change = own_change(env.deputy.dynamics, one["start"], one["actions"])
         found.append(one | {"own_change": change})
@@ -123,12 +141,51 @@ def make(name: str, kind: Callable[[], Any], script: Callable[..., np.ndarray] =
     np.savez_compressed(HERE / f"{name}.npz", **{key: np.asarray(value) for key, value in arrays.items()})
 
 
+def docking(env: Any, episode: int, k: int) -> np.ndarray:
+    """Return the force of a law that comes in at a share of the limit, N, Hill axes."""
+    place, velocity = env.deputy.position, env.deputy.velocity
+    distance = np.linalg.norm(place)
+    wanted = -place / distance * SHARES[episode] * (0.2 + 0.002054 * (distance - 0.5))
+    force = 12.0 * 0.4 * (wanted - velocity)
+    return (np.round(1024.0 * np.clip(force, -1.0, 1.0)) / 1024.0).astype(np.float32)
+
+
+def docking_randomly(env: Any, episode: int, k: int) -> np.ndarray:
+    """Return a random force, N."""
+    drawn = np.random.default_rng([episode, k]).uniform(-1.0, 1.0, 3)
+    return (np.round(1024.0 * drawn) / 1024.0).astype(np.float32)
+
+
+def make_docking(kind: Callable[[], Any]) -> None:
+    """Write the table of docking, each episode with the script, then each with random forces."""
+    found = []
+    for law, episode in itertools.product((docking, docking_randomly), range(len(SHARES))):
+        env = kind()
+        env.reset(seed=episode)
+        start = np.concatenate([env.deputy.position, env.deputy.velocity])
+        act = functools.partial(law, env, episode)
+        actions, rewards, places = flown(env, act, lambda env=env: env.deputy.position.copy())
+        found.append((start, actions, rewards, kept(places), env.status))
+    starts, actions, rewards, places, statuses = zip(*found, strict=True)
+    np.savez_compressed(
+        HERE.parent / "docking" / "docking.npz",
+        start=np.array(starts),
+        actions=np.round(1024.0 * np.concatenate(actions)).astype(np.int16),
+        rewards=np.concatenate(rewards),
+        places=np.concatenate(places),
+        status=np.array(statuses),
+        length=np.array([len(one) for one in actions]),
+    )
+
+
 def main() -> None:
     """Write the tables, and what made them."""
     sys.path.insert(0, sys.argv[1])
     from safe_autonomy_sims.gym import inspection  # noqa: PLC0415 - found only now
+    from safe_autonomy_sims.gym.docking import docking_v0  # noqa: PLC0415 - as above
     from safe_autonomy_simulation.sims.inspection import target  # noqa: PLC0415 - as above
 
+    make_docking(docking_v0.DockingEnv)
     make("afrl", inspection.InspectionEnv)
     placed = functools.partial(target.p.InspectionPointSet, points_algorithm="fibonacci")
     target.p = SimpleNamespace(InspectionPointSet=placed)

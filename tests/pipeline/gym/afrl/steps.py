@@ -16,12 +16,8 @@ def main() -> None:
     sys.path.insert(0, sys.argv[1])
     from safe_autonomy_sims.gym import inspection  # noqa: PLC0415 - found only now
 
-    for kind in (
-        inspection.InspectionEnv,
-        inspection.WeightedInspectionEnv,
-        inspection.WeightedSixDofInspectionEnv,
-    ):
-        env, seconds = kind(), []
+    for name in ("InspectionEnv", "WeightedInspectionEnv", "WeightedSixDofInspectionEnv"):
+        env, seconds = getattr(inspection, name)(), []
         for _ in range(3):
             env.reset(seed=1)
             actions = np.random.default_rng(1).normal(0.0, 0.003, (NUM_STEPS, *env.action_space.shape))
@@ -31,7 +27,7 @@ def main() -> None:
                 if any(env.step(action)[2:4]):
                     env.reset()
             seconds.append(time.process_time() - begun)
-        sys.stdout.write(f"{kind.__name__}: {NUM_STEPS / min(seconds):,.0f} steps a second\n")
+        sys.stdout.write(f"{name}: {NUM_STEPS / min(seconds):,.0f} steps a second\n")
 
 
 if __name__ == "__main__":
