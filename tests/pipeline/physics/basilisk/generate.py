@@ -72,7 +72,7 @@ def earth_of(j2: float, folder: Path) -> Any:
     return factory
 
 
-def hill_axes(dynamics: dict[str, float]) -> tuple[Any, Any]:
+def chief_at_start(dynamics: dict[str, float]) -> tuple[Any, Any]:
     """Return the chief's inertial place and velocity at the start."""
     elements = orbitalMotion.ClassicElements()
     elements.a, elements.e = SEMI_MAJOR_AXIS, dynamics["eccentricity"]
@@ -133,7 +133,7 @@ def add_sunlight(simulation: Any, craft: Any, acceleration: float, sun: Any, has
 
 def flown(dynamics: dict[str, float], has_shadow: bool, start: Any, folder: Path) -> dict[str, Any]:
     """Fly one case."""
-    place, velocity = hill_axes(dynamics)
+    place, velocity = chief_at_start(dynamics)
     axes = orbitalMotion.hillFrame(place, velocity)
     angle, elevation = (radians(degrees) for degrees in SUN_DEG)
     flat = np.cos(elevation)
