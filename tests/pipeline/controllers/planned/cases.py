@@ -5,8 +5,8 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pipeline.array_types import Floats, Integers
 from pipeline.command_line.config import Job, compose_experiment
 from pipeline.controllers.source import controller_of_kind
 from pipeline.flight.state.log import Scenario
@@ -14,8 +14,6 @@ from pipeline.scenarios import evaluation_scenarios
 from pipeline.settings.controllers import planned_settings
 from pipeline.settings.experiment import Mission
 from tests.readable_flight.motion import transition
-
-Floats = NDArray[np.float64]
 
 KINDS = ("natural_motion", "lqr", "receding_horizon")
 MEAN_MOTION, MASS, PERIOD = 0.0011068, 12.0, 10.0
@@ -61,7 +59,7 @@ def flown(start: Scenario, forces: Floats, num_samples: int = 361) -> Floats:
     return np.array(states)
 
 
-def ring(settings: Any, start: Scenario, samples: NDArray[np.int64]) -> Floats:
+def ring(settings: Any, start: Scenario, samples: Integers) -> Floats:
     """The states at some samples of a deputy on the ring, in phase with the Sun, shape (n, 6)."""
     turned = MEAN_MOTION * PERIOD * np.asarray(samples)
     phase = start.sun_angle_rad - settings.ring_lead_rad - turned

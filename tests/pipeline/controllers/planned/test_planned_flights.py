@@ -55,18 +55,6 @@ def test_a_flight_is_its_plan_flown(kind):
     assert json.loads(controller_text(controller)) == {"kind": kind, "name": kind}
 
 
-@pytest.mark.slow
-def test_the_reference_flies_the_same_plan():
-    overrides = ("duration_s=600.0", "attitude=ideal")
-    reference = (*overrides, "guidance=clusters", "guidance.engine=sklearn")
-    mission, scenarios = cases.starts("lqr", *reference)
-    own, _ = cases.starts("lqr", *overrides)
-    controller = load(cases.composed("lqr", *reference).experiment.controller, mission)
-    outcomes = fly_all(mission, controller, scenarios[:1], 1)
-    spent = fly_logged(own, controller, scenarios[0]).delta_v_m_s[-1]
-    assert outcomes.delta_v_m_s[0] == pytest.approx(spent, rel=1e-9)
-
-
 def test_under_the_safety_layer_the_law_answers_to_where_it_led():
     overrides = ("sun=random", "safety=filter", "monte_carlo.num_cases=30")
     mission, scenarios = cases.starts("lqr", *overrides)
