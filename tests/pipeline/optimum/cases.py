@@ -3,13 +3,11 @@
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pipeline.array_types import Floats
 from pipeline.command_line.config import Job, compose_experiment
 from pipeline.optimum.problem import Problem, problem_of
 from pipeline.scenarios import evaluation_scenarios
-
-Floats = NDArray[np.float64]
 
 
 @cache

@@ -13,18 +13,10 @@ from pipeline.controllers import source
 from pipeline.evaluation.monte_carlo import fly_cases
 from pipeline.flight.control.controller import open_loop
 from pipeline.flight.fly.simulation import fly_all
+from pipeline.optimum import solved as reference
 from pipeline.optimum.bound import delta_v_bound
 from pipeline.optimum.problem import problem_of
-from pipeline.optimum.solved import (
-    HARDER_FOLDERS,
-    SHIPPED_FOLDERS,
-    IncomparableError,
-    beside_optimum,
-    read_solved,
-    solved_for,
-    summarise,
-    summarise_times,
-)
+from pipeline.optimum.solved import SHIPPED_FOLDERS, IncomparableError, read_solved, solved_for
 from pipeline.run import artifacts, tables, writing
 from pipeline.run.runner import run_stages
 from pipeline.scenarios import evaluation_scenarios, given_start
@@ -115,7 +107,7 @@ def test_where_time_is_too_short_the_best_there_is_is_kept_and_not_called_a_plan
 def test_the_summary_counts_feasible_cases_alone():
     row = {"is_feasible": True, "delta_v_m_s": 0.2, "delta_v_bound_m_s": 0.1, "restarts_agreeing": 2}
     dearer = row | {"delta_v_m_s": 0.4, "restarts_agreeing": 1}
-    summary = summarise([row, dearer, row | {"is_feasible": False}])
+    summary = reference.summarise([row, dearer, row | {"is_feasible": False}])
     assert (summary["num_cases"], summary["num_feasible"], summary["cases_found_more_than_once"]) == (3, 2, 1)
     assert summary["delta_v_m_s"] == pytest.approx(
         {"mean": 0.3, "standard_deviation": 0.2 / 2**0.5, "median": 0.3, "max": 0.4}
@@ -123,7 +115,7 @@ def test_the_summary_counts_feasible_cases_alone():
 
 
 FOLDERS = [(folder, 95) for folder in SHIPPED_FOLDERS.values()]
-for harder in HARDER_FOLDERS.values():
+for harder in reference.HARDER_FOLDERS.values():
     FOLDERS += zip(harder, (98, 99), strict=True)
 
 
@@ -176,8 +168,8 @@ def test_the_shipped_cases_are_the_first_of_the_default_seed(world):
 def test_a_flight_is_beside_the_cheapest_plan_that_sees_as_much():
     solved = solved_for(evaluation("sun=random"))
     seen = np.array([98, 99, 95, *np.full(47, 60)])
-    spent = np.full(50, 0.5)
-    columns = beside_optimum({"delta_v_m_s": spent, "inspected_count": seen}, solved.cases, solved.harder)
+    flown = {"delta_v_m_s": np.full(50, 0.5), "inspected_count": seen}
+    columns = reference.beside_optimum(flown, solved.cases, solved.harder)
     plans = [solved.cases, *solved.harder]
     for row, count in enumerate(seen.tolist()):
         enough = [p["delta_v_m_s"][row] for p in plans if p["inspected_count"][row] >= count]
@@ -216,7 +208,7 @@ def test_a_case_outside_the_limits_is_no_success():
         "delta_v_m_s": np.array([0.2, 0.6, 0.4]),
         "optimum_delta_v_m_s": np.full(3, 0.1),
     }
-    told = summarise_times(columns)
+    told = reference.summarise_times(columns)
     assert told["num_successful"] == 1
     assert told["times_optimum"] == {"mean": 4.0, "median": 4.0, "min": 2.0, "max": 6.0, "max_case": 9}
 
@@ -270,9 +262,8 @@ def test_plans_of_ones_own_measure_another_mission(tmp_path):
 def test_plans_under_alternating_elevations_measure_their_own_mission(tmp_path):
     mission = ("duration_s=900", "sun=mixed", "sun.elevation_range_deg=[10,40]")
     solve(tmp_path, *mission, *QUICK, "optimum.points=45", "optimum.workers=1")
-    fixed, drawn = solved_for(evaluation(*mission, f"optimum.reference={tmp_path}")).cases[
-        "sun_elevation_rad"
-    ]
+    solved = solved_for(evaluation(*mission, f"optimum.reference={tmp_path}"))
+    fixed, drawn = solved.cases["sun_elevation_rad"]
     assert fixed == 0.0
     assert 10.0 < np.degrees(drawn) < 40.0
     with pytest.raises(IncomparableError, match="the Sun has other elevations here"):
