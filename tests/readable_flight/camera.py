@@ -11,10 +11,7 @@ def seen_points(flight, k, position, boresight, sun):
     points, normals = flight.surface_at(k)
     to_camera = position - points
     distance, above = np.linalg.norm(to_camera, axis=1), np.sum(normals * to_camera, axis=1)
-    incidence = max(0.0, np.cos(np.radians(sensor.max_incidence_deg)))
-    if sensor.max_incidence_deg == 90.0:
-        incidence = 0.0
-    is_seen = (above >= 0.0) & (above >= incidence * distance)
+    is_seen = above >= least_cosine(sensor) * distance
     if sensor.half_angle_deg < 180.0:
         is_seen &= -to_camera @ boresight >= np.cos(np.radians(sensor.half_angle_deg)) * distance
     if sensor.max_range_m is not None:
@@ -24,6 +21,11 @@ def seen_points(flight, k, position, boresight, sun):
     if mission.light.reflection != "none":
         is_seen &= is_bright(mission.light, normals, sun, to_camera / distance[:, np.newaxis])
     return is_seen & flight.free_towards(to_camera, is_seen, k)
+
+
+def least_cosine(sensor):
+    """The cosine of the greatest incidence, exactly 0 at 90 degrees."""
+    return 0.0 if sensor.max_incidence_deg == 90.0 else np.cos(np.radians(sensor.max_incidence_deg))
 
 
 def is_bright(light, normals, sun, to_camera):

@@ -128,22 +128,21 @@ def act(flight, k, state, seen, decision):
     thrust = actuators.fired(flight, k, commanded, state.commands, seen.attitude, state.mass)
     hear(flight, k, state, thrust.fired)
     state.attitude = seen.attitude
-    attitude, rate, y, instants = turn_through_period(flight, k, state, seen.known, seen.y, thrust)
+    turn = turn_through_period(flight, k, state, seen.known, seen.y, thrust)
+    state.attitude, state.rate, state.y, instants = turn
     mass = actuators.mass_after(flight, thrust, state.mass)
     mean_mass, period = 0.5 * (state.mass + mass), mission.control_period_s
     if mission.dynamics.model == "two_body":
         more_drag = flight.errors.more_drag[k] if len(flight.errors.more_drag) else 0.0
-        truth = two_body.moved(flight, k, state.truth, thrust.fired / mean_mass, more_drag)
+        state.truth = two_body.moved(flight, k, state.truth, thrust.fired / mean_mass, more_drag)
     else:
-        truth = pushed(mission, state.truth, thrust.fired * mission.deputy.mass_kg / mean_mass, period)
-    spent = state.spent + thrust.total * period / mean_mass
-    after = State(
-        *(truth, attitude, rate, y, seen.is_inspected),
-        *(state.centres, state.belief, state.commands, mass, spent),
-    )
+        force = thrust.fired * mission.deputy.mass_kg / mean_mass
+        state.truth = pushed(mission, state.truth, force, period)
+    state.spent += thrust.total * period / mean_mass
+    state.mass, state.is_inspected = mass, seen.is_inspected
     change, is_hill = commanded - asked, flight.controller.force_axes == "hill"
     why = reasons(decision, is_hill, mission.deputy.max_force_n, change)
-    return Act(decision, limit, change, why, thrust, instants), after
+    return Act(decision, limit, change, why, thrust, instants), state
 
 
 def period(flight, k, state):

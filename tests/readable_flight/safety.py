@@ -40,11 +40,11 @@ class Layer:
         """By how many metres a state exceeds each limit: two a place, speed, and three for braking."""
         distances = np.linalg.norm(self.places[:num_places] @ ahead, axis=1)
         spheres = self.least[:num_places] - distances, distances - self.greatest[:num_places]
-        fastest = self.law.speed_limit_m_s + self.law.speed_slope_per_s * (
-            np.linalg.norm(ahead[:3]) - self.law.speed_distance_m
-        )
+        law = self.law
+        farther = np.linalg.norm(ahead[:3]) - law.speed_distance_m
+        fastest = law.speed_limit_m_s + law.speed_slope_per_s * farther
         speed = self.period * (np.linalg.norm(ahead[3:]) - fastest)
-        braking = self.metres_per_newton * (np.abs(self.stop @ ahead) - self.law.braking_force_n)
+        braking = self.metres_per_newton * (np.abs(self.stop @ ahead) - law.braking_force_n)
         return np.concatenate((np.column_stack(spheres).ravel(), [speed], braking))
 
     def cut(self, ahead, which, num_places):
@@ -54,10 +54,8 @@ class Layer:
             row = -np.sign(self.stop[beyond - 1] @ ahead) * self.stop[beyond - 1]
             level = SLACK / self.metres_per_newton - self.law.braking_force_n
         elif beyond == 0:
-            row = np.concatenate((
-                self.law.speed_slope_per_s * ahead[:3] / np.linalg.norm(ahead[:3]),
-                -ahead[3:] / np.linalg.norm(ahead[3:]),
-            ))  # fmt: skip
+            outward, forward = (part / np.linalg.norm(part) for part in (ahead[:3], ahead[3:]))
+            row = np.concatenate((self.law.speed_slope_per_s * outward, -forward))
             level = self.law.speed_slope_per_s * self.law.speed_distance_m - self.law.speed_limit_m_s
             level += SLACK / self.period
         else:

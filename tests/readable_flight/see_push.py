@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from tests.readable_flight.camera import seen_points
+from tests.readable_flight.camera import least_cosine, seen_points
 from tests.readable_flight.light import later, lit_points
 from tests.readable_flight.motion import transition
 from tests.readable_flight.urgency import turned_aside, urgency
@@ -65,7 +65,7 @@ def shortfall(flight, sample, position, sun):
     sensor, apart = flight.mission.sensor, position - points
     distance = np.linalg.norm(apart, axis=1)
     sight = apart / distance[:, np.newaxis]
-    cosine = 0.0 if sensor.max_incidence_deg == 90.0 else np.cos(np.radians(sensor.max_incidence_deg))
+    cosine = least_cosine(sensor)
     low = cosine * distance - np.sum(normals * apart, axis=1)
     far = distance - (np.inf if sensor.max_range_m is None else sensor.max_range_m)
     towards = np.where((far > low)[:, np.newaxis], -sight, normals - cosine * sight)

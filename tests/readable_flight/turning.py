@@ -9,21 +9,13 @@ TOLERANCES = {"method": "DOP853", "rtol": 1e-11, "atol": 1e-13}
 
 def _spin(inertia, torque):
     """The rates of change of an inertial attitude, four numbers, and of the rate in body axes."""
-    (jxx, jxy, jxz), (_, jyy, jyz), (_, _, jzz) = inertia.tolist()
-    (kxx, kxy, kxz), (_, kyy, kyz), (_, _, kzz) = np.linalg.inv(inertia).tolist()
-    tx, ty, tz = torque
+    inverse = np.linalg.inv(inertia)
 
     def rates(_time, s):
-        a, b, c, d, p, q, r = s.tolist()
-        hx, hy, hz = jxx * p + jxy * q + jxz * r, jxy * p + jyy * q + jyz * r, jxz * p + jyz * q + jzz * r
-        mx, my, mz = tx - (q * hz - r * hy), ty - (r * hx - p * hz), tz - (p * hy - q * hx)
-        turning = d * p + b * r - c * q, d * q + c * p - a * r, d * r + a * q - b * p, -a * p - b * q - c * r
-        return [
-            *(0.5 * part for part in turning),
-            kxx * mx + kxy * my + kxz * mz,
-            kxy * mx + kyy * my + kyz * mz,
-            kxz * mx + kyz * my + kzz * mz,
-        ]
+        p, q, r = rate = s[4:]
+        turn = np.array([[0.0, r, -q, p], [-r, 0.0, p, q], [q, -p, 0.0, r], [-p, -q, -r, 0.0]])
+        # its first three rows and columns make a vector a of a x w
+        return np.concatenate((0.5 * turn @ s[:4], inverse @ (torque + turn[:3, :3] @ (inertia @ rate))))
 
     return rates
 

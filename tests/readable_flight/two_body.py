@@ -41,10 +41,8 @@ class Earth:
         e, anomaly = self.dynamics.eccentricity, np.radians(self.dynamics.true_anomaly_deg)
         parameter = self.axis * (1.0 - e * e)
         place = np.array([parameter / (1.0 + e * np.cos(anomaly)), 0.0, 0.0])
-        velocity = np.sqrt(self.gravity / parameter) * np.array(
-            [e * np.sin(anomaly), 1.0 + e * np.cos(anomaly), 0.0]
-        )
-        return np.concatenate((place, velocity))
+        speed = np.sqrt(self.gravity / parameter)
+        return np.array([*place, speed * e * np.sin(anomaly), speed * (1.0 + e * np.cos(anomaly)), 0.0])
 
     def drag(self, velocity):
         """Direction and share of the drag's acceleration; one against the speed of a circular orbit."""
