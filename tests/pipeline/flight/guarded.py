@@ -11,7 +11,8 @@ from pipeline.flight.state.log import Scenario
 from pipeline.settings.experiment import Mission, Safety
 from tests.pipeline.flight.cases import controller, isotropic, mission
 
-KEEP_OUT_M, KEEP_IN_M = 16.0, 198.0
+#: radii that the layer keeps the deputy between, m
+SPHERES = 16.0, 198.0
 
 #: without the limits that act early
 LAST_MOMENT = Safety(
@@ -40,7 +41,7 @@ def starts_at_rest(count: int, seed: int) -> list[Scenario]:
     """Anywhere between the spheres."""
     generator = np.random.default_rng(seed)
     directions = isotropic(generator, count)
-    distances = generator.uniform(KEEP_OUT_M + 0.01, KEEP_IN_M - 0.01, count)
+    distances = generator.uniform(SPHERES[0] + 0.01, SPHERES[1] - 0.01, count)
     return [Scenario(r * d, np.zeros(3), 0.0) for r, d in zip(distances, directions, strict=True)]
 
 
