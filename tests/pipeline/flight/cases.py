@@ -5,24 +5,14 @@ from typing import Any
 
 import numpy as np
 
-from fis_tools.model import FuzzyController, FuzzySystem, Gaussian, Term, Triangular, Variable
+from fis_tools.model import FuzzyController, FuzzySystem, Term, Triangular, Variable
 from pipeline.flight.control.controller import Controller, from_fuzzy
 from pipeline.flight.state.log import Scenario
 from pipeline.flight.state.signals import SIGNALS
 from pipeline.physics.motion import state_transition
 from pipeline.settings.experiment import Mission
-from tests.pipeline.flight.missions import (
-    MEAN_MOTION,
-    PAPER,
-    STEERED,
-    answering,
-    force,
-    restoring_systems,
-    steering_systems,
-    variable,
-)
-
-AXES = {"x": "radial", "y": "along_track", "z": "cross_track"}
+from tests.pipeline.flight import missions
+from tests.pipeline.flight.missions import MEAN_MOTION, PAPER, STEERED, answering, force, variable
 
 
 def mission(**changes: Any) -> Mission:
@@ -77,18 +67,10 @@ def sparse_system() -> FuzzySystem:
 
 def leaning_system(axis: str, reach: float, *senses: tuple[str, str, float]) -> FuzzySystem:
     """Leans against its first input and along the others, by terms that part a range in three."""
-    inputs = tuple(
-        replace(variable(name, unit, -width, width, 0.4 * width), terms=tuple(three_terms(width)))
-        for name, unit, width in senses
-    )
+    inputs = tuple(variable(*one, -width, width, 0.4 * width, num_terms=3) for *one, width in senses)
     output = variable(axis, "N", -reach, reach, 0.25 * reach, default=0.0)
     cells = np.indices([3] * len(inputs)).reshape(len(inputs), -1).T - 1
     return answering("leaning_" + axis, inputs, output, [2 - cell[0] + cell[1:].sum() for cell in cells])
-
-
-def three_terms(width: float) -> list[Term]:
-    """Below, about and above zero."""
-    return [Term(f"t{i}", Gaussian((i - 1) * width, 0.4 * width)) for i in range(3)]
 
 
 def leaning(senses: dict[str, tuple[float, dict[str, float]]], constants: dict[str, float]) -> Controller:
@@ -104,7 +86,7 @@ def along_each(widths: dict[str, float], reach_y: float = 0.03) -> dict[str, tup
     """The same senses along each axis."""
     return {
         axis: (reach_y if axis == "y" else 0.02, {f"{name}_{along}": width for name, width in widths.items()})
-        for axis, along in AXES.items()
+        for axis, along in missions.AXES.items()
     }
 
 
@@ -186,10 +168,10 @@ def touring(**changes: float) -> Controller:
 
 
 TOURING = touring()
-STEERING = controller(steering_systems())
-RESTORING = controller(restoring_systems(), "hill")
-SPARSE = controller((sparse_system(), steering_systems()[1]))
-MIXED = controller((one_input_system(), three_input_system(), steering_systems()[2]))
+STEERING = controller(missions.steering_systems())
+RESTORING = controller(missions.restoring_systems(), "hill")
+SPARSE = controller((sparse_system(), missions.steering_systems()[1]))
+MIXED = controller((one_input_system(), three_input_system(), missions.steering_systems()[2]))
 
 
 def isotropic(generator: np.random.Generator, count: int) -> np.ndarray:

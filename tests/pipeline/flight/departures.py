@@ -1,4 +1,4 @@
-"""Errors of fixes and thrusters, and motion about the Earth: settings that tests share."""
+"""Errors of fixes and thrusters, a tumbling chief, motion about the Earth: settings that tests share."""
 
 import numpy as np
 
@@ -17,6 +17,7 @@ SIGHTED = {
     "attitude_bias_deg": 1.0,
     "attitude_noise_deg": 0.3,
 }
+TUMBLING = {"initial_angular_velocity_rad_s": (0.01, -0.02, 0.005)}
 REAL = {"kind": "real", "scale_error": 0.05, "misalignment_deg": 2.0, "least_impulse_n_s": 0.02}
 
 #: a thruster a direction beside the centre of mass, askew and weak

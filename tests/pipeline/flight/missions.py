@@ -15,6 +15,7 @@ PAPER = Mission(guidance=Guidance(kind="clusters"))
 IDEAL = replace(PAPER, attitude=replace(PAPER.attitude, mode="ideal"))
 
 PI = float(np.pi)
+AXES = {"x": "radial", "y": "along_track", "z": "cross_track"}
 #: by axis, what a system sees and its speed: unit, range, width of terms; and the sign of the answer
 STEERED = {
     "x": (("distance", "m", 40.0, 100.0, 7.0), ("velocity_body_x", "m/s", -0.2, 0.2, 0.05), -1),
@@ -23,8 +24,8 @@ STEERED = {
 }
 
 
-def variable(name, unit, low, high, sigma, *, default=None):
-    means = np.linspace(low, high, 5)
+def variable(name, unit, low, high, sigma, *, default=None, num_terms=5):
+    means = np.linspace(low, high, num_terms)
     terms = tuple(Term(f"t{i}", Gaussian(float(mean), sigma)) for i, mean in enumerate(means))
     return Variable(name, unit, low, high, terms, default=default)
 
@@ -53,14 +54,9 @@ def steering_systems():
 
 def restoring_systems():
     """Springs and dampers along Hill axes: they hold the deputy near the chief."""
-    names = zip("xyz", ("radial", "along_track", "cross_track"), strict=True)
-    return tuple(
-        steering_system(
-            axis,
-            (f"position_{name}", "m", -80.0, 80.0, 18.0),
-            (f"velocity_{name}", "m/s", -0.3, 0.3, 0.08),
-            -1,
-            0.02,
-        )
-        for axis, name in names
-    )
+    systems = []
+    for axis, name in AXES.items():
+        place = f"position_{name}", "m", -80.0, 80.0, 18.0
+        speed = f"velocity_{name}", "m/s", -0.3, 0.3, 0.08
+        systems.append(steering_system(axis, place, speed, -1, 0.02))
+    return tuple(systems)

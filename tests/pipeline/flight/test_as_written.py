@@ -21,7 +21,16 @@ from pipeline.settings.experiment import SettingError
 from tests.pipeline.flight import cases, drawn
 from tests.pipeline.flight.as_written import assert_as_written
 from tests.pipeline.flight.cases import STARTS, STEERING, mission
-from tests.pipeline.flight.departures import DRAGGED, FIXES, LAYOUT, LOW_ORBIT, REAL, SIGHTED, VARYING
+from tests.pipeline.flight.departures import (
+    DRAGGED,
+    FIXES,
+    LAYOUT,
+    LOW_ORBIT,
+    REAL,
+    SIGHTED,
+    TUMBLING,
+    VARYING,
+)
 from tests.pipeline.flight.guarded import EARLY, LAST_MOMENT, PASSIVE, guarded, pushing, starts_at_rest
 from tests.pipeline.flight.missions import FULL_INERTIA, MEAN_MOTION
 from tests.programs import run_python
@@ -72,7 +81,6 @@ KINDS = {
 
 IDEAL = {"mode": "ideal"}
 POINTED = mission(attitude=IDEAL)
-TUMBLING = {"initial_angular_velocity_rad_s": (0.01, -0.02, 0.005)}
 TURNING = {"initial_quaternion": (0.5, -0.1, 0.5, 0.7), "initial_angular_velocity_rad_s": (0.02, -0.05, 0.03)}
 LATE = {"fix_period_s": 20.0, "delay_s": 10.0, "outlier_share": 0.1}
 #: some forces beyond the thruster's, and fewer than the flight has periods
@@ -105,6 +113,9 @@ FLIGHTS = {
         navigation=FIXES | SIGHTED | LATE,
         actuators=REAL | LAYOUT | {"delay_s": 10.0, "thrust_arm_m": 0.02},
         safety=LAST,
+    ),
+    "fixes, far beyond the limits": flight(
+        start=replace(STARTS[0], position_m=np.array([0.0, 1000.0, 0.0])), attitude=IDEAL, navigation=FIXES
     ),
     "range and bearing, errors that vary": flight(
         attitude=IDEAL,

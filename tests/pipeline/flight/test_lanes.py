@@ -11,27 +11,18 @@ from pipeline.flight.control.controller import law_of, open_loop
 from pipeline.flight.fly.population import fly_population, lanes_for
 from pipeline.flight.fly.simulation import fly_all, fly_logged
 from pipeline.flight.world.pack import pack_world
-from tests.pipeline.flight.cases import (
-    COMPLETED,
-    MIXED,
-    OVER_POLES,
-    RESTORING,
-    STEERING,
-    ball,
-    mission,
-    random_starts,
-)
-from tests.pipeline.flight.departures import FIXES, REAL, VARYING
+from tests.pipeline.flight import cases
+from tests.pipeline.flight.cases import STEERING, mission, random_starts
+from tests.pipeline.flight.departures import FIXES, REAL, TUMBLING, VARYING
 from tests.pipeline.flight.guarded import EARLY
 from tests.pipeline.flight.missions import FULL_INERTIA
 
-TUMBLING = {"initial_angular_velocity_rad_s": (0.01, -0.02, 0.005)}
 PLAN = open_loop("plan", np.random.default_rng(2).normal(0.0, 0.02, (90, 3)))
 
 WILD = open_loop("wild", np.random.default_rng(3).normal(0.0, 0.3, (360, 3)))
 
 #: more than fill two rows of lanes; some pass poles, one inspects everything and coasts
-STARTS = [*random_starts(LANES, 11), *OVER_POLES, COMPLETED, *random_starts(LANES, 12)]
+STARTS = [*random_starts(LANES, 11), *cases.OVER_POLES, cases.COMPLETED, *random_starts(LANES, 12)]
 #: each with its own errors, where there are any
 STARTS = [replace(start, noise=(3, 0, case)) for case, start in enumerate(STARTS)]
 
@@ -43,13 +34,13 @@ CASES = {
         mission(guidance={"kind": "clusters"}, chief=TUMBLING, attitude={"mode": "ideal"}, duration_s=900.0),
         STEERING,
     ),
-    "ball that is sometimes fast": (mission(deputy={"inertia_kg_m2": ball(0.4)}), MIXED),
+    "ball that is sometimes fast": (mission(deputy={"inertia_kg_m2": cases.ball(0.4)}), cases.MIXED),
     "full inertia, narrow limits": (
         mission(deputy={"inertia_kg_m2": FULL_INERTIA, "min_distance_m": 64.0, "max_distance_m": 80.0}),
         STEERING,
     ),
     "pole blending": (mission(attitude={"pole_blending": True}), STEERING),
-    "Hill axes": (mission(), RESTORING),
+    "Hill axes": (mission(), cases.RESTORING),
     "plan": (mission(duration_s=900.0), PLAN),
     "safety layer": (mission(safety=EARLY), WILD),
     "fixes and thrusters with errors": (ERRING, STEERING),
@@ -64,22 +55,19 @@ def fly(what, controller, starts, workers=1):
     return np.column_stack([values.astype(np.float64) for values in vars(outcomes).values()]), tracks
 
 
-def assert_equal(found, rows, tracks):
-    np.testing.assert_array_equal(found[0], rows)
-    np.testing.assert_array_equal(found[1], tracks)
-
-
 @pytest.mark.parametrize("name", CASES)
 def test_alone_in_company_in_any_order_on_any_number_of_threads_logged_or_not(name):
     what, controller = CASES[name]
     rows, tracks = fly(what, controller, STARTS)
     assert len(np.unique(rows, axis=0)) == len(STARTS)
     order = np.random.default_rng(5).permutation(len(STARTS))[: 2 * LANES - 3]
-    assert_equal(fly(what, controller, [STARTS[index] for index in order]), rows[order], tracks[order])
+    some = fly(what, controller, [STARTS[index] for index in order])
+    np.testing.assert_equal(some, (rows[order], tracks[order]))
     for workers in (2, 3):
-        assert_equal(fly(what, controller, STARTS, workers), rows, tracks)
+        np.testing.assert_equal(fly(what, controller, STARTS, workers), (rows, tracks))
     for index in (0, LANES, LANES + 1, LANES + 3, len(STARTS) - 1):
-        assert_equal(fly(what, controller, [STARTS[index]]), rows[[index]], tracks[[index]])
+        alone = fly(what, controller, [STARTS[index]])
+        np.testing.assert_equal(alone, (rows[[index]], tracks[[index]]))
         row = rows[index]
         log = fly_logged(what, controller, STARTS[index])
         np.testing.assert_array_equal(log.position_m.astype(np.float32), tracks[index])
@@ -102,8 +90,8 @@ def test_a_population_flies_from_few_starts_as_one_controller_does():
     starts = STARTS[LANES - 5 : LANES + 2]
     one = controller.numbers
     two = replace(one, values=one.values.repeat(2, axis=0), rules=one.rules.repeat(2, axis=0))
-    world, law, cases = pack_world(what), law_of(controller, what), cases_of(what, starts)
-    many = fly_population(world, law, two, cases, lanes=lanes_for(len(starts)))
+    world, law, drawn = pack_world(what), law_of(controller, what), cases_of(what, starts)
+    many = fly_population(world, law, two, drawn, lanes=lanes_for(len(starts)))
     assert lanes_for(len(starts)) < lanes_for(LANES) == LANES
     rows = np.stack([values.astype(np.float64) for values in vars(many).values()], axis=-1)
     np.testing.assert_array_equal(rows, [fly(what, controller, starts)[0]] * 2)

@@ -16,6 +16,7 @@ from pipeline.flight.state.log import Scenario
 from pipeline.settings.experiment import Mission
 from tests.pipeline.flight.as_written import assert_as_written
 from tests.pipeline.flight.cases import COMPLETED, MIXED, STARTS, mission
+from tests.pipeline.flight.departures import TUMBLING
 from tests.pipeline.flight.missions import FULL_INERTIA
 
 TURNED = Rotation.from_euler("zyx", [100.0, -35.0, 20.0], degrees=True)
@@ -155,8 +156,7 @@ PLAN = open_loop("plan", np.tile([0.0, 0.02, -0.01], (5, 1)))
 
 
 def with_engine(engine: str) -> Mission:
-    tumbling = {"initial_angular_velocity_rad_s": (0.01, -0.02, 0.005)}
-    return mission(guidance={"kind": "clusters", "engine": engine}, duration_s=300.0, chief=tumbling)
+    return mission(guidance={"kind": "clusters", "engine": engine}, duration_s=300.0, chief=TUMBLING)
 
 
 @pytest.mark.parametrize("controller", [MIXED, PLAN, coast()], ids=["rules", "plan", "coast"])
