@@ -69,9 +69,8 @@ def written(mission: Mission, controller: Controller, scenario: Scenario) -> Fli
         filtered = replace(mission.navigation, process_noise_m_s2=process_noise(mission))
         mission = replace(mission, navigation=filtered)
     if mission.actuators.kind == "real":
-        errors |= {"table": thrusters_of(mission).table}
-        thrust = thrust_errors(mission, [scenario])
-        errors |= {"matrices": thrust.matrices[0], "arm": thrust.arms[0]}
+        table, thrust = thrusters_of(mission).table, thrust_errors(mission, [scenario])
+        errors |= {"table": table, "matrices": thrust.matrices[0], "arm": thrust.arms[0]}
     if mission.safety.probability is not None:
         bounds = bounds_of(mission)
         planned = min(bounds.planned_force_n, mission.deputy.max_force_n)

@@ -3,14 +3,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from fis_tools.compiled.vectors import padded
-from pipeline.flight.period.look.guidance import POINTS as LOOKED_AT_TOGETHER
-from pipeline.flight.period.look.guidance import (
-    Clusters,
-    cluster_centres,
-    nearest_place,
-    num_clusters,
-    start_centres,
-)
+from pipeline.flight.period.look import guidance
 from pipeline.flight.world.surface import regular_placement
 from tests.readable_flight.guidance import clustered
 
@@ -19,7 +12,7 @@ POINTS = regular_placement(100, 10.0)
 
 def columns(candidates):
     """Candidates as the compiled functions take them."""
-    array = np.full((3, padded(len(POINTS), LOOKED_AT_TOGETHER)), np.nan)
+    array = np.full((3, padded(len(POINTS), guidance.POINTS)), np.nan)
     array[:, : len(candidates)] = np.reshape(candidates, (-1, 3)).T
     return array
 
@@ -33,12 +26,12 @@ class Carried:
         self.scratch = np.zeros((2, width)), np.zeros(width), np.zeros((10, 4))
 
     def of(self, candidates):
-        return Clusters(columns(candidates), len(candidates), self.centres, *self.scratch)
+        return guidance.Clusters(columns(candidates), len(candidates), self.centres, *self.scratch)
 
     def chosen(self, candidates, position):
         """The centre of the cluster nearest to a place."""
-        self.count = cluster_centres(self.of(candidates), np.asarray(position), self.count)
-        return self.centres[nearest_place(self.centres, self.count, np.asarray(position))].copy()
+        self.count = guidance.cluster_centres(self.of(candidates), np.asarray(position), self.count)
+        return self.centres[guidance.nearest_place(self.centres, self.count, np.asarray(position))].copy()
 
 
 @pytest.mark.slow
@@ -49,7 +42,7 @@ def test_empty_clusters_move_as_scikit_learn_moves_them():
     for _ in range(150):
         candidates = Rotation.random(rng=rng).apply(rng.permutation(POINTS)[: rng.integers(11, 70)])
         candidates += rng.normal(scale=0.01, size=candidates.shape)
-        number = num_clusters(len(candidates))
+        number = guidance.num_clusters(len(candidates))
         carried = rng.normal(size=(number, 3)) * rng.choice([6.0, 20.0, 60.0], size=(number, 1))
         position = rng.normal(scale=60.0, size=3)
         nearest = np.linalg.norm(candidates[:, None] - carried[None], axis=2).argmin(axis=1)
@@ -77,19 +70,19 @@ def test_of_equally_far_candidates_the_first_is_taken_whatever_rounding_says():
     candidates = [*along, [0.4, 5.0, 0.0], [0.4, -5.0, 0.0]]
     for wobble in (0.0, 1e-14, -1e-14):
         clusters = Carried([[0.4, wobble, 0.0]])
-        assert start_centres(clusters.of(candidates), np.array([0.4, 0.0, 80.0]), 1) == 2
+        assert guidance.start_centres(clusters.of(candidates), np.array([0.4, 0.0, 80.0]), 1) == 2
         assert clusters.centres[1, 1] > 4.0
 
 
 def test_up_to_ten_candidates_make_one_cluster_and_eleven_two_and_none_none():
-    assert [num_clusters(m) for m in (0, 1, 10, 11, 20, 21, 99)] == [0, 1, 1, 2, 2, 3, 10]
+    assert [guidance.num_clusters(m) for m in (0, 1, 10, 11, 20, 21, 99)] == [0, 1, 1, 2, 2, 3, 10]
     few = POINTS[:10]
     np.testing.assert_allclose(Carried().chosen(few, [0.0, 60.0, 0.0]), few.mean(axis=0), rtol=1e-14)
-    assert cluster_centres(Carried(POINTS[:3]).of(()), POINTS[0], 3) == 0
+    assert guidance.cluster_centres(Carried(POINTS[:3]).of(()), POINTS[0], 3) == 0
 
 
 def test_the_nearest_place_is_the_first_of_equals():
     centres = np.array([[0.0, 5.0, 1.0], [0.0, 5.0, -1.0], [0.0, 5.0, 1.0], [0.0, 9.0, 0.0]])
-    assert nearest_place(centres, 3, np.array([0.0, 50.0, 0.0])) == 0
-    assert nearest_place(centres, 4, np.array([0.0, 50.0, 0.0])) == 3
-    assert nearest_place(centres, 4, np.array([0.0, 0.0, -50.0])) == 1
+    assert guidance.nearest_place(centres, 3, np.array([0.0, 50.0, 0.0])) == 0
+    assert guidance.nearest_place(centres, 4, np.array([0.0, 50.0, 0.0])) == 3
+    assert guidance.nearest_place(centres, 4, np.array([0.0, 0.0, -50.0])) == 1

@@ -18,7 +18,6 @@ from pipeline.flight.state.log import Scenario
 from pipeline.flight.world.surface import regular_placement
 from tests.pipeline.flight.missions import IDEAL, MEAN_MOTION, PAPER
 
-AHEAD = np.array([0.0, 20.0, 0.0])
 AZIMUTHS = {50: [55.385, 83.077, 110.769, 138.462], 70: [45.0, 67.5, 90.0, 112.5, 135.0]}
 EQUATOR = [42.353, 63.529, 84.706, 105.882, 127.059, 148.235]
 
@@ -27,7 +26,7 @@ def wait(sun_deg, duration_s=100.0, mission=IDEAL, half_angle_deg=80.0):
     mission = replace(
         mission, duration_s=duration_s, sensor=replace(mission.sensor, half_angle_deg=half_angle_deg)
     )
-    scenario = Scenario(AHEAD, np.zeros(3), np.radians(sun_deg))
+    scenario = Scenario(np.array([0.0, 20.0, 0.0]), np.zeros(3), np.radians(sun_deg))
     return fly_logged(mission, coast(), scenario)
 
 

@@ -67,7 +67,6 @@ def tumbling(rate, **changes):
     return mission(chief={"initial_angular_velocity_rad_s": rate, "inertia_kg_m2": inertia}, **changes)
 
 
-@pytest.mark.slow
 def test_a_slow_chief_is_turned_by_the_second_and_one_too_fast_to_be_followed_is_refused():
     assert num_chief_steps(tumbling((0.0005, 0.0, 0.002))) == 10
     with pytest.raises(SettingError, match=r"to turn the chief truly for so long takes .* steps"):
@@ -77,7 +76,6 @@ def test_a_slow_chief_is_turned_by_the_second_and_one_too_fast_to_be_followed_is
 MINUTE = mission(duration_s=60.0)
 
 
-@pytest.mark.slow
 def test_a_flight_that_does_not_stay_finite_is_no_result():
     start = Scenario(np.array([1e200, 0.0, 0.0]), np.array([1e308, 1e308, 0.0]), 0.0)
     for fly in (lambda: fly_all(MINUTE, coast(), [start]), lambda: fly_logged(MINUTE, coast(), start)):
@@ -85,17 +83,14 @@ def test_a_flight_that_does_not_stay_finite_is_no_result():
             fly()
 
 
-@pytest.mark.slow
 def test_an_attitude_that_does_not_stay_finite_is_no_result():
     world = pack_world(MINUTE)
     gain = 1e300 * np.eye(3)
     wild = world._replace(proportional_gain=gain, derivative_gain=gain, max_torque=1e300)
-    law = law_of(coast(), MINUTE)
-    numbers = coast().numbers
-    cases = cases_of(MINUTE, STARTS[:1])
-    assert np.isfinite(fly_population(world, law, numbers, cases).delta_v_m_s).all()
+    flown = law_of(coast(), MINUTE), coast().numbers, cases_of(MINUTE, STARTS[:1])
+    assert np.isfinite(fly_population(world, *flown).delta_v_m_s).all()
     with pytest.raises(FlightError, match="did not stay finite"):
-        fly_population(wild, law, numbers, cases)
+        fly_population(wild, *flown)
 
 
 def satellite(**changes: object) -> Mission:
@@ -139,7 +134,6 @@ def test_points_lie_evenly_on_the_faces_and_look_out_of_the_body() -> None:
     np.testing.assert_array_equal(again.points, found.points)
 
 
-@pytest.mark.slow
 def test_a_direction_falls_into_the_cell_whose_centre_is_within_21_tenths_of_a_degree() -> None:
     directions = isotropic(np.random.default_rng(3), 2000)
     centres = np.array([centre_of(EDGE_CELLS, cell) for cell in cells_of(directions)])
@@ -171,7 +165,6 @@ def test_the_table_is_right_where_it_was_looked_and_nearly_everywhere_else() -> 
     assert hidden.mean() > 5.0 * wrong.mean()
 
 
-@pytest.mark.slow
 def test_meshes_that_cannot_be(tmp_path: Path) -> None:
     wrong = tmp_path / "wrong.stl"
     wrong.write_text("no mesh")

@@ -1,10 +1,10 @@
 """First pushes and images of tours chosen by flying the rules ahead, against flights with each of them."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from pipeline.array_types import Floats
 from pipeline.command_line.config import compose_experiment
@@ -22,23 +22,14 @@ from pipeline.flight.fly.rehearsals import rehearsed_openings
 from pipeline.flight.fly.simulation import fly_all, fly_logged
 from pipeline.flight.fly.tours import IMAGES, following, rehearsal_samples, tour_images, tour_names
 from pipeline.flight.state.log import Outcomes, Scenario
-from pipeline.flight.state.signals import CONSTANTS, TOUR_PLACES
+from pipeline.flight.state.signals import CONSTANTS, TOUR_PLACES, constant
 from pipeline.flight.world.pack import pack_world
 from pipeline.settings.experiment import Mission
 from pipeline.training.genome import genome_of
 from pipeline.training.judging import fitness_from
+from tests.pipeline.flight import cases
 from tests.pipeline.flight.as_written import assert_as_written
-from tests.pipeline.flight.cases import (
-    SEEING,
-    STARTS,
-    TOURING,
-    along_each,
-    leaning,
-    mission,
-    random_starts,
-    touring,
-    with_attributes,
-)
+from tests.pipeline.flight.cases import SEEING, STARTS, mission, random_starts, touring, with_attributes
 from tests.readable_flight.tour import tour_place
 
 pytestmark = pytest.mark.slow
@@ -50,10 +41,14 @@ def rehearsing(reach_m_s: float, **changes: str) -> Controller:
     return with_attributes(SEEING, rehearsal_reach_m_s=repr(reach_m_s), **changes)
 
 
-def costs(end: Outcomes, needed: int) -> NDArray[np.float64]:
+def costs(end: Outcomes, needed: Any, point_m_s: float = 0.15) -> Floats:
     """What ends of flights are told apart by, m/s."""
-    short = 0.15 * np.maximum(0, needed - end.inspected_count)
+    short = point_m_s * np.maximum(0, needed - end.inspected_count)
     return end.delta_v_m_s + short + 1e4 * end.is_violated.astype(np.float64)
+
+
+def constants_of(controller: Controller) -> dict[str, float]:
+    return dict(zip(CONSTANTS, controller.constants.tolist(), strict=True))
 
 
 def test_the_pushes_are_a_grid_with_none_first() -> None:
@@ -71,8 +66,8 @@ def test_the_push_that_ends_cheapest_is_fired_and_the_rules_go_on() -> None:
     flown = fly_all(MISSION, controller, STARTS)
     world, law, numbers = pack_world(MISSION), law_of(SEEING, MISSION), SEEING.numbers
     openings = [np.repeat(force[np.newaxis], len(STARTS), axis=0) for force in forces]
-    cases = cases_of(MISSION, STARTS)
-    ends = [fly_population(world, law, numbers, cases, 1, openings=each) for each in openings]
+    drawn = cases_of(MISSION, STARTS)
+    ends = [fly_population(world, law, numbers, drawn, 1, openings=each) for each in openings]
     # two points missed cost nothing, as the controller puts up with them
     cost = np.array([costs(end, 97)[0] for end in ends])
     for case, start in enumerate(STARTS):
@@ -86,16 +81,25 @@ def test_the_push_that_ends_cheapest_is_fired_and_the_rules_go_on() -> None:
     assert_as_written(replace(MISSION, duration_s=300.0), controller, STARTS[0])
 
 
+INITIAL = {"initial_position_m": 20.0, "initial_velocity_m_s": 0.01}
+REAL = mission(attitude={"mode": "ideal"}, navigation={"mode": "fixes"} | INITIAL, actuators={"kind": "real"})
+NOISY = replace(STARTS[0], noise=(1, 2, 3))
+
+
+def off_at_start(start: Scenario) -> Floats:
+    """The first of what is drawn: how far off the first estimate is."""
+    return np.repeat(list(INITIAL.values()), 3) * start.generator(FIXES).standard_normal(6)
+
+
+def moved(by: Floats, noise: tuple[int, int, int]) -> Scenario:
+    """The start elsewhere, with other noise."""
+    place, velocity = NOISY.position_m + by[:3], NOISY.velocity_m_s + by[3:]
+    return replace(NOISY, position_m=place, velocity_m_s=velocity, noise=noise)
+
+
 def test_it_is_rehearsed_without_the_errors_to_come() -> None:
-    fixes = {"mode": "fixes", "initial_position_m": 20.0, "initial_velocity_m_s": 0.01}
-    real = mission(attitude={"mode": "ideal"}, navigation=fixes, actuators={"kind": "real"})
-    start = replace(STARTS[0], noise=(1, 2, 3))
-    # the first of what is drawn
-    off = np.repeat([20.0, 0.01], 3) * start.generator(FIXES).standard_normal(6)
-    place = start.position_m + off[:3]
-    velocity = start.velocity_m_s + off[3:]
-    believed = replace(start, position_m=place, velocity_m_s=velocity)
-    flights = (real, start), (MISSION, believed), (MISSION, start)
+    believed = moved(off_at_start(NOISY), NOISY.noise)
+    flights = (REAL, NOISY), (MISSION, believed), (MISSION, NOISY)
     openings = [rehearsed_openings(what, rehearsing(0.12), [at], 1)[0] for what, at in flights]
     np.testing.assert_array_equal(openings[0], openings[1])
     assert np.any(openings[0] != openings[2])
@@ -111,7 +115,7 @@ def test_it_is_along_hills_axes_and_a_tour_has_two_or_four_images() -> None:
 @pytest.mark.parametrize("image", range(4))
 def test_an_image_of_a_tour_is_its_mirror_image(image: int) -> None:
     images = tour_images(touring(rehearsal_tours=4))
-    tour, reflected = (dict(zip(CONSTANTS, images[i].constants, strict=True)) for i in (0, image))
+    tour, reflected = constants_of(images[0]), constants_of(images[image])
     # the other way round, the Sun comes to every angle from the other side; below the plane it was above it
     round_way, up = (-1.0 if image >= 2 else 1.0), (-1.0 if image % 2 else 1.0)
     for angle in np.linspace(-3.0, 3.0, 7):
@@ -124,7 +128,7 @@ def test_the_image_that_ends_cheapest_is_followed(count: int) -> None:
     controller, starts = touring(rehearsal_tours=count), random_starts(6, seed=1)
     images = tour_images(controller)
     assert len(images) == count <= len(IMAGES)
-    assert images[0].constants.tolist() == without_rehearsal(controller)
+    assert constants_of(images[0]) == constants_of(controller) | {"rehearsal_tours": 0.0}
     ends = [fly_all(MISSION, image, starts) for image in images]
     cost = [costs(end, 99) for end in ends]  # every point is asked for
     best = np.argmin(cost, axis=0)
@@ -152,21 +156,16 @@ def test_training_flies_the_images_ahead_as_well() -> None:
     assert judged[0] != judged[1]
 
 
-def without_rehearsal(controller: Controller) -> list[float]:
-    constants = dict(zip(CONSTANTS, controller.constants.tolist(), strict=True))
-    return list((constants | {"rehearsal_tours": 0.0}).values())
-
-
 def test_tours_are_flown_ahead_in_times_and_sizes() -> None:
     controller = touring(rehearsal_tours=2, rehearsal_slowest_s=1200.0, rehearsal_smallest=0.5)
     images, names = tour_images(controller), tour_names(controller)
     assert len(images) == len(set(names)) == 2 * 3 * 2
-    assert images[0].constants.tolist() == without_rehearsal(controller)
-    own, last = (dict(zip(CONSTANTS, image.constants, strict=True)) for image in (images[0], images[-1]))
+    assert constants_of(images[0]) == constants_of(controller) | {"rehearsal_tours": 0.0}
+    own, last = constants_of(images[0]), constants_of(images[-1])
     assert names[-1] == "mirrored through the orbit plane, 50 % of its size, in 1200 s"
     assert last["tour_time_s"] == pytest.approx(1200.0)
     np.testing.assert_allclose(tour_place(last, 0.7, 0.4), tour_place(own, 0.7, -0.4) * [0.5, 0.5, -0.5])
-    times = sorted({image.constants[list(CONSTANTS).index("tour_time_s")] for image in images})
+    times = sorted({image.constants[constant("tour_time_s")] for image in images})
     ratios = np.divide(times[1:], times[:-1])
     np.testing.assert_allclose(ratios, (1200.0 / own["tour_time_s"]) ** (1 / 2))
 
@@ -175,9 +174,9 @@ def test_other_shapes_are_drawn_around_the_tour() -> None:
     controller = touring(rehearsal_tours=2, rehearsal_shapes=200.0, rehearsal_spread_m=8.0)
     images, names = tour_images(controller), tour_names(controller)
     assert len(images) == len(set(names)) == 2 * 201
-    assert images[0].constants.tolist() == without_rehearsal(controller)
+    assert constants_of(images[0]) == constants_of(controller) | {"rehearsal_tours": 0.0}
     assert names[2:4] == ["shape 1, as it is", "shape 1, mirrored through the orbit plane"]
-    places = [list(CONSTANTS).index(name) for name in TOUR_PLACES]
+    places = list(map(constant, TOUR_PLACES))
     off = np.array([image.constants - images[0].constants for image in images[2::2]])
     assert not np.delete(off, places, axis=1).any()
     # 4,000 normal numbers: their spread is known to one part in ninety
@@ -241,23 +240,23 @@ def test_a_flight_that_begins_at_a_later_sample_is_that_of_a_shorter_mission() -
         navigation={"mode": "fixes", "fix_period_s": 30.0, **sighting},
         actuators={"kind": "real", "delay_s": 20.0, "scale_error": 0.05},
     )
-    attributes = {name: float(text) for name, text in TOURING.fuzzy.attributes if name != "force_axes"}
-    touring_alone = leaning(along_each({"tour_push": 0.2}), attributes | {"tour_lean_m": 0.0})
+    attributes = {name: float(text) for name, text in cases.TOURING.fuzzy.attributes if name != "force_axes"}
+    touring_alone = cases.leaning(cases.along_each({"tour_push": 0.2}), attributes | {"tour_lean_m": 0.0})
     first, seconds = 60, 600.0
     rest = replace(real, duration_s=real.duration_s - seconds)
     turned = real.orbit.mean_motion_rad_s * seconds
     starts = [replace(one, noise=(1, 2, case)) for case, one in enumerate(random_starts(3, seed=2))]
     late = [replace(one, sun_angle_rad=one.sun_angle_rad - turned) for one in starts]
-    cases, shorter = cases_of(real, starts), cases_of(rest, late)
-    errors = cases.fixes.errors._replace(
-        of_fixes=cases.fixes.errors.of_fixes[:, first // 3 :],
-        of_sight=cases.fixes.errors.of_sight[:, first // 3 :],
-        of_attitude=cases.fixes.errors.of_attitude[:, first:],
+    drawn, shorter = cases_of(real, starts), cases_of(rest, late)
+    errors = drawn.fixes.errors._replace(
+        of_fixes=drawn.fixes.errors.of_fixes[:, first // 3 :],
+        of_sight=drawn.fixes.errors.of_sight[:, first // 3 :],
+        of_attitude=drawn.fixes.errors.of_attitude[:, first:],
     )
-    shorter = replace(shorter, fixes=shorter.fixes._replace(errors=errors), firing=cases.firing)
+    shorter = replace(shorter, fixes=shorter.fixes._replace(errors=errors), firing=drawn.firing)
     tracks = [np.zeros((3, each.num_controls + 1, 15), dtype=np.float32) for each in (real, rest)]
     worlds = pack_world(real)._replace(first=first), pack_world(rest)
-    for world, each, flown, track in zip(worlds, (real, rest), (cases, shorter), tracks, strict=True):
+    for world, each, flown, track in zip(worlds, (real, rest), (drawn, shorter), tracks, strict=True):
         law, numbers = law_of(touring_alone, each), touring_alone.numbers
         fly_population(world, law, numbers, flown, 1, tracks=track)
     np.testing.assert_allclose(tracks[0][:, first:, :6], tracks[1][:, :, :6], rtol=1e-5, atol=1e-5)
@@ -271,36 +270,26 @@ def test_times_of_rehearsals_are_those_of_decisions() -> None:
 
 
 def test_draws_of_the_errors_go_to_the_tour_that_is_cheapest_so_far() -> None:
-    fixes = {"mode": "fixes", "initial_position_m": 20.0, "initial_velocity_m_s": 0.01}
-    real = mission(attitude={"mode": "ideal"}, navigation=fixes, actuators={"kind": "real"})
     controller = touring(rehearsal_tours=4, rehearsal_draws=20, rehearsal_point_m_s=0.3)
-    start = replace(STARTS[0], noise=(1, 2, 3))
-    sizes = np.repeat([20.0, 0.01], 3)
-
-    def moved(by: Floats, noise: tuple[int, int, int]) -> Scenario:
-        return replace(
-            start, position_m=start.position_m + by[:3], velocity_m_s=start.velocity_m_s + by[3:], noise=noise
-        )
 
     def cost(image: Controller, flown: Mission, at: Scenario) -> float:
         end = fly_all(flown, image, [at], 1)
-        missed = 0.3 * np.maximum(0, end.inspectable_count - end.inspected_count)
-        return float((end.delta_v_m_s + missed + 1e4 * end.is_violated)[0])
+        return float(costs(end, end.inspectable_count, 0.3)[0])
 
-    belief = sizes * start.generator(FIXES).standard_normal(6)
+    belief = off_at_start(NOISY)
     images = tour_images(controller)
-    flights = [[cost(image, MISSION, moved(belief, start.noise))] for image in images]
+    flights = [[cost(image, MISSION, moved(belief, NOISY.noise))] for image in images]
     for count in (16, 4):
         best = int(np.argmin([np.mean(costs) for costs in flights]))
         for _ in range(count):
             noise = (1, 2 + (len(flights[best]) << 22), 3)
-            off = sizes * replace(start, noise=noise).generator(FIXES).standard_normal(6)
-            flights[best].append(cost(images[best], real, moved(belief - off, noise)))
+            off = off_at_start(replace(NOISY, noise=noise))
+            flights[best].append(cost(images[best], REAL, moved(belief - off, noise)))
     wanted = [np.mean(costs) if len(costs) > 1 else np.inf for costs in flights]
-    log = fly_logged(real, controller, start)
+    log = fly_logged(REAL, controller, NOISY)
     np.testing.assert_allclose(log.tour_costs_m_s[0], wanted, rtol=0, atol=1e-9)
-    many = [replace(start, noise=(1, 2, case)) for case in (3, 4, 5)]
-    alone, shared = (fly_all(real, controller, many, workers).delta_v_m_s for workers in (1, 2))
+    many = [replace(NOISY, noise=(1, 2, case)) for case in (3, 4, 5)]
+    alone, shared = (fly_all(REAL, controller, many, workers).delta_v_m_s for workers in (1, 2))
     np.testing.assert_array_equal(alone, shared)
     assert log.delta_v_m_s[-1] == alone[0]
 

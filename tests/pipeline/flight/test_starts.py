@@ -172,7 +172,6 @@ def composed(*words: str) -> Experiment:
     return compose_experiment(["+experiment=evaluate", "controller=lqr", "seed=3", *words]).experiment
 
 
-@pytest.mark.slow
 def test_cases_draw_by_their_distributions() -> None:
     experiment = composed(VARIED_TORQUE, MASS, ANGLE, "monte_carlo.num_cases=400")
     scenarios = evaluation_scenarios(experiment)
@@ -189,7 +188,6 @@ def test_cases_draw_by_their_distributions() -> None:
     np.testing.assert_array_equal(positions(evaluation_scenarios(composed())[:400]), positions(scenarios))
 
 
-@pytest.mark.slow
 def test_a_case_flies_its_own_mission_alone_and_among_others() -> None:
     experiment = composed(MASS, "monte_carlo.num_cases=4", "duration_s=600.0")
     mission = experiment.mission
@@ -207,7 +205,6 @@ def test_a_case_flies_its_own_mission_alone_and_among_others() -> None:
         assert log.delta_v_m_s[-1] == episodes["delta_v_m_s"][case]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("told", "message"),
     [
@@ -233,7 +230,6 @@ def test_dispersions_that_cannot_be(told: str, message: str) -> None:
         composed("dynamics=two_body", "navigation=fixes", f"+dispersions.{told}")
 
 
-@pytest.mark.slow
 def test_a_draw_that_cannot_be_names_its_cure_and_training_flies_none() -> None:
     experiment = composed("+dispersions.deputy.mass_kg={kind:normal,mean:0.1,std:1.0}")
     scenarios = evaluation_scenarios(experiment)
