@@ -8,7 +8,6 @@ import pytest
 
 import telemetry
 from fis_tools.document.html import template
-from pipeline.command_line.cli import main
 from pipeline.flight.fly.simulation import fly_logged
 from pipeline.flight.state.log import KEEP_IN, PASSIVE_SAFETY, SPEED, FlightLog
 from pipeline.recording import reflight
@@ -41,10 +40,10 @@ def flight(distance_m: list[float], inspected_count: list[int]) -> FlightLog:
 
 def told(distance_m: list[float], near_limit_m: float = 5.0) -> list[tuple[int, str]]:
     """Samples and levels of what happens besides the end."""
-    found = events(MISSION, flight(distance_m, [0] * 11), near_limit_m)
-    assert found[-1].sample == 10
-    assert found[-1].text.startswith("end:")
-    return [(event.sample, event.level) for event in found[:-1]]
+    *found, end = events(MISSION, flight(distance_m, [0] * 11), near_limit_m)
+    assert end.sample == 10
+    assert end.text.startswith("end:")
+    return [(event.sample, event.level) for event in found]
 
 
 def test_nothing_happens_far_from_the_limits_which_are_inside_themselves():
@@ -66,9 +65,10 @@ def test_approach_leave_and_return():
 
 
 def test_a_flight_that_starts_outside_says_so_and_violates_nothing():
-    found = events(MISSION, flight([10.0, *[50.0] * 10], [0] * 11), 5.0)
-    assert [(event.sample, event.level) for event in found[:-1]] == [(0, "error"), (1, "info")]
-    assert found[-1].text.endswith("always inside the limits")
+    distances = [10.0, *[50.0] * 10]
+    assert told(distances) == [(0, "error"), (1, "info")]
+    end = events(MISSION, flight(distances, [0] * 11), 5.0)[-1]
+    assert end.text.endswith("always inside the limits")
 
 
 def test_the_threshold_is_95_of_99_points():
@@ -92,15 +92,12 @@ def test_complete_says_whether_the_deputy_coasts(last_force: float, ending: str)
 
 
 @pytest.fixture(scope="module")
-def run(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("flown") / "run"
-    words = ["+experiment=fly", "controller=paper_champion", "duration_s=300", f"hydra.run.dir={folder}"]
-    assert main(words) == 0
-    return folder
+def recording(tmp_path_factory):
+    return cases.staged(tmp_path_factory.mktemp("run"), "controller=paper_champion", "duration_s=300")
 
 
 @pytest.mark.parametrize(("off", "is_close"), [(1e-9, True), (1e-3, False)])
-def test_a_flight_from_elsewhere_is_told_apart(run, monkeypatch, off, is_close):
+def test_a_flight_from_elsewhere_is_told_apart(recording, monkeypatch, off, is_close):
     """The log is flown from a start beside the one that is recorded."""
     fly = reflight.fly_logged
 
@@ -108,16 +105,15 @@ def test_a_flight_from_elsewhere_is_told_apart(run, monkeypatch, off, is_close):
         return fly(mission, controller, dataclasses.replace(scenario, position_m=scenario.position_m + off))
 
     monkeypatch.setattr(reflight, "fly_logged", beside)
-    again = reflight.fly_again(run / "episodes" / "start.mcap")
+    again = reflight.fly_again(recording.path)
     assert not again.is_equal
     assert again.is_close == is_close
     assert again.greatest > 0.0
     assert again.where
 
 
-def test_a_recording_that_does_not_say_what_was_flown_is_refused(run, tmp_path):
-    told = dict(telemetry.read(run / "episodes" / "start.mcap").metadata["episode"])
-    with telemetry.EpisodeWriter(tmp_path / "bare.mcap", metadata={"episode": told}, attachments={}):
+def test_a_recording_that_does_not_say_what_was_flown_is_refused(recording, tmp_path):
+    with telemetry.EpisodeWriter(tmp_path / "bare.mcap", metadata=recording.metadata, attachments={}):
         pass
     with pytest.raises(RecordingError, match=r"has no attachment config\.yaml; it cannot .* record the"):
         reflight.fly_again(tmp_path / "bare.mcap")
@@ -126,12 +122,12 @@ def test_a_recording_that_does_not_say_what_was_flown_is_refused(run, tmp_path):
 GUARDED = guarded(EARLY)
 
 
-def told_of_layer(limits: dict[int, int], force_n: float = 0.012) -> list[Event]:
-    """What is said of a flight in which the layer acts at some samples, by a force along one axis."""
+def told_of_layer(limits: dict[int, int]) -> list[Event]:
+    """What is said of a flight in which the layer acts at some samples, by 12 mN along one axis."""
     log = fly_logged(GUARDED, STEERING, STARTS[0])
     limit, force = np.zeros(360, dtype=np.int64), np.zeros((360, 3))
     for sample, name in limits.items():
-        limit[sample], force[sample, 1] = name, -force_n
+        limit[sample], force[sample, 1] = name, -0.012
     found = events(GUARDED, log._replace(safety_limit=limit, safety_force_hill_n=force), 5.0)
     return [event for event in found if "safety layer" in event.text]
 

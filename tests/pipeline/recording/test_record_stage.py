@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import telemetry
 from pipeline.command_line.config import Job, compose_experiment
 from pipeline.evaluation.monte_carlo import rank
 from pipeline.flight.cases.dispersions import mission_of_case
@@ -81,20 +82,19 @@ def test_recorded_flights_repeat_the_evaluation_exactly(finished):
     for path in (finished / "episodes").glob("*-case-*.mcap"):
         name, _, case = path.stem.partition("-case-")
         found[name] = int(case)
-        flight = cases.contents(path)
+        flight = telemetry.read(path)
+        mission, state = flight["/mission"], flight["/deputy/state"]
         row = {column: values[int(case)] for column, values in episodes.items()}
-        distance = flight.values("/mission", "distance_m")
-        assert flight.values("/mission", "delta_v_m_s")[-1] == row["delta_v_m_s"]
-        assert flight.values("/mission", "inspected_count")[-1] == row["inspected_count"]
-        assert flight.values("/mission", "sun_angle_rad")[0] == row["sun_angle_rad"]
-        assert distance.min() == pytest.approx(row["min_distance_m"], rel=1e-14)
-        assert distance.mean() == pytest.approx(row["mean_distance_m"], rel=1e-14)
-        position = flight.values("/deputy/state", "position_m").astype(np.float32)
+        assert mission["delta_v_m_s"][-1] == row["delta_v_m_s"]
+        assert mission["inspected_count"][-1] == row["inspected_count"]
+        assert mission["sun_angle_rad"][0] == row["sun_angle_rad"]
+        assert mission["distance_m"].min() == pytest.approx(row["min_distance_m"], rel=1e-14)
+        assert mission["distance_m"].mean() == pytest.approx(row["mean_distance_m"], rel=1e-14)
+        position = state["position_m"].astype(np.float32)
         is_case = tracks["case"] == int(case)
         for i, axis in enumerate("xyz"):
             np.testing.assert_array_equal(position[:, i], tracks[f"position_{axis}_m"][is_case])
-        assert flight.metadata["episode"]["scenario_id"] == f"case-{case}"
-        assert flight.metadata["episode"]["seed"] == "4"
+        assert (flight.episode.scenario_id, flight.episode.seed) == (f"case-{case}", 4)
     assert set(found) == {"worst", "median", "best"}
     counts = [episodes["inspected_count"][found[name]] for name in ("worst", "median", "best")]
     assert counts == sorted(counts)
@@ -124,13 +124,11 @@ def test_the_flight_from_the_start_takes_the_place_of_earlier_recordings(tmp_pat
     for name in stale + foreign:
         (tmp_path / "episodes" / name).write_bytes(b"x")
     place = ("deputy.initial_position_m=[0.0,-60.0,1.0]", "deputy.initial_velocity_m_s=[0.01,0.0,-0.02]")
-    run = compose_experiment(["+experiment=fly", "duration_s=20.0", "sun.angle_deg=90", *place])
-    run_stages(run.experiment, run.config, tmp_path)
+    flight = cases.staged(tmp_path, "duration_s=20.0", "sun.angle_deg=90", *place)
     assert recordings(tmp_path) == sorted([*foreign, "start.mcap"])
-    flight = cases.contents(tmp_path / "episodes" / "start.mcap")
-    assert flight.values("/deputy/state", "position_m")[0].tolist() == [0.0, -60.0, 1.0]
-    assert flight.values("/deputy/state", "velocity_m_s")[0].tolist() == [0.01, 0.0, -0.02]
-    assert flight.values("/mission", "sun_angle_rad")[0] == math.pi / 2
+    assert flight["/deputy/state"]["position_m"][0].tolist() == [0.0, -60.0, 1.0]
+    assert flight["/deputy/state"]["velocity_m_s"][0].tolist() == [0.01, 0.0, -0.02]
+    assert flight["/mission"]["sun_angle_rad"][0] == math.pi / 2
 
 
 def test_without_an_evaluation_of_the_controller_there_is_nothing_to_rank(tmp_path, finished):
@@ -149,9 +147,8 @@ def test_the_given_start_has_the_suns_angle_or_one_drawn():
         return flight.scenario.sun_angle_rad
 
     assert angle("sun.angle_deg=90") == math.radians(90)
-    words = ["+experiment=evaluate", "controller=coast", "sun=random", "seed=5"]
-    drawn = compose_experiment(words).experiment
-    first = evaluation_scenarios(drawn)[0]
+    drawn = compose_experiment(["+experiment=evaluate", "controller=coast", "sun=random", "seed=5"])
+    first = evaluation_scenarios(drawn.experiment)[0]
     assert angle("sun=random", "seed=5") == first.sun_angle_rad
     assert angle("sun=random", "seed=6") != first.sun_angle_rad
 

@@ -1,8 +1,8 @@
 """The C of a controller against the forces that its recorded flights fired."""
 
 import ctypes
-import subprocess
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,10 +15,10 @@ from fis_tools.model.thrust import LOGIC_REASONS, ThrustLogic, thrust_logic
 from pipeline.flight.control.controller import from_fuzzy
 from pipeline.settings.experiment import Mission
 from telemetry.file.reader import Recording
+from tests.fis_tools.formats.test_c import gcc
 from tests.pipeline.flight.cases import STEERING, mission, random_starts
 from tests.pipeline.recording import cases
 from tests.places import PROJECT
-from tests.programs import program
 
 CONTROLLERS = PROJECT / "conf" / "controller"
 REASON_WORDS = np.array(LOGIC_REASONS)
@@ -46,22 +46,21 @@ FLOWN: list[tuple[FuzzyController, Mission]] = [
     ),
 ]
 FLIGHTS_EACH = 5
+#: what coasting is decided by: signals, and as which they are recorded
+FORESEEN = {
+    "missed": "coasting_missed",
+    "coasting_nearest": "coasting_nearest_m",
+    "coasting_farthest": "coasting_farthest_m",
+}
 
 
-@pytest.fixture
-def compiled(tmp_path):
+def compiled(controller: FuzzyController, path: Path) -> ctypes.CDLL:
     """Write a controller as C, compile it and load it."""
-
-    def load(controller):
-        name = f"controller_{len(list(tmp_path.glob('*.so')))}"  # one of a name is loaded but once
-        (tmp_path / f"{name}.c").write_text(source.write(controller), encoding="utf-8")
-        words = [program("gcc", "gcc"), *source.WARNINGS.split(), "-O2", "-ffp-contract=off", "-shared"]
-        words += ["-fPIC", f"{name}.c", "-o", f"{name}.so", "-lm"]
-        done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=False)  # noqa: S603
-        assert done.returncode == 0, done.stderr
-        return ctypes.CDLL(str(tmp_path / f"{name}.so"))
-
-    return load
+    path.with_suffix(".c").write_text(source.write(controller), encoding="utf-8")
+    words = ("-ffp-contract=off", "-shared", "-fPIC", f"{path.stem}.c", "-o", path.name, "-lm")
+    done = gcc(path.parent, *words)
+    assert done.returncode == 0, done.stderr
+    return ctypes.CDLL(str(path))
 
 
 def structure(*members: tuple[str, type]) -> type[ctypes.Structure]:
@@ -111,13 +110,8 @@ def stepped(
         signals = kind()
         for word in words.values():
             setattr(signals, word, np.nan)
-        for name, member in (
-            ("missed", "coasting_missed"),
-            ("coasting_nearest", "coasting_nearest_m"),
-            ("coasting_farthest", "coasting_farthest_m"),
-        ):
-            if logic.may_coast:
-                setattr(signals, words[name], control[member][k])
+        for name, member in FORESEEN.items() if logic.may_coast else ():
+            setattr(signals, words[name], control[member][k])
         for system in controller.systems:
             if time_s in rows[system.name]:
                 values = inferred[system.name]["inputs"][rows[system.name][time_s]]
@@ -133,10 +127,11 @@ def stepped(
 
 
 @pytest.mark.slow
-def test_c_fires_what_recorded_flights_fired(tmp_path, compiled):
+def test_c_fires_what_recorded_flights_fired(tmp_path):
     reasons: set[str] = set()
-    for controller, what in FLOWN:
-        library, flown = compiled(controller), from_fuzzy(controller)
+    for place, (controller, what) in enumerate(FLOWN):
+        # one of a name is loaded but once
+        library, flown = compiled(controller, tmp_path / f"{place}.so"), from_fuzzy(controller)
         for start in random_starts(FLIGHTS_EACH, 31):
             path = tmp_path / "flight.mcap"
             cases.recorded(path, what, flown, start)
