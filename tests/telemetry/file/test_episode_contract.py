@@ -20,7 +20,7 @@ from telemetry.file import topics
 from telemetry.file.metadata import unsealed
 from telemetry.file.recover import recover
 from tests.telemetry import synthetic_flight
-from tests.telemetry.full_disk import fill_disk
+from tests.telemetry.odd_files import fill_disk
 from tests.telemetry.synthetic_flight import SyntheticFlight
 
 #: the schema of each topic, and how many messages it has

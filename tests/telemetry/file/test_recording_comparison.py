@@ -5,7 +5,6 @@ import pytest
 
 import telemetry
 from telemetry import EpisodeWriter
-from telemetry.commands import main
 from telemetry.file.compare import LoneMessages, Parting, compare, in_words
 from tests.telemetry import synthetic_flight
 from tests.telemetry.synthetic_flight import SyntheticFlight
@@ -41,19 +40,15 @@ def compared(path, tmp_path):
 def test_a_flight_is_the_same_as_itself(path):
     recording = telemetry.read(path)
     comparison = compare(recording, recording)
-    assert comparison.is_equal
-    assert comparison.parting is None
-    assert comparison.num_samples == 21
+    assert (comparison.is_equal, comparison.parting, comparison.num_samples) == (True, None, 21)
     assert {field.greatest for field in comparison.fields} == {0.0}
-    assert len({(field.topic, field.field) for field in comparison.fields}) == sum(
-        len(topic.columns) for topic in recording.topics.values() if len(topic)
-    )
+    compared = {(field.topic, field.field) for field in comparison.fields}
+    assert len(compared) == sum(len(topic.columns) for topic in recording.topics.values() if len(topic))
 
 
 def test_the_first_number_that_differs_is_named_with_its_sample_and_its_size(compared):
-    comparison = compared(
-        changed(force_hill_n=((slice(7, None), 1), 0.5), torque_n_m=((9, 3, 2), 1.0), delta_v_m_s=(8, -1.0))
-    )
+    where = {"force_hill_n": ((slice(7, None), 1), 0.5), "torque_n_m": ((9, 3, 2), 1.0)}
+    comparison = compared(changed(**where, delta_v_m_s=(8, -1.0)))
     assert not comparison.is_equal
     first, force_n = comparison.parting, FLIGHT.force_hill_n[7:, 1]
     assert first == Parting("/deputy/control", "force_hill_n", "N", 7, 70.0, (1,), force_n[0], 0.5)
@@ -61,14 +56,12 @@ def test_the_first_number_that_differs_is_named_with_its_sample_and_its_size(com
     expected = np.abs(force_n - 0.5)
     assert force.greatest == expected.max()
     assert force.greatest_time_s == 70.0 + 10.0 * expected.argmax()
-    differing = {(f.topic, f.field): f.parting for f in comparison.fields if f.parting is not None}
-    assert set(differing) == {
-        ("/deputy/control", "force_hill_n"),
-        ("/deputy/attitude", "torque_n_m"),
-        ("/mission", "delta_v_m_s"),
+    partings = [field.parting for field in comparison.fields if field.parting is not None]
+    assert {(one.topic, one.field, one.sample, one.component) for one in partings} == {
+        ("/deputy/control", "force_hill_n", 7, (1,)),
+        ("/deputy/attitude", "torque_n_m", 9, (3, 2)),
+        ("/mission", "delta_v_m_s", 8, ()),
     }
-    assert differing["/deputy/attitude", "torque_n_m"].component == (3, 2)  # type: ignore[union-attr]
-    assert differing["/mission", "delta_v_m_s"].sample == 8  # type: ignore[union-attr]
 
 
 def test_of_what_parts_at_once_the_cause_comes_first(compared):
@@ -136,7 +129,7 @@ def test_the_command_answers_by_its_exit_code(path, tmp_path, ran):
     assert f"from sample 2 of 0 to 20 (20 s): /deputy/state position_m[0] is {number!r} m in the " in text
     assert f" and 80.0 m in the second, {80.0 - number:.6g} m apart" in text
     assert "are the same to within 100" in ran("compare", path, other, "--tolerance", "100").out
-    assert main(["compare", str(path), str(tmp_path / "none.mcap")]) == 2
+    ran("compare", path, tmp_path / "none.mcap", code=2)
     for tolerance in ("nan", "-1.0"):
         told = ran("compare", path, path, f"--tolerance={tolerance}", code=2).err
         assert f"the tolerance is {tolerance}, but zero or a pos" in told

@@ -11,7 +11,7 @@ from mcap.writer import CompressionType
 import telemetry
 from telemetry import EpisodeWriter, RecordingError
 from tests.telemetry import synthetic_flight
-from tests.telemetry.others import plain_file
+from tests.telemetry.odd_files import plain_file
 
 
 def test_columns_are_the_flight(flight, flight_file):

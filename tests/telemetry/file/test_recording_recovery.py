@@ -17,8 +17,7 @@ from telemetry.file import claims
 from telemetry.file.reader import Recording
 from telemetry.file.recover import recover
 from tests.telemetry import synthetic_flight
-from tests.telemetry.full_disk import fill_disk
-from tests.telemetry.others import plain_file
+from tests.telemetry.odd_files import fill_disk, plain_file
 
 
 def messages_of(path: Path) -> list[tuple[str, int, int, bytes]]:

@@ -10,7 +10,7 @@ import telemetry
 from telemetry import EpisodeWriter, RecordingError
 from telemetry.file.tables import export
 from tests.telemetry import synthetic_flight
-from tests.telemetry.full_disk import fill_disk
+from tests.telemetry.odd_files import fill_disk
 
 
 @pytest.mark.parametrize("file_format", ["csv", "parquet"])

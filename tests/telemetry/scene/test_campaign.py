@@ -12,11 +12,12 @@ from fis_tools import source
 from pipeline.command_line.config import Job
 from pipeline.run import artifacts, manifests, writing
 from pipeline.run.runner import manifest_of
-from pipeline.stages import evaluate, train
+from pipeline.stages import evaluate
 from telemetry import RecordingError
 from telemetry.scene import campaign, runs, viewer
 from telemetry.scene.campaign import OUTCOME_COLOURS
 from telemetry.scene.runs import Outcome
+from tests.pipeline.report.runs import small_controller
 from tests.pipeline.stages.cases import prepared
 from tests.telemetry import synthetic_run
 from tests.telemetry.scene.rrd_content import Content, saved, views
@@ -144,7 +145,7 @@ def test_episodes_of_other_cases_are_refused(run: Path) -> None:
 def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Job, Path]:
     folder = tmp_path_factory.mktemp("run")
     run = prepared(folder)
-    train.run(run.experiment, folder)
+    small_controller(folder).rename(folder / artifacts.CHAMPION)
     evaluate.run(run.experiment, folder)
     return run, folder
 

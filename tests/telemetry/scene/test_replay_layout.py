@@ -131,7 +131,7 @@ def test_rules_are_told_in_words_at_each_instant(flight, content):
 def test_trail_and_events_are_there(content):
     assert len(content.column("/scene/flights/0/trail", "LineStrips3D:strips")) == 360
     events = [text for (text,) in content.column("/events", "TextLog:text")]
-    assert events == ["1190 s: 50 of 99 points inspected", "3290 s: 95 of 99 points inspected"]
+    assert events == ["1180 s: 50 of 99 points inspected", "2260 s: 95 of 99 points inspected"]
 
 
 def test_flights_are_laid_over_each_other(flight, flight_file, short_flight, short_file, tmp_path):
@@ -145,9 +145,9 @@ def test_flights_are_laid_over_each_other(flight, flight_file, short_flight, sho
     assert colours[0] != colours[1]
     events = [text for (text,) in content.column("/events", "TextLog:text")]
     assert events == [
-        "1190 s: flight: 50 of 99 points inspected",
-        "1190 s: short: 50 of 99 points inspected",
-        "3290 s: flight: 95 of 99 points inspected",
+        "1180 s: flight: 50 of 99 points inspected",
+        "1180 s: short: 50 of 99 points inspected",
+        "2260 s: flight: 95 of 99 points inspected",
     ]
     ((summary,),) = content.column("/summary", "TextDocument:text")
     assert f"| flight | 97 | {flight.delta_v_m_s[-1]:.3f} |" in summary

@@ -1,10 +1,16 @@
-"""Recordings of another writer."""
+"""Recordings of another writer, and files on a disk without room."""
 
+import errno
+import io
+import os
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
+import pytest
 from mcap.writer import CompressionType, Writer
+
+from telemetry.file import partial_file
 
 
 def plain_file(path: Path, compression: CompressionType, chunk_size: int, messages: Iterable[Any]) -> Path:
@@ -21,3 +27,23 @@ def plain_file(path: Path, compression: CompressionType, chunk_size: int, messag
         writer.add_metadata("episode", {"scenario_id": "plain"})
         writer.finish()
     return path
+
+
+class FullDisk(io.FileIO):
+    """A file on a disk with room for so many bytes."""
+
+    def __init__(self, path: Path, room: int):
+        super().__init__(path, "wb")
+        self.room = room
+
+    def write(self, data: object) -> int:
+        size = len(memoryview(data))  # type: ignore[arg-type]
+        if size > self.room:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        self.room -= size
+        return super().write(data)  # type: ignore[arg-type]
+
+
+def fill_disk(monkeypatch: pytest.MonkeyPatch, room: int) -> None:
+    """Leave room for so many bytes in each file that is opened through `telemetry.file.partial_file`."""
+    monkeypatch.setattr(partial_file, "open_stream", lambda path: io.BufferedWriter(FullDisk(path, room)))
