@@ -17,11 +17,10 @@ LAST_BYTES: Final = 8 * 1024**2
 
 def may_mount() -> bool:
     """Return whether a separate disk can be made here."""
-    return os.geteuid() == 0 and shutil.which("mount") is not None and _mount("--version")
+    return os.geteuid() == 0 and shutil.which("mount") is not None and _done("mount", "--version")
 
 
-def _mount(*words: str) -> bool:
-    command = ["mount", *words]
+def _done(*command: str) -> bool:
     return subprocess.run(command, capture_output=True, check=False).returncode == 0  # noqa: S603
 
 
@@ -46,26 +45,21 @@ def small_disk(folder: Path, kibibytes: int) -> Iterator[Callable[[str], bool]]:
         If it cannot be made.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    if not _mount("-t", "tmpfs", "-o", f"size={kibibytes}k,mode=700", "tmpfs", str(folder)):
+    if not _done("mount", "-t", "tmpfs", "-o", f"size={kibibytes}k,mode=700", "tmpfs", str(folder)):
         raise OSError(f"{folder} cannot be a disk")
     try:
         yield partial(_change, str(folder))
     finally:
-        while _unmount(str(folder)):
+        while _done("umount", "-l", str(folder)):
             pass
 
 
 def _change(folder: str, option: str) -> bool:
     if option == "ro":  # by a second mount: the disk itself has open files
-        return _mount("--bind", folder, folder) and _mount("-o", "remount,bind,ro", folder)
+        return _done("mount", "--bind", folder, folder) and _done("mount", "-o", "remount,bind,ro", folder)
     if option == "rw":
-        return not os.statvfs(folder).f_flag & os.ST_RDONLY or _unmount(folder)
-    return _mount("-o", f"remount,{option}", folder)
-
-
-def _unmount(folder: str) -> bool:
-    command = ["umount", "-l", folder]
-    return subprocess.run(command, capture_output=True, check=False).returncode == 0  # noqa: S603
+        return not os.statvfs(folder).f_flag & os.ST_RDONLY or _done("umount", "-l", folder)
+    return _done("mount", "-o", f"remount,{option}", folder)
 
 
 def take_memory(pid: int) -> None:

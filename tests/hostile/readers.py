@@ -6,7 +6,7 @@ import json
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any, Final
 
@@ -55,32 +55,37 @@ REFUSALS: Final = (
 )  # fmt: skip
 
 
+#: takes the bytes of a file and a folder to put them in
+Read = Callable[[bytes, Path], object]
+OR_VALUES: Final = (*REFUSALS, ValueError)
+
+
 @dataclass(frozen=True)
 class Reader:
     """A reader with its samples.
 
     Parameters
     ----------
-    name : str
     read : callable
-        Takes the bytes of a file and a folder to put them in.
-    samples : sequence of bytes
-        Intact files.
+    make : callable
+        Makes intact files in a folder.
     kind : str
         ``text``, ``tree`` (JSON of plain data), ``table`` (Parquet), ``recording``, ``attachments`` (of one)
         or ``bytes``.
     refusals : tuple of types
+        What it may raise.
     """
 
-    name: str
-    read: Callable[[bytes, Path], object]
-    samples: Sequence[bytes]
+    read: Read
+    make: Callable[[Path], Sequence[bytes]]
     kind: str
-    refusals: tuple[type[Exception], ...]
+    refusals: tuple[type[Exception], ...] = OR_VALUES
 
-
-#: takes the bytes of a file and a folder to put them in
-Read = Callable[[bytes, Path], object]
+    @cached_property
+    def samples(self) -> Sequence[bytes]:
+        """Intact files."""
+        with tempfile.TemporaryDirectory() as folder:
+            return self.make(Path(folder))
 
 
 def _in_file(name: str, read: Callable[[Path], object]) -> Read:
@@ -257,6 +262,10 @@ def _one() -> Any:
     return replace(_champion(), systems=_champion().systems[:1])
 
 
+def _one_as_json() -> bytes:
+    return serialize.dump_json(_one()).encode()
+
+
 def _config() -> bytes:
     return json.dumps(compose_experiment(["+experiment=train"]).config).encode()
 
@@ -270,57 +279,43 @@ def _an_example(name: str) -> Callable[[Path], Sequence[bytes]]:
 
 
 FORCES: Final = b"time_s,force_x_n,force_y_n,force_z_n\n0,0.1,0,0\n10,0,0.1,0\n"
-OR_VALUES: Final = (*REFUSALS, ValueError)
-#: of each reader: how it reads, what makes its samples in a folder, their kind, and what it may raise
-READERS: Final[
-    Mapping[str, tuple[Read, Callable[[Path], Sequence[bytes]], str, tuple[type[Exception], ...]]]
-] = {
-    "json": (_in_file("controller.json", _controller), lambda _: [serialize.dump_json(_one()).encode()],
-             "tree", REFUSALS),
-    "yaml": (_in_file("controller.yaml", _controller), lambda _: [serialize.dump_yaml(_one()).encode()],
-             "text", REFUSALS),
-    "fis": (_in_file("controller.fis", _controller), _an_example("tipper.fis"), "text", REFUSALS),
-    "fll": (_in_file("controller.fll", _controller), _an_example("dimmer.fll"), "text", REFUSALS),
-    "starts": (_starts, _an_example("starts.csv"), "text", OR_VALUES),
-    "requirements": (lambda content, _: requirements.read(_text(content), "requirements.yaml"),
-                     lambda _: [requirements_path("inspection").read_bytes()], "text", OR_VALUES),
-    "settings": (_settings, lambda _: [_config()], "tree", OR_VALUES),
-    "run": (_run_folder, lambda _: [_config(), b'{"manifest_version": 2}'], "text", REFUSALS),
-    "forces": (_in_file("forces.csv", lambda path: read_played(path, _minute())), lambda _: [FORCES],
-               "text", OR_VALUES),
-    "conditions": (_conditions, lambda _: [b"distance > 3 and velocity_body_x <= 0.5", b"distance in [1, 2]"],
-                   "text", OR_VALUES),
-    "table": (_in_file("trajectories.parquet", _table), lambda _: [_positions()], "table", REFUSALS),
-    "checkpoint": (_in_file("checkpoint.npz", lambda path: load(path, {})),
-                   lambda folder: [_saved_checkpoint(folder)], "bytes", REFUSALS),
-    "recording": (_in_file("flight.mcap", _recording), lambda folder: [_flown(folder)],
-                  "recording", REFUSALS),
-    "verify": (_in_file("flight.mcap", fly_again), lambda folder: [_flown(folder)],
-               "attachments", OR_VALUES),
-    "onnx": (lambda content, _: policy_of("policy", content, "policy.onnx"), lambda _: [_small_policy()],
-             "bytes", OR_VALUES),
-    "obj": (_in_file("chief.obj", _mesh),
-            lambda _: [(conf_folder() / "chief" / "satellite.obj").read_bytes()], "text", OR_VALUES),
-    "stl": (_in_file("chief.stl", _mesh), lambda _: [_small_stl()], "bytes", OR_VALUES),
-    "sweep": (_sweep, lambda _: [json.dumps(SWEEP).encode()], "tree", REFUSALS),
-    "journal": (_in_file("journal.log", _journal), lambda folder: [_tried_journal(folder)],
-                "text", OR_VALUES),
-    "learned_csv": (_in_file("table.csv", _learned), lambda _: [CSV], "text", OR_VALUES),
-    "learned_parquet": (_in_file("table.parquet", _learned), lambda _: [_numbers_as_parquet()],
-                        "table", OR_VALUES),
-    "logged_csv": (_in_file("table.csv", _logged), lambda _: [CSV], "text", OR_VALUES),
-    "logged_parquet": (_in_file("table.parquet", _logged), lambda _: [_numbers_as_parquet()],
-                       "table", OR_VALUES),
-    "analyses": (_in_file("controller.json", _analyses), lambda _: [serialize.dump_json(_one()).encode()],
-                 "tree", REFUSALS),
+READERS: Final[Mapping[str, Reader]] = {
+    "json": Reader(_in_file("controller.json", _controller), lambda _: [_one_as_json()], "tree", REFUSALS),
+    "yaml": Reader(_in_file("controller.yaml", _controller), lambda _: [serialize.dump_yaml(_one()).encode()],
+                   "text", REFUSALS),
+    "fis": Reader(_in_file("controller.fis", _controller), _an_example("tipper.fis"), "text", REFUSALS),
+    "fll": Reader(_in_file("controller.fll", _controller), _an_example("dimmer.fll"), "text", REFUSALS),
+    "starts": Reader(_starts, _an_example("starts.csv"), "text"),
+    "requirements": Reader(lambda content, _: requirements.read(_text(content), "requirements.yaml"),
+                           lambda _: [requirements_path("inspection").read_bytes()], "text"),
+    "settings": Reader(_settings, lambda _: [_config()], "tree"),
+    "run": Reader(_run_folder, lambda _: [_config(), b'{"manifest_version": 2}'], "text", REFUSALS),
+    "forces": Reader(_in_file("forces.csv", lambda path: read_played(path, _minute())), lambda _: [FORCES],
+                     "text"),
+    "conditions": Reader(_conditions, lambda _: [b"distance > 3 and velocity_body_x <= 0.5",
+                                                 b"distance in [1, 2]"], "text"),
+    "table": Reader(_in_file("trajectories.parquet", _table), lambda _: [_positions()], "table", REFUSALS),
+    "checkpoint": Reader(_in_file("checkpoint.npz", lambda path: load(path, {})),
+                         lambda folder: [_saved_checkpoint(folder)], "bytes", REFUSALS),
+    "recording": Reader(_in_file("flight.mcap", _recording), lambda folder: [_flown(folder)],
+                        "recording", REFUSALS),
+    "verify": Reader(_in_file("flight.mcap", fly_again), lambda folder: [_flown(folder)], "attachments"),
+    "onnx": Reader(lambda content, _: policy_of("policy", content, "policy.onnx"),
+                   lambda _: [_small_policy()], "bytes"),
+    "obj": Reader(_in_file("chief.obj", _mesh),
+                  lambda _: [(conf_folder() / "chief" / "satellite.obj").read_bytes()], "text"),
+    "stl": Reader(_in_file("chief.stl", _mesh), lambda _: [_small_stl()], "bytes"),
+    "sweep": Reader(_sweep, lambda _: [json.dumps(SWEEP).encode()], "tree", REFUSALS),
+    "journal": Reader(_in_file("journal.log", _journal), lambda folder: [_tried_journal(folder)], "text"),
+    "learned_csv": Reader(_in_file("table.csv", _learned), lambda _: [CSV], "text"),
+    "learned_parquet": Reader(_in_file("table.parquet", _learned), lambda _: [_numbers_as_parquet()],
+                              "table"),
+    "logged_csv": Reader(_in_file("table.csv", _logged), lambda _: [CSV], "text"),
+    "logged_parquet": Reader(_in_file("table.parquet", _logged), lambda _: [_numbers_as_parquet()], "table"),
+    "analyses": Reader(_in_file("controller.json", _analyses), lambda _: [_one_as_json()], "tree", REFUSALS),
 }  # fmt: skip
 
 
-def all_readers(names: Sequence[str] = ()) -> Mapping[str, Reader]:
-    """Return the readers with some names, all by default, with their samples."""
-    found = {}
-    for name in names or READERS:
-        read, make, kind, refusals = READERS[name]
-        with tempfile.TemporaryDirectory() as folder:
-            found[name] = Reader(name, read, make(Path(folder)), kind, refusals)
-    return found
+def all_readers(names: Sequence[str]) -> Mapping[str, Reader]:
+    """Return the readers with some names; all where none is given."""
+    return {name: READERS[name] for name in names or READERS}
