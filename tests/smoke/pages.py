@@ -4,7 +4,7 @@ import re
 import shlex
 from pathlib import Path
 
-from tests.smoke.command_line import PROJECT
+from tests.places import PROJECT
 
 DOCS = PROJECT / "docs"
 PAGES = [*sorted(PROJECT.glob("*.md")), PROJECT / "telemetry" / "README.md", *sorted(DOCS.rglob("*.md"))]

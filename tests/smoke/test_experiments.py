@@ -9,12 +9,27 @@ import yaml
 
 import telemetry
 from fis_tools.formats import serialize
+from pipeline.command_line.cli import main
 from pipeline.run import artifacts, configuration, manifests
+from tests.places import PROJECT
 from tests.policies import Page, check_policy
-from tests.smoke.command_line import EXPERIMENTS, FEW, MINIATURE, NUM_SAMPLES, PROJECT, run_pipeline
 
 pytestmark = pytest.mark.slow
 
+EXPERIMENTS = sorted((PROJECT / "conf" / "experiment").glob("*.yaml"))
+#: sizes at which any experiment ends within seconds
+MINIATURE = (
+    *("optimizer.population_size=6", "optimizer.generations=2", "optimizer.rounds=1"),
+    *("assurance.num_cases=3", "assurance.searches=1", "assurance.search_starts=3"),
+    *("assurance.search_population=5", "assurance.search_generations=1", "assurance.domain_cases=1"),
+    *("optimum.restarts=1", "optimum.kicks=0", "duration_s=600.0", "report.dots_per_inch=50"),
+    "monte_carlo.num_cases=3",
+)
+#: and with so few kinds of flight that compiling them does
+FEW = {
+    "robustness": ("compare.safety=[none]", "compare.controllers=[lqr]"),
+    "reproduce": ("compare.controllers=[paper_champion,champion_27,natural_motion]",),
+}
 
 #: what each stage leaves
 FILES_OF = {
@@ -36,16 +51,15 @@ FILES_OF = {
 }
 
 
-@pytest.fixture(scope="module", params=EXPERIMENTS)
+@pytest.fixture(scope="module", params=EXPERIMENTS, ids=lambda path: path.stem)
 def finished(request, tmp_path_factory) -> tuple[str, Path, list[str]]:
     """An experiment, the folder of its run, and its stages."""
-    experiment, folder = request.param, tmp_path_factory.mktemp(request.param) / "run"
-    small = [*MINIATURE, *FEW.get(experiment, ())]
+    experiment = request.param.stem
+    folder, small = tmp_path_factory.mktemp(experiment) / "run", [*MINIATURE, *FEW.get(experiment, ())]
     if experiment == "assure":  # which has flights of its own
         small.remove("monte_carlo.num_cases=3")
-    text = (PROJECT / "conf" / "experiment" / f"{experiment}.yaml").read_text(encoding="utf-8")
-    run_pipeline(f"+experiment={experiment}", *small, folder=folder)
-    return experiment, folder, yaml.safe_load(text)["stages"]
+    assert main([f"+experiment={experiment}", *small, f"hydra.run.dir={folder}"]) == 0
+    return experiment, folder, yaml.safe_load(request.param.read_text(encoding="utf-8"))["stages"]
 
 
 def test_all_stages_finish_leave_their_files_and_the_manifest_knows_them(finished):
@@ -90,7 +104,7 @@ def test_files_hold_every_generation_case_sample_and_flight(finished):
     assert len(recordings) == (num_flights if "record" in stages else 0)
     for path in recordings:
         flight = telemetry.read(path)
-        assert len(flight["/deputy/state"]) == NUM_SAMPLES
+        assert len(flight["/deputy/state"]) == 61
         assert flight.attachments["config.yaml"]
 
 
@@ -111,8 +125,11 @@ def test_the_report_needs_nothing_but_itself(finished):
 def test_the_same_seed_finds_the_same_champion_on_any_number_of_workers(tmp_path):
     training, found = ("+experiment=train", *MINIATURE, "stages=[scenario,train,evaluate]"), []
     for count in (1, 2):
-        workers = (f"optimizer.workers={count}", f"monte_carlo.workers={count}")
-        folder = run_pipeline(*training, *workers, folder=tmp_path / str(count))
+        folder, workers = (
+            tmp_path / str(count),
+            (f"optimizer.workers={count}", f"monte_carlo.workers={count}"),
+        )
+        assert main([*training, *workers, f"hydra.run.dir={folder}"]) == 0
         champion = json.loads((folder / artifacts.CHAMPION).read_text())
         files = [(folder / name).read_bytes() for name in (artifacts.LOGBOOK, artifacts.EPISODES)]
         found.append((champion["systems"], files))

@@ -24,7 +24,7 @@ from pipeline.command_line.config import conf_folder, options
 from pipeline.command_line.overrides import check_overrides, parse, rewrite_paths
 from telemetry import commands as telemetry_commands
 from tests.fis_tools.review.cases import log_flight
-from tests.smoke.command_line import PROJECT
+from tests.places import PROJECT
 from tests.smoke.pages import DOCS, FOLLOWED, PAGES, calls_of, commands, name_of
 
 #: what the site makes when it is built: no page of the repository
@@ -37,14 +37,10 @@ NEED_A_FOLDER = ("resume=", "compare=", "hydra.run.dir=", "--config-dir", "verif
 QUICK = [words[3:] for words in commands(PROJECT / "README.md")]
 
 
-def identify(words: list[str]) -> str:
-    return " ".join(words)
-
-
 @pytest.mark.parametrize(
     "words",
     [each if each in QUICK else pytest.param(each, marks=pytest.mark.slow) for each in calls_of("pipeline")],
-    ids=identify,
+    ids=" ".join,
 )
 def test_experiments(words, capsys):
     needs_a_folder = any(word.startswith(NEED_A_FOLDER) for word in words)
@@ -59,7 +55,7 @@ def test_experiments(words, capsys):
         assert cli.main([*asked, "--cfg", "job"]) == 0, capsys.readouterr().err
 
 
-@pytest.mark.parametrize("words", calls_of("telemetry"), ids=identify)
+@pytest.mark.parametrize("words", calls_of("telemetry"), ids=" ".join)
 def test_telemetry(words):
     assert callable(telemetry_commands.command_line().parse_args(words, exit_on_error=False)[0])
 
@@ -68,7 +64,7 @@ REVIEWED = [
     page
     for page in PAGES
     if any(words[2] == "fis_tools" for words in commands(page))
-    # these are run whole, with what they print, by test_shown.py and test_tutorial.py
+    # these are run whole, with what they print, by test_notebook.py and test_tutorial.py
     and page not in [*(DOCS / name for name in SHOWN_PAGES), FOLLOWED]
 ]
 
@@ -125,7 +121,7 @@ def _only_parsed(monkeypatch):
 
 
 @pytest.mark.usefixtures("_only_parsed")
-@pytest.mark.parametrize("words", calls_of("benchmarks"), ids=identify)
+@pytest.mark.parametrize("words", calls_of("benchmarks"), ids=" ".join)
 def test_benchmarks(words):
     if not (words and words[0] in benchmarks.CAMPAIGNS):
         assert {word for word in words if word != "--store"} <= set(benchmarks.PARTS)

@@ -15,7 +15,7 @@ import fis_tools.__main__ as review
 from docs.shown import BLOCK, LEFT_OUT, WIDTH, shown
 from pipeline.command_line import cli
 from telemetry import commands as telemetry
-from tests.smoke.command_line import PROJECT
+from tests.places import PROJECT
 from tests.smoke.pages import DOCS, FOLLOWED
 
 PAGE = (DOCS / "tutorial" / "fly-and-review.md").read_text(encoding="utf-8")
