@@ -2,10 +2,11 @@
 
 import json
 import re
-from contextlib import contextmanager
+import shutil
 from dataclasses import replace
 from importlib.resources import files
 from itertools import product
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -32,19 +33,6 @@ from tests.policies import Page, check_policy, check_references
 TRAIN = ("+experiment=train", "inspection_threshold_percent=30", "deputy.max_distance_m=120")
 
 
-@contextmanager
-def without(folder, *names):
-    """Take files away for a while."""
-    kept = {name: (folder / name).read_bytes() for name in names}
-    for name in names:
-        (folder / name).unlink()
-    try:
-        yield
-    finally:
-        for name, content in kept.items():
-            (folder / name).write_bytes(content)
-
-
 @pytest.fixture(scope="module")
 def trained(tmp_path_factory):
     """A run with everything but recordings: folder, experiment, page."""
@@ -56,6 +44,16 @@ def trained(tmp_path_factory):
     return folder, experiment, text, Page(text)
 
 
+@pytest.fixture
+def copied(trained, tmp_path):
+    """A copy of the run, for what changes it, and its experiment."""
+    return Path(shutil.copytree(trained[0], tmp_path / "copied")), trained[1]
+
+
+def words_of(page, section):
+    return " ".join(page.text[section].split())
+
+
 @pytest.mark.slow
 def test_all_sections_are_there_with_their_pictures(trained):
     folder, experiment, text, page = trained
@@ -64,26 +62,23 @@ def test_all_sections_are_there_with_their_pictures(trained):
     # the only addresses are names of XML's vocabularies, and none is left
     assert "http" not in text.replace("http-equiv", "")
     assert [section["id"] for section in page.all("section") if section.get("id")] == list(SECTIONS)
-    names = {"control-training-0", "distributions", "convergence"}
-    names |= {"trajectories-training", "trajectories-evaluation"}
+    names = {f"trajectories-{kind}" for kind in ("training", "evaluation")}
+    names |= {"control-training-0", "distributions", "convergence"}
     assert {path.stem for path in (folder / artifacts.FIGURES).iterdir()} == names
-    figures = {figure["id"].removeprefix("figure-") for figure in page.all("figure")}
-    assert figures == names
+    assert {figure["id"] for figure in page.all("figure")} == {f"figure-{name}" for name in names}
     for svg in page.all("svg"):
         assert svg["role"] == "img"
         assert len(svg["aria-label"]) > 10
     missing = {name for name, words in page.text.items() if "This run has no" in words}
     assert missing == {"recordings"}
     # they have the resolution that was asked for, and are not blank
-    for path in (folder / artifacts.FIGURES).iterdir():
-        pixels = imread(path)[..., :3]
-        assert pixels.std() > 0.02
-        if path.stem == "trajectories-training":
-            assert pixels.shape[:2] == (8.0 * experiment.report.dots_per_inch, 384)
+    pixels = {path.stem: imread(path)[..., :3] for path in (folder / artifacts.FIGURES).iterdir()}
+    assert all(picture.std() > 0.02 for picture in pixels.values())
+    assert pixels["trajectories-training"].shape[:2] == (8.0 * experiment.report.dots_per_inch, 384)
 
 
 @pytest.mark.slow
-def test_numbers_are_those_of_the_summary(trained):
+def test_numbers_are_those_of_the_summary(trained, copied):
     folder, experiment, text, page = trained
     summary = json.loads((folder / artifacts.SUMMARY).read_text())
     told = gather(experiment, folder)
@@ -99,7 +94,7 @@ def test_numbers_are_those_of_the_summary(trained):
     values = [float(value) for value in re.findall(r'<data value="([^"]+)">', text)]
     np.testing.assert_allclose(values, expected, rtol=1e-12)
     assert len({0.0, 1.0, *shares}) == 5, "the shares must differ for this test to see them exchanged"
-    words = " ".join(page.text["summary"].split())
+    words = words_of(page, "summary")
     assert f"{100 * shares[2]:.1f} % of the flights reach 30 % inside the limits" in words
     assert f"{summary['violated']['count']} leave 15 to 120 m" in words
     for share in shares:
@@ -110,8 +105,8 @@ def test_numbers_are_those_of_the_summary(trained):
     assert "5.62 ± 0.715" in text
     assert "4.799 ± 0.458" in text
     # a summary is made from the episodes where it is missing
-    with without(folder, artifacts.SUMMARY):
-        again = page_of(experiment, folder)
+    (copied[0] / artifacts.SUMMARY).unlink()
+    again = page_of(experiment, copied[0])
     assert [float(value) for value in re.findall(r'<data value="([^"]+)">', again)] == values
 
 
@@ -176,31 +171,31 @@ def test_the_page_says_where_the_run_comes_from(trained):
         },
     ],
 )
-def test_what_is_missing_is_left_out_with_a_sentence(trained, missing):
-    folder, experiment, _, full = trained
-    with without(folder, *missing):
-        page = Page(page_of(experiment, folder))
+def test_what_is_missing_is_left_out_with_a_sentence(trained, copied, missing):
+    folder, experiment = copied
+    for name in missing:
+        (folder / name).unlink()
+    page = Page(page_of(experiment, folder))
     for section, sentence in missing.values():
-        assert sentence in " ".join(page.text[section].split())
-        assert "This run has no" not in full.text[section]
+        assert sentence in words_of(page, section)
+        assert "This run has no" not in trained[3].text[section]
     if artifacts.CHAMPION in missing:
-        assert "the stage train the champion" in " ".join(page.text["training"].split())
+        assert "the stage train the champion" in words_of(page, "training")
     stems = {path.stem for path in (folder / artifacts.FIGURES).iterdir()}
     shown = {figure["id"].removeprefix("figure-") for figure in page.all("figure")}
     assert shown == stems
 
 
 @pytest.mark.slow
-def test_the_report_of_the_same_run_is_the_same_and_stale_pictures_go(trained, capsys):
-    folder, experiment, text, _ = trained
+def test_the_report_of_the_same_run_is_the_same_and_stale_pictures_go(trained, copied, capsys):
+    folder, experiment = copied
     own, other = (folder / artifacts.FIGURES / name for name in ("control-start.png", "mine.png"))
     for path in (own, other):
         path.write_bytes(b"")
-    assert page_of(experiment, folder) == text
+    assert page_of(experiment, folder) == trained[2]
     assert "pictures" in capsys.readouterr().err
     assert not own.exists()
     assert other.exists()
-    other.unlink()
 
 
 @pytest.mark.slow
@@ -221,7 +216,7 @@ def test_an_evaluated_controller_shows_its_median_flight(tmp_path):
     spent = episodes["delta_v_m_s"][int(median.split("-")[-1])]
     (shown,) = gather(experiment, tmp_path).shown
     assert shown.log.delta_v_m_s[-1] == spent
-    words = " ".join(page.text["distributions"].split())
+    words = words_of(page, "distributions")
     summary = json.loads((tmp_path / artifacts.SUMMARY).read_text())
     of_mass, nominal = summary["sensitivity"][0]["delta_v_m_s"], summary["nominal"]["delta_v_m_s"]
     assert of_mass["value"] < -0.3
@@ -230,7 +225,7 @@ def test_an_evaluated_controller_shows_its_median_flight(tmp_path):
     middle = summary["percentiles"]["delta_v_m_s"][0]
     assert f"50 % have at most{middle['value']:.3f}{middle['low']:.3f} to {middle['high']:.3f}" in words
     rate, count = summary["inspectable_rate_percent"]["mean"], summary["inspectable_count"]["mean"]
-    told = " ".join(page.text["summary"].split())
+    told = words_of(page, "summary")
     assert f" {rate:.2f} ± " in told
     assert f"% of the {count:.1f} a flight that can be inspected, to which success refers" in told
     del summary["nominal"]["success_and_within_limits"]
@@ -279,13 +274,12 @@ def test_names_are_text_and_no_markup(trained):
 
 
 @pytest.mark.slow
-def test_a_damaged_file_is_refused_in_words(trained):
-    folder, experiment, _, _ = trained
-    for name in (artifacts.LOGBOOK, artifacts.SUMMARY, artifacts.EPISODES):
-        with without(folder, name):
-            (folder / name).write_bytes(b"best\nno number\n")
-            with pytest.raises(ArtifactError, match="repeat the stage"):
-                page_of(experiment, folder)
+@pytest.mark.parametrize("name", [artifacts.LOGBOOK, artifacts.SUMMARY, artifacts.EPISODES])
+def test_a_damaged_file_is_refused_in_words(copied, name):
+    folder, experiment = copied
+    (folder / name).write_bytes(b"best\nno number\n")
+    with pytest.raises(ArtifactError, match="repeat the stage"):
+        page_of(experiment, folder)
 
 
 def test_trajectories_are_sorted_into_their_cases_and_those_of_other_flights_refused():
