@@ -4,8 +4,7 @@ import csv
 import errno
 import json
 import os
-from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager
 from dataclasses import replace
 from itertools import count
 from pathlib import Path
@@ -41,11 +40,9 @@ def trained(tmp_path_factory):
     return run, folder
 
 
-def logbook(folder: Path) -> list[dict[str, float]]:
-    with (folder / artifacts.LOGBOOK).open(newline="", encoding="utf-8") as stream:
-        reader = csv.DictReader(stream)
-        assert reader.fieldnames == COLUMNS
-        return [{name: float(value) for name, value in row.items()} for row in reader]
+def logbook(folder: Path, name: str = artifacts.LOGBOOK) -> list[dict[str, float]]:
+    with (folder / name).open(newline="", encoding="utf-8") as stream:
+        return [{name: float(value) for name, value in row.items()} for row in csv.DictReader(stream)]
 
 
 def genomes(folder: Path) -> np.ndarray:
@@ -57,10 +54,11 @@ def test_the_logbook_and_the_history_hold_every_generation_with_its_parts(traine
     rows = logbook(folder)
     counted = [(row["round"], row["generation"], row["evaluations"]) for row in rows]
     assert counted == [(0, 0, 6), (0, 1, 11), (0, 2, 16), (0, 3, 21)]
+    assert list(rows[0]) == COLUMNS
     table = pq.read_table(folder / artifacts.HISTORY)
     assert table.column_names == [*COLUMNS, "genome"]
     # floats are written so that they read back to the same bits
-    assert [{name: float(row[name]) for name in COLUMNS} for row in table.to_pylist()] == rows
+    assert table.select(COLUMNS).to_pylist() == rows
     best = [row["best"] for row in rows]
     assert best == sorted(best, reverse=True)
     assert genomes(folder).shape == (4, 150)
@@ -193,8 +191,7 @@ def test_the_champion_is_the_rounds_best_on_starts_of_its_own(tmp_path):
     few = ("optimizer.rounds=3", "optimizer.generations=2", "optimizer.validation_cases=9")
     run = prepared(tmp_path, "starts.num_cases=4", *few, experiment="train_champion").experiment
     train.run(run, tmp_path)
-    with (tmp_path / artifacts.VALIDATION).open(newline="", encoding="utf-8") as stream:
-        rows = [{name: float(value) for name, value in row.items()} for row in csv.DictReader(stream)]
+    rows = logbook(tmp_path, artifacts.VALIDATION)
     assert [row["round"] for row in rows] == [0, 1, 2]
     best = min(rows, key=lambda row: row["validation"])
     champion = serialize.load(tmp_path / artifacts.CHAMPION)
@@ -217,12 +214,10 @@ def fill_disk(monkeypatch: pytest.MonkeyPatch, num_files: int) -> None:
     """Refuse all files that are begun but for the first of them."""
     begun, write = count(), writing.beside
 
-    @contextmanager
-    def beside(path: Path) -> Iterator[BinaryIO]:
+    def beside(path: Path) -> AbstractContextManager[BinaryIO]:
         if next(begun) >= num_files:
             raise writing.WriteError(f"{path} cannot be written: {STOPPED}")
-        with write(path) as stream:
-            yield stream
+        return write(path)
 
     monkeypatch.setattr(writing, "beside", beside)
     monkeypatch.setattr(train, "WRITE_EVERY_S", 0.0)

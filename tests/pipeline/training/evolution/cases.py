@@ -34,12 +34,6 @@ def column(evolution: Evolution, name: str) -> list[Any]:
     return [row[name] for row in rows_of(evolution)]
 
 
-def round_champions(evolution: Evolution) -> np.ndarray:
-    """Return the last champion of each round."""
-    last = {generation.round: generation.champion for generation in evolution.history}
-    return np.array([last[index] for index in sorted(last)])
-
-
 class Sphere:
     """Squared distance from a point, with a count of what was asked."""
 
