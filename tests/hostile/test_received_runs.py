@@ -14,9 +14,7 @@ from pipeline.command_line.cli import main
 from pipeline.run import artifacts, configuration, manifests, writing
 from telemetry.file import metadata
 from tests.fis_tools.sample_controllers import paper_like_controller
-from tests.pipeline.command_line.cases import plain_config, use_stages
-
-EVALUATE = ["+experiment=evaluate", "controller=coast"]
+from tests.pipeline.command_line.cases import EVALUATE, plain_config, use_stages
 
 
 def received(folder: Path, **groups) -> Path:

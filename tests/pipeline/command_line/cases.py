@@ -13,13 +13,14 @@ import pytest
 from pipeline.command_line.config import compose_experiment
 from pipeline.settings.experiment import STAGES, Experiment
 
-#: a controller that needs no file of ours
-COAST = "controller=coast"
+#: with a controller that needs no file of ours
+FLY = ["+experiment=fly", "controller=coast"]
+EVALUATE = ["+experiment=evaluate", "controller=coast"]
 
 
 @cache
 def _composed(*overrides: str) -> dict[str, Any]:
-    return compose_experiment(["+experiment=evaluate", COAST, *overrides]).config
+    return compose_experiment([*EVALUATE, *overrides]).config
 
 
 def plain_config(*overrides: str) -> dict[str, Any]:

@@ -5,11 +5,9 @@ from pathlib import Path
 import pytest
 
 from pipeline.command_line.cli import COMMANDS
-from tests.pipeline.command_line.cases import use_stages
+from tests.pipeline.command_line.cases import EVALUATE, FLY, use_stages
 
-FLY = ["+experiment=fly", "controller=coast"]
 LQR = ["+experiment=fly", "controller=lqr"]
-EVALUATE = ["+experiment=evaluate", "controller=coast"]
 OPTIMUM, BASELINES = ["+experiment=optimum"], ["+experiment=baselines"]
 
 MISTAKES = [

@@ -17,6 +17,7 @@ from fis_tools.engines.kernel import evaluate
 from fis_tools.engines.packing import pack
 from fis_tools.formats import serialize
 from fis_tools.model.thrust import thrust_logic
+from fis_tools.words.text import sentence
 from pipeline.controllers.source import named
 from pipeline.flight.control.controller import Controller, open_loop
 from pipeline.flight.state.log import FlightLog, Scenario
@@ -24,6 +25,7 @@ from pipeline.flight.world.pack import inspection_points
 from pipeline.recording.recorder import directions
 from pipeline.run import maker
 from telemetry.file.reader import Recording
+from tests.fis_tools import step_by_step
 from tests.pipeline.recording import cases
 
 SYSTEMS = ("force_x", "force_y", "force_z")
@@ -143,25 +145,13 @@ def test_points_and_their_states(name: str, overrides: tuple[str, ...], request:
 
 
 def test_firing_strengths_are_in_the_order_of_the_rules_in_words(full: Recording):
-    config = yaml.safe_load(full.attachments["config.yaml"])
-    for system in config["controller"]["systems"]:
-        words = full.fis_description(system["name"]).rules
-        inputs = full[f"/fis/{system['name']}"]["inputs"]
-        memberships = {}
-        for variable, values in zip(system["inputs"], inputs.T, strict=True):
-            universe = np.linspace(*variable["range"], variable["points"])
-            for term in variable["terms"]:
-                sampled = np.exp(-(((universe - term["mean"]) / term["standard_deviation"]) ** 2) / 2.0)
-                memberships[f"{variable['name']} is {term['name']}"] = np.interp(values, universe, sampled)
-        conditions = [
-            sentence.removeprefix("If ").partition(" then ")[0].split(" and ") for sentence in words
-        ]
-        expected = [np.minimum.reduce([memberships[each] for each in both]) for both in conditions]
-        recorded = full[f"/fis/{system['name']}"]["firing_strengths"]
-        assert recorded.shape == (360, 25)
-        assert_allclose(recorded, np.array(expected).T, rtol=1e-6, atol=1e-12)
-        conclusions = [sentence.rpartition(" is ")[2] for sentence in words]
-        assert conclusions == system["rules"]
+    controller = serialize.loads(full.attachments["controller.json"].decode(), "json")
+    for system in controller.systems:
+        inferred = full[f"/fis/{system.name}"]
+        expected = step_by_step.firing_strengths(system, inferred["inputs"])
+        assert expected.shape == (360, 25)
+        assert_allclose(inferred["firing_strengths"], expected, rtol=1e-6, atol=1e-12)
+        assert full.fis_description(system.name).rules == tuple(map(sentence, system.rules))
 
 
 def test_inputs_are_recorded_before_they_are_clipped(tmp_path):

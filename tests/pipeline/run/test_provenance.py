@@ -6,8 +6,6 @@ import platform
 import shutil
 import subprocess
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -18,11 +16,9 @@ from pipeline.run import artifacts, configuration, maker, manifests
 from pipeline.run.lock import LOCK, HeldError, held
 from pipeline.run.maker import present_maker
 from pipeline.run.runner import run_stages
-from tests.pipeline.command_line.cases import use_stages
+from tests.pipeline.command_line.cases import EVALUATE, FLY, use_stages
 from tests.places import PROJECT
 from tests.programs import run_python
-
-EVALUATE = ["+experiment=evaluate", "controller=coast"]
 
 
 @pytest.fixture
@@ -103,31 +99,20 @@ def test_two_runs_are_compared_with_what_may_make_them_differ(folder, tmp_path, 
 
 
 HOLD = "import sys, time; from pathlib import Path; from pipeline.run.lock import held\n" + (
-    "with held(Path(sys.argv[1])):\n    print('held', flush=True)\n    time.sleep(600)\n"
+    "with held(Path(sys.argv[1])):\n    print('held', flush=True)\n    time.sleep(60)\n"
 )
-FLY = ["+experiment=fly", "controller=coast"]
-
-
-@contextmanager
-def holder(folder: Path) -> Iterator[subprocess.Popen]:
-    """A process that holds a folder; killed in the end."""
-    command = [sys.executable, "-c", HOLD, str(folder)]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=PROJECT) as process:  # noqa: S603
-        assert process.stdout is not None
-        assert process.stdout.readline() == "held\n"
-        try:
-            yield process
-        finally:
-            process.kill()
 
 
 def test_one_process_holds_a_folder_until_it_is_gone(tmp_path, monkeypatch, ran):
     called = use_stages(monkeypatch)
     folder = tmp_path / "run"
-    with holder(folder) as process:
+    command = [sys.executable, "-c", HOLD, str(folder)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=PROJECT) as process:  # noqa: S603
+        assert process.stdout.readline() == "held\n"
         with pytest.raises(HeldError, match=rf"run is held by process {process.pid} on \S+ since 20"):
             held(folder).__enter__()
         assert f"is held by process {process.pid} on" in ran(*FLY, f"hydra.run.dir={folder}", code=2).err
+        process.kill()
     assert called == []
     assert not (folder / artifacts.CONFIG).exists()
     # the lock of a killed process is told and taken over
@@ -169,7 +154,7 @@ def test_a_run_killed_before_its_manifest_goes_on_or_begins_anew(resumed, tmp_pa
     assert manifests.read(folder)["finished_stages"] == ["record"]
 
 
-WORDS = ["+experiment=evaluate", "controller=coast", "stages=[scenario]", "reproducible=true"]
+WORDS = [*EVALUATE, "stages=[scenario]", "reproducible=true"]
 
 #: products beside sums and calls, by the kernel's vectors; prints the bytes of what they give
 COMPILED = """\

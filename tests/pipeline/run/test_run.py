@@ -10,11 +10,9 @@ import yaml
 from pipeline.command_line.cli import main
 from pipeline.evaluation.monte_carlo import summarise
 from pipeline.run import artifacts, configuration, manifests, sweep, tables, writing
-from tests.pipeline.command_line.cases import use_stages
+from tests.pipeline.command_line.cases import EVALUATE, FLY, use_stages
 from tests.pipeline.evaluation.test_statistics import evaluation
 
-FLY = ["+experiment=fly", "controller=coast"]
-EVALUATE = ["+experiment=evaluate", "controller=coast"]
 STAGES = ["scenario", "evaluate", "record", "report"]
 
 
@@ -182,8 +180,8 @@ def test_an_error_in_a_stage_is_told_and_logged(error, monkeypatch, ran):
 OUT = Path("out")
 
 SWEEP = [
-    "-m", "+experiment=evaluate", "controller=coast", "stages=[scenario,evaluate]", "hydra.sweep.dir=out",
-    "seed=1,2,3", "deputy.mass_kg=10,12", "sun=fixed,random",
+    "-m", *EVALUATE, "stages=[scenario,evaluate]", "hydra.sweep.dir=out", "seed=1,2,3",
+    "deputy.mass_kg=10,12", "sun=fixed,random",
 ]  # fmt: skip
 #: the same with four seeds: 16 runs
 LARGE = ["seed=range(1,5)" if word.startswith("seed=") else word for word in SWEEP]

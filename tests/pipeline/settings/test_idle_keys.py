@@ -8,14 +8,12 @@ import yaml
 
 from docs import hooks
 from pipeline.command_line.config import compose_experiment
-from pipeline.settings.experiment import Mission, Safety, SettingError
+from pipeline.settings.experiment import Safety, SettingError
 from pipeline.settings.keys import value_at
 from pipeline.settings.schema import commented, completed, descriptions, experiment_from, schema, tables
-from tests.pipeline.command_line.cases import plain_config
+from tests.pipeline.command_line.cases import FLY, plain_config
 from tests.pipeline.flight.cases import mission
 from tests.pipeline.flight.guarded import EARLY, guarded
-
-FLY = ["+experiment=fly", "controller=coast"]
 
 IDLE = [
     ("sun.angle_deg=60 world=leo", "sun.angle_deg counts only with sun.mode=fixed or sun.mode=mixed, and"),
@@ -146,18 +144,14 @@ def test_help_on_an_experiment_shows_what_people_change_with_its_values(words, r
     assert "assurance.num_cases" not in values
 
 
-def composed(*overrides: str) -> Mission:
-    return compose_experiment(["+experiment=evaluate", "controller=coast", *overrides]).experiment.mission
-
-
 def test_the_options() -> None:
-    assert composed().safety.kind == "none"
     assert mission().safety == Safety()
-    on, passive = composed("safety=filter"), composed("safety=passive")
+    words = ((), ("safety=filter",), ("safety=passive",), ("safety=none",))
+    left_out, on, passive, off = (experiment_from(plain_config(*each)).mission for each in words)
     assert (on.keep_out_m, on.keep_in_m) == (16.0, 198.0)
     # one orbit is 2 pi / n = 5,677 s; otherwise the two are the same
     assert passive.safety == replace(on.safety, passive_horizon_s=5677.0)
-    assert composed("safety=none") == replace(on, safety=replace(on.safety, kind="none"))
+    assert left_out == off == replace(on, safety=replace(on.safety, kind="none"))
 
 
 def test_a_layer_that_is_off_refuses_no_limits() -> None:
