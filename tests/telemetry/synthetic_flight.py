@@ -27,7 +27,7 @@ MASS = 12.0
 NUM_POINTS = 99
 POINT_RADIUS = 10.0
 HALF_ANGLE = np.deg2rad(15.0)
-FIS_NAMES = ("f_x", "f_y", "f_z")
+FIS_NAMES = ("force_x", "force_y", "force_z")
 WORDS = ("NL", "NS", "ZE", "PS", "PL")
 ATTITUDE_OFFSETS = np.arange(10.0)
 #: fields that are called as the flight's arrays, by topic
@@ -72,8 +72,8 @@ def pointing_quaternions(position: Floats) -> Floats:
     x_axis = position / np.linalg.norm(position, axis=1, keepdims=True)
     y_axis = np.cross([0.0, 0.0, 1.0], x_axis)
     y_axis /= np.linalg.norm(y_axis, axis=1, keepdims=True)
-    z_axis = np.cross(x_axis, y_axis)
-    return Rotation.from_matrix(np.stack((x_axis, y_axis, z_axis), axis=2)).as_quat()
+    axes = (x_axis, y_axis, np.cross(x_axis, y_axis))
+    return Rotation.from_matrix(np.stack(axes, axis=2)).as_quat()
 
 
 def rotate_to_body(quaternion: Floats, vector: Floats) -> Floats:
@@ -150,15 +150,14 @@ def metadata(flight: SyntheticFlight) -> dict[str, dict[str, str]]:
     )
     systems = {}
     for axis, signal, unit in (("x", "distance", "m"), ("y", "lambda_u", "rad"), ("z", "eta_u", "rad")):
-        name, rate = f"f_{axis}", f"velocity_body_{axis}"
+        name, rate = f"force_{axis}", f"velocity_body_{axis}"
         rules = tuple(
             f"if {signal} is {WORDS[i]} and {rate} is {WORDS[j]} then {name} is {WORDS[(i + j) // 2]}"
             for i in range(5)
             for j in range(5)
         )
         words = {"input_names": (signal, rate), "input_units": (unit, "m/s"), "rules": rules}
-        description = FisDescription(**words, output_name=name, output_unit="N")
-        systems[f"fis.{name}"] = description.to_metadata()
+        systems[f"fis.{name}"] = FisDescription(**words, output_name=name, output_unit="N").to_metadata()
     return {"episode": episode.to_metadata(), **systems}
 
 

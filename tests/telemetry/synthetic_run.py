@@ -33,18 +33,15 @@ def write_table(path: Path, columns: dict[str, object]) -> None:
     pq.write_table(pa.table(columns), path)
 
 
-def track_columns(tracks: NDArray[np.float32]) -> dict[str, object]:
-    return {
-        "sample": np.tile(np.arange(tracks.shape[1], dtype=np.int32), len(tracks)),
-        **{f"position_{axis}_m": tracks[:, :, i].ravel() for i, axis in enumerate("xyz")},
-    }
-
-
 def write_evaluation(folder: Path) -> Path:
     (folder / "evaluate").mkdir(parents=True)
     (folder / "config.yaml").write_text(CONFIG, encoding="utf-8")
-    cases = np.repeat(np.array(CASES, dtype=np.int32), NUM_SAMPLES)
-    write_table(folder / "evaluate/trajectories.parquet", {"case": cases, **track_columns(positions())})
+    flown = {
+        "case": np.repeat(np.array(CASES, dtype=np.int32), NUM_SAMPLES),
+        "sample": np.tile(np.arange(NUM_SAMPLES, dtype=np.int32), len(CASES)),
+        **{f"position_{axis}_m": positions()[:, :, i].ravel() for i, axis in enumerate("xyz")},
+    }
+    write_table(folder / "evaluate/trajectories.parquet", flown)
     rate = 100.0 * np.array(COUNTS) / 99
     write_table(
         folder / "evaluate/episodes.parquet",

@@ -22,8 +22,8 @@ def test_info_tells_what_it_was_and_how_it_went(flight_file, ran):
         r"KiB, 0 to 3600 s",
         r"inspection rate +97\.98 %",
         r"distance +75\.0 to 75\.0 m",
-        r"f_y: lambda_u \(rad\), velocity_body_y \(m/s\) -> f_y \(N\), 25 rules",
-        r"/fis/f_z +360 x inspection\.FisActivation",
+        r"force_y: lambda_u \(rad\), velocity_body_y \(m/s\) -> force_y \(N\), 25 rules",
+        r"/fis/force_z +360 x inspection\.FisActivation",
         r"controller\.json +19 bytes",
     ):
         assert re.search(expected, text), expected
@@ -32,7 +32,7 @@ def test_info_tells_what_it_was_and_how_it_went(flight_file, ran):
     assert (told["bytes"], told["end_s"], told["is_rescued"]) == (flight_file.stat().st_size, 3600.0, False)
     assert told["episode"]["scenario_id"] == "circle-0"
     assert (told["outcome"]["inspected_count"], told["outcome"]["num_points"]) == (97, 99)
-    assert told["fuzzy_systems"]["f_y"]["inputs"] == {"lambda_u": "rad", "velocity_body_y": "m/s"}
+    assert told["fuzzy_systems"]["force_y"]["inputs"] == {"lambda_u": "rad", "velocity_body_y": "m/s"}
     assert told["topics"]["/tf"] == {"schema": "foxglove.FrameTransform", "messages": 723}
     assert told["attachments"] == {"config.yaml": 8, "controller.json": 19}
 

@@ -67,7 +67,7 @@ def test_the_first_number_that_differs_is_named_with_its_sample_and_its_size(com
 def test_of_what_parts_at_once_the_cause_comes_first(compared):
     other = changed(force_hill_n=((5, 0), 0.5), fis_output_n=((1, 5), 0.5), force_body_n=((5, 1), 1.0))
     first = compared(other).parting
-    assert (first.topic, first.field) == ("/fis/f_y", "output_n")
+    assert (first.topic, first.field) == ("/fis/force_y", "output_n")
 
 
 def test_a_tolerance_is_for_quantities_and_not_for_counts(compared):
@@ -99,12 +99,12 @@ def test_flights_of_different_lengths_and_topics(path, tmp_path):
     assert comparison.num_samples == 21
     lone = {(item.topic, item.is_in_first): item for item in comparison.lone}
     assert lone["/deputy/state", True] == LoneMessages("/deputy/state", True, 9, 12, 120.0)
-    assert lone["/fis/f_x", True] == LoneMessages("/fis/f_x", True, 20, 0, 0.0)
+    assert lone["/fis/force_x", True] == LoneMessages("/fis/force_x", True, 20, 0, 0.0)
     assert lone["/tf", True].num_messages == 18
     assert lone["/log", False] == LoneMessages("/log", False, 1, 11, 110.0)
     assert all(field.parting is None for field in comparison.fields)
-    assert comparison.parting == lone["/fis/f_x", True]
-    assert "/fis/f_x has a message only in the first" in in_words(comparison)[0]
+    assert comparison.parting == lone["/fis/force_x", True]
+    assert "/fis/force_x has a message only in the first" in in_words(comparison)[0]
 
 
 def test_what_is_said_of_flights_tells_them_apart_but_does_not_count(compared):
@@ -118,7 +118,7 @@ def test_what_is_said_of_flights_tells_them_apart_but_does_not_count(compared):
 
 def test_another_number_of_rules_is_a_difference(compared):
     first = compared(FLIGHT.but(firing_strengths=FLIGHT.firing_strengths[:, :, :9])).parting
-    assert first == Parting("/fis/f_x", "firing_strengths", "", 0, 0.0, (), "25 values", "9 values")
+    assert first == Parting("/fis/force_x", "firing_strengths", "", 0, 0.0, (), "25 values", "9 values")
 
 
 def test_the_command_answers_by_its_exit_code(path, tmp_path, ran):

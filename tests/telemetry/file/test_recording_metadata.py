@@ -1,6 +1,10 @@
-"""Metadata is strings: what is said comes back, and nonsense is refused."""
+"""Metadata is strings: what is said comes back, and nonsense is refused.
+
+The README names every topic, and it or the schema every field, with its unit and axes.
+"""
 
 import json
+import re
 import zlib
 from pathlib import Path
 
@@ -13,8 +17,11 @@ from grpc_tools import protoc
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import telemetry
+from docs.hooks import messages
 from fis_tools.model.thrust import COMPONENTS, COUNTED, REASONS, UNKNOWN
 from telemetry import RecordingError
+from telemetry.file import topics
 from telemetry.file.metadata import EpisodeDescription, FisDescription, Rehearsal, plain, sealed, unsealed
 from telemetry.file.schema import inspection_pb2
 from telemetry.file.schema.inspection_pb2 import Control, MissionStatus
@@ -82,9 +89,8 @@ def test_a_rehearsal_is_read_as_it_was_written_and_has_a_cost_for_each_name():
 
 def test_messages_hold_a_row_of_each_column():
     """Arrays go row by row, NaN leaves an optional field out, and all else is the same in each message."""
-    told = encode(
-        Control, {"reason": np.array([[1.0, 2.0, 7.0]] * 2), "coasting_missed": np.array([np.nan, 2.0])}, 2
-    )
+    columns = {"reason": np.array([[1.0, 2.0, 7.0]] * 2), "coasting_missed": np.array([np.nan, 2.0])}
+    told = encode(Control, columns, 2)
     expected = [Control(reason=[1, 2, 7]), Control(reason=[1, 2, 7], coasting_missed=2.0)]
     assert list(map(Control.FromString, told)) == expected
     stamps, axes = {"seconds": np.array([5, 6])}, {"x": np.array([-0.0, np.inf])}
@@ -134,10 +140,10 @@ def test_generated_module_and_stub_are_those_of_the_proto_file(tmp_path: Path) -
 
 def test_messages_and_fields_are_those_of_the_contract() -> None:
     assert inspection_pb2.DESCRIPTOR.package == "inspection"
-    messages = inspection_pb2.DESCRIPTOR.message_types_by_name
-    assert set(messages) == set(CONTRACT)
+    kinds = inspection_pb2.DESCRIPTOR.message_types_by_name
+    assert set(kinds) == set(CONTRACT)
     for message, contract in CONTRACT.items():
-        fields, told, kind = messages[message].fields, list[str](), ""
+        fields, told, kind = kinds[message].fields, list[str](), ""
         for field in fields:
             before, kind = kind, TYPES[field.type] + "[]" * field.is_repeated
             told += [field.name] if kind == before else [kind, field.name]
@@ -151,3 +157,69 @@ def test_reasons_are_those_of_the_thrust_logic() -> None:
     assert [reason.name.lower() for reason in Reason] == [UNKNOWN, *REASONS]
     assert set(FIRED) == {*COUNTED, UNKNOWN}
     assert FORCE_COMPONENTS == COMPONENTS
+
+
+README = (Path(telemetry.__file__).parent / "README.md").read_text(encoding="utf-8")
+
+
+def section(topic: str) -> str:
+    """The part of the README under a topic's heading."""
+    match = re.search(rf"^### `{re.escape(topic)}` · `[\w.]+`$(.*?)(?=^##)", README, re.DOTALL | re.MULTILINE)
+    assert match is not None, topic
+    return match.group(0)
+
+
+def test_every_topic_has_a_place():
+    headings = re.findall(r"^### `(.+)` · ", README + messages(), re.MULTILINE)
+    for topic in (*topics.FIXED_TOPICS, topics.NAVIGATION, "/fis/<name>"):
+        assert headings.count(topic) == 1, topic
+
+
+@pytest.mark.parametrize("message", inspection_pb2.DESCRIPTOR.message_types_by_name)
+def test_every_field_of_our_messages_has_its_own_words_and_a_vector_its_axes(message):
+    _, _, table = messages().partition(f" · `inspection.{message}`\n")
+    told = dict(re.findall(r"^\| `(\w+)` \| [\w ]+ \| (.*) \|$", table.partition("###")[0], re.MULTILINE))
+    fields = inspection_pb2.DESCRIPTOR.message_types_by_name[message].fields
+    assert list(told) == [field.name for field in fields]
+    assert all(told.values())
+    for name, length in topics.LENGTHS.items():
+        if name in told and length == 3 and "reason" not in name:
+            assert re.search(r"(Hill|body|own) axes", told[name]), name
+    assert "Hill to body" in told.get("quaternion", "Hill to body")
+
+
+def rows(topic: str) -> list[list[str]]:
+    """The cells of a topic's table, without its head."""
+    lines = re.findall(r"^\| (.+) \|$", section(topic), re.MULTILINE)
+    return [[cell.strip() for cell in re.split(r"(?:^|(?<= ))\|(?: |$)", line)] for line in lines[1:]]
+
+
+@pytest.mark.parametrize("topic", topics.FIXED_TOPICS[:3])
+def test_every_column_read_of_foxgloves_messages_has_a_line_with_its_unit(topic, short_file):
+    columns = telemetry.read(short_file, topic)[topic]
+    assert f"`{columns.schema}`" in section(topic)
+    described = {}
+    for fields, read_as, unit, _ in rows(topic):
+        message = re.findall(r"`([\w.]+)`", fields)
+        for name in re.findall(r"`(\w+)`", read_as):
+            described[name] = unit
+        assert message or read_as == "`state`", fields
+    assert described == columns.units
+
+
+def test_every_column_of_the_log_has_a_line(short_file):
+    described = {name.strip("`") for name, _ in rows(topics.LOG)}
+    assert described == set(telemetry.read(short_file, topics.LOG)[topics.LOG].columns)
+
+
+def test_every_colour_is_named():
+    text = section(topics.CHIEF_POINTS)
+    for state, colour in zip(topics.PointState, topics.POINT_COLOURS_RGBA.tolist(), strict=True):
+        words = state.name.lower().replace("_", " ")
+        assert re.search(rf"{int(state)} {words} \({', '.join(map(str, colour[:3]))}\)", text)
+
+
+def test_every_key_of_the_metadata_is_named():
+    for description in (EpisodeDescription, FisDescription):
+        for key in description.__dataclass_fields__:
+            assert f"`{key}`" in README, key

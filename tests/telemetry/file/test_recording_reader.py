@@ -27,12 +27,12 @@ def test_columns_are_the_flight(flight, flight_file):
     is_deputy = recording["/tf"]["child_frame"] == "deputy"
     np.testing.assert_array_equal(recording["/tf"]["translation_m"][is_deputy], flight.position_m)
     assert recording["/log"]["message"].tolist() == ["50 of 99 points inspected", "95 of 99 points inspected"]
-    assert recording.fis_names == ("f_x", "f_y", "f_z")
+    assert recording.fis_names == ("force_x", "force_y", "force_z")
     assert recording.attachments == synthetic_flight.ATTACHMENTS
     for topic, field, kind in (
         ("/deputy/state", "position_m", np.float64),
         ("/deputy/attitude", "torque_n_m", np.float32),
-        ("/fis/f_x", "firing_strengths", np.float32),
+        ("/fis/force_x", "firing_strengths", np.float32),
         ("/mission", "inspected_count", np.int64),
         ("/mission", "inspected_mask", np.bool_),
     ):
@@ -42,7 +42,7 @@ def test_columns_are_the_flight(flight, flight_file):
 def test_topics_are_chosen_by_name_or_pattern(flight_file):
     assert list(telemetry.read(flight_file, "/mission").topics) == ["/mission"]
     chosen = telemetry.read(flight_file, ["/fis/*", "/log"])
-    assert list(chosen.topics) == ["/log", "/fis/f_x", "/fis/f_y", "/fis/f_z"]
+    assert list(chosen.topics) == ["/log", "/fis/force_x", "/fis/force_y", "/fis/force_z"]
     nothing = telemetry.read(flight_file, [])
     assert (len(nothing.topics), len(nothing.metadata)) == (0, 4)
 
@@ -96,14 +96,13 @@ def test_a_wrong_byte_in_the_index_is_noticed(short_file, tmp_path):
 
 
 def test_a_topic_on_which_nothing_happened_is_there_and_empty(tmp_path):
-    flight = synthetic_flight.fly(3)
-    recording = telemetry.read(synthetic_flight.record(flight, tmp_path / "flight.mcap"))
-    assert len(recording["/log"]) == 0
+    path = synthetic_flight.record(synthetic_flight.fly(3), tmp_path / "flight.mcap")
+    assert len(telemetry.read(path)["/log"]) == 0
 
 
 def test_a_topic_or_field_that_is_not_there_is_named(flight_file):
-    with pytest.raises(RecordingError, match=r"no topic '/fis/f_w'; choose from /chief/points, "):
-        telemetry.read(flight_file, "/fis/f_w")
+    with pytest.raises(RecordingError, match=r"no topic '/fis/force_w'; choose from /chief/points, "):
+        telemetry.read(flight_file, "/fis/force_w")
     recording = telemetry.read(flight_file, "/mission")
     with pytest.raises(KeyError, match="no topic '/log' here"):
         recording["/log"]
@@ -131,9 +130,9 @@ def test_a_bad_file_is_said(tmp_path, content, text):
 def test_metadata_that_does_not_fit_the_inferences_is_refused(tmp_path):
     metadata = synthetic_flight.metadata(synthetic_flight.fly(2))
     with EpisodeWriter(tmp_path / "odd.mcap", metadata=metadata, attachments={}) as writer:
-        writer.record("/fis/f_x", 0.0, inputs=[1.0, 2.0], firing_strengths=[0.5] * 9, output_n=0.1)
+        writer.record("/fis/force_x", 0.0, inputs=[1.0, 2.0], firing_strengths=[0.5] * 9, output_n=0.1)
     with pytest.raises(RecordingError, match="2 inputs and 25 rules, but 2 and 9 are recorded"):
-        telemetry.read(tmp_path / "odd.mcap").fis_description("f_x")
+        telemetry.read(tmp_path / "odd.mcap").fis_description("force_x")
 
 
 @pytest.mark.parametrize(

@@ -96,7 +96,7 @@ def test_without_compression_the_checksum_alone_tells_a_wrong_byte(uncompressed,
     assert (recovery.num_damaged_records, recovery.num_messages) == (1, 0)
 
 
-SYSTEMS = {"fis.f_x", "fis.f_y", "fis.f_z", "recovery"}
+SYSTEMS = {"fis.force_x", "fis.force_y", "fis.force_z", "recovery"}
 
 
 @pytest.mark.parametrize(
@@ -160,16 +160,9 @@ def test_a_rescue_overwrites_nothing(short_file, written):
     assert kept.read_bytes() == b"precious"
 
 
-@pytest.mark.parametrize(
-    ("content", "text"),
-    [
-        (b"", "nothing in .* is intact"),
-        (b"\x89MCAP0\r\n", "nothing in .* is intact"),
-        (b"time_s,force_x_n\n0,0\n", "is not an MCAP file"),
-    ],
-)
-def test_nothing_to_rescue_is_said(written, content, text):
-    with pytest.raises(RecordingError, match=text):
+@pytest.mark.parametrize("content", [b"", b"\x89MCAP0\r\n"])
+def test_nothing_to_rescue_is_said(written, content):
+    with pytest.raises(RecordingError, match=r"nothing in .* is intact"):
         recover(written(content)[0])
 
 
@@ -245,9 +238,9 @@ def assert_is_beginning(rescued: Recording, whole: Recording) -> int:
     for name, content in rescued.attachments.items():
         assert content == whole.attachments[name]
     lengths = {name: len(topic) for name, topic in rescued.topics.items()}
-    states, inferences = lengths.get("/mission", 0), lengths.get("/fis/f_z", 0)
+    states, inferences = lengths.get("/mission", 0), lengths.get("/fis/force_z", 0)
     # the last sample of a flight has no inference
-    return states if inferences == len(whole["/fis/f_z"]) else min(states, inferences)
+    return states if inferences == len(whole["/fis/force_z"]) else min(states, inferences)
 
 
 @pytest.mark.slow
@@ -258,7 +251,7 @@ def test_a_cut_at_any_byte_loses_no_flushed_sample_and_tells_no_wrong_one(flown,
     content, whole = path.read_bytes(), telemetry.read(path)
     generator = random.Random(2606)  # noqa: S311 - where to cut
     # kind, length of the record, length of its name: 13 bytes before the name of the second record
-    first_record_end = content.index(b"fis.f_x") - 13
+    first_record_end = content.index(b"fis.force_x") - 13
     num_whole = []
     for num_bytes in sorted(generator.sample(range(len(content)), NUM_CUTS)):
         cut = tmp_path / f"cut_{num_bytes}.mcap.partial"

@@ -93,11 +93,11 @@ def test_every_topic_is_a_table_whatever_its_shape(short_file, tmp_path):
         np.testing.assert_array_equal(table["time_s"].to_numpy(), topic.time_s)
         for field, values in topic.columns.items():
             np.testing.assert_equal(table[field].to_pylist(), values.tolist(), f"{topic.topic} {field}")
-    with EpisodeWriter(tmp_path / "bare.mcap", metadata={"fis.f_x": {}}, attachments={}):
+    with EpisodeWriter(tmp_path / "bare.mcap", metadata={"fis.force_x": {}}, attachments={}):
         pass
     bare = telemetry.read(tmp_path / "bare.mcap").topics
     assert all(topic.to_arrow().num_rows == len(topic) for topic in bare.values())
-    assert len(bare["/deputy/attitude"]) == len(bare["/chief/points"]) == len(bare["/fis/f_x"]) == 0
+    assert len(bare["/deputy/attitude"]) == len(bare["/chief/points"]) == len(bare["/fis/force_x"]) == 0
 
 
 def test_a_flat_table_has_one_number_a_cell_and_its_unit(short_flight, short_file):
@@ -106,18 +106,18 @@ def test_a_flat_table_has_one_number_a_cell_and_its_unit(short_flight, short_fil
     assert all(pa.types.is_floating(field.type) for field in state.schema)
     assert units(state)["velocity_y_m_s"] == "m/s"
     np.testing.assert_array_equal(state["velocity_y_m_s"].to_numpy(), short_flight.velocity_m_s[:, 1])
-    inference = units(telemetry.flat_table(recording, "/fis/f_y"))
+    inference = units(telemetry.flat_table(recording, "/fis/force_y"))
     assert inference["input_lambda_u_rad"] == "rad"
     assert inference["input_velocity_body_y_m_s"] == "m/s"
     assert (inference["firing_strength_7"], inference["output_n"]) == ("", "N")
-    with pytest.raises(KeyError, match="no topic '/fis/f_w'"):
-        telemetry.flat_table(recording, "/fis/f_w")
+    with pytest.raises(KeyError, match="no topic '/fis/force_w'"):
+        telemetry.flat_table(recording, "/fis/force_w")
 
 
 def test_a_unit_that_no_suffix_tells_is_kept(tmp_path):
     metadata = synthetic_flight.metadata(synthetic_flight.fly(2))
-    metadata["fis.f_x"]["input_units"] = '["furlong", ""]'
+    metadata["fis.force_x"]["input_units"] = '["furlong", ""]'
     with EpisodeWriter(tmp_path / "odd.mcap", metadata=metadata, attachments={}) as writer:
-        writer.record("/fis/f_x", 0.0, inputs=[1.0, 2.0], firing_strengths=[0.5] * 25, output_n=0.1)
-    told = units(telemetry.flat_table(telemetry.read(tmp_path / "odd.mcap"), "/fis/f_x"))
+        writer.record("/fis/force_x", 0.0, inputs=[1.0, 2.0], firing_strengths=[0.5] * 25, output_n=0.1)
+    told = units(telemetry.flat_table(telemetry.read(tmp_path / "odd.mcap"), "/fis/force_x"))
     assert (told["input_distance"], told["input_velocity_body_x"]) == ("furlong", "")

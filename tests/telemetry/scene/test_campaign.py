@@ -120,9 +120,8 @@ def test_a_table_alone_is_shown_in_one_colour(run: Path, tmp_path: Path) -> None
 
 
 def test_what_is_no_evaluation_is_refused(run: Path, tmp_path: Path, short_file: Path) -> None:
-    with pytest.raises(
-        RecordingError, match=r"trajectories.parquet does not exist; give the folder of a run"
-    ):
+    missing = "trajectories.parquet does not exist; give the folder of a run"
+    with pytest.raises(RecordingError, match=missing):
         campaign.scene(tmp_path)
     with pytest.raises(RecordingError, match=r"to look at a flight: python -m telemetry replay "):
         campaign.scene(short_file)
@@ -133,10 +132,9 @@ def test_what_is_no_evaluation_is_refused(run: Path, tmp_path: Path, short_file:
 
 
 def test_episodes_of_other_cases_are_refused(run: Path) -> None:
-    columns = {name: [1.0] for name in ("delta_v_m_s", "inspected_count", "inspection_rate_percent")}
-    synthetic_run.write_table(
-        run / "evaluate/episodes.parquet", {"case": [3], **columns, "success": [True], "violated": [False]}
-    )
+    numbers = {name: [1.0] for name in ("delta_v_m_s", "inspected_count", "inspection_rate_percent")}
+    columns = {"case": [3], **numbers, "success": [True], "violated": [False]}
+    synthetic_run.write_table(run / "evaluate/episodes.parquet", columns)
     with pytest.raises(RecordingError, match="holds other cases than the trajectories next to it"):
         campaign.scene(run)
 
@@ -185,9 +183,8 @@ def test_an_evaluation_is_read_with_its_surroundings(made: tuple[Job, Path], tmp
     mission, evaluation = composed.experiment.mission, runs.read_evaluation(folder)
     assert evaluation.position_m.shape == (5, mission.num_controls + 1, 3)
     assert evaluation.time_s[-1] == 300.0
-    around = evaluation.surroundings
-    assert around.min_distance_m == mission.deputy.min_distance_m
-    assert around.max_distance_m == mission.deputy.max_distance_m
+    around, deputy = evaluation.surroundings, mission.deputy
+    assert (around.min_distance_m, around.max_distance_m) == (deputy.min_distance_m, deputy.max_distance_m)
     assert around.threshold_percent == mission.inspection_threshold_percent
     assert around.chief_radius_m == mission.chief.inspection_radius_m
     viewer.save(campaign.scene(folder), tmp_path / "x.rrd")

@@ -28,13 +28,6 @@ layout = json.loads(LAYOUT.read_text(encoding="utf-8"))
 MESSAGE_PATH = re.compile(r"(?P<topic>(?:/\w+)+)\.(?P<field>\w+)(?:\[(?P<index>\d+)\])?")
 
 
-class PaperWriter(EpisodeWriter):
-    """Calls the systems as the paper's controllers do, for whose flights the layout is."""
-
-    def record(self, topic: str, time_s: ArrayLike, **fields: ArrayLike) -> None:
-        super().record(topic.replace("/f_", "/force_"), time_s, **fields)
-
-
 @pytest.fixture(scope="module")
 def flown():
     return synthetic_flight.fly(20)
@@ -42,10 +35,8 @@ def flown():
 
 @pytest.fixture(scope="module")
 def recorded(flown, tmp_path_factory):
-    described = synthetic_flight.metadata(flown).items()
-    metadata = {name.replace("fis.f_", "fis.force_"): entries for name, entries in described}
     path = tmp_path_factory.mktemp("foxglove") / "flight.mcap"
-    with PaperWriter(path, metadata=metadata, attachments=synthetic_flight.ATTACHMENTS) as writer:
+    with EpisodeWriter(path, metadata=synthetic_flight.metadata(flown), attachments={}) as writer:
         synthetic_flight.write_samples(writer, flown, range(21))
         writer.log(200.0, "warning", "the end")
     return path

@@ -21,10 +21,8 @@ RULES = ("if far then pull", "if near then push")
 
 def piloted(path, output_name, **inputs):
     """Write what one system of two rules flies."""
-    names, units = tuple(inputs), tuple(inputs.values())
-    words = FisDescription(
-        input_names=names, input_units=units, output_name=output_name, output_unit="N", rules=RULES
-    )
+    told = {"input_names": tuple(inputs), "input_units": tuple(inputs.values()), "rules": RULES}
+    words = FisDescription(**told, output_name=output_name, output_unit="N")
     return EpisodeWriter(path, metadata={"fis.pilot": words.to_metadata()}, attachments={})
 
 

@@ -154,12 +154,10 @@ def test_flights_are_laid_over_each_other(flight, flight_file, short_flight, sho
     assert len(content.column("/curves/delta_v/flight_1", "Scalars:scalars")) == 131
 
 
-@pytest.mark.parametrize(
-    ("described", "missing"), [(["episode"], "/rules/words"), ([], "/scene/limits/nearest")]
-)
-def test_a_flight_is_shown_without_fuzzy_systems_or_any_words_on_it(described, missing, tmp_path):
+@pytest.mark.parametrize(("told", "missing"), [(["episode"], "/rules/words"), ([], "/scene/limits/nearest")])
+def test_a_flight_is_shown_without_fuzzy_systems_or_any_words_on_it(told, missing, tmp_path):
     flight, path = synthetic_flight.fly(4), tmp_path / "coast.mcap"
-    metadata = {name: synthetic_flight.metadata(flight)[name] for name in described}
+    metadata = {name: synthetic_flight.metadata(flight)[name] for name in told}
     with EpisodeWriter(path, metadata=metadata, attachments={}) as writer:
         synthetic_flight.write_state(writer, flight, slice(None))
     entities = saved(replay.scene([path]), tmp_path).batches
