@@ -128,8 +128,7 @@ def test_mistakes_in_files_of_the_users(content, message, tmp_path, monkeypatch,
         Path("mine/experiment").mkdir(parents=True)
         Path("mine/experiment/own.yaml").write_text("# @package _global_\n" + content)
         words = ["+experiment=own", "controller=coast", "--config-dir", "mine"]
-    told = ran(*words, code=2).err
-    assert message in told
+    assert message in ran(*words, code=2).err
     assert not (tmp_path / "outputs").exists()
 
 

@@ -6,12 +6,15 @@ from pathlib import Path
 from subprocess import CompletedProcess
 
 import pytest
+import yaml
 
 from pipeline.command_line import cli, overrides
 from pipeline.command_line.arguments import read_arguments
 from pipeline.command_line.config import compose_experiment, compose_jobs, conf_folder, options
 from pipeline.flight.state.signals import SIGNALS
 from pipeline.run import maker
+from pipeline.settings.keys import value_at
+from tests.pipeline.command_line.cases import FLY
 from tests.programs import run_python
 
 HEAVY = ["numpy", "numba", "sklearn", "matplotlib", "deap", "pyarrow", "rerun", "mcap", "skfuzzy"]
@@ -79,6 +82,27 @@ def test_help_lists_experiments_controllers_and_signals(arguments, code, capsys,
     assert list(tmp_path.iterdir()) == []
 
 
+def test_help_on_a_group_a_key_and_what_is_no_key(ran):
+    assert "  safety.braking_force_n=0.8 N\n      Greatest force along each" in ran("--help", "safety").out
+    told = ran("--help", "sun.mode", "seed").out
+    assert "(fixed, random, mixed)" in told
+    assert "  seed=1\n" in told
+    assert "did you mean deputy.mass_kg?" in ran("--help", "deputy.mass", code=2).err
+
+
+@pytest.mark.parametrize("words", [["--help", "train_polish"], ["+experiment=train_polish", "--help"]])
+def test_help_on_an_experiment_shows_what_people_change_with_its_values(words, ran):
+    told = ran(*words).out
+    assert told.startswith("+experiment=train_polish: Polish all but the rules")
+    shown = re.findall(r"^  ([\w.]+)=(.*)$", told, re.MULTILINE)
+    assert len(shown) == 11  # the stages, and ten keys or groups
+    composed = compose_experiment(["+experiment=train_polish", "controller=champion_27"]).config
+    values = {key: yaml.safe_load(value) for key, value in shown if value != "NAME"}
+    assert values == {key: value_at(composed, key) for key in values}
+    assert "optimizer.population_size" in values
+    assert "assurance.num_cases" not in values
+
+
 def test_name_and_version_are_the_projects(ran):
     project = tomllib.loads((maker.SOURCES / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     assert ran("--version").out == f"{project['name']} {project['version']}\n"
@@ -116,20 +140,18 @@ def test_folders_of_a_sweep_are_named_by_what_differs() -> None:
 
 
 def test_two_runs_are_compared_by_their_folders() -> None:
-    asked = read_arguments(["compare=outputs/a,outputs/b"])
-    assert asked.compare == (Path("outputs/a"), Path("outputs/b"))
+    assert read_arguments(["compare=outputs/a,b"]).compare == (Path("outputs/a"), Path("b"))
     assert read_arguments(["compare=default"]).compare is None
     with pytest.raises(overrides.ConfigError, match="takes nothing else"):
         read_arguments(["compare=a,b", "seed=1"])
 
 
 def test_the_runs_of_a_sweep_lie_side_by_side() -> None:
-    words = ["+experiment=fly", "controller=coast"]
-    one, other = compose_jobs([[*words, "seed=1"], [*words, "seed=2"]], names=["seed=1", "a b"])
+    one, other = compose_jobs([[*FLY, "seed=1"], [*FLY, "seed=2"]], names=["seed=1", "a b"])
     assert one.folder.parent == other.folder.parent
     assert one.folder.parts[:2] == ("outputs", "fly-sweep")
     assert (one.folder.name, other.folder.name) == ("seed=1", "a b")
     assert one.sweep_folder == one.folder.parent
-    (alone,) = compose_jobs([[*words, "hydra.run.dir=a/b"]])
+    (alone,) = compose_jobs([[*FLY, "hydra.run.dir=a/b"]])
     assert alone.folder == Path("a/b")
     assert "hydra" not in alone.config
