@@ -5,7 +5,6 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
@@ -14,10 +13,8 @@ from fis_tools.formats import serialize
 from pipeline.command_line.config import compose_experiment
 from pipeline.controllers import source as controller_source
 from pipeline.evaluation.monte_carlo import summarise
-from pipeline.flight.fly.simulation import fly_logged
 from pipeline.run import artifacts, tables
 from pipeline.run.artifacts import ArtifactError
-from pipeline.scenarios import evaluation_scenarios
 from pipeline.settings.experiment import SettingError
 from pipeline.stages import evaluate, search
 from tests.pipeline.stages.cases import prepared
@@ -54,23 +51,6 @@ def test_episodes_have_a_row_a_case_and_the_promised_columns(evaluated):
     assert table["sample"].to_pylist() == list(range(31)) * 5
 
 
-def test_rows_are_the_flights_from_the_runs_starts(evaluated):
-    run, folder = evaluated
-    experiment = run.experiment
-    episodes = tables.read_parquet(folder, artifacts.EPISODES)
-    positions = tables.read_parquet(folder, artifacts.TRAJECTORIES)
-    track = np.column_stack([positions[f"position_{axis}_m"] for axis in "xyz"]).reshape(5, 31, 3)
-    controller = controller_source.load(experiment.controller, experiment.mission)
-    starts = evaluation_scenarios(experiment)
-    for case, start in enumerate(starts):
-        log = fly_logged(experiment.mission, controller, start)
-        assert [episodes[f"position_{axis}_m"][case] for axis in "xyz"] == start.position_m.tolist()
-        assert episodes["sun_angle_rad"][case] == start.sun_angle_rad
-        assert episodes["delta_v_m_s"][case] == log.delta_v_m_s[-1]
-        assert episodes["inspected_count"][case] == log.is_inspected[-1].sum()
-        np.testing.assert_array_equal(track[case], log.position_m.astype(np.float32))
-
-
 def test_the_summary_tells_what_flew_and_how_well(evaluated, capsys):
     run, folder = evaluated
     evaluate.run(run.experiment, folder)
@@ -102,9 +82,8 @@ def test_a_champion_in_the_folder_flies_instead_of_the_configured_controller(tmp
 
 
 def test_a_run_that_trains_is_not_evaluated_without_its_champion(tmp_path):
-    run = prepared(tmp_path).experiment
     with pytest.raises(ArtifactError, match=r"has no champion.json; the stage train writes it, run that"):
-        evaluate.run(run, tmp_path)
+        evaluate.run(prepared(tmp_path).experiment, tmp_path)
     assert not (tmp_path / artifacts.EPISODES).exists()
 
 
@@ -131,8 +110,7 @@ def test_the_best_trial_is_told_and_its_champion_kept(tmp_path):
     complete = {float(row["cost_m_s"]): row for row in rows if row["state"] == "complete"}
     best = json.loads((tmp_path / artifacts.SEARCH_BEST).read_text())
     assert best["cost_m_s"] == min(complete)
-    step = complete[min(complete)]["optimizer.initial_step"]
-    assert best["words"] == [f"optimizer.initial_step={step}"]
+    assert best["words"] == [f"optimizer.initial_step={complete[min(complete)]['optimizer.initial_step']}"]
     champion = serialize.load(tmp_path / artifacts.CHAMPION)
     # going on has nothing left to try, and comes to the same
     search.run(replace(run.experiment, resume=True), tmp_path)

@@ -16,7 +16,7 @@ import pytest
 
 from fis_tools.formats import serialize
 from pipeline.controllers import source
-from pipeline.flight.control.controller import ControllerError, from_fuzzy
+from pipeline.flight.control.controller import from_fuzzy
 from pipeline.flight.fly.simulation import fly_all
 from pipeline.run import artifacts, configuration, writing
 from pipeline.scenarios import hard_candidates, training_scenarios, validation_scenarios
@@ -95,13 +95,6 @@ def test_the_champion_is_the_last_genome_and_says_where_it_comes_from(trained):
     assert (provenance["generations"], provenance["interrupted"]) == ("4", "false")
 
 
-def same_result(folder: Path, other: Path) -> None:
-    champions = [json.loads((place / artifacts.CHAMPION).read_text()) for place in (folder, other)]
-    assert champions[0]["systems"] == champions[1]["systems"]
-    assert (folder / artifacts.LOGBOOK).read_bytes() == (other / artifacts.LOGBOOK).read_bytes()
-    np.testing.assert_array_equal(genomes(folder), genomes(other))
-
-
 def test_a_generation_that_only_the_checkpoint_knows_is_written_down(trained, tmp_path, monkeypatch):
     """Killed after the last checkpoint and before the logbook."""
     run = prepared(tmp_path).experiment
@@ -138,7 +131,10 @@ def test_an_interrupt_leaves_the_champion_so_far(trained, tmp_path, monkeypatch)
     assert float(provenance["training_fitness"]) == logbook(tmp_path)[-1]["best"]
     np.testing.assert_array_equal(genomes(tmp_path), genomes(trained[1])[:3])
     train.run(replace(run, resume=True), tmp_path)
-    same_result(tmp_path, trained[1])
+    champions = [json.loads((place / artifacts.CHAMPION).read_text()) for place in (tmp_path, trained[1])]
+    assert champions[0]["systems"] == champions[1]["systems"]
+    for name in (artifacts.LOGBOOK, artifacts.HISTORY):
+        assert (tmp_path / name).read_bytes() == (trained[1] / name).read_bytes()
 
 
 def test_an_interrupt_before_anything_is_known_leaves_no_champion(tmp_path, monkeypatch):
@@ -164,12 +160,6 @@ def test_rounds_draw_starts_of_their_own_and_hand_the_champion_on(tmp_path):
     assert judged[0] == rows[1]["best"]
     assert judged[1] != judged[0]
     assert rows[2]["best"] <= judged[1]
-
-
-def test_a_controller_without_fuzzy_systems_is_refused(tmp_path):
-    run = replace(prepared(tmp_path).experiment, stages=("evaluate",), controller={"kind": "coast"})
-    with pytest.raises(ControllerError, match="'coast' has no fuzzy system to train; choose a fuzzy one"):
-        train.run(run, tmp_path)
 
 
 def test_from_the_second_round_on_the_starts_that_the_champion_flies_worst_join(tmp_path):

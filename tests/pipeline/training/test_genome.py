@@ -15,7 +15,6 @@ from pipeline.settings.training import Encoding, Penalty
 from pipeline.training.fitness import fitness_parts
 from pipeline.training.genome import genome_of
 from tests.pipeline.training.evolution import cases
-from tests.pipeline.training.evolution.cases import ENCODING
 from tests.places import PROJECT
 
 CONTROLLERS = PROJECT / "conf" / "controller"
@@ -30,14 +29,10 @@ CONSTANT_BOUNDS: dict[str, Any] = {
 }
 
 
-def encoding(**changes: Any) -> Encoding:
-    return replace(ENCODING, **changes)
-
-
 @pytest.mark.parametrize("rules", ["free", "planes", "fixed"])
 @pytest.mark.parametrize("constants", [{}, CONSTANT_BOUNDS])
 def test_what_flies_of_a_genome_is_the_controller_that_it_decodes_to(rules, constants):
-    genome = genome_of(from_fuzzy(ELLIPSE), encoding(rules=rules, **constants))
+    genome = genome_of(from_fuzzy(ELLIPSE), Encoding(rules=rules, **constants))
     assert len(genome.gene_names()) == genome.num_genes
     genomes = np.random.default_rng(2).random((5, genome.num_genes))
     population = genome.pack(genomes)
@@ -48,7 +43,7 @@ def test_what_flies_of_a_genome_is_the_controller_that_it_decodes_to(rules, cons
 
 
 def test_constants_run_from_their_least_to_their_greatest_and_others_stay():
-    genome = genome_of(from_fuzzy(ELLIPSE), encoding(**CONSTANT_BOUNDS))
+    genome = genome_of(from_fuzzy(ELLIPSE), Encoding(**CONSTANT_BOUNDS))
     genes = np.zeros(genome.num_genes)
     values = dict(zip(CONSTANTS, from_fuzzy(genome.decode(genes)).constants, strict=True))
     assert (values["ring_size_m"], values["ring_lead_rad"], values["dead_band_force_y_n"]) == (5.0, -2.0, 0.0)
@@ -59,9 +54,8 @@ def test_constants_run_from_their_least_to_their_greatest_and_others_stay():
 
 
 def test_a_controller_is_found_again_in_its_genome():
-    genome = genome_of(from_fuzzy(ELLIPSE), encoding(**CONSTANT_BOUNDS))
-    drawn = np.random.default_rng(7).random(genome.num_genes)
-    controller = genome.decode(drawn)
+    genome = genome_of(from_fuzzy(ELLIPSE), Encoding(**CONSTANT_BOUNDS))
+    controller = genome.decode(np.random.default_rng(7).random(genome.num_genes))
     again = genome.decode(genome.encode(controller))
     assert [system.rules for system in again.systems] == [system.rules for system in controller.systems]
     for name, _ in controller.attributes:
@@ -71,18 +65,18 @@ def test_a_controller_is_found_again_in_its_genome():
 
 
 def test_rules_that_are_fixed_stay_and_constants_may_be_new_to_a_controller():
-    genome = genome_of(from_fuzzy(PAPER), encoding(rules="fixed", dead_band_n=(0.0, 0.01)))
+    genome = genome_of(from_fuzzy(PAPER), Encoding(rules="fixed", dead_band_n=(0.0, 0.01)))
     drawn = genome.decode(np.random.default_rng(8).random(genome.num_genes))
     for system, kept in zip(drawn.systems, PAPER.systems, strict=True):
         assert [rule.consequents for rule in system.rules] == [rule.consequents for rule in kept.rules]
     assert 0.0 < float(dict(drawn.attributes)["dead_band_force_x_n"]) < 0.01
     assert dict(drawn.attributes)["force_axes"] == "body"
-    with pytest.raises(ControllerError, match="'coast' has no fuzzy system to train"):
-        genome_of(coast(), encoding())
+    with pytest.raises(ControllerError, match="'coast' has no fuzzy system to train; choose a fuzzy one"):
+        genome_of(coast(), Encoding())
 
 
 def test_a_population_of_a_controller_without_constants_carries_none():
-    genome = genome_of(from_fuzzy(PAPER), encoding())
+    genome = genome_of(from_fuzzy(PAPER), Encoding())
     bare = replace(PAPER, attributes=(("force_axes", "body"),))
     assert genome.pack(genome.encode()[np.newaxis]).values.shape == from_fuzzy(bare).numbers.values.shape
 
@@ -98,9 +92,8 @@ def parts_of(*controllers: list[tuple[float, int, float]], penalty: Penalty = PE
     same = {"inspectable_count": 99, "safety_periods": 0, "safety_delta_v_m_s": 0.0}
     same |= {f"{kind}_distance_m": 70.0 for kind in ("mean", "min", "max")}
     constant = {name: np.full(points.shape, value) for name, value in same.items()}
-    flown = Outcomes(
-        delta_v_m_s=delta_v, inspected_count=points.astype(np.int64), outside_m=outside, **constant
-    )
+    counts = points.astype(np.int64)
+    flown = Outcomes(delta_v_m_s=delta_v, inspected_count=counts, outside_m=outside, **constant)
     return {name: values.tolist() for name, values in fitness_parts(flown, penalty, MISSION).items()}
 
 

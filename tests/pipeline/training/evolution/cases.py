@@ -5,12 +5,11 @@ from typing import Any
 import numpy as np
 
 from pipeline.settings.experiment import Optimizer
-from pipeline.settings.training import Encoding, Penalty
+from pipeline.settings.training import Penalty
 from pipeline.training.evolution.generations import Evaluate
 from pipeline.training.evolution.rounds import Evolution, evolve_rounds
 
 PENALTY = Penalty(outside_m_s=100.0, short_point_m_s=10.0, missed_point_m_s=0.1)
-ENCODING = Encoding()
 
 
 def optimizer(**changes: Any) -> Optimizer:

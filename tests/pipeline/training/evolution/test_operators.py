@@ -67,8 +67,7 @@ def test_step_size_grows_fourfold_to_one_and_shrinks_to_the_root_of_epsilon():
 
 @pytest.mark.parametrize("step_size", STEPS)
 def test_poll_directions_are_a_basis_of_the_stated_form(step_size):
-    generator = np.random.default_rng(3)
-    basis = generations.poll_directions(12, step_size, generator)
+    basis = generations.poll_directions(12, step_size, np.random.default_rng(3))
     largest = 1 / math.sqrt(step_size)
     assert np.linalg.matrix_rank(basis) == 12
     assert np.abs(basis).max() == largest
