@@ -1,24 +1,17 @@
 """What the report's figures show, read back from their axes; and what is drawn of a tube."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from matplotlib.colors import to_rgba
 
-from fis_tools.formats import serialize
-from pipeline.flight.control.controller import from_fuzzy
-from pipeline.flight.fly.simulation import fly_logged
-from pipeline.flight.state.log import Scenario
 from pipeline.report.figures.flights import METRICS, Sample, bounds, controls, distributions
 from pipeline.report.figures.style import BLUE, PALETTE, PURPLE, inline, save, style
 from pipeline.report.figures.training import convergence
 from pipeline.report.figures.trajectories import Tracks, trajectories
-from tests.pipeline.flight.missions import PAPER
-from tests.pipeline.report.runs import PAPER_CONTROLLER
+from tests.pipeline.recording import cases
 
-MISSION = replace(PAPER, duration_s=600.0)
-START = Scenario(np.array([45.0, -40.0, 35.0]), np.zeros(3), 0.3)
+TEN_MINUTES = "duration_s=600.0"
+MISSION = cases.composed(TEN_MINUTES).experiment.mission
 
 
 @pytest.fixture(autouse=True)
@@ -27,12 +20,8 @@ def _in_style():
         yield
 
 
-@pytest.fixture(scope="module")
-def log():
-    return fly_logged(MISSION, from_fuzzy(serialize.load(PAPER_CONTROLLER)), START)
-
-
-def test_force_and_torque_are_drawn_as_applied(log):
+def test_force_and_torque_are_drawn_as_applied():
+    log = cases.flown(TEN_MINUTES)
     force, turning, following = controls(log, MISSION).axes
     assert (force.get_xlabel(), force.get_ylabel()) == ("time (s)", "force (N)")
     for column, line in enumerate(force.lines[:3]):
@@ -98,8 +87,7 @@ def test_starts_bear_their_numbers_and_share_a_label_where_they_coincide():
 
 
 def test_a_runaway_does_not_shrink_the_others_and_stands_out_from_the_crowd():
-    generator = np.random.default_rng(1)
-    tracks = np.stack([around(radius) for radius in generator.uniform(50.0, 90.0, 60)])
+    tracks = np.stack([around(radius) for radius in np.random.default_rng(1).uniform(50.0, 90.0, 60)])
     tracks[-1] = np.linspace((60.0, 0.0, 0.0), (5000.0, 0.0, 0.0), 61)
     strays = np.arange(60) == 59
     colours = [BLUE] * 59 + [PURPLE]
@@ -123,8 +111,7 @@ def test_small_samples_show_each_value_and_large_ones_are_counted():
     few, many = np.linspace(1.0, 2.0, 8), np.random.default_rng(4).normal(1.5, 0.2, 500)
     paper = dict.fromkeys(METRICS, 5.0)
     samples = [Sample("few", values_of(8, few), paper), Sample("many", values_of(500, many), paper)]
-    figure = distributions(samples, 99)
-    rows = np.array(figure.axes).reshape(2, 3)
+    rows = np.array(distributions(samples, 99).axes).reshape(2, 3)
     (dots,) = [line for line in rows[0, 0].lines if line.get_marker() == "o"]
     np.testing.assert_array_equal(dots.get_xdata(), few)
     for ax in rows[1]:
@@ -141,8 +128,7 @@ def test_small_samples_show_each_value_and_large_ones_are_counted():
 
 def test_what_stands_far_apart_is_counted_beside_the_histogram():
     many = np.append(np.random.default_rng(4).normal(1.5, 0.2, 500), [40.0, 50.0])
-    figure = distributions([Sample("many", values_of(502, many), {})], 99)
-    ax = figure.axes[0]
+    ax = distributions([Sample("many", values_of(502, many), {})], 99).axes[0]
     assert ax.get_xlim()[1] < 10.0
     assert "2 more →" in [text.get_text() for text in ax.texts]
     assert sum(bar.get_height() for bar in ax.patches) == 500

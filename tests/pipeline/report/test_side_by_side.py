@@ -5,8 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from matplotlib import colors
-from matplotlib.colors import to_hex
+from matplotlib.colors import is_color_like, to_hex
 
 from fis_tools.document.html import template
 from pipeline.command_line.config import compose_experiment
@@ -47,8 +46,7 @@ def test_the_page_shows_the_middle_and_the_greatest_ratio(tmp_path):
     assert names < {path.stem for path in (tmp_path / artifacts.FIGURES).iterdir()}
 
     gone = replace(experiment, optimum=replace(experiment.optimum, reference=str(tmp_path / "gone")))
-    page = Page(page_of(gone, tmp_path))
-    assert "The plans themselves are no longer at hand" in page.text["optimum"]
+    assert "The plans themselves are no longer at hand" in Page(page_of(gone, tmp_path)).text["optimum"]
     assert not names & {path.stem for path in (tmp_path / artifacts.FIGURES).iterdir()}
 
 
@@ -93,7 +91,7 @@ def test_controllers_are_told_apart_without_colours():
     # filled, then open
     assert {colour == face for colour, _, face in MARKS[:half]} == {True}
     assert {face for _, _, face in MARKS[half:]} == {PAPER}
-    assert all(colors.is_color_like(colour) for colour, _, _ in MARKS)
+    assert all(is_color_like(colour) for colour, _, _ in MARKS)
     marks = [Mark(f"c{i}", (0.05 * i, 0.05), (80.0 + i, 3.0)) for i in range(len(MARKS))]
     figure = compared([("one", marks)], 95.0)
     assert [text.get_text() for text in figure.legends[0].get_texts()] == [mark.name for mark in marks]

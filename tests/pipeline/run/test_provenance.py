@@ -86,8 +86,7 @@ def test_two_runs_are_compared_with_what_may_make_them_differ(folder, tmp_path, 
     manifest["makers"][0]["processor"] |= {"libm": "glibc 2.99 with fma", "compiled_for": "znver9"}
     manifest["sha256"] |= {"evaluate.txt": "0", "more.txt": "0"}
     (other / artifacts.MANIFEST).write_text(json.dumps(manifest))
-    config = configuration.read(other)
-    configuration.write(other, {**config, "seed": 5})
+    configuration.write(other, {**configuration.read(other), "seed": 5})
     libm = present_maker()["processor"]["libm"]
     assert ran("verify", folder, other, code=1).out.splitlines() == [
         "configuration: seed (here 1, there 5)",
