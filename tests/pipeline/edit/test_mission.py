@@ -1,4 +1,4 @@
-"""The mission beside the editor: what a page shows is what a copy flies to."""
+"""The mission beside the editor: what a page shows is what a copy flies to, and the tutorial says so."""
 
 import json
 import shutil
@@ -10,18 +10,43 @@ import numpy as np
 import pytest
 from playwright.sync_api import Page, expect
 
+from fis_tools.edit.panels import findings
+from fis_tools.edit.touches import turned, with_system
+from fis_tools.model import FuzzyController
+from fis_tools.source import read_controller
 from pipeline.command_line.cli import main
+from pipeline.command_line.config import compose_experiment
 from pipeline.controllers.source import load
 from pipeline.edit import FIRST, Cases, most_changed
+from pipeline.evaluation.assurance.requirements import read
 from pipeline.evaluation.monte_carlo import fly_cases
-from pipeline.evaluation.statistics import METRICS
+from pipeline.evaluation.statistics import METRICS, succeeds
+from pipeline.settings.places import requirements_path
 from tests.editors import served
-from tests.pipeline.edit.cases import CHAMPION, PATH, cases_of, pressed
+from tests.places import PROJECT
 
 pytestmark = pytest.mark.slow
 
+PATH = PROJECT / "conf" / "controller" / "champion_27.yaml"
+CHAMPION = read_controller(PATH)
 NUM_CASES = 150
 WORDS = (f"monte_carlo.num_cases={NUM_CASES}", "sun=random")
+CORNERS = [(place, rule) for place in range(3) for rule in (0, 2, 6, 8)]
+
+
+def cases_of(*words: str) -> Cases:
+    """The flights of an evaluation of the champion under a random Sun."""
+    named = ["+experiment=evaluate", "controller=champion_27", "sun=random", *words]
+    text = requirements_path("inspection").read_text(encoding="utf-8")
+    return Cases(compose_experiment(named).experiment, read(text, "inspection").requirements)
+
+
+def pressed(place: int, *rules: int, step: int = 1) -> FuzzyController:
+    """The champion with the conclusions of some rules of a system turned to another term."""
+    system = CHAMPION.systems[place]
+    for rule in rules:
+        system = turned(system, rule - 1, "then", 0, step)
+    return with_system(CHAMPION, system)
 
 
 @pytest.fixture(scope="module")
@@ -50,8 +75,7 @@ def column(page: Page, place: int) -> list[str]:
 
 def told(means) -> list[str]:
     """Means of the metrics, as the page puts them."""
-    pairs = zip(METRICS, means, strict=True)
-    return [f"{mean:.{metric.places}f} {metric.unit}" for metric, mean in pairs]
+    return [f"{mean:.{one.places}f} {one.unit}" for one, mean in zip(METRICS, means, strict=True)]
 
 
 def flown(cases, controller) -> list[str]:
@@ -93,8 +117,7 @@ def test_a_saved_copy_flies_to_the_numbers_shown(open_page, address, folder, cas
     words = [f"controller={folder / 'champion_27-edited.yaml'}", "stages=[scenario,evaluate]", *WORDS]
     assert main(["+experiment=evaluate", *words, f"hydra.run.dir={run}"]) == 0
     summary = json.loads((run / "evaluate" / "summary.json").read_text(encoding="utf-8"))
-    names = ("delta_v_m_s", "inspection_rate_percent")
-    means = [summary[name]["mean"] for name in names]
+    means = [summary[name]["mean"] for name in ("delta_v_m_s", "inspection_rate_percent")]
     shares = [100 * summary[name]["fraction"] for name in ("success_and_within_limits", "violated")]
     assert shown == told([*means, *shares])
 
@@ -140,3 +163,69 @@ def test_a_constant_that_cannot_fly_is_refused_in_a_sentence(open_page, address)
 
 def test_a_controller_without_rules_is_refused(ran) -> None:
     assert "no rules to edit" in ran("edit", "controller=lqr", "--no-browser", code=2).err
+
+
+@pytest.fixture(scope="module")
+def all_cases() -> Cases:
+    return cases_of()
+
+
+@pytest.fixture(scope="module")
+def before(all_cases):
+    return list(all_cases.fly(CHAMPION))[-1]
+
+
+@pytest.fixture(scope="module")
+def tutorial() -> str:
+    text = (PROJECT / "docs/tutorial/make-it-worse-make-it-better.md").read_text(encoding="utf-8")
+    return " ".join(text.split())
+
+
+def typed(name: str, text: str):
+    return replace(CHAMPION, attributes=tuple(sorted((dict(CHAMPION.attributes) | {name: text}).items())))
+
+
+def succeeded(flown) -> float:
+    return 100.0 * float(np.mean(succeeds(flown.episodes)))
+
+
+def spent(flown) -> float:
+    return float(np.mean(flown.episodes["delta_v_m_s"]))
+
+
+def test_one_press_makes_it_worse(all_cases, before, tutorial) -> None:
+    worse = pressed(0, 2)
+    assert worse.systems[0].rules[1].consequents[0].term == "zero"
+    now = list(all_cases.fly(worse))[-1]
+    assert f"{succeeded(now):.1f} % succeed instead of {succeeded(before):.1f} %, for" in tutorial
+    assert f"for {spent(now):.2f} m/s instead of {spent(before):.2f} m/s; *Inspect* is refuted" in tutorial
+    words = {one.title: word for one, word, _ in now.verdicts(all_cases.requirements)}
+    assert words["Inspect"] == "refuted"
+    assert f"press {most_changed(before, now, 1)[0]}." in tutorial
+    assert "positive_small (rule 8)" in findings(worse)
+    assert "the mirrored rule 8 still pushes up" in tutorial
+
+
+def test_a_constant_makes_it_better(all_cases, before, tutorial) -> None:
+    now = list(all_cases.fly(typed("coast_below_points", "2.5")))[-1]
+    compared = {one.metric.name: one for one in all_cases.compare(before, now)}
+    saved = compared["delta_v_m_s"].difference
+    low, high = sorted((-saved.low, -saved.high))
+    assert f"Delta-v falls by {-saved.mean:.3f} m/s ({low:.3f} to {high:.3f})" in tutorial
+    assert f"the inspection rate by {-compared['inspection_rate_percent'].difference.mean:.2f} %" in tutorial
+    assert succeeded(now) == succeeded(before)
+
+
+def test_what_else_to_try(all_cases, before, tutorial) -> None:
+    middle = list(all_cases.fly(pressed(1, 5)))[-1]
+    assert f"one press, and {succeeded(middle):.1f} % succeed" in tutorial
+    band = list(all_cases.fly(typed("dead_band_force_x_n", "0.03")))[-1]
+    assert f"{succeeded(before) - succeeded(band):.1f} points of success are lost" in tutorial
+    changes = []
+    for place, rule in CORNERS:
+        system = CHAMPION.systems[place]
+        terms, held = system.outputs[0].terms, system.rules[rule].consequents[0].term
+        towards = len(terms) // 2 - system.outputs[0].term_index(held)
+        now = list(all_cases.fly(pressed(place, rule + 1, step=int(np.sign(towards)))))[-1]
+        changes.append(abs(succeeded(now) - succeeded(before)))
+    assert f"each changes success by {max(changes):.1f} points at most" in tutorial
