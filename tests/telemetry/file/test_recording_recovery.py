@@ -90,8 +90,7 @@ def test_without_compression_the_checksum_alone_tells_a_wrong_byte(uncompressed,
     assert telemetry.read(uncompressed).metadata == {"episode": {"scenario_id": "plain"}}
     content = bytearray(uncompressed.read_bytes())
     # the number 75.0 of the first sample's distance becomes another one
-    position = content.index(struct.pack("<d", 75.0))
-    content[position + 6] ^= 1
+    content[content.index(struct.pack("<d", 75.0)) + 6] ^= 1
     recovery = recover(*written(content))
     assert (recovery.num_damaged_records, recovery.num_messages) == (1, 0)
 
@@ -194,8 +193,7 @@ def test_another_compression_is_named(tmp_path):
 def test_many_messages_in_few_bytes(tmp_path, monkeypatch):
     monkeypatch.setattr(claims, "MOST_MESSAGES", 5)
     monkeypatch.setattr(claims, "MOST_MESSAGES_PER_BYTE", 0.0)
-    path = repeated(tmp_path / "many.mcap", 0, 10_000, 4000)
-    found = recover(path, tmp_path / "out.mcap")
+    found = recover(repeated(tmp_path / "many.mcap", 0, 10_000, 4000), tmp_path / "out.mcap")
     assert 0 < found.num_messages < 1000
     assert found.num_damaged_records > 10
 

@@ -20,6 +20,7 @@ class Content:
     """The columns of a recording in an .rrd file, or in several."""
 
     def __init__(self, *paths: Path):
+        self.paths = paths
         self.batches: dict[str, list[pa.RecordBatch]] = {}
         for reader in (RrdReader(str(path)) for path in paths):
             for store in reader.recordings():

@@ -29,12 +29,8 @@ def run(tmp_path: Path) -> Path:
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return tmp_path_factory.mktemp("campaign")
-
-
-@pytest.fixture(scope="module")
-def content(folder: Path) -> Content:
+def content(tmp_path_factory: pytest.TempPathFactory) -> Content:
+    folder = tmp_path_factory.mktemp("campaign")
     return saved(campaign.scene(synthetic_run.write_evaluation(folder / "evaluated")), folder)
 
 
@@ -83,8 +79,8 @@ def test_all_paths_are_there_in_the_colour_of_their_outcome(content: Content) ->
         assert colour >> 8 == int.from_bytes(bytes(OUTCOME_COLOURS[kind]), "big")
 
 
-def test_deputies_fly_together(content: Content, folder: Path) -> None:
-    assert sorted(kind for kind, _ in views(folder / "x.rrd")) == ["3D", "TextDocument", "TimeSeries"]
+def test_deputies_fly_together(content: Content) -> None:
+    assert sorted(kind for kind, _ in views(*content.paths)) == ["3D", "TextDocument", "TimeSeries"]
     entity = "/scene/deputies"
     assert content.times(entity, "Points3D:positions").tolist() == [20.0 * k for k in range(7)]
     flown = content.numbers(entity, "Points3D:positions")

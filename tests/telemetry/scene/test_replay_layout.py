@@ -17,36 +17,30 @@ from telemetry import EpisodeWriter, RecordingError
 from telemetry.file.reader import TopicColumns
 from telemetry.scene import replay, viewer
 from tests.telemetry import synthetic_flight
-from tests.telemetry.scene.rrd_content import Content, saved, views
+from tests.telemetry.scene.rrd_content import saved, views
 
 
 @pytest.fixture(scope="module")
-def replay_file(flight_file, tmp_path_factory):
-    output = tmp_path_factory.mktemp("replay") / "flight.rrd"
-    viewer.save(replay.scene([flight_file]), output)
-    return output
+def content(flight_file, tmp_path_factory):
+    return saved(replay.scene([flight_file]), tmp_path_factory.mktemp("replay"))
 
 
-@pytest.fixture(scope="module")
-def content(replay_file):
-    return Content(replay_file)
-
-
-def test_rerun_finds_the_file_sound(replay_file):
-    command = [sys.executable, "-m", "rerun", "rrd", "verify", str(replay_file)]
+def test_rerun_finds_the_file_sound(content):
+    command = [sys.executable, "-m", "rerun", "rrd", "verify", *map(str, content.paths)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)  # noqa: S603 - our own interpreter
     assert done.returncode == 0, done.stderr
 
 
-def test_layout_holds_every_view_and_plays_the_flight_in_a_minute(replay_file):
-    found = list(views(replay_file))
+def test_layout_holds_every_view_and_plays_the_flight_in_a_minute(content):
+    (path,) = content.paths
+    found = list(views(path))
     kinds = Counter(kind for kind, _ in found)
     assert kinds == {"3D": 2, "2D": 1, "TimeSeries": 9, "TextDocument": 3, "TextLog": 1}
     expected = """Flight, Hill frame | As the deputy sees it | Distance (m; limits 15, 200)
         | Inspected (%; goal 95) | Force, Hill axes (N; limit ±1) | Torque, body axes (mN m; limit ±10)
         | Delta-v (m/s) | Events | Outputs that were fired (N) | Inputs (m) | Inputs (rad) | Inputs (m/s)"""
     assert {title.strip() for title in expected.split("|")} <= {name for _, name in found}
-    reader = RrdReader(str(replay_file))
+    reader = RrdReader(str(path))
     panel: dict[str, Any] = {}
     for chunk in reader.stream(store=reader.blueprints()[0]):
         if chunk.entity_path == "/time_panel":
