@@ -10,7 +10,7 @@ import random
 import signal
 import traceback
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -94,22 +94,10 @@ def attack(reader: Reader, examples: int, number: int, folder: Path) -> int:
     rng = random.Random(number)  # noqa: S311
     inputs = [(rng.getrandbits(63), rng.choice(reader.samples)) for _ in range(examples)]
     tried = 0
-    while tried < examples:
-        tried += _tried_apart(reader, inputs[tried:], folder)
-    return tried
 
-
-def assert_survives_apart(reader: Reader, content: bytes, folder: Path) -> None:
-    """Read something in a process of its own; raise BrokenError for what must not be."""
-    _apart(lambda: survives(reader, content, folder))
-
-
-def _tried_apart(reader: Reader, inputs: Sequence[tuple[int, bytes]], folder: Path) -> int:
-    """Try inputs in a process of their own until it has grown; return how many were tried."""
-
-    def try_all() -> Iterator[None]:
+    def try_until_grown() -> Iterator[None]:
         begun = _memory("VmRSS")
-        for draw, sample in inputs:
+        for draw, sample in inputs[tried:]:
             content = DAMAGES[reader.kind](sample, random.Random(draw))  # noqa: S311
             (folder / "input").write_bytes(content)
             survives(reader, content, folder)
@@ -117,7 +105,14 @@ def _tried_apart(reader: Reader, inputs: Sequence[tuple[int, bytes]], folder: Pa
             if _memory("VmRSS") > begun + KEPT_BYTES:
                 return
 
-    return _apart(try_all)
+    while tried < examples:
+        tried += _apart(try_until_grown)
+    return tried
+
+
+def assert_survives_apart(reader: Reader, content: bytes, folder: Path) -> None:
+    """Read something in a process of its own; raise BrokenError for what must not be."""
+    _apart(lambda: survives(reader, content, folder))
 
 
 def _apart(work: Work) -> int:

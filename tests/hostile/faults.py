@@ -75,20 +75,16 @@ def take_folder(folder: Path) -> None:
     shutil.rmtree(folder, ignore_errors=True)
 
 
-def send(number: signal.Signals) -> Callable[[int], None]:
-    """Return a function that sends a signal to a process group."""
-
-    def sent(pid: int) -> None:
-        with suppress(ProcessLookupError):
-            os.killpg(pid, number)
-
-    return sent
+def send(number: signal.Signals, pid: int) -> None:
+    """Send a signal to a process group."""
+    with suppress(ProcessLookupError):
+        os.killpg(pid, number)
 
 
 #: faults of a process at some moment
 SIGNALS: Final[Mapping[str, Callable[[int], None]]] = {
-    "SIGKILL": send(signal.SIGKILL),
-    "SIGTERM": send(signal.SIGTERM),
-    "Ctrl-C": send(signal.SIGINT),
+    "SIGKILL": partial(send, signal.SIGKILL),
+    "SIGTERM": partial(send, signal.SIGTERM),
+    "Ctrl-C": partial(send, signal.SIGINT),
     "no memory": take_memory,
 }

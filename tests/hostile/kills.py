@@ -116,7 +116,9 @@ def killed_after(
             with suppress(subprocess.TimeoutExpired):
                 process.wait(seconds)
             if process.returncode is None:
-                is_signalled = _signal(process.pid, *how)
+                with suppress(ProcessLookupError):
+                    (os.killpg if how[1] == GROUP else os.kill)(process.pid, how[0])
+                    is_signalled = True
             process.wait(LONGEST_S)
         except subprocess.TimeoutExpired:
             told.write("\ndid not end")
@@ -126,14 +128,6 @@ def killed_after(
             process.wait()
         told.seek(0)
         return is_signalled, process.returncode, told.read()
-
-
-def _signal(pid: int, number: signal.Signals, target: str) -> bool:
-    """Send a signal; return whether there was somebody to send it to."""
-    with suppress(ProcessLookupError):
-        (os.killpg if target == GROUP else os.kill)(pid, number)
-        return True
-    return False
 
 
 def survive(

@@ -39,19 +39,19 @@ def little_memory():
 
 
 def chain(kinds: list[tuple[str, list[str]]]):
-    names = pairwise(["seen", *map(str, range(len(kinds) - 1)), "force"])
-    parts = zip(kinds, names, strict=True)
+    parts = zip(kinds, pairwise(["seen", *map(str, range(len(kinds) - 1)), "force"]), strict=True)
     return [helper.make_node(kind, [read, *more], [made]) for (kind, more), (read, made) in parts]
+
+
+WIDE = [("MatMul", ["wide"]), ("Tanh", [])]
 
 
 @pytest.mark.parametrize(
     "kinds",
     [
-        [("MatMul", ["wide"]), *[("Tanh", [])] * 1500],
-        [("MatMul", ["wide"]), ("Tanh", []), *[("MatMul", ["square"])] * 9000],
-        pytest.param(
-            [("MatMul", ["wide"]), ("Tanh", []), *[("Mul", ["gains"])] * 9000], marks=pytest.mark.slow
-        ),
+        [*WIDE, *[("Tanh", [])] * 1499],
+        [*WIDE, *[("MatMul", ["square"])] * 9000],
+        pytest.param([*WIDE, *[("Mul", ["gains"])] * 9000], marks=pytest.mark.slow),
         [("Tanh", [])] * 20_000,
     ],
     ids=["activations", "matrices", "factors", "operators"],
@@ -144,8 +144,7 @@ def test_an_output_of_very_many_points_is_tried_at_fewer_places(tmp_path, capsys
     path.write_text(json.dumps(told))
     assert main(["diff", str(path), str(path)]) == 0
     assert "this may take minutes" in capsys.readouterr().err
-    system = serialize.load(path).systems[0]
-    samples = arrays.spread_inputs(system)
+    samples = arrays.spread_inputs(serialize.load(path).systems[0])
     assert len(samples) == 285
     np.testing.assert_array_equal(samples, arrays.spread_inputs(controller.systems[0])[:285])
 

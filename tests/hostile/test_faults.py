@@ -1,7 +1,12 @@
-"""Faults of a machine, really brought about: each ends in a sentence, and what was finished stands."""
+"""Faults of a machine, really brought about: each ends in a sentence, and what was finished stands.
+
+Killed runs end as undisturbed ones; `python -m benchmarks kills` tries more kinds, and for longer.
+"""
 
 import os
+import random
 import shutil
+import signal
 import subprocess
 import sys
 import time
@@ -12,22 +17,19 @@ import pytest
 
 from pipeline.command_line.cli import main
 from pipeline.run import artifacts, manifests
-from tests.hostile import faults
-from tests.pipeline.command_line.cases import use_stages
+from tests.hostile import faults, kills
+from tests.pipeline.command_line.cases import FLY, use_stages
 from tests.places import PROJECT
 
 pytestmark = pytest.mark.slow
-
-STARTS = [
-    *("+experiment=fly", "controller=coast", "stages=[scenario]"),
-    *("telemetry.record_training=true", "starts=random", "starts.num_cases=2000"),
-]
 
 mounting = pytest.mark.skipif(not faults.may_mount(), reason="only root mounts disks")
 
 
 def words(folder: Path) -> list[str]:
-    return [*STARTS, f"hydra.run.dir={folder}"]
+    """What a run is started with that writes many starts."""
+    many = ("telemetry.record_training=true", "starts=random", "starts.num_cases=2000")
+    return [*FLY, "stages=[scenario]", *many, f"hydra.run.dir={folder}"]
 
 
 @pytest.fixture
@@ -128,3 +130,25 @@ def test_a_clock_that_is_set_back(alone, tmp_path, monkeypatch, ran):
     use_stages(monkeypatch)
     told = ran(f"hydra.run.dir={folder}", "stages=[scenario]").err
     assert "since 2999-01-01 00:00:00 UTC, which is gone" in told
+
+
+@pytest.mark.parametrize(("kind", "is_relative", "seed"), [("search", True, 3), ("sweep", False, 14)])
+def test_a_killed_run_ends_as_an_undisturbed_one(kind, is_relative, seed, tmp_path):
+    """By SIGKILL of its group, or Ctrl-C, when it has half done."""
+    env = kills.environment()
+    seconds = kills.run_alone(kills.words_of(kind, tmp_path / "alone"), env)
+    folder = Path("run") if is_relative else tmp_path / "run"
+    tally = kills.Tally()
+    kills.survive(kind, folder, seconds, random.Random(seed), tally, tmp_path, is_cold=False)  # noqa: S311
+    assert tally.lost == []
+    assert kills.differences(tmp_path / "run", tmp_path / "alone") == []
+
+
+@pytest.mark.parametrize("how", [(signal.SIGTERM, kills.PROCESS), (signal.SIGINT, kills.GROUP)])
+def test_a_stopped_run_leaves_no_traceback(how, tmp_path):
+    words = kills.words_of("parts", Path("run"))
+    was_stopped, code, said = kills.killed_after(words, 1.0, how, kills.environment(), tmp_path)
+    assert was_stopped
+    assert code in (130, -signal.SIGTERM, -signal.SIGINT), said
+    assert "Traceback" not in said
+    assert os.listdir(tmp_path) in ([], ["run"])

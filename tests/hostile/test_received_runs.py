@@ -52,7 +52,6 @@ def test_settings_that_no_result_depends_on_may_be_given_anew(tmp_path, monkeypa
     changed = plain | {"engine": {"kind": "dask", "scheduler": "tcp://x:1"}, "logger": {"kind": "none"}}
     changed["monte_carlo"] = plain["monte_carlo"] | {"workers": 7}
     assert configuration.config_hash(changed) == configuration.config_hash(plain)
-    assert configuration.config_hash(plain | {"seed": 99}) != configuration.config_hash(plain)
 
 
 def test_a_run_of_a_version_that_hashed_every_key_is_resumed(tmp_path, monkeypatch):
@@ -84,8 +83,7 @@ def test_a_link_in_a_runs_folder_is_not_followed(name, is_finished, tmp_path, mo
     (folder / name).symlink_to(outside)
     repeat = [[f"hydra.run.dir={folder}", "stages=[report]"]] if is_finished else []
     for command in [[f"resume={folder}"], [*EVALUATE, f"hydra.run.dir={folder}"], *repeat]:
-        told = ran(*command, code=2).err
-        assert "a link" in told
+        assert "a link" in ran(*command, code=2).err
     assert outside.read_bytes() == before
     assert called == []
 
@@ -129,7 +127,6 @@ def test_what_a_recording_and_a_configuration_say(tmp_path):
     metadata = {"fis.x": {**words, "output_unit": "", "rules": "[]"}}
     with telemetry.EpisodeWriter(path, metadata=metadata, attachments={}):
         pass
-    told = telemetry.read(path).metadata["fis.x"]
-    assert told["output_name"] == f"{MISSING_SIGN}[2J"
+    assert telemetry.read(path).metadata["fis.x"]["output_name"] == f"{MISSING_SIGN}[2J"
     read = configuration.parse(b'{name: "\\e[31m", list: ["\\u202e"]}')
     assert read == {"name": f"{MISSING_SIGN}[31m", "list": [MISSING_SIGN]}

@@ -39,9 +39,7 @@ NO_POLICY = json.dumps({"kind": "policy", "onnx": base64.b64encode(b"x" * 99).de
 FORGERIES = {
     "cut short": (lambda content: content[:5000], "start.mcap"),
     "no recording": (lambda _: b"x" * 5000, "start.mcap"),
-    **{
-        f"controller {text}": (controller(text), "controller.json") for text in ("5", "null", "[]", "{", "''")
-    },
+    **{f"controller {one}": (controller(one), "controller.json") for one in ("5", "null", "[]", "{", "''")},
     "policy": (controller('{"kind": "policy", "onnx": "\\ud800!"}'), "policy cannot be read"),
     "policy of nothing": (controller(NO_POLICY), "policy"),
     "configuration a list": (controller("[]", "config.yaml"), "config.yaml holds no configuration"),
