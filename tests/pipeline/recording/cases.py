@@ -18,11 +18,8 @@ from telemetry.file.reader import Recording
 
 #: twelve points on a chief that shows all sides to the Sun: complete after 200 s, then adrift over the limit
 COASTING = (
-    "duration_s=900.0",
-    "chief=tumbling",
-    "chief.num_points=12",
+    *("duration_s=900.0", "telemetry.near_limit_m=60.0", "chief=tumbling", "chief.num_points=12"),
     "chief.initial_angular_velocity_rad_s=[0.02,0.05,0.01]",
-    "telemetry.near_limit_m=60.0",
 )
 
 
@@ -31,13 +28,15 @@ def composed(*overrides: str) -> Job:
     return compose_experiment(["+experiment=fly", *overrides])
 
 
-def recorded(path: Path, mission: Mission, controller: Controller, start: Scenario) -> FlightLog:
-    """Fly, record in a file, and return the log."""
-    log = fly_logged(mission, controller, start)
+def recorded(
+    path: Path, mission: Mission, flying: Controller, start: Scenario
+) -> tuple[FlightLog, Recording]:
+    """Fly, record in a file, and return the log and what is read of the file."""
+    log = fly_logged(mission, flying, start)
     job = composed()
-    recorder = FlightRecorder(replace(job.experiment, mission=mission, seed=3), controller, job.config)
+    recorder = FlightRecorder(replace(job.experiment, mission=mission, seed=3), flying, job.config)
     recorder.record(path, start, log, scenario_id="x")
-    return log
+    return log, telemetry.read(path)
 
 
 def staged(folder: Path, *overrides: str) -> Recording:

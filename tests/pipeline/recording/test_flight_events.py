@@ -16,7 +16,7 @@ from pipeline.report.comparisons import Without
 from pipeline.run import artifacts
 from telemetry import RecordingError
 from tests.pipeline.flight.cases import STARTS, STEERING
-from tests.pipeline.flight.guarded import EARLY, guarded, pushing, starts_at_rest
+from tests.pipeline.flight.guarded import EARLY, guarded
 from tests.pipeline.recording import cases
 from tests.pipeline.report.runs import run_of
 from tests.policies import Page
@@ -28,9 +28,8 @@ MISSION = cases.composed(*SHORT).experiment.mission
 def flight(distance_m: list[float], inspected_count: list[int]) -> FlightLog:
     """Eleven samples at distances along i, with the first of 99 points inspected."""
     inspected = np.arange(99) < np.array(inspected_count)[:, np.newaxis]
-    position = np.array(distance_m)[:, np.newaxis] * [1.0, 0.0, 0.0]
     return cases.flown(*SHORT)._replace(
-        position_m=position,
+        position_m=np.array(distance_m)[:, np.newaxis] * [1.0, 0.0, 0.0],
         is_inspected=inspected,
         is_inspectable=np.ones(99, dtype=bool),
         delta_v_m_s=0.1 * np.arange(11.0),
@@ -87,8 +86,7 @@ def test_complete_says_whether_the_deputy_coasts(last_force: float, ending: str)
     log = flight([75.0] * 11, [0] * 8 + [99] * 3)
     forces = np.ones((10, 3))
     forces[8:] = [[0.0, 0.0, 0.0], [0.0, last_force, 0.0]]
-    complete = events(MISSION, log._replace(force_hill_n=forces), 5.0)[1]
-    assert complete.text.endswith(ending)
+    assert events(MISSION, log._replace(force_hill_n=forces), 5.0)[1].text.endswith(ending)
 
 
 @pytest.fixture(scope="module")
@@ -146,18 +144,6 @@ def test_it_begins_for_a_reason_and_ceases_with_an_account() -> None:
     assert samples == [100, 107, 113, 114, 359, 360, 360]
 
 
-def test_a_real_flight_tells_what_its_numbers_are() -> None:
-    (start,) = starts_at_rest(1, 3)
-    log = fly_logged(GUARDED, pushing(1.0), start)
-    found = events(GUARDED, log, 0.0)
-    changed = np.abs(log.safety_force_hill_n).sum() * 10.0 / 12.0
-    acted = np.count_nonzero(log.safety_limit)
-    assert found[-1].text.endswith(f"safety layer acted in {acted} periods ({changed:.4f} m/s)")
-    assert not any(event.level == "error" for event in found)
-    begins = [event.sample for event in found if event.text.startswith("safety layer acts: ")]
-    assert begins[0] == np.flatnonzero(log.safety_limit)[0]
-
-
 def safety_words(*told: object) -> str:
     """Return what the report says of the safety layer."""
     return template("pipeline.report", "templates", "words.html").module.safety(*told).strip()
@@ -171,9 +157,8 @@ def test_the_report_tells_how_often_how_long_and_what_it_cost() -> None:
         "safety_delta_v_m_s": {"mean": 0.0007, "maximum": 0.0912},
     }
     words = safety_words("evaluation", told, None)
-    assert (
-        "In the evaluation it acted in 20 of 1,000 flights (2.0 %, 1.3 to 3.1 %), in these for 10.5" in words
-    )
+    assert "In the evaluation it acted in 20 of 1,000 flights (2.0 %, 1.3 to 3.1 %)" in words
+    assert "%), in these for 10.5" in words
     assert "by 0.0350 m/s in the mean; over all flights its changes come to 0.0007 m/s a flight" in words
     assert words.endswith("at most 0.0912 m/s in one.")
     log = fly_logged(GUARDED, STEERING, STARTS[0])

@@ -37,18 +37,12 @@ WORLDS = {
     "tumbling": mission(**HALF, chief={"initial_angular_velocity_rad_s": (0.01, -0.02, 0.005)}),
     "low orbit": mission(**HALF, **REAL),
 }
-SHIPPED = sorted((PROJECT / "conf" / "controller").glob("*.yaml"))
-
-
-def shipped(path: Path) -> Controller | None:
-    """The fuzzy controller of a file, if it senses what is made of points."""
-    if "systems:" not in path.read_text():
-        return None
-    found = from_fuzzy(serialize.load(path))
-    return found if sensed_of_points(pack_world(WORLDS["the paper's"]), found) else None
-
-
-OF_POINTS = {path.stem: found for path in SHIPPED if (found := shipped(path))}
+TEN_MINUTES = replace(WORLDS["the paper's"], duration_s=600.0)
+PATHS = sorted((PROJECT / "conf" / "controller").glob("*.yaml"))
+#: the fuzzy controllers, and those that sense what is made of points
+SHIPPED = {path.stem: from_fuzzy(serialize.load(path)) for path in PATHS if "systems:" in path.read_text()}
+PAPER = pack_world(WORLDS["the paper's"])
+OF_POINTS = {name: flying for name, flying in SHIPPED.items() if sensed_of_points(PAPER, flying)}
 TARGETING = controller((leaning_system("force_x", 0.02, ("target_radial", "", 1.0)),), "hill")
 
 
@@ -160,10 +154,9 @@ def test_what_coasting_would_miss_is_not_seen_by_coasting() -> None:
 
 
 def test_a_recording_holds_what_rehearsals_cost(tmp_path: Path) -> None:
-    flying = from_fuzzy(serialize.load(PROJECT / "conf" / "controller" / "champion_27_rehearsed.yaml"))
-    what = replace(WORLDS["the paper's"], duration_s=600.0)
-    log = recorded(tmp_path / "x.mcap", what, flying, STARTS[0])
-    (told,) = telemetry.read(tmp_path / "x.mcap").rehearsals.values()
+    flying = SHIPPED["champion_27_rehearsed"]
+    log, found = recorded(tmp_path / "x.mcap", TEN_MINUTES, flying, STARTS[0])
+    (told,) = found.rehearsals.values()
     assert told.costs_m_s == tuple(log.push_costs_m_s.tolist())
     assert told.names[0] == "0 mm/s radially, 0 along the track, 0 across"
     assert len(told.names) == 105
@@ -177,25 +170,19 @@ def test_a_recording_holds_what_rehearsals_cost(tmp_path: Path) -> None:
 
 def test_a_recording_holds_what_later_rehearsals_cost(tmp_path: Path) -> None:
     flying = touring(rehearsal_tours=2, rehearsal_period_s=300.0)
-    what = replace(WORLDS["the paper's"], duration_s=600.0)
-    log = recorded(tmp_path / "x.mcap", what, flying, STARTS[0])
+    log, flight = recorded(tmp_path / "x.mcap", TEN_MINUTES, flying, STARTS[0])
     first, second = "image of the tour", "image of the tour from 300 s"
     found = [read_rehearsals(tmp_path / "x.mcap", time_s) for time_s in (290.0, 300.0)]
     for told, name, costs in zip(found, (first, second), log.tour_costs_m_s, strict=True):
         assert told == {name: sorted(zip(costs.tolist(), tour_names(flying), strict=True))}
-    events = telemetry.read(tmp_path / "x.mcap").topics["/log"]
-    told_at = [
-        time for time, text in zip(events.time_s, events["message"], strict=True) if "rehearsed" in text
-    ]
-    assert told_at == [0.0, 300.0]
+    events = flight["/log"]
+    assert events.time_s[["rehearsed" in text for text in events["message"]]].tolist() == [0.0, 300.0]
 
 
 def test_a_recording_holds_them_and_one_without_such_inputs_has_no_topic(tmp_path: Path) -> None:
-    what = WORLDS["the paper's"]
     for name, senses in (("champion_27", True), ("paper_champion", False)):
-        flying = from_fuzzy(serialize.load(PROJECT / "conf" / "controller" / f"{name}.yaml"))
-        recorded(tmp_path / "x.mcap", what, flying, STARTS[0])
-        flight = telemetry.read(tmp_path / "x.mcap")
+        flying = SHIPPED[name]
+        _, flight = recorded(tmp_path / "x.mcap", WORLDS["the paper's"], flying, STARTS[0])
         assert ("/chief/pulls" in flight.topics) == ("pulls" in flight.metadata) == senses
         if senses:
             flat = telemetry.flat_table(flight, "/chief/pulls")["aim_radial"].to_numpy()

@@ -15,6 +15,7 @@ from pipeline.run.artifacts import ArtifactError
 from pipeline.run.runner import run_stages
 from pipeline.scenarios import evaluation_scenarios, training_scenarios
 from pipeline.stages import record
+from tests.pipeline.command_line.cases import EVALUATE
 from tests.pipeline.recording import cases
 
 pytestmark = pytest.mark.slow
@@ -54,8 +55,8 @@ def test_worst_median_and_best_of_a_table(tmp_path, finished):
     run = evaluated()
     episodes = tables.read_parquet(finished, artifacts.EPISODES)
     rows = [(False, 90, 1.0), (False, 99, 0.5), (False, 97, 1.0), (True, 99, 0.1), (False, 97, 0.9)]
-    by_hand = table([*rows, (False, 99, 0.4)])
-    tables.write_parquet(tmp_path / artifacts.EPISODES, episodes | by_hand)
+    rows.append((False, 99, 0.4))
+    tables.write_parquet(tmp_path / artifacts.EPISODES, episodes | table(rows))
     flights = record.flights_of(run.experiment, tmp_path)
     # worst first: 3, 0, 2, 4, 1, 5
     assert [flight.name for flight in flights] == ["worst-case-3", "median-case-4", "best-case-5"]
@@ -140,14 +141,13 @@ def test_without_an_evaluation_of_the_controller_there_is_nothing_to_rank(tmp_pa
         run_stages(run.experiment, run.config, tmp_path, ["record"])
 
 
-def test_the_given_start_has_the_suns_angle_or_one_drawn():
+def test_the_given_start_has_an_angle_of_the_sun_that_is_drawn():
     def angle(*overrides: str) -> float:
-        experiment = compose_experiment(["+experiment=fly", "controller=coast", *overrides]).experiment
+        experiment = cases.composed("controller=coast", *overrides).experiment
         (flight,) = record.flights_of(experiment, Path("unused"))
         return flight.scenario.sun_angle_rad
 
-    assert angle("sun.angle_deg=90") == math.radians(90)
-    drawn = compose_experiment(["+experiment=evaluate", "controller=coast", "sun=random", "seed=5"])
+    drawn = compose_experiment([*EVALUATE, "sun=random", "seed=5"])
     first = evaluation_scenarios(drawn.experiment)[0]
     assert angle("sun=random", "seed=5") == first.sun_angle_rad
     assert angle("sun=random", "seed=6") != first.sun_angle_rad
@@ -160,7 +160,7 @@ def test_a_case_of_the_evaluation_is_flown_alone():
         "+dispersions.deputy.mass_kg={kind:uniform,low:10,high:14}",
         "+dispersions.actuators.scale_error={kind:normal,mean:0,std:0.1,correlation_s:60}",
     )
-    alone = compose_experiment(["+experiment=fly", "case=7", *words]).experiment
+    alone = cases.composed("case=7", *words).experiment
     (flight,) = record.flights_of(alone, Path("unused"))
     evaluated = compose_experiment(["+experiment=evaluate", *words]).experiment
     seventh = evaluation_scenarios(evaluated)[7]

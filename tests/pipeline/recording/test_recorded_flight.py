@@ -4,6 +4,7 @@ import hashlib
 import json
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,7 +12,6 @@ import yaml
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial.transform import Rotation
 
-import telemetry
 from fis_tools.analysis import flights
 from fis_tools.engines.kernel import evaluate
 from fis_tools.engines.packing import pack
@@ -52,9 +52,8 @@ def test_counts_and_times(full: Recording):
     samples = 10.0 * np.arange(361)
     at_samples = ("/deputy/pose", "/chief/points", "/deputy/state", "/guidance", "/mission")
     at_controls = ("/deputy/attitude", "/deputy/control", *(f"/fis/{name}" for name in SYSTEMS))
-    assert {name for name, topic in full.topics.items() if len(topic)} == {
-        *("/tf", "/log", *at_samples, *at_controls)
-    }
+    names = {"/tf", "/log", *at_samples, *at_controls}
+    assert {name for name, topic in full.topics.items() if len(topic)} == names
     for topic in at_samples:
         assert_array_equal(full[topic].time_s, samples, topic)
     for topic in at_controls:
@@ -185,10 +184,8 @@ def test_metadata_describes_each_system(full: Recording):
     assert described.input_names == ("lambda_u", "velocity_body_y")
     assert described.input_units == ("rad", "m/s")
     assert (described.output_name, described.output_unit) == ("force_y", "N")
-    rule = (
-        "If lambda_u is negative_large and velocity_body_y is negative_large then force_y is positive_large"
-    )
-    assert described.rules[0] == rule
+    condition = "lambda_u is negative_large and velocity_body_y is negative_large"
+    assert described.rules[0] == f"If {condition} then force_y is positive_large"
 
 
 def test_inference_is_recorded_only_where_it_decides(coasting: Recording):
@@ -217,25 +214,18 @@ def test_the_log_of_an_eventful_flight(coasting: Recording):
         assert beginning in text
 
 
-@pytest.fixture
-def short(tmp_path):
-    """Record the miniature flight of a controller, from 75 m along i."""
-
-    def record(controller: Controller) -> Recording:
-        start = Scenario(np.array([75.0, 0.0, 0.0]), np.zeros(3), 0.3)
-        mission = cases.composed("duration_s=100.0").experiment.mission
-        cases.recorded(tmp_path / "short.mcap", mission, controller, start)
-        return telemetry.read(tmp_path / "short.mcap")
-
-    return record
+def short(path: Path, controller: Controller) -> Recording:
+    """The miniature flight of a controller, from 75 m along i."""
+    start = Scenario(np.array([75.0, 0.0, 0.0]), np.zeros(3), 0.3)
+    return cases.recorded(path, cases.composed("duration_s=100.0").experiment.mission, controller, start)[1]
 
 
-def test_a_system_of_one_input_records_one(short):
+def test_a_system_of_one_input_records_one(tmp_path):
     fuzzy = serialize.from_mapping(cases.composed().config["controller"])
     system = fuzzy.systems[0]
     rules = tuple(replace(rule, antecedent=rule.antecedent.operands[1]) for rule in system.rules[:5])
     lean = replace(system, inputs=system.inputs[1:], rules=rules)
-    found = short(Controller("lean", (lean,), "hill"))
+    found = short(tmp_path / "lean.mcap", Controller("lean", (lean,), "hill"))
     inferred = found["/fis/force_x"]
     assert (inferred["inputs"].shape, inferred["firing_strengths"].shape) == ((10, 1), (10, 5))
     assert found.fis_description("force_x").input_names == ("velocity_body_x",)
@@ -246,9 +236,9 @@ def test_a_system_of_one_input_records_one(short):
     assert dict(rebuilt.attributes) == {"force_axes": "hill"}
 
 
-def test_open_loop(short):
+def test_open_loop(tmp_path):
     plan = np.array([[0.5, -0.25, 0.0], [0.0, 0.0, 3.0]])
-    found = short(open_loop("table", plan))
+    found = short(tmp_path / "open.mcap", open_loop("table", plan))
     assert [topic for topic in found.topics if topic.startswith("/fis")] == []
     assert set(found.metadata) == {"episode"}
     applied = np.zeros((10, 3))
@@ -280,8 +270,7 @@ def test_what_was_asked_for_and_why_it_was_not_fired_is_recorded(tmp_path):
     """By the champion for any Sun, which has dead bands and coasts."""
     mission, start = cases.composed().experiment.mission, Scenario(np.full(3, 43.3), np.zeros(3), np.pi)
     controller = named("champion_any_sun", mission)
-    cases.recorded(tmp_path / "a.mcap", mission, controller, start)
-    found = telemetry.read(tmp_path / "a.mcap")
+    _, found = cases.recorded(tmp_path / "a.mcap", mission, controller, start)
     control, logic = found["/deputy/control"], thrust_logic(controller.fuzzy)
     asked, reason, fired = control["force_asked_n"], control["reason"], control["force_hill_n"]
     assert {"fired", "dead_band", "coasting"} <= set(reason.ravel())

@@ -1,47 +1,33 @@
 """The C of a controller against the forces that its recorded flights fired."""
 
 import ctypes
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-import telemetry
-from fis_tools.formats import serialize
 from fis_tools.formats.c import source
 from fis_tools.model import FuzzyController
 from fis_tools.model.thrust import LOGIC_REASONS, ThrustLogic, thrust_logic
-from pipeline.flight.control.controller import from_fuzzy
+from pipeline.controllers.source import named
+from pipeline.flight.control.controller import Controller
 from pipeline.settings.experiment import Mission
 from telemetry.file.reader import Recording
 from tests.fis_tools.formats.test_c import gcc
-from tests.pipeline.flight.cases import STEERING, mission, random_starts
+from tests.pipeline.flight.cases import STEERING, mission, random_starts, with_attributes
 from tests.pipeline.recording import cases
-from tests.places import PROJECT
 
-CONTROLLERS = PROJECT / "conf" / "controller"
 REASON_WORDS = np.array(LOGIC_REASONS)
-
-
-def but(fuzzy: FuzzyController, **attributes: str) -> FuzzyController:
-    return replace(fuzzy, attributes=tuple(sorted((dict(fuzzy.attributes) | attributes).items())))
-
-
-def shipped(name: str, **attributes: str) -> FuzzyController:
-    return but(serialize.load(CONTROLLERS / f"{name}.yaml"), **attributes)
-
-
 COASTING = {"dead_band_force_y_n": "0.01", "coast_below_points": "9", "coast_margin_m": "5"}
 #: controllers, each with how it is flown: dead bands, coasting, a decision period, body axes, a weak thruster
-FLOWN: list[tuple[FuzzyController, Mission]] = [
-    (shipped("champion_any_sun"), mission()),
-    (shipped("champion_fixed_sun", decision_period_s="30"), mission()),
-    (shipped("ellipse"), mission(deputy={"max_force_n": 0.015})),
-    (shipped("paper_champion"), mission()),
+FLOWN: list[tuple[Controller, Mission]] = [
+    (named("champion_any_sun", mission()), mission()),
+    (with_attributes(named("champion_fixed_sun", mission()), decision_period_s="30"), mission()),
+    (named("ellipse", mission()), mission(deputy={"max_force_n": 0.015})),
+    (named("paper_champion", mission()), mission()),
     # all of it in body axes
     (
-        but(STEERING.fuzzy, decision_period_s="20.0", **COASTING),
+        with_attributes(STEERING, decision_period_s="20.0", **COASTING),
         mission(deputy={"max_force_n": 0.02}, control_period_s=20.0),
     ),
 ]
@@ -80,14 +66,14 @@ def signals_of(controller: FuzzyController, logic: ThrustLogic) -> type[ctypes.S
 
 
 def mission_of(logic: ThrustLogic, what: Mission) -> ctypes.Structure:
-    members: list[tuple[str, type, float]] = [("max_force_n", ctypes.c_double, what.deputy.max_force_n)]
+    deputy, numbers = what.deputy, {"max_force_n": what.deputy.max_force_n}
     if logic.decision_period_s > 0.0:
-        members.append(("control_period_s", ctypes.c_double, what.control_period_s))
+        numbers["control_period_s"] = what.control_period_s
     if logic.may_coast:
-        members.append(("min_distance_m", ctypes.c_double, what.deputy.min_distance_m))
-        members.append(("max_distance_m", ctypes.c_double, what.deputy.max_distance_m))
-    members.append(("coasts_when_complete", ctypes.c_int, what.coast_when_complete))
-    return structure(*((name, kind) for name, kind, _ in members))(*(value for _, _, value in members))
+        numbers |= {"min_distance_m": deputy.min_distance_m, "max_distance_m": deputy.max_distance_m}
+    doubles = [(name, ctypes.c_double) for name in numbers]
+    kind = structure(*doubles, ("coasts_when_complete", ctypes.c_int))
+    return kind(*numbers.values(), what.coast_when_complete)
 
 
 def stepped(
@@ -101,22 +87,17 @@ def stepped(
     state, force = STATE(99), FORCE()
     library.start(ctypes.byref(state))
     control, deputy, status = found["/deputy/control"], found["/deputy/state"], found["/mission"]
-    inferred = {system.name: found[f"/fis/{system.name}"] for system in controller.systems}
-    rows = {
-        name: {time: row for row, time in enumerate(one.time_s.tolist())} for name, one in inferred.items()
-    }
+    known = {word: np.full(len(control), np.nan) for word in words.values()}
+    for name, member in FORESEEN.items() if logic.may_coast else ():
+        known[words[name]] = control[member]
+    for system in controller.systems:
+        inferred = found[f"/fis/{system.name}"]
+        rows = np.searchsorted(control.time_s, inferred.time_s)
+        for variable, values in zip(system.inputs, inferred["inputs"].T, strict=True):
+            known[words[variable.name]][rows] = values
     told = []
-    for k, time_s in enumerate(control.time_s.tolist()):
-        signals = kind()
-        for word in words.values():
-            setattr(signals, word, np.nan)
-        for name, member in FORESEEN.items() if logic.may_coast else ():
-            setattr(signals, words[name], control[member][k])
-        for system in controller.systems:
-            if time_s in rows[system.name]:
-                values = inferred[system.name]["inputs"][rows[system.name][time_s]]
-                for variable, value in zip(system.inputs, values, strict=True):
-                    setattr(signals, words[variable.name], value)
+    for k in range(len(control)):
+        signals = kind(**{word: values[k] for word, values in known.items()})
         if logic.force_axes == "body":
             signals.attitude[:] = deputy["quaternion"][k].tolist()
         signals.is_complete = int(status["inspected_mask"][k].all())
@@ -131,13 +112,11 @@ def test_c_fires_what_recorded_flights_fired(tmp_path):
     reasons: set[str] = set()
     for place, (controller, what) in enumerate(FLOWN):
         # one of a name is loaded but once
-        library, flown = compiled(controller, tmp_path / f"{place}.so"), from_fuzzy(controller)
+        library = compiled(controller.fuzzy, tmp_path / f"{place}.so")
         for start in random_starts(FLIGHTS_EACH, 31):
-            path = tmp_path / "flight.mcap"
-            cases.recorded(path, what, flown, start)
-            found = telemetry.read(path)
+            _, found = cases.recorded(tmp_path / "flight.mcap", what, controller, start)
             control = found["/deputy/control"]
-            fired, asked, reason = stepped(library, controller, what, found)
+            fired, asked, reason = stepped(library, controller.fuzzy, what, found)
             np.testing.assert_allclose(fired, control["force_hill_n"], rtol=0, atol=1e-12)
             np.testing.assert_allclose(asked, control["force_asked_n"], rtol=0, atol=1e-12)
             np.testing.assert_array_equal(reason, control["reason"])
