@@ -1,6 +1,5 @@
 """What the commands share: how a controller, flights, inputs and a place to write are asked for."""
 
-import re
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -155,11 +154,6 @@ def assignments(words: str) -> dict[str, float]:
             raise Mistake(f"{name!r} is given twice; give it one number")
         values[name] = value
     return values
-
-
-def file_name(name: str) -> str:
-    """Return a name that every file system takes."""
-    return re.sub(r"[^\w.-]+", "_", name).strip(".") or "_"
 
 
 def place_for(path: Path) -> Path:

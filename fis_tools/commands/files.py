@@ -14,7 +14,7 @@ from fis_tools.commands.arguments import Asked, Output, write
 from fis_tools.errors import Mistake, told_as
 from fis_tools.formats import serialize
 from fis_tools.formats.c import source
-from fis_tools.formats.files import ONE_SYSTEM, WHOLE, File, of_one_system
+from fis_tools.formats.files import ONE_SYSTEM, WHOLE, File, in_files_of_one, of_one_system
 from fis_tools.formats.mapping import MOST_POINTS
 from fis_tools.learning.learner import Recipe, cross_validated, learn_table
 from fis_tools.learning.table import Table, as_table, read
@@ -71,8 +71,12 @@ def _write_each(controller: FuzzyController, form: str, output: str | None) -> N
     place = None if output is None else Path(output)
     if form == "fmu" and place is None:
         raise Mistake("an FMU is an archive and cannot be printed; add -o FILE.fmu or -o FOLDER")
+    if place is None or place.suffix.lower() == ONE_SYSTEM[form]:  # a file of such a form holds one system
+        controller.only_system("add --system, or -o FOLDER for a file each")
+    with told_as(Mistake, ValueError):
+        systems = in_files_of_one(controller, ONE_SYSTEM[form])
     files: dict[str, File] = {}
-    for name, alone in _files(controller, ONE_SYSTEM[form], place).items():
+    for name, alone in systems.items():
         with told_as(Mistake, ValueError, where=f"{alone.systems[0].name}: "):
             files[name] = of_one_system(alone, form)
     for name, file in files.items():
@@ -85,19 +89,6 @@ def _write_each(controller: FuzzyController, form: str, output: str | None) -> N
             arguments.place_for(place).write_bytes(file.content)
         for loss in file.losses:
             print(f"{name}: {loss}", file=sys.stderr)
-
-
-def _files(controller: FuzzyController, ending: str, place: Path | None) -> dict[str, FuzzyController]:
-    """Return what goes into which file, where a file holds one system."""
-    if place is None or place.suffix == ending:  # a file of such a form holds one system
-        controller.only_system("add --system, or -o FOLDER for a file each")
-    files: dict[str, FuzzyController] = {}
-    for system in controller.systems:
-        name = arguments.file_name(system.name) + ending
-        if any(name.casefold() == other.casefold() for other in files):
-            raise Mistake(f"two systems would both be written as {name}; write one at a time, with --system")
-        files[name] = arguments.chosen(controller, system.name)
-    return files
 
 
 def import_(

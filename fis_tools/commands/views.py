@@ -17,6 +17,7 @@ from fis_tools.document import text
 from fis_tools.engines.inference import infer
 from fis_tools.errors import Mistake, told_as
 from fis_tools.formats.csv import rows_as_text
+from fis_tools.formats.files import file_name
 from fis_tools.model import FuzzyController, FuzzySystem
 from fis_tools.source import read_controller
 from fis_tools.words.text import outline
@@ -80,7 +81,7 @@ def plot(
     inferences = _fired(asked, controller) if "inference" in kinds else []
     taken: Counter[str] = Counter()
     for system, name, figure in _pictures(asked, controller, kinds, inferences, colours):
-        picture = f"{arguments.file_name(system.name)}-{arguments.file_name(name)}"
+        picture = f"{file_name(system.name)}-{file_name(name)}"
         taken[picture.casefold()] += 1  # other names may come to the same file's
         if taken[picture.casefold()] > 1:
             picture += f"-{taken[picture.casefold()]}"

@@ -1,5 +1,6 @@
 """Controllers as files of every form that is written, by how a file's name ends."""
 
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -45,24 +46,40 @@ class File:
     losses: Sequence[str] = ()
 
 
+def file_name(name: str) -> str:
+    """Return a name that every file system takes."""
+    return re.sub(r"[^\w.-]+", "_", name).strip(".") or "_"
+
+
+def in_files_of_one(controller: FuzzyController, ending: str) -> dict[str, FuzzyController]:
+    """Return each system of a controller, by its file's name; raise ValueError for two alike."""
+    files: dict[str, FuzzyController] = {}
+    for system in controller.systems:
+        name = file_name(system.name) + ending
+        if any(name.casefold() == other.casefold() for other in files):
+            raise ValueError(f"two systems would both be written as {name}; write one at a time")
+        files[name] = replace(controller, systems=(system,))
+    return files
+
+
 def written(controller: FuzzyController, place: Path) -> dict[Path, File]:
     """Return the files that hold a controller, by their paths; forms that hold one system have one for each.
 
     Raises
     ------
     ValueError
-        If no form's names end like this, or the form cannot hold the controller.
+        If no form's names end like this, the form cannot hold the controller, or two names are alike.
     """
     ending = place.suffix.lower()
     if ending not in ENDINGS:
         raise ValueError(f"{place.name} ends in none of {', '.join(ENDINGS)}; name the file so")
     if ending in _WRITERS:
         return {place: File(_WRITERS[ending](controller).encode())}
-    alone = [replace(controller, systems=(system,)) for system in controller.systems]
-    paths = [place.with_stem(f"{place.stem}-{one.systems[0].name}") for one in alone]
-    paths = [place] if len(alone) == 1 else paths
     (form,) = (name for name, written in ONE_SYSTEM.items() if written == ending)
-    return {path: of_one_system(one, form) for path, one in zip(paths, alone, strict=True)}
+    if len(controller.systems) == 1:
+        return {place: of_one_system(controller, form)}
+    alone = in_files_of_one(controller, ending)
+    return {place.with_name(f"{place.stem}-{name}"): of_one_system(one, form) for name, one in alone.items()}
 
 
 def of_one_system(controller: FuzzyController, form: str) -> File:

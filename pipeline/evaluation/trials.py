@@ -32,7 +32,7 @@ from pipeline.settings.training import Dimension, dimensions
 #: values to try -> mean costs of successive blocks of flights
 Judge = Callable[[Mapping[str, Any]], Iterator[float]]
 
-#: separates the proposals from other random numbers with the same seed
+#: separates the proposals from the random numbers of flights with the same seed
 SPAWN_KEY = 0x5EA
 NAME = "search"
 

@@ -102,7 +102,7 @@ def joined(parts: Sequence[Outcome]) -> Outcome:
     return Outcome(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
 
 
-#: separates the random numbers of searches from all others with the same seed
+#: separates the random numbers of searches from those of flights with the same seed
 SPAWN_KEY = 0x5EA
 #: share of a dispersed setting's values at either end that a search excludes: three standard deviations
 TAIL = 0.00135

@@ -110,10 +110,23 @@ def test_a_copy_is_written_in_every_form_and_replaces_nothing_unasked(session, t
         assert sorted(system.name for system in read) == sorted(one.name for one in session.original.systems)
 
 
-def test_a_file_of_no_form_is_refused(session, tmp_path) -> None:
-    with pytest.raises(ValueError, match="ends in none of"):
-        session.save(tmp_path / "copy.exe", replaces=True)
+@pytest.mark.parametrize(
+    ("names", "file", "told"),
+    [(("x", "z"), "copy.exe", "ends in none of"), (("../x", ".._X"), "copy.fis", "two systems would both")],
+)
+def test_what_has_no_form_or_names_alike_is_refused(tmp_path, names, file, told) -> None:
+    systems = tuple(replace(FORCE_X, name=name) for name in names)
+    session = Session(tmp_path / "sample.json", replace(PAPER_LIKE, systems=systems))
+    with pytest.raises(ValueError, match=told):
+        session.save(tmp_path / file, replaces=True)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_copies_of_systems_stay_in_the_folder_that_was_named(tmp_path) -> None:
+    systems = tuple(replace(FORCE_X, name=name) for name in ("../x", "z/y"))
+    session = Session(tmp_path / "sample.json", replace(PAPER_LIKE, systems=systems))
+    session.save(tmp_path / "copy.fis", replaces=False)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["copy-_x.fis", "copy-z_y.fis"]
 
 
 def test_changed_attributes_are_told(tmp_path) -> None:
