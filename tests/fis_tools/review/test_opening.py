@@ -32,21 +32,16 @@ from fis_tools.review.content import BRIGHTNESS, level, level_styles
 from fis_tools.review.flown import Samples
 from fis_tools.source import read_controller
 from tests.fis_tools.review.cases import path_of
-from tests.fis_tools.sample_controllers import FORCE_Z, GENERAL, ROOM
+from tests.fis_tools.sample_controllers import FORCE_Z, GENERAL, ROOM, SHIPPED, TIPPER
 from tests.places import PROJECT
 from tests.policies import Page, check_policy
 
-SHIPPED = sorted(
-    path
-    for path in (PROJECT / "conf" / "controller").glob("*.yaml")
-    if "schema: fuzzy-controller" in path.read_text(encoding="utf-8")
-)
-CHAMPION = serialize.load(PROJECT / "conf" / "controller" / "champion_27.yaml")
+CHAMPION = serialize.load(SHIPPED["champion_27"])
 
 
-@pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
-def test_every_shipped_controller_says_what_it_is_for_and_what_its_inputs_mean(path: Path) -> None:
-    controller = serialize.load(path)
+@pytest.mark.parametrize("name", SHIPPED)
+def test_every_shipped_controller_says_what_it_is_for_and_what_its_inputs_mean(name: str) -> None:
+    controller = serialize.load(SHIPPED[name])
     assert content.lead(controller).startswith(controller.purpose)
     assert len(controller.purpose) > 60
     for variable in (one for system in controller.systems for one in system.inputs):
@@ -70,7 +65,7 @@ def test_tables_have_the_places_of_terms_and_what_the_system_answers_there() -> 
     assert across.heads[1:] == ["negative, −0.095 m/s", "zero, 0 m/s", "positive, 0.095 m/s"]
     answer = infer(CHAMPION.systems[2], np.array([-0.033, 0.0])).values[0]
     assert list(across.rows[0]) == ["negative, −0.033 m/s", "zero: 0 N", *[f"negative: −{-answer:.4g} N"] * 2]
-    large = serialize.load(PROJECT / "conf" / "controller" / "champion_any_sun.yaml")
+    large = serialize.load(SHIPPED["champion_any_sun"])
     words = [block.words for block in content.rules(large) if isinstance(block, Paragraph)]
     assert any("more than one table" in one for one in words)
 
@@ -202,7 +197,7 @@ OF_SPACE = (
 @pytest.mark.slow
 @pytest.mark.parametrize("has_log", [False, True])
 def test_a_page_has_no_word_of_space(opened, tmp_path: Path, has_log: bool) -> None:
-    controller = read_controller(PROJECT / "docs" / "examples" / "tipper.fis")
+    controller = read_controller(TIPPER)
     log = tmp_path / "evening.csv"
     rows = path_of(controller.systems[0], 30)
     np.savetxt(log, rows, delimiter=",", header="service,food", comments="")
@@ -238,6 +233,7 @@ def test_a_notebook_shows_fuzzy_nouns_as_tables_and_pictures() -> None:
     assert shown[3] == {"text/plain": "1"}
 
 
+@pytest.mark.slow
 def test_results_show_themselves_in_words_where_there_is_no_notebook() -> None:
     inputs = [0.5 * (variable.minimum + variable.maximum) for variable in FORCE_Z.inputs]
     controller = FuzzyController("one", (FORCE_Z,))

@@ -1,7 +1,6 @@
 """The page infers as Python does."""
 
 from dataclasses import replace
-from functools import cache
 
 import numpy as np
 import pytest
@@ -17,6 +16,7 @@ from tests.fis_tools.engines import random_systems as drawn
 from tests.fis_tools.engines.random_systems import inputs_for
 from tests.fis_tools.review.cases import system_of_125_rules
 from tests.fis_tools.sample_controllers import GENERAL
+from tests.places import PROJECT
 
 pytestmark = pytest.mark.slow
 
@@ -47,14 +47,12 @@ def random_systems(seed: int, count: int) -> tuple[FuzzySystem, ...]:
     )
 
 
+CHAMPION = serialize.load(PROJECT / "conf" / "controller" / "paper_champion.yaml")
 CONTROLLERS = {
-    name: cache(make)
-    for name, make in {
-        "champion": lambda: serialize.load("conf/controller/paper_champion.yaml"),
-        "everything": lambda: GENERAL,
-        "125 rules": lambda: FuzzyController("many", (system_of_125_rules(),)),
-        "random": lambda: FuzzyController("random", random_systems(seed=8, count=24)),
-    }.items()
+    "champion": CHAMPION,
+    "everything": GENERAL,
+    "125 rules": FuzzyController("many", (system_of_125_rules(),)),
+    "random": FuzzyController("random", random_systems(seed=8, count=24)),
 }
 
 
@@ -77,7 +75,7 @@ def _worded_once():
 
 @pytest.mark.parametrize("name", CONTROLLERS)
 def test_outputs_and_firing_are_those_of_python(opened, name):
-    controller = CONTROLLERS[name]()
+    controller = CONTROLLERS[name]
     browser_page = opened(page.write(controller))
     generator = np.random.default_rng(25)
     num_values = []
@@ -117,8 +115,9 @@ def test_contributions_are_those_of_python(opened):
     ],
 )
 def test_shares_are_those_of_python(opened, monkeypatch, name, most):
-    controller = CONTROLLERS[name]()
-    monkeypatch.setattr(page, "_script", lambda script=page._script: limited(script(), most))
+    controller = CONTROLLERS[name]
+    limited = page._script().replace("MOST_COALITIONS = 4096", f"MOST_COALITIONS = {most}")
+    monkeypatch.setattr(page, "_script", lambda: limited)
     browser_page = opened(page.write(controller))
     monkeypatch.setattr(shapley, "MOST_COALITIONS", most)
     generator = np.random.default_rng(3)
@@ -135,10 +134,6 @@ def test_shares_are_those_of_python(opened, monkeypatch, name, most):
     assert count > 5
 
 
-def limited(script: str, most: int) -> str:
-    return script.replace("MOST_COALITIONS = 4096", f"MOST_COALITIONS = {most}")
-
-
 def test_the_limits_of_the_page_are_those_of_python():
     told = page._script()
     for name in ("MOST_COALITIONS", "NUM_ORDERS", "SEED"):
@@ -147,15 +142,13 @@ def test_the_limits_of_the_page_are_those_of_python():
 
 
 def test_the_smallest_change_that_turns_the_sign_is_that_of_python(opened):
-    controller = serialize.load("conf/controller/paper_champion.yaml")
-    browser_page = opened(page.write(controller))
+    browser_page = opened(page.write(CHAMPION))
+    change = "([place, row]) => review.signChange(review.systems[place], row, 0)"
     generator = np.random.default_rng(4)
     num_found = 0
-    for place, system in enumerate(controller.systems):
+    for place, system in enumerate(CHAMPION.systems):
         for row in generator.uniform(*step_by_step.ends(system), (8, len(system.inputs))):
-            told = browser_page.evaluate(
-                "([place, row]) => review.signChange(review.systems[place], row, 0)", [place, row.tolist()]
-            )
+            told = browser_page.evaluate(change, [place, row.tolist()])
             nearest = explanation.flips(system, row)[0]
             assert (told is None) == (nearest.first is None)
             if told is not None:
