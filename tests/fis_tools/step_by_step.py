@@ -8,16 +8,19 @@ from fis_tools.engines.inference import as_rows, infer
 from fis_tools.model import FuzzySystem
 
 
+def inferred(system: FuzzySystem, inputs: Any) -> tuple[np.ndarray, np.ndarray]:
+    """Outputs of samples, (n, num_outputs), and firing strengths before weights, (n, num_rules)."""
+    steps = [infer(system, row) for row in as_rows(system, inputs)]
+    outputs = np.array([step.values for step in steps]).reshape(-1, len(system.outputs))
+    return outputs, np.array([step.firing_strengths for step in steps]).reshape(-1, len(system.rules))
+
+
 def evaluate(system: FuzzySystem, inputs: Any) -> np.ndarray:
-    """Outputs of samples, (n, num_outputs)."""
-    found = [infer(system, row).values for row in as_rows(system, inputs)]
-    return np.array(found).reshape(-1, len(system.outputs))
+    return inferred(system, inputs)[0]
 
 
 def firing_strengths(system: FuzzySystem, inputs: Any) -> np.ndarray:
-    """Each rule's firing strength before weights, (n, num_rules)."""
-    found = [infer(system, row).firing_strengths for row in as_rows(system, inputs)]
-    return np.array(found).reshape(-1, len(system.rules))
+    return inferred(system, inputs)[1]
 
 
 def ends(system: FuzzySystem) -> tuple[np.ndarray, np.ndarray]:

@@ -24,8 +24,7 @@ from fis_tools.model.variables import shape_values
 from tests.fis_tools import step_by_step
 from tests.fis_tools.engines.random_systems import hedged, inputs_for, otherwise, random_general_system
 from tests.fis_tools.engines.weighed_systems import ENDLESS, MONOTONE, SYSTEMS, samples
-from tests.fis_tools.sample_controllers import terms
-from tests.places import PROJECT
+from tests.fis_tools.sample_controllers import SHIPPED, terms
 
 #: fuzzylite's example of an approximation, in few words
 FLL = (Path(__file__).parent / "near.fll").read_text(encoding="utf-8")
@@ -110,7 +109,7 @@ def test_what_cannot_take_formulas_says_so() -> None:
 @pytest.mark.parametrize("name", ["champion_27", "champion_27_fixed_sun", "champion_81"])
 def test_readable_champions_answer_as_by_hand(name: str) -> None:
     generator = np.random.default_rng(27)
-    for system in serialize.load(PROJECT / "conf" / "controller" / f"{name}.yaml").systems:
+    for system in serialize.load(SHIPPED[name]).systems:
         reaches = np.array([variable.maximum for variable in system.inputs])
         inputs = generator.uniform(-1.2, 1.2, (200, len(reaches))) * reaches
         by_hand = [work_out(system, row).force for row in inputs.tolist()]

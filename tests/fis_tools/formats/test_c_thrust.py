@@ -9,19 +9,17 @@ import pytest
 from fis_tools.formats.c import source
 from fis_tools.model import FuzzyController
 from fis_tools.source import read_controller
-from tests.fis_tools.sample_controllers import GENERAL
-from tests.places import PROJECT
+from tests.fis_tools.sample_controllers import GENERAL, SHIPPED
 from tests.programs import program
 
 pytestmark = pytest.mark.slow
 
-CONTROLLERS = PROJECT / "conf" / "controller"
 #: inlined by -O2, the same paths take three times as long
 ANALYSED = ("-O1", "-fanalyzer")
 
 
 def shipped(name: str, **attributes: str) -> FuzzyController:
-    fuzzy = read_controller(CONTROLLERS / f"{name}.yaml")
+    fuzzy = read_controller(SHIPPED[name])
     together = dict(fuzzy.attributes) | attributes
     return FuzzyController(name, fuzzy.systems, tuple(sorted(together.items())), fuzzy.provenance)
 

@@ -23,16 +23,15 @@ from fis_tools.words.text import sentence
 from tests.browser import opening, serious_violations
 from tests.fis_tools.render.picture_systems import one_input_system
 from tests.fis_tools.review.cases import HOSTILE, hostile_controller, log_flight, path_of, system_of_125_rules
-from tests.fis_tools.sample_controllers import FORCE_X, FORCE_Z, GENERAL, PAPER_LIKE, ROOM
+from tests.fis_tools.sample_controllers import FORCE_X, FORCE_Z, GENERAL, PAPER_LIKE, ROOM, SHIPPED
 from tests.fis_tools.step_by_step import firing_strengths
-from tests.places import PROJECT
 from tests.policies import Page, check_policy, check_references
 from tests.programs import program
 
 pytestmark = pytest.mark.slow
 
 NUM_SAMPLES = 120
-CHAMPION = serialize.load(PROJECT / "conf" / "controller" / "champion_any_sun.yaml")
+CHAMPION = serialize.load(SHIPPED["champion_any_sun"])
 FOCUSABLE = "a[href], button, input, select, summary, [tabindex='0']"
 
 
@@ -249,7 +248,7 @@ def test_findings_are_those_of_the_audit_and_lead_to_what_they_are_about(shown, 
 
 
 def test_a_finding_shows_where_it_is_seen(opened):
-    controller = serialize.load(PROJECT / "conf" / "controller" / "paper_champion.yaml")
+    controller = serialize.load(SHIPPED["paper_champion"])
     shown = opened(written(controller))
     button = shown.locator("button.show-point").first
     place = int(button.get_attribute("data-system")) - 1

@@ -15,8 +15,7 @@ from tests.fis_tools import step_by_step
 from tests.fis_tools.engines import random_systems as drawn
 from tests.fis_tools.engines.random_systems import inputs_for
 from tests.fis_tools.review.cases import system_of_125_rules
-from tests.fis_tools.sample_controllers import GENERAL
-from tests.places import PROJECT
+from tests.fis_tools.sample_controllers import GENERAL, SHIPPED
 
 pytestmark = pytest.mark.slow
 
@@ -47,7 +46,7 @@ def random_systems(seed: int, count: int) -> tuple[FuzzySystem, ...]:
     )
 
 
-CHAMPION = serialize.load(PROJECT / "conf" / "controller" / "paper_champion.yaml")
+CHAMPION = serialize.load(SHIPPED["paper_champion"])
 CONTROLLERS = {
     "champion": CHAMPION,
     "everything": GENERAL,
@@ -83,10 +82,10 @@ def test_outputs_and_firing_are_those_of_python(opened, name):
         rows = inputs_for(system, generator, NUM_SAMPLES)
         told = browser_page.evaluate(INFER, [place, rows.tolist()])
         values = np.array([[float(value) for value in sample["values"]] for sample in told])
-        expected = step_by_step.evaluate(system, rows)
+        expected, strengths = step_by_step.inferred(system, rows)
         step_by_step.assert_near(values, expected, system, 1e-9)
         firing = np.array([sample["firing"] for sample in told])
-        np.testing.assert_allclose(firing, step_by_step.firing_strengths(system, rows), rtol=0, atol=1e-12)
+        np.testing.assert_allclose(firing, strengths, rtol=0, atol=1e-12)
         num_values.append(np.unique(expected[~np.isnan(expected)]).size)
     assert np.median(num_values) > NUM_SAMPLES / 4
     # every picture can be drawn; a complaint of the page would fail the module
