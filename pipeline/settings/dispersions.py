@@ -11,7 +11,7 @@ from statistics import NormalDist
 from typing import Any, Literal
 
 from pipeline.settings.checks import SettingError
-from pipeline.settings.keys import did_you_mean, leaves, with_values
+from pipeline.settings.keys import did_you_mean, leaves
 
 #: keys that define each kind; low and high truncate a normal one
 KINDS: Mapping[str, tuple[set[str], set[str]]] = {
@@ -98,7 +98,12 @@ def processes(config: Mapping[str, Any]) -> dict[str, Distribution]:
 
 def in_time_alone(config: Mapping[str, Any]) -> dict[str, Any]:
     """Return the part of the same group that varies within a flight."""
-    return with_values({}, {key: one for key, one in leaves(config, ("kind",)) if "correlation_s" in one})
+    found: dict[str, Any] = {}
+    for name, value in config.items():
+        kept = value if "correlation_s" in value else {} if "kind" in value else in_time_alone(value)
+        if kept:
+            found[name] = kept
+    return found
 
 
 def _read(config: Mapping[str, Any]) -> Iterator[Distribution]:

@@ -268,7 +268,7 @@ def nudged(flight, k, state, log, generator):
     state.centres = near(state.centres)
     if state.belief is not None:
         state.belief.state = near(state.belief.state, NUDGE + corrected_error(k, log))
-        scale = 1.0 + NUDGE * generator.standard_normal(18)
+        scale = 1.0 + NUDGE * generator.standard_normal(len(state.belief.covariance))
         state.belief.covariance = state.belief.covariance * np.outer(scale, scale)
     return period(other, k, state)
 

@@ -3,7 +3,16 @@
 import numpy as np
 
 from fis_tools.compiled.decorator import compiled
-from fis_tools.compiled.three import Three, load_at, load_three, same, store_at, store_three, three_of
+from fis_tools.compiled.three import (
+    Three,
+    load_at,
+    load_three,
+    same,
+    store_at,
+    store_three,
+    three_of,
+    write_lane,
+)
 from fis_tools.compiled.vectors import Vector, least, load, most, select, splat, store, width_of
 from pipeline.array_types import Floats
 from pipeline.flight.state.arrays import Moment, State, World
@@ -66,8 +75,9 @@ def note_errors(now: Moment, drawn: ThrustErrors) -> None:
         for row in range(3):
             for column in range(3):
                 state.thrusters.errors[3 * row + column, lane] = drawn.matrices[case, which, row, column]
-            if is_first:
-                lanes.arm[row, lane], lanes.twist[row, lane] = drawn.arms[case, row], 0.0
+        if is_first:
+            write_lane(lanes.arm, 0, lane, three_of(drawn.arms[case]))
+            write_lane(lanes.twist, 0, lane, Three(0.0, 0.0, 0.0))
             state.thrusters.mass[lane] = 1.0
 
 
