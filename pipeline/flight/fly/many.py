@@ -7,8 +7,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.compiled.decorator import compiled
-from fis_tools.compiled.three import Three, lane_of, length, load_three, three_of, write_lane, write_three
-from fis_tools.compiled.vectors import borrowed, width_of
+from fis_tools.compiled.three import (
+    Three,
+    lane_of,
+    length,
+    load_three,
+    same,
+    store_three,
+    three_of,
+    write_lane,
+    write_three,
+)
+from fis_tools.compiled.vectors import borrowed, splat, store, width_of
 from pipeline.array_types import Bytes, Floats, Integers
 from pipeline.flight.fly.logged import write_period, write_sample
 from pipeline.flight.period.act.attitude import relative_rate
@@ -18,7 +28,7 @@ from pipeline.flight.period.steps import act, decide, look
 from pipeline.flight.state import arrays
 from pipeline.flight.state.arrays import Beyond, Control, Guard, Law, Moment, State, Workspace, World
 from pipeline.flight.state.errors import ModelErrors
-from pipeline.flight.state.lanes import attitude_of, flight_of, write_attitude, write_row
+from pipeline.flight.state.lanes import attitude_of, flight_of, write_row
 from pipeline.flight.state.log import NO_LOG, FlightLog
 from pipeline.flight.state.signals import SETTING, URGENCY
 
@@ -56,10 +66,11 @@ def start_lanes(now: Moment, cases: Any, counted: Bytes) -> None:
     `cases` and `counted` are as in `Flights`.
     """
     world, state, lanes, truth = now.world, now.state, now.state.lanes, now.state.truth
+    width = width_of(lanes)
     state.unseen[:] = 0.0
     state.num_centres[:] = 0
     state.clustered[:] = 0.0
-    for lane in range(width_of(lanes)):
+    for lane in range(width):
         row = flight_of(now, lane)
         case = cases[row]
         write_lane(truth.position, 0, lane, three_of(case.position))
@@ -72,14 +83,18 @@ def start_lanes(now: Moment, cases: Any, counted: Bytes) -> None:
             state.unseen[lane, j] = counts[j]
             num_counted += counts[j]
         lanes.num_counted[lane], lanes.num_unseen[lane] = num_counted, num_counted
-        write_attitude(truth.attitude, lane, world.attitude_at_start)
-        write_lane(truth.rate, 0, lane, three_of(world.rate_at_start))
-        write_lane(lanes.y_before, 0, lane, Three(0.0, 1.0, 0.0))
-    lanes.nearest[:], lanes.change[:] = np.inf, 0.0
+    for component in range(4):
+        store(truth.attitude, component, splat(world.attitude_at_start[component], width))
+    for component in range(3):
+        store(truth.rate, component, splat(world.rate_at_start[component], width))
+    nothing = splat(0.0, width)
+    store_three(lanes.y_before, 0, Three(nothing, splat(1.0, width), nothing))
+    store_three(lanes.change, 0, same(0.0, width))
+    store(lanes.nearest, 0, splat(np.inf, width))
     for total in (lanes.spent, lanes.travelled, lanes.farthest, lanes.beyond):
-        total[:] = 0.0
+        store(total, 0, nothing)
     for total in (lanes.coasts, lanes.num_acted, lanes.corrected, lanes.limit):
-        total[:] = 0.0
+        store(total, 0, nothing)
 
 
 @compiled(error_model="numpy")

@@ -14,7 +14,18 @@ J. Guidance 31, 2008). They yield to the others.
 import numpy as np
 
 from fis_tools.compiled.decorator import compiled
-from fis_tools.compiled.three import Three, dot, lane_of, length, load_three, three_of, write_lane
+from fis_tools.compiled.three import (
+    Three,
+    dot,
+    lane_of,
+    length,
+    load_three,
+    same,
+    store_three,
+    three_of,
+    write_lane,
+    write_three,
+)
 from fis_tools.compiled.vectors import least, most, select, some, splat, store, width_of
 from pipeline.array_types import Floats
 from pipeline.flight.state.arrays import Moment, State, World
@@ -136,8 +147,8 @@ def cut(world: World, free: Flying, ahead: Flying, limit: int, place: int, half_
         level += -guard.keep_in if limit == KEEP_IN else guard.keep_out
     (x, y, z), (u, v, w) = free
     level = level - p.x * x - p.y * y - p.z * z - q.x * u - q.y * v - q.z * w
-    f, g, h = effect_along(step_of(world.motion, 0), p, q)
-    half_space[0], half_space[1], half_space[2], half_space[3] = f, g, h, level
+    write_three(half_space, effect_along(step_of(world.motion, 0), p, q))
+    half_space[3] = level
 
 
 @compiled(error_model="numpy")
@@ -244,7 +255,8 @@ def correct(world: World, known: Flying, asked: Three, cuts: Floats) -> tuple[Th
 def assure(now: Moment) -> None:
     """Correct the commands of all lanes that are not safe; the others stay bit-identical."""
     world, lanes, belief = now.world, now.state.lanes, now.state.belief
-    lanes.limit[:], lanes.change[:] = 0.0, 0.0
+    store(lanes.limit, 0, splat(0.0, width_of(lanes)))
+    store_three(lanes.change, 0, same(0.0, width_of(lanes)))
     if not look_ahead(world, now.state):
         return
     for lane in range(now.num_lanes):
