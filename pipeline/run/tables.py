@@ -54,7 +54,18 @@ def _writer(path: Path, schema: pa.Schema) -> Iterator[pq.ParquetWriter]:
             yield writer
 
 
-def read_parquet(folder: Path, name: str) -> dict[str, NDArray[Any]]:
+class Table(dict[str, NDArray[Any]]):
+    """The columns of a run's table, by their names; one that is missing raises ArtifactError."""
+
+    def __init__(self, path: Path, columns: Mapping[str, NDArray[Any]]) -> None:
+        super().__init__(columns)
+        self._path = path
+
+    def __missing__(self, name: str) -> NDArray[Any]:
+        raise artifacts.ArtifactError(f"{self._path} has no column {name}; repeat the stage that writes it")
+
+
+def read_parquet(folder: Path, name: str) -> Table:
     """Read the columns of a run's table.
 
     Raises
@@ -72,7 +83,7 @@ def read_parquet(folder: Path, name: str) -> dict[str, NDArray[Any]]:
         if unpacked > most:
             raise ValueError(f"it unpacks to {unpacked} bytes, and at most {most} are read")
         table = pq.read_table(path)
-    return {column: table[column].to_numpy() for column in table.column_names}
+    return Table(path, {column: table[column].to_numpy() for column in table.column_names})
 
 
 class Columns(Mapping[str, NDArray[Any]]):

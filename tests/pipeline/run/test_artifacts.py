@@ -119,6 +119,8 @@ def test_columns_come_back_as_they_were(tmp_path: Path) -> None:
     }
     tables.write_parquet(tmp_path / "sub" / "table.parquet", columns)
     found = tables.read_parquet(tmp_path, "sub/table.parquet")
+    with pytest.raises(ArtifactError, match="has no column success; repeat the stage"):
+        found["success"]
     assert list(found) == list(columns)
     for name, values in columns.items():
         np.testing.assert_array_equal(found[name], values)
