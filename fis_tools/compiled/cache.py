@@ -78,6 +78,17 @@ def place_for(function: Callable[..., Any]) -> Path | str:
     return refused or root / name
 
 
+def name_of(types: str) -> str:
+    """Return what begins the names of all that is kept of a function for arguments of these types."""
+    return hashlib.sha256(types.encode()).hexdigest()[:16]
+
+
+def is_kept(function: Callable[..., Any], types: str) -> bool:
+    """Return whether the compiled code of a function for arguments of these types is in the cache."""
+    place = place_for(function)
+    return isinstance(place, Path) and any((place / name_of(types)).rglob("*.nbc"))
+
+
 #: For how long functions have run as plain Python in this process, with arguments of which types.
 _plain_s: defaultdict[tuple[Callable[..., Any], str], float] = defaultdict(float)
 
@@ -87,7 +98,7 @@ def plain_s(function: Callable[..., Any], types: str, more_s: float = 0.0) -> fl
     _plain_s[function, types] += more_s
     place = place_for(function)
     if isinstance(place, Path):
-        name = f"{function.__qualname__}-{hashlib.sha256(types.encode()).hexdigest()[:16]}.plain_s"
+        name = f"{name_of(types)}-{function.__qualname__}.plain_s"
         with suppress(OSError), (place / name).open("a+", encoding="ascii") as kept:
             kept.write(f"{more_s}\n" if more_s else "")
             kept.seek(0)

@@ -7,7 +7,6 @@ and gives it its own cache folder (`fis_tools.compiled.cache`). numba's settings
 compiled functions of other packages, are unaffected.
 """
 
-import hashlib
 import os
 import sys
 import threading
@@ -122,10 +121,11 @@ def plainly(package: str, instead: dict[Any, Callable[..., Any]] | None = None) 
 def sparingly(function: F) -> F:
     """Return a function that calls a compiled function for a single result, at first in plain Python.
 
-    The function, and all functions of its package that it calls, run as plain Python until they have done so,
-    with arguments of these types and in all processes, for as long as compiling is expected to take. The
-    result is the same. Asking numba for types takes long, so the function returned stops asking once it is
-    compiled; call it with the same types. With COMPILE_AT_ONCE=1 nothing runs as plain Python.
+    Unless its compiled code is in the cache, the function, and all functions of its package that it calls,
+    run as plain Python until they have done so, with arguments of these types and in all processes, for as
+    long as compiling is expected to take. The result is the same. Asking numba for types takes long, so the
+    function returned stops asking once it is compiled; call it with the same types. With COMPILE_AT_ONCE=1
+    nothing runs as plain Python.
     """
     known = cast(Compiled, function)
     is_known = os.environ.get("COMPILE_AT_ONCE") == "1" or not is_compiling()
@@ -139,8 +139,8 @@ def sparingly(function: F) -> F:
         from fis_tools.compiled import notice  # noqa: PLC0415 - as above
 
         function, types = known.py_func, tuple(map(typeof, args))
-        is_worth = cache.plain_s(function, str(types)) >= notice.expected_s(function)
-        is_known = is_worth or types in known.signatures
+        is_kept = types in known.signatures or cache.is_kept(function, str(types))
+        is_known = is_kept or cache.plain_s(function, str(types)) >= notice.expected_s(function)
         if is_known:
             return known(*args)
         notice.tell_plain(function)
@@ -183,7 +183,7 @@ def _keep_apart(dispatcher: Any, place: Path) -> None:
     compile_, making = dispatcher.compile, threading.RLock()
 
     def compile_apart(signature: Any) -> Any:
-        folder = place / hashlib.sha256(str(signature).encode()).hexdigest()[:16]
+        folder = place / cache.name_of(str(signature))
         with making:  # until it is kept, no other thread may change where
             with _numba_caching_in(folder):
                 dispatcher.enable_caching()
