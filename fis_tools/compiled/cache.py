@@ -79,31 +79,43 @@ def place_for(function: Callable[..., Any]) -> Path | str:
 
 
 def name_of(types: str) -> str:
-    """Return what begins the names of all that is kept of a function for arguments of these types."""
+    """Return the name of the folder of code that was compiled for arguments of these types."""
     return hashlib.sha256(types.encode()).hexdigest()[:16]
 
 
 def is_kept(function: Callable[..., Any], types: str) -> bool:
-    """Return whether the compiled code of a function for arguments of these types is in the cache."""
-    place = place_for(function)
-    return isinstance(place, Path) and any((place / name_of(types)).rglob("*.nbc"))
+    """Return whether code of a function for arguments of these types is in the cache.
+
+    It may be of another kind of processor, for which it is compiled again.
+    """
+    place, name = place_for(function), f"*.{function.__qualname__}-*.nbc"
+    return isinstance(place, Path) and any((place / name_of(types)).rglob(name))
 
 
 #: For how long functions have run as plain Python in this process, with arguments of which types.
 _plain_s: defaultdict[tuple[Callable[..., Any], str], float] = defaultdict(float)
 
 
-def plain_s(function: Callable[..., Any], types: str, more_s: float = 0.0) -> float:
-    """Return the seconds for which a function has run as plain Python, in any process; add some to them."""
-    _plain_s[function, types] += more_s
-    place = place_for(function)
-    if isinstance(place, Path):
-        name = f"{name_of(types)}-{function.__qualname__}.plain_s"
-        with suppress(OSError), (place / name).open("a+", encoding="ascii") as kept:
-            kept.write(f"{more_s}\n" if more_s else "")
-            kept.seek(0)
-            return sum(map(float, kept))
+def plain_s(function: Callable[..., Any], types: str) -> float:
+    """Return the seconds for which a function has run as plain Python, in any process."""
+    with suppress(OSError, ValueError):  # it was never written, or never whole
+        return sum(map(float, _plain_file(function, types).read_text(encoding="ascii").split()))
     return _plain_s[function, types]
+
+
+def add_plain_s(function: Callable[..., Any], types: str, seconds: float) -> None:
+    """Add to the seconds for which a function has run as plain Python."""
+    _plain_s[function, types] += seconds
+    with suppress(OSError), _plain_file(function, types).open("a", encoding="ascii") as kept:
+        kept.write(f"{seconds}\n")
+
+
+def _plain_file(function: Callable[..., Any], types: str) -> Path:
+    """Return the file with the seconds of plain Python; raise OSError if nothing can be kept."""
+    place = place_for(function)
+    if isinstance(place, str):
+        raise FileNotFoundError(place)
+    return place / f"{function.__qualname__}-{name_of(types)}.plain_s"
 
 
 def cache_root() -> Path:

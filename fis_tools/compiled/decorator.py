@@ -147,7 +147,7 @@ def sparingly(function: F) -> F:
         began = time.thread_time()
         with plainly(known._package):
             result = function(*args)
-        cache.plain_s(function, str(types), time.thread_time() - began)
+        cache.add_plain_s(function, str(types), time.thread_time() - began)
         return result
 
     return cast(F, call)

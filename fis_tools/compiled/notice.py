@@ -83,6 +83,7 @@ class _Notice(event.Listener):
 _notice = _Notice()
 
 
+@cached
 def expected_s(function: Callable[..., Any]) -> float:
     """Return about how many seconds compiling a function takes, by how many others it calls."""
     return max(1.0, SECONDS_A_FUNCTION * len(_called(function, set())))
@@ -100,8 +101,9 @@ def _called(function: Callable[..., Any], known: set[Callable[..., Any]]) -> set
     return known
 
 
+@cached
 def tell_plain(function: Callable[..., Any]) -> None:
-    """Say that a function runs in plain Python for now, if compiling it takes long."""
+    """Say once that a function runs in plain Python for now, if compiling it takes long."""
     if (seconds := expected_s(function)) >= LONG_S:
         name = f"{function.__module__}.{function.__qualname__}"
         _write(f"{name} runs as plain Python for now: compiling takes about {seconds:.0f} s, once")

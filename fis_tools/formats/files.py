@@ -57,7 +57,7 @@ def in_files_of_one(controller: FuzzyController, ending: str) -> dict[str, Fuzzy
     for system in controller.systems:
         name = file_name(system.name) + ending
         if any(name.casefold() == other.casefold() for other in files):
-            raise ValueError(f"two systems would both be written as {name}; write one at a time")
+            raise ValueError(f"two systems would both be written as {name}; rename {system.name!r}")
         files[name] = replace(controller, systems=(system,))
     return files
 

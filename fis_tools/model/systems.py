@@ -451,6 +451,8 @@ def rule_table(system: FuzzySystem) -> Integers | None:
 
 def with_terms(rule: Rule, names: Mapping[tuple[str, str], str]) -> Rule:
     """Return a rule with other terms, by variable and term, in what it asks and concludes."""
+    if not names:
+        return rule
     return renamed(rule, lambda variable, term: (variable, names.get((variable, term), term)))
 
 

@@ -68,7 +68,7 @@ def options(folders: Sequence[Path]) -> dict[str, list[str]]:
     for folder in folders:
         for path in sorted(folder.rglob("*.yaml")):
             parts = path.relative_to(folder).with_suffix("").parts
-            # what begins so is what several options have in common
+            # files whose names begin with _ hold what several options share
             if path.stem.startswith("_") or parts[0] in NOT_CHOSEN:
                 continue
             for cut in range(1, len(parts)):

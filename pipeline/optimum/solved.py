@@ -115,7 +115,7 @@ def read_solved(folder: Path) -> Solved:
     path = artifacts.require(folder, artifacts.OPTIMUM_FORCES)
     with artifacts.explained(f"{folder} has no readable plans of least fuel", "repeat the stage optimum"):
         fired = np.loadtxt(path, delimiter=",", skiprows=1, ndmin=2).reshape(-1, 5)
-        is_solved = columns["is_feasible"].astype(np.bool_) & (columns["delta_v_m_s"] > 0.0)
+    is_solved = columns["is_feasible"].astype(np.bool_) & (columns["delta_v_m_s"] > 0.0)
     return Solved(folder, {name: column[is_solved] for name, column in columns.items()}, fired, summary)
 
 

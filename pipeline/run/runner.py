@@ -129,7 +129,7 @@ def manifest_of(
         "scene": scene_of(experiment.mission),
         "versions": makers[-1]["versions"],
         "makers": makers,
-        "made_by": earlier.get("made_by", {}),
+        "made_by": dict(earlier.get("made_by", {})),
         **{name: value for name, value in if_any.items() if value is not None},
     }
 
@@ -148,7 +148,7 @@ def _makers(earlier: Mapping[str, Any]) -> list[dict[str, Any]]:
     return before if before and before[-1] == now else [*before, now]
 
 
-def _begin(manifest: Mapping[str, Any], stage: str, *, is_resumed: bool) -> None:
+def _begin(manifest: dict[str, Any], stage: str, *, is_resumed: bool) -> None:
     """Record the present maker of a stage; a resumed stage may contain another's work."""
     made_by, present = manifest["made_by"], len(manifest["makers"]) - 1
     earlier = made_by.get(stage, []) if is_resumed else []

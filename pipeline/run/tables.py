@@ -55,7 +55,15 @@ def _writer(path: Path, schema: pa.Schema) -> Iterator[pq.ParquetWriter]:
 
 
 class Table(dict[str, NDArray[Any]]):
-    """The columns of a run's table, by their names; one that is missing raises ArtifactError."""
+    """The columns of a run's table, by their names; one that is missing raises ArtifactError.
+
+    Parameters
+    ----------
+    path : Path
+        The file that they are of, for errors.
+    columns : mapping of str to ndarray
+        Each of shape (rows,).
+    """
 
     def __init__(self, path: Path, columns: Mapping[str, NDArray[Any]]) -> None:
         super().__init__(columns)

@@ -396,8 +396,8 @@ def _refused(key: str, fault: Mapping[str, Any], hint: Any) -> str:
     words = f"{expected(*ends_of(limits))}{unit}"
     if "gt" in limits and value <= limits["gt"]:
         words = f"greater than {limits['gt']:g}{unit}"
-    elif "lt" in limits and value >= limits["lt"]:
-        words = f"less than {limits['lt']:g}{unit}"
+    elif "lt" in limits:  # which is no part of the range
+        words = f"less than {limits['lt']:g}" if value >= limits["lt"] else f"at least {limits['ge']:g}"
     elif kind is int and "ge" in limits and value < limits["ge"]:
         cures = [one.words for one in marks if isinstance(one, Cure)]
         words = f"a whole number of at least {limits['ge']}{''.join(cures)}"

@@ -98,12 +98,8 @@ def processes(config: Mapping[str, Any]) -> dict[str, Distribution]:
 
 def in_time_alone(config: Mapping[str, Any]) -> dict[str, Any]:
     """Return the part of the same group that varies within a flight."""
-    found: dict[str, Any] = {}
-    for name, value in config.items():
-        kept = value if "correlation_s" in value else {} if "kind" in value else in_time_alone(value)
-        if kept:
-            found[name] = kept
-    return found
+    kept = {name: value if "kind" in value else in_time_alone(value) for name, value in config.items()}
+    return {name: one for name, one in kept.items() if one and ("correlation_s" in one or "kind" not in one)}
 
 
 def _read(config: Mapping[str, Any]) -> Iterator[Distribution]:

@@ -52,8 +52,8 @@ def written(
     ------
     fis_tools.formats.exchange.antecedents.NotExpressible
         If the format cannot say what the system computes.
-    fis_tools.model.validate.InvalidSystem
-        If something is wrong with the controller.
+    fis_tools.errors.Mistake
+        If something is wrong with the controller, or it has several systems.
     """
     carried = comment(controller)
     expressed = express(only_system(controller, dialect), dialect)

@@ -16,7 +16,7 @@ from pipeline.evaluation.assurance.campaign import Outcome, Search, speed
 from pipeline.evaluation.assurance.requirements import Requirement
 from pipeline.flight.cases.dispersions import drawn
 from pipeline.flight.control.controller import Controller
-from pipeline.flight.goals.flights import fly_logged
+from pipeline.flight.fly.simulation import fly_logged
 from pipeline.flight.state.log import FlightLog, Scenario
 from pipeline.scenarios import columns_of
 from pipeline.settings.experiment import Experiment, Mission
@@ -63,7 +63,7 @@ def domain_of(
     half = len(scenarios) // 2
 
     def flown_from(scenario: Scenario) -> dict[str, Floats]:
-        return sensed(fly_logged(experiment.mission, controller, scenario), controller)
+        return sensed(fly_logged(experiment.mission, controller, scenario, is_one_of_many=True), controller)
 
     flown = in_threads(flown_from, scenarios, workers=experiment.assurance.workers)
     boxes = []

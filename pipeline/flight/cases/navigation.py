@@ -16,6 +16,7 @@ import numpy as np
 
 from pipeline.array_types import Floats
 from pipeline.flight.cases.processes import in_time, varies
+from pipeline.flight.state import errors
 from pipeline.flight.state.errors import Errors, Filter, Fixes
 from pipeline.flight.state.log import Scenario
 from pipeline.flight.world.bounds import process_noise
@@ -70,13 +71,16 @@ def filter_of(mission: Mission) -> Filter:
 
 def considered(mission: Mission) -> Floats:
     """Return the variances of the constant errors that the filter may consider, shape (MOST_CONSTANT,)."""
-    navigation, actuators = mission.navigation, mission.actuators
-    is_real, is_seen = actuators.kind == "real", navigation.measures == "range_bearing"
-    scale, rotation = actuators.scale_error**2, np.radians(actuators.misalignment_deg) ** 2
+    navigation, actuators, found = mission.navigation, mission.actuators, np.zeros(errors.MOST_CONSTANT)
+    if actuators.kind == "real":
+        found[: errors.OF_ROTATION] = actuators.scale_error**2
+        found[errors.OF_ROTATION : errors.OF_ATTITUDE] = np.radians(actuators.misalignment_deg) ** 2
     tilt = np.radians(navigation.attitude_bias_deg) ** 2
-    # of the last, E (|turn|^2/2)^2 of the two turns across the line of sight
-    of_each = [scale * is_real, rotation * is_real, tilt, navigation.bias_m**2, 2.0 * tilt**2 * is_seen]
-    return np.repeat(of_each, 3)
+    found[errors.OF_ATTITUDE : errors.OF_FIXES] = tilt
+    found[errors.OF_FIXES : errors.OF_SQUARES] = navigation.bias_m**2
+    # E (|turn|^2/2)^2 of the two turns across the line of sight
+    found[errors.OF_SQUARES :] = 2.0 * tilt**2 * (navigation.measures == "range_bearing")
+    return found
 
 
 def errors_of(mission: Mission, scenarios: list[Scenario]) -> Errors:

@@ -58,7 +58,7 @@ class Regulator(Protocol):
     """Holds the deputy on a path by a force that is linear in the deviation."""
 
     def __call__(self, scenarios: list[Scenario]) -> Plans:
-        """Return the plans of flights from some starts, with the paths that they track."""
+        """Return the plans of flights from some starts: `Plans` with forces, paths and gain."""
 
 
 class Pilot(Protocol):
@@ -69,7 +69,7 @@ class Pilot(Protocol):
         """The file it was read from, for recordings."""
 
     def __call__(self, mission: Mission, scenarios: list[Scenario], workers: int | None) -> Plans:
-        """Return the plans of flights from some starts."""
+        """Return the forces of flights from some starts as plans, shape (m, K, 3), N, Hill axes."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -115,8 +115,10 @@ def check_flown_ahead(mission: Mission, controller: Controller) -> None:
         )
 
 
-def fly_logged(mission: Mission, controller: Controller, scenario: Scenario) -> FlightLog:
-    """Fly one episode and log everything.
+def fly_logged(
+    mission: Mission, controller: Controller, scenario: Scenario, *, is_one_of_many: bool = False
+) -> FlightLog:
+    """Fly one episode and log everything; only one of many is worth compiling at once, see `sparingly`.
 
     Raises
     ------
@@ -136,14 +138,14 @@ def fly_logged(mission: Mission, controller: Controller, scenario: Scenario) -> 
     log = empty_log(mission.num_controls, mission.num_attitude_steps, world.num_points, len(law.axes))
     log.mass_kg[:] = mission.deputy.mass_kg
     openings, of_pushes = rehearsed_openings(mission, controller, [scenario], 1)
-    noted = sparingly(note_inspectable)
+    noted = note_inspectable if is_one_of_many else sparingly(note_inspectable)
     parts, flights, inspectable = flights_of(
         world, law, numbers, cases, openings, controller.changes, note=noted
     )
     results = Results(np.empty((1, NUM_OUTCOMES)), log)
     state, work = make_state(world, parts[-1]), make_workspace(world)
     with as_asked(mission):
-        fly = fly_many if is_interpreted(mission) else sparingly(fly_many)
+        fly = fly_many if is_one_of_many or is_interpreted(mission) else sparingly(fly_many)
         fly(*parts, flights, state, work, results, 0, 1)
     num_counted = int(flights.counted[0, : world.num_points].sum())
     write_reasons(world, law, parts[-1], log, num_counted, openings is not None)

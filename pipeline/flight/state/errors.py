@@ -7,8 +7,7 @@ from pipeline.array_types import Floats, Integers
 from pipeline.physics.orbit import Course
 
 #: constant errors that the filter may consider, three each: scales of the thrusters, and where their
-#: rotations, those of the sensed attitude, biases of fixes, and squares of the attitude's rotations begin;
-#: `pipeline.flight.cases.navigation.considered` has their variances in this order
+#: rotations, those of the sensed attitude, biases of fixes, and squares of the attitude's rotations begin
 OF_ROTATION, OF_ATTITUDE, OF_FIXES, OF_SQUARES, MOST_CONSTANT = 3, 6, 9, 12, 15
 #: What navigation works with, a lane for each flight.
 ESTIMATED: Rows = {

@@ -257,7 +257,7 @@ def _ended(columns: Columns) -> dict[str, tuple[Booleans, str, str]]:
 
 
 def ends(columns: Columns) -> tuple[Booleans, Booleans, Booleans]:
-    """Return which flights ended in the ways of `ENDS`, in their order."""
+    """Return which flights ended in the ways of `ENDS`, in their order, each of shape (n,)."""
     success, violated = (np.asarray(columns[name], dtype=np.bool_) for name in ("success", "violated"))
     return success & ~violated, ~success & ~violated, violated
 

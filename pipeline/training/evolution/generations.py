@@ -237,6 +237,11 @@ def begin(
     round_index : int
     before : State, optional
         The final state of the round before.
+
+    Returns
+    -------
+    State
+        With the evaluated population.
     """
     generator = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(SPAWN_KEY, round_index)))
     python_state = random.Random(int(generator.integers(2**63))).getstate()  # noqa: S311
