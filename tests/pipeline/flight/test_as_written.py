@@ -145,6 +145,11 @@ FLIGHTS = {
     "a decision every half minute, safety layer": (guarded(PASSIVE), cases.PAUSING, starts_at_rest(3, 47)[0]),
     "the push that shows what sets on a tumbling chief": flight(cases.SEEING, attitude=IDEAL, chief=TUMBLING),
     "the push onto a tour": flight(cases.TOURING, STARTS[1], attitude=IDEAL),
+    "turned aside between the least distance and a skirt just outside it": flight(
+        cases.touring(skirt_distance_m=15.5),
+        replace(STARTS[1], position_m=np.array([9.0, 12.2, 1.0])),
+        attitude=IDEAL,
+    ),
     "onto a tour when the shadow ends": flight(
         cases.touring(tour_wait_s=2000.0),
         replace(STARTS[1], sun_angle_rad=5.2),

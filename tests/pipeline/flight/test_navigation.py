@@ -153,6 +153,38 @@ CASES = [Scenario(np.ones(3), np.zeros(3), 0.0, noise=(5, 0, case)) for case in 
 COAST = coast()
 
 
+def test_beyond_the_limits_the_filter_allows_for_what_its_equations_neglect() -> None:
+    """Which the bound within them no longer covers: errors would be hundreds of standard deviations."""
+    what = mission(
+        navigation=KNOWN | {"gate_sigma": None, "process_noise_m_s2": None},
+        dynamics=LOW_ORBIT,
+        attitude={"mode": "ideal"},
+        duration_s=1200.0,
+    )
+    far = replace(STARTS[0], position_m=np.array([0.0, 20_000.0, 0.0]))
+    logs = [fly_logged(what, coast(), replace(far, noise=(7, 0, case))) for case in range(20)]
+    for sample in (7, 40, 120):
+        assert squared(logs, sample).sum() < chi2.ppf(1 - 1e-4, 6 * len(logs))
+
+
+@pytest.mark.slow
+def test_what_is_turned_at_random_is_expected_shorter() -> None:
+    """Forces by the attitude's errors, and places by bearings that use it: what is along them is unbiased."""
+    sighted = {"measures": "range_bearing", "attitude_bias_deg": 6.0, "fix_period_s": 200.0}
+    exact = {"initial_position_m": 0.01, "initial_velocity_m_s": 1e-5, "gate_sigma": None}
+    what = mission(navigation=KNOWN | exact | sighted, duration_s=200.0)
+    push = open_loop("push", np.tile([0.0, 0.2, 0.0], (19, 1)))
+    logs = [fly_logged(what, push, replace(STARTS[0], noise=(7, 0, case))) for case in range(300)]
+    seen = [log.innovation_m[0] @ log.position_m[0] / np.linalg.norm(log.position_m[0]) for log in logs]
+    gained = [np.diff((log.estimate[[0, 19], 4], log.velocity_m_s[[0, 19], 1])).ravel() for log in logs]
+    # shorter by s^2, to within 3 s^4: of places 1/sqrt(1 + x^2), with x^2 of two turns of variance s^2
+    square = np.radians(6.0) ** 2
+    for found, size in ((seen, np.linalg.norm(STARTS[0].position_m)), (np.diff(gained), np.mean(gained))):
+        error = np.std(found) / np.sqrt(len(logs))
+        assert abs(np.mean(found)) < 4.0 * error + 3.0 * square**2 * size
+        assert 4.0 * error + 3.0 * square**2 * size < 0.8 * square * size
+
+
 def varying(what: Mission, key: str, correlation_s: float = 60.0, **told: float) -> Mission:
     kind = "normal" if "mean" in told else "uniform"
     return replace(what, dispersions={key: {"kind": kind, "correlation_s": correlation_s, **told}})

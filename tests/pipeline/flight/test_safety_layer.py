@@ -36,6 +36,7 @@ from tests.pipeline.flight.guarded import (
 )
 from tests.pipeline.flight.missions import MEAN_MOTION
 from tests.readable_flight.motion import pushed, transition
+from tests.readable_flight.safety import Layer
 
 PERIOD = 10.0
 KEEP_OUT_M, KEEP_IN_M = SPHERES
@@ -176,6 +177,43 @@ def test_from_outside_the_safe_states_it_comes_back() -> None:
     assert distance[1:].min() > KEEP_OUT_M - 1e-4
 
 
+def nearest_by_slsqp(asked, first, accuracy, constraint):
+    """The force nearest to one asked for, within the thrusters' limits and a constraint."""
+    return minimize(
+        lambda force: np.sum((force - asked) ** 2),
+        first,
+        jac=lambda force: 2.0 * (force - asked),
+        bounds=[(-1.0, 1.0)] * 3,
+        constraints=constraint,
+        method="SLSQP",
+        options={"ftol": accuracy},
+    )
+
+
+@pytest.mark.slow
+def test_the_change_is_the_least() -> None:
+    """Against a solver of the nonlinear problem itself, at the outer sphere, where it is convex."""
+    what, num_compared = guarded(), 0
+    layer = Layer(what)
+    for start in starts_at_rest(400, 37):
+        towards = start.position_m / np.linalg.norm(start.position_m)
+        at = np.concatenate([(KEEP_IN_M - random.uniform(0.1, 3.0)) * towards, random.normal(0.0, 0.1, 3)])
+        asked = random.uniform(-1.0, 1.0, 3)
+
+        def room(force, at=at):
+            return -layer.excesses(pushed(what, at, force, PERIOD), 2)
+
+        force, limit = layer.assured(at, asked)
+        if layer.excesses(at, 2).max() > 0.0 or limit != "keep_in":
+            continue
+        solved = nearest_by_slsqp(asked, force, 1e-12, {"fun": room, "type": "ineq"})
+        if solved.success:
+            assert room(force).min() >= 0.0
+            assert np.linalg.norm(force - asked) <= np.linalg.norm(solved.x - asked) + 1e-3
+            num_compared += 1
+    assert num_compared > 50
+
+
 @pytest.mark.parametrize("seed", range(40))
 def test_the_projection_is_that_of_a_solver(seed: int) -> None:
     generator = np.random.default_rng(seed)
@@ -184,15 +222,7 @@ def test_the_projection_is_that_of_a_solver(seed: int) -> None:
     cuts[:, 3] = cuts[:, :3] @ inside - generator.exponential(0.2, len(cuts))
     asked = generator.uniform(-1.0, 1.0, 3)
     found = project(Three(*asked), cuts, len(cuts), 1.0)
-    solved = minimize(
-        lambda force: np.sum((force - asked) ** 2),
-        inside,
-        jac=lambda force: 2.0 * (force - asked),
-        bounds=[(-1.0, 1.0)] * 3,
-        constraints=LinearConstraint(cuts[:, :3], cuts[:, 3]),
-        method="SLSQP",
-        options={"ftol": 1e-14},
-    )
+    solved = nearest_by_slsqp(asked, inside, 1e-14, LinearConstraint(cuts[:, :3], cuts[:, 3]))
     assert solved.success
     np.testing.assert_allclose(found, solved.x, atol=1e-5)
 

@@ -1,5 +1,6 @@
 from types import SimpleNamespace
 
+import numba
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -83,6 +84,18 @@ def test_a_chief_tumbles_in_inertial_space_and_the_step_fits_how_fast(inertia, s
     attitude, wanted = turned_by_scipy(inertia, rate, np.zeros(3), duration)
     assert (Rotation.from_quat(quaternion).inv() * attitude).magnitude() < accuracy
     np.testing.assert_allclose(found, wanted, atol=min(1e-2 * accuracy, 1e-3) * np.linalg.norm(rate))
+
+
+def test_a_top_that_spins_fast_for_an_hour_points_where_the_closed_form_says():
+    duration = 300.0 if numba.config.DISABLE_JIT else 3600.0  # an hour of plain Python takes 20 s
+    inertia, start = np.diag([10.0, 10.0, 16.0]), np.array([0.2, 0.0, 0.7])
+    steps = int(np.ceil(duration / attitudes.longest_tumbling_step(inertia, start, 0.0, duration)))
+    quaternion, _ = attitudes.tumble(IDENTITY, start, inertia, np.linalg.inv(inertia), 0.0, duration, steps)
+    # the body spins about its axis by (J1 - J3)/J1 w3 within a frame that precesses about the momentum
+    spin = Rotation.from_rotvec([0.0, 0.0, (10.0 - 16.0) / 10.0 * 0.7 * duration])
+    turned = Rotation.from_rotvec(inertia @ start / 10.0 * duration) * spin
+    error = (turned.inv() * Rotation.from_quat(quaternion)).magnitude()
+    assert error < 2.0 * attitudes.TUMBLING_TOLERANCE_RAD
 
 
 components = arrays(np.float64, 4, elements=st.floats(-1.0, 1.0))
@@ -173,3 +186,30 @@ def test_the_torque_opposes_error_and_rate_and_is_clipped_and_gains_are_matrices
     rate = np.array([1.0, -2.0, 3.0])
     torque = control_torque(IDENTITY, IDENTITY, 0.001 * rate, 0.08 * inertia, 0.32 * inertia, 1.0)
     np.testing.assert_allclose(torque, -0.00032 * inertia @ rate, rtol=1e-14)
+
+
+def errors_after(seconds, axis, angle, line_of_sight_rate):
+    """Turn from a misalignment while the line of sight turns about k; return later boresight errors, deg."""
+    quaternion = Rotation.from_rotvec(angle * np.array(axis) / np.linalg.norm(axis)).as_quat()
+    rate, errors, y = np.zeros(3), [], Three(*attitudes.FIRST_Y)
+    for second in range(seconds + 150):
+        around = line_of_sight_rate * second
+        towards = Three(np.cos(around), np.sin(around), 0.0)
+        y = attitudes.desired_y(towards, y)
+        desired = quaternions.from_dcm(attitudes.desired_dcm(towards, y))
+        torque = control_torque(quaternion, desired, rate, 0.08 * np.eye(3), 0.32 * np.eye(3), 0.01)
+        boresight = quaternions.dcm_b_from_h(quaternion).T @ [-1.0, 0.0, 0.0]
+        errors.append(np.degrees(np.arccos(np.clip(-boresight @ [*towards], -1.0, 1.0))))
+        quaternion, rate = turned(quaternion, rate, np.eye(3), torque, 1.0, MEAN_MOTION)
+    return np.array(errors[seconds:])
+
+
+@pytest.mark.parametrize("axis", [[0, 0, 1], [0, 1, 0], [1, 1, 1], [1, -2, 0.5]])
+@pytest.mark.parametrize("line_of_sight_rate", [0.0, 0.004, -0.008])
+def test_from_100_s_on_the_boresight_is_within_5_deg(axis, line_of_sight_rate):
+    assert errors_after(100, axis, np.pi * 0.999, line_of_sight_rate).max() < 5.0
+
+
+def test_the_lag_is_twice_the_ratio_of_gains_times_the_rate():
+    lag = np.radians(errors_after(300, [0, 0, 1], 0.1, 0.004)[-1])
+    assert lag == pytest.approx(2.0 * 0.32 / 0.08 * 0.004, rel=0.02)

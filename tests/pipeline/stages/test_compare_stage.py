@@ -73,7 +73,13 @@ def test_the_table_as_csv(finished):
     with (folder / artifacts.COMPARISON_TABLE).open() as stream:
         lines = list(csv.DictReader(stream))
     assert tuple(lines[0]) == HEADER
+    episodes = tables.read_parquet(folder, artifacts.COMPARISON_EPISODES)
     for line, row in zip(lines[1:], rows_in(folder)[1:], strict=True):
+        own = np.all([episodes[key] == line[key] for key in ("controller", "sun", "safety")], axis=0)
+        assert row.summary["delta_v_m_s"]["mean"] == pytest.approx(
+            episodes["delta_v_m_s"][own].mean(), abs=1e-12
+        )
+        assert row.summary["success"]["fraction"] == pytest.approx(episodes["success"][own].mean())
         assert (line["controller"], line["sun"], line["safety"]) == (row.controller, row.sun, row.safety)
         for kind in ("mean", "standard_deviation"):
             assert float(line[f"delta_v_m_s_{kind}"]) == row.summary["delta_v_m_s"][kind]
