@@ -89,7 +89,7 @@ def read_control_system(
     # The graph's own order is that of `source.rules`, which takes seconds where rules are many.
     rules = [node for node in source.graph.nodes() if isinstance(node, control.Rule)]
     defaults, labels = defaults or {}, [str(output.label) for output in source.consequents]
-    require_known(defaults, labels, "defaults are for an output that there is not,", UnreadableControlSystem)
+    require_known(defaults, labels, "defaults name an unknown output", UnreadableControlSystem)
     outputs = tuple(_output(output, defaults) for output in source.consequents)
     inputs = tuple(map(_variable, source.antecedents))
     read = said_once(model.FuzzySystem(name, inputs, outputs, _rules(rules, outputs)))

@@ -147,7 +147,9 @@ def test_defaults_are_zero_or_nearest_to_it_unless_given():
     given = _read(rule, defaults={"heat": 20.0})
     assert [output.default for output in given.outputs] == [0.0, 20.0]
     assert infer(given, np.array([10.0])).values.tolist() == [0.0, 20.0]
-    with pytest.raises(UnreadableControlSystem, match=r"defaults name 'heet'.*did you mean 'heat'"):
+    with pytest.raises(
+        UnreadableControlSystem, match="defaults name an unknown output 'heet'; did you mean 'heat'"
+    ):
         _read(rule, defaults={"heet": 20.0})
 
 
