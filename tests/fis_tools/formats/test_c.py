@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 from fmpy import simulate_fmu
 from fmpy.validation import validate_fmu
-from numpy.typing import NDArray
 
+from fis_tools.array_types import Floats
 from fis_tools.engines.compiler import compile
 from fis_tools.formats.c import fmu, source
 from fis_tools.formats.serialize import load
@@ -25,28 +25,34 @@ from fis_tools.words.text import sentence
 from tests.fis_tools import step_by_step
 from tests.fis_tools.engines import random_systems, weighed_systems
 from tests.fis_tools.engines.random_systems import full_table_system, inputs_for, random_general_system
-from tests.fis_tools.sample_controllers import FORCE_X, GENERAL, PAPER_LIKE, TIPPER
-from tests.places import PROJECT
+from tests.fis_tools.sample_controllers import FORCE_X, GENERAL, PAPER_LIKE, SHIPPED, TIPPER
 from tests.programs import program
 
-Floats = NDArray[np.float64]
+
+def run_in(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
+    """Run a program in a folder."""
+    return subprocess.run(words, cwd=folder, capture_output=True, text=True, check=False)  # noqa: S603
 
 
 def gcc(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
-    command = [program("gcc", "gcc"), *source.WARNINGS.split(), "-O2", *words]
-    return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)  # noqa: S603
+    return run_in(folder, program("gcc", "gcc"), *source.WARNINGS.split(), "-O2", *words)
+
+
+def loaded(path: Path, text: str, *words: str) -> ctypes.CDLL:
+    """Write C, compile it into a library and load that."""
+    path.with_suffix(".c").write_text(text, encoding="utf-8")
+    done = gcc(path.parent, *words, "-shared", "-fPIC", f"{path.stem}.c", "-o", path.name, "-lm")
+    assert done.returncode == 0, done.stderr
+    return ctypes.CDLL(str(path))
 
 
 @pytest.fixture
 def compiled(tmp_path):
-    """Write a controller as C, compile it and load it."""
+    """A controller as C that is loaded."""
 
     def load(controller):
         assert controller_problems(controller) == []
-        (tmp_path / "controller.c").write_text(source.write(controller, bare=True), encoding="utf-8")
-        done = gcc(tmp_path, "-shared", "-fPIC", "controller.c", "-o", "controller.so", "-lm")
-        assert done.returncode == 0, done.stderr
-        return ctypes.CDLL(str(tmp_path / "controller.so"))
+        return loaded(tmp_path / "controller.so", source.write(controller, bare=True))
 
     return load
 
@@ -72,7 +78,7 @@ def assert_equal(outputs: Floats, system: FuzzySystem, rows: Floats) -> None:
 
 
 def test_tables_of_inputs_hold_only_the_points_where_a_term_bends():
-    text = source.write(read_controller(PROJECT / "conf" / "controller" / "champion_27.yaml"))
+    text = source.write(read_controller(SHIPPED["champion_27"]))
     sizes = re.findall(r"memberships_force_x__(\w+)\[3\]\[(\d+)\]", text)
     assert sizes == [("aim_radial", "3"), ("predicted_centre_along_track", "3")]
 
@@ -124,7 +130,7 @@ def otherwise_controller() -> FuzzyController:
     [
         GENERAL,
         PAPER_LIKE,
-        read_controller(PROJECT / "conf" / "controller" / "paper_champion.yaml"),
+        read_controller(SHIPPED["paper_champion"]),
         otherwise_controller(),
         FuzzyController("weighed", tuple(replace(s, name=n) for n, s in weighed_systems.SYSTEMS.items())),
     ],
@@ -236,9 +242,8 @@ def test_without_gcc_the_source_remains(tmp_path, monkeypatch, run):
 
 
 def test_what_an_archive_cannot_say_is_told(tmp_path, refused):
-    champion = PROJECT / "conf" / "controller" / "champion_27.yaml"
     for words, said in (
         ([TIPPER], "an FMU is an archive and cannot be printed; add -o"),
-        ([champion, "-o", tmp_path / "champion.fmu"], "has several systems"),
+        ([SHIPPED["champion_27"], "-o", tmp_path / "champion.fmu"], "has several systems"),
     ):
         assert said in refused("export", *words, "--format", "fmu")

@@ -1,7 +1,6 @@
 """The thrust logic in C: what it says of itself, what analysers say of it, and what it costs."""
 
 import re
-import subprocess
 from pathlib import Path
 
 import pytest
@@ -9,6 +8,7 @@ import pytest
 from fis_tools.formats.c import source
 from fis_tools.model import FuzzyController
 from fis_tools.source import read_controller
+from tests.fis_tools.formats.test_c import run_in
 from tests.fis_tools.sample_controllers import GENERAL, SHIPPED
 from tests.programs import program
 
@@ -36,15 +36,11 @@ WRITTEN = {
 APART = ("champion_any_sun", "decisions, body", "bare", "general")
 
 
-def run(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(words, cwd=folder, capture_output=True, text=True, check=False)  # noqa: S603
-
-
 @pytest.mark.parametrize("name", APART)
 def test_gccs_analyser_finds_nothing(name: str, tmp_path: Path) -> None:
     (tmp_path / "controller.c").write_text(WRITTEN[name], encoding="utf-8")
     warnings = [word for word in source.WARNINGS.split() if word != "-Werror"]
-    done = run(tmp_path, program("gcc", "gcc"), *warnings, *ANALYSED, "-Werror", "-c", "controller.c")
+    done = run_in(tmp_path, program("gcc", "gcc"), *warnings, *ANALYSED, "-Werror", "-c", "controller.c")
     assert (done.returncode, done.stderr) == (0, "")
 
 
@@ -53,7 +49,7 @@ def found_by_cppcheck(folder: Path, text: str) -> set[str]:
     (folder / "controller.c").write_text(text, encoding="utf-8")
     words = "--std=c99 --quiet --inconclusive --addon=misra --template={id} controller.c"
     checks = "--enable=warning,style,performance,portability"
-    return set(run(folder, program("cppcheck", "cppcheck"), checks, *words.split()).stderr.split())
+    return set(run_in(folder, program("cppcheck", "cppcheck"), checks, *words.split()).stderr.split())
 
 
 @pytest.mark.parametrize("name", APART)
@@ -70,7 +66,7 @@ def test_analysers_do_find_something(tmp_path: Path) -> None:
     assert found_by_cppcheck(tmp_path, text) >= {"misra-c2012-14.4", "arrayIndexOutOfBounds"}
     reads_nothing = "double slip(int at);\ndouble slip(int at) { double *x = 0; return at ? 0.0 : *x; }\n"
     (tmp_path / "controller.c").write_text(WRITTEN["ellipse"] + reads_nothing, encoding="utf-8")
-    done = run(tmp_path, program("gcc", "gcc"), *ANALYSED, "-c", "controller.c")
+    done = run_in(tmp_path, program("gcc", "gcc"), *ANALYSED, "-c", "controller.c")
     assert "-Wanalyzer-null-dereference" in done.stderr
 
 
@@ -83,8 +79,8 @@ def test_analysers_do_find_something(tmp_path: Path) -> None:
 )
 def test_nothing_is_allocated_called_again_or_kept(name: str, entries: set[str], tmp_path: Path) -> None:
     (tmp_path / "controller.c").write_text(WRITTEN[name], encoding="utf-8")
-    assert run(tmp_path, program("gcc", "gcc"), "-std=c99", "-O2", "-c", "controller.c").returncode == 0
-    listed = run(tmp_path, program("nm", "binutils"), "--format=posix", "controller.o").stdout
+    assert run_in(tmp_path, program("gcc", "gcc"), "-std=c99", "-O2", "-c", "controller.c").returncode == 0
+    listed = run_in(tmp_path, program("nm", "binutils"), "--format=posix", "controller.o").stdout
     symbols = [line.split()[:2] for line in listed.splitlines()]
     assert {kind for _, kind in symbols} <= {"T", "t", "r", "U"}  # no b, d: nothing that can change
     assert {word for word, kind in symbols if kind == "T"} == entries

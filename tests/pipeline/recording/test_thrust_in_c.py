@@ -1,7 +1,6 @@
 """The C of a controller against the forces that its recorded flights fired."""
 
 import ctypes
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,7 +12,7 @@ from pipeline.controllers.source import named
 from pipeline.flight.control.controller import Controller
 from pipeline.settings.experiment import Mission
 from telemetry.file.reader import Recording
-from tests.fis_tools.formats.test_c import gcc
+from tests.fis_tools.formats.test_c import loaded
 from tests.pipeline.flight.cases import STEERING, mission, random_starts, with_attributes
 from tests.pipeline.recording import cases
 
@@ -38,15 +37,6 @@ FORESEEN = {
     "coasting_nearest": "coasting_nearest_m",
     "coasting_farthest": "coasting_farthest_m",
 }
-
-
-def compiled(controller: FuzzyController, path: Path) -> ctypes.CDLL:
-    """Write a controller as C, compile it and load it."""
-    path.with_suffix(".c").write_text(source.write(controller), encoding="utf-8")
-    words = ("-ffp-contract=off", "-shared", "-fPIC", f"{path.stem}.c", "-o", path.name, "-lm")
-    done = gcc(path.parent, *words)
-    assert done.returncode == 0, done.stderr
-    return ctypes.CDLL(str(path))
 
 
 def structure(*members: tuple[str, type]) -> type[ctypes.Structure]:
@@ -112,7 +102,7 @@ def test_c_fires_what_recorded_flights_fired(tmp_path):
     reasons: set[str] = set()
     for place, (controller, what) in enumerate(FLOWN):
         # one of a name is loaded but once
-        library = compiled(controller.fuzzy, tmp_path / f"{place}.so")
+        library = loaded(tmp_path / f"{place}.so", source.write(controller.fuzzy), "-ffp-contract=off")
         for start in random_starts(FLIGHTS_EACH, 31):
             _, found = cases.recorded(tmp_path / "flight.mcap", what, controller, start)
             control = found["/deputy/control"]

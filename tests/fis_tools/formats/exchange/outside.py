@@ -6,11 +6,9 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fis_tools.array_types import Floats
 from tests.programs import program
-
-Floats = NDArray[np.float64]
 
 #: Points of every universe, and of the programs' own sampling.
 NUM_POINTS = 1001

@@ -17,8 +17,7 @@ from tests.fis_tools.engines import weighed_systems
 from tests.fis_tools.engines.random_systems import otherwise
 from tests.fis_tools.formats.exchange.outside import NUM_POINTS, Floats, fuzzylite_outputs, octave_outputs
 from tests.fis_tools.formats.exchange.systems import DENIED, FLAT, NESTED, fine, without_comment, written
-from tests.fis_tools.sample_controllers import FORCE_X
-from tests.places import PROJECT
+from tests.fis_tools.sample_controllers import EXAMPLES, FORCE_X
 from tests.programs import library
 
 HERE = Path(__file__).parent
@@ -94,9 +93,6 @@ def test_fuzzylite_carries_a_hedge_on_to_what_else_a_rule_concludes():
         serialize.loads(text.replace("somewhat small", "not small"), "fll")
 
 
-EXAMPLES = PROJECT / "docs" / "examples"
-
-
 TOLERANCE = 5e-5
 OCTAVES_OWN = "/usr/share/octave/packages/fuzzy-logic-toolkit-0.4.6/mamdani_tip_calculator.fis"
 
@@ -117,6 +113,12 @@ def assert_near(system: FuzzySystem, ours: Floats, theirs: Floats, tolerance: fl
     narrowest = min(output.maximum - output.minimum for output in system.outputs)
     assert np.ptp(ours, axis=0).min() > 0.1 * narrowest
     step_by_step.assert_near(theirs, ours, system, tolerance)
+
+
+def assert_as_fuzzylite(system: FuzzySystem, path: Path, folder: Path, count: int = 300) -> None:
+    """Fuzzylite evaluates a file of a system as we evaluate the system."""
+    inputs = spread_inputs(system, count)
+    assert_near(system, compile(system)(inputs), fuzzylite_outputs(path, inputs, folder))
 
 
 @pytest.mark.slow
@@ -156,10 +158,7 @@ def test_octave_evaluates_our_files_as_we_do(tmp_path):
     ],
 )
 def test_fuzzylite_evaluates_our_files_as_we_do(tmp_path, name, form):
-    system = SYSTEMS[name]
-    inputs = spread_inputs(system, 300)
-    theirs = fuzzylite_outputs(written(tmp_path, system, form), inputs, tmp_path)
-    assert_near(system, compile(system)(inputs), theirs)
+    assert_as_fuzzylite(SYSTEMS[name], written(tmp_path, SYSTEMS[name], form), tmp_path)
 
 
 @pytest.mark.slow
@@ -168,12 +167,8 @@ def test_fuzzylite_implies_and_aggregates_as_we_do(tmp_path):
     pairs += [("hamacher_product", "probabilistic_sum"), ("min", "unbounded_sum")]
     for implication, aggregation in pairs:
         system = otherwise(fine(FLAT, NUM_POINTS), implication, aggregation)
-        inputs = spread_inputs(system, 60)
-        theirs = fuzzylite_outputs(written(tmp_path, system, fll), inputs, tmp_path)
-        assert_near(system, compile(system)(inputs), theirs)
+        assert_as_fuzzylite(system, written(tmp_path, system, fll), tmp_path, 60)
 
 
 def test_fuzzylite_evaluates_the_dimmer_as_it_is(tmp_path):
-    system = SYSTEMS["dimmer"]
-    inputs = spread_inputs(system, 300)
-    assert_near(system, compile(system)(inputs), fuzzylite_outputs(EXAMPLES / "dimmer.fll", inputs, tmp_path))
+    assert_as_fuzzylite(SYSTEMS["dimmer"], EXAMPLES / "dimmer.fll", tmp_path)
