@@ -1,11 +1,12 @@
 """Controllers to test with: one like the paper's, and one with everything a fuzzy system can have."""
 
 import re
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
 from fis_tools.formats.serialize import load
-from fis_tools.model import FuzzyController, FuzzySystem, MembershipFunction, Term, Variable, table_rules
+from fis_tools.model import FuzzySystem, MembershipFunction, Term, Variable, table_rules
 from fis_tools.model.shapes import Gaussian, Triangular
 from tests.places import PROJECT
 
@@ -34,8 +35,10 @@ GENERAL = load(HERE / "room.yaml")
 (ROOM,) = GENERAL.systems
 
 
+#: files that the documentation shows
+EXAMPLES = PROJECT / "docs" / "examples"
 #: a file of another program's
-TIPPER = PROJECT / "docs" / "examples" / "tipper.fis"
+TIPPER = EXAMPLES / "tipper.fis"
 #: the fuzzy controllers that the project ships, by name
 SHIPPED = {
     path.stem: path
@@ -44,12 +47,27 @@ SHIPPED = {
 }
 
 
-def paper_like_controller() -> FuzzyController:
-    return PAPER_LIKE
-
-
 def force(name: str = "force_x") -> Variable:
     return replace(FORCE_X.outputs[0], name=name)
+
+
+def with_input(system: FuzzySystem, **changes: object) -> FuzzySystem:
+    """The same system with its first input changed."""
+    first, *others = system.inputs
+    return replace(system, inputs=(replace(first, **changes), *others))  # type: ignore[arg-type]
+
+
+def with_output(system: FuzzySystem, **changes: object) -> FuzzySystem:
+    """The same system with its first output changed."""
+    first, *others = system.outputs
+    return replace(system, outputs=(replace(first, **changes), *others))  # type: ignore[arg-type]
+
+
+def table_system(
+    name: str, inputs: tuple[Variable, ...], output: Variable, words: Sequence[str], **how: str
+) -> FuzzySystem:
+    """A system whose rules are a full table of the terms that they conclude."""
+    return FuzzySystem(name, inputs, (output,), table_rules(inputs, output, list(words)), **how)  # type: ignore[arg-type]
 
 
 def gapped_system(default: float | None) -> FuzzySystem:
@@ -58,8 +76,7 @@ def gapped_system(default: float | None) -> FuzzySystem:
     sides = terms(left=Gaussian(-1.0, 0.2), none=Gaussian(0.0, 0.2), right=Gaussian(1.0, 0.2))
     inputs = tuple(Variable(name, "", 0.0, 1.0, apart, num_points=21) for name in "ab")
     output = Variable("y", "", -1.0, 1.0, sides, num_points=21, default=default)
-    rules = table_rules(inputs, output, ["left", "none", "right"] * 3)
-    return FuzzySystem("gapped", inputs, (output,), rules)
+    return table_system("gapped", inputs, output, ["left", "none", "right"] * 3)
 
 
 def ramp_system(default: float = 0.5, defuzzifier: str = "centroid") -> FuzzySystem:
@@ -67,5 +84,4 @@ def ramp_system(default: float = 0.5, defuzzifier: str = "centroid") -> FuzzySys
     x = Variable("x", "m", 0.0, 1.0, terms(low=Triangular(0, 0, 1), high=Triangular(0, 1, 1)), 101)
     sides = terms(left=Triangular(-4.0, -3.0, -2.0), right=Triangular(2.0, 3.0, 4.0))
     y = Variable("y", "N", -5.0, 5.0, sides, 101, default=default)
-    rules = table_rules((x,), y, ["left", "right"])
-    return FuzzySystem("ramp", (x,), (y,), rules, defuzzifier=defuzzifier)  # type: ignore[arg-type]
+    return table_system("ramp", (x,), y, ["left", "right"], defuzzifier=defuzzifier)

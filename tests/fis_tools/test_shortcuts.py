@@ -6,8 +6,7 @@ from pathlib import Path
 import pytest
 
 import fis_tools
-from tests.fis_tools.sample_controllers import TIPPER
-from tests.places import PROJECT
+from tests.fis_tools.sample_controllers import EXAMPLES, TIPPER
 from tests.programs import run_python
 
 
@@ -21,7 +20,7 @@ def test_one_line_each_from_a_file(tmp_path: Path) -> None:
 
 
 def test_a_control_system_goes_the_same_way(tmp_path: Path) -> None:
-    build_tipping = runpy.run_path(str(PROJECT / "docs" / "examples" / "tipping.py"))["build_tipping"]
+    build_tipping = runpy.run_path(str(EXAMPLES / "tipping.py"))["build_tipping"]
     assert fis_tools.audit(build_tipping()).findings
     assert fis_tools.review(build_tipping(), tmp_path / "page.html").stat().st_size > 100_000
 

@@ -24,7 +24,7 @@ from pipeline.flight.control.controller import ControllerError
 from pipeline.flight.fly.stepping import NUM_SEEN
 from pipeline.settings import mesh
 from pipeline.settings.experiment import SettingError
-from tests.fis_tools.sample_controllers import paper_like_controller
+from tests.fis_tools.sample_controllers import PAPER_LIKE
 from tests.hostile.readers import network
 
 MOST_BYTES = 400e6
@@ -137,8 +137,7 @@ def test_a_mesh_names_no_other_file(tmp_path):
 
 @pytest.mark.slow
 def test_an_output_of_very_many_points_is_tried_at_fewer_places(tmp_path, capsys):
-    controller = paper_like_controller()
-    told = json.loads(serialize.dump_json(replace(controller, systems=controller.systems[:1])))
+    told = json.loads(serialize.dump_json(replace(PAPER_LIKE, systems=PAPER_LIKE.systems[:1])))
     told["systems"][0]["outputs"][0]["points"] = 700_000
     path = tmp_path / "large.json"
     path.write_text(json.dumps(told))
@@ -146,12 +145,12 @@ def test_an_output_of_very_many_points_is_tried_at_fewer_places(tmp_path, capsys
     assert "this may take minutes" in capsys.readouterr().err
     samples = arrays.spread_inputs(serialize.load(path).systems[0])
     assert len(samples) == 285
-    np.testing.assert_array_equal(samples, arrays.spread_inputs(controller.systems[0])[:285])
+    np.testing.assert_array_equal(samples, arrays.spread_inputs(PAPER_LIKE.systems[0])[:285])
 
 
 @pytest.mark.parametrize("ends", [(0.0, 5e-324), (0.0, 1e-300), (1e16, 1e16 + 2)])
 def test_a_range_without_room_for_points_is_refused(ends):
-    told = json.loads(serialize.dump_json(paper_like_controller()))
+    told = json.loads(serialize.dump_json(PAPER_LIKE))
     told["systems"][0]["inputs"][0]["range"] = ends
     with pytest.raises(ControllerFileError, match="too narrow for double precision"):
         serialize.loads(json.dumps(told), "json")

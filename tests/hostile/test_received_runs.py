@@ -13,7 +13,7 @@ from fis_tools.plain_text import MISSING_SIGN, plain
 from pipeline.command_line.cli import main
 from pipeline.run import artifacts, configuration, manifests, writing
 from telemetry.file import metadata
-from tests.fis_tools.sample_controllers import paper_like_controller
+from tests.fis_tools.sample_controllers import PAPER_LIKE
 from tests.pipeline.command_line.cases import EVALUATE, plain_config, use_stages
 
 
@@ -109,7 +109,7 @@ def test_harmful_letters_are_replaced_also_in_a_controller(text):
         assert MISSING_SIGN in clean
         assert not set(clean) & set("\x1b\x9b\u202e\u2066\ud800\x00\x07\u2028")
         clean.encode()
-    told = json.loads(serialize.dump_json(paper_like_controller()))
+    told = json.loads(serialize.dump_json(PAPER_LIKE))
     variable = told["systems"][0]["inputs"][0]
     variable |= {"unit": text, "description": text}
     told |= {"attributes": {"maker": text}, "provenance": {text: "x"}}

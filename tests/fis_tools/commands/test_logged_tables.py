@@ -3,17 +3,16 @@
 import json
 import re
 import shutil
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
 import pytest
-from numpy.typing import NDArray
 from pyarrow import parquet
 
 from fis_tools.analysis import tables
 from fis_tools.analysis.domain import as_mapping, box_of
+from fis_tools.array_types import Floats
 from fis_tools.commands import COMMANDS
 from fis_tools.engines.inference import infer
 from fis_tools.findings.explanation import shares
@@ -21,14 +20,13 @@ from fis_tools.formats.serialize import load
 from fis_tools.model import Formula, FuzzyController, Term
 from fis_tools.words.text import sentence, shape_words
 from tests.fis_tools.engines.weighed_systems import SYSTEMS
-from tests.fis_tools.sample_controllers import TIPPER
-from tests.places import PROJECT
+from tests.fis_tools.sample_controllers import EXAMPLES, TIPPER, with_output
 
 #: in the system's order, service and food
 ROWS = np.array([[1.0, 9.0], [4.0, 8.0], [9.5, 2.0]])
 
 
-def write(path: Path, rows: NDArray[np.float64]) -> Path:
+def write(path: Path, rows: Floats) -> Path:
     """Write columns in another order than the inputs', a time, and words that nobody asks for."""
     times = [10.0 * row for row in range(len(rows))]
     if path.suffix == ".parquet":
@@ -118,9 +116,8 @@ def test_what_is_weighed_is_reviewed_and_what_needs_fuzzy_sets_says_so(name, sav
 
 def with_formula(text: str) -> FuzzyController:
     system = SYSTEMS["constant"]
-    (y,) = system.outputs
-    changed = replace(y, terms=(Term("y_0", Formula(text)), *y.terms[1:]))
-    return FuzzyController("formula", (replace(system, outputs=(changed,)),))
+    terms = (Term("y_0", Formula(text)), *system.outputs[0].terms[1:])
+    return FuzzyController("formula", (with_output(system, terms=terms),))
 
 
 @pytest.mark.parametrize("form", ["c", "fmu", "fis"])
@@ -142,7 +139,6 @@ def test_where_a_formula_has_no_value_is_left_out(tmp_path, saved, run, refused)
     run("plot", before, "-o", tmp_path, "--only", "surfaces")
 
 
-TIPPING = PROJECT / "docs" / "examples" / "tipping.py"
 PROGRAM = """\
 from pathlib import Path
 Path({mark!r}).touch()
@@ -156,7 +152,7 @@ def broken():
 
 @pytest.fixture
 def program(tmp_path):
-    shutil.copy(TIPPING, tmp_path)
+    shutil.copy(EXAMPLES / "tipping.py", tmp_path)
     path = tmp_path / "mine.py"
     path.write_text(PROGRAM.format(mark=str(tmp_path / "it-ran")), encoding="utf-8")
     return path

@@ -5,15 +5,14 @@ from dataclasses import replace
 from typing import TypeVar, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fis_tools.array_types import Floats
 from fis_tools.model import And, Consequent, Expression, FuzzySystem, Hedged, Is, Not, Or, Rule, shapes
 from fis_tools.model.operators import WEIGHING, Accumulation, AndOperator, Defuzzifier, Hedge, OrOperator
 from fis_tools.model.shapes import MembershipFunction
 from fis_tools.model.systems import table_rules
 from fis_tools.model.variables import Term, Variable
 
-Floats = NDArray[np.float64]
 DEFUZZIFIERS: tuple[Defuzzifier, ...] = tuple(way for way in get_args(Defuzzifier) if way not in WEIGHING)
 AND_OPERATORS: tuple[AndOperator, ...] = get_args(AndOperator)
 OR_OPERATORS: tuple[OrOperator, ...] = get_args(OrOperator)

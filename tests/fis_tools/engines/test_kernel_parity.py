@@ -21,7 +21,6 @@ from tests.fis_tools.control_systems import ReferenceEngine, by_scikit_fuzzy
 from tests.fis_tools.engines import random_systems
 from tests.fis_tools.engines.random_systems import full_table_system, inputs_for, random_general_system
 from tests.fis_tools.sample_controllers import SHIPPED, gapped_system
-from tests.fis_tools.step_by_step import assert_near
 from tests.seeds import seeds
 
 #: Of the output range's width.
@@ -38,7 +37,7 @@ def test_tables_and_rules_that_lack_statements_agree_with_the_inference_that_equ
         make = random_systems.sparse_system if seed % 4 == 1 else partial(full_table_system, is_smooth=True)
         system = make(generator)
         rows = inputs_for(system, generator, 20)
-        assert_near(by_kernel(system, rows), step_by_step.evaluate(system, rows), system)
+        step_by_step.assert_near(by_kernel(system, rows), step_by_step.evaluate(system, rows), system)
 
 
 @pytest.mark.slow
@@ -54,7 +53,7 @@ def test_terms_narrower_than_the_grid_agree_wherever_something_fires() -> None:
         compared = areas >= 1e-4 * (system.outputs[0].maximum - system.outputs[0].minimum)
         num_compared += int(compared.sum())
         expected = np.array([[result.value] for result in results])
-        assert_near(by_kernel(system, rows)[compared], expected[compared], system)
+        step_by_step.assert_near(by_kernel(system, rows)[compared], expected[compared], system)
     assert num_compared > 500
 
 
@@ -81,7 +80,7 @@ def test_no_rule_fires_gives_the_default_in_every_engine_and_never_a_stale_outpu
 def test_shipped_controllers_agree_with_scikit_fuzzy(name: str) -> None:
     for system in serialize.load(SHIPPED[name]).systems:
         rows = inputs_for(system, np.random.default_rng(17), 6)
-        assert_near(by_kernel(system, rows), by_scikit_fuzzy(system, rows), system)
+        step_by_step.assert_near(by_kernel(system, rows), by_scikit_fuzzy(system, rows), system)
 
 
 NUM_SYSTEMS = 100
@@ -104,7 +103,7 @@ def test_any_system_agrees_bit_for_bit(seed: int) -> None:
     firing = interpreter.fire(program, rows)
     np.testing.assert_array_equal(firing, strengths)
     with np.errstate(divide="ignore", invalid="ignore"):  # a bisector of an area with a gap
-        assert_near(compile(system)(rows), expected, system)
+        step_by_step.assert_near(compile(system)(rows), expected, system)
         outputs = interpreter.evaluate(program, rows)
         np.testing.assert_array_equal(outputs, interpreter.conclude(program, firing))
     for variable, column, exact in zip(system.outputs, outputs.T, expected.T, strict=True):

@@ -14,23 +14,22 @@ from fis_tools.findings.audit.report import SCHEMA, SCHEMA_VERSION
 from fis_tools.findings.audit.terms import read_names
 from fis_tools.model import And, Consequent, FuzzyController, FuzzySystem, Is, Not, Or, Rule
 from fis_tools.model.shapes import Gaussian, MembershipFunction, Trapezoidal, Triangular
-from fis_tools.model.systems import table_rules, with_variables
+from fis_tools.model.systems import with_variables
 from fis_tools.model.variables import Term, Variable
 from tests.fis_tools.analysis.test_analysis import even_terms
 from tests.fis_tools.analysis.test_flights import log_flight
-from tests.fis_tools.sample_controllers import GENERAL, PAPER_LIKE, terms
+from tests.fis_tools.sample_controllers import FORCE_TERMS, GENERAL, PAPER_LIKE, table_system, terms
 
-NAMES = ("NL", "NS", "ZE", "PS", "PL")
-ERROR = Variable("error", "deg", -10.0, 10.0, even_terms(NAMES, -10.0, 10.0))
-RATE = Variable("rate", "deg/s", -2.0, 2.0, even_terms(NAMES, -2.0, 2.0))
-TORQUE = Variable("torque", "N m", -1.0, 1.0, even_terms(NAMES, -1.0, 1.0), default=0.0)
-TABLE = [NAMES[min(4, max(0, 6 - error - rate))] for error, rate in product(range(5), range(5))]
+ERROR = Variable("error", "deg", -10.0, 10.0, even_terms(FORCE_TERMS, -10.0, 10.0))
+RATE = Variable("rate", "deg/s", -2.0, 2.0, even_terms(FORCE_TERMS, -2.0, 2.0))
+TORQUE = Variable("torque", "N m", -1.0, 1.0, even_terms(FORCE_TERMS, -1.0, 1.0), default=0.0)
+TABLE = [FORCE_TERMS[min(4, max(0, 6 - error - rate))] for error, rate in product(range(5), range(5))]
 ALTERNATING = [("NL", "PL")[sum(divmod(place, 5)) % 2] for place in range(25)]
 NOTE, WARNING, SERIOUS = Severity.NOTE, Severity.WARNING, Severity.SERIOUS
 
 
 def pd_of(table: Sequence[str] = TABLE) -> FuzzySystem:
-    return FuzzySystem("pd", (ERROR, RATE), (TORQUE,), table_rules((ERROR, RATE), TORQUE, list(table)))
+    return table_system("pd", (ERROR, RATE), TORQUE, table)
 
 
 #: A PD controller as textbooks print it: the more error and rate, the more torque against them.
@@ -85,10 +84,10 @@ def test_a_textbook_controller_is_left_alone():
 
 IDLE = Variable("wind", "m/s", 0.0, 9.0, even_terms(("low", "high"), 0.0, 9.0))
 MANY = Variable("x", "", 0.0, 1.0, even_terms(tuple(f"x{i}" for i in range(12)), 0.0, 1.0))
-TWELVE = FuzzySystem("many", (MANY,), (TORQUE,), table_rules((MANY,), TORQUE, ["ZE"] * 12))
+TWELVE = table_system("many", (MANY,), TORQUE, ["ZE"] * 12)
 THREE = tuple(replace(RATE, name=name) for name in "abc")
-SUMS = [NAMES[min(4, max(0, 8 - sum(cell)))] for cell in product(range(5), repeat=3)]
-BIG = FuzzySystem("big", THREE, (TORQUE,), table_rules(THREE, TORQUE, SUMS))
+SUMS = [FORCE_TERMS[min(4, max(0, 8 - sum(cell)))] for cell in product(range(5), repeat=3)]
+BIG = table_system("big", THREE, TORQUE, SUMS)
 SWAPPED = changed("rate", NS=RATE.terms[2].membership, ZE=RATE.terms[1].membership)
 SHUFFLED = replace(PD, inputs=(ERROR, replace(RATE, terms=(RATE.terms[1], RATE.terms[0], *RATE.terms[2:]))))
 ALIKE = changed("rate", NS=Triangular(-2.0, -1.0, 0.6), ZE=Triangular(-2.0, -0.8, 0.6))

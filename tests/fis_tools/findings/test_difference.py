@@ -15,21 +15,16 @@ from fis_tools.findings.difference.pictures import changed_surfaces
 from fis_tools.model import Gaussian, Term, Triangular, Variable
 from fis_tools.model.systems import And, Consequent, FuzzySystem, Is, Rule, table_rules
 from tests.fis_tools import step_by_step
-from tests.fis_tools.sample_controllers import FORCE_X, FORCE_Z, GENERAL, PAPER_LIKE, ROOM, terms
+from tests.fis_tools.sample_controllers import FORCE_X, FORCE_Z, GENERAL, PAPER_LIKE, ROOM, terms, with_input
 from tests.policies import Page, check_policy
 
 NEAR = FORCE_X.inputs[0].terms[1]
 
 
-def _with_input(**changes: object) -> FuzzySystem:
-    """The force system with its first input changed."""
-    return replace(FORCE_X, inputs=(replace(FORCE_X.inputs[0], **changes), FORCE_X.inputs[1]))
-
-
 def _with_near(**changes: object) -> FuzzySystem:
     """The force system with its second term of the first input changed."""
     first, _, *others = FORCE_X.inputs[0].terms
-    return _with_input(terms=(first, replace(NEAR, **changes), *others))
+    return with_input(FORCE_X, terms=(first, replace(NEAR, **changes), *others))
 
 
 _FIRST = replace(FORCE_X.rules[0], consequents=FORCE_X.rules[-1].consequents)
@@ -94,7 +89,7 @@ def test_the_likeness_of_two_shifted_triangles_is_known():
     ],
 )
 def test_what_a_variable_says_of_itself_is_compared(change, told):
-    (variable,) = _only(difference(FORCE_X, _with_input(**change))).variables
+    (variable,) = _only(difference(FORCE_X, with_input(FORCE_X, **change))).variables
     assert [(fact.what, fact.before, fact.after) for fact in variable.facts] == [told]
 
 
@@ -217,7 +212,7 @@ def test_systems_and_variables_come_and_go():
 @pytest.mark.slow
 def test_the_page_is_whole_by_itself_and_trusts_no_name():
     nasty = Term("<script>&", Triangular(0.0, 1.0, 2.0))
-    changed = _with_input(terms=(*FORCE_X.inputs[0].terms, nasty))
+    changed = with_input(FORCE_X, terms=(*FORCE_X.inputs[0].terms, nasty))
     after = replace(PAPER_LIKE, name="<b>&", systems=(changed, PAPER_LIKE.systems[1]))
     page = difference(PAPER_LIKE, after).html()
     check_policy(page)
@@ -245,8 +240,8 @@ def test_the_command_prints_writes_and_checks(tmp_path, paper, saved, run):
 
 
 def test_surfaces_are_those_of_both_over_the_ranges_of_both():
-    wider = replace(FORCE_X.inputs[0], maximum=300.0)
-    after = replace(FORCE_X, inputs=(FORCE_X.inputs[1], wider), rules=FORCE_X.rules[::-1])
+    wider = with_input(FORCE_X, maximum=300.0)
+    after = replace(wider, inputs=wider.inputs[::-1], rules=FORCE_X.rules[::-1])
     old, new, change = changed_surfaces(FORCE_X, after, "force_x")
     assert (old.x_variable.name, old.y_variable.name) == ("distance", "velocity_body_x")
     assert (old.x[0], old.x[-1]) == (0.0, 300.0)
@@ -268,6 +263,6 @@ def test_the_page_pictures_surfaces_of_what_moved_alone():
     conclusion = FORCE_X.rules[0].consequents
     rules = tuple(Rule(Is("distance", term.name), conclusion) for term in distance.terms)
     gone = replace(FORCE_X, inputs=(distance,), rules=rules)
-    assert "<img" not in difference(FORCE_X, _with_input(description="Far.")).html()
+    assert "<img" not in difference(FORCE_X, with_input(FORCE_X, description="Far.")).html()
     assert "<img" not in difference(FORCE_X, gone).html()
     assert "<img" not in difference(gone, replace(gone, rules=gone.rules[:2])).html()

@@ -14,10 +14,7 @@ from fis_tools.findings.explanation import Explanation, Flip, explain, flips, sh
 from fis_tools.formats.serialize import load
 from fis_tools.model import FuzzySystem, Triangular
 from tests.fis_tools.control_systems import ReferenceEngine
-from tests.fis_tools.sample_controllers import FORCE_X, FORCE_Z, ROOM, ramp_system, terms
-from tests.places import PROJECT
-
-EXAMPLES = PROJECT / "docs" / "examples"
+from tests.fis_tools.sample_controllers import EXAMPLES, FORCE_X, FORCE_Z, ROOM, SHIPPED, ramp_system, terms
 
 
 def ramp_output(x: float) -> float:
@@ -226,7 +223,7 @@ def test_what_cannot_be_explained_says_why(inputs: object, value: float, sentenc
 
 
 def test_what_is_lost_in_rounding_is_told_as_nothing() -> None:
-    system = load(PROJECT / "conf" / "controller" / "paper_champion.yaml").systems[0]
+    system = load(SHIPPED["paper_champion"]).systems[0]
     told = explain(system, [200.0, 0.05])
     assert 0.0 < min(abs(move.needed) for move in told.outputs[0].moves if move.needed) < 1e-9
     assert re.search(r"\n +[^ ]+ N +0 N ", told.text())

@@ -18,11 +18,10 @@ from fis_tools.model.validate import controller_problems
 from tests.fis_tools import sample_controllers
 from tests.fis_tools.analysis.test_flights import log_flight
 from tests.fis_tools.control_systems import by_scikit_fuzzy
-from tests.fis_tools.sample_controllers import FORCE_X, PAPER_LIKE, ROOM, terms
+from tests.fis_tools.sample_controllers import FORCE_X, PAPER_LIKE, ROOM, SHIPPED, terms
 from tests.fis_tools.step_by_step import ends
-from tests.places import PROJECT
 
-FOREIGN = sorted((PROJECT / "docs" / "examples").glob("*.f*"))
+FOREIGN = sorted(sample_controllers.EXAMPLES.glob("*.f*"))
 EXACTLY = Budget(0.0, 0.0)
 
 
@@ -201,7 +200,7 @@ def test_rounded_terms_stay_whole_and_in_order(name, digits):
 
 @pytest.mark.slow
 def test_a_champion_stays_one_that_flies_and_is_the_same_each_time():
-    champion = load(PROJECT / "conf" / "controller" / "paper_champion.yaml")
+    champion = load(SHIPPED["paper_champion"])
     samples = {system.name: flown(system) for system in champion.systems}
     found = simplify(champion, samples)
     again = simplify(champion.systems[2], {"force_z": samples["force_z"]})

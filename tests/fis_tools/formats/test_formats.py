@@ -19,13 +19,10 @@ from fis_tools.formats import csv as csv_format
 from fis_tools.formats import serialize
 from fis_tools.formats.exchange import foreign
 from fis_tools.formats.notation import read_json
-from fis_tools.formats.serialize import content_hash, described, edited
 from fis_tools.model import And, FuzzySystem, Hedged, Is, Not, Or, Term, shapes, table_rules, validate
 from fis_tools.source import named, read_controller
 from fis_tools.words import text
-from fis_tools.words.text import outline
-from tests.fis_tools.sample_controllers import FORCE_X, FORCE_Z, GENERAL, PAPER_LIKE, ROOM
-from tests.places import PROJECT
+from tests.fis_tools.sample_controllers import FORCE_X, FORCE_Z, GENERAL, PAPER_LIKE, ROOM, SHIPPED
 
 A, B, C = Is("a", "low"), Is("b", "high"), Is("c", "mid")
 
@@ -111,13 +108,13 @@ def test_rule_tables_of_one_two_and_three_inputs() -> None:
 
 
 def test_a_description_shows_terms_tables_and_defaults() -> None:
-    shown = plain_text.write(outline(PAPER_LIKE))
+    shown = plain_text.write(text.outline(PAPER_LIKE))
     assert "    very near  Gaussian, mean 0, standard deviation 25\n" in shown
     assert "  Output force_x (N)\n    From -0.1 to 0.1, 101 points; 0 when no rule fires.\n" in shown
     assert "    far                         PL         PS    PS     ZE       NS\n" in shown
     assert "  force_axes  body\n" in shown
     assert not any(line.endswith(" ") for line in shown.splitlines())
-    general = plain_text.write(outline(GENERAL))
+    general = plain_text.write(text.outline(GENERAL))
     assert "trapezoid from 0 over 0 to 10 to 20" in general
     assert "sampled at 5 points" in general
     assert "   2  If temperature is hot then heat is low (weight 0.75) and vent is open.\n" in general
@@ -215,16 +212,16 @@ def test_systems_that_no_analysis_ends_for(text, message):
     tracemalloc.stop()
 
 
-CHAMPION = PROJECT / "conf" / "controller" / "champion_27.yaml"
+CHAMPION = SHIPPED["champion_27"]
 SLIP = ("negative_large, negative_small, zero, ", "negative_large, negative_small, positive_large, ")
 
 
 def test_every_shipped_champion_is_the_one_its_provenance_tells_of() -> None:
-    told = list(map(serialize.load, (PROJECT / "conf" / "controller").glob("*champion*.yaml")))
+    told = list(map(serialize.load, [path for name, path in SHIPPED.items() if "champion" in name]))
     assert len(told) > 7
     for controller in told:
-        assert dict(controller.provenance)["controller_hash"] == content_hash(controller)
-        assert edited(controller) is None
+        assert dict(controller.provenance)["controller_hash"] == serialize.content_hash(controller)
+        assert serialize.edited(controller) is None
 
 
 @pytest.mark.parametrize(
@@ -241,8 +238,8 @@ def test_a_controller_edited_by_hand_says_so(change) -> None:
     original = dict(serialize.load(CHAMPION).provenance)["controller_hash"]
     words = f"by hand after training; fitness and figures are of hash {original}"
     controller = serialize.loads(text.replace(*change, 1), "yaml")
-    assert edited(controller) == words
-    assert edited(serialize.loads(serialize.dump_json(controller), "json")) == words
+    assert serialize.edited(controller) == words
+    assert serialize.edited(serialize.loads(serialize.dump_json(controller), "json")) == words
     (finding,) = [found for found in audit(controller).findings if found.id == "edited"]
     assert finding.sentence == f"champion_27 was edited {words}."
 
@@ -258,17 +255,17 @@ def test_a_controller_edited_by_hand_says_so(change) -> None:
 def test_other_words_for_the_same_are_no_edit(change) -> None:
     text = CHAMPION.read_text()
     assert text.replace(*change) != text
-    assert edited(serialize.loads(text.replace(*change), "yaml")) is None
+    assert serialize.edited(serialize.loads(text.replace(*change), "yaml")) is None
 
 
 @pytest.mark.slow
 def test_what_was_simplified_is_told_apart_from_what_a_hand_did() -> None:
-    trained = described(PAPER_LIKE, {"training_fitness": "0.5"})
+    trained = serialize.described(PAPER_LIKE, {"training_fitness": "0.5"})
     simpler = simplify(trained).controller
-    assert content_hash(simpler) != content_hash(trained)
+    assert serialize.content_hash(simpler) != serialize.content_hash(trained)
     again = serialize.loads(serialize.dump_json(simpler), "json")
-    assert str(edited(again)).startswith("by simplify after training; ")
-    assert edited(replace(again, provenance=())) is None
+    assert str(serialize.edited(again)).startswith("by simplify after training; ")
+    assert serialize.edited(replace(again, provenance=())) is None
 
 
 def test_a_slip_in_a_symmetric_table_is_found() -> None:

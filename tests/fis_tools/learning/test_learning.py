@@ -26,11 +26,10 @@ from fis_tools.learning.table import UnreadableTable, as_table, read, read_csv
 from fis_tools.model import FuzzyController, Is
 from fis_tools.source import read_controller
 from fis_tools.words.text import sentence
-from tests.fis_tools.sample_controllers import TIPPER
-from tests.places import PROJECT
+from tests.fis_tools.sample_controllers import EXAMPLES, SHIPPED, TIPPER
 from tests.programs import run_python
 
-IRIS = PROJECT / "docs" / "examples" / "iris.csv"
+IRIS = EXAMPLES / "iris.csv"
 
 
 def test_wang_and_mendels_rules_are_those_by_hand():
@@ -335,7 +334,7 @@ def test_more_terms_imitate_a_fuzzy_system_better():
         (lambda a: 1.0, {"a": (0.0, 1.0)}, "pass numpy.vectorize"),
         (lambda a: np.where(a > 0.5, np.nan, a), {"a": (0.0, 1.0)}, "returns no finite number at"),
         (TIPPER, {"a": (0.0, 1.0)}, "pass those of service, food"),
-        (PROJECT / "conf" / "controller" / "paper_champion.yaml", None, "there are several outputs"),
+        (SHIPPED["paper_champion"], None, "there are several outputs"),
     ],
 )
 def test_what_cannot_be_imitated_is_told(function, ranges, told):

@@ -32,8 +32,7 @@ from fis_tools.review.content import BRIGHTNESS, level, level_styles
 from fis_tools.review.flown import Samples
 from fis_tools.source import read_controller
 from tests.fis_tools.review.cases import path_of
-from tests.fis_tools.sample_controllers import FORCE_Z, GENERAL, ROOM, SHIPPED, TIPPER
-from tests.places import PROJECT
+from tests.fis_tools.sample_controllers import EXAMPLES, FORCE_Z, GENERAL, ROOM, SHIPPED, TIPPER
 from tests.policies import Page, check_policy
 
 CHAMPION = serialize.load(SHIPPED["champion_27"])
@@ -111,7 +110,7 @@ def test_a_file_that_is_no_evidence_is_said(tmp_path: Path, controller: str) -> 
 @pytest.fixture(scope="module")
 def iris(tmp_path_factory) -> FuzzyController:
     learned = tmp_path_factory.mktemp("learned") / "iris.json"
-    table = PROJECT / "docs" / "examples" / "iris.csv"
+    table = EXAMPLES / "iris.csv"
     assert command_line.main(["learn", str(table), "--target", "species", "-o", str(learned)]) == 0
     return serialize.load(learned)
 

@@ -18,10 +18,10 @@ from pipeline.flight.state.log import FlightLog
 from pipeline.flight.world.pack import pack_world
 from pipeline.recording.points import parts_of_points, sensed_of_points
 from pipeline.settings.experiment import Mission
+from tests.fis_tools.sample_controllers import SHIPPED
 from tests.pipeline.flight.as_written import written
 from tests.pipeline.flight.cases import STARTS, controller, leaning_system, mission, touring
 from tests.pipeline.recording.cases import recorded
-from tests.places import PROJECT
 from tests.readable_flight.see_push import KS2, cheapest_looks
 from tests.readable_flight.tour import tour_push
 from tests.readable_flight.urgency import turned_aside, urgency
@@ -38,11 +38,10 @@ WORLDS = {
     "low orbit": mission(**HALF, **REAL),
 }
 TEN_MINUTES = replace(WORLDS["the paper's"], duration_s=600.0)
-PATHS = sorted((PROJECT / "conf" / "controller").glob("*.yaml"))
 #: the fuzzy controllers, and those that sense what is made of points
-SHIPPED = {path.stem: from_fuzzy(serialize.load(path)) for path in PATHS if "systems:" in path.read_text()}
+FUZZY = {name: from_fuzzy(serialize.load(path)) for name, path in SHIPPED.items()}
 PAPER = pack_world(WORLDS["the paper's"])
-OF_POINTS = {name: flying for name, flying in SHIPPED.items() if sensed_of_points(PAPER, flying)}
+OF_POINTS = {name: flying for name, flying in FUZZY.items() if sensed_of_points(PAPER, flying)}
 TARGETING = controller((leaning_system("force_x", 0.02, ("target_radial", "", 1.0)),), "hill")
 
 
@@ -154,7 +153,7 @@ def test_what_coasting_would_miss_is_not_seen_by_coasting() -> None:
 
 
 def test_a_recording_holds_what_rehearsals_cost(tmp_path: Path) -> None:
-    flying = SHIPPED["champion_27_rehearsed"]
+    flying = FUZZY["champion_27_rehearsed"]
     log, found = recorded(tmp_path / "x.mcap", TEN_MINUTES, flying, STARTS[0])
     (told,) = found.rehearsals.values()
     assert told.costs_m_s == tuple(log.push_costs_m_s.tolist())
@@ -181,7 +180,7 @@ def test_a_recording_holds_what_later_rehearsals_cost(tmp_path: Path) -> None:
 
 def test_a_recording_holds_them_and_one_without_such_inputs_has_no_topic(tmp_path: Path) -> None:
     for name, senses in (("champion_27", True), ("paper_champion", False)):
-        flying = SHIPPED[name]
+        flying = FUZZY[name]
         _, flight = recorded(tmp_path / "x.mcap", WORLDS["the paper's"], flying, STARTS[0])
         assert ("/chief/pulls" in flight.topics) == ("pulls" in flight.metadata) == senses
         if senses:

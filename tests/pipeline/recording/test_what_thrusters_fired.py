@@ -18,13 +18,13 @@ from tests.pipeline.flight.guarded import PASSIVE, guarded
 from tests.pipeline.recording import cases
 from tests.places import PROJECT
 
-SHIPPED = sorted(path.stem for path in (PROJECT / "conf" / "controller").glob("*.yaml"))
+NAMES = sorted(path.stem for path in (PROJECT / "conf" / "controller").glob("*.yaml"))
 WORLDS = {"leo": ("world=leo",), "late": ("actuators=real", "actuators.delay_s=10.0"), "guarded": ()}
 DOCKING = {"docking": ("problem=docking", "safety=none", "duration_s=300.0")}
 DOCKS = ("champion_docking", "steady")
 FLOWN = [
     (name, world)
-    for name in SHIPPED
+    for name in NAMES
     if name not in WITH_PATHS
     for world in (DOCKING if name.endswith("_approach") else WORLDS | DOCKING if name in DOCKS else WORLDS)
 ]

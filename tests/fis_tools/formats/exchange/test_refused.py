@@ -13,9 +13,8 @@ from fis_tools.formats.exchange import fis, fll
 from fis_tools.formats.serialize import ControllerFileError, Kind, dump_json, loads
 from fis_tools.model.validate import controller_problems
 from tests.fis_tools.formats.exchange.systems import DENIED, FLAT, alone, without_comment
-from tests.places import PROJECT
+from tests.fis_tools.sample_controllers import EXAMPLES
 
-EXAMPLES = PROJECT / "docs" / "examples"
 TEXTS = {
     "fis": (EXAMPLES / "tipper.fis").read_text(encoding="utf-8"),
     "fll": (EXAMPLES / "dimmer.fll").read_text(encoding="utf-8"),
