@@ -42,7 +42,7 @@ from pipeline.training.evolution.state import CheckpointError, load
 from telemetry.file.recover import recover
 from telemetry.file.summary import in_words, summarize
 from telemetry.scene import runs
-from tests.places import PROJECT
+from tests.fis_tools.sample_controllers import EXAMPLES
 
 CSV: Final = b"time_s,x,y\n0,0.1,1\n1,0.2,2\n2,0.4,1\n3,0.1,0\n"
 RUN: Final = {"folder": "seed=1", "differs": {"seed": "1"}, "command": ["seed=1"], "failure": ""}
@@ -200,14 +200,14 @@ def _parquet(**columns: Any) -> bytes:
     return sink.getvalue()
 
 
-def _positions() -> bytes:
+def _positions(_folder: Path) -> Sequence[bytes]:
     places = {f"position_{axis}_m": np.linspace(0, 1, 12) for axis in "xyz"}
-    return _parquet(case=np.repeat([0, 1, 2], 4), sample=np.tile(np.arange(4), 3), **places)
+    return [_parquet(case=np.repeat([0, 1, 2], 4), sample=np.tile(np.arange(4), 3), **places)]
 
 
-def _numbers_as_parquet() -> bytes:
+def _numbers_as_parquet(_folder: Path) -> Sequence[bytes]:
     numbers = {"time_s": np.arange(9.0), "x": np.linspace(0, 1, 9), "y": np.linspace(1, 0, 9)}
-    return _parquet(**numbers, word=list("abcabcabc"))
+    return [_parquet(**numbers, word=list("abcabcabc"))]
 
 
 def network(nodes: Sequence[onnx.NodeProto], constants: Mapping[str, Any]) -> bytes:
@@ -219,25 +219,25 @@ def network(nodes: Sequence[onnx.NodeProto], constants: Mapping[str, Any]) -> by
     return content
 
 
-def _small_policy() -> bytes:
+def _small_policy(_folder: Path) -> Sequence[bytes]:
     weights = {"w": np.ones((NUM_SEEN, 4)), "b": np.ones(4), "v": np.ones((4, 3))}
     steps = (("Gemm", ["seen", "w", "b"], "a"), ("Tanh", ["a"], "c"), ("MatMul", ["c", "v"], "force"))
-    return network([onnx.helper.make_node(kind, names, [made]) for kind, names, made in steps], weights)
+    return [network([onnx.helper.make_node(kind, names, [made]) for kind, names, made in steps], weights)]
 
 
-def _small_stl() -> bytes:
+def _small_stl(_folder: Path) -> Sequence[bytes]:
     corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], dtype=np.float32)
     faces = corners[[[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]]]
     rows = np.concatenate([np.zeros((4, 3), np.float32), faces.reshape(4, 9)], axis=1)
-    return bytes(80) + (4).to_bytes(4, "little") + b"".join(row.tobytes() + b"\0\0" for row in rows)
+    return [bytes(80) + (4).to_bytes(4, "little") + b"".join(row.tobytes() + b"\0\0" for row in rows)]
 
 
-def _tried_journal(folder: Path) -> bytes:
+def _tried_journal(folder: Path) -> Sequence[bytes]:
     _journal(folder / "journal.log")
-    return (folder / "journal.log").read_bytes()
+    return [(folder / "journal.log").read_bytes()]
 
 
-def _saved_checkpoint(folder: Path) -> bytes:
+def _saved_checkpoint(folder: Path) -> Sequence[bytes]:
     from pipeline.training.evolution.rounds import evolve_rounds  # noqa: PLC0415 - brings DEAP
 
     def evaluate_round(_index: int, _champion: object) -> Callable[[Any], dict[str, Any]]:
@@ -246,16 +246,15 @@ def _saved_checkpoint(folder: Path) -> bytes:
     optimizer = compose_experiment(["+experiment=train"]).experiment.optimizer
     small = replace(optimizer, population_size=6, generations=2)
     evolve_rounds(evaluate_round, 3, small, 1, checkpoint=folder / "made.npz")
-    return (folder / "made.npz").read_bytes()
+    return [(folder / "made.npz").read_bytes()]
 
 
-def _flown(folder: Path) -> bytes:
+def _flown(folder: Path) -> Sequence[bytes]:
     """Record a short flight without any force."""
-    from pipeline.run.runner import run_stages  # noqa: PLC0415 - flies
+    from tests.pipeline.recording.cases import staged  # noqa: PLC0415 - flies
 
-    run = compose_experiment(["+experiment=fly", "controller=paper_champion", "duration_s=60"])
-    run_stages(run.experiment, run.config, folder / "flown")
-    return (folder / "flown" / "episodes" / "start.mcap").read_bytes()
+    staged(folder, "controller=paper_champion", "duration_s=60")
+    return [(folder / "episodes" / "start.mcap").read_bytes()]
 
 
 def _one() -> Any:
@@ -274,8 +273,8 @@ def _text(content: bytes) -> str:
     return content.decode("utf-8", "replace")
 
 
-def _an_example(name: str) -> Callable[[Path], Sequence[bytes]]:
-    return lambda _: [(PROJECT / "docs" / "examples" / name).read_bytes()]
+def _whole(path: Path) -> Callable[[Path], Sequence[bytes]]:
+    return lambda _: [path.read_bytes()]
 
 
 FORCES: Final = b"time_s,force_x_n,force_y_n,force_z_n\n0,0.1,0,0\n10,0,0.1,0\n"
@@ -283,35 +282,31 @@ READERS: Final[Mapping[str, Reader]] = {
     "json": Reader(_in_file("controller.json", _controller), lambda _: [_one_as_json()], "tree", REFUSALS),
     "yaml": Reader(_in_file("controller.yaml", _controller), lambda _: [serialize.dump_yaml(_one()).encode()],
                    "text", REFUSALS),
-    "fis": Reader(_in_file("controller.fis", _controller), _an_example("tipper.fis"), "text", REFUSALS),
-    "fll": Reader(_in_file("controller.fll", _controller), _an_example("dimmer.fll"), "text", REFUSALS),
-    "starts": Reader(_starts, _an_example("starts.csv"), "text"),
+    "fis": Reader(_in_file("controller.fis", _controller), _whole(EXAMPLES / "tipper.fis"), "text", REFUSALS),
+    "fll": Reader(_in_file("controller.fll", _controller), _whole(EXAMPLES / "dimmer.fll"), "text", REFUSALS),
+    "starts": Reader(_starts, _whole(EXAMPLES / "starts.csv"), "text"),
     "requirements": Reader(lambda content, _: requirements.read(_text(content), "requirements.yaml"),
-                           lambda _: [requirements_path("inspection").read_bytes()], "text"),
+                           _whole(requirements_path("inspection")), "text"),
     "settings": Reader(_settings, lambda _: [_config()], "tree"),
     "run": Reader(_run_folder, lambda _: [_config(), b'{"manifest_version": 2}'], "text", REFUSALS),
     "forces": Reader(_in_file("forces.csv", lambda path: read_played(path, _minute())), lambda _: [FORCES],
                      "text"),
     "conditions": Reader(_conditions, lambda _: [b"distance > 3 and velocity_body_x <= 0.5",
                                                  b"distance in [1, 2]"], "text"),
-    "table": Reader(_in_file("trajectories.parquet", _table), lambda _: [_positions()], "table", REFUSALS),
+    "table": Reader(_in_file("trajectories.parquet", _table), _positions, "table", REFUSALS),
     "checkpoint": Reader(_in_file("checkpoint.npz", lambda path: load(path, {})),
-                         lambda folder: [_saved_checkpoint(folder)], "bytes", REFUSALS),
-    "recording": Reader(_in_file("flight.mcap", _recording), lambda folder: [_flown(folder)],
-                        "recording", REFUSALS),
-    "verify": Reader(_in_file("flight.mcap", fly_again), lambda folder: [_flown(folder)], "attachments"),
-    "onnx": Reader(lambda content, _: policy_of("policy", content, "policy.onnx"),
-                   lambda _: [_small_policy()], "bytes"),
-    "obj": Reader(_in_file("chief.obj", _mesh),
-                  lambda _: [(conf_folder() / "chief" / "satellite.obj").read_bytes()], "text"),
-    "stl": Reader(_in_file("chief.stl", _mesh), lambda _: [_small_stl()], "bytes"),
+                         _saved_checkpoint, "bytes", REFUSALS),
+    "recording": Reader(_in_file("flight.mcap", _recording), _flown, "recording", REFUSALS),
+    "verify": Reader(_in_file("flight.mcap", fly_again), _flown, "attachments"),
+    "onnx": Reader(lambda content, _: policy_of("policy", content, "policy.onnx"), _small_policy, "bytes"),
+    "obj": Reader(_in_file("chief.obj", _mesh), _whole(conf_folder() / "chief" / "satellite.obj"), "text"),
+    "stl": Reader(_in_file("chief.stl", _mesh), _small_stl, "bytes"),
     "sweep": Reader(_sweep, lambda _: [json.dumps(SWEEP).encode()], "tree", REFUSALS),
-    "journal": Reader(_in_file("journal.log", _journal), lambda folder: [_tried_journal(folder)], "text"),
+    "journal": Reader(_in_file("journal.log", _journal), _tried_journal, "text"),
     "learned_csv": Reader(_in_file("table.csv", _learned), lambda _: [CSV], "text"),
-    "learned_parquet": Reader(_in_file("table.parquet", _learned), lambda _: [_numbers_as_parquet()],
-                              "table"),
+    "learned_parquet": Reader(_in_file("table.parquet", _learned), _numbers_as_parquet, "table"),
     "logged_csv": Reader(_in_file("table.csv", _logged), lambda _: [CSV], "text"),
-    "logged_parquet": Reader(_in_file("table.parquet", _logged), lambda _: [_numbers_as_parquet()], "table"),
+    "logged_parquet": Reader(_in_file("table.parquet", _logged), _numbers_as_parquet, "table"),
     "analyses": Reader(_in_file("controller.json", _analyses), lambda _: [_one_as_json()], "tree", REFUSALS),
 }  # fmt: skip
 

@@ -33,11 +33,14 @@ def words(folder: Path) -> list[str]:
 
 
 @pytest.fixture
-def refused(ran):
-    """Expect a command to be refused in a sentence of some words."""
+def refused(ran, monkeypatch):
+    """Expect a run in a folder, perhaps with another stage, to be refused in a sentence of some words."""
 
-    def expect(words, *told):
-        said = ran(*words, code=2).err
+    def expect(folder, *told, **stages):
+        with monkeypatch.context() as patched:
+            if stages:
+                use_stages(patched, **stages)
+            said = ran(*words(folder), code=2).err
         assert [part for part in told if part not in said] == []
 
     return expect
@@ -64,21 +67,19 @@ def goes_on(folder: Path, alone: dict[str, str]) -> None:
 def test_a_full_disk(kibibytes, alone, tmp_path, refused):
     with faults.small_disk(tmp_path / "disk", kibibytes) as change:
         folder = tmp_path / "disk" / "run"
-        refused(words(folder), "No space left on device", "make room")
+        refused(folder, "No space left on device", "make room")
         assert change("size=16m")
         goes_on(folder, alone)
 
 
 @mounting
-def test_a_disk_that_nobody_may_write_to(alone, tmp_path, monkeypatch, refused):
+def test_a_disk_that_nobody_may_write_to(alone, tmp_path, refused):
     with faults.small_disk(tmp_path / "disk", 16384) as change:
         folder = tmp_path / "disk" / "run"
         assert change("ro")
-        refused(words(folder), "(Read-only file system); choose one that can be written to")
+        refused(folder, "(Read-only file system); choose one that can be written to")
         assert change("rw")
-        with monkeypatch.context() as patched:
-            use_stages(patched, scenario=lambda _experiment, _folder: change("ro"))
-            refused(words(folder), "Read-only file system")
+        refused(folder, "Read-only file system", scenario=lambda _experiment, _folder: change("ro"))
         assert change("rw")
         goes_on(folder, alone)
 
@@ -93,21 +94,19 @@ def test_a_folder_that_may_not_be_written_to(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
-def test_a_folder_that_is_deleted_under_a_run(alone, tmp_path, monkeypatch, refused):
+def test_a_folder_that_is_deleted_under_a_run(alone, tmp_path, refused):
     folder = tmp_path / "run"
-    with monkeypatch.context() as patched:
-        use_stages(patched, scenario=lambda _experiment, folder: shutil.rmtree(folder))
-        refused(words(folder), f"{folder} has been deleted or moved while the run was at work")
+    told = f"{folder} has been deleted or moved while the run was at work"
+    refused(folder, told, scenario=lambda _experiment, folder: shutil.rmtree(folder))
     assert not folder.exists()
     goes_on(folder, alone)
 
 
-def test_more_memory_than_there_is(alone, tmp_path, monkeypatch, refused):
+def test_more_memory_than_there_is(alone, tmp_path, refused):
     folder = tmp_path / "run"
-    with monkeypatch.context() as patched:
-        # at once: after thousands of small grants the interpreter itself may die for want of a stack
-        use_stages(patched, scenario=lambda _experiment, _folder: np.empty(2**50, np.uint8))
-        refused(words(folder), "there is not enough memory for this; lower monte_carlo.num_cases")
+    told = "there is not enough memory for this; lower monte_carlo.num_cases"
+    # at once: after thousands of small grants the interpreter itself may die for want of a stack
+    refused(folder, told, scenario=lambda _experiment, _folder: np.empty(2**50, np.uint8))
     goes_on(folder, alone)
 
 

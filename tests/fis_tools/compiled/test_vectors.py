@@ -32,6 +32,11 @@ is_plain = os.environ.get("NUMBA_DISABLE_JIT") == "1"
 when_compiled = pytest.mark.skipif(is_plain, reason="numba is switched off: nothing is typed")
 
 
+@pytest.fixture(scope="module", params=WIDTHS)
+def width(request):
+    return request.param
+
+
 def assert_same(found: Floats, expected: Floats) -> None:
     """Equal to the last bit, signs of zeros included; any NaN is like any other."""
     np.testing.assert_array_equal(found, expected)
@@ -98,7 +103,6 @@ def in_lanes(width: int) -> Kernel:
     return run
 
 
-@pytest.mark.parametrize("width", WIDTHS)
 @settings(max_examples=100, deadline=None)
 @given(data=st.data(), number=st.floats(-2.0, 10.0))
 def test_arithmetic_comparisons_and_choices_are_those_of_numpy(width, data, number) -> None:
@@ -128,7 +132,6 @@ def path_in_lanes(numbers: Floats, width: int, factor: int, out: Floats) -> floa
     return (steady + steady * factor - steady / 4).z
 
 
-@pytest.mark.parametrize("width", WIDTHS)
 def test_three_vectors_compute_by_components(width: int) -> None:
     x = np.random.default_rng(width).uniform(1.0, 2.0, (4, width))
 
@@ -154,7 +157,6 @@ def sums(width: int) -> Callable[[Floats], float]:
     return run
 
 
-@pytest.mark.parametrize("width", WIDTHS)
 @settings(max_examples=60, deadline=None)
 @given(data=st.data())
 def test_sums(width: int, data: st.DataObject) -> None:
@@ -186,7 +188,6 @@ def places(width: int) -> Kernel:
     return run
 
 
-@pytest.mark.parametrize("width", WIDTHS)
 def test_vectors_are_read_and_written_where_one_says(width: int) -> None:
     generator = np.random.default_rng(width)
     flat, table = generator.random(200), generator.random((5, width + 3))
@@ -249,7 +250,6 @@ def record_total(room: NDArray[np.void]) -> float:
     return total(load(square, (1, 1, 0), vectors.width_of(square))) + lane
 
 
-@pytest.mark.parametrize("width", WIDTHS)
 def test_the_type_of_a_record_tells_how_wide_its_rows_are(width: int) -> None:
     room = vectors.make_rows({"row": (), "square": (2, 2)}, width, 3)
     assert (room.shape, room.row.shape, room.square.shape) == ((3,), (3, width), (3, 2, 2, width))
