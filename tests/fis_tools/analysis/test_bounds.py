@@ -4,24 +4,21 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from fis_tools.analysis.bounds import Interval, ask, output_ranges
 from fis_tools.analysis.condition import read_conditions, read_region
+from fis_tools.array_types import Floats
 from fis_tools.engines import inference, interpreter, interval
-from fis_tools.model import Consequent, FuzzySystem, Rule, Variable, table_rules
+from fis_tools.model import Consequent, FuzzySystem, Rule, Variable
 from fis_tools.model.shapes import Gaussian, Sampled, Triangular
 from tests.fis_tools import step_by_step
 from tests.fis_tools.engines import random_systems
-from tests.fis_tools.sample_controllers import FORCE_X, FORCE_Z, terms
-from tests.fis_tools.step_by_step import ends
-
-Floats = NDArray[np.float64]
+from tests.fis_tools.sample_controllers import FORCE_X, FORCE_Z, table_system, terms
 
 
 def _boxes(system: FuzzySystem, generator: np.random.Generator, count: int) -> tuple[Floats, Floats]:
     """Boxes from a point to several universes wide, about inputs that look for trouble."""
-    low, high = ends(system)
+    low, high = step_by_step.ends(system)
     centre = random_systems.inputs_for(system, generator, count)
     width = 10.0 ** generator.uniform(-6, 0.3, (count, 1)) * (high - low)
     width *= generator.choice([0.0, 1.0], width.shape, p=[0.2, 0.8])
@@ -62,7 +59,7 @@ def test_no_output_lies_outside_its_bounds():
 @pytest.mark.parametrize("system", [FORCE_X, FORCE_Z], ids=lambda system: system.name)
 def test_at_a_point_the_interval_is_tight_about_the_output(system):
     generator = np.random.default_rng(94)
-    inputs = generator.uniform(*ends(system), (300, len(system.inputs)))
+    inputs = generator.uniform(*step_by_step.ends(system), (300, len(system.inputs)))
     least, greatest, _ = interval.bound(interval.pack(system), inputs, inputs)
     outputs = step_by_step.evaluate(system, inputs[:40])
     assert ((outputs >= least[:40]) & (outputs <= greatest[:40])).all()
@@ -73,8 +70,8 @@ def test_at_a_point_the_interval_is_tight_about_the_output(system):
 
 def test_intervals_shrink_with_their_boxes():
     generator = np.random.default_rng(95)
-    inputs = generator.uniform(*ends(FORCE_X), (200, 2))
-    ranges = np.subtract(*ends(FORCE_X)[::-1])
+    inputs = generator.uniform(*step_by_step.ends(FORCE_X), (200, 2))
+    ranges = np.subtract(*step_by_step.ends(FORCE_X)[::-1])
     program = interval.pack(FORCE_X)
     widths = []
     for size in (1e-2, 1e-3, 1e-4):
@@ -99,7 +96,7 @@ def test_the_extremal_centroids_of_two_blocks_are_known():
     falling_rising = terms(low=Triangular(0.0, 0.0, 1.0), high=Triangular(0.0, 1.0, 1.0))
     x = Variable("x", "", 0.0, 1.0, falling_rising, num_points=11)
     y = Variable("y", "", 0.0, 4.0, blocks, num_points=8, points=points, default=0.0)
-    system = FuzzySystem("blocks", (x,), (y,), table_rules((x,), y, ["left", "right"]))
+    system = table_system("blocks", (x,), y, ["left", "right"])
     # cuts in [0.5, 0.8] and [0.2, 0.5]: the centroid is (0.5 a + 3.5 b) / (a + b)
     bounded = _bounds(system, x=(0.2, 0.5))
     assert bounded.low == pytest.approx((0.5 * 0.8 + 3.5 * 0.2) / 1.0, abs=1e-5)
@@ -113,8 +110,7 @@ def test_the_default_is_possible_exactly_where_no_rule_may_fire(defuzzifier):
     x = Variable("x", "", 0.0, 1.0, ends)
     sides = terms(left=Triangular(-1.5, -1.0, -0.5), right=Triangular(0.5, 1.0, 1.5))
     y = Variable("y", "", -2.0, 2.0, sides, default=5.0)
-    rules = table_rules((x,), y, ["left", "right"])
-    system = FuzzySystem("gapped", (x,), (y,), rules, defuzzifier=defuzzifier)
+    system = table_system("gapped", (x,), y, ["left", "right"], defuzzifier=defuzzifier)
     assert _bounds(system, x=(0.45, 0.55)) == Interval(5.0, 5.0)
     over_the_edge = _bounds(system, x=(0.3, 0.5))
     assert over_the_edge.high == 5.0
@@ -126,7 +122,7 @@ def test_outputs_that_collapse_for_want_of_area_stay_inside():
     """scikit-fuzzy divides by 2.2e-16 at least: outputs of a universe as narrow as that fall out of it."""
     y = Variable("y", "", 1e-16, 2e-16, terms(only=Gaussian(1.5e-16, 1e-17)), default=1.5e-16)
     x = Variable("x", "", 0.0, 1.0, terms(any=Triangular(0.0, 1.0, 1.0)))
-    system = FuzzySystem("tiny", (x,), (y,), table_rules((x,), y, ["only"]))
+    system = table_system("tiny", (x,), y, ["only"])
     output = step_by_step.evaluate(system, np.array([[0.5]]))[0, 0]
     assert output < y.minimum
     bounded = _bounds(system, x=(0.4, 0.6))

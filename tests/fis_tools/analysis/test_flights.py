@@ -1,5 +1,6 @@
 """Fuzzy systems along flights that the telemetry's own writer logged."""
 
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
@@ -47,15 +48,21 @@ def writing(path: Path, controller: FuzzyController, **more: dict[str, str]) -> 
     return EpisodeWriter(path, metadata=metadata, attachments=attachments)
 
 
+def log_along(path: Path, controller: FuzzyController, samples: Iterable[Iterable[np.ndarray]]) -> Path:
+    """Log inferences every 10 s, a sample the inputs of each system."""
+    with writing(path, controller) as writer:
+        for place, sample in enumerate(samples):
+            for system, inputs in zip(controller.systems, sample, strict=True):
+                log_inference(writer, 10.0 * place, system, inputs)
+    return path
+
+
 def log_flight(path: Path, controller: FuzzyController, num_samples: int = 4, seed: int = 0) -> Path:
     """Log inferences at random inputs, some of them outside the universes."""
     generator = np.random.default_rng(seed)
-    with writing(path, controller) as writer:
-        for sample in range(num_samples):
-            for system in controller.systems:
-                low, high = ends(system)
-                log_inference(writer, 10.0 * sample, system, generator.uniform(1.2 * low, 1.2 * high))
-    return path
+    ranges = [1.2 * np.array(ends(system)) for system in controller.systems]
+    samples = ([generator.uniform(low, high) for low, high in ranges] for _ in range(num_samples))
+    return log_along(path, controller, samples)
 
 
 #: three inputs under the name of a system with two
