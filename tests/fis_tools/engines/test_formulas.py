@@ -24,7 +24,7 @@ from fis_tools.model.variables import shape_values
 from tests.fis_tools import step_by_step
 from tests.fis_tools.engines.random_systems import hedged, inputs_for, otherwise, random_general_system
 from tests.fis_tools.engines.weighed_systems import ENDLESS, MONOTONE, SYSTEMS, samples
-from tests.fis_tools.sample_controllers import SHIPPED, terms
+from tests.fis_tools.sample_controllers import SHIPPED, terms, with_output
 
 #: fuzzylite's example of an approximation, in few words
 FLL = (Path(__file__).parent / "near.fll").read_text(encoding="utf-8")
@@ -200,7 +200,7 @@ def test_a_file_of_our_own_keeps_them() -> None:
 
 def test_an_accumulation_besides_is_refused() -> None:
     system = two_rules("product", "max")
-    both = replace(system, outputs=(replace(system.outputs[0], accumulation="bounded_sum"),))
+    both = with_output(system, accumulation="bounded_sum")
     assert "'y' has the accumulation bounded_sum, which is for terms cut by min" in problems(both)[0]
 
 

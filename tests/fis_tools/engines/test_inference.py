@@ -13,12 +13,11 @@ from fis_tools.engines import compiler, interpreter
 from fis_tools.engines.compiler import NoRuleFired, compile
 from fis_tools.engines.inference import infer
 from fis_tools.model import Gaussian, Triangular, Variable
-from fis_tools.model.systems import And, Consequent, Expression, FuzzySystem, Is, Not, Or, Rule, table_rules
+from fis_tools.model.systems import And, Consequent, Expression, FuzzySystem, Is, Not, Or, Rule
 from fis_tools.model.validate import InvalidSystem
 from fis_tools.scikit_fuzzy.read import UnreadableControlSystem
 from tests.fis_tools import step_by_step
-from tests.fis_tools.sample_controllers import FORCE_X, ROOM, terms
-from tests.fis_tools.step_by_step import ends
+from tests.fis_tools.sample_controllers import FORCE_X, ROOM, table_system, terms
 
 SIDES = terms(left=Triangular(0.0, 0.0, 10.0), right=Triangular(0.0, 10.0, 10.0))
 INPUTS = (Variable("a", "", 0.0, 10.0, SIDES, 2), Variable("b", "", 0.0, 10.0, SIDES, 2))
@@ -82,8 +81,7 @@ def system(base: float = 0.0, width: float = 30.0) -> FuzzySystem:
     amounts = terms(small=small, large=large)
     inputs = (Variable("service", "", 0.0, 10.0, gap), Variable("food", "", 0.0, 10.0, tastes))
     output = Variable("tip", "", base, base + width, amounts, default=base + width / 2)
-    rules = table_rules(inputs, output, ["small", "large", "small", "large"])
-    return FuzzySystem("tipper", inputs, (output,), rules)
+    return table_system("tipper", inputs, output, ["small", "large"] * 2)
 
 
 SERVICE, FOOD = np.array([1.0, 9.0, 5.0]), np.array([8.0, 2.0, 3.0])
@@ -198,7 +196,7 @@ def test_mappings_come_back_as_mappings_of_the_same_shape():
 
 def test_values_out_of_range_and_infinite_ones_are_clipped():
     for compiled in (compile(ROOM), compile(FORCE_X)):
-        (a, c), (b, d) = ends(compiled.system)
+        (a, c), (b, d) = step_by_step.ends(compiled.system)
         beyond = compiled(np.array([[-np.inf, np.inf], [b + 7.0, c - 7.0]]))
         np.testing.assert_array_equal(beyond, compiled(np.array([[a, d], [b, c]])))
 
@@ -235,7 +233,7 @@ def test_no_samples_are_no_mistake():
 @pytest.mark.parametrize("system", [FORCE_X, ROOM])
 def test_threads_change_nothing(system, monkeypatch):
     monkeypatch.setattr(compiler, "SAMPLES_A_THREAD", 100)
-    rows = np.random.default_rng(2).uniform(*ends(system), (1003, len(system.inputs)))
+    rows = np.random.default_rng(2).uniform(*step_by_step.ends(system), (1003, len(system.inputs)))
     alone, together = compile(system, threads=1), compile(system, threads=3)
     np.testing.assert_array_equal(alone(rows), together(rows))
     firing = alone.firing_strengths(rows)

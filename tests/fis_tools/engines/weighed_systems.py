@@ -1,14 +1,13 @@
 """Systems of which some output is weighed, drawn and by hand."""
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
-from fis_tools.model import Consequent, FuzzySystem, Is, MembershipFunction, Rule, Variable, table_rules
+from fis_tools.model import Consequent, FuzzySystem, Is, MembershipFunction, Rule, Variable
 from fis_tools.model.numbers import Constant, Linear
 from fis_tools.model.shapes import Arc, Concave, Gaussian, Ramp, Sigmoid, SShape, Triangular, ZShape
-from tests.fis_tools.sample_controllers import terms
+from tests.fis_tools.sample_controllers import table_system, terms
 from tests.fis_tools.step_by_step import ends
 
 
@@ -27,9 +26,8 @@ def output(name: str, *shapes: MembershipFunction) -> Variable:
 def system(way: str, *shapes: MembershipFunction, and_operator: str = "product") -> FuzzySystem:
     """A full table of nine rules that conclude the terms in turn."""
     variables, y = inputs(), output("y", *shapes)
-    rules = table_rules(variables, y, [y.terms[place % len(shapes)].name for place in range(9)])
-    joins: Any = {"and_operator": and_operator, "defuzzifier": way}
-    return FuzzySystem("weighed", variables, (y,), rules, **joins)
+    words = [y.terms[place % len(shapes)].name for place in range(9)]
+    return table_system("weighed", variables, y, words, and_operator=and_operator, defuzzifier=way)
 
 
 CONSTANTS = tuple(Constant(value) for value in (-1.5, -0.2, 0.7, 1.9))

@@ -10,12 +10,11 @@ from hypothesis import strategies as st
 from fis_tools.engines.packing import Packed, pack
 from fis_tools.formats import serialize
 from fis_tools.genes.parameters import Bounds, SystemEncoding
-from fis_tools.model import FuzzySystem, Gaussian, Term, Triangular, Variable, rule_table, table_rules
+from fis_tools.model import FuzzySystem, Gaussian, Term, Triangular, Variable, rule_table
 from fis_tools.model.validate import problems
-from tests.fis_tools.sample_controllers import gaussian_terms
-from tests.places import PROJECT
+from tests.fis_tools.sample_controllers import SHIPPED, gaussian_terms, table_system, with_input
 
-PAPER = serialize.load(PROJECT / "conf" / "controller" / "paper.yaml").systems
+PAPER = serialize.load(SHIPPED["paper"]).systems
 BOUNDS = Bounds(mean_window=0.9, standard_deviation=(0.04, 0.3), output_reach=(0.01, 0.3))
 
 
@@ -28,7 +27,7 @@ def variable(name: str, low: float, high: float, num_terms: int, num_points: int
 def table(name: str, inputs: tuple[Variable, ...], output: Variable) -> FuzzySystem:
     cells = int(np.prod([len(v.terms) for v in inputs]))
     words = [output.terms[(7 * cell) % len(output.terms)].name for cell in range(cells)]
-    return FuzzySystem(name, inputs, (output,), table_rules(inputs, output, words))
+    return table_system(name, inputs, output, words)
 
 
 #: of one to three inputs, with two to seven terms, and grids that do not fill whole vectors
@@ -152,11 +151,9 @@ def test_what_lies_outside_the_bounds_is_brought_to_them():
 
 
 def with_terms(terms: tuple[Term, ...], **changes: object) -> FuzzySystem:
-    (system,) = UNEVEN[:1]
-    output = system.outputs[0]
-    changed = replace(system.inputs[0], terms=terms, **changes)
-    words = [output.terms[0].name] * len(terms)
-    return FuzzySystem("odd", (changed,), (output,), table_rules((changed,), output, words))
+    changed = with_input(UNEVEN[0], terms=terms, **changes)
+    (output,) = changed.outputs
+    return table_system("odd", changed.inputs, output, [output.terms[0].name] * len(terms))
 
 
 GAUSSIANS = UNEVEN[0].inputs[0].terms

@@ -1,7 +1,6 @@
 """The compiled kernel over batches and populations: every answer stands for itself."""
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -16,7 +15,7 @@ from fis_tools.model.shapes import Gaussian, Sampled, Sigmoid, Triangular
 from fis_tools.model.validate import InvalidSystem, problems
 from tests.fis_tools.engines.random_systems import full_table_system, inputs_for
 from tests.fis_tools.genes.test_parameters import BOUNDS, PAPER, UNEVEN, assert_same
-from tests.fis_tools.sample_controllers import gapped_system, terms
+from tests.fis_tools.sample_controllers import gapped_system, table_system, terms, with_input, with_output
 from tests.fis_tools.step_by_step import ends
 
 #: of the range: inside, on a grid point, at and beyond the ends
@@ -28,14 +27,8 @@ def test_an_output_without_a_default_is_refused() -> None:
         pack(gapped_system(None))
 
 
-def with_output(system: FuzzySystem, **changes: Any) -> FuzzySystem:
-    """The same system with another output of the same terms' names."""
-    return replace(system, outputs=(replace(system.outputs[0], **changes),))
-
-
 def of_inputs(*inputs: Variable) -> FuzzySystem:
-    words = ["left"] * len(inputs[0].terms)
-    return replace(GAPPED, inputs=inputs, rules=table_rules(inputs, GAPPED.outputs[0], words))
+    return table_system("gapped", inputs, GAPPED.outputs[0], ["left"] * len(inputs[0].terms))
 
 
 GAPPED = gapped_system(0.0)
@@ -101,7 +94,7 @@ def parted(name: str, reach: float, count: int) -> Variable:
 _BOTH = (parted("a", 2.0, 3), parted("b", 50.0, 3))
 _OUTPUT = replace(parted("c", 0.3, 5), default=0.0)
 _WORDS = [f"t{place}" for place in (0, 1, 2, 1, 2, 3, 2, 3, 4)]
-DRAWN = FuzzySystem("drawn", _BOTH, (_OUTPUT,), table_rules(_BOTH, _OUTPUT, _WORDS))
+DRAWN = table_system("drawn", _BOTH, _OUTPUT, _WORDS)
 
 
 def test_the_middle_of_the_box_is_the_controller_as_drawn() -> None:
@@ -152,8 +145,7 @@ def test_gains_lay_tables_out_and_are_found_again() -> None:
 def test_shapes_stretch_by_what_their_numbers_are() -> None:
     bell, slope = Gaussian(1.0, 0.5), Sigmoid(1.0, 4.0)
     variable = Variable("a", "m", -2.0, 2.0, (Term("bell", bell), Term("slope", slope)))
-    output = parted("c", 1.0, 3)
-    system = FuzzySystem("s", (variable,), (output,), table_rules((variable,), output, ["t0", "t2"]))
+    system = table_system("s", (variable,), parted("c", 1.0, 3), ["t0", "t2"])
     (wide,) = Stretches((system,), (0.5, 2.0), False).decode(np.array([1.0, 0.5]))
     assert wide.inputs[0].terms[0].membership == Gaussian(2.0, 1.0)
     assert wide.inputs[0].terms[1].membership == Sigmoid(2.0, 2.0)
@@ -163,9 +155,8 @@ def test_shapes_stretch_by_what_their_numbers_are() -> None:
 
 
 def test_ranges_that_are_not_symmetric_are_refused() -> None:
-    one_sided = replace(DRAWN, inputs=(replace(DRAWN.inputs[0], minimum=0.0), DRAWN.inputs[1]))
     with pytest.raises(ValueError, match="make it symmetric about zero"):
-        Stretches((one_sided,), (0.5, 2.0), True)
+        Stretches((with_input(DRAWN, minimum=0.0),), (0.5, 2.0), True)
 
 
 WHOLE = SystemEncoding(PAPER, BOUNDS)

@@ -11,14 +11,14 @@ import pytest
 import skfuzzy
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
+from fis_tools.array_types import Floats
 from fis_tools.findings.simplification.draft import rounded
-from fis_tools.model import FuzzySystem, Term, Variable, shapes, table_rules
+from fis_tools.model import Term, Variable, shapes
 from fis_tools.model.operators import AND_OPERATORS, OR_OPERATORS, Operator
 from fis_tools.model.shapes import MembershipFunction
 from fis_tools.model.variables import is_unimodal, sample, shape_values
-from tests.fis_tools.sample_controllers import terms
+from tests.fis_tools.sample_controllers import table_system, terms
 from tests.programs import library, program
 
 UNIVERSE = st.tuples(st.floats(-10, 10), st.floats(1e-3, 40), st.integers(2, 60))
@@ -139,7 +139,7 @@ FUZZYLITE |= {"min": "Minimum", "product": "AlgebraicProduct", "max": "Maximum"}
 FUZZYLITE |= {"probabilistic_sum": "AlgebraicSum"}
 
 
-def _fuzzylite_table(folder: Path) -> dict[str, NDArray[np.float64]]:
+def _fuzzylite_table(folder: Path) -> dict[str, Floats]:
     """Every norm of fuzzylite at every pair of degrees, by a program of a few lines."""
     compiler = program("g++", "g++")
     library("/usr/include/fl/norm/Norm.h", "libfuzzylite-dev")
@@ -187,6 +187,6 @@ def test_the_numbers_of_any_shape_are_rounded() -> None:
     """To tens the width would be zero, so that it keeps another digit."""
     x = Variable("x", "m", 0.0, 10.0, terms(bump=shapes.Cosine(4.04, 3.0)))
     y = Variable("y", "", -1.0, 1.0, terms(high=shapes.Triangular(0.0, 1.0, 1.0)), default=0.0)
-    system = FuzzySystem("s", (x,), (y,), table_rules((x,), y, ["high"]))
+    system = table_system("s", (x,), y, ["high"])
     (variable,) = rounded(system, {("x", "bump"): 1}).inputs
     assert variable.terms[0].membership == shapes.Cosine(4.0, 3.0)

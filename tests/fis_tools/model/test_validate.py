@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from itertools import pairwise
 
 import pytest
@@ -14,7 +15,7 @@ from fis_tools.model.shapes import SHAPES, Gaussian, MembershipFunction, Sampled
 from fis_tools.model.systems import Expression, FuzzyController
 from fis_tools.model.validate import MAX_NESTING, InvalidSystem, controller_problems, problems
 from fis_tools.model.variables import Term, Variable
-from tests.fis_tools.sample_controllers import FORCE_X, GENERAL, PAPER_LIKE, force
+from tests.fis_tools.sample_controllers import FORCE_X, GENERAL, PAPER_LIKE, force, with_input, with_output
 
 NAN, INF = float("nan"), float("inf")
 
@@ -23,18 +24,14 @@ class _Narrow(Gaussian):
     """A shape made from one of ours."""
 
 
+#: the force system with its distance, or its force, changed
+_with_distance = partial(with_input, FORCE_X)
+_with_output = partial(with_output, FORCE_X)
+
+
 def _with_membership(membership: MembershipFunction) -> FuzzySystem:
-    distance, velocity = FORCE_X.inputs
-    terms = (Term(distance.terms[0].name, membership), *distance.terms[1:])
-    return replace(FORCE_X, inputs=(replace(distance, terms=terms), velocity))
-
-
-def _with_distance(**changes: object) -> FuzzySystem:
-    return replace(FORCE_X, inputs=(replace(FORCE_X.inputs[0], **changes), FORCE_X.inputs[1]))  # type: ignore[arg-type]
-
-
-def _with_output(**changes: object) -> FuzzySystem:
-    return replace(FORCE_X, outputs=(replace(force(), **changes),))  # type: ignore[arg-type]
+    first, *others = FORCE_X.inputs[0].terms
+    return _with_distance(terms=(replace(first, membership=membership), *others))
 
 
 def _with_rule(antecedent: Expression, *consequents: Consequent) -> FuzzySystem:

@@ -9,9 +9,8 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 from matplotlib.transforms import Bbox
 
-from fis_tools.model import FuzzySystem, Variable, table_rules
-from tests.fis_tools import sample_controllers
-from tests.fis_tools.sample_controllers import FORCE_TERMS, FORCE_X, gaussian_terms
+from fis_tools.model import FuzzySystem, Variable
+from tests.fis_tools.sample_controllers import FORCE_TERMS, FORCE_X, force, gaussian_terms, table_system
 
 _AMOUNTS = ("extremely", "rather", "moderately", "slightly")
 NINE = (
@@ -29,7 +28,7 @@ def nine_terms_system() -> FuzzySystem:
     )
     output = Variable("heating_power", "kW", -5.0, 5.0, gaussian_terms(NINE, -5.0, 5.0, 0.4), default=0.0)
     table = [NINE[int(np.clip(12 - row - column, 0, 8))] for row in range(9) for column in range(9)]
-    return FuzzySystem("heater", inputs, (output,), table_rules(inputs, output, table))
+    return table_system("heater", inputs, output, table)
 
 
 def autopilot_system() -> FuzzySystem:
@@ -38,15 +37,13 @@ def autopilot_system() -> FuzzySystem:
         Variable(name, unit, -end, end, gaussian_terms(FORCE_TERMS, -end, end))
         for name, unit, end in (("pitch", "deg", 30.0), ("pitch_rate", "deg/s", 5.0), ("speed", "m/s", 10.0))
     )
-    output = sample_controllers.force("elevator")
+    output = force("elevator")
     table = [FORCE_TERMS[(12 - a - b - c) // 3] for a in range(5) for b in range(5) for c in range(5)]
-    return FuzzySystem("autopilot", inputs, (output,), table_rules(inputs, output, table))
+    return table_system("autopilot", inputs, output, table)
 
 
 def one_input_system() -> FuzzySystem:
-    inputs, output = FORCE_X.inputs[1:], FORCE_X.outputs[0]
-    rules = table_rules(inputs, output, ["PL", "PS", "ZE", "NS", "NL"])
-    return FuzzySystem("damper", inputs, (output,), rules)
+    return table_system("damper", FORCE_X.inputs[1:], FORCE_X.outputs[0], ["PL", "PS", "ZE", "NS", "NL"])
 
 
 def words_of(ax: Axes) -> list[Text]:

@@ -152,9 +152,6 @@ def test_every_word_can_be_read_on_the_paper_of_a_theme(theme: Theme) -> None:
                 assert contrast(text.get_color(), theme.paper) >= 4.5, text.get_text()
 
 
-SVG = "{http://www.w3.org/2000/svg}"
-
-
 def figures() -> dict[str, Figure]:
     drawn = dict(render.system_figures(FORCE_X, theme=render.DARK))
     drawn |= dict(render.surface_figures(FORCE_X, in_space=True))
@@ -175,7 +172,7 @@ def test_svg_is_well_formed_holds_its_words_as_text_and_is_identical_twice() -> 
     for name, figure in figures().items():
         content = render.encode(figure, "svg")
         root = ElementTree.fromstring(content)  # noqa: S314 - our own file
-        texts = ["".join(node.itertext()) for node in root.iter(f"{SVG}text")]
+        texts = ["".join(node.itertext()) for node in root.iter("{http://www.w3.org/2000/svg}text")]
         assert any(words[name] in text for text in texts), name
         assert render.encode(again[name], "svg") == content, name
         assert b"<dc:date>" not in content

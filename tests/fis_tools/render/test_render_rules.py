@@ -17,7 +17,7 @@ from fis_tools.render.theme import contrast, term_colours
 from fis_tools.words.text import outline
 from tests.fis_tools.analysis.test_flights import log_flight
 from tests.fis_tools.render.picture_systems import one_input_system
-from tests.fis_tools.sample_controllers import FORCE_X, FORCE_Z, PAPER_LIKE, ROOM
+from tests.fis_tools.sample_controllers import FORCE_X, FORCE_Z, PAPER_LIKE, ROOM, with_input
 
 
 def test_the_rule_matrix_holds_every_consequent_at_its_place() -> None:
@@ -158,22 +158,20 @@ def test_latex_is_whole() -> None:
     assert r" & \multicolumn{5}{c}{velocity\_body\_x} \\" in written
     assert "\nfar & PL & PS & PS & ZE & NS \\\\\n" in written
     assert "longtable}{" not in written
-    described = replace(ROOM, inputs=(replace(ROOM.inputs[0], description=NASTY), *ROOM.inputs[1:]))
-    nasty = FuzzyController(NASTY, (described,), (("key", NASTY),))
+    nasty = FuzzyController(NASTY, (with_input(ROOM, description=NASTY),), (("key", NASTY),))
     assert_is_latex(text.write_latex(outline(nasty)))
 
 
 def test_latex_rows_that_begin_like_an_option_are_kept() -> None:
-    starred = replace(ROOM.inputs[0], terms=(replace(ROOM.inputs[0].terms[0], name="*"),))
-    controller = FuzzyController("c", (replace(ROOM, inputs=(starred, ROOM.inputs[1])),))
+    starred = with_input(ROOM, terms=(replace(ROOM.inputs[0].terms[0], name="*"),))
+    controller = FuzzyController("c", (starred,))
     written = text.write_latex(outline(controller))
     assert "\n{*} & trapezoid" in written
     assert "{[warm up] If" in written
 
 
 def test_an_uneven_universe_is_told_as_one() -> None:
-    points = (0.0, 10.0, 50.0, 200.0)
-    uneven = replace(FORCE_X.inputs[0], points=points, num_points=4)
-    controller = FuzzyController("uneven", (replace(FORCE_X, inputs=(uneven, *FORCE_X.inputs[1:])),))
+    uneven = with_input(FORCE_X, points=(0.0, 10.0, 50.0, 200.0), num_points=4)
+    controller = FuzzyController("uneven", (uneven,))
     for write in (text.write, text.write_markdown, html.page, text.write_latex):
         assert write(outline(controller)).count("From 0 to 200, 4 uneven points.") == 1

@@ -7,8 +7,7 @@ import numpy as np
 
 from fis_tools.engines.inference import Floats
 from fis_tools.model import FuzzyController, FuzzySystem, Gaussian, Term, Variable, table_rules
-from tests.fis_tools.analysis.test_flights import log_inference, writing
-from tests.fis_tools.sample_controllers import FORCE_TERMS, force, gaussian_terms
+from tests.fis_tools.analysis.test_flights import log_along
 from tests.fis_tools.step_by_step import ends
 
 HOSTILE = (
@@ -18,12 +17,6 @@ HOSTILE = (
     "{{ 7 * 7 }}${window.pwned=1}",
     "a&amp;b<!--<script>",
 )
-
-
-def system_of_125_rules(name: str = "many") -> FuzzySystem:
-    inputs = tuple(Variable(word, "m", -1.0, 1.0, gaussian_terms(FORCE_TERMS, -1.0, 1.0)) for word in "xyz")
-    words = [FORCE_TERMS[(i // 25 + i // 5 + 2 * i) % 5] for i in range(125)]
-    return FuzzySystem(name, inputs, (force(),), table_rules(inputs, force(), words))
 
 
 def hostile_controller() -> FuzzyController:
@@ -53,8 +46,4 @@ def path_of(system: FuzzySystem, num_samples: int) -> Floats:
 def log_flight(path: Path, controller: FuzzyController, num_samples: int) -> Path:
     """Log what every system of a controller does along `path_of`, every 10 s."""
     paths = [path_of(system, num_samples) for system in controller.systems]
-    with writing(path, controller) as writer:
-        for sample in range(num_samples):
-            for system, inputs in zip(controller.systems, paths, strict=True):
-                log_inference(writer, 10.0 * sample, system, inputs[sample])
-    return path
+    return log_along(path, controller, zip(*paths, strict=True))

@@ -21,8 +21,8 @@ from fis_tools.model import FuzzyController, Variable
 from fis_tools.review import carried, page
 from fis_tools.words.text import sentence
 from tests.browser import opening, serious_violations
-from tests.fis_tools.render.picture_systems import one_input_system
-from tests.fis_tools.review.cases import HOSTILE, hostile_controller, log_flight, path_of, system_of_125_rules
+from tests.fis_tools.render.picture_systems import autopilot_system, one_input_system
+from tests.fis_tools.review.cases import HOSTILE, hostile_controller, log_flight, path_of
 from tests.fis_tools.sample_controllers import FORCE_X, FORCE_Z, GENERAL, PAPER_LIKE, ROOM, SHIPPED
 from tests.fis_tools.step_by_step import firing_strengths
 from tests.policies import Page, check_policy, check_references
@@ -278,9 +278,8 @@ def test_flights_of_one_name_are_told_apart(tmp_path):
     assert "Reviewed along the flight best (3 inferences)." in written(controller, paths[:1])
 
 
-def test_tab_reaches_every_control_and_shows_where_it_is(opened, text):
-    shown = opened(text)
-    wanted = shown.evaluate(
+def test_tab_reaches_every_control_and_shows_where_it_is(fresh):
+    wanted = fresh.evaluate(
         f"""[...document.querySelectorAll("{FOCUSABLE}")]
           .filter((one) => one.tabIndex === 0 && one.checkVisibility())
           .map((one, i) => (one.dataset.stop = i))"""
@@ -288,8 +287,8 @@ def test_tab_reaches_every_control_and_shows_where_it_is(opened, text):
     reached = set()
     told = "[document.activeElement].map((one) => [one.dataset.stop, getComputedStyle(one).outlineStyle])[0]"
     for _ in range(len(wanted) + 20):  # what scrolls is reached as well
-        shown.keyboard.press("Tab")
-        stop, outline = shown.evaluate(told)
+        fresh.keyboard.press("Tab")
+        stop, outline = fresh.evaluate(told)
         if stop is not None:
             reached.add(int(stop))
             assert outline != "none"
@@ -576,7 +575,7 @@ def test_words_and_rules_are_there_without_scripts(opened, text):
 
 def test_three_systems_of_125_rules_along_long_flights_stay_small(opened, tmp_path):
     names = ("first", "second", "third")
-    controller = FuzzyController("large", tuple(system_of_125_rules(name) for name in names))
+    controller = FuzzyController("large", tuple(replace(autopilot_system(), name=name) for name in names))
     flights = [log_flight(tmp_path / f"{name}.mcap", controller, 200) for name in names[:2]]
     text = written(controller, flights * 4)
     assert len(text.encode()) < 3_000_000

@@ -14,7 +14,7 @@ from fis_tools.review import content, page
 from tests.fis_tools import step_by_step
 from tests.fis_tools.engines import random_systems as drawn
 from tests.fis_tools.engines.random_systems import inputs_for
-from tests.fis_tools.review.cases import system_of_125_rules
+from tests.fis_tools.render.picture_systems import autopilot_system
 from tests.fis_tools.sample_controllers import GENERAL, SHIPPED
 
 pytestmark = pytest.mark.slow
@@ -50,7 +50,7 @@ CHAMPION = serialize.load(SHIPPED["paper_champion"])
 CONTROLLERS = {
     "champion": CHAMPION,
     "everything": GENERAL,
-    "125 rules": FuzzyController("many", (system_of_125_rules(),)),
+    "125 rules": FuzzyController("many", (autopilot_system(),)),
     "random": FuzzyController("random", random_systems(seed=8, count=24)),
 }
 

@@ -23,7 +23,10 @@ from tests.fis_tools.step_by_step import assert_near
 
 pytestmark = pytest.mark.slow
 
-FORMS = (fis, fll)
+
+@pytest.fixture(params=[fis, fll])
+def form(request):
+    return request.param
 
 
 def own_words(system: FuzzySystem) -> FuzzySystem:
@@ -36,11 +39,7 @@ def own_words(system: FuzzySystem) -> FuzzySystem:
     return replace(system, inputs=(first, sampled), rules=(*system.rules, rule))
 
 
-CONTROLLERS = [alone(FORCE_Z), alone(DENIED), alone(own_words(FLAT))]
-
-
-@pytest.mark.parametrize("form", FORMS)
-@pytest.mark.parametrize("controller", CONTROLLERS)
+@pytest.mark.parametrize("controller", [alone(FORCE_Z), alone(DENIED), alone(own_words(FLAT))])
 def test_files_hold_what_they_can_and_carry_the_rest(form, controller):
     written = form.write(controller)
     reading = form.read(written.text)
@@ -85,7 +84,6 @@ def test_hedges_are_said_in_the_words_of_a_format(form, asked, words):
     assert_near(compile(shown)(rows), compile(system)(rows), system, 2e-3)
 
 
-@pytest.mark.parametrize("form", FORMS)
 def test_implications_and_aggregations_survive(form):
     pairs = (("product", "probabilistic_sum"), ("nilpotent_minimum", "unbounded_sum"))
     for implication, aggregation in pairs:
@@ -96,7 +94,6 @@ def test_implications_and_aggregations_survive(form):
         assert form.read(text).controller == alone(system)
 
 
-@pytest.mark.parametrize("form", FORMS)
 def test_random_systems_survive_or_are_refused(form):
     refused = 0
     for seed in range(30):
@@ -114,7 +111,6 @@ def test_random_systems_survive_or_are_refused(form):
     assert refused < 28
 
 
-@pytest.mark.parametrize("form", FORMS)
 @pytest.mark.parametrize("and_operator", ["min", "product", "einstein_product"])
 def test_rules_written_otherwise_mean_the_same(form, and_operator):
     system = replace(DENIED, and_operator=and_operator)
@@ -197,7 +193,6 @@ def test_of_a_file_that_was_changed_what_it_shows_counts(form, old, new):
     assert controller.attributes == ()
 
 
-@pytest.mark.parametrize("form", FORMS)
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
