@@ -1,6 +1,5 @@
 """Every experiment of conf/, all its stages, in miniature and through the command line."""
 
-import json
 from pathlib import Path
 
 import pyarrow.parquet as pq
@@ -107,12 +106,9 @@ def test_the_report_needs_nothing_but_itself(finished):
 def test_the_same_seed_finds_the_same_champion_on_any_number_of_workers(tmp_path):
     training, found = ("+experiment=train", *MINIATURE, "stages=[scenario,train,evaluate]"), []
     for count in (1, 2):
-        folder, workers = (
-            tmp_path / str(count),
-            (f"optimizer.workers={count}", f"monte_carlo.workers={count}"),
-        )
+        folder = tmp_path / str(count)
+        workers = (f"optimizer.workers={count}", f"monte_carlo.workers={count}")
         assert main([*training, *workers, f"hydra.run.dir={folder}"]) == 0
-        champion = json.loads((folder / artifacts.CHAMPION).read_text())
         files = [(folder / name).read_bytes() for name in (artifacts.LOGBOOK, artifacts.EPISODES)]
-        found.append((champion["systems"], files))
+        found.append((artifacts.read_json(folder, artifacts.CHAMPION)["systems"], files))
     assert found[0] == found[1]

@@ -1,6 +1,5 @@
 """The report of runs: one file, complete, true to its sources, honest about what is missing."""
 
-import json
 import re
 import shutil
 from dataclasses import replace
@@ -79,7 +78,7 @@ def test_all_sections_are_there_with_their_pictures(trained):
 @pytest.mark.slow
 def test_numbers_are_those_of_the_summary(trained, copied):
     folder, experiment, text, page = trained
-    summary = json.loads((folder / artifacts.SUMMARY).read_text())
+    summary = artifacts.read_json(folder, artifacts.SUMMARY)
     told = gather(experiment, folder)
     episodes, _ = fly_cases(experiment.mission, told.controller, training_scenarios(experiment))
     # in ten minutes not all points are lit
@@ -209,12 +208,11 @@ def test_an_evaluated_controller_shows_its_median_flight(tmp_path):
     assert f"{artifacts.RECORDINGS}/{median}.mcap" in page.text["recordings"]
     assert "the stage scenario writes the starts" in page.text["training"]
     assert "Sun random" in page.text["summary"]
-    episodes = tables.read_parquet(tmp_path, artifacts.EPISODES)
-    spent = episodes["delta_v_m_s"][int(median.split("-")[-1])]
+    spent = tables.read_parquet(tmp_path, artifacts.EPISODES)["delta_v_m_s"][int(median.split("-")[-1])]
     (shown,) = gather(experiment, tmp_path).shown
     assert shown.log.delta_v_m_s[-1] == spent
     words = words_of(page, "distributions")
-    summary = json.loads((tmp_path / artifacts.SUMMARY).read_text())
+    summary = artifacts.read_json(tmp_path, artifacts.SUMMARY)
     of_mass, nominal = summary["sensitivity"][0]["delta_v_m_s"], summary["nominal"]["delta_v_m_s"]
     assert of_mass["value"] < -0.3
     assert f"deputy.mass_kg−{-of_mass['value']:.2f} (" in words
@@ -226,7 +224,7 @@ def test_an_evaluated_controller_shows_its_median_flight(tmp_path):
     assert f" {rate:.2f} ± " in told
     assert f"% of the {count:.1f} a flight that can be inspected, to which success refers" in told
     del summary["nominal"]["success_and_within_limits"]
-    (tmp_path / artifacts.SUMMARY).write_text(json.dumps(summary))
+    write_json(tmp_path / artifacts.SUMMARY, summary)
     with pytest.raises(ArtifactError, match=r"dispersions what it should .* repeat the stage evaluate"):
         page_of(experiment, tmp_path)
 

@@ -1,7 +1,6 @@
 """Files of a run: written whole, accounted for, read back with clear errors."""
 
 import hashlib
-import json
 import subprocess
 import tracemalloc
 from pathlib import Path
@@ -189,7 +188,7 @@ def test_configurations_that_are_none(content, message, tmp_path):
     if content is not None:
         (tmp_path / artifacts.CONFIG).write_bytes(content)
     tracemalloc.start()
-    with pytest.raises(artifacts.ArtifactError, match=message):
+    with pytest.raises(ArtifactError, match=message):
         configuration.read(tmp_path)
     assert tracemalloc.get_traced_memory()[1] < 50e6
     tracemalloc.stop()
@@ -198,7 +197,7 @@ def test_configurations_that_are_none(content, message, tmp_path):
 @pytest.mark.parametrize("name", ["../secret.json", "/etc/passwd"])
 def test_a_manifest_leads_nowhere_else(name, tmp_path):
     files = {"champion": name, "evaluation_episodes": name}
-    (tmp_path / artifacts.MANIFEST).write_text(json.dumps({"files": files}))
+    writing.write_json(tmp_path / artifacts.MANIFEST, {"files": files})
     with pytest.raises(RecordingError, match="lies outside the folder"):
         runs.file_of(tmp_path, "evaluation_episodes")
     with pytest.raises(ControllerFileError, match="names a champion outside the folder"):

@@ -1,6 +1,5 @@
 """Runs: their folder, resuming, repeating a stage, sweeps, interrupts, faults, progress, parts of one."""
 
-import json
 import subprocess
 import sys
 from pathlib import Path
@@ -52,7 +51,7 @@ def test_a_run_calls_its_stages_in_order_in_a_folder_of_its_own(monkeypatch, cap
     config = yaml.safe_load((folder / "config.yaml").read_text())
     assert (config["seed"], config["name"], config["controller"]) == (5, "evaluate", {"kind": "coast"})
     assert "hydra" not in config
-    manifest = json.loads((folder / "manifest.json").read_text())
+    manifest = manifests.read(folder)
     assert (manifest["finished_stages"], manifest["seed"]) == (STAGES, 5)
     assert manifest["command"] == [*EVALUATE, "seed=5", "monte_carlo.num_cases=12"]
     assert set(manifest["sha256"]) == {"config.yaml", *(f"{stage}.txt" for stage in STAGES)}
@@ -170,8 +169,7 @@ def test_an_error_in_a_stage_is_told_and_logged(error, monkeypatch, ran):
         raise error
 
     use_stages(monkeypatch, record=fail)
-    told = ran(*FLY, code=2).err
-    assert f"error: {error}" in told
+    assert f"error: {error}" in ran(*FLY, code=2).err
     assert "Traceback" in (run_folder("fly") / "pipeline.log").read_text()
     assert manifests.read(run_folder("fly"))["finished_stages"] == []
     # a fault of the program shows its traceback
@@ -218,8 +216,7 @@ def test_a_sweep_with_injected_failures_is_summarised(monkeypatch, ran):
         evaluate(experiment, folder)
 
     use_stages(monkeypatch, evaluate=evaluate_or_fail)
-    told = ran(*LARGE, code=2, slips=True).err
-    *_, ends = told.split("[16/16]")
+    *_, ends = ran(*LARGE, code=2, slips=True).err.split("[16/16]")
     assert ends.count("failed: ") == len(INJECTED)
     assert "failed: seed=2+deputy.mass_kg=12+sun=fixed: nothing to be flown" in ends
     assert "seed=1+deputy.mass_kg=10+sun=random: a fault of the program: RuntimeError: a slip" in ends

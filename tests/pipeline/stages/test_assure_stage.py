@@ -1,7 +1,6 @@
 """Evidence in miniature: its files, that its parts agree, and that the page says no more than it."""
 
 import hashlib
-import json
 import re
 
 import numpy as np
@@ -32,7 +31,7 @@ def assured(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def evidence(assured):
-    return dict(json.loads((assured / artifacts.EVIDENCE).read_text(encoding="utf-8")))
+    return artifacts.read_json(assured, artifacts.EVIDENCE)
 
 
 def test_verdicts_follow_from_the_table_of_cases(assured, evidence):
@@ -96,7 +95,7 @@ def test_proofs_and_domain_are_files(assured, evidence):
     boxes = pq.read_table(assured / artifacts.PROOF_BOXES)
     counted = sum(part["num_boxes"] for one in evidence["requirements"] for part in one.get("bounds", ()))
     assert boxes.num_rows == 3 * counted
-    domain = from_mapping(json.loads((assured / artifacts.DOMAIN).read_text(encoding="utf-8")), "domain")
+    domain = from_mapping(artifacts.read_json(assured, artifacts.DOMAIN), "domain")
     assert [box.system for box in domain] == ["force_x", "force_y", "force_z"]
     assert evidence["domain"]["num_made_from"] == evidence["domain"]["num_tried"] == 4
     # hashes are those of the files
@@ -130,7 +129,7 @@ def test_the_page_is_what_the_data_says_and_needs_nothing_else(assured, evidence
 def test_it_repeats_to_the_last_bit(assured, evidence):
     recorded = {name: digest for name, digest in evidence["sha256"].items() if name.endswith("parquet")}
     assert main(["stages=[assure]", f"hydra.run.dir={assured}"]) == 0
-    again = json.loads((assured / artifacts.EVIDENCE).read_text(encoding="utf-8"))
+    again = artifacts.read_json(assured, artifacts.EVIDENCE)
     assert {name: again["sha256"][name] for name in recorded} == recorded
     assert again["requirements"] == evidence["requirements"]
 
@@ -144,9 +143,9 @@ def test_mistakes_in_requirements_are_told_before_a_folder_is_made(tmp_path, ran
 
 
 def test_a_controller_without_systems_has_no_domain(tmp_path):
-    run = f"hydra.run.dir={tmp_path / 'run'}"
-    assert main(["+experiment=assure", *FEW, "controller=coast", run]) == 0
-    told = json.loads((tmp_path / "run" / artifacts.EVIDENCE).read_text(encoding="utf-8"))
+    words = ["+experiment=assure", *FEW, "controller=coast"]
+    assert main([*words, f"hydra.run.dir={tmp_path / 'run'}"]) == 0
+    told = artifacts.read_json(tmp_path / "run", artifacts.EVIDENCE)
     assert told["domain"] is None
     assert not (tmp_path / "run" / artifacts.DOMAIN).exists()
     assert {one["id"]: one["verdict"] for one in told["requirements"]}["R6"] == "not shown"

@@ -1,7 +1,6 @@
 """An evaluation in miniature: its tables, its summary, and whose controller flies."""
 
 import csv
-import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -108,13 +107,13 @@ def test_the_best_trial_is_told_and_its_champion_kept(tmp_path):
         rows = list(csv.DictReader(stream))
     assert [row["trial"] for row in rows] == ["0", "1", "2"]
     complete = {float(row["cost_m_s"]): row for row in rows if row["state"] == "complete"}
-    best = json.loads((tmp_path / artifacts.SEARCH_BEST).read_text())
+    best = artifacts.read_json(tmp_path, artifacts.SEARCH_BEST)
     assert best["cost_m_s"] == min(complete)
     assert best["words"] == [f"optimizer.initial_step={complete[min(complete)]['optimizer.initial_step']}"]
     champion = serialize.load(tmp_path / artifacts.CHAMPION)
     # going on has nothing left to try, and comes to the same
     search.run(replace(run.experiment, resume=True), tmp_path)
-    assert json.loads((tmp_path / artifacts.SEARCH_BEST).read_text()) == best
+    assert artifacts.read_json(tmp_path, artifacts.SEARCH_BEST) == best
     assert serialize.load(tmp_path / artifacts.CHAMPION) == champion
     with pytest.raises(SettingError, match=r"stages has search, and hparams_search.space is empty"):
         compose_experiment(["+experiment=evaluate", "controller=coast", "stages=[search]"])

@@ -2,7 +2,6 @@
 
 import csv
 import errno
-import json
 import os
 from contextlib import AbstractContextManager
 from dataclasses import replace
@@ -131,7 +130,7 @@ def test_an_interrupt_leaves_the_champion_so_far(trained, tmp_path, monkeypatch)
     assert float(provenance["training_fitness"]) == logbook(tmp_path)[-1]["best"]
     np.testing.assert_array_equal(genomes(tmp_path), genomes(trained[1])[:3])
     train.run(replace(run, resume=True), tmp_path)
-    champions = [json.loads((place / artifacts.CHAMPION).read_text()) for place in (tmp_path, trained[1])]
+    champions = [artifacts.read_json(place, artifacts.CHAMPION) for place in (tmp_path, trained[1])]
     assert champions[0]["systems"] == champions[1]["systems"]
     for name in (artifacts.LOGBOOK, artifacts.HISTORY):
         assert (tmp_path / name).read_bytes() == (trained[1] / name).read_bytes()
@@ -169,8 +168,7 @@ def test_from_the_second_round_on_the_starts_that_the_champion_flies_worst_join(
     champion = genome.encode()
     plain = judging.fitness_of_round(run, genome, 1)(champion[np.newaxis])
     mined = judging.fitness_of_round(run, genome, 1, champion)(champion[np.newaxis])
-    candidates = hard_candidates(run, 1)
-    outcomes = fly_all(run.mission, source.load(run.controller, run.mission), candidates)
+    outcomes = fly_all(run.mission, source.load(run.controller, run.mission), hard_candidates(run, 1))
     each = np.sort(costs(outcomes, run.optimizer.penalty.of_round(1), run.mission))
     expected = (4 * plain["fitness"][0] + each[-3:].sum()) / 7
     assert mined["fitness"][0] == pytest.approx(expected, rel=1e-9)

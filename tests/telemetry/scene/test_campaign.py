@@ -1,6 +1,5 @@
 """The trajectories of an evaluation, made by hand or by the pipeline, read back with rerun's own reader."""
 
-import json
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -163,7 +162,7 @@ def test_files_and_scene_are_what_the_manifest_says(made: tuple[Job, Path], tmp_
         (moved / manifests.ROLES[role]).rename(moved / name)
     mission = replace(composed.experiment.mission, control_period_s=20.0)
     manifests.write(moved, manifest_of(replace(composed.experiment, mission=mission), composed.config, {}))
-    told = json.loads((moved / artifacts.MANIFEST).read_text())
+    told = artifacts.read_json(moved, artifacts.MANIFEST)
     assert told["files"].items() >= manifests.ROLES.items()
     told["files"] |= named
     writing.write_json(moved / artifacts.MANIFEST, told)
