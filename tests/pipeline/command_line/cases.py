@@ -2,10 +2,10 @@
 
 import copy
 import sys
-import types
 from collections.abc import Callable, Iterator
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -43,19 +43,14 @@ def use_stages(
     """Put functions in the place of the stages; the list fills with what was called, in order."""
     called: list[tuple[str, Experiment, Path]] = []
 
-    def stand_in(name: str) -> types.ModuleType:
-        module = types.ModuleType(name)
-
-        def run_stage(experiment: Experiment, folder: Path) -> None:
-            called.append((name, experiment, folder))
-            if name in stages:
-                stages[name](experiment, folder)
-            else:
-                (folder / f"{name}.txt").write_text(name)
-
-        module.run = run_stage  # type: ignore[attr-defined]
-        return module
+    def run_stage(name: str, experiment: Experiment, folder: Path) -> None:
+        called.append((name, experiment, folder))
+        if name in stages:
+            stages[name](experiment, folder)
+        else:
+            (folder / f"{name}.txt").write_text(name)
 
     for name in STAGES:
-        monkeypatch.setitem(sys.modules, f"pipeline.stages.{name}", stand_in(name))
+        stand_in = SimpleNamespace(run=partial(run_stage, name))
+        monkeypatch.setitem(sys.modules, f"pipeline.stages.{name}", stand_in)
     return called

@@ -18,8 +18,7 @@ def composed(*overrides: str) -> Job:
 @cache
 def problem(case: int, *overrides: str) -> Problem:
     experiment = composed(*overrides).experiment
-    scenarios = evaluation_scenarios(experiment)
-    return problem_of(experiment.mission, scenarios[case])
+    return problem_of(experiment.mission, evaluation_scenarios(experiment)[case])
 
 
 def random_forces(num_controls: int, scale: float, seed: int = 0) -> Floats:

@@ -18,10 +18,10 @@ from pipeline.optimum.bound import delta_v_bound
 from pipeline.optimum.problem import problem_of
 from pipeline.optimum.solved import SHIPPED_FOLDERS, IncomparableError, read_solved, solved_for
 from pipeline.run import artifacts, tables, writing
-from pipeline.run.runner import run_stages
 from pipeline.scenarios import evaluation_scenarios, given_start
 from pipeline.stages.optimum import kept_rows
 from tests.pipeline.optimum.cases import composed
+from tests.pipeline.stages.cases import carried_out
 
 pytestmark = pytest.mark.slow
 
@@ -33,8 +33,7 @@ QUICK = ("optimum.points=30", "optimum.restarts=2", "optimum.kicks=0")
 
 
 def solve(folder: Path, *overrides: str) -> Path:
-    run = composed(*overrides)
-    run_stages(run.experiment, run.config, folder)
+    carried_out(composed(*overrides), folder)
     return folder
 
 
@@ -93,8 +92,7 @@ def test_cases_that_are_there_are_kept_and_others_are_made_again_by_any_workers(
 def test_where_time_is_too_short_the_best_there_is_is_kept_and_not_called_a_plan(tmp_path, capsys):
     short = ("duration_s=300.0", "optimum.points=95", "optimum.restarts=1", "optimum.kicks=0")
     cases = cases_of(solve(tmp_path, *short, "optimum.cases=start"))
-    start = given_start(composed().experiment)
-    assert cases["position_x_m"].tolist() == [start.position_m[0]]
+    assert cases["position_x_m"].tolist() == [given_start(composed().experiment).position_m[0]]
     assert cases["is_feasible"].tolist() == [False]
     assert 0 < cases["inspected_count"][0] < 95
     summary = artifacts.read_json(tmp_path, artifacts.OPTIMUM_SUMMARY)
@@ -178,8 +176,7 @@ def test_a_flight_is_beside_the_cheapest_plan_that_sees_as_much():
 
 
 def test_an_evaluation_flies_the_solved_cases_whatever_its_own_are(tmp_path):
-    run = compose_experiment([*EVALUATE, "seed=7"])
-    run_stages(run.experiment, run.config, tmp_path)
+    carried_out(compose_experiment([*EVALUATE, "seed=7"]), tmp_path)
     columns = tables.read_parquet(tmp_path, artifacts.BESIDE_OPTIMUM)
     cases = cases_of(SHIPPED_FOLDERS["fixed"])
     np.testing.assert_array_equal(columns["case"], np.arange(50))
@@ -238,18 +235,16 @@ def test_what_no_plan_depends_on_does_not_matter():
 
 
 def test_the_reason_is_kept_and_an_older_table_goes(tmp_path):
-    run = compose_experiment([*EVALUATE, "duration_s=300"])
     stale = tmp_path / artifacts.BESIDE_OPTIMUM
     writing.write_atomically(stale, b"older")
-    run_stages(run.experiment, run.config, tmp_path)
+    carried_out(compose_experiment([*EVALUATE, "duration_s=300"]), tmp_path)
     told = artifacts.read_json(tmp_path, artifacts.SUMMARY)["optimum"]
     assert told == {"not_compared": "duration_s is 300.0 here, and 3600.0 where the plans were made"}
     assert not stale.exists()
 
 
 def test_plans_of_ones_own_measure_another_mission(tmp_path):
-    own = composed("duration_s=900", *QUICK, "optimum.workers=1")
-    run_stages(own.experiment, own.config, tmp_path)
+    own = carried_out(composed("duration_s=900", *QUICK, "optimum.workers=1"), tmp_path)
     solved = solved_for(evaluation("duration_s=900", f"optimum.reference={tmp_path}"))
     assert solved.cases["case"].tolist() == [0, 1]
     assert solved.plan(1, own.experiment.mission).shape == (90, 3)

@@ -11,8 +11,8 @@ import pyarrow.parquet as pq
 import pytest
 
 from pipeline.proof.verdict import COLUMNS
-from pipeline.run.runner import run_stages
 from tests.pipeline.proof.cases import job
+from tests.pipeline.stages.cases import carried_out
 from tests.programs import run_python
 
 pytest.importorskip("flint", reason="the checker needs python-flint")
@@ -21,8 +21,8 @@ from pipeline.proof.check import check
 
 @pytest.fixture(scope="module")
 def proved(tmp_path_factory) -> Path:
-    folder, run = tmp_path_factory.mktemp("proved"), job()
-    run_stages(run.experiment, run.config, folder)
+    folder = tmp_path_factory.mktemp("proved")
+    carried_out(job(), folder)
     return folder / "prove"
 
 

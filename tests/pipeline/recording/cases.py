@@ -11,10 +11,10 @@ from pipeline.flight.control.controller import Controller
 from pipeline.flight.fly.simulation import fly_logged
 from pipeline.flight.state.log import FlightLog, Scenario
 from pipeline.recording.recorder import FlightRecorder
-from pipeline.run.runner import run_stages
 from pipeline.scenarios import given_start
 from pipeline.settings.experiment import Mission
 from telemetry.file.reader import Recording
+from tests.pipeline.stages.cases import carried_out
 
 #: twelve points on a chief that shows all sides to the Sun: complete after 200 s, then adrift over the limit
 COASTING = (
@@ -41,8 +41,7 @@ def recorded(
 
 def staged(folder: Path, *overrides: str) -> Recording:
     """The flight of an experiment from its start, as the stages record it."""
-    run = composed(*overrides)
-    run_stages(run.experiment, run.config, folder)
+    carried_out(composed(*overrides), folder)
     return telemetry.read(folder / "episodes" / "start.mcap")
 
 

@@ -12,11 +12,11 @@ from pipeline.evaluation.monte_carlo import rank
 from pipeline.flight.cases.dispersions import mission_of_case
 from pipeline.run import artifacts, tables, writing
 from pipeline.run.artifacts import ArtifactError
-from pipeline.run.runner import run_stages
 from pipeline.scenarios import evaluation_scenarios, training_scenarios
 from pipeline.stages import record
 from tests.pipeline.command_line.cases import EVALUATE
 from tests.pipeline.recording import cases
+from tests.pipeline.stages.cases import carried_out
 
 pytestmark = pytest.mark.slow
 
@@ -40,8 +40,7 @@ def table(rows: list[tuple[bool, int, float]]) -> dict[str, np.ndarray]:
 def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A miniature evaluation, recorded."""
     folder = tmp_path_factory.mktemp("finished")
-    run = evaluated("telemetry.record_training=true")
-    run_stages(run.experiment, run.config, folder, ["evaluate", "record"])
+    carried_out(evaluated("telemetry.record_training=true"), folder, "evaluate", "record")
     return folder
 
 
@@ -68,8 +67,7 @@ def test_worst_median_and_best_of_a_table(tmp_path, finished):
 
 
 def test_a_single_case_is_worst_median_and_best_where_asked_for(tmp_path, capsys):
-    run = evaluated("monte_carlo.num_cases=1")
-    run_stages(run.experiment, run.config, tmp_path, ["evaluate", "record"])
+    carried_out(evaluated("monte_carlo.num_cases=1"), tmp_path, "evaluate", "record")
     assert recordings(tmp_path) == ["best-case-0.mcap", "median-case-0.mcap", "worst-case-0.mcap"]
     record.run(evaluated("telemetry.record_ranked=false").experiment, tmp_path)
     assert "nothing to record" in capsys.readouterr().err
@@ -136,9 +134,8 @@ def test_without_an_evaluation_of_the_controller_there_is_nothing_to_rank(tmp_pa
     with pytest.raises(ArtifactError, match=r"no evaluate/episodes\.parquet; the stage evaluate writes it"):
         record.run(evaluated().experiment, tmp_path)
     writing.write_atomically(tmp_path / artifacts.EPISODES, (finished / artifacts.EPISODES).read_bytes())
-    run = evaluated("controller=coast")
     with pytest.raises(ArtifactError, match=r"says \d+ for .* m/s; .* repeat the stage evaluate"):
-        run_stages(run.experiment, run.config, tmp_path, ["record"])
+        carried_out(evaluated("controller=coast"), tmp_path, "record")
 
 
 def test_the_given_start_has_an_angle_of_the_sun_that_is_drawn():
